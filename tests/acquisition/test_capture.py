@@ -138,7 +138,7 @@ def test_blurred_images_are_told(tmp_path, monkeypatch):
 
 def test_an_arm_that_does_not_arrive_is_told(tmp_path, monkeypatch):
     """With less patience than the way takes, the arm is not where it was sent."""
-    monkeypatch.setattr(module, "_turn_rad", lambda start, end: 0.0)
+    monkeypatch.setattr(module, "_joint_travel_rad", lambda start, end: 0.0)
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 1)
         (step,) = capture(Taker(rig, sketch, tmp_path, CaptureSettings(0.01, 10.0, 0.5)), plan)

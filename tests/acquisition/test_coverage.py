@@ -15,7 +15,7 @@ from basecal.acquisition.coverage import (
     find_equal_sample,
     is_same_place,
     measure_coverage,
-    turned_angles,
+    rotation_ranges,
 )
 from basecal.cell import CandidateObservation, PixelObservation, RobotState, Sample
 from basecal.geometry import SE3
@@ -46,7 +46,7 @@ def test_turns_and_advice():
     """The last joint turns the eye about its flange's z alone: a person is told to turn it about another axis."""
     samples = [sample(k, turn=0.2 * k) for k in range(5)]
     found = measure_coverage(SKETCH, samples)
-    np.testing.assert_allclose(found.turned_rad["eye"], [0, 0, 0.8], atol=1e-9)
+    np.testing.assert_allclose(found.rotation_ranges_rad["eye"], [0, 0, 0.8], atol=1e-9)
     assert found.advice(5) in {"turn eye further about x", "turn eye further about y"}
     assert found.advice(4) == ""
 
@@ -98,9 +98,9 @@ def test_rotations_range_over_all_samples():
     turns = [0.1, 0.4, -0.3]
     samples = [sample(k, turn=turn) for k, turn in enumerate(turns)]
     samples.insert(1, replace(samples[0], robots={name: state for name, state in HOME.items() if name != "eye"}))
-    assert turned_angles(SKETCH, samples)["eye"] == pytest.approx([0, 0, 0.7], abs=1e-9)
-    assert turned_angles(SKETCH, samples[:1])["eye"].tolist() == [0, 0, 0]
-    assert turned_angles(SKETCH, [])["eye"].tolist() == [0, 0, 0]
+    assert rotation_ranges(SKETCH, samples)["eye"] == pytest.approx([0, 0, 0.7], abs=1e-9)
+    assert rotation_ranges(SKETCH, samples[:1])["eye"].tolist() == [0, 0, 0]
+    assert rotation_ranges(SKETCH, [])["eye"].tolist() == [0, 0, 0]
 
 
 @pytest.mark.parametrize(("off", "is_same"), [

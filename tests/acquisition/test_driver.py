@@ -9,7 +9,7 @@ import pytest
 
 from basecal.acquisition.driver import (
     ARRIVED_RAD_M,
-    OFF_WAY_RAD,
+    PATH_TOLERANCE_RAD,
     Camera,
     DriverKind,
     Freedrives,
@@ -21,7 +21,7 @@ from basecal.acquisition.driver import (
     check_reading,
     checked_options,
     has_arrived,
-    joint_off_way,
+    largest_path_deviation,
 )
 from basecal.acquisition.drivers.folder import FolderOptions
 from basecal.acquisition.drivers.replay import ReplayCamera, ReplayRobot
@@ -84,9 +84,9 @@ def test_an_arm_arrives_within_two_milliradians():
 def test_a_joint_is_off_its_way_beyond_its_start_or_goal():
     """Between both it may be anywhere, whichever is larger; the joint that is farthest outside is named."""
     start, goal = np.array([0.0, 1.0]), np.array([1.0, 0.0])
-    for fine in ([0.0, 1.0], [0.9, 0.9], [1.0 + 0.99 * OFF_WAY_RAD, -0.99 * OFF_WAY_RAD]):
-        assert joint_off_way(np.array(fine), start, goal, OFF_WAY_RAD) is None
-    joint, beyond_rad = joint_off_way(np.array([1.1, -0.2]), start, goal, OFF_WAY_RAD)
+    for fine in ([0.0, 1.0], [0.9, 0.9], [1.0 + 0.99 * PATH_TOLERANCE_RAD, -0.99 * PATH_TOLERANCE_RAD]):
+        assert largest_path_deviation(np.array(fine), start, goal, PATH_TOLERANCE_RAD) is None
+    joint, beyond_rad = largest_path_deviation(np.array([1.1, -0.2]), start, goal, PATH_TOLERANCE_RAD)
     assert (joint, round(beyond_rad, 9)) == (1, 0.2)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.acquisition.capture import capture_led
+from basecal.acquisition.capture import capture_by_hand
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.freedrive import END_KEY, TAKE_KEY, Led, wait_for_led_arms
+from basecal.acquisition.freedrive import END_KEY, TAKE_KEY, HandGuiding, wait_for_hand_guided_arms
 from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import RobotState
@@ -40,7 +40,7 @@ class Arm:
 
 
 def led(arm, key=lambda: ""):
-    return Led(Rig({"eye": arm}, {}), key, lambda words: None)
+    return HandGuiding(Rig({"eye": arm}, {}), key, lambda words: None)
 
 
 def test_held_still_at_a_new_place_a_sample_is_due():
@@ -114,7 +114,7 @@ def test_a_cell_is_captured_by_hand(tmp_path):
         plan = poses.plan(sketch, home(world), 1, 0)
         robots = {name: Person(robot, [sample.robots[name] for sample in plan]) for name, robot in rig.robots.items()}
         by = Taker(Rig(robots, rig.cameras), sketch, tmp_path, CaptureSettings(2.0, 10.0))
-        steps = list(capture_led(by, 2, lambda: ""))
+        steps = list(capture_by_hand(by, 2, lambda: ""))
         assert [(step.sample, step.why_not) for step in steps] == [(0, ""), (1, "")]
     taken = read_recording(tmp_path).samples
     for sample, wanted in zip(taken[1:], plan, strict=True):
@@ -134,7 +134,7 @@ def test_a_place_where_nothing_is_seen_is_told_and_waited_for_anew(tmp_path):
         robots = {**rig.robots, "hand": Person(rig.robots["hand"], [back])}
         robots["hand"].held = -600
         by = Taker(Rig(robots, rig.cameras), sketch, tmp_path, CaptureSettings(2.0, 10.0))
-        steps = list(capture_led(by, 1, lambda: ""))
+        steps = list(capture_by_hand(by, 1, lambda: ""))
     assert [step.sample for step in steps] == [0, 0]
     assert "not seen" in steps[0].why_not
     assert steps[1].why_not == ""
@@ -162,7 +162,7 @@ def test_all_arms_are_held():
     still, late = Arm([0.0] * 60), Arm([*np.linspace(0, 0.5, 20), *[0.5] * 40])
     bound = Arm([0.0] * 60)
     bound.freedrive = None
-    person = Led(Rig({"eye": still, "hand": late}, {}), lambda: "", lambda words: None)
+    person = HandGuiding(Rig({"eye": still, "hand": late}, {}), lambda: "", lambda words: None)
     assert person.wait()
     assert 28 <= late.asked == still.asked <= 32
     assert still.freedrives == late.freedrives == [True, False]
@@ -185,8 +185,8 @@ def test_arms_that_a_program_moves_are_not_led():
     free = Arm([0.0] * 3 + [0.4] * 40)
     rig = Rig({"free": free, "typed": typed, "moved": moved}, {})
     before = {"free": RobotState(joints_rad=np.array([0.0]))}
-    found = wait_for_led_arms(rig, before, 9.0)
+    found = wait_for_hand_guided_arms(rig, before, 9.0)
     assert {name: state.joints_rad.tolist() for name, state in found.items()} == {"free": [0.4]}
     assert free.freedrives == [True, False]
-    assert wait_for_led_arms(Rig({"typed": typed}, {}), {}, 9.0) == {}
+    assert wait_for_hand_guided_arms(Rig({"typed": typed}, {}), {}, 9.0) == {}
     assert (typed.asked, moved.asked, moved.freedrives) == (0, 0, [])

@@ -6,7 +6,7 @@ import pytest
 
 from basecal.acquisition.driver import DriverKind, Place, Secret
 from basecal.acquisition.drivers.registry import DRIVERS, driver_kind
-from basecal.acquisition.reaching import missing_secrets, reachable_places
+from basecal.acquisition.reaching import external_resources, missing_secrets
 from basecal.cell import Cell, Robot
 
 CELL = Cell("eye", {"eye": Robot("eye")})
@@ -22,7 +22,7 @@ def test_a_driver_of_others_is_stated_with_its_options(tmp_path):
     """One without `reaches` may reach anything; what stays inside is not stated, and nothing twice."""
     place = Place("eye", CELL, tmp_path, {"host": "10.0.0.9"})
     silent, inside = DriverKind(), DriverKind(reaches=lambda place: "")
-    found = reachable_places([(silent, place), (inside, place), (silent, place)])
+    found = external_resources([(silent, place), (inside, place), (silent, place)])
     assert found == ["any resource that the driver of 'eye' accesses with host: 10.0.0.9"]
 
 

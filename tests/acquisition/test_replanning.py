@@ -113,14 +113,14 @@ def test_stations_for_a_task_tell_more_of_it_than_others():
     """Two stations of seven chosen for it leave less unknown there than the two that a pattern makes anywhere."""
     made = simulate(Scenario(samples=10, robot_noise=(1e-4, 2e-4), camera_mount="prior", target_mount="prior"), 3)
     cell, robots = guessed(made), made.recording.samples[0].robots
-    found = stations_for_task(cell, (), robots, POINT, None, 14)
+    found = stations_for_task(cell, (), robots, POINT, None, 14, 0)
     assert len(found.samples) == 14
     sketch = sketch_cell(cell)
     anywhere = shifts(sketch, robots, 14, 0)
     taught = Recording((Sample(0, robots=robots),))
     other = plan_for_task(cell, taught, None, POINT, None, 14, offers=[(sketch, anywhere)], group_size=7)
     assert found.expected_m < other.expected_m
-    needed = stations_for_task(cell, (), robots, POINT, 0.7 * found.expected_m, None)
+    needed = stations_for_task(cell, (), robots, POINT, 0.7 * found.expected_m, None, 0)
     assert needed.reachable
     assert len(needed.samples) in range(21, 61, 7)
 

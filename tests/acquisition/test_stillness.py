@@ -16,7 +16,7 @@ from basecal.acquisition.stillness import (
     wait_for_arms,
     wait_for_image,
     wait_for_image_after,
-    wait_until_led,
+    wait_until_hand_guided,
 )
 from basecal.cell import RobotState
 from basecal.cell.targets.registry import TARGETS
@@ -58,12 +58,12 @@ def test_noise_is_no_motion_and_is_averaged():
 
 def test_an_arm_that_is_led_comes_to_another_place():
     """It counts once it stands away from where it was; one that nobody leads is told after the patience."""
-    wait_until_led({"arm": Arm()}, {"arm": RobotState(joints_rad=np.array([0.9, 0.0]))}, 5.0)
+    wait_until_hand_guided({"arm": Arm()}, {"arm": RobotState(joints_rad=np.array([0.9, 0.0]))}, 5.0)
     arm = Arm()
-    wait_until_led({"arm": arm}, {}, 5.0)
+    wait_until_hand_guided({"arm": arm}, {}, 5.0)
     assert arm.t < 1.5
     with pytest.raises(Unfit, match="arm not led to another place: arm"):
-        wait_until_led({"arm": arm}, GOAL, 2.0)
+        wait_until_hand_guided({"arm": arm}, GOAL, 2.0)
     assert arm.t > 2.0
 
 
@@ -227,12 +227,12 @@ def test_a_new_place_is_two_millirad_away(off, is_new):
     before = {"arm": RobotState(joints_rad=np.array([off])), "gone": RobotState(joints_rad=np.array([9.0]))}
     arms = {"arm": Paced(0.0), "first": Paced(0.0)}
     if is_new:
-        wait_until_led(arms, before, 5.0)
+        wait_until_hand_guided(arms, before, 5.0)
         with pytest.raises(Moving, match=r"^arm not led to another place: arm, first$"):
-            wait_until_led(arms, {**before, "first": RobotState(joints_rad=np.array([1e-3]))}, 5.0)
+            wait_until_hand_guided(arms, {**before, "first": RobotState(joints_rad=np.array([1e-3]))}, 5.0)
     else:
         with pytest.raises(Moving):
-            wait_until_led(arms, before, 5.0)
+            wait_until_hand_guided(arms, before, 5.0)
 
 
 class Slides:

@@ -46,7 +46,7 @@ def test_states_images_and_goals_are_shown(tmp_path):
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         rig.arms.show = watch.note_state
         here = {name: robot.state().state for name, robot in rig.robots.items()}
-        by = Taker(rig, sketch_cell(world.cell), tmp_path, FAST, show=watch.note_image, send=watch.note_goal)
+        by = Taker(rig, sketch_cell(world.cell), tmp_path, FAST, show_image=watch.note_image, show_goal=watch.note_goal)
         sample = by.take(Sample(0, robots={"eye": here["eye"]}), [])
     glance = watch.snapshot
     assert dict(glance.goals) == {"eye": here["eye"]}
@@ -147,10 +147,10 @@ def test_all_arms_are_asked_before_any_is_sent(tmp_path):
         by = Taker(Rig(robots, {}), sketch_cell(world.cell), tmp_path, CaptureSettings(0.5, 0.25))
         if why:
             with pytest.raises(Unfit, match="hand: beyond its limits; nothing was sent"):
-                module._send(by, Sample(0, robots=goals))
+                module._send_arms(by, Sample(0, robots=goals))
             assert said == ["ask eye", "ask hand"]
         else:
-            module._send(by, Sample(0, robots=goals))
+            module._send_arms(by, Sample(0, robots=goals))
             assert [words.rpartition(" ")[0] for words in said] == ["ask", "ask", "move eye", "move hand"]
             assert said[2:] == ["move eye 0.500", "move hand 0.500"]
 
@@ -162,8 +162,8 @@ def test_a_slow_way_is_waited_for(tmp_path):
         turns = {"eye": 0.01, "hand": 0.02}
         goals = {name: RobotState(joints_rad=at[name].joints_rad + turn) for name, turn in turns.items()}
         by = Taker(rig, sketch_cell(world.cell), tmp_path, CaptureSettings(0.05, 10.0))
-        assert module._send(by, Sample(0, robots=goals)) == pytest.approx(0.4)
-    assert module._turn_rad(RobotState(SE3.identity()), RobotState(SE3.identity())) == np.pi
+        assert module._send_arms(by, Sample(0, robots=goals)) == pytest.approx(0.4)
+    assert module._joint_travel_rad(RobotState(SE3.identity()), RobotState(SE3.identity())) == np.pi
 
 
 class Frozen:

@@ -26,7 +26,7 @@ def test_what_became_of_samples_is_kept():
         watch.note(each)
     glance = watch.snapshot
     assert [sigma.samples for sigma in glance.sigmas] == [2, 4]
-    assert glance.said[-2:] == ("sample 2: not taken: target not seen by wrist", "sample 3: taken")
+    assert glance.lines[-2:] == ("sample 2: not taken: target not seen by wrist", "sample 3: taken")
     assert glance.step.sample == 3
 
 
@@ -37,8 +37,8 @@ def test_a_glance_does_not_change():
     before = watch.snapshot
     watch.notify("two")
     watch.end(End("GOOD", "over"))
-    assert (before.doing, before.end) == ("one", None)
-    assert (watch.snapshot.doing, watch.snapshot.end.word) == ("two", "GOOD")
+    assert (before.activity, before.end) == ("one", None)
+    assert (watch.snapshot.activity, watch.snapshot.end.word) == ("two", "GOOD")
 
 
 def test_the_time_left_is_that_of_the_last_samples():
@@ -74,12 +74,12 @@ def test_the_last_eight_lines_are_shown():
     watch = Watch()
     doubt, passing = Doubt(0, "eye moved", True), Doubt(0, "blurred", False)
     watch.note(replace(step(0, "no target"), doubts=(doubt, passing)))
-    assert watch.snapshot.said == ("sample 0: not taken: no target", "eye moved", "blurred")
+    assert watch.snapshot.lines == ("sample 0: not taken: no target", "eye moved", "blurred")
     for number in range(1, 9):
         watch.report(f"line {number}")
-    assert watch.snapshot.said == tuple(f"line {number}" for number in range(1, 9))
+    assert watch.snapshot.lines == tuple(f"line {number}" for number in range(1, 9))
     watch.note(step(1))
-    assert watch.snapshot.said == (*(f"line {number}" for number in range(2, 9)), "sample 1: taken")
+    assert watch.snapshot.lines == (*(f"line {number}" for number in range(2, 9)), "sample 1: taken")
     assert (watch.snapshot.failures, watch.snapshot.doubts) == (((0, "no target"),), ("eye moved",))
 
 

@@ -189,7 +189,7 @@ def way(sample: int, robot: str, *gaps: tuple[str, str, float], rad_s: float = 0
 
 
 CHECK = SimpleNamespace(
-    ways=[
+    paths=[
         way(0, "eye", ("eye", "hand", 0.3), ("eye", "table", 0.5), rad_s=np.radians(30)),
         way(1, "hand", ("eye", "hand", 0.123), m_s=0.25),
     ],
@@ -202,7 +202,7 @@ def test_the_fastest_and_the_nearest_of_all_motions_are_said() -> None:
     assert _speeds(CHECK) == ", no joint faster than 30 deg/s and no point faster than 250 mm/s"  # type: ignore[arg-type]
     least = "500 mm between eye and table, 123 mm between eye and hand"
     assert _ways(CHECK) == f"least clearance of motions: {least}; nothing else is checked"  # type: ignore[arg-type]
-    still = SimpleNamespace(ways=[], refusals=[])
+    still = SimpleNamespace(paths=[], refusals=[])
     assert (_speeds(still), _ways(still)) == ("", "the motions are not checked")  # type: ignore[arg-type]
 
 
@@ -230,7 +230,7 @@ def test_what_a_capture_will_do_is_said(
     robots = {name: SimpleNamespace(is_live=name != "typed") for name in ("left", "right", "typed")}
     rig = SimpleNamespace(robots=robots, cameras={"eye": None} if cameras else {})
     sketch = SimpleNamespace(view=("eye", "board"))
-    still = SimpleNamespace(ways=[], refusals=[])
+    still = SimpleNamespace(paths=[], refusals=[])
     say_plan(rig, sketch, [None, None], is_new, still, go, None)  # type: ignore[arg-type,list-item]
     lines = capsys.readouterr().out.splitlines()
     led = "left and right will be guided by hand: a sample is taken when all are at rest at a new pose"

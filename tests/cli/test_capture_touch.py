@@ -35,7 +35,7 @@ def test_the_verb_asks_and_notes(tmp_path, monkeypatch, capsys):
 def touched(monkeypatch, samples):
     """No rig, and these samples."""
     monkeypatch.setattr("basecal.cli.capture_touch.allowed_rig", lambda *_: nullcontext())
-    monkeypatch.setattr("basecal.acquisition.led_touches.take_touches", lambda *_: iter(samples))
+    monkeypatch.setattr("basecal.acquisition.hand_guided_touches.take_touches", lambda *_: iter(samples))
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

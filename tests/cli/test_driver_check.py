@@ -59,7 +59,7 @@ def test_a_clock_of_its_own_is_found(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_the_exit_code_says_whether_a_promise_failed(capsys, monkeypatch, holds, code) -> None:
     """One that was not measured did not."""
     promises = [Promise(f"promise {k}", "so", each) for k, each in enumerate(holds)]
-    monkeypatch.setattr(check_process, "measured_promises", lambda check: promises)
+    monkeypatch.setattr(check_process, "measure_promises", lambda check: promises)
     found, told = checked(capsys, "opencv", "--camera", "--option", "source=a.avi")
     assert found == code
     assert [each for _, each in told.values()] == holds

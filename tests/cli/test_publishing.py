@@ -20,7 +20,7 @@ from basecal.exchange.bags.frames import pose_from_values, transform_values
 
 pytest.importorskip("cyclonedds")
 from basecal.acquisition.ros2 import static_frames
-from basecal.acquisition.ros2.dds import Discovery, Listener
+from basecal.acquisition.ros2.dds import Discovery, Subscriber
 from export_example import BASE, CALIBRATION, CELL
 from shared.ros2_domain import DOMAIN, LOOPBACK
 
@@ -38,8 +38,8 @@ def test_what_was_found_is_sent_until_it_is_interrupted(tmp_path, monkeypatch):
     with subprocess.Popen([sys.executable, "-m", "basecal", *words], stdout=subprocess.PIPE, text=True) as process:
         try:
             assert "to " in process.stdout.readline()
-            offer = Discovery(ELSEWHERE).wait_for("/tf_static", 30.0)
-            (message,) = Listener(ELSEWHERE, offer, 10).messages(15.0)
+            offer = Discovery(ELSEWHERE).wait_for_topic("/tf_static", 30.0)
+            (message,) = Subscriber(ELSEWHERE, offer, 10).messages(15.0)
             os.kill(process.pid, signal.SIGINT)
             assert process.wait(timeout=20) == 0
         finally:

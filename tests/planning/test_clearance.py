@@ -10,7 +10,14 @@ import pytest
 from basecal.cell import Cell, CellCamera, KeepOut, Robot, RobotState, Sample, Unknown
 from basecal.geometry import SE3
 from basecal.kinematics import read_chain
-from basecal.planning.clearance import _arms_gap, _balls, _box_gap, clearances, path_length, robot_capsules
+from basecal.planning.clearance import (
+    _arms_gap,
+    _bounding_spheres,
+    _box_gap,
+    clearances,
+    path_m_per_rad,
+    robot_capsules,
+)
 from basecal.planning.sketch import Sketch
 from planar_arm import planar
 from shared.bodies import arm_with_bodies
@@ -174,10 +181,10 @@ def test_what_an_arm_carries_goes_with_its_flange(tmp_path):
 def test_a_robot_that_stays_has_no_path(tmp_path):
     """Nor is there one that is known of a robot without joints, or that no sample has."""
     sketch, zeros = two_arms(arm_with_bodies(tmp_path)), np.zeros(6)
-    assert path_length(sketch, at(zeros, zeros), at(zeros, zeros), "one") == 0.0
+    assert path_m_per_rad(sketch, at(zeros, zeros), at(zeros, zeros), "one") == 0.0
     poses = Sample(0, robots={"one": RobotState(SE3.identity())})
     for start, end in ((poses, at(zeros, zeros)), (at(zeros, zeros), poses), (Sample(0), at(zeros, zeros))):
-        assert path_length(sketch, start, end, "one") is None
+        assert path_m_per_rad(sketch, start, end, "one") is None
 
 
 def test_no_point_of_a_body_moves_farther_than_the_path_length(tmp_path):
@@ -188,7 +195,7 @@ def test_no_point_of_a_body_moves_farther_than_the_path_length(tmp_path):
     fastest = []
     for _ in range(6):
         start, end = (random_joints(rng, sketch.cell.robots["two"].chain) for _ in range(2))
-        most = path_length(sketch, at(start, start), at(end, end), "two")
+        most = path_m_per_rad(sketch, at(start, start), at(end, end), "two")
         places = []
         for share in np.linspace(0, 1, 100):
             poses = [pose for _, pose in placed(path, [start + share * (end - start)], [APART])[0]]
@@ -218,7 +225,7 @@ def test_the_nearest_of_all_rods_decides(monkeypatch):
     assert _arms_gap(np.concatenate([far, cross[0]]), np.concatenate([far + 50, cross[1], far - 70])) == pytest.approx(
         0.2
     )
-    middles, reach = _balls(np.concatenate([cross[0], points[1], beside[1]]))
+    middles, reach = _bounding_spheres(np.concatenate([cross[0], points[1], beside[1]]))
     np.testing.assert_allclose(middles, [[0, 0, 0], [3, 4, 0], [4.75, 0.7, 0]])
     np.testing.assert_allclose(reach, [1.1, 0.2, 4.35])
 
@@ -245,9 +252,9 @@ def test_the_tip_of_an_arm_goes_the_longest_way(turn):
     """All of its length per radian of its base, and a link's per radian of the elbow, with a fiftieth for its arc."""
     sketch, zeros = planar_arms((0.5, 0.4)), np.zeros(2)
     for joints, longest in (([turn, 0.0], 0.9), ([0.0, turn], 0.4), ([0.5 * turn, turn], 0.85)):
-        found = path_length(sketch, at(zeros, zeros), at(np.array(joints), zeros), "one")
+        found = path_m_per_rad(sketch, at(zeros, zeros), at(np.array(joints), zeros), "one")
         assert longest * 0.98 < found / 1.02 <= longest + 1e-9
-    assert path_length(sketch, at(zeros, zeros), at(np.array([turn, 0.0]), zeros), "two") == 0.0
+    assert path_m_per_rad(sketch, at(zeros, zeros), at(np.array([turn, 0.0]), zeros), "two") == 0.0
 
 
 def test_arms_that_stay_in_line_leave_the_rest_of_the_way():

@@ -12,7 +12,6 @@ from basecal.geometry import SE3, Camera
 from basecal.kinematics.chain import SerialChain
 from basecal.planning.feasible import (
     approach_poses,
-    as_near_as_seen,
     blocked_samples,
     is_clear,
     is_feasible,
@@ -24,6 +23,7 @@ from basecal.planning.feasible import (
     reach_pose,
     reach_poses,
     visibility_mask,
+    with_seen_distances,
 )
 from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.ur5e import ur5e
@@ -205,9 +205,9 @@ def test_a_plan_goes_as_near_as_was_seen():
     aside = moved(eye=[0, 0, 0.2, 0.6, 0, 0]).robots
     assert not is_in_view(SKETCH, Sample(0, robots=aside))
     far = replace(SKETCH, nearest_m=1.0)
-    assert as_near_as_seen(far, [away, HOME, aside]).nearest_m == pytest.approx(depth)
-    assert as_near_as_seen(far, [aside]).nearest_m == 1.0
-    assert as_near_as_seen(SKETCH, [HOME]).nearest_m == SKETCH.nearest_m
+    assert with_seen_distances(far, [away, HOME, aside]).nearest_m == pytest.approx(depth)
+    assert with_seen_distances(far, [aside]).nearest_m == 1.0
+    assert with_seen_distances(SKETCH, [HOME]).nearest_m == SKETCH.nearest_m
 
 
 def test_joints_at_their_limits_are_within_them():

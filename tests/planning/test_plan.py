@@ -181,17 +181,17 @@ def test_a_goal_begins_at_what_is_recorded(monkeypatch, recorded, calibrated):
     )
     goal = _make_goal(prospect, None, known, points)
     assert (goal.tolerance_m, goal.recorded) == (np.inf, len(recorded))
-    assert goal.now is (now if calibrated and recorded else None)
-    assert goal.beyond_m2 == pytest.approx(12e-6 - 3e-6 if goal.now else 0.0)
+    assert goal.current_error is (now if calibrated and recorded else None)
+    assert goal.unexplained_m2 == pytest.approx(12e-6 - 3e-6 if goal.current_error else 0.0)
     assert _make_goal(prospect, None, known, points, 5e-4).tolerance_m == 5e-4
     prospect.covariance = 100 * prospect.covariance
-    assert _make_goal(prospect, None, known, points).beyond_m2 == 0.0
+    assert _make_goal(prospect, None, known, points).unexplained_m2 == 0.0
     assert all(each is points for each in places)
     if not recorded:
         with pytest.raises(InputError, match="name a task point"):
             _make_goal(prospect, None, known, np.zeros((0, 3)))
     else:
-        assert _make_goal(prospect, None, known, np.zeros((0, 3))).now is None
+        assert _make_goal(prospect, None, known, np.zeros((0, 3))).current_error is None
 
 
 def test_the_best_are_chosen_and_counted():
@@ -376,3 +376,11 @@ def test_a_budget_contains_the_variance_beyond_the_noise(monkeypatch):
     meetings = [SimpleNamespace(name=name, mean_square_m2=lambda of: 3.0 * of) for name in ("a", "b")]
     goal = SimpleNamespace(meetings=meetings, excess_m2=lambda count: 1.0 / count)
     assert plans._budget(SimpleNamespace(covariance=2.0), goal, 4) == ("b", 6.25, {})
+
+
+def test_no_sample_is_a_choice():
+    """Of zero samples the choice is empty, and the covariance stays."""
+    prior = np.diag([2.0, 3.0])
+    chosen, covariance = plans.choose_best(SimpleNamespace(covariance=prior), np.ones((3, 2, 1)), np.eye(2), 0)
+    assert chosen == []
+    np.testing.assert_array_equal(covariance, prior)

@@ -11,7 +11,7 @@ import pytest
 from basecal.cell import Cell, CellCamera, KeepOut, Robot, RobotState, Sample, Unknown
 from basecal.geometry import SE3
 from basecal.kinematics import read_chain
-from basecal.planning.clearance import Clearance, path_length
+from basecal.planning.clearance import Clearance, path_m_per_rad
 from basecal.planning.plan_check import SpeedLimits, _path_refusals, _state_refusals, check_plan, timed_path
 from basecal.planning.sketch import Sketch, sketch_cell
 from shared.facing_arms import facing_arms
@@ -44,7 +44,7 @@ def test_a_sound_plan_is_not_refused():
     """A wrist that turns a little is nowhere in the way, and every robot has its way to each sample."""
     found = check_plan(SKETCH, HOME, [turned("eye", 5, 0.3), turned("hand", 5, -0.3, 2)], LIMITS, WILLING)
     assert found.refusals == ()
-    assert [(way.sample, way.robot) for way in found.ways] == [(1, "eye"), (1, "hand"), (2, "eye"), (2, "hand")]
+    assert [(way.sample, way.robot) for way in found.paths] == [(1, "eye"), (1, "hand"), (2, "eye"), (2, "hand")]
 
 
 def test_a_joint_beyond_its_limits_is_named():
@@ -200,9 +200,9 @@ def test_robots_that_are_not_sent_stay_where_they_were():
     """Each way begins where the last sample of its robot ended, from home on."""
     alone = [Sample(1, robots={"eye": turned("eye", 5, 0.3).robots["eye"]}), Sample(2, robots={"hand": HOME["hand"]})]
     found = check_plan(SKETCH, HOME, alone, LIMITS, WILLING)
-    assert [(way.sample, way.robot) for way in found.ways] == [(1, "eye"), (2, "hand")]
-    assert found.ways[0].tool_m_s > 0
-    assert found.ways[1].tool_m_s == 0
+    assert [(way.sample, way.robot) for way in found.paths] == [(1, "eye"), (2, "hand")]
+    assert found.paths[0].tool_m_s > 0
+    assert found.paths[1].tool_m_s == 0
 
 
 @pytest.mark.slow
@@ -221,7 +221,7 @@ def test_three_reaches_bound_the_fastest_point(name):
     reach = np.linalg.norm(chain.forward(rng.uniform(lower, upper, (20000, chain.n))).translation, axis=-1).max()
 
     def length(way):
-        return path_length(sketch, *(Sample(0, robots={"eye": RobotState(joints_rad=q)}) for q in way), "eye")
+        return path_m_per_rad(sketch, *(Sample(0, robots={"eye": RobotState(joints_rad=q)}) for q in way), "eye")
 
     worst = max((rng.uniform(lower, upper, (2, chain.n)) for _ in range(50)), key=length)
     step = 0.8

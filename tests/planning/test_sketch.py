@@ -10,7 +10,7 @@ import pytest
 from basecal.cell import Cell, CellCamera, CellTarget, Robot, RobotState, Sample, Unknown
 from basecal.errors import InputError
 from basecal.geometry import SE3
-from basecal.planning.sketch import Sketch, led_sketch, seen_views, sketch_cell, target_points
+from basecal.planning.sketch import Sketch, hand_guided_sketch, possible_views, sketch_cell, target_points
 from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
@@ -69,15 +69,15 @@ def test_who_moves_carries_the_camera_or_the_target():
     )
     assert sketch_cell(still).movers == ("eye",)
     cameras = {"wrist": wrist, "top": replace(wrist, name="top", on="world"), "other": replace(wrist, name="other")}
-    scene = led_sketch(replace(WORLD.cell, sees_scene=True, cameras=cameras, targets={}))
+    scene = hand_guided_sketch(replace(WORLD.cell, sees_scene=True, cameras=cameras, targets={}))
     assert (scene.movers, scene.view) == (("eye",), ("wrist", ""))
 
 
 def test_arms_that_are_led_need_a_camera():
     """Of a scene; a cell with a target is sketched as ever."""
-    assert led_sketch(WORLD.cell).view == ("wrist", "board")
+    assert hand_guided_sketch(WORLD.cell).view == ("wrist", "board")
     with pytest.raises(InputError, match="the cell has no camera"):
-        led_sketch(replace(WORLD.cell, sees_scene=True, cameras={}, targets={}))
+        hand_guided_sketch(replace(WORLD.cell, sees_scene=True, cameras={}, targets={}))
 
 
 RNG = np.random.default_rng(0)
@@ -122,10 +122,10 @@ def test_bodies_are_where_their_carriers_are():
 def test_views_are_of_things_on_different_bodies():
     """Each camera with each target that it is not mounted beside; the arms of a view move, the camera's first."""
     sketch = everywhere()
-    assert seen_views(sketch.cell) == [
+    assert possible_views(sketch.cell) == [
         ("wrist", "board"), ("wrist", "mark"), ("wrist", "still"), ("beside", "board"), ("beside", "mark"),
     ]  # fmt: skip
-    movers = {view: replace(sketch, view=view).movers for view in seen_views(sketch.cell)}
+    movers = {view: replace(sketch, view=view).movers for view in possible_views(sketch.cell)}
     assert movers["wrist", "board"] == ("eye", "hand")
     assert movers["beside", "board"] == ("hand",)
     assert movers["wrist", "mark"] == ("eye",)

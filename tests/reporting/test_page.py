@@ -37,7 +37,7 @@ from basecal.geometry import SE3
 from basecal.reporting.page import _fit, page
 from basecal.reporting.statement.verdict import headline
 from basecal.reporting.text import text_report
-from basecal.simulation.scenario import LayoutName, Scenario, Seen
+from basecal.simulation.scenario import LayoutName, ObservedKind, Scenario
 from basecal.simulation.testbed import simulate
 
 VOID = {"meta", "wbr", "input", "br", "hr", "img", "link"}
@@ -324,7 +324,7 @@ def test_arrows_are_the_fit(made: tuple[Cell, Recording, Calibration]) -> None:
     assert calibration.residuals.rms_px == pytest.approx(float(np.sqrt(np.mean(off**2))), rel=5e-3)
 
 
-KINDS: tuple[Seen, ...] = ("led", "points", "pose", "points3d", "chessboard")
+KINDS: tuple[ObservedKind, ...] = ("led", "points", "pose", "points3d", "chessboard")
 SEEN_BY_DUAL_ARMS = ("led", "points", "pose")
 
 
@@ -335,7 +335,7 @@ SEEN_BY_DUAL_ARMS = ("led", "points", "pose")
         *(pytest.param(target, "chain", marks=pytest.mark.slow) for target in KINDS),
     ],
 )
-def test_every_kind_of_cell_has_a_page(target: Seen, layout: LayoutName) -> None:
+def test_every_kind_of_cell_has_a_page(target: ObservedKind, layout: LayoutName) -> None:
     """Whatever a cell sees, its page is whole and says what its text says."""
     scenario = Scenario(samples=20 if layout == "chain" else 8, target=target, layout=layout, target_mount="fixed")
     simulated = simulate(scenario, 2)

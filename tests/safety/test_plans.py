@@ -138,7 +138,7 @@ def test_sound_plans_are_not_refused_and_are_slow_enough():
         plan = sound(seed)
         found = check_plan(SKETCH, HOME, plan, LIMITS, WILLING)
         assert found.refusals == ()
-        speeds = {way.sample: way.joint_rad_s for way in found.ways if way.robot == "eye"}
+        speeds = {way.sample: way.joint_rad_s for way in found.paths if way.robot == "eye"}
         for start, end in pairwise([Sample(-1, robots=HOME), *plan]):
             here, there = (each.robots["eye"].joints_rad for each in (start, end))
             rates = (there - here) / np.abs(there - here).max() * speeds[end.sample]

@@ -14,7 +14,7 @@ from types import SimpleNamespace as Message
 
 import numpy as np
 
-from basecal.acquisition.ros2.dds import Speaker
+from basecal.acquisition.ros2.dds import Publisher as TopicPublisher
 from basecal.exchange.urdf import chain_urdf
 from basecal.simulation.running.ur5e import ur5e
 
@@ -84,14 +84,14 @@ class Publisher:
         self.sent = {"joints": 0, "images": 0}
         latched = {"is_latched": True, "depth": 10}
         plain = {"is_latched": False}
-        self.joints = Speaker(domain, "/joint_states", "sensor_msgs/msg/JointState", depth=50, **plain)
-        self.tf = Speaker(domain, "/tf", "tf2_msgs/msg/TFMessage", depth=50, **plain)
-        self.images = Speaker(domain, "/wrist/image_raw", "sensor_msgs/msg/Image", **plain)
-        self.infos = Speaker(domain, "/wrist/camera_info", "sensor_msgs/msg/CameraInfo", **plain)
-        self.still = Speaker(domain, "/tf_static", "tf2_msgs/msg/TFMessage", **latched)
+        self.joints = TopicPublisher(domain, "/joint_states", "sensor_msgs/msg/JointState", depth=50, **plain)
+        self.tf = TopicPublisher(domain, "/tf", "tf2_msgs/msg/TFMessage", depth=50, **plain)
+        self.images = TopicPublisher(domain, "/wrist/image_raw", "sensor_msgs/msg/Image", **plain)
+        self.infos = TopicPublisher(domain, "/wrist/camera_info", "sensor_msgs/msg/CameraInfo", **plain)
+        self.still = TopicPublisher(domain, "/tf_static", "tf2_msgs/msg/TFMessage", **latched)
         hangs = [transform(1, "link", "tool0", 0.25, HALF_TURN), transform(1, "tool0", "wrist", 0.1)]
         self.still.send(Message(transforms=hangs))
-        self.described = Speaker(domain, "/robot_description", "std_msgs/msg/String", **latched)
+        self.described = TopicPublisher(domain, "/robot_description", "std_msgs/msg/String", **latched)
         self.described.send(Message(data=chain_urdf(CHAIN, "base_link", "tool0")))
         self.stopped_ns = time.time_ns()
 

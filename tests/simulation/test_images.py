@@ -17,7 +17,7 @@ def test_an_image_a_view_and_no_detections(tmp_path: Path):
     """Every sample names an image of the camera's size and holds no observation."""
     s = simulate(Scenario(samples=3), seed=0)
     steps = []
-    recording = render_recording(s, tmp_path, step=lambda *count: steps.append(count))
+    recording = render_recording(s, tmp_path, progress=lambda *count: steps.append(count))
     assert steps == [(1, 3), (2, 3), (3, 3)]
     for sample in recording.samples:
         image = cv2.imread(str(tmp_path / sample.images["wrist"]), cv2.IMREAD_UNCHANGED)

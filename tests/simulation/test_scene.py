@@ -15,7 +15,7 @@ from basecal.simulation.draw import rotations
 from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import seen_points
 from basecal.simulation.scenario import LayoutName, Scenario
-from basecal.simulation.scene import _bases, _poses_in_reach, _views, as_point, draw_scene, front, is_flat
+from basecal.simulation.scene import _draw_bases, _draw_views, _poses_in_reach, as_point, draw_scene, front, is_flat
 
 
 def scene_of(seed=0, **fields):
@@ -130,7 +130,7 @@ def test_views_are_near_the_optical_axis(target):
     """Within a tenth of the distance, from the nearest to the farthest; a board is tilted by 0.4 rad at most."""
     scenario = Scenario(target=target, distance_m=(0.5, 0.9))
     shape = scene_of(target=target).shapes["board"]
-    seen = _views(np.random.default_rng(0), scenario, shape, 1000)
+    seen = _draw_views(np.random.default_rng(0), scenario, shape, 1000)
     middle = seen @ shape.points.mean(0)
     assert 0.5 <= middle[:, 2].min() < 0.51 < 0.89 < middle[:, 2].max() <= 0.9
     off = middle[:, :2] / middle[:, 2:]
@@ -151,7 +151,7 @@ def test_neighbours_are_a_metre_and_a_half_apart_on_average(count):
     """Up to half a metre more or less, and a decimetre of either's place; bases are about one height."""
     names = tuple(f"r{k}" for k in range(count))
     rng = np.random.default_rng(0)
-    places = np.array([[base.translation for base in _bases(rng, names).values()] for _ in range(100)])
+    places = np.array([[base.translation for base in _draw_bases(rng, names).values()] for _ in range(100)])
     apart = np.linalg.norm(places - np.roll(places, 1, axis=1), axis=2)
     assert 0.7 < apart.min() < 1.0
     assert 2.0 < apart.max() < 2.3
@@ -162,7 +162,7 @@ def test_neighbours_are_a_metre_and_a_half_apart_on_average(count):
 
 
 def test_one_base_is_the_world():
-    assert list(_bases(np.random.default_rng(0), ("arm",))) == ["arm"]
+    assert list(_draw_bases(np.random.default_rng(0), ("arm",))) == ["arm"]
 
 
 def test_homes_are_within_reach():

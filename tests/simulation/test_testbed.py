@@ -15,11 +15,11 @@ from basecal.geometry import SE3, Array
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import draw_motions, points_in_camera, seen_points
-from basecal.simulation.scenario import Arms, LayoutName, Seen
+from basecal.simulation.scenario import Arms, LayoutName, ObservedKind
 from basecal.simulation.scene import draw_scene
 from basecal.simulation.testbed import observe
 
-LAYOUTS, TARGETS, ARMS = get_args(LayoutName), get_args(Seen), get_args(Arms)
+LAYOUTS, TARGETS, ARMS = get_args(LayoutName), get_args(ObservedKind), get_args(Arms)
 NOISELESS = {"pixel_px": 0.0, "pose_noise": (0.0, 0.0), "point_m": 0.0}
 TWO_ARMS = ("dual", "two_cameras", "chain")
 COMBINATIONS = [

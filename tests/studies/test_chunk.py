@@ -11,7 +11,7 @@ import pytest
 
 from basecal.geometry import SE3
 from basecal.studies import chunk as module
-from basecal.studies.chunk import COLUMNS, chunk_path, keep_chunk, pack_result, read_chunk, work_chunk
+from basecal.studies.chunk import COLUMNS, chunk_path, compute_chunk, pack_result, read_chunk, store_chunk
 from basecal.studies.solvers.solver import Answers
 from study_example import BOARD, SMALL, study
 
@@ -19,7 +19,7 @@ from study_example import BOARD, SMALL, study
 def test_a_chunk_is_a_function_of_the_study() -> None:
     """Worked on twice it gives the same numbers to the last digit, time apart."""
     made = study(hold=SMALL)
-    first, again = (work_chunk(made, made.chunks[0]).trials for _ in range(2))
+    first, again = (compute_chunk(made, made.chunks[0]).trials for _ in range(2))
     for name in set(COLUMNS) - {"time_s"}:
         assert np.array_equal(getattr(first, name), getattr(again, name)), name
 
@@ -41,7 +41,7 @@ def test_errors_are_judged_in_their_own_axes_and_sigmas(monkeypatch: pytest.Monk
             return Answers(moved, np.stack([covariance] * 2), np.array([True, False]), "no more")
 
     monkeypatch.setattr(module, "SOLVERS", dict.fromkeys(module.SOLVERS, Off))
-    result = work_chunk(made, made.chunks[0])
+    result = compute_chunk(made, made.chunks[0])
     trials = result.trials
     assert trials.error_mm[0] == pytest.approx(3, rel=1e-3)
     assert trials.error_deg[0] == pytest.approx(2, rel=1e-6)
@@ -55,7 +55,7 @@ def test_errors_are_judged_in_their_own_axes_and_sigmas(monkeypatch: pytest.Monk
 def test_a_cell_that_cannot_be_made_says_why() -> None:
     """Its trials have no answer, and the study goes on."""
     made = study(trials=3, cells=1, hold=f"{SMALL}, layout: eye_in_hand, arms: halves")
-    result = work_chunk(made, made.chunks[0])
+    result = compute_chunk(made, made.chunks[0])
     assert not result.trials.solved.any()
     assert "needs two robots" in result.reasons[0]
 
@@ -65,8 +65,8 @@ def test_files_are_read_back_or_not_at_all(tmp_path: Path) -> None:
     made = study(hold=SMALL)
     chunk = made.chunks[0]
     assert read_chunk(tmp_path, made, chunk) is None
-    result = work_chunk(made, chunk)
-    keep_chunk(tmp_path, chunk, pack_result(made, result))
+    result = compute_chunk(made, chunk)
+    store_chunk(tmp_path, chunk, pack_result(made, result))
     again = read_chunk(tmp_path, made, chunk)
     assert all(np.array_equal(getattr(again.trials, n), getattr(result.trials, n), equal_nan=True) for n in COLUMNS)
     assert read_chunk(tmp_path, dataclasses.replace(made, seed=1), chunk) is None
@@ -94,7 +94,7 @@ def test_the_time_of_a_batch_is_shared_by_its_trials(monkeypatch: pytest.MonkeyP
     clock = iter((10.0, 16.0))
     monkeypatch.setattr(module.time, "perf_counter", lambda: next(clock))
     made = study(trials=3, cells=1, hold=f"{SMALL}, layout: eye_in_hand, arms: halves")
-    trials = work_chunk(made, made.chunks[0]).trials
+    trials = compute_chunk(made, made.chunks[0]).trials
     assert trials.time_s.tolist() == [2.0] * 3
     assert np.isnan([trials.sigma_mm, trials.sigma_deg, trials.nees, trials.error_mm]).all()
     assert trials.directions.tolist() == [0] * 3
@@ -104,7 +104,7 @@ def test_the_time_of_a_batch_is_shared_by_its_trials(monkeypatch: pytest.MonkeyP
 def test_places_of_cells_and_trials_are_those_of_their_pieces() -> None:
     """Three trials on two cells: two of the first, and the third of the second; each reason once."""
     made = study(trials=3, cells=2, hold=f"{BOARD}, layout: eye_in_hand, arms: halves", axes="samples: [5, 6]")
-    result = work_chunk(made, made.chunks[1])
+    result = compute_chunk(made, made.chunks[1])
     assert result.trials.cell.tolist() == [0, 0, 1]
     assert result.trials.trial.tolist() == [0, 1, 2]
     assert result.trials.point.tolist() == [1] * 3

@@ -18,8 +18,8 @@ import pytest
 
 from basecal.errors import InputError, MissingExtra
 from basecal.studies import cluster as module
-from basecal.studies.cluster import called_on_cluster
-from basecal.studies.jobs import Job, WorkerPool, done_jobs
+from basecal.studies.cluster import call_on_cluster
+from basecal.studies.jobs import Job, WorkerPool, finished_jobs
 from basecal.studies.run import run_study
 from job_examples import deadly, lacking, named, of_another_version
 from study_example import SMALL, numbers, study
@@ -42,16 +42,16 @@ def test_no_scheduler_is_one_line(monkeypatch) -> None:
         taken.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
         with pytest.raises(InputError, match=f"no Dask scheduler answers at {address}.*dask scheduler"):
-            list(called_on_cluster(address, []))
+            list(call_on_cluster(address, []))
     with pytest.raises(InputError, match="no Dask scheduler answers at gossip://x"):
-        list(called_on_cluster("gossip://x", []))
+        list(call_on_cluster("gossip://x", []))
 
 
 def test_without_dask_the_extra_is_named(monkeypatch) -> None:
     """As other extras are."""
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(MissingExtra, match=r"pip install 'basecal\[cluster\]'"):
-        list(called_on_cluster("tcp://127.0.0.1:1", []))
+        list(call_on_cluster("tcp://127.0.0.1:1", []))
 
 
 @pytest.mark.slow
@@ -60,11 +60,11 @@ def test_workers_that_differ_are_refused() -> None:
     distributed = pytest.importorskip("distributed")
     with local_cluster(1) as cluster:
         with pytest.raises(InputError, match=r"a worker lacks a package .*no_such_package"):
-            list(called_on_cluster(cluster.scheduler_address, [partial(lacking, 1)]))
+            list(call_on_cluster(cluster.scheduler_address, [partial(lacking, 1)]))
         with distributed.Client(cluster.scheduler_address) as client:
             client.run(of_another_version)
         with pytest.raises(InputError, match=r"has basecal 0\.0\.0, here is .*: install the same version there"):
-            list(called_on_cluster(cluster.scheduler_address, []))
+            list(call_on_cluster(cluster.scheduler_address, []))
 
 
 @pytest.mark.slow
@@ -75,7 +75,8 @@ def test_a_job_that_kills_its_workers_is_given_up() -> None:
         bad = Job(0, 1, partial(deadly, 0), lambda why: why.encode())
         rest = [Job(k, 1, partial(named, k)) for k in (1, 2, 3)]
         done = {
-            job.number: content for job, content in done_jobs([bad, *rest], WorkerPool(1, cluster.scheduler_address))
+            job.number: content
+            for job, content in finished_jobs([bad, *rest], WorkerPool(1, cluster.scheduler_address))
         }
     assert b"killed repeatedly" in done.pop(0)
     assert done == {number: named(number) for number in (1, 2, 3)}

@@ -63,7 +63,7 @@ def test_noise_of_the_image_grows_with_the_distance_from_its_centre() -> None:
     """By the stated share of it."""
     draws, _ = drawn("pixel_px: 0.0, image_noise: 0.01")
     pixels = draws.measurement().pixels
-    off = pixels.mean(0) - draws.made.cameras["wrist"].center
+    off = pixels.mean(0) - draws.simulated.cameras["wrist"].center
     ratio = pixels.std(0) / np.abs(off)
     assert np.median(ratio) == pytest.approx(0.01, rel=0.02)
 
@@ -81,7 +81,7 @@ def test_a_longer_focal_length_enlarges_the_image_about_its_centre() -> None:
     """And a larger board enlarges what is seen of it."""
     draws, _ = drawn("pixel_px: 0.0, lens: pinhole", 1)
     exact = draws.measurement().pixels
-    centre = draws.made.cameras["wrist"].center
+    centre = draws.simulated.cameras["wrist"].center
     longer, larger = (
         drawn(f"pixel_px: 0.0, {fault}: 1.01", 1)[0].measurement().pixels for fault in ("focal_scale", "board_scale")
     )
@@ -107,7 +107,7 @@ def test_cells_and_trials_have_seeds_of_their_own() -> None:
     """Another number is another cell, another seed of the study too; noise of another piece is other noise."""
     _, settings = drawn("pixel_px: 0.2", 1)
     cells = [draw_cell(settings, *each, None) for each in ((0, 0), (0, 1), (1, 0), (0, 0))]
-    truths = [cell.made.truth[cell.transform].translation for cell in cells]
+    truths = [cell.simulated.truth[cell.transform].translation for cell in cells]
     assert truths[0].tolist() == truths[3].tolist()
     assert len({tuple(truth) for truth in truths}) == 3
     noisy = [draw(cells[0], settings, seed, 1).measurement().pixels for seed in ((0, 0, 0), (0, 0, 1), (0, 0, 0))]

@@ -8,7 +8,7 @@ from functools import partial
 import pytest
 
 from basecal.errors import BasecalError
-from basecal.studies.jobs import Job, WorkerPool, done_jobs, work_jobs
+from basecal.studies.jobs import Job, WorkerPool, finished_jobs, run_jobs
 from job_examples import deadly, deadly_once, named, wrong
 
 KILLS = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="kills a process")
@@ -21,7 +21,7 @@ def jobs(count: int, first: int = 0) -> list[Job]:
 @pytest.mark.parametrize("workers", [1, 2])
 def test_every_job_is_done_once(workers: int) -> None:
     """With its own bytes, here and by processes."""
-    done = [(job.number, content) for job, content in done_jobs(jobs(5), WorkerPool(workers))]
+    done = [(job.number, content) for job, content in finished_jobs(jobs(5), WorkerPool(workers))]
     assert sorted(done) == [(number, named(number)) for number in range(5)]
 
 
@@ -29,7 +29,7 @@ def test_it_is_told_how_much_is_done() -> None:
     """With what was done before, before the first and after each."""
     told, kept = list[tuple[int, int]](), list[int]()
     few = [Job(number, size, partial(named, number)) for number, size in ((3, 2), (4, 5))]
-    work_jobs(few, WorkerPool(), 10, lambda job, content: kept.append(job.number), lambda *step: told.append(step))
+    run_jobs(few, WorkerPool(), 10, lambda job, content: kept.append(job.number), lambda *step: told.append(step))
     assert told == [(3, 10), (5, 10), (10, 10)]
     assert kept == [3, 4]
 
@@ -39,7 +39,7 @@ def test_it_is_told_how_much_is_done() -> None:
 def test_a_job_that_kills_has_its_own_word(tmp_path) -> None:
     """The others are done all the same."""
     bad = Job(0, 1, partial(deadly, 0), lambda why: f"gone: {why}".encode())
-    done = {job.number: content for job, content in done_jobs([bad, *jobs(3, 1)], WorkerPool(2))}
+    done = {job.number: content for job, content in finished_jobs([bad, *jobs(3, 1)], WorkerPool(2))}
     assert b"killed 3 times" in done.pop(0)
     assert done == {number: named(number) for number in (1, 2, 3)}
 
@@ -49,7 +49,7 @@ def test_a_job_that_kills_has_its_own_word(tmp_path) -> None:
 def test_a_job_that_kills_without_a_word_ends_it() -> None:
     """And says which it was."""
     with pytest.raises(BasecalError, match="part 7 cannot be finished: the process that worked on it was killed"):
-        list(done_jobs([Job(7, 1, partial(deadly, 7))], WorkerPool(2)))
+        list(finished_jobs([Job(7, 1, partial(deadly, 7))], WorkerPool(2)))
 
 
 @KILLS
@@ -57,7 +57,7 @@ def test_a_job_that_kills_without_a_word_ends_it() -> None:
 def test_a_death_by_chance_changes_nothing(tmp_path) -> None:
     """What the dead process was at is done again."""
     once = Job(0, 1, partial(deadly_once, str(tmp_path / "mark"), 0))
-    done = {job.number: content for job, content in done_jobs([once, *jobs(4, 1)], WorkerPool(2))}
+    done = {job.number: content for job, content in finished_jobs([once, *jobs(4, 1)], WorkerPool(2))}
     assert done == {number: named(number) for number in range(5)}
 
 
@@ -65,4 +65,4 @@ def test_a_death_by_chance_changes_nothing(tmp_path) -> None:
 def test_a_fault_is_the_callers(workers: int) -> None:
     """An error of a job is raised as it is."""
     with pytest.raises(ZeroDivisionError, match="job 3"):
-        list(done_jobs([Job(3, 1, partial(wrong, 3)), Job(4, 1, partial(wrong, 3))], WorkerPool(workers)))
+        list(finished_jobs([Job(3, 1, partial(wrong, 3)), Job(4, 1, partial(wrong, 3))], WorkerPool(workers)))

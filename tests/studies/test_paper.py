@@ -9,7 +9,7 @@ import pytest
 
 from basecal.geometry.rotation import nearest_rotation, rotation_log
 from basecal.reporting.study_text import length_figures, paper_text
-from basecal.studies.chunk import work_chunk
+from basecal.studies.chunk import compute_chunk
 from basecal.studies.paper import paper_study, study_paper
 from basecal.studies.paper_cell import paper_cell, paper_numbers
 
@@ -70,7 +70,7 @@ def test_the_study_of_the_noise_is_a_file():
         turned = nearest_rotation(np.swapaxes(found.rotation, -1, -2) @ bed.camera_from_light.rotation)
         angle = np.degrees(np.median(np.linalg.norm(rotation_log(turned), axis=-1)))
         chunks = [c for c in file.chunks if c.point.at == {"image_noise": level}]
-        errors = np.concatenate([work_chunk(file, chunk).trials.error_deg for chunk in chunks])
+        errors = np.concatenate([compute_chunk(file, chunk).trials.error_deg for chunk in chunks])
         assert len(errors) == 10_000
         assert np.median(errors) == pytest.approx(angle, rel=0.04)
 

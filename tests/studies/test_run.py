@@ -34,7 +34,7 @@ def test_one_process_and_two_make_the_same_table(tmp_path: Path) -> None:
 def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut off after a chunk the study goes on with the second, and tells the trials done from the first on."""
     made = study(hold=SMALL, axes="pixel_px: [0.1, 0.2, 0.3]")
-    work, done = module.work_chunk, []
+    work, done = module.compute_chunk, []
 
     def once(study, chunk):
         """A chunk, until one was done."""
@@ -43,10 +43,10 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.Monk
         done.append(chunk.index)
         return work(study, chunk)
 
-    monkeypatch.setattr(module, "work_chunk", once)
+    monkeypatch.setattr(module, "compute_chunk", once)
     with pytest.raises(KeyboardInterrupt):
         run_study(made, tmp_path / "cut", WorkerPool(1))
-    monkeypatch.setattr(module, "work_chunk", lambda study, chunk: done.append(chunk.index) or work(study, chunk))
+    monkeypatch.setattr(module, "compute_chunk", lambda study, chunk: done.append(chunk.index) or work(study, chunk))
     told: list[tuple[int, int]] = []
     run_study(made, tmp_path / "cut", WorkerPool(1), lambda *at: told.append(at))
     assert done == [0, 1, 2]

@@ -24,7 +24,7 @@ from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.protocol import Connection, decode, encode
 from basecal.simulation.running.server import CellServer
 from basecal.simulation.running.two_arms import two_arms
-from basecal.studies.chunk import chunk_path, keep_chunk, pack_result, read_chunk, work_chunk
+from basecal.studies.chunk import chunk_path, compute_chunk, pack_result, read_chunk, store_chunk
 from basecal.studies.study import Study
 from basecal.studies.study_file import read_study, study_from_text
 from cell_example import CELL, LINES, URDF, journal
@@ -70,7 +70,7 @@ def example() -> Cell:
 def _chunk() -> tuple[Study, bytes]:
     study = study_from_text(_SMALL, "a.yaml")
     with TemporaryDirectory() as name:
-        keep_chunk(Path(name), study.chunks[0], pack_result(study, work_chunk(study, study.chunks[0])))
+        store_chunk(Path(name), study.chunks[0], pack_result(study, compute_chunk(study, study.chunks[0])))
         return study, chunk_path(Path(name), study.chunks[0]).read_bytes()
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from cyclonedds.core import DDSException
 
-from basecal.acquisition.ros2.dds import Speaker
+from basecal.acquisition.ros2.dds import Publisher as TopicPublisher
 from basecal.acquisition.ros2.types import encode
 from shared.ros2_publisher import Publisher, header, image, joint_state, transform
 from torment.damage import torn_bytes
@@ -60,7 +60,8 @@ def main(domain: int, seed: int, tell: Callable[[str], object]) -> None:
     publisher = Publisher(domain, 0.0, 0.0, 64, 48)
     messages = _topics(publisher)
     speakers = {
-        topic: [Speaker(domain, *topic, is_latched=False) for _ in range(1 + (fault == "two"))] for topic in messages
+        topic: [TopicPublisher(domain, *topic, is_latched=False) for _ in range(1 + (fault == "two"))]
+        for topic in messages
     }
     noise = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     tell("ready")

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from basecal.acquisition.coverage import Coverage
-from basecal.acquisition.freedrive import Key, Led, wait_for_led_arms
+from basecal.acquisition.freedrive import HandGuiding, Key, wait_for_hand_guided_arms
 from basecal.acquisition.rig import check_cameras
 from basecal.acquisition.running.background import BackgroundCheck
 from basecal.acquisition.running.check import Doubt
@@ -101,33 +101,33 @@ def capture(taker: Taker, plan: Sequence[Sample], replan: Replan | None = None) 
         DriverError: if a robot or camera does not answer.
     """
     with BackgroundCheck(taker.sketch.cell) as check:
-        captured = _begin_capture(taker, len(plan), check)
-        led_from: dict[str, RobotState] = {}
-        left = list(plan)
-        while left:
-            wanted, why_not = left.pop(0), ""
+        progress = _begin_capture(taker, len(plan), check)
+        previous_states: dict[str, RobotState] = {}
+        remaining = list(plan)
+        while remaining:
+            planned, reason = remaining.pop(0), ""
             try:
-                led_from = wait_for_led_arms(taker.rig, led_from, taker.settings.lead_patience_s)
-                found = taker.take(wanted, captured.trusted_samples)
+                previous_states = wait_for_hand_guided_arms(taker.rig, previous_states, taker.settings.lead_patience_s)
+                sample = taker.take(planned, progress.trusted_samples)
             except Unfit as why:
-                why_not = str(why)
-                told = {**sample_to_dict(wanted, ""), "why": why_not}
-                append_durably(taker.folder / ABANDONED_FILE, json.dumps(told) + "\n", base_folder=taker.folder)
+                reason = str(why)
+                line = {**sample_to_dict(planned, ""), "why": reason}
+                append_durably(taker.folder / ABANDONED_FILE, json.dumps(line) + "\n", base_folder=taker.folder)
             else:
-                append_sample(taker.folder, replace(found, observations=()))
-                captured.add(found)
+                append_sample(taker.folder, replace(sample, observations=()))
+                progress.add(sample)
             if replan is not None:
                 taker.notify("planning again")
-                instead = replan(captured.taken, abandoned_samples(taker.folder, taker.sketch.cell))
-                left = list(store_plan(taker.folder, taker.sketch.cell, instead))
-                captured.planned = len(captured.taken) + len(left)
-            step = captured.step(wanted.sample, why_not, is_last=not left)
+                new_plan = replan(progress.taken, abandoned_samples(taker.folder, taker.sketch.cell))
+                remaining = list(store_plan(taker.folder, taker.sketch.cell, new_plan))
+                progress.planned = len(progress.taken) + len(remaining)
+            step = progress.step(planned.sample, reason, is_last=not remaining)
             if replan is None:
-                left = captured.repeat_doubtful(step, plan, left)
+                remaining = progress.repeat_doubtful(step, plan, remaining)
             yield step
 
 
-def capture_led(taker: Taker, samples: int, key: Key) -> Iterator[Step]:
+def capture_by_hand(taker: Taker, samples: int, key: Key) -> Iterator[Step]:
     """Take samples while a person leads the arms: each time they are held still, or a key is pressed.
 
     Args:
@@ -140,29 +140,29 @@ def capture_led(taker: Taker, samples: int, key: Key) -> Iterator[Step]:
         DriverError: if a robot or camera does not answer.
     """
     with BackgroundCheck(taker.sketch.cell) as check:
-        captured = _begin_capture(taker, samples, check)
-        last = max((sample.sample for sample in captured.taken), default=-1)
+        progress = _begin_capture(taker, samples, check)
+        last = max((sample.sample for sample in progress.taken), default=-1)
         number, end = last + 1, last + 1 + samples
-        led = Led(taker.rig, key, taker.notify)
-        while number < end and led.wait():
+        guiding = HandGuiding(taker.rig, key, taker.notify)
+        while number < end and guiding.wait():
             try:
-                found = taker.take(Sample(number), captured.trusted_samples)
+                sample = taker.take(Sample(number), progress.trusted_samples)
             except Unfit as why:
-                yield captured.step(number, str(why))
+                yield progress.step(number, str(why))
                 continue
-            append_sample(taker.folder, replace(found, observations=()))
-            captured.add(found)
-            yield captured.step(number, is_last=number + 1 == end)
+            append_sample(taker.folder, replace(sample, observations=()))
+            progress.add(sample)
+            yield progress.step(number, is_last=number + 1 == end)
             number += 1
 
 
-class _Captured:
+class _Progress:
     """Samples taken so far, and the results of their running check."""
 
     def __init__(self, taker: Taker, planned_count: int, samples: Sequence[Sample], check: BackgroundCheck) -> None:
         self.taken: list[Sample] = []
         self.planned = planned_count
-        self._by, self._check = taker, check
+        self._taker, self._check = taker, check
         self._doubted: set[int] = set()
         for sample in samples:
             self.add(sample)
@@ -175,26 +175,26 @@ class _Captured:
     def add(self, sample: Sample) -> None:
         """Add a sample, and start its check."""
         self.taken.append(sample)
-        if self._by.scene is None:
+        if self._taker.scene is None:
             self._check.add(sample)
 
     def step(self, sample: int, reason: str = "", is_last: bool = False) -> Step:
         """The step of a sample that was taken, or of one that was given up for a reason."""
-        waits = is_last or self._by.settings.waits_for_check
-        covered, checked = self._by.coverage(self.taken), self._check.collect(waits)
+        waits = is_last or self._taker.settings.waits_for_check
+        covered, checked = self._taker.coverage(self.taken), self._check.collect(waits)
         return Step(sample, reason, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)
 
     def repeat_doubtful(self, step: Step, plan: Sequence[Sample], remaining_samples: Sequence[Sample]) -> list[Sample]:
         """The remaining plan, preceded by the doubtful samples of a step that are to be repeated."""
-        again = {doubt.sample for doubt in step.doubts if doubt.repeats} - self._doubted
+        doubtful = {doubt.sample for doubt in step.doubts if doubt.repeats} - self._doubted
         number = max(sample.sample for sample in (*plan, *self.taken, *remaining_samples)) + 1
-        places = [sample for sample in plan if sample.sample in again]
-        self._doubted |= again
-        self.planned += len(places)
-        return [*(replace(sample, sample=number + k) for k, sample in enumerate(places)), *remaining_samples]
+        repeated = [sample for sample in plan if sample.sample in doubtful]
+        self._doubted |= doubtful
+        self.planned += len(repeated)
+        return [*(replace(sample, sample=number + k) for k, sample in enumerate(repeated)), *remaining_samples]
 
 
-def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> _Captured:
+def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> _Progress:
     check_cameras(taker.rig)
     recording = Recording(recorded_samples(taker.folder, taker.sketch.cell), folder=str(taker.folder))
     planned_count += len(recording.samples)
@@ -203,26 +203,28 @@ def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> 
         for sample in recording.samples:
             with suppress(Unfit):
                 taker.scene.check(sample)
-    return _Captured(taker, planned_count, detect(taker.sketch.cell, recording).samples, check)
+    return _Progress(taker, planned_count, detect(taker.sketch.cell, recording).samples, check)
 
 
 def abandoned_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
     """Samples that could not be taken, with the planned robot states."""
-    lines = [{key: line[key] for key in ("sample", "robots")} for line in _lines(folder) if line.get("robots")]
+    lines = [
+        {key: line[key] for key in ("sample", "robots")} for line in _abandoned_lines(folder) if line.get("robots")
+    ]
     return parse_plan([json.dumps(line).encode() for line in lines], folder / ABANDONED_FILE, folder, cell)
 
 
 def _abandoned_numbers(folder: Path) -> set[int]:
-    return {int(line["sample"]) for line in _lines(folder)}
+    return {int(line["sample"]) for line in _abandoned_lines(folder)}
 
 
-def _lines(folder: Path) -> Iterator[dict[str, Any]]:
+def _abandoned_lines(folder: Path) -> Iterator[dict[str, Any]]:
     """Lines of samples that were given up; a damaged line is omitted, and its sample is tried again."""
     path = folder / ABANDONED_FILE
     for line in read_bounded(path, _LARGEST_BYTES).splitlines() if path.exists() else []:
         try:
-            told = json.loads(line)
-            int(told["sample"])
+            line_data = json.loads(line)
+            int(line_data["sample"])
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             continue
-        yield told
+        yield line_data

@@ -34,7 +34,7 @@ reaches within 0.3 s. `none`: the arm finishes its move.
 """
 ARRIVED_RAD_M = 2e-3
 """Distance from the goal at which an arm counts as arrived [rad, m]: controllers round or stop slightly short."""
-_LARGEST_JOINT_RAD = 1e3  # of a joint: 159 turns, more than any turn counter
+_LARGEST_JOINT_RAD = 1e3  # 159 turns, more than any turn counter
 _LARGEST_DISTANCE_M = 1e3  # of a flange from its base
 _ROTATION_TOLERANCE = 1e-3  # for the orthonormality of a rotation matrix: printed numbers are rounded
 
@@ -271,8 +271,8 @@ def checked_options(place: Place, kind: type[Options]) -> Options:
     Raises:
         DatasetError: if an option is unknown or invalid; the error names the field in `cell.yaml`.
     """
-    where = (place.section, place.name, "driver")
-    return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), place=where)
+    field_path = (place.section, place.name, "driver")
+    return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), place=field_path)
 
 
 def has_arrived(state: RobotState, goal: RobotState) -> bool:
@@ -280,22 +280,24 @@ def has_arrived(state: RobotState, goal: RobotState) -> bool:
     return bool(np.abs(state.vector - goal.vector).max() < ARRIVED_RAD_M)
 
 
-OFF_WAY_RAD = 0.05
+PATH_TOLERANCE_RAD = 0.05
 """Tolerance of a joint beyond the range between start and goal: more than overshoot, play and noise of any arm."""
 
 
-OFF_PLACE_RAD = 0.01
+GOAL_TOLERANCE_RAD = 0.01
 """Tolerance of a joint at its goal after arrival: more than noise and settling, less than a push."""
 
 
-def joint_off_way(joints_rad: Array, start_rad: Array, goal_rad: Array, limit_rad: float) -> tuple[int, float] | None:
+def largest_path_deviation(
+    joints_rad: Array, start_rad: Array, goal_rad: Array, limit_rad: float
+) -> tuple[int, float] | None:
     """Index of the joint farthest outside the range between its start and its goal, and the excess [rad].
 
     None if the excess of every joint is within a limit. All arrays are (joints,) [rad].
     """
-    beyond = np.maximum(np.minimum(start_rad, goal_rad) - joints_rad, joints_rad - np.maximum(start_rad, goal_rad))
-    worst = int(np.argmax(beyond))
-    return (worst, float(beyond[worst])) if beyond[worst] > limit_rad else None
+    excess_rad = np.maximum(np.minimum(start_rad, goal_rad) - joints_rad, joints_rad - np.maximum(start_rad, goal_rad))
+    worst = int(np.argmax(excess_rad))
+    return (worst, float(excess_rad[worst])) if excess_rad[worst] > limit_rad else None
 
 
 def check_reading(name: str, reading: Reading) -> None:
@@ -304,14 +306,14 @@ def check_reading(name: str, reading: Reading) -> None:
     Raises:
         DriverError: if a number is not finite, a joint is beyond 1000 rad, or a flange is beyond 1 km.
     """
-    if problem := _problem(reading):
+    if problem := _implausibility(reading):
         raise DriverError(
             f"{name}: implausible state: {problem}. The controller or its driver sends wrong numbers. "
             f"Check the driver's units and what the controller shows"
         )
 
 
-def _problem(reading: Reading) -> str:
+def _implausibility(reading: Reading) -> str:
     if (reading.state.joints_rad is None) == (reading.state.base_from_flange is None):
         return "expected either joints or a pose of the flange"
     values = reading.state.vector

@@ -19,25 +19,25 @@ _POLL_S = 5e-4  # polling period of data received by another thread: a quarter o
 _SUSTAINED_S = 5.0  # time of waiting over which the rate is measured
 _RATE_STATES = round(_SUSTAINED_S * LEAST_HZ)
 
-Given = TypeVar("Given")
+Item = TypeVar("Item")
 
 
 class Stale(Exception):
     """No new data before the timeout; the caller decides what to do."""
 
 
-def wait_for_newer(read_newer: Callable[[], Given | None], wait_s: float = STALE_S) -> Given:
+def wait_for_newer(read_newer: Callable[[], Item | None], wait_s: float = STALE_S) -> Item:
     """Poll `read_newer` until it returns a result that is not None.
 
     Raises:
         Stale: if there is none before the timeout [s].
     """
-    until = time.monotonic() + wait_s
-    while (given := read_newer()) is None:
-        if time.monotonic() > until:
+    deadline_s = time.monotonic() + wait_s
+    while (item := read_newer()) is None:
+        if time.monotonic() > deadline_s:
             raise Stale
         time.sleep(_POLL_S)
-    return given
+    return item
 
 
 class Waits:
@@ -74,20 +74,20 @@ class Patience:
     """Timeout by the timestamps of states, or by this machine's clock while the timestamps do not advance."""
 
     def __init__(self, patience_s: float) -> None:
-        self._patience_s, self._passed_s, self._standing_s = patience_s, 0.0, 0.0
-        self._stamp_s, self._at_s = float("nan"), 0.0
+        self._patience_s, self._advanced_s, self._frozen_s = patience_s, 0.0, 0.0
+        self._stamp_s, self._read_s = float("nan"), 0.0
 
     def is_over(self, stamp_s: float) -> bool:
         """Add the timestamp of a state [s]; whether more than the timeout has passed since the first state."""
-        before_s, before_at_s = self._stamp_s, self._at_s
-        self._stamp_s, self._at_s = stamp_s, time.monotonic()
-        if stamp_s > before_s:
-            self._passed_s += stamp_s - before_s
-        elif stamp_s <= before_s:
-            self._standing_s += self._at_s - before_at_s
-        return self._passed_s + self._standing_s > self._patience_s
+        previous_stamp_s, previous_read_s = self._stamp_s, self._read_s
+        self._stamp_s, self._read_s = stamp_s, time.monotonic()
+        if stamp_s > previous_stamp_s:
+            self._advanced_s += stamp_s - previous_stamp_s
+        elif stamp_s <= previous_stamp_s:
+            self._frozen_s += self._read_s - previous_read_s
+        return self._advanced_s + self._frozen_s > self._patience_s
 
     @property
     def cause(self) -> str:
         """Note for a message that the timestamps did not advance most of the time; else empty."""
-        return " (the stamps of its states do not advance)" if self._standing_s > self._passed_s else ""
+        return " (the stamps of its states do not advance)" if self._frozen_s > self._advanced_s else ""

@@ -50,28 +50,34 @@ class Replanner:
     home: Sample
     offered: Mapping[View, Sequence[Sample]]
 
-    def plan(self, samples: Sequence[Sample], bad: Sequence[Sample]) -> Plan:
+    def plan(self, samples: Sequence[Sample], failed_samples: Sequence[Sample]) -> Plan:
         """Plan the remaining samples; none if a calibration of the samples so far meets the tolerance.
 
         Args:
             samples: Samples taken so far, with their observations.
-            bad: Samples that could not be taken.
+            failed_samples: Samples that could not be taken.
 
         Raises:
             InputError: if no candidate is left.
         """
         task = _task_settings(self.points_m)
-        found = self._plan_from(_current_calibration(self.cell, samples, task), samples, bad)
-        if found.samples or not found.recorded:
-            return found
-        made = calibrate(self.cell, Recording(tuple(samples)), task)
-        return found if made.meeting is None else self._plan_from(made, samples, bad)
+        plan = self._plan_from(_current_calibration(self.cell, samples, task), samples, failed_samples)
+        if plan.samples or not plan.recorded:
+            return plan
+        calibration = calibrate(self.cell, Recording(tuple(samples)), task)
+        return plan if calibration.meeting is None else self._plan_from(calibration, samples, failed_samples)
 
-    def _plan_from(self, calibration: Calibration | None, samples: Sequence[Sample], bad: Sequence[Sample]) -> Plan:
+    def _plan_from(
+        self, calibration: Calibration | None, samples: Sequence[Sample], failed_samples: Sequence[Sample]
+    ) -> Plan:
         offered: list[Offer] = []
         for sketch in sketches(self.cell, calibration):
-            left = [s for s in self.offered.get(sketch.view, ()) if not _is_settled(sketch, s, samples, bad)]
-            offered += [(sketch, left)] if left else []
+            remaining = [
+                sample
+                for sample in self.offered.get(sketch.view, ())
+                if not _is_settled(sketch, sample, samples, failed_samples)
+            ]
+            offered += [(sketch, remaining)] if remaining else []
         if not offered:
             raise InputError("no candidate is left: teach another pose, and capture again")
         recording = _with_home(self.home, samples)
@@ -116,7 +122,7 @@ def stations_for_task(
     points_m: Array,
     tolerance_m: float | None,
     count: int | None,
-    seed: int = 0,
+    seed: int,
 ) -> Plan:
     """Plan the stations of programmed shifts, near current and recorded robot states, that lower the error the most.
 
@@ -143,16 +149,16 @@ def _with_home(home: Sample, samples: Sequence[Sample]) -> Recording:
     return Recording((replace(home, sample=number), *samples))
 
 
-def _is_settled(sketch: Sketch, sample: Sample, samples: Sequence[Sample], bad: Sequence[Sample]) -> bool:
+def _is_settled(sketch: Sketch, sample: Sample, samples: Sequence[Sample], failed_samples: Sequence[Sample]) -> bool:
     """Whether a candidate was taken already, or is near a sample that could not be taken."""
-    near = ((samples, _SAME_M, _SAME_RAD), (bad, _NEAR_M, _NEAR_RAD))
+    near = ((samples, _SAME_M, _SAME_RAD), (failed_samples, _NEAR_M, _NEAR_RAD))
     return any(find_equal_sample(sketch, sample, others, m, rad) is not None for others, m, rad in near)
 
 
 def _task_settings(points_m: Array) -> Settings:
     """Calibration settings for a task point, or for a task box given by its centre and corners, (n, 3) [m]."""
-    middle, first, last = (tuple(points_m[k].tolist()) for k in (0, min(1, len(points_m) - 1), -1))
-    return Settings(task_point=middle, task_box=None if len(points_m) == 1 else (*first, *last))
+    centre, first, last = (tuple(points_m[k].tolist()) for k in (0, min(1, len(points_m) - 1), -1))
+    return Settings(task_point=centre, task_box=None if len(points_m) == 1 else (*first, *last))
 
 
 def _current_calibration(cell: Cell, samples: Sequence[Sample], task: Settings) -> Calibration | None:
@@ -168,5 +174,5 @@ def _current_calibration(cell: Cell, samples: Sequence[Sample], task: Settings) 
         return None
     noise = noise_summary(cell, recording, solution)
     transforms, parameters = dict(solution.transforms), robot_parameters(solution)
-    found = Calibration("doubtful", transforms, noise=noise, robot_parameters=parameters, settings=task.as_dict())
-    return replace(found, meeting=meeting_error(found, ArmErrors(cell, solution, solution), task))
+    calibration = Calibration("doubtful", transforms, noise=noise, robot_parameters=parameters, settings=task.as_dict())
+    return replace(calibration, meeting=meeting_error(calibration, ArmErrors(cell, solution, solution), task))

@@ -63,31 +63,31 @@ def open_rig(cell: Cell, folder: Path, allow_plaintext: bool = False) -> Iterato
         DatasetError: if a driver is unknown, does not support the device, or has an invalid option.
         DriverError: if a robot or camera does not answer, or all arms were stopped.
     """
-    places = _places(cell, folder, "robots", allow_plaintext)
-    alone = {name: place for name, (kind, place) in places.items() if kind.needs_own_process}
-    here = {name: opener for name, opener in places.items() if name not in alone}
+    places = _find_openers(cell, folder, "robots", allow_plaintext)
+    supervised = {name: place for name, (kind, place) in places.items() if kind.needs_own_process}
+    local = {name: opener for name, opener in places.items() if name not in supervised}
     supervisor: list[Arms] = []
-    requested: list[str] = []  # stops of a rig without a supervisor
+    stop_reasons: list[str] = []  # stops of a rig without a supervisor
     with ExitStack() as opened:
         signals_fd = opened.enter_context(
-            routed_signals(lambda: supervisor[0].interruption if supervisor else "".join(requested[:1]))
+            routed_signals(lambda: supervisor[0].interruption if supervisor else "".join(stop_reasons[:1]))
         )
         try:
-            if alone:
-                supervisor.append(Arms(alone, signals_fd))
+            if supervised:
+                supervisor.append(Arms(supervised, signals_fd))
                 opened.callback(supervisor[0].close)
-            robots: dict[str, Robot] = {name: kind.robot(place) for name, (kind, place) in here.items()}
+            robots: dict[str, Robot] = {name: kind.robot(place) for name, (kind, place) in local.items()}
             motion = ArmMotion()
             cameras = {
                 name: feed_camera(name, kind.camera(place), motion)
-                for name, (kind, place) in _places(cell, folder, "cameras", allow_plaintext).items()
+                for name, (kind, place) in _find_openers(cell, folder, "cameras", allow_plaintext).items()
             }
-            here_opened: dict[str, Robot | Camera] = {**robots, **cameras}
-            closes = {name: device.close for name, device in here_opened.items()}
+            local_devices: dict[str, Robot | Camera] = {**robots, **cameras}
+            closes = {name: device.close for name, device in local_devices.items()}
             opened.callback(_call_in_parallel, closes, _CLOSE_TIMEOUT_S)
-            robots |= supervisor[0].open_arms() if alone else {}
+            robots |= supervisor[0].open_arms() if supervised else {}
             guarantees = {name: kind.stop_guarantee for name, (kind, _) in places.items()}
-            stop = supervisor[0].request_stop if supervisor else lambda reason: _interrupt(requested, reason)
+            stop = supervisor[0].request_stop if supervisor else lambda reason: _interrupt(stop_reasons, reason)
             rig = Rig({name: robots[name] for name in places}, cameras, motion, guarantees, stop)
             try:
                 yield rig
@@ -147,15 +147,15 @@ def check_guarantees(rig: Rig, is_none_accepted: bool) -> None:
     Raises:
         UsageError: if an arm does not stop, and the user does not accept it.
     """
-    loose = [name for name in movers(rig) if rig.guarantees.get(name) == "none"]
-    if loose and not is_none_accepted:
+    unguarded = [name for name in movers(rig) if rig.guarantees.get(name) == "none"]
+    if unguarded and not is_none_accepted:
         raise UsageError(
-            f"{loose[0]}: no watchdog stops this arm. If this program or the network fails, it finishes its move. "
+            f"{unguarded[0]}: no watchdog stops this arm. If this program or the network fails, it finishes its move. "
             f"Add --accept-no-watchdog to move it all the same, with a hand on the emergency stop."
         )
 
 
-def _call_in_parallel(calls: Mapping[str, Callable[[], None]], most_s: float) -> list[str]:
+def _call_in_parallel(calls: Mapping[str, Callable[[], None]], timeout_s: float) -> list[str]:
     """Make calls in parallel threads with a shared timeout [s]; names of the calls that failed or did not return."""
     failed = list(calls)
 
@@ -168,9 +168,9 @@ def _call_in_parallel(calls: Mapping[str, Callable[[], None]], most_s: float) ->
     threads = [threading.Thread(target=call_silently, args=(name,), daemon=True) for name in calls]
     for thread in threads:
         thread.start()
-    until = time.monotonic() + most_s
+    deadline_s = time.monotonic() + timeout_s
     for thread in threads:
-        thread.join(max(until - time.monotonic(), 0.0))
+        thread.join(max(deadline_s - time.monotonic(), 0.0))
     return list(failed)
 
 
@@ -180,30 +180,32 @@ def openers(cell: Cell, folder: Path) -> list[tuple[DriverKind, Place]]:
     Raises:
         DatasetError: if a driver is unknown, or does not support the kind of device.
     """
-    return [*_places(cell, folder, "robots").values(), *_places(cell, folder, "cameras").values()]
+    return [*_find_openers(cell, folder, "robots").values(), *_find_openers(cell, folder, "cameras").values()]
 
 
-def _places(cell: Cell, folder: Path, section: Literal["robots", "cameras"], allow_plaintext: bool = False) -> _Openers:
+def _find_openers(
+    cell: Cell, folder: Path, section: Literal["robots", "cameras"], allow_plaintext: bool = False
+) -> _Openers:
     """Drivers and places of all robots or cameras that have a driver, by name.
 
     Raises:
         DatasetError: if a driver is unknown, or does not support the kind of device.
     """
-    things = cell.robots if section == "robots" else cell.cameras
-    found = {}
-    for name, thing in things.items():
-        if thing.driver is not None:
-            place = Place(name, cell, folder, thing.driver.options, allow_plaintext)
-            found[name] = (_kind(thing.driver.kind, place), place)
-    return found
+    devices = cell.robots if section == "robots" else cell.cameras
+    openers = {}
+    for name, device in devices.items():
+        if device.driver is not None:
+            place = Place(name, cell, folder, device.driver.options, allow_plaintext)
+            openers[name] = (_find_driver(device.driver.kind, place), place)
+    return openers
 
 
-def _kind(name: str, place: Place) -> DriverKind:
+def _find_driver(name: str, place: Place) -> DriverKind:
     kind = driver_kind(name)
     if kind is None:
         known = driver_names()
-        there = f"there are: {', '.join(known)}"
-        raise place.error(f"no driver {name!r}{nearest(name, known)}; {there}", "driver.kind")
+        message = f"no driver {name!r}{nearest(name, known)}; there are: {', '.join(known)}"
+        raise place.error(message, "driver.kind")
     if (kind.open_robot if place.section == "robots" else kind.open_camera) is None:
         others = "cameras" if place.section == "robots" else "robots"
         raise place.error(f"driver {name!r} is for {others} only", "driver.kind")

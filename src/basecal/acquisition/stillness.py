@@ -20,7 +20,7 @@ from basecal.vision.image_motion import Levels, reduce_image, shift_between
 _WINDOW_STATES = 12  # number of compared states: a tenth of a second of most controllers
 _STILL_RAD_M = 1e-4  # tolerance between the means of both halves of the window: 0.1 mm at a metre
 _NOISE_SIGMAS = 4.0  # tolerance in sigmas of that difference, for noisy states
-_LED_RAD_M = 2e-3  # least motion of an arm that a person leads
+_HAND_GUIDED_RAD_M = 2e-3  # least motion of an arm that a person leads
 _STILL_PX = 0.1  # largest motion between still images
 _STILL_IMAGES = 3  # still images in a row: two images of a swing may coincide
 
@@ -58,7 +58,7 @@ def wait_for_arms(
         Moving: if an arm is still moving at the timeout, or is not at its goal.
     """
     latest: dict[str, deque[Reading]] = {name: deque(maxlen=_WINDOW_STATES) for name in robots}
-    waited = Patience(patience_s)
+    patience = Patience(patience_s)
     while True:
         for name, robot in robots.items():
             if robot.is_live or not latest[name]:
@@ -70,13 +70,13 @@ def wait_for_arms(
         moving = [name for name in live if not _is_still(latest[name], goals.get(name))]
         if not moving:
             return {name: _mean(readings) for name, readings in latest.items()}
-        if waited.is_over(latest[live[0]][-1].stamp_s):
+        if patience.is_over(latest[live[0]][-1].stamp_s):
             stuck = [name for name in moving if _is_still(latest[name], None)]
-            what = "arm not at its goal" if stuck else "arm still moving"
-            raise Moving(f"{what}: {', '.join(stuck or moving)}{waited.cause}")
+            problem = "arm not at its goal" if stuck else "arm still moving"
+            raise Moving(f"{problem}: {', '.join(stuck or moving)}{patience.cause}")
 
 
-def wait_until_led(
+def wait_until_hand_guided(
     robots: Mapping[str, Robot],
     states: Mapping[str, RobotState],
     patience_s: float,
@@ -85,7 +85,7 @@ def wait_until_led(
     """Wait until every arm that is led by hand is still at a new place.
 
     Args:
-        robots: Led robots, by name.
+        robots: Hand-guided robots, by name.
         states: Previous states, by name; for an arm without one, every place is new.
         patience_s: Timeout [s], by the states' timestamps; by this machine's clock while these do not advance.
         note: Receives each state.
@@ -93,14 +93,14 @@ def wait_until_led(
     Raises:
         Moving: if an arm is still moving at the timeout, or was not moved.
     """
-    waited = Patience(patience_s)
+    patience = Patience(patience_s)
     while True:
-        here = wait_for_arms(robots, {}, patience_s, note)
+        readings = wait_for_arms(robots, {}, patience_s, note)
         known = [name for name in robots if name in states]
-        moved_by = [np.abs(here[name].state.vector - states[name].vector).max() for name in known]
-        if all(distance > _LED_RAD_M for distance in moved_by):
+        distances = [np.abs(readings[name].state.vector - states[name].vector).max() for name in known]
+        if all(distance > _HAND_GUIDED_RAD_M for distance in distances):
             return
-        if waited.is_over(next(iter(here.values())).stamp_s):
+        if patience.is_over(next(iter(readings.values())).stamp_s):
             raise Moving(f"arm not led to another place: {', '.join(robots)}")
 
 
@@ -109,9 +109,9 @@ def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:
         return False
     values = np.stack([reading.state.vector for reading in readings])
     half = _WINDOW_STATES // 2
-    between = np.abs(values[half:].mean(0) - values[:half].mean(0))
-    noise = np.diff(values, axis=0).std(0) / np.sqrt(2)
-    if np.any(between > np.maximum(_STILL_RAD_M, _NOISE_SIGMAS * noise * np.sqrt(2 / half))):
+    change = np.abs(values[half:].mean(0) - values[:half].mean(0))
+    sigma = np.diff(values, axis=0).std(0) / np.sqrt(2)
+    if np.any(change > np.maximum(_STILL_RAD_M, _NOISE_SIGMAS * sigma * np.sqrt(2 / half))):
         return False
     return goal is None or has_arrived(_mean(readings).state, goal)
 
@@ -135,13 +135,13 @@ def wait_for_image_after(
     Raises:
         Moving: if all images before the timeout are older.
     """
-    until = time.monotonic() + patience_s
+    deadline_s = time.monotonic() + patience_s
     while True:
         image = camera.image()
         show(image)
         if image.exposed_s is None or image.exposed_s > after_s:
             return image
-        if time.monotonic() > until:
+        if time.monotonic() > deadline_s:
             raise Moving("image too old: all were taken before the arms came to rest; check the camera's clock")
 
 
@@ -169,18 +169,18 @@ def wait_for_image(
         """The next image, with the detected LEDs."""
         image = wait_for_image_after(camera, after_s, patience_s, show)
         found = [find(image.grey, target) for target in targets if target.found_by == LIGHT]
-        lights = tuple(None if each is None else each.pixels[0] for each in found)
-        return _Look(image, reduce_image(image.grey), lights)
+        leds = tuple(None if each is None else each.pixels[0] for each in found)
+        return _Look(image, reduce_image(image.grey), leds)
 
     looks = [look()]
     if not camera.is_live:
         return looks[0].image
-    began, still = looks[0].image.stamp_s, 0
-    while still < _STILL_IMAGES - 1:
+    begin_s, still_count = looks[0].image.stamp_s, 0
+    while still_count < _STILL_IMAGES - 1:
         looks = [*looks[1 - _STILL_IMAGES :], look()]
         moves = any(_has_moved(before, looks[-1]) for before in looks[:-1])
-        still = 0 if moves else still + 1
-        if moves and looks[-1].image.stamp_s - began > patience_s:
+        still_count = 0 if moves else still_count + 1
+        if moves and looks[-1].image.stamp_s - begin_s > patience_s:
             raise Moving("image still moving: something shakes, or somebody walks through the image")
     return looks[-1].image
 
@@ -191,11 +191,11 @@ class _Look:
 
     image: CameraImage
     small: Levels
-    lights: tuple[Array | None, ...]
+    leds: tuple[Array | None, ...]
 
 
-def _has_moved(states: _Look, second: _Look) -> bool:
-    for one, other in zip(states.lights, second.lights, strict=True):
-        if one is not None and other is not None and np.linalg.norm(other - one) > _STILL_PX:
+def _has_moved(first: _Look, second: _Look) -> bool:
+    for led, other_led in zip(first.leds, second.leds, strict=True):
+        if led is not None and other_led is not None and np.linalg.norm(other_led - led) > _STILL_PX:
             return True
-    return shift_between(states.small, second.small) > _STILL_PX
+    return shift_between(first.small, second.small) > _STILL_PX

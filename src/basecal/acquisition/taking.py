@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from basecal.acquisition.coverage import Coverage, find_equal_sample, is_same_place, measure_coverage, turned_angles
+from basecal.acquisition.coverage import Coverage, find_equal_sample, is_same_place, measure_coverage, rotation_ranges
 from basecal.acquisition.driver import CameraImage, Grey, Moves, Switches
 from basecal.acquisition.images.scene_images import SceneImages
 from basecal.acquisition.rig import Rig, goal_checks, movers
@@ -28,7 +28,7 @@ from basecal.vision.image_file import png_bytes, size_fault
 
 _WIDTH_RATIO = 1.25  # of widest to narrowest edges, above which motion is likely: lens and print blur all directions
 _MOTION_PX = 3.0  # motion blur that is accepted in addition to the width of edges in the sharpest view
-_MELT_PX = 16.0  # width of edges at which twice the width is accepted: neighbouring marks merge
+_MERGE_PX = 16.0  # width of edges at which twice the width is accepted: neighbouring marks merge
 
 
 class Sharpness:
@@ -53,7 +53,7 @@ class Sharpness:
         scale = np.array([1.0, np.linalg.norm(pixels.std(0)) / np.linalg.norm(points.std(0))])
         narrowest = self._narrowest.get(view, np.full(2, np.inf))
         typical = (scale * narrowest).max()
-        limit = max(np.hypot(typical, _MOTION_PX), typical * (1 + typical / _MELT_PX))
+        limit = max(np.hypot(typical, _MOTION_PX), typical * (1 + typical / _MERGE_PX))
         if width.wide_px > min(limit, _WIDTH_RATIO * width.narrow_px):
             return True
         self._narrowest[view] = np.minimum(narrowest, width.wide_px / scale)
@@ -102,8 +102,8 @@ class Taker:
         settings: Speed limits and timeouts.
         notify: Receives a description of the current step.
         report: Receives notes about images.
-        show: Receives each image, with the camera's name.
-        send: Receives each goal, with the robot's name.
+        show_image: Receives each image, with the camera's name.
+        show_goal: Receives each goal, with the robot's name.
         sharpness: Sharpness of the views so far.
         scene: Images of the scene so far; None if the cell has targets.
         digests: Sample number of each image so far, by camera and digest of its pixels.
@@ -115,8 +115,8 @@ class Taker:
     settings: CaptureSettings
     notify: Notify = lambda words: None
     report: Notify = lambda words: None
-    show: Callable[[str, Grey], None] = lambda camera, grey: None
-    send: Callable[[str, RobotState], None] = lambda robot, goal: None
+    show_image: Callable[[str, Grey], None] = lambda camera, grey: None
+    show_goal: Callable[[str, RobotState], None] = lambda robot, goal: None
     sharpness: Sharpness = field(default_factory=Sharpness)
     scene: SceneImages | None = None
     digests: dict[tuple[str, bytes], int] = field(default_factory=dict)
@@ -125,29 +125,29 @@ class Taker:
         """Measure the coverage of samples."""
         if self.scene is None:
             return measure_coverage(self.sketch, samples)
-        return Coverage(self.scene.cells.copy(), turned_angles(self.sketch, samples))
+        return Coverage(self.scene.cells.copy(), rotation_ranges(self.sketch, samples))
 
-    def take(self, target_sample: Sample, samples: Sequence[Sample]) -> Sample:
+    def take(self, goal: Sample, samples: Sequence[Sample]) -> Sample:
         """Take a sample, write its images to the disk, and detect the targets in them.
 
         Args:
-            target_sample: Number of the sample, and goals of the robots; robots without a goal do not move.
+            goal: Number of the sample, and goals of the robots; robots without a goal do not move.
             samples: The samples taken so far.
 
         Raises:
             Unfit: if the sample is not usable.
             DriverError: if a robot or camera does not answer.
         """
-        patience_s = self.settings.patience_s + _send(self, target_sample)
+        patience_s = self.settings.patience_s + _send_arms(self, goal)
         for _ in range(_REST_ATTEMPTS - 1):
             try:
-                return _take_sample(self, target_sample, samples, patience_s)
+                return _take_sample(self, goal, samples, patience_s)
             except Moving as why:
                 self.notify(f"{why}; once more")
-        return _take_sample(self, target_sample, samples, patience_s)
+        return _take_sample(self, goal, samples, patience_s)
 
 
-def _send(taker: Taker, target_sample: Sample) -> float:
+def _send_arms(taker: Taker, goal: Sample) -> float:
     """Send the arms to a sample after the sample, the path and the controllers' acceptance are checked.
 
     Returns:
@@ -157,36 +157,36 @@ def _send(taker: Taker, target_sample: Sample) -> float:
         Unfit: if a check fails; no arm is sent then.
         DriverError: if a robot does not answer.
     """
-    taker.notify(
-        f"sample {target_sample.sample}: arms move" if target_sample.robots else f"sample {target_sample.sample}"
-    )
-    sent = {name: robot for name, robot in movers(taker.rig).items() if name in target_sample.robots}
-    if not sent:
+    taker.notify(f"sample {goal.sample}: arms move" if goal.robots else f"sample {goal.sample}")
+    moving = {name: robot for name, robot in movers(taker.rig).items() if name in goal.robots}
+    if not moving:
         return 0.0
-    here = {name: robot.state().state for name, robot in taker.rig.robots.items() if robot.is_live or name in sent}
+    here = {name: robot.state().state for name, robot in taker.rig.robots.items() if robot.is_live or name in moving}
     limits = SpeedLimits(taker.settings.speed_rad_s, taker.settings.tool_m_s)
-    found = check_plan(taker.sketch, here, [target_sample], limits, goal_checks(sent))
-    if found.refusals:
-        raise Unfit(f"{found.refusals[0].what}; nothing was sent")
-    for way in found.ways:
-        taker.send(way.robot, target_sample.robots[way.robot])
-        sent[way.robot].move(target_sample.robots[way.robot], way.joint_rad_s)
-    return max(_turn_rad(here[way.robot], target_sample.robots[way.robot]) / way.joint_rad_s for way in found.ways)
+    plan_check = check_plan(taker.sketch, here, [goal], limits, goal_checks(moving))
+    if plan_check.refusals:
+        raise Unfit(f"{plan_check.refusals[0].what}; nothing was sent")
+    for path in plan_check.paths:
+        taker.show_goal(path.robot, goal.robots[path.robot])
+        moving[path.robot].move(goal.robots[path.robot], path.joint_rad_s)
+    return max(
+        _joint_travel_rad(here[path.robot], goal.robots[path.robot]) / path.joint_rad_s for path in plan_check.paths
+    )
 
 
-def _turn_rad(start: RobotState, end: RobotState) -> float:
+def _joint_travel_rad(start: RobotState, end: RobotState) -> float:
     """Angle by which the leading joint turns [rad]; pi, the usual maximum, if joints are unknown."""
     if start.joints_rad is None or end.joints_rad is None:
         return np.pi
     return float(np.abs(end.joints_rad - start.joints_rad).max())
 
 
-def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample], patience_s: float) -> Sample:
+def _take_sample(taker: Taker, goal: Sample, samples: Sequence[Sample], patience_s: float) -> Sample:
     rig, sketch, folder, settings = taker.rig, taker.sketch, taker.folder, taker.settings
-    goals = {name: state for name, state in target_sample.robots.items() if isinstance(rig.robots.get(name), Moves)}
+    goals = {name: state for name, state in goal.robots.items() if isinstance(rig.robots.get(name), Moves)}
     before = wait_for_arms(rig.robots, goals, patience_s, rig.arms.note)
     rested_s = time.monotonic()
-    taker.notify(f"sample {target_sample.sample}: waiting for a still image")
+    taker.notify(f"sample {goal.sample}: waiting for a still image")
     shots = {name: _take_shot(taker, name, rested_s) for name in rig.cameras}
     rig.arms.forget()
     # States after the image are nearer to the pose at the exposure, because the end of a motion is slow.
@@ -194,20 +194,20 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
     after = wait_for_arms(live, {name: before[name].state for name in live}, settings.patience_s) if live else {}
     states = {name: reading.state for name, reading in {**before, **after}.items()}
     stamp_s = next(iter(shots.values())).stamp_s
-    here = Sample(target_sample.sample, stamp_s, states)
-    _check_repeats(taker, here, shots, samples)
+    taken = Sample(goal.sample, stamp_s, states)
+    _check_repeats(taker, taken, shots, samples)
     if taker.scene is not None:
-        taker.notify(f"sample {target_sample.sample}: looking at the scene")
-        new = {name: shots[name] for name in taker.scene.moved_cameras(shots, sketch, here, samples)}
-        sample = replace(here, images=_write_shots(folder, target_sample.sample, new)[0])
+        taker.notify(f"sample {goal.sample}: looking at the scene")
+        new = {name: shots[name] for name in taker.scene.moved_cameras(shots, sketch, taken, samples)}
+        sample = replace(taken, images=_write_shots(folder, goal.sample, new)[0])
         taker.scene.check(sample)
         return sample
-    taker.notify(f"sample {target_sample.sample}: looking for the target")
-    images, background = _write_shots(folder, target_sample.sample, shots)
-    sample = replace(here, images=images, background=background)
-    like = find_equal_sample(sketch, sample, samples)
-    if like is not None:
-        raise Unfit(f"too similar to sample {like}")
+    taker.notify(f"sample {goal.sample}: looking for the target")
+    images, background = _write_shots(folder, goal.sample, shots)
+    sample = replace(taken, images=images, background=background)
+    equal = find_equal_sample(sketch, sample, samples)
+    if equal is not None:
+        raise Unfit(f"too similar to sample {equal}")
     seen = detect(sketch.cell, Recording((sample,), folder=str(folder))).samples[0]
     _check_visibility(taker, seen, shots)
     return seen
@@ -231,7 +231,7 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
 
     def show(image: CameraImage) -> None:
         """Show an image, and report its note."""
-        taker.show(name, image.grey)
+        taker.show_image(name, image.grey)
         if image.note:
             taker.report(image.note)
 
@@ -249,7 +249,7 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
     return _Shot(image.stamp_s, image.grey, background)
 
 
-def _check_repeats(taker: Taker, here: Sample, shots: Mapping[str, _Shot], samples: Sequence[Sample]) -> None:
+def _check_repeats(taker: Taker, sample: Sample, shots: Mapping[str, _Shot], samples: Sequence[Sample]) -> None:
     """Check that no camera repeats the image of another sample.
 
     Raises:
@@ -260,11 +260,11 @@ def _check_repeats(taker: Taker, here: Sample, shots: Mapping[str, _Shot], sampl
         key = (name, sha256(shot.grey.tobytes()).digest())
         other = others.get(taker.digests.get(key, -1))
         if other is None:
-            taker.digests[key] = here.sample
-        elif _is_new_view(taker.sketch, name, here, other):
+            taker.digests[key] = sample.sample
+        elif _is_new_view(taker.sketch, name, sample, other):
             raise DriverError(
-                f"{name}: its image at sample {here.sample} repeats that of sample {other.sample}, though arms moved. "
-                f"Restart the camera, or the program that saves its images"
+                f"{name}: its image at sample {sample.sample} repeats that of sample {other.sample}, "
+                f"though arms moved. Restart the camera, or the program that saves its images"
             )
 
 
@@ -272,15 +272,15 @@ def _is_new_view(sketch: Sketch, camera: str, first: Sample, second: Sample) -> 
     """Whether a camera, or each target that it may see, moved between two samples."""
     shared = first.robots.keys() & second.robots.keys()
     moved = {robot for robot in shared if not is_same_place(sketch, robot, first, second)}
-    on = sketch.cell.cameras[camera].on
-    carriers = {target.on for target in sketch.cell.targets.values() if target.on != on}
-    return on in moved or (bool(carriers) and carriers <= moved)
+    carrier = sketch.cell.cameras[camera].on
+    carriers = {target.on for target in sketch.cell.targets.values() if target.on != carrier}
+    return carrier in moved or (bool(carriers) and carriers <= moved)
 
 
 def visible_targets(cell: Cell, camera: str) -> list[Target]:
     """Targets that a camera may see: all that are not mounted on the same body."""
-    on = cell.cameras[camera].on
-    return [each.target for each in cell.targets.values() if each.on != on and each.target is not None]
+    carrier = cell.cameras[camera].on
+    return [each.target for each in cell.targets.values() if each.on != carrier and each.target is not None]
 
 
 def _write_shots(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dict[str, str], dict[str, str]]:
@@ -303,14 +303,14 @@ def _check_visibility(taker: Taker, sample: Sample, shots: Mapping[str, _Shot]) 
         Unfit: if a camera sees no target, or the target is blurred.
     """
     for camera, shot in shots.items():
-        seen = [each for each in sample.observations if each.camera == camera]
-        if not seen:
+        observations = [observation for observation in sample.observations if observation.camera == camera]
+        if not observations:
             raise Unfit(f"target not seen by {camera}")
-        for each in seen:
-            shape = taker.sketch.cell.targets[each.target].target
-            if isinstance(each, CandidateObservation | PixelObservation) and shape is not None and shape.sheets:
-                width = edge_width(shot.grey, each.pixels)
-                points = shape.points[each.ids] if isinstance(each, PixelObservation) else shape.points
-                view = (camera, each.target)
-                if width is not None and taker.sharpness.is_blurred(view, width, each.pixels, points):
-                    raise Unfit(f"too blurred: edges of {each.target} are {width.wide_px:.1f} px wide")
+        for observation in observations:
+            shape = taker.sketch.cell.targets[observation.target].target
+            if isinstance(observation, CandidateObservation | PixelObservation) and shape is not None and shape.sheets:
+                width = edge_width(shot.grey, observation.pixels)
+                points = shape.points[observation.ids] if isinstance(observation, PixelObservation) else shape.points
+                view = (camera, observation.target)
+                if width is not None and taker.sharpness.is_blurred(view, width, observation.pixels, points):
+                    raise Unfit(f"too blurred: edges of {observation.target} are {width.wide_px:.1f} px wide")

@@ -41,10 +41,10 @@ class Snapshot:
     """A capture at an instant.
 
     Attributes:
-        doing: Description of the current step.
+        activity: Description of the current step.
         step: Result of the last sample; None before the first one.
         sigmas: Sigmas of the base after each sample, since all directions are observable.
-        said: Lines about the last samples.
+        lines: Lines about the last samples.
         doubts: Lines about disagreements that last for the rest of the capture.
         images: The last image of each camera.
         states: The last state of each robot.
@@ -56,10 +56,10 @@ class Snapshot:
         end: End of the capture; None while it is running.
     """
 
-    doing: str = "opening robots and cameras"
+    activity: str = "opening robots and cameras"
     step: Step | None = None
     sigmas: tuple[Sigma, ...] = ()
-    said: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     images: tuple[tuple[str, Grey], ...] = ()
     states: tuple[tuple[str, RobotState], ...] = ()
@@ -76,8 +76,8 @@ class Snapshot:
         recent = self.times_s[-_RECENT_STEPS:]
         if self.step is None or len(recent) < 2:
             return None
-        each = statistics.median(after - before for before, after in pairwise(recent))
-        return max(self.step.planned - self.step.taken, 0) * each
+        duration_s = statistics.median(after - before for before, after in pairwise(recent))
+        return max(self.step.planned - self.step.taken, 0) * duration_s
 
     @property
     def advice(self) -> str:
@@ -102,36 +102,36 @@ class Watch:
     def notify(self, words: str) -> None:
         """Note the current step."""
         with self._lock:
-            self._snapshot = replace(self._snapshot, doing=words)
+            self._snapshot = replace(self._snapshot, activity=words)
 
     def note(self, step: Step) -> None:
         """Note the result of a sample."""
-        line = f"sample {step.sample}: {'not taken: ' + step.why_not if step.why_not else 'taken'}"
+        result = f"sample {step.sample}: {'not taken: ' + step.why_not if step.why_not else 'taken'}"
         with self._lock:
-            before = self._snapshot
-            sigmas = before.sigmas
+            previous = self._snapshot
+            sigmas = previous.sigmas
             if step.sigma is not None and not step.why_not:
                 sigmas = (*sigmas, Sigma(step.taken, *step.sigma))
-            said = (*before.said, line, *(doubt.message for doubt in step.doubts))[-_LINE_COUNT:]
-            doubts = (*before.doubts, *(doubt.message for doubt in step.doubts if doubt.is_lasting))
-            failures = (*before.failures, (step.sample, step.why_not)) if step.why_not else before.failures
-            times_s = (*before.times_s, self._clock())
+            lines = (*previous.lines, result, *(doubt.message for doubt in step.doubts))[-_LINE_COUNT:]
+            doubts = (*previous.doubts, *(doubt.message for doubt in step.doubts if doubt.is_lasting))
+            failures = (*previous.failures, (step.sample, step.why_not)) if step.why_not else previous.failures
+            times_s = (*previous.times_s, self._clock())
             self._snapshot = replace(
-                before, step=step, sigmas=sigmas, said=said, doubts=doubts, failures=failures, times_s=times_s
+                previous, step=step, sigmas=sigmas, lines=lines, doubts=doubts, failures=failures, times_s=times_s
             )
 
     def note_error(self, tolerance_m: float, error_m: float | None) -> None:
         """Note the tolerance at the task, and the error expected with the samples so far [m]."""
         with self._lock:
-            before = self._snapshot
-            taken = 0 if before.step is None else before.step.taken
-            errors = before.errors if error_m is None else (*before.errors, (taken, error_m))
-            self._snapshot = replace(before, tolerance_m=tolerance_m, errors=errors)
+            previous = self._snapshot
+            taken = 0 if previous.step is None else previous.step.taken
+            errors = previous.errors if error_m is None else (*previous.errors, (taken, error_m))
+            self._snapshot = replace(previous, tolerance_m=tolerance_m, errors=errors)
 
     def report(self, words: str) -> None:
         """Note a message for the user."""
         with self._lock:
-            self._snapshot = replace(self._snapshot, said=(*self._snapshot.said, words)[-_LINE_COUNT:])
+            self._snapshot = replace(self._snapshot, lines=(*self._snapshot.lines, words)[-_LINE_COUNT:])
 
     def note_image(self, camera: str, grey: Grey) -> None:
         """Note an image."""

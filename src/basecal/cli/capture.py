@@ -269,10 +269,10 @@ def _take_samples(
 ) -> list[Step]:
     """Take the samples of a plan, or at poses to which a person guides the arms, and return their results."""
     from basecal.acquisition.capture import capture as captured
-    from basecal.acquisition.capture import capture_led
+    from basecal.acquisition.capture import capture_by_hand
 
     found: list[Step] = []
-    for step in captured(taker, plan, replan) if led is None else capture_led(taker, led, view.key):
+    for step in captured(taker, plan, replan) if led is None else capture_by_hand(taker, led, view.key):
         found.append(step)
         view.note(step, len(found))
         if replan is not None:
@@ -302,7 +302,9 @@ def _taker(
     if view is None:
         return taker
     watch = view.watch
-    return replace(taker, notify=watch.notify, report=view.report, show=watch.note_image, send=watch.note_goal)
+    return replace(
+        taker, notify=watch.notify, report=view.report, show_image=watch.note_image, show_goal=watch.note_goal
+    )
 
 
 def _finish_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:

@@ -34,11 +34,11 @@ def known_sketch(folder: Path, is_led: bool = False) -> Sketch:
     """
     from basecal.cell.files import read_cell
     from basecal.planning.prospects import calibrated_sketch
-    from basecal.planning.sketch import led_sketch
+    from basecal.planning.sketch import hand_guided_sketch
 
     cell = read_cell(folder)
     if is_led and cell.sees_scene:
-        return led_sketch(cell)
+        return hand_guided_sketch(cell)
     return calibrated_sketch(cell, _trusted_calibration(folder, cell))
 
 
@@ -167,7 +167,7 @@ def say_plan(
         f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move{_speeds(plan_check)}, "
         f"with {target} in view of {camera} at every stop; {_ways(plan_check)}"
     )
-    for name in {way.robot for way in plan_check.ways if way.gaps}:
+    for name in {way.robot for way in plan_check.paths if way.gaps}:
         for problem in robot_capsules(sketch, name)[1]:
             say(f"WARNING: {name}: {problem}. A line with a radius of 60 mm is checked instead")
     if replanner is not None:
@@ -181,15 +181,15 @@ def say_plan(
 
 
 def _speeds(plan_check: PlanCheck) -> str:
-    if not plan_check.ways:
+    if not plan_check.paths:
         return ""
-    joint, tool = max(way.joint_rad_s for way in plan_check.ways), max(way.tool_m_s for way in plan_check.ways)
+    joint, tool = max(way.joint_rad_s for way in plan_check.paths), max(way.tool_m_s for way in plan_check.paths)
     return f", no joint faster than {degrees(joint):.3g} deg/s and no point faster than {1e3 * tool:.0f} mm/s"
 
 
 def _ways(plan_check: PlanCheck) -> str:
     """Text with the least clearances between robots and of robots from boxes."""
-    gaps = sorted((gap for way in plan_check.ways for gap in way.gaps), key=lambda gap: -gap.gap_m)
+    gaps = sorted((gap for way in plan_check.paths for gap in way.gaps), key=lambda gap: -gap.gap_m)
     least = {(gap.robot, gap.other): f"{1e3 * gap.gap_m:.0f} mm between {gap.robot} and {gap.other}" for gap in gaps}
     known = ", ".join(least.values())
     return f"least clearance of motions: {known}; nothing else is checked" if known else "the motions are not checked"
@@ -199,7 +199,7 @@ def say_ways(plan_check: PlanCheck) -> None:
     """Print each robot's motion to each sample with its speeds and clearances, and which samples are refused."""
     why = {refusal.sample for refusal in plan_check.refusals}
     say("sample  robot       joint deg/s  tool mm/s  clearance mm")
-    for way in plan_check.ways:
+    for way in plan_check.paths:
         gaps = [f"{gap.other if gap.robot == way.robot else gap.robot} {1e3 * gap.gap_m:.0f}" for gap in way.gaps]
         speeds = f"{degrees(way.joint_rad_s):11.1f}  {1e3 * way.tool_m_s:9.0f}"
         verdict = "  refused" if way.sample in why else ""

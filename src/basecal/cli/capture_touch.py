@@ -16,7 +16,7 @@ def capture_touches(cell: Path, connecting: Connecting, json: bool, has_others: 
     Raises:
         UsageError: if `has_others`, options for other ways to take samples.
     """
-    from basecal.acquisition.led_touches import take_touches
+    from basecal.acquisition.hand_guided_touches import take_touches
     from basecal.cell.files import read_cell
 
     if has_others:

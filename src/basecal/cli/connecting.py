@@ -63,11 +63,11 @@ def allow_drivers(cell: Cell, folder: Path, connecting: Connecting, name: str | 
         DatasetError: if a driver is not known, or an option is wrong.
         UsageError: if a connection is not allowed, or a password is missing.
     """
-    from basecal.acquisition.reaching import missing_secrets, reachable_places
+    from basecal.acquisition.reaching import external_resources, missing_secrets
     from basecal.acquisition.rig import openers
 
     found = [opener for opener in openers(cell, folder) if name in (None, opener[1].name)]
-    allow_places(folder, reachable_places(found), connecting.yes)
+    allow_places(folder, external_resources(found), connecting.yes)
     for secret in missing_secrets(found):
         if not can_ask():
             raise UsageError(f"the password of {printable(secret.owner)} is missing: put it into {secret.variable}")

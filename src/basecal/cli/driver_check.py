@@ -55,18 +55,18 @@ def driver_check(
         connecting: Connections that the cell may make.
         json: Print the measurements as JSON.
     """
-    from basecal.acquisition.driver_check.check_process import DriverCheck, check_opener, measured_promises
+    from basecal.acquisition.driver_check.check_process import DriverCheck, find_opener, measure_promises
     from basecal.cell.format.locking import locked_folder
 
     options = dict(_option(each) for each in option or [])
     check = DriverCheck(device, name, options, camera, go, cut, connecting.allow_plaintext)
-    _, place = check_opener(check)
+    _, place = find_opener(check)
     if check.is_in_cell:
         if option or camera:
             raise UsageError("--option and --camera go with the name of a driver; the cell states its own options")
         allow_drivers(place.cell, Path(device), connecting, name)
     with locked_folder(Path(device)) if check.is_in_cell else nullcontext():
-        promises = [_print(each, quiet=json) for each in measured_promises(check)]
+        promises = [_print(each, quiet=json) for each in measure_promises(check)]
     measured = [each for each in promises if not isinstance(each, str)]
     if json:
         print_json({"name": place.name, "promises": [vars(each) for each in measured]})

@@ -52,7 +52,7 @@ def ros2_cell(
         InputError: if the messages contain no robot.
         UsageError: if listening is not allowed.
     """
-    from basecal.acquisition.ros2.dds import choose_domain, domain_words
+    from basecal.acquisition.ros2.dds import choose_domain, describe_domain
     from basecal.acquisition.ros2.listening import listen_to_topics, survey_live_topics
     from basecal.cell.files import cell_from_dict
     from basecal.cell.format.yaml_text import yaml_text
@@ -61,7 +61,7 @@ def ros2_cell(
     from basecal.exchange.bags.sources import Asked, ByJoints
     from basecal.exchange.importing.imported import NO_CELL
 
-    allow_places(cell, [domain_words(choose_domain(domain))], yes)
+    allow_places(cell, [describe_domain(choose_domain(domain))], yes)
     bag = listen_to_topics(choose_domain(domain), LISTEN_S)
     say(f"messages heard in {LISTEN_S:g} s:")
     for topic in sorted(bag.topics.values()):

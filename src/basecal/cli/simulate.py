@@ -11,7 +11,7 @@ from basecal.cli.option_types import Port, Seed, number_range
 from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import counting, print_json, progress, quote_path, say
 from basecal.errors import InputError
-from basecal.simulation.scenario import Scenario, Seen
+from basecal.simulation.scenario import ObservedKind, Scenario
 
 if TYPE_CHECKING:
     from basecal.simulation.scenario import SimulatedCell
@@ -24,7 +24,7 @@ def simulate(
     /,
     *,
     robots: Annotated[int, number_range(1, 9)] = 2,
-    target: Seen = "charuco",
+    target: ObservedKind = "charuco",
     samples: Annotated[int, number_range(1, 200_000)] = 30,
     mounts: Literal["free", "prior", "fixed"] = "free",
     pixel_px: Positive = 0.2,
@@ -158,4 +158,4 @@ def with_images(simulation: SimulatedCell, folder: Path, seed: int) -> Simulated
     from basecal.simulation.images import render_recording
 
     with counting("rendering") as step:
-        return replace(simulation, recording=render_recording(simulation, folder, seed, step=step))
+        return replace(simulation, recording=render_recording(simulation, folder, seed, progress=step))

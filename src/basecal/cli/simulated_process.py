@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from basecal.simulation.running.faults import Faults
     from basecal.simulation.running.server import CellServer
     from basecal.simulation.running.world import World
-    from basecal.simulation.scenario import Seen
+    from basecal.simulation.scenario import ObservedKind
 
 
 RendererName = Literal["auto", "mujoco", "analytic"]
@@ -29,7 +29,7 @@ _PATIENCE_S = 10.0  # until a process has ended, which may be rendering an image
 
 def run_process(
     folder: Path,
-    target: Seen,
+    target: ObservedKind,
     seed: int,
     port: int,
     speed: float,
@@ -89,7 +89,7 @@ def simulated_process(folder: Path, target: str) -> Iterator[None]:
                 process.kill()
 
 
-def _world(folder: Path, target: Seen, seed: int, faults: Faults) -> World:
+def _world(folder: Path, target: ObservedKind, seed: int, faults: Faults) -> World:
     from basecal.simulation.running.two_arms import two_arms
     from basecal.simulation.running.world_file import read_world, write_world, write_world_truth
 

@@ -10,10 +10,10 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import rotation_exp
-from basecal.planning.feasible import approach_poses, as_near_as_seen, is_clear, is_in_view, visibility_mask
+from basecal.planning.feasible import approach_poses, is_clear, is_in_view, visibility_mask, with_seen_distances
 from basecal.planning.sketch import Sketch
 
-Taught = Mapping[str, RobotState]
+RobotStates = Mapping[str, RobotState]
 
 Reach = tuple[float, float]
 """Largest rotation of an arm about the target [rad], and its largest translation [m]."""
@@ -23,12 +23,12 @@ _JOINT_REACH: Reach = (1.0, 0.25)  # of an arm whose limits are known
 _DRAW_ROUNDS = 20  # largest number of rounds of draws
 
 
-def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 0) -> list[Sample]:
+def candidates(sketch: Sketch, taught_states: Sequence[RobotStates], count: int, seed: int = 0) -> list[Sample]:
     """Draw at most `count` feasible samples; none is at a taught pose, which would repeat a recorded stop.
 
     Args:
         sketch: Sketch of the cell.
-        views: States of all robots at which the target was seen.
+        taught_states: States of all robots at which the target was seen.
         count: Largest number of samples.
         seed: Seed of the random draws.
 
@@ -42,7 +42,7 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
     for _ in range(_DRAW_ROUNDS):
         if len(found) >= count:
             break
-        found += draw_feasible(sketch, views, count, reach, rng)
+        found += draw_feasible(sketch, taught_states, count, reach, rng)
     if not found:
         raise InputError(
             "no sample near the taught poses is within the arms' limits, with the whole target in view and clear. "
@@ -52,28 +52,34 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
 
 
 def draw_feasible(
-    sketch: Sketch, views: Sequence[Taught], count: int, reach: Mapping[str, Reach], rng: np.random.Generator
+    sketch: Sketch,
+    taught_states: Sequence[RobotStates],
+    count: int,
+    reach: Mapping[str, Reach],
+    rng: np.random.Generator,
 ) -> list[Sample]:
     """Draw samples, and return the feasible ones.
 
     Args:
         sketch: Sketch of the cell.
-        views: States of all robots at which the target was seen.
+        taught_states: States of all robots at which the target was seen.
         count: Number of draws.
         reach: Reach of each robot that moves, by name.
         rng: Random number generator.
     """
-    sketch = as_near_as_seen(sketch, views)
-    near = rng.integers(len(views), size=count)
-    pivots = np.array([sketch.body_pose(sketch.target.name, t) @ sketch.target_points.mean(0) for t in views])[near]
+    sketch = with_seen_distances(sketch, taught_states)
+    neighbours = rng.integers(len(taught_states), size=count)
+    pivots = np.array(
+        [sketch.body_pose(sketch.target.name, states) @ sketch.target_points.mean(0) for states in taught_states]
+    )[neighbours]
     drawn = {}
     for robot, (most_rad, most_m) in reach.items():
-        turn = rotation_exp(most_rad * draw_in_ball(rng, count))
-        away = pivots + most_m * draw_in_ball(rng, count) - (turn @ pivots[..., None])[..., 0]
+        rotation = rotation_exp(most_rad * draw_in_ball(rng, count))
+        translation = pivots + most_m * draw_in_ball(rng, count) - (rotation @ pivots[..., None])[..., 0]
         world_from_base = sketch.world_from_base(robot)
-        poses = SE3.stack([sketch.base_from_flange(robot, t[robot]) for t in views])
-        drawn[robot] = world_from_base.inverse() @ SE3(turn, away) @ world_from_base @ poses[near]
-    return _feasible(sketch, views, near, drawn)
+        poses = SE3.stack([sketch.base_from_flange(robot, states[robot]) for states in taught_states])
+        drawn[robot] = world_from_base.inverse() @ SE3(rotation, translation) @ world_from_base @ poses[neighbours]
+    return _feasible(sketch, taught_states, neighbours, drawn)
 
 
 def draw_in_ball(rng: np.random.Generator, *count: int) -> Array:
@@ -83,21 +89,21 @@ def draw_in_ball(rng: np.random.Generator, *count: int) -> Array:
 
 
 def _feasible(
-    sketch: Sketch, views: Sequence[Taught], neighbours: IntArray, flanges: Mapping[str, SE3]
+    sketch: Sketch, taught_states: Sequence[RobotStates], neighbours: IntArray, flanges: Mapping[str, SE3]
 ) -> list[Sample]:
     """Feasible samples among drawn poses of flanges in their bases, (n,) by robot."""
     drawn = Sample(0, robots={robot: RobotState(poses) for robot, poses in flanges.items()})
     rows = np.flatnonzero(visibility_mask(sketch, sketch.camera_from_target(drawn)))
     states: dict[str, list[RobotState | None]] = {}
     for robot, poses in flanges.items():
-        near = [views[k][robot] for k in neighbours[rows]]
-        states[robot] = approach_poses(sketch.cell.robots[robot], poses[rows], near)
+        starts = [taught_states[k][robot] for k in neighbours[rows]]
+        states[robot] = approach_poses(sketch.cell.robots[robot], poses[rows], starts)
     samples = []
-    for place, moves in enumerate(zip(*states.values(), strict=True)):
-        moved = {robot: state for robot, state in zip(states, moves, strict=True) if state is not None}
-        if len(moved) < len(states):
+    for row, new_states in enumerate(zip(*states.values(), strict=True)):
+        reached = {robot: state for robot, state in zip(states, new_states, strict=True) if state is not None}
+        if len(reached) < len(states):
             continue
-        sample = Sample(0, robots={**views[neighbours[rows[place]]], **moved})
+        sample = Sample(0, robots={**taught_states[neighbours[rows[row]]], **reached})
         if is_in_view(sketch, sample) and is_clear(sketch, sample):
             samples.append(sample)
     return samples

@@ -18,7 +18,7 @@ from basecal.geometry import Array
 _EXCHANGE_PASSES = 3  # over the chosen samples: the third changes almost nothing
 _LEAST_GAIN = 1e-4  # relative gain of the criterion in a pass, below which no further pass is made
 
-Enough = Callable[[Array, int], bool]
+IsEnough = Callable[[Array, int], bool]
 """Whether a covariance, (p, p), with a number of candidates is good enough."""
 
 
@@ -30,10 +30,10 @@ def greedy(roots: Array, covariance: Array, weight: Array) -> Iterator[tuple[int
         covariance: (p, p) covariance without candidates.
         weight: (p, p) weight W.
     """
-    left = np.ones(len(roots), dtype=bool)
-    while left.any():
-        best = int(np.argmax(np.where(left, gains(roots, covariance, weight), -np.inf)))
-        left[best] = False
+    is_left = np.ones(len(roots), dtype=bool)
+    while is_left.any():
+        best = int(np.argmax(np.where(is_left, gains(roots, covariance, weight), -np.inf)))
+        is_left[best] = False
         covariance = with_sample(covariance, roots[best])
         yield best, covariance
 
@@ -49,20 +49,20 @@ def exchange(roots: Array, choice: list[int], covariance: Array, weight: Array) 
     """
     choice = list(choice)
     for _ in range(_EXCHANGE_PASSES):
-        before = float(np.trace(weight @ covariance))
-        for place, old in enumerate(choice):
-            without = without_sample(covariance, roots[old])
-            of_each = gains(roots, without, weight)
-            of_each[[k for k in choice if k != old]] = -np.inf
-            choice[place] = int(np.argmax(of_each))
-            covariance = with_sample(without, roots[choice[place]])
-        if before - float(np.trace(weight @ covariance)) < _LEAST_GAIN * before:
+        previous = float(np.trace(weight @ covariance))
+        for position, old in enumerate(choice):
+            reduced = without_sample(covariance, roots[old])
+            gain = gains(roots, reduced, weight)
+            gain[[k for k in choice if k != old]] = -np.inf
+            choice[position] = int(np.argmax(gain))
+            covariance = with_sample(reduced, roots[choice[position]])
+        if previous - float(np.trace(weight @ covariance)) < _LEAST_GAIN * previous:
             break
     return choice, covariance
 
 
 def choose_fewest(
-    roots: Array, covariance: Array, weight: Array, max_count: int, is_enough: Enough
+    roots: Array, covariance: Array, weight: Array, max_count: int, is_enough: IsEnough
 ) -> tuple[list[int], bool]:
     """The fewest candidates that satisfy `is_enough`, or the best `max_count`; and whether they satisfy it.
 
@@ -76,22 +76,22 @@ def choose_fewest(
     if is_enough(covariance, 0):
         return [], True
     chosen: list[int] = []
-    now = covariance
-    for best, now in greedy(roots, covariance, weight):
+    current = covariance
+    for best, current in greedy(roots, covariance, weight):
         chosen.append(best)
-        if is_enough(now, len(chosen)) or len(chosen) == max_count:
+        if is_enough(current, len(chosen)) or len(chosen) == max_count:
             break
-    chosen, now = exchange(roots, chosen, now, weight)
-    if not is_enough(now, len(chosen)):
+    chosen, current = exchange(roots, chosen, current, weight)
+    if not is_enough(current, len(chosen)):
         return chosen, False
     while len(chosen) > 1:
-        losses = [float(np.trace(weight @ without_sample(now, roots[k]))) for k in chosen]
-        least = chosen[int(np.argmin(losses))]
-        left = [k for k in chosen if k != least]
-        fewer, after = exchange(roots, left, without_sample(now, roots[least]), weight)
-        if not is_enough(after, len(fewer)):
+        losses = [float(np.trace(weight @ without_sample(current, roots[k]))) for k in chosen]
+        least_useful = chosen[int(np.argmin(losses))]
+        others = [k for k in chosen if k != least_useful]
+        fewer, reduced = exchange(roots, others, without_sample(current, roots[least_useful]), weight)
+        if not is_enough(reduced, len(fewer)):
             break
-        chosen, now = fewer, after
+        chosen, current = fewer, reduced
     return chosen, True
 
 
@@ -99,22 +99,22 @@ def gains(roots: Array, covariance: Array, weight: Array) -> Array:
     """Decrease of the criterion by each candidate alone, (n,)."""
     n, p, q = roots.shape
     flat = np.swapaxes(roots, 0, 1).reshape(p, n * q)
-    carried = np.swapaxes((covariance @ flat).reshape(p, n, q), 0, 1)
-    at_task = np.swapaxes(carried, 1, 2) @ weight @ carried
-    inner = np.eye(q) + np.swapaxes(roots, 1, 2) @ carried
-    return np.asarray(np.trace(np.linalg.solve(inner, at_task), axis1=1, axis2=2))
+    spread = np.swapaxes((covariance @ flat).reshape(p, n, q), 0, 1)
+    decrease = np.swapaxes(spread, 1, 2) @ weight @ spread
+    inner = np.eye(q) + np.swapaxes(roots, 1, 2) @ spread
+    return np.asarray(np.trace(np.linalg.solve(inner, decrease), axis1=1, axis2=2))
 
 
 def with_sample(covariance: Array, root: Array) -> Array:
     """The covariance with one additional sample."""
-    carried = covariance @ root
-    return _symmetrise(covariance - carried @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ carried, carried.T))
+    spread = covariance @ root
+    return _symmetrise(covariance - spread @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ spread, spread.T))
 
 
 def without_sample(covariance: Array, root: Array) -> Array:
     """The covariance without one of its samples."""
-    carried = covariance @ root
-    return _symmetrise(covariance + carried @ np.linalg.solve(np.eye(root.shape[1]) - root.T @ carried, carried.T))
+    spread = covariance @ root
+    return _symmetrise(covariance + spread @ np.linalg.solve(np.eye(root.shape[1]) - root.T @ spread, spread.T))
 
 
 def _symmetrise(matrix: Array) -> Array:

@@ -45,46 +45,49 @@ def is_in_view(sketch: Sketch, sample: Sample) -> bool:
     return bool(visibility_mask(sketch, SE3.stack([sketch.camera_from_target(sample)]))[0])
 
 
-def as_near_as_seen(sketch: Sketch, views: Sequence[Mapping[str, RobotState]]) -> Sketch:
-    """The sketch with `nearest_m` lowered to the smallest depth of the target in views that show it.
+def with_seen_distances(sketch: Sketch, taught_states: Sequence[Mapping[str, RobotState]]) -> Sketch:
+    """The sketch with `nearest_m` lowered to the smallest depth of the target at taught poses that show it.
 
     Args:
         sketch: Sketch of the cell.
-        views: States of all robots, such as taught poses.
+        taught_states: States of all robots at taught poses.
     """
-    looked = SE3.stack([sketch.camera_from_target(Sample(0, robots=dict(view))) for view in views])
-    seen = visibility_mask(replace(sketch, nearest_m=0.0), looked)
-    depth = ((sketch.target_points @ looked.rotation.mT) + looked.translation[:, None])[seen, :, 2]
+    camera_from_target = SE3.stack(
+        [sketch.camera_from_target(Sample(0, robots=dict(states))) for states in taught_states]
+    )
+    is_seen = visibility_mask(replace(sketch, nearest_m=0.0), camera_from_target)
+    rotated: Array = sketch.target_points @ camera_from_target.rotation.mT
+    depth = (rotated + camera_from_target.translation[:, None])[is_seen, :, 2]
     return replace(sketch, nearest_m=float(min(sketch.nearest_m, depth.min(initial=np.inf))))
 
 
 def visibility_mask(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
     """Which poses of the target in the camera, (n,), satisfy `is_in_view`; without a lens, those near its axis."""
-    turned: Array = sketch.target_points @ camera_from_target.rotation.mT
-    in_camera = turned + camera_from_target.translation[:, None]
+    rotated: Array = sketch.target_points @ camera_from_target.rotation.mT
+    in_camera = rotated + camera_from_target.translation[:, None]
     depth = in_camera[..., 2]
-    seen: BoolArray = np.all((depth > sketch.nearest_m) & (depth < _FARTHEST_M), axis=-1)
+    is_seen: BoolArray = np.all((depth > sketch.nearest_m) & (depth < _FARTHEST_M), axis=-1)
     if sketch.camera.intrinsics is None:
-        seen &= np.all(depth > _LEAST_AXIS_COSINE * np.linalg.norm(in_camera, axis=-1), axis=-1)
+        is_seen &= np.all(depth > _LEAST_AXIS_COSINE * np.linalg.norm(in_camera, axis=-1), axis=-1)
     else:
         width = sketch.lens.size_px[0] if sketch.lens.size_px else 0
-        seen &= np.all(points_in_image(sketch.lens, in_camera, _MARGIN_SHARE * width), axis=-1)
+        is_seen &= np.all(points_in_image(sketch.lens, in_camera, _MARGIN_SHARE * width), axis=-1)
     shape = sketch.target.target
     if shape is not None and shape.sheets:
         normal = camera_from_target.rotation @ shape.sheets[0].target_from_sheet.rotation[:, 2]
-        seen &= is_front_seen(normal, in_camera.mean(1), _LEAST_FACING_COSINE)
-    return seen
+        is_seen &= is_front_seen(normal, in_camera.mean(1), _LEAST_FACING_COSINE)
+    return is_seen
 
 
 def points_in_image(camera: Camera, points_in_camera: Array, margin_px: float) -> BoolArray:
     """Which points, (..., 3) [m], are imaged at least `margin_px` inside the image border, (...,)."""
-    seen: BoolArray = camera.sees(points_in_camera)
+    is_seen: BoolArray = camera.sees(points_in_camera)
     if camera.size_px is None:
-        return seen
+        return is_seen
     pixels = camera.project(points_in_camera)
     inside = (pixels >= margin_px) & (pixels <= np.array(camera.size_px) - 1 - margin_px)
-    seen &= np.all(inside, axis=-1)
-    return seen
+    is_seen &= np.all(inside, axis=-1)
+    return is_seen
 
 
 def is_front_seen(normal: Array, centre: Array, least_cosine: float) -> BoolArray:
@@ -104,8 +107,8 @@ def is_path_clear(sketch: Sketch, start: Sample, end: Sample) -> bool:
 
 def blocked_samples(sketch: Sketch, home: Mapping[str, RobotState], samples: Sequence[Sample]) -> list[int]:
     """Numbers of samples whose path from the previous sample, or from `home` for the first, is not clear."""
-    at = [Sample(0, robots=dict(home)), *samples]
-    return [end.sample for start, end in pairwise(at) if not is_path_clear(sketch, start, end)]
+    stops = [Sample(0, robots=dict(home)), *samples]
+    return [end.sample for start, end in pairwise(stops) if not is_path_clear(sketch, start, end)]
 
 
 def reach_pose(robot: Robot, base_from_flange: SE3, neighbour: RobotState) -> RobotState | None:
@@ -145,8 +148,8 @@ def reach_poses(
     if robot.chain is None or len(start) < len(neighbours) or not start:
         return [RobotState(base_from_flange[k]) for k in range(len(neighbours))]
     try:
-        found = inverse(robot.chain, base_from_flange, np.stack(start), iterations=_INVERSE_STEPS)
+        joints = inverse(robot.chain, base_from_flange, np.stack(start), iterations=_INVERSE_STEPS)
     except NotConverged as error:
-        found = np.asarray(error.state)
-    left = np.abs((robot.chain.forward(found).inverse() @ base_from_flange).log()).max(-1)
-    return [RobotState(joints_rad=q) if off < tolerance else None for q, off in zip(found, left, strict=True)]
+        joints = np.asarray(error.state)
+    residual = np.abs((robot.chain.forward(joints).inverse() @ base_from_flange).log()).max(-1)
+    return [RobotState(joints_rad=q) if error < tolerance else None for q, error in zip(joints, residual, strict=True)]

@@ -82,15 +82,15 @@ class _Goal:
         meetings: The meeting of each base transform.
         tolerance_m: Largest accepted 95 % quantile of the error [m].
         recorded: Number of recorded samples.
-        now: The error with the recorded samples according to their calibration; None without a calibration.
-        beyond_m2: Part of the variance of `now` that the covariance of the noise in use does not explain [m^2].
+        current_error: The error with the recorded samples according to their calibration; None without a calibration.
+        unexplained_m2: Part of the variance of `current_error` that the noise in use does not explain [m^2].
     """
 
     meetings: tuple[Meeting, ...]
     tolerance_m: float
     recorded: int
-    now: MeetingError | None
-    beyond_m2: float
+    current_error: MeetingError | None
+    unexplained_m2: float
 
     @cached_property
     def weight(self) -> Array:
@@ -102,18 +102,18 @@ class _Goal:
 
         The contribution of unknown sigmas and of robot errors decreases as the number of samples increases.
         """
-        if self.now is not None and count == 0:
-            return self.now.expected_95_m
-        found = []
+        if self.current_error is not None and count == 0:
+            return self.current_error.expected_95_m
+        errors_m = []
         for meeting in self.meetings:
-            at = meeting.total_error(covariance, meeting.stop_variances().values())[:, :3, :3]
+            errors = meeting.total_error(covariance, meeting.stop_variances().values())[:, :3, :3]
             scale = np.sqrt(1 + self.excess_m2(count) / meeting.mean_square_m2(covariance))
-            found.append(scale * pooled_quantile(at, np.zeros(at.shape[:2])))
-        return float(max(found))
+            errors_m.append(scale * pooled_quantile(errors, np.zeros(errors.shape[:2])))
+        return float(max(errors_m))
 
     def excess_m2(self, count: int) -> float:
         """Variance beyond the noise that remains with `count` additional samples [m^2]."""
-        return self.beyond_m2 * self.recorded / max(self.recorded + count, 1)
+        return self.unexplained_m2 * self.recorded / max(self.recorded + count, 1)
 
 
 def _make_goal(
@@ -129,18 +129,20 @@ def _make_goal(
         raise InputError("no sample shows where the arms work: name a task point: --task-point X Y Z [m]")
     recorded = prospect.recorded_problem
     places = {name: meeting_places(recorded, state, name, points_m) for name in base_transforms(cell)}
-    meetings = tuple(make_meeting(cell, problem, state, name, at) for name, at in places.items())
-    now = None if calibration is None or not prospect.recorded else _calibrated_meeting(calibration, points_m)
-    by_noise_m2 = worst_meeting(meetings, covariance).mean_square_m2(covariance)
-    beyond_m2 = 0.0 if now is None else max(now.variance_m2 - by_noise_m2, 0.0)
-    return _Goal(meetings, np.inf if tolerance_m is None else tolerance_m, len(prospect.recorded), now, beyond_m2)
+    meetings = tuple(make_meeting(cell, problem, state, name, place) for name, place in places.items())
+    current_error = None if calibration is None or not prospect.recorded else _calibrated_meeting(calibration, points_m)
+    noise_m2 = worst_meeting(meetings, covariance).mean_square_m2(covariance)
+    unexplained_m2 = 0.0 if current_error is None else max(current_error.variance_m2 - noise_m2, 0.0)
+    return _Goal(
+        meetings, np.inf if tolerance_m is None else tolerance_m, len(prospect.recorded), current_error, unexplained_m2
+    )
 
 
 def _calibrated_meeting(calibration: Calibration, points_m: Array) -> MeetingError | None:
     """The calibration's error at the task points, (n, 3) [m]; None if it was computed at other points."""
     settings = calibration.settings
-    its_points_m = task_places(settings.get("task_point"), settings.get("task_box"))
-    return calibration.meeting if np.array_equal(its_points_m, points_m) else None
+    calibrated_points_m = task_places(settings.get("task_point"), settings.get("task_box"))
+    return calibration.meeting if np.array_equal(calibrated_points_m, points_m) else None
 
 
 @limit_threads
@@ -176,11 +178,11 @@ def plan_for_task(
     for name, value, least in (("count", count or 0, 0), ("seed", seed, 0), ("group_size", group_size, 1)):
         check_integer(name, value, least)
     base_transforms(cell)
-    known, recording = sketches(cell, calibration), synchronous(cell, recording, calibration)
+    cell_sketches, recording = sketches(cell, calibration), synchronous(cell, recording, calibration)
     if offers is not None and not offers:
         raise InputError("offers is empty, expected candidates or None")
-    offered = draw_offers(known, recording, CANDIDATES, seed) if offers is None else offers
-    prospect = prospects(cell, recording, calibration, offered)
+    offers = draw_offers(cell_sketches, recording, CANDIDATES, seed) if offers is None else offers
+    prospect = prospects(cell, recording, calibration, offers)
     roots = prospect.roots if group_size == 1 else prospect.group_roots(group_size)
     goal = _make_goal(prospect, cell, calibration, points_m, tolerance_m)
     chosen, reached = ([], None) if tolerance_m is None else _choose_for_tolerance(prospect, roots, goal, group_size)
@@ -191,7 +193,7 @@ def plan_for_task(
     solution = prospect.solution(rows)
     expected_m = _expected_error_m(solution, goal, len(rows))
     return Plan(
-        _order_samples(known[0], prospect, recording, rows, group_size == 1),
+        _order_samples(cell_sketches[0], prospect, recording, rows, group_size == 1),
         needed,
         expected_m,
         reached,
@@ -263,9 +265,9 @@ def outlook(
     Raises:
         InputError: if the cell has no base to calibrate, no pose is taught, or no candidate is feasible.
     """
-    known = sketches(cell, calibration)
+    cell_sketches = sketches(cell, calibration)
     recording = synchronous(cell, recording, calibration)
-    prospect = prospects(cell, recording, calibration, draw_offers(known, recording, OUTLOOK_CANDIDATES))
+    prospect = prospects(cell, recording, calibration, draw_offers(cell_sketches, recording, OUTLOOK_CANDIDATES))
     goal = _make_goal(prospect, cell, calibration, points_m)
     steps = greedy(prospect.roots, prospect.covariance, goal.weight)
     covariances = [prospect.covariance, *(after for _, after in islice(steps, OUTLOOK_COUNTS[-1]))]
@@ -276,8 +278,10 @@ def outlook(
 
 def choose_best(prospect: Prospects, roots: Array, weight: Array, count: int) -> tuple[list[int], Array]:
     """Choose `count` candidates greedily with exchange; their indices, and the covariance with them, (p, p)."""
-    steps = list(islice(greedy(roots, prospect.covariance, weight), count))
-    return exchange(roots, [found for found, _ in steps], steps[-1][1], weight)
+    chosen, covariance = list[int](), prospect.covariance
+    for best, covariance in islice(greedy(roots, prospect.covariance, weight), count):  # noqa: B007
+        chosen.append(best)
+    return exchange(roots, chosen, covariance, weight)
 
 
 def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: int, seed: int = 0) -> list[Offer]:
@@ -292,7 +296,7 @@ def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: in
     Raises:
         InputError: if no pose is taught, or no candidate is feasible.
     """
-    seen = {(o.camera, o.target) for sample in recording.samples for o in sample.observations}
+    observed = {(o.camera, o.target) for sample in recording.samples for o in sample.observations}
     taught = {sketch.view: _teaching_samples(sketch, recording) for sketch in cell_sketches}
     cell_sketches = [sketch for sketch in cell_sketches if taught[sketch.view]]
     if not cell_sketches:
@@ -300,20 +304,20 @@ def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: in
             "a plan needs taught poses: jog the arms so that the target is in the middle of the image. Record "
             "that once or more, by basecal capture or by lines with `robots` alone in recording/samples.jsonl"
         )
-    looked = [
-        each for each in cell_sketches if each.view in seen or any(is_in_view(each, s) for s in taught[each.view])
+    shown = [
+        each for each in cell_sketches if each.view in observed or any(is_in_view(each, s) for s in taught[each.view])
     ]
-    looked = looked or [cell_sketches[0]]
-    found, why = list[Offer](), None
-    for sketch in looked:
+    shown = shown or [cell_sketches[0]]
+    offers, problem = list[Offer](), None
+    for sketch in shown:
         try:
             states = _taught_states(sketch, taught[sketch.view])
-            found.append((sketch, candidates(sketch, states, -(-count // len(looked)), seed)))
+            offers.append((sketch, candidates(sketch, states, -(-count // len(shown)), seed)))
         except InputError as error:
-            why = error
-    if why is not None and not found:
-        raise why
-    return found
+            problem = error
+    if problem is not None and not offers:
+        raise problem
+    return offers
 
 
 def plan_stations(
@@ -332,11 +336,11 @@ def plan_stations(
     Raises:
         InputError: if no pose is taught, or no station can be shifted from.
     """
-    known = sketches(cell, calibration)
-    (sketch, _), *_ = draw_offers(known, recording, 1, seed)
-    offered = [(sketch, stations(sketch, _taught_states(sketch, _teaching_samples(sketch, recording)), seed))]
+    cell_sketches = sketches(cell, calibration)
+    (sketch, _), *_ = draw_offers(cell_sketches, recording, 1, seed)
+    offers = [(sketch, stations(sketch, _taught_states(sketch, _teaching_samples(sketch, recording)), seed))]
     return plan_for_task(
-        cell, recording, calibration, points_m, tolerance_m, count, seed, offers=offered, group_size=STATION_SAMPLES
+        cell, recording, calibration, points_m, tolerance_m, count, seed, offers=offers, group_size=STATION_SAMPLES
     )
 
 
@@ -347,29 +351,29 @@ def _teaching_samples(sketch: Sketch, recording: Recording) -> list[Sample]:
 
 def _taught_states(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, RobotState]]:
     """Robot states at which the camera observed the target; else at which it would; else of all samples."""
-    own = [s for s in samples if any((o.camera, o.target) == sketch.view for o in s.observations)]
-    own = own or [s for s in samples if is_in_view(sketch, s)]
-    return [dict(sample.robots) for sample in own or samples]
+    observed = [s for s in samples if any((o.camera, o.target) == sketch.view for o in s.observations)]
+    observed = observed or [s for s in samples if is_in_view(sketch, s)]
+    return [dict(sample.robots) for sample in observed or samples]
 
 
 def _order_samples(
-    sketch: Sketch, prospect: Prospects, recording: Recording, choice: Sequence[int], may_part: bool
+    sketch: Sketch, prospect: Prospects, recording: Recording, choice: Sequence[int], may_reorder: bool
 ) -> tuple[Sample, ...]:
     """The chosen samples, on a short path if they may be reordered and move all arms; else in the offered order."""
     if not choice:
         return ()
     samples, first = [prospect.samples[k] for k in choice], prospect.samples[0].sample
-    if may_part and all(set(sketch.cell.robots) <= sample.robots.keys() for sample in samples):
+    if may_reorder and all(set(sketch.cell.robots) <= sample.robots.keys() for sample in samples):
         home = next(s.robots for s in reversed(recording.samples) if set(sketch.cell.robots) <= s.robots.keys())
         samples = order_samples(sketch, home, samples)
-    elif may_part:
+    elif may_reorder:
         samples.sort(key=lambda sample: sample.sample)
     return tuple(_without_images(first + k, sample) for k, sample in enumerate(samples))
 
 
 def _without_images(number: int, sample: Sample) -> Sample:
     """A sample with its touches, and without the predicted observations of cameras."""
-    touches = tuple(seen for seen in sample.observations if isinstance(seen, TouchObservation))
+    touches = tuple(observation for observation in sample.observations if isinstance(observation, TouchObservation))
     return Sample(number, robots=sample.robots, observations=touches)
 
 

@@ -9,16 +9,16 @@ from itertools import pairwise
 import numpy as np
 
 from basecal.cell import RobotState, Sample
-from basecal.planning.clearance import Clearance, clearances, path_length
+from basecal.planning.clearance import Clearance, clearances, path_m_per_rad
 from basecal.planning.feasible import reach_pose
 from basecal.planning.sketch import Sketch
 
-Ask = Callable[[RobotState], str]
+GoalCheck = Callable[[RobotState], str]
 """Function of a goal that returns the controller's reason to refuse it; empty if it accepts the goal."""
 
 _LIMIT_ROUNDING_RAD = 1e-9  # excess over a joint limit that is rounding
 _LARGEST_TURN_RAD = 4.1 * np.pi  # of a joint on one path: the joint range of a usual arm, rounded up
-_LARGEST_REACHES = (
+_LARGEST_REACH_FACTOR = (
     3.0  # at most 2.5 reaches of the data sheet, found by search over paths of arms with six and seven axes
 )
 _LOAD_M = 0.3  # size of what an arm carries beyond its flange
@@ -33,7 +33,7 @@ class SpeedLimits:
 
 
 @dataclass(frozen=True)
-class Way:
+class RobotPath:
     """Path of one robot to one sample.
 
     Attributes:
@@ -67,7 +67,7 @@ class Refusal:
 class PlanCheck:
     """Result of the check of a plan: all paths and all refusals."""
 
-    ways: tuple[Way, ...]
+    paths: tuple[RobotPath, ...]
     refusals: tuple[Refusal, ...]
 
 
@@ -76,7 +76,7 @@ def check_plan(
     home: Mapping[str, RobotState],
     plan: Sequence[Sample],
     limits: SpeedLimits,
-    requests: Mapping[str, Ask],
+    goal_checks: Mapping[str, GoalCheck],
 ) -> PlanCheck:
     """Check every sample of a plan and every path between consecutive samples; the first path begins at `home`.
 
@@ -85,64 +85,64 @@ def check_plan(
         home: Current states of the robots, by name.
         plan: Samples in their order.
         limits: Speed limits.
-        requests: Functions that ask the controllers of moving robots, by name; other robots do not move.
+        goal_checks: Functions that ask the controllers of moving robots, by name; other robots do not move.
     """
-    ways, refusals = list[Way](), list[Refusal]()
+    paths, refusals = list[RobotPath](), list[Refusal]()
     stops = [Sample(0, robots=dict(home)), *plan]
-    for start, aim in pairwise(stops):
-        before = Sample(start.sample, robots={**home, **start.robots})
-        end = Sample(aim.sample, robots={**before.robots, **aim.robots})
-        sent = [name for name in aim.robots if name in requests]
-        found = [
+    for start, goal in pairwise(stops):
+        full_start = Sample(start.sample, robots={**home, **start.robots})
+        end = Sample(goal.sample, robots={**full_start.robots, **goal.robots})
+        moving = [name for name in goal.robots if name in goal_checks]
+        state_refusals = [
             refusal
-            for name in sent
-            for refusal in _state_refusals(sketch, before.robots[name], end, name, requests[name])
+            for name in moving
+            for refusal in _state_refusals(sketch, full_start.robots[name], end, name, goal_checks[name])
         ]
-        refusals += found
-        if not found:
-            gaps = list(clearances(sketch, before, end, sent))
+        refusals += state_refusals
+        if not state_refusals:
+            gaps = list(clearances(sketch, full_start, end, moving))
             refusals += _path_refusals(end, gaps)
-            ways += [timed_path(sketch, before, end, name, limits, gaps) for name in sent]
-    return PlanCheck(tuple(ways), tuple(refusals))
+            paths += [timed_path(sketch, full_start, end, name, limits, gaps) for name in moving]
+    return PlanCheck(tuple(paths), tuple(refusals))
 
 
 def timed_path(
     sketch: Sketch, start: Sample, end: Sample, robot: str, limits: SpeedLimits, gaps: Sequence[Clearance] = ()
-) -> Way:
+) -> RobotPath:
     """Path of a robot between two samples at the largest speed that satisfies both limits.
 
     If a robot is sent to poses, its joints are unknown. Its speed is bounded: no point moves by more than three times
     the robot's reach while its leading joint turns by one radian. An unstated reach is estimated from the poses.
     """
-    metres = path_length(sketch, start, end, robot)
-    if metres is None:
-        places = [sketch.base_from_flange(robot, each.robots[robot]).translation for each in (start, end)]
-        reach_m = sketch.cell.robots[robot].reach_m or max(float(np.linalg.norm(place)) for place in places)
-        metres = _LARGEST_REACHES * (reach_m + _LOAD_M)
-    speed = min(limits.joint_rad_s, limits.tool_m_s / metres) if metres else limits.joint_rad_s
-    own = tuple(gap for gap in gaps if robot in (gap.robot, gap.other))
-    return Way(end.sample, robot, speed, speed * metres, own)
+    m_per_rad = path_m_per_rad(sketch, start, end, robot)
+    if m_per_rad is None:
+        positions = [sketch.base_from_flange(robot, each.robots[robot]).translation for each in (start, end)]
+        reach_m = sketch.cell.robots[robot].reach_m or max(float(np.linalg.norm(position)) for position in positions)
+        m_per_rad = _LARGEST_REACH_FACTOR * (reach_m + _LOAD_M)
+    speed = min(limits.joint_rad_s, limits.tool_m_s / m_per_rad) if m_per_rad else limits.joint_rad_s
+    gaps_of_robot = tuple(gap for gap in gaps if robot in (gap.robot, gap.other))
+    return RobotPath(end.sample, robot, speed, speed * m_per_rad, gaps_of_robot)
 
 
-def _state_refusals(sketch: Sketch, here: RobotState, end: Sample, robot: str, request: Ask) -> list[Refusal]:
+def _state_refusals(sketch: Sketch, start: RobotState, end: Sample, robot: str, goal_check: GoalCheck) -> list[Refusal]:
     state, chain = end.robots[robot], sketch.cell.robots[robot].chain
     if state.joints_rad is not None and chain is not None:
-        over = np.maximum(chain.lower - state.joints_rad, state.joints_rad - chain.upper)
-        worst = int(np.argmax(over))
-        if not over[worst] <= _LIMIT_ROUNDING_RAD:  # NaN, too
+        excess_rad = np.maximum(chain.lower - state.joints_rad, state.joints_rad - chain.upper)
+        worst = int(np.argmax(excess_rad))
+        if not excess_rad[worst] <= _LIMIT_ROUNDING_RAD:  # NaN, too
             name, value = chain.joint_names[worst], state.joints_rad[worst]
             bounds = f"{chain.lower[worst]:.4g} to {chain.upper[worst]:.4g} rad"
-            what = f"joint {name} of {robot} is {value:.4g} rad, but its limits are {bounds}"
-            return [Refusal(end.sample, what, "Change the plan, or the limits in the URDF if they are wrong")]
-    if state.joints_rad is not None and here.joints_rad is not None:
-        turn = float(np.abs(state.joints_rad - here.joints_rad).max())
-        if not turn <= _LARGEST_TURN_RAD:  # a continuous joint has no limits
-            what = f"a joint of {robot} would turn by {turn:.4g} rad, more than two turns"
-            return [Refusal(end.sample, what, "State joints in rad, within two turns of the sample before")]
+            problem = f"joint {name} of {robot} is {value:.4g} rad, but its limits are {bounds}"
+            return [Refusal(end.sample, problem, "Change the plan, or the limits in the URDF if they are wrong")]
+    if state.joints_rad is not None and start.joints_rad is not None:
+        travel_rad = float(np.abs(state.joints_rad - start.joints_rad).max())
+        if not travel_rad <= _LARGEST_TURN_RAD:  # a continuous joint has no limits
+            problem = f"a joint of {robot} would turn by {travel_rad:.4g} rad, more than two turns"
+            return [Refusal(end.sample, problem, "State joints in rad, within two turns of the sample before")]
     pose = state.base_from_flange
-    if pose is not None and reach_pose(sketch.cell.robots[robot], pose, here) is None:
+    if pose is not None and reach_pose(sketch.cell.robots[robot], pose, start) is None:
         return [Refusal(end.sample, f"{robot} does not reach the pose", "Bring the pose nearer to its base")]
-    why = request(state)
+    why = goal_check(state)
     return [Refusal(end.sample, f"{robot}: {why}", "Change the plan, or the limits on its controller")] if why else []
 
 

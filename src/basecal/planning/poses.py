@@ -48,22 +48,24 @@ def order_samples(sketch: Sketch, home: Mapping[str, RobotState], samples: list[
 
     If no path is collision-free, the nearest remaining sample follows.
     """
-    left, at, ordered = list(samples), Sample(0, robots=dict(home)), list[Sample]()
-    while left:
-        by_way = sorted(range(len(left)), key=lambda k: _path_length(sketch, at, left[k]))
-        at = left.pop(next((k for k in by_way if is_path_clear(sketch, at, left[k])), by_way[0]))
-        ordered.append(Sample(len(ordered), robots=at.robots))
+    remaining, current, ordered = list(samples), Sample(0, robots=dict(home)), list[Sample]()
+    while remaining:
+        by_length = sorted(range(len(remaining)), key=lambda k: _path_length(sketch, current, remaining[k]))
+        current = remaining.pop(
+            next((k for k in by_length if is_path_clear(sketch, current, remaining[k])), by_length[0])
+        )
+        ordered.append(Sample(len(ordered), robots=current.robots))
     return ordered
 
 
 def _path_length(sketch: Sketch, start: Sample, end: Sample) -> float:
     """Largest change of any joint [rad]; for robots with poses, of the pose's translation [m] and rotation [rad]."""
-    ways = []
+    lengths = []
     for robot in end.robots.keys() & start.robots.keys():
-        one, other = start.robots[robot], end.robots[robot]
-        if one.joints_rad is not None and other.joints_rad is not None:
-            ways.append(float(np.abs(one.joints_rad - other.joints_rad).max()))
+        first, second = start.robots[robot], end.robots[robot]
+        if first.joints_rad is not None and second.joints_rad is not None:
+            lengths.append(float(np.abs(first.joints_rad - second.joints_rad).max()))
         else:
-            between = sketch.base_from_flange(robot, one).inverse() @ sketch.base_from_flange(robot, other)
-            ways.append(float(np.abs(between.log()).max()))
-    return max(ways, default=0.0)
+            motion = sketch.base_from_flange(robot, first).inverse() @ sketch.base_from_flange(robot, second)
+            lengths.append(float(np.abs(motion.log()).max()))
+    return max(lengths, default=0.0)

@@ -29,7 +29,7 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
-from basecal.planning.sketch import Sketch, seen_views, sketch_cell
+from basecal.planning.sketch import Sketch, possible_views, sketch_cell
 
 ASSUMED_NOISE = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3, touch_m=2e-4, grip_rad=1e-3)
 """Noise of views if it is neither stated nor calibrated: typical of detectors and trackers on real images."""
@@ -37,8 +37,8 @@ ASSUMED_NOISE = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3, to
 ASSUMED_ROBOT_SIGMAS = np.repeat([2e-4, 4e-4], 3)
 """Noise of a robot's pose if unknown, (6,) [m, rad]: real arms have 0.1 to 0.5 mm and 0.2 to 1 mrad per stop."""
 
-_OPEN_SIGMA = 0.3  # [m, rad] prior sigma of an unknown parameter
-_OPEN_LENS_SIGMA = 1e3  # [px] prior sigma of a lens parameter; more than the distortion of any lens
+_PRIOR_SIGMA = 0.3  # [m, rad] prior sigma of an unknown parameter
+_PRIOR_LENS_SIGMA_PX = 1e3  # prior sigma of a lens parameter; more than the distortion of any lens
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +63,11 @@ class Prospects:
 
     def group_roots(self, size: int) -> Array:
         """Roots U of groups of `size` consecutive candidates, (n / size, p, p), with the stops that they share."""
-        nothing = linearise(select_samples(self.problem, []), self.state).hessian
+        prior_hessian = linearise(select_samples(self.problem, []), self.state).hessian
         numbers = [sample.sample for sample in self.samples]
         blocks = (numbers[k : k + size] for k in range(0, len(numbers), size))
-        told = (linearise(select_samples(self.problem, block), self.state).hessian - nothing for block in blocks)
-        return np.stack([spectrum(each, VIEW_ROUNDING).root for each in told])
+        hessians = (linearise(select_samples(self.problem, block), self.state).hessian for block in blocks)
+        return np.stack([spectrum(hessian - prior_hessian, VIEW_ROUNDING).root for hessian in hessians])
 
     @property
     def recorded_problem(self) -> Problem:
@@ -78,16 +78,16 @@ class Prospects:
         """Predicted solution of the recorded samples and the chosen candidates."""
         numbers = [*self.recorded, *(self.samples[k].sample for k in choice)]
         problem = select_samples(self.problem, numbers)
-        seen = analyse_observability(problem, self.state, linearise(problem, self.state).hessian, 1.0)
+        observability = analyse_observability(problem, self.state, linearise(problem, self.state).hessian, 1.0)
         noise = NoiseEstimate(Noise(), 1.0, (), True)
-        return Solution(problem, self.state, seen.inverse, seen, noise, 0.0, 0, True, ())
+        return Solution(problem, self.state, observability.inverse, observability, noise, 0.0, 0, True, ())
 
 
 def prospects(
     cell: Cell,
     recording: Recording,
     calibration: Calibration | None,
-    views: Sequence[tuple[Sketch, Sequence[Sample]]],
+    offers: Sequence[tuple[Sketch, Sequence[Sample]]],
 ) -> Prospects:
     """Predict the information that candidates would add to a recording.
 
@@ -95,30 +95,31 @@ def prospects(
         cell: The cell.
         recording: The recording; only samples with observations count as recorded.
         calibration: Calibration of the recording; None if there is none.
-        views: Sketches of cameras and targets, each with its candidates.
+        offers: Sketches of cameras and targets, each with its candidates.
     """
     recorded = tuple(sample for sample in recording.samples if sample.observations)
     first = max((sample.sample for sample in recording.samples), default=-1) + 1
-    drawn = [(sketch, sample) for sketch, samples in views for sample in samples]
+    offered = [(sketch, sample) for sketch, samples in offers for sample in samples]
     samples = [
         Sample(first + k, robots=sample.robots, observations=(_predict_observation(sketch, sample),))
-        for k, (sketch, sample) in enumerate(drawn)
+        for k, (sketch, sample) in enumerate(offered)
     ]
     problem, _ = build_problem(cell, Recording((*recorded, *samples)))
     problem = _with_noise(problem, calibration)
-    state = _state(cell, problem, calibration, views[0][0])
+    state = _state(cell, problem, calibration, offers[0][0])
     roots = np.zeros((len(samples), problem.width, 0))
-    for group, views_of in zip(problem.groups, linearise(problem, state).views, strict=True):
-        mine = np.flatnonzero(group.sample >= first)
-        more = views_of.by_unknowns[mine].swapaxes(1, 2) @ spectrum(views_of.information[mine], VIEW_ROUNDING).root
-        each = np.zeros((len(samples), problem.width, more.shape[-1]))
-        each[np.ix_(group.sample[mine] - first, views_of.columns)] = more
-        roots = _join_roots(roots, each)
+    for group, group_views in zip(problem.groups, linearise(problem, state).views, strict=True):
+        rows = np.flatnonzero(group.sample >= first)
+        root = spectrum(group_views.information[rows], VIEW_ROUNDING).root
+        group_roots = group_views.by_unknowns[rows].swapaxes(1, 2) @ root
+        sample_roots = np.zeros((len(samples), problem.width, group_roots.shape[-1]))
+        sample_roots[np.ix_(group.sample[rows] - first, group_views.columns)] = group_roots
+        roots = _join_roots(roots, sample_roots)
     known = linearise(select_samples(problem, [sample.sample for sample in recorded]), state).hessian
-    opened = np.full(problem.width, _OPEN_SIGMA)
+    prior_sigmas = np.full(problem.width, _PRIOR_SIGMA)
     for name in problem.lenses.keys() & problem.columns.keys():
-        opened[problem.columns[name]] = _OPEN_LENS_SIGMA
-    covariance = np.asarray(np.linalg.inv(known + np.diag(opened**-2)), dtype=np.float64)
+        prior_sigmas[problem.columns[name]] = _PRIOR_LENS_SIGMA_PX
+    covariance = np.asarray(np.linalg.inv(known + np.diag(prior_sigmas**-2)), dtype=np.float64)
     return Prospects(problem, state, frozenset(s.sample for s in recorded), tuple(samples), roots, covariance)
 
 
@@ -143,15 +144,15 @@ def _predict_observation(sketch: Sketch, sample: Sample) -> Observation:
 
 def _with_noise(problem: Problem, calibration: Calibration | None) -> Problem:
     """The problem with calibrated sigmas for unstated noise, or assumed sigmas without a calibration."""
-    found = {} if calibration is None else calibration.noise
+    calibrated = {} if calibration is None else calibration.noise
     groups = []
     for group in problem.groups:
-        of_camera = found.get("cameras", {}).get(group.camera, {})
-        known = {field: of_camera.get(field) or found.get(field) for field in Noise._fields}
+        camera_noise = calibrated.get("cameras", {}).get(group.camera, {})
+        known = {field: camera_noise.get(field) or calibrated.get(field) for field in Noise._fields}
         groups.append(group.with_noise(ASSUMED_NOISE._replace(**{f: sigma for f, sigma in known.items() if sigma})))
     robots = {}
     for name in problem.unstated:
-        noise = found.get("robots", {}).get(name)
+        noise = calibrated.get("robots", {}).get(name)
         robots[name] = ASSUMED_ROBOT_SIGMAS if noise is None else np.array([*noise["sigma_t_m"], *noise["sigma_r_rad"]])
     return with_robot_noise(problem.with_groups(groups), robots)
 
@@ -173,7 +174,7 @@ def sketches(cell: Cell, calibration: Calibration | None) -> tuple[Sketch, ...]:
     Raises:
         InputError: if no camera may see a target, or a transform has no value; the message names it.
     """
-    found = {} if calibration is None else calibration.transforms
+    calibrated = {} if calibration is None else calibration.transforms
     lenses = {} if calibration is None else calibration.cameras
     cameras = {
         name: replace(camera, intrinsics=replace(camera.intrinsics, camera=lenses[name][0]))
@@ -183,10 +184,10 @@ def sketches(cell: Cell, calibration: Calibration | None) -> tuple[Sketch, ...]:
     }
     known = replace(cell, cameras=cameras)
     for name, unknown in cell.transforms.items():
-        if name in found:
-            known = known.with_transform(name, replace(unknown, mean=found[name].mean))
+        if name in calibrated:
+            known = known.with_transform(name, replace(unknown, mean=calibrated[name].mean))
     first = sketch_cell(known)
-    return tuple(replace(first, view=view) for view in seen_views(cell))
+    return tuple(replace(first, view=view) for view in possible_views(cell))
 
 
 def calibrated_sketch(cell: Cell, calibration: Calibration | None) -> Sketch:
@@ -197,11 +198,11 @@ def calibrated_sketch(cell: Cell, calibration: Calibration | None) -> Sketch:
     Raises:
         InputError: under the conditions of `sketches`.
     """
-    found = sketches(cell, calibration)[0]
+    calibrated = sketches(cell, calibration)[0]
     cameras = {
-        name: replace(camera, intrinsics=found.cell.cameras[name].intrinsics)
+        name: replace(camera, intrinsics=calibrated.cell.cameras[name].intrinsics)
         if camera.intrinsics is not None and camera.intrinsics.camera is None
         else camera
         for name, camera in cell.cameras.items()
     }
-    return replace(found, cell=replace(cell, cameras=cameras))
+    return replace(calibrated, cell=replace(cell, cameras=cameras))

@@ -15,7 +15,7 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.planning import poses
-from basecal.planning.candidates import Taught, candidates
+from basecal.planning.candidates import RobotStates, candidates
 from basecal.planning.feasible import blocked_samples, is_feasible, reach_pose
 from basecal.planning.sketch import Sketch
 
@@ -45,18 +45,18 @@ def plan(sketch: Sketch, home: Mapping[str, RobotState], samples: int, seed: int
         InputError: if no robot carries the target, or too few stations are feasible.
     """
     check_target(sketch)
-    wanted = max(1, -(-samples // len(DIRECTIONS)))
+    count = max(1, -(-samples // len(DIRECTIONS)))
     found: list[list[Sample]] = []
-    for tried in range(_STATION_TRIES):
-        for drawn in poses.plan(sketch, home, wanted, seed + tried):
+    for attempt in range(_STATION_TRIES):
+        for drawn in poses.plan(sketch, home, count, seed + attempt):
             candidate = aim_camera(sketch, drawn)
             station = None if candidate is None else make_station(sketch, candidate, shift_length(sketch, candidate))
-            before = found[-1][-1].robots if found else home
-            if station is not None and not blocked_samples(sketch, before, station):
+            start = found[-1][-1].robots if found else home
+            if station is not None and not blocked_samples(sketch, start, station):
                 found.append(station)
-            if len(found) == wanted:
+            if len(found) == count:
                 return [Sample(k, robots=each.robots) for k, each in enumerate(s for station in found for s in station)]
-    raise InputError(f"only {len(found)} of {wanted} stations are feasible: begin farther from the arms' limits")
+    raise InputError(f"only {len(found)} of {count} stations are feasible: begin farther from the arms' limits")
 
 
 def check_target(sketch: Sketch) -> None:
@@ -78,15 +78,15 @@ def aim_camera(sketch: Sketch, sample: Sample) -> Sample | None:
     eye = sketch.camera.on
     if eye not in sketch.cell.robots:
         return sample
-    at = sketch.camera_from_target(sample) @ sketch.target_points.mean(0)
-    ahead, ray = np.array([0.0, 0.0, 1.0]), at / np.linalg.norm(at)
-    across = np.cross(ahead, ray)
-    sine = float(np.linalg.norm(across))
-    turn = np.arctan2(sine, float(ray[2])) / max(sine, _PARALLEL_SINE) * across
+    target_in_camera = sketch.camera_from_target(sample) @ sketch.target_points.mean(0)
+    axis, ray = np.array([0.0, 0.0, 1.0]), target_in_camera / np.linalg.norm(target_in_camera)
+    normal = np.cross(axis, ray)
+    sine = float(np.linalg.norm(normal))
+    rotvec = np.arctan2(sine, float(ray[2])) / max(sine, _PARALLEL_SINE) * normal
     flange_from_camera = sketch.transforms[sketch.cell.mount_name(sketch.camera.name)]
     base_from_camera = sketch.base_from_flange(eye, sample.robots[eye]) @ flange_from_camera
-    turned = base_from_camera @ SE3.from_rotvec(turn, np.zeros(3)) @ flange_from_camera.inverse()
-    state = reach_pose(sketch.cell.robots[eye], turned, sample.robots[eye])
+    base_from_flange = base_from_camera @ SE3.from_rotvec(rotvec, np.zeros(3)) @ flange_from_camera.inverse()
+    state = reach_pose(sketch.cell.robots[eye], base_from_flange, sample.robots[eye])
     return None if state is None else Sample(sample.sample, robots={**sample.robots, eye: state})
 
 
@@ -100,11 +100,11 @@ def make_station(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample
     """
     hand = sketch.target.on
     flange_from_target = sketch.transforms[sketch.cell.mount_name(sketch.target.name)]
-    at = sketch.base_from_flange(hand, origin.robots[hand])
+    base_from_flange = sketch.base_from_flange(hand, origin.robots[hand])
     samples: list[Sample] = []
     for direction in DIRECTIONS:
         shift = SE3(np.eye(3), length_m * direction)
-        shifted = at @ flange_from_target @ shift @ flange_from_target.inverse()
+        shifted = base_from_flange @ flange_from_target @ shift @ flange_from_target.inverse()
         state = reach_pose(sketch.cell.robots[hand], shifted, origin.robots[hand])
         if state is None:
             return None
@@ -125,12 +125,12 @@ def shift_length(sketch: Sketch, sample: Sample) -> float:
     return depth * float(np.cbrt(sigma / (2 * np.sqrt(2) * focal.mean())))
 
 
-def stations(sketch: Sketch, views: Sequence[Taught], seed: int = 0) -> list[Sample]:
+def stations(sketch: Sketch, taught_states: Sequence[RobotStates], seed: int = 0) -> list[Sample]:
     """Samples of feasible stations, one station after another.
 
     Args:
         sketch: Sketch of the cell.
-        views: States of all robots at which the target was seen.
+        taught_states: States of all robots at which the target was seen.
         seed: Seed of the random draws.
 
     Raises:
@@ -138,11 +138,11 @@ def stations(sketch: Sketch, views: Sequence[Taught], seed: int = 0) -> list[Sam
     """
     check_target(sketch)
     found = list[Sample]()
-    for drawn in candidates(sketch, views, _ORIGIN_COUNT, seed):
+    for drawn in candidates(sketch, taught_states, _ORIGIN_COUNT, seed):
         origin = aim_camera(sketch, drawn)
-        for times in _LENGTH_FACTORS if origin is not None else ():
+        for factor in _LENGTH_FACTORS if origin is not None else ():
             assert origin is not None
-            station = make_station(sketch, origin, times * shift_length(sketch, origin))
+            station = make_station(sketch, origin, factor * shift_length(sketch, origin))
             if station is None:
                 break
             if not blocked_samples(sketch, station[0].robots, station):

@@ -69,7 +69,9 @@ class Sketch:
     @property
     def movers(self) -> tuple[str, ...]:
         """Robots that carry the camera or the target, the camera's first."""
-        return tuple(dict.fromkeys(on for on in (self.camera.on, self.target.on) if on in self.cell.robots))
+        return tuple(
+            dict.fromkeys(carrier for carrier in (self.camera.on, self.target.on) if carrier in self.cell.robots)
+        )
 
     def base_from_flange(self, robot: str, state: RobotState) -> SE3:
         """Pose of a robot's flange in its base.
@@ -91,10 +93,14 @@ class Sketch:
     def body_pose(self, name: str, states: Mapping[str, RobotState]) -> SE3:
         """Pose of a camera or target in the world, with the robots at the given states."""
         mount = self.transforms[self.cell.mount_name(name)]
-        on = (self.cell.cameras.get(name) or self.cell.targets[name]).on
-        if on in self.cell.plates:
-            return self.transforms[self.cell.plate_name(on)] @ mount
-        return mount if on == WORLD else self.world_from_base(on) @ self.base_from_flange(on, states[on]) @ mount
+        carrier = (self.cell.cameras.get(name) or self.cell.targets[name]).on
+        if carrier in self.cell.plates:
+            return self.transforms[self.cell.plate_name(carrier)] @ mount
+        return (
+            mount
+            if carrier == WORLD
+            else self.world_from_base(carrier) @ self.base_from_flange(carrier, states[carrier]) @ mount
+        )
 
     def camera_from_target(self, sample: Sample) -> SE3:
         """Predicted pose of the target in the camera."""
@@ -112,7 +118,7 @@ class SceneSketch(Sketch):
         return tuple(dict.fromkeys(each.on for each in self.cell.cameras.values() if each.on != WORLD))
 
 
-def led_sketch(cell: Cell) -> Sketch:
+def hand_guided_sketch(cell: Cell) -> Sketch:
     """Sketch of a cell whose arms a person leads; a cell without targets gives a `SceneSketch`.
 
     Raises:
@@ -125,7 +131,7 @@ def led_sketch(cell: Cell) -> Sketch:
     return SceneSketch(cell, {}, (next(iter(cell.cameras)), ""))
 
 
-def seen_views(cell: Cell) -> list[View]:
+def possible_views(cell: Cell) -> list[View]:
     """Pairs of a camera and a target that it may see: all that are not mounted on the same body."""
     return [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
 
@@ -136,7 +142,7 @@ def sketch_cell(cell: Cell) -> Sketch:
     Raises:
         InputError: if there is no such pair, or a transform has no value; the message names it.
     """
-    views = seen_views(cell)
+    views = possible_views(cell)
     if not views and cell.sees_scene:
         raise InputError(
             "images of a scene are not planned: lead the arms yourself (`basecal capture CELL --freedrive`). Take 15 "

@@ -29,11 +29,11 @@ PLACES = 48
 ROTATIONS = 100
 """Number of tried touches of each mark by each tip."""
 
-_DRAWS, _REACHED = 40_000, 400  # drawn positions, and the number kept of those in reach of all arms
-_AWAY_M = 0.6  # [m] largest distance of the next mark from the mean of the recorded touches
-_FARTHER = 1.05  # times the largest distance of a touch from the base: assumed reach of an arm
-_TURN_RAD = 1.6  # [rad] largest rotation of a tip from a recorded rotation
-_COUNT = 12  # number of touches for the comparison of positions if `count` is None
+_DRAWN_POSITIONS, _KEPT_POSITIONS = 40_000, 400  # drawn positions, and the number kept of those in reach of all arms
+_LARGEST_OFFSET_M = 0.6  # largest distance of the next mark from the mean of the recorded touches
+_REACH_FACTOR = 1.05  # times the largest distance of a touch from the base: assumed reach of an arm
+_LARGEST_ROTATION_RAD = 1.6  # largest rotation of a tip from a recorded rotation
+_COMPARED_TOUCHES = 12  # number of touches for the comparison of positions if `count` is None
 
 
 def plan_touches(
@@ -72,16 +72,18 @@ def plan_touches(
     offers = _offers(known, marks, touches, rotations, rng)
     choices = [_Choice(cell, offers, {})]
     for place in _places(known, touches, places, rng):
-        wider = with_marks(cell, {NEXT_MARK: place})
-        more = _offers(sketches(wider, calibration)[0], [NEXT_MARK], touches, rotations, rng)
-        choices.append(_Choice(wider, [*more, *offers], {NEXT_MARK: place}))
+        cell_with_mark = with_marks(cell, {NEXT_MARK: place})
+        mark_offers = _offers(sketches(cell_with_mark, calibration)[0], [NEXT_MARK], touches, rotations, rng)
+        choices.append(_Choice(cell_with_mark, [*mark_offers, *offers], {NEXT_MARK: place}))
     best = min(
         choices,
-        key=lambda each: least_variance_m2(each.cell, recording, calibration, points_m, count or _COUNT, each.offers),
+        key=lambda each: least_variance_m2(
+            each.cell, recording, calibration, points_m, count or _COMPARED_TOUCHES, each.offers
+        ),
     )
-    found = plan_for_task(best.cell, recording, calibration, points_m, tolerance_m, count, seed, best.offers)
-    touched = {seen.target for sample in found.samples for seen in sample.observations}
-    return replace(found, marks={name: place for name, place in best.marks.items() if name in touched})
+    plan = plan_for_task(best.cell, recording, calibration, points_m, tolerance_m, count, seed, best.offers)
+    touched = {observation.target for sample in plan.samples for observation in sample.observations}
+    return replace(plan, marks={name: place for name, place in best.marks.items() if name in touched})
 
 
 class _Choice(NamedTuple):
@@ -96,8 +98,8 @@ def _touches(sketch: Sketch, recording: Recording) -> Iterator[tuple[str, RobotS
     """Tips of recorded touches, with the states of their robots."""
     tips = {name: camera.on for name, camera in sketch.cell.cameras.items() if camera.kind == "tip"}
     for sample in recording.samples:
-        for seen in sample.observations:
-            for name in {seen.camera, seen.target} & tips.keys():
+        for observation in sample.observations:
+            for name in {observation.camera, observation.target} & tips.keys():
                 if tips[name] in sample.robots:
                     yield name, sample.robots[tips[name]]
 
@@ -108,26 +110,26 @@ def _places(
     """Positions of a mark, (3,) each [m], in reach of all arms, far from one another and from recorded touches."""
     robots = {tip: sketch.cell.cameras[tip].on for tip, _ in touches}
     touched = np.array([sketch.body_pose(tip, {robots[tip]: state}).translation for tip, state in touches])
-    drawn = touched.mean(0) + _AWAY_M * draw_in_ball(rng, _DRAWS)
+    drawn = touched.mean(0) + _LARGEST_OFFSET_M * draw_in_ball(rng, _DRAWN_POSITIONS)
     for tip, robot in robots.items():
         base = sketch.world_from_base(robot).translation
-        far = lengths(touched[[name == tip for name, _ in touches]] - base).max()
-        drawn = drawn[lengths(drawn - base) < _FARTHER * far]
-    drawn, places = drawn[:_REACHED], list[Array]()
-    apart = lengths(drawn[:, None] - touched).min(1)
+        reach_m = lengths(touched[[name == tip for name, _ in touches]] - base).max()
+        drawn = drawn[lengths(drawn - base) < _REACH_FACTOR * reach_m]
+    drawn, places = drawn[:_KEPT_POSITIONS], list[Array]()
+    distances = lengths(drawn[:, None] - touched).min(1)
     for _ in range(min(count, len(drawn))):
-        places.append(drawn[int(np.argmax(apart))])
-        apart = np.minimum(apart, lengths(drawn - places[-1]))
+        places.append(drawn[int(np.argmax(distances))])
+        distances = np.minimum(distances, lengths(drawn - places[-1]))
     return places
 
 
 def with_marks(cell: Cell, marks: Mapping[str, Array]) -> Cell:
     """The cell with additional free marks at guessed positions, (3,) each [m]."""
-    made = {
+    targets = {
         name: CellTarget(name, WORLD, Unknown("free", SE3(np.eye(3), place)), tip_shape("mark"))
         for name, place in marks.items()
     }
-    return replace(cell, targets={**cell.targets, **made})
+    return replace(cell, targets={**cell.targets, **targets})
 
 
 def _offers(
@@ -153,8 +155,8 @@ def _touch_states(sketch: Sketch, states: Sequence[RobotState], rng: np.random.G
     """Robot states with the tip at the mark, with rotations drawn near recorded ones."""
     tip, mark = sketch.view
     robot = sketch.camera.on
-    turned = rotation_exp(_TURN_RAD * draw_in_ball(rng, len(states)))
-    rotation = SE3.stack([sketch.base_from_flange(robot, state) for state in states]).rotation @ turned
+    rotations = rotation_exp(_LARGEST_ROTATION_RAD * draw_in_ball(rng, len(states)))
+    rotation = SE3.stack([sketch.base_from_flange(robot, state) for state in states]).rotation @ rotations
     mark_in_base = sketch.world_from_base(robot).inverse() @ sketch.body_pose(mark, {}).translation
     tip_in_flange = sketch.transforms[sketch.cell.mount_name(tip)].translation
     flanges = SE3(rotation, mark_in_base - rotation @ tip_in_flange)

@@ -34,8 +34,8 @@ _JOINT_ROTATIONS_RAD = (
 )
 _MASSES_KG = (4.0, 8.0, 3.0, 1.5, 1.5, 0.8)
 _MASS_CENTRES_M = ((0, 0.02, 0), (-0.2, 0, 0.1), (-0.2, 0, 0.05), (0, -0.02, 0), (0, 0.02, 0), (0, 0, 0.05))
-_MIDDLE_RAD = (0.0, -1.2, 1.5, -1.8, 1.4, 0.0)  # bent elbow and wrist: no aligned axes
-_REACH_RAD = (np.pi, 0.4, 0.4, 0.5, 0.5, np.pi)
+_HOME_RAD = (0.0, -1.2, 1.5, -1.8, 1.4, 0.0)  # bent elbow and wrist: no aligned axes
+_HOME_SPREAD_RAD = (np.pi, 0.4, 0.4, 0.5, 0.5, np.pi)
 _INVERSE_STEPS = 25
 _LARGEST_STEP = 0.5  # [rad]
 _DAMPING = 1e-6
@@ -75,8 +75,8 @@ def elbow_arm(
         limits_rad: (6,) symmetric limits of the joints.
         masses: Masses of the links.
     """
-    places = zip(_JOINT_ROTATIONS_RAD, joint_origins_m, strict=True)
-    origins = SE3.stack([SE3.from_rpy(turn, place) for turn, place in places])
+    joints = zip(_JOINT_ROTATIONS_RAD, joint_origins_m, strict=True)
+    origins = SE3.stack([SE3.from_rpy(turn, place) for turn, place in joints])
     axes = np.tile([0.0, 0.0, 1.0], (6, 1))
     return SerialChain(_JOINT_NAMES, origins, axes, tip, -limits_rad, limits_rad, masses)
 
@@ -104,14 +104,14 @@ def with_arms(scene: Scene, scenario: Scenario, rng: Generator) -> tuple[Scene, 
     for name in [name for name in mounts if carried[name] == WORLD]:
         mount, target = new_from_old @ mounts[name], scene.shapes.get(name)
         mounts[name] = as_point(mount, target) if target is not None and target.is_point else mount
-    moved = {robot: new_from_old @ base for robot, base in bases.items()}
-    moved[scene.layout.robots[0]] = SE3.identity()
-    return replace(scene, bases=moved, mounts=mounts, homes=(homes,)), arms
+    new_bases = {robot: new_from_old @ base for robot, base in bases.items()}
+    new_bases[scene.layout.robots[0]] = SE3.identity()
+    return replace(scene, bases=new_bases, mounts=mounts, homes=(homes,)), arms
 
 
 def _arm(scenario: Scenario, rng: Generator) -> Arm:
     chain = six_axis()
-    home = np.array(_MIDDLE_RAD) + np.array(_REACH_RAD) * rng.uniform(-1, 1, chain.n)
+    home = np.array(_HOME_RAD) + np.array(_HOME_SPREAD_RAD) * rng.uniform(-1, 1, chain.n)
     offsets = scenario.joint_offset_rad * rng.standard_normal(chain.n)
     links = rng.standard_normal((chain.n + 1, 6)) * np.repeat(scenario.link_error, 3)
     compliance = scenario.compliance * rng.standard_normal(chain.n)
@@ -131,13 +131,13 @@ def solve_joints(chain: SerialChain, base_from_flange: SE3, start: Array) -> tup
     """
     q = np.array(np.broadcast_to(start, (len(base_from_flange), chain.n)))
     for _ in range(_INVERSE_STEPS):
-        at = chain.posture(q)
-        left = (at.base_from_flange.inverse() @ base_from_flange).log()
-        jacobian = right_jacobian_inverse(-left) @ at.joint_derivative
+        posture = chain.posture(q)
+        remaining = (posture.base_from_flange.inverse() @ base_from_flange).log()
+        jacobian = right_jacobian_inverse(-remaining) @ posture.joint_derivative
         transposed = jacobian.mT
         normal = transposed @ jacobian + _DAMPING * np.eye(chain.n)
-        step = np.linalg.solve(normal, transposed @ left[..., None])[..., 0]
+        step = np.linalg.solve(normal, transposed @ remaining[..., None])[..., 0]
         q += step * np.minimum(1.0, _LARGEST_STEP / np.maximum(np.abs(step).max(-1, keepdims=True), 1e-12))
-    left = (chain.forward(q).inverse() @ base_from_flange).log()
+    remaining = (chain.forward(q).inverse() @ base_from_flange).log()
     inside = np.all((q >= chain.lower) & (q <= chain.upper), axis=-1)
-    return q, (np.abs(left).max(-1) < _REACH_TOLERANCE) & inside
+    return q, (np.abs(remaining).max(-1) < _REACH_TOLERANCE) & inside

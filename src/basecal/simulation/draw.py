@@ -33,9 +33,9 @@ def tangents(rng: Generator, n: int, sigma: tuple[float, float]) -> Array:
     return noise
 
 
-def mount(rng: Generator, point: bool) -> SE3:
-    """Draw a mount: translation within 0.1 m, and a random rotation; no rotation for a `point`."""
-    rotation = np.eye(3) if point else rotations(rng, 1)[0]
+def mount(rng: Generator, is_point: bool) -> SE3:
+    """Draw a mount: translation within 0.1 m, and a random rotation; no rotation for a `is_point`."""
+    rotation = np.eye(3) if is_point else rotations(rng, 1)[0]
     return SE3(rotation, draw_in_ball(rng, 1, 0.1)[0])
 
 

@@ -16,10 +16,12 @@ from basecal.vision.draw.light import LightSettings, render_light
 from basecal.vision.draw.render import render
 from basecal.vision.image_file import write_png
 
-Step = Callable[[int, int], None]
+Progress = Callable[[int, int], None]
 
 
-def render_recording(simulation: SimulatedCell, folder: Path, seed: int = 0, step: Step | None = None) -> Recording:
+def render_recording(
+    simulation: SimulatedCell, folder: Path, seed: int = 0, progress: Progress | None = None
+) -> Recording:
     """Render an image for every view of a simulated cell; the recording with image paths instead of detections.
 
     For LEDs, a second image with the LED off is written as `background`.
@@ -28,18 +30,18 @@ def render_recording(simulation: SimulatedCell, folder: Path, seed: int = 0, ste
         simulation: The cell; its cameras need an image size, and its targets a shape.
         folder: The cell's folder; images are written to `recording/images/<camera>/`.
         seed: Seed of the image noise.
-        step: Receives the number of finished samples and the total number.
+        progress: Receives the number of finished samples and the total number.
 
     Raises:
         InputError: if a camera observes poses or 3-D points, which have no images.
     """
     samples = simulation.recording.samples
-    out = []
+    rendered = []
     for index, sample in enumerate(samples):
-        out.append(_render_sample(simulation, sample, index, folder, seed + index))
-        if step is not None:
-            step(index + 1, len(samples))
-    return replace(simulation.recording, samples=tuple(out), folder=str(folder))
+        rendered.append(_render_sample(simulation, sample, index, folder, seed + index))
+        if progress is not None:
+            progress(index + 1, len(samples))
+    return replace(simulation.recording, samples=tuple(rendered), folder=str(folder))
 
 
 def _render_sample(
@@ -56,15 +58,15 @@ def _render_sample(
         camera = simulation.cameras[observation.camera]
         if target is None or camera.size_px is None:
             raise InputError(f"{observation.camera} has no images of {observation.target}: simulate pixels instead")
-        seen = camera_from_target(simulation, observation.camera, observation.target, index)
+        pose = camera_from_target(simulation, observation.camera, observation.target, index)
         if not target.sheets:
-            lit, points = LightSettings(), seen @ target.points
-            on = render_light(camera, points, lit, 2 * seed)
-            off = render_light(camera, points, replace(lit, photons=0.0), 2 * seed + 1)
+            settings, points = LightSettings(), pose @ target.points
+            on = render_light(camera, points, settings, 2 * seed)
+            off = render_light(camera, points, replace(settings, photons=0.0), 2 * seed + 1)
             images[observation.camera] = _write(folder, f"{name}.png", on)
             background[observation.camera] = _write(folder, f"{name}_off.png", off)
         else:
-            images[observation.camera] = _write(folder, f"{name}.png", render(camera, target, seen, seed=seed))
+            images[observation.camera] = _write(folder, f"{name}.png", render(camera, target, pose, seed=seed))
     return replace(sample, observations=(), images=images, background=background)
 
 

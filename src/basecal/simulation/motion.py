@@ -48,9 +48,9 @@ class Motion:
 
 def points_in_camera(scene: Scene, view: View, states: Mapping[str, SE3]) -> Array:
     """Points of a view's target in the camera, (n, points, 3) [m], with the robots at `states`, (n,)."""
-    seen = scene.camera_from_target(view, dict(states))
-    moved: Array = seen[:, None] @ scene.shapes[view[1]].points
-    return moved
+    camera_from_target = scene.camera_from_target(view, dict(states))
+    points: Array = camera_from_target[:, None] @ scene.shapes[view[1]].points
+    return points
 
 
 def seen_points(scene: Scene, scenario: Scenario, view: View, states: Mapping[str, SE3]) -> Mask:
@@ -66,12 +66,12 @@ def seen_points(scene: Scene, scenario: Scenario, view: View, states: Mapping[st
 
 def _visibility_mask(scene: Scene, scenario: Scenario, group: int, states: States) -> Mask:
     """Whether all views of a group show enough points of their targets, (n,)."""
-    enough = np.ones(len(next(iter(states.values()))), dtype=bool)
+    is_visible = np.ones(len(next(iter(states.values()))), dtype=bool)
     for view in scene.layout.groups[group]:
-        seen = seen_points(scene, scenario, view, states)
-        wanted = min(_FEWEST_POINTS, seen.shape[1]) if scenario.partial else seen.shape[1]
-        enough &= seen.sum(1) >= wanted
-    return enough
+        is_seen = seen_points(scene, scenario, view, states)
+        needed_count = min(_FEWEST_POINTS, is_seen.shape[1]) if scenario.partial else is_seen.shape[1]
+        is_visible &= is_seen.sum(1) >= needed_count
+    return is_visible
 
 
 def _draw_poses(scene: Scene, scenario: Scenario, group: int, robot: str, n: int, rng: Generator) -> SE3:
@@ -80,9 +80,9 @@ def _draw_poses(scene: Scene, scenario: Scenario, group: int, robot: str, n: int
     target = scene.layout.groups[group][0][1]
     pivot: Array = scene.body_pose(target, scene.homes[group]) @ scene.shapes[target].points.mean(0)
     shift = draw.draw_in_ball(rng, n, scenario.position_m)
-    moved = SE3(turn, pivot + shift - turn @ pivot)
+    motion = SE3(turn, pivot + shift - turn @ pivot)
     base = scene.bases[robot]
-    return base.inverse() @ moved @ base @ scene.homes[group][robot]
+    return base.inverse() @ motion @ base @ scene.homes[group][robot]
 
 
 def _draw(
@@ -94,24 +94,24 @@ def _draw(
         InputError: if too few poses show the target.
     """
     robots = scene.homes[group]
-    offset = {robot: SE3.exp(draw.tangents(rng, 1, scenario.robot_noise)) for robot in resting}
+    stop_errors = {robot: SE3.exp(draw.tangents(rng, 1, scenario.robot_noise)) for robot in resting}
     batches: list[tuple[States, States, dict[str, Array]]] = []
     found = 0
     size = 2 * n + 16
     for _ in range(_DRAW_ROUNDS):
         recorded, true, joints = States(), States(), dict[str, Array]()
-        reached = np.ones(size, dtype=bool)
+        is_reached = np.ones(size, dtype=bool)
         for robot in robots:
-            moves = robot not in resting
-            place = _draw_poses(scene, scenario, group, robot, size, rng) if moves else resting[robot].repeat(size)
-            noise = SE3.exp(draw.tangents(rng, size, scenario.robot_noise)) if moves else offset[robot]
-            recorded[robot], true[robot] = place, place @ noise
+            is_moving = robot not in resting
+            pose = _draw_poses(scene, scenario, group, robot, size, rng) if is_moving else resting[robot].repeat(size)
+            noise = SE3.exp(draw.tangents(rng, size, scenario.robot_noise)) if is_moving else stop_errors[robot]
+            recorded[robot], true[robot] = pose, pose @ noise
             if robot in arms:
                 arm = arms[robot]
-                joints[robot], within = solve_joints(arm.chain, place, arm.home)
+                joints[robot], is_solved = solve_joints(arm.chain, pose, arm.home)
                 recorded[robot], true[robot] = arm.chain.forward(joints[robot]), arm.true.forward(joints[robot]) @ noise
-                reached &= within
-        kept = _visibility_mask(scene, scenario, group, true) & reached
+                is_reached &= is_solved
+        kept = _visibility_mask(scene, scenario, group, true) & is_reached
         batches.append(take((recorded, true, joints), kept))
         found += int(kept.sum())
         if found >= n:

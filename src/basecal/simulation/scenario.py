@@ -16,12 +16,12 @@ from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Camera
 from basecal.geometry.lenses.registry import lens_models
 
-Seen = Literal[TargetKindName, "pose", "points3d"]
+ObservedKind = Literal[TargetKindName, "pose", "points3d"]
 Arms = Literal["both", "eye_still", "hand_still", "halves", "stations"]
 LayoutName = Literal["dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_cameras", "chain", "ring", "grid"]
 
 _CHOICES = {
-    "target": get_args(Seen),
+    "target": get_args(ObservedKind),
     "arms": get_args(Arms),
     "layout": get_args(LayoutName),
     "lens": lens_models(),
@@ -36,7 +36,6 @@ class Scenario:
 
     Sigmas in pairs are (translation [m], rotation [rad]), per axis.
 
-    Attributes:
     Attributes:
         samples: Number of samples.
         target: Observations: pixels of a board, of rigid points or of one LED, or the target's pose, or 3-D points.
@@ -73,7 +72,7 @@ class Scenario:
         position_m: Largest translation of flanges in addition to the rotation about the target, uniform in a ball.
         distance_m: Smallest and largest distance of target and camera at the home poses.
         partial: Whether views of a part of the target, with at least 8 points, are kept.
-        joints: Whether robots are arms with six axes that record joints; not for the layout `chain`.
+        joints: Whether robots are arms with six axes that record joints; only for layouts with one group of views.
         joint_offset_rad: Sigma of each joint's true offset [rad].
         link_error: True sigmas of the errors of each origin and the tip of an arm.
         joint_offsets: Status of the joint offsets in the cell; a prior has the true sigma.
@@ -83,7 +82,7 @@ class Scenario:
     """
 
     samples: int = 30
-    target: Seen = "charuco"
+    target: ObservedKind = "charuco"
     arms: Arms = "both"
     layout: LayoutName = "dual"
     robots: int = 3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,18 +65,18 @@ def front(target: Target) -> Array:
     return target.sheets[0].target_from_sheet.rotation if target.sheets else np.eye(3)
 
 
-def _bases(rng: Generator, robots: tuple[str, ...]) -> dict[str, SE3]:
+def _draw_bases(rng: Generator, robots: tuple[str, ...]) -> dict[str, SE3]:
     """Draw bases on a ring, neighbours 1 to 2 m apart, with any yaw and a moderate tilt; 20 % have any rotation."""
     n = len(robots)
     radius = rng.uniform(1.0, 2.0) / (2 * np.sin(np.pi / max(n, 2)))
     angle = rng.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(n) / n
-    place = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(n)], -1)
-    place += rng.uniform(-0.1, 0.1, (n, 3))
+    position = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(n)], -1)
+    position += rng.uniform(-0.1, 0.1, (n, 3))
     yaw = rotation_exp(rng.uniform(-np.pi, np.pi, (n, 1)) * np.eye(3)[2])
     upright = yaw @ rotation_exp(draw.draw_in_ball(rng, n, 0.3))
-    anyhow = rng.random(n) < 0.2
-    turned = np.where(anyhow[:, None, None], draw.rotations(rng, n), upright)
-    world_from_base = {name: SE3(turned[k], place[k] - place[0]) for k, name in enumerate(robots)}
+    is_any_rotation = rng.random(n) < 0.2
+    turned = np.where(is_any_rotation[:, None, None], draw.rotations(rng, n), upright)
+    world_from_base = {name: SE3(turned[k], position[k] - position[0]) for k, name in enumerate(robots)}
     return {**world_from_base, robots[0]: SE3.identity()}
 
 
@@ -88,7 +88,7 @@ def _poses_in_reach(rng: Generator, n: int) -> SE3:
     return SE3(draw.rotations(rng, n), rng.uniform(0.4, 0.8, (n, 1)) * direction)
 
 
-def _views(rng: Generator, scenario: Scenario, target: Target, n: int) -> SE3:
+def _draw_views(rng: Generator, scenario: Scenario, target: Target, n: int) -> SE3:
     """Draw poses `camera_from_target`, (n,), near the optical axis; a board shows its front."""
     rotation = draw.rotations(rng, n)
     if is_flat(target):
@@ -118,7 +118,7 @@ def _place_body(
         world_mounts[name] = world_from_thing
 
 
-def _place(
+def _draw_placements(
     group: tuple[View, ...], scene: Scene, scenario: Scenario, rng: Generator
 ) -> tuple[dict[str, SE3], dict[str, SE3]]:
     """Draw candidates of `world_from_flange` of a group's robots, and of mounts on the world."""
@@ -132,7 +132,7 @@ def _place(
         return flanges[carrier] @ scene.mounts[name] if carrier in flanges else fixed.get(name)
 
     for camera, target in group:
-        seen = _views(rng, scenario, scene.shapes[target], _CANDIDATE_COUNT)
+        seen = _draw_views(rng, scenario, scene.shapes[target], _CANDIDATE_COUNT)
         world_from_camera, world_from_target = known_pose(camera), known_pose(target)
         if world_from_camera is not None:
             _place_body(target, world_from_camera @ seen, scene, flanges, fixed)
@@ -141,14 +141,14 @@ def _place(
     return flanges, fixed
 
 
-def _homes(
+def _best_homes(
     group: tuple[View, ...], scene: Scene, scenario: Scenario, rng: Generator
 ) -> tuple[dict[str, SE3], dict[str, SE3]]:
-    """The candidate of `_place` that is best within the robots' reach: `base_from_flange`, and mounts on the world."""
-    flanges, fixed = _place(group, scene, scenario, rng)
+    """The best placement within the robots' reach: `base_from_flange`, and mounts on the world."""
+    flanges, fixed = _draw_placements(group, scene, scenario, rng)
     homes = {robot: scene.bases[robot].inverse() @ flanges[robot] for robot in flanges}
-    away = np.stack([np.linalg.norm(home.translation, axis=-1) for home in homes.values()])
-    out_of_reach = np.maximum(0, np.maximum(_REACH_M[0] - away, away - _REACH_M[1]))
+    distance_m = np.stack([np.linalg.norm(home.translation, axis=-1) for home in homes.values()])
+    out_of_reach = np.maximum(0, np.maximum(_REACH_M[0] - distance_m, distance_m - _REACH_M[1]))
     best = int(np.argmin(out_of_reach.sum(axis=0)))
     return {robot: home[best] for robot, home in homes.items()}, {name: pose[best] for name, pose in fixed.items()}
 
@@ -160,7 +160,8 @@ def draw_scene(scenario: Scenario, layout: Layout, rng: Generator) -> Scene:
     carried = {name: on for name, on in (*layout.cameras.items(), *layout.targets.items()) if on != WORLD}
     mounts = {name: draw.mount(rng, name in shapes and shapes[name].is_point) for name in carried}
     parked = {robot: _poses_in_reach(rng, 1)[0] for robot in layout.robots}
-    bare = Scene(layout, lenses, shapes, _bases(rng, layout.robots), mounts, (), parked)
-    found = [_homes(group, bare, scenario, rng) for group in layout.groups]
-    standing = {name: pose for _, fixed in found for name, pose in fixed.items()}
-    return Scene(layout, lenses, shapes, bare.bases, {**mounts, **standing}, tuple(home for home, _ in found), parked)
+    bare_scene = Scene(layout, lenses, shapes, _draw_bases(rng, layout.robots), mounts, (), parked)
+    homes_and_mounts = [_best_homes(group, bare_scene, scenario, rng) for group in layout.groups]
+    world_mounts = {name: pose for _, fixed in homes_and_mounts for name, pose in fixed.items()}
+    homes = tuple(home for home, _ in homes_and_mounts)
+    return replace(bare_scene, mounts={**mounts, **world_mounts}, homes=homes)

@@ -21,7 +21,7 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.planning.shifts import DIRECTIONS
 from basecal.simulation.scenario import SimulatedCell
 
-_PARALLEL_TOLERANCE = 1e-9
+_ZERO_NOISE_PX = 1e-9
 
 
 def shift_directions(is_two_sided: bool) -> Array:
@@ -57,20 +57,20 @@ def simulate_shifts(
         for shift in shift_m * shift_directions(is_two_sided):
             hand = light @ SE3(np.eye(3), shift)
             flanges.append((eye, hand))
-            at = (eye.inverse() @ eye_base_from_hand_base @ hand).translation
-            pixel = camera.project(at) + pixel_px * rng.normal(size=2)
+            position = (eye.inverse() @ eye_base_from_hand_base @ hand).translation
+            pixel = camera.project(position) + pixel_px * rng.normal(size=2)
             seen = PixelObservation("camera", "light", np.zeros(1, dtype=np.int64), pixel[None])
             samples.append(Sample(len(samples), None, {"eye": RobotState(eye), "hand": RobotState(hand)}, (seen,)))
-    exactly = Unknown("fixed", SE3.identity())
+    known = Unknown("fixed", SE3.identity())
     cell = Cell(
         reference="eye",
         robots={"eye": Robot("eye"), "hand": Robot("hand")},
         bases={"hand": Unknown()},
         cameras={
-            "camera": CellCamera("camera", "eye", exactly, camera.model, camera.size_px, Intrinsics("fixed", camera))
+            "camera": CellCamera("camera", "eye", known, camera.model, camera.size_px, Intrinsics("fixed", camera))
         },
-        targets={"light": CellTarget("light", "hand", exactly, led_target())},
-        pixel_px=pixel_px if pixel_px > _PARALLEL_TOLERANCE else None,
+        targets={"light": CellTarget("light", "hand", known, led_target())},
+        pixel_px=pixel_px if pixel_px > _ZERO_NOISE_PX else None,
     )
     truth = {
         "eye_base_from_hand_base": eye_base_from_hand_base,
@@ -78,5 +78,5 @@ def simulate_shifts(
         "hand_flange_from_light": SE3.identity(),
     }
     recording = Recording(tuple(samples))
-    where = {name: SE3.stack([each[k] for each in flanges]) for k, name in enumerate(("eye", "hand"))}
-    return SimulatedCell(cell, recording, truth, {"camera": camera}, where)
+    true_poses = {name: SE3.stack([each[k] for each in flanges]) for k, name in enumerate(("eye", "hand"))}
+    return SimulatedCell(cell, recording, truth, {"camera": camera}, true_poses)

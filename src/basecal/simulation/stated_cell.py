@@ -24,7 +24,7 @@ from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import Scene
 
 
-def _unknown(status: Status, truth: SE3, sigma: tuple[float, float], rng: Generator, point: bool = False) -> Unknown:
+def _unknown(status: Status, truth: SE3, sigma: tuple[float, float], rng: Generator, is_point: bool = False) -> Unknown:
     """Draw a stated transform; the truth is `mean @ SE3.exp(xi)`, and xi has the sigmas of `sigma`.
 
     The mount of a point has no rotation, neither in the prior nor in the truth.
@@ -34,7 +34,7 @@ def _unknown(status: Status, truth: SE3, sigma: tuple[float, float], rng: Genera
     if status == "fixed":
         return Unknown("fixed", truth)
     xi = draw.tangents(rng, 1, sigma)[0]
-    if point:
+    if is_point:
         xi[3:] = 0.0
     return Unknown("prior", truth @ SE3.exp(xi).inverse(), np.repeat(sigma, 3))
 
@@ -71,11 +71,11 @@ def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) 
         "deflection": {"sigma_rad_per_nm": scenario.compliance},
     }
     parameters = {}
-    for kind, of_prior in sigmas.items():
+    for kind, prior_sigmas in sigmas.items():
         status: Status = getattr(scenario, kind)
         if status != "fixed":
-            of_kind = of_prior if status == "prior" else {}
-            parameters[kind] = ROBOT_PARAMETERS[kind].stated(status=status, **of_kind)
+            stated_sigmas = prior_sigmas if status == "prior" else {}
+            parameters[kind] = ROBOT_PARAMETERS[kind].stated(status=status, **stated_sigmas)
     return Robot(
         name, noise, arm.chain, parameters, f"{name}.urdf", BASE_LINK, FLANGE_LINK, is_total_noise=noise is not None
     )
@@ -91,10 +91,10 @@ def stated_cell(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[
     bases = {name: _unknown(scenario.base, scene.bases[name], scenario.base_prior, rng) for name in others}
     cameras = {name: _camera(name, scene, scenario, rng) for name in scene.layout.cameras}
     targets = {}
-    for name, on in scene.layout.targets.items():
+    for name, carrier in scene.layout.targets.items():
         shape = scene.shapes[name]
         mount = _unknown(scenario.target_mount, scene.mounts[name], scenario.mount_prior, rng, shape.is_point)
-        targets[name] = CellTarget(name, on, mount, None if scenario.target == "pose" else shape)
+        targets[name] = CellTarget(name, carrier, mount, None if scenario.target == "pose" else shape)
     return Cell(
         reference,
         robots={name: _robot(name, noise, scenario, arms.get(name)) for name in scene.layout.robots},

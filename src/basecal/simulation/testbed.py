@@ -32,9 +32,9 @@ def _concatenate_motions(motions: list[Motion], scene: Scene, is_recorded: bool)
     for motion in motions:
         states = motion.recorded if is_recorded else motion.true
         count = len(next(iter(states.values())))
-        for robot, found in poses.items():
-            found.append(states.get(robot, scene.parked[robot].repeat(count)))
-    return {robot: concatenate(found) for robot, found in poses.items()}
+        for robot, parts in poses.items():
+            parts.append(states.get(robot, scene.parked[robot].repeat(count)))
+    return {robot: concatenate(parts) for robot, parts in poses.items()}
 
 
 def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
@@ -53,7 +53,7 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
     scene = draw_scene(scenario, make_layout(scenario.layout, scenario.robots), for_scene)
     scene, arms = with_arms(scene, scenario, for_arms) if scenario.joints else (scene, {})
     motions = draw_motions(scene, scenario, for_motion, arms)
-    seen = [found for motion in motions for found in observe(motion, scene, scenario, for_noise)]
+    observed = [observations for motion in motions for observations in observe(motion, scene, scenario, for_noise)]
     poses = _concatenate_motions(motions, scene, is_recorded=True)
     joints = {robot: np.concatenate([motion.joints[robot] for motion in motions]) for robot in motions[0].joints}
 
@@ -62,10 +62,10 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
         robots = scene.layout.robots if scene.layout.records_all else tuple(motion.recorded)
         return {r: RobotState(joints_rad=joints[r][k]) if r in joints else RobotState(poses[r][k]) for r in robots}
 
-    of_samples = [motion for motion in motions for _ in range(len(next(iter(motion.recorded.values()))))]
+    motion_of_sample = [motion for motion in motions for _ in range(len(next(iter(motion.recorded.values()))))]
     samples = tuple(
         Sample(k, float(k), states(motion, k), observations)
-        for k, (motion, observations) in enumerate(zip(of_samples, seen, strict=True))
+        for k, (motion, observations) in enumerate(zip(motion_of_sample, observed, strict=True))
     )
     cell = stated_cell(scene, scenario, for_priors, arms)
     true = _concatenate_motions(motions, scene, is_recorded=False)
@@ -112,6 +112,6 @@ def observe(motion: Motion, scene: Scene, scenario: Scenario, rng: Generator) ->
         else:
             points = points_in_camera(scene, view, motion.true)
             seen = seen_points(scene, scenario, view, motion.true)
-            report = _points if scenario.target == "points3d" else _pixels
-            by_view.append(report(view, scene, scenario, points, seen, rng))
+            simulate_view = _points if scenario.target == "points3d" else _pixels
+            by_view.append(simulate_view(view, scene, scenario, points, seen, rng))
     return list(zip(*by_view, strict=True))

@@ -23,18 +23,18 @@ SHIFTS = "shifts"
 PAPER = "paper"
 """The paper's own cell with the layout `SHIFTS`."""
 
-OF_SHIFTS = (SHIFTS, PAPER)
+SHIFT_LAYOUTS = (SHIFTS, PAPER)
 
 _NEAR_SHARE, _FAR_SHARE = 0.8, 1.2  # range of distances at home poses relative to the setting, which is their mean
 _OFF_AXIS = 0.1  # largest offset of the unshifted LED from the optical axis, relative to its distance
-_BASES_M = 1.5  # between the bases in the layout `SHIFTS`, approximately as in the paper's cell
+_BASE_DISTANCE_M = 1.5  # between the bases in the layout `SHIFTS`, approximately as in the paper's cell
 
 Settings = Mapping[str, Any]
 
 
 def statuses(settings: Settings) -> dict[str, str]:
     """Status of each transform in the cells of a study's settings, by name."""
-    if settings["layout"] in OF_SHIFTS:
+    if settings["layout"] in SHIFT_LAYOUTS:
         fixed = dict.fromkeys(("eye_flange_from_camera", "hand_flange_from_light"), "fixed")
         return {"eye_base_from_hand_base": "free", **fixed}
     plan = make_layout(settings["layout"], settings["robots"])
@@ -55,27 +55,27 @@ def simulate_cell(settings: Settings, seed: int) -> SimulatedCell:
     Raises:
         InputError: if the settings are inconsistent, or too few poses show the target.
     """
-    if settings["layout"] not in OF_SHIFTS:
+    if settings["layout"] not in SHIFT_LAYOUTS:
         return simulate(_scenario(settings), seed)
-    made = _paper_station(settings) if settings["layout"] == PAPER else _shift_station(settings, seed)
+    simulated = _paper_station(settings) if settings["layout"] == PAPER else _shift_station(settings, seed)
     sigmas = (settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"])
     if not (settings["state_robot_noise"] and any(sigmas)):
-        return made
-    robots = {name: replace(robot, noise=np.repeat(sigmas, 3)) for name, robot in made.cell.robots.items()}
-    return replace(made, cell=replace(made.cell, robots=robots))
+        return simulated
+    robots = {name: replace(robot, noise=np.repeat(sigmas, 3)) for name, robot in simulated.cell.robots.items()}
+    return replace(simulated, cell=replace(simulated.cell, robots=robots))
 
 
 def _scenario(settings: Settings) -> Scenario:
-    same = {f: settings[f] for f in ("samples", "arms", "layout", "stations", "robots", "base", "camera_mount")}
-    same |= {f: settings[f] for f in ("target_mount", "intrinsics", "lens", "pixel_px", "correlated_px")}
-    same |= {f: settings[f] for f in ("state_pixel_noise", "state_robot_noise", "spread_rad", "position_m")}
-    board, away = settings["board"], settings["distance_m"]
+    shared = {f: settings[f] for f in ("samples", "arms", "layout", "stations", "robots", "base", "camera_mount")}
+    shared |= {f: settings[f] for f in ("target_mount", "intrinsics", "lens", "pixel_px", "correlated_px")}
+    shared |= {f: settings[f] for f in ("state_pixel_noise", "state_robot_noise", "spread_rad", "position_m")}
+    board, distance_m = settings["board"], settings["distance_m"]
     return Scenario(
         target=settings["target"] if board is None else board.kind,
         board=None if board is None else board.shape(),
         robot_noise=(settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"]),
-        distance_m=(_NEAR_SHARE * away, _FAR_SHARE * away),
-        **same,
+        distance_m=(_NEAR_SHARE * distance_m, _FAR_SHARE * distance_m),
+        **shared,
     )
 
 
@@ -84,12 +84,12 @@ def _shift_station(settings: Settings, seed: int) -> SimulatedCell:
     rng = np.random.default_rng(seed)
     drawn = lens(rng, Scenario(lens=settings["lens"]))
     camera = Camera("pinhole", drawn.parameters[:4], drawn.size_px)
-    turned = rotations(rng, 4)
-    away = rng.uniform(_NEAR_SHARE, _FAR_SHARE) * settings["distance_m"]
-    seen_at = away * np.array([*rng.uniform(-_OFF_AXIS, _OFF_AXIS, 2), 1.0])
-    camera_from_light = SE3(turned[0], seen_at)
-    eye_base_from_camera = SE3(turned[1], rng.uniform(-0.5, 0.5, 3))
-    eye_base_from_hand_base = SE3(turned[2], _BASES_M * turned[3][0])
+    random_rotations = rotations(rng, 4)
+    distance_m = rng.uniform(_NEAR_SHARE, _FAR_SHARE) * settings["distance_m"]
+    position = distance_m * np.array([*rng.uniform(-_OFF_AXIS, _OFF_AXIS, 2), 1.0])
+    camera_from_light = SE3(random_rotations[0], position)
+    eye_base_from_camera = SE3(random_rotations[1], rng.uniform(-0.5, 0.5, 3))
+    eye_base_from_hand_base = SE3(random_rotations[2], _BASE_DISTANCE_M * random_rotations[3][0])
     hand_base_from_light = eye_base_from_hand_base.inverse() @ eye_base_from_camera @ camera_from_light
     return _station(settings, eye_base_from_hand_base, eye_base_from_camera, hand_base_from_light, camera)
 

@@ -52,7 +52,7 @@ class Trials:
 
 
 COLUMNS = tuple(f.name for f in fields(Trials))
-_KINDS = {"point": np.int64, "trial": np.int64, "cell": np.int64, "directions": np.int64, "solved": np.bool_}
+_COLUMN_TYPES = {"point": np.int64, "trial": np.int64, "cell": np.int64, "directions": np.int64, "solved": np.bool_}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class ChunkResult:
     reasons: tuple[str, ...]
 
 
-def work_chunk(study: Study, chunk: Chunk) -> ChunkResult:
+def compute_chunk(study: Study, chunk: Chunk) -> ChunkResult:
     """Compute a chunk; except for times, the result is the same for any worker."""
     parts, reasons, cells = [], dict[str, None](), dict[int, DrawnCell]()
     for piece in chunk.pieces:
@@ -76,26 +76,25 @@ def work_chunk(study: Study, chunk: Chunk) -> ChunkResult:
             truth = draws.truth
         except BasecalError as error:  # a cell that cannot be simulated counts as failed trials
             answers, truth = no_answers(piece.count, str(error)), SE3.identity()
-        took = (time.perf_counter() - begin) / piece.count
-        parts.append(_judge_answers(chunk, piece, answers, truth, took))
+        time_s = (time.perf_counter() - begin) / piece.count
+        parts.append(_evaluate_answers(chunk, piece, answers, truth, time_s))
         if answers.reason:
             reasons[answers.reason] = None
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
     return ChunkResult(Trials(**joined), tuple(reasons))
 
 
-def _judge_answers(chunk: Chunk, piece: Piece, answers: Answers, truth: SE3, took: float) -> Trials:
+def _evaluate_answers(chunk: Chunk, piece: Piece, answers: Answers, truth: SE3, time_s: float) -> Trials:
     """Compare solutions with the truth, in millimetres, degrees and predicted sigmas."""
     n, covariance = piece.count, answers.covariance
     error = (answers.transform.inverse() @ truth).log()
     width = 0 if covariance is None else covariance.shape[-1]
     sigmas, nees = np.full((n, 2), np.nan), np.full(n, np.nan)
-    stated = answers.solved.copy()
     if covariance is not None:
-        held = np.where(stated[:, None, None], covariance, np.eye(width))
-        variances = np.diagonal(held, axis1=-2, axis2=-1)
+        regular = np.where(answers.solved[:, None, None], covariance, np.eye(width))
+        variances = np.diagonal(regular, axis1=-2, axis2=-1)
         sigmas = np.sqrt(np.stack([variances[:, :3].sum(-1), variances[:, 3:].sum(-1)], -1))
-        nees = np.sum(error[:, :width] * np.linalg.solve(held, error[:, :width, None])[..., 0], axis=-1)
+        nees = np.sum(error[:, :width] * np.linalg.solve(regular, error[:, :width, None])[..., 0], axis=-1)
     lengths = [np.linalg.norm(part, axis=-1) for part in (error[:, :3], error[:, 3:])]
     numbers = {
         "error_mm": 1e3 * lengths[0],
@@ -111,7 +110,7 @@ def _judge_answers(chunk: Chunk, piece: Piece, answers: Answers, truth: SE3, too
         **{name: np.where(answers.solved, values, np.nan) for name, values in numbers.items()},
         directions=np.full(n, width),
         solved=answers.solved,
-        time_s=np.full(n, took),
+        time_s=np.full(n, time_s),
     )
 
 
@@ -129,7 +128,7 @@ def pack_result(study: Study, result: ChunkResult) -> bytes:
     return stream.getvalue()
 
 
-def keep_chunk(folder: Path, chunk: Chunk, content: bytes) -> None:
+def store_chunk(folder: Path, chunk: Chunk, content: bytes) -> None:
     """Write a chunk's file atomically.
 
     Raises:
@@ -143,9 +142,9 @@ def read_chunk(folder: Path, study: Study, chunk: Chunk) -> ChunkResult | None:
     try:
         _, arrays = read_arrays(str(chunk_path(folder, chunk)))
         about = json.loads(arrays.pop("about").astype(np.uint8).tobytes())
-        if about["study"] != study.identity or any(of.shape != (chunk.trials,) for of in arrays.values()):
+        if about["study"] != study.identity or any(array.shape != (chunk.trials,) for array in arrays.values()):
             return None
-        trials = Trials(**{name: arrays[name].astype(_KINDS.get(name, np.float64)) for name in COLUMNS})
+        trials = Trials(**{name: arrays[name].astype(_COLUMN_TYPES.get(name, np.float64)) for name in COLUMNS})
         return ChunkResult(trials, tuple(printable(str(reason)) for reason in about["reasons"]))
     except (DatasetError, ValueError, KeyError, TypeError, RecursionError):
         return None

@@ -16,11 +16,11 @@ from typing import Any
 from basecal.errors import BasecalError, InputError, MissingExtra
 
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
-_LARGEST_KEPT = 2**25  # 32 MB: the upper limit of malloc's own adaptation
+_LARGEST_KEPT_BYTES = 2**25  # 32 MB: the upper limit of malloc's own adaptation
 _PATIENCE_S = 10  # timeout of the connection to a scheduler
 
 
-def called_on_cluster(address: str, calls: Sequence[partial[bytes]]) -> Iterator[tuple[int, bytes | str]]:
+def call_on_cluster(address: str, calls: Sequence[partial[bytes]]) -> Iterator[tuple[int, bytes | str]]:
     """Execute calls on a cluster; yield the index and the bytes of each finished call, or why it killed its workers.
 
     Args:
@@ -32,15 +32,18 @@ def called_on_cluster(address: str, calls: Sequence[partial[bytes]]) -> Iterator
         InputError: if no scheduler answers, the scheduler ends, or workers have another version of basecal.
     """
     with _client(address) as client:
-        place, suspects = {future: k for k, future in enumerate(client.map(_run_call, calls, pure=False))}, []
-        for future in _dask().as_completed(list(place)):
-            found, k = _result(future, address), place.pop(future)  # popped: frees the memory of yielded results
-            if isinstance(found, str):
-                suspects.append(k)
+        indices, suspects = {future: index for index, future in enumerate(client.map(_run_call, calls, pure=False))}, []
+        for future in _dask().as_completed(list(indices)):
+            outcome, index = (
+                _result(future, address),
+                indices.pop(future),
+            )  # popped: frees the memory of yielded results
+            if isinstance(outcome, str):
+                suspects.append(index)
             else:
-                yield k, found
-        for k in suspects:  # a call that only waited while another call killed its worker succeeds alone
-            yield k, _result(client.submit(_run_call, calls[k], pure=False), address)
+                yield index, outcome
+        for index in suspects:  # a call that only waited while another call killed its worker succeeds alone
+            yield index, _result(client.submit(_run_call, calls[index], pure=False), address)
 
 
 def _run_call(call: partial[bytes]) -> bytes:
@@ -57,13 +60,13 @@ def _keep_memory() -> None:
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
-        mallopt(_MMAP_THRESHOLD, _LARGEST_KEPT)
-        mallopt(_TRIM_THRESHOLD, 2 * _LARGEST_KEPT)
+        mallopt(_MMAP_THRESHOLD, _LARGEST_KEPT_BYTES)
+        mallopt(_TRIM_THRESHOLD, 2 * _LARGEST_KEPT_BYTES)
 
 
 def _result(future: Any, address: str) -> bytes | str:
     try:
-        made: bytes = future.result()
+        content: bytes = future.result()
     except _dask().KilledWorker:
         return "its workers were killed repeatedly: is there enough memory?"
     except CancelledError:
@@ -74,7 +77,7 @@ def _result(future: Any, address: str) -> bytes | str:
         if isinstance(error, BasecalError):
             raise
         raise InputError(f"a worker lacks a package ({error}): install the same packages there as here") from None
-    return made
+    return content
 
 
 @contextmanager
@@ -101,8 +104,10 @@ def _dask() -> Any:
 
 
 def _check_workers(client: Any) -> None:
-    here = version("basecal")
-    for worker, there in client.run(version, "basecal", on_error="return").items():
-        if there != here:
-            has = f"basecal {there}" if isinstance(there, str) else "no basecal"
-            raise InputError(f"the worker {worker} has {has}, here is {here}: install the same version there")
+    own_version = version("basecal")
+    for worker, worker_version in client.run(version, "basecal", on_error="return").items():
+        if worker_version != own_version:
+            installed = f"basecal {worker_version}" if isinstance(worker_version, str) else "no basecal"
+            raise InputError(
+                f"the worker {worker} has {installed}, here is {own_version}: install the same version there"
+            )

@@ -37,16 +37,16 @@ def write_columns(folder: Path, batches: Iterator[Columns]) -> Path:
     Raises:
         InputError: if the file cannot be written.
     """
-    parquet = importlib.util.find_spec("pyarrow") is not None
-    path = folder / f"{_NAME}.{'parquet' if parquet else 'csv'}"
-    with _appearing(path) as part:
-        (_write_parquet if parquet else _write_csv)(batches, part)
+    has_parquet = importlib.util.find_spec("pyarrow") is not None
+    path = folder / f"{_NAME}.{'parquet' if has_parquet else 'csv'}"
+    with _temporary_file(path) as part:
+        (_write_parquet if has_parquet else _write_csv)(batches, part)
     return path
 
 
 @contextmanager
-def _appearing(path: Path) -> Iterator[Path]:
-    """Context of a temporary file that replaces the file at the end."""
+def _temporary_file(path: Path) -> Iterator[Path]:
+    """Context of a temporary file that replaces a file at the end."""
     part = temporary_path(path)
     try:
         with writing_errors(path):
@@ -85,12 +85,12 @@ def _write_csv(batches: Iterator[Columns], part: Path) -> None:
         for number, columns in enumerate(batches):
             if number == 0:
                 writer.writerow(columns)
-            writer.writerows(zip(*(_plain(values) for values in columns.values()), strict=True))
+            writer.writerows(zip(*(_csv_values(values) for values in columns.values()), strict=True))
         text.flush()
         text.detach()
 
 
-def _plain(values: Any) -> list[Any]:
+def _csv_values(values: Any) -> list[Any]:
     """Values of a column for CSV, with empty strings for NaN."""
     if isinstance(values, list):
         return values

@@ -24,14 +24,14 @@ class Draws:
     """Trials on one cell with the same recorded robot poses, but different robot errors and pixel noise.
 
     Attributes:
-        made: The cell, with a recording that defines the visible points of all trials.
+        simulated: The cell, with a recording that defines the visible points of all trials.
         problem: The problem, with pixels of its views of shape (trials, n, p, 2).
         transform: Name of the evaluated transform.
         count: Number of trials.
         own_starts: Whether each trial is solved without a warm start.
     """
 
-    made: SimulatedCell
+    simulated: SimulatedCell
     problem: Problem
     transform: str
     count: int
@@ -40,7 +40,7 @@ class Draws:
     @property
     def truth(self) -> SE3:
         """True value of the evaluated transform."""
-        return self.made.truth[self.transform]
+        return self.simulated.truth[self.transform]
 
     def measurement(self) -> PixelMeasurement:
         """Pixel measurement of the first group's views, in all trials."""
@@ -62,7 +62,7 @@ def group_pixels(group: ViewGroup) -> PixelMeasurement:
 class DrawnCell:
     """A cell of a study, built once before noise is drawn."""
 
-    made: SimulatedCell
+    simulated: SimulatedCell
     problem: Problem
     transform: str
 
@@ -73,11 +73,11 @@ def draw_cell(settings: Settings, seed: int, cell: int, transform: str | None) -
     Raises:
         InputError: if the settings are inconsistent, or too few poses show the target.
     """
-    made = simulate_cell(
+    simulated = simulate_cell(
         settings, int(np.random.SeedSequence([seed, _CELLS, cell]).generate_state(1, np.uint64)[0] >> 1)
     )
-    problem, _ = build_problem(made.cell, made.recording)
-    return DrawnCell(made, problem, transform or made.cell.requested_transforms[0])
+    problem, _ = build_problem(simulated.cell, simulated.recording)
+    return DrawnCell(simulated, problem, transform or simulated.cell.requested_transforms[0])
 
 
 def draw(cell: DrawnCell, settings: Settings, seed: tuple[int, ...], count: int) -> Draws:
@@ -92,13 +92,15 @@ def draw(cell: DrawnCell, settings: Settings, seed: tuple[int, ...], count: int)
         seed: Seed of the noise.
         count: Number of trials.
     """
-    for_robots, *for_groups = np.random.SeedSequence((*seed[:1], _NOISE, *seed[1:])).spawn(1 + len(cell.problem.groups))
-    errors = _robot_errors(cell.problem, settings, for_robots, count)
+    robot_seed, *group_seeds = np.random.SeedSequence((*seed[:1], _NOISE, *seed[1:])).spawn(
+        1 + len(cell.problem.groups)
+    )
+    errors = _robot_errors(cell.problem, settings, robot_seed, count)
     groups = [
-        _redraw_views(cell, group, errors, settings, np.random.default_rng(own), count)
-        for group, own in zip(cell.problem.groups, for_groups, strict=True)
+        _redraw_views(cell, group, errors, settings, np.random.default_rng(seed_of_group), count)
+        for group, seed_of_group in zip(cell.problem.groups, group_seeds, strict=True)
     ]
-    return Draws(cell.made, cell.problem.with_groups(groups), cell.transform, count, settings["own_starts"])
+    return Draws(cell.simulated, cell.problem.with_groups(groups), cell.transform, count, settings["own_starts"])
 
 
 def _robot_errors(problem: Problem, settings: Settings, seed: np.random.SeedSequence, count: int) -> dict[str, SE3]:
@@ -123,24 +125,24 @@ def _redraw_views(
 ) -> ViewGroup:
     """The group of views with the pixels of each trial, (count, n, p, 2)."""
     measurement = group_pixels(group)
-    exact = _exact_pixels(cell.made, group, errors, settings)
+    exact = _exact_pixels(cell.simulated, group, errors, settings)
     shape = (count, *measurement.pixels.shape)
     pixels = exact + settings["pixel_px"] * rng.standard_normal(shape)
     if settings["correlated_px"]:
         pixels += settings["correlated_px"] * rng.standard_normal((*shape[:-2], 1, 2))
     if settings["image_noise"]:
-        about_centre = exact - cell.made.cameras[group.camera].center
+        about_centre = exact - cell.simulated.cameras[group.camera].center
         pixels += settings["image_noise"] * about_centre * rng.standard_normal(shape)
     if settings["outlier_share"]:
-        off = rng.random(shape[:-1]) < settings["outlier_share"]
-        pixels += off[..., None] * rng.uniform(-settings["outlier_px"], settings["outlier_px"], shape)
+        is_outlier = rng.random(shape[:-1]) < settings["outlier_share"]
+        pixels += is_outlier[..., None] * rng.uniform(-settings["outlier_px"], settings["outlier_px"], shape)
     pixels[:, ~measurement.seen] = 0.0
     return replace(group, measurement=replace(measurement, pixels=pixels), readings=())
 
 
 def _exact_pixels(simulation: SimulatedCell, group: ViewGroup, errors: Mapping[str, SE3], settings: Settings) -> Array:
     """Pixels without noise, (n, p, 2) [px], or (count, n, p, 2) if the robots have errors."""
-    world_from_camera, world_from_target = (_place_flange(simulation, end, errors) for end in group.ends)
+    world_from_camera, world_from_target = (_world_from_body(simulation, end, errors) for end in group.ends)
     camera_from_target = world_from_camera.inverse() @ world_from_target
     true_points = settings["board_scale"] * group_pixels(group).points_in_target
     lens = simulation.cameras[group.camera]
@@ -148,7 +150,7 @@ def _exact_pixels(simulation: SimulatedCell, group: ViewGroup, errors: Mapping[s
     return lens.with_parameters(scale * lens.parameters).project(camera_from_target.spread() @ true_points)
 
 
-def _place_flange(simulation: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:
+def _world_from_body(simulation: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:
     """Pose in the world of the camera or target at an end, (n,), or (count, n) if its robot has errors."""
     world_from_flange = end.world_from_base(simulation.truth) @ end.base_from_flange
     errors_of_robot = errors.get(end.robot or "")

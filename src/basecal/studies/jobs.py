@@ -18,11 +18,11 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 
 from basecal.errors import BasecalError
-from basecal.studies.cluster import called_on_cluster
+from basecal.studies.cluster import call_on_cluster
 
-_DEATHS = 3  # crashes of processes with only this job, after which the job counts as the cause
+_MOST_CRASHES = 3  # crashes of processes with only this job, after which the job counts as the cause
 Done = tuple["Job", bytes]
-Step = Callable[[int, int], None]
+Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Job:
         number: Number of the job.
         size: Number of trials or cells in the job, for reports of progress.
         call: Function that computes the result, as bytes.
-        killed: Function from a message to the result if the job kills its worker; None to raise an error.
+        killed_result: Function from a message to the result if the job kills its worker; None to raise an error.
     """
 
     number: int
     size: int
     call: partial[bytes]
-    killed: Callable[[str], bytes] | None = None
+    killed_result: Callable[[str], bytes] | None = None
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ class WorkerPool:
     scheduler: str | None = None
 
 
-def work_jobs(
-    jobs: Sequence[Job], workers: WorkerPool, total: int, keep: Callable[[Job, bytes], None], step: Step | None
+def run_jobs(
+    jobs: Sequence[Job], workers: WorkerPool, total: int, store: Callable[[Job, bytes], None], progress: Progress | None
 ) -> None:
     """Execute jobs, store their results, and report the progress.
 
@@ -64,31 +64,31 @@ def work_jobs(
         jobs: The remaining jobs.
         workers: The workers.
         total: Total size of all jobs, including those finished earlier.
-        keep: Receives each job and its result.
-        step: Receives the finished size and the total size.
+        store: Receives each job and its result.
+        progress: Receives the finished size and the total size.
 
     Raises:
-        BasecalError: under the conditions of `done_jobs`.
+        BasecalError: under the conditions of `finished_jobs`.
     """
-    notify = step or (lambda done, total: None)
+    report = progress or (lambda done, total: None)
     done = total - sum(job.size for job in jobs)
-    notify(done, total)
-    for job, content in done_jobs(jobs, workers):
-        keep(job, content)
+    report(done, total)
+    for job, content in finished_jobs(jobs, workers):
+        store(job, content)
         done += job.size
-        notify(done, total)
+        report(done, total)
 
 
-def done_jobs(jobs: Sequence[Job], workers: WorkerPool) -> Iterator[Done]:
+def finished_jobs(jobs: Sequence[Job], workers: WorkerPool) -> Iterator[Done]:
     """Execute jobs; yield each job with its result when it is finished.
 
     Raises:
-        BasecalError: if a job without `killed` kills its worker, or the cluster cannot be reached.
+        BasecalError: if a job without `killed_result` kills its worker, or the cluster cannot be reached.
     """
     if workers.scheduler is not None:
-        for place, content in called_on_cluster(workers.scheduler, [job.call for job in jobs]):
-            job = jobs[place]
-            yield job, _killed_bytes(job, content) if isinstance(content, str) else content
+        for index, content in call_on_cluster(workers.scheduler, [job.call for job in jobs]):
+            job = jobs[index]
+            yield job, _killed_job_result(job, content) if isinstance(content, str) else content
     elif workers.workers == 1:
         yield from ((job, job.call()) for job in jobs)
     else:
@@ -96,35 +96,37 @@ def done_jobs(jobs: Sequence[Job], workers: WorkerPool) -> Iterator[Done]:
 
 
 def _run_in_processes(jobs: Iterable[Job], workers: int) -> Iterator[Done]:
-    left = {job.number: job for job in jobs}
-    while left:
+    remaining = {job.number: job for job in jobs}
+    while remaining:
         try:
-            with _pool(min(workers, len(left))) as pool:
-                for job, content in _as_completed({pool.submit(job.call): job for job in left.values()}):
-                    del left[job.number]
+            with _pool(min(workers, len(remaining))) as pool:
+                for job, content in _as_completed({pool.submit(job.call): job for job in remaining.values()}):
+                    del remaining[job.number]
                     yield job, content
         except BrokenProcessPool:
             # Jobs start in their order: one of the first remaining jobs was running in the process that died.
-            for job in list(left.values())[: workers + 1]:
-                del left[job.number]
+            for job in list(remaining.values())[: workers + 1]:
+                del remaining[job.number]
                 yield job, _run_in_one_process(job)
 
 
 def _run_in_one_process(job: Job) -> bytes:
     """Execute a job in a process with no other jobs."""
-    for _ in range(_DEATHS):
+    for _ in range(_MOST_CRASHES):
         try:
             with _pool(1) as pool:
                 return pool.submit(job.call).result()
         except BrokenProcessPool:
             continue
-    return _killed_bytes(job, f"the process that worked on it was killed {_DEATHS} times: is there enough memory?")
+    return _killed_job_result(
+        job, f"the process that worked on it was killed {_MOST_CRASHES} times: is there enough memory?"
+    )
 
 
-def _killed_bytes(job: Job, cause: str) -> bytes:
-    if job.killed is None:
+def _killed_job_result(job: Job, cause: str) -> bytes:
+    if job.killed_result is None:
         raise BasecalError(f"part {job.number} cannot be finished: {cause}")
-    return job.killed(cause)
+    return job.killed_result(cause)
 
 
 def _as_completed(waiting: dict[Future[bytes], Job]) -> Iterator[Done]:

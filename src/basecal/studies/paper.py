@@ -26,7 +26,7 @@ from basecal.studies.paper_cell import Testbed, paper_cell, paper_numbers, print
 from basecal.studies.study import Study
 from basecal.studies.study_file import study_from_text
 
-LENGTHS = (0.01, 0.02, 0.03, 0.06, 0.1, 0.2, 0.3, 0.6)
+SHIFT_LENGTHS_M = (0.01, 0.02, 0.03, 0.06, 0.1, 0.2, 0.3, 0.6)
 LENGTH_DRAWS = 5_000
 SIGMA_PX = 0.1
 
@@ -50,8 +50,8 @@ def study_paper(seed: int | None = None, draws: int | None = None, length_draws:
     levels = {f"{share:.0%}": share for share in study.axes["image_noise"]}
     numbers = paper_numbers()
     bed = paper_cell(numbers)
-    found = bed.closed_form(bed.image(bed.camera_from_light, bed.shift_m), bed.shift_m)
-    raw = SE3(found.raw_rotation, found.camera_from_light.translation.copy())
+    closed_form = bed.closed_form(bed.image(bed.camera_from_light, bed.shift_m), bed.shift_m)
+    raw = SE3(closed_form.raw_rotation, closed_form.camera_from_light.translation.copy())
     base = base_of_station(bed.eye_base_from_camera, raw, bed.hand_base_from_light)
     printed = {k: printed_pose(numbers["table1_camera_from_led"][k]) for k in levels}
     # The paper's Table 1, orthonormalised with the paper's iteration.
@@ -63,7 +63,7 @@ def study_paper(seed: int | None = None, draws: int | None = None, length_draws:
         "table2_orthonormalised": {k: table_2[k].rotation.tolist() for k in levels},
         "table3_eye_base_from_hand_base": {k: _entry(table_3[k]) for k in levels},
         "orders_of_orthonormalising": {k: _orders(bed, numbers, k) for k in levels},
-        "shift_length": [_length_errors(bed, length, seed, length_draws) for length in LENGTHS],
+        "shift_length": [_length_errors(bed, length, seed, length_draws) for length in SHIFT_LENGTHS_M],
         "settings": {"seed": seed, "draws": draws, "length_draws": length_draws, "sigma_px": SIGMA_PX},
         "paper": numbers,
     }
@@ -77,33 +77,35 @@ def _table_1(bed: Testbed, level: float, seed: int, draws: int, numbers: dict[st
     """Mean and standard deviation of estimates over draws of the noise, and the quantile of the paper's single draw."""
     exact = bed.image(bed.camera_from_light, bed.shift_m)
     noise = 1 + level * np.random.default_rng(seed).normal(size=(draws, *exact.shape))
-    found = bed.closed_form(exact * noise, bed.shift_m)
-    t = found.camera_from_light.translation
+    estimates = bed.closed_form(exact * noise, bed.shift_m)
+    t = estimates.camera_from_light.translation
     printed = numbers["table1_camera_from_led"][key]
-    off = np.concatenate([(np.array(printed["R"]) - found.raw_rotation.mean(0)).ravel(), printed["t"] - t.mean(0)])
-    sd = np.concatenate([found.raw_rotation.std(0).ravel(), t.std(0)])
+    difference = np.concatenate(
+        [(np.array(printed["R"]) - estimates.raw_rotation.mean(0)).ravel(), printed["t"] - t.mean(0)]
+    )
+    sd = np.concatenate([estimates.raw_rotation.std(0).ravel(), t.std(0)])
     # The fraction of draws that are nearer to the truth than the paper's orthonormalised draw.
     true = bed.camera_from_light
-    turn = _angle(found.camera_from_light.rotation, true.rotation)
-    shift = np.linalg.norm(found.camera_from_light.translation - true.translation, axis=-1)
-    printed_turn = _angle(nearest_rotation(np.array(printed["R"])), true.rotation)
-    printed_shift = np.linalg.norm(np.array(printed["t"]) - true.translation)
+    rotation_error = _angle(estimates.camera_from_light.rotation, true.rotation)
+    translation_error = np.linalg.norm(estimates.camera_from_light.translation - true.translation, axis=-1)
+    printed_rotation_error = _angle(nearest_rotation(np.array(printed["R"])), true.rotation)
+    printed_translation_error = np.linalg.norm(np.array(printed["t"]) - true.translation)
     return {
-        "R": found.raw_rotation.mean(0).tolist(),
+        "R": estimates.raw_rotation.mean(0).tolist(),
         "t": t.mean(0).tolist(),
-        "R_sd": found.raw_rotation.std(0).tolist(),
+        "R_sd": estimates.raw_rotation.std(0).tolist(),
         "t_sd": t.std(0).tolist(),
-        "paper_off_by_sigmas": {"R": (off / sd)[:9].reshape(3, 3).tolist(), "t": (off / sd)[9:].tolist()},
+        "paper_off_by_sigmas": {"R": (difference / sd)[:9].reshape(3, 3).tolist(), "t": (difference / sd)[9:].tolist()},
         "paper_quantile": {
-            "rotation": float(np.mean(turn < printed_turn)),
-            "translation": float(np.mean(shift < printed_shift)),
+            "rotation": float(np.mean(rotation_error < printed_rotation_error)),
+            "translation": float(np.mean(translation_error < printed_translation_error)),
         },
     }
 
 
 def _angle(first: Array, second: Array) -> Array:
-    turned = nearest_rotation(first.mT @ second)
-    return np.asarray(np.linalg.norm(rotation_log(turned), axis=-1))
+    difference = nearest_rotation(first.mT @ second)
+    return np.asarray(np.linalg.norm(rotation_log(difference), axis=-1))
 
 
 def _orders(bed: Testbed, numbers: dict[str, Any], key: str) -> dict[str, float]:
@@ -111,12 +113,12 @@ def _orders(bed: Testbed, numbers: dict[str, Any], key: str) -> dict[str, float]
     t = np.array(numbers["table1_camera_from_led"][key]["t"])
     raw = np.array(numbers["table1_camera_from_led"][key]["R"])
     before = base_of_station(bed.eye_base_from_camera, SE3(nearest_rotation(raw), t), bed.hand_base_from_light)
-    loose = base_of_station(bed.eye_base_from_camera, SE3.adopt(raw, t.copy()), bed.hand_base_from_light)
+    after = base_of_station(bed.eye_base_from_camera, SE3.adopt(raw, t.copy()), bed.hand_base_from_light)
     true = bed.eye_base_from_hand_base.translation
     return {
-        "rotations_differ_by": float(np.abs(nearest_rotation(loose.rotation) - before.rotation).max()),
+        "rotations_differ_by": float(np.abs(nearest_rotation(after.rotation) - before.rotation).max()),
         "translation_error_before": float(np.linalg.norm(before.translation - true)),
-        "translation_error_after": float(np.linalg.norm(loose.translation - true)),
+        "translation_error_after": float(np.linalg.norm(after.translation - true)),
     }
 
 
@@ -127,10 +129,10 @@ def _length_errors(bed: Testbed, shift_m: float, seed: int, draws: int) -> dict[
     image = bed.image(true, shift_m)
     seen = image + SIGMA_PX * np.random.default_rng(seed).normal(size=(draws, *image.shape))
     closed = bed.closed_form(seen, shift_m).camera_from_light
-    everywhere = np.ones(seen.shape[:2], dtype=bool)
-    weight = everywhere / SIGMA_PX
+    is_visible = np.ones(seen.shape[:2], dtype=bool)
+    weight = is_visible / SIGMA_PX
     points = shift_m * shift_directions(is_two_sided=False)
-    measurement = PixelMeasurement(points, seen, everywhere, weight, weight)
+    measurement = PixelMeasurement(points, seen, is_visible, weight, weight)
     camera = Camera("pinhole", np.array([*bed.focal_px, 0.0, 0.0]))
     likely = refine_poses(measurement, closed, camera, iterations=100).camera_from_target
     at_truth = measurement.take(slice(0, 1)).linearise(SE3(true.rotation[None], true.translation[None]), camera, False)
@@ -145,9 +147,9 @@ def _length_errors(bed: Testbed, shift_m: float, seed: int, draws: int) -> dict[
 
 
 def _rms(name: str, solution: SE3, true: SE3) -> dict[str, float]:
-    turn = _angle(solution.rotation, true.rotation)
-    shift = np.linalg.norm(solution.translation - true.translation, axis=-1)
+    rotation_error = _angle(solution.rotation, true.rotation)
+    translation_error = np.linalg.norm(solution.translation - true.translation, axis=-1)
     return {
-        f"{name}_deg": float(np.degrees(np.sqrt(np.mean(turn**2)))),
-        f"{name}_mm": float(1e3 * np.sqrt(np.mean(shift**2))),
+        f"{name}_deg": float(np.degrees(np.sqrt(np.mean(rotation_error**2)))),
+        f"{name}_mm": float(1e3 * np.sqrt(np.mean(translation_error**2))),
     }

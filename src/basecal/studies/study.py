@@ -17,7 +17,7 @@ BLOCK = 256
 """Trials of one cell with one generator, solved as one batch: a larger batch is not faster, but needs memory."""
 
 _MOST_CELLS = 20  # of a chunk: the preparation of that many cells takes some seconds
-_FORMAT = 2  # version of a chunk's content: incremented if the same study gives other numbers
+_FORMAT_VERSION = 2  # version of a chunk's content: incremented if the same study gives other numbers
 
 
 @dataclass(frozen=True)
@@ -116,12 +116,12 @@ class Study:
         return tuple(Chunk(index, point, pieces) for index, (point, pieces) in enumerate(groups))
 
     def _group_pieces(self, point: Point) -> Iterator[tuple[Piece, ...]]:
-        most = BLOCK * SOLVERS[point.settings["solver"]].blocks
+        largest_count = BLOCK * SOLVERS[point.settings["solver"]].blocks
         group: list[Piece] = []
         for piece in self._pieces():
             cells = {each.cell for each in (*group, piece)}
-            full = sum(each.count for each in group) + piece.count > most or len(cells) > _MOST_CELLS
-            if group and full:
+            is_full = sum(each.count for each in group) + piece.count > largest_count or len(cells) > _MOST_CELLS
+            if group and is_full:
                 yield tuple(group)
                 group = []
             group.append(piece)
@@ -131,19 +131,19 @@ class Study:
         """The trials of a point, distributed evenly among the cells."""
         first = 0
         for cell in range(self.cells):
-            own = self.trials // self.cells + (cell < self.trials % self.cells)
-            for block, start in enumerate(range(0, own, BLOCK)):
-                count = min(BLOCK, own - start)
+            cell_trials = self.trials // self.cells + (cell < self.trials % self.cells)
+            for block, start in enumerate(range(0, cell_trials, BLOCK)):
+                count = min(BLOCK, cell_trials - start)
                 yield Piece(cell, block, first, count)
                 first += count
 
     @cached_property
     def identity(self) -> str:
         """Hash of all inputs that determine the results; title and description are not included."""
-        said = [_FORMAT, self.seed, self.trials, self.cells, self.transform]
+        numbers = [_FORMAT_VERSION, self.seed, self.trials, self.cells, self.transform]
         axes = [(name, [_plain(value) for value in values]) for name, values in self.axes.items()]
         held = {name: _plain(value) for name, value in self.held.items() if name not in self.axes}
-        return hashlib.sha256(json.dumps([*said, axes, held], sort_keys=True).encode()).hexdigest()
+        return hashlib.sha256(json.dumps([*numbers, axes, held], sort_keys=True).encode()).hexdigest()
 
 
 def _plain(value: Any) -> Any:

@@ -18,7 +18,7 @@ from basecal.fields.problems import Loc, Problem, dataset_error, shorten
 from basecal.fields.values import LARGEST_VALUE, Entry, Status, empty, known_names
 from basecal.geometry.lenses.registry import lens_models
 from basecal.simulation.scenario import Arms, LayoutName
-from basecal.studies.cells import OF_SHIFTS, statuses
+from basecal.studies.cells import SHIFT_LAYOUTS, statuses
 from basecal.studies.solvers.registry import SOLVERS
 from basecal.studies.study import Point, Study
 
@@ -27,27 +27,27 @@ _MOST_TRIALS = 10_000_000  # of a point: a table of some gigabytes
 _MOST_CELLS = 10_000
 _MOST_VALUES = 1000  # of an axis
 _MOST_POINTS = 100_000
-_MOST_IN_ALL = 100_000_000  # trials of all points: a table of some ten gigabytes
+_MOST_TRIALS_IN_ALL = 100_000_000  # trials of all points: a table of some ten gigabytes
 _MOST_CELLS_IN_ALL = 1_000_000  # of all points; their simulation takes days
-_MOST_VIEWED = 20_000  # points of a trial: a batch of 256 trials takes some hundred megabytes
+_MOST_VIEWED_POINTS = 20_000  # points of a trial: a batch of 256 trials takes some hundred megabytes
 _USUAL_POINTS = 36  # of the default boards
 _LONGEST_TEXT = 10_000  # characters of a title or description
 
 _Size = Annotated[float, Field(ge=0, le=LARGEST_VALUE)]
 _Share = Annotated[float, Field(ge=0, le=1)]
 _Factor = Annotated[float, Field(ge=0.5, le=2)]
-_Turn = Annotated[float, Field(ge=0, le=3.15)]
+_Rotation = Annotated[float, Field(ge=0, le=3.15)]
 _Solver = Annotated[str, known_names("solver", tuple(SOLVERS))]
 _Lens = Annotated[str, known_names("lens", lens_models())]
-_Layout = Annotated[str, known_names("layout", (*get_args(LayoutName), *OF_SHIFTS))]
+_Layout = Annotated[str, known_names("layout", (*get_args(LayoutName), *SHIFT_LAYOUTS))]
 
 
-def _without_carrier(value: Any) -> Any:
+def _with_carrier(value: Any) -> Any:
     """Complete a target's entry with `on`, which `cell.yaml` requires and a study does not."""
     return {"on": "world", **value} if isinstance(value, dict) else value
 
 
-_Board = Annotated[AnyTargetEntry, BeforeValidator(_without_carrier)]
+_Board = Annotated[AnyTargetEntry, BeforeValidator(_with_carrier)]
 
 
 class SettingsEntry(Entry):
@@ -64,7 +64,7 @@ class SettingsEntry(Entry):
     board: _Board | None = None
     lens: _Lens = "pinhole"
     distance_m: Annotated[float, Field(gt=0, le=1000)] = 0.7
-    spread_rad: _Turn = 0.6
+    spread_rad: _Rotation = 0.6
     position_m: _Size = 0.12
     shift_m: Annotated[float, Field(gt=0, le=10)] = 0.1
     base: Status = "free"
@@ -140,15 +140,19 @@ def study_from_text(text: str, path: str) -> Study:
     data = check_schema(document.data, SCHEMA, path, lines)
     entry = check_entry(StudyEntry, data, path, lines)
     study = _study(entry, data, text, path, lines)
-    problems = [*_twice(study), *_unfit_boards(study), *(Problem(loc, said) for loc, said in _unfit(study, data))]
+    problems = [
+        *_repeated_values(study),
+        *_unfit_boards(study),
+        *(Problem(loc, message) for loc, message in _contradictions(study, data)),
+    ]
     if problems:
         raise dataset_error(path, problems, lines)
     return study
 
 
 def _study(entry: StudyEntry, data: dict[str, Any], text: str, path: str, lines: Mapping[Loc, int]) -> Study:
-    given = {name: getattr(entry.axes, name) for name in data.get("axes") or {}}
-    axes = {name: tuple(values) for name, values in given.items() if values is not None}
+    stated_axes = {name: getattr(entry.axes, name) for name in data.get("axes") or {}}
+    axes = {name: tuple(values) for name, values in stated_axes.items() if values is not None}
     count = 1
     for name, values in axes.items():
         count *= len(values)
@@ -158,7 +162,10 @@ def _study(entry: StudyEntry, data: dict[str, Any], text: str, path: str, lines:
         raise dataset_error(
             path, [Problem(("axes",), f"make {count} points, at most {_MOST_POINTS} are allowed")], lines
         )
-    for field, each, most in (("trials", entry.trials, _MOST_IN_ALL), ("cells", entry.cells, _MOST_CELLS_IN_ALL)):
+    for field, each, most in (
+        ("trials", entry.trials, _MOST_TRIALS_IN_ALL),
+        ("cells", entry.cells, _MOST_CELLS_IN_ALL),
+    ):
         if count * each > most:
             message = f"{each} at each of {count} points make {count * each}, at most {most} are allowed in all"
             raise dataset_error(path, [Problem((field,), message)], lines)
@@ -176,7 +183,7 @@ def _study(entry: StudyEntry, data: dict[str, Any], text: str, path: str, lines:
     )
 
 
-def _twice(study: Study) -> list[Problem]:
+def _repeated_values(study: Study) -> list[Problem]:
     """Problems about repeated values on an axis."""
     return [
         Problem(("axes", name, k), "is on this axis already: remove it")
@@ -189,41 +196,41 @@ def _twice(study: Study) -> list[Problem]:
 def _unfit_boards(study: Study) -> list[Problem]:
     """Problems about boards without a kind, and about samples with too many points for the memory."""
     found = []
-    axis = "samples" in study.axes
-    samples = max(study.axes["samples"] if axis else [study.held["samples"]])
+    is_axis = "samples" in study.axes
+    samples = max(study.axes["samples"] if is_axis else [study.held["samples"]])
     for k, board in enumerate(study.axes.get("board", [study.held["board"]])):
         where: Loc = ("axes", "board", k) if "board" in study.axes else ("hold", "board")
         target = None if board is None else board.shape()
         if board is not None and target is None:
             found.append(Problem(where, "needs `kind`, with the sizes of that kind"))
         points = _USUAL_POINTS if target is None else len(target.points)
-        if samples * points > _MOST_VIEWED:
-            message = (
-                f"{samples} samples of {points} points make {samples * points}, at most {_MOST_VIEWED} are allowed"
-            )
-            found.append(Problem(("axes" if axis else "hold", "samples"), message))
+        if samples * points > _MOST_VIEWED_POINTS:
+            count = samples * points
+            message = f"{samples} samples of {points} points make {count}, at most {_MOST_VIEWED_POINTS} are allowed"
+            found.append(Problem(("axes" if is_axis else "hold", "samples"), message))
     return found
 
 
-def _unfit(study: Study, data: dict[str, Any]) -> list[tuple[Loc, str]]:
+def _contradictions(study: Study, data: dict[str, Any]) -> list[tuple[Loc, str]]:
     """Contradictory settings at any point of the study, each once: the location to change, and a message."""
     found: dict[str, Loc] = {}
     for point in study.points:
-        for name, said in unfit(point, study.transform):
+        for name, message in point_contradictions(point, study.transform):
             section = "axes" if name in study.axes else "hold"
-            found.setdefault(said, (section, name) if name in (data.get(section) or {}) else ("transform",)[: not name])
-    return [(loc, said) for said, loc in found.items()]
+            is_in_file = name in (data.get(section) or {})
+            found.setdefault(message, (section, name) if is_in_file else () if name else ("transform",))
+    return [(loc, message) for message, loc in found.items()]
 
 
-def unfit(point: Point, transform: str | None) -> list[tuple[str, str]]:
+def point_contradictions(point: Point, transform: str | None) -> list[tuple[str, str]]:
     """Contradictory settings at a point: the field to change ("" for `transform`), and a message."""
-    s, found = point.settings, []
-    if refusal := SOLVERS[s["solver"]].unfit(s):
-        found.append(("solver", refusal))
-    known = {name: status for name, status in statuses(s).items() if status != "fixed"}
+    settings, problems = point.settings, []
+    if refusal := SOLVERS[settings["solver"]].refusal_reason(settings):
+        problems.append(("solver", refusal))
+    known = {name: status for name, status in statuses(settings).items() if status != "fixed"}
     if not known:
-        found.append(("base", "nothing to solve for: every transform is fixed"))
+        problems.append(("base", "nothing to solve for: every transform is fixed"))
     elif transform is not None and transform not in known:
-        there = f"there are: {', '.join(known)}"
-        found.append(("", f"{shorten(transform)} is not solved for in layout {s['layout']}; {there}"))
-    return found
+        names = f"there are: {', '.join(known)}"
+        problems.append(("", f"{shorten(transform)} is not solved for in layout {settings['layout']}; {names}"))
+    return problems

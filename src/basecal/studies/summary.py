@@ -30,9 +30,9 @@ def summarise(study: Study, folder: Path) -> dict[str, Any]:
     """
     points = []
     for point, group in itertools.groupby(results(study, folder), key=lambda each: each[0].point):
-        made = [result for _, result in group]
-        joined = {name: np.concatenate([getattr(result.trials, name) for result in made]) for name in COLUMNS}
-        reasons = dict.fromkeys(reason for result in made for reason in result.reasons)
+        chunk_results = [result for _, result in group]
+        joined = {name: np.concatenate([getattr(result.trials, name) for result in chunk_results]) for name in COLUMNS}
+        reasons = dict.fromkeys(reason for result in chunk_results for reason in result.reasons)
         points.append(_point_summary(point, Trials(**joined), list(reasons)))
     return {
         "schema": SCHEMA,
@@ -51,9 +51,11 @@ def summarise(study: Study, folder: Path) -> dict[str, Any]:
 def _point_summary(point: Point, trials: Trials, reasons: list[str]) -> dict[str, Any]:
     solved = trials.solved
     nees, directions = trials.nees[solved], trials.directions[solved]
-    judged = bool(len(nees)) and bool(np.all(directions > 0))
-    inside = nees <= chdtri(np.maximum(directions, 1), 1 - COVERAGE) if judged else np.zeros(0)
-    error = float(nees.std(ddof=1) / np.sqrt(len(nees))) if judged and len(nees) > 1 else None  # of the mean
+    has_covariances = bool(len(nees)) and bool(np.all(directions > 0))
+    inside = nees <= chdtri(np.maximum(directions, 1), 1 - COVERAGE) if has_covariances else np.zeros(0)
+    standard_error = (
+        float(nees.std(ddof=1) / np.sqrt(len(nees))) if has_covariances and len(nees) > 1 else None
+    )  # of the mean
     return {
         "at": point.label,
         "trials": len(solved),
@@ -62,10 +64,10 @@ def _point_summary(point: Point, trials: Trials, reasons: list[str]) -> dict[str
         "error_deg": _spread(trials.error_deg[solved]),
         "sigma_mm": _rms(trials.sigma_mm[solved]),
         "sigma_deg": _rms(trials.sigma_deg[solved]),
-        "nees": {"mean": float(nees.mean()), "expected": int(directions[0]), "standard_error": error}
-        if judged
+        "nees": {"mean": float(nees.mean()), "expected": int(directions[0]), "standard_error": standard_error}
+        if has_covariances
         else None,
-        "coverage": {"share": float(inside.mean()), "expected": COVERAGE} if judged else None,
+        "coverage": {"share": float(inside.mean()), "expected": COVERAGE} if has_covariances else None,
         "time_s": float(trials.time_s.mean()),
         "reasons": reasons,
     }
@@ -106,14 +108,14 @@ def write_table(study: Study, folder: Path) -> Path:
 
 def _batches(study: Study, folder: Path) -> Iterator[dict[str, Any]]:
     """Columns of consecutive trials, in batches of about `_ROWS` rows."""
-    held: list[tuple[Chunk, ChunkResult]] = []
+    batch: list[tuple[Chunk, ChunkResult]] = []
     for each in results(study, folder):
-        held.append(each)
-        if sum(chunk.trials for chunk, _ in held) >= _ROWS:
-            yield _columns(study, held)
-            held = []
-    if held:
-        yield _columns(study, held)
+        batch.append(each)
+        if sum(chunk.trials for chunk, _ in batch) >= _ROWS:
+            yield _columns(study, batch)
+            batch = []
+    if batch:
+        yield _columns(study, batch)
 
 
 def _columns(study: Study, results: list[tuple[Chunk, ChunkResult]]) -> dict[str, Any]:

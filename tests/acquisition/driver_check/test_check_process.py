@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from basecal.acquisition.driver_check import check_process
-from basecal.acquisition.driver_check.check_process import DriverCheck, check_opener, measured_promises
+from basecal.acquisition.driver_check.check_process import DriverCheck, find_opener, measure_promises
 from basecal.acquisition.driver_check.promises import Promise
 from basecal.box import BoxError
 from basecal.errors import DriverError, InputError, UsageError
@@ -19,7 +19,7 @@ FOLDER = DriverCheck("folder", options={"path": "."}, is_camera=True)
 
 def test_promises_come_as_they_are_measured() -> None:
     """Out of the other process, equal to those of this one."""
-    assert list(measured_promises(FOLDER)) == [
+    assert list(measure_promises(FOLDER)) == [
         Promise("images come on demand", "a person or a program provides each", None)
     ]
 
@@ -30,7 +30,7 @@ def test_promises_come_as_they_are_measured() -> None:
 def test_errors_of_a_driver_are_those_of_its_process(options: dict[str, Any], message: str) -> None:
     """In the driver's words."""
     with pytest.raises(InputError, match=message):
-        list(measured_promises(DriverCheck("folder", options=options, is_camera=True)))
+        list(measure_promises(DriverCheck("folder", options=options, is_camera=True)))
 
 
 def test_a_driver_that_crashes_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,17 +41,17 @@ def test_a_driver_that_crashes_is_named(monkeypatch: pytest.MonkeyPatch) -> None
 
     monkeypatch.setattr(check_process, "frames", crash)
     with pytest.raises(DriverError, match=r"^eye: its driver ends the process that reads it \(-6\)$"):
-        list(measured_promises(DriverCheck("folder", "eye")))
+        list(measure_promises(DriverCheck("folder", "eye")))
 
 
 def test_a_place_is_of_a_driver_or_of_a_cell(tmp_path: Path) -> None:
     """A name that neither has is an error with those that are there."""
-    assert check_opener(FOLDER)[1].name == "camera"
+    assert find_opener(FOLDER)[1].name == "camera"
     (tmp_path / "cell.yaml").write_text(
         "schema: basecal/cell/1\nreference: eye\nrobots:\n  eye: {driver: {kind: typed}}\n"
     )
-    assert check_opener(DriverCheck(str(tmp_path), "eye"))[1].options == {}
+    assert find_opener(DriverCheck(str(tmp_path), "eye"))[1].options == {}
     with pytest.raises(UsageError, match="there are: eye"):
-        check_opener(DriverCheck(str(tmp_path), "hand"))
+        find_opener(DriverCheck(str(tmp_path), "hand"))
     with pytest.raises(InputError, match="no driver and no cell"):
-        check_opener(DriverCheck("folderr"))
+        find_opener(DriverCheck("folderr"))

@@ -14,8 +14,8 @@ from basecal.acquisition.driver_check.promises import (
     Arrivals,
     _guarantee_promise,
     _stream_promises,
+    count_stale_images,
     record_images,
-    stale_images,
 )
 from basecal.errors import DriverError
 
@@ -63,7 +63,7 @@ def test_images_that_waited_are_counted(waiting):
         if left[0] < 0:
             time.sleep(0.3)
 
-    assert stale_images(SimpleNamespace(image=image), 0.3, 0.0) == max(waiting - 1, 0)
+    assert count_stale_images(SimpleNamespace(image=image), 0.3, 0.0) == max(waiting - 1, 0)
 
 
 @pytest.mark.parametrize(("guarantee", "words"), [
@@ -84,7 +84,7 @@ def test_three_are_enough_to_measure(monkeypatch, count):
     monkeypatch.setattr(promises, "time", SimpleNamespace(monotonic=lambda: next(times_s)))
     camera = SimpleNamespace(image=lambda: SimpleNamespace(stamp_s=7.0))
     if count == 3:
-        np.testing.assert_allclose(record_images(camera, 1.0).at_s, [0.1, 0.55, 1.0])
+        np.testing.assert_allclose(record_images(camera, 1.0).arrivals_s, [0.1, 0.55, 1.0])
         return
     with pytest.raises(DriverError, match="only 2 states or images came in 1 s"):
         record_images(camera, 1.0)
@@ -108,7 +108,7 @@ def test_a_watchdog_is_kept_alive_until_it_is_to_bite(monkeypatch):
 
     for is_ended_early in (True, False):
         robot = Watched()
-        with promises._kept_alive(robot) as end:
+        with promises._heartbeats(robot) as end:
             assert robot.third.wait(5.0)
             if is_ended_early:
                 end()
@@ -120,7 +120,7 @@ def test_a_watchdog_is_kept_alive_until_it_is_to_bite(monkeypatch):
         count = robot.count
         time.sleep(0.01)
         assert robot.count == count
-    with promises._kept_alive(SimpleNamespace()) as end:
+    with promises._heartbeats(SimpleNamespace()) as end:
         end()
 
 

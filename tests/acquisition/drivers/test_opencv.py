@@ -52,7 +52,7 @@ class Device:
 
 def test_the_kernels_time_is_the_stamp():
     """Cameras of V4L2 have times of exposure; of what else OpenCV opens the position in the stream is none."""
-    stamped, other = (OpencvCamera("wrist", Stream(Device(backend))) for backend in ("V4L2", "FFMPEG"))
+    stamped, other = (OpencvCamera("wrist", Stream(Device(backend)), is_file=False) for backend in ("V4L2", "FFMPEG"))
     assert (stamped.is_stamped, stamped.image().stamp_s) == (True, 5.5)
     assert not other.is_stamped
     assert other.image().stamp_s == pytest.approx(time.monotonic(), abs=1.0)

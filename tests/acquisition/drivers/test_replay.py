@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Place
-from basecal.acquisition.drivers.replay import open_camera, open_robot
+from basecal.acquisition.drivers.replay import Playback, ReplayRobot, open_camera, open_robot
 from basecal.cell.files import write_cell, write_recording
 from basecal.errors import DatasetError, DriverError
 from basecal.simulation.scenario import Scenario
@@ -67,6 +67,14 @@ def test_the_light_is_off_where_that_was_recorded(made):
         robot.move(made[1].recording.samples[2].robots[name], 1.0)
     with pytest.raises(DriverError, match="no image without the light in sample 2"):
         wrist.image()
+
+
+def test_a_robot_without_any_state(made):
+    """A robot that is in the cell and in no sample is an error that names no sample."""
+    samples = tuple(replace(sample, robots={}) for sample in made[1].recording.samples)
+    robot = ReplayRobot("eye", Playback(made[1].cell, replace(made[1].recording, samples=samples)))
+    with pytest.raises(DriverError, match=r"eye: the recording has no data of it$"):
+        robot.state()
 
 
 def test_what_was_not_recorded(made, tmp_path):

@@ -279,7 +279,7 @@ def unread(arms=None, **fields):
     feed._name, feed._arms, feed._changed = "wrist", arms or ArmMotion(), threading.Condition()
     feed._latencies, feed._reported, feed._notes = {}, None, []
     feed._waits_s, feed._late_s, feed._last_s, feed._is_stamped = [], [], -np.inf, True
-    feed._camera, feed._light = SimpleNamespace(is_live=True), None
+    feed._camera, feed._requested_light = SimpleNamespace(is_live=True), None
     feed._began_s, feed._arrivals = time.monotonic() - 9.0, []
     for name, value in fields.items():
         setattr(feed, name, value)
@@ -350,11 +350,11 @@ def test_lights_are_switched_once():
 
     feed = unread(_camera=Lamp())
     for state in (None, True, False):
-        feed._light = state
-        feed._switch()
-        feed._switch()
-        assert feed._light is None
+        feed._requested_light = state
+        feed._switch_led()
+        feed._switch_led()
+        assert feed._requested_light is None
     assert switched == [True, False]
-    plain = unread(_light=True)
-    plain._switch()
-    assert plain._light is None
+    plain = unread(_requested_light=True)
+    plain._switch_led()
+    assert plain._requested_light is None

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_per_unit
+from basecal.acquisition.opcua.nodes import axis_position_nodes, named_nodes, radians_per_unit
 from basecal.errors import DriverError
 
 
@@ -46,7 +46,7 @@ def client(*devices):
 
 
 def found(*args):
-    return [node.value for node in axes_of_devices(*args)]
+    return [node.value for node in axis_position_nodes(*args)]
 
 
 def test_axes_are_in_the_order_of_their_numbers():
@@ -65,6 +65,13 @@ def test_one_of_several_devices_is_named():
         found(several, "eye", "middle")
     with pytest.raises(DriverError, match=r"eye: no motion device; there are: none\. Name the device, or the nodes"):
         found(client(), "eye", None)
+
+
+def test_axes_without_positions_are_an_error():
+    """A device whose axes have no positions names what to state instead."""
+    bare = Node("arm", Node("Axes", Node("A1", Node("ParameterSet"))))
+    with pytest.raises(DriverError, match="eye: the axes of 'arm' have no ActualPosition; name the nodes"):
+        found(client(bare), "eye", None)
 
 
 def test_nodes_are_named_by_id_or_path():

@@ -13,7 +13,7 @@ from contextlib import ExitStack, suppress
 import pytest
 from pydantic import ValidationError
 
-from basecal.acquisition.opcua.nodes import axes_of_devices
+from basecal.acquisition.opcua.nodes import axis_position_nodes
 from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.acquisition.opcua.session import Session
 from basecal.errors import DriverError
@@ -25,7 +25,7 @@ needed("asyncua", "opcua")
 def session(port, allow_plaintext=True, **options):
     """One that reads the axes."""
     said = OpcuaOptions(url=f"opc.tcp://127.0.0.1:{port}/robot", reconnect_s=1.0, **options)
-    return Session("eye", said, lambda client: axes_of_devices(client, "eye", None), allow_plaintext)
+    return Session("eye", said, lambda client: axis_position_nodes(client, "eye", None), allow_plaintext)
 
 
 def test_values_that_a_server_has_none_of(opcua_robot):

@@ -12,7 +12,7 @@ from basecal.acquisition.ros2.types import type_hash
 from basecal.errors import InputError
 
 pytest.importorskip("cyclonedds")
-from basecal.acquisition.ros2.dds import Discovery, Listener, Speaker, choose_domain
+from basecal.acquisition.ros2.dds import Discovery, Publisher, Subscriber, choose_domain
 from shared.ros2_domain import DOMAIN, LOOPBACK
 
 TEXT = "std_msgs/msg/String"
@@ -29,18 +29,18 @@ def said(messages):
 
 def test_a_topic_is_offered_as_ros_does():
     """With its name, type, hash and what it promises; a listener that comes later hears what is latched."""
-    latched = Speaker(DOMAIN, "/latched", TEXT, is_latched=True)
-    plain = Speaker(DOMAIN, "/plain", TEXT, is_latched=False)
+    latched = Publisher(DOMAIN, "/latched", TEXT, is_latched=True)
+    plain = Publisher(DOMAIN, "/plain", TEXT, is_latched=False)
     latched.send(SimpleNamespace(data="before"))
     plain.send(SimpleNamespace(data="before"))
     offers = Discovery(DOMAIN)
-    found = {name: offers.wait_for(name, 5.0) for name in ("/latched", "/plain")}
+    found = {name: offers.wait_for_topic(name, 5.0) for name in ("/latched", "/plain")}
     assert {name: offer.is_latched for name, offer in found.items()} == {"/latched": True, "/plain": False}
     assert {(offer.kind, offer.type_hash, offer.is_reliable) for offer in found.values()} == {
         (TEXT, type_hash(TEXT), True)
     }
-    assert said(Listener(DOMAIN, found["/latched"], 5).messages(2.0)) == ["before"]
-    late = Listener(DOMAIN, found["/plain"], 5)
+    assert said(Subscriber(DOMAIN, found["/latched"], 5).messages(2.0)) == ["before"]
+    late = Subscriber(DOMAIN, found["/plain"], 5)
     began = time.monotonic()
     assert said(late.messages(0.2)) == []
     assert time.monotonic() - began >= 0.2
@@ -50,8 +50,8 @@ def test_a_topic_is_offered_as_ros_does():
 
 def test_only_the_newest_are_kept():
     """Of what comes while nobody listens as many are kept as were asked for: memory stays as it is."""
-    speaker = Speaker(DOMAIN, "/many", TEXT, is_latched=False, depth=100)
-    listener = Listener(DOMAIN, Discovery(DOMAIN).wait_for("/many", 5.0), 3)
+    speaker = Publisher(DOMAIN, "/many", TEXT, is_latched=False, depth=100)
+    listener = Subscriber(DOMAIN, Discovery(DOMAIN).wait_for_topic("/many", 5.0), 3)
     for number in range(50):
         speaker.send(SimpleNamespace(data=str(number)))
     heard = said(listener.messages(2.0))
@@ -63,7 +63,7 @@ def test_only_the_newest_are_kept():
 
 def test_a_topic_that_nobody_sends():
     """After the time is up there is none."""
-    assert Discovery(DOMAIN).wait_for("/nothing", 0.1) is None
+    assert Discovery(DOMAIN).wait_for_topic("/nothing", 0.1) is None
 
 
 def test_the_domain_is_that_of_the_environment(monkeypatch):

@@ -12,7 +12,7 @@ from basecal.geometry import SE3
 from basecal.geometry.se3 import rotation_exp
 
 pytest.importorskip("cyclonedds")
-from basecal.acquisition.ros2.dds import Discovery, Listener
+from basecal.acquisition.ros2.dds import Discovery, Subscriber
 from basecal.acquisition.ros2.static_frames import STATIC_TOPIC, send_static
 from shared.ros2_domain import DOMAIN, LOOPBACK
 
@@ -23,9 +23,9 @@ def test_whoever_comes_later_gets_them():
     domain = (DOMAIN + 23) % 200
     pose = SE3(rotation_exp(np.array([0.1, -0.2, 0.3])), np.array([1.0, 2.0, 3.0]))
     sender = send_static(domain, [("left_base", "right_base", pose), ("left_base", "camera", pose.inverse())])
-    offer = Discovery(domain).wait_for(STATIC_TOPIC, 5.0)
+    offer = Discovery(domain).wait_for_topic(STATIC_TOPIC, 5.0)
     assert offer.is_latched
-    (message,) = Listener(domain, offer, 10).messages(3.0)
+    (message,) = Subscriber(domain, offer, 10).messages(3.0)
     found = {
         each.child_frame_id: (each.header.frame_id, transform_values(each.transform)) for each in message.transforms
     }

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from basecal.acquisition.ros2 import stream as module
-from basecal.acquisition.ros2.dds import Offer
+from basecal.acquisition.ros2.dds import PublishedTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.errors import DriverError
 
@@ -18,8 +18,8 @@ TEXT = "std_msgs/msg/String"
 @pytest.fixture
 def network(monkeypatch):
     """What is offered and what comes on it, as lists that a test fills."""
-    there = SimpleNamespace(offers={"/text": Offer("/text", TEXT, True, False, "")}, coming=[], sender=1)
-    discovery = SimpleNamespace(offers=lambda: there.offers, wait_for=lambda name, wait_s: there.offers.get(name))
+    there = SimpleNamespace(topics={"/text": PublishedTopic("/text", TEXT, True, False, "")}, coming=[], sender=1)
+    discovery = SimpleNamespace(topics=lambda: there.topics, wait_for_topic=lambda name, wait_s: there.topics.get(name))
     there.publishers = {1: "driver 10 on cell", 2: "player 11 on cell"}
 
     def received(wait_s):
@@ -27,7 +27,7 @@ def network(monkeypatch):
 
     listener = SimpleNamespace(receive=received, publishers=lambda: there.publishers)
     monkeypatch.setattr(module, "Discovery", lambda domain: discovery)
-    monkeypatch.setattr(module, "Listener", lambda *_: listener)
+    monkeypatch.setattr(module, "Subscriber", lambda *_: listener)
     monkeypatch.setattr(module, "STALE_S", 0.01)
     return there
 
@@ -43,7 +43,7 @@ def test_the_newest_that_can_be_used_is_given(network):
 
 def test_a_definition_that_is_not_that_of_ros_is_refused(network):
     """Somebody's own JointState would be read wrongly."""
-    network.offers["/text"] = Offer("/text", TEXT, True, False, "RIHS01_00")
+    network.topics["/text"] = PublishedTopic("/text", TEXT, True, False, "RIHS01_00")
     with pytest.raises(DriverError, match="/text has another definition of std_msgs/msg/String"):
         Stream("eye", 0, "/text", (TEXT,), 5, 1.0)
 
@@ -56,7 +56,7 @@ def test_nothing_that_comes_is_told_with_its_reason(network):
         stream.newest(lambda each: None)
     with pytest.raises(DriverError, match=r"eye: no message came on /text .* although it has a publisher"):
         stream.newest(lambda each: each)
-    network.offers.clear()
+    network.topics.clear()
     with pytest.raises(DriverError, match="eye: /text has no publisher any more"):
         stream.newest(lambda each: each)
 

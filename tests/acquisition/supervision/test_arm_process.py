@@ -16,7 +16,7 @@ from basecal.acquisition.driver import Place, Reading
 from basecal.acquisition.supervision import arm_process
 from basecal.acquisition.supervision.arm_process import ArmProcess, _error_text
 from basecal.acquisition.supervision.frames import Channel, Kind
-from basecal.acquisition.supervision.limits import HOLD_S, SILENCE_LIMIT_S, STALE_S
+from basecal.acquisition.supervision.limits import HANG_LIMIT_S, HOLD_S, STALE_S
 from basecal.cell import Cell, Robot, RobotState
 from basecal.errors import DriverError
 
@@ -70,7 +70,7 @@ def test_an_arm_moves_until_it_has_settled_at_its_goal(served):
     """From when it is sent until ten states in a row are at the goal."""
     process, robot, _ = served
     assert not process._is_moving
-    process._ask(robot, "move", (GOAL, 1.0))
+    process._call_driver(robot, "move", (GOAL, 1.0))
     read(process, HOME)
     for _ in range(9):
         read(process, GOAL)
@@ -83,11 +83,11 @@ def test_an_arm_that_is_held_up_is_reported(served):
     """It says that it stands still, away from where it was sent, for two seconds; before that nothing is said."""
     process, robot, heard = served
     read(process, HOME)
-    process._ask(robot, "move", (GOAL, 1.0))
+    process._call_driver(robot, "move", (GOAL, 1.0))
     process._supervisor_s = process._read_s = time.monotonic() + HOLD_S
-    process._judge(time.monotonic() + 0.9 * HOLD_S)
+    process._check_timeouts(time.monotonic() + 0.9 * HOLD_S)
     assert troubles(heard) == []
-    process._judge(time.monotonic() + 1.1 * HOLD_S)
+    process._check_timeouts(time.monotonic() + 1.1 * HOLD_S)
     assert [why.partition(". Look")[0] for why in troubles(heard)] == ["left: it is at rest, but not at its goal"]
 
 
@@ -96,7 +96,7 @@ def test_states_that_come_late_count_while_it_moves(served):
     process, robot, _ = served
     read(process, HOME)
     read(process, HOME, lag_s=5.0)
-    process._ask(robot, "move", (GOAL, 1.0))
+    process._call_driver(robot, "move", (GOAL, 1.0))
     read(process, HOME, lag_s=0.9 * STALE_S)
     with pytest.raises(DriverError, match=r"left: its states came 0\.5 s late while it moved"):
         read(process, HOME, lag_s=1.1 * STALE_S)
@@ -106,7 +106,7 @@ def test_an_arm_beside_its_way_is_reported(served):
     """A joint may overshoot by a degree; beyond the range between start and goal by three it ends the capture."""
     process, robot, _ = served
     read(process, HOME)
-    process._ask(robot, "move", (GOAL, 1.0))
+    process._call_driver(robot, "move", (GOAL, 1.0))
     read(process, RobotState(joints_rad=np.array([1.02, -0.02])))
     with pytest.raises(DriverError, match=r"left: joint 2 is 5\.73 deg beyond its path\. Look for a person or"):
         read(process, RobotState(joints_rad=np.array([0.5, -0.1])))
@@ -116,14 +116,14 @@ def test_an_arm_that_leaves_the_place_where_it_arrived_is_reported(served):
     """By more than 10 mrad, until it is sent elsewhere or let go."""
     process, robot, _ = served
     read(process, HOME)
-    process._ask(robot, "move", (GOAL, 1.0))
+    process._call_driver(robot, "move", (GOAL, 1.0))
     for _ in range(10):
         read(process, GOAL)
     assert not process._is_moving
     read(process, RobotState(joints_rad=np.array([0.991, 1.009])))
     with pytest.raises(DriverError, match=r"left: joint 1 is 0\.63 deg beyond its path"):
         read(process, RobotState(joints_rad=np.array([0.989, 1.0])))
-    process._ask(robot, "move", (HOME, 1.0))
+    process._call_driver(robot, "move", (HOME, 1.0))
     read(process, RobotState(joints_rad=np.array([0.5, 0.5])))
 
 
@@ -146,23 +146,23 @@ def test_a_library_that_fails_is_named_as_a_link_or_driver():
 def test_a_closed_connection_and_a_silent_supervisor_stop_it(served):
     """A connection that is closed while it moves is reported; where the supervisor is silent, the arm stops itself."""
     process, robot, heard = served
-    process._ask(robot, "move", (GOAL, 1.0))
+    process._call_driver(robot, "move", (GOAL, 1.0))
     robot.is_connected = False
-    process._judge(time.monotonic())
+    process._check_timeouts(time.monotonic())
     assert troubles(heard) == ["left: its connection was closed while it moved"]
     until = time.monotonic() + 2
     while not robot.stops and time.monotonic() < until:
         time.sleep(0.01)
     assert robot.stops == 1
-    assert process._ask(robot, "move", (GOAL, 1.0)) is None
+    assert process._call_driver(robot, "move", (GOAL, 1.0)) is None
 
 
 def test_a_silent_supervisor_stops_it(served):
     """Without a heartbeat of the supervisor for 0.4 s the arm is stopped."""
     process, robot, _ = served
-    process._judge(time.monotonic() + 0.9 * SILENCE_LIMIT_S)
+    process._check_timeouts(time.monotonic() + 0.9 * HANG_LIMIT_S)
     assert robot.stops == 0
-    process._judge(time.monotonic() + 1.1 * SILENCE_LIMIT_S)
+    process._check_timeouts(time.monotonic() + 1.1 * HANG_LIMIT_S)
     until = time.monotonic() + 2
     while not robot.stops and time.monotonic() < until:
         time.sleep(0.01)
@@ -186,7 +186,7 @@ def test_an_answer_that_cannot_be_sent_is_an_error(served):
     """Whoever asked is told, instead of waiting; the next question is answered."""
     process, robot, heard = served
     robot.goal_refusal = lambda to: "too far" if to is GOAL else threading.Lock()
-    threading.Thread(target=process._answer, args=(robot,), daemon=True).start()
+    threading.Thread(target=process._serve_requests, args=(robot,), daemon=True).start()
     for number, goal in enumerate((HOME, GOAL)):
         process._requests.put((number, "goal_refusal", (goal,)))
     answers, until = [], time.monotonic() + 2

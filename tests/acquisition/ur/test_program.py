@@ -54,7 +54,7 @@ class Gone:
 def test_a_line_that_is_gone_is_a_closed_connection():
     """The words of the library stand in brackets, and the next call is not kept waiting."""
     asked = Program("eye", UrOptions(host="127.0.0.1"))
-    asked._line = Gone()
+    asked._interface = Gone()
     for _ in range(2):
         with pytest.raises(DriverError, match=r"^eye: its connection was closed \(End of file\)$"):
             asked.keep_alive()
@@ -95,7 +95,7 @@ def test_a_watchdog_whose_line_is_gone_says_so(monkeypatch):
             raise RuntimeError("ok")
 
     asked = Program("eye", UrOptions(host="here"))
-    monkeypatch.setattr(asked, "_line", Line())
+    monkeypatch.setattr(asked, "_interface", Line())
     for _ in range(2):
         with pytest.raises(DriverError, match=r"^eye: its connection was closed \(ok\)$"):
             asked.keep_alive()

@@ -131,7 +131,7 @@ def test_another_program_at_the_port(words, message):
 def test_a_program_runs_by_its_own_bit(bits, is_running):
     """Power, buttons and the rest are other bits."""
     receiver = Receiver.__new__(Receiver)
-    receiver._line = SimpleNamespace(getRobotStatus=lambda: bits, isConnected=lambda: bits > 0)
+    receiver._interface = SimpleNamespace(getRobotStatus=lambda: bits, isConnected=lambda: bits > 0)
     assert receiver.is_program_running == is_running
     assert receiver.is_connected == (bits > 0)
 
@@ -145,7 +145,7 @@ def test_the_most_specific_stop_is_named(bits, tolerated, words):
     """Normal and reduced mode are none; a safeguard stop may be tolerated."""
     receiver = Receiver.__new__(Receiver)
     receiver._name, receiver._tolerated = "eye", tolerated
-    receiver._line = SimpleNamespace(getSafetyStatusBits=lambda: bits)
+    receiver._interface = SimpleNamespace(getSafetyStatusBits=lambda: bits)
     if words is None:
         receiver._check_safety()
     else:
@@ -159,19 +159,19 @@ def test_a_state_is_read_whole_and_once(gives_joints):
     stamps = iter([7.0, 7.0, 7.0, 8.0, 8.25, 8.5, 8.5])
     receiver = Receiver.__new__(Receiver)
     receiver._last_s, receiver._gives_joints, receiver._tolerated = -1.0, gives_joints, ()
-    receiver._line = SimpleNamespace(
+    receiver._interface = SimpleNamespace(
         getTimestamp=lambda: next(stamps),
         getActualQ=lambda: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6],
         getActualTCPPose=lambda: [1.0, 2.0, 3.0, 0.0, 0.0, 0.5],
         getSafetyStatusBits=lambda: 1,
     )
-    first = receiver._newer()
+    first = receiver._read_newer()
     assert first.stamp_s == 7.0
     if gives_joints:
         assert first.state.joints_rad.tolist() == [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
     else:
         pose = first.state.base_from_flange
         assert (pose.translation.tolist(), pose.rotvec[2]) == ([1.0, 2.0, 3.0], pytest.approx(0.5))
-    assert receiver._newer() is None
-    assert receiver._newer() is None
-    assert receiver._newer().stamp_s == 8.5
+    assert receiver._read_newer() is None
+    assert receiver._read_newer() is None
+    assert receiver._read_newer().stamp_s == 8.5

@@ -91,7 +91,7 @@ def test_joints_stray_on_their_way_and_arrive():
     one, exact = arm("following-error=0.1"), arm()
     for each in (one, exact):
         each.move(THERE, 1.0, 0.0)
-    apart = [away_m(one, exact.commanded_joints(t), t) for t in (0.0, 0.5 * one.arrives_s, one.arrives_s)]
+    apart = [away_m(one, exact.commanded_joints(t), t) for t in (0.0, 0.5 * one.arrival_s, one.arrival_s)]
     assert apart[1] > 5e-4
     assert max(apart[0], apart[2]) < STILL_M
     assert np.array_equal(one.reported_joints(0.3), exact.reported_joints(0.3))
@@ -120,7 +120,7 @@ def test_no_joint_is_faster_than_it_can_be(way, speed, peak_speed):
     """Nor than asked; the duration follows."""
     one = arm()
     one.move(HOME - np.array([way, 0, 0, 0, 0, 0]), speed, 1.0)
-    middle = 1.0 + (one.arrives_s - 1.0) / 2
+    middle = 1.0 + (one.arrival_s - 1.0) / 2
     apart = one.commanded_joints(middle + 1e-4)[0] - one.commanded_joints(middle - 1e-4)[0]
     assert apart / 2e-4 == pytest.approx(-peak_speed, rel=1e-4)
     assert one.goal[0] == HOME[0] - way
@@ -130,7 +130,7 @@ def test_short_ways_are_limited_by_acceleration():
     """Eight rad/s^2 at most, at a fifth of the way."""
     one = arm()
     one.move(HOME + 0.01, 3.0, 0.0)
-    times = np.linspace(0, one.arrives_s, 400)
+    times = np.linspace(0, one.arrival_s, 400)
     way = np.array([one.commanded_joints(t)[0] for t in times])
     acceleration = np.gradient(np.gradient(way, times), times)[2:-2]
     assert np.abs(acceleration).max() == pytest.approx(8.0, rel=0.01)
@@ -160,17 +160,17 @@ def test_a_stop_after_the_arrival_changes_nothing():
     one, other = arm(), arm()
     for each in (one, other):
         each.move(THERE, 0.5, 0.0)
-    end = one.arrives_s
+    end = one.arrival_s
     one.stop(end + 0.1)
-    assert (one.arrives_s, one.moves) == (end, 1)
+    assert (one.arrival_s, one.moves) == (end, 1)
     other.stop(0.6)
-    assert other.arrives_s == pytest.approx(0.75)
+    assert other.arrival_s == pytest.approx(0.75)
     np.testing.assert_allclose(other.goal, one.commanded_joints(0.675))
 
 
 def test_positioning_errors_are_those_of_an_industrial_arm():
     """Of 600 joints 3e-5 rad rms, to a tenth."""
-    errors = [arm()._error(HOME + 0.01 * k) for k in range(100)]
+    errors = [arm()._positioning_error(HOME + 0.01 * k) for k in range(100)]
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(3e-5, rel=0.1)
 
 
@@ -189,7 +189,7 @@ def test_straying_is_largest_halfway():
     one, exact = arm("following-error=0.1"), arm()
     for each in (one, exact):
         each.move(THERE, 1.0, 0.0)
-    times = np.array([0.3, 0.5]) * one.arrives_s
+    times = np.array([0.3, 0.5]) * one.arrival_s
     quarter, half = (one._true_joints(t) - exact._true_joints(t) for t in times)
     share = one._leg.share(times[0])
     np.testing.assert_allclose(quarter, 4 * share * (1 - share) * half)
@@ -201,8 +201,8 @@ def test_ringing_has_nine_periods_a_second():
     one, exact = arm("ringing=5"), arm()
     for each in (one, exact):
         each.move(THERE, 1.0, 0.0)
-    swing = [(one._true_joints(one.arrives_s + t) - exact._true_joints(10.0))[0] for t in (1e-9, 1 / 36, 1 / 18, 1 / 9)]
+    swing = [(one._true_joints(one.arrival_s + t) - exact._true_joints(10.0))[0] for t in (1e-9, 1 / 36, 1 / 18, 1 / 9)]
     np.testing.assert_allclose(np.array(swing[1:]) / swing[0], [0, -(1 - 1 / 9), 1 - 2 / 9], atol=1e-6)
-    np.testing.assert_array_equal(one._true_joints(one.arrives_s - 0.01), exact._true_joints(exact.arrives_s - 0.01))
+    np.testing.assert_array_equal(one._true_joints(one.arrival_s - 0.01), exact._true_joints(exact.arrival_s - 0.01))
     at_home = arm("ringing=5")
     np.testing.assert_array_equal(at_home._true_joints(0.1), arm()._true_joints(0.1))

@@ -9,12 +9,12 @@ import pytest
 
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
-from basecal.simulation.running.images import CameraView, Seen
+from basecal.simulation.running.images import CameraScene, CameraView
 from basecal.vision.draw.light import LightSettings
 from shared.facing_arms import facing_arms
 
 LENS = Camera("pinhole", np.array([500.0, 500, 159.5, 119.5]), (320, 240))
-LIGHT = Seen(led_target(), SE3(np.eye(3), np.array([0.0, 0.0, 1.0])), np.array([[0.0, 0.1, 1.0]]))
+LIGHT = CameraScene(led_target(), SE3(np.eye(3), np.array([0.0, 0.0, 1.0])), np.array([[0.0, 0.1, 1.0]]))
 
 
 def brightest(image):
@@ -62,7 +62,7 @@ def test_noise_is_new_in_every_image():
     """Two images of the same board differ by noise of some levels, and no more."""
     world = facing_arms()
     board = world.cell.targets["board"].target
-    seen = Seen(board, SE3(np.diag([1.0, 1, 1]), np.array([-0.1, -0.1, 0.6])), np.zeros((0, 3)))
+    seen = CameraScene(board, SE3(np.diag([1.0, 1, 1]), np.array([-0.1, -0.1, 0.6])), np.zeros((0, 3)))
     view = CameraView(world.lenses["wrist"], 0.0)
     first, second = (view.image(lambda at: seen, 0.0, 0.01, True, seed).astype(float) for seed in (1, 2))
     assert 2.0 < np.std(first - second) < 4.0

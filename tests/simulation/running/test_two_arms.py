@@ -13,8 +13,8 @@ from basecal.simulation.running.two_arms import (
     _REACHED_POSE,
     _camera_from_target,
     _draw_pose,
-    _joints,
-    _plate,
+    _home_joints,
+    _plate_mount,
     _stated_unknown,
     two_arms,
 )
@@ -71,7 +71,7 @@ def test_plates_are_in_front_of_the_flange_and_face_away(kind):
     shape, offs, tilts = SHAPES[kind], [], []
     rng = np.random.default_rng(0)
     for _ in range(50):
-        plate = _plate(shape, rng)
+        plate = _plate_mount(shape, rng)
         offs.append(np.linalg.norm(plate @ shape.points.mean(0) - [0, 0, 0.06]))
         facing = np.diag([1.0, -1.0, -1.0]) if not shape.is_point else np.eye(3)
         turned = plate.rotation if shape.is_point else plate.rotation @ front(shape)
@@ -103,9 +103,9 @@ def test_what_is_stated_is_a_guess_or_the_truth():
 def test_arms_reach_their_home_within_half_a_turn():
     """Far from singular postures; a pose out of reach is refused."""
     chain = ur5e()
-    joints = _joints(chain, _REACHED_POSE)
+    joints = _home_joints(chain, _REACHED_POSE)
     np.testing.assert_allclose(chain.forward(joints).matrix, _REACHED_POSE.matrix, atol=1e-8)
     assert np.abs(joints).max() < np.pi
     assert abs(np.linalg.det(chain.jacobian(joints))) > 0.03
     with pytest.raises(InputError, match="choose another seed"):
-        _joints(chain, SE3(_REACHED_POSE.rotation, np.array([2.0, 0.0, 0.5])))
+        _home_joints(chain, SE3(_REACHED_POSE.rotation, np.array([2.0, 0.0, 0.5])))

@@ -9,7 +9,7 @@ from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
 from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.ur5e import ur5e
-from basecal.simulation.surroundings.drawing import Scene, Surroundings
+from basecal.simulation.surroundings.drawing import BodyPoses, Surroundings
 from basecal.simulation.surroundings.graphics import missing_graphics
 from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detectors import find
@@ -39,7 +39,7 @@ def looking_down(target, height_m=1.0):
     """A camera above the table that looks down at a target half way."""
     down = np.diag([1.0, -1.0, -1.0])
     world_from_camera = SE3(down, np.array([0.0, 0.0, height_m]))
-    return Scene(world_from_camera, world_from_camera @ SE3(np.eye(3), np.array([0.0, 0.0, 0.5])), {})
+    return BodyPoses(world_from_camera, world_from_camera @ SE3(np.eye(3), np.array([0.0, 0.0, 0.5])), {})
 
 
 def test_corners_are_where_they_project(world):
@@ -83,9 +83,9 @@ def test_an_arm_hides_the_board(board):
     view = around(board, {"eye": ur5e()})
     free = looking_down(board)
     frames = [FAR] * 7
-    before = Scene(free.world_from_camera, free.world_from_target, {"eye": tuple(frames)})
+    before = BodyPoses(free.world_from_camera, free.world_from_target, {"eye": tuple(frames)})
     frames[3] = SE3(np.eye(3), np.array([0.2, 0.03, 0.7]))
-    after = Scene(free.world_from_camera, free.world_from_target, {"eye": tuple(frames)})
+    after = BodyPoses(free.world_from_camera, free.world_from_target, {"eye": tuple(frames)})
     try:
         shown, left = (view.backdrop(scene).paper for scene in (before, after))
     finally:
@@ -99,7 +99,7 @@ def test_a_light_is_hidden_and_mirrored():
     light, height = led_target(), 0.1
     view = around(light, tray=np.array([0.1, 0.0, height]))
     at, away = np.array([[0.0, 0.0, 0.3]]), np.array([50.0, 0.0, 0.0])
-    scene = Scene(
+    scene = BodyPoses(
         SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.3, 0.0, 1.0])), SE3(np.eye(3), at[0] - light.points[0]), {}
     )
     below = at * [1, 1, -1] + [0, 0, 2 * height]

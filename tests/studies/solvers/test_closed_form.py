@@ -18,8 +18,8 @@ def test_as_the_estimators_own() -> None:
     settings = study(hold=HOLD).points[0].settings
     cell = draw_cell(settings, 0, 0, None)
     found = solve(draw(cell, settings, (0, 0, 0), 2))
-    problem, _ = build_problem(cell.made.cell, cell.made.recording)
-    own = axis_shift_state(problem, cell.made.cell).transforms["eye_base_from_hand_base"]
+    problem, _ = build_problem(cell.simulated.cell, cell.simulated.recording)
+    own = axis_shift_state(problem, cell.simulated.cell).transforms["eye_base_from_hand_base"]
     np.testing.assert_allclose(found.transform[0].matrix, own.matrix, atol=1e-9)
     assert found.covariance is None
     assert found.solved.all()

@@ -35,7 +35,7 @@ def test_together_is_as_one_by_one(hold: str) -> None:
     for trial in range(draws.count):
         pixels = group_pixels(group).pixels[trial]
         alone = draws.problem.with_groups([replace(group, measurement=replace(group_pixels(group), pixels=pixels))])
-        own = solve_problem(alone, draws.made.cell).transforms[draws.transform]
+        own = solve_problem(alone, draws.simulated.cell).transforms[draws.transform]
         apart = (own.mean.inverse() @ found.transform[trial]).log()
         assert np.abs(apart / np.sqrt(np.diag(own.covariance))).max() < 1e-3
         np.testing.assert_allclose(found.covariance[trial], own.covariance, rtol=1e-2, atol=1e-5 * own.covariance.max())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.studies.draws import draw, draw_cell
-from basecal.studies.solvers.opencv import solve, unfit
+from basecal.studies.solvers.opencv import refusal_reason, solve
 from study_example import SMALL, study
 
 LAYOUTS = {
@@ -24,7 +24,7 @@ def test_exact_pixels_give_the_truth(layout: str) -> None:
     )
     for name in LAYOUTS[layout]:
         found = solve(draw(draw_cell(settings, 0, 0, name), settings, (0, 0, 0), 1))
-        truth = draw_cell(settings, 0, 0, name).made.truth[name]
+        truth = draw_cell(settings, 0, 0, name).simulated.truth[name]
         assert found.solved.all()
         np.testing.assert_allclose((truth.inverse() @ found.transform[0]).log(), 0, atol=1e-6)
 
@@ -36,5 +36,5 @@ def _mount(layout: str) -> str:
 def test_what_it_cannot_solve_is_said() -> None:
     """Three unknowns, a free lens."""
     for hold in ("layout: dual", "layout: eye_in_hand, intrinsics: free"):
-        assert "opencv" in unfit(study(hold=hold).points[0].settings)
-    assert unfit(study(hold="layout: eye_to_hand").points[0].settings) is None
+        assert "opencv" in refusal_reason(study(hold=hold).points[0].settings)
+    assert refusal_reason(study(hold="layout: eye_to_hand").points[0].settings) is None

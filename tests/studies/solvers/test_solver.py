@@ -16,7 +16,7 @@ def test_every_solver_has_the_face(name: str) -> None:
     found = SOLVERS[name]
     assert found.blocks >= 1
     assert callable(found.solve)
-    refusal = found.unfit(study(hold="layout: chain").points[0].settings)
+    refusal = found.refusal_reason(study(hold="layout: chain").points[0].settings)
     assert refusal is None if name == "maximum_likelihood" else name in refusal
 
 

@@ -57,7 +57,7 @@ class DriverCheck:
         return (Path(self.device) / "cell.yaml").is_file()
 
 
-def check_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
+def find_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
     """The driver and place of the robot or camera to measure.
 
     Raises:
@@ -66,13 +66,15 @@ def check_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
     """
     if not check.is_in_cell:
         return _opener_without_cell(check)
-    found = {place.name: (kind, place) for kind, place in openers(read_cell(check.device), Path(check.device))}
-    if check.name not in found:
-        known = ", ".join(found) or "none"
+    openers_by_name = {
+        place.name: (kind, place) for kind, place in openers(read_cell(check.device), Path(check.device))
+    }
+    if check.name not in openers_by_name:
+        known = ", ".join(openers_by_name) or "none"
         raise UsageError(
-            f"no robot or camera {check.name!r} with a driver{nearest(check.name, found)}; there are: {known}"
+            f"no robot or camera {check.name!r} with a driver{nearest(check.name, openers_by_name)}; there are: {known}"
         )
-    kind, place = found[check.name]
+    kind, place = openers_by_name[check.name]
     return kind, replace(place, allow_plaintext=check.allow_plaintext)
 
 
@@ -89,33 +91,33 @@ def _opener_without_cell(check: DriverCheck) -> tuple[DriverKind, Place]:
     return kind, Place("camera" if check.is_camera else "robot", cell, Path("."), check.options)
 
 
-def measured_promises(check: DriverCheck) -> Iterator[Promise | str]:
+def measure_promises(check: DriverCheck) -> Iterator[Promise | str]:
     """Run the check in a separate process; promises as they are measured, and instructions for the user.
 
     Raises:
         DriverError: if the driver does not answer, or its process ends.
         InputError: if the driver does not exist.
     """
-    words = [json.dumps(asdict(check))]
+    arguments = [json.dumps(asdict(check))]
     try:
-        for said, _ in frames(__name__, words, _IMAGES_BYTES, ending_s=_STOP_S, silence_s=_SILENCE_S):
-            yield said if isinstance(said, str) else Promise(**said)
+        for message, _ in frames(__name__, arguments, _IMAGES_BYTES, ending_s=_STOP_S, silence_s=_SILENCE_S):
+            yield message if isinstance(message, str) else Promise(**message)
     except BoxError as error:
         raise DriverError(f"{check.name or check.device}: its driver {error}") from None
 
 
-def read_frames(words: Sequence[str]) -> Iterator[Frame]:
+def read_frames(arguments: Sequence[str]) -> Iterator[Frame]:
     """Run the check inside the separate process; a frame for each promise and each instruction.
 
     Raises:
         BasecalError: the error of the driver.
     """
-    for each in _measure(DriverCheck(**json.loads(words[0]))):
-        yield each if isinstance(each, str) else vars(each), b""
+    for message in _measure(DriverCheck(**json.loads(arguments[0]))):
+        yield message if isinstance(message, str) else vars(message), b""
 
 
 def _measure(check: DriverCheck) -> Iterator[Promise | str]:
-    kind, place = check_opener(check)
+    kind, place = find_opener(check)
     if place.name in place.cell.cameras:
         with closing(kind.camera(place)) as camera:
             yield from camera_promises(camera)

@@ -39,7 +39,7 @@ _REST_S = 0.1
 _START_TIMEOUT_S = 3.0
 _STOP_TIMEOUT_S = 5.0
 
-Given = TypeVar("Given")
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -128,38 +128,38 @@ def camera_promises(camera: Camera) -> Iterator[Promise]:
         return
     arrivals = record_images(camera, _MEASURED_S)
     yield from _stream_promises(arrivals, 1.0)
-    stale = stale_images(camera, 1 / arrivals.rate_hz, _PAUSE_S)
+    stale = count_stale_images(camera, 1 / arrivals.rate_hz, _PAUSE_S)
     yield Promise("images are fresh after a pause", f"{stale} had waited in a buffer", stale == 0)
 
 
 @dataclass(frozen=True, eq=False)
 class Arrivals:
-    """Arrival times of states or images by this machine's clock, `at_s` (n,), and timestamps, `stamps_s` (n,) [s]."""
+    """Arrival times of states or images by this machine's clock, (n,), and their timestamps, (n,) [s]."""
 
-    at_s: Array
+    arrivals_s: Array
     stamps_s: Array
 
     @property
     def rate_hz(self) -> float:
         """Rate of states or images [Hz]."""
-        return float((len(self.at_s) - 1) / (self.at_s[-1] - self.at_s[0]))
+        return float((len(self.arrivals_s) - 1) / (self.arrivals_s[-1] - self.arrivals_s[0]))
 
     @property
     def longest_gap_s(self) -> float:
         """Longest time between arrivals [s]."""
-        return float(np.diff(self.at_s).max())
+        return float(np.diff(self.arrivals_s).max())
 
     @property
     def lag_s(self) -> float:
         """Range of the latency from timestamp to arrival [s]."""
-        lag_s = self.at_s - self.stamps_s
+        lag_s = self.arrivals_s - self.stamps_s
         return float(lag_s.max() - lag_s.min())
 
     @property
     def drift(self) -> float:
         """Relative drift of the device's clock against this machine's clock."""
-        at_s = self.at_s - self.at_s.mean()
-        return float(at_s @ (self.stamps_s - self.stamps_s.mean()) / (at_s @ at_s) - 1)
+        arrivals_s = self.arrivals_s - self.arrivals_s.mean()
+        return float(arrivals_s @ (self.stamps_s - self.stamps_s.mean()) / (arrivals_s @ arrivals_s) - 1)
 
     @property
     def repeats(self) -> int:
@@ -186,11 +186,11 @@ def record_states(name: str, robot: Robot, duration_s: float) -> tuple[Arrivals,
     Raises:
         DriverError: if a state does not arrive or is implausible, or fewer than three arrive.
     """
-    at_s, readings = _arrivals(robot.state, duration_s)
+    arrivals_s, readings = _read_repeatedly(robot.state, duration_s)
     for reading in readings:
         check_reading(name, reading)
     stamps_s = np.array([reading.stamp_s for reading in readings])
-    return Arrivals(at_s, stamps_s), np.stack([reading.state.vector for reading in readings])
+    return Arrivals(arrivals_s, stamps_s), np.stack([reading.state.vector for reading in readings])
 
 
 def record_images(camera: Camera, duration_s: float) -> Arrivals:
@@ -199,36 +199,36 @@ def record_images(camera: Camera, duration_s: float) -> Arrivals:
     Raises:
         DriverError: if an image does not arrive, or fewer than three arrive.
     """
-    at_s, images = _arrivals(camera.image, duration_s)
-    return Arrivals(at_s, np.array([image.stamp_s for image in images]))
+    arrivals_s, images = _read_repeatedly(camera.image, duration_s)
+    return Arrivals(arrivals_s, np.array([image.stamp_s for image in images]))
 
 
-def _arrivals(read: Callable[[], Given], duration_s: float) -> tuple[Array, list[Given]]:
-    given: list[Given] = []
-    at_s: list[float] = []
-    until_s = time.monotonic() + duration_s
-    while not at_s or at_s[-1] < until_s:
-        given.append(read())
-        at_s.append(time.monotonic())
-    if len(given) < 3:
-        raise DriverError(f"only {len(given)} states or images came in {duration_s:g} s, at least 3 are needed")
-    return np.array(at_s), given
+def _read_repeatedly(read: Callable[[], Item], duration_s: float) -> tuple[Array, list[Item]]:
+    items: list[Item] = []
+    arrivals_s: list[float] = []
+    deadline_s = time.monotonic() + duration_s
+    while not arrivals_s or arrivals_s[-1] < deadline_s:
+        items.append(read())
+        arrivals_s.append(time.monotonic())
+    if len(items) < 3:
+        raise DriverError(f"only {len(items)} states or images came in {duration_s:g} s, at least 3 are needed")
+    return np.array(arrivals_s), items
 
 
-def stale_images(camera: Camera, period_s: float, pause_s: float) -> int:
+def count_stale_images(camera: Camera, period_s: float, pause_s: float) -> int:
     """Count images that were buffered during a pause without reads: they arrive faster than exposures.
 
     Raises:
         DriverError: if an image does not arrive.
     """
     time.sleep(pause_s)
-    count, before_s = 0, time.monotonic()
+    count, previous_s = 0, time.monotonic()
     while True:
         camera.image()
         now_s = time.monotonic()
-        if now_s - before_s > period_s / 3:
+        if now_s - previous_s > period_s / 3:
             return max(count - 1, 0)  # the newest image may wait for its reader
-        count, before_s = count + 1, now_s
+        count, previous_s = count + 1, now_s
 
 
 def measure_stop(name: str, robot: Robot, distance_rad: float, speed_rad_s: float, order: str = "stop") -> Stop:
@@ -247,17 +247,17 @@ def measure_stop(name: str, robot: Robot, distance_rad: float, speed_rad_s: floa
     assert isinstance(robot, Moves)
     begin = _joints(name, robot)
     goal = begin + np.append(np.zeros(len(begin) - 1), distance_rad)
-    with _kept_alive(robot) as silence:
+    with _heartbeats(robot) as silence:
         try:
             robot.move(RobotState(joints_rad=goal), speed_rad_s)
-            _wait(name, robot, lambda joints: abs(joints[-1] - begin[-1]) > distance_rad / 2, _START_TIMEOUT_S)
-            ordered_s, at = time.monotonic(), _joints(name, robot)
+            _wait_until(name, robot, lambda joints: abs(joints[-1] - begin[-1]) > distance_rad / 2, _START_TIMEOUT_S)
+            ordered_s, joints_at_order = time.monotonic(), _joints(name, robot)
             silence() if order == "silence" else robot.stop()
             rested_s, rest = _wait_for_rest(name, robot)
         finally:
             with suppress(Exception):
                 robot.stop()
-    return Stop(max(rested_s - ordered_s, 0.0), float(np.abs(rest - at).max()))
+    return Stop(max(rested_s - ordered_s, 0.0), float(np.abs(rest - joints_at_order).max()))
 
 
 def _joints(name: str, robot: Robot) -> Array:
@@ -268,38 +268,38 @@ def _joints(name: str, robot: Robot) -> Array:
     return reading.state.joints_rad
 
 
-def _wait(name: str, robot: Robot, is_there: Callable[[Array], bool], most_s: float) -> None:
-    until_s = time.monotonic() + most_s
-    while not is_there(_joints(name, robot)):
-        if time.monotonic() > until_s:
-            raise DriverError(f"{name}: it did not move as requested within {most_s:g} s")
+def _wait_until(name: str, robot: Robot, is_done: Callable[[Array], bool], timeout_s: float) -> None:
+    deadline_s = time.monotonic() + timeout_s
+    while not is_done(_joints(name, robot)):
+        if time.monotonic() > deadline_s:
+            raise DriverError(f"{name}: it did not move as requested within {timeout_s:g} s")
 
 
 def _wait_for_rest(name: str, robot: Robot) -> tuple[float, Array]:
     """Wait until the arm is at rest; the start of the rest [s], and the joints, (n,) [rad]."""
-    since_s, at = time.monotonic(), _joints(name, robot)
-    until_s = since_s + _STOP_TIMEOUT_S
+    since_s, reference = time.monotonic(), _joints(name, robot)
+    deadline_s = since_s + _STOP_TIMEOUT_S
     while time.monotonic() - since_s < _REST_S:
         joints = _joints(name, robot)
-        if np.abs(joints - at).max() > _AT_REST_RAD:
-            since_s, at = time.monotonic(), joints
-        if time.monotonic() > until_s:
+        if np.abs(joints - reference).max() > _AT_REST_RAD:
+            since_s, reference = time.monotonic(), joints
+        if time.monotonic() > deadline_s:
             raise DriverError(f"{name}: it did not stop within {_STOP_TIMEOUT_S:g} s. Use the emergency stop")
-    return since_s, at
+    return since_s, reference
 
 
 @contextmanager
-def _kept_alive(robot: Robot) -> Iterator[Callable[[], None]]:
+def _heartbeats(robot: Robot) -> Iterator[Callable[[], None]]:
     """Context that sends heartbeats to a robot's watchdog, if any; the yielded function ends them."""
     ended = threading.Event()
 
-    def kick() -> None:
+    def send_heartbeats() -> None:
         """Send heartbeats until the context or the yielded function ends them."""
         with suppress(Exception):
             while isinstance(robot, HasWatchdog) and not ended.wait(_HEARTBEAT_S):
                 robot.keep_alive()
 
-    thread = threading.Thread(target=kick, daemon=True)
+    thread = threading.Thread(target=send_heartbeats, daemon=True)
     thread.start()
     try:
         yield ended.set

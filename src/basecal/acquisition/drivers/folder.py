@@ -15,14 +15,14 @@ from typing import Annotated
 from pydantic import Field
 
 from basecal.acquisition.driver import CameraImage, Place, checked_options
-from basecal.acquisition.reaching import external_path
+from basecal.acquisition.reaching import describe_external_path
 from basecal.errors import DriverError
 from basecal.fields.values import Entry, PathText
 from basecal.vision.image_file import grey_image, read_bytes
 
-_LOOK_S = 0.02  # polling period of the folder: short compared with a motion, long for a disk
+_POLL_S = 0.02  # polling period of the folder: short compared with a motion, long for a disk
 _WRITING_S = 5.0  # longest pause of a program while it writes an image
-_HALVES = 3  # number of newest files that are read: some may be incomplete
+_NEWEST_FILES = 3  # number of newest files that are read: some may be incomplete
 
 
 class FolderOptions(Entry):
@@ -59,21 +59,21 @@ class FolderCamera:
         Raises:
             DriverError: if no image arrives before the timeout, or the first file does not become an image.
         """
-        until, why = time.monotonic() + self.wait_s, ""
+        deadline_s, reason = time.monotonic() + self.wait_s, ""
         while True:
             new = sorted(self._new_files())
-            for written_ns, path in new if self.is_on_demand else new[: -1 - _HALVES : -1]:
+            for written_ns, path in new if self.is_on_demand else new[: -1 - _NEWEST_FILES : -1]:
                 grey = grey_image(read_bytes(path), None)
                 if not isinstance(grey, str):
                     older = [] if self.is_on_demand else [each.name for ns, each in new if ns < written_ns]
                     self._seen.update([path.name, *older])
                     self._has_given = True
                     return CameraImage(1e-9 * written_ns, grey, source=path.name)
-                why = f"; {path.name} {grey}"
+                reason = f"; {path.name} {grey}"
                 self._check_first(written_ns, path, grey)
-            if time.monotonic() >= until:
-                raise DriverError(f"no new image in {self._folder} within {self.wait_s:g} s{why}")
-            time.sleep(_LOOK_S)
+            if time.monotonic() >= deadline_s:
+                raise DriverError(f"no new image in {self._folder} within {self.wait_s:g} s{reason}")
+            time.sleep(_POLL_S)
 
     def _check_first(self, written_ns: int, path: Path, problem: str) -> None:
         """Check that a file becomes a readable image in time, before the first image was returned.
@@ -102,7 +102,7 @@ def reaches(place: Place) -> str:
     Raises:
         DatasetError: if an option is wrong.
     """
-    return external_path(place.folder, place.folder / checked_options(place, FolderOptions).path, "folder")
+    return describe_external_path(place.folder, place.folder / checked_options(place, FolderOptions).path, "folder")
 
 
 def open_camera(place: Place) -> FolderCamera:

@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.acquisition.driver import Place, Reading, Secret, checked_options
 from basecal.acquisition.links.reconnecting import ReconnectingRobot
-from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_per_unit
+from basecal.acquisition.opcua.nodes import axis_position_nodes, named_nodes, radians_per_unit
 from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.acquisition.opcua.session import Session
 from basecal.cell import RobotState
@@ -50,9 +50,9 @@ class OpcuaRobot(ReconnectingRobot):
         if options.joints is not None:
             nodes = named_nodes(client, self.name, options.joints)
         else:
-            nodes = axes_of_devices(client, self.name, options.device)
-        radians = [radians_per_unit(node, self.name, options.unit) for node in nodes]
-        self._scale = np.array(radians if len(nodes) > 1 else radians * self._joints)
+            nodes = axis_position_nodes(client, self.name, options.device)
+        factors = [radians_per_unit(node, self.name, options.unit) for node in nodes]
+        self._scale = np.array(factors if len(nodes) > 1 else factors * self._joints)
         return nodes
 
     def read(self) -> Reading:
@@ -80,8 +80,8 @@ def reaches(place: Place) -> str:
         DatasetError: if an option is wrong.
     """
     options = checked_options(place, OpcuaOptions)
-    signs_on = "" if options.user is None else f" as {options.user!r} with the password in {options.password_in}"
-    return f"{options.url}{signs_on}"
+    login = "" if options.user is None else f" as {options.user!r} with the password in {options.password_in}"
+    return f"{options.url}{login}"
 
 
 def secret(place: Place) -> Secret | None:

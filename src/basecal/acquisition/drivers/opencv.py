@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import Field
 
 from basecal.acquisition.driver import CameraImage, Place, checked_options
-from basecal.acquisition.reaching import external_path
+from basecal.acquisition.reaching import describe_external_path
 from basecal.errors import DriverError
 from basecal.fields.values import Entry, PathText
 from basecal.vision.stream import Stream, open_stream
@@ -27,7 +27,7 @@ class OpencvOptions(Entry):
 class OpencvCamera:
     """A stream of OpenCV; a video file is not live, and returns its next image on request."""
 
-    def __init__(self, name: str, stream: Stream, is_file: bool = False) -> None:
+    def __init__(self, name: str, stream: Stream, is_file: bool) -> None:
         self._name, self._stream = name, stream
         self.is_live, self.is_on_demand = not is_file, is_file
         self.is_stamped = stream.is_stamped
@@ -56,7 +56,7 @@ def reaches(place: Place) -> str:
     """
     source = _source(place)
     if isinstance(source, Path):
-        return external_path(place.folder, source, "film or device")
+        return describe_external_path(place.folder, source, "film or device")
     return f"camera {source} of this computer" if isinstance(source, int) else source
 
 

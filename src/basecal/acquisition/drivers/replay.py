@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.acquisition.driver import CameraImage, Grey, Place, Reading, checked_options
-from basecal.acquisition.reaching import external_path
+from basecal.acquisition.reaching import describe_external_path
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DriverError
@@ -35,14 +35,14 @@ class ReplayOptions(Entry):
     recording: PathText
 
 
-class Tape:
+class Playback:
     """A recording and its selected sample."""
 
     def __init__(self, cell: Cell, recording: Recording) -> None:
         self.cell, self.samples = cell, recording.samples
         self.folder = Path(recording.folder or ".")
-        self.at: Sample | None = None
-        self._wanted: dict[str, RobotState] = {}
+        self.selected: Sample | None = None
+        self._goals: dict[str, RobotState] = {}
         self._now_s = 0.0
 
     def tick(self) -> float:
@@ -50,31 +50,32 @@ class Tape:
         self._now_s += _TICK_S
         return self._now_s
 
-    def go(self, robot: str, to: RobotState) -> None:
+    def select(self, robot: str, to: RobotState) -> None:
         """Select the sample nearest to the last goals of all robots."""
-        self._wanted[robot] = to
-        self.at = min(self.samples, key=self._distance)
+        self._goals[robot] = to
+        self.selected = min(self.samples, key=self._distance)
 
-    def stand(self, is_suitable: Callable[[Sample], bool], name: str) -> Sample:
+    def current_sample(self, is_suitable: Callable[[Sample], bool], name: str) -> Sample:
         """The selected sample; before the first motion, the first suitable sample.
 
         Raises:
             DriverError: if the sample is not suitable.
         """
-        if self.at is None:
-            self.at = next((sample for sample in self.samples if is_suitable(sample)), None)
-        if self.at is None or not is_suitable(self.at):
-            raise DriverError(f"{name}: the recording has no data of it in sample {self.at and self.at.sample}")
-        return self.at
+        if self.selected is None:
+            self.selected = next((sample for sample in self.samples if is_suitable(sample)), None)
+        if self.selected is None or not is_suitable(self.selected):
+            where = "" if self.selected is None else f" in sample {self.selected.sample}"
+            raise DriverError(f"{name}: the recording has no data of it{where}")
+        return self.selected
 
     def _distance(self, sample: Sample) -> float:
-        away = 0.0
-        for name, to in self._wanted.items():
+        distance = 0.0
+        for name, to in self._goals.items():
             state = sample.robots.get(name)
             if state is None or (state.joints_rad is None) != (to.joints_rad is None):
                 return math.inf
-            away += float(np.linalg.norm(state.vector - to.vector))
-        return away
+            distance += float(np.linalg.norm(state.vector - to.vector))
+        return distance
 
 
 class ReplayRobot:
@@ -82,8 +83,8 @@ class ReplayRobot:
 
     is_live = True
 
-    def __init__(self, name: str, tape: Tape) -> None:
-        self._name, self._tape = name, tape
+    def __init__(self, name: str, playback: Playback) -> None:
+        self._name, self._playback = name, playback
 
     def state(self) -> Reading:
         """State of the robot in the selected sample.
@@ -91,12 +92,12 @@ class ReplayRobot:
         Raises:
             DriverError: if the sample has no state of the robot.
         """
-        sample = self._tape.stand(lambda each: self._name in each.robots, self._name)
-        return Reading(self._tape.tick(), replace(sample.robots[self._name]))
+        sample = self._playback.current_sample(lambda each: self._name in each.robots, self._name)
+        return Reading(self._playback.tick(), replace(sample.robots[self._name]))
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
         """Select the nearest sample, without delay at any speed."""
-        self._tape.go(self._name, to)
+        self._playback.select(self._name, to)
 
     def stop(self) -> None:
         """Do nothing: a replayed robot moves without delay."""
@@ -111,8 +112,8 @@ class ReplayCamera:
     is_live = True
     is_on_demand = True
 
-    def __init__(self, name: str, tape: Tape) -> None:
-        self._name, self._tape, self._lit = name, tape, True
+    def __init__(self, name: str, playback: Playback) -> None:
+        self._name, self._playback, self._lit = name, playback, True
 
     def light(self, on: bool) -> None:
         """Select the images with the LED on, or those with the LED off."""
@@ -124,14 +125,14 @@ class ReplayCamera:
         Raises:
             DriverError: if the sample has no image, or the image is unreadable.
         """
-        sample = self._tape.stand(lambda each: self._name in each.images, self._name)
+        sample = self._playback.current_sample(lambda each: self._name in each.images, self._name)
         paths = sample.images if self._lit else sample.background
         if self._name not in paths:
             raise DriverError(f"{self._name}: the recording has no image without the light in sample {sample.sample}")
-        return CameraImage(self._tape.tick(), self._read(paths[self._name]))
+        return CameraImage(self._playback.tick(), self._read(paths[self._name]))
 
     def _read(self, path: str) -> Grey:
-        grey = grey_image(read_bytes(self._tape.folder / path), self._tape.cell.cameras[self._name].size_px)
+        grey = grey_image(read_bytes(self._playback.folder / path), self._playback.cell.cameras[self._name].size_px)
         if isinstance(grey, str):
             raise DriverError(f"{self._name}: {path} {grey}")
         return grey
@@ -146,7 +147,7 @@ def reaches(place: Place) -> str:
     Raises:
         DatasetError: if an option is wrong.
     """
-    return external_path(place.folder, _recording(place), "recording")
+    return describe_external_path(place.folder, _recording(place), "recording")
 
 
 def open_robot(place: Place) -> ReplayRobot:
@@ -155,7 +156,7 @@ def open_robot(place: Place) -> ReplayRobot:
     Raises:
         DatasetError: if an option is wrong, or the recording cannot be read or has no robot of this name.
     """
-    return ReplayRobot(place.name, _tape_with(place))
+    return ReplayRobot(place.name, _playback_with(place))
 
 
 def open_camera(place: Place) -> ReplayCamera:
@@ -164,21 +165,21 @@ def open_camera(place: Place) -> ReplayCamera:
     Raises:
         DatasetError: if an option is wrong, or the recording cannot be read or has no camera of this name.
     """
-    return ReplayCamera(place.name, _tape_with(place))
+    return ReplayCamera(place.name, _playback_with(place))
 
 
 def _recording(place: Place) -> Path:
     return place.folder / checked_options(place, ReplayOptions).recording
 
 
-def _tape_with(place: Place) -> Tape:
-    tape = _tape(_recording(place).resolve())
-    if place.name not in getattr(tape.cell, place.section):
-        raise place.error(f"{tape.folder} has no {place.section[:-1]} {place.name!r}", "driver.recording")
-    return tape
+def _playback_with(place: Place) -> Playback:
+    playback = _read_playback(_recording(place).resolve())
+    if place.name not in getattr(playback.cell, place.section):
+        raise place.error(f"{playback.folder} has no {place.section[:-1]} {place.name!r}", "driver.recording")
+    return playback
 
 
 @cache
-def _tape(folder: Path) -> Tape:
+def _read_playback(folder: Path) -> Playback:
     cell = read_cell(folder)
-    return Tape(cell, read_recording(folder, cell))
+    return Playback(cell, read_recording(folder, cell))

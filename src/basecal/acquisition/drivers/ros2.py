@@ -13,7 +13,7 @@ from pydantic import Field
 
 from basecal.acquisition.driver import CameraImage, Place, Reading, check_reading, checked_options
 from basecal.acquisition.freshness import Waits
-from basecal.acquisition.ros2.dds import LAST_DOMAIN, choose_domain, domain_words
+from basecal.acquisition.ros2.dds import LAST_DOMAIN, choose_domain, describe_domain
 from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.errors import BasecalError, DriverError
@@ -23,7 +23,7 @@ from basecal.fields.values import Entry
 from basecal.vision.image_file import grey_image
 
 _QUEUE_SIZE = 1  # queued images
-_STOP_S = 3.0  # in addition to `reconnect_s`, so that the driver's error comes before the feed's timeout
+_TIMEOUT_MARGIN_S = 3.0  # in addition to `reconnect_s`, so that the driver's error comes before the feed's timeout
 
 Name = Annotated[str, Field(min_length=1)]
 
@@ -74,9 +74,7 @@ class Ros2Camera:
     is_live = True
     is_stamped = True
 
-    def __init__(
-        self, name: str, stream: Stream, topic: str, size_px: tuple[int, int] | None, wait_s: float = 10.0
-    ) -> None:
+    def __init__(self, name: str, stream: Stream, topic: str, size_px: tuple[int, int] | None, wait_s: float) -> None:
         self._name, self._stream, self._topic, self._size_px = name, stream, topic, size_px
         self.wait_s = wait_s
         self._last_s = float("-inf")
@@ -113,7 +111,7 @@ def reaches(place: Place) -> str:
         DatasetError: if an option is wrong.
         InputError: if ROS_DOMAIN_ID is not a valid domain ID.
     """
-    return domain_words(choose_domain(checked_options(place, Ros2Options).domain))
+    return describe_domain(choose_domain(checked_options(place, Ros2Options).domain))
 
 
 def open_robot(place: Place) -> Ros2Robot:
@@ -154,4 +152,4 @@ def open_camera(place: Place) -> Ros2Camera:
     domain = choose_domain(options.domain)
     stream = Stream(place.name, domain, options.topic, (IMAGE, COMPRESSED), _QUEUE_SIZE, options.reconnect_s)
     size_px = place.cell.cameras[place.name].size_px
-    return Ros2Camera(place.name, stream, options.topic, size_px, options.reconnect_s + _STOP_S)
+    return Ros2Camera(place.name, stream, options.topic, size_px, options.reconnect_s + _TIMEOUT_MARGIN_S)

@@ -18,7 +18,7 @@ from basecal.simulation.running.protocol import (
     Address,
     Connection,
     connect,
-    place_words,
+    describe_address,
     read_address,
 )
 from basecal.vision.image_file import grey_image
@@ -62,8 +62,8 @@ def _parse_answer(kind: type[_Answer], answer: dict[str, Any]) -> _Answer:
     try:
         return kind.model_validate(answer)
     except ValidationError as error:
-        said = first_problem(error, kind)
-        raise DriverError(f"the program at that port is not a simulated cell ({said})") from None
+        problem = first_problem(error, kind)
+        raise DriverError(f"the program at that port is not a simulated cell ({problem})") from None
 
 
 class SimulatedRobot:
@@ -142,7 +142,7 @@ def reaches(place: Place) -> str:
         DatasetError: if an option is wrong.
         DriverError: if no simulated cell is running.
     """
-    return place_words(_address(place))
+    return describe_address(_address(place))
 
 
 def open_robot(place: Place) -> SimulatedRobot:

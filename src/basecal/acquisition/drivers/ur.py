@@ -20,7 +20,7 @@ STOP_GUARANTEE: StopGuarantee = "watchdog"
 _JOINTS = 6
 _FASTEST_RAD_S = 3.14  # largest joint speed that ur-rtde accepts
 _BEYOND_LIMITS = "the goal is beyond the safety limits of the controller"
-_ENDED = 10  # consecutive states without a running program after which it counts as stopped
+_STOPPED_STATES = 10  # consecutive states without a running program after which it counts as stopped
 
 
 class UrWatched:
@@ -55,7 +55,7 @@ class _WithProgram(UrWatched):
     def __init__(self, name: str, receiver: Receiver, program: Program) -> None:
         super().__init__(receiver)
         self._name, self._program = name, program
-        self._ended = 0
+        self._stopped_states = 0
 
     def state(self) -> Reading:
         """Return the robot's next state, as `UrWatched.state` does.
@@ -63,10 +63,10 @@ class _WithProgram(UrWatched):
         Raises:
             DriverError: also if the program on the controller was stopped.
         """
-        was_asked = self._program.was_sent
+        was_sent = self._program.was_sent
         reading = self._receiver.state()
-        self._ended = self._ended + 1 if was_asked and not self._receiver.is_program_running else 0
-        if self._ended >= _ENDED:
+        self._stopped_states = self._stopped_states + 1 if was_sent and not self._receiver.is_program_running else 0
+        if self._stopped_states >= _STOPPED_STATES:
             raise DriverError(
                 f"{self._name}: the program on the controller was stopped, by a person or by its watchdog"
             )
@@ -81,8 +81,8 @@ class _WithProgram(UrWatched):
         self._program.close()
         self._receiver.close()
 
-    def _check(self, is_well: bool, action: str) -> None:
-        if not is_well:
+    def _check(self, is_accepted: bool, action: str) -> None:
+        if not is_accepted:
             raise DriverError(f"{self._name}: the controller did not {action}; look at the pendant's log")
 
 
@@ -101,9 +101,13 @@ class UrMoved(_WithProgram):
         """
         if to.joints_rad is not None:
             joints = to.joints_rad.tolist()
-            return "" if self._program.ask(lambda line: line.isJointsWithinSafetyLimits(joints)) else _BEYOND_LIMITS
+            return (
+                ""
+                if self._program.ask(lambda interface: interface.isJointsWithinSafetyLimits(joints))
+                else _BEYOND_LIMITS
+            )
         pose = _rotation_vector_pose(to)
-        return "" if self._program.ask(lambda line: line.isPoseWithinSafetyLimits(pose)) else _BEYOND_LIMITS
+        return "" if self._program.ask(lambda interface: interface.isPoseWithinSafetyLimits(pose)) else _BEYOND_LIMITS
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
         """Start a motion to a goal; the speed of the leading joint is limited to the maximum of ur-rtde.
@@ -111,15 +115,15 @@ class UrMoved(_WithProgram):
         Raises:
             DriverError: if the goal is beyond the safety limits, or the controller does not accept the motion.
         """
-        if why := self.goal_refusal(to):
-            raise DriverError(f"{self._name}: {why}")
-        how = (min(speed_rad_s, _FASTEST_RAD_S), self._acceleration_rad_s2, True)
+        if refusal := self.goal_refusal(to):
+            raise DriverError(f"{self._name}: {refusal}")
+        move_arguments = (min(speed_rad_s, _FASTEST_RAD_S), self._acceleration_rad_s2, True)
         if to.joints_rad is not None:
             joints = to.joints_rad.tolist()
-            self._check(self._program.ask(lambda line: line.moveJ(joints, *how)), "take the move")
+            self._check(self._program.ask(lambda interface: interface.moveJ(joints, *move_arguments)), "take the move")
         else:
             pose = _rotation_vector_pose(to)
-            self._check(self._program.ask(lambda line: line.moveJ_IK(pose, *how)), "take the move")
+            self._check(self._program.ask(lambda interface: interface.moveJ_IK(pose, *move_arguments)), "take the move")
 
     def stop(self) -> None:
         """Stop the arm; do nothing before the first motion.
@@ -130,7 +134,7 @@ class UrMoved(_WithProgram):
         self._program.stop()
 
 
-class UrLed(_WithProgram):
+class UrHandGuided(_WithProgram):
     """A controller whose arm a person leads."""
 
     def freedrive(self, on: bool) -> None:
@@ -139,8 +143,10 @@ class UrLed(_WithProgram):
         Raises:
             DriverError: if the controller does not accept the command.
         """
-        is_taken = self._program.ask(lambda line: line.freedriveMode() if on else line.endFreedriveMode())
-        self._check(is_taken, f"{'begin' if on else 'end'} freedrive")
+        is_accepted = self._program.ask(
+            lambda interface: interface.freedriveMode() if on else interface.endFreedriveMode()
+        )
+        self._check(is_accepted, f"{'begin' if on else 'end'} freedrive")
 
 
 def _rotation_vector_pose(to: RobotState) -> list[float]:
@@ -158,7 +164,7 @@ def reaches(place: Place) -> str:
     return f"the UR controller at {checked_options(place, UrOptions).host}"
 
 
-def open_robot(place: Place) -> UrWatched | UrMoved | UrLed:
+def open_robot(place: Place) -> UrWatched | UrMoved | UrHandGuided:
     """Connect to a controller; states are joints if the cell has a URDF, else poses of the tool centre point.
 
     Raises:
@@ -175,5 +181,5 @@ def open_robot(place: Place) -> UrWatched | UrMoved | UrLed:
     if options.motion == "watch":
         return UrWatched(receiver)
     if options.motion == "freedrive":
-        return UrLed(place.name, receiver, program)
+        return UrHandGuided(place.name, receiver, program)
     return UrMoved(place.name, receiver, program, options.acceleration_rad_s2)

@@ -47,19 +47,19 @@ class CameraFeed:
         self._late_s: list[float] = []  # arrivals of later images with older timestamps
         self._notes: list[str] = []
         self._newest: tuple[CameraImage, float] | None = None
-        self._light: bool | None = None  # requested state: only the thread calls the driver
+        self._requested_light: bool | None = None  # requested state: only the thread calls the driver
         self._latencies: dict[float, Latency] = {}  # by the start of the motion from which they were measured
         self._reported: Latency | None = None
         self._began_s, self._is_open = time.monotonic(), True
-        self._run()
+        self._start_thread()
 
     @property
     def is_live(self) -> bool:
         """Whether images arrive continuously, also as files that a program saves."""
         with self._changed:
-            until_s = self._began_s + _LOOK_S - time.monotonic()
-            if not self._camera.is_live and until_s > 0:
-                self._changed.wait_for(lambda: len(self._arrivals) >= _STREAM, until_s)
+            remaining_s = self._began_s + _LOOK_S - time.monotonic()
+            if not self._camera.is_live and remaining_s > 0:
+                self._changed.wait_for(lambda: len(self._arrivals) >= _STREAM, remaining_s)
             recent = list(self._arrivals)[-_STREAM:]
         return self._camera.is_live or (len(recent) == _STREAM and time.monotonic() - recent[0][0] < _STREAM_S)
 
@@ -72,9 +72,9 @@ class CameraFeed:
         self._wait(lambda: self._newest is not None)
         with self._changed:
             assert self._newest is not None
-            (image, seen_s), self._newest = self._newest, None
+            (image, arrived_s), self._newest = self._newest, None
             arrivals = np.array(self._arrivals)
-        exposed_s = seen_s - self._latency_s(arrivals)
+        exposed_s = arrived_s - self._latency_s(arrivals)
         note, self._notes = "; ".join(self._notes), []
         return replace(image, exposed_s=exposed_s, note=note)
 
@@ -85,15 +85,15 @@ class CameraFeed:
         if not self._thread.is_alive():
             self._camera.close()
 
-    def _run(self) -> None:
+    def _start_thread(self) -> None:
         self._error: Exception | None = None
-        self._thread = threading.Thread(target=self._drain, daemon=True)
+        self._thread = threading.Thread(target=self._read_images, daemon=True)
         self._thread.start()
 
     def _wait(self, is_done: Callable[[], bool]) -> None:
         """Wait for the thread; restart it if it ended in the meantime."""
         if not self._thread.is_alive():
-            self._run()
+            self._start_thread()
         wait_s = getattr(self._camera, "wait_s", _IMAGE_TIMEOUT_S)
         with self._changed:
             if not self._changed.wait_for(lambda: is_done() or self._error is not None, wait_s):
@@ -102,21 +102,21 @@ class CameraFeed:
             if not is_done() and self._error is not None:
                 raise self._error
 
-    def _drain(self) -> None:
-        before: Levels | None = None
+    def _read_images(self) -> None:
+        previous: Levels | None = None
         try:
             while self._is_open:
                 with driver_errors(self._name):
-                    self._switch()
+                    self._switch_led()
                     began_s = time.monotonic()
                     image = self._camera.image()
                 now_s = time.monotonic()
                 if self._is_outdated(image, now_s - began_s):
                     continue
-                every = max(1, image.grey.shape[1] // _IMAGE_COLUMNS)
-                levels = reduce_image(image.grey[::every, ::every])
-                self._add(image, before is not None and self._has_moved(before, levels), now_s)
-                before = levels
+                stride = max(1, image.grey.shape[1] // _IMAGE_COLUMNS)
+                levels = reduce_image(image.grey[::stride, ::stride])
+                self._add(image, previous is not None and self._has_moved(previous, levels), now_s)
+                previous = levels
         except Exception as error:  # of any library: raised again in `_wait`
             with self._changed:
                 self._error = error
@@ -154,19 +154,19 @@ class CameraFeed:
         self._notes.append(f"camera {self._name}: {image.source or 'an image'} came after a newer one; not used")
         return True
 
-    def _add(self, image: CameraImage, moves: bool, now_s: float) -> None:
+    def _add(self, image: CameraImage, has_moved: bool, now_s: float) -> None:
         with self._changed:
             self._delays_s.append(now_s - image.stamp_s)
-            seen_s = image.stamp_s + min(self._delays_s) if self._is_stamped else now_s
-            self._arrivals.append((seen_s, moves))
-            self._newest = image, seen_s
+            arrived_s = image.stamp_s + min(self._delays_s) if self._is_stamped else now_s
+            self._arrivals.append((arrived_s, has_moved))
+            self._newest = image, arrived_s
             self._changed.notify_all()
 
-    def _switch(self) -> None:
+    def _switch_led(self) -> None:
         with self._changed:
-            if self._light is not None and isinstance(self._camera, Switches):
-                self._camera.light(self._light)
-            self._light = None
+            if self._requested_light is not None and isinstance(self._camera, Switches):
+                self._camera.light(self._requested_light)
+            self._requested_light = None
             self._changed.notify_all()
 
     def _latency_s(self, arrivals: Array) -> float:
@@ -174,22 +174,22 @@ class CameraFeed:
         if not self.is_live:
             return 0.0
         spans = self._arms.spans
-        found = estimate_latency(np.array(spans), arrivals[arrivals[:, 0] >= spans[0][0]]) if spans else None
-        if found is not None:
-            self._report(found)
-            self._latencies = {**self._latencies, spans[0][0]: found}
+        measured = estimate_latency(np.array(spans), arrivals[arrivals[:, 0] >= spans[0][0]]) if spans else None
+        if measured is not None:
+            self._report(measured)
+            self._latencies = {**self._latencies, spans[0][0]: measured}
         known_s = max((each.high_s for each in list(self._latencies.values())[-_MOTION_COUNT:]), default=0.0)
-        if found is not None or (self._latencies and not spans):
+        if measured is not None or (self._latencies and not spans):
             return known_s
         interval_s = float(np.median(np.diff(arrivals[:, 0]))) if len(arrivals) > 1 else 0.0
         return max(_UNKNOWN_S, _UNKNOWN_IMAGES * interval_s, known_s)
 
     def _report(self, latency: Latency) -> None:
-        before = self._reported
-        if before is None or latency.low_s > before.high_s:
+        previous = self._reported
+        if previous is None or latency.low_s > previous.high_s:
             self._reported = latency
-            then = f", {before} before" if before else ""
-            self._notes.append(f"camera {self._name}: images arrive {latency} after exposure{then} (measured)")
+            change = f", {previous} before" if previous else ""
+            self._notes.append(f"camera {self._name}: images arrive {latency} after exposure{change} (measured)")
 
 
 class LightFeed(CameraFeed):
@@ -202,8 +202,8 @@ class LightFeed(CameraFeed):
             DriverError: if the camera fails, or no image arrives before the timeout.
         """
         with self._changed:
-            self._light = on
-        self._wait(lambda: self._light is None)
+            self._requested_light = on
+        self._wait(lambda: self._requested_light is None)
 
 
 def feed_camera(name: str, camera: Camera, arms: ArmMotion) -> Camera:

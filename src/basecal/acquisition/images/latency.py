@@ -12,7 +12,7 @@ from basecal.acquisition.driver import Reading
 from basecal.cell import RobotState
 from basecal.geometry import Array
 
-_LEAST_MOTION = 2e-3  # [rad, m] of any joint: visible in images, and larger than encoder noise
+_LEAST_MOTION_RAD_M = 2e-3  # of any joint: visible in images, and larger than encoder noise
 _PAUSE_S = 0.3  # shorter pauses are part of one motion
 _LAGS_S = np.arange(0.0, 6.0, 0.005)
 _LEAST_IMAGES = 3  # images that show the motion
@@ -32,15 +32,15 @@ class ArmMotion:
     def __init__(self) -> None:
         self.spans: tuple[tuple[float, float], ...] = ()
         self.show: Callable[[str, RobotState], None] = lambda robot, state: None
-        self._at: dict[str, Array] = {}
+        self._last_values: dict[str, Array] = {}
 
     def note(self, name: str, reading: Reading) -> None:
         """Add the newest state of a robot."""
         self.show(name, reading.state)
-        now_s, here = time.monotonic(), reading.state.vector
-        if np.abs(here - self._at.setdefault(name, here)).max() <= _LEAST_MOTION:
+        now_s, values = time.monotonic(), reading.state.vector
+        if np.abs(values - self._last_values.setdefault(name, values)).max() <= _LEAST_MOTION_RAD_M:
             return
-        self._at[name] = here
+        self._last_values[name] = values
         goes_on = bool(self.spans) and now_s - self.spans[-1][1] < _PAUSE_S
         begin_s = self.spans[-1][0] if goes_on else now_s
         self.spans = (*(self.spans[:-1] if goes_on else self.spans), (begin_s, now_s))

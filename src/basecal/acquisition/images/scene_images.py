@@ -35,9 +35,9 @@ class SceneImages:
             InputError: if such an arm has no driver.
         """
         for name in cameras:
-            on = self._cell.cameras[name].on
-            if on != WORLD and on not in robots:
-                raise InputError(f"robot {on!r}, which carries {name}, has no `driver` in cell.yaml")
+            carrier = self._cell.cameras[name].on
+            if carrier != WORLD and carrier not in robots:
+                raise InputError(f"robot {carrier!r}, which carries {name}, has no `driver` in cell.yaml")
 
     def moved_cameras(
         self, cameras: Iterable[str], sketch: Sketch, sample: Sample, samples: Sequence[Sample]
@@ -48,17 +48,17 @@ class SceneImages:
             Unfit: if there are none.
         """
         carriers = {name: self._cell.cameras[name].on for name in cameras}
-        seen = {
+        earlier = {
             name: [
                 each.sample
                 for each in samples
-                if name in each.images and (on == WORLD or is_same_place(sketch, on, sample, each))
+                if name in each.images and (carrier == WORLD or is_same_place(sketch, carrier, sample, each))
             ]
-            for name, on in carriers.items()
+            for name, carrier in carriers.items()
         }
-        if all(seen.values()):
-            raise Unfit(f"too similar to sample {next(iter(seen.values()))[0]}")
-        return [name for name, alike in seen.items() if not alike]
+        if all(earlier.values()):
+            raise Unfit(f"too similar to sample {next(iter(earlier.values()))[0]}")
+        return [name for name, numbers in earlier.items() if not numbers]
 
     def check(self, sample: Sample) -> None:
         """Check the images of a sample, and add them to the coverage.
@@ -67,13 +67,13 @@ class SceneImages:
             Unfit: if an image is unreadable or has too few features.
         """
         for camera, path in sample.images.items():
-            read = read_features(self._cell, camera, sample, str(self._folder))
-            if isinstance(read, str):
-                raise Unfit(f"{path} {read}")
-            found, size_px = read
-            if len(found) < _FEWEST_FEATURES:
+            result = read_features(self._cell, camera, sample, str(self._folder))
+            if isinstance(result, str):
+                raise Unfit(f"{path} {result}")
+            features, size_px = result
+            if len(features) < _FEWEST_FEATURES:
                 raise Unfit(
-                    f"{camera} sees {len(found)} features of the scene, {_FEWEST_FEATURES} are needed: "
+                    f"{camera} sees {len(features)} features of the scene, {_FEWEST_FEATURES} are needed: "
                     "put printed paper or tools where it looks"
                 )
-            self.cells |= covered_cells(found.pixels, size_px)
+            self.cells |= covered_cells(features.pixels, size_px)

@@ -45,13 +45,13 @@ class ReconnectingRobot(ABC):
             rate_hz: Highest rate of calls to `read` [Hz].
         """
         self.name, self._reconnect_s, self._period_s = name, reconnect_s, 1 / rate_hz
-        self._waits, self._next_s, self._old = Waits(name), 0.0, 0
+        self._waits, self._next_s, self._stale_count = Waits(name), 0.0, 0
         self._last: Reading | None = None
         self.is_connected = False
         try:
             self._connect()
         except Exception as error:
-            raise _domain_error(name, error, is_first=True) from error
+            raise _as_basecal_error(name, error, is_first=True) from error
 
     @abstractmethod
     def connect(self) -> None:
@@ -73,15 +73,15 @@ class ReconnectingRobot(ABC):
                 or their rate is too low.
         """
         began_s = time.monotonic()
-        until_s = began_s + STALE_S + self._reconnect_s
-        self._old = 0
+        deadline_s = began_s + STALE_S + self._reconnect_s
+        self._stale_count = 0
         while True:
             try:
                 self._reconnect()
-                reading = wait_for_newer(self._newer)
+                reading = wait_for_newer(self._read_newer)
                 break
             except Exception as error:
-                self._lose(error, until_s)
+                self._lose(error, deadline_s)
         self._waits.add(time.monotonic() - began_s)
         self._last = reading
         return reading
@@ -105,7 +105,7 @@ class ReconnectingRobot(ABC):
         except DriverError as error:
             raise LostLink(str(error)) from error
 
-    def _newer(self) -> Reading | None:
+    def _read_newer(self) -> Reading | None:
         time.sleep(max(0.0, self._next_s - time.monotonic()))
         self._next_s = time.monotonic() + self._period_s
         reading = self.read()
@@ -116,7 +116,7 @@ class ReconnectingRobot(ABC):
             return reading
         if self.repeats_stamps and reading.stamp_s == self._last.stamp_s and _is_same(reading, self._last):
             return reading
-        self._old += 1
+        self._stale_count += 1
         return None
 
     def _lose(self, error: Exception, deadline_s: float) -> None:
@@ -129,20 +129,20 @@ class ReconnectingRobot(ABC):
         time.sleep(_RETRY_S)
 
     def _reason(self, error: Exception) -> str:
-        if self._old and self._last is not None:
+        if self._stale_count and self._last is not None:
             return (
-                f"{self.name}: stale stamps: {self._old} states came, none with a stamp newer than "
+                f"{self.name}: stale stamps: {self._stale_count} states came, none with a stamp newer than "
                 f"{self._last.stamp_s:.3f} s. The clock of the controller stands still or went back, or it sends old "
                 f"states. Restart it"
             )
-        return f"{_domain_error(self.name, error)}; tried again for {self._reconnect_s:g} s"
+        return f"{_as_basecal_error(self.name, error)}; tried again for {self._reconnect_s:g} s"
 
 
 def _is_same(reading: Reading, last: Reading) -> bool:
     return np.array_equal(reading.state.vector, last.state.vector)
 
 
-def _domain_error(name: str, error: Exception, is_first: bool = False) -> BasecalError:
+def _as_basecal_error(name: str, error: Exception, is_first: bool = False) -> BasecalError:
     if isinstance(error, BasecalError):
         return error
     if isinstance(error, Stale):
@@ -168,11 +168,11 @@ def connect(name: str, host: str, port: int, device: str) -> socket.socket:
     try:
         return socket.create_connection((host, port), timeout=_CONNECT_S)
     except socket.gaierror:
-        why = f"there is no host {host!r}: look at its address in cell.yaml"
+        problem = f"there is no host {host!r}: look at its address in cell.yaml"
     except ConnectionRefusedError:
-        why = f"nothing listens at {host}:{port}: is {device} running there, and is the port right?"
+        problem = f"nothing listens at {host}:{port}: is {device} running there, and is the port right?"
     except PermissionError:
-        why = f"this computer may not connect to {host}:{port}: a firewall or a rule of the system forbids it"
+        problem = f"this computer may not connect to {host}:{port}: a firewall or a rule of the system forbids it"
     except OSError:
-        why = f"{host}:{port} is not reachable: is it on, and in the same network?"
-    raise DriverError(f"{name}: {why}")
+        problem = f"{host}:{port} is not reachable: is it on, and in the same network?"
+    raise DriverError(f"{name}: {problem}")

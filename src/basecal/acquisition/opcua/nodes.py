@@ -38,11 +38,11 @@ def _node(client: Any, name: str, path: str) -> Any:
     return node
 
 
-def axes_of_devices(client: Any, name: str, device: str | None) -> list[Any]:
+def axis_position_nodes(client: Any, name: str, device: str | None) -> list[Any]:
     """Position nodes of all axes of a motion device, sorted by number if all names end in a number.
 
     Raises:
-        DriverError: if the server has no such device, or has several devices and no name is given.
+        DriverError: if the server has no such device, has several devices and no name is given, or has no positions.
     """
     systems = _children(_children(client.nodes.objects).get("DeviceSet"))
     devices = {
@@ -53,15 +53,21 @@ def axes_of_devices(client: Any, name: str, device: str | None) -> list[Any]:
     if device is None and len(devices) == 1:
         device = next(iter(devices))
     if device not in devices:
-        what = f"no motion device {device!r}" if device else "`device` is not stated" if devices else "no motion device"
+        problem = (
+            f"no motion device {device!r}" if device else "`device` is not stated" if devices else "no motion device"
+        )
         raise DriverError(
-            f"{name}: {what}; there are: {list_names(sorted(devices))}. Name the device, or the nodes of its `joints`"
+            f"{name}: {problem}; there are: {list_names(sorted(devices))}. "
+            f"Name the device, or the nodes of its `joints`"
         )
     axes = _children(_children(devices[device]).get("Axes"))
-    numbers = {key: re.findall(r"\d+$", key) for key in axes}
-    in_order = sorted(axes, key=lambda key: int(numbers[key][0])) if all(numbers.values()) else list(axes)
-    positions = [_children(_children(axes[key]).get("ParameterSet")).get("ActualPosition") for key in in_order]
-    return [each for each in positions if each is not None]
+    numbers = {axis: re.findall(r"\d+$", axis) for axis in axes}
+    ordered = sorted(axes, key=lambda axis: int(numbers[axis][0])) if all(numbers.values()) else list(axes)
+    positions = [_children(_children(axes[axis]).get("ParameterSet")).get("ActualPosition") for axis in ordered]
+    nodes = [each for each in positions if each is not None]
+    if not nodes:
+        raise DriverError(f"{name}: the axes of {device!r} have no ActualPosition; name the nodes of its `joints`")
+    return nodes
 
 
 def _children(node: Any) -> dict[str, Any]:
@@ -75,18 +81,18 @@ def radians_per_unit(node: Any, name: str, unit_name: str | None) -> float:
     Raises:
         DriverError: if neither the node nor the cell states the unit, or they differ.
     """
-    said = None
+    stated = None
     units = _children(node).get("EngineeringUnits")
     if units is not None:
         unit = units.read_value()
         code = unit.UnitId.to_bytes(4, "big").lstrip(b"\0") if unit.UnitId > 0 else b""
-        said = _RADIANS_OF_UNIT.get(code, _RADIANS_OF_WORD.get(unit.DisplayName.Text or ""))
-    if unit_name is not None and said is not None and said != _RADIANS_OF_WORD[unit_name]:
+        stated = _RADIANS_OF_UNIT.get(code, _RADIANS_OF_WORD.get(unit.DisplayName.Text or ""))
+    if unit_name is not None and stated is not None and stated != _RADIANS_OF_WORD[unit_name]:
         raise DriverError(
             f"{name}: the server says that joints are not in {unit_name}: leave `unit` out, or look at {node}"
         )
     if unit_name is not None:
         return _RADIANS_OF_WORD[unit_name]
-    if said is None:
+    if stated is None:
         raise DriverError(f"{name}: {node} does not state its unit: state `unit: deg` or `unit: rad` in cell.yaml")
-    return said
+    return stated

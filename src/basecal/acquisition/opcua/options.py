@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from basecal.acquisition.reaching import SECRET
+from basecal.acquisition.reaching import SECRET_VARIABLE_PATTERN
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.fields.values import Entry, known_names
 
-Path = Annotated[str, Field(min_length=1)]
+NodePath = Annotated[str, Field(min_length=1)]
 
 
 class OpcuaOptions(Entry):
@@ -31,17 +31,17 @@ class OpcuaOptions(Entry):
 
     url: Annotated[str, Field(pattern=r"^opc\.tcp://[^/:@\s]+(:\d{1,5})?(/\S*)?$")]
     device: str | None = None
-    joints: list[Path] | Path | None = None
+    joints: list[NodePath] | NodePath | None = None
     unit: Literal["rad", "deg"] | None = None
-    pose: list[Path] | Path | None = None
+    pose: list[NodePath] | NodePath | None = None
     notation: Annotated[str, known_names("notation", tuple(CONTROLLERS))] | None = None
     user: str | None = None
-    password_in: Annotated[str, Field(pattern=SECRET)] = "BASECAL_OPCUA_PASSWORD"
+    password_in: Annotated[str, Field(pattern=SECRET_VARIABLE_PATTERN)] = "BASECAL_OPCUA_PASSWORD"
     rate_hz: Annotated[float, Field(ge=20, le=500)] = 50.0
     reconnect_s: Annotated[float, Field(ge=0, le=3600)] = 10.0
 
     @model_validator(mode="after")
-    def _joints_or_a_pose(self) -> OpcuaOptions:
+    def _check_nodes(self) -> OpcuaOptions:
         if self.joints is not None and self.pose is not None:
             raise ValueError("joints and pose are both named; expected one of them")
         if (self.pose is None) != (self.notation is None):

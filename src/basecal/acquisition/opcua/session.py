@@ -20,11 +20,18 @@ from basecal.geometry import Array
 
 _ANSWER_S = 4.0  # timeout of requests; the login to some servers is slow
 _LIBRARIES = ("asyncua", "asyncio")
-_GONE = ("Connection", "Session", "SecureChannel", "Timeout", "Shutdown", "ServerHalted")
-_REFUSED = ("UserAccessDenied", "IdentityToken", "SecurityPolicy", "SecurityMode", "SecurityChecks", "Unauthorized")
+_LOST_WORDS = ("Connection", "Session", "SecureChannel", "Timeout", "Shutdown", "ServerHalted")
+_REFUSAL_WORDS = (
+    "UserAccessDenied",
+    "IdentityToken",
+    "SecurityPolicy",
+    "SecurityMode",
+    "SecurityChecks",
+    "Unauthorized",
+)
 
 
-Given = TypeVar("Given")
+Reply = TypeVar("Reply")
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +46,13 @@ class Session:
     """A session that reads nodes of a server."""
 
     def __init__(
-        self, name: str, options: OpcuaOptions, nodes: Callable[[Any], Sequence[Any]], allow_plaintext: bool = False
+        self,
+        name: str,
+        options: OpcuaOptions,
+        find_nodes: Callable[[Any], Sequence[Any]],
+        allow_plaintext: bool = False,
     ) -> None:
-        self._name, self._options, self._find = name, options, nodes
+        self._name, self._options, self._find_nodes = name, options, find_nodes
         try:
             from asyncua.sync import Client
         except ImportError:
@@ -57,8 +68,8 @@ class Session:
                 _forbid_plaintext(name, client.aio_obj)
         self._client = client
         try:
-            _answer(self._name, client.connect)
-            self.nodes = list(_answer(self._name, lambda: self._find(self._client)))
+            _send_request(self._name, client.connect)
+            self.nodes = list(_send_request(self._name, lambda: self._find_nodes(self._client)))
         except BaseException:
             self.close()
             raise
@@ -70,7 +81,7 @@ class Session:
             LostLink: if the connection or the session is lost.
             DriverError: if the server has no value of a node.
         """
-        return self._values(_answer(self._name, lambda: self._client.read_attributes(self.nodes)))
+        return self._values(_send_request(self._name, lambda: self._client.read_attributes(self.nodes)))
 
     def _values(self, data_values: Sequence[Any]) -> Values:
         for node, each in zip(self.nodes, data_values, strict=True):
@@ -91,20 +102,22 @@ def _forbid_plaintext(name: str, client: Any) -> None:
     """Make a client raise an error instead of sending a password without encryption."""
     from asyncua.crypto.security_policies import SecurityPolicyNone
 
-    policy_of = client.server_policy
+    find_policy = client.server_policy
 
     def encrypting_policy(token_type: Any) -> Any:
         """The security policy with which the client encrypts the password."""
-        policy = policy_of(token_type)
+        policy = find_policy(token_type)
         if policy.SecurityPolicyUri in (None, "", SecurityPolicyNone.URI):
-            why = "the server accepts the password only without encryption, and everybody in the network can read it"
-            raise DriverError(f"{name}: {why}; to send it all the same, add --allow-plaintext")
+            problem = (
+                "the server accepts the password only without encryption, and everybody in the network can read it"
+            )
+            raise DriverError(f"{name}: {problem}; to send it all the same, add --allow-plaintext")
         return policy
 
     client.server_policy = encrypting_policy
 
 
-def _answer(name: str, ask: Callable[[], Given]) -> Given:
+def _send_request(name: str, request: Callable[[], Reply]) -> Reply:
     """Send a request; the server's reply.
 
     Raises:
@@ -114,15 +127,15 @@ def _answer(name: str, ask: Callable[[], Given]) -> Given:
     from asyncua.ua.uaerrors import UaError
 
     try:
-        return ask()
+        return request()
     except UaError as error:
-        said = type(error).__name__ + (f", {' '.join(str(error).split())}" if str(error) else "")
-        if any(word in said for word in _REFUSED):
+        problem = type(error).__name__ + (f", {' '.join(str(error).split())}" if str(error) else "")
+        if any(word in problem for word in _REFUSAL_WORDS):
             why = (
                 "no permission: the server refuses this user or an unsigned connection; state `user` and `password_in`"
             )
-            raise DriverError(f"{name}: {why} ({said})") from None
-        kind = LostLink if any(word in said for word in _GONE) else DriverError
-        raise kind(f"{name}: the server says {said}") from None
+            raise DriverError(f"{name}: {why} ({problem})") from None
+        kind = LostLink if any(word in problem for word in _LOST_WORDS) else DriverError
+        raise kind(f"{name}: the server says {problem}") from None
     except (OSError, TimeoutError, CancelledError) as error:
         raise LostLink(f"{name}: the server does not answer ({type(error).__name__})") from None

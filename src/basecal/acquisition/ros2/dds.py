@@ -18,18 +18,18 @@ from typing import Any
 from basecal.acquisition.ros2.types import dds_name, decode, encode, kind_of_dds, message_fields, type_hash, typestore
 from basecal.errors import InputError, MissingExtra
 
-_TOPIC = "rt/"  # prefix of topics of ROS 2
-_HASH = "typehash="
+_TOPIC_PREFIX = "rt/"  # prefix of topics of ROS 2
+_HASH_KEY = "typehash="
 LAST_DOMAIN = 232
 """Largest domain ID: for larger ones, DDS ports would exceed 65535."""
-_MS = 1_000_000  # [ns]
-_LOOK_S = 0.05  # polling period of discovery
-_AT_MOST = 2000  # messages taken at once
-_NUMBERS = 2**64  # range of publisher handles, one of which cyclonedds returns as a signed number
+_NS_PER_MS = 1_000_000
+_POLL_S = 0.05  # polling period of discovery
+_MOST_MESSAGES = 2000  # messages taken at once
+_HANDLE_COUNT = 2**64  # number of publisher handles, one of which cyclonedds returns as a signed number
 
 
 @dataclass(frozen=True)
-class Offer:
+class PublishedTopic:
     """A published topic.
 
     Attributes:
@@ -75,13 +75,13 @@ def choose_domain(domain: int | None) -> int:
     """
     if domain is not None:
         return domain
-    said = os.environ.get("ROS_DOMAIN_ID") or "0"
-    if not (said.isdecimal() and int(said) <= LAST_DOMAIN):
-        raise InputError(f"ROS_DOMAIN_ID is {said!r}: expected a number from 0 to {LAST_DOMAIN}")
-    return int(said)
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not (text.isdecimal() and int(text) <= LAST_DOMAIN):
+        raise InputError(f"ROS_DOMAIN_ID is {text!r}: expected a number from 0 to {LAST_DOMAIN}")
+    return int(text)
 
 
-def domain_words(domain: int) -> str:
+def describe_domain(domain: int) -> str:
     """Description of a domain for messages."""
     return f"ROS 2 in domain {domain}, by DDS on all networks of this computer"
 
@@ -94,43 +94,43 @@ class Discovery:
 
         self._reader = BuiltinDataReader(participant(domain), BuiltinTopicDcpsPublication)
 
-    def offers(self) -> dict[str, Offer]:
+    def topics(self) -> dict[str, PublishedTopic]:
         """Published topics by name."""
-        found: dict[str, Offer] = {}
-        for endpoint in self._reader.read(_AT_MOST):
-            offer = _offer(endpoint)
-            before = None if offer is None else found.get(offer.name)
-            if offer is not None and before is not None:
-                offer = Offer(
-                    offer.name,
-                    offer.kind,
-                    offer.is_reliable and before.is_reliable,
-                    offer.is_latched and before.is_latched,
-                    offer.type_hash or before.type_hash,
+        topics: dict[str, PublishedTopic] = {}
+        for endpoint in self._reader.read(_MOST_MESSAGES):
+            topic = _published_topic(endpoint)
+            previous = None if topic is None else topics.get(topic.name)
+            if topic is not None and previous is not None:
+                topic = PublishedTopic(
+                    topic.name,
+                    topic.kind,
+                    topic.is_reliable and previous.is_reliable,
+                    topic.is_latched and previous.is_latched,
+                    topic.type_hash or previous.type_hash,
                 )
-            if offer is not None:
-                found[offer.name] = offer
-        return found
+            if topic is not None:
+                topics[topic.name] = topic
+        return topics
 
-    def wait_for(self, name: str, wait_s: float) -> Offer | None:
+    def wait_for_topic(self, name: str, wait_s: float) -> PublishedTopic | None:
         """Wait for a topic; None if it is not published before the timeout [s]."""
-        until = time.monotonic() + wait_s
-        while (offer := self.offers().get(name)) is None and time.monotonic() < until:
-            time.sleep(_LOOK_S)
-        return offer
+        deadline_s = time.monotonic() + wait_s
+        while (topic := self.topics().get(name)) is None and time.monotonic() < deadline_s:
+            time.sleep(_POLL_S)
+        return topic
 
 
-def _offer(endpoint: Any) -> Offer | None:
+def _published_topic(endpoint: Any) -> PublishedTopic | None:
     from cyclonedds.core import Policy
 
     kind = kind_of_dds(endpoint.type_name or "")
-    if kind is None or not endpoint.topic_name.startswith(_TOPIC) or not endpoint.sample_info.valid_data:
+    if kind is None or not endpoint.topic_name.startswith(_TOPIC_PREFIX) or not endpoint.sample_info.valid_data:
         return None
     qos = endpoint.qos
-    said = bytes(qos[Policy.Userdata].data).decode(errors="replace") if Policy.Userdata in qos else ""
-    hashes = [part.removeprefix(_HASH) for part in said.split(";") if part.startswith(_HASH)]
-    return Offer(
-        "/" + endpoint.topic_name.removeprefix(_TOPIC),
+    user_data = bytes(qos[Policy.Userdata].data).decode(errors="replace") if Policy.Userdata in qos else ""
+    hashes = [part.removeprefix(_HASH_KEY) for part in user_data.split(";") if part.startswith(_HASH_KEY)]
+    return PublishedTopic(
+        "/" + endpoint.topic_name.removeprefix(_TOPIC_PREFIX),
         kind,
         isinstance(qos[Policy.Reliability], Policy.Reliability.Reliable) if Policy.Reliability in qos else False,
         Policy.Durability in qos and qos[Policy.Durability] == Policy.Durability.TransientLocal,
@@ -138,19 +138,19 @@ def _offer(endpoint: Any) -> Offer | None:
     )
 
 
-class Listener:
+class Subscriber:
     """Subscriber of a topic."""
 
-    def __init__(self, domain: int, offer: Offer, depth: int) -> None:
+    def __init__(self, domain: int, topic: PublishedTopic, depth: int) -> None:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsParticipant
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
         from cyclonedds.sub import DataReader
 
         self._participants = BuiltinDataReader(participant(domain), BuiltinTopicDcpsParticipant)
-        message_fields(offer.kind)  # raises an error for an unknown type
-        self._kind = offer.kind
-        qos = _qos(offer.is_reliable, offer.is_latched, depth)
-        self._reader = DataReader(participant(domain), _topic(domain, offer.name, offer.kind), qos=qos)
+        message_fields(topic.kind)  # raises an error for an unknown type
+        self._kind = topic.kind
+        qos = _qos(topic.is_reliable, topic.is_latched, depth)
+        self._reader = DataReader(participant(domain), _topic(domain, topic.name, topic.kind), qos=qos)
         self._waiting = WaitSet(participant(domain))
         self._waiting.attach(ReadCondition(self._reader, ViewState.Any | SampleState.NotRead | InstanceState.Any))
 
@@ -166,36 +166,35 @@ class Listener:
         """Messages since the last call, each with the handle of its publisher."""
         taken = self._take()
         if not taken and wait_s > 0:
-            self._waiting.wait(int(wait_s * 1000) * _MS)
+            self._waiting.wait(int(wait_s * 1000) * _NS_PER_MS)
             taken = self._take()
         return [(each.sample_info.publication_handle, decode(self._kind, each)) for each in taken]
 
     def publishers(self) -> dict[int, str]:
         """Current publishers of the topic, by handle: process and computer, or the GUID."""
-        found: dict[int, str] = {}
-        for number in self._reader.get_matched_publications():
-            endpoint = self._reader.get_matched_publication_data(number)
+        publishers: dict[int, str] = {}
+        for handle in self._reader.get_matched_publications():
+            endpoint = self._reader.get_matched_publication_data(handle)
             if endpoint is not None:
-                found[number % _NUMBERS] = _publisher_process(self._participants, endpoint)
-        return found
+                publishers[handle % _HANDLE_COUNT] = _publisher_process(self._participants, endpoint)
+        return publishers
 
     def _take(self) -> list[Any]:
-        return [each for each in self._reader.take(_AT_MOST) if isinstance(each, _Bytes)]
+        return [each for each in self._reader.take(_MOST_MESSAGES) if isinstance(each, _Bytes)]
 
 
 def _publisher_process(participants: Any, endpoint: Any) -> str:
     """Process and computer of a publisher that uses CycloneDDS; the GUID of any other publisher."""
-    for each in participants.read(_AT_MOST):
+    for each in participants.read(_MOST_MESSAGES):
         if each.key == endpoint.participant_key:
-            said = {policy.key: policy.value for policy in each.qos if hasattr(policy, "key")}
-            if "__Pid" in said:
-                return (
-                    f"{said.get('__ProcessName', 'process')} {said['__Pid']} on {said.get('__Hostname', 'a computer')}"
-                )
+            properties = {policy.key: policy.value for policy in each.qos if hasattr(policy, "key")}
+            if "__Pid" in properties:
+                name, host = properties.get("__ProcessName", "process"), properties.get("__Hostname", "a computer")
+                return f"{name} {properties['__Pid']} on {host}"
     return f"GUID {endpoint.key}"
 
 
-class Speaker:
+class Publisher:
     """Publisher of a topic."""
 
     def __init__(self, domain: int, name: str, kind: str, *, is_latched: bool, depth: int = 1) -> None:
@@ -203,9 +202,9 @@ class Speaker:
         from cyclonedds.pub import DataWriter
 
         self._kind = kind
-        said = Policy.Userdata(f"{_HASH}{type_hash(kind)};".encode())
+        user_data = Policy.Userdata(f"{_HASH_KEY}{type_hash(kind)};".encode())
         self._topic = _topic(domain, name, kind)
-        self._writer = DataWriter(participant(domain), self._topic, qos=_qos(True, is_latched, depth) + Qos(said))
+        self._writer = DataWriter(participant(domain), self._topic, qos=_qos(True, is_latched, depth) + Qos(user_data))
 
     def send(self, message: Any) -> None:
         """Send a message whose attributes are its fields."""
@@ -233,7 +232,7 @@ def _qos(is_reliable: bool, is_latched: bool, depth: int) -> Any:
 def _topic(domain: int, name: str, kind: str) -> Any:
     from cyclonedds.topic import Topic
 
-    return Topic(participant(domain), _TOPIC + name.removeprefix("/"), _bytes_type(kind))
+    return Topic(participant(domain), _TOPIC_PREFIX + name.removeprefix("/"), _bytes_type(kind))
 
 
 class _Bytes(bytes):
@@ -246,17 +245,17 @@ def _bytes_type(kind: str) -> Any:
 
     The deserialisation of cyclonedds would create a Python integer for every pixel.
     """
-    made = _struct(kind, {})
+    struct = _struct(kind, {})
 
     def wrap(data: bytes) -> Any:
         """A value that cyclonedds sends as the given bytes."""
-        sample = made.__new__(made)
+        sample = struct.__new__(struct)
         sample.serialize = lambda **_: data
         return sample
 
-    made.deserialize = staticmethod(_Bytes)
-    made.of = staticmethod(wrap)
-    return made
+    struct.deserialize = staticmethod(_Bytes)
+    struct.of = staticmethod(wrap)
+    return struct
 
 
 def _struct(name: str, structs: dict[str, Any]) -> Any:
@@ -272,14 +271,14 @@ def _annotation(kind: Any, structs: dict[str, Any]) -> Any:
     from rosbags.interfaces import Nodetype
 
     types: Any = import_module("cyclonedds.idl.types")
-    node, (within, most) = kind if kind[0] != Nodetype.NAME else (kind[0], (kind[1], 0))
+    node, (content, bound) = kind if kind[0] != Nodetype.NAME else (kind[0], (kind[1], 0))
     if node == Nodetype.NAME:
-        return _struct(within, structs)
+        return _struct(content, structs)
     if node == Nodetype.BASE:
-        plain = {"bool": bool, "string": types.bounded_str[most] if most else str}
+        plain = {"bool": bool, "string": types.bounded_str[bound] if bound else str}
         plain |= dict.fromkeys(("char", "byte", "octet"), types.uint8)
-        return plain[within] if within in plain else getattr(types, within)
-    inner = _annotation(within, structs)
+        return plain[content] if content in plain else getattr(types, content)
+    inner = _annotation(content, structs)
     if node == Nodetype.ARRAY:
-        return types.array[inner, most]
-    return types.sequence[inner, most] if most else types.sequence[inner]
+        return types.array[inner, bound]
+    return types.sequence[inner, bound] if bound else types.sequence[inner]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
-from basecal.acquisition.ros2.dds import Discovery, Listener, Offer
+from basecal.acquisition.ros2.dds import Discovery, PublishedTopic, Subscriber
 from basecal.errors import DriverError
 from basecal.exchange.bags.bag import CAMERA_INFO, COMPRESSED, IMAGE, JOINTS, POSE, TEXT, TF, Bag, Message, Topic
 from basecal.exchange.bags.frames import Tree
@@ -32,26 +32,26 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
     Raises:
         DriverError: if there is no such topic.
     """
-    discovery, listeners = Discovery(domain), dict[str, tuple[Offer, Listener]]()
+    discovery, subscribers = Discovery(domain), dict[str, tuple[PublishedTopic, Subscriber]]()
     messages: dict[str, list[Any]] = {}
     counts: dict[str, int] = {}
-    until = time.monotonic() + listen_s
-    while time.monotonic() < until:
-        for name, offer in discovery.offers().items():
-            if offer.kind in _QUEUE_DEPTHS and name not in listeners:
-                listeners[name] = offer, Listener(domain, offer, _QUEUE_DEPTHS[offer.kind])
-        for name, (offer, listener) in listeners.items():
-            came = listener.messages(0.0)
-            most = _KEPT_MESSAGES if _QUEUE_DEPTHS[offer.kind] > 1 else 1
-            counts[name] = counts.get(name, 0) + len(came)
-            messages[name] = [*messages.get(name, []), *came][:most]
+    deadline_s = time.monotonic() + listen_s
+    while time.monotonic() < deadline_s:
+        for name, topic in discovery.topics().items():
+            if topic.kind in _QUEUE_DEPTHS and name not in subscribers:
+                subscribers[name] = topic, Subscriber(domain, topic, _QUEUE_DEPTHS[topic.kind])
+        for name, (topic, subscriber) in subscribers.items():
+            arrived = subscriber.messages(0.0)
+            kept = _KEPT_MESSAGES if _QUEUE_DEPTHS[topic.kind] > 1 else 1
+            counts[name] = counts.get(name, 0) + len(arrived)
+            messages[name] = [*messages.get(name, []), *arrived][:kept]
         time.sleep(_POLL_S)
-    if not listeners:
+    if not subscribers:
         raise DriverError(
             f"no publisher of joint states, tf or images in domain {domain}. Is ROS_DOMAIN_ID the same there, and does "
             "the network let DDS pass?"
         )
-    topics = {name: Topic(name, offer.kind, counts[name]) for name, (offer, _) in listeners.items()}
+    topics = {name: Topic(name, topic.kind, counts[name]) for name, (topic, _) in subscribers.items()}
 
     def read(names: Iterable[str]) -> Iterator[Message]:
         """Recorded messages of the named topics, one topic after another."""

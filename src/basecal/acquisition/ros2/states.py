@@ -27,7 +27,7 @@ class StatesByTopic:
         kinds = (JOINTS, POSE) if joints else (POSE,)
         self._stream = Stream(name, domain, topic, kinds, _QUEUE_DEPTH, wait_s)
         self._topic = topic
-        self._names: set[str] = set()
+        self._published_joints: set[str] = set()
 
     def next(self) -> Reading:
         """The next state, with the timestamp of its header.
@@ -38,11 +38,11 @@ class StatesByTopic:
         try:
             return self._stream.newest(self._reading, self._is_mine)
         except DriverError as error:
-            missing = [joint for joint in self._joints if joint not in self._names]
-            if self._names and missing and self._last_s == float("-inf"):
+            missing = [joint for joint in self._joints if joint not in self._published_joints]
+            if self._published_joints and missing and self._last_s == float("-inf"):
                 raise DriverError(
                     f"{self._name}: {self._topic} lacks joints of the URDF: {list_names(missing)}; it has "
-                    f"{list_names(sorted(self._names))}"
+                    f"{list_names(sorted(self._published_joints))}"
                 ) from None
             raise error
 
@@ -53,7 +53,7 @@ class StatesByTopic:
     def _reading(self, message: Any) -> Reading | None:
         now_s = stamp_s(message.header)
         if self._stream.kind == JOINTS:
-            self._names.update(message.name)
+            self._published_joints.update(message.name)
         if not now_s > 0 or now_s <= self._last_s:
             return None
         if self._stream.kind == POSE:
@@ -67,10 +67,10 @@ class StatesByTopic:
 
     def _joint_state(self, message: Any) -> RobotState | None:
         """The robot's joints in a message; None if any joint is missing."""
-        at = dict(zip(message.name, message.position, strict=False))
-        if not all(joint in at for joint in self._joints):
+        positions = dict(zip(message.name, message.position, strict=False))
+        if not all(joint in positions for joint in self._joints):
             return None
-        return RobotState(joints_rad=np.array([at[joint] for joint in self._joints], dtype=float))
+        return RobotState(joints_rad=np.array([positions[joint] for joint in self._joints], dtype=float))
 
 
 class StatesByFrames:
@@ -81,11 +81,11 @@ class StatesByFrames:
         self._hangs: dict[str, Hang] = {}
         self._stamps: dict[str, float] = {}
         self._last_s = float("-inf")
-        self._moving = Stream(name, domain, "/tf", (TF,), _FRAMES_QUEUE_DEPTH, wait_s)
+        self._dynamic_frames = Stream(name, domain, "/tf", (TF,), _FRAMES_QUEUE_DEPTH, wait_s)
         try:
-            self._still = [Stream(name, domain, "/tf_static", (TF,), _FRAMES_QUEUE_DEPTH, 0.5)]
+            self._static_frames = [Stream(name, domain, "/tf_static", (TF,), _FRAMES_QUEUE_DEPTH, 0.5)]
         except DriverError:  # a robot without fixed frames has no such topic
-            self._still = []
+            self._static_frames = []
 
     def next(self) -> Reading:
         """The next state, when all frames between base and flange have the same timestamp.
@@ -94,7 +94,7 @@ class StatesByFrames:
             DriverError: if the frames are not connected, or their timestamps do not advance.
         """
         try:
-            return self._moving.newest(self._reading)
+            return self._dynamic_frames.newest(self._reading)
         except DriverError as error:
             try:
                 self._tree().way(self._base, self._flange)
@@ -106,10 +106,10 @@ class StatesByFrames:
         return Tree(self._hangs)
 
     def _reading(self, message: Any) -> Reading | None:
-        for still in self._still:
+        for still in self._static_frames:
             for each in still.messages():
-                self._take(each, is_fixed=True)
-        self._take(message, is_fixed=False)
+                self._add_transforms(each, is_fixed=True)
+        self._add_transforms(message, is_fixed=False)
         try:
             way = self._tree().way(self._base, self._flange)
         except BasecalError:  # not all frames have arrived yet
@@ -120,10 +120,10 @@ class StatesByFrames:
         self._last_s = min(stamps)
         return Reading(self._last_s, RobotState(compose_path(self._tree(), way, {}, self._name)))
 
-    def _take(self, message: Any, is_fixed: bool) -> None:
+    def _add_transforms(self, message: Any, is_fixed: bool) -> None:
         for each in message.transforms:
-            now_s, child = stamp_s(each.header), each.child_frame_id.lstrip("/")
-            if is_fixed or now_s > self._stamps.get(child, float("-inf")):
+            frame_stamp_s, child = stamp_s(each.header), each.child_frame_id.lstrip("/")
+            if is_fixed or frame_stamp_s > self._stamps.get(child, float("-inf")):
                 values = transform_values(each.transform)
                 self._hangs[child] = Hang(each.header.frame_id.lstrip("/"), values, is_fixed, not is_fixed)
-                self._stamps[child] = now_s
+                self._stamps[child] = frame_stamp_s

@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 from basecal.acquisition.freshness import STALE_S
-from basecal.acquisition.ros2.dds import Discovery, Listener
+from basecal.acquisition.ros2.dds import Discovery, Subscriber
 from basecal.acquisition.ros2.types import type_hash
 from basecal.errors import DriverError, list_names
 
 _NANOSECOND_S = 1e-9  # [s]
 
-Given = TypeVar("Given")
+Converted = TypeVar("Converted")
 
 
 def stamp_s(header: Any) -> float:
@@ -31,28 +31,30 @@ class Stream:
     def __init__(self, name: str, domain: int, topic: str, kinds: Sequence[str], depth: int, wait_s: float) -> None:
         self._name, self._domain, self._topic, self._wait_s = name, domain, topic, wait_s
         self._discovery = Discovery(domain)
-        offer = self._discovery.wait_for(topic, wait_s)
-        if offer is None:
-            known = list_names(sorted(self._discovery.offers()))
+        offered = self._discovery.wait_for_topic(topic, wait_s)
+        if offered is None:
+            known = list_names(sorted(self._discovery.topics()))
             raise DriverError(
                 f"{name}: no publisher of {topic} in domain {domain}; there are: {known}. "
                 f"Is ROS_DOMAIN_ID the same there, and does the network let DDS pass?"
             )
-        if offer.kind not in kinds:
-            raise DriverError(f"{name}: {topic} is of {offer.kind}, expected {list_names(list(kinds))}")
-        if offer.type_hash and offer.type_hash != type_hash(offer.kind):
+        if offered.kind not in kinds:
+            raise DriverError(f"{name}: {topic} is of {offered.kind}, expected {list_names(list(kinds))}")
+        if offered.type_hash and offered.type_hash != type_hash(offered.kind):
             raise DriverError(
-                f"{name}: {topic} has another definition of {offer.kind} than ROS 2's releases: {offer.type_hash}"
+                f"{name}: {topic} has another definition of {offered.kind} than ROS 2's releases: {offered.type_hash}"
             )
-        self.kind = offer.kind
-        self._listener = Listener(domain, offer, depth)
+        self.kind = offered.kind
+        self._subscriber = Subscriber(domain, offered, depth)
         self._publishers: set[int] = set()
 
     def messages(self, wait_s: float = 0.0) -> list[Any]:
         """Messages since the last call, the oldest first; waits up to a timeout [s] if there are none."""
-        return self._listener.messages(wait_s)
+        return self._subscriber.messages(wait_s)
 
-    def newest(self, read: Callable[[Any], Given | None], is_mine: Callable[[Any], bool] | None = None) -> Given:
+    def newest(
+        self, read: Callable[[Any], Converted | None], is_mine: Callable[[Any], bool] | None = None
+    ) -> Converted:
         """Wait for a message with a result of `read`; the result of the newest such message.
 
         Args:
@@ -62,17 +64,17 @@ class Stream:
         Raises:
             DriverError: if no usable message arrives before the timeout, or two publishers send such messages.
         """
-        until_s, came = time.monotonic() + STALE_S + self._wait_s, 0
+        deadline_s, message_count = time.monotonic() + STALE_S + self._wait_s, 0
         while True:
-            messages = self._listener.receive(STALE_S)
-            came += len(messages)
+            messages = self._subscriber.receive(STALE_S)
+            message_count += len(messages)
             if is_mine is not None:
                 self._check_publishers({publisher for publisher, message in messages if is_mine(message)})
-            made = [given for _, message in messages if (given := read(message)) is not None]
-            if made:
-                return made[-1]
-            if time.monotonic() > until_s:
-                raise DriverError(f"{self._name}: {self._silence_reason(came)}")
+            results = [result for _, message in messages if (result := read(message)) is not None]
+            if results:
+                return results[-1]
+            if time.monotonic() > deadline_s:
+                raise DriverError(f"{self._name}: {self._silence_reason(message_count)}")
 
     def _check_publishers(self, publishers: set[int]) -> None:
         """Check that there is only one publisher; a publisher that ended and was restarted counts once.
@@ -83,7 +85,7 @@ class Stream:
         self._publishers |= publishers
         if len(self._publishers) < 2:
             return
-        known = self._listener.publishers()
+        known = self._subscriber.publishers()
         self._publishers = publishers | (self._publishers & known.keys())
         if len(self._publishers) > 1:
             words = list_names(sorted(known.get(number, f"publisher {number}") for number in self._publishers))
@@ -92,13 +94,13 @@ class Stream:
                 f"distinguished. End all but one, or give each robot a topic of its own"
             )
 
-    def _silence_reason(self, came: int) -> str:
+    def _silence_reason(self, message_count: int) -> str:
         waited = f"for {STALE_S + self._wait_s:g} s"
-        if came:
+        if message_count:
             return (
-                f"stale stamps: {came} messages came on {self._topic} {waited}. None is complete and newer than "
-                f"the last one taken. Look at `ros2 topic echo {self._topic}`"
+                f"stale stamps: {message_count} messages came on {self._topic} {waited}. None is complete and "
+                f"newer than the last one taken. Look at `ros2 topic echo {self._topic}`"
             )
-        if self._topic not in self._discovery.offers():
+        if self._topic not in self._discovery.topics():
             return f"{self._topic} has no publisher any more: is its node still running, and the network plugged in?"
         return f"no message came on {self._topic} {waited}, although it has a publisher: is its source switched on?"

@@ -55,7 +55,7 @@ class RunningCheck:
         self._cell = cell
         self._agreeing: list[Sample] = []
         self._pending: list[Sample] = []
-        self._preceding_records: list[RunningEstimate | None] = []
+        self._earlier_estimates: list[RunningEstimate | None] = []
         self._suspected: tuple[str, ...] = ()
         self._reported: set[tuple[str, ...]] = set()
 
@@ -63,39 +63,39 @@ class RunningCheck:
         """Add a sample; the new disagreements."""
         doubts = self._compare(sample) if sample.observations else ()
         if not self._pending:
-            self._preceding_records.append(self.estimate)
+            self._earlier_estimates.append(self.estimate)
             self.estimate = running_estimate(self._cell, self._agreeing, self.estimate) or self.estimate
-            doubts = (*doubts, *self._systematic())
+            doubts = (*doubts, *self._systematic_doubts())
         return doubts
 
     def _compare(self, sample: Sample) -> tuple[Doubt, ...]:
         """Test a sample against the estimate before it; add it to the agreeing samples, or hold it back."""
-        alone = self._test(self.estimate, [sample])
+        alone = self._disagreement(self.estimate, [sample])
         if alone is None or alone.chance > CONFIRMED:
-            odd, self._pending = self._pending, []
+            odd_samples, self._pending = self._pending, []
             self._agreeing.append(sample)
-            return (*map(_odd_sample, odd), *self._window())
+            return (*map(_odd_sample, odd_samples), *self._test_window())
         self._pending.append(sample)
         if len(self._pending) == 1:
-            return (_first(sample, alone),)
+            return (_first_doubt(sample, alone),)
         return self._judge_pending(alone)
 
     def _judge_pending(self, disagreement: Disagreement) -> tuple[Doubt, ...]:
         """Test whether one shift explains all samples held back; else the earlier ones are odd samples."""
         held, self._pending = self._pending, []
-        both = self._test(self.estimate, held)
-        if both is None or both.chance_left < _EXPLAINED:
+        joint = self._disagreement(self.estimate, held)
+        if joint is None or joint.chance_left < _EXPLAINED:
             self._pending = held[-1:]
             return tuple(map(_odd_sample, held[:-1]))
         self._agreeing += held
-        return self._report_move(held[0].sample, both)
+        return self._report_move(held[0].sample, joint)
 
-    def _window(self) -> tuple[Doubt, ...]:
+    def _test_window(self) -> tuple[Doubt, ...]:
         """Test the last samples together against the estimate before them."""
-        if len(self._preceding_records) < _WINDOW_SAMPLES:
+        if len(self._earlier_estimates) < _WINDOW_SAMPLES:
             return ()
         recent = self._agreeing[-_WINDOW_SAMPLES:]
-        found = self._test(self._preceding_records[1 - _WINDOW_SAMPLES], recent)
+        found = self._disagreement(self._earlier_estimates[1 - _WINDOW_SAMPLES], recent)
         if found is None or found.chance > CONFIRMED or found.chance_left < _EXPLAINED:
             return ()
         return self._report_move(recent[0].sample, found)
@@ -103,14 +103,14 @@ class RunningCheck:
     def _report_move(self, sample: int, shift: Disagreement) -> tuple[Doubt, ...]:
         return self._report_new(("moved",), Doubt(sample, cause_of_shifts(shift.causes, sample), is_lasting=True))
 
-    def _systematic(self) -> tuple[Doubt, ...]:
+    def _systematic_doubts(self) -> tuple[Doubt, ...]:
         """The systematic error that both this check and the previous one found."""
         error = None if self.estimate is None else self.estimate.error
-        before, self._suspected = self._suspected, _name(error)
+        previous, self._suspected = self._suspected, _error_key(error)
         cause = None if error is None or not error.is_certain else cause_of_error(error)
-        if error is None or cause is None or before != self._suspected:
+        if error is None or cause is None or previous != self._suspected:
             return ()
-        kind = ("moved",) if error.since is not None else before
+        kind = ("moved",) if error.since is not None else previous
         last = self._agreeing[-1].sample
         return self._report_new(kind, Doubt(error.since or last, cause, is_lasting=True))
 
@@ -120,18 +120,18 @@ class RunningCheck:
         self._reported.add(kind)
         return (doubt,)
 
-    def _test(self, estimate: RunningEstimate | None, samples: Sequence[Sample]) -> Disagreement | None:
+    def _disagreement(self, estimate: RunningEstimate | None, samples: Sequence[Sample]) -> Disagreement | None:
         if estimate is None or ("moved",) in self._reported:
             return None
         return disagreement(self._cell, estimate.calibration, Recording(tuple(samples)))
 
 
-def _name(error: FoundEffect | None) -> tuple[str, ...]:
+def _error_key(error: FoundEffect | None) -> tuple[str, ...]:
     """Kind of a systematic error and its object; effects of one arm alternate while samples are too few."""
     return () if error is None else (describe_effect(error).code, error.about)
 
 
-def _first(sample: Sample, single: Disagreement) -> Doubt:
+def _first_doubt(sample: Sample, single: Disagreement) -> Doubt:
     """The doubt about a sample that disagrees, before the next sample shows the cause."""
     message = (
         f"Sample {sample.sample} disagrees with the samples before it (chance {single.chance:.1g}). Its image and "
@@ -166,8 +166,8 @@ def _describe_shift(cause: Shift, sample: int) -> str:
         larger = "larger" if percent > 0 else "smaller"
         return f"{cause.frame} is another board since sample {sample}, {abs(percent):.2g} % {larger}"
     size = f"{1e3 * cause.shift_m:.2g} mm and {np.degrees(cause.shift_rad):.2g} deg"
-    verb = "moved" if cause.frame.endswith("_base") else "was remounted or moved"
-    return f"{cause.frame} {verb} at sample {sample} by {size}"
+    change = "moved" if cause.frame.endswith("_base") else "was remounted or moved"
+    return f"{cause.frame} {change} at sample {sample} by {size}"
 
 
 def cause_of_error(error: FoundEffect) -> str | None:

@@ -26,7 +26,7 @@ from basecal.estimation.solve import Solution, integrate_solution, solve_at_mode
 MIN_SAMPLES = 4
 """Smallest number of samples for an estimate."""
 
-_OPEN = 0.3  # [m, rad] sigma above which a direction counts as unobservable
+_UNOBSERVABLE_SIGMA = 0.3  # [m, rad] of a transform, above which it counts as unobservable
 _ESTIMATED = Settings(robot_noise="estimated")
 
 
@@ -65,8 +65,8 @@ def running_estimate(
     recording = Recording(tuple(samples))
     try:
         problem, _ = build_problem(cell, recording)
-        at_mode, before = _noise_mode(cell, problem, previous)
-        solution = integrate_solution(at_mode, is_quick=True, guess=before)
+        at_mode, guess = _noise_mode(cell, problem, previous)
+        solution = integrate_solution(at_mode, is_quick=True, guess=guess)
         stamps = {sample.sample: sample.stamp_s for sample in samples if sample.stamp_s is not None}
         error = running_error(solution, stamps)
     except (BasecalError, np.linalg.LinAlgError):
@@ -82,9 +82,9 @@ def _noise_mode(
     """Solution at the most likely noise, and the previous noise estimate if the warm start succeeded."""
     if previous is not None and _structure(previous.solution.problem) == _structure(problem):
         start, noise = without_errors(problem, previous.solution.state), previous.solution.noise
-        found = solve_at_mode(problem, start, _ESTIMATED, guess=noise)
-        if found.converged:
-            return found, noise
+        warm = solve_at_mode(problem, start, _ESTIMATED, guess=noise)
+        if warm.converged:
+            return warm, noise
     exact = solve_problem(problem, cell, STATED)
     return solve_at_mode(exact.problem, exact.state, _ESTIMATED), None
 
@@ -116,4 +116,4 @@ def _sigma(cell: Cell, solution: Solution, error: FoundEffect | None) -> tuple[f
     if error is not None and error.effect not in CONTAINED:
         solution = widen(solution, error.moved)
     sigmas = solution.transforms[name].sigma_norms
-    return sigmas if max(sigmas) < _OPEN else None
+    return sigmas if max(sigmas) < _UNOBSERVABLE_SIGMA else None

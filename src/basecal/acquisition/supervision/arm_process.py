@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from basecal.acquisition.driver import (
-    OFF_PLACE_RAD,
-    OFF_WAY_RAD,
+    GOAL_TOLERANCE_RAD,
+    PATH_TOLERANCE_RAD,
     ChecksGoals,
     Freedrives,
     HasWatchdog,
@@ -34,17 +34,17 @@ from basecal.acquisition.driver import (
     check_reading,
     driver_failure,
     has_arrived,
-    joint_off_way,
+    largest_path_deviation,
 )
 from basecal.acquisition.drivers.registry import driver_kind
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
     CLOSE_S,
+    HANG_LIMIT_S,
     HEARTBEAT_S,
     HOLD_S,
     RECONNECT_S,
-    REST_SILENCE_LIMIT_S,
-    SILENCE_LIMIT_S,
+    REST_STALE_MARGIN_S,
     STALE_S,
     STOP_S,
     TICK_S,
@@ -69,15 +69,17 @@ class ArmProcess:
         self._robot: Robot | None = None
         self._requests: queue.SimpleQueue[tuple[int, str, tuple[Any, ...]]] = queue.SimpleQueue()
         self._goal: RobotState | None = None
-        self._at_goal, self._is_led = 0, False
+        self._states_at_goal, self._is_in_freedrive = 0, False
         self._least_lag_s = float("inf")
         now = time.monotonic()
-        self._read_s = self._changed_s = self._supervisor_s = self._beat_s = now
+        self._read_s = self._changed_s = self._supervisor_s = self._heartbeat_s = now
         self._values: Array | None = None
-        self._way: tuple[Array | None, Array | None] = None, None
-        self._aim = threading.Lock()  # for goal and path: an arrival must not end a motion that starts at the same time
+        self._path: tuple[Array | None, Array | None] = None, None
+        self._motion_lock = (
+            threading.Lock()
+        )  # for goal and path: an arrival must not end a motion that starts at the same time
         self._must_stop = self._is_over = False
-        self._patience_s = REST_SILENCE_LIMIT_S + RECONNECT_S
+        self._patience_s = REST_STALE_MARGIN_S + RECONNECT_S
 
     def run(self) -> None:
         """Execute the supervisor's commands until it closes this arm; stop the arm if the supervisor ends or hangs."""
@@ -86,13 +88,13 @@ class ArmProcess:
             try:
                 for frame in self._channel.receive():
                     self._supervisor_s = time.monotonic()
-                    self._obey(frame)
+                    self._handle(frame)
             except EOFError:
                 self._end()
-            self._judge(time.monotonic())
+            self._check_timeouts(time.monotonic())
             self._channel.flush()
 
-    def _obey(self, frame: Frame) -> None:
+    def _handle(self, frame: Frame) -> None:
         if frame.kind == Kind.OPEN:
             _start_thread(self._open, frame.payload)
         elif frame.kind == Kind.REQUEST:
@@ -102,9 +104,9 @@ class ArmProcess:
         elif frame.kind == Kind.CLOSE:
             self._end()
 
-    def _judge(self, now_s: float) -> None:
-        if now_s - self._beat_s > HEARTBEAT_S:
-            self._beat_s = now_s
+    def _check_timeouts(self, now_s: float) -> None:
+        if now_s - self._heartbeat_s > HEARTBEAT_S:
+            self._heartbeat_s = now_s
             self._channel.send(Kind.ALIVE, bytes([self._is_moving]))
         if self._robot is None or self._must_stop:
             return
@@ -117,13 +119,13 @@ class ArmProcess:
             )
         if self._robot.is_live and now_s - self._read_s > self._patience_s:
             self._report(f"{self._name}: no state came for {self._patience_s:g} s: its link is lost")
-        if now_s - self._supervisor_s > SILENCE_LIMIT_S:
+        if now_s - self._supervisor_s > HANG_LIMIT_S:
             self._stop()
 
     @property
     def _is_moving(self) -> bool:
         """Whether the arm has a goal that it has not reached, or is in freedrive."""
-        return self._goal is not None or self._is_led
+        return self._goal is not None or self._is_in_freedrive
 
     def _report(self, reason: str) -> None:
         """Report trouble to the supervisor, which stops all arms, and stop this arm."""
@@ -135,18 +137,18 @@ class ArmProcess:
         self._name = place.name
         try:
             robot = _open_robot(place)
-            self._patience_s = REST_SILENCE_LIMIT_S + float(place.options.get("reconnect_s", RECONNECT_S))
-            faces = {name: isinstance(robot, face) for name, face in _CAPABILITIES.items()}
-            self._channel.send(Kind.OPENED, pickle.dumps({"is_live": robot.is_live, **faces}))
+            self._patience_s = REST_STALE_MARGIN_S + float(place.options.get("reconnect_s", RECONNECT_S))
+            capabilities = {name: isinstance(robot, protocol) for name, protocol in _CAPABILITIES.items()}
+            self._channel.send(Kind.OPENED, pickle.dumps({"is_live": robot.is_live, **capabilities}))
         except BaseException as error:
-            self._channel.send(Kind.FAILED, pickle.dumps(_as_data(self._name, error)))
+            self._channel.send(Kind.FAILED, pickle.dumps(_error_data(self._name, error)))
             return
         self._read_s, self._robot = time.monotonic(), robot
-        _start_thread(self._answer, robot)
+        _start_thread(self._serve_requests, robot)
         if robot.is_live:
             _start_thread(self._read, robot)
         if isinstance(robot, HasWatchdog):
-            _start_thread(self._kick, robot)
+            _start_thread(self._send_heartbeats, robot)
 
     def _read(self, robot: Robot) -> None:
         try:
@@ -178,58 +180,58 @@ class ArmProcess:
         values = reading.state.vector
         if self._values is None or np.abs(values - self._values).max() > _CHANGED_RAD_M:
             self._values, self._changed_s = values, time.monotonic()
-        with self._aim:
-            self._check_way(values)
+        with self._motion_lock:
+            self._check_path(values)
             if self._goal is None:
                 return
-            self._at_goal = self._at_goal + 1 if has_arrived(reading.state, self._goal) else 0
-            if self._at_goal >= _SETTLED_STATES:
+            self._states_at_goal = self._states_at_goal + 1 if has_arrived(reading.state, self._goal) else 0
+            if self._states_at_goal >= _SETTLED_STATES:
                 self._goal = None
-                self._way = self._way[1], self._way[1]
+                self._path = self._path[1], self._path[1]
 
-    def _check_way(self, values: Array) -> None:
+    def _check_path(self, values: Array) -> None:
         """Check that the joints are on the path, because only the path straight in joint space is free of collision.
 
         Raises:
             DriverError: if a joint is not between its start and its goal, or left the goal after arrival.
         """
-        start, end = self._way
+        start, end = self._path
         if start is None or end is None or not start.shape == values.shape == end.shape:
             return
-        limit_rad = OFF_PLACE_RAD if start is end else OFF_WAY_RAD
-        if found := joint_off_way(values, start, end, limit_rad):
-            joint, beyond_deg = found[0] + 1, float(f"{np.degrees(found[1]):.3g}")
+        limit_rad = GOAL_TOLERANCE_RAD if start is end else PATH_TOLERANCE_RAD
+        if deviation := largest_path_deviation(values, start, end, limit_rad):
+            joint, beyond_deg = deviation[0] + 1, float(f"{np.degrees(deviation[1]):.3g}")
             raise DriverError(
                 f"{self._name}: joint {joint} is {beyond_deg:g} deg beyond its path. Look for a "
                 f"person or a program that moves the arm, or a controller that sends wrong states"
             )
 
-    def _answer(self, robot: Robot) -> None:
+    def _serve_requests(self, robot: Robot) -> None:
         while not self._is_over:
             number, method, arguments = self._requests.get()
             try:
-                answer = pickle.dumps((number, self._ask(robot, method, arguments), None))
+                answer = pickle.dumps((number, self._call_driver(robot, method, arguments), None))
             except BaseException as error:
-                answer = pickle.dumps((number, None, _as_data(self._name, error)))
+                answer = pickle.dumps((number, None, _error_data(self._name, error)))
             self._channel.send(Kind.ANSWER, answer)
 
-    def _ask(self, robot: Robot, method: str, arguments: tuple[Any, ...]) -> Any:
+    def _call_driver(self, robot: Robot, method: str, arguments: tuple[Any, ...]) -> Any:
         if self._must_stop:
             return None
         if method == "move":
-            with self._aim:
-                self._at_goal, self._changed_s = 0, time.monotonic()
-                self._way, self._goal = (self._values, arguments[0].joints_rad), arguments[0]
+            with self._motion_lock:
+                self._states_at_goal, self._changed_s = 0, time.monotonic()
+                self._path, self._goal = (self._values, arguments[0].joints_rad), arguments[0]
         if method == "freedrive":
-            self._is_led, self._way = arguments[0], (None, None)
+            self._is_in_freedrive, self._path = arguments[0], (None, None)
         return getattr(robot, method)(*arguments)
 
-    def _kick(self, robot: HasWatchdog) -> None:
+    def _send_heartbeats(self, robot: HasWatchdog) -> None:
         """Send heartbeats to the watchdog as long as the supervisor runs and states arrive."""
         try:
             while not self._is_over:
                 now = time.monotonic()
-                if now - self._supervisor_s < SILENCE_LIMIT_S and now - self._read_s < STALE_S:
+                if now - self._supervisor_s < HANG_LIMIT_S and now - self._read_s < STALE_S:
                     robot.keep_alive()
                 time.sleep(_HEARTBEAT_S)
         except BaseException as error:
@@ -246,7 +248,7 @@ class ArmProcess:
         with suppress(Exception):
             if isinstance(robot, Moves):
                 robot.stop()
-            elif isinstance(robot, Freedrives) and self._is_led:
+            elif isinstance(robot, Freedrives) and self._is_in_freedrive:
                 robot.freedrive(False)
             self._channel.send(Kind.STOPPED)
 
@@ -287,13 +289,13 @@ def _address_space_bytes() -> int:
         return 2**33
 
 
-def _start_thread(do: Callable[..., object], *arguments: object) -> threading.Thread:
-    thread = threading.Thread(target=do, args=arguments, daemon=True)
+def _start_thread(function: Callable[..., object], *arguments: object) -> threading.Thread:
+    thread = threading.Thread(target=function, args=arguments, daemon=True)
     thread.start()
     return thread
 
 
-def _as_data(name: str, error: BaseException) -> tuple[type[BaseException], str, dict[str, Any]]:
+def _error_data(name: str, error: BaseException) -> tuple[type[BaseException], str, dict[str, Any]]:
     """Type, message and attributes of an error, for another process that raises it again."""
     if not isinstance(error, BasecalError):
         error = driver_failure(name, error)
@@ -303,12 +305,12 @@ def _as_data(name: str, error: BaseException) -> tuple[type[BaseException], str,
 
 
 def _error_text(name: str, error: BaseException) -> str:
-    words = str(error)
+    text = str(error)
     if isinstance(error, OSError):
-        words = f"its connection was closed ({error.strerror or error})"
+        text = f"its connection was closed ({error.strerror or error})"
     elif not isinstance(error, BasecalError):
-        words = f"its link is lost, or its driver failed ({type(error).__name__}: {error})"
-    return words if words.startswith(name) else f"{name}: {words}"
+        text = f"its link is lost, or its driver failed ({type(error).__name__}: {error})"
+    return text if text.startswith(name) else f"{name}: {text}"
 
 
 def main() -> None:

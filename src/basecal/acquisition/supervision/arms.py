@@ -19,7 +19,7 @@ from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
     CLOSE_S,
     HEARTBEAT_S,
-    PARENT_SILENCE_LIMIT_S,
+    PARENT_HANG_LIMIT_S,
     START_S,
     STOP_S,
     TICK_S,
@@ -52,7 +52,7 @@ class Arms:
         self._requests = 0
         self._reason = ""
         self._is_ending = False
-        self._untold: list[str] = []  # arms that did not confirm a stop, not reported yet
+        self._unreported: list[str] = []  # arms that did not confirm a stop, not reported yet
         command = [sys.executable, "-m", _SUPERVISOR_MODULE, str(signals_fd), *self._names]
         self._process = subprocess.Popen(
             command,
@@ -87,12 +87,12 @@ class Arms:
         """
         with self._changed:
             self._wait(lambda: len(self._opened) == len(self._names), _OPEN_TIMEOUT_S, "a driver did not open")
-        for found in self._opened.values():
-            if not isinstance(found, dict):
-                raise _error(*found)
+        for outcome in self._opened.values():
+            if not isinstance(outcome, dict):
+                raise _error(*outcome)
         return {name: _proxy(self, number, self._opened[number]) for number, name in enumerate(self._names)}
 
-    def newer(self, arm: int, count: int) -> tuple[int, Reading]:
+    def wait_for_newer(self, arm: int, count: int) -> tuple[int, Reading]:
         """Wait until an arm has sent more than `count` states; their number, and the latest state.
 
         Raises:
@@ -101,12 +101,12 @@ class Arms:
         with self._changed:
             while True:
                 self._check()
-                found = self._readings.get(arm)
-                if found is not None and found[0] > count:
-                    return found
+                latest = self._readings.get(arm)
+                if latest is not None and latest[0] > count:
+                    return latest
                 self._changed.wait(_POLL_S)
 
-    def ask(self, arm: int, method: str, *arguments: Any, most_s: float = _ANSWER_TIMEOUT_S) -> Any:
+    def ask(self, arm: int, method: str, *arguments: Any, timeout_s: float = _ANSWER_TIMEOUT_S) -> Any:
         """Call a method of an arm's driver, with a timeout [s]; its result.
 
         Raises:
@@ -119,8 +119,8 @@ class Arms:
             number = self._requests
         self._channel.send(Kind.REQUEST, pickle.dumps((number, method, arguments)), arm)
         with self._changed:
-            what = f"{self._names[arm]}: its controller did not answer"
-            self._wait(lambda: number in self._answers, most_s, what)
+            event = f"{self._names[arm]}: its controller did not answer"
+            self._wait(lambda: number in self._answers, timeout_s, event)
             result, error = self._answers.pop(number)
         if error is not None:
             raise _error(*error)
@@ -136,7 +136,7 @@ class Arms:
         self._channel.send(Kind.STOP, reason.encode())
         with self._changed:
             is_known = self._changed.wait_for(lambda: bool(self._reason), 2 * STOP_S)
-        if not is_known or self._names[arm] in self._untold:
+        if not is_known or self._names[arm] in self._unreported:
             raise DriverError(f"{self._names[arm]} did not confirm a stop: look at the arm")
 
     def request_stop(self, reason: str) -> None:
@@ -156,12 +156,12 @@ class Arms:
             with suppress(OSError):
                 pipe.close()
 
-    def _wait(self, is_done: Callable[[], bool], most_s: float, event: str) -> None:
-        until = time.monotonic() + most_s
+    def _wait(self, is_done: Callable[[], bool], timeout_s: float, event: str) -> None:
+        deadline_s = time.monotonic() + timeout_s
         while not is_done():
             self._check()
-            if time.monotonic() > until:
-                raise DriverError(f"{event} within {most_s:g} s")
+            if time.monotonic() > deadline_s:
+                raise DriverError(f"{event} within {timeout_s:g} s")
             self._changed.wait(_POLL_S)
 
     def _check(self) -> None:
@@ -170,63 +170,64 @@ class Arms:
 
     def _listen(self) -> None:
         """Receive frames of the supervisor until it ends, and send heartbeats to it."""
-        beat_s = time.monotonic()
-        heard_s = beat_s + START_S
+        heartbeat_s = time.monotonic()
+        heard_s = heartbeat_s + START_S
         while True:
             select.select([self._channel.read_fd], [], [], TICK_S)
             now = time.monotonic()
             try:
                 frames = self._channel.receive()
             except (EOFError, ValueError):
-                self._end("the process that supervises the arms ended", self._names)
+                self._set_stop_reason("the process that supervises the arms ended", self._names)
                 return
             heard_s = now if frames else heard_s
             for frame in frames:
-                self._note(frame)
-            if now - heard_s > PARENT_SILENCE_LIMIT_S:
-                self._end("the process that supervises the arms hangs", self._names)
+                self._handle(frame)
+            if now - heard_s > PARENT_HANG_LIMIT_S:
+                self._set_stop_reason("the process that supervises the arms hangs", self._names)
                 self._process.kill()
                 return
-            if now - beat_s > HEARTBEAT_S:
-                beat_s = now
+            if now - heartbeat_s > HEARTBEAT_S:
+                heartbeat_s = now
                 self._channel.send(Kind.ALIVE)
             self._channel.flush()
 
-    def _note(self, frame: Frame) -> None:
+    def _handle(self, frame: Frame) -> None:
         if frame.kind == Kind.EVENT:
-            said = json.loads(frame.payload)
-            self._is_ending = self._is_ending or said["by_signal"]  # the main thread receives the signal itself
-            self._end(said["reason"], said["unconfirmed"])
+            event = json.loads(frame.payload)
+            self._is_ending = self._is_ending or event["by_signal"]  # the main thread receives the signal itself
+            self._set_stop_reason(event["reason"], event["unconfirmed"])
         elif frame.kind != Kind.ALIVE:
-            found = pickle.loads(frame.payload)
+            content = pickle.loads(frame.payload)
             with self._changed:
                 if frame.kind == Kind.READING:
                     count, _ = self._readings.get(frame.arm, (0, None))
-                    self._readings[frame.arm] = (count + 1, found)
+                    self._readings[frame.arm] = (count + 1, content)
                 elif frame.kind == Kind.ANSWER:
-                    self._answers[found[0]] = found[1:]
+                    self._answers[content[0]] = content[1:]
                 else:
-                    self._opened[frame.arm] = found
+                    self._opened[frame.arm] = content
                 self._changed.notify_all()
 
-    def _end(self, reason: str, names: list[str]) -> None:
+    def _set_stop_reason(self, reason: str, unconfirmed_names: list[str]) -> None:
         """Store the reason why arms were stopped, and interrupt the main thread."""
         if self._reason:
             return
         with self._changed:
-            self._reason = stop_report(reason, self._names, names)
-            self._untold = names if self._is_ending else []
+            self._reason = stop_report(reason, self._names, unconfirmed_names)
+            self._unreported = unconfirmed_names if self._is_ending else []
             self._changed.notify_all()
         if not self._is_ending:
             interrupt_main_thread()
 
 
-def stop_report(reason: str, names: list[str], missing_arms: list[str]) -> str:
+def stop_report(reason: str, names: list[str], unconfirmed_names: list[str]) -> str:
     """Message with the reason of a stop, the arms that confirmed it, and what to do."""
-    confirmed = [name for name in names if name not in missing_arms]
+    confirmed = [name for name in names if name not in unconfirmed_names]
     words = [f"{reason.rstrip('.')}."]
     words += [f"{' and '.join(confirmed)} confirmed the stop."] if confirmed else []
-    words += [f"{' and '.join(missing_arms)} did not confirm a stop: look at the arm."] if missing_arms else []
+    if unconfirmed_names:
+        words.append(f"{' and '.join(unconfirmed_names)} did not confirm a stop: look at the arm.")
     words += ["Find the cause, then start again; what was recorded is kept."]
     return " ".join(words)
 
@@ -252,16 +253,16 @@ class RemoteRobot:
             DriverError: if all arms were stopped.
         """
         if not self.is_live:
-            asked: Reading = self._arms.ask(self._number, "state", most_s=float("inf"))
-            return asked
-        self._count, reading = self._arms.newer(self._number, self._count)
+            reading: Reading = self._arms.ask(self._number, "state", timeout_s=float("inf"))
+            return reading
+        self._count, reading = self._arms.wait_for_newer(self._number, self._count)
         return reading
 
     def close(self) -> None:
         """Do nothing: the supervisor closes all arms together."""
 
 
-class _Moved(RemoteRobot):
+class _MovingProxy(RemoteRobot):
     def move(self, to: RobotState, speed_rad_s: float) -> None:
         """Start a motion to a goal."""
         self._arms.ask(self._number, "move", to, speed_rad_s)
@@ -271,23 +272,23 @@ class _Moved(RemoteRobot):
         self._arms.stop(self._number, "an arm was ordered to stop")
 
 
-class _Led(RemoteRobot):
+class _FreedriveProxy(RemoteRobot):
     def freedrive(self, on: bool) -> None:
         """Switch freedrive on or off."""
         self._arms.ask(self._number, "freedrive", on)
 
 
-class _Checked(RemoteRobot):
+class _GoalCheckProxy(RemoteRobot):
     def goal_refusal(self, to: RobotState) -> str:
         """The controller's reason to refuse a goal; empty if it accepts the goal."""
         return str(self._arms.ask(self._number, "goal_refusal", to))
 
 
-_CAPABILITIES = {"moves": _Moved, "freedrives": _Led, "checks_goals": _Checked}
+_CAPABILITY_PROXIES = {"moves": _MovingProxy, "freedrives": _FreedriveProxy, "checks_goals": _GoalCheckProxy}
 
 
 def _proxy(arms: Arms, number: int, capabilities: dict[str, bool]) -> Robot:
     """A proxy that implements exactly the protocols of the robot."""
-    faces = tuple(face for name, face in _CAPABILITIES.items() if capabilities[name])
-    robot: Robot = type("Remote", (*faces, RemoteRobot), {})(arms, number, capabilities["is_live"])
+    proxies = tuple(proxy for name, proxy in _CAPABILITY_PROXIES.items() if capabilities[name])
+    robot: Robot = type("Remote", (*proxies, RemoteRobot), {})(arms, number, capabilities["is_live"])
     return robot

@@ -6,13 +6,13 @@ TICK_S = 0.01
 HEARTBEAT_S = 0.05
 """Period of each process's heartbeat."""
 
-SILENCE_LIMIT_S = 0.4
+HANG_LIMIT_S = 0.4
 """Time without a heartbeat after which an arm's process or the supervisor counts as hung while any arm moves."""
 
 REST_HANG_LIMIT_S = 10.0
 """Time without a heartbeat after which an arm's process counts as hung at rest: connecting may hold Python's lock."""
 
-PARENT_SILENCE_LIMIT_S = 1.0
+PARENT_HANG_LIMIT_S = 1.0
 """Time without a heartbeat after which the capture counts as hung while an arm moves: its computations delay it."""
 
 START_S = 10.0
@@ -24,7 +24,7 @@ STALE_S = 0.45
 RECONNECT_S = 10.0
 """Default of a driver's option `reconnect_s`: time for reconnecting a lost link while all arms are at rest."""
 
-REST_SILENCE_LIMIT_S = 2.0
+REST_STALE_MARGIN_S = 2.0
 """Additional time without a state, after `reconnect_s`, before a link counts as lost at rest."""
 
 HOLD_S = 2.0

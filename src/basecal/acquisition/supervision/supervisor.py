@@ -22,10 +22,10 @@ from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
     CLOSE_S,
     FORCED_END_S,
+    HANG_LIMIT_S,
     HEARTBEAT_S,
-    PARENT_SILENCE_LIMIT_S,
+    PARENT_HANG_LIMIT_S,
     REST_HANG_LIMIT_S,
-    SILENCE_LIMIT_S,
     STALE_S,
     STOP_S,
     TICK_S,
@@ -74,7 +74,7 @@ class Supervisor:
         self._parent, self._signals_fd, self._parent_pid = parent, signals_fd, os.getppid()
         self._arms = [_Arm.start(number, name) for number, name in enumerate(names)]
         now = time.monotonic()
-        self._parent_heard_s = self._beat_s = now
+        self._parent_heard_s = self._heartbeat_s = now
         self._stopped_s: float | None = None
         self._closed_s: float | None = None
         self._forced_s: float | None = None
@@ -88,11 +88,11 @@ class Supervisor:
         """Supervise until all arms are closed."""
         while self._closed_s is None or not all(arm.is_gone for arm in self._arms):
             self._ready.select(TICK_S)
-            self._hear_signals()
-            self._hear_parent()
+            self._receive_signals()
+            self._receive_from_parent()
             for arm in self._arms:
-                self._hear_arm(arm)
-            self._judge(time.monotonic())
+                self._receive_from_arm(arm)
+            self._check_timeouts(time.monotonic())
 
     def stop(self, reason: str) -> None:
         """Stop all arms; only the first call's reason is reported."""
@@ -109,7 +109,7 @@ class Supervisor:
             for arm in self._arms:
                 arm.channel.send(Kind.CLOSE)
 
-    def _hear_signals(self) -> None:
+    def _receive_signals(self) -> None:
         with suppress(OSError):
             for number in os.read(self._signals_fd, 64):
                 if number in _ENDING_SIGNALS:
@@ -118,11 +118,11 @@ class Supervisor:
                         self._forced_s = time.monotonic()
                     self.stop(_ENDING_SIGNALS[signal.Signals(number)])
 
-    def _hear_parent(self) -> None:
+    def _receive_from_parent(self) -> None:
         try:
             for frame in self._parent.receive():
                 self._parent_heard_s = time.monotonic()
-                self._obey(frame)
+                self._handle_command(frame)
         except EOFError:
             if not self._has_parent_ended:
                 self._has_parent_ended = True
@@ -130,7 +130,7 @@ class Supervisor:
                 self.stop("the capture ended without closing the arms")
                 self.close()
 
-    def _obey(self, frame: Frame) -> None:
+    def _handle_command(self, frame: Frame) -> None:
         if frame.kind == Kind.STOP:
             self.stop(frame.payload.decode())
         elif frame.kind == Kind.CLOSE:
@@ -138,19 +138,19 @@ class Supervisor:
         elif frame.kind == Kind.OPEN or (frame.kind == Kind.REQUEST and self._stopped_s is None):
             self._arms[frame.arm].channel.send(Kind(frame.kind), frame.payload)
 
-    def _hear_arm(self, arm: _Arm) -> None:
+    def _receive_from_arm(self, arm: _Arm) -> None:
         if arm.is_gone:
             return
         try:
             for frame in arm.channel.receive():
                 arm.heard_s = time.monotonic()
-                self._note(arm, frame)
+                self._handle_report(arm, frame)
         except EOFError:
             self._drop(arm)
             if self._closed_s is None:
                 code = arm.process.wait()
-                how = f"signal {-code}" if code < 0 else f"exit code {code}"
-                self.stop(f"{arm.name}: the process of its driver ended ({how})")
+                cause = f"signal {-code}" if code < 0 else f"exit code {code}"
+                self.stop(f"{arm.name}: the process of its driver ended ({cause})")
 
     def _drop(self, arm: _Arm) -> None:
         """Kill the process of an arm; the watchdog of its controller stops the arm."""
@@ -160,7 +160,7 @@ class Supervisor:
             with suppress(OSError):
                 arm.process.kill()
 
-    def _note(self, arm: _Arm, frame: Frame) -> None:
+    def _handle_report(self, arm: _Arm, frame: Frame) -> None:
         if frame.kind in _FORWARDED_KINDS:
             self._parent.send(Kind(frame.kind), frame.payload, arm.number)
         if frame.kind == Kind.OPENED:
@@ -174,26 +174,26 @@ class Supervisor:
         elif frame.kind == Kind.STOPPED:
             arm.has_stopped = True
 
-    def _judge(self, now_s: float) -> None:
+    def _check_timeouts(self, now_s: float) -> None:
         is_moving = any(arm.is_moving for arm in self._arms)
         for arm in self._arms:
             arm.channel.flush()
             if (
                 arm.is_open
                 and not arm.is_gone
-                and now_s - arm.heard_s > (SILENCE_LIMIT_S if is_moving else REST_HANG_LIMIT_S)
+                and now_s - arm.heard_s > (HANG_LIMIT_S if is_moving else REST_HANG_LIMIT_S)
             ):
                 self.stop(f"{arm.name}: its driver hangs")
             if is_moving and arm.read_s is not None and now_s - arm.read_s > STALE_S:
                 self.stop(f"{arm.name}: no state came for {STALE_S:g} s while an arm moved: its link is lost")
-        if is_moving and now_s - self._parent_heard_s > PARENT_SILENCE_LIMIT_S:
+        if is_moving and now_s - self._parent_heard_s > PARENT_HANG_LIMIT_S:
             self.stop("the capture hangs while an arm moves")
-        if now_s - self._beat_s > HEARTBEAT_S:
-            self._beat_s = now_s
+        if now_s - self._heartbeat_s > HEARTBEAT_S:
+            self._heartbeat_s = now_s
             for channel in (self._parent, *(arm.channel for arm in self._arms)):
                 channel.send(Kind.ALIVE)
         self._report(now_s)
-        self._end(now_s)
+        self._enforce_end(now_s)
 
     def _report(self, now_s: float) -> None:
         """Report a stop to the capture, once all arms confirmed it or the timeout is over."""
@@ -213,7 +213,7 @@ class Supervisor:
         self._parent.send(Kind.EVENT, json.dumps(event).encode())
         self._is_reported = True
 
-    def _end(self, now_s: float) -> None:
+    def _enforce_end(self, now_s: float) -> None:
         if self._forced_s is not None and now_s - self._forced_s > FORCED_END_S and not self._has_parent_ended:
             with suppress(OSError):
                 os.kill(self._parent_pid, signal.SIGKILL)

@@ -13,13 +13,13 @@ from basecal.acquisition.ur.options import UrOptions
 from basecal.errors import DriverError, error_words
 
 _DASHBOARD_PORT = 29999
-_PORT_PHRASES = {_DASHBOARD_PORT: "the dashboard of a UR", 30003: "a UR that takes programs"}
+_EXPECTED_DEVICES = {_DASHBOARD_PORT: "the dashboard of a UR", 30003: "a UR that takes programs"}
 _WATCHDOG_HZ = 6.0  # URSim stops a program after about two periods of silence: a third of a second
 _BUSY_TIMEOUT_S = 0.1  # for a stop to wait until another call releases the connection
 _STOP_RAD_S2 = 2.0  # deceleration of each joint in a stop: from 30 deg/s it takes a quarter of a second
 _DASHBOARD_TIMEOUT_S = 0.2  # for the dashboard to accept a command
 
-Given = TypeVar("Given")
+Reply = TypeVar("Reply")
 
 
 class Program:
@@ -27,49 +27,49 @@ class Program:
 
     def __init__(self, name: str, options: UrOptions) -> None:
         self._name, self._options = name, options
-        self._line: Any = None
+        self._interface: Any = None
         self._lock = threading.Lock()
 
     @property
     def was_sent(self) -> bool:
         """Whether the program was sent."""
-        return self._line is not None
+        return self._interface is not None
 
-    def ask(self, question: Callable[[Any], Given]) -> Given:
+    def ask(self, request: Callable[[Any], Reply]) -> Reply:
         """Call ur-rtde's `RTDEControlInterface`, and start the program if necessary.
 
         Args:
-            question: Function of the interface; its result is returned.
+            request: Function of the interface; its result is returned.
 
         Raises:
             DriverError: if the program cannot be started, or was stopped.
         """
         with self._lock:
             try:
-                if self._line is None:
-                    self._line = self._start()
-                elif not (self._line.isConnected() and self._line.isProgramRunning()):
+                if self._interface is None:
+                    self._interface = self._start()
+                elif not (self._interface.isConnected() and self._interface.isProgramRunning()):
                     raise DriverError(
                         f"{self._name}: the program on the controller was stopped. It is not sent again automatically: "
                         f"find out who stopped it, then start again."
                     )
-                return question(self._line)
+                return request(self._interface)
             except (RuntimeError, ValueError) as error:
-                said = error_words(error)
-                if "remote control" in said:
-                    said = "no permission to move: choose remote control on the pendant, then start again"
-                raise DriverError(f"{self._name}: {said}") from None
+                problem = error_words(error)
+                if "remote control" in problem:
+                    problem = "no permission to move: choose remote control on the pendant, then start again"
+                raise DriverError(f"{self._name}: {problem}") from None
 
     def _start(self) -> Any:
         from rtde_control import RTDEControlInterface
 
-        for port, what in _PORT_PHRASES.items():
-            connect(self._name, self._options.host, port, what).close()
-        line = RTDEControlInterface(self._options.host, self._options.rate_hz)
-        if not line.setWatchdog(_WATCHDOG_HZ):
-            line.stopScript()
+        for port, device in _EXPECTED_DEVICES.items():
+            connect(self._name, self._options.host, port, device).close()
+        interface = RTDEControlInterface(self._options.host, self._options.rate_hz)
+        if not interface.setWatchdog(_WATCHDOG_HZ):
+            interface.stopScript()
             raise DriverError(f"{self._name}: the controller did not start its watchdog; look at the pendant's log")
-        return line
+        return interface
 
     def keep_alive(self) -> None:
         """Send a heartbeat to the watchdog, unless another call is in progress, which also counts as one.
@@ -77,9 +77,9 @@ class Program:
         Raises:
             DriverError: if the connection to the controller is lost.
         """
-        if self._line is not None and self._lock.acquire(blocking=False):
+        if self._interface is not None and self._lock.acquire(blocking=False):
             try:
-                self._line.kickWatchdog()
+                self._interface.kickWatchdog()
             except (RuntimeError, ValueError) as error:
                 raise DriverError(f"{self._name}: its connection was closed ({error_words(error)})") from None
             finally:
@@ -95,7 +95,7 @@ class Program:
             return
         if self._lock.acquire(timeout=_BUSY_TIMEOUT_S):
             try:
-                self._line.stopJ(_STOP_RAD_S2, True)
+                self._interface.stopJ(_STOP_RAD_S2, True)
             except (RuntimeError, ValueError) as error:
                 raise DriverError(f"{self._name}: {error_words(error)}") from None
             finally:
@@ -105,15 +105,17 @@ class Program:
 
     def _stop_by_dashboard(self) -> None:
         try:
-            with socket.create_connection((self._options.host, _DASHBOARD_PORT), timeout=_DASHBOARD_TIMEOUT_S) as line:
-                line.sendall(b"stop\n")
-                line.recv(256)
+            with socket.create_connection(
+                (self._options.host, _DASHBOARD_PORT), timeout=_DASHBOARD_TIMEOUT_S
+            ) as connection:
+                connection.sendall(b"stop\n")
+                connection.recv(256)
         except OSError as error:
             raise DriverError(f"{self._name}: its dashboard did not take the stop ({error})") from None
 
     def close(self) -> None:
         """End the program on the controller, and close the connection."""
-        if self._line is not None:
+        if self._interface is not None:
             with suppress(RuntimeError), self._lock:
-                self._line.stopScript()
-                self._line.disconnect()
+                self._interface.stopScript()
+                self._interface.disconnect()

@@ -50,7 +50,7 @@ class Receiver:
         # A person who jogs an arm with the pendant releases the enabling device whenever the arm is at rest.
         self._tolerated = _SAFEGUARD_BITS if options.motion == "watch" else ()
         self._waits = Waits(name)
-        self._line = _open_receiver(name, options)
+        self._interface = _open_receiver(name, options)
         self._last_s = -1.0
 
     def state(self) -> Reading:
@@ -60,26 +60,26 @@ class Receiver:
             DriverError: if the controller is in a safety stop, or no state arrives before the timeout.
         """
         began_s = time.monotonic()
-        until_s, is_new = began_s + STALE_S + self._options.reconnect_s, False
+        deadline_s, has_reconnected = began_s + STALE_S + self._options.reconnect_s, False
         while True:
             try:
-                reading = wait_for_newer(self._newer)
+                reading = wait_for_newer(self._read_newer)
             except Stale:
-                if is_new and time.monotonic() > until_s:
+                if has_reconnected and time.monotonic() > deadline_s:
                     raise DriverError(
                         f"{self._name}: its stamps do not advance from {self._last_s:.3f} s: the controller sends old "
                         f"states; restart it"
                     ) from None
-                self._reconnect(until_s)
-                began_s, is_new = time.monotonic(), True
+                self._reconnect(deadline_s)
+                began_s, has_reconnected = time.monotonic(), True
                 continue
             self._waits.add(time.monotonic() - began_s)
             return reading
 
-    def _newer(self) -> Reading | None:
-        stamp_s = self._line.getTimestamp()
-        values = self._line.getActualQ() if self._gives_joints else self._line.getActualTCPPose()
-        if stamp_s == self._last_s or stamp_s != self._line.getTimestamp():
+    def _read_newer(self) -> Reading | None:
+        stamp_s = self._interface.getTimestamp()
+        values = self._interface.getActualQ() if self._gives_joints else self._interface.getActualTCPPose()
+        if stamp_s == self._last_s or stamp_s != self._interface.getTimestamp():
             return None  # no new state, or a new state arrived during the read
         self._check_safety()
         self._last_s = stamp_s
@@ -90,15 +90,15 @@ class Receiver:
     @property
     def is_connected(self) -> bool:
         """Whether the connection is open; False as soon as the controller or the network closes it."""
-        return bool(self._line.isConnected())
+        return bool(self._interface.isConnected())
 
     @property
     def is_program_running(self) -> bool:
         """Whether a program runs on the controller according to the last state."""
-        return bool(self._line.getRobotStatus() & _PROGRAM_BIT)
+        return bool(self._interface.getRobotStatus() & _PROGRAM_BIT)
 
     def _check_safety(self) -> None:
-        bits = self._line.getSafetyStatusBits()
+        bits = self._interface.getSafetyStatusBits()
         for bit, words in _SAFETY_STOPS.items():
             if bits >> bit & 1 and bit not in self._tolerated:
                 raise DriverError(f"{self._name}: {words}. Release it at the pendant.")
@@ -113,7 +113,7 @@ class Receiver:
         self.close()
         while True:
             try:
-                self._line = _open_receiver(self._name, self._options)
+                self._interface = _open_receiver(self._name, self._options)
                 return
             except DriverError as error:
                 if time.monotonic() > deadline_s:
@@ -123,7 +123,7 @@ class Receiver:
     def close(self) -> None:
         """Close the connection."""
         with suppress(RuntimeError):
-            self._line.disconnect()
+            self._interface.disconnect()
 
 
 def _open_receiver(name: str, options: UrOptions) -> Any:
@@ -140,14 +140,14 @@ def _open_receiver(name: str, options: UrOptions) -> Any:
 
 def _check_protocol(name: str, host: str) -> None:
     """Check the protocol version before ur-rtde connects, which would wait forever for another program."""
-    with connect(name, host, _RTDE_PORT, "a UR controller") as line:
+    with connect(name, host, _RTDE_PORT, "a UR controller") as connection:
         try:
-            line.sendall(_VERSION_REQUEST)
-            answer = line.recv(len(_ACCEPT_REPLY))
+            connection.sendall(_VERSION_REQUEST)
+            reply = connection.recv(len(_ACCEPT_REPLY))
         except OSError:
-            answer = b""
+            reply = b""
     where = f"{name}: what listens at {host}:{_RTDE_PORT}"
-    if not answer:
+    if not reply:
         raise DriverError(f"{where} does not answer. Wait until the controller has started, or restart it")
-    if answer != _ACCEPT_REPLY:
+    if reply != _ACCEPT_REPLY:
         raise DriverError(f"{where} does not speak RTDE 2; expected a UR, PolyScope 3.3 or later")

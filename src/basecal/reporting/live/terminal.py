@@ -21,13 +21,13 @@ _SEEN_MARK, _OPEN_MARK = "██", "··"
 
 def terminal_view(snapshot: Snapshot) -> RenderableType:
     """View of a capture as a rich renderable."""
-    now = Text(snapshot.doing, style="bold")
-    said = Text("\n".join(snapshot.said), style="dim")
+    now = Text(snapshot.activity, style="bold")
+    said = Text("\n".join(snapshot.lines), style="dim")
     if snapshot.step is None:
         return Group(now, said)
     turned = "\n".join(
         f"{robot}  " + "  ".join(f"{axis} {angle:.0f}" for axis, angle in zip("xyz", np.degrees(angles), strict=True))
-        for robot, angles in snapshot.step.coverage.turned_rad.items()
+        for robot, angles in snapshot.step.coverage.rotation_ranges_rad.items()
     )
     table = Table.grid(padding=(0, 3))
     table.add_row(Text("covered"), Text("base" if snapshot.sigmas else ""), Text("turned, deg"))

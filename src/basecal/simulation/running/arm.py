@@ -17,10 +17,10 @@ from basecal.simulation.running.faults import Faults
 _FASTEST_RAD_S = np.pi  # joint speed of a UR5e
 _ACCELERATION_RAD_S2 = 8.0  # of a fast move
 _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 5.7735  # of a quintic from rest to rest of unit length and duration
-_STOPPING_S = 0.15
+_STOP_DURATION_S = 0.15
 _REPEATABILITY_RAD = 3e-5  # of each joint at each stop: 0.03 mm at the flange
-_RING_S = 0.5
-_RING_HZ = 9.0  # natural frequency of an extended arm
+_RINGING_S = 0.5
+_RINGING_HZ = 9.0  # natural frequency of an extended arm
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Leg:
 
     Attributes:
         begin_s: Start time [s].
-        lasts_s: Duration [s].
+        duration_s: Duration [s].
         start: (n,) joints at the start [rad].
         goal: (n,) joints at the end [rad].
         side_before: (n,) side of the backlash on which each joint rests before the movement, -1 or 1.
@@ -38,7 +38,7 @@ class Leg:
     """
 
     begin_s: float
-    lasts_s: float
+    duration_s: float
     start: Array
     goal: Array
     side_before: Array
@@ -54,12 +54,12 @@ class Leg:
     def rest(self, share: float) -> tuple[Array, Array]:
         """Side of the backlash and positioning error [rad] of each joint, (n,), after a share of the movement."""
         ends = (self.side_before, self.side), (self.error_before, self.error)
-        side, error = (before + share * (after - before) for before, after in ends)
+        side, error = (previous + share * (final - previous) for previous, final in ends)
         return side, error
 
     def share(self, now_s: float) -> float:
         """Completed share of the movement, 0 to 1: a quintic with zero speed and acceleration at both ends."""
-        done = float(np.clip((now_s - self.begin_s) / self.lasts_s, 0.0, 1.0)) if self.lasts_s > 0 else 1.0
+        done = float(np.clip((now_s - self.begin_s) / self.duration_s, 0.0, 1.0)) if self.duration_s > 0 else 1.0
         return done**3 * (10 - 15 * done + 6 * done**2)
 
 
@@ -73,8 +73,8 @@ class RunningArm:
     def __init__(self, name: str, kinematics: Kinematics, home: Array, faults: Faults, seed: int) -> None:
         self.moves = 0
         self._name, self._kinematics, self._faults, self._seed = name, kinematics, faults, seed
-        self._readings = 0
-        self._leg = Leg(0.0, 0.0, home, home, np.ones(len(home)), np.zeros(len(home)), self._error(home))
+        self._reading_count = 0
+        self._leg = Leg(0.0, 0.0, home, home, np.ones(len(home)), np.zeros(len(home)), self._positioning_error(home))
 
     def move(self, joints: Array, speed_rad_s: float, now_s: float) -> None:
         """Start a movement from the current joints to a goal, (n,) [rad].
@@ -89,21 +89,23 @@ class RunningArm:
             )
         if not speed_rad_s > 0:
             raise InputError(f"speed_rad_s is {speed_rad_s}, expected a number above 0")
-        way = float(np.abs(joints - self.commanded_joints(now_s)).max())
+        travel_rad = float(np.abs(joints - self.commanded_joints(now_s)).max())
         speed = min(speed_rad_s, _FASTEST_RAD_S)
-        lasts = max(_PEAK_SPEED * way / speed, float(np.sqrt(_PEAK_ACCELERATION * way / _ACCELERATION_RAD_S2)))
-        self._start_motion(joints, lasts, now_s)
+        duration_s = max(
+            _PEAK_SPEED * travel_rad / speed, float(np.sqrt(_PEAK_ACCELERATION * travel_rad / _ACCELERATION_RAD_S2))
+        )
+        self._start_motion(joints, duration_s, now_s)
         self.moves += 1
 
     def stop(self, now_s: float) -> None:
         """Decelerate to rest on the current path."""
-        if now_s < self._leg.begin_s + self._leg.lasts_s:
-            self._start_motion(self.commanded_joints(now_s + 0.5 * _STOPPING_S), _STOPPING_S, now_s)
+        if now_s < self._leg.begin_s + self._leg.duration_s:
+            self._start_motion(self.commanded_joints(now_s + 0.5 * _STOP_DURATION_S), _STOP_DURATION_S, now_s)
 
-    def _start_motion(self, joints: Array, lasts_s: float, now_s: float) -> None:
+    def _start_motion(self, joints: Array, duration_s: float, now_s: float) -> None:
         rest = self._leg.rest(self._leg.share(now_s))
-        self._leg = Leg(now_s, lasts_s, self.commanded_joints(now_s), joints, *rest, self._error(joints))
-        self._readings = 0
+        self._leg = Leg(now_s, duration_s, self.commanded_joints(now_s), joints, *rest, self._positioning_error(joints))
+        self._reading_count = 0
 
     @property
     def goal(self) -> Array:
@@ -111,9 +113,9 @@ class RunningArm:
         return self._leg.goal
 
     @property
-    def arrives_s(self) -> float:
+    def arrival_s(self) -> float:
         """Time at which the current movement ends [s]."""
-        return self._leg.begin_s + self._leg.lasts_s
+        return self._leg.begin_s + self._leg.duration_s
 
     def commanded_joints(self, now_s: float) -> Array:
         """Joints commanded by the controller, (n,) [rad]."""
@@ -122,10 +124,10 @@ class RunningArm:
 
     def reported_joints(self, now_s: float) -> Array:
         """Encoder readings, (n,) [rad]; their noise depends on the number of queries since the movement started."""
-        self._readings += 1
+        self._reading_count += 1
         noise = self._faults.size("encoder-noise")
-        goal = self.commanded_joints(now_s)
-        return goal + noise * self._render(self._leg.goal, self._readings) if noise else goal
+        commanded = self.commanded_joints(now_s)
+        return commanded + noise * self._draw_normal(self._leg.goal, self._reading_count) if noise else commanded
 
     @property
     def chain(self) -> SerialChain:
@@ -144,29 +146,29 @@ class RunningArm:
         share = self._leg.share(now_s)
         side, error = self._leg.rest(share)
         play = 0.5 * self._faults.size("backlash") * side
-        return self.commanded_joints(now_s) + play + error + self._ring(now_s) + self._stray(share)
+        return self.commanded_joints(now_s) + play + error + self._ringing(now_s) + self._following_error(share)
 
-    def _ring(self, now_s: float) -> Array:
+    def _ringing(self, now_s: float) -> Array:
         """Ringing of the joints after arrival, (n,) [rad]: it decays to zero in half a second."""
-        since = now_s - self._leg.begin_s - self._leg.lasts_s
+        since_s = now_s - self._leg.begin_s - self._leg.duration_s
         size = self._faults.size("ringing")
-        if not size or not 0 < since < _RING_S or not self._leg.lasts_s:
+        if not size or not 0 < since_s < _RINGING_S or not self._leg.duration_s:
             return np.zeros_like(self._leg.goal)
-        swing = size * (1 - since / _RING_S) * np.cos(2 * np.pi * _RING_HZ * since)
-        return np.full_like(self._leg.goal, swing)
+        swing_rad = size * (1 - since_s / _RINGING_S) * np.cos(2 * np.pi * _RINGING_HZ * since_s)
+        return np.full_like(self._leg.goal, swing_rad)
 
-    def _stray(self, share: float) -> Array:
+    def _following_error(self, share: float) -> Array:
         """Following errors of the joints, (n,) [rad], largest in the middle of a movement."""
         size = self._faults.size("following-error") * 4 * share * (1 - share)
-        return size * self._render(self._leg.goal, -1) if size else np.zeros_like(self._leg.goal)
+        return size * self._draw_normal(self._leg.goal, -1) if size else np.zeros_like(self._leg.goal)
 
-    def _error(self, joints: Array) -> Array:
-        return _REPEATABILITY_RAD * self._render(joints, 0)
+    def _positioning_error(self, joints: Array) -> Array:
+        return _REPEATABILITY_RAD * self._draw_normal(joints, 0)
 
-    def _render(self, joints: Array, number: int) -> Array:
+    def _draw_normal(self, joints: Array, number: int) -> Array:
         """Normal random numbers, one per joint, that depend only on the goal and a number."""
-        where = np.round(joints, 9) + 0.0
-        return seeded_generator(self._seed, self._name, number, where.tolist()).standard_normal(len(joints))
+        goal = np.round(joints, 9) + 0.0
+        return seeded_generator(self._seed, self._name, number, goal.tolist()).standard_normal(len(joints))
 
 
 def seeded_generator(*words: Any) -> np.random.Generator:

@@ -61,7 +61,7 @@ def read_faults(texts: Sequence[str]) -> Faults:
     Raises:
         InputError: if a name is unknown, a size is not a positive number, or a fault is given twice.
     """
-    faults = tuple(_fault(each) for each in texts)
+    faults = tuple(_parse_fault(each) for each in texts)
     names = [fault.name for fault in faults]
     if len(set(names)) < len(names):
         twice = next(name for place, name in enumerate(names) if name in names[:place])
@@ -69,8 +69,8 @@ def read_faults(texts: Sequence[str]) -> Faults:
     return Faults(faults)
 
 
-def _fault(texts: str) -> Fault:
-    name, _, rest = texts.partition("=")
+def _parse_fault(text: str) -> Fault:
+    name, _, rest = text.partition("=")
     if name not in FAULTS:
         raise InputError(f"no fault {name!r}{nearest(name, FAULTS)}; there are: {', '.join(FAULTS)}")
     kind = FAULTS[name]
@@ -79,9 +79,9 @@ def _fault(texts: str) -> Fault:
         size = float(size_text) if size_text else kind.usual
         moves = int(moves_text) if moves_text else _SUDDEN_DELAY_MOVES if kind.is_sudden else 0
     except ValueError:
-        raise InputError(f"{texts!r}: expected {name}, {name}=SIZE [{kind.unit}] or {name}=SIZE@MOVES") from None
+        raise InputError(f"{text!r}: expected {name}, {name}=SIZE [{kind.unit}] or {name}=SIZE@MOVES") from None
     if not (0 < size < math.inf) or moves < 0:
-        raise InputError(f"{texts!r}: expected a size above 0 [{kind.unit}], and moves of 0 or more")
+        raise InputError(f"{text!r}: expected a size above 0 [{kind.unit}], and moves of 0 or more")
     if moves and not kind.is_sudden:
-        raise InputError(f"{texts!r}: {name} acts from the start; omit @{moves}")
+        raise InputError(f"{text!r}: {name} acts from the start; omit @{moves}")
     return Fault(name, size * kind.scale, moves)

@@ -11,9 +11,9 @@ from basecal.cell import WORLD, CellTarget, Target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.simulation.running.arm import RunningArm, seeded_generator
-from basecal.simulation.running.images import CameraView, Seen
+from basecal.simulation.running.images import CameraScene, CameraView
 from basecal.simulation.running.world import World
-from basecal.simulation.surroundings.drawing import Scene, Surroundings
+from basecal.simulation.surroundings.drawing import BodyPoses, Surroundings
 from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detection import Image
 
@@ -51,8 +51,8 @@ class Plant:
             name: CameraView(lens, reflection, Surroundings(self._stage(name), lens) if surroundings else None)
             for name, lens in world.lenses.items()
         }
-        self._lit = True
-        self._shots = 0
+        self._is_lit = True
+        self._shot_count = 0
 
     def state(self, robot: str) -> tuple[float, Array]:
         """The next state of an arm: its timestamp [s] and its encoder readings, (n,) [rad]."""
@@ -62,7 +62,7 @@ class Plant:
     def move(self, robot: str, joints: Array, speed_rad_s: float) -> None:
         """Start a movement of an arm to joints, (n,) [rad]."""
         self._arm(robot).move(joints, speed_rad_s, self._clock.time_s())
-        self._shots = 0
+        self._shot_count = 0
 
     def stop(self, robot: str) -> None:
         """Stop an arm."""
@@ -85,28 +85,28 @@ class Plant:
     @property
     def arrived_s(self) -> float:
         """Time at which all arms have arrived [s]."""
-        return max(arm.arrives_s for arm in self._arms.values())
+        return max(arm.arrival_s for arm in self._arms.values())
 
-    def camera_scene(self, camera: str) -> Seen:
+    def camera_scene(self, camera: str) -> CameraScene:
         """The current scene in front of a camera."""
         return self._camera_scene(camera, self._clock.time_s())
 
     def light(self, is_on: bool) -> None:
         """Switch the LED on or off."""
-        self._lit = is_on
+        self._is_lit = is_on
 
     def shot(self, camera: str) -> Shot:
         """The next image of a camera that is not dropped."""
         if camera not in self._views:
             raise InputError(f"no camera {camera!r}; there are: {', '.join(self._views)}")
         faults, now = self._world.faults, self._clock.wait(_FRAME_PERIOD_S)
-        self._shots += 1
-        while self._render(camera, 1).random() < faults.size("dropped-frames"):
+        self._shot_count += 1
+        while self._image_rng(camera, 1).random() < faults.size("dropped-frames"):
             now = self._clock.wait(_FRAME_PERIOD_S)
-            self._shots += 1
-        begin, noise = now + faults.size("late-trigger"), int(self._render(camera, 2).integers(2**62))
+            self._shot_count += 1
+        begin_s, noise_seed = now + faults.size("late-trigger"), int(self._image_rng(camera, 2).integers(2**62))
         image = self._views[camera].image(
-            lambda at: self._camera_scene(camera, at), begin, _EXPOSURE_S, self._lit, noise
+            lambda time_s: self._camera_scene(camera, time_s), begin_s, _EXPOSURE_S, self._is_lit, noise_seed
         )
         return Shot(now + 0.5 * _EXPOSURE_S + faults.size("clock-offset"), image)
 
@@ -115,27 +115,29 @@ class Plant:
         for view in self._views.values():
             view.close()
 
-    def _render(self, camera: str, stream: int) -> np.random.Generator:
+    def _image_rng(self, camera: str, stream: int) -> np.random.Generator:
         """Random numbers of an image; they depend only on the arms' goals and the number of images since a move."""
         goals = [arm.goal.round(9).tolist() for arm in self._arms.values()]
-        return seeded_generator(self._world.seed, camera, goals, self._shots, stream)
+        return seeded_generator(self._world.seed, camera, goals, self._shot_count, stream)
 
     def _arm(self, robot: str) -> RunningArm:
         if robot not in self._arms:
             raise InputError(f"no robot {robot!r}; there are: {', '.join(self._arms)}")
         return self._arms[robot]
 
-    def _camera_scene(self, camera: str, now_s: float) -> Seen:
+    def _camera_scene(self, camera: str, now_s: float) -> CameraScene:
         """The scene in front of a camera at a time [s]."""
-        on, target, shape = self._world.cell.cameras[camera].on, self._target(camera), self._shape(camera)
-        world_from_camera = self._pose_in_world(camera, on, now_s)
+        carrier, target, shape = self._world.cell.cameras[camera].on, self._target(camera), self._shape(camera)
+        world_from_camera = self._pose_in_world(camera, carrier, now_s)
         world_from_target = self._pose_in_world(target.name, target.on, now_s)
         camera_from_world = world_from_camera.inverse()
-        below = self._mirror_points(camera, world_from_camera, world_from_target @ shape.points)
-        scene = None
+        mirror_points = self._mirror_points(camera, world_from_camera, world_from_target @ shape.points)
+        body_poses = None
         if self._has_surroundings:
-            scene = Scene(world_from_camera, world_from_target, {name: self._links(name, now_s) for name in self._arms})
-        return Seen(shape, camera_from_world @ world_from_target, camera_from_world @ below, scene)
+            body_poses = BodyPoses(
+                world_from_camera, world_from_target, {name: self._links(name, now_s) for name in self._arms}
+            )
+        return CameraScene(shape, camera_from_world @ world_from_target, camera_from_world @ mirror_points, body_poses)
 
     def _tray(self, camera: str) -> Array:
         """Centre of the reflecting tray in the world, (3,) [m], below the LED's initial position."""
@@ -147,18 +149,18 @@ class Plant:
         """Mirror images of points in the world, (m, 3) [m]; only if the point and the camera are above the tray."""
         if camera not in self._trays:
             return np.zeros((0, 3))
-        height = self._trays[camera][2]
-        above = points[(points[:, 2] > height) & (world_from_camera.translation[2] > height)]
-        return np.asarray(above * [1, 1, -1] + [0, 0, 2 * height])
+        height_m = self._trays[camera][2]
+        reflected = points[(points[:, 2] > height_m) & (world_from_camera.translation[2] > height_m)]
+        return np.asarray(reflected * [1, 1, -1] + [0, 0, 2 * height_m])
 
     def _target(self, camera: str) -> CellTarget:
         """The target of a camera: the first that is not mounted on the same body."""
         cell = self._world.cell
-        on = cell.cameras[camera].on
-        found = next((each for each in cell.targets.values() if each.on != on), None)
-        if found is None:
-            raise InputError(f"{camera!r} is on {on!r}, as all targets are: add one elsewhere in cell.yaml")
-        return found
+        carrier = cell.cameras[camera].on
+        target = next((each for each in cell.targets.values() if each.on != carrier), None)
+        if target is None:
+            raise InputError(f"{camera!r} is on {carrier!r}, as all targets are: add one elsewhere in cell.yaml")
+        return target
 
     def _shape(self, camera: str) -> Target:
         target = self._target(camera)
@@ -182,7 +184,7 @@ class Plant:
         world_from_carrier = self._carrier(carrier, now_s)
         if carrier == WORLD:
             return world_from_carrier @ self._mount(name, carrier)
-        moved = self._world.moved_by_gravity(-world_from_carrier.rotation[2])
+        moved = self._world.gravity_motion(-world_from_carrier.rotation[2])
         return world_from_carrier @ moved @ self._mount(name, carrier)
 
     def _carrier(self, carrier: str, now_s: float) -> SE3:

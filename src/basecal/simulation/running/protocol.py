@@ -26,7 +26,7 @@ HOST = "127.0.0.1"
 ADDRESS_FILE = Path("derived", "simulated.json")
 """File in the cell's folder with the address of the running cell; only its owner may read it."""
 
-LONGEST_LINE = 2**24
+LONGEST_LINE_BYTES = 2**24
 """Largest line in bytes: 16 MB, a quarter of which an image of two megapixels needs."""
 
 MOST_JOINTS = 100
@@ -37,7 +37,7 @@ _ANSWER_TIMEOUT_S = 10.0  # for any other reply, and for the connection
 _LEAST_TIMEOUT_S = 1e-3  # a timeout of zero would make the socket non-blocking
 _RECEIVED_BYTES = 2**16  # per call
 _TOKEN_BYTES = 24
-_LARGEST_ADDRESS = 2**16  # bytes
+_LARGEST_ADDRESS_BYTES = 2**16  # bytes
 
 
 class Address(Entry):
@@ -53,7 +53,7 @@ def new_token() -> str:
     return secrets.token_urlsafe(_TOKEN_BYTES)
 
 
-def place_words(address: Address) -> str:
+def describe_address(address: Address) -> str:
     """Description of an address."""
     return f"a simulated cell at {HOST}:{address.port}"
 
@@ -65,14 +65,14 @@ def write_address(folder: Path, address: Address) -> Path:
         InputError: if the file cannot be written.
     """
     write_private(folder / ADDRESS_FILE, json.dumps(address.model_dump()) + "\n", base_folder=folder)
-    allow(folder, [place_words(address)])
+    allow(folder, [describe_address(address)])
     return folder / ADDRESS_FILE
 
 
 def remove_address(folder: Path, address: Address) -> None:
     """Remove the address file of a cell that has ended."""
     (folder / ADDRESS_FILE).unlink(missing_ok=True)
-    withdraw(folder, place_words(address))
+    withdraw(folder, describe_address(address))
 
 
 def read_address(folder: Path) -> Address:
@@ -83,7 +83,7 @@ def read_address(folder: Path) -> Address:
     """
     path = folder / ADDRESS_FILE
     try:
-        return Address.model_validate_json(read_bounded(path, _LARGEST_ADDRESS))
+        return Address.model_validate_json(read_bounded(path, _LARGEST_ADDRESS_BYTES))
     except (DatasetError, ValidationError):
         raise DriverError(f"no simulated cell runs here: start it with `basecal simulate {folder} --process`") from None
 
@@ -115,7 +115,7 @@ class Connection:
     """A connection to a running cell."""
 
     token: str
-    line: socket.socket
+    link: socket.socket
 
     def ask(self, **request: Any) -> dict[str, Any]:
         """Send a request; the reply without its `ok`.
@@ -125,12 +125,12 @@ class Connection:
         """
         wait_s = _IMAGE_TIMEOUT_S if request.get("do") == "image" else _ANSWER_TIMEOUT_S
         try:
-            answer = decode(self._exchange_lines(encode({"token": self.token, **request}), time.monotonic() + wait_s))
+            reply = decode(self._exchange_lines(encode({"token": self.token, **request}), time.monotonic() + wait_s))
         except (OSError, InputError) as error:
             raise DriverError(f"the simulated cell does not answer any more ({error or 'it has ended'})") from None
-        if answer.pop("ok", False) is not True:
-            raise DriverError(f"the simulated cell refuses {request.get('do')!r}: {answer.get('error')}")
-        return answer
+        if reply.pop("ok", False) is not True:
+            raise DriverError(f"the simulated cell refuses {request.get('do')!r}: {reply.get('error')}")
+        return reply
 
     def _exchange_lines(self, request: bytes, deadline_s: float) -> bytes:
         """Send a line and return the reply; an incomplete reply if the connection closes or the reply is too long.
@@ -138,21 +138,21 @@ class Connection:
         Raises:
             OSError: if the connection is broken, or a read takes longer than until the deadline [s].
         """
-        answer = bytearray()
-        self.line.settimeout(_ANSWER_TIMEOUT_S)
-        self.line.sendall(request)
-        while not answer.endswith(b"\n") and len(answer) < LONGEST_LINE:
-            self.line.settimeout(max(deadline_s - time.monotonic(), _LEAST_TIMEOUT_S))
-            received = self.line.recv(_RECEIVED_BYTES)
+        reply = bytearray()
+        self.link.settimeout(_ANSWER_TIMEOUT_S)
+        self.link.sendall(request)
+        while not reply.endswith(b"\n") and len(reply) < LONGEST_LINE_BYTES:
+            self.link.settimeout(max(deadline_s - time.monotonic(), _LEAST_TIMEOUT_S))
+            received = self.link.recv(_RECEIVED_BYTES)
             if not received:
                 break
-            answer += received
-        return bytes(answer)
+            reply += received
+        return bytes(reply)
 
     def close(self) -> None:
         """Close the connection."""
         with suppress(OSError):
-            self.line.close()
+            self.link.close()
 
 
 def connect(address: Address) -> Connection:
@@ -162,10 +162,10 @@ def connect(address: Address) -> Connection:
         DriverError: if nothing listens at the address.
     """
     try:
-        line = socket.create_connection((HOST, address.port), timeout=_ANSWER_TIMEOUT_S)
+        link = socket.create_connection((HOST, address.port), timeout=_ANSWER_TIMEOUT_S)
     except OSError as error:
         raise DriverError(
             f"no simulated cell listens on port {address.port} ({error.strerror}): start it again"
         ) from None
-    line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return Connection(address.token, line)
+    link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return Connection(address.token, link)

@@ -17,7 +17,7 @@ from basecal.cell.schema.errors import first_problem
 from basecal.errors import BasecalError, InputError
 from basecal.fields.values import Entry, Number, known_names
 from basecal.simulation.running.plant import Plant
-from basecal.simulation.running.protocol import HOST, LONGEST_LINE, MOST_JOINTS, decode, encode
+from basecal.simulation.running.protocol import HOST, LONGEST_LINE_BYTES, MOST_JOINTS, decode, encode
 from basecal.vision.image_file import png_bytes
 
 REQUESTS = ("state", "move", "stop", "image", "light")
@@ -69,8 +69,8 @@ class CellServer(socketserver.ThreadingTCPServer):
 
     def __init__(self, plant: Plant, token: str, port: int = 0) -> None:
         self.plant, self.token = plant, token
-        self._one_at_a_time = threading.Lock()
-        self._asked_s = time.monotonic()
+        self._plant_lock = threading.Lock()
+        self._last_request_s = time.monotonic()
         try:
             super().__init__((HOST, port), _Handler)
         except OSError as error:
@@ -85,34 +85,34 @@ class CellServer(socketserver.ThreadingTCPServer):
 
     def refuse_requests(self) -> None:
         """Wait for the current request, and block all later ones: the process aborts if it ends while it renders."""
-        self._one_at_a_time.acquire()
+        self._plant_lock.acquire()
 
     def stop(self) -> None:
         """Stop all arms."""
-        with self._one_at_a_time:
+        with self._plant_lock:
             for robot in self.plant.robots:
                 self.plant.stop(robot)
 
     def service_actions(self) -> None:
         """Stop all arms if no request arrives before a timeout, like the watchdog of a controller."""
-        is_busy = self._one_at_a_time.locked()
-        if self.plant.is_real_time and not is_busy and time.monotonic() - self._asked_s > _SILENCE_LIMIT_S:
+        is_busy = self._plant_lock.locked()
+        if self.plant.is_real_time and not is_busy and time.monotonic() - self._last_request_s > _SILENCE_LIMIT_S:
             self.stop()
 
     def answer(self, line: bytes) -> dict[str, Any]:
         """The reply to a line; an error reply for an invalid request."""
         try:
             request = self._check_request(decode(line))
-            self._asked_s = time.monotonic()
-            with self._one_at_a_time:
+            self._last_request_s = time.monotonic()
+            with self._plant_lock:
                 return {"ok": True, **_act(self.plant, request)}
         except BasecalError as error:
             return {"ok": False, "error": str(error)}
 
     def _check_request(self, message: dict[str, Any]) -> Request:
         token = message.get("token")
-        said = token.encode("utf-8", "surrogatepass") if isinstance(token, str) else b""
-        if not hmac.compare_digest(said, self.token.encode()):
+        given_token = token.encode("utf-8", "surrogatepass") if isinstance(token, str) else b""
+        if not hmac.compare_digest(given_token, self.token.encode()):
             raise InputError("the token is missing or wrong; it is in derived/simulated.json of the cell")
         try:
             return Request.model_validate(message)
@@ -130,6 +130,8 @@ class _Handler(socketserver.StreamRequestHandler):
             ending.callback(self.server.stop)
             while line := self.rfile.readline(_LONGEST_REQUEST):
                 answer = encode(self.server.answer(line))
-                self.wfile.write(answer if len(answer) < LONGEST_LINE else encode({"ok": False, "error": "too long"}))
+                self.wfile.write(
+                    answer if len(answer) < LONGEST_LINE_BYTES else encode({"ok": False, "error": "too long"})
+                )
                 if not line.endswith(b"\n"):
                     return

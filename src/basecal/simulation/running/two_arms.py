@@ -50,16 +50,16 @@ def two_arms(target: TargetKindName = "charuco", seed: int = 0, faults: Faults |
     name = _TARGET_NAMES[shape.is_point]
     eye_base_from_hand_base = SE3.from_rotvec([0, 0, np.pi], [_BASE_DISTANCE_M, 0, 0]) @ _draw_pose(rng, _TRUTH_SIGMA)
     flange_from_camera = _FLANGE_FROM_CAMERA @ _draw_pose(rng, (0.01, 0.03))
-    flange_from_target = _plate(shape, rng)
-    home_eye = _joints(ur5e(), _REACHED_POSE @ _draw_pose(rng, _TRUTH_SIGMA))
+    flange_from_target = _plate_mount(shape, rng)
+    home_eye = _home_joints(ur5e(), _REACHED_POSE @ _draw_pose(rng, _TRUTH_SIGMA))
     hand_base_from_camera = eye_base_from_hand_base.inverse() @ ur5e().forward(home_eye) @ flange_from_camera
-    home_hand = _joints(ur5e(), hand_base_from_camera @ _camera_from_target(shape) @ flange_from_target.inverse())
+    home_hand = _home_joints(ur5e(), hand_base_from_camera @ _camera_from_target(shape) @ flange_from_target.inverse())
     truth = {
         "eye_base_from_hand_base": eye_base_from_hand_base,
         "eye_flange_from_wrist": flange_from_camera,
         f"hand_flange_from_{name}": flange_from_target,
     }
-    known = {each: _stated_unknown(each, true, rng, shape.is_point) for each, true in truth.items()}
+    stated = {each: _stated_unknown(each, true, rng, shape.is_point) for each, true in truth.items()}
     driver = Driver("simulated")
     cell = Cell(
         reference="eye",
@@ -67,14 +67,14 @@ def two_arms(target: TargetKindName = "charuco", seed: int = 0, faults: Faults |
             each: Robot(each, None, ur5e(), {}, f"{each}.urdf", BASE_LINK, FLANGE_LINK, driver=driver)
             for each in ("eye", "hand")
         },
-        bases={"hand": known["eye_base_from_hand_base"]},
+        bases={"hand": stated["eye_base_from_hand_base"]},
         cameras={
             "wrist": CellCamera(
-                "wrist", "eye", known["eye_flange_from_wrist"], _LENS.model, _LENS.size_px, Intrinsics("fixed", _LENS),
+                "wrist", "eye", stated["eye_flange_from_wrist"], _LENS.model, _LENS.size_px, Intrinsics("fixed", _LENS),
                 driver=driver,
             )
         },
-        targets={name: CellTarget(name, "hand", known[f"hand_flange_from_{name}"], shape)},
+        targets={name: CellTarget(name, "hand", stated[f"hand_flange_from_{name}"], shape)},
     )  # fmt: skip
     return faulty_world(cell, truth, {"eye": home_eye, "hand": home_hand}, faults or Faults(), seed)
 
@@ -83,7 +83,7 @@ def _draw_pose(rng: draw.Generator, sigma: tuple[float, float]) -> SE3:
     return SE3.exp(draw.tangents(rng, 1, sigma)[0])
 
 
-def _plate(shape: Target, rng: draw.Generator) -> SE3:
+def _plate_mount(shape: Target, rng: draw.Generator) -> SE3:
     """Mount of a target: centred in front of the flange and facing away from it; a point has no rotation."""
     ahead = np.array([0.0, 0.0, _PLATE_OFFSET_M]) + draw.draw_in_ball(rng, 1, 0.02)[0]
     if shape.is_point:
@@ -103,7 +103,7 @@ def _camera_from_target(shape: Target) -> SE3:
     return SE3(rotation, np.array([0.0, 0.0, _DISTANCE_M]) - rotation @ shape.points.mean(0))
 
 
-def _joints(chain: SerialChain, base_from_flange: SE3) -> Array:
+def _home_joints(chain: SerialChain, base_from_flange: SE3) -> Array:
     """Joints that reach a flange pose, (n,) [rad]; of several solutions, the farthest from singularities.
 
     Raises:
@@ -111,11 +111,11 @@ def _joints(chain: SerialChain, base_from_flange: SE3) -> Array:
     """
     starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (_START_COUNT, chain.n))
     joints, reached = solve_joints(chain, base_from_flange.repeat(_START_COUNT), starts)
-    near = reached & np.all(np.abs(joints) < np.pi, axis=-1)
-    if not near.any():
+    is_usable = reached & np.all(np.abs(joints) < np.pi, axis=-1)
+    if not is_usable.any():
         raise InputError("an arm does not reach its home pose; choose another seed")
-    dexterity = np.abs(np.linalg.det(chain.jacobian(joints[near])))
-    return np.asarray(joints[near][int(dexterity.argmax())])
+    dexterity = np.abs(np.linalg.det(chain.jacobian(joints[is_usable])))
+    return np.asarray(joints[is_usable][int(dexterity.argmax())])
 
 
 def _stated_unknown(name: str, true: SE3, rng: draw.Generator, is_light: bool) -> Unknown:

@@ -14,7 +14,7 @@ from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Array, Camera
 from basecal.simulation.running.faults import Faults
 
-_TURN_PER_METRE = 1.0  # [rad/m] rotation of a pushed body per translation: 1 mrad/mm
+_ROTATION_RAD_PER_M = 1.0  # rotation of a pushed body per translation: 1 mrad/mm
 _FAULTS = {name: effect.fault for name, effect in EFFECTS.items() if effect.fault is not None}
 
 
@@ -46,7 +46,7 @@ class World:
         """A true transform before or after a push."""
         return self.truth[name] @ self.pushed[name] if is_pushed and name in self.pushed else self.truth[name]
 
-    def moved_by_gravity(self, down_in_flange: Array) -> SE3:
+    def gravity_motion(self, down_in_flange: Array) -> SE3:
         """Motion of a flange's load by gravity, from the direction of gravity in the flange, (3,)."""
         faults = _FAULTS.values()
         moves = (fault.move_mount(self.faults.size(fault.name), down_in_flange) for fault in faults if fault.move_mount)
@@ -75,11 +75,11 @@ def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array]
         size, direction = faults.size(fault), rng.standard_normal(6)
         if size and movable:
             unit = np.concatenate([direction[:3] / np.linalg.norm(direction[:3]), direction[3:]])
-            unit[3:] *= _TURN_PER_METRE / np.linalg.norm(direction[3:])
+            unit[3:] *= _ROTATION_RAD_PER_M / np.linalg.norm(direction[3:])
             pushed[movable[0]] = SE3.exp(size * unit)
     lenses = {name: each.intrinsics.camera for name, each in cell.cameras.items() if each.intrinsics}
-    known = {name: _true_lens(lens, faults) for name, lens in lenses.items() if lens is not None}
-    return World(cell, truth, known, robots, home, faults, pushed, seed)
+    true_lenses = {name: _true_lens(lens, faults) for name, lens in lenses.items() if lens is not None}
+    return World(cell, truth, true_lenses, robots, home, faults, pushed, seed)
 
 
 def _true_lens(stated_lens: Camera, faults: Faults) -> Camera:

@@ -86,7 +86,7 @@ def calibrate_row(folder: str, cell: str, make_page: PageMaker | None = None) ->
         cell: Path of the cell in the fleet's folder.
         make_page: Creates the report page; None for no page.
     """
-    begin, row, calibration, page, fault = time.perf_counter(), Row(cell, "failed"), None, "", ""
+    begin, row, calibration, page, fault_text = time.perf_counter(), Row(cell, "failed"), None, "", ""
     try:
         row, calibration, page = _calibrate_cell(Path(folder, cell), cell, make_page)
     except BasecalError as error:
@@ -94,10 +94,10 @@ def calibrate_row(folder: str, cell: str, make_page: PageMaker | None = None) ->
     except MemoryError:
         row = Row(cell, "failed", said="there is not enough memory for it")
     except Exception as error:  # a fault in one cell must not end the others
-        fault = printable(traceback.format_exc())
+        fault_text = printable(traceback.format_exc())
         row = Row(cell, "failed", said=_one_line(f"a fault of basecal itself ({type(error).__name__}: {error})"))
-    took = asdict(row) | {"time_s": time.perf_counter() - begin}
-    return _pack_row(took, calibration, page, fault)
+    row_data = asdict(row) | {"time_s": time.perf_counter() - begin}
+    return _pack_row(row_data, calibration, page, fault_text)
 
 
 def killed_row(cell: str, cause: str) -> bytes:
@@ -106,8 +106,8 @@ def killed_row(cell: str, cause: str) -> bytes:
 
 
 def _pack_row(row: dict[str, Any], calibration: dict[str, Any] | None, page: str, fault: str) -> bytes:
-    found = {"row": row, "calibration": calibration, "page": page, "fault": fault}
-    return json.dumps(found, allow_nan=False).encode("utf-8", "backslashreplace")
+    content = {"row": row, "calibration": calibration, "page": page, "fault": fault}
+    return json.dumps(content, allow_nan=False).encode("utf-8", "backslashreplace")
 
 
 def _one_line(error: object) -> str:
@@ -122,26 +122,32 @@ def _calibrate_cell(folder: Path, name: str, make_page: PageMaker | None) -> tup
         from basecal.vision.detect import detect
 
         recording = detect(cell, recording)
-    made = replace(calibrate(cell, recording), inputs=hashes)
-    page = "" if make_page is None else make_page(cell, recording, made, name)
-    return _row(name, cell, recording, made), calibration_to_dict(made) | {"versions": used_versions()}, page
+    calibration = replace(calibrate(cell, recording), inputs=hashes)
+    page = "" if make_page is None else make_page(cell, recording, calibration, name)
+    return (
+        _row(name, cell, recording, calibration),
+        calibration_to_dict(calibration) | {"versions": used_versions()},
+        page,
+    )
 
 
 def _row(name: str, cell: Cell, recording: Recording, calibration: Calibration) -> Row:
-    worst = sorted(calibration.findings, key=lambda finding: _WORST_FIRST[finding.severity])
-    bad = [finding for finding in worst if finding.severity != "info"]
-    valid = calibration.validation
-    found = next((each for each in cell.requested_transforms if each in calibration.transforms), None)
+    ordered = sorted(calibration.findings, key=lambda finding: _WORST_FIRST[finding.severity])
+    problems = [finding for finding in ordered if finding.severity != "info"]
+    validation = calibration.validation
+    transform = next((each for each in cell.requested_transforms if each in calibration.transforms), None)
     return Row(
         name,
         calibration.verdict,
-        " ".join(dict.fromkeys(finding.code for finding in bad)),
-        _one_line(bad[0].message) if bad else "",
+        " ".join(dict.fromkeys(finding.code for finding in problems)),
+        _one_line(problems[0].message) if problems else "",
         len(recording.samples),
-        **({} if found is None else _transform_columns(found, calibration)),
+        **({} if transform is None else _transform_columns(transform, calibration)),
         rms_px=calibration.residuals.rms_px,
-        held_out_mm=None if valid is None or valid.target_m is None else 1e3 * valid.target_m,
-        held_out_deg=None if valid is None or valid.target_rad is None else float(np.degrees(valid.target_rad)),
+        held_out_mm=None if validation is None or validation.target_m is None else 1e3 * validation.target_m,
+        held_out_deg=None
+        if validation is None or validation.target_rad is None
+        else float(np.degrees(validation.target_rad)),
     )
 
 
@@ -149,13 +155,13 @@ def _transform_columns(name: str, calibration: Calibration) -> dict[str, Any]:
     """The columns of a row that describe a transform."""
     estimate = calibration.transforms[name]
     variances = np.diagonal(estimate.covariance)
-    place = dict(zip(("x_m", "y_m", "z_m"), map(float, estimate.mean.translation), strict=True))
-    turn = dict(zip(("qx", "qy", "qz", "qw"), map(float, estimate.mean.quaternion), strict=True))
+    translation = dict(zip(("x_m", "y_m", "z_m"), map(float, estimate.mean.translation), strict=True))
+    rotation = dict(zip(("qx", "qy", "qz", "qw"), map(float, estimate.mean.quaternion), strict=True))
     sigmas = [float(np.sqrt(part.sum())) for part in (variances[:3], variances[3:])]
     return {
         "transform": name,
-        **place,
-        **turn,
+        **translation,
+        **rotation,
         "sigma_mm": 1e3 * sigmas[0],
         "sigma_deg": float(np.degrees(sigmas[1])),
     }

@@ -20,15 +20,15 @@ from basecal.bounded_file import read_bounded
 from basecal.cell.format.writing import is_unused, make_folder, write_atomically
 from basecal.errors import DatasetError, InputError
 from basecal.studies.fleet.row import COLUMNS, PageMaker, calibrate_row, killed_row
-from basecal.studies.jobs import Job, Step, WorkerPool, work_jobs
+from basecal.studies.jobs import Job, Progress, WorkerPool, run_jobs
 
 ROW, CALIBRATION, PAGE, FAULT = "row.json", "calibration.json", "report.html", "fault.txt"
 FLEET = "fleet.json"
 SCHEMA = "basecal/fleet/1"
 _CELLS = "cells"
 _LARGEST_BYTES = 2**20  # of a row, which usually has some hundred bytes
-_MADE = frozenset({"derived", "runs"})  # generated files in the cell's folder
-_MARKS = frozenset({"cell.yaml", "recording"})  # a folder with one of these names counts as a cell
+_GENERATED_NAMES = frozenset({"derived", "runs"})  # generated files in the cell's folder
+_CELL_NAMES = frozenset({"cell.yaml", "recording"})  # a folder with one of these names counts as a cell
 
 
 @dataclass(frozen=True)
@@ -56,27 +56,27 @@ class Fleet:
     def row(self, cell: str, fingerprint: str | None = None) -> Mapping[str, Any] | None:
         """The stored row of a cell; None if it is missing, or has another fingerprint than a given one."""
         try:
-            kept = json.loads(read_bounded(self.file(cell, ROW), _LARGEST_BYTES))
+            row = json.loads(read_bounded(self.file(cell, ROW), _LARGEST_BYTES))
         except (DatasetError, ValueError, RecursionError):
             return None
-        if not isinstance(kept, dict) or (kept.pop("fingerprint", None) != fingerprint and fingerprint is not None):
+        if not isinstance(row, dict) or (row.pop("fingerprint", None) != fingerprint and fingerprint is not None):
             return None
-        return kept if tuple(kept) == COLUMNS else None
+        return row if tuple(row) == COLUMNS else None
 
-    def keep(self, cell: str, fingerprint: str, content: bytes) -> None:
+    def store(self, cell: str, fingerprint: str, content: bytes) -> None:
         """Store the result of `calibrate_row`; the row is written last, since it marks the result as complete.
 
         Raises:
             InputError: if a file cannot be written.
         """
-        found = json.loads(content)
-        files = {CALIBRATION: _as_text(found["calibration"]), PAGE: found["page"], FAULT: found["fault"]}
+        result = json.loads(content)
+        files = {CALIBRATION: _as_text(result["calibration"]), PAGE: result["page"], FAULT: result["fault"]}
         for name, text in files.items():
             if text:
                 write_atomically(self.file(cell, name), text, base_folder=self.output, durable=False)
             else:
                 self.file(cell, name).unlink(missing_ok=True)
-        row = found["row"] | {"fingerprint": fingerprint}
+        row = result["row"] | {"fingerprint": fingerprint}
         write_atomically(self.file(cell, ROW), _as_text(row), base_folder=self.output, durable=False)
 
 
@@ -94,39 +94,41 @@ def make_fleet(folder: Path, output: Path) -> Fleet:
     if output.resolve().is_relative_to(folder.resolve()):
         raise InputError(f"{output} is among the cells: choose a folder outside of {folder} with -o")
     make_folder(output)
-    mark = output / FLEET
-    if not mark.exists() and not is_unused(output):
+    fleet_file = output / FLEET
+    if not fleet_file.exists() and not is_unused(output):
         raise InputError(f"{output} holds other files and no fleet: choose another folder with -o")
-    write_atomically(mark, _as_text({"schema": SCHEMA, "cells": str(folder.resolve())}))
+    write_atomically(fleet_file, _as_text({"schema": SCHEMA, "cells": str(folder.resolve())}))
     return Fleet(folder, cells, output)
 
 
-def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None, make_page: PageMaker | None = None) -> None:
+def run_fleet(
+    fleet: Fleet, workers: WorkerPool, progress: Progress | None = None, make_page: PageMaker | None = None
+) -> None:
     """Calibrate all new and changed cells, and store their rows in the output folder.
 
     Args:
         fleet: The cells.
         workers: The workers; those of a cluster need the folder of the cells under the same path.
-        step: Receives the number of finished cells and the total number.
+        progress: Receives the number of finished cells and the total number.
         make_page: Creates the report page of a cell; None for no pages.
 
     Raises:
         InputError: if a file cannot be written, or the cluster cannot be reached.
     """
-    now = {cell: fleet.fingerprint(cell) for cell in fleet.cells}
-    left = [cell for cell, of in now.items() if fleet.row(cell, of) is None]
+    fingerprints = {cell: fleet.fingerprint(cell) for cell in fleet.cells}
+    remaining = [cell for cell, fingerprint in fingerprints.items() if fleet.row(cell, fingerprint) is None]
     folder = str(fleet.folder.resolve())
     jobs = [
         Job(k, 1, partial(calibrate_row, folder, cell, make_page), partial(killed_row, cell))
-        for k, cell in enumerate(left)
+        for k, cell in enumerate(remaining)
     ]
 
-    def keep(job: Job, content: bytes) -> None:
+    def store_result(job: Job, content: bytes) -> None:
         """Store the result of a cell."""
-        cell = left[job.number]
-        fleet.keep(cell, now[cell], content)
+        cell = remaining[job.number]
+        fleet.store(cell, fingerprints[cell], content)
 
-    work_jobs(jobs, workers, len(now), keep, step)
+    run_jobs(jobs, workers, len(fingerprints), store_result, progress)
 
 
 def find_cells(folder: Path) -> tuple[str, ...]:
@@ -145,7 +147,7 @@ def find_cells(folder: Path) -> tuple[str, ...]:
 
 def _cells(folder: Path) -> Iterator[Path]:
     entries = _entries(folder)
-    if any(entry.name in _MARKS for entry in entries):
+    if any(entry.name in _CELL_NAMES for entry in entries):
         yield folder
         return
     for entry in entries:
@@ -169,15 +171,15 @@ def fingerprint(cell: Path, versions: str) -> str:
         versions: Text with the versions that the result depends on.
     """
     digest = hashlib.sha256(versions.encode())
-    for name, size, changed in _files(cell, Path(), _MADE):
+    for name, size, changed in _files(cell, Path(), _GENERATED_NAMES):
         digest.update(f"\0{name}\0{size}\0{changed}".encode("utf-8", "surrogateescape"))
     return digest.hexdigest()
 
 
-def _files(cell: Path, subfolder: Path, left_out: frozenset[str]) -> Iterator[tuple[str, int, int]]:
+def _files(cell: Path, subfolder: Path, excluded_names: frozenset[str]) -> Iterator[tuple[str, int, int]]:
     """Path, size [bytes] and time of modification [ns] of each file."""
     for entry in _entries(cell / subfolder):
-        if entry.name in left_out:
+        if entry.name in excluded_names:
             continue
         if entry.is_dir(follow_symlinks=False):
             yield from _files(cell, subfolder / entry.name, frozenset())

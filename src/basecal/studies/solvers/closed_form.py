@@ -5,25 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient
-from basecal.studies.cells import OF_SHIFTS, Settings
+from basecal.studies.cells import SHIFT_LAYOUTS, Settings
 from basecal.studies.draws import Draws
 from basecal.studies.solvers.solver import Answers, Solver
 
 
-def unfit(settings: Settings) -> str | None:
+def refusal_reason(settings: Settings) -> str | None:
     """The reason why the solver does not support settings; None if it does."""
-    if settings["layout"] not in OF_SHIFTS:
-        return f"closed_form needs layout {' or '.join(OF_SHIFTS)}: an LED shifted in front of a camera at rest"
+    if settings["layout"] not in SHIFT_LAYOUTS:
+        return f"closed_form needs layout {' or '.join(SHIFT_LAYOUTS)}: an LED shifted in front of a camera at rest"
     return None
 
 
 def solve(draws: Draws) -> Answers:
     """Compute the base by eqs. (7)-(10) from the LED's pixels before and after its shifts, in each trial."""
     group = draws.problem.groups[0]
-    lens = draws.made.cameras[group.camera]
+    lens = draws.simulated.cameras[group.camera]
     image = draws.measurement().pixels[..., 0, :] - lens.center
-    hand_base_from_light = group.hand.base_from_flange @ draws.made.truth[group.hand.mount]
-    eye_base_from_camera = group.eye.base_from_flange[0] @ draws.made.truth[group.eye.mount]
+    hand_base_from_light = group.hand.base_from_flange @ draws.simulated.truth[group.hand.mount]
+    eye_base_from_camera = group.eye.base_from_flange[0] @ draws.simulated.truth[group.eye.mount]
     shifts = (hand_base_from_light[0].inverse() @ hand_base_from_light).translation[1:]
     gradient = image_gradient(image[..., 1:, :] - image[..., :1, :], shifts)
     found = estimate(image[..., 0, :], gradient, lens.focal)
@@ -31,4 +31,4 @@ def solve(draws: Draws) -> Answers:
     return Answers(base, None, np.ones(draws.count, dtype=bool))
 
 
-SOLVER = Solver(solve, unfit, blocks=64)
+SOLVER = Solver(solve, refusal_reason, blocks=64)

@@ -76,7 +76,7 @@ def _solve_trial(draws: Draws, trial: int) -> Solution:
         replace(group, measurement=replace(group_pixels(group), pixels=group_pixels(group).pixels[trial]))
         for group in draws.problem.groups
     ]
-    return solve_problem(draws.problem.with_groups(groups), draws.made.cell)
+    return solve_problem(draws.problem.with_groups(groups), draws.simulated.cell)
 
 
 SOLVER = Solver(solve)

@@ -35,12 +35,12 @@ class Solver:
 
     Attributes:
         solve: Solves all trials.
-        unfit: Returns the reason why the solver does not support settings; None if it does.
+        refusal_reason: Returns the reason why the solver does not support settings; None if it does.
         blocks: Blocks of trials in a chunk: more for a fast solver, so that writing a file takes a small share.
     """
 
     solve: Callable[[Draws], Answers]
-    unfit: Callable[[Settings], str | None] = lambda _: None
+    refusal_reason: Callable[[Settings], str | None] = lambda _: None
     blocks: int = 1
 
 

@@ -7,7 +7,7 @@ import pytest
 from tests.touch_cells import touch_cell
 
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.led_touches import take_touches
+from basecal.acquisition.hand_guided_touches import take_touches
 from basecal.acquisition.rig import Rig
 from basecal.cell import RobotState
 from basecal.cell.files import read_recording

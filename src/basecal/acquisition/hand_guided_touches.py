@@ -14,27 +14,29 @@ from basecal.cell.files import append_sample
 from basecal.errors import InputError, list_names, nearest
 from basecal.exchange.importing.imported import recorded_samples
 
-Answer = Callable[[], str]
+ReadLine = Callable[[], str]
 """Function that returns the line that a person typed; "" at the end of the input."""
 
 _PATIENCE_S = 5.0  # timeout for an arm to come to rest after a person released it
 
 
-def take_touches(rig: Rig, cell: Cell, folder: Path, answer: Answer, report: Notify) -> Iterator[Sample]:
+def take_touches(rig: Rig, cell: Cell, folder: Path, read_line: ReadLine, report: Notify) -> Iterator[Sample]:
     """Record touches, each written to the disk before it is yielded; no arm moves by program.
 
     Args:
         rig: Robots with drivers; robots with a freedrive are free until a line is typed.
         cell: The cell, with tips and marks.
         folder: The cell's folder.
-        answer: Returns a typed line: a mark, and a tip if there are several; an empty line repeats both, "" ends.
+        read_line: Returns a typed line: a mark, and a tip if there are several; an empty line repeats both, "" ends.
         report: Receives messages for the user.
 
     Raises:
         InputError: if no robot with a driver has a tip, or the cell has no marks.
         DriverError: if a robot does not answer.
     """
-    tips = {name: c.on for name, c in cell.cameras.items() if c.kind == "tip" and c.on in rig.robots}
+    tips = {
+        name: camera.on for name, camera in cell.cameras.items() if camera.kind == "tip" and camera.on in rig.robots
+    }
     marks = [name for name, target in cell.targets.items() if target.is_touched and target.on not in cell.robots]
     if not tips or not marks:
         raise InputError("touches need a tip on a robot with a driver, and marks: state them in cell.yaml")
@@ -43,7 +45,7 @@ def take_touches(rig: Rig, cell: Cell, folder: Path, answer: Answer, report: Not
     while True:
         report(f"Lead a tip to a mark, type the mark{' and the tip' if len(tips) > 1 else ''}, Enter; q ends.")
         with release_arms(rig.robots.values()):
-            line = answer()
+            line = read_line()
         if not line or line.strip() == END_KEY:
             return
         try:
