@@ -272,7 +272,7 @@ def checked_options(place: Place, kind: type[Options]) -> Options:
         DatasetError: if an option is unknown or invalid; the error names the field in `cell.yaml`.
     """
     where = (place.section, place.name, "driver")
-    return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), place=where)
+    return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), loc=where)
 
 
 def has_arrived(state: RobotState, goal: RobotState) -> bool:

@@ -72,7 +72,7 @@ def capture_plan(
     from basecal.acquisition.rig import starting_states
     from basecal.cell.files import read_plan
     from basecal.cli.replanning import shifts_for_task
-    from basecal.errors import nearest
+    from basecal.errors import spelling_hint
 
     if replanner is not None:
         return replanner.samples, True
@@ -84,7 +84,8 @@ def capture_plan(
     if pattern not in PATTERNS:
         if not Path(pattern).is_file():
             names = ", ".join(PATTERNS)
-            raise InputError(f"no pattern {pattern!r}{nearest(pattern, PATTERNS)}; it is one of {names}, or a file")
+            hint = spelling_hint(pattern, PATTERNS)
+            raise InputError(f"no pattern {pattern!r}{hint}; it is one of {names}, or a file")
         return read_plan(pattern, folder, sketch.cell), True
     home = starting_states(rig, sketch)
     if task is not None:

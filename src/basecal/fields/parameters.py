@@ -15,7 +15,7 @@ class Parameters(Entry):
     status: Status = "fixed"
 
     @checks_whole(mode="after")
-    def _sigmas_of_prior(self) -> Self:
+    def _check_sigmas(self) -> Self:
         sigmas = [name for name in type(self).model_fields if name.startswith("sigma")]
         given = [name for name in sigmas if getattr(self, name) is not None]
         wanted = sigmas if self.status == "prior" else []

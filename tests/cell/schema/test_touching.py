@@ -16,7 +16,7 @@ from tests.touch_cells import (
 )
 
 from basecal.cell.files import cell_from_dict, cell_to_dict, recording_from_text, sample_to_dict
-from basecal.cell.schema.touching import MarkEntry, _is_line
+from basecal.cell.schema.touching import MarkEntry, _is_oblique_line
 from basecal.errors import DatasetError
 
 MOUNT = {"status": "fixed", "t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}
@@ -126,8 +126,8 @@ def test_an_unknown_part_of_a_line_is_an_error():
 )
 def test_lines_of_marks_lie_along_an_axis(points, is_line):
     """Wherever they are; named marks and listed ones alike."""
-    assert _is_line(points) == is_line
-    assert _is_line({f"m{k}": point for k, point in enumerate(points)}) == is_line
+    assert _is_oblique_line(points) == is_line
+    assert _is_oblique_line({f"m{k}": point for k, point in enumerate(points)}) == is_line
 
 
 def test_a_rigid_part_is_near_its_flange():

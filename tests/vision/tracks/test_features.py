@@ -10,7 +10,7 @@ import pytest
 
 from basecal.vision.tracks import features
 from basecal.vision.tracks.features import (
-    DESCRIPTOR,
+    DESCRIPTOR_LENGTH,
     MAX_FEATURES,
     Features,
     _mask,
@@ -41,7 +41,7 @@ def test_descriptors_are_of_unit_length() -> None:
     """Every feature is inside the image, with a descriptor of length one."""
     found = find_features(blots())
     assert 100 < len(found) <= MAX_FEATURES
-    assert found.descriptors.shape == (len(found), DESCRIPTOR)
+    assert found.descriptors.shape == (len(found), DESCRIPTOR_LENGTH)
     np.testing.assert_allclose(np.linalg.norm(found.descriptors, axis=1), 1.0, atol=1e-5)
     assert (found.pixels > -0.5).all()
     assert (found.pixels < [399.5, 299.5]).all()
@@ -105,7 +105,7 @@ def test_a_blank_image_has_none() -> None:
     """No texture, no features, and still arrays of the right shape."""
     found = find_features(np.full((120, 160), 90, dtype=np.uint8))
     assert found.pixels.shape == (0, 2)
-    assert found.descriptors.shape == (0, DESCRIPTOR)
+    assert found.descriptors.shape == (0, DESCRIPTOR_LENGTH)
 
 
 def kept_files(folder: Path) -> list[Path]:
@@ -187,12 +187,12 @@ def test_named_points_have_a_look_of_their_own() -> None:
     assert looks.min() >= 0
     np.testing.assert_allclose(np.linalg.norm(looks, axis=1), 1, atol=1e-6)
     assert looks[0] @ looks[1] < 0.9
-    assert named_features(np.array([], dtype=int), np.zeros((0, 2))).descriptors.shape == (0, DESCRIPTOR)
+    assert named_features(np.array([], dtype=int), np.zeros((0, 2))).descriptors.shape == (0, DESCRIPTOR_LENGTH)
 
 
 def test_descriptors_survive_their_bytes() -> None:
     """To half a level; one of zeros remains zero."""
-    shares = np.zeros((2, DESCRIPTOR), dtype=np.float32)
+    shares = np.zeros((2, DESCRIPTOR_LENGTH), dtype=np.float32)
     shares[0, :4] = 0.5
     levels = descriptor_levels(shares)
     assert levels[0, :5].tolist() == [128, 128, 128, 128, 0]

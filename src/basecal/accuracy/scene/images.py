@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.cell import WORLD, Cell, CellCamera, Finding, Intrinsics, PixelObservation, Recording, Sample
-from basecal.cell.format.described_places import DESCRIPTOR
+from basecal.cell.format.described_places import DESCRIPTOR_LENGTH
 from basecal.errors import InputError
 from basecal.estimation.problem.build import recorded_states
 from basecal.estimation.problem.stated_lens import with_usual_error
@@ -58,7 +58,7 @@ class Images:
 
     def descriptors(self, tracks: Tracks) -> Descriptors:
         """Mean descriptor of each point over its image points, (p, 128) of unit length."""
-        total = np.zeros((tracks.count, DESCRIPTOR), dtype=np.float32)
+        total = np.zeros((tracks.count, DESCRIPTOR_LENGTH), dtype=np.float32)
         for view in np.unique(tracks.view):
             mine = np.flatnonzero(tracks.view == view)
             total[tracks.point[mine]] += self.features[view].descriptors[tracks.feature[mine]]

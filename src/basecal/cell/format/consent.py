@@ -12,7 +12,7 @@ from basecal.bounded_file import read_bounded
 from basecal.cell.format.writing import write_private
 from basecal.errors import DatasetError, InputError
 
-_LARGEST = 2**22  # bytes
+_LARGEST_BYTES = 2**22  # bytes
 
 
 def is_allowed(folder: Path, place: str) -> bool:
@@ -49,11 +49,11 @@ def _file() -> Path:
 def _allowed_places() -> dict[str, list[str]]:
     """Allowed locations by cell."""
     try:
-        found = json.loads(read_bounded(_file(), _LARGEST))
+        data = json.loads(read_bounded(_file(), _LARGEST_BYTES))
     except (DatasetError, RuntimeError, ValueError):
         return {}
     return {
         cell: [place for place in places if isinstance(place, str)]
-        for cell, places in (found.items() if isinstance(found, dict) else ())
+        for cell, places in (data.items() if isinstance(data, dict) else ())
         if isinstance(places, list)
     }

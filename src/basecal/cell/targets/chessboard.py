@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from basecal.cell.target import Sheet, Target, black_squares
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+from basecal.cell.targets.kind import KindDescription, TargetEntry, TargetKind, plane_grid
 from basecal.fields.values import Corners, Length
 
 
@@ -46,7 +46,7 @@ class ChessboardEntry(TargetEntry):
 
 KIND = TargetKind(
     entries=(ChessboardEntry,),
-    described=Described("`corners: [columns, rows]` (inner), `square_m`", "row by row", "corner 0"),
+    description=KindDescription("`corners: [columns, rows]` (inner), `square_m`", "row by row", "corner 0"),
     template="""\
     kind: chessboard
     corners: [8, 6]                  # columns, rows of inner corners; ids run row by row from the first

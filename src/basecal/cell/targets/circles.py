@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from basecal.cell.target import Sheet, Target
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+from basecal.cell.targets.kind import KindDescription, TargetEntry, TargetKind, plane_grid
 from basecal.fields.values import Corners, Length
 
 RADIUS = 0.25
@@ -53,7 +53,7 @@ class CirclesEntry(TargetEntry):
 
 KIND = TargetKind(
     entries=(CirclesEntry,),
-    described=Described(
+    description=KindDescription(
         "`circles: [columns, rows]`, `spacing_m`, `asymmetric`; dark or bright", "row by row", "circle 0"
     ),
     template="""\

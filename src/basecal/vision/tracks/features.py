@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basecal.bounded_file import read_bounded
-from basecal.cell.format.described_places import DESCRIPTOR, places_from_bytes, places_to_bytes, row_bytes
+from basecal.cell.format.described_places import DESCRIPTOR_LENGTH, points_from_bytes, points_to_bytes, row_bytes
 from basecal.cell.format.writing import write_atomically
 from basecal.errors import DatasetError, InputError
 from basecal.geometry import Array, IntArray
@@ -64,7 +64,7 @@ def find_features(image: Image, excluded_pixels: Sequence[Array] = ()) -> Featur
     finder = cv2.SIFT.create(contrastThreshold=_CONTRAST, enable_precise_upscale=True)
     points = finder.detect(grey, _mask(grey.shape, excluded_pixels))
     if not points:
-        return Features(np.zeros((0, 2)), np.zeros((0, DESCRIPTOR), dtype=np.float32))
+        return Features(np.zeros((0, 2)), np.zeros((0, DESCRIPTOR_LENGTH), dtype=np.float32))
     pixels = np.array([point.pt for point in points])
     kept = _spread(pixels, np.array([point.response for point in points]), grey.shape)
     points, found = finder.compute(grey, [points[k] for k in kept])
@@ -79,8 +79,8 @@ def named_features(names: IntArray, pixels: Array) -> Features:
         names: Numbers of the points, (n,).
         pixels: (n, 2) [px].
     """
-    looks = np.array([np.random.default_rng(int(name) % 2**64).standard_normal(DESCRIPTOR) for name in names])
-    return Features(pixels, unit_descriptors(np.abs(looks.reshape(-1, DESCRIPTOR))))
+    looks = np.array([np.random.default_rng(int(name) % 2**64).standard_normal(DESCRIPTOR_LENGTH) for name in names])
+    return Features(pixels, unit_descriptors(np.abs(looks.reshape(-1, DESCRIPTOR_LENGTH))))
 
 
 def descriptor_levels(descriptors: Descriptors) -> NDArray[np.uint8]:
@@ -135,12 +135,12 @@ def kept_features(folder: Path, image_key: str, image: Image, excluded_pixels: S
         found = find_features(image, excluded_pixels)
         kept = found.pixels, descriptor_levels(found.descriptors)
         with suppress(InputError):  # without a writable folder there is no cache
-            write_atomically(path, places_to_bytes(*kept), base_folder=folder, durable=False)
+            write_atomically(path, points_to_bytes(*kept), base_folder=folder, durable=False)
     return Features(kept[0], unit_descriptors(kept[1]))
 
 
 def _read(path: Path) -> tuple[Array, NDArray[np.uint8]] | None:
     try:
-        return places_from_bytes(read_bounded(path, MAX_FEATURES * row_bytes(2)), 2)
+        return points_from_bytes(read_bounded(path, MAX_FEATURES * row_bytes(2)), 2)
     except DatasetError:
         return None
