@@ -42,6 +42,8 @@ def test_plates_and_stated_marks_have_their_transforms():
         ({"marks": {"plate": PLATE, "socket_1": {}}}, "taken by"),
         ({"marks": {"a": {"sigma_m": 1e-4}}}, "points_m, which is missing"),
         ({"marks": {"a": {"points_m": [[0, 0, 0]], "mount": MOUNT}}}, "mount is for a plate"),
+        ({"marks": {"a": {"points_m": {}}}}, "a.points_m: expected at least one point"),
+        ({"marks": {"a": {"points_m": []}}}, "a.points_m: expected at least one point"),
     ],
 )
 def test_mistakes_are_named(section, words):
@@ -92,6 +94,7 @@ def test_a_part_without_a_name_is_read_back():
     [
         ({"robots": ["eye", "eye"]}, "one twice"),
         ({"robots": ["eye"]}, "at least 2"),
+        ({"robots": 2}, "expected a list, got 2"),
         ({"robots": ["eye", "arm"]}, "no robot 'arm'"),
         ({"rod": {"robots": ["eye", "hand"], "axis": "ball"}}, "axis"),
         ({"eye_tip": {"robots": ["eye", "hand"]}}, "taken by"),

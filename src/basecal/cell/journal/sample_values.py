@@ -42,10 +42,8 @@ class FileLine:
             for name in value:
                 if name not in known_names:
                     location = f"{field}.{name}" if field else name
-                    raise self.error(
-                        location,
-                        f"unknown field{spelling_hint(name[:SHORT_LENGTH], known_names)}; known: {', '.join(known_names)}",
-                    )
+                    hint = spelling_hint(name[:SHORT_LENGTH], known_names)
+                    raise self.error(location, f"unknown field{hint}; known: {', '.join(known_names)}")
         return value
 
     def name(self, value: Any, field: str, kind: str, known_names: Any) -> str:

@@ -152,7 +152,8 @@ def _unknown_robots(data: dict[str, Any]) -> Iterator[Problem]:
             if isinstance(on, str) and on not in known:
                 yield Problem((section, name, "on"), _no_robot(on, known))
     for name, entry in clamp_names(data):
-        for robot in entry.get("robots") or () if isinstance(entry, dict) else ():
+        holders = entry.get("robots") if isinstance(entry, dict) else None
+        for robot in holders if isinstance(holders, list) else ():
             if isinstance(robot, str) and robot not in robots:
                 yield Problem(("clamp", name, "robots"), _no_robot(robot, robots))
     for name in _section(data, "bases"):

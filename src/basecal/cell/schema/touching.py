@@ -19,7 +19,7 @@ from basecal.numerics.spectral import principal_axes
 
 _USUAL_SIGMA_M = 2e-5  # [m] per axis, for a drilled or milled plate, or a point measured by another instrument
 _LINE_SHARE = 1e-6  # largest deviation of collinear marks from an axis, as a share of the line's length
-_Points = dict[str, Vector] | Annotated[list[Vector], Field(min_length=1)]
+_Points = dict[str, Vector] | list[Vector]
 _DEFAULT_NAME = "part"  # name of a single part without a stated name
 _CONTACTS: Mapping[str, Contact] = {"fixed": "clamp", "free": "hinge"}
 
@@ -47,6 +47,13 @@ class MarkEntry(Entry):
     sigma_m: Sigma | None = None
     exact: bool = False
     mount: Mount = UnknownEntry()
+
+    @checks("points_m", mode="before")
+    @classmethod
+    def _check_points(cls, value: Any) -> Any:
+        if value in ({}, []):
+            raise ValueError("expected at least one point")
+        return value
 
     @checks_whole(mode="after")
     def _check_fields(self) -> MarkEntry:
