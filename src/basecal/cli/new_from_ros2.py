@@ -89,12 +89,13 @@ def ros2_cell(
 def _add_drivers(data: dict[str, Any], selection: Taken, domain: int | None) -> None:
     from basecal.exchange.bags.sources import ByFrames
 
-    where = {} if domain is None else {"domain": domain}
+    domain_option = {} if domain is None else {"domain": domain}
     for name, source in selection.robots.items():
-        by = {"frames": [source.parent, source.child]} if isinstance(source, ByFrames) else {"topic": source.topic}
-        data["robots"][name] = {**data["robots"].get(name, {}), "driver": {"kind": "ros2", **by, **where}}
+        options = {"frames": [source.parent, source.child]} if isinstance(source, ByFrames) else {"topic": source.topic}
+        driver = {"kind": "ros2", **options, **domain_option}
+        data["robots"][name] = {**data["robots"].get(name, {}), "driver": driver}
     for name, camera in selection.cameras.items():
-        data["cameras"][name]["driver"] = {"kind": "ros2", "topic": camera.topic, **where}
+        data["cameras"][name]["driver"] = {"kind": "ros2", "topic": camera.topic, **domain_option}
     if len(data["robots"]) > 1:
         data["bases"] = {name: {"status": "free"} for name in data["robots"] if name != data["reference"]}
 
