@@ -81,12 +81,12 @@ def orientation_figure(views: ViewPoses) -> Figure:
     """
     shown = slice(None, None, -(-len(views.sample) // _MOST_VIEWS))
     target_from_camera = views.camera_from_target[shown].inverse()
-    away = _units(target_from_camera.translation)
-    face = 1.0 if np.mean(away[:, 2] > 0) >= _FEWEST_FOR_FACE else -1.0
-    tilt = np.degrees(np.arccos(np.clip(face * away[:, 2], -1, 1)))
+    towards_camera = _units(target_from_camera.translation)
+    face = 1.0 if np.mean(towards_camera[:, 2] > 0) >= _FEWEST_FOR_FACE else -1.0
+    tilt = np.degrees(np.arccos(np.clip(face * towards_camera[:, 2], -1, 1)))
     top = next(each for each in _RINGS_DEG if tilt.max() <= each)
-    at = place_on_rings(_units(away[:, :2]) * tilt[:, None], top)
-    along = _TICK * _units(target_from_camera.rotation[:, :2, 0])
+    positions = place_on_rings(_units(towards_camera[:, :2]) * tilt[:, None], top)
+    directions = _TICK * _units(target_from_camera.rotation[:, :2, 0])
     marks = [
         element(
             "g",
@@ -96,7 +96,7 @@ def orientation_figure(views: ViewPoses) -> Figure:
             class_="mark view",
             data_sample=sample,
         )
-        for sample, angle, place, half in zip(views.sample[shown].tolist(), tilt, at, along, strict=True)
+        for sample, angle, place, half in zip(views.sample[shown].tolist(), tilt, positions, directions, strict=True)
     ]
     rings = [(share / 3, f"{share / 3 * top:g}°") for share in (1, 2, 3)]
     label = f"directions that {views.camera} saw {views.target} from"

@@ -14,7 +14,7 @@ from basecal.planning.plan import Plan
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch
 from basecal.planning.touches import with_marks
-from basecal.reporting.cell_view.stage import stage, stated_scene
+from basecal.reporting.cell_view.stage import scene_values, stated_scene
 from basecal.reporting.decision.outlook import outlook_figure
 from basecal.reporting.decision.tiles import Tile, error_tile
 from basecal.reporting.statement.verdict import COLOURS, PLACE_WORDS, Headline, tangent_text, two_digits
@@ -43,7 +43,7 @@ def plan_page(
     drawn: dict[str, Any] = {"scene_json": "", "head": (), "ways": ()}
     with suppress(BasecalError):  # a cell without cameras is not drawn
         sketch = sketches(with_marks(cell, plan.marks), calibration)[0]
-        drawn = stage(stated_scene(sketch, plan.samples))
+        drawn = scene_values(stated_scene(sketch, plan.samples))
         drawn["head"] = ["sample", *(f"{robot} goes" for robot in sketch.movers)]
         drawn["ways"] = list(_ways(sketch, plan.samples))
     first = plan_headline(plan, tolerance_m)

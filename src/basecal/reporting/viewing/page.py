@@ -159,10 +159,10 @@ def answer_rows(cell: Cell, calibration: Calibration, result: WithoutSamples) ->
         if after is None:
             yield name, before, "unobservable in some direction", ""
             continue
-        moved = ""
+        shift = ""
         if run is not None and after is not run:
-            moved = tangent_text((run.mean.inverse() @ after.mean).log())
-        yield name, before, error_text(*after.sigma_norms), moved
+            shift = tangent_text((run.mean.inverse() @ after.mean).log())
+        yield name, before, error_text(*after.sigma_norms), shift
 
 
 def fit_sentence(result: WithoutSamples) -> str:
