@@ -110,7 +110,7 @@ class RefusedCalibration(BasecalError):
 
     exit_code = 4
 
-    def __init__(self, reason: str = "") -> None:
+    def __init__(self, reason: str) -> None:
         self.reason = reason
         super().__init__(
             "the calibration is refused, and nothing of it is exported" + (f": {reason}" if reason else "")

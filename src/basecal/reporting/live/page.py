@@ -26,7 +26,7 @@ from basecal.reporting.live.serving import Answer, serving
 from basecal.reporting.statement.verdict import COLOURS, error_text
 from basecal.reporting.svg import Figure
 from basecal.reporting.templates.environment import fill_page, fill_part
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from basecal.vision.image_file import png_bytes
 from basecal.vision.thumbnail import thumbnail
 
@@ -114,7 +114,7 @@ class LivePage:
         small = None if grey is None else thumbnail(png_bytes(grey), None, _WIDTH_PX)
         if grey is None or small is None:
             return ""
-        seen = [found.pixels for target in visible_targets(self.cell, camera) if (found := find(grey, target))]
+        seen = [found.pixels for target in visible_targets(self.cell, camera) if (found := find_target(grey, target))]
         pixels = np.concatenate(seen) if seen else np.zeros((0, 2))
         label = f"last image of {camera}, {len(pixels)} points found"
         used = np.ones(len(pixels), dtype=bool)
