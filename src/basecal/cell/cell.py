@@ -53,8 +53,8 @@ _STRICT_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=Tru
 
 def _check_sigma(timing: _Timed) -> _Timed:
     if (timing.status == "prior") != (timing.sigma_s is not None):
-        wanted = "takes sigma_s" if timing.status == "prior" else "takes no sigma_s"
-        raise ValueError(f"status {timing.status} {wanted}")
+        requirement = "takes sigma_s" if timing.status == "prior" else "takes no sigma_s"
+        raise ValueError(f"status {timing.status} {requirement}")
     return timing
 
 

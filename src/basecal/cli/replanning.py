@@ -74,19 +74,19 @@ class Replanner:
 
         home = starting_states(rig, sketch)
         assert task.tolerance_m is not None
-        self._taken = taken = recorded_samples(folder, sketch.cell)
+        self._recorded = recorded = recorded_samples(folder, sketch.cell)
         candidates = () if plan is None else read_plan(plan, folder, sketch.cell)
         self.tolerance_m = task.tolerance_m
-        self._recorded_count, self._max_count = len(taken), max_count or MOST_SAMPLES
+        self._recorded_count, self._max_count = len(recorded), max_count or MOST_SAMPLES
         points = np.array(task.points_m)
-        self._replanner = replanner(sketch.cell, taken, home, points, task.tolerance_m, candidates, seed)
+        self._replanner = replanner(sketch.cell, recorded, home, points, task.tolerance_m, candidates, seed)
         self._excluded = [*abandoned_samples(folder, sketch.cell)]
-        self.samples = self(taken, self._excluded)
+        self.samples = self(recorded, self._excluded)
 
     def exclude(self, samples: Sequence[Sample]) -> Sequence[Sample]:
         """Plan again without refused samples and samples close to them."""
         self._excluded += samples
-        return self(self._taken, self._excluded)
+        return self(self._recorded, self._excluded)
 
     def __call__(self, samples: Sequence[Sample], exclusions: Sequence[Sample]) -> Sequence[Sample]:
         """Plan the remaining samples, within the limit of their number."""
@@ -135,5 +135,5 @@ def shifts_for_task(
 
     from basecal.acquisition.replanning import stations_for_task
 
-    taken, points = recorded_samples(folder, cell), np.array(task.points_m)
-    return stations_for_task(cell, taken, home, points, task.tolerance_m, count, seed).samples
+    recorded, points = recorded_samples(folder, cell), np.array(task.points_m)
+    return stations_for_task(cell, recorded, home, points, task.tolerance_m, count, seed).samples

@@ -151,8 +151,8 @@ def _answer(cell: Cell, calibration: Calibration, title: str, run: str | None) -
 
 def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails) -> dict[str, Any]:
     """Template values of the residuals."""
-    seen = points_by_camera([each for each in details.points if each.used.any()])
-    sized = [(cell.cameras[name].size_px, points) for name, points in seen.items()]
+    by_camera = points_by_camera([each for each in details.points if each.used.any()])
+    sized = [(cell.cameras[name].size_px, points) for name, points in by_camera.items()]
     lenses = [lens_uncertainty(name, *lens) for name, lens in calibration.cameras.items()]
     views = calibration.residuals.per_sample
     worst = sorted(views, key=misfit, reverse=True)[:_MOST_ROWS]

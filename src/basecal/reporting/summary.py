@@ -38,8 +38,8 @@ def summary(cell: Cell, calibration: Calibration) -> str:
     findings = dict.fromkeys(sort_by_severity(calibration.findings))
     severe = [finding for finding in findings if finding.severity != "info"]
     paragraphs = [(reason, list[str]()) for reason in _reasons(calibration, severe, requested)]
-    for place, name in enumerate(requested):
-        rows = list(_rows(name, calibration)) if place < _FULL_TRANSFORMS else []
+    for index, name in enumerate(requested):
+        rows = list(_rows(name, calibration)) if index < _FULL_TRANSFORMS else []
         paragraphs.append((transform_sentence(name, calibration), rows))
     (first, rows), *others = paragraphs or [(_EMPTY_ANSWER, [])]
     lines = [*wrap_text(f"{verdict_word(calibration)}: {first}"), *rows]

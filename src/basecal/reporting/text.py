@@ -221,8 +221,8 @@ def outlier_sentences(calibration: Calibration) -> Iterator[str]:
     for outlier in calibration.outliers or ():
         part = f"points {', '.join(map(str, outlier.ids[:_SHOWN_IDS]))}" if outlier.ids else "the whole view"
         more = ", ..." if len(outlier.ids) > _SHOWN_IDS else ""
-        place = f"{name_sample(outlier.sample, outlier.image)}, {outlier.target} by {outlier.camera}"
-        yield f"{place}, {part}{more}: {outlier.reason}"
+        subject = f"{name_sample(outlier.sample, outlier.image)}, {outlier.target} by {outlier.camera}"
+        yield f"{subject}, {part}{more}: {outlier.reason}"
 
 
 def noise_sentences(calibration: Calibration) -> Iterator[str]:

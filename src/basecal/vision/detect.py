@@ -61,7 +61,7 @@ def detect(
     for done, index in enumerate(_search_order(len(samples)), start=1):
         sample = samples[index]
         views = [view for camera in sample.images if (view := _search_image(search, sample, camera)) is not None]
-        observations = [each for view in views for each in view.found]
+        observations = [each for view in views for each in view.observations]
         if observations:
             samples[index] = replace(sample, observations=(*sample.observations, *observations))
         searched += [view.searched for view in views]
@@ -100,7 +100,7 @@ class _View:
     """Result of the search in an image of a sample."""
 
     searched: SearchedImage
-    found: tuple[Observation, ...] = ()
+    observations: tuple[Observation, ...] = ()
 
 
 def _search_image(search: _Search, sample: Sample, camera: str) -> _View | None:

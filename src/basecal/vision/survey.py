@@ -91,24 +91,26 @@ def other_tags(images: list[Grey], target: Target) -> str | None:
     if target.tags is None:
         return None
     family, expected = target.tags.family, {int(number) for number in target.tags.numbers}
-    seen = _found_markers(images, family)
-    if not seen:
+    found_numbers = _found_markers(images, family)
+    if not found_numbers:
         return _other_set(images, family, "tag")
-    verb = "tag {} is" if len(seen) == 1 else "tags {} are"
-    return f"{verb.format(_ids(seen))} there, not {_ids(expected)}" if not expected & seen else None
+    verb = "tag {} is" if len(found_numbers) == 1 else "tags {} are"
+    return f"{verb.format(_ids(found_numbers))} there, not {_ids(expected)}" if not expected & found_numbers else None
 
 
 def other_charuco(images: list[Grey], target: Target) -> str | None:
     """Clause about a ChArUco board of another dictionary, layout or size; None if unknown."""
     options = target.options
-    seen, stated = _found_markers(images, options["dictionary"]), _marker_count(target)
-    if not seen:
+    found_numbers, stated = _found_markers(images, options["dictionary"]), _marker_count(target)
+    if not found_numbers:
         clause = _other_set(images, options["dictionary"], "marker")
         if clause is None:
             return None
         return f"no board of {options['dictionary']}; {clause}: write `dictionary: {clause.partition(' ')[0]}`"
     for board in (*_other_layouts(target), *likely_boards(images, target)):
-        if max(seen) < _marker_count(board) and any(charuco.detect(image, board) is not None for image in images):
+        if max(found_numbers) < _marker_count(board) and any(
+            charuco.detect(image, board) is not None for image in images
+        ):
             (columns, rows), legacy = board.options["squares"], bool(board.options["legacy_pattern"])
             fields = {
                 "squares": f"`squares: [{columns}, {rows}]`",
@@ -117,8 +119,8 @@ def other_charuco(images: list[Grey], target: Target) -> str | None:
             }
             written = ", ".join(text for name, text in fields.items() if board.options[name] != options[name])
             return f"{_layout(board)} fit, not {_layout(target)}: write {written}"
-    ids = f"markers {_ids(seen)} of {options['dictionary']} are there"
-    if max(seen) < stated:
+    ids = f"markers {_ids(found_numbers)} of {options['dictionary']} are there"
+    if max(found_numbers) < stated:
         return f"{ids}, but no corner between"
     return f"{ids}, the board stated has 0 to {stated - 1}: count its squares, squares: [columns, rows]"
 
@@ -206,10 +208,10 @@ def _found_markers(images: list[Grey], name: str) -> set[int]:
         """Numbers of the markers in an image."""
         return set(detect_markers(detector, image)[0].tolist())
 
-    found = [best_result(image, _PREPROCESSINGS, search, 1) or set[int]() for image in images]
-    count = Counter(number for each in found for number in each)
+    numbers_by_image = [best_result(image, _PREPROCESSINGS, search, 1) or set[int]() for image in images]
+    count = Counter(number for each in numbers_by_image for number in each)
     repeated = {number for number, times in count.items() if times > 1 or len(images) == 1}
-    return repeated.union(*(each for each in found if len(each) >= _LEAST_MARKERS))
+    return repeated.union(*(each for each in numbers_by_image if len(each) >= _LEAST_MARKERS))
 
 
 def _other_set(images: list[Grey], stated_name: str, kind: str) -> str | None:
@@ -219,12 +221,12 @@ def _other_set(images: list[Grey], stated_name: str, kind: str) -> str | None:
         numbers_by_set[names] = set() if stated_name in names else _found_markers(images, names[-1])
         if len(numbers_by_set[names]) > _LEAST_MARKERS:
             break
-    most = max(numbers_by_set, key=lambda names: len(numbers_by_set[names]))
-    if len(numbers_by_set[most]) < (1 if kind == "tag" else _FEWEST_OF_BOARD):
+    best_set = max(numbers_by_set, key=lambda names: len(numbers_by_set[names]))
+    if len(numbers_by_set[best_set]) < (1 if kind == "tag" else _FEWEST_OF_BOARD):
         return None
-    name = next(each for each in most if max(numbers_by_set[most]) < len(dictionary(each).bytesList))
-    count = len(numbers_by_set[most])
-    return f"{name} has {f'{count} {kind}s' if count > 1 else f'{kind} {max(numbers_by_set[most])}'} here"
+    name = next(each for each in best_set if max(numbers_by_set[best_set]) < len(dictionary(each).bytesList))
+    count = len(numbers_by_set[best_set])
+    return f"{name} has {f'{count} {kind}s' if count > 1 else f'{kind} {max(numbers_by_set[best_set])}'} here"
 
 
 def _ids(numbers: Iterable[int]) -> str:

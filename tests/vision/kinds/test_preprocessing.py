@@ -23,7 +23,8 @@ from vision_scenes import TARGETS
 
 
 @pytest.mark.parametrize(
-    "way", [Preprocessing(), Preprocessing(0.5), Preprocessing(2.0), Preprocessing(2.0, stretched=True, sharpened=True)]
+    "preprocessing",
+    [Preprocessing(), Preprocessing(0.5), Preprocessing(2.0), Preprocessing(2.0, stretched=True, sharpened=True)],
 )
 def test_places_are_those_of_the_image(preprocessing: Preprocessing) -> None:
     """A bright spot in the image as a way shows it has its place in the image itself, to half a pixel."""
@@ -126,7 +127,7 @@ def test_corners_of_markers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("way", "shape", "suits"),
+    ("preprocessing", "shape", "suits"),
     [
         (Preprocessing(), (16, 30), True),
         (Preprocessing(), (15, 30), False),

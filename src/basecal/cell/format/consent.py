@@ -31,9 +31,9 @@ def allow(folder: Path, places: Iterable[str]) -> None:
 def withdraw(folder: Path, place: str) -> None:
     """Remove the user's consent to a location."""
     known, cell = _allowed_places(), os.path.realpath(folder)
-    left = [each for each in known.pop(cell, []) if each != place]
+    remaining = [each for each in known.pop(cell, []) if each != place]
     with suppress(InputError, RuntimeError):
-        write_private(_file(), json.dumps({**known, cell: left} if left else known) + "\n")
+        write_private(_file(), json.dumps({**known, cell: remaining} if remaining else known) + "\n")
 
 
 def _file() -> Path:

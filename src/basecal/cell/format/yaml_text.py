@@ -183,13 +183,13 @@ def _mapping(node: Any, loc: Loc, notes: _Notes) -> dict[str, Any]:
             notes.problems.append(Problem(loc, f"a key on line {line} is not a name; write `name: value`"))
             continue
         name = str(key.value)
-        here = (*loc, name)
+        location = (*loc, name)
         if name in data:
-            first = notes.lines[here]
-            notes.lines[here] = line
-            notes.problems.append(Problem(here, f"given twice, first on line {first}; keep one"))
-        notes.lines.setdefault(here, line)
-        data[name] = _plain(value, here, notes)
+            first = notes.lines[location]
+            notes.lines[location] = line
+            notes.problems.append(Problem(location, f"given twice, first on line {first}; keep one"))
+        notes.lines.setdefault(location, line)
+        data[name] = _plain(value, location, notes)
     return data
 
 
@@ -219,10 +219,10 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
         return _key_fault(lines, line)
     if message == _UNEXPECTED_ENTRY:
         return Fault("this line is indented unlike its neighbours: indent all entries of a list equally", line)
-    if found := _UNEXPECTED_BRACKET.search(message):
-        return Fault(f"a closing bracket {found[1]} has no opening bracket: remove it", line)
-    if found := _NO_TOKEN.search(message):
-        return Fault(f"a value cannot start with {found[1]!r}: put it into quotes", line)
+    if match := _UNEXPECTED_BRACKET.search(message):
+        return Fault(f"a closing bracket {match[1]} has no opening bracket: remove it", line)
+    if match := _NO_TOKEN.search(message):
+        return Fault(f"a value cannot start with {match[1]!r}: put it into quotes", line)
     return Fault(" ".join(message.split()), line)
 
 

@@ -52,12 +52,12 @@ def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
     Raises:
         DatasetError: if the cell, or a line of the recording, cannot be read as written.
     """
-    known = read_cell(folder) if cell is None else cell
+    checked_cell = read_cell(folder) if cell is None else cell
     path = own_file(folder, f"{FOLDER}/{FILE}")
     text = read_bounded(
         path, LARGEST_BYTES, "there is no recording; write one JSON object a line (docs/data_format.md)"
     )
-    return recording_from_text(text, folder, known)
+    return recording_from_text(text, folder, checked_cell)
 
 
 def read_samples(path: str | Path, folder: str | Path, cell: Cell) -> Recording:

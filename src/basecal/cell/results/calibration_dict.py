@@ -76,8 +76,8 @@ def calibration_from_dict(data: Any) -> Calibration:
     else:
         problem = _field_mismatch(data, calibration_to_dict(calibration), ())
     if problem is not None:
-        place = f"{field_name(problem.loc)}: " if problem.loc else ""
-        raise InputError(f"{place}{problem.message}; calibrate again")
+        prefix = f"{field_name(problem.loc)}: " if problem.loc else ""
+        raise InputError(f"{prefix}{problem.message}; calibrate again")
     return calibration
 
 

@@ -31,8 +31,8 @@ def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: fl
     bands = [Band(count, (1e3 * length,) * 3) for count, length in points]
     svg = curves(title, "samples", "mm", {title: bands}, limit, logarithmic=False)
     also = "" if limit is None else f" Dashed: the tolerance, {limit:.3g} mm."
-    said = ", ".join(f"{two_digits(1e3 * length)} mm with {count}" for count, length in (points[0], *points[-1:]))
-    return Figure(f"{title} [mm]", svg, f"{said} samples.{also}")
+    ends_text = ", ".join(f"{two_digits(1e3 * length)} mm with {count}" for count, length in (points[0], *points[-1:]))
+    return Figure(f"{title} [mm]", svg, f"{ends_text} samples.{also}")
 
 
 def component_figure(name: str, estimate: PoseEstimate, tolerance_m: float | None) -> Figure:

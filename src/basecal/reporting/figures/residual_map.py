@@ -22,10 +22,10 @@ def residual_map(size_px: tuple[int, int] | None, points: PointResiduals) -> Fig
         size_px: Size of the camera's images; None for the points' bounding box.
         points: Points of the camera, at least one used; unused ones are not drawn.
     """
-    off = points.off_px[points.used]
+    residuals = points.off_px[points.used]
     grid = image_grid(size_px, points.pixels[points.used])
-    rms = np.sqrt(grid.means(np.mean(off**2, axis=-1)))
-    mean = np.stack([grid.means(axis) for axis in off.T], axis=-1)
+    rms = np.sqrt(grid.means(np.mean(residuals**2, axis=-1)))
+    mean = np.stack([grid.means(axis) for axis in residuals.T], axis=-1)
     top = nice_ceiling(float(rms.max()))
     some = np.flatnonzero(grid.count)
     count = grid.count[some]
@@ -48,7 +48,7 @@ def residual_map(size_px: tuple[int, int] | None, points: PointResiduals) -> Fig
         element("text", f"{bar_px:g} px", class_="ruler-label", x=end + 6, y=bottom + 5),
     )
     caption = (
-        f"{len(off)} points. Shade: rms per coordinate, full at {top:g} px. Arrow: mean from observed towards "
+        f"{len(residuals)} points. Shade: rms per coordinate, full at {top:g} px. Arrow: mean from observed towards "
         f"predicted points, enlarged {three_digits(enlargement / grid.scale)} times. Arrows that agree with their "
         "neighbours are a pattern that the lens model cannot represent."
     )

@@ -90,8 +90,8 @@ def _views(residuals: Sequence[PointResiduals], samples: Mapping[int, Sample]) -
 
 def _rms_px(view: PointResiduals) -> float:
     """Rms residual per coordinate of the used points, or of all points if none is used."""
-    off = view.off_px[view.used] if view.used.any() else view.off_px
-    return float(np.sqrt(np.mean(off**2)))
+    residuals = view.off_px[view.used] if view.used.any() else view.off_px
+    return float(np.sqrt(np.mean(residuals**2)))
 
 
 def _picture(

@@ -134,12 +134,19 @@ def transform_sentence(name: str, calibration: Calibration) -> str:
 
 def gauge_clause(name: str, calibration: Calibration) -> str:
     """Clause with the part of a transform's sigma due to a gauge, and the fixed parameters; empty if there is none."""
-    held = calibration.gauge_covariances(name)
-    if not held:
+    covariances = calibration.gauge_covariances(name)
+    if not covariances:
         return ""
-    kinds = {kind.replace("_", " ") for gauge in calibration.gauges if gauge.robot in held for kind in gauge.parameters}
-    part = _sigma_text(name, calibration, PoseEstimate(calibration[name].mean, sum(held.values(), np.zeros((6, 6)))))
-    return f", of which {part} by the gauge that holds {' and '.join(sorted(kinds))} of {' and '.join(held)}"
+    kinds = {
+        kind.replace("_", " ")
+        for gauge in calibration.gauges
+        if gauge.robot in covariances
+        for kind in gauge.parameters
+    }
+    part = _sigma_text(
+        name, calibration, PoseEstimate(calibration[name].mean, sum(covariances.values(), np.zeros((6, 6))))
+    )
+    return f", of which {part} by the gauge that holds {' and '.join(sorted(kinds))} of {' and '.join(covariances)}"
 
 
 def _sigma_text(name: str, calibration: Calibration, estimate: PoseEstimate) -> str:

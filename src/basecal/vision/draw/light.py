@@ -71,7 +71,7 @@ def light_levels(camera: Camera, points_in_camera: Array, settings: LightSetting
     points = np.asarray(points_in_camera, dtype=np.float64).reshape(-1, 3)
     for u, v in camera.project(points[Camera(camera.model, camera.parameters).sees(points)]):
         (columns, across), (rows, down) = (
-            _shares(at, settings.spot_px, extent) for at, extent in zip((u, v), size_px, strict=True)
+            _shares(centre, settings.spot_px, extent) for centre, extent in zip((u, v), size_px, strict=True)
         )
         image[rows, columns] += settings.photons / settings.photons_per_level * np.outer(down, across)
     return image

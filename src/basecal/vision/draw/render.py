@@ -251,12 +251,12 @@ def coverage(outlines: Array, size_px: tuple[int, int]) -> Array:
     pieces = _cut(_cut(edges[inside], axis=1), axis=0)
     middle = pieces.mean(axis=1)
     row = np.floor(middle[:, 1]).astype(np.int64)
-    seen = (row >= 0) & (row < height) & (middle[:, 0] < width)
-    x, row, rise = np.maximum(middle[seen, 0], 0.0), row[seen], (pieces[:, 1, 1] - pieces[:, 0, 1])[seen]
+    is_inside = (row >= 0) & (row < height) & (middle[:, 0] < width)
+    x, row, rise = np.maximum(middle[is_inside, 0], 0.0), row[is_inside], (pieces[:, 1, 1] - pieces[:, 0, 1])[is_inside]
     column = np.floor(x).astype(np.int64)
     right = rise * (x - column)
-    at = row * (width + 1) + column
-    total = np.bincount(at, rise - right, height * (width + 1)) + np.bincount(at + 1, right, height * (width + 1))
+    index = row * (width + 1) + column
+    total = np.bincount(index, rise - right, height * (width + 1)) + np.bincount(index + 1, right, height * (width + 1))
     return -np.cumsum(total.reshape(height, width + 1)[:, :width], axis=1)
 
 

@@ -37,12 +37,12 @@ def likely_boards(images: Sequence[Grey], target: Target) -> Iterator[Target]:
     for image in images:
         numbers, quads = detect_markers(detector, image)
         centres_by_image.append(dict(zip(numbers.tolist(), quads.mean(1), strict=True)))
-    most = max(centres_by_image, key=len, default={})
-    if len(most) < _FEWEST_MARKERS:
+    largest = max(centres_by_image, key=len, default={})
+    if len(largest) < _FEWEST_MARKERS:
         return
     highest = max(max(each) for each in centres_by_image if each)
     name = smallest_dictionary(target.options["dictionary"], highest + 1)
-    errors = {board: _layout_error(board, most) for board in _boards(target, name, highest)}
+    errors = {board: _layout_error(board, largest) for board in _boards(target, name, highest)}
     likely = [board for board in errors if errors[board] < _NEAR_SHARE]
     yield from sorted(likely, key=lambda board: errors[board])[:_BOARD_TRIES]
 

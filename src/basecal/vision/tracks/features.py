@@ -111,8 +111,8 @@ def _distributed_indices(pixels: Array, response: Array, shape: tuple[int, ...])
     strongest = np.argsort(-response, kind="stable")
     strongest = strongest[np.sort(np.unique(np.round(pixels[strongest], 2), axis=0, return_index=True)[1])]
     columns, rows = _CELLS
-    at = (pixels[strongest] * [columns / shape[1], rows / shape[0]]).astype(np.int64)
-    cell = np.clip(at[:, 0], 0, columns - 1) + columns * np.clip(at[:, 1], 0, rows - 1)
+    positions = (pixels[strongest] * [columns / shape[1], rows / shape[0]]).astype(np.int64)
+    cell = np.clip(positions[:, 0], 0, columns - 1) + columns * np.clip(positions[:, 1], 0, rows - 1)
     order = np.argsort(cell, kind="stable")
     first = np.searchsorted(cell[order], cell[order])
     rank = np.empty(len(strongest), dtype=np.int64)

@@ -57,9 +57,9 @@ def match_rigid(first: Features, second: Features, planes: tuple[Array, Array], 
     matches = Matches(matches.first[moved], matches.second[moved])
     if len(matches.first) < MIN_MATCHES:
         return None
-    one, other = planes[0][matches.first], planes[1][matches.second]
+    first_points, second_points = planes[0][matches.first], planes[1][matches.second]
     essential, inlier = cv2.findEssentialMat(
-        one, other, np.eye(3), cv2.USAC_MAGSAC, CONFIDENCE, _MOST_ERROR_PX / focal_px, MOST_ITERATIONS
+        first_points, second_points, np.eye(3), cv2.USAC_MAGSAC, CONFIDENCE, _MOST_ERROR_PX / focal_px, MOST_ITERATIONS
     )
     if essential is None or inlier is None or np.count_nonzero(inlier) < MIN_MATCHES:
         return None
