@@ -22,7 +22,7 @@ def seen_from_the_front(shape: Target) -> SE3:
 
 
 def nearest_reading(shape: Target, error: Array, back: Array) -> Array:
-    return min((error, back), key=lambda each: float(np.abs(each).max())) if shape.alike_turned else error
+    return min((error, back), key=lambda each: float(np.abs(each).max())) if shape.has_half_turn_symmetry else error
 
 
 @pytest.mark.parametrize("kind", TARGETS)

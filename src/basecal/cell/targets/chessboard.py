@@ -28,7 +28,7 @@ def chessboard_target(corners: Sequence[int], square_m: float) -> Target:
         {"corners": [columns, rows], "square_m": square_m},
         sheets=(Sheet(paper, square_m, black),),
         found_by="chessboard",
-        alike_turned=True,
+        has_half_turn_symmetry=True,
     )
 
 

@@ -34,7 +34,7 @@ def circles_target(circles: Sequence[int], spacing_m: float, asymmetric: bool = 
         {"circles": [columns, rows], "spacing_m": spacing_m, "asymmetric": asymmetric},
         sheets=(Sheet(np.concatenate([low, high]), spacing_m, discs=discs),),
         found_by="circles",
-        alike_turned=not asymmetric,
+        has_half_turn_symmetry=not asymmetric,
     )
 
 
