@@ -54,7 +54,7 @@ def test_unusable_images_count(tmp_path: Path) -> None:
 def test_one_unusable_image_is_told_by_itself(tmp_path: Path) -> None:
     """With its path."""
     (told,) = image_findings([*searched(9, 0), SearchedImage(9, "wrist", "9.png", unusable="is empty")], {}, tmp_path)
-    assert told.message == "sample 9: 9.png is empty. They are left out for 'wrist'."
+    assert told.message == "sample 9: 9.png is empty. It is left out for 'wrist'."
 
 
 def test_why_there_is_nothing(tmp_path: Path) -> None:

@@ -62,7 +62,8 @@ def image_findings(searches: Sequence[SearchedImage], targets: Mapping[str, Targ
         for reason, selection in _group_by_reason(images).items():
             about = (*(str(image.sample) for image in selection), camera)
             what = f"{_sample_phrase(selection, images)} {reason}."
-            yield Finding("dropped-sample", "info", about, what, why=f"They are left out for {camera!r}.")
+            subject = "It is" if len(selection) == 1 else "They are"
+            yield Finding("dropped-sample", "info", about, what, why=f"{subject} left out for {camera!r}.")
         if turned := [image.sample for image in images if image.turned]:
             what = (
                 f"EXIF of {len(turned)} images of {camera!r} rotates them for display: samples {_list_samples(turned)}."
