@@ -14,7 +14,7 @@ def capture_touches(cell: Path, connecting: ConnectionOptions, json: bool, has_o
     """Record touches until the person ends, and return the exit code.
 
     Raises:
-        UsageError: if `has_other_options`, options for other ways to take samples.
+        UsageError: if options for other ways to take samples are given (`has_other_options`).
     """
     from basecal.acquisition.led_touches import take_touches
     from basecal.cell.files import read_cell

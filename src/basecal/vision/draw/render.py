@@ -234,6 +234,7 @@ def _project_edges(camera: Camera, camera_from_sheet: SE3, loops: Array) -> Arra
 
 
 def _points_on_plane(plane: Array) -> Array:
+    """Points (..., 3) with z = 0 of points (..., 2) of a sheet."""
     return np.concatenate([plane, np.zeros((*plane.shape[:-1], 1))], axis=-1)
 
 
