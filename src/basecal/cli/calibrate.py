@@ -190,9 +190,8 @@ def calibrate_folder(
     with progress("calibrating") as notify:
         stages = Stages(notify)
         calibration = calibrated(cell, recording, replace(settings or Settings(), stages=stages))
-        stated = {} if tolerance_m is None else {"tolerance_m": tolerance_m}
-        all_settings = {**calibration.settings, **stated}
-        calibration = replace(calibration, settings=all_settings, inputs=inputs, versions=used_versions())
+        used = calibration.settings if tolerance_m is None else {**calibration.settings, "tolerance_m": tolerance_m}
+        calibration = replace(calibration, settings=used, inputs=inputs, versions=used_versions())
         stored = calibration_from_dict(calibration_to_dict(calibration))  # with the same digits as `report` reads
         with stages.stage("report"):
             recording = synchronous(cell, recording, stored)

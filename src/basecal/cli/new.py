@@ -82,19 +82,18 @@ def new(
         raise CycloptsError(msg="--robot, --domain and --yes go with --from ros2, --robots and --names without it")
     if from_ is None:
         text = cell_text(names or robots or 2, target, shape=fields)
-        new_cell = NewCell(text, cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml")))
+        result = NewCell(text, cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml")))
     else:
-        sources = parse_name_options("--robot", robot, "NAME=BASE,FLANGE")
-        new_cell = ros2_cell(cell, yes, domain, sources, fields, target)
-    write_cell_files(cell, new_cell.text, new_cell.urdfs)
-    _warn_of_equal_targets(new_cell.cell)
+        result = ros2_cell(cell, yes, domain, parse_name_options("--robot", robot, "NAME=BASE,FLANGE"), fields, target)
+    write_cell_files(cell, result.text, result.urdfs)
+    _warn_of_equal_targets(result.cell)
     samples = cell / "recording" / "samples.jsonl"
     make_folder(samples.parent, cell)
     if not os.path.lexists(samples):
         open_new(samples).close()
     then = f"record into {samples}, then: basecal calibrate {quote_path(cell)}"
     say(f"wrote {cell / 'cell.yaml'}: fill in what is known, {then}")
-    if (missing := next_step(new_cell.cell, read_recording(cell, new_cell.cell), cell)) is not None:
+    if (missing := next_step(result.cell, read_recording(cell, result.cell), cell)) is not None:
         say(missing)
     return 0
 

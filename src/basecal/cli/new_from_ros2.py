@@ -70,10 +70,8 @@ def ros2_cell(
     selection = choose_sources(bag, survey, request, NO_CELL)
     for line in selection.words:
         say(f"taking {line}")
-    sizes = {name: _size(bag, camera.topic) for name, camera in selection.cameras.items()}
-    entry = bag_entry(
-        NO_CELL, bag.path, survey, selection, request, {name: size for name, size in sizes.items() if size}
-    )
+    sizes = {name: size for name, each in selection.cameras.items() if (size := _size(bag, each.topic))}
+    entry = bag_entry(NO_CELL, bag.path, survey, selection, request, sizes)
     data: dict[str, Any] = {"schema": "basecal/cell/1", **entry}
     _add_drivers(data, selection, domain)
     _add_target(data, fields, target)
