@@ -26,13 +26,13 @@ class ManualHook(BuildHookInterface):  # type: ignore[type-arg]
         """Write the files, and name where they are installed."""
         sys.path.insert(0, str(Path(self.root) / "src"))
         try:
-            from basecal.cli.completion import script
+            from basecal.cli.completion import completion_text
         except ImportError:
             return
         self._folder = TemporaryDirectory()
         folder = Path(self._folder.name)
         for kind, place in _PLACES.items():
-            (folder / kind).write_text(script(kind) + "\n", encoding="utf-8")
+            (folder / kind).write_text(completion_text(kind) + "\n", encoding="utf-8")
             build_data["shared_data"][str(folder / kind)] = place
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:

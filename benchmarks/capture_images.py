@@ -34,7 +34,7 @@ from basecal.simulation.running.faults import read_faults
 from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.vision.detection import Detection, Image
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from basecal.vision.draw.light import LightSettings, render_light
 from basecal.vision.draw.render import RenderSettings, render
 from benchmarks.common import Kept, label, table, write
@@ -104,11 +104,11 @@ def _cell(seed: int, has_dark: bool) -> tuple[int, int, int, int]:
 def _found(plant: Plant, light: Target, has_dark: bool) -> Detection | None:
     lit = plant.shot("wrist").image
     if not has_dark:
-        return find(lit, light)
+        return find_target(lit, light)
     plant.light(False)
     dark = plant.shot("wrist").image
     plant.light(True)
-    return find(lit, light, dark)
+    return find_target(lit, light, dark)
 
 
 def _observation(found: Detection) -> CandidateObservation | PixelObservation:
@@ -166,11 +166,11 @@ def speeds(images: int) -> dict[str, Any]:
 
 
 def _median_ms(images: Sequence[Image], shape: Target, dark: Sequence[Image] | None = None) -> float:
-    find(images[0], shape)
+    find_target(images[0], shape)
     took = []
     for k, image in enumerate(images):
         began = time.process_time()
-        find(image, shape, None if dark is None else dark[k])
+        find_target(image, shape, None if dark is None else dark[k])
         took.append(1e3 * (time.process_time() - began))
     return float(np.median(took))
 

@@ -20,11 +20,11 @@ from basecal.cell.targets.circles import circles_target
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detection import Image
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from basecal.vision.draw.light import LightSettings, light_levels, render_light
 from basecal.vision.draw.render import RenderSettings, render
 from basecal.vision.kinds import led
-from basecal.vision.kinds.ways import charuco_board, dictionary
+from basecal.vision.kinds.preprocessing import charuco_board, dictionary
 from benchmarks.common import on_one_core, table, write
 
 CAMERA = Camera("pinhole", np.array([766.5, 765.4, 640.9, 358.8, -0.35, 0.179, 0.0, 0.0, 0.0]), (1280, 720))
@@ -133,7 +133,7 @@ def _poses(shape: Target, count: int) -> list[SE3]:
 
 def _ours(shape: Target) -> Callable[[Image], tuple[Places, Array | None]]:
     def run(image: Image) -> tuple[Places, Array | None]:
-        found = find(image, shape)
+        found = find_target(image, shape)
         if found is None or found.ids is None:
             return {}, None
         return dict(zip(found.ids.tolist(), found.pixels, strict=True)), found.sigma_px

@@ -44,7 +44,7 @@ def drawn(target: Target) -> str:
 def table() -> str:
     """The rows of docs/data_format.md that say what each kind of target has."""
     rows = ["| kind | fields | ids of the points | origin of the frame |", "|---|---|---|---|"]
-    rows += [f"| `{name}` | {' | '.join(TARGETS[name].described)} |" for name in TARGETS]
+    rows += [f"| `{name}` | {' | '.join(TARGETS[name].description)} |" for name in TARGETS]
     return "\n".join(rows)
 
 

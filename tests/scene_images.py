@@ -13,7 +13,7 @@ from basecal.estimation.scene.mount_search import MountStart
 from basecal.estimation.scene.state import SceneState
 from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import SE3, Array, BoolArray
-from basecal.vision.tracks.features import DESCRIPTOR, Descriptors, Features
+from basecal.vision.tracks.features import DESCRIPTOR_LENGTH, Descriptors, Features
 from scene_points import LENS, MIDDLE, MOUNT, PIXEL, Scene, made_scene
 
 CLUTTER = 30  # features of each image that show no point
@@ -27,7 +27,7 @@ def unit_rows(rows: Array) -> Descriptors:
 
 def random_looks(rng: np.random.Generator, count: int) -> Descriptors:
     """So many descriptors that have nothing to do with one another."""
-    return unit_rows(rng.standard_normal((count, DESCRIPTOR)))
+    return unit_rows(rng.standard_normal((count, DESCRIPTOR_LENGTH)))
 
 
 def images_of_scene(scene: Scene, seed: int = 1, looks: tuple[Descriptors, ...] | None = None) -> Images:

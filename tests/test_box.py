@@ -57,8 +57,8 @@ def tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A module that misbehaves as its words say, and small limits."""
     (tmp_path / "boxed_tasks.py").write_text(TASKS)
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(box, "_LEAST_S", 1)
-    monkeypatch.setattr(box, "_LEAST_BYTES", 2**26)
+    monkeypatch.setattr(box, "_LEAST_LIMIT_S", 1)
+    monkeypatch.setattr(box, "_LEAST_OUTPUT_BYTES", 2**26)
 
 
 def test_frames_come_as_they_are_given() -> None:

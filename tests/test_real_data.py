@@ -21,7 +21,7 @@ from basecal.effects import joint_offsets, link_parameters
 from basecal.errors import DatasetError
 from basecal.geometry import SE3
 from basecal.vision.detect import detect
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from basecal.vision.image_file import grey_image
 from tests.shared.real_recordings import (
     CORNERS,
@@ -164,7 +164,7 @@ def test_sigmas_of_a_still_board() -> None:
     folder = published("abb_irb120_dual_messy") / "20230428_i"
     board = charuco_target((10, 14), 0.0241, 0.018, "DICT_4X4_250", legacy_pattern=True)
     images = [grey_image((folder / f"{number:03d}_image.jpg").read_bytes(), None) for number in (10, 11)]
-    one, two = (find(image, board) for image in images if not isinstance(image, str))
+    one, two = (find_target(image, board) for image in images if not isinstance(image, str))
     assert one is not None
     assert two is not None
     _, at, then = np.intersect1d(one.ids, two.ids, return_indices=True)

@@ -82,7 +82,7 @@ def errors_of(detection: Detection | None, shape: Target, block: int = 1) -> Arr
     assert detection.ids is not None
     true = (WIDE.project(at(shape) @ shape.points) + 0.5) / block - 0.5
     rows = shape.rows(detection.ids)
-    both = [detection.pixels - each[rows] for each in ((true, true[::-1]) if shape.alike_turned else (true,))]
+    both = [detection.pixels - each[rows] for each in ((true, true[::-1]) if shape.has_half_turn_symmetry else (true,))]
     return min(both, key=lambda each: float(np.abs(each).max()))
 
 

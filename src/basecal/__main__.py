@@ -5,14 +5,14 @@ import os
 import sys
 
 # More objects than a calibration creates: they stay alive, and a whole capture leaves only some thousand in cycles.
-_OBJECTS_BETWEEN_SEARCHES = 200_000
+_OBJECTS_BETWEEN_COLLECTIONS = 200_000
 
 
 def run() -> int:
     """Run the command of this process and return its exit code."""
     # Libraries write to stderr when they are imported, even if the parent process closed it.
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
-    gc.set_threshold(_OBJECTS_BETWEEN_SEARCHES)
+    gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS)
     try:
         from basecal.cli import main
 

@@ -32,9 +32,9 @@ def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
     """
     name = str(path)
     try:
-        number, about = _open_descriptor(path)
-        with os.fdopen(number, "rb") as file:
-            is_file, size = stat.S_ISREG(about.st_mode), about.st_size
+        descriptor, status = _open_descriptor(path)
+        with os.fdopen(descriptor, "rb") as file:
+            is_file, size = stat.S_ISREG(status.st_mode), status.st_size
             data = file.read(largest + 1) if is_file and size <= largest else b""
     except FileNotFoundError:
         raise MissingFile(name, f"cannot be read: there is no such file{f'; {missing}' if missing else ''}") from None
@@ -54,14 +54,14 @@ def check_regular(path: str | Path) -> None:
         DatasetError: if it is a pipe or device, does not exist, or cannot be read.
     """
     try:
-        number, about = _open_descriptor(path)
-        os.close(number)
+        descriptor, status = _open_descriptor(path)
+        os.close(descriptor)
     except (OSError, ValueError) as error:
         raise DatasetError(path, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if not stat.S_ISREG(about.st_mode) and not stat.S_ISDIR(about.st_mode):
+    if not stat.S_ISREG(status.st_mode) and not stat.S_ISDIR(status.st_mode):
         raise DatasetError(path, _NO_FILE)
 
 
 def _open_descriptor(path: str | Path) -> tuple[int, os.stat_result]:
-    number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    return number, os.fstat(number)
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    return descriptor, os.fstat(descriptor)

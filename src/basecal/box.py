@@ -26,10 +26,10 @@ from basecal.errors import BasecalError, InputError, UsageError
 
 _MEMORY_BYTES = 3 * 2**28  # 768 MiB in addition to the memory mapped by libraries
 _ORPHAN_S = 1.0  # time of a process to end after its parent
-_LEAST_S, _BYTES_PER_S = 20, 4e6  # CPU time for any file, and the least reading speed of large files
-_LEAST_BYTES, _TIMES = 2**30, 50  # limit of the output: 1 GiB, or 50 times the size of the file
+_LEAST_LIMIT_S, _LEAST_BYTES_PER_S = 20, 4e6  # CPU time for any file, and the least reading speed of large files
+_LEAST_OUTPUT_BYTES, _OUTPUT_FACTOR = 2**30, 50  # limit of the output: 1 GiB, or 50 times the size of the file
 _LENGTHS = struct.Struct("<II")
-_OWN = ("basecal", "__main__")  # top-level packages of this project; `__main__` is this module as a process
+_OWN_PACKAGES = ("basecal", "__main__")  # top-level packages of this project; `__main__` is this module as a process
 
 Frame = tuple[Any, bytes]
 """Plain data that JSON can represent, and bytes."""
@@ -66,12 +66,12 @@ def frames(
         InputError: if the module cannot read the files, or exceeds a limit. The message does not name the file.
         BoxFault: if the module has an internal error.
     """
-    seconds, most = int(_LEAST_S + size / _BYTES_PER_S), _LEAST_BYTES + _TIMES * size
-    command = [sys.executable, "-m", "basecal.box", module, str(seconds), str(most), *words]
+    seconds, most_bytes = int(_LEAST_LIMIT_S + size / _LEAST_BYTES_PER_S), _LEAST_OUTPUT_BYTES + _OUTPUT_FACTOR * size
+    command = [sys.executable, "-m", "basecal.box", module, str(seconds), str(most_bytes), *words]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"}
-    none = subprocess.DEVNULL
+    devnull = subprocess.DEVNULL
     with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=none, env=environment, start_new_session=True
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=devnull, env=environment, start_new_session=True
     ) as process:
         assert process.stdout is not None
         try:
@@ -135,8 +135,8 @@ def _read(stream: IO[bytes]) -> Frame | None:
     lengths = stream.read(_LENGTHS.size)
     if len(lengths) < _LENGTHS.size:
         return None
-    first, second = _LENGTHS.unpack(lengths)
-    data, content = json.loads(stream.read(first)), stream.read(second)
+    data_length, content_length = _LENGTHS.unpack(lengths)
+    data, content = json.loads(stream.read(data_length)), stream.read(content_length)
     if isinstance(data, dict) and "fault" in data:
         fault = BoxFault(data["fault"])
         fault.add_note(data["traceback"])
@@ -161,14 +161,14 @@ def limit(seconds: int, most_bytes: int) -> None:
         return
     import resource
 
-    for kind, most in (
+    for kind, value in (
         (resource.RLIMIT_AS, _address_space_bytes() + _MEMORY_BYTES),
         (resource.RLIMIT_CPU, seconds),
         (resource.RLIMIT_FSIZE, most_bytes),
         (resource.RLIMIT_CORE, 0),
     ):
         hard = resource.getrlimit(kind)[1]
-        resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+        resource.setrlimit(kind, (value if hard == resource.RLIM_INFINITY else min(value, hard), hard))
 
 
 def _address_space_bytes() -> int:
@@ -183,11 +183,11 @@ def _address_space_bytes() -> int:
 def _run(module: str, seconds: int, most_bytes: int, words: Sequence[str], output: IO[bytes]) -> None:
     task = import_module(module)
     limit(seconds, most_bytes)
-    given = 0
-    with closing(task.read_frames(words)) as given_frames:
-        for frame in given_frames:
-            given += _write(frame, output)
-            if given > most_bytes:
+    written_bytes = 0
+    with closing(task.read_frames(words)) as frames_of_module:
+        for frame in frames_of_module:
+            written_bytes += _write(frame, output)
+            if written_bytes > most_bytes:
                 raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, the limit for its size")
 
 
@@ -209,8 +209,9 @@ def is_own_fault(error: Exception) -> bool:
     if type(error).__module__ != "builtins" or isinstance(error, OSError | EOFError):
         return False
     frames_of_error = reversed([frame for frame, _ in traceback.walk_tb(error.__traceback__)])
-    rooms = [str(frame.f_globals.get("__name__", "")).partition(".")[0] for frame in frames_of_error]
-    return next((room for room in rooms if room not in sys.stdlib_module_names), _OWN[0]) in _OWN
+    packages = [str(frame.f_globals.get("__name__", "")).partition(".")[0] for frame in frames_of_error]
+    raised_by = next((package for package in packages if package not in sys.stdlib_module_names), _OWN_PACKAGES[0])
+    return raised_by in _OWN_PACKAGES
 
 
 def _answer(module: str, seconds: int, most_bytes: int, words: Sequence[str], output: IO[bytes]) -> None:
@@ -222,19 +223,19 @@ def _answer(module: str, seconds: int, most_bytes: int, words: Sequence[str], ou
     except BasecalError as error:
         _write(({"refused": str(error), "code": error.exit_code}, b""), output)
     except Exception as error:
-        what = " ".join(f"{type(error).__name__} {error}".split())
-        is_own = is_own_fault(error)
-        told = {"fault": what, "traceback": "".join(traceback.format_exception(error))} if is_own else {"refused": what}
-        _write((told, b""), output)
+        message = " ".join(f"{type(error).__name__} {error}".split())
+        fault = {"fault": message, "traceback": "".join(traceback.format_exception(error))}
+        answer = fault if is_own_fault(error) else {"refused": message}
+        _write((answer, b""), output)
 
 
 def main() -> None:
     """Run the module named by the arguments of this process; the output of libraries is discarded."""
-    out = os.fdopen(os.dup(1), "wb")
+    output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     module, seconds, most_bytes, *words = sys.argv[1:]
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _answer(module, int(seconds), int(most_bytes), words, out)
+    _answer(module, int(seconds), int(most_bytes), words, output)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ from numbers import Integral
 from pathlib import Path
 
 _SHOWN_NAMES = 20  # most names in a message
-_LOOKED_AT = 1000  # most names that are compared to find a similar one
-_LONGEST = 60  # most characters of a name that are compared
+_COMPARED_NAMES = 1000  # most names that are compared to find a similar one
+_COMPARED_LENGTH = 60  # most characters of a name that are compared
 
 
 def printable(text: str) -> str:
@@ -32,9 +32,9 @@ def sentence(clause: str, names: Iterable[str] = ()) -> str:
     return f"{clause if is_name else clause[:1].upper() + clause[1:]}."
 
 
-def nearest(name: str, names: Iterable[str]) -> str:
+def spelling_hint(name: str, names: Iterable[str]) -> str:
     """Hint " (did you mean 'x'?)", or an empty string if no known name is similar."""
-    close = get_close_matches(str(name)[:_LONGEST], list(islice(names, _LOOKED_AT)), n=1)
+    close = get_close_matches(str(name)[:_COMPARED_LENGTH], list(islice(names, _COMPARED_NAMES)), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
@@ -48,15 +48,15 @@ def describe_fault(error: Exception) -> str:
     import tempfile
     import traceback
 
-    what = f"a fault of basecal itself ({type(error).__name__}: {error})"
+    message = f"a fault of basecal itself ({type(error).__name__}: {error})"
     try:
         with tempfile.NamedTemporaryFile(
             "w", prefix="basecal-", suffix=".txt", delete=False, encoding="utf-8", errors="backslashreplace"
         ) as file:
             file.write("".join(traceback.format_exception(error)))
-    except OSError as unwritten:
-        return f"{what}; its traceback could not be written ({unwritten.strerror})"
-    return f"{what}; please report it with {file.name}"
+    except OSError as write_error:
+        return f"{message}; its traceback could not be written ({write_error.strerror})"
+    return f"{message}; please report it with {file.name}"
 
 
 class BasecalError(Exception):
@@ -84,8 +84,8 @@ class DatasetError(InputError):
     def __init__(self, path: str | Path, message: str, line: int | None = None, field: str | None = None) -> None:
         message, field = printable(message), None if field is None else printable(field)
         self.path, self.line, self.field, self.reason = str(path), line, field, message
-        where = printable(self.path if line is None else f"{path}:{line}")
-        super().__init__(f"{where}: {field}: {message}" if field else f"{where}: {message}")
+        location = printable(self.path if line is None else f"{path}:{line}")
+        super().__init__(f"{location}: {field}: {message}" if field else f"{location}: {message}")
 
 
 class FrameNotFound(BasecalError, KeyError):
@@ -93,7 +93,7 @@ class FrameNotFound(BasecalError, KeyError):
 
     def __init__(self, name: str, names: Sequence[str]) -> None:
         self.name, self.known = name, tuple(names)
-        super().__init__(f"no {name!r}{nearest(name, names)}; there are: {list_names(self.known)}")
+        super().__init__(f"no {name!r}{spelling_hint(name, names)}; there are: {list_names(self.known)}")
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -110,7 +110,7 @@ class RefusedCalibration(BasecalError):
 
     exit_code = 4
 
-    def __init__(self, reason: str = "") -> None:
+    def __init__(self, reason: str) -> None:
         self.reason = reason
         super().__init__(
             "the calibration is refused, and nothing of it is exported" + (f": {reason}" if reason else "")
@@ -144,7 +144,7 @@ def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
         InputError: if it is not; the message lists the choices.
     """
     if value not in choices:
-        hint = nearest(value, choices) if isinstance(value, str) else ""
+        hint = spelling_hint(value, choices) if isinstance(value, str) else ""
         raise InputError(f"{name} is {value!r}{hint}, expected one of: {', '.join(choices)}")
 
 

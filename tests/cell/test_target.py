@@ -71,4 +71,4 @@ def test_tags_and_targets_are_plain_unless_stated() -> None:
     """Tags have one cell of border and no squares; a target is printed nowhere and looks different when turned."""
     tags = Tags("tag36h11", np.arange(1), np.arange(4)[None])
     assert (tags.border, tags.squares) == (1, 0)
-    assert (TARGET.sheets, TARGET.tags, TARGET.found_by, TARGET.alike_turned) == ((), None, None, False)
+    assert (TARGET.sheets, TARGET.tags, TARGET.found_by, TARGET.has_half_turn_symmetry) == ((), None, None, False)

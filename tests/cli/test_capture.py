@@ -179,11 +179,11 @@ def test_a_plan_for_a_task_is_made_without_refused_samples(monkeypatch: pytest.M
         refused = [Refusal(s.sample, "it meets the table", "Leave it out") for s in plan if s.sample < 2]
         return PlanCheck((), tuple(refused[:1]))
 
-    monkeypatch.setattr(module, "checked_plan", checked)
+    monkeypatch.setattr(module, "check_whole_plan", checked)
     monkeypatch.setattr("basecal.acquisition.rig.check_guarantees", lambda *_: None)
 
     def found(replanner: object) -> list[int]:
-        moving, rig = module.Moving(), Rig({}, {"wrist": SimpleNamespace()})
+        moving, rig = module.MotionOptions(), Rig({}, {"wrist": SimpleNamespace()})
         given = module._check_capture(rig, None, plan, True, moving, replanner, go=True, dry_run=False, quiet=True)
         return [sample.sample for sample in given]
 

@@ -19,12 +19,12 @@ from basecal.cell.results.verification_file import PastVerification
 from basecal.cli import capture_plan as module
 from basecal.cli import main
 from basecal.cli.capture_plan import (
+    _clearance_text,
     _finished_count,
-    _speeds,
-    _ways,
+    _speed_text,
     capture_plan,
     known_sketch,
-    refuse,
+    refuse_plan,
     say_plan,
     say_ways,
 )
@@ -176,9 +176,9 @@ def test_the_first_twenty_refusals_are_printed(count: int, capsys: pytest.Captur
     """Samples are counted once, however many robots refuse them; without a refusal nothing is said."""
     refusals = [SimpleNamespace(sample=k // 2) for k in range(count)]
     with pytest.raises(InputError, match=rf"^{(count + 1) // 2} of 30 samples of the plan are refused: nothing was"):
-        refuse(SimpleNamespace(refusals=refusals), 30)  # type: ignore[arg-type]
+        refuse_plan(SimpleNamespace(refusals=refusals), 30)  # type: ignore[arg-type]
     assert len(capsys.readouterr().err.splitlines()) == 20
-    refuse(SimpleNamespace(refusals=[]), 30)  # type: ignore[arg-type]
+    refuse_plan(SimpleNamespace(refusals=[]), 30)  # type: ignore[arg-type]
     assert capsys.readouterr() == ("", "")
 
 
@@ -199,11 +199,11 @@ CHECK = SimpleNamespace(
 
 def test_the_fastest_and_the_nearest_of_all_motions_are_said() -> None:
     """Over all motions; the least clearance of each pair, the widest pair first; without motions neither."""
-    assert _speeds(CHECK) == ", no joint faster than 30 deg/s and no point faster than 250 mm/s"  # type: ignore[arg-type]
+    assert _speed_text(CHECK) == ", no joint faster than 30 deg/s and no point faster than 250 mm/s"  # type: ignore[arg-type]
     least = "500 mm between eye and table, 123 mm between eye and hand"
-    assert _ways(CHECK) == f"least clearance of motions: {least}; nothing else is checked"  # type: ignore[arg-type]
+    assert _clearance_text(CHECK) == f"least clearance of motions: {least}; nothing else is checked"  # type: ignore[arg-type]
     still = SimpleNamespace(paths=[], refusals=[])
-    assert (_speeds(still), _ways(still)) == ("", "the motions are not checked")  # type: ignore[arg-type]
+    assert (_speed_text(still), _clearance_text(still)) == ("", "the motions are not checked")  # type: ignore[arg-type]
 
 
 def test_each_motion_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:

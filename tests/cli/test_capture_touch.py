@@ -14,7 +14,7 @@ from basecal.cell.files import read_cell, read_recording
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.cli import main
 from basecal.cli.capture_touch import capture_touches
-from basecal.cli.connecting import Connecting
+from basecal.cli.connecting import ConnectionOptions
 
 
 def test_the_verb_asks_and_notes(tmp_path, monkeypatch, capsys):
@@ -44,10 +44,10 @@ def test_touches_are_counted(tmp_path, monkeypatch, capsys, count):
     (tmp_path / "cell.yaml").write_text(yaml_text(touch_data(["corner"])))
     seen = TouchObservation("eye_tip", "corner")
     touched(monkeypatch, [Sample(number, observations=(seen,)) for number in range(3, 3 + count)])
-    assert capture_touches(tmp_path, Connecting(), json=True) == (0 if count else 1)
+    assert capture_touches(tmp_path, ConnectionOptions(), json=True, has_other_options=False) == (0 if count else 1)
     out, err = capsys.readouterr()
     assert (json.loads(out), err) == ({"cell": str(tmp_path), "captured": list(range(3, 3 + count))}, "")
-    assert capture_touches(tmp_path, Connecting(), json=False) == (0 if count else 1)
+    assert capture_touches(tmp_path, ConnectionOptions(), json=False, has_other_options=False) == (0 if count else 1)
     out, err = capsys.readouterr()
     assert out.splitlines() == [
         *(f"sample {number}: eye_tip at corner" for number in range(3, 3 + count)), f"{count} touches taken",

@@ -47,7 +47,7 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
     with capture_view(of, CELL, Path(), web=False, port=0, quiet=quiet) as view:
         view.watch.notify("sample 4: arms move")
         view.report("camera wrist: images arrive late")
-        view.note(step(), 1)
+        view.note(step())
         view.watch.end(End("GOOD", "9 of 9 samples taken", "basecal calibrate mycell"))
     assert of.arms.show == view.watch.note_state
     assert view.watch.snapshot.end.word == "GOOD"
@@ -131,7 +131,7 @@ def test_a_key_at_a_terminal_comes_at_once(monkeypatch: pytest.MonkeyPatch) -> N
 ])  # fmt: skip
 def test_a_sample_is_a_line(changes: dict[str, object], line: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Without a sigma where the base is not observable, with the reason where it was not taken."""
-    say_step(replace(step(), **changes), 1)  # type: ignore[arg-type]
+    say_step(replace(step(), **changes))  # type: ignore[arg-type]
     assert capsys.readouterr().out == f"{line}\n"
 
 
@@ -139,7 +139,7 @@ def test_advice_and_doubts_follow(capsys: pytest.CaptureFixture[str]) -> None:
     """Advice in the line, doubts below; those that last are warnings."""
     half = Coverage(np.arange(24).reshape(COVERAGE_GRID) < 12, {"eye": np.array([0.5, 0.1, 0.5])})
     doubts = (Doubt(3, "eye moved", True), Doubt(3, "blurred", False))
-    say_step(replace(step(), coverage=half, sigma=None, taken=5, doubts=doubts), 1)
+    say_step(replace(step(), coverage=half, sigma=None, taken=5, doubts=doubts))
     assert capsys.readouterr().out.splitlines() == [
         "   5/9 sample 3: taken, 50 % of the image; turn eye further about y",
         "  WARNING: eye moved",

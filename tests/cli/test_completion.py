@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from basecal.cli import _VERBS, main
-from basecal.cli.completion import _body, manual
+from basecal.cli.completion import _roff_lines, manual
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_help_becomes_requests_line_by_line() -> None:
         "Usage: basecal new CELL\n\nMake a cell.\n\n    basecal new c\n\n"
         "Parameters:\n  CELL -x: The cell.\n    more\n.dot\n"
     )
-    assert list(_body(text)) == [
+    assert list(_roff_lines(text)) == [
         ".PP", ".B Usage:", "basecal new CELL", ".PP", "Make a cell.", ".PP", ".br", "basecal new c", ".PP",
         ".PP", ".B Parameters:", ".TP", ".B CELL \\-x", "The cell.", "more", "\\&.dot",
     ]  # fmt: skip

@@ -100,7 +100,7 @@ def calibrated(monkeypatch: pytest.MonkeyPatch, transforms: dict[str, PoseEstima
     monkeypatch.setattr("basecal.cli.demo.simulated_process", lambda folder, target: nullcontext(calls.append(target)))
     monkeypatch.setattr("basecal.cli.demo._capture", lambda folder, pattern, quiet: calls.append((pattern, quiet)))
     monkeypatch.setattr("basecal.cli.demo.calibrate_folder", calibrate)
-    monkeypatch.setattr("basecal.cli.demo.show", lambda cell, calibration: calls.append("show"))
+    monkeypatch.setattr("basecal.cli.demo.print_calibration", lambda cell, calibration: calls.append("show"))
     monkeypatch.setattr("basecal.cli.demo.show_page", lambda page, opens: calls.append((page.parent.name, opens)))
     monkeypatch.setattr("basecal.cell.files.read_cell", lambda folder: CELL)
     monkeypatch.setattr("basecal.cell.files.read_truth", lambda folder: {BASE: CALIBRATION[BASE].mean})
@@ -141,12 +141,12 @@ def test_a_demo_without_a_base_has_no_error(
 
 
 @pytest.mark.parametrize(("pattern", "count"), [("poses", 25), ("shifts", 35)])
-def test_samples_of_a_demo_are_counted_from_one(monkeypatch: pytest.MonkeyPatch, pattern: str, count: int) -> None:
+def test_samples_of_a_demo_are_printed(monkeypatch: pytest.MonkeyPatch, pattern: str, count: int) -> None:
     """Each is a line, and none if a program reads."""
     asked, said = [], []
     monkeypatch.setattr("basecal.cli.capture.captured_steps", lambda *given: asked.append(given) or iter("ab"))
     monkeypatch.setattr("basecal.cli.capture_view.say_step", lambda *given: said.append(given))
     for quiet in (False, True):
         _capture(Path("c"), pattern, quiet)
-    assert said == [("a", 1), ("b", 2)]
+    assert said == [("a",), ("b",)]
     assert asked == [(Path("c"), pattern, count, 120.0)] * 2

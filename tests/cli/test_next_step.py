@@ -12,8 +12,8 @@ from basecal.cli import main
 from basecal.cli.next_step import (
     cameras_without_lens,
     capture_command,
+    fill_in_commands,
     has_drivers,
-    name_cell,
     next_command,
     next_step,
 )
@@ -173,7 +173,7 @@ def test_a_scene_is_led_to(tmp_path: Path) -> None:
 def test_findings_name_the_cell() -> None:
     """As one word of a shell, whatever the folder is called."""
     finding = Finding("x", "warning", (), "Wrong.", ("Or let `basecal fix CELL` do so.",))
-    (named,) = name_cell(Calibration("doubtful", findings=(finding,)), Path("my cell")).findings
+    (named,) = fill_in_commands(Calibration("doubtful", findings=(finding,)), Path("my cell")).findings
     assert named.message == "Wrong. Or let `basecal fix 'my cell'` do so."
 
 

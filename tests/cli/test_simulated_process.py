@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from basecal.cli import main
-from basecal.cli.simulated_process import _draws_surroundings, _end_with_input, _print_address, _world
+from basecal.cli.simulated_process import _draws_surroundings, _end_with_input, _open_world, _print_address
 from basecal.errors import InputError
 from basecal.simulation.surroundings import graphics
 
@@ -46,17 +46,17 @@ def test_who_insists_is_refused(
 def test_a_running_cell_needs_a_target_in_images(tmp_path: Path, target: str) -> None:
     """One that is seen only as poses or points in space is refused, and nothing is written."""
     with pytest.raises(InputError, match=f"a running cell gives images; '{target}' is not seen in them"):
-        _world(tmp_path / "c", target, 0, ())
+        _open_world(tmp_path / "c", target, 0, ())
     assert not (tmp_path / "c").exists()
 
 
 def test_the_address_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     """For programs with the renderer, for people with the next command."""
-    for with_mujoco, renderer in ((True, "mujoco"), (False, "analytic")):
-        _print_address(Path("my cell"), 4321, with_mujoco, json=True)
+    for has_mujoco, renderer in ((True, "mujoco"), (False, "analytic")):
+        _print_address(Path("my cell"), 4321, has_mujoco, json=True)
         data = json.loads(capsys.readouterr().out)
         assert (data["cell"], data["port"], data["renderer"]) == ("my cell", 4321, renderer)
-    _print_address(Path("my cell"), 4321, with_mujoco=True, json=False)
+    _print_address(Path("my cell"), 4321, has_mujoco=True, json=False)
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith(f"my cell runs on {data['host']}:4321, its token is in {data['address']}")
     assert second == "next, in another terminal: basecal capture 'my cell' --pattern poses --go"

@@ -9,7 +9,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from basecal.fields import values
-from basecal.fields.values import Mount, PointMount, PoseEntry, full_pose, pose_se3
+from basecal.fields.values import Mount, PointMount, PoseEntry, check_full_pose, pose_se3
 from basecal.geometry import SE3
 
 Q = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
@@ -88,7 +88,7 @@ def test_sigmas_say_how_many_there_may_be(kind, message):
 )
 def test_every_notation_is_the_same_pose(entry):
     """A quaternion, a rotation vector, angles and a matrix."""
-    found = pose_se3(full_pose(PoseEntry.model_validate(entry)))
+    found = pose_se3(check_full_pose(PoseEntry.model_validate(entry)))
     np.testing.assert_allclose(found.matrix, QUARTER.matrix, atol=1e-15)
 
 
@@ -105,7 +105,7 @@ def test_every_notation_is_the_same_pose(entry):
 def test_a_pose_has_a_position_and_one_rotation(entry, message):
     """Neither less nor more."""
     with pytest.raises(ValueError, match=message):
-        full_pose(PoseEntry.model_validate(entry))
+        check_full_pose(PoseEntry.model_validate(entry))
 
 
 def test_rotations_are_rotations():
@@ -169,7 +169,7 @@ def test_a_points_mount_has_no_rotation():
 
 def test_a_name_that_is_not_known_is_told_with_what_there_are():
     """The nearest is offered; a name of any length is told by its beginning."""
-    kind = Annotated[str, values.known_names("lens", ("pinhole", "fisheye"))]
+    kind = Annotated[str, values.known_name_validator("lens", ("pinhole", "fisheye"))]
     assert read(kind, "fisheye") == "fisheye"
     with pytest.raises(ValidationError, match=r"no lens 'fisheyes'.*fisheye.*; there are: pinhole, fisheye"):
         read(kind, "fisheyes")

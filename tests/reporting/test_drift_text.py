@@ -107,7 +107,7 @@ def test_a_single_sample_is_one() -> None:
     )
     first, *others = verification_text(one).splitlines()
     assert first.startswith("MOVED: 1 sample are not explained")
-    assert first.endswith("most likely the zero of joint 3 of hand, by 0.200 ± 0.050 deg")
+    assert first.endswith("most likely the offset of joint 3 of hand, by 0.200 ± 0.050 deg")
     assert others[0] == "check what was bumped or loosened there, and calibrate again"
 
 

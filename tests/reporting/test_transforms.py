@@ -43,7 +43,7 @@ def test_every_kind_is_offered_both_ways():
     """What `export` writes, word for word, of the transform and of its inverse."""
     pasted = pasteable(CALIBRATION, CELL, "run")
     found = copies(BASE, CELL, CALIBRATION, pasted)
-    offered = {(copy.way, copy.kind): copy.text for copy in found}
+    offered = {(copy.transform, copy.kind): copy.text for copy in found}
     for way in (BASE, "hand_base_from_eye_base"):
         for kind, text in pasted[way].items():
             assert offered[way, kind] == text.strip("\n")

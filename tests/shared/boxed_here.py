@@ -24,7 +24,7 @@ def _frames_here(
     stream = io.BytesIO()
     with warnings.catch_warnings(), patch.dict(os.environ), patch.object(box, "limit", lambda *given: None):
         warnings.simplefilter("ignore")
-        box._answer(module, 0, box._LEAST_BYTES, words, stream)
+        box._answer(module, 0, box._LEAST_OUTPUT_BYTES, words, stream)
     stream.seek(0)
     while (frame := box._read(stream)) is not None:
         yield frame

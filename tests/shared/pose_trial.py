@@ -26,7 +26,7 @@ from basecal.cell.cell import Intrinsics, Unknown
 from basecal.cell.targets.charuco import charuco_target
 from basecal.geometry import SE3, Camera
 from basecal.planning.sketch import sketch_cell
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from basecal.vision.draw.render import RenderSettings, render
 from tests.shared.image_sources import PROCESSES, Arm, BufferingCapture, Path2, Scene, mjpeg_server, saving
 
@@ -144,7 +144,7 @@ def sigma_px(cell: Cell, scene: Scene) -> float:
     for _ in range(STILLS):
         scene.path.go(rng.uniform(-REACH_M, REACH_M, 2), 0.0)
         file = cv2.imencode(".jpg", scene.image(time.monotonic()))[1]
-        found = find(cv2.imdecode(file, cv2.IMREAD_GRAYSCALE), cell.targets["board"].target)
+        found = find_target(cv2.imdecode(file, cv2.IMREAD_GRAYSCALE), cell.targets["board"].target)
         errors.append(found.pixels - _expected(cell, scene.path.at(time.monotonic()), found.ids))
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 

@@ -32,7 +32,7 @@ def tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A module that misbehaves as its words say."""
     (tmp_path / "forked_tasks.py").write_text(TASKS)
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(box, "_LEAST_S", 1)
+    monkeypatch.setattr(box, "_LEAST_LIMIT_S", 1)
 
 
 @pytest.mark.parametrize(

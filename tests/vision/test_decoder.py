@@ -18,9 +18,9 @@ JPEG = bytes(cv2.imencode(".jpg", PHOTO, [cv2.IMWRITE_JPEG_QUALITY, 90])[1])
 
 
 def test_nothing_amiss(capfd: pytest.CaptureFixture[str]) -> None:
-    """A sound image has nothing amiss, and nothing is printed."""
-    assert decode(JPEG).amiss == ""
-    assert decode(JPEG[:-2] + bytes(20) + JPEG[-2:]).amiss == ""  # padded before its end, as some cameras do
+    """A sound image has nothing damage, and nothing is printed."""
+    assert decode(JPEG).damage == ""
+    assert decode(JPEG[:-2] + bytes(20) + JPEG[-2:]).damage == ""  # padded before its end, as some cameras do
     assert capfd.readouterr() == ("", "")
 
 
@@ -32,11 +32,11 @@ def test_every_damage_that_shows_is_told(capfd: pytest.CaptureFixture[str]) -> N
         at = int(rng.integers(700, len(JPEG) - 3000))
         lost = JPEG[:at] + JPEG[at + int(rng.integers(1, 2000)) :]
         zeroed = JPEG[:at] + bytes(200) + JPEG[at + 200 :]
-        pixels, amiss = decode((lost, zeroed)[k % 2])
+        pixels, damage = decode((lost, zeroed)[k % 2])
         differs = (
             pixels is None or pixels.shape != sound.shape or (np.abs(pixels.astype(int) - sound) > 30).mean() > 1e-3
         )
-        silent += differs and not amiss
+        silent += differs and not damage
     assert silent == 0
     assert capfd.readouterr() == ("", "")
 
@@ -48,15 +48,15 @@ def test_a_stream_that_comes_out_short_is_damaged() -> None:
     def comes_out_short(at: int) -> bool:
         changed = data.copy()
         changed[at] ^= 16
-        pixels, amiss = decode(changed.tobytes())
-        return "extraneous bytes before marker 0xd9" in amiss and pixels is not None
+        pixels, damage = decode(changed.tobytes())
+        return "extraneous bytes before marker 0xd9" in damage and pixels is not None
 
     assert any(comes_out_short(at) for at in range(2000, len(JPEG) - 100, 397))
 
 
 def test_complaint_in_words() -> None:
-    """What is amiss is told without the library's own prefix."""
-    assert decode(JPEG[:20000] + JPEG[-2:]).amiss == "premature end of data segment"
+    """What is damage is told without the library's own prefix."""
+    assert decode(JPEG[:20000] + JPEG[-2:]).damage == "premature end of data segment"
 
 
 def test_what_others_write_is_passed_on(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
@@ -67,14 +67,14 @@ def test_what_others_write_is_passed_on(monkeypatch: pytest.MonkeyPatch, capfd: 
         return PHOTO
 
     monkeypatch.setattr(decoder.cv2, "imdecode", imdecode)
-    assert decode(JPEG).amiss == "bad Huffman code"
+    assert decode(JPEG).damage == "bad Huffman code"
     assert capfd.readouterr().err == "a bar at 40 %\n"
 
 
 def test_nothing_of_the_decoders_is_passed_on(capfd: pytest.CaptureFixture[str]) -> None:
-    """OpenCV's errors of several lines and libjpeg's warnings reach no terminal, and a warning is nothing amiss."""
+    """OpenCV's errors of several lines and libjpeg's warnings reach no terminal, and a warning is nothing damage."""
     at = JPEG.index(b"JFIF\0") + 5
-    assert decode(JPEG[:at] + b"\x10\x4a" + JPEG[at + 2 :]).amiss == ""
+    assert decode(JPEG[:at] + b"\x10\x4a" + JPEG[at + 2 :]).damage == ""
     assert decode(b"BM" + bytes(40)).pixels is None
     assert decode(b"P5\n24 18\n255\n").pixels is None
     assert capfd.readouterr() == ("", "")
@@ -87,11 +87,11 @@ def test_damaged_webp_is_told(quality: int) -> None:
     images = [PHOTO, np.full_like(PHOTO, 90), rng.integers(0, 256, (90, 70, 3)).astype(np.uint8)]
     for image in [*images, np.where(np.indices((64, 64)).sum(0) < 30, 20, 230).astype(np.uint8)]:
         data = bytes(cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])[1])
-        assert decode(data).amiss == ""
+        assert decode(data).damage == ""
     sound = bytes(cv2.imencode(".webp", PHOTO, [cv2.IMWRITE_WEBP_QUALITY, quality])[1])
     undamaged = decode(sound).pixels
     for at in rng.integers(40, len(sound), 40):
         damaged = sound[:at] + bytes([sound[at] ^ 0x55]) + sound[at + 1 :]
-        pixels, amiss = decode(damaged)
-        silent += pixels is not None and not amiss and not np.array_equal(pixels, undamaged)
+        pixels, damage = decode(damaged)
+        silent += pixels is not None and not damage and not np.array_equal(pixels, undamaged)
     assert silent <= 2

@@ -148,8 +148,8 @@ def test_second_time_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         calls.append(given)
         return find(*given)
 
-    find = detect_module.find
-    monkeypatch.setattr(detect_module, "find", counted)
+    find = detect_module.find_target
+    monkeypatch.setattr(detect_module, "find_target", counted)
     told = recording(tmp_path, image(0.5), np.zeros((480, 640), np.uint8))
     first, again = (detect(CELL, told, tmp_path) for _ in range(2))
     assert len(calls) == 2
@@ -250,8 +250,8 @@ def test_the_others_are_not_searched_where_the_first_tell_why(tmp_path: Path, mo
         calls.append(given)
         return find(*given)
 
-    find = detect_module.find
-    monkeypatch.setattr(detect_module, "find", counted)
+    find = detect_module.find_target
+    monkeypatch.setattr(detect_module, "find_target", counted)
     told = recording(tmp_path, *[image(0.5)] * 25)
     for number, data in enumerate(Path(tmp_path).glob("*.png")):
         data.write_bytes(data.read_bytes() + bytes([number]))

@@ -16,7 +16,7 @@ from basecal.cell.targets.led import led_target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detection import Detection
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from basecal.vision.draw.render import RenderSettings, render
 from quick import quick
 from vision_scenes import FISHEYE, PLAIN, TARGETS, WIDE, poses
@@ -57,7 +57,7 @@ def errors(kind: str, camera: Camera, settings: RenderSettings, tilt: float = 0.
     error, sigma = [], []
     images = min(MOST_IMAGES, -(-COORDINATES // (2 * len(shape.ids))))
     for index, pose in enumerate(poses(shape, images, np.random.default_rng(seed), tilt)):
-        detection = find(render(camera, shape, pose, settings, index), shape)
+        detection = find_target(render(camera, shape, pose, settings, index), shape)
         if detection is not None:
             error.append(by_id(shape, detection, camera.project(pose @ shape.points)))
             sigma.append(detection.sigma_px)
@@ -111,7 +111,7 @@ def test_sigma_in_a_sharpened_image() -> None:
     for index, pose in enumerate(poses(shape, 3, np.random.default_rng(5))):
         plain = render(WIDE, shape, pose, RenderSettings(noise=1.0, black=60, white=160), index).astype(np.float64)
         sharp = np.clip(np.rint(plain + 1.0 * (plain - gaussian_filter(plain, 1.2))), 0, 255).astype(np.uint8)
-        detection = find(sharp, shape)
+        detection = find_target(sharp, shape)
         assert detection is not None
         errors_of.append(by_id(shape, detection, WIDE.project(pose @ shape.points)))
         sigma.append(detection.sigma_px)
@@ -126,7 +126,7 @@ def test_sixteen_bits_say_the_same(kind: str) -> None:
     shape = TARGETS[kind]
     pose = poses(shape, 1, np.random.default_rng(4), tilt=0.3)[0]
     deep = render(WIDE, shape, pose, RenderSettings(bits=16))
-    eight, sixteen, twelve = (find(each, shape) for each in ((deep // 257).astype(np.uint8), deep, deep // 16))
+    eight, sixteen, twelve = (find_target(each, shape) for each in ((deep // 257).astype(np.uint8), deep, deep // 16))
     assert eight is not None
     assert sixteen is not None
     assert twelve is not None
@@ -139,7 +139,7 @@ def test_nothing_in_noise(kind: str) -> None:
     """No target is found in noise, in a plain image or in one of a few pixels."""
     noise = np.random.default_rng(0).integers(0, 256, (240, 320)).astype(np.uint8)
     for image in (noise, np.full((200, 200), 255, np.uint8), np.zeros((3, 5), np.uint16)):
-        assert find(image, TARGETS[kind]) is None
+        assert find_target(image, TARGETS[kind]) is None
 
 
 def test_board_half_hidden() -> None:
@@ -147,7 +147,7 @@ def test_board_half_hidden() -> None:
     shape = TARGETS["charuco"]
     pose = SE3(np.eye(3), np.array([-0.55, -0.14, 0.5]))
     true = WIDE.project(pose @ shape.points)
-    detection = find(render(WIDE, shape, pose), shape)
+    detection = find_target(render(WIDE, shape, pose), shape)
     assert detection is not None
     assert detection.ids is not None
     assert 4 <= len(detection.ids) < len(shape.ids)
@@ -160,7 +160,7 @@ def test_chessboard_counts_from_black() -> None:
     for turn in (0.0, np.pi / 2, np.pi, 4.0):
         rotation = SE3.from_rpy((0.2, 0.1, turn), np.zeros(3)).rotation
         pose = SE3(rotation.copy(), np.array([0, 0, 0.5]) - rotation @ shape.points.mean(axis=0))
-        detection = find(render(PLAIN, shape, pose), shape)
+        detection = find_target(render(PLAIN, shape, pose), shape)
         assert detection is not None
         np.testing.assert_allclose(detection.pixels, PLAIN.project(pose @ shape.points), atol=0.1)
 
@@ -171,11 +171,11 @@ def test_only_own_tags() -> None:
     pose = SE3(np.eye(3), np.array([-0.05, 0.0, 0.5]))
     one = apriltag_target("tag36h11", [(1, 0.08, SE3.identity())])
     image = render(WIDE, two, pose)
-    detection = find(image, one)
+    detection = find_target(image, one)
     assert detection is not None
     assert detection.ids is not None
     assert detection.ids.tolist() == [4, 5, 6, 7]
-    assert find(np.concatenate([image, image]), one) is None
+    assert find_target(np.concatenate([image, image]), one) is None
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_only_own_tags() -> None:
 def test_what_cannot_be_searched(shape: Target, image: Any, message: str) -> None:
     """An image that is not grey, and a target that cannot be found, are named errors."""
     with pytest.raises(InputError, match=message):
-        find(image, shape)
+        find_target(image, shape)
 
 
 def test_tags_with_a_wide_border() -> None:
@@ -199,7 +199,7 @@ def test_tags_with_a_wide_border() -> None:
     (sheet,) = plain.sheets
     wide = replace(plain, sheets=(replace(sheet, markers=(replace(sheet.markers[0], border=2),)),))
     pose = SE3.from_rpy((0.1, 0.2, 0.3), (-0.02, 0.01, 0.5))
-    detection = find(render(WIDE, wide, pose), plain)
+    detection = find_target(render(WIDE, wide, pose), plain)
     assert detection is not None
     np.testing.assert_allclose(detection.pixels, WIDE.project(pose @ plain.points), atol=0.1)
 
@@ -210,4 +210,4 @@ def test_images_have_sixteen_rows(height: int, found: bool) -> None:
     rows, columns = np.indices((height, 24))
     image = np.rint(200 * np.exp(-0.5 * ((rows - 7.2) ** 2 + (columns - 11.6) ** 2) / 1.5**2)).astype(np.uint8)
     for each in (image, image.T.copy()):
-        assert (find(each, led_target()) is not None) == found
+        assert (find_target(each, led_target()) is not None) == found

@@ -8,7 +8,7 @@ import pytest
 from basecal.cell.target import Target
 from basecal.cell.targets.registry import TARGETS, TargetKindName
 from basecal.geometry import SE3, Array, Camera
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from basecal.vision.draw.light import render_light
 from basecal.vision.draw.render import RenderSettings, render
 from vision_scenes import PLAIN, WIDE
@@ -22,7 +22,7 @@ def seen_from_the_front(shape: Target) -> SE3:
 
 
 def nearest_reading(shape: Target, error: Array, back: Array) -> Array:
-    return min((error, back), key=lambda each: float(np.abs(each).max())) if shape.alike_turned else error
+    return min((error, back), key=lambda each: float(np.abs(each).max())) if shape.has_half_turn_symmetry else error
 
 
 @pytest.mark.parametrize("kind", TARGETS)
@@ -33,7 +33,7 @@ def test_found_where_it_is_drawn(kind: TargetKindName) -> None:
         return
     pose = seen_from_the_front(shape)
     image = render(WIDE, shape, pose) if shape.sheets else render_light(WIDE, pose @ shape.points)
-    detection = find(image, shape)
+    detection = find_target(image, shape)
     assert detection is not None
     np.testing.assert_array_equal(detection.ids, shape.ids)
     true = WIDE.project(pose @ shape.points)
@@ -54,7 +54,7 @@ def test_found_flat_and_sharp(kind: TargetKindName, levels: dict[str, float], le
         return
     rotation = shape.sheets[0].target_from_sheet.rotation.T
     pose = SE3(rotation, np.array([0.003, 0.002, 0.5]) - rotation @ shape.points.mean(axis=0))
-    detection = find(render(lens, shape, pose, RenderSettings(blur_px=0.0, noise=0.0, **levels)), shape)
+    detection = find_target(render(lens, shape, pose, RenderSettings(blur_px=0.0, noise=0.0, **levels)), shape)
     assert detection is not None
     assert detection.ids is not None
     assert len(detection.ids) >= 0.75 * len(shape.ids)

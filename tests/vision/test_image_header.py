@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.vision.image_header import Header, header, png_chunks
+from basecal.vision.image_header import Header, png_chunks, read_header
 from vision_scenes import with_exif
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (48, 64)).astype(np.uint8)
@@ -36,7 +36,7 @@ FILES = {
 @pytest.mark.parametrize("name", list(FILES))
 def test_size(name: str) -> None:
     """Width and height are told by every format, as the decoder has them."""
-    told = header(FILES[name])
+    told = read_header(FILES[name])
     assert told is not None
     assert told[:2] == ((64, 48), 1)
 
@@ -44,9 +44,9 @@ def test_size(name: str) -> None:
 def test_the_size_of_a_jpeg_is_that_of_its_frame() -> None:
     """Also of one that is coded arithmetically; tables and what is reserved before it hold no size."""
     start, frame = FILES["jpeg"][:2], FILES["jpeg"][2:]
-    assert header(start + frame.replace(b"\xff\xc0", b"\xff\xc9", 1)) == Header((64, 48))
+    assert read_header(start + frame.replace(b"\xff\xc0", b"\xff\xc9", 1)) == Header((64, 48))
     for marker in (0xC4, 0xC8, 0xCC):
-        assert header(start + bytes([0xFF, marker, 0, 17]) + bytes(range(15)) + frame) == Header((64, 48))
+        assert read_header(start + bytes([0xFF, marker, 0, 17]) + bytes(range(15)) + frame) == Header((64, 48))
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tiff"])
@@ -55,7 +55,7 @@ def test_the_size_of_a_jpeg_is_that_of_its_frame() -> None:
 def test_bytes_of_a_pixel(suffix: str, channels: int, kind: type) -> None:
     """How large the pixels become is told before they are decoded."""
     image = np.repeat(IMAGE[..., None], channels, axis=2).astype(kind)
-    told = header(bytes(cv2.imencode(suffix, image)[1]))
+    told = read_header(bytes(cv2.imencode(suffix, image)[1]))
     assert told is not None
     assert told.pixel_bytes == channels * np.dtype(kind).itemsize
 
@@ -65,7 +65,7 @@ def test_bytes_of_a_pixel_by_the_type_of_a_png(kind: int, channels: int) -> None
     """Grey, colour, palette, and the two with transparency, which a decoder fills up to four."""
     start = bytearray(cv2.imencode(".png", IMAGE)[1])
     start[25] = kind
-    told = header(bytes(start))
+    told = read_header(bytes(start))
     assert told is not None
     assert told.pixel_bytes == channels
 
@@ -74,7 +74,7 @@ def test_bytes_of_a_pixel_by_the_type_of_a_png(kind: int, channels: int) -> None
 @pytest.mark.parametrize("orientation", [1, 3, 6, 8])
 def test_orientation(orientation: int, order: str) -> None:
     """How an image is meant to be turned is told, the size is that of what is stored."""
-    assert header(with_exif(FILES["jpeg"], orientation, order)) == Header((64, 48), orientation)
+    assert read_header(with_exif(FILES["jpeg"], orientation, order)) == Header((64, 48), orientation)
 
 
 def test_orientation_of_png() -> None:
@@ -82,20 +82,20 @@ def test_orientation_of_png() -> None:
     tiff = b"MM\0*" + struct.pack(">IHHHIHHI", 8, 1, 274, 3, 1, 6, 0, 0)
     start, rest = FILES["png"][:33], FILES["png"][33:]
     chunk = struct.pack(">I", len(tiff)) + b"eXIf" + tiff + b"crc "
-    assert header(start + chunk + rest) == Header((64, 48), 6, 1)
+    assert read_header(start + chunk + rest) == Header((64, 48), 6, 1)
     text = b"comment: eXIf" + tiff
-    assert header(start + struct.pack(">I", len(text)) + b"tEXt" + text + b"crc " + rest) == Header((64, 48), 1, 1)
+    assert read_header(start + struct.pack(">I", len(text)) + b"tEXt" + text + b"crc " + rest) == Header((64, 48), 1, 1)
 
 
 def test_comments_of_netpbm() -> None:
     """Comments between the numbers of a PGM do not count."""
-    assert header(b"P5\n# a camera's\n640 # wide\n480\n255\n") == Header((640, 480))
+    assert read_header(b"P5\n# a camera's\n640 # wide\n480\n255\n") == Header((640, 480))
 
 
 def test_huge_without_pixels() -> None:
     """A file that only claims to be huge is read by its claim."""
     start = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 30000, 30000) + bytes([8, 0])
-    assert header(start) == Header((30000, 30000), 1, 1)
+    assert read_header(start) == Header((30000, 30000), 1, 1)
 
 
 @pytest.mark.parametrize("name", list(FILES))
@@ -103,14 +103,14 @@ def test_any_bytes(name: str) -> None:
     """Cut or changed anywhere, a header or nothing comes back, in a moment."""
     rng, good = np.random.default_rng(2), np.frombuffer(FILES[name], np.uint8)
     for cut in (*range(60), len(good) // 2):
-        told = header(good[:cut].tobytes())
+        told = read_header(good[:cut].tobytes())
         assert told is None or isinstance(told, Header)
     for _ in range(300):
         data = good.copy()
         data[rng.integers(0, min(len(data), 200), 4)] = rng.integers(0, 256, 4)
-        told = header(data.tobytes())
+        told = read_header(data.tobytes())
         assert told is None or min(told.size_px) >= -(2**31)
-    assert header(io.BytesIO(b"RIFF\x24\x00\x00\x00AVI LIST").getvalue() + bytes(500)) is None
+    assert read_header(io.BytesIO(b"RIFF\x24\x00\x00\x00AVI LIST").getvalue() + bytes(500)) is None
 
 
 def tiff(*tags: tuple[int, int, int, int], order: str = "<", values: bytes = b"") -> bytes:
@@ -127,47 +127,50 @@ def tiff(*tags: tuple[int, int, int, int], order: str = "<", values: bytes = b""
 def test_tags_of_a_tiff(order: str) -> None:
     """Long and short numbers; the first of a list, which is elsewhere unless it fits into four bytes."""
     size = ((256, 4, 1, 70000), (257, 3, 1, 480))
-    assert header(tiff(*size, order=order)) == Header((70000, 480), 1, 1)
+    assert read_header(tiff(*size, order=order)) == Header((70000, 480), 1, 1)
     listed = struct.pack(order + "HHH", 9, 8, 8)
-    assert header(tiff(*size, (258, 3, 3, 100), (277, 3, 1, 3), order=order, values=listed)) == Header(
+    assert read_header(tiff(*size, (258, 3, 3, 100), (277, 3, 1, 3), order=order, values=listed)) == Header(
         (70000, 480), 1, 6
     )
     pair = int.from_bytes(struct.pack(order + "HH", 16, 8), "little" if order == "<" else "big")
-    assert header(tiff(*size, (258, 3, 2, pair), order=order)) == Header((70000, 480), 1, 2)
-    assert header(tiff((256, 4, 2, 100), size[1], order=order, values=struct.pack(order + "II", 5, 6)))[0] == (5, 480)
+    assert read_header(tiff(*size, (258, 3, 2, pair), order=order)) == Header((70000, 480), 1, 2)
+    assert read_header(tiff((256, 4, 2, 100), size[1], order=order, values=struct.pack(order + "II", 5, 6)))[0] == (
+        5,
+        480,
+    )
 
 
 def test_other_types_of_a_tiff_are_skipped() -> None:
     """A rational of the same number states nothing; without a size there is no header."""
     size = ((256, 4, 1, 640), (257, 4, 1, 480))
-    assert header(tiff(*size, (274, 5, 1, 6))) == Header((640, 480), 1, 1)
-    assert header(tiff(*size, (274, 3, 1, 6))) == Header((640, 480), 6, 1)
-    assert header(tiff(size[0])) is None
+    assert read_header(tiff(*size, (274, 5, 1, 6))) == Header((640, 480), 1, 1)
+    assert read_header(tiff(*size, (274, 3, 1, 6))) == Header((640, 480), 6, 1)
+    assert read_header(tiff(size[0])) is None
 
 
 @pytest.mark.parametrize(("before", "read"), [(498, True), (499, False)])
 def test_a_directory_is_read_for_five_hundred_tags(before: int, read: bool) -> None:
     """Of a longer one the first five hundred."""
     others = [(1000 + k, 3, 1, 0) for k in range(before)]
-    assert (header(tiff(*others, (256, 4, 1, 640), (257, 4, 1, 480))) is not None) == read
+    assert (read_header(tiff(*others, (256, 4, 1, 640), (257, 4, 1, 480))) is not None) == read
 
 
 def test_sizes_of_bitmaps() -> None:
     """The oldest header has two bytes a side; a negative height is of rows from the top."""
     old = b"BM".ljust(14, b"\0") + struct.pack("<IHH", 12, 640, 480)
-    assert header(old) == Header((640, 480))
-    assert header(b"BM".ljust(14, b"\0") + struct.pack("<Iii", 40, 70000, -480)) == Header((70000, 480))
+    assert read_header(old) == Header((640, 480))
+    assert read_header(b"BM".ljust(14, b"\0") + struct.pack("<Iii", 40, 70000, -480)) == Header((70000, 480))
 
 
 def test_sizes_of_webps() -> None:
     """The extended one has three bytes a side, the lossless 14 bits, the lossy 14 of 16 with a scale."""
     start = b"RIFF\0\0\0\0WEBP"
     extended = start + b"VP8X" + bytes(8) + (69999).to_bytes(3, "little") + (479).to_bytes(3, "little")
-    assert header(extended) == Header((70000, 480))
+    assert read_header(extended) == Header((70000, 480))
     lossless = start + b"VP8L" + bytes(5) + struct.pack("<I", 9999 | 8999 << 14 | 3 << 28)
-    assert header(lossless) == Header((10000, 9000))
+    assert read_header(lossless) == Header((10000, 9000))
     lossy = start + b"VP8 " + bytes(10) + struct.pack("<HH", 10000 | 1 << 14, 9000 | 2 << 14)
-    assert header(lossy) == Header((10000, 9000))
+    assert read_header(lossy) == Header((10000, 9000))
 
 
 def png(*chunks: tuple[bytes, bytes], bits: int = 8, kind: int = 0) -> bytes:
@@ -190,16 +193,16 @@ def test_only_whole_chunks_are_chunks() -> None:
 @pytest.mark.parametrize(("bits", "size"), [(1, 1), (8, 1), (16, 2)])
 def test_bits_of_a_png(bits: int, size: int) -> None:
     """Up to eight are a byte; an unknown type is taken as the largest."""
-    assert header(png(bits=bits)) == Header((640, 480), 1, size)
-    assert header(png(bits=bits, kind=7)) == Header((640, 480), 1, 4 * size)
+    assert read_header(png(bits=bits)) == Header((640, 480), 1, size)
+    assert read_header(png(bits=bits, kind=7)) == Header((640, 480), 1, 4 * size)
 
 
 def test_segments_of_a_jpeg() -> None:
     """Bytes between segments, fill bytes and markers without a length are passed over."""
     frame = b"\xff\xc0" + struct.pack(">HBHHB", 8, 8, 480, 640, 1)
     for between in (b"", b"\xff\xff", b"\xff\x01", b"\xff\xd0\xff\xd7", b"\0\1\2", b"\xff\xe1\0\2", b"\xff\xe0\0\0"):
-        assert header(b"\xff\xd8" + b"\xff\xe0\0\4ab" + between + frame) == Header((640, 480))
-    assert header(b"\xff\xd8" + b"\xff\xe0\0\4ab") is None
+        assert read_header(b"\xff\xd8" + b"\xff\xe0\0\4ab" + between + frame) == Header((640, 480))
+    assert read_header(b"\xff\xd8" + b"\xff\xe0\0\4ab") is None
 
 
 def test_only_exif_states_an_orientation() -> None:
@@ -208,9 +211,9 @@ def test_only_exif_states_an_orientation() -> None:
     exif = tiff((274, 3, 1, 6))
     for name, marker, orientation in ((b"Exif\0\0", 0xE1, 6), (b"XMPx\0\0", 0xE1, 1), (b"Exif\0\0", 0xE2, 1)):
         segment = bytes([0xFF, marker]) + struct.pack(">H", 8 + len(exif)) + name + exif
-        assert header(b"\xff\xd8" + segment + frame) == Header((640, 480), orientation)
+        assert read_header(b"\xff\xd8" + segment + frame) == Header((640, 480), orientation)
     cut = b"\xff\xe1" + struct.pack(">H", 8 + 12) + b"Exif\0\0" + exif
-    assert header(b"\xff\xd8" + cut + frame) is None
+    assert read_header(b"\xff\xd8" + cut + frame) is None
 
 
 def test_exif_without_an_orientation_is_upright() -> None:
@@ -218,7 +221,7 @@ def test_exif_without_an_orientation_is_upright() -> None:
     frame = b"\xff\xc0" + struct.pack(">HBHHB", 8, 8, 480, 640, 1)
     exif = tiff((256, 3, 1, 6))
     segment = b"\xff\xe1" + struct.pack(">H", 8 + len(exif)) + b"Exif\0\0" + exif
-    assert header(b"\xff\xd8" + segment + frame) == Header((640, 480), 1)
-    found = header(png((b"eXIf", exif)))
+    assert read_header(b"\xff\xd8" + segment + frame) == Header((640, 480), 1)
+    found = read_header(png((b"eXIf", exif)))
     assert found is not None
     assert found.orientation == 1

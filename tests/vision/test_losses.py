@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from basecal.vision import losses
-from basecal.vision.losses import Searched, explain_no_target, lost_images
+from basecal.vision.losses import SearchedImage, explain_no_target, image_findings
 from vision_scenes import TARGETS, scene
 
 
-def searched(found: int, missed: int, **more: bool) -> list[Searched]:
+def searched(found: int, missed: int, **more: bool) -> list[SearchedImage]:
     """Images of which the first `found` show a board and the next `missed` do not."""
-    shown = [Searched(k, "wrist", f"{k}.png", found=("board",), **more) for k in range(found)]
-    return [*shown, *(Searched(found + k, "wrist", f"{found + k}.png", missed=("board",)) for k in range(missed))]
+    shown = [SearchedImage(k, "wrist", f"{k}.png", found=("board",), **more) for k in range(found)]
+    return [*shown, *(SearchedImage(found + k, "wrist", f"{found + k}.png", missed=("board",)) for k in range(missed))]
 
 
 @pytest.mark.parametrize(("found", "missed", "many"), [(10, 0, False), (8, 4, False), (7, 4, True), (1, 9, True)])
 def test_more_than_a_third(found: int, missed: int, many: bool, tmp_path: Path) -> None:
     """Losing more than a third of the images is a warning, and goes first."""
-    told = list(lost_images(searched(found, missed), {"board": TARGETS["charuco"]}, tmp_path))
+    told = list(image_findings(searched(found, missed), {"board": TARGETS["charuco"]}, tmp_path))
     codes = [(finding.code, finding.severity) for finding in told]
     assert codes == [("few-images", "warning")] * many + [("dropped-sample", "info")] * (missed > 0)
     assert not many or told[0].message.startswith(
@@ -34,17 +34,18 @@ def test_targets_seen_in_turn(tmp_path: Path) -> None:
     """Two targets that a camera sees in turn lose no image, though each is missed in half of them."""
     pairs = [("one", "other"), ("other", "one")] * 4
     images = [
-        Searched(k, "wrist", "x.png", found=(seen,), missed=(not_seen,)) for k, (seen, not_seen) in enumerate(pairs)
+        SearchedImage(k, "wrist", "x.png", found=(seen,), missed=(not_seen,))
+        for k, (seen, not_seen) in enumerate(pairs)
     ]
-    told = list(lost_images(images, {"one": TARGETS["charuco"], "other": TARGETS["tags"]}, tmp_path))
+    told = list(image_findings(images, {"one": TARGETS["charuco"], "other": TARGETS["tags"]}, tmp_path))
     assert [finding.about for finding in told] == [("wrist", "other"), ("wrist", "one")]
     assert told[0].message == "'other' is not found in 4 images of 'wrist': samples 0, 2, 4, 6."
 
 
 def test_unusable_images_count(tmp_path: Path) -> None:
     """Images that cannot be used are lost as well, each reason is told once, and nothing is said of light."""
-    images = [*searched(2, 0), *(Searched(k, "wrist", f"{k}.png", unusable="is missing") for k in (2, 3))]
-    few, dropped = lost_images(images, {"board": TARGETS["charuco"]}, tmp_path)
+    images = [*searched(2, 0), *(SearchedImage(k, "wrist", f"{k}.png", unusable="is missing") for k in (2, 3))]
+    few, dropped = image_findings(images, {"board": TARGETS["charuco"]}, tmp_path)
     assert few.message == ("2 of 4 images of 'wrist' show no target. Each of them, such as 2.png, is missing.")
     assert dropped.about == ("2", "3", "wrist")
     assert dropped.message == "each of samples 2, 3, such as 2.png, is missing. They are left out for 'wrist'."
@@ -52,8 +53,8 @@ def test_unusable_images_count(tmp_path: Path) -> None:
 
 def test_one_unusable_image_is_told_by_itself(tmp_path: Path) -> None:
     """With its path."""
-    (told,) = lost_images([*searched(9, 0), Searched(9, "wrist", "9.png", unusable="is empty")], {}, tmp_path)
-    assert told.message == "sample 9: 9.png is empty. They are left out for 'wrist'."
+    (told,) = image_findings([*searched(9, 0), SearchedImage(9, "wrist", "9.png", unusable="is empty")], {}, tmp_path)
+    assert told.message == "sample 9: 9.png is empty. It is left out for 'wrist'."
 
 
 def test_why_there_is_nothing(tmp_path: Path) -> None:
@@ -72,7 +73,7 @@ def test_what_is_there_instead(tmp_path: Path) -> None:
     for k in range(1, 6):
         cv2.imwrite(str(tmp_path / f"{k}.png"), scene(TARGETS["legacy"]))
     (tmp_path / "3.png").write_bytes(b"no image")
-    first, *_ = lost_images(searched(1, 5), {"board": TARGETS["charuco"]}, tmp_path)
+    first, *_ = image_findings(searched(1, 5), {"board": TARGETS["charuco"]}, tmp_path)
     assert first.message == (
         "5 of 6 images of 'wrist' show no target. 'board': no board of DICT_4X4_50; "
         "DICT_5X5_50 has 20 markers here: write `dictionary: DICT_5X5_50`."
@@ -81,7 +82,7 @@ def test_what_is_there_instead(tmp_path: Path) -> None:
 
 def test_many_turned_images(tmp_path: Path) -> None:
     """Of many samples the first ten are listed."""
-    (told,) = lost_images(searched(12, 0, turned=True), {"board": TARGETS["charuco"]}, tmp_path)
+    (told,) = image_findings(searched(12, 0, turned=True), {"board": TARGETS["charuco"]}, tmp_path)
     assert told.code == "turned-images"
     assert told.what.endswith("samples " + ", ".join(map(str, np.arange(10))) + ", ....")
 
@@ -89,7 +90,7 @@ def test_many_turned_images(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("count", "end"), [(10, "8, 9."), (11, "8, 9, ....")])
 def test_ten_samples_are_listed(count: int, end: str, tmp_path: Path) -> None:
     """Of eleven the first ten."""
-    (told,) = lost_images(searched(count, 0, turned=True), {}, tmp_path)
+    (told,) = image_findings(searched(count, 0, turned=True), {}, tmp_path)
     assert told.what.startswith(f"EXIF of {count} images of 'wrist'")
     assert told.what.endswith(end)
 
@@ -97,7 +98,7 @@ def test_ten_samples_are_listed(count: int, end: str, tmp_path: Path) -> None:
 def test_the_most_frequent_reason_comes_first(tmp_path: Path) -> None:
     """Each with its samples, and all of a camera's as such."""
     faults = ["is empty", "is missing", "is missing", "is empty", "is missing"]
-    images = [Searched(k, "wrist", f"{k}.png", unusable=fault) for k, fault in enumerate(faults)]
+    images = [SearchedImage(k, "wrist", f"{k}.png", unusable=fault) for k, fault in enumerate(faults)]
     assert explain_no_target(images, {}, tmp_path) == (
         "each of samples 1, 2, 4, such as 1.png, is missing; each of samples 0, 3, such as 0.png, is empty"
     )
@@ -112,7 +113,7 @@ def test_three_images_are_surveyed_over_the_recording(
     """Those in which the target was missed; what is seen there is said of each target."""
     asked: list[list[int]] = []
 
-    def read(images: list[Searched], folder: Path) -> list[int]:
+    def read(images: list[SearchedImage], folder: Path) -> list[int]:
         asked.append([image.sample for image in images])
         return asked[-1]
 
@@ -130,14 +131,14 @@ def test_images_are_surveyed_if_more_than_half_are_lost(
     """Of ten, five are not."""
     monkeypatch.setattr(losses, "_read_images", lambda *_: [])
     monkeypatch.setattr(losses, "describe_other_targets", lambda *_: "another board")
-    first, *_ = lost_images(searched(found, 10 - found), {"board": TARGETS["charuco"]}, tmp_path)
+    first, *_ = image_findings(searched(found, 10 - found), {"board": TARGETS["charuco"]}, tmp_path)
     assert first.code == "few-images"
     assert (first.do == ("'board': another board.",)) == hinted
 
 
 def test_nothing_is_explained_if_an_image_shows_a_target(tmp_path: Path) -> None:
     """Whatever the others lack; nor is it without images."""
-    unusable = Searched(5, "wrist", "5.png", unusable="is empty")
+    unusable = SearchedImage(5, "wrist", "5.png", unusable="is empty")
     assert explain_no_target([*searched(1, 0), unusable], {}, tmp_path) == ""
     assert explain_no_target([unusable], {}, tmp_path) == "sample 5: 5.png is empty"
     assert explain_no_target([], {"board": TARGETS["charuco"]}, tmp_path) == ""

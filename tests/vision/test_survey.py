@@ -15,9 +15,9 @@ from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.circles import circles_target
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
-from basecal.vision.detectors import describe_other_targets, find
+from basecal.vision.detectors import describe_other_targets, find_target
 from basecal.vision.draw.render import render
-from basecal.vision.survey import _edge_px, _ids, _near_sizes, describe_blur, describe_darkness, unlike_print
+from basecal.vision.survey import _edge_px, _ids, _near_sizes, describe_blur, describe_darkness, describe_print_error
 from quick import quick
 from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
 
@@ -90,7 +90,7 @@ def test_what_else_is_named(case: str) -> None:
     """Another number, family, dictionary, layout or size than the one stated is named."""
     printed, stated, words = CASES[case]
     images = [shrunk(scene(TARGETS[printed], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
-    assert all(find(image, stated) is None for image in images)
+    assert all(find_target(image, stated) is None for image in images)
     assert describe_other_targets(images, stated) == words
 
 
@@ -114,9 +114,9 @@ def test_markers_where_none_are_stated(kind: str) -> None:
 def test_markers_of_a_print_that_is_said_to_have_none():
     """They are named where the board is missed in some images, although it was found in others."""
     images = [shrunk(scene(TARGETS["charuco"]), 2)]
-    assert "write kind: charuco" in (unlike_print(images, TARGETS["chessboard"]) or "")
-    assert unlike_print([shrunk(scene(TARGETS["chessboard"]), 2)], TARGETS["chessboard"]) is None
-    assert unlike_print(images, TARGETS["charuco"]) is None
+    assert "write kind: charuco" in (describe_print_error(images, TARGETS["chessboard"]) or "")
+    assert describe_print_error([shrunk(scene(TARGETS["chessboard"]), 2)], TARGETS["chessboard"]) is None
+    assert describe_print_error(images, TARGETS["charuco"]) is None
 
 
 @pytest.mark.parametrize("blur_px", [6.0, 12.0])
@@ -163,7 +163,7 @@ def test_mirrored_images_are_named() -> None:
     """Markers are read in no mirrored image; which it is, the image turned round says."""
     image = render(CAMERA, BOARD, print_of(BOARD, 0.0), None, 1)
     mirrored = np.fliplr(image).copy()
-    assert find(mirrored, BOARD) is None
+    assert find_target(mirrored, BOARD) is None
     assert "the images are mirrored" in (describe_other_targets([mirrored], BOARD) or "")
 
 
@@ -172,7 +172,7 @@ def test_a_second_print_is_named() -> None:
     both, other = (render(CAMERA, BOARD, print_of(BOARD, x), None, 1) for x in (0.17, -0.17))
     middle = both.shape[1] // 2
     both[:, :middle] = other[:, :middle]
-    assert find(both, BOARD) is None
+    assert find_target(both, BOARD) is None
     assert "its markers are seen twice in one image" in (describe_other_targets([both], BOARD) or "")
 
 
@@ -180,7 +180,7 @@ def test_a_charuco_board_is_no_chessboard() -> None:
     """Its few corners that look like a chessboard's are no views, and its markers are named."""
     image = render(CAMERA, BOARD, print_of(BOARD, 0.0), None, 1)
     described = chessboard_target((4, 6), 0.04)
-    assert find(image, described) is None
+    assert find_target(image, described) is None
     assert "DICT_4X4_50 has 17 markers here: write kind: charuco" in (describe_other_targets([image], described) or "")
 
 

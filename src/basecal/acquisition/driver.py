@@ -272,7 +272,7 @@ def checked_options(place: Place, kind: type[Options]) -> Options:
         DatasetError: if an option is unknown or invalid; the error names the field in `cell.yaml`.
     """
     field_path = (place.section, place.name, "driver")
-    return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), place=field_path)
+    return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), loc=field_path)
 
 
 def has_arrived(state: RobotState, goal: RobotState) -> bool:

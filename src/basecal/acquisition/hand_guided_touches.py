@@ -11,7 +11,7 @@ from basecal.acquisition.stillness import Unfit, wait_for_arms
 from basecal.acquisition.taking import Notify
 from basecal.cell import Cell, Sample, TouchObservation
 from basecal.cell.files import append_sample
-from basecal.errors import InputError, list_names, nearest
+from basecal.errors import InputError, list_names, spelling_hint
 from basecal.exchange.importing.imported import recorded_samples
 
 ReadLine = Callable[[], str]
@@ -72,5 +72,5 @@ def _parse_contact(words: Sequence[str], marks: Sequence[str], tips: Mapping[str
     tip = rest[0] if rest else next(iter(tips)) if len(tips) == 1 else ""
     for name, kind, known in ((mark, "mark", list(marks)), (tip, "tip", list(tips))):
         if name not in known:
-            raise InputError(f"no {kind} {name!r}{nearest(name, known)}; there are: {list_names(known)}")
+            raise InputError(f"no {kind} {name!r}{spelling_hint(name, known)}; there are: {list_names(known)}")
     return mark, tip

@@ -17,7 +17,7 @@ from basecal.acquisition.images.latency import ArmMotion
 from basecal.acquisition.supervision.arms import Arms
 from basecal.acquisition.supervision.signals import interrupt_main_thread, routed_signals
 from basecal.cell import Cell, RobotState
-from basecal.errors import InputError, UsageError, nearest
+from basecal.errors import InputError, UsageError, spelling_hint
 from basecal.estimation.settings import LOG
 from basecal.planning.sketch import Sketch
 
@@ -204,7 +204,7 @@ def _find_driver(name: str, place: Place) -> DriverKind:
     kind = driver_kind(name)
     if kind is None:
         known = driver_names()
-        message = f"no driver {name!r}{nearest(name, known)}; there are: {', '.join(known)}"
+        message = f"no driver {name!r}{spelling_hint(name, known)}; there are: {', '.join(known)}"
         raise place.error(message, "driver.kind")
     if (kind.open_robot if place.section == "robots" else kind.open_camera) is None:
         others = "cameras" if place.section == "robots" else "robots"

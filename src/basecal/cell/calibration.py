@@ -272,14 +272,15 @@ class Calibration(Exports):
 
     def parameters_of_robot(self, robot: str) -> dict[str, RobotParameters]:
         """Estimated kinematic parameters of a robot, by kind."""
-        return {kind: found[robot] for kind, found in self.robot_parameters.items() if robot in found}
+        return {kind: by_robot[robot] for kind, by_robot in self.robot_parameters.items() if robot in by_robot}
 
     def gauge_covariances(self, name: str) -> dict[str, Array]:
         """Part of a transform's covariance due to parameters that gauges fix at zero, (6, 6) [m, rad], by robot."""
         if name not in self.order:
             return {}
-        at = slice(6 * self.order.index(name), 6 * self.order.index(name) + 6)
-        return {gauge.robot: gauge.covariance[at, at] for gauge in self.gauges if np.any(gauge.covariance[at, at])}
+        rows = slice(6 * self.order.index(name), 6 * self.order.index(name) + 6)
+        blocks = {gauge.robot: gauge.covariance[rows, rows] for gauge in self.gauges}
+        return {robot: block for robot, block in blocks.items() if np.any(block)}
 
     def between(self, robot: str, other_robot: str) -> PoseEstimate:
         """Estimate of `<robot>_base_from_<other>_base` for any two robots, with their correlation.
@@ -301,17 +302,17 @@ class Calibration(Exports):
             FrameNotFound: if a frame does not exist, or its pose was not estimated.
             InputError: if the frames move relative to each other, or one is a single point, which has no rotation.
         """
-        placed = {name: estimate for name, estimate in self.transforms.items() if name not in self.points}
+        poses = {name: estimate for name, estimate in self.transforms.items() if name not in self.points}
         for frame in (parent, child):
             for point in self.points:
                 if point.endswith(f"_from_{frame}"):
                     raise InputError(f"{frame!r} is a point and has no rotation: see {point} in calibration.json")
-        return frame_between(placed, self.order, self.joint_covariance, parent, child)
+        return frame_between(poses, self.order, self.joint_covariance, parent, child)
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        told = "; ".join(f"{name} {estimate.words()}" for name, estimate in self.transforms.items())
-        return f"<{self.verdict} calibration: {told or 'no transform'}>"
+        estimates = "; ".join(f"{name} {estimate.words()}" for name, estimate in self.transforms.items())
+        return f"<{self.verdict} calibration: {estimates or 'no transform'}>"
 
     def _repr_html_(self) -> str:
         """The table that a notebook shows."""

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, Strict, model_validator
 
 from basecal.cell.target import Target
-from basecal.errors import FrameNotFound, InputError, list_names, nearest
+from basecal.errors import FrameNotFound, InputError, list_names, spelling_hint
 from basecal.fields.file_forms import Seconds
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma
@@ -48,13 +48,13 @@ class Unknown:
     sigma: Array | None = None
 
 
-_AS_STATED = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
+_STRICT_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 def _check_sigma(timing: _Timed) -> _Timed:
     if (timing.status == "prior") != (timing.sigma_s is not None):
-        wanted = "takes sigma_s" if timing.status == "prior" else "takes no sigma_s"
-        raise ValueError(f"status {timing.status} {wanted}")
+        requirement = "takes sigma_s" if timing.status == "prior" else "takes no sigma_s"
+        raise ValueError(f"status {timing.status} {requirement}")
     return timing
 
 
@@ -69,14 +69,14 @@ class Clock:
         jitter_s: Sigma of the independent error of each stamp [s]; None if it is to be estimated. Cameras only.
     """
 
-    __pydantic_config__: ClassVar = _AS_STATED
+    __pydantic_config__: ClassVar = _STRICT_CONFIG
 
     status: Status = "fixed"
     offset_s: Seconds = 0.0
     sigma_s: Sigma | None = None
     jitter_s: Annotated[float, Strict(), Field(ge=0, le=_MOST_JITTER_S)] | None = None
 
-    _sigma_of_prior = model_validator(mode="after")(_check_sigma)
+    _check_prior_sigma = model_validator(mode="after")(_check_sigma)
 
 
 @dataclass(frozen=True)
@@ -89,17 +89,17 @@ class RollingShutter:
         sigma_s: Sigma of the prior [s]; with `prior` only.
     """
 
-    __pydantic_config__: ClassVar = _AS_STATED
+    __pydantic_config__: ClassVar = _STRICT_CONFIG
 
     status: Status = "fixed"
     line_time_s: Annotated[float, Strict(), Field(ge=-_LONGEST_LINE_S, le=_LONGEST_LINE_S)] = 0.0
     sigma_s: Sigma | None = None
 
-    _sigma_of_prior = model_validator(mode="after")(_check_sigma)
+    _check_prior_sigma = model_validator(mode="after")(_check_sigma)
 
     @model_validator(mode="before")
     @classmethod
-    def _line_time(cls, data: Any) -> Any:
+    def _check_line_time(cls, data: Any) -> Any:
         status = data.get("status", "fixed") if isinstance(data, dict) else "free"
         if status != "free" and "line_time_s" not in data:
             raise ValueError(f"status {status} takes line_time_s, the time from a row to the next in seconds")
@@ -216,8 +216,8 @@ class CellCamera:
             return 0
         if self.intrinsics.camera is not None:
             return len(self.intrinsics.camera.distortion)
-        asked = self.intrinsics.distortion_terms
-        return model_lenses(self.model)[0].USUAL_TERMS if asked is None else asked
+        terms = self.intrinsics.distortion_terms
+        return model_lenses(self.model)[0].USUAL_TERMS if terms is None else terms
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,22 +308,22 @@ class Cell:
             InputError: if a key differs from the item's own name, or a name refers to an unknown robot.
         """
         given: dict[str, Robot | CellCamera | CellTarget] = {**self.robots, **self.cameras, **self.targets}
-        for name, thing in given.items():
-            if thing.name != name:
-                raise InputError(f"{thing.name!r} is listed under the name {name!r}: expected the same name")
-        carriers = {thing.name: thing.on for thing in self._things if thing.on != WORLD}
-        for about, robot in {"reference": self.reference, **{name: name for name in self.bases}, **carriers}.items():
+        for name, item in given.items():
+            if item.name != name:
+                raise InputError(f"{item.name!r} is listed under the name {name!r}: expected the same name")
+        carriers = {item.name: item.on for item in self._mounted_items if item.on != WORLD}
+        for entry, robot in {"reference": self.reference, **{name: name for name in self.bases}, **carriers}.items():
             if robot not in self.robots and robot not in self.plates:
-                there = list_names(list(self.robots))
-                raise InputError(f"{about}: no robot {robot!r}{nearest(robot, self.robots)}; there are: {there}")
+                robots = list_names(list(self.robots))
+                raise InputError(f"{entry}: no robot {robot!r}{spelling_hint(robot, self.robots)}; there are: {robots}")
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        carried = [f"{thing.name} on {thing.on}" for thing in self._things]
+        carried = [f"{item.name} on {item.on}" for item in self._mounted_items]
         return f"<cell of {list_names(list(self.robots))}: {list_names(carried)}>"
 
     @property
-    def _things(self) -> list[CellCamera | CellTarget]:
+    def _mounted_items(self) -> list[CellCamera | CellTarget]:
         return [*self.cameras.values(), *self.targets.values()]
 
     def plate_name(self, plate: str) -> str:
@@ -340,12 +340,12 @@ class Cell:
         Raises:
             FrameNotFound: if the cell has no such camera or target.
         """
-        thing = self.cameras.get(name) or self.targets.get(name)
-        if thing is None:
+        item = self.cameras.get(name) or self.targets.get(name)
+        if item is None:
             raise FrameNotFound(name, [*self.cameras, *self.targets])
-        carrier = f"{self.reference}_base" if thing.on == WORLD else f"{thing.on}_flange"
-        if thing.on in self.plates:
-            carrier = thing.on
+        carrier = f"{self.reference}_base" if item.on == WORLD else f"{item.on}_flange"
+        if item.on in self.plates:
+            carrier = item.on
         return f"{carrier}_from_{name}"
 
     @property
@@ -354,8 +354,8 @@ class Cell:
         others = [robot for robot in self.robots if robot != self.reference]
         named = {self.base_name(robot): self.bases.get(robot, Unknown()) for robot in others}
         named |= {self.plate_name(plate): mount for plate, mount in self.plates.items()}
-        for thing in self._things:
-            named[self.mount_name(thing.name)] = thing.mount
+        for item in self._mounted_items:
+            named[self.mount_name(item.name)] = item.mount
         return named
 
     def with_transform(self, name: str, unknown: Unknown) -> Cell:
@@ -369,6 +369,6 @@ class Cell:
     @property
     def requested_transforms(self) -> list[str]:
         """Names of the requested transforms: the bases that are not fixed, else all transforms that are not fixed."""
-        wanted = [name for name, unknown in self.transforms.items() if unknown.status != "fixed"]
+        unknown_names = [name for name, unknown in self.transforms.items() if unknown.status != "fixed"]
         bases = {self.base_name(robot) for robot in self.robots}
-        return [name for name in wanted if name in bases] or wanted
+        return [name for name in unknown_names if name in bases] or unknown_names

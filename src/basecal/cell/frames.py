@@ -17,7 +17,11 @@ _FROM, _BASE = "_from_", "_base"
 
 
 def base_between(
-    transforms: Mapping[str, PoseEstimate], order: Sequence[str], joint: Array | None, robot: str, other_robot: str
+    transforms: Mapping[str, PoseEstimate],
+    order: Sequence[str],
+    joint_covariance: Array | None,
+    robot: str,
+    other_robot: str,
 ) -> PoseEstimate:
     """Estimate of `<robot>_base_from_<other>_base` with its covariance; see `frame_between`.
 
@@ -28,18 +32,22 @@ def base_between(
     for name in (robot, other_robot):
         if name + _BASE not in bases:
             raise FrameNotFound(name, sorted(base.removesuffix(_BASE) for base in bases))
-    return frame_between(transforms, order, joint, robot + _BASE, other_robot + _BASE)
+    return frame_between(transforms, order, joint_covariance, robot + _BASE, other_robot + _BASE)
 
 
 def frame_between(
-    transforms: Mapping[str, PoseEstimate], order: Sequence[str], joint: Array | None, parent: str, child: str
+    transforms: Mapping[str, PoseEstimate],
+    order: Sequence[str],
+    joint_covariance: Array | None,
+    parent: str,
+    child: str,
 ) -> PoseEstimate:
     """Estimate of `<parent>_from_<child>` with its covariance (6, 6) [m, rad], in the axes of the child.
 
     Args:
         transforms: Estimates by name; each has a rotation.
-        order: Names of the transforms of `joint`; the others are exact.
-        joint: (6 n, 6 n) covariance of the right tangents of `order` [m, rad]; None if all transforms are exact.
+        order: Names of the transforms of `joint_covariance`; the others are exact.
+        joint_covariance: (6 n, 6 n) covariance of the right tangents of `order` [m, rad]; None if all are exact.
         parent: A frame in a transform's name, such as `hand_base`.
         child: Another frame.
 
@@ -52,34 +60,36 @@ def frame_between(
         if frame not in frames:
             raise FrameNotFound(frame, frames)
     rows = {name: 6 * k + np.arange(6) for k, name in enumerate(order)}
-    mean, columns, by = SE3.identity(), [np.zeros(0, dtype=np.int64)], [np.zeros((6, 0))]
+    mean, index_blocks, jacobians = SE3.identity(), [np.zeros(0, dtype=np.int64)], [np.zeros((6, 0))]
     for name, backwards in reversed(_chain(transforms, parent, child)):
         step = transforms[name].mean
-        if joint is not None and name in rows:
-            columns.append(rows[name])
-            carried = mean.inverse().adjoint()
-            by.append(-carried @ step.adjoint() if backwards else carried)
+        if joint_covariance is not None and name in rows:
+            index_blocks.append(rows[name])
+            adjoint = mean.inverse().adjoint()
+            jacobians.append(-adjoint @ step.adjoint() if backwards else adjoint)
         mean = (step.inverse() if backwards else step) @ mean
-    jacobian, at = np.concatenate(by, 1), np.concatenate(columns)
-    covariance = np.zeros((6, 6)) if joint is None else jacobian @ joint[np.ix_(at, at)] @ jacobian.T
+    jacobian, indices = np.concatenate(jacobians, 1), np.concatenate(index_blocks)
+    if joint_covariance is None:
+        return PoseEstimate(mean, np.zeros((6, 6)))
+    covariance = jacobian @ joint_covariance[np.ix_(indices, indices)] @ jacobian.T
     return PoseEstimate(mean, 0.5 * (covariance + covariance.T))
 
 
 def _chain(transforms: Mapping[str, PoseEstimate], parent: str, child: str) -> list[tuple[str, bool]]:
     """Shortest chain of transforms from parent to child, each with whether it is inverted."""
     chains: dict[str, list[tuple[str, bool]]] = {parent: []}
-    waiting = [parent]
-    for frame in waiting:  # grows
+    reached = [parent]
+    for frame in reached:  # grows
         for name in transforms:
             first, second = name.split(_FROM)
             if frame in (first, second):
                 other = second if frame == first else first
                 if other not in chains:
                     chains[other] = [*chains[frame], (name, frame == second)]
-                    waiting.append(other)
+                    reached.append(other)
     if child not in chains:
         raise InputError(
             f"{parent!r} and {child!r} are not rigidly connected by known transforms. "
-            f"Frames rigidly connected to {parent!r}: {', '.join(waiting[1:])}"
+            f"Frames rigidly connected to {parent!r}: {', '.join(reached[1:])}"
         )
     return chains[child]

@@ -45,8 +45,8 @@ class Target:
         sheets: Printed sheets; empty for LEDs and measured points.
         found_by: Detector for images; None if the target is not detected in images.
         tags: The tags whose corners are the points; None if it has none.
-        alike_turned: Whether the target looks the same after a rotation of 180 deg in its plane, which maps point k
-            to point n - 1 - k.
+        has_half_turn_symmetry: Whether the target looks the same after a rotation of 180 deg in its plane. The
+            rotation maps point k to point n - 1 - k.
     """
 
     kind: str
@@ -56,7 +56,7 @@ class Target:
     sheets: tuple[Sheet, ...] = ()
     found_by: Finder | None = None
     tags: Tags | None = None
-    alike_turned: bool = False
+    has_half_turn_symmetry: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ids", read_only_ids(self.ids))

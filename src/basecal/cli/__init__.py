@@ -61,12 +61,13 @@ def build_app(words: Sequence[str] = ()) -> App:
         suppress_keyboard_interrupt=False,
     )
     first = next(iter(words), "")
-    for place, (verb, summary) in enumerate(_VERBS.items()):
+    for position, (verb, summary) in enumerate(_VERBS.items()):
         help_ = None if verb == first else summary
-        app.command(f"basecal.cli.{verb}:{verb}", name=verb, help=help_, sort_key=place)
-    app.command("basecal.cli.importing:app", name="import", help=None if first == "import" else _IMPORT, sort_key=place)
-    about = "Measure what drivers of robots and cameras promise."
-    drivers = App(name="driver", help=about, help_format="plaintext", sort_key=len(_VERBS))
+        app.command(f"basecal.cli.{verb}:{verb}", name=verb, help=help_, sort_key=position)
+    import_help = None if first == "import" else _IMPORT
+    app.command("basecal.cli.importing:app", name="import", help=import_help, sort_key=position)
+    summary = "Measure what drivers of robots and cameras promise."
+    drivers = App(name="driver", help=summary, help_format="plaintext", sort_key=len(_VERBS))
     drivers.command("basecal.cli.driver_check:driver_check", name="check")
     app.command(drivers)
     studies = App(name="study", help_format="plaintext", sort_key=len(_VERBS) + 1)
@@ -91,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Matrices are small: more threads only wait for one another. NumPy reads this at its first import.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if arguments is None:
-        _own_process()
+        _set_up_streams()
     try:
         words = list(normalise_words(sys.argv[1:] if arguments is None else arguments))
         result = build_app(words)(words, exit_on_error=False, print_error=False)
@@ -102,10 +103,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BasecalError as error:
         return _report_failure(error, error.exit_code)
     except BrokenPipeError:  # the reader of the output has closed it
-        _drop_unwritten()
+        _discard_output()
         return 141
     except OSError as error:
-        _drop_unwritten()
+        _discard_output()
         return _report_failure(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
     except KeyboardInterrupt as error:
         return _report_failure(str(error) or "interrupted", 130)
@@ -114,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return result if isinstance(result, int) else 0
 
 
-def _drop_unwritten() -> None:
+def _discard_output() -> None:
     """Discard output that cannot be written; otherwise Python tries again at exit and prints its own error."""
     try:
         if sys.stdout is not None:
@@ -123,18 +124,18 @@ def _drop_unwritten() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _own_process() -> None:
+def _set_up_streams() -> None:
     """Set up the standard streams of a process of its own, so that only this program's messages reach them.
 
     The descriptor of a closed stream is reused by the next opened file, into which libraries would then write. While an
     image is decoded, descriptor 2 is redirected to catch messages of libraries; `sys.stderr` gets another descriptor.
     """
-    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
-    os.close(number)
-    own = sys.__stderr__
-    if own is not None and sys.stderr is own:  # no stream of a notebook, which has no number
-        sys.stderr = open(os.dup(own.fileno()), "w", 1, own.encoding, own.errors)  # noqa: SIM115
+    os.close(descriptor)
+    stderr = sys.__stderr__
+    if stderr is not None and sys.stderr is stderr:  # no stream of a notebook, which has no number
+        sys.stderr = open(os.dup(stderr.fileno()), "w", 1, stderr.encoding, stderr.errors)  # noqa: SIM115
     if not sys.warnoptions:
         import warnings
 

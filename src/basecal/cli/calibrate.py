@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from basecal.cli.detect import detected_recording
-from basecal.cli.next_step import name_cell, next_command, next_step
+from basecal.cli.next_step import fill_in_commands, next_command, next_step
 from basecal.cli.option_types import Box, OpensPage, Point, task_points
-from basecal.cli.page import FILE, StoredRun, show_page, with_kept_scene, write_page
+from basecal.cli.page import FILE, StoredRun, add_stored_scene, show_page, write_page
 from basecal.cli.terminal import print_json, print_stages, progress, say, say_next, say_verdict
 from basecal.errors import UsageError, printable
 from basecal.fields.typed_length import length_m
@@ -98,27 +98,27 @@ def calibrate(
         robot_noise=robot_noise,
         joins_scene=scene == "also",
     )
-    made = calibrate_folder(cell, described, settings, verbose, None if tolerance is None else length_m(tolerance))
+    result = calibrate_folder(cell, described, settings, verbose, None if tolerance is None else length_m(tolerance))
     if json:
-        print_json(calibration_to_dict(name_cell(made.calibration, cell)))
+        print_json(calibration_to_dict(fill_in_commands(result.calibration, cell)))
     else:
-        say_all(made, described, cell, verbose, opens_page)
-    return exit_code(made.calibration)
+        print_result(result, described, cell, verbose, opens_page)
+    return exit_code(result.calibration)
 
 
-def say_all(
+def print_result(
     result: CalibratedFolder, cell: Cell, folder: Path, verbose: bool = False, opens_page: bool = False
 ) -> None:
     """Print a calibration, the path of its page, and the next step."""
     from basecal.cell.files import read_recording
 
-    show(cell, name_cell(result.calibration, folder), verbose)
+    print_calibration(cell, fill_in_commands(result.calibration, folder), verbose)
     show_page(result.run / FILE, opens_page)
     is_refused = result.calibration.verdict == "refused"
     by_scene = result.calibration.settings.get("method") == "scene"
-    missing = next_step(cell, read_recording(folder, cell), folder, by_scene) if is_refused else None
-    if missing:
-        say(missing)
+    next_import = next_step(cell, read_recording(folder, cell), folder, by_scene) if is_refused else None
+    if next_import:
+        say(next_import)
     else:
         say_next(next_command(cell, result.calibration, folder))
 
@@ -169,7 +169,7 @@ def calibrate_folder(
     cell: Cell,
     settings: Settings | None = None,
     verbose: bool = False,
-    needed_m: float | None = None,
+    tolerance_m: float | None = None,
 ) -> CalibratedFolder:
     """Calibrate the recording of a cell's folder and write the run."""
     from dataclasses import replace
@@ -190,12 +190,12 @@ def calibrate_folder(
     with progress("calibrating") as notify:
         stages = Stages(notify)
         calibration = calibrated(cell, recording, replace(settings or Settings(), stages=stages))
-        asked = calibration.settings if needed_m is None else {**calibration.settings, "tolerance_m": needed_m}
-        calibration = replace(calibration, settings=asked, inputs=inputs, versions=used_versions())
+        used = calibration.settings if tolerance_m is None else {**calibration.settings, "tolerance_m": tolerance_m}
+        calibration = replace(calibration, settings=used, inputs=inputs, versions=used_versions())
         stored = calibration_from_dict(calibration_to_dict(calibration))  # with the same digits as `report` reads
         with stages.stage("report"):
             recording = synchronous(cell, recording, stored)
-            shown = with_kept_scene(cell, recording, stored, calibration.scene)
+            shown = add_stored_scene(cell, recording, stored, calibration.scene)
             details = fit_details(*shown, stored)
             calibration = replace(calibration, tolerance=check_tolerance(cell, stored, details.errors))
             stored = replace(stored, tolerance=calibration.tolerance)
@@ -211,11 +211,11 @@ def recalibrate_folder(folder: Path, cell: Cell, calibration: Calibration) -> Ca
     """Calibrate a cell's folder with the settings and the tolerance of an earlier calibration."""
     from basecal.estimation.settings import Settings
 
-    asked = calibration.settings
-    return calibrate_folder(folder, cell, Settings.from_dict(asked), needed_m=asked.get("tolerance_m"))
+    settings = calibration.settings
+    return calibrate_folder(folder, cell, Settings.from_dict(settings), tolerance_m=settings.get("tolerance_m"))
 
 
-def show(cell: Cell, calibration: Calibration, verbose: bool = False) -> None:
+def print_calibration(cell: Cell, calibration: Calibration, verbose: bool = False) -> None:
     """Print the summary of a calibration, or the whole report."""
     from basecal.reporting.statement.verdict import COLOURS, verdict_word
     from basecal.reporting.summary import summary

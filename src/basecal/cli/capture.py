@@ -10,10 +10,18 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
-from basecal.cli.capture_plan import SAMPLES, capture_plan, checked_plan, known_sketch, refuse, say_plan, say_ways
+from basecal.cli.capture_plan import (
+    DEFAULT_SAMPLES,
+    capture_plan,
+    check_whole_plan,
+    known_sketch,
+    refuse_plan,
+    say_plan,
+    say_ways,
+)
 from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
-from basecal.cli.connecting import ASKING, Connecting, allowed_rig
+from basecal.cli.connecting import ASK_FIRST, ConnectionOptions, allowed_rig
 from basecal.cli.option_types import Box, Point, Port, Seed, number_range
 from basecal.cli.replanning import Replanner, Task, requested_task
 from basecal.cli.terminal import print_json, quote_path, say, say_next
@@ -21,9 +29,9 @@ from basecal.errors import UsageError
 from basecal.fields.typed_length import length_m
 from basecal.planning.patterns import PATTERNS
 
-_PLANS = 20  # largest number of plans that are tried for a task until one is accepted
+_MOST_PLANS = 20  # largest number of plans that are tried for a task until one is accepted
 _SHIFTS = "shifts"
-_FASTEST_M_S = 2.0  # largest speed limit of any point of an arm
+_MOST_SPEED_M_S = 2.0  # largest speed limit of any point of an arm
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,7 +47,7 @@ if TYPE_CHECKING:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Moving:
+class MotionOptions:
     """Limits of the motion of arms.
 
     Attributes:
@@ -64,12 +72,12 @@ class Moving:
         from basecal.planning.plan_check import SpeedLimits
 
         tool_m_s = length_m(self.tool_speed_limit, "--tool-speed-limit", "250mm/s", suffix="/s")
-        if tool_m_s > _FASTEST_M_S:
-            raise UsageError(f"--tool-speed-limit {self.tool_speed_limit}: expected at most {_FASTEST_M_S:g} m/s")
+        if tool_m_s > _MOST_SPEED_M_S:
+            raise UsageError(f"--tool-speed-limit {self.tool_speed_limit}: expected at most {_MOST_SPEED_M_S:g} m/s")
         return SpeedLimits(radians(self.speed_limit_deg_s), tool_m_s)
 
 
-_USUAL = Moving()
+_DEFAULT_MOTION = MotionOptions()
 
 
 def capture(
@@ -86,8 +94,8 @@ def capture(
     freedrive: bool = False,
     dry_run: bool = False,
     more: bool = False,
-    moving: Moving = _USUAL,
-    connecting: Connecting = ASKING,
+    moving: MotionOptions = _DEFAULT_MOTION,
+    connecting: ConnectionOptions = ASK_FIRST,
     seed: Seed = 0,
     stop_on_disagreement: bool = False,
     web: bool = False,
@@ -155,21 +163,21 @@ def capture(
         json: Print the captured samples as JSON.
     """
     if moving.touch:
-        return capture_touches(cell, connecting, json, has_others=go or dry_run or freedrive or web)
-    task = _checked_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
-    sketch, count, limits = known_sketch(cell, freedrive), samples or SAMPLES, moving.limits
-    with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
-        wanted: Sequence[Sample] = ()
+        return capture_touches(cell, connecting, json, has_other_options=go or dry_run or freedrive or web)
+    task = _check_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
+    sketch, count, limits = known_sketch(cell, freedrive), samples or DEFAULT_SAMPLES, moving.limits
+    with ExitStack() as contexts, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
+        chosen: Sequence[Sample] = ()
         replanner = Replanner(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
         if not freedrive:
-            wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), samples, seed, replanner, task, more)
-            wanted = _check_capture(rig, sketch, wanted, is_new, moving, replanner, go=go, dry_run=dry_run, quiet=json)
+            chosen, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), samples, seed, replanner, task, more)
+            chosen = _check_capture(rig, sketch, chosen, is_new, moving, replanner, go=go, dry_run=dry_run, quiet=json)
             if not go:
-                return _finish_plan(cell, wanted, json)
-            wanted = _store_plan(cell, sketch, wanted, is_new)
-        view = shown.enter_context(capture_view(rig, sketch.cell, cell, web, port, quiet=json))
-        by = _taker(rig, sketch, cell, limits, view, stop_on_disagreement)
-        steps = _take_samples(by, wanted, count if freedrive else None, replanner, view, stop_on_disagreement)
+                return _report_plan(cell, chosen, json)
+            chosen = _store_plan(cell, sketch, chosen, is_new)
+        view = contexts.enter_context(capture_view(rig, sketch.cell, cell, web, port, quiet=json))
+        taker = _taker(rig, sketch, cell, limits, view, stop_on_disagreement)
+        steps = _take_samples(taker, chosen, count if freedrive else None, replanner, view, stop_on_disagreement)
         view.watch.end(_outcome(steps, replanner, f"basecal calibrate {quote_path(cell)}"))
     return _summarise(cell, steps, replanner, json)
 
@@ -179,7 +187,7 @@ def _check_capture(
     sketch: Sketch,
     plan: Sequence[Sample],
     is_new: bool,
-    moving: Moving,
+    moving: MotionOptions,
     replanner: Replanner | None,
     *,
     go: bool,
@@ -197,23 +205,23 @@ def _check_capture(
     if go:
         check_cameras(rig)
         check_guarantees(rig, moving.accept_no_watchdog)
-    found = checked_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
-    for _ in range(_PLANS):
-        if replanner is None or not found.refusals:
+    plan_check = check_whole_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
+    for _ in range(_MOST_PLANS):
+        if replanner is None or not plan_check.refusals:
             break
-        refused = {refusal.sample for refusal in found.refusals}
+        refused = {refusal.sample for refusal in plan_check.refusals}
         plan = replanner.exclude([sample for sample in plan if sample.sample in refused])
-        found = checked_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
+        plan_check = check_whole_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
     if not quiet:
         if dry_run:
-            say_ways(found)
-        if not found.refusals:
-            say_plan(rig, sketch, plan, is_new, found, go, replanner)
-    refuse(found, len(plan))
+            say_ways(plan_check)
+        if not plan_check.refusals:
+            say_plan(rig, sketch, plan, is_new, plan_check, go, replanner)
+    refuse_plan(plan_check, len(plan))
     return plan
 
 
-def _checked_task(
+def _check_task(
     task_point: Point | None,
     task_box: Box | None,
     tolerance: str | None,
@@ -262,24 +270,25 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
 def _take_samples(
     taker: Taker,
     plan: Sequence[Sample],
-    led: int | None,
-    replan: Replanner | None,
+    guided_count: int | None,
+    replanner: Replanner | None,
     view: CaptureView,
-    stops: bool = False,
+    stops_on_disagreement: bool,
 ) -> list[Step]:
     """Take the samples of a plan, or at poses to which a person guides the arms, and return their results."""
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.capture import capture_by_hand
 
-    found: list[Step] = []
-    for step in captured(taker, plan, replan) if led is None else capture_by_hand(taker, led, view.key):
-        found.append(step)
-        view.note(step, len(found))
-        if replan is not None:
-            view.watch.note_error(replan.tolerance_m, replan.error_m)
-        if stops and any(doubt.is_lasting for doubt in step.doubts):
+    steps: list[Step] = []
+    taking = captured(taker, plan, replanner) if guided_count is None else capture_by_hand(taker, guided_count, view.key)
+    for step in taking:
+        steps.append(step)
+        view.note(step)
+        if replanner is not None:
+            view.watch.note_error(replanner.tolerance_m, replanner.error_m)
+        if stops_on_disagreement and any(doubt.is_lasting for doubt in step.doubts):
             break
-    return found
+    return steps
 
 
 def _store_plan(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bool) -> Sequence[Sample]:
@@ -307,7 +316,7 @@ def _taker(
     )
 
 
-def _finish_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:
+def _report_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:
     if json:
         print_json({"cell": str(cell), "planned": len(samples), "captured": [], "given_up": []})
     return 0
@@ -332,9 +341,9 @@ def _outcome(steps: Sequence[Step], replanner: Replanner | None, command: str) -
         return End("PASS" if replanner.is_reached else "FAIL", replanner.words(), command)
     if doubts:
         return End("DOUBTFUL", doubts[0], command)
-    counted = f"{len(steps) - len(missing)} of {len(steps)} samples taken"
-    first = f"; the first missing one: {missing[0].why_not}" if missing else ""
-    return End("DOUBTFUL" if missing else "GOOD", f"{counted}{first}", command)
+    count_text = f"{len(steps) - len(missing)} of {len(steps)} samples taken"
+    first_reason = f"; the first missing one: {missing[0].why_not}" if missing else ""
+    return End("DOUBTFUL" if missing else "GOOD", f"{count_text}{first_reason}", command)
 
 
 def _summarise(cell: Path, steps: Sequence[Step], replanner: Replanner | None, json: bool) -> int:

@@ -21,23 +21,23 @@ if TYPE_CHECKING:
     from basecal.planning.sketch import Sketch
 
 _CELL = "cell.yaml"
-SAMPLES = 25  # default number
-_SHOWN_SAMPLES = 20  # printed refusals, one per line
+DEFAULT_SAMPLES = 25
+_SHOWN_REFUSALS = 20  # printed refusals, one per line
 
 
-def known_sketch(folder: Path, is_led: bool = False) -> Sketch:
+def known_sketch(folder: Path, is_guided: bool = False) -> Sketch:
     """The sketch of a cell from its latest run if that can be trusted, otherwise from its statement.
 
     Args:
         folder: The cell's folder.
-        is_led: Whether a person guides the arms, so that a target need not be visible in a cell with a scene.
+        is_guided: Whether a person guides the arms, so that a target need not be visible in a cell with a scene.
     """
     from basecal.cell.files import read_cell
     from basecal.planning.prospects import calibrated_sketch
     from basecal.planning.sketch import hand_guided_sketch
 
     cell = read_cell(folder)
-    if is_led and cell.sees_scene:
+    if is_guided and cell.sees_scene:
         return hand_guided_sketch(cell)
     return calibrated_sketch(cell, _trusted_calibration(folder, cell))
 
@@ -49,11 +49,11 @@ def _trusted_calibration(folder: Path, cell: Cell) -> Calibration | None:
     run = latest_run(folder)
     if run is None:
         return None
-    known = read_calibration(run)
-    is_current = known.inputs.get(_CELL) == input_hashes(folder, cell).get(_CELL)
-    verified = [each.moved for each in read_verifications(folder) if each.run == run.name]
-    has_moved = bool(verified) and verified[-1] is not False
-    return known if is_current and known.verdict == "good" and not has_moved else None
+    calibration = read_calibration(run)
+    is_current = calibration.inputs.get(_CELL) == input_hashes(folder, cell).get(_CELL)
+    moves = [each.moved for each in read_verifications(folder) if each.run == run.name]
+    has_moved = bool(moves) and moves[-1] is not False
+    return calibration if is_current and calibration.verdict == "good" and not has_moved else None
 
 
 def capture_plan(
@@ -65,35 +65,36 @@ def capture_plan(
     seed: int,
     replanner: Replanner | None = None,
     task: Task | None = None,
-    is_continued: bool = True,
+    allows_more: bool = True,
 ) -> tuple[Sequence[Sample], bool]:
     """The rest of an interrupted plan, or a new plan, and whether it is new."""
     from basecal.acquisition.capture import remaining_samples
     from basecal.acquisition.rig import starting_states
     from basecal.cell.files import read_plan
     from basecal.cli.replanning import shifts_for_task
-    from basecal.errors import nearest
+    from basecal.errors import spelling_hint
 
     if replanner is not None:
         return replanner.samples, True
-    left = remaining_samples(folder, sketch.cell)
-    if left:
-        return left, False
-    count = samples or SAMPLES
-    seed += _finished_count(folder, sketch, count, is_continued)
+    remaining = remaining_samples(folder, sketch.cell)
+    if remaining:
+        return remaining, False
+    count = samples or DEFAULT_SAMPLES
+    seed += _finished_count(folder, sketch, count, allows_more)
     if pattern not in PATTERNS:
         if not Path(pattern).is_file():
             names = ", ".join(PATTERNS)
-            raise InputError(f"no pattern {pattern!r}{nearest(pattern, PATTERNS)}; it is one of {names}, or a file")
+            hint = spelling_hint(pattern, PATTERNS)
+            raise InputError(f"no pattern {pattern!r}{hint}; it is one of {names}, or a file")
         return read_plan(pattern, folder, sketch.cell), True
     home = starting_states(rig, sketch)
     if task is not None:
-        most = count if task.tolerance_m is None else samples
-        return shifts_for_task(task, sketch.cell, folder, home, most, seed), True
+        max_count = count if task.tolerance_m is None else samples
+        return shifts_for_task(task, sketch.cell, folder, home, max_count, seed), True
     return PATTERNS[pattern](sketch, home, count, seed), True
 
 
-def _finished_count(folder: Path, sketch: Sketch, count: int, is_continued: bool) -> int:
+def _finished_count(folder: Path, sketch: Sketch, count: int, allows_more: bool) -> int:
     """Number of recorded samples of a finished capture, 0 if there is none, which changes the seed of further ones.
 
     Raises:
@@ -104,13 +105,13 @@ def _finished_count(folder: Path, sketch: Sketch, count: int, is_continued: bool
     recorded = finished_count(folder, sketch.cell)
     if recorded is None:
         return 0
-    if not is_continued:
+    if not allows_more:
         samples = f"{recorded} sample{' is' if recorded == 1 else 's are'} recorded"
         raise UsageError(f"The plan is finished: {samples}. Add --more to record {count} more")
     return recorded
 
 
-def checked_plan(
+def check_whole_plan(
     rig: Rig, sketch: Sketch, plan: Sequence[Sample], limits: SpeedLimits, asks_controllers: bool
 ) -> PlanCheck:
     """Check every sample and motion of a plan; robots that the program does not move are left out.
@@ -125,18 +126,18 @@ def checked_plan(
     from basecal.acquisition.rig import goal_checks, movers
     from basecal.planning.plan_check import check_plan
 
-    sent = movers(rig)
-    home = {name: robot.state().state for name, robot in rig.robots.items() if robot.is_live or name in sent}
-    return check_plan(sketch, home, plan, limits, goal_checks(sent if asks_controllers else dict.fromkeys(sent)))
+    drivers = movers(rig)
+    home = {name: robot.state().state for name, robot in rig.robots.items() if robot.is_live or name in drivers}
+    return check_plan(sketch, home, plan, limits, goal_checks(drivers if asks_controllers else dict.fromkeys(drivers)))
 
 
-def refuse(plan_check: PlanCheck, samples: int) -> None:
+def refuse_plan(plan_check: PlanCheck, samples: int) -> None:
     """Print why samples of a plan are refused.
 
     Raises:
         InputError: if any sample is refused.
     """
-    for refusal in plan_check.refusals[:_SHOWN_SAMPLES]:
+    for refusal in plan_check.refusals[:_SHOWN_REFUSALS]:
         say(str(refusal), sys.stderr)
     if plan_check.refusals:
         bad = len({refusal.sample for refusal in plan_check.refusals})
@@ -160,47 +161,47 @@ def say_plan(
         say(f"{'' if replanner is None else f'{replanner.words()}; '}nothing will move")
         return
     moving = list(movers(rig))
-    led = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
+    guided = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
     camera, target = sketch.view
-    begun = "" if is_new else "continues the interrupted plan: "
+    prefix = "" if is_new else "continues the interrupted plan: "
     say(
-        f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move{_speeds(plan_check)}, "
-        f"with {target} in view of {camera} at every stop; {_ways(plan_check)}"
+        f"{prefix}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move{_speed_text(plan_check)}, "
+        f"with {target} in view of {camera} at every stop; {_clearance_text(plan_check)}"
     )
     for name in {way.robot for way in plan_check.paths if way.gaps}:
         for problem in robot_capsules(sketch, name)[1]:
             say(f"WARNING: {name}: {problem}. A line with a radius of 60 mm is checked instead")
     if replanner is not None:
         say(replanner.words())
-    if led:
-        say(f"{' and '.join(led)} will be guided by hand: a sample is taken when all are at rest at a new pose")
+    if guided:
+        say(f"{' and '.join(guided)} will be guided by hand: a sample is taken when all are at rest at a new pose")
     if not go and not rig.cameras:
         say("nothing has moved: no camera has a `driver`. Add it to cell.yaml before --go")
     elif not go:
         say("nothing has moved: add --go, with a hand on the emergency stop")
 
 
-def _speeds(plan_check: PlanCheck) -> str:
+def _speed_text(plan_check: PlanCheck) -> str:
     if not plan_check.paths:
         return ""
     joint, tool = max(way.joint_rad_s for way in plan_check.paths), max(way.tool_m_s for way in plan_check.paths)
     return f", no joint faster than {degrees(joint):.3g} deg/s and no point faster than {1e3 * tool:.0f} mm/s"
 
 
-def _ways(plan_check: PlanCheck) -> str:
+def _clearance_text(plan_check: PlanCheck) -> str:
     """Text with the least clearances between robots and of robots from boxes."""
     gaps = sorted((gap for way in plan_check.paths for gap in way.gaps), key=lambda gap: -gap.gap_m)
     least = {(gap.robot, gap.other): f"{1e3 * gap.gap_m:.0f} mm between {gap.robot} and {gap.other}" for gap in gaps}
-    known = ", ".join(least.values())
-    return f"least clearance of motions: {known}; nothing else is checked" if known else "the motions are not checked"
+    text = ", ".join(least.values())
+    return f"least clearance of motions: {text}; nothing else is checked" if text else "the motions are not checked"
 
 
 def say_ways(plan_check: PlanCheck) -> None:
     """Print each robot's motion to each sample with its speeds and clearances, and which samples are refused."""
-    why = {refusal.sample for refusal in plan_check.refusals}
+    refused_samples = {refusal.sample for refusal in plan_check.refusals}
     say("sample  robot       joint deg/s  tool mm/s  clearance mm")
     for way in plan_check.paths:
         gaps = [f"{gap.other if gap.robot == way.robot else gap.robot} {1e3 * gap.gap_m:.0f}" for gap in way.gaps]
         speeds = f"{degrees(way.joint_rad_s):11.1f}  {1e3 * way.tool_m_s:9.0f}"
-        verdict = "  refused" if way.sample in why else ""
+        verdict = "  refused" if way.sample in refused_samples else ""
         say(f"{way.sample:6d}  {way.robot:10s}  {speeds}  {', '.join(gaps)}{verdict}")

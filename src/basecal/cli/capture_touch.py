@@ -5,28 +5,28 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from basecal.cli.connecting import Connecting, allowed_rig
+from basecal.cli.connecting import ConnectionOptions, allowed_rig
 from basecal.cli.terminal import print_json, quote_path, say, say_next
 from basecal.errors import UsageError
 
 
-def capture_touches(cell: Path, connecting: Connecting, json: bool, has_others: bool = False) -> int:
+def capture_touches(cell: Path, connecting: ConnectionOptions, json: bool, has_other_options: bool) -> int:
     """Record touches until the person ends, and return the exit code.
 
     Raises:
-        UsageError: if `has_others`, options for other ways to take samples.
+        UsageError: if options for other ways to take samples are given (`has_other_options`).
     """
     from basecal.acquisition.hand_guided_touches import take_touches
     from basecal.cell.files import read_cell
 
-    if has_others:
+    if has_other_options:
         raise UsageError("--touch only records touches: leave --go, --dry-run, --freedrive and --web out")
     described, taken = read_cell(cell), list[int]()
     with allowed_rig(described, cell, connecting) as rig:
         for sample in take_touches(rig, described, cell, sys.stdin.readline, lambda words: say(words, sys.stderr)):
             taken.append(sample.sample)
-            for seen in sample.observations if not json else ():
-                say(f"sample {sample.sample}: {seen.camera} at {seen.target}")
+            for touch in sample.observations if not json else ():
+                say(f"sample {sample.sample}: {touch.camera} at {touch.target}")
     if json:
         print_json({"cell": str(cell), "captured": taken})
     else:

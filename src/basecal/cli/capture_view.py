@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from basecal.acquisition.watching import Watch
     from basecal.cell import Cell
 
-_A_SECOND = 4  # updates of the live view
+_UPDATES_PER_S = 4  # updates of the live view
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +41,11 @@ class CaptureView:
         if self.has_lines:
             say(words)
 
-    def note(self, step: Step, place: int) -> None:
+    def note(self, step: Step) -> None:
         """Report the result of a sample."""
         self.watch.note(step)
         if self.has_lines:
-            say_step(step, place)
+            say_step(step)
 
 
 @contextmanager
@@ -68,30 +68,30 @@ def capture_view(rig: Rig, cell: Cell, folder: Path, web: bool, port: int, quiet
 
     watch = Watch()
     rig.arms.show = watch.note_state
-    with ExitStack() as shown:
+    with ExitStack() as contexts:
         if web:
             from basecal.reporting.live.page import serve_page
 
             say(
-                f"the capture is shown at {shown.enter_context(serve_page(watch, cell, rig.request_stop, port))}",
+                f"the capture is shown at {contexts.enter_context(serve_page(watch, cell, rig.request_stop, port))}",
                 sys.stderr,
             )
-        live = [*(each.is_live for each in rig.robots.values()), *(each.is_live for each in rig.cameras.values())]
-        is_asked = not all(live)
-        is_seen = is_terminal(sys.stdout) and not quiet and not is_asked
-        key = (lambda: "") if is_asked else shown.enter_context(pressed_keys())
-        if is_seen:
+        is_live = [*(each.is_live for each in rig.robots.values()), *(each.is_live for each in rig.cameras.values())]
+        asks_on_terminal = not all(is_live)
+        has_live_view = is_terminal(sys.stdout) and not quiet and not asks_on_terminal
+        key = (lambda: "") if asks_on_terminal else contexts.enter_context(pressed_keys())
+        if has_live_view:
             from rich.live import Live
 
             from basecal.reporting.live.terminal import terminal_view
 
-            shown.enter_context(
-                Live(get_renderable=lambda: terminal_view(watch.snapshot), refresh_per_second=_A_SECOND)
+            contexts.enter_context(
+                Live(get_renderable=lambda: terminal_view(watch.snapshot), refresh_per_second=_UPDATES_PER_S)
             )
         try:
-            yield CaptureView(watch, key, not is_seen and not quiet)
+            yield CaptureView(watch, key, not has_live_view and not quiet)
         except KeyboardInterrupt:
-            words = f"interrupted: {_kept_words(folder)}, and the same command goes on"
+            words = f"interrupted: {_kept_text(folder)}, and the same command goes on"
             watch.end(End("STOPPED", sentence(words)))
             raise KeyboardInterrupt(words) from None
         except BaseException as error:
@@ -99,21 +99,21 @@ def capture_view(rig: Rig, cell: Cell, folder: Path, web: bool, port: int, quiet
             raise
 
 
-def _kept_words(folder: Path) -> str:
+def _kept_text(folder: Path) -> str:
     """Text with the number of samples in the recording; each line is written when its sample is complete."""
     path = folder / "recording" / "samples.jsonl"
     count = len(path.read_bytes().splitlines()) if path.is_file() else 0
     return "1 sample is kept" if count == 1 else f"{count} samples are kept"
 
 
-def say_step(step: Step, place: int) -> None:
+def say_step(step: Step) -> None:
     """Print the result of a sample."""
     from basecal.reporting.statement.verdict import error_text
 
     sigma = "" if step.sigma is None else f"; base known to {error_text(*step.sigma)} (1 sigma, 3-D norm)"
-    said = f"not taken: {step.why_not}" if step.why_not else f"taken, {100 * step.coverage.share:.0f} % of the image"
+    result = f"not taken: {step.why_not}" if step.why_not else f"taken, {100 * step.coverage.share:.0f} % of the image"
     advice = step.coverage.advice(step.taken)
-    say(f"{step.taken:4d}/{step.planned} sample {step.sample}: {said}{sigma}{'; ' + advice if advice else ''}")
+    say(f"{step.taken:4d}/{step.planned} sample {step.sample}: {result}{sigma}{'; ' + advice if advice else ''}")
     for doubt in step.doubts:
         say(f"  {'WARNING' if doubt.is_lasting else 'check'}: {doubt.message}")
 
@@ -129,10 +129,10 @@ def pressed_keys() -> Iterator[Callable[[], str]]:
     import termios
     import tty
 
-    number = stream.fileno()
-    before = termios.tcgetattr(number)
-    tty.setcbreak(number)
+    descriptor = stream.fileno()
+    attributes = termios.tcgetattr(descriptor)
+    tty.setcbreak(descriptor)
     try:
         yield lambda: stream.read(1) if select.select([stream], [], [], 0)[0] else ""
     finally:
-        termios.tcsetattr(number, termios.TCSADRAIN, before)
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, attributes)

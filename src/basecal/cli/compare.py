@@ -37,12 +37,12 @@ def compare(*runs: Path, json: bool = False) -> int:
         raise CycloptsError(msg="give two or more runs: basecal compare RUN RUN")
     names = [str(run) for run in runs]
     first, *others = [read_calibration(find_run(run)) for run in runs]
-    found = [compared(first, other) for other in others]
-    agree = all(each.agree for each in found)
+    comparisons = [compared(first, other) for other in others]
+    agree = all(each.agree for each in comparisons)
     if json:
-        print_json(comparison_dict(names, found))
+        print_json(comparison_dict(names, comparisons))
     else:
-        say_verdict(comparison_text(names, found), "good" if agree else "refused")
+        say_verdict(comparison_text(names, comparisons), "good" if agree else "refused")
         last = runs[-1]
         cell = last if (last / "cell.yaml").is_file() else last.parent.parent
         say_next(f"the figures of a run: basecal report {quote_path(cell)}")

@@ -9,7 +9,7 @@ from typing import Literal
 
 from basecal.cli.terminal import say
 
-_WIDE = 10_000  # characters of a line, which `man` wraps
+_LINE_LENGTH = 10_000  # characters of a line, which `man` wraps
 _HEADING = re.compile(r"(Usage|Arguments|Parameters|Commands):( .*)?$")
 _ENTRY = re.compile(r"  (\S.*?): (.*)")
 _BUILT_IN = ("--help", "-h", "--version")
@@ -24,12 +24,12 @@ def manual() -> str:
         ".SH NAME",
         r"basecal \- poses of robot bases relative to each other, with covariance",
     ]
-    lines += [".SH SYNOPSIS", ".B basecal", ".I VERB", "[OPTIONS]", ".SH DESCRIPTION", *_body(_help_text([]))]
+    lines += [".SH SYNOPSIS", ".B basecal", ".I VERB", "[OPTIONS]", ".SH DESCRIPTION", *_roff_lines(_help_text([]))]
     for verb, app in build_app().resolved_commands().items():
         kinds = [name for name in app.resolved_commands() if name not in _BUILT_IN]
         if verb not in _BUILT_IN:
             for words in ([verb], *([verb, kind] for kind in kinds)):
-                lines += [f".SH basecal {' '.join(words)}".replace("-", r"\-"), *_body(_help_text(words))]
+                lines += [f".SH basecal {' '.join(words)}".replace("-", r"\-"), *_roff_lines(_help_text(words))]
     return "\n".join(lines) + "\n"
 
 
@@ -41,11 +41,11 @@ def _help_text(words: Sequence[str]) -> str:
 
     app, text = build_app(words), io.StringIO()
     app.help_formatter = "plain"
-    app.help_print(list(words), console=Console(file=text, width=_WIDE, no_color=True, highlight=False))
+    app.help_print(list(words), console=Console(file=text, width=_LINE_LENGTH, no_color=True, highlight=False))
     return text.getvalue()
 
 
-def _body(text: str) -> Iterator[str]:
+def _roff_lines(text: str) -> Iterator[str]:
     """Lines of help as roff requests: headings, options with their help, and examples without wrapping."""
     is_list = False
     for line in text.splitlines():
@@ -85,14 +85,13 @@ def completion(kind: Literal["bash", "zsh", "fish", "man"], /) -> int:
     Args:
         kind: The shell, or man for the manual page.
     """
-    say(script(kind))
+    say(completion_text(kind))
     return 0
 
 
-def script(kind: Literal["bash", "zsh", "fish", "man"]) -> str:
+def completion_text(kind: Literal["bash", "zsh", "fish", "man"]) -> str:
     """The completion script of a shell, or the manual page."""
     from basecal.cli import build_app
-    from basecal.cli.completion import manual
 
     if kind == "man":
         return manual().rstrip("\n")

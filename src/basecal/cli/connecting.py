@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Connecting:
+class ConnectionOptions:
     """Permissions for connections of a cell.
 
     Attributes:
@@ -35,12 +35,12 @@ class Connecting:
     allow_plaintext: bool = False
 
 
-ASKING = Connecting()
+ASK_FIRST = ConnectionOptions()
 """Default permissions of the command line."""
 
 
 @contextmanager
-def allowed_rig(cell: Cell, folder: Path, connecting: Connecting) -> Iterator[Rig]:
+def allowed_rig(cell: Cell, folder: Path, connecting: ConnectionOptions) -> Iterator[Rig]:
     """The rig of a cell, opened after confirmation, see `open_rig`, and locked against other processes.
 
     Raises:
@@ -56,7 +56,7 @@ def allowed_rig(cell: Cell, folder: Path, connecting: Connecting) -> Iterator[Ri
         yield rig
 
 
-def allow_drivers(cell: Cell, folder: Path, connecting: Connecting, name: str | None = None) -> None:
+def allow_drivers(cell: Cell, folder: Path, connecting: ConnectionOptions, name: str | None = None) -> None:
     """Ask for permission for the connections of a cell's drivers, or of one driver, and for their passwords.
 
     Raises:
@@ -66,9 +66,9 @@ def allow_drivers(cell: Cell, folder: Path, connecting: Connecting, name: str | 
     from basecal.acquisition.reaching import external_resources, missing_secrets
     from basecal.acquisition.rig import openers
 
-    found = [opener for opener in openers(cell, folder) if name in (None, opener[1].name)]
-    allow_places(folder, external_resources(found), connecting.yes)
-    for secret in missing_secrets(found):
+    drivers = [driver for driver in openers(cell, folder) if name in (None, driver[1].name)]
+    allow_places(folder, external_resources(drivers), connecting.yes)
+    for secret in missing_secrets(drivers):
         if not can_ask():
             raise UsageError(f"the password of {printable(secret.owner)} is missing: put it into {secret.variable}")
         os.environ[secret.variable] = getpass(f"password of {printable(secret.owner)}: ")

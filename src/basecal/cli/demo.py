@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from basecal.cli.calibrate import calibrate_folder, exit_code, show
+from basecal.cli.calibrate import calibrate_folder, exit_code, print_calibration
 from basecal.cli.option_types import OpensPage
 from basecal.cli.page import FILE, show_page
 from basecal.cli.simulate import refuse_existing
@@ -16,14 +16,14 @@ from basecal.cli.terminal import print_json, quote_path, say
 if TYPE_CHECKING:
     from basecal.geometry import SE3, PoseEstimate
 
-_MARK = ".made-by-basecal-demo"
+_MARKER_FILE = ".made-by-basecal-demo"
 _BASE = "eye_base_from_hand_base"
 _SAMPLES = {"poses": 25, "shifts": 35}  # by pattern; shifts are five stations of seven
 _SPEED_DEG_S = 120.0  # speed of simulated arms, without a person near them
 _FILES = ("cell.yaml", "truth.yaml", *(f"recording/{name}.jsonl" for name in ("samples", "plan", "given_up")))
 _FOLDERS = ("recording/images", "derived", "runs")
-_LIMIT = 16.8  # 99 % limit of chi-square with six degrees of freedom
-_UNIT = {"t": (1e3, "mm"), "r": (57.29577951308232, "deg")}
+_CHI_SQUARE_LIMIT = 16.8  # 99 % limit of chi-square with six degrees of freedom
+_UNITS = {"t": (1e3, "mm"), "r": (57.29577951308232, "deg")}
 
 
 def demo(
@@ -64,31 +64,31 @@ def demo(
     closed_form = None
     if led:
         closed_form = calibrate_folder(folder, cell, Settings(method="axis-shift")).calibration.transforms.get(_BASE)
-    found = calibrate_folder(folder, cell, Settings())
-    estimate = found.calibration.transforms.get(_BASE)
+    result = calibrate_folder(folder, cell, Settings())
+    estimate = result.calibration.transforms.get(_BASE)
     error = true_error(estimate, truth) if estimate else None
     if json:
-        answer = calibration_to_dict(found.calibration)
+        calibration_data = calibration_to_dict(result.calibration)
         others = {"closed_form_error": true_error(closed_form, truth)} if closed_form else {}
-        print_json({"folder": str(folder), "calibration": answer, "true_error": {_BASE: error}, **others})
+        print_json({"folder": str(folder), "calibration": calibration_data, "true_error": {_BASE: error}, **others})
     else:
-        show(cell, found.calibration)
-        show_page(found.run / FILE, opens_page)
+        print_calibration(cell, result.calibration)
+        show_page(result.run / FILE, opens_page)
         if closed_form:
             say(_comparison(closed_form, true_error(closed_form, truth), "the paper's closed form"))
         say(_comparison(estimate, error, "maximum likelihood" if led else _BASE) if estimate and error else "")
         own = "for your own robots: basecal new mycell"
         say(f"\nnext: look into {folder / 'cell.yaml'}; basecal report {quote_path(folder)}; {own}")
-    return exit_code(found.calibration)
+    return exit_code(result.calibration)
 
 
 def _capture(folder: Path, pattern: str, quiet: bool) -> None:
     from basecal.cli.capture import captured_steps
     from basecal.cli.capture_view import say_step
 
-    for place, step in enumerate(captured_steps(folder, pattern, _SAMPLES[pattern], _SPEED_DEG_S), start=1):
+    for step in captured_steps(folder, pattern, _SAMPLES[pattern], _SPEED_DEG_S):
         if not quiet:
-            say_step(step, place)
+            say_step(step)
 
 
 def _prepare(folder: Path) -> None:
@@ -102,12 +102,12 @@ def _prepare(folder: Path) -> None:
 
     for name in (*_FILES, *_FOLDERS):
         own_file(folder, name)
-    if (folder / _MARK).exists():
+    if (folder / _MARKER_FILE).exists():
         for name in _FILES:
             (folder / name).unlink(missing_ok=True)
     refuse_existing(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / _MARK).touch()
+    (folder / _MARKER_FILE).touch()
 
 
 def true_error(estimate: PoseEstimate, truth: SE3) -> dict[str, Any]:
@@ -134,17 +134,18 @@ def _comparison(estimate: PoseEstimate, error: dict[str, Any], subject: str) -> 
 
     lines = ["", f"{subject} against the truth, along x y z of hand_base:"]
     for half, sigma in (("t", estimate.sigma_t), ("r", estimate.sigma_r)):
-        scale, unit = _UNIT[half]
-        off = error["t_m" if half == "t" else "r_rad"]
+        scale, unit = _UNITS[half]
+        error_vector = error["t_m" if half == "t" else "r_rad"]
         decimals = shown_decimals(scale * sigma)
-        lines.append(f"  true error {_three((scale * value for value in off), decimals)} {unit}")
-        lines.append(f"  sigma      {_three(scale * sigma, decimals)} {unit}")
-        lines.append(f"  in sigmas  {_three((value / one for value, one in zip(off, sigma, strict=True)), 2)}")
+        lines.append(f"  true error {_three_columns((scale * value for value in error_vector), decimals)} {unit}")
+        lines.append(f"  sigma      {_three_columns(scale * sigma, decimals)} {unit}")
+        ratios = (value / one_sigma for value, one_sigma in zip(error_vector, sigma, strict=True))
+        lines.append(f"  in sigmas  {_three_columns(ratios, 2)}")
     squared = error["squared_sigmas"]
-    outcome = "consistent" if squared < _LIMIT else "inconsistent"
-    lines.append(f"  chi-square {squared:.1f} with 6 degrees of freedom (99 % limit {_LIMIT:g}): {outcome}")
+    outcome = "consistent" if squared < _CHI_SQUARE_LIMIT else "inconsistent"
+    lines.append(f"  chi-square {squared:.1f} with 6 degrees of freedom (99 % limit {_CHI_SQUARE_LIMIT:g}): {outcome}")
     return "\n".join(lines)
 
 
-def _three(values: Iterable[float], decimals: int) -> str:
+def _three_columns(values: Iterable[float], decimals: int) -> str:
     return " ".join(f"{value:10.{decimals}f}" for value in values)

@@ -65,21 +65,22 @@ def detected_recording(folder: Path, cell: Cell) -> Recording:
 def _print_summary(recording: Recording, lensless: Collection[str]) -> None:
     from basecal.cell import CandidateObservation, PixelObservation
 
-    images, found, recorded, points = Counter[str](), Counter[Pair](), Counter[Pair](), Counter[Pair]()
+    images, detected, recorded, points = Counter[str](), Counter[Pair](), Counter[Pair](), Counter[Pair]()
     for sample in recording.samples:
         images.update(sample.images.keys() - set(lensless))
-        for seen in sample.observations:
-            if isinstance(seen, PixelObservation | CandidateObservation):
-                pair = (seen.camera, seen.target)
-                (found if seen.camera in sample.images else recorded)[pair] += 1
-                points[pair] += len(seen.pixels)
-    for pair in sorted(found | recorded):
+        for view in sample.observations:
+            if isinstance(view, PixelObservation | CandidateObservation):
+                pair = (view.camera, view.target)
+                (detected if view.camera in sample.images else recorded)[pair] += 1
+                points[pair] += len(view.pixels)
+    for pair in sorted(detected | recorded):
         camera, target = pair
-        each = f"{points[pair] / (found[pair] + recorded[pair]):.1f} points each"
-        shown = f"in {found[pair]} of {images[camera]} images of {camera}" if found[pair] else f"by {camera}"
-        without = f"{recorded[pair]} views recorded without an image" if recorded[pair] else ""
-        say(", ".join(part for part in (f"{target} {shown}", without, each) if part))
-    if not found and not recorded and (images or not lensless):
+        points_text = f"{points[pair] / (detected[pair] + recorded[pair]):.1f} points each"
+        searched_text = f"in {detected[pair]} of {images[camera]} images of {camera}"
+        images_text = searched_text if detected[pair] else f"by {camera}"
+        recorded_text = f"{recorded[pair]} views recorded without an image" if recorded[pair] else ""
+        say(", ".join(part for part in (f"{target} {images_text}", recorded_text, points_text) if part))
+    if not detected and not recorded and (images or not lensless):
         say(f"nothing found in {sum(images.values())} images")
     for finding in recording.findings:
         say(f"{finding.severity}: {finding.code}: {finding.message}")

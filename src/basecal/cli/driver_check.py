@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from basecal.cli.connecting import ASKING, Connecting, allow_drivers
+from basecal.cli.connecting import ASK_FIRST, ConnectionOptions, allow_drivers
 from basecal.cli.terminal import print_json, say
 from basecal.errors import UsageError
 
@@ -25,7 +25,7 @@ def driver_check(
     camera: bool = False,
     go: bool = False,
     cut: bool = False,
-    connecting: Connecting = ASKING,
+    connecting: ConnectionOptions = ASK_FIRST,
     json: bool = False,
 ) -> int:
     """Measure whether the driver of a robot or camera does what it promises.
@@ -58,22 +58,22 @@ def driver_check(
     from basecal.acquisition.driver_check.check_process import DriverCheck, find_opener, measure_promises
     from basecal.cell.format.locking import locked_folder
 
-    options = dict(_option(each) for each in option or [])
+    options = dict(_parse_option(each) for each in option or [])
     check = DriverCheck(device, name, options, camera, go, cut, connecting.allow_plaintext)
-    _, place = find_opener(check)
+    _, device_place = find_opener(check)
     if check.is_in_cell:
         if option or camera:
             raise UsageError("--option and --camera go with the name of a driver; the cell states its own options")
-        allow_drivers(place.cell, Path(device), connecting, name)
+        allow_drivers(device_place.cell, Path(device), connecting, name)
     with locked_folder(Path(device)) if check.is_in_cell else nullcontext():
-        promises = [_print(each, quiet=json) for each in measure_promises(check)]
+        promises = [_print_promise(each, quiet=json) for each in measure_promises(check)]
     measured = [each for each in promises if not isinstance(each, str)]
     if json:
-        print_json({"name": place.name, "promises": [vars(each) for each in measured]})
+        print_json({"name": device_place.name, "promises": [vars(each) for each in measured]})
     return 1 if any(each.holds is False for each in measured) else 0
 
 
-def _option(text: str) -> tuple[str, Any]:
+def _parse_option(text: str) -> tuple[str, Any]:
     from json import loads
 
     key, equals, value = text.partition("=")
@@ -85,7 +85,7 @@ def _option(text: str) -> tuple[str, Any]:
         return key, value
 
 
-def _print(promise: Promise | str, quiet: bool) -> Promise | str:
+def _print_promise(promise: Promise | str, quiet: bool) -> Promise | str:
     """Print a promise, or an instruction to the user, and return it."""
     if isinstance(promise, str):
         say(promise)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from basecal.cli.calibrate import calibrate_folder, exit_code, recalibrate_folder, say_all
+from basecal.cli.calibrate import calibrate_folder, exit_code, print_result, recalibrate_folder
 from basecal.cli.detect import detected_recording
-from basecal.cli.next_step import name_cell, next_command
+from basecal.cli.next_step import fill_in_commands, next_command
 from basecal.cli.terminal import ask, quote_path, say, say_next
 from basecal.errors import UsageError
 
@@ -43,22 +43,22 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
 
     described = read_cell(cell)
     calibration = _latest_calibration(cell, described)
-    written, detections = read_recording(cell, described), detected_recording(cell, described)
-    cures = find_cures(described, written, detections, calibration)
+    recording, detections = read_recording(cell, described), detected_recording(cell, described)
+    cures = find_cures(described, recording, detections, calibration)
     if not cures:
-        return _say_no_cure(described, name_cell(calibration, cell), cell)
+        return _say_no_cure(described, fill_in_commands(calibration, cell), cell)
     cure = _chosen_cure(cures, choose)
-    for line in describe_change(written, cure.change):
+    for line in describe_change(recording, cure.change):
         say(f"  {line}")
     question = f"Fix {cell} so?"
     if not yes:
         ask(question, f"{question} Add --yes to apply it: nobody can be asked here", "nothing is changed")
-    kept = apply_cure(cell, cure)
-    say(f"fixed; the files as they were are in {kept}")
-    anew = read_cell(cell)
-    made = recalibrate_folder(cell, anew, calibration)
-    say_all(made, anew, cell)
-    return exit_code(made.calibration)
+    backup = apply_cure(cell, cure)
+    say(f"fixed; the files as they were are in {backup}")
+    fixed_cell = read_cell(cell)
+    result = recalibrate_folder(cell, fixed_cell, calibration)
+    print_result(result, fixed_cell, cell)
+    return exit_code(result.calibration)
 
 
 def _say_no_cure(cell: Cell, calibration: Calibration, folder: Path) -> int:
@@ -81,9 +81,9 @@ def _latest_calibration(folder: Path, cell: Cell) -> Calibration:
 
     run = latest_run(folder)
     if run is not None:
-        known = read_calibration(run / "calibration.json")
-        is_current = known.inputs == input_hashes(folder, cell)
-        return known if is_current else recalibrate_folder(folder, cell, known).calibration
+        latest = read_calibration(run / "calibration.json")
+        is_current = latest.inputs == input_hashes(folder, cell)
+        return latest if is_current else recalibrate_folder(folder, cell, latest).calibration
     return calibrate_folder(folder, cell).calibration
 
 

@@ -14,7 +14,7 @@ from cyclopts import App, Parameter
 
 from basecal.accuracy.fixing.offers import is_fixable
 from basecal.accuracy.input_screening.importing import import_into
-from basecal.cli.next_step import name_folder, next_step
+from basecal.cli.next_step import fill_in_command, next_step
 from basecal.cli.terminal import counting, progress, quote_path, say
 from basecal.errors import BasecalError, list_names
 from basecal.exchange.importers.registry import IMPORTERS
@@ -43,7 +43,7 @@ _SESSION = Argument(
     default=False,
     annotation=Annotated[bool, Parameter(help="Add the rows as new samples, as of another day or another arm.")],
 )
-_IN_WORDS = {
+_PAIRING_WORDS = {
     "order": "in order",
     "image": "by the names of images",
     "sample": "by the number of the sample",
@@ -53,10 +53,10 @@ _IN_WORDS = {
 
 def import_app() -> App:
     """The verb `import` with a sub-verb for each importer."""
-    made = App(name="import", help=_HELP, help_format="plaintext")
-    for place, (name, read) in enumerate(IMPORTERS.items()):
-        made.command(import_verb(read, name), name=name, sort_key=place)
-    return made
+    importers_app = App(name="import", help=_HELP, help_format="plaintext")
+    for position, (name, read) in enumerate(IMPORTERS.items()):
+        importers_app.command(import_verb(read, name), name=name, sort_key=position)
+    return importers_app
 
 
 def import_verb(read: Callable[..., Imported], name: str = "") -> Callable[..., int]:
@@ -67,11 +67,11 @@ def import_verb(read: Callable[..., Imported], name: str = "") -> Callable[..., 
 
     def verb(cell: Path, *sources: Path, **options: Any) -> int:
         """Read, import and report."""
-        manner = {each.name: options.pop(each.name, each.default) for each in (_REPLACE, _SESSION)}
+        modes = {each.name: options.pop(each.name, each.default) for each in (_REPLACE, _SESSION)}
         with counting("reading") as step:
-            watched = {_PROGRESS: step} if _PROGRESS in declared.parameters else {}
-            imported = read(cell, *sources, **options, **watched)
-        return finish_import(cell, imported, name, **manner)
+            progress_option = {_PROGRESS: step} if _PROGRESS in declared.parameters else {}
+            imported = read(cell, *sources, **options, **progress_option)
+        return finish_import(cell, imported, name, **modes)
 
     verb.__doc__ = read.__doc__
     vars(verb)["__signature__"] = declared.replace(parameters=parameters, return_annotation=int)
@@ -122,12 +122,12 @@ def finish_import(
     if brought.changed and not brought.is_new_cell:
         say(f"written into cell.yaml: {list_names(brought.changed)}")
     missing = next_step(brought.cell, brought.recording, folder, importer=importer)
-    then = missing or f"next: basecal calibrate {quote_path(folder)}"
-    if missing is None and (wrong := say_conventions(folder, brought.cell, brought.recording)):
-        is_known = all(is_fixable(brought.cell, finding) for finding in wrong)
+    next_words = missing or f"next: basecal calibrate {quote_path(folder)}"
+    if missing is None and (wrong_conventions := say_conventions(folder, brought.cell, brought.recording)):
+        is_known = all(is_fixable(brought.cell, finding) for finding in wrong_conventions)
         cure = f"basecal fix {quote_path(folder)}" if is_known else "correct cell.yaml"
-        then = f"next: {cure}, or import again with --replace"
-    say(f"{_written_files(folder, brought)}: {then}")
+        next_words = f"next: {cure}, or import again with --replace"
+    say(f"{_written_files(folder, brought)}: {next_words}")
     return 0
 
 
@@ -136,19 +136,19 @@ def _written_files(folder: Path, import_result: Brought) -> str:
     if not import_result.pairing.numbers:
         return f"wrote {folder / 'cell.yaml'}"
     count = len(import_result.recording.samples)
-    told = f"wrote {count} samples" if import_result.made == count else f"completed the {count} samples"
+    text = f"wrote {count} samples" if import_result.made == count else f"completed the {count} samples"
     if 0 < import_result.made < count:
-        told += f", {import_result.made} of them new,"
-    made = " and cell.yaml" if import_result.is_new_cell else ""
-    return f"{told}{made} {'to' if import_result.made == count else 'of'} {folder}"
+        text += f", {import_result.made} of them new,"
+    and_cell = " and cell.yaml" if import_result.is_new_cell else ""
+    return f"{text}{and_cell} {'to' if import_result.made == count else 'of'} {folder}"
 
 
 def _pairing_lines(import_result: Brought) -> list[str]:
     pairing = import_result.pairing
     lines = []
-    joined = sum(number is not None for number in pairing.numbers) - import_result.made
-    if joined:
-        lines.append(f"paired with {joined} samples {_IN_WORDS[pairing.by]}")
+    paired_count = sum(number is not None for number in pairing.numbers) - import_result.made
+    if paired_count:
+        lines.append(f"paired with {paired_count} samples {_PAIRING_WORDS[pairing.by]}")
     if pairing.unpaired_rows:
         lines.append(f"not paired, and left out: {list_names(pairing.unpaired_rows)}")
     if pairing.unpaired_samples:
@@ -190,7 +190,7 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> tuple[Fin
         with progress("testing conventions"):
             look = quick_look(cell, few, len(few.samples) == len(recording.samples))
     for finding in look.findings:
-        message = name_folder(finding, folder).message
+        message = fill_in_command(finding, folder).message
         say(f"basecal: warning: {finding.code}, by {look.views} views: {message}", sys.stderr)
     if look.error is not None:
         others = "no other direction, unit, order or pairing does better"

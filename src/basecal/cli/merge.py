@@ -33,11 +33,11 @@ def merge(*cells: Path, output: Annotated[Path, Parameter(alias="-o")]) -> int:
     if len(cells) < _FEWEST_PARTS:
         raise CycloptsError(msg="give two cells or more: basecal merge A B -o C")
     merged = merge_cells(cells, output)
-    for part, first in zip(merged.parts, merged.first_numbers, strict=True):
-        samples = part.recording.samples
+    for source, first in zip(merged.parts, merged.first_numbers, strict=True):
+        samples = source.recording.samples
         robots = ", ".join(dict.fromkeys(name for sample in samples for name in sample.robots)) or "no robot"
-        say(f"{part.folder}: {len(samples)} samples of {robots}, from number {first} on")
-        for finding in part.recording.findings:
+        say(f"{source.folder}: {len(samples)} samples of {robots}, from number {first} on")
+        for finding in source.recording.findings:
             say(f"left out: {finding.message}")
     say(f"{len(merged.recording.samples)} samples written to {output}")
     say_next(f"basecal calibrate {quote_path(output)}")

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import CycloptsError, Parameter
@@ -27,8 +26,6 @@ from basecal.fields.typed_length import parse_name_options
 
 if TYPE_CHECKING:
     from basecal.cell import Cell
-
-_NO_URDFS: Mapping[str, str] = MappingProxyType({})
 
 
 def new(
@@ -85,34 +82,35 @@ def new(
         raise CycloptsError(msg="--robot, --domain and --yes go with --from ros2, --robots and --names without it")
     if from_ is None:
         text = cell_text(names or robots or 2, target, shape=fields)
-        found = NewCell(text, cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml")))
+        result = NewCell(text, cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml")))
     else:
-        found = ros2_cell(cell, yes, domain, parse_name_options("--robot", robot, "NAME=BASE,FLANGE"), fields, target)
-    start_cell(cell, found.text, found.urdfs)
-    _warn_of_equal_targets(found.cell)
+        result = ros2_cell(cell, yes, domain, parse_name_options("--robot", robot, "NAME=BASE,FLANGE"), fields, target)
+    write_cell_files(cell, result.text, result.urdfs)
+    _warn_of_equal_targets(result.cell)
     samples = cell / "recording" / "samples.jsonl"
     make_folder(samples.parent, cell)
     if not os.path.lexists(samples):
         open_new(samples).close()
     then = f"record into {samples}, then: basecal calibrate {quote_path(cell)}"
     say(f"wrote {cell / 'cell.yaml'}: fill in what is known, {then}")
-    if (missing := next_step(found.cell, read_recording(cell, found.cell), cell)) is not None:
+    if (missing := next_step(result.cell, read_recording(cell, result.cell), cell)) is not None:
         say(missing)
     return 0
 
 
 def _warn_of_equal_targets(cell: Cell) -> None:
-    for one, other in combinations(cell.targets.values(), 2):
-        if one.target is not None and other.target is not None and are_indistinguishable(one.target, other.target):
+    shapes = [(name, entry.target) for name, entry in cell.targets.items() if entry.target is not None]
+    for (first, shape), (second, other_shape) in combinations(shapes, 2):
+        if are_indistinguishable(shape, other_shape):
             say(
-                f"basecal: warning: {one.name!r} and {other.name!r} look the same, both {one.target.kind}. Give "
+                f"basecal: warning: {first!r} and {second!r} look the same, both {shape.kind}. Give "
                 "them other counts in cell.yaml, or take --target charuco or apriltag, whose marks differ",
                 sys.stderr,
             )
             return
 
 
-def start_cell(folder: Path, text: str, urdfs: Mapping[str, str] = _NO_URDFS) -> None:
+def write_cell_files(folder: Path, text: str, urdfs: Mapping[str, str]) -> None:
     """Write a `cell.yaml`, and URDFs by file name, into a folder, which is made if it is missing.
 
     Raises:

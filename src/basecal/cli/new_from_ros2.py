@@ -66,18 +66,18 @@ def ros2_cell(
     say(f"messages heard in {LISTEN_S:g} s:")
     for topic in sorted(bag.topics.values()):
         say(f"  {topic.messages:>8}  {topic.name}  {topic.kind}")
-    survey, asked = survey_live_topics(bag), Asked(robots=robots)
-    taken = choose_sources(bag, survey, asked, NO_CELL)
-    for line in taken.words:
+    survey, request = survey_live_topics(bag), Asked(robots=robots)
+    selection = choose_sources(bag, survey, request, NO_CELL)
+    for line in selection.words:
         say(f"taking {line}")
-    sizes = {name: _size(bag, camera.topic) for name, camera in taken.cameras.items()}
-    entry = bag_entry(NO_CELL, bag.path, survey, taken, asked, {name: size for name, size in sizes.items() if size})
+    sizes = {name: size for name, each in selection.cameras.items() if (size := _size(bag, each.topic))}
+    entry = bag_entry(NO_CELL, bag.path, survey, selection, request, sizes)
     data: dict[str, Any] = {"schema": "basecal/cell/1", **entry}
-    _add_drivers(data, taken, domain)
+    _add_drivers(data, selection, domain)
     _add_target(data, fields, target)
     urdfs = {
         urdf_name(name): survey.urdfs[source.urdf]
-        for name, source in taken.robots.items()
+        for name, source in selection.robots.items()
         if isinstance(source, ByJoints) and source.urdf is not None
     }
     with TemporaryDirectory() as folder:
@@ -89,12 +89,13 @@ def ros2_cell(
 def _add_drivers(data: dict[str, Any], selection: Taken, domain: int | None) -> None:
     from basecal.exchange.bags.sources import ByFrames
 
-    where = {} if domain is None else {"domain": domain}
+    domain_option = {} if domain is None else {"domain": domain}
     for name, source in selection.robots.items():
-        by = {"frames": [source.parent, source.child]} if isinstance(source, ByFrames) else {"topic": source.topic}
-        data["robots"][name] = {**data["robots"].get(name, {}), "driver": {"kind": "ros2", **by, **where}}
+        options = {"frames": [source.parent, source.child]} if isinstance(source, ByFrames) else {"topic": source.topic}
+        driver = {"kind": "ros2", **options, **domain_option}
+        data["robots"][name] = {**data["robots"].get(name, {}), "driver": driver}
     for name, camera in selection.cameras.items():
-        data["cameras"][name]["driver"] = {"kind": "ros2", "topic": camera.topic, **where}
+        data["cameras"][name]["driver"] = {"kind": "ros2", "topic": camera.topic, **domain_option}
     if len(data["robots"]) > 1:
         data["bases"] = {name: {"status": "free"} for name in data["robots"] if name != data["reference"]}
 

@@ -12,7 +12,7 @@ from basecal.errors import list_names
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Recording
 
-_BY_JOINTS = ("joints", "lerobot")  # importers of recorded joints
+_JOINT_IMPORTERS = ("joints", "lerobot")  # importers of recorded joints
 
 
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
@@ -20,13 +20,13 @@ def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
     from basecal.accuracy.fixing.offers import is_fixable
     from basecal.reporting.statement.verdict import calibrate_command, missed_step, verdict_word
 
-    place, word = quote_path(folder), verdict_word(calibration)
+    quoted_folder, word = quote_path(folder), verdict_word(calibration)
     if word in ("PASS", "GOOD"):
-        return f"basecal export {place}"
-    fix = f"basecal fix {place}, or " if any(is_fixable(cell, each) for each in calibration.findings) else ""
+        return f"basecal export {quoted_folder}"
+    fix = f"basecal fix {quoted_folder}, or " if any(is_fixable(cell, each) for each in calibration.findings) else ""
     if word == "FAIL":
-        return f"{fix}{missed_step(cell, calibration, place)}"
-    return f"{fix}follow the advice above, then {calibrate_command(cell, calibration, place)}"
+        return f"{fix}{missed_step(cell, calibration, quoted_folder)}"
+    return f"{fix}follow the advice above, then {calibrate_command(cell, calibration, quoted_folder)}"
 
 
 def capture_command(cell: Cell, folder: Path) -> str:
@@ -40,12 +40,12 @@ def has_drivers(cell: Cell) -> bool:
     return bool(drivers) and None not in drivers
 
 
-def name_cell(calibration: Calibration, folder: Path) -> Calibration:
+def fill_in_commands(calibration: Calibration, folder: Path) -> Calibration:
     """The calibration with the cell's folder filled into the commands of its findings."""
-    return replace(calibration, findings=tuple(name_folder(each, folder) for each in calibration.findings))
+    return replace(calibration, findings=tuple(fill_in_command(each, folder) for each in calibration.findings))
 
 
-def name_folder(finding: Finding, folder: Path) -> Finding:
+def fill_in_command(finding: Finding, folder: Path) -> Finding:
     """The finding with the cell's folder filled into its commands."""
     return replace(finding, do=tuple(each.replace(" CELL", f" {quote_path(folder)}") for each in finding.do))
 
@@ -58,32 +58,32 @@ def cameras_without_lens(cell: Cell, recording: Recording) -> list[str]:
 
 def _missing_robot(cell: Cell, recording: Recording) -> tuple[str, list[int]] | None:
     """The first robot that carries an observed camera or target but has no state, with the numbers of the samples."""
-    things: dict[str, CellCamera | CellTarget] = {**cell.cameras, **cell.targets}
+    items: dict[str, CellCamera | CellTarget] = {**cell.cameras, **cell.targets}
     missing: dict[str, list[int]] = {}
     for sample in recording.samples if len(cell.robots) > 1 else ():
-        names = {name for o in sample.observations for name in (o.camera, o.target) if name in things}
-        absent = {things[name].on for name in names} & cell.robots.keys() - sample.robots.keys()
+        names = {name for o in sample.observations for name in (o.camera, o.target) if name in items}
+        absent = {items[name].on for name in names} & cell.robots.keys() - sample.robots.keys()
         for robot in absent if sample.robots else ():
             missing.setdefault(robot, []).append(sample.sample)
     return next(iter(missing.items()), None)
 
 
-def _states_command(cell: Cell, place: str, robot: str, importer: str, still: bool = False) -> str:
+def _states_command(cell: Cell, quoted_folder: str, robot: str, importer: str, is_still: bool = False) -> str:
     """The command that imports a robot's states, by the importer of the last import or from the robot's description.
 
     Args:
         cell: The cell.
-        place: The cell's folder, quoted for a shell.
+        quoted_folder: The cell's folder, quoted for a shell.
         robot: Name of the robot.
         importer: Name of the importer of the last import.
-        still: Whether the robot was at rest.
+        is_still: Whether the robot was at rest.
     """
-    kind = importer if importer in _BY_JOINTS else "poses" if cell.robots[robot].urdf is None else "joints"
+    kind = importer if importer in _JOINT_IMPORTERS else "poses" if cell.robots[robot].urdf is None else "joints"
     model = "" if cell.robots[robot].urdf else " --urdf URDF --base-link LINK --flange-link LINK"
     options = {"poses": "--format FORMAT", "joints": model[1:], "lerobot": f"--unit UNIT{model}"}[kind]
     source = "DATASET" if kind == "lerobot" else "FILE"
-    session = " --still" if still and kind != "lerobot" else ""
-    return f"basecal import {kind} {place} --robot {robot} {source} {options}".rstrip() + session
+    session = " --still" if is_still and kind != "lerobot" else ""
+    return f"basecal import {kind} {quoted_folder} --robot {robot} {source} {options}".rstrip() + session
 
 
 def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = False, importer: str = "") -> str | None:
@@ -98,29 +98,30 @@ def next_step(cell: Cell, recording: Recording, folder: Path, by_scene: bool = F
     """
     from basecal.exchange.images import ENDINGS
 
-    place = quote_path(folder)
+    quoted_folder = quote_path(folder)
     if not cell.cameras:
-        return f"next, its images: basecal import images {place} DIR --camera NAME --on ROBOT [--target KIND ...]"
-    seen = any(sample.images or sample.observations or sample.tracks for sample in recording.samples)
-    silent = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
-    if silent:
-        command = _states_command(cell, place, silent[0], importer)
+        arguments = f"{quoted_folder} DIR --camera NAME --on ROBOT [--target KIND ...]"
+        return f"next, its images: basecal import images {arguments}"
+    has_views = any(sample.images or sample.observations or sample.tracks for sample in recording.samples)
+    stateless = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
+    if stateless:
+        command = _states_command(cell, quoted_folder, stateless[0], importer)
         quantity = "poses" if " import poses " in command else "joints"
-        return f"next, {quantity} of {list_names(silent)}: {command}"
+        return f"next, {quantity} of {list_names(stateless)}: {command}"
     if missing := _missing_robot(cell, recording):
         robot, numbers = missing
-        still = _states_command(cell, place, robot, importer, still=True)
-        return f"next, the states of {robot} in samples {numbers[0]} to {numbers[-1]}: {still}"
-    if not seen:
+        command = _states_command(cell, quoted_folder, robot, importer, is_still=True)
+        return f"next, the states of {robot} in samples {numbers[0]} to {numbers[-1]}: {command}"
+    if not has_views:
         camera = next(iter(cell.cameras))
-        dropped = folder / "recording" / "images" / camera
-        has_images = dropped.is_dir() and any(path.suffix.lower() in ENDINGS for path in dropped.iterdir())
-        there = quote_path(dropped) if has_images else "DIR"
-        return f"next, its images: basecal import images {place} {there} --camera {camera}"
-    if unread := cameras_without_lens(cell, recording):
-        return f"next, the lens of {list_names(unread)}: add `intrinsics: {{status: free}}` to it in cell.yaml"
+        image_folder = folder / "recording" / "images" / camera
+        has_images = image_folder.is_dir() and any(path.suffix.lower() in ENDINGS for path in image_folder.iterdir())
+        source = quote_path(image_folder) if has_images else "DIR"
+        return f"next, its images: basecal import images {quoted_folder} {source} --camera {camera}"
+    if lensless := cameras_without_lens(cell, recording):
+        return f"next, the lens of {list_names(lensless)}: add `intrinsics: {{status: free}}` to it in cell.yaml"
     if not (cell.targets or cell.sees_scene or by_scene):
-        scene = f"basecal calibrate {place} --scene"
+        scene = f"basecal calibrate {quoted_folder} --scene"
         return f"next, state in cell.yaml which target the images show (`targets:`, docs/data_format.md), or: {scene}"
     carriers = {each.on for each in cell.cameras.values()} | {each.on for each in cell.targets.values()}
     if idle := [name for name in cell.robots if name not in carriers]:

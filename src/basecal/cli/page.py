@@ -51,11 +51,11 @@ def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) ->
     from basecal.cell.results.fingerprint_file import read_fingerprint
     from basecal.estimation.streams.streams import synchronous
 
-    now = input_hashes(folder, cell)
-    changed = tuple(name for name, hashed in calibration.inputs.items() if now.get(name) != hashed)
+    hashes = input_hashes(folder, cell)
+    changed = tuple(name for name, stored_hash in calibration.inputs.items() if hashes.get(name) != stored_hash)
     if not changed:
         recording = synchronous(cell, detected_recording(folder, cell), calibration)
-        shown = with_kept_scene(cell, recording, calibration, read_fingerprint(run))
+        shown = add_stored_scene(cell, recording, calibration, read_fingerprint(run))
         return StoredRun(run, recording, shown, fit_details(*shown, calibration))
     try:
         recording = detected_recording(folder, cell)
@@ -64,7 +64,7 @@ def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) ->
     return StoredRun(run, recording, (cell, recording), FitDetails(), changed)
 
 
-def with_kept_scene(
+def add_stored_scene(
     cell: Cell, recording: Recording, calibration: Calibration, fingerprint: Fingerprint | None
 ) -> tuple[Cell, Recording]:
     """Cell and recording with the points of the scene as a target; unchanged if the calibration stored none."""
@@ -121,11 +121,11 @@ def show_page(file: Path, opens: bool) -> None:
     if sys.stderr is not None:
         path = str(file)
         try:
-            from_here = os.path.relpath(path)
+            relative_path = os.path.relpath(path)
         except (OSError, ValueError):  # there is no working folder, or it is on another drive
-            from_here = path
+            relative_path = path
         line = f"page: {path}"
-        say(line if len(line) <= LINE_WIDTH else f"page: {min(path, from_here, key=len)}", sys.stderr)
+        say(line if len(line) <= LINE_WIDTH else f"page: {min(path, relative_path, key=len)}", sys.stderr)
     if opens:
         import webbrowser
 

@@ -101,23 +101,23 @@ def plan(
     options = {"--task-point": task_point, "--task-box": task_box, "--tolerance": tolerance, "--samples": samples}
     options |= {"--pattern": pattern != "poses" and pattern, "--touches": touches, "--anew": anew, "--seed": seed}
     points = [] if task_point is None and task_box is None else task_points(task_point, task_box)
-    needed_m = _needed_m(tolerance, samples)
+    tolerance_m = _tolerance_m(tolerance, samples)
     _check_output(to, robot, output, json)
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     with progress("planning"):
         calibration = _find_calibration(cell, described, recording, points, task_box)
         counted = _without_observations(recording) if anew else recording
-        found = _make_plan(described, counted, calibration, points, needed_m, samples, seed, pattern, touches)
-    motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
-    steps = _next_steps(described, found, needed_m, cell, output, options)
-    _print_plan(found, needed_m, motion, steps, output, json)
+        result = _make_plan(described, counted, calibration, points, tolerance_m, samples, seed, pattern, touches)
+    motion = None if to is None else _motion(described, result, to, robot, speed_limit_deg_s, hold_s)
+    steps = _next_steps(described, result, tolerance_m, cell, output, options)
+    _print_plan(result, tolerance_m, motion, steps, output, json)
     if report or opens_page:
-        _write_page(described, found, calibration, needed_m, cell, steps, opens_page)
-    return 5 if found.reachable is False else 0
+        _write_page(described, result, calibration, tolerance_m, cell, steps, opens_page)
+    return 5 if result.reachable is False else 0
 
 
-def _needed_m(tolerance: str | None, count: int | None) -> float | None:
+def _tolerance_m(tolerance: str | None, count: int | None) -> float | None:
     """The tolerance [m]; None if only a number of samples is given.
 
     Raises:
@@ -153,9 +153,9 @@ def _make_plan(
     from basecal.planning.plan import plan_for_task, plan_stations
     from basecal.planning.touches import plan_touches
 
-    planned = plan_touches if are_touches else plan_for_task if pattern == "poses" else plan_stations
+    make_plan = plan_touches if are_touches else plan_for_task if pattern == "poses" else plan_stations
     points_m = array(points, dtype=float).reshape(-1, 3)
-    return planned(cell, recording, calibration, points_m, tolerance_m, count, seed)
+    return make_plan(cell, recording, calibration, points_m, tolerance_m, count, seed)
 
 
 def _check_output(to: str | None, robot: str | None, output: Path | None, json: bool) -> None:
@@ -174,7 +174,7 @@ def _check_output(to: str | None, robot: str | None, output: Path | None, json: 
 
 def _print_plan(
     plan_result: Plan,
-    needed_m: float | None,
+    tolerance_m: float | None,
     motion: str | None,
     steps: Sequence[Step],
     output: Path | None,
@@ -187,7 +187,7 @@ def _print_plan(
     from basecal.cell.format.writing import write_output
     from basecal.reporting.plans.page import plan_lines
 
-    data = plan_dict(plan_result, needed_m)
+    data = plan_dict(plan_result, tolerance_m)
     if motion is not None and output is None:
         say(motion.rstrip("\n"))
         return
@@ -200,7 +200,7 @@ def _print_plan(
     if json:
         print_json(data)
         return
-    say("\n".join(plan_lines(plan_result, needed_m)))
+    say("\n".join(plan_lines(plan_result, tolerance_m)))
     if output is not None:
         say(f"written: {output}")
     if motion is None and steps:
@@ -210,7 +210,7 @@ def _print_plan(
 def _next_steps(
     cell: Cell,
     plan_result: Plan,
-    needed_m: float | None,
+    tolerance_m: float | None,
     folder: Path,
     output: Path | None,
     options: Mapping[str, object],
@@ -220,32 +220,32 @@ def _next_steps(
     Args:
         cell: The cell.
         plan_result: The plan.
-        needed_m: The tolerance [m], if one is given.
+        tolerance_m: The tolerance [m], if one is given.
         folder: The cell's folder.
         output: File of the samples, if one was written.
         options: Options of the planning command, without those of its output.
     """
-    place = quote_path(folder)
-    again = typed_command(f"basecal plan {place}", options)
+    quoted_folder = quote_path(folder)
+    plan_command = typed_command(f"basecal plan {quoted_folder}", options)
     if not plan_result.samples:
-        is_reached = needed_m is not None and plan_result.needed == 0
-        judge = f"basecal calibrate {place} --tolerance {1e3 * (needed_m or 0.0):.3g}mm"
-        return [Step("to judge what is recorded", judge)] if is_reached else []
+        is_reached = tolerance_m is not None and plan_result.needed == 0
+        command = f"basecal calibrate {quoted_folder} --tolerance {1e3 * (tolerance_m or 0.0):.3g}mm"
+        return [Step("to judge what is recorded", command)] if is_reached else []
     if any(sample.observations for sample in plan_result.samples):  # touches: a person guides the tips
         return []
     if not has_drivers(cell):
-        return [Step("for robots' own programs, as the cell has no drivers", f"{again} --to csv -o plan.csv")]
+        return [Step("for robots' own programs, as the cell has no drivers", f"{plan_command} --to csv -o plan.csv")]
     is_written = output is not None and output.suffix == ".jsonl"
     file = quote_path(output) if is_written else "plan.jsonl"
-    record = Step("to record the samples", f"basecal capture {place} --plan {file} --go")
-    return [record] if is_written else [Step("to write the samples", f"{again} -o {file}"), record]
+    record = Step("to record the samples", f"basecal capture {quoted_folder} --plan {file} --go")
+    return [record] if is_written else [Step("to write the samples", f"{plan_command} -o {file}"), record]
 
 
 def _write_page(
     cell: Cell,
     plan_result: Plan,
     calibration: Calibration | None,
-    needed_m: float | None,
+    tolerance_m: float | None,
     folder: Path,
     steps: Sequence[Step],
     opens: bool,
@@ -257,12 +257,12 @@ def _write_page(
 
     path = folder / "plan.html"
     words = [f"{step.purpose.capitalize()}: `{step.command}`" for step in steps]
-    html = plan_page(cell, plan_result, calibration, needed_m, title=folder.resolve().name, steps=words)
+    html = plan_page(cell, plan_result, calibration, tolerance_m, title=folder.resolve().name, steps=words)
     write_atomically(path, html, base_folder=folder)
     show_page(path, opens)
 
 
-def plan_dict(plan_result: Plan, needed_m: float | None) -> dict[str, Any]:
+def plan_dict(plan_result: Plan, tolerance_m: float | None) -> dict[str, Any]:
     """A plan as plain data; values that are not requested or not reached are null."""
     from basecal.cell.files import sample_to_dict
     from basecal.cell.results.calibration_dict import budget_entry
@@ -272,7 +272,7 @@ def plan_dict(plan_result: Plan, needed_m: float | None) -> dict[str, Any]:
         "needed": plan_result.needed,
         "predicted_mm": None if plan_result.expected_m is None else 1e3 * plan_result.expected_m,
         "reachable": plan_result.reachable,
-        "tolerance_mm": None if needed_m is None else 1e3 * needed_m,
+        "tolerance_mm": None if tolerance_m is None else 1e3 * tolerance_m,
         "recorded": plan_result.recorded,
         "forbidden_by": plan_result.budget[0].source if plan_result.reachable is False and plan_result.budget else None,
         "budget": [budget_entry(entry) for entry in plan_result.budget],
@@ -304,8 +304,8 @@ def _find_calibration(
     run = latest_run(folder)
     if run is not None:
         stored = read_calibration(run)
-        its_task = task_places(stored.settings.get("task_point"), stored.settings.get("task_box"))
-        is_same = array_equal(its_task, task_places(task.task_point, task.task_box))
+        stored_task = task_places(stored.settings.get("task_point"), stored.settings.get("task_box"))
+        is_same = array_equal(stored_task, task_places(task.task_point, task.task_box))
         if is_same and dict(stored.inputs) == input_hashes(folder, cell):
             return stored
     if not any(sample.observations for sample in recording.samples):

@@ -42,10 +42,10 @@ def publish_transforms(calibration: Calibration, cell: Cell, transform: str | No
     from basecal.exchange.exports.exporter import check_exportable
 
     check_exportable(calibration)
-    found, where = chosen_transforms(calibration, cell, transform), choose_domain(domain)
-    sender = send_static(where, [(one.parent, one.child, one.estimate.mean) for one in found])
-    for one in found:
-        say(f"on {STATIC_TOPIC} in domain {where}: {one.parent} to {one.child}")
+    transforms, domain_id = chosen_transforms(calibration, cell, transform), choose_domain(domain)
+    sender = send_static(domain_id, [(each.parent, each.child, each.estimate.mean) for each in transforms])
+    for each in transforms:
+        say(f"on {STATIC_TOPIC} in domain {domain_id}: {each.parent} to {each.child}")
     if calibration.verdict == "doubtful":
         say("basecal: warning: the calibration is doubtful: look at its report", sys.stderr)
     say("published, also to later subscribers, until Ctrl-C")

@@ -45,7 +45,7 @@ def requested_task(
     return Task(task_points(point, box), None if tolerance is None else length_m(tolerance))
 
 
-def taken_so_far(folder: Path, cell: Cell) -> Sequence[Sample]:
+def recorded_samples(folder: Path, cell: Cell) -> Sequence[Sample]:
     """The recorded samples of a cell, with their observations."""
     from basecal.cli.detect import detected_recording
 
@@ -74,24 +74,25 @@ class Replanner:
 
         home = starting_states(rig, sketch)
         assert task.tolerance_m is not None
-        self._taken = taken = taken_so_far(folder, sketch.cell)
-        offered = () if plan is None else read_plan(plan, folder, sketch.cell)
-        self.tolerance_m, self._preceding_records, self._most = task.tolerance_m, len(taken), max_count or MOST_SAMPLES
+        self._recorded = recorded = recorded_samples(folder, sketch.cell)
+        candidates = () if plan is None else read_plan(plan, folder, sketch.cell)
+        self.tolerance_m = task.tolerance_m
+        self._recorded_count, self._max_count = len(recorded), max_count or MOST_SAMPLES
         points = np.array(task.points_m)
-        self._replanner = replanner(sketch.cell, taken, home, points, task.tolerance_m, offered, seed)
-        self._given_up = [*abandoned_samples(folder, sketch.cell)]
-        self.samples = self(taken, self._given_up)
+        self._replanner = replanner(sketch.cell, recorded, home, points, task.tolerance_m, candidates, seed)
+        self._excluded = [*abandoned_samples(folder, sketch.cell)]
+        self.samples = self(recorded, self._excluded)
 
     def exclude(self, samples: Sequence[Sample]) -> Sequence[Sample]:
         """Plan again without refused samples and samples close to them."""
-        self._given_up += samples
-        return self(self._taken, self._given_up)
+        self._excluded += samples
+        return self(self._recorded, self._excluded)
 
-    def __call__(self, samples: Sequence[Sample], bad: Sequence[Sample]) -> Sequence[Sample]:
+    def __call__(self, samples: Sequence[Sample], exclusions: Sequence[Sample]) -> Sequence[Sample]:
         """Plan the remaining samples, within the limit of their number."""
-        self._latest = self._replanner.plan(samples, bad)
-        left = max(self._most - (len(samples) - self._preceding_records), 0)
-        self.samples = self._latest.samples[:left]
+        self._latest = self._replanner.plan(samples, exclusions)
+        remaining_count = max(self._max_count - (len(samples) - self._recorded_count), 0)
+        self.samples = self._latest.samples[:remaining_count]
         return self.samples
 
     @property
@@ -117,13 +118,13 @@ class Replanner:
         """The state as text."""
         from basecal.reporting.statement.verdict import PLACE_WORDS
 
-        asked = f"{1e3 * self.tolerance_m:.3g} mm {PLACE_WORDS[self._latest.place]}"
+        goal = f"{1e3 * self.tolerance_m:.3g} mm {PLACE_WORDS[self._latest.place]}"
         if self.is_reached:
-            return f"{asked} reached: 95 % of errors are expected below {1e3 * (self._latest.expected_m or 0):.2g} mm"
+            return f"{goal} reached: 95 % of errors are expected below {1e3 * (self._latest.expected_m or 0):.2g} mm"
         if self._latest.reachable:
-            return f"{asked} needs {self._latest.needed} samples more"
-        by = f": {self._latest.budget[0].source} forbids it" if self._latest.budget else ""
-        return f"{asked} cannot be reached{by}"
+            return f"{goal} needs {self._latest.needed} samples more"
+        cause = f": {self._latest.budget[0].source} forbids it" if self._latest.budget else ""
+        return f"{goal} cannot be reached{cause}"
 
 
 def shifts_for_task(
@@ -134,5 +135,5 @@ def shifts_for_task(
 
     from basecal.acquisition.replanning import stations_for_task
 
-    taken, points = taken_so_far(folder, cell), np.array(task.points_m)
-    return stations_for_task(cell, taken, home, points, task.tolerance_m, count, seed).samples
+    recorded, points = recorded_samples(folder, cell), np.array(task.points_m)
+    return stations_for_task(cell, recorded, home, points, task.tolerance_m, count, seed).samples

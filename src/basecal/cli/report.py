@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from basecal.cli.calibrate import exit_code, show
-from basecal.cli.next_step import name_cell, next_command
+from basecal.cli.calibrate import exit_code, print_calibration
+from basecal.cli.next_step import fill_in_commands, next_command
 from basecal.cli.option_types import OpensPage
 from basecal.cli.page import FILE, find_run, show_page, stored_run, write_page
 from basecal.cli.terminal import print_json, progress, say_next
@@ -56,18 +56,18 @@ def report(
     described, run = read_cell(cell), find_run(cell)
     calibration = read_calibration(run)
     if tolerance is not None:
-        asked = {**calibration.settings, "tolerance_m": length_m(tolerance)}
-        calibration = replace(calibration, settings=asked)
+        settings = {**calibration.settings, "tolerance_m": length_m(tolerance)}
+        calibration = replace(calibration, settings=settings)
     if json and calibration.settings.get("tolerance_m") is None:
-        findings = calibration_to_dict(name_cell(calibration, cell))["findings"]
+        findings = calibration_to_dict(fill_in_commands(calibration, cell))["findings"]
         print_json({**read_calibration_data(run), "findings": findings})
         return exit_code(calibration)
     stored = stored_run(cell, run, described, calibration)
     calibration = replace(calibration, tolerance=check_tolerance(described, calibration, stored.details.errors))
     if json:
-        print_json(calibration_to_dict(name_cell(calibration, cell)))
+        print_json(calibration_to_dict(fill_in_commands(calibration, cell)))
     else:
-        show(described, name_cell(calibration, cell), verbose)
+        print_calibration(described, fill_in_commands(calibration, cell), verbose)
         with progress("writing the page"):
             write_page(described, calibration, stored)
         show_page(run / FILE, opens_page)

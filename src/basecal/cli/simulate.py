@@ -104,9 +104,9 @@ def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool)
 
     refuse_existing(cell)
     with progress("simulating"):
-        made = simulated(scenario, seed)
-    made = write_simulation(cell, made, image_seed=seed if images else None)
-    samples = len(made.recording.samples)
+        simulation = simulated(scenario, seed)
+    simulation = write_simulation(cell, simulation, image_seed=seed if images else None)
+    samples = len(simulation.recording.samples)
     if json:
         print_json({"cell": str(cell), "samples": samples, "seed": seed})
     else:
@@ -142,16 +142,16 @@ def write_simulation(folder: Path, simulation: SimulatedCell, image_seed: int | 
 
     with stage_folder(folder) as part:
         if image_seed is not None:
-            simulation = with_images(simulation, part, image_seed)
+            simulation = render_images(simulation, part, image_seed)
         write_cell(simulation.cell, part)
         write_recording(simulation.recording, part)
         write_urdfs(simulation.cell, part)
-        offsets = {name: of.kind_values("joint_offsets").tolist() for name, of in simulation.robots.items()}
+        offsets = {name: robot.kind_values("joint_offsets").tolist() for name, robot in simulation.robots.items()}
         write_truth(part, simulation.truth, **({"joint_offsets_rad": offsets} if offsets else {}))
     return replace(simulation, recording=replace(simulation.recording, folder=str(folder)))
 
 
-def with_images(simulation: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
+def render_images(simulation: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
     """Render images of a simulated cell to its folder, and replace the points of its recording by them."""
     from dataclasses import replace
 

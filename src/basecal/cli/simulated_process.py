@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 RendererName = Literal["auto", "mujoco", "analytic"]
 """Renderer of a running cell: MuJoCo with arms and table, or the target alone; auto selects MuJoCo if available."""
 
-_PATIENCE_S = 10.0  # until a process has ended, which may be rendering an image
+_END_TIMEOUT_S = 10.0  # until a process has ended, which may be rendering an image
 
 
 def run_process(
@@ -48,12 +48,12 @@ def run_process(
     from basecal.simulation.running.protocol import Address, new_token, remove_address, write_address
     from basecal.simulation.running.server import CellServer
 
-    world = _world(folder, target, seed, read_faults(fault))
-    with_mujoco = _draws_surroundings(renderer)
-    with CellServer(Plant(world, Clock(speed), with_mujoco), new_token(), port) as server:
+    world = _open_world(folder, target, seed, read_faults(fault))
+    has_mujoco = _draws_surroundings(renderer)
+    with CellServer(Plant(world, Clock(speed), has_mujoco), new_token(), port) as server:
         address = Address(port=server.port, token=server.token, pid=os.getpid())
         write_address(folder, address)
-        _print_address(folder, server.port, with_mujoco, json)
+        _print_address(folder, server.port, has_mujoco, json)
         if until_eof:
             threading.Thread(target=_end_with_input, args=(server,), daemon=True).start()
         try:
@@ -72,9 +72,9 @@ def simulated_process(folder: Path, target: str) -> Iterator[None]:
     Raises:
         InputError: if the process does not start.
     """
-    words = [sys.executable, "-m", "basecal", "simulate", str(folder), "--process", "--json", "--until-eof"]
-    words += ["--speed", "0", "--target", target]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+    command = [sys.executable, "-m", "basecal", "simulate", str(folder), "--process", "--json", "--until-eof"]
+    command += ["--speed", "0", "--target", target]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         try:
@@ -84,12 +84,12 @@ def simulated_process(folder: Path, target: str) -> Iterator[None]:
         finally:
             process.stdin.close()
             try:
-                process.wait(_PATIENCE_S)
+                process.wait(_END_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 process.kill()
 
 
-def _world(folder: Path, target: ObservedKind, seed: int, faults: Faults) -> World:
+def _open_world(folder: Path, target: ObservedKind, seed: int, faults: Faults) -> World:
     from basecal.simulation.running.two_arms import two_arms
     from basecal.simulation.running.world_file import read_world, write_world, write_world_truth
 
@@ -122,12 +122,12 @@ def _draws_surroundings(renderer: RendererName) -> bool:
     return why is None
 
 
-def _print_address(folder: Path, port: int, with_mujoco: bool, json: bool) -> None:
+def _print_address(folder: Path, port: int, has_mujoco: bool, json: bool) -> None:
     from basecal.simulation.running.protocol import ADDRESS_FILE, HOST
 
     if json:
-        where = {"cell": str(folder), "host": HOST, "port": port, "address": str(folder / ADDRESS_FILE)}
-        print_json({**where, "renderer": "mujoco" if with_mujoco else "analytic"})
+        address = {"cell": str(folder), "host": HOST, "port": port, "address": str(folder / ADDRESS_FILE)}
+        print_json({**address, "renderer": "mujoco" if has_mujoco else "analytic"})
     else:
         say(f"{folder} runs on {HOST}:{port}, its token is in {folder / ADDRESS_FILE}; Ctrl-C ends it")
         say(f"next, in another terminal: basecal capture {quote_path(folder)} --pattern poses --go")

@@ -59,13 +59,13 @@ def study(
 
     if scheduler is not None and workers is not None:
         raise UsageError("--workers are processes of this machine, --scheduler has its own: give only one of them")
-    where = WorkerPool(workers or os.cpu_count() or 1, scheduler)
+    pool = WorkerPool(workers or os.cpu_count() or 1, scheduler)
     if (file is None) == (cells is None):
         raise UsageError("give the file of a study, or --cells with a folder of cells: one of them")
     if file is not None:
-        summary = try_study(read_study(file), Path(file.stem) if output is None else output, where)
+        summary = execute_study(read_study(file), Path(file.stem) if output is None else output, pool)
     else:
-        summary = _fleet(cells or Path(), output, where)
+        summary = _execute_fleet(cells or Path(), output, pool)
     if json:
         print_json({name: value for name, value in summary.items() if name != "words"})
     else:
@@ -78,7 +78,7 @@ def summary_text(summary: dict[str, Any]) -> str:
     return f"{summary['words']}\ntable: {summary['table']}\npage: {summary['page']}"
 
 
-def try_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]:
+def execute_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]:
     """Run a study, write its results, and return its summary with its text."""
     from basecal.reporting.sweep.page import sweep_page, sweep_text
     from basecal.studies.run import run_study
@@ -92,7 +92,7 @@ def try_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]
     return {**summary, "folder": str(folder), **paths, "words": sweep_text(summary)}
 
 
-def _fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dict[str, Any]:
+def _execute_fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dict[str, Any]:
     """Calibrate a folder of cells, write the results, and return their summary with its text."""
     from basecal.reporting.fleet.page import fleet_page, fleet_text
     from basecal.studies.fleet.run import make_fleet, run_fleet
@@ -111,11 +111,11 @@ def _fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dict[str, A
 def cell_page(cell: Cell, recording: Recording, calibration: Calibration, title: str) -> str:
     """The page of a cell of a fleet, as from `basecal calibrate`."""
     from basecal.accuracy.fit_details import fit_details
-    from basecal.cli.page import with_kept_scene
+    from basecal.cli.page import add_stored_scene
     from basecal.estimation.streams.streams import synchronous
     from basecal.reporting.page import page
 
-    shown = with_kept_scene(cell, synchronous(cell, recording, calibration), calibration, calibration.scene)
+    shown = add_stored_scene(cell, synchronous(cell, recording, calibration), calibration, calibration.scene)
     return page(*shown, calibration, fit_details(*shown, calibration), title=title)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from basecal.cli.option_types import Output, Seed, number_range
-from basecal.cli.study import Workers, summary_text, try_study
+from basecal.cli.study import Workers, execute_study, summary_text
 from basecal.cli.terminal import print_json, progress, say
 from basecal.errors import UsageError
 
@@ -62,10 +62,11 @@ def study_paper(
         figures.mkdir(parents=True, exist_ok=True)
         for name, svg in length_figures(study).items():
             (figures / name).write_text(svg, encoding="utf-8")
-    summary = None if output is None else try_study(paper_study(), output, WorkerPool(workers or os.cpu_count() or 1))
+    pool = WorkerPool(workers or os.cpu_count() or 1)
+    summary = None if output is None else execute_study(paper_study(), output, pool)
     if json:
-        of_file = {} if summary is None else {"study": {k: v for k, v in summary.items() if k != "words"}}
-        print_json({**study, **of_file})
+        file_summary = {} if summary is None else {"study": {k: v for k, v in summary.items() if k != "words"}}
+        print_json({**study, **file_summary})
     else:
         say(paper_text(study) if summary is None else f"{paper_text(study)}\n\n{summary_text(summary)}")
     return 0

@@ -78,8 +78,8 @@ def target(
         square_m = (_SQUARE_MM if square_mm is None else square_mm) / 1e3
         marker_m = None if marker_mm is None else marker_mm / 1e3
         sizes = print_sizes(columns, rows, square_m, marker_m, dictionary, family, tag)
-        largest_on = None if square_mm is not None else _PAPER_NAMES[paper or "a4"]
-        fields, shape = _sized_target(kind, sizes, field, largest_on, marker_mm is None)
+        fitted_paper = None if square_mm is not None else _PAPER_NAMES[paper or "a4"]
+        fields, shape = _sized_target(kind, sizes, field, fitted_paper, marker_mm is None)
         title = ", ".join([kind, *option_words(fields)])
     pages = printed_pages(shape, title, None if paper is None else _PAPER_NAMES[paper])
     for path in write_pages(pages, out):
@@ -92,16 +92,16 @@ def target(
 
 
 def _sized_target(
-    kind: str, sizes: PrintSizes, field: tuple[str, ...], largest_on: str | None, scales_marker: bool
+    kind: str, sizes: PrintSizes, field: tuple[str, ...], fitted_paper: str | None, scales_marker: bool
 ) -> tuple[dict[str, Any], Target]:
     """Fields of cell.yaml and the target that they describe, with the given sizes or the largest that fit a paper."""
     from basecal.reporting.target_sheet import largest_pitch_mm
 
     fields = printed_fields(kind, sizes, field)
     shape = _described_target(kind, fields)
-    if largest_on is None or not shape.sheets:
+    if fitted_paper is None or not shape.sheets:
         return fields, shape
-    square_m = round(largest_pitch_mm(shape, largest_on) / 1e3, 9)
+    square_m = round(largest_pitch_mm(shape, fitted_paper) / 1e3, 9)
     marker_m = round(MARKER_SHARE * square_m, 9) if scales_marker else sizes.marker_m
     return _sized_target(kind, replace(sizes, square_m=square_m, marker_m=marker_m), field, None, scales_marker)
 

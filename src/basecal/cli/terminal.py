@@ -99,8 +99,8 @@ def progress(message: str) -> Iterator[Callable[[str], None]]:
 
 def print_stages(seconds: Mapping[str, float]) -> None:
     """Print the run time of each stage to stderr [s], the longest first."""
-    for name, took in sorted(seconds.items(), key=lambda stage: -stage[1]):
-        say(f"{took:8.3f} s  {name}", sys.stderr)
+    for name, duration in sorted(seconds.items(), key=lambda stage: -stage[1]):
+        say(f"{duration:8.3f} s  {name}", sys.stderr)
     say(f"{sum(seconds.values()):8.3f} s  all stages", sys.stderr)
 
 
@@ -125,7 +125,7 @@ _SHARES: Mapping[StageName, int] = {
     "findings": 2,
     "report": 35,
 }
-_SOONEST_S = 1.0  # smallest elapsed time and time left for which the time left is shown
+_SHORTEST_S = 1.0  # smallest elapsed time and time left for which the time left is shown
 
 
 class TimeLeft:
@@ -140,30 +140,30 @@ class TimeLeft:
         self._clock = clock
         self._began = self._stage_began = clock()
         self._stage = ""
-        self._seen: set[str] = set()
+        self._done_stages: set[str] = set()
 
     def enter(self, stage: str) -> None:
         """Note the start of a stage, which ends the previous one; text after a comma is the stage's progress."""
-        before, _, _ = self._stage.partition(",")
-        if stage.partition(",")[0] == before:
+        previous, _, _ = self._stage.partition(",")
+        if stage.partition(",")[0] == previous:
             self._stage = stage
             return
-        if before:
-            self._seen.add(before)
+        if previous:
+            self._done_stages.add(previous)
         self._stage, self._stage_began = stage, self._clock()
 
     def seconds(self) -> float | None:
         """Time left for all stages [s]; None if too little is known."""
-        done = sum(share for stage, share in _SHARES.items() if stage in self._seen)
-        before = self._stage_began - self._began
-        if not done or before < _SOONEST_S:
+        done = sum(share for stage, share in _SHARES.items() if stage in self._done_stages)
+        elapsed = self._stage_began - self._began
+        if not done or elapsed < _SHORTEST_S:
             return None
-        return max(before * (sum(_SHARES.values()) - done) / done - (self._clock() - self._stage_began), 0.0)
+        return max(elapsed * (sum(_SHARES.values()) - done) / done - (self._clock() - self._stage_began), 0.0)
 
     def __str__(self) -> str:
         left = self.seconds()
         stage = f": {self._stage}" if self._stage else ""
-        return f"{self.message}{stage}" + (f", about {left:.0f} s left" if left and left >= _SOONEST_S else "")
+        return f"{self.message}{stage}" + (f", about {left:.0f} s left" if left and left >= _SHORTEST_S else "")
 
     def __rich__(self) -> str:
         return str(self)

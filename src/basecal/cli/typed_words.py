@@ -10,7 +10,7 @@ from cyclopts import CoercionError, CycloptsError, UnusedCliTokensError
 
 from basecal.errors import list_names
 
-_OF_NUMBERS = ("--task-point", "--task-box")
+_NUMBER_OPTIONS = ("--task-point", "--task-box")
 
 
 def normalise_words(words: Sequence[str]) -> Iterator[str]:
@@ -22,9 +22,9 @@ def normalise_words(words: Sequence[str]) -> Iterator[str]:
     previous = ""
     for word, following in pairwise([*words, ""]):
         option, equals, value = word.partition("=")
-        if previous in _OF_NUMBERS:
+        if previous in _NUMBER_OPTIONS:
             yield from word.replace(",", " ").split() or [word]
-        elif equals and option in _OF_NUMBERS:
+        elif equals and option in _NUMBER_OPTIONS:
             yield option
             yield from value.replace(",", " ").split()
         else:
@@ -53,11 +53,10 @@ def describe_misuse(error: CycloptsError) -> str:
         return f"{error.token.keyword} takes no value: leave {error.token.value!r} out"
     if not isinstance(error, UnusedCliTokensError) or error.app is None:
         return str(error)
-    known = {
+    flag_names = {
         name for option in error.app.assemble_argument_collection() if option.hint is bool for name in option.names
     }
-    flags = [
-        word for word, following in pairwise(error.root_input_tokens or ()) if word in known and following[:1] != "-"
-    ]
-    left = list_names([repr(word) for word in error.unused_tokens or ()])
-    return "; ".join([f"more words than expected: {left}", *(f"{flag} takes no value" for flag in flags)])
+    words = pairwise(error.root_input_tokens or ())
+    flags = [word for word, following in words if word in flag_names and following[:1] != "-"]
+    unused = list_names([repr(word) for word in error.unused_tokens or ()])
+    return "; ".join([f"more words than expected: {unused}", *(f"{flag} takes no value" for flag in flags)])

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from basecal.cli.next_step import capture_command, has_drivers
-from basecal.cli.page import find_run, with_kept_scene
+from basecal.cli.page import add_stored_scene, find_run
 from basecal.cli.terminal import counting, print_json, quote_path, say_next, say_verdict
 from basecal.errors import DatasetError, UsageError
 
@@ -66,18 +66,19 @@ def verify(
         data, text, code = {}, [], 0
     else:
         run, new = find_run(cell) if against is None else against, _new_samples(cell, described, samples)
-        found = _verify(cell, described, run, new)
-        data, text, code = verification_dict(found), [verification_text(found)], int(found.moved is not False)
+        verification = _verify(cell, described, run, new)
+        data, text = verification_dict(verification), [verification_text(verification)]
+        code = int(verification.moved is not False)
         if recalibrate:
-            data["recalibration"], code = _recalibrate(cell, described, run, new, found)
+            data["recalibration"], code = _recalibrate(cell, described, run, new, verification)
             text.append(_recalibration_words(data["recalibration"]))
     if history:
-        past, words = _history(cell)
-        data, text = {**data, **past}, [*text, words]
+        history_data, words = _history(cell)
+        data, text = {**data, **history_data}, [*text, words]
     if json:
         print_json(data)
     else:
-        moved = None if samples is None else found.moved
+        moved = None if samples is None else verification.moved
         say_verdict("\n".join(text), "doubtful" if moved is None else "refused" if moved else "good")
         if moved or not history:
             say_next(_next_command(described, cell, moved))
@@ -102,10 +103,10 @@ def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
 
     is_cell = samples.is_dir()
     journal = samples / "recording" / "samples.jsonl" if is_cell else samples
-    home = samples if is_cell else folder
-    recording = read_samples(journal, home, cell)
+    base_folder = samples if is_cell else folder
+    recording = read_samples(journal, base_folder, cell)
     for sample in recording.samples:
-        _require_images(sample, home, journal)
+        _require_images(sample, base_folder, journal)
     if cell.targets and any(sample.images for sample in recording.samples):
         from basecal.vision.detect import detect
 
@@ -114,17 +115,17 @@ def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
     return recording
 
 
-def _require_images(sample: Sample, home: Path, journal: Path) -> None:
+def _require_images(sample: Sample, base_folder: Path, journal: Path) -> None:
     """Check that the images of a sample exist for cameras without observations.
 
     Raises:
         DatasetError: if an image is missing.
     """
-    seen = {observation.camera for observation in sample.observations}
+    observed_cameras = {observation.camera for observation in sample.observations}
     for camera, image in sample.images.items():
-        if camera not in seen and not (home / image).is_file():
-            what = f"the image of {camera!r} is missing, looked for at {home / image}"
-            raise DatasetError(journal, f"sample {sample.sample}: {what}; put it there, or correct its path")
+        if camera not in observed_cameras and not (base_folder / image).is_file():
+            message = f"the image of {camera!r} is missing, looked for at {base_folder / image}"
+            raise DatasetError(journal, f"sample {sample.sample}: {message}; put it there, or correct its path")
 
 
 def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification:
@@ -137,11 +138,11 @@ def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification
     from basecal.cell.results.fingerprint_file import read_fingerprint
 
     calibration = read_calibration(run)
-    cell, new = with_kept_scene(cell, new, calibration, read_fingerprint(run))
-    found = verified(cell, calibration, new)
+    cell, new = add_stored_scene(cell, new, calibration, read_fingerprint(run))
+    verification = verified(cell, calibration, new)
     name = (run if run.is_dir() else run.parent).resolve().name
-    append_verification(folder, record_verification(found, datetime.now(UTC), name))
-    return found
+    append_verification(folder, record_verification(verification, datetime.now(UTC), name))
+    return verification
 
 
 def _recalibrate(
@@ -165,20 +166,20 @@ def _recalibrate(
     added = [_renumber_sample(sample, first + k, new.folder or folder, files) for k, sample in enumerate(kept)]
     with place_files(files, folder):
         append_samples(folder, added)
-    made = recalibrate_folder(folder, cell, read_calibration(run))
-    word = verdict_word(made.calibration).lower()
-    told = {"run": made.run.name, "verdict": word, "added": [sample.sample for sample in added]}
-    return told, exit_code(made.calibration)
+    calibrated = recalibrate_folder(folder, cell, read_calibration(run))
+    word = verdict_word(calibrated.calibration).lower()
+    result = {"run": calibrated.run.name, "verdict": word, "added": [sample.sample for sample in added]}
+    return result, exit_code(calibrated.calibration)
 
 
-def _renumber_sample(sample: Sample, number: int, home: str | Path, files: dict[str, Path]) -> Sample:
+def _renumber_sample(sample: Sample, number: int, base_folder: str | Path, files: dict[str, Path]) -> Sample:
     """The sample with another number; images of a sample without observations are added to `files` by path."""
     from dataclasses import replace
 
     from basecal.exchange.importing.cell_files import numbered_path
 
     images = {} if sample.observations else {c: numbered_path(path, number) for c, path in sample.images.items()}
-    files.update((images[camera], Path(home) / sample.images[camera]) for camera in images)
+    files.update((images[camera], Path(base_folder) / sample.images[camera]) for camera in images)
     return replace(sample, sample=number, images=images, background={})
 
 
@@ -196,5 +197,5 @@ def _history(cell: Path) -> tuple[dict[str, Any], str]:
     from basecal.reporting.drift_text import history_dict, history_text
 
     past = read_verifications(cell)
-    found = drifts(past)
-    return history_dict(past, found), history_text(past, found).replace(" CELL ", f" {quote_path(cell)} ")
+    trends = drifts(past)
+    return history_dict(past, trends), history_text(past, trends).replace(" CELL ", f" {quote_path(cell)} ")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from basecal.cell.format.yaml_text import LARGEST_BYTES, parse_yaml, read_text
-from basecal.errors import DatasetError, InputError, list_names, nearest
+from basecal.errors import DatasetError, InputError, list_names, spelling_hint
 from basecal.fields.problems import Loc, field_name, line_number, shorten
 from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3
@@ -65,7 +65,7 @@ class Field:
         if not isinstance(self.data, dict):
             raise self.error(f"is {shorten(self.data)}, expected a mapping with {names[0]!r}")
         there = [name for name in self.data if self.data[name] is not None]
-        raise self.error(f"has no {' or '.join(names)}{nearest(names[0], there)}; it has {list_names(there)}")
+        raise self.error(f"has no {' or '.join(names)}{spelling_hint(names[0], there)}; it has {list_names(there)}")
 
     def names(self) -> list[str]:
         """Return the names of a mapping's fields; empty if this is not a mapping."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from basecal.bounded_file import check_regular
 from basecal.errors import DatasetError, InputError, list_names
-from basecal.vision.image_header import STARTS, header
+from basecal.vision.image_header import SIGNATURES, read_header
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
 """Extensions of readable images, in lower case."""
@@ -67,7 +67,7 @@ def check_image(path: Path) -> None:
     """
     check_regular(path)
     with path.open("rb") as file:
-        if not file.read(max(map(len, STARTS))).startswith(STARTS):
+        if not file.read(max(map(len, SIGNATURES))).startswith(SIGNATURES):
             raise DatasetError(path, f"is not an image, despite its name; expected {', '.join(ENDINGS)}")
 
 
@@ -85,7 +85,7 @@ def image_size(path: Path) -> tuple[int, int] | None:
     """Read width and height of an image [px]; None if they cannot be read."""
     try:
         with path.open("rb") as file:
-            found = header(file.read(_HEADER_BYTES))
+            found = read_header(file.read(_HEADER_BYTES))
     except OSError:
         return None
     return None if found is None else found.size_px

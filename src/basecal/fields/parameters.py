@@ -15,11 +15,11 @@ class Parameters(Entry):
     status: Status = "fixed"
 
     @checks_whole(mode="after")
-    def _sigmas_of_prior(self) -> Self:
+    def _check_sigmas(self) -> Self:
         sigmas = [name for name in type(self).model_fields if name.startswith("sigma")]
-        given = [name for name in sigmas if getattr(self, name) is not None]
-        wanted = sigmas if self.status == "prior" else []
-        if given != wanted:
-            expected = " and ".join(sorted(wanted)) or "no sigma"
-            raise ValueError(f"status {self.status} takes {expected}, got {' and '.join(sorted(given)) or 'none'}")
+        stated = [name for name in sigmas if getattr(self, name) is not None]
+        required = sigmas if self.status == "prior" else []
+        if stated != required:
+            expected = " and ".join(sorted(required)) or "no sigma"
+            raise ValueError(f"status {self.status} takes {expected}, got {' and '.join(sorted(stated)) or 'none'}")
         return self

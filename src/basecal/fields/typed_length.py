@@ -20,9 +20,9 @@ def length_m(text: str, option: str = "--tolerance", example: str = "0.5mm", suf
         UsageError: if the text is not a positive number with a unit of length.
     """
     is_text = isinstance(text, str) and text.endswith(suffix)
-    found = _LENGTH.fullmatch(text.removesuffix(suffix)) if is_text else None
-    unit = _UNITS_M.get(found[2]) if found else None
-    length = float(found[1]) * unit if found and unit else 0.0
+    match = _LENGTH.fullmatch(text.removesuffix(suffix)) if is_text else None
+    unit = _UNITS_M.get(match[2]) if match else None
+    length = float(match[1]) * unit if match and unit else 0.0
     if not (length > 0 and math.isfinite(length)):
         quantity = "speed" if suffix else "length"
         raise UsageError(f"{option} {text!r}: expected a {quantity} above zero with its unit, such as {example}")
@@ -35,10 +35,10 @@ def columns_rows(text: str, option: str) -> tuple[int, int]:
     Raises:
         UsageError: if the text is not two numbers.
     """
-    found = _COUNTS.fullmatch(text) if isinstance(text, str) else None
-    if found is None:
+    match = _COUNTS.fullmatch(text) if isinstance(text, str) else None
+    if match is None:
         raise UsageError(f"{option} {text!r}: expected columns and rows, such as 5x7")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 def parse_name_options(option: str, arguments: Iterable[str], form: str) -> dict[str, str]:
@@ -47,10 +47,10 @@ def parse_name_options(option: str, arguments: Iterable[str], form: str) -> dict
     Raises:
         UsageError: if an argument has another form, or a name occurs twice.
     """
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for each in arguments:
-        name, _, words = each.partition("=")
-        if not name or not words or name in found:
-            raise UsageError(f"{option} {each}: {'given twice' if name in found else f'expected {form}'}")
-        found[name] = words
-    return found
+        name, _, value = each.partition("=")
+        if not name or not value or name in values:
+            raise UsageError(f"{option} {each}: {'given twice' if name in values else f'expected {form}'}")
+        values[name] = value
+    return values

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic import field_validator as checks
 
-from basecal.errors import nearest
+from basecal.errors import spelling_hint
 from basecal.fields.problems import SHORT_LENGTH, shorten
 from basecal.geometry import SE3
 
@@ -30,22 +30,22 @@ _FULL_TURN_RAD = 2 * np.pi * 1.001  # [rad] with a margin for the rounding of wr
 _ROTATIONS = ("q_xyzw", "rotvec_rad", "rpy_deg")
 
 
-def _sigmas(count: int | None) -> Callable[[Any], list[float]]:
-    """Create a validator for one positive number or a list of `count`; any length if None."""
+def _sigma_list_validator(count: int | None) -> Callable[[Any], list[float]]:
+    """Create a validator for one positive number, or a list of `count` of them; of any length if `count` is None."""
 
     def check(value: Any) -> list[float]:
         """Return the numbers as a list."""
-        single = not isinstance(value, list)
-        values = [value] * (count or 1) if single else value
+        is_single = not isinstance(value, list)
+        values = [value] * (count or 1) if is_single else value
         if count not in (None, len(values)) or not values or not all(map(_is_sigma, values)):
             many = "a list of them" if count is None else f"{count} of them"
-            raise ValueError(f"expected one positive number or {many}, got {shorten(value) if single else value}")
+            raise ValueError(f"expected one positive number or {many}, got {shorten(value) if is_single else value}")
         return [float(v) for v in values]
 
     return check
 
 
-def _sigma(value: Any) -> Any:
+def _check_sigma(value: Any) -> Any:
     if not _is_sigma(value):
         raise ValueError(f"expected a positive number, got {shorten(value)}")
     return value
@@ -55,21 +55,20 @@ def _is_sigma(value: Any) -> bool:
     return isinstance(value, int | float) and value is not True and SMALLEST_SIGMA <= value <= LARGEST_VALUE
 
 
-def known_names(kind: str, names: tuple[str, ...]) -> AfterValidator:
+def known_name_validator(kind: str, names: tuple[str, ...]) -> AfterValidator:
     """Create a validator for known names."""
 
     def check(name: str) -> str:
         """Return the name if it is known."""
         if name not in names:
-            raise ValueError(
-                f"no {kind} {name[:SHORT_LENGTH]!r}{nearest(name[:SHORT_LENGTH], names)}; there are: {', '.join(names)}"
-            )
+            hint = spelling_hint(name[:SHORT_LENGTH], names)
+            raise ValueError(f"no {kind} {name[:SHORT_LENGTH]!r}{hint}; there are: {', '.join(names)}")
         return name
 
     return AfterValidator(check)
 
 
-def empty(value: Any) -> Any:
+def empty_if_missing(value: Any) -> Any:
     """Convert a missing value after a colon to an empty entry."""
     return {} if value is None else value
 
@@ -78,10 +77,10 @@ Number = Annotated[float, Field(ge=-LARGEST_VALUE, le=LARGEST_VALUE)]
 Length = Annotated[float, Field(ge=SMALLEST_LENGTH_M, le=LARGEST_LENGTH_M)]
 Pixels = Annotated[float, Field(gt=0, le=LARGEST_VALUE)]
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
-Sigma = Annotated[float, BeforeValidator(_sigma)]
-Sigma2 = Annotated[list[float], BeforeValidator(_sigmas(2))]
-Sigma3 = Annotated[list[float], BeforeValidator(_sigmas(3))]
-Sigmas = Annotated[list[float], BeforeValidator(_sigmas(None))]
+Sigma = Annotated[float, BeforeValidator(_check_sigma)]
+Sigma2 = Annotated[list[float], BeforeValidator(_sigma_list_validator(2))]
+Sigma3 = Annotated[list[float], BeforeValidator(_sigma_list_validator(3))]
+Sigmas = Annotated[list[float], BeforeValidator(_sigma_list_validator(None))]
 Status = Literal["fixed", "prior", "free"]
 _Row = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
@@ -114,7 +113,7 @@ class PoseEntry(Entry):
 
     @checks("q_xyzw")
     @classmethod
-    def _unit(cls, value: list[float] | None) -> list[float] | None:
+    def _check_quaternion(cls, value: list[float] | None) -> list[float] | None:
         if value is not None:
             SE3.from_quaternion(value, np.zeros(3))
         return value
@@ -160,7 +159,7 @@ def pose_se3(pose: PoseEntry) -> SE3:
     return SE3.from_rotvec(pose.rotvec_rad or np.zeros(3), pose.t_m or ())
 
 
-def full_pose(pose: PoseEntry) -> PoseEntry:
+def check_full_pose(pose: PoseEntry) -> PoseEntry:
     """Check that a pose has a position and exactly one rotation, and return it.
 
     Raises:
@@ -176,12 +175,12 @@ def full_pose(pose: PoseEntry) -> PoseEntry:
     return pose
 
 
-def _point_pose(pose: PoseEntry) -> PoseEntry:
+def _check_point_pose(pose: PoseEntry) -> PoseEntry:
     names = given_fields(pose)
     if not names:
         raise ValueError("expected t_m, the position of the point")
     if names != ["t_m"]:
-        full_pose(pose)
+        check_full_pose(pose)
         if not np.allclose(pose_se3(pose).rotation, np.eye(3), atol=_IDENTITY_TOLERANCE):
             raise ValueError("a single point has no rotation; give t_m alone")
     return pose
@@ -189,12 +188,12 @@ def _point_pose(pose: PoseEntry) -> PoseEntry:
 
 def _check_status(entry: UnknownEntry, pose_check: Callable[[PoseEntry], PoseEntry], sigmas: set[str]) -> None:
     stated = {name for name in ("sigma_t_m", "sigma_r_rad") if getattr(entry, name) is not None}
-    wanted = sigmas if entry.status == "prior" else set()
-    if stated - wanted:
+    expected = sigmas if entry.status == "prior" else set()
+    if stated - expected:
         why = "of a single point has no rotation" if entry.status == "prior" else f"with status {entry.status} has none"
-        raise ValueError(f"a transform {why}: remove {', '.join(sorted(stated - wanted))}")
-    if wanted - stated:
-        raise ValueError(f"status prior needs {', '.join(sorted(wanted - stated))}")
+        raise ValueError(f"a transform {why}: remove {', '.join(sorted(stated - expected))}")
+    if expected - stated:
+        raise ValueError(f"status prior needs {', '.join(sorted(expected - stated))}")
     if entry.status == "free":
         if given_fields(entry):
             raise ValueError("status free takes no pose; write it as `guess: {...}`, or set status fixed or prior")
@@ -206,18 +205,18 @@ def _check_status(entry: UnknownEntry, pose_check: Callable[[PoseEntry], PoseEnt
     pose_check(entry)
 
 
-def _rigid_unknown(entry: UnknownEntry) -> UnknownEntry:
-    _check_status(entry, full_pose, {"sigma_t_m", "sigma_r_rad"})
+def _check_rigid_unknown(entry: UnknownEntry) -> UnknownEntry:
+    _check_status(entry, check_full_pose, {"sigma_t_m", "sigma_r_rad"})
     return entry
 
 
-def _point_unknown(entry: UnknownEntry) -> UnknownEntry:
-    _check_status(entry, _point_pose, {"sigma_t_m"})
+def _check_point_unknown(entry: UnknownEntry) -> UnknownEntry:
+    _check_status(entry, _check_point_pose, {"sigma_t_m"})
     return entry
 
 
-Mount = Annotated[UnknownEntry, AfterValidator(_rigid_unknown), BeforeValidator(empty)]
-PointMount = Annotated[UnknownEntry, AfterValidator(_point_unknown), BeforeValidator(empty)]
+Mount = Annotated[UnknownEntry, AfterValidator(_check_rigid_unknown), BeforeValidator(empty_if_missing)]
+PointMount = Annotated[UnknownEntry, AfterValidator(_check_point_unknown), BeforeValidator(empty_if_missing)]
 
 
 def _check_path(text: str) -> str:

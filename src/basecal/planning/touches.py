@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.cell import WORLD, Calibration, Cell, CellTarget, Recording, RobotState, Sample, Unknown
-from basecal.cell.schema.touching import tip_shape
+from basecal.cell.schema.touching import point_shape
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths, rotation_exp
@@ -126,7 +126,7 @@ def _places(
 def with_marks(cell: Cell, marks: Mapping[str, Array]) -> Cell:
     """The cell with additional free marks at guessed positions, (3,) each [m]."""
     targets = {
-        name: CellTarget(name, WORLD, Unknown("free", SE3(np.eye(3), place)), tip_shape("mark"))
+        name: CellTarget(name, WORLD, Unknown("free", SE3(np.eye(3), place)), point_shape("mark"))
         for name, place in marks.items()
     }
     return replace(cell, targets={**cell.targets, **targets})

@@ -35,15 +35,15 @@ class Scale:
         """Round values in range."""
         if self.logarithmic:
             decades = range(math.floor(self.low), math.ceil(self.high) + 1)
-            within = (1, 2, 5) if self.high - self.low < _MANY_DECADES else (1,)
-            every = [m * 10.0**d for d in decades for m in within]
-            return [tick for tick in every if self.low <= math.log10(tick) <= self.high]
-        whole = 10.0 ** math.floor(math.log10(self.high - self.low))
-        for step in (whole * share for share in (1.0, 0.5, 0.2)):
-            found = [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
-            if len(found) >= _FEWEST_TICKS:
+            multiples = (1, 2, 5) if self.high - self.low < _MANY_DECADES else (1,)
+            candidates = [m * 10.0**d for d in decades for m in multiples]
+            return [tick for tick in candidates if self.low <= math.log10(tick) <= self.high]
+        decade = 10.0 ** math.floor(math.log10(self.high - self.low))
+        for step in (decade * share for share in (1.0, 0.5, 0.2)):
+            ticks = [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
+            if len(ticks) >= _FEWEST_TICKS:
                 break
-        return found
+        return ticks
 
 
 def fitted_scale(values: Sequence[float], start: float, end: float, logarithmic: bool | None = None) -> Scale:

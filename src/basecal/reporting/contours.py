@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from markupsafe import Markup
 from numpy.lib.stride_tricks import sliding_window_view
@@ -25,18 +27,23 @@ def contours(values: Array, pitch: float) -> list[Markup]:
     if min(values.shape) < 2 or not np.ptp(values) > 0:
         return []
     fine = refine(refine(values).T).T
-    lines, labels, places = "", list[Markup](), list[Array]()
+    lines, labels, centres = "", list[Markup](), list[Array]()
     scale = fitted_scale(values.ravel().tolist(), 0.0, 1.0)
     for level in [tick for tick in scale.ticks() if values.min() < tick < values.max()]:
-        found = pitch * (level_segments(fine, level) / _FINER + 0.5)
-        lines += segments(found)
-        middles = found.mean(1)
-        free = [at for at in middles if all(np.linalg.norm(at - other) > _LABEL_DISTANCE for other in places)]
+        ends = pitch * (level_segments(fine, level) / _FINER + 0.5)
+        lines += segments(ends)
+        middles = ends.mean(1)
+        free = [middle for middle in middles if _is_apart(middle, centres)]
         if free:
-            x, y = place = free[len(free) // 2]
-            places.append(place)
+            x, y = centre = free[len(free) // 2]
+            centres.append(centre)
             labels.append(element("text", f"{level:.6g}", class_="contour-label", x=x, y=y + 4, text_anchor="middle"))
     return [path("contour", lines), *labels]
+
+
+def _is_apart(point: Array, centres: Sequence[Array]) -> bool:
+    """Whether a label at a point leaves room to the other labels."""
+    return all(np.linalg.norm(point - centre) > _LABEL_DISTANCE for centre in centres)
 
 
 def refine(values: Array) -> Array:
@@ -54,11 +61,11 @@ def refine(values: Array) -> Array:
 def level_segments(values: Array, level: float) -> Array:
     """Segments on which values, linear within triangles of a grid, equal a level: (n, 2, 2), column and row of ends."""
     rows, columns = np.indices(values.shape)
-    every = np.stack([columns, rows, values - level], axis=-1)
-    a, b, c, d = (every[rows, columns].reshape(-1, 3) for rows in _HALVES for columns in _HALVES)
+    nodes = np.stack([columns, rows, values - level], axis=-1)
+    a, b, c, d = (nodes[rows, columns].reshape(-1, 3) for rows in _HALVES for columns in _HALVES)
     corners = np.concatenate([np.stack([a, b, c], axis=1), np.stack([d, c, b], axis=1)])
     ends = np.roll(corners, -1, axis=1)
     crossed = (corners[..., 2] >= 0) != (ends[..., 2] >= 0)  # of a triangle no edge, or two
     start, along = corners[crossed], (ends - corners)[crossed]
-    met: Array = start - start[:, 2:] / along[:, 2:] * along
-    return met[:, :2].reshape(-1, 2, 2)
+    crossings: Array = start - start[:, 2:] / along[:, 2:] * along
+    return crossings[:, :2].reshape(-1, 2, 2)

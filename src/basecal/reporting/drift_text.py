@@ -31,7 +31,7 @@ def verification_dict(verification: Verification) -> dict[str, Any]:
         "joint": None if shift is None or shift.joint is None else shift.joint + 1,
         "shift_mm": shift and _mm(shift.shift_m),
         "shift_deg": shift and math.degrees(shift.shift_rad),
-        "alike": [_thing_name(other) for other in verification.alternatives],
+        "alike": [_frame_or_joint(other) for other in verification.alternatives],
         "p": verification.chance,
         "detectable_mm": _mm(verification.detectable_m),
         "power": POWER,
@@ -58,7 +58,7 @@ def verification_text(verification: Verification) -> str:
         likeliest = _shift_sentence(verification.shift)
         lines = [f"MOVED: {count} are not explained (p = {verification.chance:.2g}); most likely {likeliest}"]
         if verification.alternatives:
-            others = ", ".join(_thing_name(other) for other in verification.alternatives)
+            others = ", ".join(_frame_or_joint(other) for other in verification.alternatives)
             lines.append(f"as likely, or nearly: {others}; samples with other rotations of both arms distinguish them")
         lines.append("check what was bumped or loosened there, and calibrate again")
     if verification.detectable_m is not None:
@@ -75,11 +75,11 @@ def verification_text(verification: Verification) -> str:
 def _shift_sentence(shift: Shift) -> str:
     if shift.joint is None:
         return f"{shift.frame},{format_tangent(shift.size, shift.covariance)}"
-    off, sigma = np.degrees([shift.size[0], math.sqrt(shift.covariance[0, 0])])
-    return f"the zero of {_thing_name(shift)}, by {format_with_sigma(off, sigma)} deg"
+    offset_deg, sigma = np.degrees([shift.size[0], math.sqrt(shift.covariance[0, 0])])
+    return f"the offset of {_frame_or_joint(shift)}, by {format_with_sigma(offset_deg, sigma)} deg"
 
 
-def _thing_name(shift: Shift) -> str:
+def _frame_or_joint(shift: Shift) -> str:
     return shift.frame if shift.joint is None else f"joint {shift.joint + 1} of {shift.frame.removesuffix('_flange')}"
 
 
@@ -119,9 +119,9 @@ def history_text(history: Sequence[PastVerification], drifts: Sequence[Drift]) -
         return "nothing was verified yet: basecal verify CELL NEW.jsonl"
     lines = []
     for each in history:
-        what = {False: "not moved", None: "cannot tell"}.get(each.moved, f"MOVED, {each.frame}")
+        outcome = {False: "not moved", None: "cannot tell"}.get(each.moved, f"MOVED, {each.frame}")
         shifts = [f"{name} {error_text(float(np.linalg.norm(s.t_m)), None)}" for name, s in each.shifts.items()]
-        lines.append(f"{each.when.strftime(_TIME_FORMAT)}  {what} (p = {each.chance:.2g})  {', '.join(shifts)}")
+        lines.append(f"{each.when.strftime(_TIME_FORMAT)}  {outcome} (p = {each.chance:.2g})  {', '.join(shifts)}")
     return "\n".join([*lines, *map(drift_sentence, drifts)])
 
 
@@ -161,8 +161,8 @@ def comparison_dict(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
 
 
 def _all_agree(comparisons: Sequence[Comparison]) -> bool | None:
-    found = {each.agree for each in comparisons}
-    return False if False in found else None if None in found else True
+    answers = {each.agree for each in comparisons}
+    return False if False in answers else None if None in answers else True
 
 
 def comparison_text(names: Sequence[str], comparisons: Sequence[Comparison]) -> str:

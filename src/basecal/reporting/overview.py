@@ -33,14 +33,14 @@ def cell_words(cell: Cell) -> Iterator[tuple[str, str]]:
     for camera in cell.cameras.values():
         size = "" if camera.size_px is None else f", {camera.size_px[0]} x {camera.size_px[1]} px"
         lens = "" if camera.intrinsics is None else f", {camera.model}, {_LENS_PHRASES[camera.intrinsics.status]}"
-        yield "Camera", f"{_place(camera)}{size}{lens}"
-    for thing in cell.targets.values():
-        known = thing.target
-        words = ["seen as poses"] if known is None else [known.kind, *_options(known.options)]
-        yield "Target", f"{_place(thing)}, {', '.join(words)}"
+        yield "Camera", f"{_location(camera)}{size}{lens}"
+    for entry in cell.targets.values():
+        shape = entry.target
+        words = ["seen as poses"] if shape is None else [shape.kind, *_options(shape.options)]
+        yield "Target", f"{_location(entry)}, {', '.join(words)}"
 
 
-def _place(body: CellCamera | CellTarget) -> str:
+def _location(body: CellCamera | CellTarget) -> str:
     return f"{body.name}, {'beside the robots' if body.on == WORLD else f'on the flange of {body.on}'}"
 
 
@@ -64,14 +64,14 @@ def _options(options: Mapping[str, Any]) -> Iterator[str]:
 def provenance(cell: Cell, calibration: Calibration) -> dict[str, Rows]:
     """Tables by heading: files, versions of programs, statuses of the cell's parameters, settings."""
     lenses = {name: camera.intrinsics for name, camera in cell.cameras.items() if camera.intrinsics is not None}
-    known = {
+    statuses = {
         **{name: unknown.status for name, unknown in cell.transforms.items()},
         **{f"intrinsics of {name}": intrinsics.status for name, intrinsics in lenses.items()},
         **{f"noise of {name}": _noise(name, cell, calibration) for name in cell.robots},
         **{
-            f"{kind.replace('_', ' ')} of {name}": of.status
+            f"{kind.replace('_', ' ')} of {name}": parameters.status
             for name, robot in cell.robots.items()
-            for kind, of in robot.parameters.items()
+            for kind, parameters in robot.parameters.items()
         },
     }
     number = {} if calibration.condition is None else {"condition number": f"{calibration.condition:.3g}"}
@@ -79,7 +79,7 @@ def provenance(cell: Cell, calibration: Calibration) -> dict[str, Rows]:
     tables = {
         "Files": calibration.inputs,
         "Programs": calibration.versions,
-        "What was known": known,
+        "What was known": statuses,
         "Settings": {**used, **number},
     }
     return {heading: rows for heading, rows in tables.items() if rows}

@@ -17,7 +17,7 @@ from basecal.exchange.exporters.exporter import pasteable
 from basecal.exchange.urdf import numbers
 from basecal.reporting.cell_view.sample_labels import misfit
 from basecal.reporting.cell_view.scene import scene
-from basecal.reporting.cell_view.stage import stage
+from basecal.reporting.cell_view.stage import scene_values
 from basecal.reporting.decision.outlook import component_figure, outlook_figure, workspace
 from basecal.reporting.decision.tiles import check_words, passed_checks, remarks, tiles
 from basecal.reporting.drift_text import history_text
@@ -52,9 +52,9 @@ from basecal.reporting.text import (
 from basecal.reporting.transforms import copies
 
 # Functions that the template calls.
-_VERBS: dict[str, Any] = {
-    verb.__name__: verb
-    for verb in (
+_TEMPLATE_FUNCTIONS: dict[str, Any] = {
+    function.__name__: function
+    for function in (
         component_figure,
         estimate_rows,
         lens_parameters,
@@ -101,7 +101,7 @@ def page(
         verifications: Verifications of this run in order of time.
         outlook: Numbers of additional planned samples, with the expected error at the task [m].
     """
-    known = FitDetails() if details is None else details
+    fit_details = FitDetails() if details is None else details
     tolerance_m = calibration.settings.get("tolerance_m")
     recorded = sum(bool(sample.observations) for sample in recording.samples)
     return fill_page(
@@ -112,38 +112,38 @@ def page(
         notes=notes,
         cell=cell,
         calibration=calibration,
-        closed_form=known.closed_form,
-        **_VERBS,
+        closed_form=fit_details.closed_form,
+        **_TEMPLATE_FUNCTIONS,
         overview=(answer_words(cell, time), cell_words(cell)),
-        tiles=list(tiles(cell, recording, calibration, known)),
+        tiles=list(tiles(cell, recording, calibration, fit_details)),
         remarks=list(remarks(calibration, outlook)),
         outlook_figure=outlook_figure(outlook, recorded, tolerance_m) if outlook else None,
         history=history_figure(verifications),
         drift=history_text(verifications, drifts(verifications)).splitlines()[-_MOST_VERIFICATIONS:],
         provenance=provenance(cell, calibration),
-        **stage(scene(cell, recording.samples, calibration)),
+        **scene_values(scene(cell, recording.samples, calibration)),
         said=sentences(calibration),
         **_answer(cell, calibration, title, run),
-        **_fit(cell, recording, calibration, known),
+        **_fit(cell, recording, calibration, fit_details),
     )
 
 
 def _answer(cell: Cell, calibration: Calibration, title: str, run: str | None) -> dict[str, Any]:
     """Template values of the result."""
-    pasted, asked = pasteable(calibration, cell, run), requested_estimates(cell, calibration)
+    texts, requested = pasteable(calibration, cell, run), requested_estimates(cell, calibration)
     first, tolerance = headline(cell, calibration), calibration.tolerance
-    found = sort_by_severity(calibration.findings)
+    findings = sort_by_severity(calibration.findings)
     is_known = tolerance is not None and tolerance.expected_95_m is not None
     return {
         "first": first,
         "colour": COLOURS[first.word],
         "missed_step": missed_step(cell, calibration, shlex.quote(title)) if is_known else "",
-        "asked": asked,
-        "others": [name for name in calibration.transforms if name not in asked],
-        "copies": {name: copies(name, cell, calibration, pasted) for name in calibration.transforms},
+        "asked": requested,
+        "others": [name for name in calibration.transforms if name not in requested],
+        "copies": {name: copies(name, cell, calibration, texts) for name in calibration.transforms},
         "robots": robot_blocks(calibration),
-        "findings": [each for each in found if each.do or each.severity != "info"],
-        "notes_found": [each for each in found if not each.do and each.severity == "info"],
+        "findings": [each for each in findings if each.do or each.severity != "info"],
+        "notes_found": [each for each in findings if not each.do and each.severity == "info"],
         "explained": check_words(),
         "passed": list(passed_checks(calibration)),
     }
@@ -151,8 +151,8 @@ def _answer(cell: Cell, calibration: Calibration, title: str, run: str | None) -
 
 def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails) -> dict[str, Any]:
     """Template values of the residuals."""
-    seen = points_by_camera([each for each in details.points if each.used.any()])
-    sized = [(cell.cameras[name].size_px, points) for name, points in seen.items()]
+    by_camera = points_by_camera([each for each in details.points if each.used.any()])
+    sized = [(cell.cameras[name].size_px, points) for name, points in by_camera.items()]
     lenses = [lens_uncertainty(name, *lens) for name, lens in calibration.cameras.items()]
     views = calibration.residuals.per_sample
     worst = sorted(views, key=misfit, reverse=True)[:_MOST_ROWS]
@@ -176,7 +176,7 @@ def _views(calibration: Calibration) -> dict[str, list[Figure]]:
     # Limit the number of bars in each figure, so that the page stays small.
     most = max(_FEWEST_BARS, min(_MOST_BARS, _MOST_BARS_IN_ALL // max(len(pairs) * len(QUANTITIES), 1)))
     figures = {name: [bar_figure(own, each, most, left_out) for each in QUANTITIES] for name, own in pairs.items()}
-    return {name: list(filter(None, drawn)) for name, drawn in figures.items() if any(drawn)}
+    return {name: list(filter(None, of_pair)) for name, of_pair in figures.items() if any(of_pair)}
 
 
 def _row(view: SampleResidual) -> tuple[str, ...]:

@@ -34,14 +34,14 @@ def summary(cell: Cell, calibration: Calibration) -> str:
         cell: The calibrated cell, which states the requested transforms.
         calibration: The calibration.
     """
-    asked = requested_estimates(cell, calibration)
+    requested = requested_estimates(cell, calibration)
     findings = dict.fromkeys(sort_by_severity(calibration.findings))
-    grave = [finding for finding in findings if finding.severity != "info"]
-    told = [(reason, list[str]()) for reason in _reasons(calibration, grave, asked)]
-    for place, name in enumerate(asked):
-        rows = list(_rows(name, calibration)) if place < _FULL_TRANSFORMS else []
-        told.append((transform_sentence(name, calibration), rows))
-    (first, rows), *others = told or [(_EMPTY_ANSWER, [])]
+    severe = [finding for finding in findings if finding.severity != "info"]
+    paragraphs = [(reason, list[str]()) for reason in _reasons(calibration, severe, requested)]
+    for index, name in enumerate(requested):
+        rows = list(_rows(name, calibration)) if index < _FULL_TRANSFORMS else []
+        paragraphs.append((transform_sentence(name, calibration), rows))
+    (first, rows), *others = paragraphs or [(_EMPTY_ANSWER, [])]
     lines = [*wrap_text(f"{verdict_word(calibration)}: {first}"), *rows]
     for sentence, rows in others:
         lines += [*wrap_text(sentence), *rows]
@@ -52,25 +52,25 @@ def summary(cell: Cell, calibration: Calibration) -> str:
     lines += wrap_text(f"cross-validation error, rms: {', '.join(errors)}") if errors else []
     lines += [] if calibration.validation is None else rival_lines(calibration.validation)
     lines += [line for sentence in certificate_lines(calibration) for line in wrap_text(sentence)]
-    lines += _finding_lines(grave[1:_FULL_FINDINGS])
-    less = [*grave[_FULL_FINDINGS:], *(finding for finding in findings if finding.severity == "info")]
-    in_full = _finding_lines(less)
+    lines += _finding_lines(severe[1:_FULL_FINDINGS])
+    minor = [*severe[_FULL_FINDINGS:], *(finding for finding in findings if finding.severity == "info")]
+    in_full = _finding_lines(minor)
     if len(lines) + len(in_full) <= _INFO_LINES:
         lines += in_full
-    elif less:
-        count_by_code = Counter(finding.code for finding in less)
+    elif minor:
+        count_by_code = Counter(finding.code for finding in minor)
         codes = ", ".join(code if times == 1 else f"{code} ({times})" for code, times in count_by_code.items())
         lines += wrap_text(f"also found, see --verbose: {codes}")
     return "\n".join(lines)
 
 
-def _reasons(calibration: Calibration, grave: Sequence[Finding], names: Sequence[str]) -> Iterator[str]:
+def _reasons(calibration: Calibration, severe: Sequence[Finding], names: Sequence[str]) -> Iterator[str]:
     """First sentences of a summary: the verdict on the tolerance, the most severe finding, the expected error."""
     tolerance = calibration.tolerance
     decides = tolerance is not None and verdict_word(calibration) in ("PASS", "FAIL")
     if tolerance is not None and decides:
         yield tolerance_sentence(tolerance)
-    for finding in grave[:1]:
+    for finding in severe[:1]:
         yield f"{finding.severity}: {_finding_sentence(finding)}" if decides else _finding_sentence(finding)
     if tolerance is not None and not decides and calibration.verdict != "refused":
         yield tolerance_sentence(tolerance)

@@ -29,14 +29,14 @@ _MARGIN_MM = 8.0
 _FOOT_MM = 22.0  # below the target, for a ruler and words
 _SIDE_MM = 14.0  # right of it, for a ruler
 _MARK_MM = 4.0  # length of cut marks
-_OFF_MM = 1.5  # between the target and marks beside it
+_GAP_MM = 1.5  # between the target and marks beside it
 _AXIS_MM = 10.0
 _RULER_MM = 100.0
-_LIGHT_MM = 5.0
+_LED_RING_MM = 5.0
 _CROSS_MM = 8.0
 _LINE_MM = 0.15
 _TEXT_MM = 3.2  # height of letters with descenders
-_TAKEN_MM = np.array([2 * _MARGIN_MM + _SIDE_MM, 2 * _MARGIN_MM + _FOOT_MM])  # of a page, not usable for the target
+_RESERVED_MM = np.array([2 * _MARGIN_MM + _SIDE_MM, 2 * _MARGIN_MM + _FOOT_MM])  # of a page, not usable for the target
 
 _NO_DISCS = np.zeros((0, 3))
 
@@ -96,7 +96,7 @@ def _sheet_page(target: Target, sheet: Sheet, title: str, paper: str | None) -> 
 def _placed_page(
     box: Array,
     paper: str | None,
-    words: tuple[str, str],
+    captions: tuple[str, str],
     texts: Sequence[Text],
     lines: Sequence[Array],
     rectangles: Array,
@@ -108,7 +108,7 @@ def _placed_page(
     Args:
         box: Left, top, right and bottom of the printed area [mm].
         paper: See `printed_pages`.
-        words: A title, and dimensions to check, above the ruler.
+        captions: A title, and dimensions to check, above the ruler.
         texts: See `PrintedPage`.
         lines: See `PrintedPage`.
         rectangles: See `PrintedPage`.
@@ -117,12 +117,12 @@ def _placed_page(
     """
     low, high = np.split(box, 2)
     name, size = _suitable_paper(high - low, paper)
-    rulers, said = _rulers(size, *words)
+    rulers, page_texts = _rulers(size, *captions)
     x, y = (np.array(size) - (_SIDE_MM, _FOOT_MM) - high - low) / 2
     ends, centre = np.array([x, y, x, y]), np.array([x, y, 0])
-    said += [(left + x, base + y, word) for left, base, word in texts]
-    every = np.array([*rulers, *(lines + ends)])
-    return PrintedPage(name, size, rectangles + ends, discs + centre, rings + centre, every, said)
+    page_texts += [(left + x, base + y, word) for left, base, word in texts]
+    page_lines = np.array([*rulers, *(lines + ends)])
+    return PrintedPage(name, size, rectangles + ends, discs + centre, rings + centre, page_lines, page_texts)
 
 
 def largest_pitch_mm(target: Target, paper: str) -> float:
@@ -132,7 +132,7 @@ def largest_pitch_mm(target: Target, paper: str) -> float:
         target: The target with any pitch.
         paper: Paper such as `A4` or `letter`.
     """
-    rooms_mm = [size - _TAKEN_MM for size in _orientations(paper)]
+    rooms_mm = [size - _RESERVED_MM for size in _orientations(paper)]
     pitches = [
         sheet.pitch * max(np.min(room / (sheet.paper[2:] - sheet.paper[:2])) for room in rooms_mm)
         for sheet in target.sheets
@@ -157,8 +157,8 @@ def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
         return [path]
     if path.suffix != ".svg":
         raise InputError(f"{path} ends in {path.suffix!r}: expected .pdf or .svg")
-    several = len(pages) > 1
-    names = [path.with_stem(f"{path.stem}_{k}") if several else path for k in range(len(pages))]
+    is_numbered = len(pages) > 1
+    names = [path.with_stem(f"{path.stem}_{k}") if is_numbered else path for k in range(len(pages))]
     for name, page in zip(names, pages, strict=True):
         write_output(name, page_svg(page))
     return names
@@ -167,11 +167,11 @@ def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
 def _template(target: Target, title: str, paper: str | None) -> PrintedPage:
     if np.abs(target.points[:, 2]).max() > 1e-6:
         raise InputError(f"a template is flat and the points of this {target.kind} are not: z must be 0 for all")
-    at = 1e3 * target.points[:, :2]
-    box = np.concatenate([at.min(0) - 2 * _CROSS_MM, at.max(0) + 2 * _CROSS_MM])
-    lines = [np.array([x - a, y - b, x + a, y + b]) for x, y in at for a, b in ((_CROSS_MM, 0), (0, _CROSS_MM))]
-    rings = np.column_stack([at, np.full(len(at), _LIGHT_MM / 2)])
-    names = [(x + 4, y - 4, str(number)) for (x, y), number in zip(at.tolist(), target.ids, strict=True)]
+    points_mm = 1e3 * target.points[:, :2]
+    box = np.concatenate([points_mm.min(0) - 2 * _CROSS_MM, points_mm.max(0) + 2 * _CROSS_MM])
+    lines = [np.array([x - a, y - b, x + a, y + b]) for x, y in points_mm for a, b in ((_CROSS_MM, 0), (0, _CROSS_MM))]
+    rings = np.column_stack([points_mm, np.full(len(points_mm), _LED_RING_MM / 2)])
+    names = [(x + 4, y - 4, str(number)) for (x, y), number in zip(points_mm.tolist(), target.ids, strict=True)]
     return _placed_page(
         box, paper, (title, "a cross where each point goes"), names, lines, np.zeros((0, 4)), _NO_DISCS, rings
     )
@@ -189,7 +189,7 @@ def _suitable_paper(extent: Array, paper: str | None) -> tuple[str, tuple[float,
     Raises:
         InputError: if the requested paper is too small.
     """
-    need = extent + _TAKEN_MM
+    need = extent + _RESERVED_MM
     for name in _PAPERS if paper is None else (paper,):
         for width, height in _orientations(name).tolist():
             if np.all(need <= (width + 1e-6, height + 1e-6)):
@@ -216,7 +216,7 @@ def _rulers(size: tuple[float, float], title: str, check: str) -> tuple[list[lis
 def _cut_marks(paper: Array) -> list[Array]:
     """Cut marks: two outward lines at each corner of a sheet, from its left, top, right and bottom."""
     left, top, right, bottom = paper
-    near, far = _OFF_MM, _OFF_MM + _MARK_MM
+    near, far = _GAP_MM, _GAP_MM + _MARK_MM
     return [
         np.array([x + near * a, y + near * b, x + far * a, y + far * b])
         for x, outwards in ((left, -1), (right, 1))
@@ -229,7 +229,7 @@ def _axes(sheet: Sheet) -> tuple[list[Array], list[Text]]:
     """Arrows above and left of a sheet that start at the target's origin, along its x and y axes."""
     sheet_from_target = sheet.target_from_sheet.inverse()
     origin = 1e3 * sheet_from_target.translation[:2]
-    edge = 1e3 * sheet.paper[:2] - _OFF_MM - 1
+    edge = 1e3 * sheet.paper[:2] - _GAP_MM - 1
     lines, names = list[Array](), list[Text]()
     for axis, name in enumerate("xy"):
         along = np.round(sheet_from_target.rotation[:2, axis], 9)

@@ -49,10 +49,10 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     """
     check_type("cell", cell, Cell)
     check_type("calibration", calibration, Calibration)
-    asked = requested_estimates(cell, calibration)
-    others = [name for name in calibration.transforms if name not in asked]
+    requested = requested_estimates(cell, calibration)
+    others = [name for name in calibration.transforms if name not in requested]
     blocks = [[str(headline(cell, calibration))]]
-    for name in asked:
+    for name in requested:
         blocks.append(_transform(name, calibration))
         if name not in calibration.points:
             mean, frames = calibration[name].mean, frame_names(cell, name)
@@ -62,15 +62,15 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         blocks.append([f"camera intrinsics of {name}  ({camera.model})"])
         for key, value, sigma, unit in lens_parameters(camera, covariance):
             blocks[-1].append(f"  {key:<3}{value:>13}    sigma {sigma} {unit}".rstrip())
-    said = sentences(calibration)
-    said["outliers"] = [f"outlier: {sentence}" for sentence in said["outliers"]]
-    blocks += [*robot_blocks(calibration), *said.values(), list(_findings(calibration.findings))]
+    by_subject = sentences(calibration)
+    by_subject["outliers"] = [f"outlier: {sentence}" for sentence in by_subject["outliers"]]
+    blocks += [*robot_blocks(calibration), *by_subject.values(), list(_findings(calibration.findings))]
     return "\n\n".join("\n".join(block) for block in blocks if block)
 
 
 def sentences(calibration: Calibration) -> dict[str, list[str]]:
     """Sentences about a calibration, apart from transforms and findings, by subject, a line each."""
-    found = {
+    by_subject = {
         "clocks": clock_sentences(calibration),
         "fit": fit_sentences(calibration),
         "cross_validation": validation_sentences(calibration),
@@ -78,7 +78,7 @@ def sentences(calibration: Calibration) -> dict[str, list[str]]:
         "noise": noise_sentences(calibration),
         "task": task_rows(calibration),
     }
-    return {subject: list(lines) for subject, lines in found.items()}
+    return {subject: list(lines) for subject, lines in by_subject.items()}
 
 
 def number_row(numbers: Iterable[str]) -> str:
@@ -88,11 +88,11 @@ def number_row(numbers: Iterable[str]) -> str:
 
 def robot_blocks(calibration: Calibration) -> list[list[str]]:
     """Blocks of lines about robot parameters, one for each kind and robot, with a heading."""
-    found = calibration.robot_parameters
+    by_kind = calibration.robot_parameters
     return [
         each.report(robot, values)
         for name, each in ROBOT_PARAMETERS.items()
-        for robot, values in found.get(name, {}).items()
+        for robot, values in by_kind.get(name, {}).items()
     ]
 
 
@@ -221,8 +221,8 @@ def outlier_sentences(calibration: Calibration) -> Iterator[str]:
     for outlier in calibration.outliers or ():
         part = f"points {', '.join(map(str, outlier.ids[:_SHOWN_IDS]))}" if outlier.ids else "the whole view"
         more = ", ..." if len(outlier.ids) > _SHOWN_IDS else ""
-        place = f"{name_sample(outlier.sample, outlier.image)}, {outlier.target} by {outlier.camera}"
-        yield f"{place}, {part}{more}: {outlier.reason}"
+        subject = f"{name_sample(outlier.sample, outlier.image)}, {outlier.target} by {outlier.camera}"
+        yield f"{subject}, {part}{more}: {outlier.reason}"
 
 
 def noise_sentences(calibration: Calibration) -> Iterator[str]:
@@ -232,12 +232,12 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
     measured = [_sigma(key, value) for key, value in noise.items() if value is not None and not isinstance(value, dict)]
     if measured:
         yield f"measurement noise, 1 sigma per axis: {', '.join(measured)}"
-    for camera, of in cameras.items():
-        if of.get("factor") is not None:
-            times = f"{two_digits(of['factor'])} times the sigma stated by its detector"
-            yield f"pixel noise of {camera}: {two_digits(of['pixel_px'])} px, {times}"
-        elif len(cameras) > 1 and of.get("pixel_px") is not None:
-            yield f"pixel noise of {camera}: {two_digits(of['pixel_px'])} px"
+    for camera, camera_sigmas in cameras.items():
+        if camera_sigmas.get("factor") is not None:
+            times = f"{two_digits(camera_sigmas['factor'])} times the sigma stated by its detector"
+            yield f"pixel noise of {camera}: {two_digits(camera_sigmas['pixel_px'])} px, {times}"
+        elif len(cameras) > 1 and camera_sigmas.get("pixel_px") is not None:
+            yield f"pixel noise of {camera}: {two_digits(camera_sigmas['pixel_px'])} px"
     for robot, sigmas in robots.items():
         posed = [_sigma(key, value) for key, value in sigmas.items() if key.startswith("sigma_") and value is not None]
         yield f"pose noise of robot {robot}, 1 sigma per axis: {', '.join(posed)}"
@@ -245,8 +245,8 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
             if sigmas.get(name) is None:
                 continue
             sigma, words = sigmas[name]["sigma"], effect.report.format(**sigmas[name])
-            alike = f"{_sigma('t_m', sigma[:3])}, {_sigma('r_rad', sigma[3:])}"
-            yield f"error of robot {robot} that is {words}: {alike}"
+            sigma_text = f"{_sigma('t_m', sigma[:3])}, {_sigma('r_rad', sigma[3:])}"
+            yield f"error of robot {robot} that is {words}: {sigma_text}"
 
 
 def task_sentence(calibration: Calibration) -> str:
@@ -281,14 +281,14 @@ def local_rows(calibration: Calibration) -> Iterator[str]:
         yield f"in the box: fewer than {FEWEST_SAMPLES} samples or none held out, too few to calibrate it separately"
     for part in calibration.local or ():
         x, y, z = part.centre_m
-        where = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
+        subject = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
         if part.global_m is None or part.local_m is None:
-            yield f"{where}: the local calibration failed; use the global one"
+            yield f"{subject}: the local calibration failed; use the global one"
             continue
-        local, whole = (two_digits(1e3 * length) for length in (part.local_m, part.global_m))
-        errors = f"held-out {local} mm by a local calibration, {whole} mm by the global"
+        local_mm, global_mm = (two_digits(1e3 * length) for length in (part.local_m, part.global_m))
+        errors = f"held-out {local_mm} mm by a local calibration, {global_mm} mm by the global"
         choice = "use the local one there" if part.is_better else "use the global one"
-        yield f"{where}: {errors}; p = {part.chance:.2g} for such a difference by noise alone; {choice}"
+        yield f"{subject}: {errors}; p = {part.chance:.2g} for such a difference by noise alone; {choice}"
 
 
 def _sigma(key: str, value: float | Array) -> str:

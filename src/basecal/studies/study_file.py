@@ -15,7 +15,7 @@ from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.cell.schema.errors import check_entry, check_schema
 from basecal.cell.targets.registry import AnyTargetEntry, TargetKindName
 from basecal.fields.problems import Loc, Problem, dataset_error, shorten
-from basecal.fields.values import LARGEST_VALUE, Entry, Status, empty, known_names
+from basecal.fields.values import LARGEST_VALUE, Entry, Status, empty_if_missing, known_name_validator
 from basecal.geometry.lenses.registry import lens_models
 from basecal.simulation.scenario import Arms, LayoutName
 from basecal.studies.cells import SHIFT_LAYOUTS, statuses
@@ -37,9 +37,9 @@ _Size = Annotated[float, Field(ge=0, le=LARGEST_VALUE)]
 _Share = Annotated[float, Field(ge=0, le=1)]
 _Factor = Annotated[float, Field(ge=0.5, le=2)]
 _Rotation = Annotated[float, Field(ge=0, le=3.15)]
-_Solver = Annotated[str, known_names("solver", tuple(SOLVERS))]
-_Lens = Annotated[str, known_names("lens", lens_models())]
-_Layout = Annotated[str, known_names("layout", (*get_args(LayoutName), *SHIFT_LAYOUTS))]
+_Solver = Annotated[str, known_name_validator("solver", tuple(SOLVERS))]
+_Lens = Annotated[str, known_name_validator("lens", lens_models())]
+_Layout = Annotated[str, known_name_validator("layout", (*get_args(LayoutName), *SHIFT_LAYOUTS))]
 
 
 def _with_carrier(value: Any) -> Any:
@@ -109,8 +109,8 @@ class StudyEntry(Entry):
     trials: Annotated[int, Field(ge=1, le=_MOST_TRIALS)]
     cells: Annotated[int, Field(ge=1, le=_MOST_CELLS)] = 10
     transform: str | None = None
-    hold: Annotated[SettingsEntry, BeforeValidator(empty)] = SettingsEntry()
-    axes: Annotated[AxesEntry, BeforeValidator(empty)] = AxesEntry()
+    hold: Annotated[SettingsEntry, BeforeValidator(empty_if_missing)] = SettingsEntry()
+    axes: Annotated[AxesEntry, BeforeValidator(empty_if_missing)] = AxesEntry()
 
     @checks_whole(mode="after")
     def _cells_share_the_trials(self) -> Self:

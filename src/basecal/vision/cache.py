@@ -25,8 +25,8 @@ _LARGEST_BYTES = 2**26  # of a million points
 
 def key(target: Target, size_px: tuple[int, int] | None, image: bytes, background: bytes | None) -> str:
     """Hash of an image, its required size, its background image, a target and the detectors' version."""
-    described = json.dumps([VERSION, target.kind, dict(target.options), size_px], sort_keys=True)
-    parts = [described.encode(), image, background or b""]
+    description = json.dumps([VERSION, target.kind, dict(target.options), size_px], sort_keys=True)
+    parts = [description.encode(), image, background or b""]
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()
 
 
@@ -38,8 +38,8 @@ def read(folder: Path, name: str) -> tuple[Detection | None] | None:
             return (None,)
         pixels, sigma_px = read_only(data["pixels"], (None, 2)), read_only(data["sigma_px"], (len(data["pixels"]),))
         ids = None if data["ids"] is None else read_only_ids(data["ids"])
-        whole = len(pixels) > 0 and bool(np.all(np.isfinite(pixels))) and bool(np.all(sigma_px > 0))
-        if not whole or (ids is not None and ids.shape != (len(pixels),)):
+        is_valid = len(pixels) > 0 and bool(np.all(np.isfinite(pixels))) and bool(np.all(sigma_px > 0))
+        if not is_valid or (ids is not None and ids.shape != (len(pixels),)):
             return None
         return (Detection(ids, pixels, sigma_px),)
     except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
@@ -48,11 +48,11 @@ def read(folder: Path, name: str) -> tuple[Detection | None] | None:
 
 def write(folder: Path, name: str, detection: Detection | None) -> None:
     """Store a detection in the cache; do nothing if the folder cannot be written to."""
-    found = {"ids": None, "pixels": None, "sigma_px": None}
+    data = {"ids": None, "pixels": None, "sigma_px": None}
     if detection is not None:
         ids = None if detection.ids is None else detection.ids.tolist()
-        found = {"ids": ids, "pixels": detection.pixels.tolist(), "sigma_px": detection.sigma_px.tolist()}
+        data = {"ids": ids, "pixels": detection.pixels.tolist(), "sigma_px": detection.sigma_px.tolist()}
     try:
-        write_atomically(folder / _FOLDER / f"{name}.json", json.dumps(found), base_folder=folder, durable=False)
+        write_atomically(folder / _FOLDER / f"{name}.json", json.dumps(data), base_folder=folder, durable=False)
     except InputError:
         return

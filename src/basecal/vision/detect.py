@@ -15,9 +15,9 @@ from basecal.cell.target import Target
 from basecal.errors import InputError, check_type
 from basecal.vision import cache
 from basecal.vision.detection import Detection, Image
-from basecal.vision.detectors import LIGHT, find
+from basecal.vision.detectors import LIGHT, find_target
 from basecal.vision.image_file import grey_image, is_turned, read_bytes
-from basecal.vision.losses import Searched, explain_no_target, lost_images
+from basecal.vision.losses import SearchedImage, explain_no_target, image_findings
 
 Progress = Callable[[int, int], None]
 """Callback with the number of completed steps and the total number of steps."""
@@ -52,44 +52,44 @@ def detect(
     check_type("cell", cell, Cell)
     check_type("recording", recording, Recording)
     shapes = {name: entry.target for name, entry in cell.targets.items() if entry.target is not None}
-    sought = {name: target for name, target in shapes.items() if target.found_by is not None}
+    detectable = {name: target for name, target in shapes.items() if target.found_by is not None}
     if folder is None and recording.folder is None and any(sample.images for sample in recording.samples):
         raise InputError("the folder of the images is unknown; give the folder of the cell")
-    look = _Look(cell, sought, Path(folder or recording.folder or "."))
+    search = _Search(cell, detectable, Path(folder or recording.folder or "."))
     samples = list(recording.samples)
-    searched: list[Searched] = []
+    searched: list[SearchedImage] = []
     for done, index in enumerate(_search_order(len(samples)), start=1):
         sample = samples[index]
-        seen = [view for camera in sample.images if (view := _camera(look, sample, camera)) is not None]
-        found = [each for view in seen for each in view.found]
-        if found:
-            samples[index] = replace(sample, observations=(*sample.observations, *found))
-        searched += [view.searched for view in seen]
+        views = [view for camera in sample.images if (view := _search_image(search, sample, camera)) is not None]
+        observations = [each for view in views for each in view.observations]
+        if observations:
+            samples[index] = replace(sample, observations=(*sample.observations, *observations))
+        searched += [view.searched for view in views]
         if progress is not None:
             progress(done, len(samples) + 1)
         if (
             done == _FIRST_SAMPLES
             and len(samples) >= _PREVIEW_SAMPLES
-            and explain_no_target(searched, sought, look.folder)
+            and explain_no_target(searched, detectable, search.folder)
         ):
             break
     searched.sort(key=lambda image: image.sample)
-    lost = list(lost_images(searched, sought, look.folder))
+    findings = list(image_findings(searched, detectable, search.folder))
     if progress is not None:
         progress(len(samples) + 1, len(samples) + 1)
-    grave = [finding for finding in lost if finding.severity == "warning"]
-    others = [finding for finding in lost if finding.severity != "warning"]
+    grave = [finding for finding in findings if finding.severity == "warning"]
+    others = [finding for finding in findings if finding.severity != "warning"]
     return replace(recording, samples=tuple(samples), findings=(*grave, *recording.findings, *others))
 
 
 def _search_order(count: int) -> list[int]:
     """Indices of samples in search order: a few spread over the recording, then the others in order."""
     first = dict.fromkeys(np.linspace(0, count - 1, min(_FIRST_SAMPLES, count)).astype(int).tolist())
-    return [*first, *(place for place in range(count) if place not in first)]
+    return [*first, *(index for index in range(count) if index not in first)]
 
 
 @dataclass(frozen=True, eq=False)
-class _Look:
+class _Search:
     cell: Cell
     targets: Mapping[str, Target]
     folder: Path
@@ -99,37 +99,37 @@ class _Look:
 class _View:
     """Result of the search in an image of a sample."""
 
-    searched: Searched
-    found: tuple[Observation, ...] = ()
+    searched: SearchedImage
+    observations: tuple[Observation, ...] = ()
 
 
-def _camera(look: _Look, sample: Sample, camera: str) -> _View | None:
+def _search_image(search: _Search, sample: Sample, camera: str) -> _View | None:
     """Search one image of a sample; None if it has no target to search for or its camera has no lens."""
-    known = {each.target for each in sample.observations if each.camera == camera}
-    open_targets = {name: target for name, target in look.targets.items() if name not in known}
+    observed_names = {each.target for each in sample.observations if each.camera == camera}
+    missing_targets = {name: target for name, target in search.targets.items() if name not in observed_names}
     # Without a lens, pixels are not usable.
-    if not open_targets or look.cell.cameras[camera].intrinsics is None:
+    if not missing_targets or search.cell.cameras[camera].intrinsics is None:
         return None
-    searched = Searched(sample.sample, camera, sample.images[camera])
+    searched = SearchedImage(sample.sample, camera, sample.images[camera])
     try:
-        source = _read_source(look, sample.images[camera])
-        needs_dark = camera in sample.background and any(each.found_by == LIGHT for each in open_targets.values())
-        dark = _read_source(look, sample.background[camera]) if needs_dark else None
-        seen = {
-            name: _detection(look, camera, target, source, dark if target.found_by == LIGHT else None)
-            for name, target in open_targets.items()
+        source = _read_source(search, sample.images[camera])
+        needs_dark = camera in sample.background and any(each.found_by == LIGHT for each in missing_targets.values())
+        dark = _read_source(search, sample.background[camera]) if needs_dark else None
+        detections = {
+            name: _detection(search, camera, target, source, dark if target.found_by == LIGHT else None)
+            for name, target in missing_targets.items()
         }
     except _Unusable as error:
         return _View(replace(searched, path=error.path, unusable=error.reason))
-    found: list[Observation] = []
-    for name, each in seen.items():
+    observations: list[Observation] = []
+    for name, each in detections.items():
         if each is not None and each.ids is None:
-            found.append(CandidateObservation(camera, name, each.pixels, each.sigma_px, detected=True))
+            observations.append(CandidateObservation(camera, name, each.pixels, each.sigma_px, detected=True))
         elif each is not None and each.ids is not None:
-            found.append(PixelObservation(camera, name, each.ids, each.pixels, each.sigma_px, detected=True))
-    missed = tuple(name for name, each in seen.items() if each is None)
-    names = tuple(each.target for each in found)
-    return _View(replace(searched, found=names, missed=missed, turned=is_turned(source.data)), tuple(found))
+            observations.append(PixelObservation(camera, name, each.ids, each.pixels, each.sigma_px, detected=True))
+    missed = tuple(name for name, each in detections.items() if each is None)
+    names = tuple(each.target for each in observations)
+    return _View(replace(searched, found=names, missed=missed, turned=is_turned(source.data)), tuple(observations))
 
 
 class _Unusable(Exception):
@@ -158,28 +158,28 @@ class _Source(NamedTuple):
         return image
 
 
-def _read_source(look: _Look, path: str) -> _Source:
-    data = read_bytes(look.folder / path)
+def _read_source(search: _Search, path: str) -> _Source:
+    data = read_bytes(search.folder / path)
     if isinstance(data, str):
         raise _Unusable(path, data)
     return _Source(path, data)
 
 
-def _detection(look: _Look, camera: str, target: Target, source: _Source, dark: _Source | None) -> Detection | None:
+def _detection(search: _Search, camera: str, target: Target, source: _Source, dark: _Source | None) -> Detection | None:
     """The detection of a target in an image, from the cache or by search.
 
     Raises:
         _Unusable: if an image cannot be used.
     """
-    size_px = look.cell.cameras[camera].size_px
+    size_px = search.cell.cameras[camera].size_px
     name = cache.key(target, size_px, source.data, None if dark is None else dark.data)
-    if (kept := cache.read(look.folder, name)) is not None:
-        return kept[0]
+    if (cached := cache.read(search.folder, name)) is not None:
+        return cached[0]
     image, background = source.image(size_px), None
     if dark is not None:
         background = dark.image(size_px)
         if (background.shape, background.dtype) != (image.shape, image.dtype):
             raise _Unusable(dark.path, "differs in size or bits from the image it is for")
-    detection = find(image, target, background)
-    cache.write(look.folder, name, detection)
+    detection = find_target(image, target, background)
+    cache.write(search.folder, name, detection)
     return detection

@@ -11,7 +11,7 @@ from basecal.errors import InputError
 from basecal.vision import survey
 from basecal.vision.detection import Detection, Image, check_image, eight_bit
 from basecal.vision.kinds import charuco, chessboard, circles, led, tags
-from basecal.vision.kinds.ways import Grey
+from basecal.vision.kinds.preprocessing import Grey
 
 LIGHT: Finder = "light"
 """The only detector that uses a background image, taken with the LED off."""
@@ -44,7 +44,7 @@ SURVEYS: dict[Finder, Survey] = {
 """Diagnoses for each `found_by` that has one."""
 
 
-def find(image: Image, target: Target, background: Image | None = None) -> Detection | None:
+def find_target(image: Image, target: Target, background: Image | None = None) -> Detection | None:
     """Find a target in an image, or return None; only LEDs use `background`, the image with the LED off.
 
     Raises:
@@ -68,8 +68,9 @@ def describe_other_targets(images: Iterable[Image], target: Target) -> str | Non
         target: The target that was not found.
     """
     grey = [eight_bit(image) for image in images]
-    look = None if target.found_by is None else SURVEYS.get(target.found_by)
-    if sum(find(np.fliplr(image), target) is not None for image in grey if target.found_by in _HANDED) > len(grey) / 2:
+    describe = None if target.found_by is None else SURVEYS.get(target.found_by)
+    mirrored = [np.fliplr(image) for image in grey if target.found_by in _HANDED]
+    if sum(find_target(image, target) is not None for image in mirrored) > len(grey) / 2:
         return "the images are mirrored: switch mirroring off in the camera's program, and take them again"
-    other = survey.describe_repeats(grey, target) or (look(grey, target) if look else None)
+    other = survey.describe_repeats(grey, target) or (describe(grey, target) if describe else None)
     return other or survey.describe_darkness(grey) or survey.describe_blur(grey)

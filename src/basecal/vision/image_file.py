@@ -13,7 +13,7 @@ from basecal.bounded_file import MissingFile, read_bounded
 from basecal.errors import DatasetError, InputError
 from basecal.vision.decoder import decode
 from basecal.vision.detection import Image
-from basecal.vision.image_header import header, png_chunks
+from basecal.vision.image_header import png_chunks, read_header
 
 _JPEG, _PNG, _BMP, _RIFF = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM", b"RIFF"
 _SCAN = b"\xff\xda"
@@ -63,13 +63,13 @@ def grey_image(data: bytes | str, size_px: tuple[int, int] | None) -> Image | st
     """
     if isinstance(data, str):
         return data
-    if (why := _refusal_reason(data, size_px)) is not None:
-        return why
-    pixels, amiss = decode(data)
+    if (reason := _refusal_reason(data, size_px)) is not None:
+        return reason
+    pixels, damage = decode(data)
     if pixels is None:
-        return f"is damaged ({amiss or 'its pixels cannot be read'})"
-    if amiss:
-        return f"is damaged ({amiss})"
+        return f"is damaged ({damage or 'its pixels cannot be read'})"
+    if damage:
+        return f"is damaged ({damage})"
     if pixels.dtype not in (np.uint8, np.uint16):
         return f"has pixels of type {pixels.dtype}, expected 8 or 16 bits"
     if pixels.ndim == 2:
@@ -81,26 +81,26 @@ def grey_image(data: bytes | str, size_px: tuple[int, int] | None) -> Image | st
 
 def is_turned(data: bytes) -> bool:
     """Whether the EXIF orientation rotates or mirrors an image for display."""
-    told = header(data)
-    return told is not None and told.orientation in _TURNED_ORIENTATIONS
+    image_header = read_header(data)
+    return image_header is not None and image_header.orientation in _TURNED_ORIENTATIONS
 
 
 def _refusal_reason(data: bytes, size_px: tuple[int, int] | None) -> str | None:
     """Why an image is refused before its pixels are decoded; None if it is not."""
     if not data:
         return "is empty"
-    told = header(data)
-    if told is None:
+    image_header = read_header(data)
+    if image_header is None:
         return "is not an image (PNG, JPEG, TIFF, BMP, WebP, PGM or PPM)"
-    width, height = told.size_px
+    width, height = image_header.size_px
     if min(width, height) < 1 or width * height > _MOST_PIXELS:
         return f"has {width} x {height} pixels, expected 1 to {_MOST_PIXELS // 2**20} million"
-    if width * height * told.pixel_bytes > _MOST_DECODED_BYTES:
-        mb = width * height * told.pixel_bytes // 2**20
+    if width * height * image_header.pixel_bytes > _MOST_DECODED_BYTES:
+        mb = width * height * image_header.pixel_bytes // 2**20
         return f"has {mb} MB of pixels, expected at most {_MOST_DECODED_BYTES // 2**20}: store it grey, or with 8 bits"
     if data.startswith(_JPEG) and (scans := data.count(_SCAN)) > _MOST_SCANS:
         return f"has {scans} scans, expected at most {_MOST_SCANS}: store it again"
-    return size_fault(told.size_px, size_px) or ("is truncated" if _is_cut(data) else None)
+    return size_fault(image_header.size_px, size_px) or ("is truncated" if _is_cut(data) else None)
 
 
 def size_fault(size: tuple[int, int], size_px: tuple[int, int] | None) -> str | None:
@@ -126,8 +126,8 @@ def png_bytes(image: Image) -> bytes:
     Raises:
         InputError: if its type is neither uint8 nor uint16.
     """
-    written, data = cv2.imencode(".png", image)
-    if not written:
+    is_encoded, data = cv2.imencode(".png", image)
+    if not is_encoded:
         raise InputError(f"an image of type {image.dtype} cannot be written as PNG")
     return bytes(data.tobytes())
 

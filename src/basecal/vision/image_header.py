@@ -32,7 +32,7 @@ class Header(NamedTuple):
     pixel_bytes: int = 4
 
 
-def header(data: bytes) -> Header | None:
+def read_header(data: bytes) -> Header | None:
     """Read the header of an image; None if the format is not supported or the header is broken.
 
     Source: PNG 3rd edition; ITU-T T.81; TIFF 6.0; EXIF 2.32; RFC 9649; netpbm's pages.
@@ -55,15 +55,15 @@ def _png(data: bytes) -> Header:
 
 def png_chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
     """Complete chunks of a PNG: name, start and end of the content of each."""
-    at = 8
+    position = 8
     for _ in range(_MOST_CHUNKS):
-        if at + 12 > len(data):
+        if position + 12 > len(data):
             break
-        length, name = struct.unpack_from(">I4s", data, at)
-        if at + 12 + length > len(data):
+        length, name = struct.unpack_from(">I4s", data, position)
+        if position + 12 + length > len(data):
             break
-        yield name, at + 8, at + 8 + length
-        at += 12 + length
+        yield name, position + 8, position + 8 + length
+        position += 12 + length
 
 
 def _bmp(data: bytes) -> Header:
@@ -86,16 +86,16 @@ def _jpeg(data: bytes) -> Header:
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:
     """Markers of a JPEG, each with the position of its length field."""
-    at = 2
+    position = 2
     for _ in range(_MOST_SEGMENTS):
-        at = data.index(b"\xff", at) if b"\xff" in data[at : at + 2**16] else len(data)
-        while data[at] == 0xFF:
-            at += 1
-        marker = data[at]
-        at += 1
+        position = data.index(b"\xff", position) if b"\xff" in data[position : position + 2**16] else len(data)
+        while data[position] == 0xFF:
+            position += 1
+        marker = data[position]
+        position += 1
         if marker not in _BARE_MARKERS:
-            yield marker, at
-            at += max(struct.unpack_from(">H", data, at)[0], 2)
+            yield marker, position
+            position += max(struct.unpack_from(">H", data, position)[0], 2)
 
 
 def _tiff(data: bytes) -> Header:
@@ -107,15 +107,17 @@ def _tiff(data: bytes) -> Header:
 def _tiff_tags(data: bytes) -> dict[int, int]:
     """Integer values of the first directory of a TIFF, by tag; the first value of a list."""
     order = "<" if data[:2] == b"II" else ">"
-    (at,) = struct.unpack_from(order + "I", data, 4)
-    (count,) = struct.unpack_from(order + "H", data, at)
+    (directory,) = struct.unpack_from(order + "I", data, 4)
+    (count,) = struct.unpack_from(order + "H", data, directory)
     tags = {}
     for k in range(min(count, _MOST_TAGS)):
-        tag, kind, values = struct.unpack_from(order + "HHI", data, at + 2 + 12 * k)
+        tag, kind, values = struct.unpack_from(order + "HHI", data, directory + 2 + 12 * k)
         if kind in _WHOLE_NUMBER_TYPES:
-            inside = values * struct.calcsize(_WHOLE_NUMBER_TYPES[kind]) <= 4
-            place = at + 10 + 12 * k if inside else struct.unpack_from(order + "I", data, at + 10 + 12 * k)[0]
-            tags[tag] = struct.unpack_from(order + _WHOLE_NUMBER_TYPES[kind], data, place)[0]
+            is_inline = values * struct.calcsize(_WHOLE_NUMBER_TYPES[kind]) <= 4
+            position = directory + 10 + 12 * k
+            if not is_inline:
+                position = struct.unpack_from(order + "I", data, position)[0]
+            tags[tag] = struct.unpack_from(order + _WHOLE_NUMBER_TYPES[kind], data, position)[0]
     return tags
 
 
@@ -134,10 +136,10 @@ def _webp(data: bytes) -> Header:
 
 
 def _netpbm(data: bytes) -> Header:
-    found = _NETPBM.match(data[:4096])
-    if found is None:
+    match = _NETPBM.match(data[:4096])
+    if match is None:
         raise ValueError("no size")
-    return Header((int(found[1]), int(found[2])))
+    return Header((int(match[1]), int(match[2])))
 
 
 _HEADER_READERS: dict[bytes, Callable[[bytes], Header]] = {
@@ -151,5 +153,5 @@ _HEADER_READERS: dict[bytes, Callable[[bytes], Header]] = {
 }
 """Header readers by the first bytes of a file."""
 
-STARTS = tuple(_HEADER_READERS)
+SIGNATURES = tuple(_HEADER_READERS)
 """First bytes of the supported image formats."""

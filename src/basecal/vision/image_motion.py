@@ -28,8 +28,8 @@ _NOISE_SIGMAS = 4.5  # sigmas: exceeded by chance by any of a hundred blocks in 
 def reduce_image(image: Image) -> Levels:
     """Reduce and smooth an image for `shift_between`."""
     size = (image.shape[1] // _REDUCTION, image.shape[0] // _REDUCTION)
-    fewer = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    return np.asarray(cv2.GaussianBlur(fewer, (0, 0), _SMOOTH_PX), dtype=np.float32)
+    reduced = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    return np.asarray(cv2.GaussianBlur(reduced, (0, 0), _SMOOTH_PX), dtype=np.float32)
 
 
 def shift_between(first: Levels, second: Levels) -> float:
@@ -51,8 +51,8 @@ def shift_between(first: Levels, second: Levels) -> float:
     along = 0.5 * np.arctan2(2 * uv, uu - vv)
     axis = np.stack([np.cos(along), np.sin(along)], -1)
     # Smoothing correlates the noise of neighbours: this number of pixels counts as one.
-    alike = 1.0 + 4 * np.pi * _SMOOTH_PX**2
-    noise = NORMAL_MAD * float(np.median(np.abs(change[::_NOISE_STRIDE, ::_NOISE_STRIDE]))) * np.sqrt(alike)
+    correlated_count = 1.0 + 4 * np.pi * _SMOOTH_PX**2
+    noise = NORMAL_MAD * float(np.median(np.abs(change[::_NOISE_STRIDE, ::_NOISE_STRIDE]))) * np.sqrt(correlated_count)
     sigma = noise / np.sqrt(strongest)
     shift = np.abs((downhill * axis).sum(-1)) / strongest
     beyond = np.where(_REDUCTION * sigma < _CERTAIN_PX, shift - _NOISE_SIGMAS * sigma, 0.0)

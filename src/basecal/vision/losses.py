@@ -12,8 +12,8 @@ from basecal.errors import sentence
 from basecal.vision.detection import eight_bit
 from basecal.vision.detectors import describe_other_targets
 from basecal.vision.image_file import grey_image, read_bytes
-from basecal.vision.kinds.ways import Grey
-from basecal.vision.survey import unlike_print
+from basecal.vision.kinds.preprocessing import Grey
+from basecal.vision.survey import describe_print_error
 
 _MANY_SHARE = 1 / 3  # of a camera's images without any target: targets rarely leave the view that often
 _MOST_SHARE = 1 / 2  # of a camera's images: above, the images may show another target than the stated one
@@ -23,7 +23,7 @@ _SHOWN_SAMPLES = 10  # samples listed in a sentence
 
 
 @dataclass(frozen=True)
-class Searched:
+class SearchedImage:
     """An image that was searched.
 
     Attributes:
@@ -45,7 +45,7 @@ class Searched:
     unusable: str = ""
 
 
-def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> Iterator[Finding]:
+def image_findings(searches: Sequence[SearchedImage], targets: Mapping[str, Target], folder: Path) -> Iterator[Finding]:
     """Findings about images without detections, most severe first.
 
     Args:
@@ -53,16 +53,17 @@ def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], fol
         targets: The targets by name.
         folder: The cell's folder, to which the images' paths are relative.
     """
-    by_camera: dict[str, list[Searched]] = {}
+    by_camera: dict[str, list[SearchedImage]] = {}
     for image in searches:
         by_camera.setdefault(image.camera, []).append(image)
     for camera, images in by_camera.items():
         yield from _few_images(camera, images, targets, folder)
     for camera, images in by_camera.items():
-        for reason, of in _group_by_reason(images).items():
-            about = (*(str(image.sample) for image in of), camera)
-            what = f"{_sample_phrase(of, images)} {reason}."
-            yield Finding("dropped-sample", "info", about, what, why=f"They are left out for {camera!r}.")
+        for reason, selection in _group_by_reason(images).items():
+            about = (*(str(image.sample) for image in selection), camera)
+            what = f"{_sample_phrase(selection, images)} {reason}."
+            subject = "It is" if len(selection) == 1 else "They are"
+            yield Finding("dropped-sample", "info", about, what, why=f"{subject} left out for {camera!r}.")
         if turned := [image.sample for image in images if image.turned]:
             what = (
                 f"EXIF of {len(turned)} images of {camera!r} rotates them for display: samples {_list_samples(turned)}."
@@ -71,10 +72,10 @@ def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], fol
             do = ("State the lens of images as the sensor gives them.",)
             yield Finding("turned-images", "info", (camera,), what, do, why)
         for name in dict.fromkeys(name for image in images for name in image.missed):
-            where = [image for image in images if name in image.missed]
-            samples = _list_samples([image.sample for image in where])
-            what = f"{name!r} is not found in {len(where)} images of {camera!r}: samples {samples}."
-            print_error = unlike_print(_read_images(where[:_SURVEYED_IMAGES], folder), targets[name])
+            missing = [image for image in images if name in image.missed]
+            samples = _list_samples([image.sample for image in missing])
+            what = f"{name!r} is not found in {len(missing)} images of {camera!r}: samples {samples}."
+            print_error = describe_print_error(_read_images(missing[:_SURVEYED_IMAGES], folder), targets[name])
             if print_error is None:
                 yield Finding("dropped-sample", "info", (camera, name), what)
             else:
@@ -82,7 +83,7 @@ def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], fol
                 yield Finding("dropped-sample", "warning", (camera,), what, (sentence(cure),), sentence(cause))
 
 
-def explain_no_target(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:
+def explain_no_target(searches: Sequence[SearchedImage], targets: Mapping[str, Target], folder: Path) -> str:
     """Explain why images show no target, as the end of a sentence; empty if one does or the cause is unknown."""
     if not searches or any(image.found for image in searches):
         return ""
@@ -90,7 +91,7 @@ def explain_no_target(searches: Sequence[Searched], targets: Mapping[str, Target
 
 
 def _few_images(
-    camera: str, images: Sequence[Searched], targets: Mapping[str, Target], folder: Path
+    camera: str, images: Sequence[SearchedImage], targets: Mapping[str, Target], folder: Path
 ) -> Iterator[Finding]:
     empty = [image for image in images if not image.found]
     if len(empty) <= _MANY_SHARE * len(images):
@@ -104,22 +105,22 @@ def _few_images(
     )
 
 
-def _reasons(images: Sequence[Searched]) -> list[str]:
+def _reasons(images: Sequence[SearchedImage]) -> list[str]:
     """Reasons why images cannot be used, each once, most frequent first."""
     by_reason = _group_by_reason(images)
-    often = sorted(by_reason.items(), key=lambda each: -len(each[1]))
-    return [f"{_sample_phrase(of, images)} {reason}" for reason, of in often]
+    by_frequency = sorted(by_reason.items(), key=lambda each: -len(each[1]))
+    return [f"{_sample_phrase(selection, images)} {reason}" for reason, selection in by_frequency]
 
 
-def _group_by_reason(images: Sequence[Searched]) -> dict[str, list[Searched]]:
-    by_reason: dict[str, list[Searched]] = {}
+def _group_by_reason(images: Sequence[SearchedImage]) -> dict[str, list[SearchedImage]]:
+    by_reason: dict[str, list[SearchedImage]] = {}
     for image in images:
         if image.unusable:
             by_reason.setdefault(image.unusable, []).append(image)
     return by_reason
 
 
-def _sample_phrase(selection: Sequence[Searched], images: Sequence[Searched]) -> str:
+def _sample_phrase(selection: Sequence[SearchedImage], images: Sequence[SearchedImage]) -> str:
     """Phrase for a selection of images: a path, and the samples if not all images are selected."""
     if len(selection) == 1:
         return f"sample {selection[0].sample}: {selection[0].path}"
@@ -131,7 +132,7 @@ def _sample_phrase(selection: Sequence[Searched], images: Sequence[Searched]) ->
     return f"{which}, such as {selection[0].path},"
 
 
-def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> list[str]:
+def _hints(empty: Sequence[SearchedImage], targets: Mapping[str, Target], folder: Path) -> list[str]:
     """Describe the content of images in which a target is not found, for each target if it can be determined."""
     hints = []
     for name, target in targets.items():
@@ -142,7 +143,7 @@ def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Pat
     return hints
 
 
-def _read_images(images: Sequence[Searched], folder: Path) -> list[Grey]:
+def _read_images(images: Sequence[SearchedImage], folder: Path) -> list[Grey]:
     """Read images in 8 bits, without those that cannot be read."""
     grey = [grey_image(read_bytes(folder / image.path), None) for image in images]
     return [eight_bit(image) for image in grey if not isinstance(image, str)]

@@ -49,10 +49,10 @@ def camera_from_target(camera: Camera, points: Array, pixels: Array, visible: Bo
     used = visible & valid & (rays[:, 2] > _LEAST_AXIS_COSINE)
     straight = camera.focal * rays[used, :2] / rays[used, 2:] + camera.center
     try:
-        found, turn, shift = cv2.solvePnP(points[used], straight, camera.matrix, None)
+        is_solved, rotvec, translation = cv2.solvePnP(points[used], straight, camera.matrix, None)
     except cv2.error:
         return None
-    return SE3.from_rotvec(turn[:, 0], shift[:, 0]) if found and np.isfinite(turn).all() else None
+    return SE3.from_rotvec(rotvec[:, 0], translation[:, 0]) if is_solved and np.isfinite(rotvec).all() else None
 
 
 def robot_world(outer: SE3, inner: SE3, method: str = "SHAH") -> RobotWorld | None:
@@ -62,11 +62,11 @@ def robot_world(outer: SE3, inner: SE3, method: str = "SHAH") -> RobotWorld | No
     base_from_world`. Every chain of one moving transform between two unknowns has this form.
     """
     try:
-        found = (_solve_robot_world if method in _ROBOT_WORLD else _solve_hand_eye)(outer, inner, method)
+        result = (_solve_robot_world if method in _ROBOT_WORLD else _solve_hand_eye)(outer, inner, method)
     except (cv2.error, ValueError):
         return None
-    is_finite = all(np.all(np.isfinite(each.matrix)) for each in (found.first, found.last))
-    return found if is_finite else None
+    is_finite = all(np.all(np.isfinite(each.matrix)) for each in (result.first, result.last))
+    return result if is_finite else None
 
 
 def _solve_robot_world(outer: SE3, inner: SE3, method: str) -> RobotWorld:

@@ -26,8 +26,8 @@ class Stream:
 
     def read(self) -> Image | None:
         """Read the next image, (h, w); None at the end of the source."""
-        came, image = self.capture.read()
-        if not came:
+        is_read, image = self.capture.read()
+        if not is_read:
             return None
         return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 

@@ -13,13 +13,13 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.circles import circles_target
 from basecal.vision.kinds import charuco, circles
 from basecal.vision.kinds.charuco_layout import likely_boards
-from basecal.vision.kinds.ways import MARKER_SETS, Grey, Way, best_result, detect_markers, dictionary
+from basecal.vision.kinds.preprocessing import MARKER_SETS, Grey, Preprocessing, best_result, detect_markers, dictionary
 
 _LISTED_IDS = 5  # ids listed in a sentence
 _LEAST_MARKERS = 4  # markers in an image: clutter may resemble a few of a thousand codes of 16 cells
 _ENOUGH_IMAGES = 2  # in which all dictionaries are searched if other images show the target
 _FEWEST_OF_BOARD = 3  # markers that identify a dictionary: one or two may be clutter
-_WAYS = (Way(), Way(stretched=True))  # each is tried with every dictionary
+_PREPROCESSINGS = (Preprocessing(), Preprocessing(stretched=True))  # each is tried with every dictionary
 _SMALLEST_BOARD = 3  # corners per side of the chessboard from which OpenCV grows a board
 _DARK_LEVEL = 40  # level of the 99th percentile below which an image is dark
 _DARK_PERCENT = 99
@@ -61,7 +61,7 @@ def _edge_px(image: Grey) -> float | None:
     return float(np.sqrt(max(blur**2 - _DENOISED_PX**2, 0.0)))
 
 
-def unlike_print(images: list[Grey], target: Target) -> str | None:
+def describe_print_error(images: list[Grey], target: Target) -> str | None:
     """Clause about markers of a target without markers, or about markers that appear twice; None if neither."""
     if target.is_point or _dictionary_name(target) is not None:
         return describe_repeats(images, target)
@@ -90,35 +90,37 @@ def other_tags(images: list[Grey], target: Target) -> str | None:
     """Clause about other tags, or tags of another family; None if there are none."""
     if target.tags is None:
         return None
-    family, wanted = target.tags.family, {int(number) for number in target.tags.numbers}
-    seen = _found_markers(images, family)
-    if not seen:
+    family, expected = target.tags.family, {int(number) for number in target.tags.numbers}
+    found_numbers = _found_markers(images, family)
+    if not found_numbers:
         return _other_set(images, family, "tag")
-    verb = "tag {} is" if len(seen) == 1 else "tags {} are"
-    return f"{verb.format(_ids(seen))} there, not {_ids(wanted)}" if not wanted & seen else None
+    verb = "tag {} is" if len(found_numbers) == 1 else "tags {} are"
+    return f"{verb.format(_ids(found_numbers))} there, not {_ids(expected)}" if not expected & found_numbers else None
 
 
 def other_charuco(images: list[Grey], target: Target) -> str | None:
     """Clause about a ChArUco board of another dictionary, layout or size; None if unknown."""
-    of = target.options
-    seen, stated = _found_markers(images, of["dictionary"]), _marker_count(target)
-    if not seen:
-        other = _other_set(images, of["dictionary"], "marker")
-        if other is None:
+    options = target.options
+    found_numbers, stated = _found_markers(images, options["dictionary"]), _marker_count(target)
+    if not found_numbers:
+        clause = _other_set(images, options["dictionary"], "marker")
+        if clause is None:
             return None
-        return f"no board of {of['dictionary']}; {other}: write `dictionary: {other.partition(' ')[0]}`"
+        return f"no board of {options['dictionary']}; {clause}: write `dictionary: {clause.partition(' ')[0]}`"
     for board in (*_other_layouts(target), *likely_boards(images, target)):
-        if max(seen) < _marker_count(board) and any(charuco.detect(image, board) is not None for image in images):
+        if max(found_numbers) < _marker_count(board) and any(
+            charuco.detect(image, board) is not None for image in images
+        ):
             (columns, rows), legacy = board.options["squares"], bool(board.options["legacy_pattern"])
             fields = {
                 "squares": f"`squares: [{columns}, {rows}]`",
                 "legacy_pattern": f"`legacy_pattern: {str(legacy).lower()}`",
                 "dictionary": f"`dictionary: {board.options['dictionary']}`",
             }
-            written = ", ".join(text for name, text in fields.items() if board.options[name] != of[name])
+            written = ", ".join(text for name, text in fields.items() if board.options[name] != options[name])
             return f"{_layout(board)} fit, not {_layout(target)}: write {written}"
-    ids = f"markers {_ids(seen)} of {of['dictionary']} are there"
-    if max(seen) < stated:
+    ids = f"markers {_ids(found_numbers)} of {options['dictionary']} are there"
+    if max(found_numbers) < stated:
         return f"{ids}, but no corner between"
     return f"{ids}, the board stated has 0 to {stated - 1}: count its squares, squares: [columns, rows]"
 
@@ -129,11 +131,11 @@ def _marker_count(board: Target) -> int:
 
 
 def _other_layouts(target: Target) -> Iterator[Target]:
-    of = target.options
-    columns, rows = of["squares"]
-    legacy = bool(of["legacy_pattern"])
+    options = target.options
+    columns, rows = options["squares"]
+    legacy = bool(options["legacy_pattern"])
     for size, pattern in (((columns, rows), not legacy), ((rows, columns), legacy), ((rows, columns), not legacy)):
-        yield charuco_target(size, of["square_m"], of["marker_m"], of["dictionary"], pattern)
+        yield charuco_target(size, options["square_m"], options["marker_m"], options["dictionary"], pattern)
 
 
 def _layout(target: Target) -> str:
@@ -161,15 +163,16 @@ def other_chessboard(images: list[Grey], target: Target) -> str | None:
     return f"{max(size)}x{min(size)} inner corners are seen, not {stated[0]}x{stated[1]}"
 
 
-def _sizes_of_board(image: Grey, stated_ids: tuple[int, int]) -> list[tuple[int, int]]:
+def _sizes_of_board(image: Grey, stated_size: tuple[int, int]) -> list[tuple[int, int]]:
     """Size of a chessboard in an image: close to the stated one, or as OpenCV grows it; empty if there is none."""
-    small = Way(0.5).apply(image)
-    for size in _near_sizes(*stated_ids):
+    small = Preprocessing(0.5).apply(image)
+    for size in _near_sizes(*stated_size):
         if min(size) >= _SMALLEST_BOARD and cv2.findChessboardCornersSB(small, size)[0]:
             return [size]
-    seen, _, board = cv2.findChessboardCornersSBWithMeta(image, (_SMALLEST_BOARD, _SMALLEST_BOARD), cv2.CALIB_CB_LARGER)
+    smallest = (_SMALLEST_BOARD, _SMALLEST_BOARD)
+    is_found, _, board = cv2.findChessboardCornersSBWithMeta(image, smallest, cv2.CALIB_CB_LARGER)
     # A board that did not grow may be clutter.
-    return [(max(board.shape), min(board.shape))] if seen and min(board.shape) > _SMALLEST_BOARD else []
+    return [(max(board.shape), min(board.shape))] if is_found and min(board.shape) > _SMALLEST_BOARD else []
 
 
 def _near_sizes(columns: int, rows: int) -> list[tuple[int, int]]:
@@ -182,11 +185,12 @@ def other_circles(images: list[Grey], target: Target) -> str | None:
     columns, rows = target.options["circles"]
     asymmetric = bool(target.options["asymmetric"])
     sizes = [(rows, columns), *_near_sizes(columns, rows)]
-    tried = [*((size, asymmetric) for size in sizes), *((size, not asymmetric) for size in [(columns, rows), *sizes])]
-    for size, kind in tried:
+    candidates = [(size, asymmetric) for size in sizes]
+    candidates += [(size, not asymmetric) for size in [(columns, rows), *sizes]]
+    for size, is_asymmetric in candidates:
         if min(size) >= _SMALLEST_BOARD:
-            other = circles_target(size, target.options["spacing_m"], asymmetric=kind)
-            if any(circles.is_seen(image, other) for image in images):
+            other = circles_target(size, target.options["spacing_m"], asymmetric=is_asymmetric)
+            if any(circles.has_grid(image, other) for image in images):
                 return f"{_grid_phrase(other)} circles fits, not {_grid_phrase(target)}"
     return markers_instead(images)
 
@@ -200,29 +204,29 @@ def _found_markers(images: list[Grey], name: str) -> set[int]:
     """Markers of a dictionary that are in several images, or in an image with too many for clutter."""
     detector = cv2.aruco.ArucoDetector(dictionary(name))
 
-    def search(image: Grey, _: Way) -> set[int]:
+    def search(image: Grey, _: Preprocessing) -> set[int]:
         """Numbers of the markers in an image."""
         return set(detect_markers(detector, image)[0].tolist())
 
-    found = [best_result(image, _WAYS, search, 1) or set[int]() for image in images]
-    count = Counter(number for each in found for number in each)
-    again = {number for number, times in count.items() if times > 1 or len(images) == 1}
-    return again.union(*(each for each in found if len(each) >= _LEAST_MARKERS))
+    numbers_by_image = [best_result(image, _PREPROCESSINGS, search, 1) or set[int]() for image in images]
+    count = Counter(number for each in numbers_by_image for number in each)
+    repeated = {number for number, times in count.items() if times > 1 or len(images) == 1}
+    return repeated.union(*(each for each in numbers_by_image if len(each) >= _LEAST_MARKERS))
 
 
-def _other_set(images: list[Grey], stated_ids: str, kind: str) -> str | None:
+def _other_set(images: list[Grey], stated_name: str, kind: str) -> str | None:
     """Clause about the dictionary with the most markers, the smallest that has them all; None if too few."""
-    seen: dict[tuple[str, ...], set[int]] = {}
+    numbers_by_set: dict[tuple[str, ...], set[int]] = {}
     for names in MARKER_SETS:
-        seen[names] = set() if stated_ids in names else _found_markers(images, names[-1])
-        if len(seen[names]) > _LEAST_MARKERS:
+        numbers_by_set[names] = set() if stated_name in names else _found_markers(images, names[-1])
+        if len(numbers_by_set[names]) > _LEAST_MARKERS:
             break
-    most = max(seen, key=lambda names: len(seen[names]))
-    if len(seen[most]) < (1 if kind == "tag" else _FEWEST_OF_BOARD):
+    best_set = max(numbers_by_set, key=lambda names: len(numbers_by_set[names]))
+    if len(numbers_by_set[best_set]) < (1 if kind == "tag" else _FEWEST_OF_BOARD):
         return None
-    name = next(each for each in most if max(seen[most]) < len(dictionary(each).bytesList))
-    count = len(seen[most])
-    return f"{name} has {f'{count} {kind}s' if count > 1 else f'{kind} {max(seen[most])}'} here"
+    name = next(each for each in best_set if max(numbers_by_set[best_set]) < len(dictionary(each).bytesList))
+    count = len(numbers_by_set[best_set])
+    return f"{name} has {f'{count} {kind}s' if count > 1 else f'{kind} {max(numbers_by_set[best_set])}'} here"
 
 
 def _ids(numbers: Iterable[int]) -> str:

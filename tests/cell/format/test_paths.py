@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from basecal.cell.format.paths import inside, own_file
+from basecal.cell.format.paths import own_file, path_resolver
 from basecal.errors import DatasetError, InputError
 
 
@@ -22,7 +22,7 @@ from basecal.errors import DatasetError, InputError
 )
 def test_paths_start_from_their_folder(tmp_path, written, found):
     """A path as written in `rec` becomes one from the cell, dots resolved."""
-    assert inside(str(tmp_path), "rec")(written) == found
+    assert path_resolver(str(tmp_path), "rec")(written) == found
 
 
 @pytest.mark.parametrize(
@@ -31,14 +31,14 @@ def test_paths_start_from_their_folder(tmp_path, written, found):
 def test_paths_are_relative_with_forward_slashes(tmp_path, written):
     """Absolute ones, drives, backslashes and nothing at all are refused."""
     with pytest.raises(InputError, match="is not a relative path with forward slashes"):
-        inside(str(tmp_path))(written)
+        path_resolver(str(tmp_path))(written)
 
 
 @pytest.mark.parametrize("written", ["..", "../x", "a/../../x"])
 def test_paths_do_not_leave_the_cell(tmp_path, written):
     """Not by dots."""
     with pytest.raises(InputError, match="leaves the cell; copy the file into it"):
-        inside(str(tmp_path))(written)
+        path_resolver(str(tmp_path))(written)
 
 
 def test_links_do_not_leave_the_cell(tmp_path):
@@ -51,7 +51,7 @@ def test_links_do_not_leave_the_cell(tmp_path):
     os.symlink(outside / "secret", cell / "images" / "file")
     os.symlink(outside, cell / "folder")
     os.symlink(cell / "images" / "one.png", cell / "same")
-    path_in_cell = inside(str(cell))
+    path_in_cell = path_resolver(str(cell))
     for leaving in ("images/file", "folder", "folder/secret", "folder/new"):
         with pytest.raises(InputError, match="leaves the cell by a link"):
             path_in_cell(leaving)
@@ -85,5 +85,5 @@ def test_a_file_in_place_of_a_folder_is_said(tmp_path):
 def test_names_longer_than_any_file_has(tmp_path, written):
     """A name that no file system takes is refused before it is asked for, and not written out in full."""
     with pytest.raises(InputError, match=r"is longer than|has more than") as told:
-        inside(str(tmp_path))(written)
+        path_resolver(str(tmp_path))(written)
     assert len(str(told.value)) < 200

@@ -15,7 +15,7 @@ from basecal.cell.format.writing import (
     make_folder,
     make_timed_folder,
     open_new,
-    open_own,
+    open_without_links,
     stage_folder,
     temporary_path,
     write_atomically,
@@ -135,8 +135,8 @@ def test_names_beside_are_never_taken(tmp_path):
     with pytest.raises(FileExistsError):
         open_new(tmp_path / "link")
     with pytest.raises(OSError, match="Too many levels of symbolic links"):
-        open_own(tmp_path / "link", "ab")
-    with open_own(tmp_path / "victim", "ab") as file:
+        open_without_links(tmp_path / "link", "ab")
+    with open_without_links(tmp_path / "victim", "ab") as file:
         file.write(b"!")
     assert (tmp_path / "victim").read_text() == "mine!"
 

@@ -9,11 +9,11 @@ from tests.touch_cells import clamp_cell, touch_cell
 from basecal.cell.cell import Cell
 from basecal.cell.files import cell_from_dict
 from basecal.cell.journal.observation_line import UnknownPoint, observation, track_observation
-from basecal.cell.journal.sample_values import Where
+from basecal.cell.journal.sample_values import FileLine
 from basecal.cell.recording import CandidateObservation, PixelObservation, PointObservation, PoseObservation
 from basecal.errors import DatasetError
 
-HERE = Where("samples.jsonl", 4)
+HERE = FileLine("samples.jsonl", 4)
 LENS = {"status": "fixed", "fx": 500.0, "fy": 500.0, "cx": 320.0, "cy": 240.0}
 CORNERS = {"kind": "chessboard", "corners": [3, 2], "square_m": 0.03}
 CELL = cell_from_dict(

@@ -22,9 +22,9 @@ from basecal.cell.journal.recording_file import (
     MOST_SAMPLES,
     check_image_bounds,
     read_samples,
-    unknown_points,
+    unknown_point_findings,
 )
-from basecal.cell.journal.sample_line import Dropped
+from basecal.cell.journal.sample_line import DroppedSample
 from basecal.cell.recording import (
     CandidateObservation,
     PixelObservation,
@@ -398,9 +398,9 @@ def test_a_journal_has_so_many_lines_and_bytes(folder: Path, monkeypatch: pytest
     number = [len(line) for line in text.split(b"\n")].index(longest) + 1
     lines = text.count(b"\n")
     monkeypatch.setattr(recording_file, "MOST_SAMPLES", lines)
-    monkeypatch.setattr(recording_file, "_LONGEST_LINE", longest)
+    monkeypatch.setattr(recording_file, "_LONGEST_LINE_BYTES", longest)
     assert read_recording(folder).samples
-    monkeypatch.setattr(recording_file, "_LONGEST_LINE", longest - 1)
+    monkeypatch.setattr(recording_file, "_LONGEST_LINE_BYTES", longest - 1)
     with pytest.raises(DatasetError, match=f":{number}: a line of {longest} bytes, no sample has that many"):
         read_recording(folder)
     monkeypatch.setattr(recording_file, "MOST_SAMPLES", lines - 1)
@@ -497,20 +497,20 @@ def test_sides_look_swapped_without_a_lens_too():
         check((720, 1280), samples(np.ones(2)), None)
 
 
-def dropped(sample: int, ids: set[int], target: str = "board") -> Dropped:
-    return Dropped(sample, sample + 1, UnknownPoint(f"id {max(ids)} is not on it", target, frozenset(ids), KNOWN))
+def dropped(sample: int, ids: set[int], target: str = "board") -> DroppedSample:
+    return DroppedSample(sample, sample + 1, UnknownPoint(f"id {max(ids)} is not on it", target, frozenset(ids), KNOWN))
 
 
 def test_one_is_told_with_its_line() -> None:
     """Which sample, where it stands and why."""
-    (found,) = unknown_points([dropped(7, {3, 24})], "s.jsonl")
+    (found,) = unknown_point_findings([dropped(7, {3, 24})], "s.jsonl")
     assert (found.code, found.severity, found.about) == ("dropped-sample", "info", ("7",))
     assert found.message == "s.jsonl:8: sample 7 is dropped: id 24 is not on it."
 
 
 def test_many_are_one_finding_for_each_target() -> None:
     """All numbers are what it is about, the first is told."""
-    found = unknown_points([dropped(1, {30}), dropped(2, {31}), dropped(4, {40}, "tag")], "s.jsonl")
+    found = unknown_point_findings([dropped(1, {30}), dropped(2, {31}), dropped(4, {40}, "tag")], "s.jsonl")
     assert [each.about for each in found] == [("1", "2"), ("4",)]
     assert "sample 1 and 1 more are dropped" in found[0].message
     assert "subtract" not in found[0].message
@@ -518,7 +518,7 @@ def test_many_are_one_finding_for_each_target() -> None:
 
 def test_ids_that_count_from_one_are_told_so() -> None:
     """Where they are those of the target, each by one larger."""
-    (found,) = unknown_points([dropped(1, {1, 5, 24}), dropped(2, {2, 24})], "s.jsonl")
+    (found,) = unknown_point_findings([dropped(1, {1, 5, 24}), dropped(2, {2, 24})], "s.jsonl")
     assert found.message.endswith("Subtract 1 from each id: they count from 0.")
-    (other,) = unknown_points([dropped(1, {2, 24})], "s.jsonl")
+    (other,) = unknown_point_findings([dropped(1, {2, 24})], "s.jsonl")
     assert "subtract" not in other.message

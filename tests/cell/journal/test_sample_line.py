@@ -7,11 +7,11 @@ import json
 import pytest
 
 from basecal.cell.files import cell_from_dict
-from basecal.cell.journal.sample_line import Dropped, context, line_data, sample_from_line
-from basecal.cell.journal.sample_values import Where
+from basecal.cell.journal.sample_line import DroppedSample, line_data, make_context, sample_from_line
+from basecal.cell.journal.sample_values import FileLine
 from basecal.errors import DatasetError, InputError
 
-HERE = Where("samples.jsonl", 2)
+HERE = FileLine("samples.jsonl", 2)
 CELL = cell_from_dict(
     {
         "schema": "basecal/cell/1",
@@ -33,7 +33,7 @@ def path_in_cell(path: str) -> str:
 
 def read(line):
     text = line if isinstance(line, bytes) else json.dumps(line).encode()
-    return sample_from_line(text, HERE, context(CELL, path_in_cell))
+    return sample_from_line(text, HERE, make_context(CELL, path_in_cell))
 
 
 def test_a_sample_is_read():
@@ -88,7 +88,7 @@ def test_the_largest_number_of_a_sample():
 def test_a_point_that_is_not_there_drops_the_sample():
     """It is told which and why; the rest of the recording counts."""
     found = read({"sample": 7, "observations": [{**POINT, "ids": [2]}]})
-    assert isinstance(found, Dropped)
+    assert isinstance(found, DroppedSample)
     assert (found.sample, found.line) == (7, 2)
     assert str(found.reason) == "id 2 is not on 'board', whose ids are 0 to 1"
     assert (found.reason.target, found.reason.ids, found.reason.known) == ("board", {2}, {0, 1})

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.cell.journal.sample_values import Where, number, numbers, pose, sigmas, vector, whole_numbers
+from basecal.cell.journal.sample_values import FileLine, number, numbers, pose, sigmas, vector, whole_numbers
 from basecal.errors import DatasetError
 from basecal.geometry import SE3
 
-HERE = Where("samples.jsonl", 7)
+HERE = FileLine("samples.jsonl", 7)
 
 
 def test_an_error_says_where():
@@ -168,7 +168,7 @@ def test_a_row_that_fills_the_line_is_told_by_its_length():
     short_row, long_row = [1] * 20, [1] * 21  # of three characters each, but for the first and the last
     for row, told in ((short_row, str(short_row)), (long_row, "a list of 21")):
         with pytest.raises(DatasetError) as caught:
-            numbers(Where("samples.jsonl", 3), "pixels", [[1, 2], row], 2)
+            numbers(FileLine("samples.jsonl", 3), "pixels", [[1, 2], row], 2)
         assert str(caught.value) == (
             f"samples.jsonl:3: pixels: expected a list of rows of 2 numbers, got {told} in row 1, counted from 0"
         )

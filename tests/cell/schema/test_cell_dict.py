@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
 from basecal.cell.schema.cell_dict import cell_to_dict
-from basecal.cell.schema.cell_nouns import cell_noun
+from basecal.cell.schema.cell_objects import cell_from_entry
 from basecal.cell.schema.cell_schema import CellEntry
 from basecal.cell.targets.led import led_target
 from basecal.effects import deflection, joint_offsets, link_parameters
@@ -131,7 +131,7 @@ def test_the_size_of_a_target(written, size_sigma):
     """Read and written as it is stated."""
     data = cell_to_dict(Cell("eye", {"eye": Robot("eye")}, targets={"board": CellTarget("board", "eye")}))
     data["targets"]["board"] |= written
-    cell = cell_noun(CellEntry.model_validate(data), {})
+    cell = cell_from_entry(CellEntry.model_validate(data), {})
     assert cell.targets["board"].size_sigma == size_sigma
     stated = {k: v for k, v in cell_to_dict(cell)["targets"]["board"].items() if k in ("exact", "size_sigma")}
     assert stated == {k: v for k, v in written.items() if v}

@@ -70,7 +70,7 @@ def test_every_problem_is_told():
 def test_an_entry_at_a_place_of_a_file_is_told_with_both():
     """The place of the entry stands before that of the field, and its line is found."""
     with pytest.raises(DatasetError) as caught:
-        check_entry(CellEntry, {"reference": 3}, "cell.yaml", {("cells", 0): 7}, place=("cells", 0))
+        check_entry(CellEntry, {"reference": 3}, "cell.yaml", {("cells", 0): 7}, loc=("cells", 0))
     assert (caught.value.line, caught.value.field) == (7, "cells[0].reference")
     with pytest.raises(ValidationError) as invalid:
         CellEntry.model_validate({"schema": "basecal/cell/1", "reference": 3, "robots": {}})

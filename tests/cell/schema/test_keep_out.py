@@ -11,16 +11,16 @@ from basecal.cell.schema.keep_out import KeepOutEntry, keep_out_dict
 
 def test_a_table_is_all_below_it():
     """Points above have their height as distance, points below none, however far from the base."""
-    table = KeepOutEntry(table_z_m=-0.02).noun("table")
+    table = KeepOutEntry(table_z_m=-0.02).box("table")
     points = np.array([[0.0, 0.0, 0.5], [3.0, -2.0, 0.0], [1.0, 1.0, -0.5]])
     np.testing.assert_allclose(table.distance(points), [0.52, 0.02, 0.0], atol=1e-12)
 
 
 def test_a_box_turns_with_its_pose():
     """A post that lies on its side is long along x; what is written is read back."""
-    post = KeepOutEntry(t_m=[0.0, 0.0, 0.5], rpy_deg=[0.0, 90.0, 0.0], size_m=[0.1, 0.1, 1.0]).noun("post")
+    post = KeepOutEntry(t_m=[0.0, 0.0, 0.5], rpy_deg=[0.0, 90.0, 0.0], size_m=[0.1, 0.1, 1.0]).box("post")
     np.testing.assert_allclose(post.distance(np.array([[0.6, 0.0, 0.5], [0.0, 0.0, 0.6]])), [0.1, 0.05], atol=1e-12)
-    again = KeepOutEntry(**keep_out_dict(post)).noun("post")
+    again = KeepOutEntry(**keep_out_dict(post)).box("post")
     np.testing.assert_allclose(again.world_from_box.matrix, post.world_from_box.matrix, atol=1e-12)
 
 
@@ -42,7 +42,7 @@ def test_what_is_neither_is_refused(wrong, why):
 @pytest.mark.parametrize("height", [-0.5, 0.7])
 def test_a_table_is_as_wide_every_way(height):
     """Ten metres from the base in each direction, and as deep as wide."""
-    table = KeepOutEntry(table_z_m=height).noun("table")
+    table = KeepOutEntry(table_z_m=height).box("table")
     ways = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
     np.testing.assert_allclose(table.distance(9.9 * ways + [0, 0, height - 0.1]), 0.0)
     beyond = table.distance(30.0 * ways + [0, 0, height - 0.1])
@@ -55,7 +55,7 @@ def test_a_box_with_any_pose_is_one():
     matrix = np.eye(4)
     matrix[:3, 3] = [1.0, 2.0, 3.0]
     for pose in ({"matrix": matrix.tolist()}, {"t_m": [1.0, 2.0, 3.0], "q_xyzw": [0, 0, 0, 1]}):
-        box = KeepOutEntry(size_m=[0.1, 0.2, 0.3], **pose).noun("box")
+        box = KeepOutEntry(size_m=[0.1, 0.2, 0.3], **pose).box("box")
         np.testing.assert_allclose(box.world_from_box.matrix, matrix)
         np.testing.assert_array_equal(box.size_m, [0.1, 0.2, 0.3])
     for wrong in (

@@ -16,7 +16,7 @@ from tests.touch_cells import (
 )
 
 from basecal.cell.files import cell_from_dict, cell_to_dict, recording_from_text, sample_to_dict
-from basecal.cell.schema.touching import MarkEntry, _is_line
+from basecal.cell.schema.touching import MarkEntry, _is_oblique_line
 from basecal.errors import DatasetError
 
 MOUNT = {"status": "fixed", "t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}
@@ -42,6 +42,8 @@ def test_plates_and_stated_marks_have_their_transforms():
         ({"marks": {"plate": PLATE, "socket_1": {}}}, "taken by"),
         ({"marks": {"a": {"sigma_m": 1e-4}}}, "points_m, which is missing"),
         ({"marks": {"a": {"points_m": [[0, 0, 0]], "mount": MOUNT}}}, "mount is for a plate"),
+        ({"marks": {"a": {"points_m": {}}}}, "a.points_m: expected at least one point"),
+        ({"marks": {"a": {"points_m": []}}}, "a.points_m: expected at least one point"),
     ],
 )
 def test_mistakes_are_named(section, words):
@@ -92,6 +94,7 @@ def test_a_part_without_a_name_is_read_back():
     [
         ({"robots": ["eye", "eye"]}, "one twice"),
         ({"robots": ["eye"]}, "at least 2"),
+        ({"robots": 2}, "expected a list, got 2"),
         ({"robots": ["eye", "arm"]}, "no robot 'arm'"),
         ({"rod": {"robots": ["eye", "hand"], "axis": "ball"}}, "axis"),
         ({"eye_tip": {"robots": ["eye", "hand"]}}, "taken by"),
@@ -126,8 +129,8 @@ def test_an_unknown_part_of_a_line_is_an_error():
 )
 def test_lines_of_marks_lie_along_an_axis(points, is_line):
     """Wherever they are; named marks and listed ones alike."""
-    assert _is_line(points) == is_line
-    assert _is_line({f"m{k}": point for k, point in enumerate(points)}) == is_line
+    assert _is_oblique_line(points) == is_line
+    assert _is_oblique_line({f"m{k}": point for k, point in enumerate(points)}) == is_line
 
 
 def test_a_rigid_part_is_near_its_flange():

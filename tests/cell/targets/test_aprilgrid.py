@@ -10,7 +10,7 @@ from basecal.cell.targets.aprilgrid import KIND, aprilgrid_target
 from basecal.cell.targets.kind import PrintSizes
 from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from basecal.vision.draw.drawing import target_drawing
 from basecal.vision.draw.render import RenderSettings, render
 from vision_scenes import WIDE
@@ -71,7 +71,7 @@ def test_found_whole_and_as_sure_as_it_says(spacing: float) -> None:
     ratios, count = [], 0
     for seed in range(2):
         pose = upright(grid.points.mean(axis=0), 0.8 * seed, 0.45)
-        detection = find(render(WIDE, grid, pose, RenderSettings(noise=2.0, blur_px=0.8), seed), grid)
+        detection = find_target(render(WIDE, grid, pose, RenderSettings(noise=2.0, blur_px=0.8), seed), grid)
         assert detection is not None
         assert detection.ids is not None
         error = detection.pixels - WIDE.project(pose @ grid.points)[grid.rows(detection.ids)]
@@ -89,7 +89,7 @@ def test_found_in_part() -> None:
     true = WIDE.project(pose @ grid.points)
     inside = ((true > 0) & (true < [1280, 720])).all(axis=1)
     assert 0.3 < inside.mean() < 0.9
-    detection = find(render(WIDE, grid, pose), grid)
+    detection = find_target(render(WIDE, grid, pose), grid)
     assert detection is not None
     assert detection.ids is not None
     assert len(detection.ids) > 0.7 * inside.sum()

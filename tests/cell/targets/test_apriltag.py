@@ -64,7 +64,7 @@ def test_a_cell_has_tags_of_other_numbers():
     """The next target's begin after the last of the one before; everything else stays."""
     tags = [{"id": number, "size_m": 0.1, **POSE} for number in (3, 7)]
     fields = {"kind": "apriltag", "family": "tag36h11", "tags": tags}
-    numbers = [[tag["id"] for tag in KIND.another(fields, place)["tags"]] for place in range(3)]
+    numbers = [[tag["id"] for tag in KIND.numbered_fields(fields, place)["tags"]] for place in range(3)]
     assert numbers == [[3, 7], [8, 12], [13, 17]]
-    assert KIND.another(fields, 1)["tags"][0] == {**tags[0], "id": 8}
+    assert KIND.numbered_fields(fields, 1)["tags"][0] == {**tags[0], "id": 8}
     assert KIND.marks(fields) == {"tag36h11 3", "tag36h11 7"}

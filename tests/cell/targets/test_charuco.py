@@ -60,10 +60,10 @@ def test_boards_are_of_the_new_pattern_unless_stated():
 def test_a_cell_has_boards_without_a_marker_in_common():
     """The next have other dictionaries, each large enough for the white squares: 60 of 11 x 11."""
     fields = {**ENTRY, "squares": [11, 11]}
-    names = [KIND.another(fields, place)["dictionary"] for place in range(4)]
+    names = [KIND.numbered_fields(fields, place)["dictionary"] for place in range(4)]
     assert names == ["DICT_4X4_50", "DICT_5X5_100", "DICT_6X6_100", "DICT_7X7_100"]
-    assert KIND.another({**ENTRY, "dictionary": "DICT_5X5_250"}, 1)["dictionary"] == "DICT_4X4_50"
-    assert [KIND.another({**ENTRY, "squares": [10, 10]}, place)["dictionary"] for place in (1, 2)] == [
+    assert KIND.numbered_fields({**ENTRY, "dictionary": "DICT_5X5_250"}, 1)["dictionary"] == "DICT_4X4_50"
+    assert [KIND.numbered_fields({**ENTRY, "squares": [10, 10]}, place)["dictionary"] for place in (1, 2)] == [
         "DICT_5X5_50",
         "DICT_6X6_50",
     ]

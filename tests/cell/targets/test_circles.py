@@ -14,7 +14,7 @@ def test_a_grid_runs_row_by_row():
     (sheet,) = grid.sheets
     np.testing.assert_allclose(sheet.discs, np.column_stack([grid.points[:, :2], np.full(12, 0.025)]))
     np.testing.assert_allclose(sheet.paper, [-0.1, -0.1, 0.4, 0.3])
-    assert grid.alike_turned
+    assert grid.has_half_turn_symmetry
     assert grid.options == {"circles": [4, 3], "spacing_m": 0.1, "asymmetric": False}
 
 
@@ -25,4 +25,4 @@ def test_every_second_row_of_an_asymmetric_grid_is_shifted():
         grid.points[[0, 1, 3, 4, 6]], 0.1 * np.array([[0, 0, 0], [2, 0, 0], [1, 1, 0], [3, 1, 0], [0, 2, 0]])
     )
     np.testing.assert_allclose(grid.sheets[0].paper, [-0.1, -0.1, 0.6, 0.4])
-    assert not grid.alike_turned
+    assert not grid.has_half_turn_symmetry

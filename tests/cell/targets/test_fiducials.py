@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import pytest
 
-from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, begins_as, cell_count, smallest_dictionary
+from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cell_count, series_name, smallest_dictionary
 
 
 @pytest.mark.parametrize("name", DICTIONARIES)
@@ -35,4 +35,4 @@ def test_families_have_the_cells_of_their_codes():
 def test_a_dictionary_that_is_large_enough(name, count, larger):
     """It begins with the same markers; where there is none it is the one that was named."""
     assert smallest_dictionary(name, count) == larger
-    assert begins_as(larger) == begins_as(name)
+    assert series_name(larger) == series_name(name)

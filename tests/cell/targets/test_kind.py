@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from basecal.cell.format.yaml_text import parse_yaml
 from basecal.cell.targets.kind import (
-    Described,
+    KindDescription,
     TargetEntry,
     TargetKind,
     choose_dictionary,
@@ -40,7 +40,7 @@ def test_a_target_without_a_kind_has_no_points():
 
 def test_a_kind_reads_by_its_first_entry():
     """Unless it says otherwise."""
-    kind = TargetKind((TargetEntry,), Described("", "", ""), "", lambda _: None)
+    kind = TargetKind((TargetEntry,), KindDescription("", "", ""), "", lambda _: None)
     assert kind.entry_index({"anything": 1}) == 0
     assert kind.printed is None
 
@@ -55,7 +55,7 @@ def test_several_of_a_kind(name: TargetKindName) -> None:
     """Images tell those with marks of their own apart; a cell reads each of them, and the first is as it was."""
     kind = TARGETS[name]
     fields = parse_yaml(dedent(kind.template), name).data
-    several = [kind.another(fields, place) for place in range(8)]
+    several = [kind.numbered_fields(fields, place) for place in range(8)]
     assert several[0] == fields
     for each in several:
         entry = kind.entries[kind.entry_index(each)]
@@ -83,9 +83,9 @@ def test_exact_sizes_have_no_sigma() -> None:
 
 def test_targets_without_any_marks_cannot_be_told_apart() -> None:
     """Of different marks they can, and of one that is equal they cannot; a kind without marks has none."""
-    kind = TargetKind((TargetEntry,), Described("", "", ""), "", lambda _: None)
+    kind = TargetKind((TargetEntry,), KindDescription("", "", ""), "", lambda _: None)
     assert is_indistinguishable(kind, {"n": 1}, {"n": 2})
-    assert kind.another({"n": 1}, 3) == {"n": 1}
+    assert kind.numbered_fields({"n": 1}, 3) == {"n": 1}
     marked = replace(kind, marks=lambda fields: frozenset(fields["n"]))
     cases = (("ab", "cd", False), ("ab", "bc", True), ("ab", "", False), ("", "ab", False), ("", "", True))
     for first, second, expected in cases:

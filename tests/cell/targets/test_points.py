@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from basecal.cell.targets.points import KIND, points_target, several
+from basecal.cell.targets.points import KIND, has_several_points, points_target
 
 
 def test_ids_are_indices():
@@ -20,8 +20,8 @@ def test_ids_are_indices():
 @pytest.mark.parametrize(("fields", "many"), [({}, 0), ({"points_m": [[1]]}, 0), ({"points_m": [[1], [2]]}, 1)])
 def test_one_or_several(fields, many):
     """More than one point makes a body with a rotation."""
-    assert several(fields) == many
-    assert several({"points_m": 5}) is False
+    assert has_several_points(fields) == many
+    assert has_several_points({"points_m": 5}) is False
 
 
 def test_points_are_needed():

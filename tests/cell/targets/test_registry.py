@@ -86,7 +86,7 @@ def test_looks_the_same_turned(kind: TargetKindName) -> None:
     middle = usual.points.mean(axis=0)
     turn = SE3(np.diag([-1.0, -1.0, 1.0]), middle * [2, 2, 0])
     same = np.allclose(turn @ usual.points, usual.points[::-1])
-    assert same or not usual.alike_turned
+    assert same or not usual.has_half_turn_symmetry
 
 
 def test_known_tags_stand_at_their_points() -> None:
@@ -101,7 +101,7 @@ def test_known_tags_stand_at_their_points() -> None:
 def test_grids_without_marks_look_alike_turned() -> None:
     """Boards whose squares or dots say nothing of themselves; every other target tells its ends apart."""
     usual = {kind: TARGETS[kind].usual(np.random.default_rng(0)) for kind in TARGETS}
-    assert {kind for kind, target in usual.items() if target.alike_turned} == {"chessboard", "circles"}
+    assert {kind for kind, target in usual.items() if target.has_half_turn_symmetry} == {"chessboard", "circles"}
     measured = {kind for kind, each in TARGETS.items() if each.printed is None}
     assert {kind for kind, target in usual.items() if target.found_by is None} == measured
 

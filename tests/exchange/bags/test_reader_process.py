@@ -79,8 +79,8 @@ def test_a_damaged_index_is_reported(tmp_path: Path) -> None:
 def test_a_bag_beyond_the_limits_is_not_called_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its repair would not help."""
     path = written(tmp_path, "ros1")
-    monkeypatch.setattr(box, "_LEAST_BYTES", 2**20)
-    monkeypatch.setattr(box, "_TIMES", 0)
+    monkeypatch.setattr(box, "_LEAST_OUTPUT_BYTES", 2**20)
+    monkeypatch.setattr(box, "_OUTPUT_FACTOR", 0)
     bag = opened(path)
     with pytest.raises(DatasetError, match=r"bag\.bag: gives more than 1 MB, the limit for its size$"):
         list(bag.read(["/joint_states"]))
@@ -170,7 +170,7 @@ def test_a_chunk_that_unpacks_to_more_than_memory(tmp_path: Path) -> None:
 
 def test_a_folder_that_unpacks_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A compressed file fills no disk: what is unpacked ends at the bound, in a folder that is removed."""
-    monkeypatch.setattr(box, "_LEAST_BYTES", 2**26)
+    monkeypatch.setattr(box, "_LEAST_OUTPUT_BYTES", 2**26)
     bag = written(tmp_path, "mcap")
     path = storage(bag)
     zstd = pytest.importorskip("backports.zstd")

@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.cell import ErrorMap, RobotState, Sample
 from basecal.planning.sketch import sketch_cell
-from basecal.reporting.cell_view.stage import _legend, json_inside_html, stage, stated_scene
+from basecal.reporting.cell_view.stage import _legend, json_inside_html, scene_values, stated_scene
 from shared.facing_arms import facing_arms
 
 HOME = {name: RobotState(joints_rad=joints) for name, joints in facing_arms().home.items()}
@@ -18,7 +18,7 @@ HOME = {name: RobotState(joints_rad=joints) for name, joints in facing_arms().ho
 def test_a_cell_is_drawn_as_it_is_stated() -> None:
     """Bases where the sketch has them, nothing of sigmas, a sentence for what is seen."""
     sketch = sketch_cell(facing_arms().cell)
-    shown = stage(stated_scene(sketch, [Sample(0, robots=HOME)]))
+    shown = scene_values(stated_scene(sketch, [Sample(0, robots=HOME)]))
     arms = {arm["name"]: arm for arm in json.loads(shown["scene_json"])["arms"]}
     np.testing.assert_allclose(
         arms["hand"]["world_from_base"][:3], sketch.world_from_base("hand").translation, atol=1e-5
@@ -30,7 +30,7 @@ def test_a_cell_is_drawn_as_it_is_stated() -> None:
 
 def test_without_samples_no_script_gets_data() -> None:
     """The still image alone is left."""
-    assert stage(stated_scene(sketch_cell(facing_arms().cell), []))["scene_json"] == ""
+    assert scene_values(stated_scene(sketch_cell(facing_arms().cell), []))["scene_json"] == ""
 
 
 def test_names_cannot_end_the_element() -> None:

@@ -85,7 +85,7 @@ def test_an_axis_has_enough_numbers(most: float) -> None:
 def test_labels_and_points_lie_on_the_drawing() -> None:
     """All labels can be read, and points, bands and rules lie between the axis and the right border."""
     bands = tuple(Band(x, (0.5 * y, y, 2.0 * y)) for x, y in ((1, 1.0), (10, 2.0), (100, 4.0)))
-    for drawn in (bands, tuple(replace_at(band, f"{band.at} samples of a board") for band in bands)):
+    for drawn in (bands, tuple(replace_at(band, f"{band.axis_value} samples of a board") for band in bands)):
         svg = curves("error", "samples", "mm", {"ours": drawn}, 1.5)
         check_labels(svg)
         assert 0 < view(svg).bottom - max(label.bottom for label in labels(svg)) < 40
@@ -104,7 +104,7 @@ def test_labels_and_points_lie_on_the_drawing() -> None:
 
 
 def replace_at(band: Band, at: str) -> Band:
-    return band._replace(at=at)
+    return band._replace(axis_value=at)
 
 
 def test_bands_and_whiskers_reach_from_the_low_to_the_high_end() -> None:

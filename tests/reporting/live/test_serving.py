@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from basecal.errors import InputError
-from basecal.reporting.live.serving import HOST, PATIENCE_S, Answer, serving
+from basecal.reporting.live.serving import HOST, TIMEOUT_S, Answer, serving
 
 ROUTES = {
     ("GET", "/"): lambda query: Answer(f"hello {query.get('name', '')}"),
@@ -103,7 +103,7 @@ def test_peers_that_freeze_lie_or_die_delay_nobody():
         for line in frozen[::2]:  # these die
             line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             line.close()
-        with urllib.request.urlopen(address, timeout=PATIENCE_S / 2) as found:
+        with urllib.request.urlopen(address, timeout=TIMEOUT_S / 2) as found:
             assert found.status == 200
         assert answer(f"{at.scheme}://{at.netloc}/{'a' * 70_000}")[0] == 414
         cookie = {"Cookie": "; ".join(f"c{k}=1" for k in range(5000))}

@@ -121,7 +121,7 @@ def test_ways_are_from_sample_to_sample() -> None:
     moved = {"hand": RobotState(SE3.from_rpy((0, 0, np.radians(2)), (0.0, 0.0, 0.0125)))}
     samples = (Sample(4, robots=arms), Sample(5, robots=moved), Sample(6))
     sketch = SimpleNamespace(movers=("hand",), base_from_flange=lambda _, state: state.base_from_flange)
-    first, second, third = page_module._ways(sketch, samples)
+    first, second, third = page_module._motion_rows(sketch, samples)
     assert (first, third) == (("4", ""), ("6", ""))
     assert second[0] == "5"
     assert second[1].startswith("12 mm and 2.0 deg")

@@ -14,7 +14,7 @@ from jinja2 import Environment, UndefinedError
 from basecal.cell import BudgetEntry
 from basecal.reporting.decision.tiles import error_tile
 from basecal.reporting.svg import element
-from basecal.reporting.templates.environment import BesideModules, environment, own_file, policy
+from basecal.reporting.templates.environment import TemplateCache, environment, policy, read_package_file
 
 
 def drawn(macro: str, *values: object) -> str:
@@ -59,7 +59,7 @@ def test_what_is_not_given_is_an_error() -> None:
 
 def test_the_policy_names_what_may_run() -> None:
     """The hash of each script and of the style, and no address."""
-    script, style = own_file("templates/page.js"), own_file("templates/page.css")
+    script, style = read_package_file("templates/page.js"), read_package_file("templates/page.css")
     said = policy(style, [script])
     for text in (script, style):
         assert base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() in said
@@ -73,12 +73,12 @@ def test_the_policy_names_what_may_run() -> None:
 def test_templates_are_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Another process reads what one has compiled, until the template changes."""
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
-    kept = BesideModules(tmp_path)
+    kept = TemplateCache(tmp_path)
     bucket = kept.get_bucket(Environment(), "page", None, "{{ a }}")
     bucket.code = compile("b = 1", "page", "exec")
     kept.set_bucket(bucket)
-    assert BesideModules(tmp_path).get_bucket(Environment(), "page", None, "{{ a }}").code == bucket.code
-    assert BesideModules(tmp_path).get_bucket(Environment(), "page", None, "{{ b }}").code is None
+    assert TemplateCache(tmp_path).get_bucket(Environment(), "page", None, "{{ a }}").code == bucket.code
+    assert TemplateCache(tmp_path).get_bucket(Environment(), "page", None, "{{ b }}").code is None
 
 
 @pytest.mark.parametrize("is_refused", [True, False])
@@ -88,7 +88,7 @@ def test_templates_that_cannot_be_kept_are_filled_in(
     """Neither a folder that is missing nor Python's own switch makes a page fail."""
     monkeypatch.setattr(sys, "dont_write_bytecode", is_refused)
     folder = tmp_path if is_refused else tmp_path / "missing"
-    made = environment().overlay(bytecode_cache=BesideModules(folder))
+    made = environment().overlay(bytecode_cache=TemplateCache(folder))
     assert made.get_template("sheet.svg").root_render_func is not None
     assert list(tmp_path.iterdir()) == []
 

@@ -13,7 +13,7 @@ from basecal.effects.mount_play import slide
 from basecal.errors import InputError
 from basecal.simulation.running.faults import read_faults
 from basecal.simulation.running.plant import Clock, Plant
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from shared.facing_arms import facing_arms
 
 
@@ -25,7 +25,7 @@ def plant(*faults, target="led"):
 def spot(cell):
     """Where the light is seen [px]."""
     world, running = cell
-    return find(running.shot("wrist").image, world.cell.targets["light"].target).pixels[0]
+    return find_target(running.shot("wrist").image, world.cell.targets["light"].target).pixels[0]
 
 
 def arrive(running, robot, joints):
@@ -127,7 +127,7 @@ def test_a_tray_shows_a_light_again():
     scene = running._carrier("eye", 0.0) @ running._mount("wrist", "eye")
     light, again = scene @ (seen.camera_from_target @ seen.shape.points), scene @ seen.reflected
     assert np.allclose((light - again)[0], [0, 0, 0.24])
-    spots = find(running.shot("wrist").image, seen.shape).pixels
+    spots = find_target(running.shot("wrist").image, seen.shape).pixels
     true = world.lenses["wrist"].project(np.vstack([seen.camera_from_target @ seen.shape.points, seen.reflected]))
     assert np.allclose(spots, true, atol=0.3)
     assert len(plant()[1]._camera_scene("wrist", 0.0).reflected) == 0

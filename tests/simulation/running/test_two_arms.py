@@ -20,7 +20,7 @@ from basecal.simulation.running.two_arms import (
 )
 from basecal.simulation.running.ur5e import ur5e
 from basecal.simulation.scene import front
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -28,7 +28,7 @@ def test_the_target_is_seen_whole_from_where_they_begin(seed):
     """Every corner of the board is found in the first image; what the cell states is near the truth, not it."""
     world = two_arms("charuco", seed)
     board = world.cell.targets["board"].target
-    found = find(Plant(world, Clock(0)).shot("wrist").image, board)
+    found = find_target(Plant(world, Clock(0)).shot("wrist").image, board)
     assert len(found.pixels) == len(board.points)
     for name, unknown in world.cell.transforms.items():
         off = (world.truth[name].inverse() @ unknown.mean).log()

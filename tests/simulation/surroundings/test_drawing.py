@@ -12,7 +12,7 @@ from basecal.simulation.running.ur5e import ur5e
 from basecal.simulation.surroundings.drawing import BodyPoses, Surroundings
 from basecal.simulation.surroundings.graphics import missing_graphics
 from basecal.simulation.surroundings.model import Stage
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from shared.facing_arms import facing_arms
 
 WHY = missing_graphics()
@@ -47,7 +47,7 @@ def test_corners_are_where_they_project(world):
     running = Plant(world, Clock(0), surroundings=True)
     try:
         shape = world.cell.targets["board"].target
-        found = find(running.shot("wrist").image, shape)
+        found = find_target(running.shot("wrist").image, shape)
         seen = running._camera_scene("wrist", 0.0)
         true = world.lenses["wrist"].project(seen.camera_from_target @ shape.points)
         assert len(found.ids) == len(shape.ids)

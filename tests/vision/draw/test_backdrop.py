@@ -8,7 +8,7 @@ import pytest
 from basecal.cell.targets.charuco import charuco_target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from basecal.vision.draw.backdrop import Backdrop, print_targets, undistorted_camera
 from basecal.vision.draw.render import RenderSettings, expose
 
@@ -50,7 +50,7 @@ def test_only_paper_is_told_by_its_colour():
 def test_a_print_on_paper_is_found_where_it_is():
     """Corners of a board on paper all over are within a tenth of a pixel."""
     image = expose(print_targets(LENS, [(BOARD, POSE)], backdrop(), SOFT), SOFT)
-    found = find(image, BOARD)
+    found = find_target(image, BOARD)
     true = LENS.project(POSE @ BOARD.points)[BOARD.rows(found.ids)]
     assert len(found.ids) == len(BOARD.ids)
     assert np.abs(found.pixels - true).max() < 0.1

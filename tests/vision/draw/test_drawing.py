@@ -15,7 +15,7 @@ from basecal.cell.targets.led import led_target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.vision.draw.drawing import Sheet, target_drawing
-from basecal.vision.kinds.ways import charuco_board
+from basecal.vision.kinds.preprocessing import charuco_board
 from vision_scenes import TARGETS
 
 

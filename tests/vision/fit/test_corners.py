@@ -15,7 +15,7 @@ from basecal.vision.fit.corners import (
     _accepted_fits,
     _Context,
     _cross_mask,
-    _lens,
+    _estimate_blur,
     _parameters,
     _pixel_error_px,
     cut_patches,
@@ -166,7 +166,7 @@ def test_borders_of_a_slanted_cross_are_distances_from_its_lines() -> None:
 @pytest.mark.parametrize(("noise", "share"), [(1.0, 0.0), (6.0, 0.0), (1.0, 0.5)])
 def test_the_lens_is_that_of_the_image(noise: float, share: float) -> None:
     """Its spread within 3 %; a camera that does not sharpen is found to be one."""
-    log_spread, found = _lens(board(noise, 0.8, share), saddle, PLACES, AXES, WINDOW)
+    log_spread, found = _estimate_blur(board(noise, 0.8, share), saddle, PLACES, AXES, WINDOW)
     assert np.exp(log_spread) == pytest.approx(0.8, rel=0.03)
     assert found == pytest.approx(share, abs=0.03)
     assert (found == 0) == (share == 0)
@@ -174,7 +174,7 @@ def test_the_lens_is_that_of_the_image(noise: float, share: float) -> None:
 
 def test_without_corners_the_lens_is_a_typical_one() -> None:
     """A spread of a pixel, and no sharpening."""
-    assert _lens(np.full((220, 260), 100.0), saddle, PLACES, AXES, WINDOW).tolist() == [0.0, 0.0]
+    assert _estimate_blur(np.full((220, 260), 100.0), saddle, PLACES, AXES, WINDOW).tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from basecal.geometry import Array
 from basecal.vision.fit import spot_fit
-from basecal.vision.fit.spot_fit import _At, _variance, _variance_factor, fit_spot
+from basecal.vision.fit.spot_fit import _Linearisation, _variance, _variance_factor, fit_spot
 
 SIZE = 21
 
@@ -71,11 +71,11 @@ def test_too_few_pixels() -> None:
     assert fit_spot(spot(10, 10, 1.5, 1.5, 3000.0), usable, (10, 10, 1.5)) is None
 
 
-def noisy(floor: float, slope: float) -> tuple[_At, Array]:
+def noisy(floor: float, slope: float) -> tuple[_Linearisation, Array]:
     """A spot whose squared residuals are exactly linear in its level, and weights of its pixels."""
     level = spot(9.7, 10.4, 1.5, 1.5, 3000.0).ravel()
     signs = np.where(np.arange(level.size) % 2, 1.0, -1.0)
-    return _At(level, signs * np.sqrt(floor + slope * level), np.zeros((6, level.size))), np.ones(level.size)
+    return _Linearisation(level, signs * np.sqrt(floor + slope * level), np.zeros((6, level.size))), np.ones(level.size)
 
 
 @pytest.mark.parametrize(("floor", "slope"), [(1.0, 0.0), (4.0, 0.25), (0.5, 3.0)])

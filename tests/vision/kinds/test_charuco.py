@@ -8,8 +8,8 @@ import pytest
 from basecal.cell.targets.charuco import charuco_target
 from basecal.errors import InputError
 from basecal.vision.draw.render import RenderSettings
-from basecal.vision.kinds.charuco import _read, detect
-from basecal.vision.kinds.ways import MARKER_WAYS
+from basecal.vision.kinds.charuco import _detect_rough, detect
+from basecal.vision.kinds.preprocessing import MARKER_PREPROCESSINGS
 from vision_scenes import BLURRED, DARK, TARGETS, errors_of, scene, shrunk
 
 BOARD = TARGETS["charuco"]
@@ -63,5 +63,5 @@ def test_half_a_reading_is_none(lacking: str) -> None:
             some, ids = np.zeros((1, 1, 2)), np.zeros((1, 1))
             return (None, None, some, ids) if lacking == "corners" else (some, ids, None, None)
 
-    found = _read(Detector(), np.zeros((8, 8), np.uint8), MARKER_WAYS[0])
+    found = _detect_rough(Detector(), np.zeros((8, 8), np.uint8), MARKER_PREPROCESSINGS[0])
     assert (len(found), len(found.marker_ids), len(found.markers)) == (0, 0, 0)

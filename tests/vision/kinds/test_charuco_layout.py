@@ -9,7 +9,7 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.geometry import SE3
 from basecal.vision.kinds import charuco_layout
 from basecal.vision.kinds.charuco_layout import likely_boards
-from basecal.vision.kinds.ways import marker_corners
+from basecal.vision.kinds.preprocessing import marker_corners
 from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
 
 BLANK = np.zeros((8, 8), np.uint8)

@@ -38,9 +38,9 @@ def test_no_corner_is_lost_by_the_smaller_image(monkeypatch: pytest.MonkeyPatch)
     """Leaning so far that some corners are lost at half the size, a board is sought at its own."""
     rotation = SE3.from_rpy((-0.707, 0.565, 1.723), np.zeros(3)).rotation
     image = scene(SHAPE, RenderSettings(blur_px=2.0, noise=1.0), SE3(rotation, np.array([0.05, 0.0, 0.42])))
-    ways, counts = chessboard._WAYS, []
+    ways, counts = chessboard._PREPROCESSINGS, []
     for some in (ways[:1], ways[2:], ways):
-        monkeypatch.setattr(chessboard, "_WAYS", some)
+        monkeypatch.setattr(chessboard, "_PREPROCESSINGS", some)
         found = detect(image, SHAPE)
         assert found is not None
         counts.append(len(found.pixels))

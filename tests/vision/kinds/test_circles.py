@@ -231,7 +231,7 @@ def test_outlines_are_trusted_where_a_disc_is(seen: tuple[np.ndarray, Array]) ->
     assert np.flatnonzero(~outlines.trusted).tolist() == [9, 20]
     kept = outlines.trusted
     np.testing.assert_allclose(outlines.shape[kept, :2], seen[1][kept], atol=0.1)
-    assert outlines.left[kept].max() < 0.1
+    assert outlines.shared_residual[kept].max() < 0.1
     assert np.all((outlines.variance[kept] > 1e-5) & (outlines.variance[kept] < 1e-2))
 
 

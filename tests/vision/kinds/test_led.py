@@ -13,7 +13,7 @@ from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.vision.draw.light import LightSettings, light_levels, render_light
 from basecal.vision.fit.spot_fit import Spot
-from basecal.vision.kinds.led import _bright_spots, _fit_place, _Place, detect
+from basecal.vision.kinds.led import _bright_spots, _fit_rough_spot, _RoughSpot, detect
 from quick import quick
 from vision_scenes import SMALL as PLAIN
 
@@ -206,7 +206,7 @@ def test_noise_has_no_spots() -> None:
 
 
 def fitted(image: Array, x: float, y: float, extent: float, background: Array | None = None) -> Spot | None:
-    return _fit_place(image, background, 65535.0, _Place(x, y, extent))
+    return _fit_rough_spot(image, background, 65535.0, _RoughSpot(x, y, extent))
 
 
 def test_a_spot_is_fitted_wherever_it_is_in_the_image() -> None:

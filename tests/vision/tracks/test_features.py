@@ -10,15 +10,15 @@ import pytest
 
 from basecal.vision.tracks import features
 from basecal.vision.tracks.features import (
-    DESCRIPTOR,
+    DESCRIPTOR_LENGTH,
     MAX_FEATURES,
     Features,
+    _distributed_indices,
     _mask,
-    _spread,
+    cached_features,
     descriptor_levels,
     find_features,
-    kept_features,
-    named_features,
+    identified_features,
     unit_descriptors,
 )
 
@@ -41,7 +41,7 @@ def test_descriptors_are_of_unit_length() -> None:
     """Every feature is inside the image, with a descriptor of length one."""
     found = find_features(blots())
     assert 100 < len(found) <= MAX_FEATURES
-    assert found.descriptors.shape == (len(found), DESCRIPTOR)
+    assert found.descriptors.shape == (len(found), DESCRIPTOR_LENGTH)
     np.testing.assert_allclose(np.linalg.norm(found.descriptors, axis=1), 1.0, atol=1e-5)
     assert (found.pixels > -0.5).all()
     assert (found.pixels < [399.5, 299.5]).all()
@@ -105,7 +105,7 @@ def test_a_blank_image_has_none() -> None:
     """No texture, no features, and still arrays of the right shape."""
     found = find_features(np.full((120, 160), 90, dtype=np.uint8))
     assert found.pixels.shape == (0, 2)
-    assert found.descriptors.shape == (0, DESCRIPTOR)
+    assert found.descriptors.shape == (0, DESCRIPTOR_LENGTH)
 
 
 def kept_files(folder: Path) -> list[Path]:
@@ -115,14 +115,14 @@ def kept_files(folder: Path) -> list[Path]:
 
 def test_kept_features_equal_those_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A second call reads the file, finds nothing anew, and gives the same to the last bit."""
-    first = kept_features(tmp_path, "key", IMAGE, [])
+    first = cached_features(tmp_path, "key", IMAGE, [])
     assert len(first) > 50
 
     def fail(*_: object) -> Features:
         raise AssertionError("features are found again")
 
     monkeypatch.setattr(features, "find_features", fail)
-    again = kept_features(tmp_path, "key", IMAGE, [])
+    again = cached_features(tmp_path, "key", IMAGE, [])
     np.testing.assert_array_equal(again.pixels, first.pixels)
     np.testing.assert_array_equal(again.descriptors, first.descriptors)
     np.testing.assert_allclose(np.linalg.norm(again.descriptors, axis=1), 1.0, atol=1e-5)
@@ -131,41 +131,41 @@ def test_kept_features_equal_those_found(tmp_path: Path, monkeypatch: pytest.Mon
 def test_another_image_or_mask_is_another_file(tmp_path: Path) -> None:
     """The name holds the hash of the image and of what covers it."""
     for key, covered in (("key", []), ("other", []), ("key", [SQUARE]), ("key", [])):
-        kept_features(tmp_path, key, IMAGE, covered)
+        cached_features(tmp_path, key, IMAGE, covered)
     assert len(kept_files(tmp_path)) == 3
 
 
 @pytest.mark.parametrize("broken", [b"x" * 17, np.full(2, np.nan).tobytes() + bytes(128)])
 def test_a_broken_file_is_no_file(tmp_path: Path, broken: bytes) -> None:
     """Of a wrong length or with places that are no numbers: features are found and kept again."""
-    first = kept_features(tmp_path, "key", IMAGE, [])
+    first = cached_features(tmp_path, "key", IMAGE, [])
     (path,) = kept_files(tmp_path)
     whole = path.read_bytes()
     path.write_bytes(broken)
-    assert len(kept_features(tmp_path, "key", IMAGE, [])) == len(first)
+    assert len(cached_features(tmp_path, "key", IMAGE, [])) == len(first)
     assert path.read_bytes() == whole
 
 
 def test_a_folder_that_takes_no_files_is_only_slower(tmp_path: Path) -> None:
     """Where `derived` is a file features are found all the same."""
     (tmp_path / "derived").write_text("")
-    assert len(kept_features(tmp_path, "key", IMAGE, [])) > 50
+    assert len(cached_features(tmp_path, "key", IMAGE, [])) > 50
 
 
 def test_the_strongest_of_each_cell_come_first() -> None:
     """The second of a cell comes after the first of all; a place counts once, by its strongest."""
     pixels = np.array([[5.0, 5.0], [6.0, 6.0], [5.0, 5.0], [395.0, 295.0], [30.0, 5.0], [5.0, 30.0]])
     response = np.array([0.5, 0.6, 0.9, 0.1, 0.2, 0.3])
-    assert _spread(pixels, response, (300, 400)).tolist() == [2, 5, 4, 3, 1]
+    assert _distributed_indices(pixels, response, (300, 400)).tolist() == [2, 5, 4, 3, 1]
 
 
 def test_cells_are_a_grid_over_the_image() -> None:
     """Its last column and row reach to the border; pixels just beyond are in them."""
     pixels = np.array([[16.6, 0.0], [16.7, 0.0], [400.4, 300.4], [399.0, 299.0], [-0.4, -0.4]])
-    order = _spread(pixels, np.array([0.9, 0.8, 0.7, 0.6, 0.5]), (300, 400)).tolist()
+    order = _distributed_indices(pixels, np.array([0.9, 0.8, 0.7, 0.6, 0.5]), (300, 400)).tolist()
     assert order == [0, 1, 2, 3, 4]
-    assert _spread(pixels[[0, 4, 1]], np.array([0.9, 0.8, 0.1]), (300, 400)).tolist() == [0, 2, 1]
-    assert _spread(pixels[[2, 3, 1]], np.array([0.9, 0.8, 0.1]), (300, 400)).tolist() == [0, 2, 1]
+    assert _distributed_indices(pixels[[0, 4, 1]], np.array([0.9, 0.8, 0.1]), (300, 400)).tolist() == [0, 2, 1]
+    assert _distributed_indices(pixels[[2, 3, 1]], np.array([0.9, 0.8, 0.1]), (300, 400)).tolist() == [0, 2, 1]
 
 
 def test_masks_are_enlarged_about_their_middle() -> None:
@@ -182,17 +182,17 @@ def test_masks_are_enlarged_about_their_middle() -> None:
 
 def test_named_points_have_a_look_of_their_own() -> None:
     """The same each time, of length one, without negative numbers; negative names are names."""
-    looks = named_features(np.array([3, -3, 3]), np.zeros((3, 2))).descriptors
+    looks = identified_features(np.array([3, -3, 3]), np.zeros((3, 2))).descriptors
     np.testing.assert_array_equal(looks[0], looks[2])
     assert looks.min() >= 0
     np.testing.assert_allclose(np.linalg.norm(looks, axis=1), 1, atol=1e-6)
     assert looks[0] @ looks[1] < 0.9
-    assert named_features(np.array([], dtype=int), np.zeros((0, 2))).descriptors.shape == (0, DESCRIPTOR)
+    assert identified_features(np.array([], dtype=int), np.zeros((0, 2))).descriptors.shape == (0, DESCRIPTOR_LENGTH)
 
 
 def test_descriptors_survive_their_bytes() -> None:
     """To half a level; one of zeros remains zero."""
-    shares = np.zeros((2, DESCRIPTOR), dtype=np.float32)
+    shares = np.zeros((2, DESCRIPTOR_LENGTH), dtype=np.float32)
     shares[0, :4] = 0.5
     levels = descriptor_levels(shares)
     assert levels[0, :5].tolist() == [128, 128, 128, 128, 0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.geometry import SE3, Array, Camera
-from basecal.vision.tracks.features import DESCRIPTOR, Features
+from basecal.vision.tracks.features import DESCRIPTOR_LENGTH, Features
 from basecal.vision.tracks.locating import FEWEST_POINTS, Located, locate_camera
 
 LENS = Camera("pinhole", np.array([600.0, 600.0, 319.5, 239.5, -0.1, 0.02, 0.0, 0.0, 0.0]), (640, 480))
@@ -16,7 +16,7 @@ def located(count: int, wrong: float, noise_px: float = 0.3) -> tuple[Located | 
     """What is found of so many points on a table, of which a share looks like others; and the true pixels."""
     rng = np.random.default_rng(3)
     points = rng.uniform(-0.2, 0.2, (count, 3)) * [1, 1, 0.2]
-    looks = np.abs(rng.standard_normal((count, DESCRIPTOR)))
+    looks = np.abs(rng.standard_normal((count, DESCRIPTOR_LENGTH)))
     looks = (looks / np.linalg.norm(looks, axis=1, keepdims=True)).astype(np.float32)
     pixels = LENS.project(POSE @ points)
     order = np.arange(count)
@@ -57,7 +57,7 @@ def test_wrong_pixels_are_no_inliers() -> None:
     for off_px, count in ((2.0, 0), (6.0, 20)):
         rng = np.random.default_rng(3)
         points = rng.uniform(-0.2, 0.2, (100, 3)) * [1, 1, 0.5]
-        looks = np.abs(rng.standard_normal((100, DESCRIPTOR)))
+        looks = np.abs(rng.standard_normal((100, DESCRIPTOR_LENGTH)))
         looks = (looks / np.linalg.norm(looks, axis=1, keepdims=True)).astype(np.float32)
         pixels = LENS.project(POSE @ points)
         pixels[:20, 0] += off_px

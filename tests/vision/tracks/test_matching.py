@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.geometry import SE3
 from basecal.vision.tracks.features import Features
-from basecal.vision.tracks.matching import MIN_MATCHES, match, match_rigid
+from basecal.vision.tracks.matching import MIN_MATCHES, match_descriptors, match_rigid
 from scene_images import random_looks, unit_rows
 
 FOCAL_PX = 800.0
@@ -30,7 +30,7 @@ def two_images(count: int, wrong: int = 0, seed: int = 1) -> tuple[Features, Fea
 def test_each_finds_its_own() -> None:
     """Noisy copies in another order are matched one to one."""
     first, second, _, of_point = two_images(80)
-    found = match(first.descriptors, second.descriptors)
+    found = match_descriptors(first.descriptors, second.descriptors)
     np.testing.assert_array_equal(found.first, np.arange(80))
     np.testing.assert_array_equal(found.second, of_point)
 
@@ -40,17 +40,17 @@ def test_looks_that_stand_twice_are_not_matched() -> None:
     rng = np.random.default_rng(3)
     looks = random_looks(rng, 30)
     twice = unit_rows(looks[[*range(30), *range(5)]] + 0.02 * rng.standard_normal((35, 128)))
-    assert not set(match(looks, twice).first.tolist()) & set(range(5))
-    assert len(match(looks, twice).first) == 25
-    back = match(twice, looks).second.tolist()
+    assert not set(match_descriptors(looks, twice).first.tolist()) & set(range(5))
+    assert len(match_descriptors(looks, twice).first) == 25
+    back = match_descriptors(twice, looks).second.tolist()
     assert sorted(back) == list(range(30))
 
 
 def test_unlike_features_are_not_matched() -> None:
     """Of descriptors drawn apart hardly any pass; of fewer than two none."""
     rng = np.random.default_rng(4)
-    assert len(match(random_looks(rng, 200), random_looks(rng, 200)).first) < 3
-    assert len(match(random_looks(rng, 1), random_looks(rng, 200)).first) == 0
+    assert len(match_descriptors(random_looks(rng, 200), random_looks(rng, 200)).first) < 3
+    assert len(match_descriptors(random_looks(rng, 1), random_looks(rng, 200)).first) == 0
 
 
 def test_matches_off_the_epipolar_geometry_go() -> None:
@@ -94,15 +94,15 @@ def at_angles(*degrees: float) -> np.ndarray:
 def test_the_nearest_is_clearly_nearer_than_the_second() -> None:
     """By less than 0.8 of its distance: chords of 10 deg beside those of 12 and of 13 deg."""
     for second, count in ((12.0, 0), (13.0, 1)):
-        found = match(at_angles(0.0, 90.0), at_angles(10.0, -second, 140.0))
+        found = match_descriptors(at_angles(0.0, 90.0), at_angles(10.0, -second, 140.0))
         assert np.count_nonzero(found.first == 0) == count
-    found = match(at_angles(0.0, 90.0), at_angles(1.0, 91.0))
+    found = match_descriptors(at_angles(0.0, 90.0), at_angles(1.0, 91.0))
     assert (found.first.tolist(), found.second.tolist()) == ([0, 1], [0, 1])
 
 
 def test_equal_features_are_matched_once() -> None:
     """By the first of them."""
-    found = match(at_angles(0.0, 0.0, 90.0), at_angles(1.0, 91.0))
+    found = match_descriptors(at_angles(0.0, 0.0, 90.0), at_angles(1.0, 91.0))
     assert (found.first.tolist(), found.second.tolist()) == ([0, 2], [0, 1])
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.cell import WORLD, Cell, CellCamera, Finding, Intrinsics, PixelObservation, Recording, Sample
-from basecal.cell.format.described_places import DESCRIPTOR
+from basecal.cell.format.described_places import DESCRIPTOR_LENGTH
 from basecal.errors import InputError
 from basecal.estimation.problem.build import recorded_states
 from basecal.estimation.problem.stated_lens import with_usual_error
@@ -20,7 +20,7 @@ from basecal.estimation.start.lens import guessed_lens
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.numerics.batch import take
 from basecal.vision.image_file import grey_image, read_bytes
-from basecal.vision.tracks.features import Descriptors, Features, kept_features, named_features, unit_descriptors
+from basecal.vision.tracks.features import Descriptors, Features, cached_features, identified_features, unit_descriptors
 
 # Focal length of an unstated lens over the image width, a field of view of 58 degrees; assumed, as `_FOCAL_SCALES` of
 # `one_camera` try others.
@@ -58,7 +58,7 @@ class Images:
 
     def descriptors(self, tracks: Tracks) -> Descriptors:
         """Mean descriptor of each point over its image points, (p, 128) of unit length."""
-        total = np.zeros((tracks.count, DESCRIPTOR), dtype=np.float32)
+        total = np.zeros((tracks.count, DESCRIPTOR_LENGTH), dtype=np.float32)
         for view in np.unique(tracks.view):
             mine = np.flatnonzero(tracks.view == view)
             total[tracks.point[mine]] += self.features[view].descriptors[tracks.feature[mine]]
@@ -132,7 +132,7 @@ def read_features(cell: Cell, camera: str, sample: Sample, home: str | None) -> 
     for seen in sample.tracks:
         if seen.camera == camera:
             size_px = cell.cameras[camera].size_px
-            return named_features(seen.tracks, seen.pixels), size_px or _extent(seen.pixels)
+            return identified_features(seen.tracks, seen.pixels), size_px or _extent(seen.pixels)
     if home is None:
         raise InputError("the folder of the images is not known; read the recording from its cell's folder")
     folder = Path(home)
@@ -142,7 +142,7 @@ def read_features(cell: Cell, camera: str, sample: Sample, home: str | None) -> 
     image = grey_image(data, cell.cameras[camera].size_px)
     if isinstance(image, str):
         return image
-    found = kept_features(folder, hashlib.sha256(data).hexdigest(), image, _moving_targets(cell, sample, camera))
+    found = cached_features(folder, hashlib.sha256(data).hexdigest(), image, _moving_targets(cell, sample, camera))
     return found, (image.shape[1], image.shape[0])
 
 

@@ -23,7 +23,7 @@ from basecal.numerics.batch import concatenate, take
 from basecal.numerics.tied_blocks import components
 from basecal.vision.tracks.features import Descriptors
 from basecal.vision.tracks.guided_matching import match_predictions
-from basecal.vision.tracks.matching import match
+from basecal.vision.tracks.matching import match_descriptors
 
 _MOST_TRANSFORMS = 12  # transforms that are tried
 _TOLERANCE = 0.015  # [1] largest distance of paired points, relative to the distance to the cameras
@@ -96,7 +96,7 @@ def paired_points(images: Images, first: OneCamera, second: OneCamera) -> tuple[
     of_second = list(_view_points(images, second))
     for points, descriptors in _view_points(images, first):
         for others, of_others in of_second:
-            found = match(descriptors, of_others)
+            found = match_descriptors(descriptors, of_others)
             votes.update(zip(points[found.first].tolist(), others[found.second].tolist(), strict=True))
     best_of_first, best_of_second = dict[int, int](), dict[int, int]()
     for (p, q), _ in votes.most_common():

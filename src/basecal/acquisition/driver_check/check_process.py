@@ -21,7 +21,7 @@ from basecal.acquisition.rig import openers
 from basecal.box import BoxError, Frame, frames
 from basecal.cell import Cell, CellCamera, Robot
 from basecal.cell.files import read_cell
-from basecal.errors import DriverError, InputError, UsageError, nearest
+from basecal.errors import DriverError, InputError, UsageError, spelling_hint
 
 _CUT_S = 20.0  # for a person to cut a connection and to restore it
 _IMAGES_BYTES = 2**28  # file size that determines the limits of processor time and memory, which images need
@@ -72,7 +72,7 @@ def find_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
     if check.name not in openers_by_name:
         known = ", ".join(openers_by_name) or "none"
         raise UsageError(
-            f"no robot or camera {check.name!r} with a driver{nearest(check.name, openers_by_name)}; there are: {known}"
+            f"no robot or camera {check.name!r} with a driver{spelling_hint(check.name, openers_by_name)}; there are: {known}"
         )
     kind, place = openers_by_name[check.name]
     return kind, replace(place, allow_plaintext=check.allow_plaintext)
@@ -82,7 +82,7 @@ def _opener_without_cell(check: DriverCheck) -> tuple[DriverKind, Place]:
     """A driver without a cell, with a minimal cell for it."""
     kind, known = driver_kind(check.device), driver_names()
     if kind is None:
-        hint = nearest(check.device, known)
+        hint = spelling_hint(check.device, known)
         raise InputError(f"no driver and no cell {check.device!r}{hint}; drivers are: {', '.join(known)}")
     if (kind.open_camera if check.is_camera else kind.open_robot) is None:
         raise InputError(f"no driver of that name is for {'cameras' if check.is_camera else 'robots'}")

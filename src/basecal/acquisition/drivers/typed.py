@@ -13,7 +13,7 @@ from basecal.acquisition.driver import Place, Reading, checked_options
 from basecal.cell import RobotState
 from basecal.errors import DriverError, InputError
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.fields.values import LARGEST_VALUE, Entry, known_names
+from basecal.fields.values import LARGEST_VALUE, Entry, known_name_validator
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _JOINTS = {"joints_deg": np.radians(1.0), "joints_rad": 1.0}  # [rad] per typed unit
@@ -27,7 +27,7 @@ NEEDS_OWN_PROCESS = False
 class TypedOptions(Entry):
     """Option `notation`: the controller whose convention typed poses follow, or `joints_deg` or `joints_rad`."""
 
-    notation: Annotated[str, known_names("notation", _NOTATIONS)] = "ur"
+    notation: Annotated[str, known_name_validator("notation", _NOTATIONS)] = "ur"
 
 
 class TypedRobot:

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from basecal.acquisition.reaching import SECRET_VARIABLE_PATTERN
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.fields.values import Entry, known_names
+from basecal.fields.values import Entry, known_name_validator
 
 NodePath = Annotated[str, Field(min_length=1)]
 
@@ -34,7 +34,7 @@ class OpcuaOptions(Entry):
     joints: list[NodePath] | NodePath | None = None
     unit: Literal["rad", "deg"] | None = None
     pose: list[NodePath] | NodePath | None = None
-    notation: Annotated[str, known_names("notation", tuple(CONTROLLERS))] | None = None
+    notation: Annotated[str, known_name_validator("notation", tuple(CONTROLLERS))] | None = None
     user: str | None = None
     password_in: Annotated[str, Field(pattern=SECRET_VARIABLE_PATTERN)] = "BASECAL_OPCUA_PASSWORD"
     rate_hz: Annotated[float, Field(ge=20, le=500)] = 50.0

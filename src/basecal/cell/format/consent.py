@@ -12,7 +12,7 @@ from basecal.bounded_file import read_bounded
 from basecal.cell.format.writing import write_private
 from basecal.errors import DatasetError, InputError
 
-_LARGEST = 2**22  # bytes
+_LARGEST_BYTES = 2**22  # bytes
 
 
 def is_allowed(folder: Path, place: str) -> bool:
@@ -31,9 +31,9 @@ def allow(folder: Path, places: Iterable[str]) -> None:
 def withdraw(folder: Path, place: str) -> None:
     """Remove the user's consent to a location."""
     known, cell = _allowed_places(), os.path.realpath(folder)
-    left = [each for each in known.pop(cell, []) if each != place]
+    remaining = [each for each in known.pop(cell, []) if each != place]
     with suppress(InputError, RuntimeError):
-        write_private(_file(), json.dumps({**known, cell: left} if left else known) + "\n")
+        write_private(_file(), json.dumps({**known, cell: remaining} if remaining else known) + "\n")
 
 
 def _file() -> Path:
@@ -49,11 +49,11 @@ def _file() -> Path:
 def _allowed_places() -> dict[str, list[str]]:
     """Allowed locations by cell."""
     try:
-        found = json.loads(read_bounded(_file(), _LARGEST))
+        data = json.loads(read_bounded(_file(), _LARGEST_BYTES))
     except (DatasetError, RuntimeError, ValueError):
         return {}
     return {
         cell: [place for place in places if isinstance(place, str)]
-        for cell, places in (found.items() if isinstance(found, dict) else ())
+        for cell, places in (data.items() if isinstance(data, dict) else ())
         if isinstance(places, list)
     }

@@ -21,9 +21,9 @@ def keep_originals(folder: Path, paths: Iterable[Path], note: Mapping[str, str])
         paths: Files in the cell; missing files are skipped.
         note: Description of the change for `change.json`.
     """
-    kept = make_timed_folder(folder / ORIGINALS, folder)
+    backup = make_timed_folder(folder / ORIGINALS, folder)
     for path in paths:
         if path.exists():
-            shutil.copy2(path, kept / path.name)
-    write_atomically(kept / "change.json", json.dumps(dict(note), indent=1) + "\n", base_folder=folder)
-    return kept
+            shutil.copy2(path, backup / path.name)
+    write_atomically(backup / "change.json", json.dumps(dict(note), indent=1) + "\n", base_folder=folder)
+    return backup

@@ -14,7 +14,7 @@ _LONGEST_PATH = 1000  # characters: with the cell's own path far below 4096 byte
 _SHOWN_LENGTH = 40  # characters of a name that is too long
 
 
-def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
+def path_resolver(folder: str, relative_to: str = "") -> Callable[[str], str]:
     """Create a function that converts paths as written to paths relative to the cell.
 
     Args:

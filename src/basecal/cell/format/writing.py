@@ -84,7 +84,7 @@ def append_durably(path: Path, text: str, *, base_folder: Path | None = None) ->
     """
     with writing_errors(path):
         make_folder(path.parent, base_folder)
-        with open_own(path, "ab") as file:
+        with open_without_links(path, "ab") as file:
             file.write(_as_bytes(text))
             file.flush()
             os.fsync(file.fileno())
@@ -195,7 +195,7 @@ def open_new(path: Path, mode: int = 0o666) -> BinaryIO:
     return os.fdopen(os.open(path, _NEW, mode), "wb")
 
 
-def open_own(path: Path, mode: str) -> IO[bytes]:
+def open_without_links(path: Path, mode: str) -> IO[bytes]:
     """Open a file like `open`, but do not follow a link.
 
     Raises:
@@ -217,11 +217,11 @@ def is_unused(folder: Path) -> bool:
 def sync_folder(folder: Path) -> None:
     """Flush the entries of a folder to the disk, if the system supports it."""
     with suppress(OSError):
-        number = os.open(folder, os.O_RDONLY)
+        descriptor = os.open(folder, os.O_RDONLY)
         try:
-            os.fsync(number)
+            os.fsync(descriptor)
         finally:
-            os.close(number)
+            os.close(descriptor)
 
 
 def _sync_all(folder: Path) -> None:
@@ -241,10 +241,10 @@ def _move_into_place(part: Path, folder: Path) -> None:
         _merge(entry, folder / entry.name)
 
 
-def _merge(entry: Path, to: Path) -> None:
+def _merge(entry: Path, destination: Path) -> None:
     """Move a file or folder to a path; merge it with a folder that exists there."""
-    if to.is_dir() and entry.is_dir() and not to.is_symlink():
+    if destination.is_dir() and entry.is_dir() and not destination.is_symlink():
         for each in sorted(entry.iterdir()):
-            _merge(each, to / each.name)
+            _merge(each, destination / each.name)
     else:
-        entry.rename(to)
+        entry.rename(destination)

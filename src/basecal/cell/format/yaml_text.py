@@ -85,7 +85,7 @@ class _NotPlain(Exception):
 class _PlainParser(Parser):
     """Parser that rejects aliases, anchors, tags and nesting deeper than `_DEEPEST`."""
 
-    _nested = 0
+    _depth = 0
 
     def get_event(self) -> Any:
         """Return the next event.
@@ -94,8 +94,8 @@ class _PlainParser(Parser):
             _NotPlain: if the event is not plain data.
         """
         event = super().get_event()
-        self._nested += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
-        if self._nested > _DEEPEST:
+        self._depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+        if self._depth > _DEEPEST:
             raise _NotPlain(f"nested deeper than {_DEEPEST} levels; nothing in a cell is", event)
         if isinstance(event, AliasEvent) or getattr(event, "anchor", None) is not None:
             raise _NotPlain("aliases and anchors (* and &) are not allowed; write the value out", event)
@@ -183,13 +183,13 @@ def _mapping(node: Any, loc: Loc, notes: _Notes) -> dict[str, Any]:
             notes.problems.append(Problem(loc, f"a key on line {line} is not a name; write `name: value`"))
             continue
         name = str(key.value)
-        here = (*loc, name)
+        location = (*loc, name)
         if name in data:
-            first = notes.lines[here]
-            notes.lines[here] = line
-            notes.problems.append(Problem(here, f"given twice, first on line {first}; keep one"))
-        notes.lines.setdefault(here, line)
-        data[name] = _plain(value, here, notes)
+            first = notes.lines[location]
+            notes.lines[location] = line
+            notes.problems.append(Problem(location, f"given twice, first on line {first}; keep one"))
+        notes.lines.setdefault(location, line)
+        data[name] = _plain(value, location, notes)
     return data
 
 
@@ -202,28 +202,28 @@ class Fault(NamedTuple):
 
 def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
     """Translate a parser's error to its likely cause and line."""
-    said, mark, begun = str(error.problem or error.context), error.problem_mark, error.context_mark
+    message, mark, start_mark = str(error.problem or error.context), error.problem_mark, error.context_mark
     line = mark.line + 1 if mark else None
     lines = text.splitlines()
-    tab = next((number for number, written in enumerate(lines, start=1) if _TAB.match(written)), None)
+    tab = next((number for number, text_of_line in enumerate(lines, start=1) if _TAB.match(text_of_line)), None)
     if tab is not None:
         return Fault("this line is indented with a tab, which YAML does not allow: use spaces", tab)
-    if said.startswith(_BRACKET) and begun:
-        expected = said[len(_BRACKET)]
-        return Fault(f"the bracket that opens here is not closed: add {expected}", begun.line + 1)
-    if error.context == _QUOTE and begun:
-        return Fault("the quote that opens here is not closed: add another", begun.line + 1)
-    if said.startswith(_UNEXPECTED_KEYS) and line is not None:
+    if message.startswith(_BRACKET) and start_mark:
+        expected = message[len(_BRACKET)]
+        return Fault(f"the bracket that opens here is not closed: add {expected}", start_mark.line + 1)
+    if error.context == _QUOTE and start_mark:
+        return Fault("the quote that opens here is not closed: add another", start_mark.line + 1)
+    if message.startswith(_UNEXPECTED_KEYS) and line is not None:
         if line > len(lines):
             return Fault("the file ends without content: expected `key: value`", len(lines))
         return _key_fault(lines, line)
-    if said == _UNEXPECTED_ENTRY:
+    if message == _UNEXPECTED_ENTRY:
         return Fault("this line is indented unlike its neighbours: indent all entries of a list equally", line)
-    if found := _UNEXPECTED_BRACKET.search(said):
-        return Fault(f"a closing bracket {found[1]} has no opening bracket: remove it", line)
-    if found := _NO_TOKEN.search(said):
-        return Fault(f"a value cannot start with {found[1]!r}: put it into quotes", line)
-    return Fault(" ".join(said.split()), line)
+    if match := _UNEXPECTED_BRACKET.search(message):
+        return Fault(f"a closing bracket {match[1]} has no opening bracket: remove it", line)
+    if match := _NO_TOKEN.search(message):
+        return Fault(f"a value cannot start with {match[1]!r}: put it into quotes", line)
+    return Fault(" ".join(message.split()), line)
 
 
 def _key_fault(lines: list[str], line: int) -> Fault:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.cell import Cell
-from basecal.cell.format.paths import inside
+from basecal.cell.format.paths import path_resolver
 from basecal.cell.format.writing import write_atomically
 from basecal.cell.journal.recording_file import BOM, FOLDER, LARGEST_BYTES, sample_line
-from basecal.cell.journal.sample_line import context, sample_from_line
-from basecal.cell.journal.sample_values import Where
+from basecal.cell.journal.sample_line import make_context, sample_from_line
+from basecal.cell.journal.sample_values import FileLine
 from basecal.cell.recording import Sample
 
 
@@ -30,10 +30,10 @@ def read_plan(path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample,
     expected = "a plan has one JSON object a line, with its robots"
     text = read_bounded(Path(path), LARGEST_BYTES, expected).removeprefix(BOM)
     try:
-        whole = json.loads(text)
+        data = json.loads(text)
     except (ValueError, RecursionError):
-        whole = None  # one line per sample
-    samples = whole.get("samples") if isinstance(whole, dict) else None
+        data = None  # one line per sample
+    samples = data.get("samples") if isinstance(data, dict) else None
     if isinstance(samples, list):  # one object, as printed by `basecal plan --json`
         return parse_plan([json.dumps(each).encode() for each in samples], path, folder, cell)
     return parse_plan(text.split(b"\n"), path, folder, cell)
@@ -41,16 +41,16 @@ def read_plan(path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample,
 
 def parse_plan(lines: Iterable[bytes], path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample, ...]:
     """Parse the lines of a plan; see `read_plan`."""
-    known = context(cell, inside(str(folder), FOLDER))
+    context = make_context(cell, path_resolver(str(folder), FOLDER))
     samples: list[Sample] = []
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
-        where = Where(str(path), number)
-        read = sample_from_line(line, where, known)
-        if not isinstance(read, Sample) or not read.robots:
-            raise where.error("robots", "expected the planned joints or flange poses of robots")
-        samples.append(Sample(read.sample, robots=read.robots))
+        file_line = FileLine(str(path), number)
+        sample = sample_from_line(line, file_line, context)
+        if not isinstance(sample, Sample) or not sample.robots:
+            raise file_line.error("robots", "expected the planned joints or flange poses of robots")
+        samples.append(Sample(sample.sample, robots=sample.robots))
     return tuple(samples)
 
 

@@ -11,11 +11,17 @@ import numpy as np
 from basecal.bounded_file import read_bounded
 from basecal.cell.calibration import Finding
 from basecal.cell.cell import Cell, CellCamera
-from basecal.cell.format.paths import inside, own_file
-from basecal.cell.format.writing import append_durably, make_folder, open_own, write_atomically, writing_errors
+from basecal.cell.format.paths import own_file, path_resolver
+from basecal.cell.format.writing import (
+    append_durably,
+    make_folder,
+    open_without_links,
+    write_atomically,
+    writing_errors,
+)
 from basecal.cell.journal.sample_dict import sample_to_dict
-from basecal.cell.journal.sample_line import Dropped, context, line_data, sample_from_line
-from basecal.cell.journal.sample_values import Where
+from basecal.cell.journal.sample_line import DroppedSample, line_data, make_context, sample_from_line
+from basecal.cell.journal.sample_values import FileLine
 from basecal.cell.recording import PixelObservation, Recording, Sample
 from basecal.cell.schema.cell_file import read_cell
 from basecal.errors import DatasetError, InputError, check_type
@@ -29,10 +35,10 @@ MOST_SAMPLES = 200_000
 LARGEST_BYTES = 2**28
 """Largest size of a recording [bytes]: 256 MB, a thousand views of 5000 points each."""
 
-_LONGEST_LINE = 2**24  # 16 MB: 400,000 points
+_LONGEST_LINE_BYTES = 2**24  # 16 MB: 400,000 points
 BOM = b"\xef\xbb\xbf"
 """UTF-8 byte order mark, which some editors write at the start of a file."""
-_MARGIN_PX = 0.05  # share of the image's width: noise of points at the border is smaller, a wrong image size exceeds it
+_MARGIN_SHARE = 0.05  # of the image's width: noise of points at the border is smaller, a wrong image size exceeds it
 _OUTSIDE_SHARE = 0.05  # of the points; a smaller share is left to outlier detection
 
 
@@ -46,12 +52,12 @@ def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
     Raises:
         DatasetError: if the cell, or a line of the recording, cannot be read as written.
     """
-    known = read_cell(folder) if cell is None else cell
+    checked_cell = read_cell(folder) if cell is None else cell
     path = own_file(folder, f"{FOLDER}/{FILE}")
     text = read_bounded(
         path, LARGEST_BYTES, "there is no recording; write one JSON object a line (docs/data_format.md)"
     )
-    return recording_from_text(text, folder, known)
+    return recording_from_text(text, folder, checked_cell)
 
 
 def read_samples(path: str | Path, folder: str | Path, cell: Cell) -> Recording:
@@ -126,47 +132,47 @@ def sample_line(sample: Sample) -> str:
 
 
 def _recording(text: bytes, path: str, folder: str | Path, cell: Cell) -> Recording:
-    known = context(cell, inside(str(folder), FOLDER))
+    context = make_context(cell, path_resolver(str(folder), FOLDER))
     if text.count(b"\n") > MOST_SAMPLES:
         raise DatasetError(path, f"more than {MOST_SAMPLES} lines, expected one for each sample")
     *lines, tail = text.removeprefix(BOM).split(b"\n")
     samples: list[Sample] = []
     findings: list[Finding] = []
-    dropped: list[Dropped] = []
-    first_lines: dict[str, int] = {}
-    if tail.strip() and not _is_whole(tail):
-        cut = _cut_finding(path, len(lines) + 1, "what is left of it is not read")
+    dropped: list[DroppedSample] = []
+    first_lines: dict[int, int] = {}
+    if tail.strip() and not _is_complete(tail):
+        cut = _truncation_finding(path, len(lines) + 1, "what is left of it is not read")
     else:
         cut, lines = None, [*lines, tail]
-    for line, written in enumerate(lines, start=1):
-        if not written.strip():
+    for line_number, line in enumerate(lines, start=1):
+        if not line.strip():
             continue
-        if len(written) > _LONGEST_LINE:
-            raise DatasetError(path, f"a line of {len(written)} bytes, no sample has that many", line)
-        read = sample_from_line(written, Where(path, line), known)
-        number = str(read.sample)
-        earlier = first_lines.setdefault(number, line)
-        if earlier != line:
-            what = f"{path}:{line}: sample {number} is dropped: line {earlier} has the same number."
-            findings.append(Finding("dropped-sample", "info", (number,), what, ("Give it a new number.",)))
-        elif isinstance(read, Dropped):
-            dropped.append(read)
+        if len(line) > _LONGEST_LINE_BYTES:
+            raise DatasetError(path, f"a line of {len(line)} bytes, no sample has that many", line_number)
+        sample = sample_from_line(line, FileLine(path, line_number), context)
+        number = sample.sample
+        earlier = first_lines.setdefault(number, line_number)
+        if earlier != line_number:
+            what = f"{path}:{line_number}: sample {number} is dropped: line {earlier} has the same number."
+            findings.append(Finding("dropped-sample", "info", (str(number),), what, ("Give it a new number.",)))
+        elif isinstance(sample, DroppedSample):
+            dropped.append(sample)
         else:
-            samples.append(read)
-    findings += unknown_points(dropped, path)
-    check_image_bounds(samples, {int(number): line for number, line in first_lines.items()}, path, cell)
+            samples.append(sample)
+    findings += unknown_point_findings(dropped, path)
+    check_image_bounds(samples, first_lines, path, cell)
     return Recording(tuple(samples), tuple(findings if cut is None else [*findings, cut]), str(folder))
 
 
-def _cut_finding(path: str, line: int, action: str) -> Finding:
+def _truncation_finding(path: str, line: int, action: str) -> Finding:
     what = f"{path}:{line}: the last line was cut off while it was written."
     return Finding("dropped-sample", "info", (), what, why=f"{action[0].upper()}{action[1:]}.")
 
 
-def _is_whole(tail: bytes) -> bool:
+def _is_complete(tail: bytes) -> bool:
     """Whether a last line without a newline is otherwise complete."""
     try:
-        line_data(tail, Where("", 0))
+        line_data(tail, FileLine("", 0))
     except DatasetError:
         return False
     return True
@@ -174,7 +180,7 @@ def _is_whole(tail: bytes) -> bool:
 
 def _repair(path: Path) -> Finding | None:
     """End the journal with a newline: complete the last line if it is valid JSON, otherwise remove it."""
-    with open_own(path, "r+b") as journal:
+    with open_without_links(path, "r+b") as journal:
         size = journal.seek(0, 2)
         if size == 0:
             return None
@@ -183,12 +189,12 @@ def _repair(path: Path) -> Finding | None:
             return None
         journal.seek(0)
         text = journal.read()
-        keep = text.rfind(b"\n") + 1
-        if _is_whole(text[keep:]):
+        end = text.rfind(b"\n") + 1
+        if _is_complete(text[end:]):
             journal.write(b"\n")
             return None
-        journal.truncate(keep)
-    return _cut_finding(str(path), text.count(b"\n") + 1, "the journal is cut back to the line before it")
+        journal.truncate(end)
+    return _truncation_finding(str(path), text.count(b"\n") + 1, "the journal is cut back to the line before it")
 
 
 def check_image_bounds(samples: Sequence[Sample], lines: Mapping[int, int], path: str, cell: Cell) -> None:
@@ -205,26 +211,26 @@ def check_image_bounds(samples: Sequence[Sample], lines: Mapping[int, int], path
     """
     for name, camera in cell.cameras.items():
         views = [
-            (sample.sample, seen)
+            (sample.sample, view)
             for sample in samples
-            for seen in sample.observations
-            if isinstance(seen, PixelObservation) and seen.camera == name
+            for view in sample.observations
+            if isinstance(view, PixelObservation) and view.camera == name
         ]
         if camera.size_px is None or not views:
             continue
-        pixels = np.concatenate([seen.pixels for _, seen in views])
+        pixels = np.concatenate([view.pixels for _, view in views])
         outside = ~_inside_mask(pixels, camera.size_px)
         if np.mean(outside) <= _OUTSIDE_SHARE:
             continue
         sample = next(n for n, s in views if not np.all(_inside_mask(s.pixels, camera.size_px)))
         width, height = camera.size_px
         share = f"{np.count_nonzero(outside)} of {len(pixels)} pixels of {name!r} lie outside its {width} x {height} px"
-        raise Where(path, lines[sample]).error("observations", f"{share}{_cause(camera, pixels)}")
+        raise FileLine(path, lines[sample]).error("observations", f"{share}{_cause(camera, pixels)}")
 
 
 def _inside_mask(pixels: Array, size_px: tuple[int, int]) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Whether pixels, (n, 2), lie in an image, (n,)."""
-    margin = _MARGIN_PX * size_px[0]
+    margin = _MARGIN_SHARE * size_px[0]
     return np.asarray(np.all((pixels >= -margin) & (pixels <= np.array(size_px) - 1 + margin), -1))
 
 
@@ -246,23 +252,23 @@ def _cause(camera: CellCamera, pixels: Array) -> str:
     return f"{reach}: width and height look swapped, expected size_px: [{height}, {width}]"
 
 
-def unknown_points(drops: Sequence[Dropped], path: str) -> list[Finding]:
+def unknown_point_findings(dropped_samples: Sequence[DroppedSample], path: str) -> list[Finding]:
     """Findings about samples dropped because of unknown or repeated point ids, one finding per target.
 
     Args:
-        drops: The dropped samples, in the order of the file.
+        dropped_samples: The dropped samples, in the order of the file.
         path: The file of the samples.
     """
-    by_target: dict[str, list[Dropped]] = {}
-    for each in drops:
+    by_target: dict[str, list[DroppedSample]] = {}
+    for each in dropped_samples:
         by_target.setdefault(each.reason.target, []).append(each)
     findings = []
-    for of in by_target.values():
-        first, others, known = of[0], len(of) - 1, of[0].reason.known
-        who = f"sample {first.sample} and {others} more are" if others else f"sample {first.sample} is"
-        seen = frozenset[int]().union(*(each.reason.ids for each in of))
-        from_one = (min(seen), max(seen)) == (min(known) + 1, max(known) + 1)
+    for samples in by_target.values():
+        first, others, known = samples[0], len(samples) - 1, samples[0].reason.known
+        subject = f"sample {first.sample} and {others} more are" if others else f"sample {first.sample} is"
+        ids = frozenset[int]().union(*(each.reason.ids for each in samples))
+        from_one = (min(ids), max(ids)) == (min(known) + 1, max(known) + 1)
         do = (f"Subtract 1 from each id: they count from {min(known)}.",) if from_one else ()
-        what = f"{path}:{first.line}: {who} dropped: {first.reason}."
-        findings.append(Finding("dropped-sample", "info", tuple(str(each.sample) for each in of), what, do))
+        what = f"{path}:{first.line}: {subject} dropped: {first.reason}."
+        findings.append(Finding("dropped-sample", "info", tuple(str(each.sample) for each in samples), what, do))
     return findings

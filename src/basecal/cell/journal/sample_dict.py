@@ -32,10 +32,10 @@ def sample_to_dict(sample: Sample, folder: str) -> dict[str, Any]:
             data["robots"][name]["joints_rad"] = numbers(state.joints_rad)
     data["images"] = _paths(sample.images, folder)
     data["background"] = _paths(sample.background, folder)
-    data["observations"] = [_observation(seen) for seen in sample.observations]
+    data["observations"] = [_observation(view) for view in sample.observations]
     data["observations"] += [
-        {"camera": seen.camera, "tracks": seen.tracks.tolist(), "pixels": numbers(seen.pixels)}
-        for seen in sample.tracks
+        {"camera": view.camera, "tracks": view.tracks.tolist(), "pixels": numbers(view.pixels)}
+        for view in sample.tracks
     ]
     return {key: value for key, value in data.items() if value not in ({}, [])}
 
@@ -47,12 +47,12 @@ def _paths(paths: Mapping[str, str], folder: str) -> dict[str, str]:
 def _observation(observation: Observation) -> dict[str, Any]:
     if isinstance(observation, TouchObservation):
         sigmas = {"sigma_m": observation.sigma_m, "sigma_rad": observation.sigma_rad}
-        what = (
+        names = (
             {"clamp": observation.tip}
             if observation.kind == "clamp"
             else {observation.kind: observation.mark, "tip": observation.tip}
         )
-        return {**what, **{key: sigma for key, sigma in sigmas.items() if sigma is not None}}
+        return {**names, **{key: sigma for key, sigma in sigmas.items() if sigma is not None}}
     data: dict[str, Any] = {"camera": observation.camera, "target": observation.target}
     match observation:
         case PixelObservation():

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from basecal.cell.cell import Cell
 from basecal.cell.journal.observation_line import UnknownPoint, observation, track_observation
-from basecal.cell.journal.sample_values import Where, number, numbers, pose
+from basecal.cell.journal.sample_values import FileLine, number, numbers, pose
 from basecal.cell.recording import Observation, RobotState, Sample, TrackObservation
 from basecal.errors import InputError
 from basecal.fields.problems import CAUSE_LENGTH, shorten
@@ -35,13 +35,13 @@ class Context:
     path_in_cell: Callable[[str], str]
 
 
-def context(cell: Cell, path_in_cell: Callable[[str], str]) -> Context:
+def make_context(cell: Cell, path_in_cell: Callable[[str], str]) -> Context:
     """Context for the validation of a cell's lines."""
     shapes = {name: entry.target for name, entry in cell.targets.items() if entry.target is not None}
     return Context(cell, {name: frozenset(shape.ids.tolist()) for name, shape in shapes.items()}, path_in_cell)
 
 
-def line_data(text: bytes, place: Where) -> Any:
+def line_data(text: bytes, file_line: FileLine) -> Any:
     """Parse a line.
 
     Raises:
@@ -52,19 +52,19 @@ def line_data(text: bytes, place: Where) -> Any:
     except UnicodeDecodeError as error:
         is_utf_16 = text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
         advice = ": it is UTF-16, save it as UTF-8" if is_utf_16 else "; expected one JSON object"
-        raise place.error("", f"not UTF-8 text (byte {error.start} of the line){advice}") from None
+        raise file_line.error("", f"not UTF-8 text (byte {error.start} of the line){advice}") from None
     except json.JSONDecodeError as error:
         hint = "; remove the comma after the object" if text.rstrip().endswith(b"},") else ""
-        where_and_what = f"not JSON ({error.msg}, column {error.colno}); expected one object a line"
-        raise place.error("", f"{where_and_what}{hint}") from None
+        what = f"not JSON ({error.msg}, column {error.colno}); expected one object a line"
+        raise file_line.error("", f"{what}{hint}") from None
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:CAUSE_LENGTH]
         if "int_max_str_digits" in reason:  # Python's message is for programmers
             reason = "a whole number has thousands of digits"
-        raise place.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
+        raise file_line.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
 
 
-class Dropped(NamedTuple):
+class DroppedSample(NamedTuple):
     """A sample that cannot be used, its line in the file, and the reason."""
 
     sample: int
@@ -72,103 +72,107 @@ class Dropped(NamedTuple):
     reason: UnknownPoint
 
 
-def sample_from_line(text: bytes, place: Where, context: Context) -> Sample | Dropped:
+def sample_from_line(text: bytes, file_line: FileLine, context: Context) -> Sample | DroppedSample:
     """Read the sample of a line; if it is dropped, return the reason.
 
     Raises:
         DatasetError: if the line is invalid.
     """
-    data = line_data(text, place)
+    data = line_data(text, file_line)
     try:
         # No field of a line is boolean, and NumPy would convert true and false to 1 and 0.
-        if (b"true" in text or b"false" in text) and (field := _boolean(data, "")) is not None:
-            raise place.error(field, "expected a number or text, got true or false")
-        data = place.mapping(data, "", _FIELDS)
+        if (b"true" in text or b"false" in text) and (field := _first_boolean(data, "")) is not None:
+            raise file_line.error(field, "expected a number or text, got true or false")
+        data = file_line.mapping(data, "", _FIELDS)
         index = data.get("sample")
         if not isinstance(index, int) or not 0 <= index < _LARGEST_NUMBER:
-            raise place.error("sample", f"expected the sample's number, 0 or more, got {shorten(index)}")
-        stamp = number(place, "stamp_s", data["stamp_s"], _LARGEST_STAMP) if "stamp_s" in data else None
-        robots = place.mapping(data.get("robots", {}), "robots")
-        states = {name: _state(value, f"robots.{name}", name, place, context.cell) for name, value in robots.items()}
-        images, background = (_paths(data.get(key, {}), key, place, context) for key in ("images", "background"))
+            raise file_line.error("sample", f"expected the sample's number, 0 or more, got {shorten(index)}")
+        stamp = number(file_line, "stamp_s", data["stamp_s"], _LARGEST_STAMP) if "stamp_s" in data else None
+        robots = file_line.mapping(data.get("robots", {}), "robots")
+        states = {
+            name: _state(value, f"robots.{name}", name, file_line, context.cell) for name, value in robots.items()
+        }
+        images, background = (_paths(data.get(key, {}), key, file_line, context) for key in ("images", "background"))
         try:
-            seen, tracks = _observations(data.get("observations", []), place, context)
+            observations, tracks = _observations(data.get("observations", []), file_line, context)
         except UnknownPoint as error:
-            return Dropped(index, place.line, error)
-        return Sample(index, stamp, states, seen, images, background, tracks)
+            return DroppedSample(index, file_line.line, error)
+        return Sample(index, stamp, states, observations, images, background, tracks)
     except RecursionError:
-        raise place.error("", "nested too deeply; expected one JSON object a line") from None
+        raise file_line.error("", "nested too deeply; expected one JSON object a line") from None
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     data = dict(pairs)
     if len(data) != len(pairs):
         keys = [key for key, _ in pairs]
-        twice = next(key for index, key in enumerate(keys) if key in keys[:index])
-        raise InputError(f"the key {shorten(twice)} is given twice")
+        repeated = next(key for index, key in enumerate(keys) if key in keys[:index])
+        raise InputError(f"the key {shorten(repeated)} is given twice")
     return data
 
 
 _DECODER = json.JSONDecoder(object_pairs_hook=_unique_keys)
 
 
-def _boolean(value: Any, field: str) -> str | None:
+def _first_boolean(value: Any, field: str) -> str | None:
     """Field of the first boolean in a value; None if there is none."""
     if isinstance(value, bool):
         return field
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    found = (_boolean(item, f"{field}.{key}".removeprefix(".")) for key, item in items)
-    return next((place for place in found if place is not None), None)
+    fields = (_first_boolean(item, f"{field}.{key}".removeprefix(".")) for key, item in items)
+    return next((each for each in fields if each is not None), None)
 
 
-def _state(value: Any, field: str, name: str, place: Where, cell: Cell) -> RobotState:
-    robot = cell.robots[place.name(name, field, "robot", cell.robots)]
-    state = place.mapping(value, field, ("base_from_flange", "joints_rad"))
+def _state(value: Any, field: str, name: str, file_line: FileLine, cell: Cell) -> RobotState:
+    robot = cell.robots[file_line.name(name, field, "robot", cell.robots)]
+    state = file_line.mapping(value, field, ("base_from_flange", "joints_rad"))
     if len(state) != 1:
         got = "both" if state else "neither"
-        raise place.error(field, f"expected either base_from_flange or joints_rad, got {got}")
+        raise file_line.error(field, f"expected either base_from_flange or joints_rad, got {got}")
     if "base_from_flange" in state:
-        return RobotState(base_from_flange=pose(place, f"{field}.base_from_flange", state["base_from_flange"])[0])
-    joints = numbers(place, f"{field}.joints_rad", state["joints_rad"])
+        return RobotState(base_from_flange=pose(file_line, f"{field}.base_from_flange", state["base_from_flange"])[0])
+    joints = numbers(file_line, f"{field}.joints_rad", state["joints_rad"])
     if robot.chain is None:
-        raise place.error(
+        raise file_line.error(
             f"{field}.joints_rad", "joints need urdf, base_link and flange_link of the robot in cell.yaml"
         )
     if len(joints) != robot.chain.n:
-        raise place.error(f"{field}.joints_rad", f"expected {robot.chain.n} joints, got {len(joints)}")
+        raise file_line.error(f"{field}.joints_rad", f"expected {robot.chain.n} joints, got {len(joints)}")
     return RobotState(joints_rad=joints)
 
 
-def _paths(value: Any, field: str, place: Where, context: Context) -> dict[str, str]:
+def _paths(value: Any, field: str, file_line: FileLine, context: Context) -> dict[str, str]:
     paths = {}
-    for camera, path in place.mapping(value, field).items():
-        place.name(camera, f"{field}.{camera}", "camera", context.cell.cameras)
+    for camera, path in file_line.mapping(value, field).items():
+        file_line.name(camera, f"{field}.{camera}", "camera", context.cell.cameras)
         if not isinstance(path, str):
-            raise place.error(f"{field}.{camera}", f"expected a path, got {shorten(path)}")
+            raise file_line.error(f"{field}.{camera}", f"expected a path, got {shorten(path)}")
         try:
             paths[camera] = context.path_in_cell(path)
         except InputError as error:
-            raise place.error(f"{field}.{camera}", str(error)) from None
+            raise file_line.error(f"{field}.{camera}", str(error)) from None
     return paths
 
 
 def _observations(
-    value: Any, place: Where, context: Context
+    value: Any, file_line: FileLine, context: Context
 ) -> tuple[tuple[Observation, ...], tuple[TrackObservation, ...]]:
     if not isinstance(value, list):
-        raise place.error("observations", f"expected a list, got {shorten(value)}")
-    seen: dict[tuple[str, str], Observation | None] = {}
+        raise file_line.error("observations", f"expected a list, got {shorten(value)}")
+    observations: dict[tuple[str, str], Observation | None] = {}
     tracks: dict[str, TrackObservation] = {}
     for index, item in enumerate(value):
         field = f"observations[{index}]"
         if isinstance(item, dict) and "tracks" in item:
-            of_scene = track_observation(item, field, place, context.cell)
-            if of_scene.camera in tracks:
-                raise place.error(field, f"{of_scene.camera!r} has tracks twice in one sample; join them")
-            tracks[of_scene.camera] = of_scene
+            track = track_observation(item, field, file_line, context.cell)
+            if track.camera in tracks:
+                raise file_line.error(field, f"{track.camera!r} has tracks twice in one sample; join them")
+            tracks[track.camera] = track
             continue
-        (camera, target), found = observation(item, field, place, context.cell, context.ids)
-        if (camera, target) in seen:
-            raise place.error(field, f"{camera!r} sees {target!r} twice in one sample; join them or give two samples")
-        seen[camera, target] = found
-    return tuple(found for found in seen.values() if found is not None), tuple(tracks.values())
+        (camera, target), read = observation(item, field, file_line, context.cell, context.ids)
+        if (camera, target) in observations:
+            raise file_line.error(
+                field, f"{camera!r} sees {target!r} twice in one sample; join them or give two samples"
+            )
+        observations[camera, target] = read
+    return tuple(read for read in observations.values() if read is not None), tuple(tracks.values())

@@ -15,12 +15,12 @@ from basecal.cell.schema.errors import first_problem
 from basecal.cell.work_error import BudgetEntry
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.effects.registry import ROBOT_PARAMETERS
-from basecal.errors import InputError, check_type, list_names, nearest
+from basecal.errors import InputError, check_type, list_names, spelling_hint
 from basecal.fields.file_forms import LARGEST_NUMBER
 from basecal.fields.problems import CAUSE_LENGTH, SHORT_LENGTH, Loc, Problem, field_name
 
 SCHEMA = "basecal/calibration/1"
-_FILE, _BUDGET_ENTRY, _FINDING = (TypeAdapter[Any](noun) for noun in (CalibrationFile, BudgetEntry, Finding))
+_FILE, _BUDGET_ENTRY, _FINDING = (TypeAdapter[Any](model) for model in (CalibrationFile, BudgetEntry, Finding))
 
 
 def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
@@ -30,14 +30,14 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         InputError: if the argument is not a calibration.
     """
     check_type("calibration", calibration, Calibration)
-    of_robots: dict[str, Any] = {}
+    robot_parameters: dict[str, Any] = {}
     for name, each in ROBOT_PARAMETERS.items():
-        of_robots |= each.to_dict(calibration.robot_parameters.get(name, {}))
+        robot_parameters |= each.to_dict(calibration.robot_parameters.get(name, {}))
     data = _data(_FILE, CalibrationFile.from_calibration(calibration))
     findings = [finding_to_dict(finding) for finding in calibration.findings]
-    first = {key: data.pop(key) for key in ("verdict", "transforms", "intrinsics")}
-    head = {"schema": SCHEMA, "version": program_version()}
-    plain: dict[str, Any] = _plain(head | first | of_robots | data | {"findings": findings})
+    leading = {key: data.pop(key) for key in ("verdict", "transforms", "intrinsics")}
+    header = {"schema": SCHEMA, "version": program_version()}
+    plain: dict[str, Any] = _plain(header | leading | robot_parameters | data | {"findings": findings})
     return plain
 
 
@@ -74,20 +74,20 @@ def calibration_from_dict(data: Any) -> Calibration:
     except (TypeError, AttributeError, ValueError, OverflowError) as error:
         problem = Problem((), f"not a calibration as this program writes it ({str(error)[:CAUSE_LENGTH]})")
     else:
-        problem = _other_field(data, calibration_to_dict(calibration), ())
+        problem = _field_mismatch(data, calibration_to_dict(calibration), ())
     if problem is not None:
-        place = f"{field_name(problem.loc)}: " if problem.loc else ""
-        raise InputError(f"{place}{problem.message}; calibrate again")
+        prefix = f"{field_name(problem.loc)}: " if problem.loc else ""
+        raise InputError(f"{prefix}{problem.message}; calibrate again")
     return calibration
 
 
 def _read(data: dict[str, Any]) -> Calibration:
     file: CalibrationFile = _FILE.validate_python(data)
-    of_robots = {name: _parameters(each.from_dict(data), name) for name, each in ROBOT_PARAMETERS.items()}
-    return file.check_fields().calibration({kind: found for kind, found in of_robots.items() if found})
+    robot_parameters = {name: _parameters(each.from_dict(data), name) for name, each in ROBOT_PARAMETERS.items()}
+    return file.check_fields().calibration({kind: by_robot for kind, by_robot in robot_parameters.items() if by_robot})
 
 
-def _other_field(data: Any, expected_data: Any, loc: Loc) -> Problem | None:
+def _field_mismatch(data: Any, expected_data: Any, loc: Loc) -> Problem | None:
     """First missing or unknown field of `data`, compared with the data that would be written; None if there is none."""
     parts: list[tuple[str | int, Any, Any]] = []
     if (
@@ -102,19 +102,19 @@ def _other_field(data: Any, expected_data: Any, loc: Loc) -> Problem | None:
             if name not in expected_data:
                 return Problem(
                     (*loc, name),
-                    f"unknown field{nearest(name, expected_data)}; known: {list_names(list(expected_data))}",
+                    f"unknown field{spelling_hint(name, expected_data)}; known: {list_names(list(expected_data))}",
                 )
         for name in expected_data:
             if name not in data:
                 return Problem((*loc, name), "missing; add it")
         parts = [(name, data[name], expected_data[name]) for name in expected_data]
-    problems = (_other_field(one, other, (*loc, part)) for part, one, other in parts)
+    problems = (_field_mismatch(value, expected, (*loc, part)) for part, value, expected in parts)
     return next((problem for problem in problems if problem is not None), None)
 
 
-def _data(noun: TypeAdapter[Any], value: Any) -> dict[str, Any]:
+def _data(adapter: TypeAdapter[Any], value: Any) -> dict[str, Any]:
     """Fields of an object by their names in files; arrays are not converted."""
-    data: dict[str, Any] = noun.dump_python(value, by_alias=True, warnings=False)
+    data: dict[str, Any] = adapter.dump_python(value, by_alias=True, warnings=False)
     return data
 
 
@@ -134,7 +134,8 @@ def _plain(value: Any) -> Any:
 
 
 def _parameters(parameters: dict[str, RobotParameters], kind: str) -> dict[str, RobotParameters]:
-    for robot, of in parameters.items():
-        if not of.values.shape == of.sigma.shape == of.seen.shape or not all(isinstance(j, str) for j in of.joints):
+    for robot, values in parameters.items():
+        is_named = all(isinstance(joint, str) for joint in values.joints)
+        if not is_named or not values.values.shape == values.sigma.shape == values.seen.shape:
             raise InputError(f"{kind} of {robot!r}: expected a value, a sigma and whether it is seen of each")
     return parameters

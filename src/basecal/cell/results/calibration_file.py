@@ -68,7 +68,7 @@ def read_calibration_data(path: str | Path) -> Any:
     file = _file(path)
     text = read_text(file, "calibrate first, or give the file or folder of a run", _LARGEST_BYTES)
     try:
-        data = json.loads(text, parse_constant=_refuse)
+        data = json.loads(text, parse_constant=_reject_constant)
         if "\\ud" in text.lower():  # only such an escape can be an unpaired surrogate
             json.dumps(data, ensure_ascii=False).encode()
     except UnicodeEncodeError:
@@ -85,7 +85,7 @@ def _file(path: str | Path) -> Path:
     return Path(path) / FILE if Path(path).is_dir() else Path(path)
 
 
-def _refuse(constant: str) -> None:
+def _reject_constant(constant: str) -> None:
     raise ValueError(f"{constant} is not JSON; calibrate again")
 
 
@@ -105,8 +105,8 @@ def run_names(folder: str | Path) -> tuple[str, ...]:
 
 def _runs_by_time(folder: str | Path) -> list[Path]:
     """Folders of a cell's runs, the most recent first."""
-    found = [(match, run) for run in _runs(folder) if (match := _RUN.fullmatch(run.name))]
-    written = [((run / FILE).stat().st_mtime_ns, match[1], int(match[2] or 1), run) for match, run in found]
+    matches = [(match, run) for run in _runs(folder) if (match := _RUN.fullmatch(run.name))]
+    written = [((run / FILE).stat().st_mtime_ns, match[1], int(match[2] or 1), run) for match, run in matches]
     return [run for *_, run in sorted(written, reverse=True)]
 
 
@@ -166,9 +166,9 @@ def indent_json(value: Any, level: int = 0) -> str:
     parts = list(value.values() if isinstance(value, dict) else value) if isinstance(value, dict | list) else []
     if {dict, list}.isdisjoint(map(type, parts)):
         return json.dumps(value, allow_nan=False)
-    inside, outside = "\n" + " " * (level + 1), "\n" + " " * level
+    inner, outer = "\n" + " " * (level + 1), "\n" + " " * level
     texts = [indent_json(part, level + 1) for part in parts]
     if isinstance(value, dict):
         named = (f"{json.dumps(key)}: {text}" for key, text in zip(value, texts, strict=True))
-        return "{" + inside + ("," + inside).join(named) + outside + "}"
-    return "[" + inside + ("," + inside).join(texts) + outside + "]"
+        return "{" + inner + ("," + inner).join(named) + outer + "}"
+    return "[" + inner + ("," + inner).join(texts) + outer + "]"

@@ -48,16 +48,16 @@ _Sigma3 = Annotated[list[Sigma | None], THREE]
 _Sigma6 = Annotated[list[Sigma | None], Field(min_length=6, max_length=6)]
 
 
-def _transform_name(name: str) -> str:
+def _check_transform_name(name: str) -> str:
     if not re.fullmatch(r"[a-z][a-z0-9_]*_from_[a-z][a-z0-9_]*", name) or name.count("_from_") != 1:
         raise ValueError(f"expected the name of a transform, a_from_b, got {shorten(name)}")
     return name
 
 
-_Name = Annotated[str, AfterValidator(_transform_name)]
+_Name = Annotated[str, AfterValidator(_check_transform_name)]
 
 
-class _Known(NamedTuple):
+class _Estimate(NamedTuple):
     """A known transform; `size` is 3 if only its position is defined, otherwise 6."""
 
     estimate: PoseEstimate
@@ -71,16 +71,16 @@ class _WrittenTransform(WrittenPose):
     status: Status | None
     verdict: Verdict
 
-    def transform_entry(self) -> _Known:
+    def transform_entry(self) -> _Estimate:
         """Return the transform with a covariance (6, 6) [m, rad]."""
         size, full = len(self.covariance), np.zeros((6, 6))
         if size not in (3, 6):
             raise ValueError(f"covariance: has {size} rows, expected 3 or 6")
         full[:size, :size] = self.covariance
-        return _Known(PoseEstimate(self.transform(), full), size, self.status, self.verdict)
+        return _Estimate(PoseEstimate(self.transform(), full), size, self.status, self.verdict)
 
 
-def _transform_data(entry: _Known) -> dict[str, Any]:
+def _transform_data(entry: _Estimate) -> dict[str, Any]:
     covariance = entry.estimate.covariance[: entry.size, : entry.size] + 0.0
     return pose_data(entry.estimate.mean) | {"covariance": covariance, "status": entry.status, "verdict": entry.verdict}
 
@@ -136,7 +136,7 @@ class _WrittenSettings(BaseModel):
         return self.model_dump(exclude_unset=True)
 
 
-_Transform = Annotated[_Known, as_written(_WrittenTransform, _WrittenTransform.transform_entry, _transform_data)]
+_Transform = Annotated[_Estimate, as_written(_WrittenTransform, _WrittenTransform.transform_entry, _transform_data)]
 _Lens = Annotated[tuple[Camera, Array], as_written(_WrittenLens, _WrittenLens.lens, _lens_data)]
 _Settings = Annotated[Mapping[str, Any], as_written(_WrittenSettings, _WrittenSettings.plain, dict)]
 _TimeSigma = Annotated[Seconds, Field(ge=0)]
@@ -212,12 +212,12 @@ class CalibrationFile:
 
     def calibration(self, robot_parameters: Mapping[str, Mapping[str, RobotParameters]]) -> Calibration:
         """Return the calibration with these robot parameters by kind, then by robot."""
-        known, joint = self.transforms, self.joint
+        entries, joint = self.transforms, self.joint
         return Calibration(
-            transforms={name: each.estimate for name, each in known.items()},
-            verdicts={name: each.verdict for name, each in known.items()},
-            status={name: each.status for name, each in known.items() if each.status is not None},
-            points=frozenset(name for name, each in known.items() if each.size == 3),
+            transforms={name: entry.estimate for name, entry in entries.items()},
+            verdicts={name: entry.verdict for name, entry in entries.items()},
+            status={name: entry.status for name, entry in entries.items() if entry.status is not None},
+            points=frozenset(name for name, entry in entries.items() if entry.size == 3),
             cameras=self.intrinsics,
             robot_parameters=robot_parameters,
             clocks={n: ClockOffset(s, (self.clock_sigma_s or {})[n]) for n, s in (self.clock_offset_s or {}).items()},
@@ -233,8 +233,8 @@ class CalibrationFile:
 _SHARED_FIELDS = CalibrationFile.__dataclass_fields__.keys() & Calibration.__dataclass_fields__.keys() - {"transforms"}
 
 
-def _transform_entry(name: str, calibration: Calibration) -> _Known:
-    return _Known(
+def _transform_entry(name: str, calibration: Calibration) -> _Estimate:
+    return _Estimate(
         calibration.transforms[name],
         3 if name in calibration.points else 6,
         calibration.status.get(name),
@@ -242,7 +242,7 @@ def _transform_entry(name: str, calibration: Calibration) -> _Known:
     )
 
 
-class _Measured(BaseModel):
+class _MeasurementNoise(BaseModel):
     """Sigmas of camera measurements."""
 
     pixel_px: Sigma | None = None
@@ -253,12 +253,12 @@ class _Measured(BaseModel):
     grip_rad: Sigma | None = None
 
 
-class _Camera(_Measured):
+class _CameraNoise(_MeasurementNoise):
     factor: Real | None
     views_count: Whole
 
 
-class _Robot(BaseModel):
+class _RobotNoise(BaseModel):
     """Sigmas of a robot's independent error per stop; errors shared by stops are stored by random effect."""
 
     sigma_t_m: _Sigma3
@@ -267,7 +267,7 @@ class _Robot(BaseModel):
     freedoms: Annotated[Real, Field(ge=1)] | None = None
 
 
-class _Clock(BaseModel):
+class _ClockNoise(BaseModel):
     jitter_s: Sigma | None
 
 
@@ -275,28 +275,28 @@ class _Target(BaseModel):
     shape: list[Number]
 
 
-def _shared_entry(name: str, effect: RandomEffect) -> Any:
+def _effect_field(name: str, effect: RandomEffect) -> Any:
     """Field of a random effect in the model: its sigmas and figures."""
-    of_errors = () if effect.is_by_coordinate else ("shift_m", "turn_rad")
-    numbers: dict[str, Any] = dict.fromkeys((*of_errors, *effect.figures), (Real, ...))
+    error_fields = () if effect.is_by_coordinate else ("shift_m", "turn_rad")
+    numbers: dict[str, Any] = dict.fromkeys((*error_fields, *effect.figures), (Real, ...))
     return create_model(name, sigma=(_Sigma6, ...), **numbers) | None, None
 
 
-_SHARED: dict[str, Any] = {name: _shared_entry(name, effect) for name, effect in RANDOM_EFFECTS.items()}
-_AnyRobot: Any = create_model("_AnyRobot", __base__=_Robot, **_SHARED)
+_EFFECT_FIELDS: dict[str, Any] = {name: _effect_field(name, effect) for name, effect in RANDOM_EFFECTS.items()}
+_AnyRobotNoise: Any = create_model("_AnyRobotNoise", __base__=_RobotNoise, **_EFFECT_FIELDS)
 
 
-class _Noise(_Measured):
+class _Noise(_MeasurementNoise):
     correlated_px: Sigma | None = None
-    cameras: dict[str, _Camera] | None = None
-    robots: dict[str, _AnyRobot] | None = None
-    clocks: dict[str, _Clock] | None = None
+    cameras: dict[str, _CameraNoise] | None = None
+    robots: dict[str, _AnyRobotNoise] | None = None
+    clocks: dict[str, _ClockNoise] | None = None
     targets: dict[str, _Target] | None = None
 
 
-def _read(noise: _Noise | None) -> dict[str, Any]:
+def _noise_data(noise: _Noise | None) -> dict[str, Any]:
     return {} if noise is None else noise.model_dump(exclude_unset=True)
 
 
-WrittenNoise = Annotated[Mapping[str, Any], as_written(_Noise | None, _read, dict)]
+WrittenNoise = Annotated[Mapping[str, Any], as_written(_Noise | None, _noise_data, dict)]
 """Sigmas by measurement; those of `cameras`, `robots`, `clocks` and `targets` also by name."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.fingerprint import Fingerprint
-from basecal.cell.format.described_places import places_from_bytes, places_to_bytes, row_bytes
+from basecal.cell.format.described_places import points_from_bytes, points_to_bytes, row_bytes
 from basecal.cell.format.writing import write_atomically
 from basecal.errors import DatasetError
 
@@ -16,7 +16,7 @@ _MOST_POINTS = 100_000
 
 def write_fingerprint(fingerprint: Fingerprint, run: Path, cell_folder: Path) -> None:
     """Write the scene points of a run; the run's folder is inside the cell's folder."""
-    content = places_to_bytes(fingerprint.points, fingerprint.descriptors)
+    content = points_to_bytes(fingerprint.points, fingerprint.descriptors)
     write_atomically(run / FILE, content, base_folder=cell_folder)
 
 
@@ -29,7 +29,7 @@ def read_fingerprint(run: Path) -> Fingerprint | None:
     path = (run if run.is_dir() else run.parent) / FILE
     if not path.exists():
         return None
-    found = places_from_bytes(read_bounded(path, _MOST_POINTS * row_bytes(3)), 3)
-    if found is None:
+    arrays = points_from_bytes(read_bounded(path, _MOST_POINTS * row_bytes(3)), 3)
+    if arrays is None:
         raise DatasetError(str(path), "damaged; calibrate again")
-    return Fingerprint(*found)
+    return Fingerprint(*arrays)

@@ -12,7 +12,7 @@ from basecal.cell.format.plain import pose_dict
 from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
 from basecal.cell.schema.errors import check_entry, check_schema
-from basecal.fields.values import PoseEntry, full_pose, pose_se3
+from basecal.fields.values import PoseEntry, check_full_pose, pose_se3
 from basecal.geometry import SE3
 
 FILE = "truth.yaml"
@@ -24,7 +24,7 @@ class _Truth(BaseModel):
 
     model_config = ConfigDict(extra="allow", defer_build=True)
     version: Literal["basecal/truth/1"] = Field(alias="schema")
-    transforms: dict[str, Annotated[PoseEntry, AfterValidator(full_pose)]]
+    transforms: dict[str, Annotated[PoseEntry, AfterValidator(check_full_pose)]]
 
 
 def write_truth(folder: str | Path, transforms: Mapping[str, SE3], **extra: Any) -> Path:

@@ -10,13 +10,13 @@ _PACKAGES = ("basecal", "numpy", "scipy", "opencv-python-headless")
 
 def used_versions() -> dict[str, str]:
     """Versions of basecal, Python and the numerical packages by name; packages not installed are left out."""
-    found = {"python": platform.python_version()}
+    versions = {"python": platform.python_version()}
     for package in _PACKAGES:
         try:
-            found[package] = version(package)
+            versions[package] = version(package)
         except PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
 def program_version() -> str:

@@ -10,15 +10,15 @@ from typing import Any
 from pydantic import ValidationError
 
 from basecal.cell.cell import WORLD, Cell, grip_name
-from basecal.cell.format.paths import inside, own_file
+from basecal.cell.format.paths import own_file, path_resolver
 from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
 from basecal.cell.schema.cell_dict import cell_to_dict
-from basecal.cell.schema.cell_nouns import cell_noun
+from basecal.cell.schema.cell_objects import cell_from_entry
 from basecal.cell.schema.cell_schema import SCHEMA, CellEntry
 from basecal.cell.schema.errors import check_schema, collect_problems
 from basecal.cell.schema.touching import clamp_names, mark_names
-from basecal.errors import BasecalError, InputError, check_type, nearest
+from basecal.errors import BasecalError, InputError, check_type, spelling_hint
 from basecal.fields.problems import SHORT_LENGTH, Loc, Problem, dataset_error, shorten
 from basecal.kinematics import SerialChain, read_chain
 
@@ -87,7 +87,7 @@ def _check_cell(data: Any, path: str, folder: Path | None, lines: Mapping[Loc, i
     problems += urdf_problems
     if problems:
         raise dataset_error(path, problems, lines)
-    return cell_noun(entry, chains)
+    return cell_from_entry(entry, chains)
 
 
 def _chains(robots: Any, folder: Path | None) -> tuple[dict[str, SerialChain], list[Problem]]:
@@ -107,7 +107,7 @@ def _chains(robots: Any, folder: Path | None) -> tuple[dict[str, SerialChain], l
 def _chain(folder: Path | None, urdf: str, base_link: str, flange_link: str) -> SerialChain:
     if folder is None:
         raise InputError("a URDF is looked for in the cell's folder; give `folder`")
-    path = folder / inside(str(folder))(urdf)
+    path = folder / path_resolver(str(folder))(urdf)
     if not path.is_file():
         raise InputError(f"there is no file {urdf!r} in the cell; copy the URDF into it")
     return read_chain(path, base_link, flange_link, folder)
@@ -115,7 +115,7 @@ def _chain(folder: Path | None, urdf: str, base_link: str, flange_link: str) -> 
 
 def name_problems(data: dict[str, Any]) -> list[Problem]:
     """Problems of the names in the data of a cell."""
-    return [*_unfit_names(data), *_unknown_robots(data)]
+    return [*_invalid_names(data), *_unknown_robots(data)]
 
 
 def _section(data: dict[str, Any], name: str) -> dict[str, Any]:
@@ -123,7 +123,7 @@ def _section(data: dict[str, Any], name: str) -> dict[str, Any]:
     return section if isinstance(section, dict) else {}
 
 
-def _unfit_names(data: dict[str, Any]) -> Iterator[Problem]:
+def _invalid_names(data: dict[str, Any]) -> Iterator[Problem]:
     robots = _section(data, "robots")
     owners = {f"{robot}_{end}": f"a frame of {robot!r}" for robot in robots for end in ("base", "flange")}
     named = [(section, name) for section in _SECTIONS for name in _section(data, section)]
@@ -131,8 +131,8 @@ def _unfit_names(data: dict[str, Any]) -> Iterator[Problem]:
     named += [("clamp", each) for name, _ in clamp_names(data) for each in (name, grip_name(name))]
     for section, name in named:
         if not (isinstance(name, str) and _NAME.fullmatch(name)) or "_from_" in name or "_in_" in name:
-            what = "expected a name of a-z, 0-9 and _, a letter first, without _from_ or _in_"
-            yield Problem((section, name), f"{what}; rename {shorten(name)}")
+            expected = "expected a name of a-z, 0-9 and _, a letter first, without _from_ or _in_"
+            yield Problem((section, name), f"{expected}; rename {shorten(name)}")
         elif name == WORLD:
             yield Problem((section, name), f"{WORLD!r} is the base of the reference robot; choose another name")
         if name in owners:
@@ -148,11 +148,12 @@ def _unknown_robots(data: dict[str, Any]) -> Iterator[Problem]:
     for section in ("cameras", "targets", "tips"):
         for name, entry in _section(data, section).items():
             on = entry.get("on") if isinstance(entry, dict) else None
-            there = robots if section == "tips" else carriers
-            if isinstance(on, str) and on not in there:
-                yield Problem((section, name, "on"), _no_robot(on, there))
+            known = robots if section == "tips" else carriers
+            if isinstance(on, str) and on not in known:
+                yield Problem((section, name, "on"), _no_robot(on, known))
     for name, entry in clamp_names(data):
-        for robot in entry.get("robots") or () if isinstance(entry, dict) else ():
+        holders = entry.get("robots") if isinstance(entry, dict) else None
+        for robot in holders if isinstance(holders, list) else ():
             if isinstance(robot, str) and robot not in robots:
                 yield Problem(("clamp", name, "robots"), _no_robot(robot, robots))
     for name in _section(data, "bases"):
@@ -163,5 +164,5 @@ def _unknown_robots(data: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _no_robot(name: str, robots: list[str]) -> str:
-    listed = ", ".join(map(str, robots)) or "none"
-    return f"no robot {shorten(name)}{nearest(str(name)[:SHORT_LENGTH], robots)}; there are: {listed}"
+    names = ", ".join(map(str, robots)) or "none"
+    return f"no robot {shorten(name)}{spelling_hint(str(name)[:SHORT_LENGTH], robots)}; there are: {names}"

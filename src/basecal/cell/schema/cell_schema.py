@@ -25,8 +25,8 @@ from basecal.fields.values import (
     Sigma,
     Sigma3,
     UnknownEntry,
-    empty,
-    known_names,
+    empty_if_missing,
+    known_name_validator,
 )
 from basecal.geometry.lenses.registry import lens_models
 
@@ -47,7 +47,7 @@ def is_frame_name(name: str) -> bool:
     return bool(re.fullmatch(r"[A-Za-z_][A-Za-z0-9_./-]*", name)) and len(name) <= _LONGEST_FRAME
 
 
-def _frame_name(name: str) -> str:
+def _check_frame_name(name: str) -> str:
     if not is_frame_name(name):
         raise ValueError(
             f"expected a frame of ROS: a-z, A-Z, 0-9 and _ . / -, a letter or _ first, up to {_LONGEST_FRAME} of them; "
@@ -57,7 +57,7 @@ def _frame_name(name: str) -> str:
 
 
 _LONGEST_FRAME = 255
-FrameName = Annotated[str, AfterValidator(_frame_name)]
+FrameName = Annotated[str, AfterValidator(_check_frame_name)]
 
 
 class FramesEntry(Entry):
@@ -96,7 +96,7 @@ class RobotEntry(Entry):
 
     @checks("clock")
     @classmethod
-    def _without_jitter(cls, value: Clock | None) -> Clock | None:
+    def _check_no_jitter(cls, value: Clock | None) -> Clock | None:
         if value is not None and value.jitter_s is not None:
             raise ValueError("jitter_s belongs to the clock of a camera, not of a robot")
         return value
@@ -106,9 +106,9 @@ class RobotEntry(Entry):
         parts = (self.urdf, self.base_link, self.flange_link)
         if any(parts) and not all(parts):
             raise ValueError("urdf, base_link and flange_link go together; give all three")
-        asked = [kind for kind, known in self.parameters.items() if known.status != "fixed"]
-        if asked and not self.urdf:
-            raise ValueError(f"to estimate {' and '.join(asked)}, urdf, base_link and flange_link are needed")
+        estimated = [kind for kind, known in self.parameters.items() if known.status != "fixed"]
+        if estimated and not self.urdf:
+            raise ValueError(f"to estimate {' and '.join(estimated)}, urdf, base_link and flange_link are needed")
         return self
 
 
@@ -125,7 +125,7 @@ class CameraEntry(Entry):
 
     on: str
     mount: Mount = UnknownEntry()
-    model: Annotated[str, known_names("lens model", lens_models())] = "pinhole"
+    model: Annotated[str, known_name_validator("lens model", lens_models())] = "pinhole"
     size_px: ImageSize | None = None
     intrinsics: IntrinsicsEntry | None = None
     clock: Clock | None = None
@@ -135,14 +135,14 @@ class CameraEntry(Entry):
     frame: FrameName | None = None
 
     @checks_whole(mode="after")
-    def _tracker_without_lens(self) -> CameraEntry:
+    def _check_tracker(self) -> CameraEntry:
         if self.kind == "tracker" and (self.intrinsics is not None or self.size_px is not None):
             raise ValueError("a tracker measures points in metres: remove intrinsics and size_px")
         return self
 
     @checks("intrinsics")
     @classmethod
-    def _lens(cls, value: IntrinsicsEntry | None, info: Any) -> IntrinsicsEntry | None:
+    def _check_intrinsics(cls, value: IntrinsicsEntry | None, info: Any) -> IntrinsicsEntry | None:
         if value is not None and "model" in info.data:
             check_lens(value, info.data["model"])
             check_size(value, info.data.get("size_px"))
@@ -158,10 +158,13 @@ class NoiseEntry(Entry):
     correlated_px: Sigma | None = None
 
     @checks_whole(mode="after")
-    def _correlated_beside_pixel(self) -> NoiseEntry:
+    def _check_correlated_noise(self) -> NoiseEntry:
         if self.correlated_px is not None and self.pixel_px is None:
             raise ValueError("correlated_px needs pixel_px: state the noise of single points too")
         return self
+
+
+_Mark = Annotated[MarkEntry, BeforeValidator(empty_if_missing)]
 
 
 class CellEntry(Entry):
@@ -169,21 +172,19 @@ class CellEntry(Entry):
 
     version: Literal["basecal/cell/1"] = Field(alias="schema")
     reference: str
-    robots: dict[str, Annotated[AnyRobotEntry, BeforeValidator(empty)]]
-    bases: Annotated[dict[str, Mount], BeforeValidator(empty)] = Field(default_factory=dict)
-    cameras: Annotated[dict[str, CameraEntry], BeforeValidator(empty)] = Field(default_factory=dict)
-    targets: Annotated[dict[str, AnyTargetEntry], BeforeValidator(empty)] = Field(default_factory=dict)
-    noise: Annotated[NoiseEntry, BeforeValidator(empty)] = NoiseEntry()
-    keep_out: Annotated[dict[str, KeepOutEntry], BeforeValidator(empty)] = Field(default_factory=dict)
+    robots: dict[str, Annotated[AnyRobotEntry, BeforeValidator(empty_if_missing)]]
+    bases: Annotated[dict[str, Mount], BeforeValidator(empty_if_missing)] = Field(default_factory=dict)
+    cameras: Annotated[dict[str, CameraEntry], BeforeValidator(empty_if_missing)] = Field(default_factory=dict)
+    targets: Annotated[dict[str, AnyTargetEntry], BeforeValidator(empty_if_missing)] = Field(default_factory=dict)
+    noise: Annotated[NoiseEntry, BeforeValidator(empty_if_missing)] = NoiseEntry()
+    keep_out: Annotated[dict[str, KeepOutEntry], BeforeValidator(empty_if_missing)] = Field(default_factory=dict)
     target: Literal["scene"] | None = None
-    tips: Annotated[dict[str, TipEntry], BeforeValidator(empty)] = Field(default_factory=dict)
-    marks: Annotated[dict[str, Annotated[MarkEntry, BeforeValidator(empty)]], BeforeValidator(empty)] = Field(
-        default_factory=dict
-    )
+    tips: Annotated[dict[str, TipEntry], BeforeValidator(empty_if_missing)] = Field(default_factory=dict)
+    marks: Annotated[dict[str, _Mark], BeforeValidator(empty_if_missing)] = Field(default_factory=dict)
     clamp: Annotated[dict[str, ClampEntry], BeforeValidator(named_clamps)] = Field(default_factory=dict)
 
 
-def _with_kind(value: dict[str, Any]) -> dict[str, Any]:
+def _check_kind(value: dict[str, Any]) -> dict[str, Any]:
     kind = value.get("kind")
     if not (isinstance(kind, str) and _NAME.fullmatch(kind)):
         raise ValueError(
@@ -192,5 +193,5 @@ def _with_kind(value: dict[str, Any]) -> dict[str, Any]:
     return value
 
 
-DriverEntry = Annotated[dict[str, Any], AfterValidator(_with_kind)]
+DriverEntry = Annotated[dict[str, Any], AfterValidator(_check_kind)]
 """Name of a driver as `kind`, and its options; the driver validates the options when it is opened."""

@@ -41,9 +41,9 @@ def completed_cell_text(
     if not isinstance(data, dict):
         raise DatasetError(path, f"expected a mapping that starts with `schema: {SCHEMA}`, got {shorten(data)}")
     changed: list[Loc] = []
-    for loc, value in _conflicts(data, additions, (), frozenset(replacements), changed):
-        stated = f"is {_value_text(value[0])}, but {_value_text(value[1])} in the imported data: correct the wrong one"
-        raise DatasetError(path, stated, lines.get(loc), field_name(loc))
+    for loc, value in _merge_additions(data, additions, (), frozenset(replacements), changed):
+        message = f"is {_value_text(value[0])}, but {_value_text(value[1])} in the imported data: correct the wrong one"
+        raise DatasetError(path, message, lines.get(loc), field_name(loc))
     if not changed:
         return text, ()
     stream = io.StringIO()
@@ -51,33 +51,33 @@ def completed_cell_text(
     return stream.getvalue(), tuple(map(field_name, changed))
 
 
-def _conflicts(
-    data: dict[str, Any], additions: Mapping[str, Any], place: Loc, replacements: frozenset[Loc], changes: list[Loc]
+def _merge_additions(
+    data: dict[str, Any], additions: Mapping[str, Any], parent: Loc, replacements: frozenset[Loc], changes: list[Loc]
 ) -> list[tuple[Loc, tuple[Any, Any]]]:
     """Merge additions into `data` and list the changes in `changes`; return the locations of conflicting values."""
-    found = []
+    conflicts = []
     for key, value in additions.items():
-        loc = (*place, key)
+        loc = (*parent, key)
         if (loc in replacements and data.get(key) != value) or data.get(key) is None:
-            data[key] = _as_written(value)
+            data[key] = _flow_style(value)
             changes.append(loc)
         elif isinstance(value, Mapping) and isinstance(data[key], dict):
-            found += _conflicts(data[key], value, loc, replacements, changes)
+            conflicts += _merge_additions(data[key], value, loc, replacements, changes)
         elif data[key] != value:
-            found.append((loc, (data[key], value)))
-    return found
+            conflicts.append((loc, (data[key], value)))
+    return conflicts
 
 
-def _as_written(value: Any) -> Any:
+def _flow_style(value: Any) -> Any:
     """Value with YAML flow style: one line per innermost mapping or list."""
     if isinstance(value, Mapping):
-        inner = {key: _as_written(each) for key, each in value.items()}
+        inner = {key: _flow_style(each) for key, each in value.items()}
         mapping = CommentedMap(inner)
         if not any(isinstance(each, Mapping) for each in inner.values()):
             mapping.fa.set_flow_style()
         return mapping
     if isinstance(value, list | tuple):
-        sequence = CommentedSeq([_as_written(each) for each in value])
+        sequence = CommentedSeq([_flow_style(each) for each in value])
         sequence.fa.set_flow_style()
         return sequence
     return value

@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from basecal.cell.targets.registry import TARGETS, entry_with_tag
-from basecal.errors import nearest
+from basecal.errors import spelling_hint
 from basecal.fields.problems import Loc, Problem, dataset_error, field_name, shorten
 
-_WORDS = {
+_MESSAGES = {
     "missing": "missing; add it",
     "model_type": "expected a mapping `{field: value}`",
     "dataclass_type": "expected a mapping `{field: value}`",
@@ -32,7 +32,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+")
 M = TypeVar("M", bound=BaseModel)
 
 
-def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] | None = None, place: Loc = ()) -> M:
+def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] | None = None, loc: Loc = ()) -> M:
     """Validate data as an entry of a file.
 
     Args:
@@ -40,7 +40,7 @@ def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] |
         data: Plain data.
         path: The file of the data.
         lines: Line numbers of the file, by location.
-        place: Location of the entry in the file.
+        loc: Location of the entry in the file.
 
     Raises:
         DatasetError: if the data are invalid; the message has a line for each error.
@@ -48,7 +48,7 @@ def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] |
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        problems = [Problem((*place, *each.loc), each.message) for each in collect_problems(error, model)]
+        problems = [Problem((*loc, *each.loc), each.message) for each in collect_problems(error, model)]
         raise dataset_error(path, problems, lines or {}) from None
 
 
@@ -85,16 +85,16 @@ def _problem(details: Mapping[str, Any], schema: Any) -> Problem:
     kind, value = details["type"], details["input"]
     if kind in _UNKNOWN:
         known = _field_names(schema, details["loc"][:-1])
-        return Problem(loc, f"unknown field{nearest(str(loc[-1]), known)}; known: {', '.join(known)}")
+        return Problem(loc, f"unknown field{spelling_hint(str(loc[-1]), known)}; known: {', '.join(known)}")
     if kind == "union_tag_invalid":
-        written = value["kind"]
-        hint = nearest(written, TARGETS) if isinstance(written, str) else ""
-        return Problem((*loc, "kind"), f"no kind {shorten(written)}{hint}; there are: {', '.join(TARGETS)}")
+        kind_name = value["kind"]
+        hint = spelling_hint(kind_name, TARGETS) if isinstance(kind_name, str) else ""
+        return Problem((*loc, "kind"), f"no kind {shorten(kind_name)}{hint}; there are: {', '.join(TARGETS)}")
     if kind == "value_error":
         return Problem(loc, str(details["ctx"]["error"]))
     if kind == "missing":
-        return Problem(loc, _WORDS[kind])
-    words = _WORDS.get(kind) or details["msg"].replace("Input should be", "expected")
+        return Problem(loc, _MESSAGES[kind])
+    words = _MESSAGES.get(kind) or details["msg"].replace("Input should be", "expected")
     has_comma = kind == "float_type" and isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value)
     hint = f"; write a decimal point: {value.replace(',', '.')}" if has_comma else ""
     return Problem(loc, f"{words}, got {shorten(value)}{hint}")
@@ -106,11 +106,11 @@ def _is_tag(part: str | int) -> bool:
 
 def _field_names(schema: Any, loc: Loc) -> list[str]:
     """Names of the fields of the entry at a location, from pydantic's core schema."""
-    shared = {each["ref"]: each for each in schema.get("definitions", ())}
-    here = _unwrap_schema(schema, shared)
+    definitions = {each["ref"]: each for each in schema.get("definitions", ())}
+    entry_schema = _unwrap_schema(schema, definitions)
     for part in loc:
-        here = _unwrap_schema(_inner(here, part), shared)
-    return list(_fields(here))
+        entry_schema = _unwrap_schema(_inner(entry_schema, part), definitions)
+    return list(_fields(entry_schema))
 
 
 def _inner(schema: Any, part: str | int) -> Any:

@@ -22,7 +22,7 @@ class KeepOutEntry(PoseEntry):
     table_z_m: Number | None = None
 
     @checks_whole(mode="after")
-    def _is_one_kind(self) -> KeepOutEntry:
+    def _check_kind(self) -> KeepOutEntry:
         if self.table_z_m is not None:
             if self.size_m is not None or given_fields(self):
                 raise ValueError("expected table_z_m alone: a table has no size_m and no pose")
@@ -32,11 +32,11 @@ class KeepOutEntry(PoseEntry):
             raise ValueError(f"size_m: expected three lengths above 0, got {self.size_m}")
         return self
 
-    def noun(self, name: str) -> KeepOut:
+    def box(self, name: str) -> KeepOut:
         """Return the box; a table is a box below its surface."""
         if self.table_z_m is not None:
-            middle = SE3(np.eye(3), np.array([0.0, 0.0, self.table_z_m - 0.5 * _TABLE_M]))
-            return KeepOut(name, middle, read_only([_TABLE_M] * 3, (3,), "size_m"))
+            world_from_box = SE3(np.eye(3), np.array([0.0, 0.0, self.table_z_m - 0.5 * _TABLE_M]))
+            return KeepOut(name, world_from_box, read_only([_TABLE_M] * 3, (3,), "size_m"))
         assert self.size_m is not None
         return KeepOut(name, pose_se3(self), read_only(self.size_m, (3,), "size_m"))
 

@@ -52,17 +52,17 @@ def check_lens(entry: IntrinsicsEntry, model: str) -> None:
         raise ValueError("distortion needs fx, fy, cx, cy beside it")
     if entry.distortion_terms is not None and entry.status != "free":
         raise ValueError(f"distortion_terms is for status free; if {entry.status}, distortion itself has that length")
-    terms, known = distortion_terms(entry, model), term_counts(model)
-    if terms not in known or entry.distortion_terms not in (None, terms):
-        allowed = " or ".join(map(str, known))
+    terms, possible = distortion_terms(entry, model), term_counts(model)
+    if terms not in possible or entry.distortion_terms not in (None, terms):
+        allowed = " or ".join(map(str, possible))
         raise ValueError(f"distortion of a {model} camera has {allowed} terms (distortion_terms too), got {terms}")
     if entry.exact and entry.status != "fixed":
         raise ValueError(f"exact is for status fixed, not {entry.status}")
-    given = {name for name in IntrinsicsEntry.model_fields if "sigma" in name and getattr(entry, name) is not None}
-    wanted = {"sigma_focal_px", "sigma_center_px", *(["sigma_distortion"] if terms else [])}
-    wanted = wanted if entry.status == "prior" else set()
-    if given != wanted:
-        raise ValueError(f"status {entry.status} takes {', '.join(sorted(wanted)) or 'no sigma'}")
+    stated = {name for name in IntrinsicsEntry.model_fields if "sigma" in name and getattr(entry, name) is not None}
+    required = {"sigma_focal_px", "sigma_center_px", *(["sigma_distortion"] if terms else [])}
+    required = required if entry.status == "prior" else set()
+    if stated != required:
+        raise ValueError(f"status {entry.status} takes {', '.join(sorted(required)) or 'no sigma'}")
     if entry.sigma_distortion is not None and len(entry.sigma_distortion) not in (1, terms):
         raise ValueError(f"sigma_distortion has {len(entry.sigma_distortion)} numbers, expected 1 or {terms}")
 

@@ -13,20 +13,20 @@ from pydantic import model_validator as checks_whole
 from basecal.cell.cell import WORLD, Cell, CellCamera, CellTarget, Contact, Unknown, grip_name
 from basecal.cell.format.plain import numbers
 from basecal.cell.target import Target
-from basecal.fields.values import Entry, Mount, PointMount, Sigma, UnknownEntry, Vector, empty
+from basecal.fields.values import Entry, Mount, PointMount, Sigma, UnknownEntry, Vector, empty_if_missing
 from basecal.geometry import SE3, read_only
 from basecal.numerics.spectral import principal_axes
 
 _USUAL_SIGMA_M = 2e-5  # [m] per axis, for a drilled or milled plate, or a point measured by another instrument
 _LINE_SHARE = 1e-6  # largest deviation of collinear marks from an axis, as a share of the line's length
-_Points = dict[str, Vector] | Annotated[list[Vector], Field(min_length=1)]
-_ONLY_NAME = "part"  # name of a single part without a stated name
+_Points = dict[str, Vector] | list[Vector]
+_DEFAULT_NAME = "part"  # name of a single part without a stated name
 _CONTACTS: Mapping[str, Contact] = {"fixed": "clamp", "free": "hinge"}
 
-_REACH_M = 0.2  # [m] sigma of the distance between a part and its flange
+_PART_DISTANCE_SIGMA_M = 0.2  # [m] sigma of the distance between a part and its flange
 # A rigid part has no frame of its own: its axes are the flange's, its origin is where translation and rotation
 # errors of the grip are independent.
-_RIGID = Unknown("prior", SE3.identity(), read_only([_REACH_M] * 3 + [np.inf] * 3))
+_RIGID = Unknown("prior", SE3.identity(), read_only([_PART_DISTANCE_SIGMA_M] * 3 + [np.inf] * 3))
 
 
 class TipEntry(Entry):
@@ -48,8 +48,15 @@ class MarkEntry(Entry):
     exact: bool = False
     mount: Mount = UnknownEntry()
 
+    @checks("points_m", mode="before")
+    @classmethod
+    def _check_points(cls, value: Any) -> Any:
+        if value in ({}, []):
+            raise ValueError("expected at least one point")
+        return value
+
     @checks_whole(mode="after")
-    def _as_stated(self) -> MarkEntry:
+    def _check_fields(self) -> MarkEntry:
         if self.points_m is None and (self.sigma_m is not None or self.exact):
             raise ValueError("sigma_m and exact belong to points_m, which is missing")
         if self.exact and self.sigma_m is not None:
@@ -58,7 +65,7 @@ class MarkEntry(Entry):
             raise ValueError("a plane or an edge is stated by its mount: remove points_m")
         if self.shape == "point" and not self.is_plate and self.mount != UnknownEntry():
             raise ValueError("mount is for a plate of several points_m; state a single mark as points_m: [[x, y, z]]")
-        if self.is_plate and _is_line(self.points_m):
+        if self.is_plate and _is_oblique_line(self.points_m):
             raise ValueError("collinear marks of a plate must lie along an axis of the plate: x, y or z")
         return self
 
@@ -84,14 +91,14 @@ class MarkEntry(Entry):
         return Unknown("prior", mean, read_only([sigma] * 3 + [0.0] * 3, (6,), "sigma"))
 
 
-def _is_line(points_m: _Points | None) -> bool:
+def _is_oblique_line(points_m: _Points | None) -> bool:
     """Whether the marks are collinear but not along an axis."""
     points = np.array(list(points_m.values() if isinstance(points_m, dict) else points_m or ()))
-    apart = np.sort(np.ptp(points, axis=0))
-    return principal_axes(points - points.mean(0)).dimension == 1 and bool(apart[1] > _LINE_SHARE * apart[2])
+    extents = np.sort(np.ptp(points, axis=0))
+    return principal_axes(points - points.mean(0)).dimension == 1 and bool(extents[1] > _LINE_SHARE * extents[2])
 
 
-def tip_shape(kind: str) -> Target:
+def point_shape(kind: str) -> Target:
     """Shape of a single point at the target's origin."""
     return Target(kind, np.zeros(1, dtype=np.int64), np.zeros((1, 3)))
 
@@ -105,8 +112,8 @@ def mark_names(data: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield from ((plate, name) for name in points)
 
 
-def with_touching(
-    cell: dict[str, Any], tips: Mapping[str, TipEntry], marks: Mapping[str, MarkEntry], noun: Any
+def add_touching(
+    cell: dict[str, Any], tips: Mapping[str, TipEntry], marks: Mapping[str, MarkEntry], make_unknown: Any
 ) -> None:
     """Add tips and marks to a cell: a tip is a camera that observes marks and tips at its own origin.
 
@@ -114,40 +121,43 @@ def with_touching(
         cell: Arguments of `Cell`, changed in place.
         tips: Tips by name.
         marks: Single marks and plates by name.
-        noun: Function from the entry of a transform to its prior knowledge.
+        make_unknown: Function from the entry of a transform to its prior knowledge.
     """
     for name, tip in tips.items():
-        cell["cameras"][name] = CellCamera(name, tip.on, noun(tip.offset), kind="tip")
-        cell["targets"][name] = CellTarget(name, tip.on, noun(tip.offset), tip_shape("tip"))
+        cell["cameras"][name] = CellCamera(name, tip.on, make_unknown(tip.offset), kind="tip")
+        cell["targets"][name] = CellTarget(name, tip.on, make_unknown(tip.offset), point_shape("tip"))
     for name, mark in marks.items():
         on = name if mark.is_plate else WORLD
         if mark.shape != "point":
-            cell["targets"][name] = CellTarget(name, WORLD, noun(mark.mount), size_sigma=0.0, contact=mark.shape)
+            mount = make_unknown(mark.mount)
+            cell["targets"][name] = CellTarget(name, WORLD, mount, size_sigma=0.0, contact=mark.shape)
             continue
         if mark.is_plate:
-            cell["plates"][name] = noun(mark.mount)
+            cell["plates"][name] = make_unknown(mark.mount)
         for each, position in mark.positions(name).items():
-            cell["targets"][each] = CellTarget(each, on, position, tip_shape("mark"))
+            cell["targets"][each] = CellTarget(each, on, position, point_shape("mark"))
 
 
-def touching_dict(cell: Cell, unknown: Any) -> dict[str, Any]:
+def touching_dict(cell: Cell, unknown_dict: Any) -> dict[str, Any]:
     """Sections `tips` and `marks` of a cell as plain data; reading them gives the same cell.
 
     Args:
         cell: The cell.
-        unknown: Function from a transform's prior knowledge, and whether it is a point, to plain data.
+        unknown_dict: Function from a transform's prior knowledge, and whether it is a point, to plain data.
     """
-    tips = {c.name: {"on": c.on, "offset": unknown(c.mount, True)} for c in cell.cameras.values() if c.kind == "tip"}
-    marks: dict[str, Any] = {name: {"mount": unknown(mount, False)} for name, mount in cell.plates.items()}
+    tips = {
+        c.name: {"on": c.on, "offset": unknown_dict(c.mount, True)} for c in cell.cameras.values() if c.kind == "tip"
+    }
+    marks: dict[str, Any] = {name: {"mount": unknown_dict(mount, False)} for name, mount in cell.plates.items()}
     for name, target in cell.targets.items():
         if target.target is not None and target.target.kind == "mark":
-            marks.setdefault(name if target.on == WORLD else target.on, {}).update(_mark(marks, name, target))
+            marks.setdefault(name if target.on == WORLD else target.on, {}).update(_mark_fields(marks, name, target))
         elif target.contact is not None and target.on == WORLD:
-            marks[name] = {"shape": target.contact, "mount": unknown(target.mount, False)}
+            marks[name] = {"shape": target.contact, "mount": unknown_dict(target.mount, False)}
     return {"tips": tips, "marks": marks}
 
 
-def _mark(marks: Mapping[str, Any], name: str, target: CellTarget) -> dict[str, Any]:
+def _mark_fields(marks: Mapping[str, Any], name: str, target: CellTarget) -> dict[str, Any]:
     """Fields of a mark to add to its entry."""
     known = target.mount
     if known.mean is None:
@@ -167,7 +177,7 @@ class ClampEntry(Entry):
 
     @checks("robots")
     @classmethod
-    def _two(cls, value: list[str]) -> list[str]:
+    def _check_robots(cls, value: list[str]) -> list[str]:
         if value[0] == value[1]:
             raise ValueError("expected two robots that hold the part, got one twice")
         return value
@@ -175,7 +185,7 @@ class ClampEntry(Entry):
 
 def named_clamps(value: Any) -> Any:
     """Entries of parts by name; a single part without a name gets the name `part`."""
-    return {_ONLY_NAME: value} if isinstance(value, dict) and "robots" in value else empty(value)
+    return {_DEFAULT_NAME: value} if isinstance(value, dict) and "robots" in value else empty_if_missing(value)
 
 
 def clamp_names(data: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -184,7 +194,7 @@ def clamp_names(data: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     yield from clamps.items() if isinstance(clamps, dict) else ()
 
 
-def with_clamps(cell: dict[str, Any], clamps: Mapping[str, ClampEntry]) -> None:
+def add_clamps(cell: dict[str, Any], clamps: Mapping[str, ClampEntry]) -> None:
     """Add clamped parts to a cell: the first robot's end is a camera, the second robot's end its target.
 
     Args:
@@ -192,10 +202,10 @@ def with_clamps(cell: dict[str, Any], clamps: Mapping[str, ClampEntry]) -> None:
         clamps: Entries by name.
     """
     for name, clamp in clamps.items():
-        one, other = clamp.robots
-        held = _RIGID if clamp.axis == "fixed" else Unknown()
-        cell["cameras"][name] = CellCamera(name, one, held, kind="clamp")
-        grip = CellTarget(grip_name(name), other, size_sigma=0.0, contact=_CONTACTS[clamp.axis])
+        first, second = clamp.robots
+        mount = _RIGID if clamp.axis == "fixed" else Unknown()
+        cell["cameras"][name] = CellCamera(name, first, mount, kind="clamp")
+        grip = CellTarget(grip_name(name), second, size_sigma=0.0, contact=_CONTACTS[clamp.axis])
         cell["targets"][grip.name] = grip
 
 

@@ -16,8 +16,8 @@ from pydantic import Field
 
 from basecal.cell.target import Marker, Sheet, Tags, Target
 from basecal.cell.targets.fiducials import FAMILIES
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, choose_dictionary, plane_grid
-from basecal.fields.values import MOST_POINTS, Length, known_names
+from basecal.cell.targets.kind import KindDescription, TargetEntry, TargetKind, choose_dictionary, plane_grid
+from basecal.fields.values import MOST_POINTS, Length, known_name_validator
 from basecal.geometry import SE3
 
 _BORDER = 2  # cells, as Kalibr prints
@@ -50,16 +50,20 @@ def aprilgrid_target(tags: Sequence[int], tag_m: float, spacing: float, family: 
 def _sheet(columns: int, rows: int, tag_m: float, spacing: float, family: str) -> Sheet:
     """Printed sheet with y downwards; its origin is the target's origin."""
     gap, pitch = tag_m * spacing, tag_m * (1 + spacing)
-    corner = plane_grid(columns + 1, rows + 1, pitch)[:, :2] * [1, -1] - [gap, 0]
-    places = plane_grid(columns, rows, pitch)[:, :2] * [1, -1] - [0, tag_m]
+    square_corners = plane_grid(columns + 1, rows + 1, pitch)[:, :2] * [1, -1] - [gap, 0]
+    tag_corners = plane_grid(columns, rows, pitch)[:, :2] * [1, -1] - [0, tag_m]
     markers = [
-        Marker(family, k, left, top, tag_m, _BORDER, _HALF_TURN) for k, (left, top) in enumerate(places.tolist())
+        Marker(family, k, left, top, tag_m, _BORDER, _HALF_TURN) for k, (left, top) in enumerate(tag_corners.tolist())
     ]
     edge = 2 * gap
     paper = np.array([-edge, -rows * pitch - edge + gap, columns * pitch + edge - gap, edge])
     front = SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
     return Sheet(
-        paper, tag_m, np.concatenate([corner, corner + gap], -1), markers=tuple(markers), target_from_sheet=front
+        paper,
+        tag_m,
+        np.concatenate([square_corners, square_corners + gap], -1),
+        markers=tuple(markers),
+        target_from_sheet=front,
     )
 
 
@@ -70,7 +74,7 @@ class AprilgridEntry(TargetEntry):
     tags: TagCounts
     tag_m: Length
     spacing: Spacing
-    family: Annotated[str, known_names("family", FAMILIES)] = "tag36h11"
+    family: Annotated[str, known_name_validator("family", FAMILIES)] = "tag36h11"
 
     def shape(self) -> Target:
         """Return the target."""
@@ -81,7 +85,7 @@ _LARGE_FAMILIES = ("tag36h11", "tag36h10")  # OpenCV's other families have at mo
 
 KIND = TargetKind(
     entries=(AprilgridEntry,),
-    described=Described(
+    description=KindDescription(
         "`tags: [columns, rows]`, `tag_m`, `spacing` (of the tag's size), `family`",
         "4 * tag + corner, both as Kalibr counts",
         "lower left corner of tag 0; y is up",
@@ -94,7 +98,7 @@ KIND = TargetKind(
     family: tag36h11
 """,
     marks=lambda fields: frozenset({fields["family"]}),
-    another=lambda fields, n: {**fields, "family": choose_dictionary(_LARGE_FAMILIES, fields["family"], n)},
+    numbered_fields=lambda fields, n: {**fields, "family": choose_dictionary(_LARGE_FAMILIES, fields["family"], n)},
     usual=lambda _: aprilgrid_target((4, 4), 0.042, 0.3),
     printed=lambda sizes: {
         "tags": [sizes.columns, sizes.rows],

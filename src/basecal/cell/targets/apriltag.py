@@ -11,12 +11,20 @@ from pydantic import model_validator as checks_whole
 from basecal.cell.format.plain import pose_dict
 from basecal.cell.target import Marker, Sheet, Tags, Target
 from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cell_count
-from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind
-from basecal.fields.values import MOST_POINTS, Length, PoseEntry, full_pose, given_fields, known_names, pose_se3
+from basecal.cell.targets.kind import Fields, KindDescription, TargetEntry, TargetKind
+from basecal.fields.values import (
+    MOST_POINTS,
+    Length,
+    PoseEntry,
+    check_full_pose,
+    given_fields,
+    known_name_validator,
+    pose_se3,
+)
 from basecal.geometry import SE3
 
 # White margin in cells: detectors need one; two keep the background out of a blurred corner.
-_MARGIN_SHARE = 2
+_MARGIN_CELLS = 2
 
 
 def apriltag_target(family: str, tags: list[tuple[int, float, SE3]]) -> Target:
@@ -41,7 +49,7 @@ def apriltag_target(family: str, tags: list[tuple[int, float, SE3]]) -> Target:
 
 
 def _sheet(family: str, number: int, size: float, target_from_sheet: SE3) -> Sheet:
-    edge = size / 2 + _MARGIN_SHARE * size / (cell_count(family) + 2)
+    edge = size / 2 + _MARGIN_CELLS * size / (cell_count(family) + 2)
     marker = Marker(family, number, -size / 2, -size / 2, size)
     return Sheet(np.array([-edge, -edge, edge, edge]), size, markers=(marker,), target_from_sheet=target_from_sheet)
 
@@ -55,11 +63,11 @@ class TagEntry(PoseEntry):
     @checks_whole(mode="after")
     def _check_pose(self) -> TagEntry:
         if given_fields(self):
-            full_pose(self)
+            check_full_pose(self)
         return self
 
 
-def _distinct(tags: list[TagEntry]) -> list[TagEntry]:
+def _check_tags(tags: list[TagEntry]) -> list[TagEntry]:
     numbers = [tag.id for tag in tags]
     twice = [number for index, number in enumerate(numbers) if number in numbers[:index]]
     if twice:
@@ -74,8 +82,8 @@ class ApriltagEntry(TargetEntry):
     """Tags on one body."""
 
     kind: Literal["apriltag"]
-    family: Annotated[str, known_names("family", (*FAMILIES, *DICTIONARIES))]
-    tags: Annotated[list[TagEntry], Field(min_length=1, max_length=MOST_POINTS), AfterValidator(_distinct)]
+    family: Annotated[str, known_name_validator("family", (*FAMILIES, *DICTIONARIES))]
+    tags: Annotated[list[TagEntry], Field(min_length=1, max_length=MOST_POINTS), AfterValidator(_check_tags)]
 
     def shape(self) -> Target:
         """Return the target."""
@@ -83,16 +91,16 @@ class ApriltagEntry(TargetEntry):
         return apriltag_target(self.family, posed)
 
 
-def _renumber_tags(fields: Fields, place: int) -> Fields:
-    """Fields of a copy of the target, with tag numbers after those of the `place` copies before it."""
+def _renumber_tags(fields: Fields, index: int) -> Fields:
+    """Fields of a copy of the target, with tag numbers after those of the `index` copies before it."""
     numbers = [tag["id"] for tag in fields["tags"]]
     step = max(numbers) - min(numbers) + 1
-    return {**fields, "tags": [{**tag, "id": tag["id"] + place * step} for tag in fields["tags"]]}
+    return {**fields, "tags": [{**tag, "id": tag["id"] + index * step} for tag in fields["tags"]]}
 
 
 KIND = TargetKind(
     entries=(ApriltagEntry,),
-    described=Described(
+    description=KindDescription(
         "`family`, `tags: [{id, size_m, t_m, q_xyzw}, ...]`", "4 * tag + corner", "as the tags' poses say"
     ),
     template="""\
@@ -107,6 +115,6 @@ KIND = TargetKind(
         "tags": [{"id": sizes.tag, "size_m": sizes.square_m, "t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}],
     },
     marks=lambda fields: frozenset(f"{fields['family']} {tag['id']}" for tag in fields["tags"]),
-    another=_renumber_tags,
+    numbered_fields=_renumber_tags,
     figures={"apriltag": apriltag_target("tag36h11", [(0, 0.16, SE3.identity())])},
 )

@@ -9,12 +9,12 @@ import numpy as np
 from pydantic import model_validator as checks_whole
 
 from basecal.cell.target import Marker, Sheet, Target, black_squares
-from basecal.cell.targets.fiducials import DICTIONARIES, begins_as, smallest_dictionary
-from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind, choose_dictionary, plane_grid
-from basecal.fields.values import Length, Squares, known_names
+from basecal.cell.targets.fiducials import DICTIONARIES, series_name, smallest_dictionary
+from basecal.cell.targets.kind import Fields, KindDescription, TargetEntry, TargetKind, choose_dictionary, plane_grid
+from basecal.fields.values import Length, Squares, known_name_validator
 
 # White margin in squares: separates the outer squares from the background.
-_MARGIN_SHARE = 0.5
+_MARGIN_SQUARES = 0.5
 
 
 def charuco_target(
@@ -44,7 +44,7 @@ def _sheet(columns: int, rows: int, square_m: float, marker_m: float, dictionary
     parity = int(legacy and rows % 2 == 0)
     white = black_squares(columns, rows, square_m, 1 - parity)[:, :2] + (square_m - marker_m) / 2
     markers = tuple(Marker(dictionary, k, left, top, marker_m) for k, (left, top) in enumerate(white.tolist()))
-    paper = square_m * np.array([-_MARGIN_SHARE, -_MARGIN_SHARE, columns + _MARGIN_SHARE, rows + _MARGIN_SHARE])
+    paper = square_m * np.array([-_MARGIN_SQUARES, -_MARGIN_SQUARES, columns + _MARGIN_SQUARES, rows + _MARGIN_SQUARES])
     return Sheet(paper, square_m, black_squares(columns, rows, square_m, parity), markers=markers)
 
 
@@ -55,7 +55,7 @@ class CharucoEntry(TargetEntry):
     squares: Squares
     square_m: Length
     marker_m: Length
-    dictionary: Annotated[str, known_names("dictionary", DICTIONARIES)]
+    dictionary: Annotated[str, known_name_validator("dictionary", DICTIONARIES)]
     legacy_pattern: bool = False
 
     @checks_whole(mode="after")
@@ -80,13 +80,13 @@ _DICTIONARIES = (
 def _other_dictionaries(fields: Fields) -> list[str]:
     """Dictionaries that are large enough for this board and share no marker with its own dictionary."""
     columns, rows = fields["squares"]
-    others = [name for name in _DICTIONARIES if begins_as(name) != begins_as(fields["dictionary"])]
+    others = [name for name in _DICTIONARIES if series_name(name) != series_name(fields["dictionary"])]
     return [smallest_dictionary(name, columns * rows // 2) for name in others]
 
 
 KIND = TargetKind(
     entries=(CharucoEntry,),
-    described=Described(
+    description=KindDescription(
         "`squares: [columns, rows]`, `square_m`, `marker_m`, `dictionary`, `legacy_pattern`",
         "OpenCV's corner id",
         "outer corner of the first square",
@@ -105,8 +105,8 @@ KIND = TargetKind(
         "marker_m": sizes.marker_m,
         "dictionary": sizes.dictionary,
     },
-    marks=lambda fields: frozenset({begins_as(fields["dictionary"])}),
-    another=lambda fields, n: {
+    marks=lambda fields: frozenset({series_name(fields["dictionary"])}),
+    numbered_fields=lambda fields, n: {
         **fields,
         "dictionary": choose_dictionary(_other_dictionaries(fields), fields["dictionary"], n),
     },

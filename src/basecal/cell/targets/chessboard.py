@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from basecal.cell.target import Sheet, Target, black_squares
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+from basecal.cell.targets.kind import KindDescription, TargetEntry, TargetKind, plane_grid
 from basecal.fields.values import Corners, Length
 
 
@@ -28,7 +28,7 @@ def chessboard_target(corners: Sequence[int], square_m: float) -> Target:
         {"corners": [columns, rows], "square_m": square_m},
         sheets=(Sheet(paper, square_m, black),),
         found_by="chessboard",
-        alike_turned=True,
+        has_half_turn_symmetry=True,
     )
 
 
@@ -46,7 +46,7 @@ class ChessboardEntry(TargetEntry):
 
 KIND = TargetKind(
     entries=(ChessboardEntry,),
-    described=Described("`corners: [columns, rows]` (inner), `square_m`", "row by row", "corner 0"),
+    description=KindDescription("`corners: [columns, rows]` (inner), `square_m`", "row by row", "corner 0"),
     template="""\
     kind: chessboard
     corners: [8, 6]                  # columns, rows of inner corners; ids run row by row from the first

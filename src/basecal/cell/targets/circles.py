@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from basecal.cell.target import Sheet, Target
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+from basecal.cell.targets.kind import KindDescription, TargetEntry, TargetKind, plane_grid
 from basecal.fields.values import Corners, Length
 
 RADIUS = 0.25
@@ -34,7 +34,7 @@ def circles_target(circles: Sequence[int], spacing_m: float, asymmetric: bool = 
         {"circles": [columns, rows], "spacing_m": spacing_m, "asymmetric": asymmetric},
         sheets=(Sheet(np.concatenate([low, high]), spacing_m, discs=discs),),
         found_by="circles",
-        alike_turned=not asymmetric,
+        has_half_turn_symmetry=not asymmetric,
     )
 
 
@@ -53,7 +53,7 @@ class CirclesEntry(TargetEntry):
 
 KIND = TargetKind(
     entries=(CirclesEntry,),
-    described=Described(
+    description=KindDescription(
         "`circles: [columns, rows]`, `spacing_m`, `asymmetric`; dark or bright", "row by row", "circle 0"
     ),
     template="""\

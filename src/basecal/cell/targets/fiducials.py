@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from math import isqrt
 
-_ORIGINAL = 5  # cells of DICT_ARUCO_ORIGINAL, whose name does not include the number
+_ORIGINAL_CELLS = 5  # cells of DICT_ARUCO_ORIGINAL, whose name does not include the number
 
 DICTIONARIES = (
     *(f"DICT_{n}X{n}_{count}" for n in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
@@ -30,21 +30,21 @@ FAMILIES = (
 
 def cell_count(name: str) -> int:
     """Width of a marker's code in cells without its border, from the dictionary's name."""
-    squared = re.match(r"DICT_(\d)X", name)
-    bits = re.search(r"(\d+)[hH]", name)
-    return int(squared[1]) if squared else isqrt(int(bits[1])) if bits else _ORIGINAL
+    width_match = re.match(r"DICT_(\d)X", name)
+    bits_match = re.search(r"(\d+)[hH]", name)
+    return int(width_match[1]) if width_match else isqrt(int(bits_match[1])) if bits_match else _ORIGINAL_CELLS
 
 
-def begins_as(name: str) -> str:
+def series_name(name: str) -> str:
     """Name of the series of a dictionary: dictionaries of one series share their first markers."""
-    numbered = re.match(r"(DICT_\d+X\d+)_\d+$", name)
-    return numbered[1] if numbered else name
+    match = re.match(r"(DICT_\d+X\d+)_\d+$", name)
+    return match[1] if match else name
 
 
 def smallest_dictionary(name: str, count: int) -> str:
     """Smallest dictionary of the same series with at least `count` markers; `name` itself if there is none."""
     for other in DICTIONARIES:
         size = other.rpartition("_")[2]
-        if other == f"{begins_as(name)}_{size}" and int(size) >= max(count, int(name.rpartition("_")[2])):
+        if other == f"{series_name(name)}_{size}" and int(size) >= max(count, int(name.rpartition("_")[2])):
             return other
     return name

@@ -27,7 +27,7 @@ class TargetEntry(Entry):
     scale: Literal["free"] | None = None
 
     @model_validator(mode="after")
-    def _size(self) -> Self:
+    def _check_size(self) -> Self:
         if self.exact and self.size_sigma is not None:
             raise ValueError("exact takes no size_sigma: remove one of them")
         if self.scale and (self.exact or self.size_sigma is not None or type(self) is not TargetEntry):
@@ -52,7 +52,7 @@ class PrintSizes:
     tag: int
 
 
-class Described(NamedTuple):
+class KindDescription(NamedTuple):
     """Row of a kind in the table of docs/data_format.md."""
 
     fields: str
@@ -66,31 +66,31 @@ class TargetKind:
 
     Attributes:
         entries: Models of the kind's entry in `cell.yaml`.
-        described: Description of the kind in the documents.
+        description: Description of the kind in the documents.
         template: Commented lines of the kind in a new `cell.yaml`.
         usual: Function from a random generator to a typical target for simulations.
         printed: Function from print sizes to the fields of a target; None if the kind cannot be printed.
         entry_index: Index in `entries` of the model that reads an entry with these fields.
         figures: Small targets for the documents, by the name of the image.
         marks: Markings that distinguish a target from others of its kind in images; empty if there are none.
-        another: Fields of the n-th of several targets in a cell, counted from 0, with distinct marks if possible.
+        numbered_fields: Fields of target n in a cell, counted from 0, with marks of its own if possible.
     """
 
     entries: tuple[type[TargetEntry], ...]
-    described: Described
+    description: KindDescription
     template: str
     usual: Callable[[np.random.Generator], Target]
     printed: Callable[[PrintSizes], Fields] | None = None
     entry_index: Callable[[Fields], int] = lambda _: 0
     figures: Mapping[str, Target] = field(default_factory=dict)
     marks: Callable[[Fields], frozenset[str]] = lambda _: frozenset()
-    another: Callable[[Fields, int], Fields] = lambda fields, _: fields
+    numbered_fields: Callable[[Fields, int], Fields] = lambda fields, _: fields
 
 
-def choose_dictionary(usual: Sequence[str], first: str, place: int) -> str:
-    """Name number `place` of the list of `first` and the other usual names; the last name if the list is shorter."""
+def choose_dictionary(usual: Sequence[str], first: str, index: int) -> str:
+    """Name number `index` of the list of `first` and the other usual names; the last name if the list is shorter."""
     ordered = [first, *(name for name in usual if name != first)]
-    return ordered[min(place, len(ordered) - 1)]
+    return ordered[min(index, len(ordered) - 1)]
 
 
 def is_indistinguishable(kind: TargetKind, first: Fields, second: Fields) -> bool:

@@ -9,8 +9,8 @@ from pydantic import Field
 
 from basecal.cell.format.plain import numbers
 from basecal.cell.target import Target
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind
-from basecal.cell.targets.points import several
+from basecal.cell.targets.kind import KindDescription, TargetEntry, TargetKind
+from basecal.cell.targets.points import has_several_points
 from basecal.fields.values import PointMount, UnknownEntry, Vector
 
 _AT_ORIGIN = [[0.0, 0.0, 0.0]]
@@ -22,7 +22,7 @@ def led_target(points_m: Any = _AT_ORIGIN) -> Target:
     return Target("led", np.arange(len(points)), points, {"points_m": numbers(points)}, found_by="light")
 
 
-class LightEntry(TargetEntry):
+class LedEntry(TargetEntry):
     """A single LED."""
 
     mount: PointMount = UnknownEntry()
@@ -34,7 +34,7 @@ class LightEntry(TargetEntry):
         return led_target(self.points_m or _AT_ORIGIN)
 
 
-class LightsEntry(TargetEntry):
+class LedsEntry(TargetEntry):
     """Several LEDs on one rigid body."""
 
     kind: Literal["led"]
@@ -46,9 +46,9 @@ class LightsEntry(TargetEntry):
 
 
 KIND = TargetKind(
-    entries=(LightEntry, LightsEntry),
-    entry_index=several,
-    described=Described("as `points`; without it one point", "index", "as listed; the one point"),
+    entries=(LedEntry, LedsEntry),
+    entry_index=has_several_points,
+    description=KindDescription("as `points`; without it one point", "index", "as listed; the one point"),
     template="""\
     kind: led                        # one light at the target's origin; several: points_m: [[0, 0, 0], ...]
 """,

@@ -10,7 +10,7 @@ from pydantic import model_validator as checks_whole
 
 from basecal.cell.format.plain import numbers
 from basecal.cell.target import Target
-from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind
+from basecal.cell.targets.kind import Fields, KindDescription, TargetEntry, TargetKind
 from basecal.fields.values import PointMount, UnknownEntry, Vector
 
 
@@ -49,13 +49,13 @@ class PointsEntry(TargetEntry):
         return points_target(self.points_m)
 
 
-def several(fields: Fields) -> bool:
+def has_several_points(fields: Fields) -> bool:
     """Whether an entry has more than one point."""
     points = fields.get("points_m")
     return isinstance(points, list) and len(points) > 1
 
 
-def _usual(rng: np.random.Generator) -> Target:
+def _random_target(rng: np.random.Generator) -> Target:
     """Target of five to eight jittered corners of a cube, which are never coplanar."""
     corners = np.stack(np.meshgrid(*[[-0.06, 0.06]] * 3), -1).reshape(-1, 3)
     kept = rng.permutation(8)[: rng.integers(5, 9)]
@@ -64,11 +64,11 @@ def _usual(rng: np.random.Generator) -> Target:
 
 KIND = TargetKind(
     entries=(PointEntry, PointsEntry),
-    entry_index=several,
-    described=Described("`points_m: [[x, y, z], ...]`", "index in the list", "as listed"),
+    entry_index=has_several_points,
+    description=KindDescription("`points_m: [[x, y, z], ...]`", "index in the list", "as listed"),
     template="""\
     kind: points
     points_m: [[0, 0, 0], [0.08, 0, 0], [0, 0.08, 0], [0.08, 0.08, 0.03]]   # ids count from 0
 """,
-    usual=_usual,
+    usual=_random_target,
 )

@@ -20,7 +20,7 @@ MOST_CANDIDATES = 8  # bright spots that are tried per LED; assumed: bounds the 
 
 def half_turn(target: Target) -> SE3 | None:
     """Transform `target_from_turned` of a target that looks the same rotated by 180 deg; None for other targets."""
-    if not target.alike_turned:
+    if not target.has_half_turn_symmetry:
         return None
     middle = target.points.mean(0)
     rotation = np.diag([-1.0, -1.0, 1.0])

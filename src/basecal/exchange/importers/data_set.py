@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from basecal.cell.format.paths import inside
+from basecal.cell.format.paths import path_resolver
 from basecal.cell.targets.fiducials import DICTIONARIES
 from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import Field, read_fields
@@ -130,7 +130,7 @@ def _image(entry: Field, folder: Path) -> Path:
 def _file(entry: Field, folder: Path) -> Path:
     """Path of a file named in an entry; it must be inside the folder."""
     try:
-        return folder / inside(str(folder))(entry.text())
+        return folder / path_resolver(str(folder))(entry.text())
     except DatasetError:
         raise
     except InputError as error:

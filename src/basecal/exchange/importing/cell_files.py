@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 from basecal.bounded_file import read_bounded
-from basecal.cell.format.paths import inside
+from basecal.cell.format.paths import path_resolver
 from basecal.cell.format.writing import make_folder, write_atomically
 from basecal.errors import InputError
 from basecal.exchange.images import check_image, is_image
@@ -36,7 +36,7 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
     made: list[Path] = []
     existed = folder.exists()
     try:
-        path_in_cell = inside(str(folder))
+        path_in_cell = path_resolver(str(folder))
         for name, source in files.items():
             target = folder / path_in_cell(name)
             if is_image(target):

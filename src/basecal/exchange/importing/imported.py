@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from basecal.cell import WORLD, Cell, CellCamera, CellTarget, Observation, PoseObservation, Robot, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
-from basecal.errors import InputError, list_names, nearest
+from basecal.errors import InputError, list_names, spelling_hint
 from basecal.fields.problems import Loc
 from basecal.geometry import SE3
 
@@ -199,7 +199,7 @@ def check_robot(cell: KnownCell, carrier: str) -> None:
         InputError: if the name is similar to one in the cell.
     """
     robots = [*cell.robots]
-    if carrier not in (WORLD, *robots) and (close := nearest(carrier, [*robots, WORLD])):
+    if carrier not in (WORLD, *robots) and (close := spelling_hint(carrier, [*robots, WORLD])):
         raise InputError(f"no robot {carrier!r}{close}; there are: {list_names(robots)}")
 
 

@@ -108,6 +108,6 @@ def _fields(kind: Kind, shape: Mapping[str, Any] | None, place: int) -> str:
     known = TARGETS[kind]
     if shape is None and place == 0:
         return known.template
-    fields = known.another(shape or parse_yaml(dedent(known.template), kind).data, place)
+    fields = known.numbered_fields(shape or parse_yaml(dedent(known.template), kind).data, place)
     plain = {key: value if isinstance(value, str) else dumps(value) for key, value in fields.items()}
     return "".join(f"    {key}: {value}\n" for key, value in plain.items())

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from basecal.bounded_file import read_bounded
-from basecal.errors import DatasetError, list_names, nearest
+from basecal.errors import DatasetError, list_names, spelling_hint
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field
 from basecal.exchange.importing.lens import StatedLens, made_camera
@@ -146,7 +146,7 @@ def _lens(entry: _Entry) -> StatedLens:
     if model is None:
         known = [name for name, each in _MODELS.items() if each.lens]
         raise entry.where.error(
-            f"no model {shorten(entry.model)}{nearest(entry.model, known)}; there are: {list_names(known)}"
+            f"no model {shorten(entry.model)}{spelling_hint(entry.model, known)}; there are: {list_names(known)}"
         )
     if model.lens is None:
         raise entry.where.error(f"{entry.model} is not supported: calibrate with OPENCV or OPENCV_FISHEYE")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import cache
 from itertools import pairwise
 
-from basecal.errors import InputError, nearest
+from basecal.errors import InputError, spelling_hint
 from basecal.geometry.lens import Lens
 from basecal.geometry.lenses import fisheye, pinhole, thin_prism
 
@@ -41,7 +41,7 @@ def model_lenses(model: str) -> tuple[Lens, ...]:
     found = tuple(lens for lens in LENSES.values() if model == lens.MODEL)
     if not found:
         known = lens_models()
-        raise InputError(f"no lens model {model!r}{nearest(model, known)}; there are: {', '.join(known)}")
+        raise InputError(f"no lens model {model!r}{spelling_hint(model, known)}; there are: {', '.join(known)}")
     return found
 
 

@@ -55,9 +55,9 @@ def picture(scene: Scene) -> Markup:
         parts.append(path(body.kind, segments(lines.reshape(-1, 2, 2)) + dots(points)))
         labels.append(Label(body.name, np.array([flat[:, 0].mean(), flat[:, 1].min() - 7])))
     if scene.errors is not None:
-        at = project(scene.errors.points_m[scene.errors.worst])
-        parts.append(path("worst-place", dots([at])))
-        labels.append(Label(worst_words(scene.errors), at + _LABEL_SHIFT_PX))
+        worst_point = project(scene.errors.points_m[scene.errors.worst])
+        parts.append(path("worst-place", dots([worst_point])))
+        labels.append(Label(worst_words(scene.errors), worst_point + _LABEL_SHIFT_PX))
     return drawing(_WIDTH, _HEIGHT, "the cell from the side", *parts, *_place_labels(labels))
 
 

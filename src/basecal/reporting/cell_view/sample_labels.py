@@ -11,13 +11,13 @@ from basecal.reporting.statement.verdict import error_text, two_digits
 
 def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]:
     """Text with the residuals of each sample's views; empty for a sample without views."""
-    said: dict[int, list[str]] = {sample: [] for sample in samples}
+    texts: dict[int, list[str]] = {sample: [] for sample in samples}
     left_out = outlier_views(calibration)
     for view in calibration.residuals.per_sample:
-        if view.sample not in said:
+        if view.sample not in texts:
             continue
-        said[view.sample].append(view_words(view, " (left out)" if view in left_out else ""))
-    return ["; ".join(views) for views in said.values()]
+        texts[view.sample].append(view_words(view, " (left out)" if view in left_out else ""))
+    return ["; ".join(views) for views in texts.values()]
 
 
 def view_words(view: SampleResidual, state: str = "") -> str:

@@ -58,10 +58,10 @@ class Arm:
         joints = np.zeros((0, 3)) if self.joints is None else self.joints.translation.reshape(-1, 3)
         return self.world_from_base @ np.concatenate([np.zeros((1, 3)), flanges, joints])
 
-    def world_from_flange(self, place: int) -> SE3 | None:
+    def world_from_flange(self, index: int) -> SE3 | None:
         """Pose of the flange at a sample of the scene; None if it was not recorded."""
-        is_known = len(self.known) and self.known[place]
-        return self.world_from_base @ self.base_from_flange[place] if is_known else None
+        is_known = len(self.known) and self.known[index]
+        return self.world_from_base @ self.base_from_flange[index] if is_known else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,20 +123,20 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
     worst = worst_sample(calibration)
     # An even selection, with the sample of the largest residual.
     step = max(1, -(-len(samples) // _MOST_SAMPLES))
-    shown = [sample for place, sample in enumerate(samples) if place % step == 0 or sample.sample == worst]
+    shown = [sample for index, sample in enumerate(samples) if index % step == 0 or sample.sample == worst]
     numbers = tuple(sample.sample for sample in shown)
     means = {**calibration.known_transforms(cell), cell.base_name(cell.reference): SE3.identity()}
     bases = {name: means.get(cell.base_name(name)) for name in cell.robots}
     arms = tuple(_arm(cell.robots[name], base, shown) for name, base in bases.items() if base is not None)
-    every = np.concatenate([arm.places for arm in arms])
-    size = max(float(np.linalg.norm(np.ptp(every, axis=0))), _SMALLEST_M)
-    scale, sure = _ellipsoids(cell, calibration, size)
-    arms = tuple(replace(arm, ellipsoid=sure.get(cell.base_name(arm.name))) for arm in arms)
+    points = np.concatenate([arm.places for arm in arms])
+    size = max(float(np.linalg.norm(np.ptp(points, axis=0))), _SMALLEST_M)
+    scale, ellipsoids = _ellipsoids(cell, calibration, size)
+    arms = tuple(replace(arm, ellipsoid=ellipsoids.get(cell.base_name(arm.name))) for arm in arms)
     placed = {WORLD, *(arm.name for arm in arms)}
-    things: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
+    items: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
     bodies = tuple(
-        _body(each, means[mount], calibration, size, sure.get(mount))
-        for each in things
+        _body(each, means[mount], calibration, size, ellipsoids.get(mount))
+        for each in items
         if each.on in placed and (mount := cell.mount_name(each.name)) in means
     )
     placed |= {body.name for body in bodies}
@@ -167,12 +167,12 @@ def _arm(robot: Robot, world_from_base: SE3, samples: Sequence[Sample]) -> Arm:
     if chain is None or all(angles is None for angles in joints):
         return arm
     frames = chain.joint_frames(np.stack([np.zeros(chain.n) if angles is None else angles for angles in joints]))
-    turned = SE3(frames.rotation.swapaxes(0, 1), frames.translation.swapaxes(0, 1))
+    joint_frames = SE3(frames.rotation.swapaxes(0, 1), frames.translation.swapaxes(0, 1))
     try:
         surfaces = tuple(body_surface(body)._asdict() for body in chain.collisions)
     except BasecalError:  # such as a missing mesh: links are drawn as tubes
         surfaces = ()
-    return replace(arm, joints=turned, surfaces=surfaces)
+    return replace(arm, joints=joint_frames, surfaces=surfaces)
 
 
 def _ellipsoids(cell: Cell, calibration: Calibration, size: float) -> tuple[float, dict[str, Array]]:
@@ -213,8 +213,8 @@ def frustum(camera: Camera | None, length: float) -> Array:
     """Edges of a camera's viewing frustum, (8, 2, 3) [m]; of a typical camera if lens or image size is unknown."""
     rays = np.column_stack([(_SQUARE - 0.5) * [0.8, 0.6], np.ones(4)])
     if camera is not None and camera.size_px is not None:
-        looking, valid = camera.undistort(_SQUARE * (np.array(camera.size_px) - 1))
-        rays = np.where(valid.all(), looking, rays)
+        corner_rays, valid = camera.undistort(_SQUARE * (np.array(camera.size_px) - 1))
+        rays = np.where(valid.all(), corner_rays, rays)
     ends = length * rays / np.linalg.norm(rays, axis=-1, keepdims=True)
     return np.concatenate([np.stack([np.zeros((4, 3)), ends], 1), _edges(ends)])
 

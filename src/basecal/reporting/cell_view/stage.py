@@ -17,7 +17,7 @@ from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import three_digits
 
 
-def stage(scene: Scene) -> dict[str, Any]:
+def scene_values(scene: Scene) -> dict[str, Any]:
     """Values of a scene for the template; without samples there are no data for the script."""
     return {
         "drawn": scene,

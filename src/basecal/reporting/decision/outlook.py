@@ -16,7 +16,7 @@ from basecal.reporting.svg import Figure, drawing, element, path, rectangle, til
 _WIDTH, _ROW, _LEFT, _RIGHT = 420.0, 30.0, 24.0, 100.0
 _INTERVAL_SIGMAS = 1.96  # half width of the interval of 95 % of normal errors
 _TILE = 40.0  # edge of a point's tile on the drawing
-_WORDS = "({:.3f}, {:.3f}, {:.3f}) m: {}"  # text for a point
+_POINT_TEXT = "({:.3f}, {:.3f}, {:.3f}) m: {}"  # text for a point
 
 
 def outlook_figure(outlook: Sequence[tuple[int, float]], recorded_count: int, tolerance_m: float | None) -> Figure:
@@ -31,8 +31,8 @@ def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: fl
     bands = [Band(count, (1e3 * length,) * 3) for count, length in points]
     svg = curves(title, "samples", "mm", {title: bands}, limit, logarithmic=False)
     also = "" if limit is None else f" Dashed: the tolerance, {limit:.3g} mm."
-    said = ", ".join(f"{two_digits(1e3 * length)} mm with {count}" for count, length in (points[0], *points[-1:]))
-    return Figure(f"{title} [mm]", svg, f"{said} samples.{also}")
+    ends_text = ", ".join(f"{two_digits(1e3 * length)} mm with {count}" for count, length in (points[0], *points[-1:]))
+    return Figure(f"{title} [mm]", svg, f"{ends_text} samples.{also}")
 
 
 def component_figure(name: str, estimate: PoseEstimate, tolerance_m: float | None) -> Figure:
@@ -66,24 +66,24 @@ def workspace(error_map: ErrorMap) -> Iterator[Figure]:
     size = _TILE * len(across), _TILE * len(upwards)
     columns, rows = np.searchsorted(across, points[:, 0]), np.searchsorted(-upwards[::-1], -points[:, 1])
     for height in heights:
-        here = np.flatnonzero(points[:, 2] == height).tolist()
+        indices = np.flatnonzero(points[:, 2] == height).tolist()
         values = np.full((len(upwards), len(across)), np.nan)
-        values[rows[here], columns[here]] = lengths_mm[here]
+        values[rows[indices], columns[indices]] = lengths_mm[indices]
         tiles = [
             tile(
                 (_TILE * columns[k], _TILE * rows[k], _TILE, _TILE),
                 shares[k],
-                _WORDS.format(*points[k], error_text(error_map.length_95_m[k], error_map.angle_95_rad[k])),
+                _POINT_TEXT.format(*points[k], error_text(error_map.length_95_m[k], error_map.angle_95_rad[k])),
                 "tile worst" if k == error_map.worst else "tile",
             )
-            for k in here
+            for k in indices
         ]
         title = f"at z = {height:.3f} m"
         frame = rectangle("frame", (0, 0, *size))
         svg = drawing(*size, f"expected error {title}", frame, *tiles, *contours(values, _TILE))
-        ends = map(two_digits, (lengths_mm[here].min(), lengths_mm[here].max(), low, high))
+        ends = map(two_digits, (lengths_mm[indices].min(), lengths_mm[indices].max(), low, high))
         caption = "95 % of errors below {} to {} mm here, {} to {} mm in all.".format(*ends)
-        if error_map.worst in here:
+        if error_map.worst in indices:
             place = ", ".join(f"{x:.2f}" for x in points[error_map.worst])
             caption += f" Outlined: the worst place, {place} m."
         yield Figure(title, svg, caption, _ends(across, "x"), _ends(upwards[::-1], "y"))

@@ -16,7 +16,7 @@ from basecal.reporting.statement.verdict import error_text, requested_estimates,
 
 _SEVERITY_NAMES = {"error": "error", "warning": "warning", "info": "note"}
 _BAR_ROOM = 1.05  # length of a bar relative to the larger of error and tolerance
-_WORDS = re.compile(r"((?:`[a-z-]+`(?: and |, )?)+)[^:]*: (.*)")
+_CODES_AND_TEXT = re.compile(r"((?:`[a-z-]+`(?: and |, )?)+)[^:]*: (.*)")
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,12 @@ def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: F
     expected_m = expected_error_m(cell, calibration, details)
     if expected_m is not None:
         yield error_tile(expected_m, None if calibration.tolerance is None else calibration.tolerance.asked_m)
-    known = requested_estimates(cell, calibration)
-    if known:
-        worst = max(known, key=lambda name: calibration[name].sigma_norms[0])
+    names = requested_estimates(cell, calibration)
+    if names:
+        worst = max(names, key=lambda name: calibration[name].sigma_norms[0])
         sigma_m, sigma_rad = calibration[worst].sigma_norms
         value = _short(sigma_m, None if worst in calibration.points else sigma_rad)
-        yield Tile(value, f"1 sigma (3-D norm) of {worst}{', the least known' if len(known) > 1 else ''}")
+        yield Tile(value, f"1 sigma (3-D norm) of {worst}{', the least known' if len(names) > 1 else ''}")
     validation = calibration.validation
     if validation is not None and validation.target_m is not None:
         yield Tile(_short(validation.target_m, validation.target_rad), "on held-out samples, rms")
@@ -104,16 +104,16 @@ def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> I
 
 def check_words() -> dict[str, str]:
     """Description of each code of findings, from the first line of its module's docstring."""
-    found: dict[str, str] = {}
+    descriptions: dict[str, str] = {}
     for check in (*INPUT_CHECKS, *ANSWER_CHECKS):
-        words = _WORDS.match((getattr(getmodule(check), "__doc__", None) or "").partition("\n")[0])
+        words = _CODES_AND_TEXT.match((getattr(getmodule(check), "__doc__", None) or "").partition("\n")[0])
         if words is not None:
-            found |= dict.fromkeys(re.findall(r"`([a-z-]+)`", words[1]), words[2])
-    return found
+            descriptions |= dict.fromkeys(re.findall(r"`([a-z-]+)`", words[1]), words[2])
+    return descriptions
 
 
 def passed_checks(calibration: Calibration) -> Iterator[tuple[str, str]]:
     """Codes and descriptions of checks without findings; empty if nothing was calibrated."""
-    found = {finding.code for finding in calibration.findings}
+    found_codes = {finding.code for finding in calibration.findings}
     if calibration.transforms:
-        yield from (each for each in check_words().items() if each[0] not in found)
+        yield from (each for each in check_words().items() if each[0] not in found_codes)

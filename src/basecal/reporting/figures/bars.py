@@ -50,10 +50,10 @@ def bar_figure(
     rms = float(np.sqrt(np.mean(np.square(used))))
     top = nice_ceiling(max(used))
     bars = []
-    for place, (view, value) in enumerate(shown):
+    for index, (view, value) in enumerate(shown):
         state, kind = (", left out", "view stranger") if view in left_out else ("", "view")
         label = f"sample {view.sample}: {two_digits(value)} {quantity.unit}{state}"
-        bars.append(bar(place * BAR, BAR, value / top, label, view.sample, kind))
+        bars.append(bar(index * BAR, BAR, value / top, label, view.sample, kind))
     width = len(shown) * BAR
     level = path("level", f"M0 {HEIGHT * (1 - rms / top):.2f}H{width:g}", vector_effect="non-scaling-stroke")
     svg = drawing(width, HEIGHT, f"{quantity.name} by view", *bars, level, stretch=True)

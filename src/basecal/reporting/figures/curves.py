@@ -26,7 +26,7 @@ COLOURS = 6
 class Band(NamedTuple):
     """Value of the axis, with the low end of the band, the median and the high end; None if there is no result."""
 
-    at: float | str
+    axis_value: float | str
     errors: tuple[float, float, float] | None
 
 
@@ -47,16 +47,16 @@ def curves(
         limit: Value of a dashed horizontal line; None for no line.
         logarithmic: Whether the axis is logarithmic; if None, it is for a wide range of values.
     """
-    along, characters = _axis_positions([band.at for bands in lines.values() for band in bands], logarithmic)
+    along, characters = _axis_positions([band.axis_value for bands in lines.values() for band in bands], logarithmic)
     limits = [] if limit is None else [limit]
     values = [value for bands in lines.values() for band in bands for value in band.errors or ()]
     up = fitted_scale([*values, *limits] or [1.0], HEIGHT - _BOTTOM, _TOP)
     parts = horizontal_rules(up, _LEFT, WIDTH - _RIGHT)
-    labelled, line_count = -math.inf, 1
-    for place, x in sorted(along.items(), key=lambda each: each[1]):
-        if x - labelled < _LABEL:
+    last_label_x, line_count = -math.inf, 1
+    for axis_value, x in sorted(along.items(), key=lambda each: each[1]):
+        if x - last_label_x < _LABEL:
             continue
-        labelled, label = x, value_text(place)
+        last_label_x, label = x, value_text(axis_value)
         words = label_lines(label, characters)
         line_count = max(line_count, len(words))
         parts.append(path("rule", f"M{x:.1f} {_TOP}V{HEIGHT - _BOTTOM}"))
@@ -64,22 +64,22 @@ def curves(
     for number, (name, bands) in enumerate(lines.items()):
         line = _line(bands, along, up, f"{axis} {{}}: {{}} {unit}")
         parts.append(element("g", *line, title=name, class_=f"line-{number % COLOURS}"))
-    parts += [path("level", f"M{_LEFT} {up.position(at):.1f}H{WIDTH - _RIGHT}") for at in limits]
+    parts += [path("level", f"M{_LEFT} {up.position(value):.1f}H{WIDTH - _RIGHT}") for value in limits]
     return drawing(WIDTH, HEIGHT + (line_count - 1) * _LINE, f"{title} over {axis}", *parts)
 
 
-def _axis_positions(every: Sequence[float | str], logarithmic: bool | None) -> tuple[dict[float | str, float], int]:
+def _axis_positions(values: Sequence[float | str], logarithmic: bool | None) -> tuple[dict[float | str, float], int]:
     """Position of each value of the axis, and the number of characters per line of labels.
 
     Numbers are placed on a scale; other values are placed at equal distances.
     """
-    places = list(dict.fromkeys(every))
-    numbers = [each for each in places if isinstance(each, int | float) and not isinstance(each, bool)]
-    if len(numbers) == len(places):
+    distinct_values = list(dict.fromkeys(values))
+    numbers = [each for each in distinct_values if isinstance(each, int | float) and not isinstance(each, bool)]
+    if len(numbers) == len(distinct_values):
         scale = fitted_scale(numbers, _LEFT, WIDTH - _RIGHT, logarithmic)
         return {number: scale.position(number) for number in numbers}, _NUMBER
-    column = (WIDTH - _LEFT - _RIGHT) / len(places)
-    return {place: _LEFT + (k + 0.5) * column for k, place in enumerate(places)}, int(column / _CHARACTER)
+    column = (WIDTH - _LEFT - _RIGHT) / len(distinct_values)
+    return {value: _LEFT + (k + 0.5) * column for k, value in enumerate(distinct_values)}, int(column / _CHARACTER)
 
 
 def _line(bands: Sequence[Band], positions: Mapping[float | str, float], scale: Scale, label: str) -> list[Markup]:
@@ -88,9 +88,9 @@ def _line(bands: Sequence[Band], positions: Mapping[float | str, float], scale: 
     # Runs of consecutive bands with results.
     for _, group in groupby(bands, lambda band: band.errors is None):
         run = [
-            (positions[b.at], [*map(scale.position, b.errors)], label.format(b.at, two_digits(b.errors[1])))
-            for b in group
-            if b.errors
+            (positions[x_value], [*map(scale.position, errors)], label.format(x_value, two_digits(errors[1])))
+            for x_value, errors in group
+            if errors
         ]
         if not run:
             continue

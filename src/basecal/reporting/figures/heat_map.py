@@ -36,16 +36,16 @@ def heat_map(
     logs = [math.log10(value) for row in values for value in row if value is not None and value > 0]
     shades = (min(logs), max(logs)) if logs else (0.0, 0.0)
     parts, line_count = list[Markup](), 1
-    for k, (place, row) in enumerate(zip(rows[1], values, strict=True)):
-        y, name = _TOP + k * _TILE_HEIGHT, value_text(place)
+    for k, (axis_value, row) in enumerate(zip(rows[1], values, strict=True)):
+        y, name = _TOP + k * _TILE_HEIGHT, value_text(axis_value)
         for i, value in enumerate(row):
             parts += _tile(_LEFT + i * _TILE_WIDTH, y, value, shades)
         lines = label_lines(name, _ROW_CHARACTERS, _ROW_LINES)
         raised = 0.5 * _LINE * (len(lines) - 1)
         parts.append(wrapped_label(name, lines, (_LEFT - 8, y + 0.6 * _TILE_HEIGHT - raised), "end"))
     bottom, width = _TOP + len(rows[1]) * _TILE_HEIGHT, len(columns[1]) * _TILE_WIDTH
-    for i, place in enumerate(columns[1]):
-        name = value_text(place)
+    for i, axis_value in enumerate(columns[1]):
+        name = value_text(axis_value)
         lines = label_lines(name, _COLUMN_CHARACTERS)
         line_count = max(line_count, len(lines))
         parts.append(wrapped_label(name, lines, (_LEFT + (i + 0.5) * _TILE_WIDTH, bottom + 17), "middle"))

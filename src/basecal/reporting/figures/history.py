@@ -20,19 +20,17 @@ _SIGMAS = 2.0
 
 def history_figure(history: Sequence[PastVerification]) -> Figure | None:
     """A line for each transform of the run that was verified last; None if there is none."""
-    mine = [each for each in history if each.run == history[-1].run][-_MOST_VERIFICATIONS:]
-    names = list(dict.fromkeys(name for each in mine for name in each.shifts))[:COLOURS]
+    verifications = [each for each in history if each.run == history[-1].run][-_MOST_VERIFICATIONS:]
+    names = list(dict.fromkeys(name for each in verifications for name in each.shifts))[:COLOURS]
     if not names:
         return None
-    seconds = [(each.when - mine[0].when).total_seconds() for each in mine]
+    seconds = [(each.when - verifications[0].when).total_seconds() for each in verifications]
     unit, size = next((each for each in _UNITS if max(seconds) >= _FEWEST_UNITS * each[1]), _UNITS[-1])
-    times = [round(at / size, 1 if max(seconds) > _MANY_UNITS * size else 2) for at in seconds]
-    lines = {
-        name: [Band(at, _length_range(each.shifts.get(name))) for at, each in zip(times, mine, strict=True)]
-        for name in names
-    }
+    times = [round(time / size, 1 if max(seconds) > _MANY_UNITS * size else 2) for time in seconds]
+    timed = list(zip(times, verifications, strict=True))
+    lines = {name: [Band(time, _length_range(each.shifts.get(name))) for time, each in timed] for name in names}
     title = "shift since the calibration"
-    since = f"{unit} since {mine[0].when.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+    since = f"{unit} since {verifications[0].when.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
     caption = f"{since} across, length of the shift [mm] upwards, with {_SIGMAS:g} sigma"
     return Figure(title, curves(title, unit, "mm", lines), f"{caption}; {', '.join(names)}")
 

@@ -85,9 +85,9 @@ class ImageGrid:
         )
         size = f"{self.size[0]:.0f} x {self.size[1]:.0f} px"
         words = ((size, 0, "start"), (ends[0], right - _BAR_WIDTH - 8, "end"), (ends[1], right + 8, "start"))
-        said = (element("text", word, class_="tick", x=x, y=top + 12, text_anchor=at) for word, x, at in words)
+        texts = (element("text", word, class_="tick", x=x, y=top + 12, text_anchor=at) for word, x, at in words)
         frame = rectangle("frame", (0, 0, width, height))
-        return drawing(width, height + STRIP, title, frame, *tiles, *inside, *shades, *said)
+        return drawing(width, height + STRIP, title, frame, *tiles, *inside, *shades, *texts)
 
 
 def image_grid(size_px: tuple[int, int] | None, pixels: Array) -> ImageGrid:
@@ -100,8 +100,8 @@ def image_grid(size_px: tuple[int, int] | None, pixels: Array) -> ImageGrid:
         low, size = pixels.min(0) - 0.05 * extent, 1.1 * extent
     pitch = float(size.max()) / _COLUMNS
     columns, rows = (max(1, round(float(side) / pitch + 0.49)) for side in size)
-    at = np.clip(np.floor((pixels - low) / pitch).astype(np.int64), 0, [columns - 1, rows - 1])
-    return ImageGrid(low, size, pitch, (columns, rows), at[:, 1] * columns + at[:, 0])
+    cell = np.clip(np.floor((pixels - low) / pitch).astype(np.int64), 0, [columns - 1, rows - 1])
+    return ImageGrid(low, size, pitch, (columns, rows), cell[:, 1] * columns + cell[:, 0])
 
 
 def image_coverage(size_px: tuple[int, int] | None, points: PointResiduals) -> Figure:

@@ -22,10 +22,10 @@ def residual_map(size_px: tuple[int, int] | None, points: PointResiduals) -> Fig
         size_px: Size of the camera's images; None for the points' bounding box.
         points: Points of the camera, at least one used; unused ones are not drawn.
     """
-    off = points.off_px[points.used]
+    residuals = points.off_px[points.used]
     grid = image_grid(size_px, points.pixels[points.used])
-    rms = np.sqrt(grid.means(np.mean(off**2, axis=-1)))
-    mean = np.stack([grid.means(axis) for axis in off.T], axis=-1)
+    rms = np.sqrt(grid.means(np.mean(residuals**2, axis=-1)))
+    mean = np.stack([grid.means(axis) for axis in residuals.T], axis=-1)
     top = nice_ceiling(float(rms.max()))
     some = np.flatnonzero(grid.count)
     count = grid.count[some]
@@ -33,23 +33,23 @@ def residual_map(size_px: tuple[int, int] | None, points: PointResiduals) -> Fig
         square: (value / top, f"{number} points, rms {two_digits(value)} px per coordinate")
         for square, value, number in zip(some.tolist(), rms.tolist(), count, strict=True)
     }
-    held = count >= _FEWEST_POINTS
-    foot, drift = grid.scale * grid.middles[some][held], mean[held]
+    is_drawn = count >= _FEWEST_POINTS
+    foot, drift = grid.scale * grid.middles[some][is_drawn], mean[is_drawn]
     bar_px = nice_ceiling(float(np.max(np.linalg.norm(drift, axis=-1), initial=0.0)))
-    longer = _ARROW_SHARE * grid.pitch * grid.scale / bar_px
+    enlargement = _ARROW_SHARE * grid.pitch * grid.scale / bar_px
     bottom = grid.scale * float(grid.size[1]) - 12
-    end = 12 + bar_px * longer
+    end = 12 + bar_px * enlargement
     svg = grid.drawing(
         f"reprojection errors in the image of {points.camera}",
         squares,
         ("0", f"{top:g} px rms"),
-        path("arrows", _arrows(foot, foot + drift * longer)),
+        path("arrows", _arrows(foot, foot + drift * enlargement)),
         path("ruler", segments([np.array([[12, bottom], [end, bottom]])])),
         element("text", f"{bar_px:g} px", class_="ruler-label", x=end + 6, y=bottom + 5),
     )
     caption = (
-        f"{len(off)} points. Shade: rms per coordinate, full at {top:g} px. Arrow: mean from observed towards "
-        f"predicted points, enlarged {three_digits(longer / grid.scale)} times. Arrows that agree with their "
+        f"{len(residuals)} points. Shade: rms per coordinate, full at {top:g} px. Arrow: mean from observed towards "
+        f"predicted points, enlarged {three_digits(enlargement / grid.scale)} times. Arrows that agree with their "
         "neighbours are a pattern that the lens model cannot represent."
     )
     return Figure(f"{points.camera}, residuals over the image", svg, caption)

@@ -53,10 +53,10 @@ def residual_polar(points: PointResiduals) -> Figure:
     Args:
         points: Points of the camera, at least one used.
     """
-    off, left_out = points.off_px[points.used], points.off_px[~points.used]
-    length = np.linalg.norm(off, axis=-1)
+    residuals, left_out = points.off_px[points.used], points.off_px[~points.used]
+    length = np.linalg.norm(residuals, axis=-1)
     top = nice_ceiling(_RANGE_RMS * float(np.sqrt(np.mean(length**2))))
-    shown = off[:: -(-len(off) // _MOST_DOTS)]
+    shown = residuals[:: -(-len(residuals) // _MOST_DOTS)]
     drawn = {"cloud": shown, "left-out": left_out[:_MOST_DOTS]}
     clouds = [path(kind, dots(place_on_rings(each, top))) for kind, each in drawn.items()]
     rings = [(share, f"{share * top:.3g} px") for share in (0.5, 1.0)]
@@ -65,7 +65,7 @@ def residual_polar(points: PointResiduals) -> Figure:
     beyond = int(np.count_nonzero(length > top))
     outside = f" {beyond} are longer and drawn on the outer ring." if beyond else ""
     also = f" {len(left_out)} orange ones were left out." if len(left_out) else ""
-    few = f"{len(shown)} of {len(off)} points drawn. " if len(shown) < len(off) else ""
+    few = f"{len(shown)} of {len(residuals)} points drawn. " if len(shown) < len(residuals) else ""
     caption = (
         f"{few}{_HALF} % are below {half} px, {_MOST_OF} % below {most} px.{outside}{also} A cloud that is not "
         "round and centred: a shared error."
@@ -81,22 +81,22 @@ def orientation_figure(views: ViewPoses) -> Figure:
     """
     shown = slice(None, None, -(-len(views.sample) // _MOST_VIEWS))
     target_from_camera = views.camera_from_target[shown].inverse()
-    away = _units(target_from_camera.translation)
-    face = 1.0 if np.mean(away[:, 2] > 0) >= _FEWEST_FOR_FACE else -1.0
-    tilt = np.degrees(np.arccos(np.clip(face * away[:, 2], -1, 1)))
+    towards_camera = _units(target_from_camera.translation)
+    face = 1.0 if np.mean(towards_camera[:, 2] > 0) >= _FEWEST_FOR_FACE else -1.0
+    tilt = np.degrees(np.arccos(np.clip(face * towards_camera[:, 2], -1, 1)))
     top = next(each for each in _RINGS_DEG if tilt.max() <= each)
-    at = place_on_rings(_units(away[:, :2]) * tilt[:, None], top)
-    along = _TICK * _units(target_from_camera.rotation[:, :2, 0])
+    positions = place_on_rings(_units(towards_camera[:, :2]) * tilt[:, None], top)
+    directions = _TICK * _units(target_from_camera.rotation[:, :2, 0])
     marks = [
         element(
             "g",
-            element("path", d=segments([(place - half, place + half)])),
-            element("circle", cx=place[0], cy=place[1], r=3),
+            element("path", d=segments([(position - half, position + half)])),
+            element("circle", cx=position[0], cy=position[1], r=3),
             title=f"sample {sample}: tilted by {angle:.0f} deg",
             class_="mark view",
             data_sample=sample,
         )
-        for sample, angle, place, half in zip(views.sample[shown].tolist(), tilt, at, along, strict=True)
+        for sample, angle, position, half in zip(views.sample[shown].tolist(), tilt, positions, directions, strict=True)
     ]
     rings = [(share / 3, f"{share / 3 * top:g}°") for share in (1, 2, 3)]
     label = f"directions that {views.camera} saw {views.target} from"

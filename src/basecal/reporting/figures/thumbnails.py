@@ -90,8 +90,8 @@ def _views(residuals: Sequence[PointResiduals], samples: Mapping[int, Sample]) -
 
 def _rms_px(view: PointResiduals) -> float:
     """Rms residual per coordinate of the used points, or of all points if none is used."""
-    off = view.off_px[view.used] if view.used.any() else view.off_px
-    return float(np.sqrt(np.mean(off**2)))
+    residuals = view.off_px[view.used] if view.used.any() else view.off_px
+    return float(np.sqrt(np.mean(residuals**2)))
 
 
 def _picture(
@@ -137,14 +137,14 @@ def image_drawing(
     """
     scale = _WIDTH / size_px[0]
     height = size_px[1] * scale
-    at, off = (pixels + 0.5) * scale, offsets * scale
+    points, lines = (pixels + 0.5) * scale, offsets * scale
     address = f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"
     return drawing(
         _WIDTH,
         height,
         label,
         element("image", href=address, width=_WIDTH, height=height),
-        path("off", segments(np.stack([at, at + off], 1)[mask])),
-        path("found", dots(at[mask])),
-        path("left-out", dots(at[~mask])),
+        path("off", segments(np.stack([points, points + lines], 1)[mask])),
+        path("found", dots(points[mask])),
+        path("left-out", dots(points[~mask])),
     )

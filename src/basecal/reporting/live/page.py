@@ -26,7 +26,7 @@ from basecal.reporting.live.serving import Answer, serving
 from basecal.reporting.statement.verdict import COLOURS, error_text
 from basecal.reporting.svg import Figure
 from basecal.reporting.templates.environment import fill_page, fill_part
-from basecal.vision.detectors import find
+from basecal.vision.detectors import find_target
 from basecal.vision.image_file import png_bytes
 from basecal.vision.thumbnail import thumbnail
 
@@ -114,8 +114,12 @@ class LivePage:
         small = None if grey is None else thumbnail(png_bytes(grey), None, _WIDTH_PX)
         if grey is None or small is None:
             return ""
-        seen = [found.pixels for target in visible_targets(self.cell, camera) if (found := find(grey, target))]
-        pixels = np.concatenate(seen) if seen else np.zeros((0, 2))
+        detected = [
+            detection.pixels
+            for target in visible_targets(self.cell, camera)
+            if (detection := find_target(grey, target))
+        ]
+        pixels = np.concatenate(detected) if detected else np.zeros((0, 2))
         label = f"last image of {camera}, {len(pixels)} points found"
         used = np.ones(len(pixels), dtype=bool)
         return image_drawing(label, small, (grey.shape[1], grey.shape[0]), pixels, 0 * pixels, used)
@@ -140,9 +144,11 @@ class LivePage:
             return
         for robot in states.keys() & goals.keys():
             with suppress(BasecalError):
-                here, there = (self._sketch.base_from_flange(robot, each[robot]) for each in (states, goals))
-                off = (here.inverse() @ there).log()
-                left_m, left_rad = (float(np.linalg.norm(each)) for each in np.split(off, 2))
+                base_from_flange, base_from_goal = (
+                    self._sketch.base_from_flange(robot, each[robot]) for each in (states, goals)
+                )
+                error = (base_from_flange.inverse() @ base_from_goal).log()
+                left_m, left_rad = (float(np.linalg.norm(each)) for each in np.split(error, 2))
                 yield f"{robot}: {1e3 * left_m:.1f} mm and {np.degrees(left_rad):.2f} deg to go"
 
     def _scene(self, snapshot: Snapshot) -> dict[str, Any]:

@@ -20,7 +20,7 @@ HOST = "127.0.0.1"
 """Address of the server."""
 
 _TOKEN_BYTES = 24
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 """Timeout of a connection without further data [s]."""
 
 _STOP_POLL_S = 0.05
@@ -60,11 +60,11 @@ def serving(routes: Mapping[tuple[str, str], Route], port: int = 0) -> Iterator[
         server = _Server((HOST, port), _Handler)
     except OSError as error:
         raise InputError(f"port {port} cannot be used ({error.strerror}): choose another") from None
-    at = f"{HOST}:{server.server_address[1]}"
-    server.guard, server.routes = Guard(token, (at, at.replace(HOST, "localhost"))), routes
+    host = f"{HOST}:{server.server_address[1]}"
+    server.guard, server.routes = Guard(token, (host, host.replace(HOST, "localhost"))), routes
     threading.Thread(target=server.serve_forever, args=(_STOP_POLL_S,), daemon=True).start()
     try:
-        yield f"http://{at}/?token={token}"
+        yield f"http://{host}/?token={token}"
     finally:
         server.shutdown()
         server.server_close()
@@ -98,7 +98,7 @@ class _Server(socketserver.ThreadingTCPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    timeout = PATIENCE_S
+    timeout = TIMEOUT_S
     server: _Server
 
     def do_GET(self) -> None:
@@ -130,10 +130,10 @@ class _Handler(BaseHTTPRequestHandler):
         """Send a response; the cookie is set if the status is 200."""
         body, guard = answer.text.encode(), self.server.guard
         self.send_response(status)
-        about = {"Content-Type": f"{answer.kind}; charset=utf-8", "Content-Length": str(len(body)), **_HEADERS}
+        headers = {"Content-Type": f"{answer.kind}; charset=utf-8", "Content-Length": str(len(body)), **_HEADERS}
         if status == 200:
-            about["Set-Cookie"] = f"{guard.cookie}={guard.token}; HttpOnly; SameSite=Strict; Path=/"
-        for name, value in about.items():
+            headers["Set-Cookie"] = f"{guard.cookie}={guard.token}; HttpOnly; SameSite=Strict; Path=/"
+        for name, value in headers.items():
             self.send_header(name, value)
         self.end_headers()
         self.wfile.write(body)

@@ -22,9 +22,9 @@ _SEEN_MARK, _OPEN_MARK = "██", "··"
 def terminal_view(snapshot: Snapshot) -> RenderableType:
     """View of a capture as a rich renderable."""
     now = Text(snapshot.activity, style="bold")
-    said = Text("\n".join(snapshot.lines), style="dim")
+    messages = Text("\n".join(snapshot.lines), style="dim")
     if snapshot.step is None:
-        return Group(now, said)
+        return Group(now, messages)
     turned = "\n".join(
         f"{robot}  " + "  ".join(f"{axis} {angle:.0f}" for axis, angle in zip("xyz", np.degrees(angles), strict=True))
         for robot, angles in snapshot.step.coverage.rotation_ranges_rad.items()
@@ -33,7 +33,7 @@ def terminal_view(snapshot: Snapshot) -> RenderableType:
     table.add_row(Text("covered"), Text("base" if snapshot.sigmas else ""), Text("turned, deg"))
     table.add_row(Text(coverage_rows(snapshot.step.coverage)), Text(sigma_row(snapshot.sigmas)), Text(turned))
     title = f"{snapshot.step.taken} taken, {snapshot.step.planned} planned"
-    parts: list[RenderableType] = [Panel(table, title=title, expand=False), said]
+    parts: list[RenderableType] = [Panel(table, title=title, expand=False), messages]
     parts += [Text(doubt, style="bold red") for doubt in snapshot.doubts]
     if snapshot.advice:
         parts.append(Text(f"next: {snapshot.advice}", style="yellow"))

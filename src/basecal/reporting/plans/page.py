@@ -14,7 +14,7 @@ from basecal.planning.plan import Plan
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch
 from basecal.planning.touches import with_marks
-from basecal.reporting.cell_view.stage import stage, stated_scene
+from basecal.reporting.cell_view.stage import scene_values, stated_scene
 from basecal.reporting.decision.outlook import outlook_figure
 from basecal.reporting.decision.tiles import Tile, error_tile
 from basecal.reporting.statement.verdict import COLOURS, PLACE_WORDS, Headline, tangent_text, two_digits
@@ -43,9 +43,9 @@ def plan_page(
     drawn: dict[str, Any] = {"scene_json": "", "head": (), "ways": ()}
     with suppress(BasecalError):  # a cell without cameras is not drawn
         sketch = sketches(with_marks(cell, plan.marks), calibration)[0]
-        drawn = stage(stated_scene(sketch, plan.samples))
+        drawn = scene_values(stated_scene(sketch, plan.samples))
         drawn["head"] = ["sample", *(f"{robot} goes" for robot in sketch.movers)]
-        drawn["ways"] = list(_ways(sketch, plan.samples))
+        drawn["ways"] = list(_motion_rows(sketch, plan.samples))
     first = plan_headline(plan, tolerance_m)
     return fill_page(
         "plan.html",
@@ -69,15 +69,15 @@ def _tiles(plan: Plan, tolerance_m: float | None) -> Iterator[Tile]:
     yield Tile(str(plan.recorded), "samples recorded")
 
 
-def _ways(sketch: Sketch, samples: tuple[Sample, ...]) -> Iterator[tuple[str, ...]]:
+def _motion_rows(sketch: Sketch, samples: tuple[Sample, ...]) -> Iterator[tuple[str, ...]]:
     """Rows of a table: the number of each sample, and each arm's motion from the previous sample."""
-    for before, after in zip((None, *samples), samples, strict=False):
-        cells = [str(after.sample)]
+    for previous, sample in zip((None, *samples), samples, strict=False):
+        cells = [str(sample.sample)]
         for robot in sketch.movers:
-            if before is None or robot not in before.robots or robot not in after.robots:
+            if previous is None or robot not in previous.robots or robot not in sample.robots:
                 cells.append("")
                 continue
-            start, end = (sketch.base_from_flange(robot, each.robots[robot]) for each in (before, after))
+            start, end = (sketch.base_from_flange(robot, each.robots[robot]) for each in (previous, sample))
             cells.append(tangent_text((start.inverse() @ end).log()))
         yield tuple(cells)
 
@@ -120,15 +120,16 @@ def plan_lines(plan: Plan, tolerance_m: float | None) -> Iterator[str]:
 
 def touch_lines(plan: Plan) -> Iterator[str]:
     """Lines with the positions of new marks, and the touches with tip, mark and flange orientation."""
-    for name, place in plan.marks.items():
-        yield f"Make a mark near ({', '.join(f'{number:.2f}' for number in place)}) m in the reference's base: {name}."
+    for name, position in plan.marks.items():
+        coordinates = ", ".join(f"{number:.2f}" for number in position)
+        yield f"Make a mark near ({coordinates}) m in the reference's base: {name}."
     for sample in plan.samples:
-        for seen in (each for each in sample.observations if isinstance(each, TouchObservation)):
-            (state,), how = sample.robots.values(), ""
+        for touch in (each for each in sample.observations if isinstance(each, TouchObservation)):
+            (state,), orientation = sample.robots.values(), ""
             if state.base_from_flange is not None:
                 angles = degrees(state.base_from_flange.rpy)
-                how = f", flange turned by roll, pitch, yaw {', '.join(f'{angle:.0f}' for angle in angles)} deg"
-            yield f"  touch {seen.mark} with {seen.tip}{how}"
+                orientation = f", flange turned by roll, pitch, yaw {', '.join(f'{angle:.0f}' for angle in angles)} deg"
+            yield f"  touch {touch.mark} with {touch.tip}{orientation}"
 
 
 def _error_words(plan: Plan) -> str:

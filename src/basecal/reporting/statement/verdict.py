@@ -71,25 +71,25 @@ def task_options(calibration: Calibration) -> str:
     return ""
 
 
-def missed_step(cell: Cell, calibration: Calibration, place: str) -> str:
+def missed_step(cell: Cell, calibration: Calibration, quoted_folder: str) -> str:
     """The next step if the error exceeds the tolerance: a plan, or more images of a scene.
 
     Args:
         cell: The calibrated cell.
         calibration: The calibration.
-        place: Folder of the cell, quoted for a shell.
+        quoted_folder: Folder of the cell, quoted for a shell.
     """
     if calibration.settings.get("method") != "scene":
         assert calibration.tolerance is not None
         tolerance = _tolerance_text(calibration.tolerance.asked_m)
-        return f"basecal plan {place} --tolerance {tolerance}{task_options(calibration)} -o plan.jsonl"
+        return f"basecal plan {quoted_folder} --tolerance {tolerance}{task_options(calibration)} -o plan.jsonl"
     drivers = [robot.driver for robot in cell.robots.values()] + [camera.driver for camera in cell.cameras.values()]
     if cell.sees_scene and all(drivers):
-        return f"basecal capture {place} --freedrive"
-    return f"import more images of each arm, then {calibrate_command(cell, calibration, place)}"
+        return f"basecal capture {quoted_folder} --freedrive"
+    return f"import more images of each arm, then {calibrate_command(cell, calibration, quoted_folder)}"
 
 
-def calibrate_command(cell: Cell, calibration: Calibration, place: str) -> str:
+def calibrate_command(cell: Cell, calibration: Calibration, quoted_folder: str) -> str:
     """The command that repeats a calibration with its settings."""
     settings, method = calibration.settings, ""
     if settings.get("method") == "scene":
@@ -99,7 +99,7 @@ def calibrate_command(cell: Cell, calibration: Calibration, place: str) -> str:
     also = " --scene also" if settings.get("joins_scene") else ""
     tolerance_m = settings.get("tolerance_m")
     tolerance = "" if tolerance_m is None else f" --tolerance {_tolerance_text(tolerance_m)}"
-    return f"basecal calibrate {place}{method}{also}{task_options(calibration)}{tolerance}"
+    return f"basecal calibrate {quoted_folder}{method}{also}{task_options(calibration)}{tolerance}"
 
 
 def _tolerance_text(tolerance_m: float) -> str:
@@ -134,12 +134,19 @@ def transform_sentence(name: str, calibration: Calibration) -> str:
 
 def gauge_clause(name: str, calibration: Calibration) -> str:
     """Clause with the part of a transform's sigma due to a gauge, and the fixed parameters; empty if there is none."""
-    held = calibration.gauge_covariances(name)
-    if not held:
+    covariances = calibration.gauge_covariances(name)
+    if not covariances:
         return ""
-    kinds = {kind.replace("_", " ") for gauge in calibration.gauges if gauge.robot in held for kind in gauge.parameters}
-    part = _sigma_text(name, calibration, PoseEstimate(calibration[name].mean, sum(held.values(), np.zeros((6, 6)))))
-    return f", of which {part} by the gauge that holds {' and '.join(sorted(kinds))} of {' and '.join(held)}"
+    kinds = {
+        kind.replace("_", " ")
+        for gauge in calibration.gauges
+        if gauge.robot in covariances
+        for kind in gauge.parameters
+    }
+    part = _sigma_text(
+        name, calibration, PoseEstimate(calibration[name].mean, sum(covariances.values(), np.zeros((6, 6))))
+    )
+    return f", of which {part} by the gauge that holds {' and '.join(sorted(kinds))} of {' and '.join(covariances)}"
 
 
 def _sigma_text(name: str, calibration: Calibration, estimate: PoseEstimate) -> str:
@@ -177,15 +184,15 @@ def held_out_errors(validation: Validation | None) -> list[str]:
 
 def sort_by_severity(findings: Iterable[Finding]) -> list[Finding]:
     """Sort findings: errors, warnings, infos; consequences of other findings last within each."""
-    found = list(findings)
-    too_few = any(f.code == "too-few-samples" for f in found)
+    unsorted = list(findings)
+    too_few = any(f.code == "too-few-samples" for f in unsorted)
 
     def weight(f: Finding) -> tuple[int, bool]:
         """Sort key of a finding."""
         is_cause = too_few and f.severity == "warning" and f.code in _LOSS_CODES
         return _SEVERITY_RANK["error" if is_cause else f.severity], f.code in _CONSEQUENCE_CODES
 
-    return sorted(found, key=weight)
+    return sorted(unsorted, key=weight)
 
 
 def _answer(cell: Cell, calibration: Calibration) -> str:

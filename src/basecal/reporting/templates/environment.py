@@ -22,7 +22,7 @@ _COMPRESSION = 6  # level: half a percent larger than the highest, in two thirds
 _SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
 
 
-class BesideModules(FileSystemBytecodeCache):
+class TemplateCache(FileSystemBytecodeCache):
     """A cache of compiled templates in a folder, by default beside Python's compiled modules."""
 
     def __init__(self, folder: Path = Path(__file__).parent / "__pycache__") -> None:
@@ -35,7 +35,7 @@ class BesideModules(FileSystemBytecodeCache):
                 super().dump_bytecode(bucket)
 
 
-def own_file(name: str) -> str:
+def read_package_file(name: str) -> str:
     """Text of a file of the package `reporting`."""
     return _FOLDER.joinpath(name).read_text(encoding="utf-8")
 
@@ -43,21 +43,21 @@ def own_file(name: str) -> str:
 @lru_cache
 def environment() -> Environment:
     """The environment of this package's templates, which escapes all values."""
-    loader = FunctionLoader(lambda name: own_file(f"templates/{name}"))
+    loader = FunctionLoader(lambda name: read_package_file(f"templates/{name}"))
     # A page is rendered once, for which optimisation of its template takes longer.
-    made = Environment(
+    result = Environment(
         loader=loader,
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         optimized=False,
-        bytecode_cache=BesideModules(),
+        bytecode_cache=TemplateCache(),
     )
-    made.filters["words"] = _mark_code
-    made.filters["sentence"] = _begin_sentence
-    made.filters["breakable"] = lambda name: escape(name).replace("_", Markup("_<wbr>"))
-    return made
+    result.filters["words"] = _mark_code
+    result.filters["sentence"] = _begin_sentence
+    result.filters["breakable"] = lambda name: escape(name).replace("_", Markup("_<wbr>"))
+    return result
 
 
 def fill_part(template: str, **values: Any) -> str:
@@ -74,11 +74,11 @@ def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = Fals
         is_served: Whether the page may send requests to its server.
         values: Values for the template.
     """
-    style, sources = own_file("templates/page.css"), list(map(own_file, scripts))
+    style, sources = read_package_file("templates/page.css"), list(map(read_package_file, scripts))
     scene, packed = [], ""
     if values.setdefault("scene_json", ""):
         source, packed = _packed_scene()
-        sources.insert(0, own_file("templates/unpack.js"))
+        sources.insert(0, read_package_file("templates/unpack.js"))
         scene.append(source)
     allowed = policy(style, sources + scene, is_served)
     marked = list(map(Markup, sources))
@@ -88,7 +88,7 @@ def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = Fals
 @lru_cache
 def _packed_scene() -> tuple[str, str]:
     """Script of the scene, and its compressed form, a quarter of the size, which runs after the page is painted."""
-    source = "\n".join(map(own_file, _SCENE_SCRIPTS))
+    source = "\n".join(map(read_package_file, _SCENE_SCRIPTS))
     return source, base64.b64encode(gzip.compress(source.encode(), _COMPRESSION, mtime=0)).decode()
 
 

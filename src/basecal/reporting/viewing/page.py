@@ -67,12 +67,12 @@ class ViewPage:
         first, views = headline(self.cell, calibration), list(calibration.residuals.per_sample)
         answer: dict[str, Any] = {"error": "", "rows": (), "fit": ""}
         try:
-            found = without_samples(self.cell, self.recording, calibration, excluded)
+            result = without_samples(self.cell, self.recording, calibration, excluded)
         except BasecalError as fault:
             answer["error"] = str(fault)
         else:
-            answer |= {"fit": fit_sentence(found), "rows": list(answer_rows(self.cell, calibration, found))}
-            kept = (each for each in found.residuals.per_sample if each.sample not in excluded)
+            answer |= {"fit": fit_sentence(result), "rows": list(answer_rows(self.cell, calibration, result))}
+            kept = (each for each in result.residuals.per_sample if each.sample not in excluded)
             views = sorted([*kept, *(each for each in views if each.sample in excluded)], key=lambda each: each.sample)
         left_out = [each for each in views if each.sample in excluded]
         figures = [bar_figure(views, quantity, _MOST_BARS, left_out) for quantity in QUANTITIES]
@@ -159,10 +159,10 @@ def answer_rows(cell: Cell, calibration: Calibration, result: WithoutSamples) ->
         if after is None:
             yield name, before, "unobservable in some direction", ""
             continue
-        moved = ""
+        shift = ""
         if run is not None and after is not run:
-            moved = tangent_text((run.mean.inverse() @ after.mean).log())
-        yield name, before, error_text(*after.sigma_norms), moved
+            shift = tangent_text((run.mean.inverse() @ after.mean).log())
+        yield name, before, error_text(*after.sigma_norms), shift
 
 
 def fit_sentence(result: WithoutSamples) -> str:

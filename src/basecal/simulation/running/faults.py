@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from basecal.effects.faces.effect import DEGREE, MILLI, ONE, SECOND, SimulatedFault
 from basecal.effects.registry import EFFECTS
-from basecal.errors import InputError, nearest
+from basecal.errors import InputError, spelling_hint
 
 _PUSHED_EFFECT = "turned by 1 mrad a mm"
 _SIMULATOR_FAULTS = (
@@ -72,7 +72,7 @@ def read_faults(texts: Sequence[str]) -> Faults:
 def _parse_fault(text: str) -> Fault:
     name, _, rest = text.partition("=")
     if name not in FAULTS:
-        raise InputError(f"no fault {name!r}{nearest(name, FAULTS)}; there are: {', '.join(FAULTS)}")
+        raise InputError(f"no fault {name!r}{spelling_hint(name, FAULTS)}; there are: {', '.join(FAULTS)}")
     kind = FAULTS[name]
     size_text, _, moves_text = rest.partition("@")
     try:

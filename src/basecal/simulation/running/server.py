@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError
 
 from basecal.cell.schema.errors import first_problem
 from basecal.errors import BasecalError, InputError
-from basecal.fields.values import Entry, Number, known_names
+from basecal.fields.values import Entry, Number, known_name_validator
 from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.protocol import HOST, LONGEST_LINE_BYTES, MOST_JOINTS, decode, encode
 from basecal.vision.image_file import png_bytes
@@ -29,7 +29,7 @@ class Request(Entry):
     """A request, with all its possible fields."""
 
     token: str
-    do: Annotated[str, known_names("request", REQUESTS)]
+    do: Annotated[str, known_name_validator("request", REQUESTS)]
     robot: str = ""
     camera: str = ""
     on: bool = True

@@ -84,7 +84,7 @@ def read_world(folder: Path, faults: Faults | None = None) -> World:
     if running_data is None:
         message = "this cell has no data to run. Give a new folder, or state the initial joints of its arms"
         raise DatasetError(path, message, field="running.home_joints_rad")
-    running = check_entry(RunningEntry, running_data, path, place=("running",))
+    running = check_entry(RunningEntry, running_data, path, loc=("running",))
     home = {name: np.array(joints) for name, joints in running.home_joints_rad.items()}
     missing = [name for name in cell.transforms if name not in truth]
     if missing:

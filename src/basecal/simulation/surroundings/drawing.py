@@ -18,7 +18,7 @@ import numpy as np
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.rotation import quaternion_from_rotation
 from basecal.simulation.surroundings.model import TRAY, Stage, body_names, mjcf
-from basecal.vision.draw.backdrop import Backdrop, Flat, undistorted_camera
+from basecal.vision.draw.backdrop import Backdrop, UndistortedCamera, undistorted_camera
 
 _OWN_BODY_M = 0.02  # distance to an LED below which a hit is its own body
 _RAY_LIFT_M = np.array([0.0, 0.0, 1e-3])  # [m] above the tray, so that a ray does not start in it
@@ -53,7 +53,7 @@ class Surroundings:
     """Renderer of a stage for one camera, in a single thread, which OpenGL requires."""
 
     def __init__(self, stage: Stage, lens: Camera) -> None:
-        self._flat: Flat = undistorted_camera(lens)
+        self._flat: UndistortedCamera = undistorted_camera(lens)
         self._thread = ThreadPoolExecutor(max_workers=1)
         self._thread.submit(self._open, stage).result()
 

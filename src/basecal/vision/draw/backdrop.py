@@ -39,7 +39,7 @@ class Backdrop:
 
 
 @dataclass(frozen=True, eq=False)
-class Flat:
+class UndistortedCamera:
     """A camera without distortion that covers a lens's field of view, and the lens's pixels in its image.
 
     Attributes:
@@ -62,7 +62,7 @@ class Flat:
         return Backdrop(np.asarray(levels, dtype=np.float32), np.asarray(share, dtype=np.float32))
 
 
-def undistorted_camera(lens: Camera) -> Flat:
+def undistorted_camera(lens: Camera) -> UndistortedCamera:
     """A camera without distortion that covers the field of view of a lens.
 
     Raises:
@@ -72,14 +72,14 @@ def undistorted_camera(lens: Camera) -> Flat:
     focal = float(lens.focal.mean())
     across, down = np.linspace(0, width - 1, _BORDER_POINTS), np.linspace(0, height - 1, _BORDER_POINTS)
     sides = [(u, v) for u in across for v in (0, height - 1)] + [(u, v) for u in (0, width - 1) for v in down]
-    plane, seen = _plane(lens, np.array(sides, dtype=np.float64))
-    reach = 2 * np.ceil(focal * np.abs(plane).max(0)) + 2 if seen else np.full(2, np.inf)
+    plane, is_visible = _plane(lens, np.array(sides, dtype=np.float64))
+    reach = 2 * np.ceil(focal * np.abs(plane).max(0)) + 2 if is_visible else np.full(2, np.inf)
     if not (reach[0] < _LARGEST_WIDENING * width and reach[1] < _LARGEST_WIDENING * height):
         raise InputError("the field of view of the lens is too wide to draw the surroundings")
     size = (int(reach[0]), int(reach[1]))
     v, u = np.mgrid[:height, :width].astype(np.float64)
-    at = focal * _plane(lens, np.stack([u, v], -1))[0] + (np.array(size) - 1) / 2
-    return Flat(focal, size, at[..., 0].astype(np.float32), at[..., 1].astype(np.float32))
+    pixels = focal * _plane(lens, np.stack([u, v], -1))[0] + (np.array(size) - 1) / 2
+    return UndistortedCamera(focal, size, pixels[..., 0].astype(np.float32), pixels[..., 1].astype(np.float32))
 
 
 def _plane(lens: Camera, pixels: Array) -> tuple[Array, bool]:

@@ -9,7 +9,7 @@ import numpy as np
 from basecal.cell.target import Marker, Sheet, Target
 from basecal.errors import InputError
 from basecal.geometry import Array
-from basecal.vision.kinds.ways import black_cells
+from basecal.vision.kinds.preprocessing import black_cells
 
 
 def target_drawing(target: Target) -> tuple[Sheet, ...]:

@@ -48,11 +48,11 @@ def render_light(
     Raises:
         InputError: if the camera has no size.
     """
-    chosen = settings or LightSettings()
-    return expose_light(light_levels(camera, points_in_camera, chosen), chosen, seed)
+    exposure = settings or LightSettings()
+    return expose_light(light_levels(camera, points_in_camera, exposure), exposure, seed)
 
 
-def expose_light(levels: Array, settings: LightSettings, seed: int = 0) -> Image:
+def expose_light(levels: Array, settings: LightSettings, seed: int) -> Image:
     """Add photon and read-out noise to mean levels, round, and clip to the range of the image, (h, w)."""
     rng = np.random.default_rng([seed, 3])
     photons = rng.poisson(np.maximum(levels, 0.0) * settings.photons_per_level)
@@ -71,7 +71,7 @@ def light_levels(camera: Camera, points_in_camera: Array, settings: LightSetting
     points = np.asarray(points_in_camera, dtype=np.float64).reshape(-1, 3)
     for u, v in camera.project(points[Camera(camera.model, camera.parameters).sees(points)]):
         (columns, across), (rows, down) = (
-            _shares(at, settings.spot_px, extent) for at, extent in zip((u, v), size_px, strict=True)
+            _shares(centre, settings.spot_px, extent) for centre, extent in zip((u, v), size_px, strict=True)
         )
         image[rows, columns] += settings.photons / settings.photons_per_level * np.outer(down, across)
     return image

@@ -11,12 +11,12 @@ _INVISIBLE_PX = 0.02  # length of a blur: a tenth of the detectors' resolution
 _LONGEST_PX = 400.0  # length of a blur, above which nothing remains visible
 
 
-def blur_motion(levels: Array, way_px: Array) -> Array:
-    """Average levels, (h, w), along the motion of the image content during the exposure, `way_px`, (2,) [px]."""
-    length = float(np.linalg.norm(way_px))
+def blur_motion(levels: Array, motion_px: Array) -> Array:
+    """Average levels, (h, w), along the motion of the image content during the exposure, `motion_px`, (2,) [px]."""
+    length = float(np.linalg.norm(motion_px))
     if length < _INVISIBLE_PX:
         return levels
-    u, v = np.asarray(way_px) * min(1.0, _LONGEST_PX / length)
+    u, v = np.asarray(motion_px) * min(1.0, _LONGEST_PX / length)
     half = int(np.ceil(max(abs(u), abs(v)) / 2)) + 1
     kernel = np.zeros((2 * half + 1, 2 * half + 1))
     steps = 4 * half + 1

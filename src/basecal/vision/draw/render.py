@@ -77,8 +77,8 @@ def render(
     Raises:
         InputError: if the camera has no size, or the target is not printed.
     """
-    chosen = settings or RenderSettings()
-    return expose(radiance(camera, [(target, camera_from_target)], chosen, seed), chosen, seed)
+    exposure = settings or RenderSettings()
+    return expose(radiance(camera, [(target, camera_from_target)], exposure, seed), exposure, seed)
 
 
 def radiance(camera: Camera, views: Sequence[View], settings: RenderSettings, seed: int = 0) -> Array:
@@ -110,17 +110,17 @@ def paint_targets(fine: Levels, camera: Camera, views: Sequence[View], settings:
         window = _window(paper, fine.shape)
         if window is None:
             continue
-        seen = fine[window]
-        seen += _coverage(paper if facing else paper[:, ::-1], window) * (np.float32(settings.white) - seen)
+        part = fine[window]
+        part += _coverage(paper if facing else paper[:, ::-1], window) * (np.float32(settings.white) - part)
         if not facing:
             continue
         # Discs are polygons of the same area.
         angle = 2 * np.pi * np.arange(_DISC_SIDES) / _DISC_SIDES
         stretch = np.sqrt(np.pi / (_DISC_SIDES / 2 * np.sin(2 * np.pi / _DISC_SIDES)))
         circle = stretch * np.stack([np.cos(angle), np.sin(angle)], -1)
-        rounds = np.asarray(sheet.discs[:, None, :2] + sheet.discs[:, 2, None, None] * circle)
-        black = [_project_edges(camera, camera_from_sheet, loops) for loops in (_boxes(sheet.rectangles), rounds)]
-        seen += np.float32(settings.black - settings.white) * _coverage(np.concatenate(black), window)
+        discs = np.asarray(sheet.discs[:, None, :2] + sheet.discs[:, 2, None, None] * circle)
+        black = [_project_edges(camera, camera_from_sheet, loops) for loops in (_boxes(sheet.rectangles), discs)]
+        part += np.float32(settings.black - settings.white) * _coverage(np.concatenate(black), window)
     return fine
 
 
@@ -217,23 +217,24 @@ def _boxes(rectangles: Array) -> Array:
 
 def _project_edges(camera: Camera, camera_from_sheet: SE3, loops: Array) -> Array:
     """Project loops into the supersampled image as edges, (m, 2, 2), so short that distortion bends none visibly."""
-    shown = Camera(camera.model, camera.parameters).sees(camera_from_sheet @ _plane_levels(loops)).all(axis=1)
-    start = loops[shown]
+    is_visible = Camera(camera.model, camera.parameters).sees(camera_from_sheet @ _points_on_plane(loops)).all(axis=1)
+    start = loops[is_visible]
     end = np.roll(start, -1, axis=1)
-    pixels = camera.project(camera_from_sheet @ _plane_levels(start))
+    pixels = camera.project(camera_from_sheet @ _points_on_plane(start))
     start, end = start.reshape(-1, 2), end.reshape(-1, 2)
     length = np.linalg.norm(np.roll(pixels, -1, axis=1) - pixels, axis=-1).ravel()
     count = np.clip(np.ceil(length / _EDGE_PX), 1, _MOST_CUTS).astype(np.int64)
-    which = np.repeat(np.arange(len(start)), count)
-    step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
+    edge = np.repeat(np.arange(len(start)), count)
+    step = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
     # Weighted so that an edge and its reverse pass through the same points.
-    shares = [((step + k) / count[which])[:, None] for k in (0, 1)]
-    ends = [start[which] * (1 - share) + end[which] * share for share in shares]
-    fine: Array = np.stack([camera.project(camera_from_sheet @ _plane_levels(each)) for each in ends], axis=1)
+    shares = [((step + k) / count[edge])[:, None] for k in (0, 1)]
+    ends = [start[edge] * (1 - share) + end[edge] * share for share in shares]
+    fine: Array = np.stack([camera.project(camera_from_sheet @ _points_on_plane(each)) for each in ends], axis=1)
     return np.asarray((fine + 0.5) * _SUPERSAMPLING - 0.5)
 
 
-def _plane_levels(plane: Array) -> Array:
+def _points_on_plane(plane: Array) -> Array:
+    """Points (..., 3) with z = 0 of points (..., 2) of a sheet."""
     return np.concatenate([plane, np.zeros((*plane.shape[:-1], 1))], axis=-1)
 
 
@@ -251,12 +252,12 @@ def coverage(outlines: Array, size_px: tuple[int, int]) -> Array:
     pieces = _cut(_cut(edges[inside], axis=1), axis=0)
     middle = pieces.mean(axis=1)
     row = np.floor(middle[:, 1]).astype(np.int64)
-    seen = (row >= 0) & (row < height) & (middle[:, 0] < width)
-    x, row, rise = np.maximum(middle[seen, 0], 0.0), row[seen], (pieces[:, 1, 1] - pieces[:, 0, 1])[seen]
+    is_inside = (row >= 0) & (row < height) & (middle[:, 0] < width)
+    x, row, rise = np.maximum(middle[is_inside, 0], 0.0), row[is_inside], (pieces[:, 1, 1] - pieces[:, 0, 1])[is_inside]
     column = np.floor(x).astype(np.int64)
     right = rise * (x - column)
-    at = row * (width + 1) + column
-    total = np.bincount(at, rise - right, height * (width + 1)) + np.bincount(at + 1, right, height * (width + 1))
+    index = row * (width + 1) + column
+    total = np.bincount(index, rise - right, height * (width + 1)) + np.bincount(index + 1, right, height * (width + 1))
     return -np.cumsum(total.reshape(height, width + 1)[:, :width], axis=1)
 
 
@@ -265,14 +266,14 @@ def _cut(edges: Array, axis: int) -> Array:
     low, high = np.sort(edges[:, :, axis], axis=1).T
     first = np.floor(low)
     count = np.maximum(np.ceil(high) - first, 1).astype(np.int64)
-    which = np.repeat(np.arange(len(edges)), count)
-    step = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
-    start, end = edges[which, 0], edges[which, 1]
+    edge = np.repeat(np.arange(len(edges)), count)
+    step = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    start, end = edges[edge, 0], edges[edge, 1]
     rising = end[:, axis] >= start[:, axis]
     # Pieces are counted from the low end, in reverse for a falling edge.
-    floor, top = low[which], high[which]
-    below = np.clip(first[which] + step, floor, top)
-    above = np.clip(first[which] + step + 1, floor, top)
+    floor, top = low[edge], high[edge]
+    below = np.clip(first[edge] + step, floor, top)
+    above = np.clip(first[edge] + step + 1, floor, top)
     length = np.where(top > floor, top - floor, 1.0)
     enter, leave = (np.where(rising, below, above), np.where(rising, above, below))
     origin = start[:, axis]

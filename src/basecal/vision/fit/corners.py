@@ -21,9 +21,7 @@ BOARD_ARM_PX = 7.0
 """Arms along lines that extend in both directions. With 12 px, distortion of k1 = -0.35 makes errors exceed sigmas by
 25 %."""
 
-_GUARD_SIGMAS = (
-    2.0  # sigmas of the point spread; an edge beyond that changes a level by less than a fortieth of its step
-)
+_GUARD_SIGMAS = 2.0  # of the point spread: an edge beyond that changes a level by less than a fortieth of its step
 _START_SPREAD_PX = 1.0  # [px] initial point spread: a sharp camera has half of it, a soft one twice
 _MODEL_ERROR_PX = 0.0015  # rms error of a corner in rendered images without noise
 _SHARP_ERROR_PX = 0.075  # rms error without noise and blur for lines along pixels; see `test_found_flat_and_sharp`
@@ -91,7 +89,7 @@ def refine_corners(image: Levels, shape: Shape, start: Array, axes: Array, windo
     if not len(start):
         return Corners(start, np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0))
     context, q = _Context(image, shape, axes, window), _parameters(start, axes)
-    q[:, 4:] = _lens(image, shape, start, axes, window)
+    q[:, 4:] = _estimate_blur(image, shape, start, axes, window)
     rough = _fit_corners(context, q, held_count=1, tolerance=_ROUGH_SHARE)
     # Repeat the fit in windows around the refined corners.
     q[:, :4] = np.where(_accepted_fits(rough, start)[:, None], rough.shape[:, :4], q[:, :4])
@@ -115,7 +113,7 @@ def _pixel_error_px(shape: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(of_lines**2, axis=1)) * np.exp(-2 * np.pi**2 * blur))
 
 
-def _lens(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Array:
+def _estimate_blur(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Array:
     """Median log spread and sharpening of some corners, (2,); a single corner hardly separates the two."""
     some = slice(None, None, max(1, len(start) // _SPREAD_CORNERS))
     start, axes = start[some], axes[some]
@@ -155,7 +153,7 @@ class _Context:
 def _fit_corners(context: _Context, q: Array, held_count: int, tolerance: float = CONVERGED_SIGMAS) -> Fit:
     """Fit corners, with covariance from the noise of the residuals; a rough fit uses a fifth of the pixels."""
     middle = np.rint(q[:, :2])
-    used = _pixels(context, q, middle, _THINNING if tolerance == _ROUGH_SHARE else 1)
+    used = _cross_patches(context, q, middle, _THINNING if tolerance == _ROUGH_SHARE else 1)
     fit = fit_shapes(
         context.shape,
         np.column_stack([q[:, :2] - middle, q[:, 2:]]),
@@ -167,24 +165,25 @@ def _fit_corners(context: _Context, q: Array, held_count: int, tolerance: float 
     weights = used.weights
     freedom = np.maximum((weights > 0).sum(axis=1) - q.shape[1] - fit.light.shape[1], 1)
     noise = (weights * fit.residuals**2).sum(axis=1) / freedom
-    moved = np.column_stack([fit.shape[:, :2] + middle, fit.shape[:, 2:]])
+    shape = np.column_stack([fit.shape[:, :2] + middle, fit.shape[:, 2:]])
     covariance = fit.covariance * noise[:, None, None]
-    enough = fit.converged & (np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise)) & (freedom > _LEAST_FREEDOMS)
-    return Fit(moved, fit.light, covariance, fit.residuals, enough)
+    has_contrast = np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise)
+    converged = fit.converged & has_contrast & (freedom > _LEAST_FREEDOMS)
+    return Fit(shape, fit.light, covariance, fit.residuals, converged)
 
 
-def _pixels(context: _Context, q: Array, middle: Array, thinning: int) -> Patches:
+def _cross_patches(context: _Context, q: Array, middle: Array, thinning: int) -> Patches:
     """Pixels in the crosses of corners, relative to `middle`; thinned if enough remain."""
     patches = cut_patches(context.image, middle, int(np.ceil(_DIAGONAL_FACTOR * context.window.arm_px)), thinning)
     weights = patches.weights * _cross_mask(context, q, q[:, :2] - middle, patches.xy)
     used = pack_patches(patches, weights)
     few = thinning > 1 and (used.weights > 0).sum(axis=1).min() < _LEAST_THINNED_PIXELS
-    return _pixels(context, q, middle, 1) if few else used
+    return _cross_patches(context, q, middle, 1) if few else used
 
 
-def _cross_mask(context: _Context, q: Array, places: Array, xy: Array) -> BoolArray:
-    """Mask of positions, `xy`, (n, p, 2), in the crosses of corners at `places`, (n, 2)."""
-    offset = xy - places[:, None]
+def _cross_mask(context: _Context, q: Array, corners: Array, xy: Array) -> BoolArray:
+    """Mask of positions, `xy`, (n, p, 2), in the crosses of corners at `corners`, (n, 2)."""
+    offset = xy - corners[:, None]
     to_pitches = np.linalg.inv(context.axes)[:, None]
     pitches = [offset[..., 0] * to_pitches[..., 0, k] + offset[..., 1] * to_pitches[..., 1, k] for k in range(2)]
     length = np.linalg.norm(context.axes, axis=2)
@@ -196,10 +195,10 @@ def _cross_mask(context: _Context, q: Array, places: Array, xy: Array) -> BoolAr
     arm = np.minimum(context.window.arm, context.window.arm_px / length)
     both_positive = (pitches[0] > 0) & (pitches[1] > 0)
     near, within = np.zeros_like(both_positive), np.ones_like(both_positive)
-    for k, along in enumerate(pitches):
-        size = np.abs(along)
+    for k, coordinate in enumerate(pitches):
+        size = np.abs(coordinate)
         near |= size < np.where(both_positive, inside[:, k, None], outside[:, k, None])
-        within &= (size < arm[:, k, None]) & (along > before[:, k, None])
+        within &= (size < arm[:, k, None]) & (coordinate > before[:, k, None])
     return np.asarray(near & within)
 
 
@@ -215,8 +214,8 @@ def cut_patches(image: Levels, middle: Array, reach: int, thinning: int = 1) -> 
     column, row = np.moveaxis(middle.astype(np.int64)[:, None] + xy, -1, 0)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     values = image[row.clip(0, height - 1), column.clip(0, width - 1)].astype(np.float64)
-    places = np.broadcast_to(xy.astype(np.float64), (*column.shape, 2)).copy()
-    return Patches(places, values, inside.astype(np.float64))
+    positions = np.broadcast_to(xy.astype(np.float64), (*column.shape, 2)).copy()
+    return Patches(positions, values, inside.astype(np.float64))
 
 
 def _accepted_fits(fit: Fit, start: Array) -> BoolArray:

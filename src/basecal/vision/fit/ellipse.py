@@ -28,13 +28,13 @@ class Ellipse:
 
     def linearise_shape(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
         """See `Shape`."""
-        at = _ellipse_terms(q, xy)
+        terms = _ellipse_terms(q, xy)
         # Derivatives of z = s r (1 - r) / |o| to r^2 and |o|^2, with r^2 = offset . o and o = G offset.
-        by_square = at.sharpness * (1 - 2 * at.radius) / (2 * at.radius * at.size)
-        by_size = -0.5 * at.z / at.size**2
-        u, v = at.offset
-        du, dv = at.outward
-        g11, g12, g22 = at.metric
+        by_square = terms.sharpness * (1 - 2 * terms.radius) / (2 * terms.radius * terms.size)
+        by_size = -0.5 * terms.z / terms.size**2
+        u, v = terms.offset
+        du, dv = terms.outward
+        g11, g12, g22 = terms.metric
         rows = [by_square * -2 * du - 2 * by_size * (du * g11 + dv * g12)]
         rows.append(by_square * -2 * dv - 2 * by_size * (du * g12 + dv * g22))
         uu, uv, vv = u * u, 2 * u * v, v * v
@@ -44,12 +44,12 @@ class Ellipse:
             h11, h12, h22 = _entries((more @ more - less @ less) / (2 * _DIFFERENCE_STEP))
             of_size = 2 * (du * (u * h11 + v * h12) + dv * (u * h12 + v * h22))
             rows.append(by_square * (uu * h11 + uv * h12 + vv * h22) + by_size * of_size)
-        rows.append(-at.z * (np.abs(q[:, 5:6]) < _MOST_LOG))
-        height = np.exp(-0.5 * at.z**2) / np.sqrt(2 * np.pi)
-        return np.asarray(ndtr(at.z)), np.stack([height * row for row in rows[:free]], axis=1)
+        rows.append(-terms.z * (np.abs(q[:, 5:6]) < _MOST_LOG))
+        height = np.exp(-0.5 * terms.z**2) / np.sqrt(2 * np.pi)
+        return np.asarray(ndtr(terms.z)), np.stack([height * row for row in rows[:free]], axis=1)
 
 
-class _Seen(NamedTuple):
+class _EllipseTerms(NamedTuple):
     """Terms at positions near ellipses, (n, p) each.
 
     Attributes:
@@ -71,7 +71,7 @@ class _Seen(NamedTuple):
     sharpness: Array
 
 
-def _ellipse_terms(q: Array, xy: Array) -> _Seen:
+def _ellipse_terms(q: Array, xy: Array) -> _EllipseTerms:
     u, v = xy[..., 0] - q[:, :1], xy[..., 1] - q[:, 1:2]
     matrix = _symmetric_exp(-q[:, 2], -q[:, 3], -q[:, 4])
     g11, g12, g22 = _entries(matrix @ matrix)
@@ -79,7 +79,8 @@ def _ellipse_terms(q: Array, xy: Array) -> _Seen:
     radius = np.maximum(np.sqrt(np.maximum(u * du + v * dv, 0.0)), _LEAST_DIVISOR)
     size = np.maximum(np.hypot(du, dv), _LEAST_DIVISOR * radius)
     sharpness = np.exp(-np.clip(q[:, 5:6], -_MOST_LOG, _MOST_LOG))
-    return _Seen(sharpness * radius * (1 - radius) / size, radius, size, (u, v), (du, dv), (g11, g12, g22), sharpness)
+    z = sharpness * radius * (1 - radius) / size
+    return _EllipseTerms(z, radius, size, (u, v), (du, dv), (g11, g12, g22), sharpness)
 
 
 def _entries(matrix: Array) -> tuple[Array, Array, Array]:

@@ -12,11 +12,11 @@ _RIDGE = 1e-9  # in squared pitches of one point: only collinear points need it
 _CUBIC_RIDGE = 1e-6  # in squared pitches of one point: a grid of two rows has no second derivative across them
 
 
-def local_axes(place: Array, plane: Array, pixels: Array, pitch: float) -> Array:
+def local_axes(points: Array, plane: Array, pixels: Array, pitch: float) -> Array:
     """Images of a pitch along x and along y of a plane, at given points of the plane.
 
     Args:
-        place: Points of the plane, (n, 2) [m].
+        points: Points of the plane, (n, 2) [m].
         plane: Known points, (m, 2) [m], three or more and not collinear.
         pixels: Images of the known points, (m, 2) [px].
         pitch: Length [m], also the scale of the weight exp(-(distance / pitch)^2 / 2) of known points.
@@ -24,7 +24,7 @@ def local_axes(place: Array, plane: Array, pixels: Array, pitch: float) -> Array
     Returns:
         (n, 2, 2) [px], a row for each axis.
     """
-    offset = (plane[None] - place[:, None]) / pitch
+    offset = (plane[None] - points[:, None]) / pitch
     weight = np.exp(-0.5 * (offset**2).sum(axis=2)) + _FAR_WEIGHT
     basis = np.concatenate([offset, np.ones((*offset.shape[:2], 1))], axis=2)
     weighted = np.swapaxes(basis * weight[..., None], 1, 2)

@@ -95,14 +95,14 @@ def fit_shapes(
         held_count: Number of last parameters that are fixed.
         tolerance: Convergence tolerance relative to the residuals' norm.
     """
-    pieces = _Pieces(shape, patches, has_slope, start.shape[1] - held_count)
-    optima = levenberg_marquardt(pieces, start, Criteria(_FIT_ROUNDS, tolerance=tolerance))
-    lit = pieces.fit_light(shape(optima.state, patches.xy))
+    system = _PatchSystem(shape, patches, has_slope, start.shape[1] - held_count)
+    optima = levenberg_marquardt(system, start, Criteria(_FIT_ROUNDS, tolerance=tolerance))
+    lit = system.fit_light(shape(optima.state, patches.xy))
     covariance = np.asarray(np.linalg.inv(_add_ridge(optima.linearisation.hessian)), dtype=np.float64)
     return Fit(optima.state, lit.light, covariance, lit.residuals, optima.converged)
 
 
-class _Lit(NamedTuple):
+class _Illuminated(NamedTuple):
     """Patches with fitted illumination: its basis (n, 2 or 4, p), its coefficients (n, 2 or 4), residuals (n, p)."""
 
     basis: Array
@@ -111,7 +111,7 @@ class _Lit(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Pieces:
+class _PatchSystem:
     """Patches and the first `free` parameters of their shapes, as a `System` for Levenberg-Marquardt."""
 
     shape: Shape
@@ -136,18 +136,18 @@ class _Pieces:
         """See `System`."""
         return q + np.pad(step, ((0, 0), (0, q.shape[1] - step.shape[1])))
 
-    def take(self, rows: IntArray) -> _Pieces:
+    def take(self, rows: IntArray) -> _PatchSystem:
         """See `System`."""
-        return _Pieces(self.shape, self.patches[rows], self.sloped, self.free)
+        return _PatchSystem(self.shape, self.patches[rows], self.sloped, self.free)
 
-    def fit_light(self, values: Array) -> _Lit:
+    def fit_light(self, values: Array) -> _Illuminated:
         """Fit the illumination for given values of the shapes, (n, p)."""
         patches = self.patches
         slopes = [patches.xy[..., 0], patches.xy[..., 1]] if self.sloped else []
         basis = np.stack([values, np.ones_like(values), *slopes], axis=1)
         weighted = basis * patches.weights[:, None]
         light = _solve_systems(weighted @ np.swapaxes(basis, 1, 2), weighted @ patches.values[..., None])[..., 0]
-        return _Lit(basis, light, patches.values - (light[:, None] @ basis)[:, 0])
+        return _Illuminated(basis, light, patches.values - (light[:, None] @ basis)[:, 0])
 
 
 def _solve_systems(matrix: Array, right: Array) -> Array:

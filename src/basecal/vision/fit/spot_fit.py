@@ -19,7 +19,7 @@ from basecal.numerics.levenberg_marquardt import Criteria, Quadratic, levenberg_
 
 _ROUNDING_VARIANCE = 1 / 12
 _ROUGH_ROUNDS = 12  # twice the number for an initial error of one pixel
-_NEAR_SIGMAS = 1.0  # tolerance of the unweighted fit; the weighted rounds then converge to 1e-6 px
+_ROUGH_SIGMAS = 1.0  # tolerance of the unweighted fit; the weighted rounds then converge to 1e-6 px
 _WEIGHTED_ROUNDS = 3
 _MOST_LOG_WIDTH = 5.0  # largest absolute log width in pixels: beyond, the patch has no spot
 _DENSITY = 1 / math.sqrt(2 * math.pi)
@@ -37,7 +37,7 @@ class Spot(NamedTuple):
     brightness: float
 
 
-class _At(NamedTuple):
+class _Linearisation(NamedTuple):
     """Levels of the spot without background, (p,), residuals, (p,), and the Jacobian, (6, p), at parameters."""
 
     level: Array
@@ -59,34 +59,34 @@ def fit_spot(levels: Array, mask: BoolArray, start: tuple[float, float, float]) 
     weights = mask.ravel().astype(np.float64)
     if weights.sum() < 2 * len(q):
         return None
-    near = Criteria(_ROUGH_ROUNDS, max(float(weights.sum()) - len(q), 1.0), tolerance=_NEAR_SIGMAS)
-    q = levenberg_marquardt(_Piece(levels, weights), q[None], near).state[0]
-    at = _linearise_spot(q, levels)
-    covariance = _inverse((at.jacobian * weights) @ at.jacobian.T)
+    stop = Criteria(_ROUGH_ROUNDS, max(float(weights.sum()) - len(q), 1.0), tolerance=_ROUGH_SIGMAS)
+    q = levenberg_marquardt(_SpotSystem(levels, weights), q[None], stop).state[0]
+    linearisation = _linearise_spot(q, levels)
+    covariance = _inverse((linearisation.jacobian * weights) @ linearisation.jacobian.T)
     for _ in range(_WEIGHTED_ROUNDS):
         if covariance is None:
             return None
-        weights = np.where(weights > 0, 1 / _variance(at, weights, covariance), 0.0)
-        weighted = at.jacobian * weights
-        covariance = _inverse(weighted @ at.jacobian.T)
+        weights = np.where(weights > 0, 1 / _variance(linearisation, weights, covariance), 0.0)
+        weighted = linearisation.jacobian * weights
+        covariance = _inverse(weighted @ linearisation.jacobian.T)
         if covariance is not None:
-            q = q + covariance @ (weighted @ at.residuals)
-            at = _linearise_spot(q, levels)
+            q = q + covariance @ (weighted @ linearisation.residuals)
+            linearisation = _linearise_spot(q, levels)
     if covariance is None or not np.all(np.isfinite(q)) or np.abs(q[2:4]).max() > _MOST_LOG_WIDTH:
         return None
-    sigma = np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2 * _variance_factor(at, weights))
+    sigma = np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2 * _variance_factor(linearisation, weights))
     x, y, log_width_x, log_width_y, brightness, _ = q.tolist()
     return Spot(x, y, float(sigma), math.exp(log_width_x), math.exp(log_width_y), brightness)
 
 
-def _variance_factor(fit: _At, weights: Array) -> float:
+def _variance_factor(linearisation: _Linearisation, weights: Array) -> float:
     """Factor of the position's variance, since the noise is estimated from few pixels.
 
     The factor is that of Student's t distribution, with the effective number of pixels that determine the position as
     degrees of freedom.
     """
-    held = weights * (fit.jacobian[0] ** 2 + fit.jacobian[1] ** 2)
-    freedom = max(float(held.sum() ** 2 / (held @ held)), 4.0)
+    information = weights * (linearisation.jacobian[0] ** 2 + linearisation.jacobian[1] ** 2)
+    freedom = max(float(information.sum() ** 2 / (information @ information)), 4.0)
     return freedom / (freedom - 2)
 
 
@@ -97,7 +97,7 @@ def _inverse(matrix: Array) -> Array | None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Piece:
+class _SpotSystem:
     """A patch with fixed weights, as a `System` with a batch of one for Levenberg-Marquardt."""
 
     levels: Array
@@ -105,21 +105,23 @@ class _Piece:
 
     def linearise(self, q: Array) -> Quadratic:
         """See `System`."""
-        at = _linearise_spot(q[0], self.levels)
-        weighted = at.jacobian * self.weights
-        cost = self.weights @ at.residuals**2
-        return Quadratic(cost[None], -(weighted @ at.residuals)[None], (weighted @ at.jacobian.T)[None])
+        linearisation = _linearise_spot(q[0], self.levels)
+        weighted = linearisation.jacobian * self.weights
+        cost = self.weights @ linearisation.residuals**2
+        return Quadratic(
+            cost[None], -(weighted @ linearisation.residuals)[None], (weighted @ linearisation.jacobian.T)[None]
+        )
 
     def retract(self, q: Array, model: Quadratic, step: Array) -> Array:
         """See `System`."""
         return q + step
 
-    def take(self, rows: IntArray) -> _Piece:
+    def take(self, rows: IntArray) -> _SpotSystem:
         """See `System`."""
         return self
 
 
-def _linearise_spot(q: Array, levels: Array) -> _At:
+def _linearise_spot(q: Array, levels: Array) -> _Linearisation:
     height, width = levels.shape
     (across, d_x, d_width), (down, d_y, d_height) = _shares(q[0], q[2], width), _shares(q[1], q[3], height)
     brightness = q[4]
@@ -133,7 +135,7 @@ def _linearise_spot(q: Array, levels: Array) -> _At:
     jacobian[5] = 1.0
     flat = jacobian.reshape(6, -1)
     level = brightness * flat[4]
-    return _At(level, levels.ravel() - level - q[5], flat)
+    return _Linearisation(level, levels.ravel() - level - q[5], flat)
 
 
 def _shares(centre: float, log_width: float, count: int) -> tuple[Array, Array, Array]:
@@ -146,14 +148,14 @@ def _shares(centre: float, log_width: float, count: int) -> tuple[Array, Array, 
     return share[1:] - share[:-1], inverse * (density[:-1] - density[1:]), d_width[:-1] - d_width[1:]
 
 
-def _variance(fit: _At, weights: Array, covariance: Array) -> Array:
+def _variance(linearisation: _Linearisation, weights: Array, covariance: Array) -> Array:
     """Variance of each pixel, (p,), linear in the spot's level: maximum likelihood by Fisher scoring.
 
     Squared residuals are corrected by the leverage of their pixels.
     """
-    leverage = weights * ((covariance @ fit.jacobian) * fit.jacobian).sum(axis=0)
-    level, count = np.maximum(fit.level, 0.0), weights > 0
-    squared = fit.residuals**2 / np.maximum(1 - leverage, 0.05)
+    leverage = weights * ((covariance @ linearisation.jacobian) * linearisation.jacobian).sum(axis=0)
+    level, count = np.maximum(linearisation.level, 0.0), weights > 0
+    squared = linearisation.residuals**2 / np.maximum(1 - leverage, 0.05)
     dark = count & (level < 0.02 * level.max())
     floor, slope = (
         max(float(squared[dark].mean() if dark.sum() > 8 else np.median(squared[count])), _ROUNDING_VARIANCE),

@@ -15,7 +15,14 @@ from basecal.vision.detection import Detection, Image, eight_bit, make_detection
 from basecal.vision.fit.corner_shapes import saddle
 from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refine_corners
 from basecal.vision.fit.local_map import local_axes
-from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best_result, charuco_board, marker_corners
+from basecal.vision.kinds.preprocessing import (
+    MARKER_PREPROCESSINGS,
+    Grey,
+    Preprocessing,
+    best_result,
+    charuco_board,
+    marker_corners,
+)
 
 _ARM_SQUARES = 0.7  # squares, which excludes the next corner and its blur
 _ENOUGH_SHARE = 0.7  # of the corners: with fewer the board may be blurred, dark or small, and other ways are tried
@@ -33,20 +40,22 @@ def detect(image: Image, target: Target) -> Detection | None:
     """
     rough = best_result(
         eight_bit(image),
-        MARKER_WAYS,
-        partial(_read, cv2.aruco.CharucoDetector(charuco_board(target))),
+        MARKER_PREPROCESSINGS,
+        partial(_detect_rough, cv2.aruco.CharucoDetector(charuco_board(target))),
         _ENOUGH_SHARE * len(target.ids),
     )
     if rough is None:
         return None
-    at, printed = target.points[rough.ids, :2], marker_corners(target)
-    own = rough.marker_ids < len(printed)  # OpenCV also lists markers of the dictionary that the board does not have
-    by_marker, markers = printed[rough.marker_ids[own]].reshape(-1, 2), rough.markers.reshape(-1, 4, 2)[own]
-    plane, pixels = np.concatenate([at, by_marker]), np.concatenate([rough.corners, markers.reshape(-1, 2)])
+    corner_points, marker_plane = target.points[rough.ids, :2], marker_corners(target)
+    own = rough.marker_ids < len(marker_plane)  # OpenCV also lists markers that the board does not have
+    marker_points = marker_plane[rough.marker_ids[own]].reshape(-1, 2)
+    marker_pixels = rough.markers.reshape(-1, 4, 2)[own].reshape(-1, 2)
+    plane = np.concatenate([corner_points, marker_points])
+    pixels = np.concatenate([rough.corners, marker_pixels])
     pitch = float(target.options["square_m"])
     gap = (1 - target.options["marker_m"] / pitch) / 2
     window = Window(arm_px=BOARD_ARM_PX, arm=_ARM_SQUARES, inside=gap, outside=gap, before=1.0)
-    fitted = refine_corners(image, saddle, rough.corners, local_axes(at, plane, pixels, pitch), window)
+    fitted = refine_corners(image, saddle, rough.corners, local_axes(corner_points, plane, pixels, pitch), window)
     kept = fitted.trusted
     return make_detection(rough.ids[kept], fitted.pixels[kept], fitted.sigma_px[kept])
 
@@ -64,11 +73,12 @@ class _Rough:
         return len(self.ids)
 
 
-def _read(detector: Any, image: Grey, way: Way) -> _Rough:
+def _detect_rough(detector: Any, image: Grey, preprocessing: Preprocessing) -> _Rough:
     corners, ids, markers, marker_ids = detector.detectBoard(image)
     if ids is None or marker_ids is None:
         ids, corners, marker_ids, markers = (), (), (), ()
-    return _Rough(_numbers(ids), way.places(corners), _numbers(marker_ids), way.places(markers))
+    pixels, marker_pixels = preprocessing.original_pixels(corners), preprocessing.original_pixels(markers)
+    return _Rough(_numbers(ids), pixels, _numbers(marker_ids), marker_pixels)
 
 
 def _numbers(ids: object) -> IntArray:

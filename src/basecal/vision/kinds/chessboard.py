@@ -20,17 +20,17 @@ from basecal.vision.detection import Detection, Image, eight_bit, make_detection
 from basecal.vision.fit.corner_shapes import saddle
 from basecal.vision.fit.corners import BOARD_ARM_PX, Corners, Window, refine_corners
 from basecal.vision.fit.local_map import grid_axes, orient_grid
-from basecal.vision.kinds.ways import Way
+from basecal.vision.kinds.preprocessing import Preprocessing
 
 _FEWEST_CORNERS = 3  # corners per side of the smallest board that OpenCV searches
 # Fastest first, with OpenCV's flags. Normalisation helps with uneven light, but loses boards in even light. Half scale
 # takes a quarter of the time; if it misses a corner, the full scale is searched.
-_WAYS = (
-    (Way(0.5), 0),
-    (Way(0.5), cv2.CALIB_CB_NORMALIZE_IMAGE),
-    (Way(1.0), 0),
-    (Way(1.0), cv2.CALIB_CB_NORMALIZE_IMAGE),
-    (Way(2.0, stretched=True), 0),
+_PREPROCESSINGS = (
+    (Preprocessing(0.5), 0),
+    (Preprocessing(0.5), cv2.CALIB_CB_NORMALIZE_IMAGE),
+    (Preprocessing(1.0), 0),
+    (Preprocessing(1.0), cv2.CALIB_CB_NORMALIZE_IMAGE),
+    (Preprocessing(2.0, stretched=True), 0),
 )
 _LEAST_SHARE = 0.5  # of the corners
 _ARM_SQUARES = 0.7  # squares, which excludes the next corner and its blur
@@ -55,12 +55,12 @@ def detect(image: Image, target: Target) -> Detection | None:
             f"a chessboard of {columns} x {rows} inner corners cannot be found; expected {_FEWEST_CORNERS} or more"
         )
     fitted: Corners | None = None
-    for way, corners in _grids(eight_bit(image), (columns, rows)):
+    for preprocessing, corners in _grids(eight_bit(image), (columns, rows)):
         grid = orient_grid(corners.reshape(rows, columns, 2))
-        once = refine_corners(image, saddle, grid.reshape(-1, 2), grid_axes(grid), _CORNER_WINDOW)
-        if fitted is None or once.trusted.sum() > fitted.trusted.sum():
-            fitted = once
-        if way.scale >= 1 or fitted.trusted.all():
+        candidate = refine_corners(image, saddle, grid.reshape(-1, 2), grid_axes(grid), _CORNER_WINDOW)
+        if fitted is None or candidate.trusted.sum() > fitted.trusted.sum():
+            fitted = candidate
+        if preprocessing.scale >= 1 or fitted.trusted.all():
             break
     # On a board with marks in its squares, such as a ChArUco board, few corners can be trusted.
     if fitted is None or fitted.trusted.sum() < _LEAST_SHARE * len(target.ids):
@@ -68,17 +68,17 @@ def detect(image: Image, target: Target) -> Detection | None:
     row, column = np.indices((rows, columns))
     # Gains with the sign of the first corner: positive if its outer square is bright.
     outward = fitted.gain.reshape(rows, columns) * (-1.0) ** (row + column)
-    turned = (columns + rows) % 2 and np.median(outward) > 0
-    ids, kept = target.ids[::-1] if turned else target.ids, fitted.trusted
+    is_reversed = (columns + rows) % 2 and np.median(outward) > 0
+    ids, kept = target.ids[::-1] if is_reversed else target.ids, fitted.trusted
     return make_detection(ids[kept], fitted.pixels[kept], fitted.sigma_px[kept])
 
 
-def _grids(image: NDArray[np.uint8], size: tuple[int, int]) -> Iterator[tuple[Way, Array]]:
+def _grids(image: NDArray[np.uint8], size: tuple[int, int]) -> Iterator[tuple[Preprocessing, Array]]:
     """OpenCV's corners, (n, 2) [px], from each way that finds all of them; only the first way of each scale."""
     scale = 0.0
-    for way, flags in _WAYS:
-        if way.scale != scale and way.suits(image):
-            seen, corners = cv2.findChessboardCornersSB(way.apply(image), size, flags=flags)
-            if seen:
-                scale = way.scale
-                yield way, way.places(corners)
+    for preprocessing, flags in _PREPROCESSINGS:
+        if preprocessing.scale != scale and preprocessing.suits(image):
+            is_found, corners = cv2.findChessboardCornersSB(preprocessing.apply(image), size, flags=flags)
+            if is_found:
+                scale = preprocessing.scale
+                yield preprocessing, preprocessing.original_pixels(corners)

@@ -20,19 +20,24 @@ from basecal.vision.fit.corners import cut_patches
 from basecal.vision.fit.ellipse import ellipse
 from basecal.vision.fit.local_map import local_axes, local_homographies
 from basecal.vision.fit.patch_fit import Patches, fit_shapes, pack_patches
-from basecal.vision.kinds.ways import Grey, Way, best_result
+from basecal.vision.kinds.preprocessing import Grey, Preprocessing, best_result
 
 _MODEL_ERROR_PX = 0.0007  # of a centre in rendered images without noise and distortion
-_BENT_SHARE = 0.05  # uncertain share of the correction for distortion
+_DISTORTION_SHARE = 0.05  # uncertain share of the correction for distortion
 _LEAST_REACH_PX, _MOST_REACH_PX = 4, 40  # half side of a window: enough for an outline, bounded for run time
 _MOST_MOVED_PX = 3.0  # from OpenCV's centre, beyond which it is not the disc
 # For typical images, dark or noisy ones, blurred ones, and small targets.
-_WAYS = (Way(), Way(0.5, stretched=True), Way(stretched=True, sharpened=True), Way(2.0, stretched=True))
+_PREPROCESSINGS = (
+    Preprocessing(),
+    Preprocessing(0.5, stretched=True),
+    Preprocessing(stretched=True, sharpened=True),
+    Preprocessing(2.0, stretched=True),
+)
 _MOST_BLOBS = 10  # per circle: with more OpenCV needs minutes and finds no grid
 _FEWEST_DISCS = 4  # that determine a homography
 _LEAST_AREA_PX2 = 12.0  # of a disc, four pixels wide: smaller ones have no outline to fit
 _LARGEST_SHARE = 0.05  # of the image, for a disc of a grid of at least four
-_LEAST_APART_PX = 3.0  # between centres of discs: less than the distance of any two such discs
+_LEAST_DISTANCE_PX = 3.0  # between centres of discs: less than the distance of any two such discs
 _LEAST_CONTRAST = 3.0  # of a disc to the paper, in sigmas of a pixel's noise
 # Residual beyond noise, as a share of the print's contrast: 0.02 for discs, 0.15 and more for squares.
 _MOST_SHARED_RESIDUAL = 0.1
@@ -55,7 +60,7 @@ def detect(image: Image, target: Target) -> Detection | None:
 
 
 def _detect_dark(image: Image, target: Target) -> Detection | None:
-    centres = best_result(eight_bit(image), _WAYS, partial(_centres, target), len(target.ids))
+    centres = best_result(eight_bit(image), _PREPROCESSINGS, partial(_centres, target), len(target.ids))
     if centres is None:
         return None
     plane, spacing = target.points[:, :2], float(target.options["spacing_m"])
@@ -65,16 +70,17 @@ def _detect_dark(image: Image, target: Target) -> Detection | None:
         centres = centres.reshape(rows, columns, 2)[::-1].reshape(-1, 2)
     outlines = _fit_outlines(image, target, centres)
     kept, shape = outlines.trusted, outlines.shape[outlines.trusted]
-    if kept.sum() < _FEWEST_DISCS or np.median(outlines.left) > _MOST_SHARED_RESIDUAL:
+    if kept.sum() < _FEWEST_DISCS or np.median(outlines.shared_residual) > _MOST_SHARED_RESIDUAL:
         return None
-    perspective, bent = _eccentricity(plane[kept], shape, spacing)
-    model = _MODEL_ERROR_PX**2 + (_BENT_SHARE * np.linalg.norm(bent, axis=1)) ** 2
-    return make_detection(target.ids[kept], shape[:, :2] - perspective - bent, np.sqrt(outlines.variance[kept] + model))
+    perspective, distortion = _eccentricity(plane[kept], shape, spacing)
+    model = _MODEL_ERROR_PX**2 + (_DISTORTION_SHARE * np.linalg.norm(distortion, axis=1)) ** 2
+    centres = shape[:, :2] - perspective - distortion
+    return make_detection(target.ids[kept], centres, np.sqrt(outlines.variance[kept] + model))
 
 
-def is_seen(image: Grey, target: Target) -> bool:
+def has_grid(image: Grey, target: Target) -> bool:
     """Whether OpenCV finds the grid in an image, (h, w), without changes of scale or levels."""
-    return any(len(_centres(target, levels, Way())) > 0 for levels in (image, eight_bit(_invert(image))))
+    return any(len(_centres(target, levels, Preprocessing())) > 0 for levels in (image, eight_bit(_invert(image))))
 
 
 def _invert(image: Image) -> Image:
@@ -82,33 +88,33 @@ def _invert(image: Image) -> Image:
     return np.asarray(cv2.bitwise_not(image))
 
 
-def _centres(target: Target, image: Grey, way: Way) -> Array:
+def _centres(target: Target, image: Grey, preprocessing: Preprocessing) -> Array:
     """OpenCV's centres of all circles, (n, 2) [px]; empty if it does not find the grid."""
     kind = cv2.CALIB_CB_ASYMMETRIC_GRID if target.options["asymmetric"] else cv2.CALIB_CB_SYMMETRIC_GRID
-    dark = cv2.SimpleBlobDetector.Params()  # discs of any size that a grid can have in the image
-    dark.minArea, dark.maxArea = _LEAST_AREA_PX2, max(image.size * _LARGEST_SHARE, _LEAST_AREA_PX2)
-    dark.minDistBetweenBlobs = _LEAST_APART_PX
-    finder = cv2.SimpleBlobDetector.create(dark)
+    parameters = cv2.SimpleBlobDetector.Params()  # discs of any size that a grid can have in the image
+    parameters.minArea, parameters.maxArea = _LEAST_AREA_PX2, max(image.size * _LARGEST_SHARE, _LEAST_AREA_PX2)
+    parameters.minDistBetweenBlobs = _LEAST_DISTANCE_PX
+    finder = cv2.SimpleBlobDetector.create(parameters)
     if len(finder.detect(image)) > _MOST_BLOBS * len(target.ids):
-        return way.places(())
-    seen, centres = cv2.findCirclesGrid(image, tuple(target.options["circles"]), flags=kind, blobDetector=finder)
+        return preprocessing.original_pixels(())
+    is_found, centres = cv2.findCirclesGrid(image, tuple(target.options["circles"]), flags=kind, blobDetector=finder)
     # OpenCV also finds a part of a larger symmetric grid, a different one in every image.
     columns, rows = target.options["circles"]
-    grid = np.reshape(centres, (rows, columns, 2)) if seen else np.zeros((0, 0, 2))
-    part = seen and not target.options["asymmetric"] and has_further_row(image, grid.astype(np.float64))
-    return way.places(centres if seen and not part else ())
+    grid = np.reshape(centres, (rows, columns, 2)) if is_found else np.zeros((0, 0, 2))
+    is_part = is_found and not target.options["asymmetric"] and has_further_row(image, grid.astype(np.float64))
+    return preprocessing.original_pixels(centres if is_found and not is_part else ())
 
 
 class _Outlines(NamedTuple):
     """Fitted ellipses, (n, 6) parameters of `ellipse`, the variance of their centres (n,), and whether to trust each.
 
-    `left`, (n,), is the residual beyond noise over the contrast.
+    `shared_residual`, (n,), is the residual beyond noise over the contrast.
     """
 
     shape: Array
     variance: Array
     trusted: BoolArray
-    left: Array
+    shared_residual: Array
 
 
 def _fit_outlines(image: Image, target: Target, start: Array) -> _Outlines:
@@ -116,9 +122,9 @@ def _fit_outlines(image: Image, target: Target, start: Array) -> _Outlines:
     axes = local_axes(plane, plane, start, float(target.options["spacing_m"]))
     middle, used = _windows(image, start, axes, target)
     # Initial outlines as parameters of `ellipse`, (n, 3): shapes from the grid's axes, sizes from the dark areas.
-    seen = np.where(used.weights > 0, used.values, np.nan)
-    low, high = np.nanpercentile(seen, _DARK_BRIGHT_PERCENT, axis=1)
-    dark = np.maximum((seen < ((low + high) / 2)[:, None]).sum(axis=1), 1)
+    levels = np.where(used.weights > 0, used.values, np.nan)
+    low, high = np.nanpercentile(levels, _DARK_BRIGHT_PERCENT, axis=1)
+    dark = np.maximum((levels < ((low + high) / 2)[:, None]).sum(axis=1), 1)
     radius = np.sqrt(dark / np.pi / np.abs(np.linalg.det(axes)))
     squared = np.swapaxes(axes, 1, 2) @ axes * (radius**2)[:, None, None]
     values, vectors = np.linalg.eigh(squared)
@@ -160,7 +166,7 @@ def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Ar
     The first part is due to perspective. In the axes of the grid around each disc, a circle of radius r has the dual
     conic diag(r^2, r^2, -1). The second part is due to distortion by the lens.
     """
-    pixels_from_plane, bend = local_homographies(plane, shape[:, :2], spacing)
+    pixels_from_plane, second_derivatives = local_homographies(plane, shape[:, :2], spacing)
     jacobian = pixels_from_plane[:, :2, :2] - pixels_from_plane[:, :2, 2:] * pixels_from_plane[:, 2:, :2]
     area = np.exp(shape[:, 2] + shape[:, 4])  # the determinant of an exponential
     squared = area / np.abs(np.linalg.det(jacobian))
@@ -168,11 +174,11 @@ def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Ar
     conic = pixels_from_plane @ circle @ np.swapaxes(pixels_from_plane, 1, 2)
     perspective = conic[:, :2, 2] / conic[:, 2:, 2] - pixels_from_plane[:, :2, 2]
     # Per squared radius, a bend along x shifts by (3 xx + yy) / 8 along x and xy / 4 along y; y with x, y exchanged.
-    xx, xy, yy = np.moveaxis(bend @ np.swapaxes(np.linalg.inv(jacobian), 1, 2), 1, 0)
+    xx, xy, yy = np.moveaxis(second_derivatives @ np.swapaxes(np.linalg.inv(jacobian), 1, 2), 1, 0)
     x = (3 * xx[:, 0] + yy[:, 0]) / 8 + xy[:, 1] / 4
     y = (3 * yy[:, 1] + xx[:, 1]) / 8 + xy[:, 0] / 4
-    bent: Array = (jacobian @ np.stack([x, y], axis=1)[..., None])[..., 0] * squared[:, None]
-    return perspective, bent
+    distortion: Array = (jacobian @ np.stack([x, y], axis=1)[..., None])[..., 0] * squared[:, None]
+    return perspective, distortion
 
 
 def has_further_row(image: Grey, grid: Array) -> bool:

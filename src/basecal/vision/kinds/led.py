@@ -47,19 +47,19 @@ def detect(image: Image, target: Target, background: Image | None = None) -> Det
         return None
     full = full_scale(image)
     difference = image if background is None else np.asarray(cv2.subtract(image, background), dtype=image.dtype)
-    spots = [_fit_place(image, background, full, place) for place in _bright_spots(difference)]
-    apart: list[Spot] = []  # the brightest first; a spot found twice counts once
+    spots = [_fit_rough_spot(image, background, full, rough) for rough in _bright_spots(difference)]
+    distinct: list[Spot] = []  # the brightest first; a spot found twice counts once
     for spot in sorted((spot for spot in spots if spot is not None), key=lambda each: -each.brightness):
-        if all(np.hypot(spot.x - other.x, spot.y - other.y) > _LEAST_DISTANCE_PX for other in apart):
-            apart.append(spot)
-    if not apart:
+        if all(np.hypot(spot.x - other.x, spot.y - other.y) > _LEAST_DISTANCE_PX for other in distinct):
+            distinct.append(spot)
+    if not distinct:
         return None
-    ids = read_only_ids(target.ids) if len(apart) == 1 else None
-    pixels = read_only([(spot.x, spot.y) for spot in apart])
-    return Detection(ids, pixels, read_only([spot.sigma_px for spot in apart]))
+    ids = read_only_ids(target.ids) if len(distinct) == 1 else None
+    pixels = read_only([(spot.x, spot.y) for spot in distinct])
+    return Detection(ids, pixels, read_only([spot.sigma_px for spot in distinct]))
 
 
-class _Place(NamedTuple):
+class _RoughSpot(NamedTuple):
     """Position and width of a bright spot [px]."""
 
     x: float
@@ -67,7 +67,7 @@ class _Place(NamedTuple):
     extent: float
 
 
-def _bright_spots(levels: Image) -> list[_Place]:
+def _bright_spots(levels: Image) -> list[_RoughSpot]:
     """Approximate positions and widths of the brightest spots, from the image at half its size."""
     half = cv2.resize(levels, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     some = half[::_NOISE_STRIDE, ::_NOISE_STRIDE]
@@ -83,23 +83,23 @@ def _bright_spots(levels: Image) -> list[_Place]:
     if len(small) > _MOST_CANDIDATES:
         small = sorted(small, key=lambda box: -float(half[box[1] : box[1] + box[3], box[0] : box[0] + box[2]].max()))
     return [
-        _Place(2 * left + width - 0.5, 2 * top + height - 0.5, 2.0 * max(width, height))
+        _RoughSpot(2 * left + width - 0.5, 2 * top + height - 0.5, 2.0 * max(width, height))
         for left, top, width, height in small[:_MOST_CANDIDATES]
     ]
 
 
-def _fit_place(image: Image, background: Image | None, full: float, place: _Place) -> Spot | None:
+def _fit_rough_spot(image: Image, background: Image | None, full: float, rough: _RoughSpot) -> Spot | None:
     """Fit the spot at a position; None if it is implausible for an LED."""
-    reach = int(np.ceil(_REACH_EXTENTS * place.extent)) + _REACH_MORE_PX
-    column, row = round(place.x), round(place.y)
+    reach = int(np.ceil(_REACH_EXTENTS * rough.extent)) + _REACH_MORE_PX
+    column, row = round(rough.x), round(rough.y)
     left, top = max(column - reach, 0), max(row - reach, 0)
     window = slice(top, row + reach + 1), slice(left, column + reach + 1)
     levels = image[window].astype(np.float64)
     usable = levels < full
     if background is not None:
         levels -= background[window]
-    x, y = place.x - left, place.y - top
-    spot = fit_spot(levels, usable, (x, y, max(place.extent / _EXTENT_SIGMAS, _FIRST_WIDTH_PX)))
+    x, y = rough.x - left, rough.y - top
+    spot = fit_spot(levels, usable, (x, y, max(rough.extent / _EXTENT_SIGMAS, _FIRST_WIDTH_PX)))
     if spot is None:
         return None
     near = abs(spot.x - x) < reach / 2 and abs(spot.y - y) < reach / 2

@@ -31,8 +31,8 @@ def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Match
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     pairs = [(first[i] + each.first, first[j] + each.second) for (i, j), each in matches.items()]
     none = np.zeros(0, dtype=np.int64)
-    one, other = (np.concatenate([none, *(pair[k] for pair in pairs)]) for k in (0, 1))
-    track = components(np.column_stack([one, other]), int(first[-1]))
+    first_nodes, second_nodes = (np.concatenate([none, *(pair[k] for pair in pairs)]) for k in (0, 1))
+    track = components(np.column_stack([first_nodes, second_nodes]), int(first[-1]))
     view = np.repeat(np.arange(len(counts)), counts)
     _, which, times = np.unique(track * len(counts) + view, return_inverse=True, return_counts=True)
     is_single = times[which] == 1

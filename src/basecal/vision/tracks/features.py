@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basecal.bounded_file import read_bounded
-from basecal.cell.format.described_places import DESCRIPTOR, places_from_bytes, places_to_bytes, row_bytes
+from basecal.cell.format.described_places import DESCRIPTOR_LENGTH, points_from_bytes, points_to_bytes, row_bytes
 from basecal.cell.format.writing import write_atomically
 from basecal.errors import DatasetError, InputError
 from basecal.geometry import Array, IntArray
@@ -23,7 +23,7 @@ MAX_FEATURES = 2500  # per image
 _CELLS = 24, 16  # of the grid in which features are distributed, strongest first
 _CONTRAST = 0.02  # half of OpenCV's default: too many features are thinned evenly
 _CLIP, _TILES = 2.0, (8, 8)  # of the histogram equalisation
-_HULL_GROWS = 1.3  # factor by which a mask is enlarged about its centre
+_HULL_FACTOR = 1.3  # factor by which a mask is enlarged about its centre
 
 _LEVELS = 255.0  # levels in a byte for a descriptor's numbers between 0 and 1
 
@@ -64,23 +64,24 @@ def find_features(image: Image, excluded_pixels: Sequence[Array] = ()) -> Featur
     finder = cv2.SIFT.create(contrastThreshold=_CONTRAST, enable_precise_upscale=True)
     points = finder.detect(grey, _mask(grey.shape, excluded_pixels))
     if not points:
-        return Features(np.zeros((0, 2)), np.zeros((0, DESCRIPTOR), dtype=np.float32))
+        return Features(np.zeros((0, 2)), np.zeros((0, DESCRIPTOR_LENGTH), dtype=np.float32))
     pixels = np.array([point.pt for point in points])
-    kept = _spread(pixels, np.array([point.response for point in points]), grey.shape)
-    points, found = finder.compute(grey, [points[k] for k in kept])
-    shares = np.sqrt(found / np.maximum(found.sum(1, keepdims=True), 1e-9))
+    kept = _distributed_indices(pixels, np.array([point.response for point in points]), grey.shape)
+    points, descriptors = finder.compute(grey, [points[k] for k in kept])
+    shares = np.sqrt(descriptors / np.maximum(descriptors.sum(1, keepdims=True), 1e-9))
     return Features(np.array([point.pt for point in points]), shares.astype(np.float32))
 
 
-def named_features(names: IntArray, pixels: Array) -> Features:
+def identified_features(numbers: IntArray, pixels: Array) -> Features:
     """Features of identified points: the descriptor is a pseudo-random direction seeded by the point's number.
 
     Args:
-        names: Numbers of the points, (n,).
+        numbers: Numbers of the points, (n,).
         pixels: (n, 2) [px].
     """
-    looks = np.array([np.random.default_rng(int(name) % 2**64).standard_normal(DESCRIPTOR) for name in names])
-    return Features(pixels, unit_descriptors(np.abs(looks.reshape(-1, DESCRIPTOR))))
+    generators = [np.random.default_rng(int(number) % 2**64) for number in numbers]
+    directions = np.array([rng.standard_normal(DESCRIPTOR_LENGTH) for rng in generators])
+    return Features(pixels, unit_descriptors(np.abs(directions.reshape(-1, DESCRIPTOR_LENGTH))))
 
 
 def descriptor_levels(descriptors: Descriptors) -> NDArray[np.uint8]:
@@ -101,25 +102,25 @@ def _mask(shape: tuple[int, ...], excluded_pixels: Sequence[Array]) -> NDArray[n
             continue
         hull = cv2.convexHull(pixels.astype(np.float32)).reshape(-1, 2)
         middle = hull.mean(0)
-        cv2.fillPoly(mask, [np.round(middle + _HULL_GROWS * (hull - middle)).astype(np.int32)], 0)
+        cv2.fillPoly(mask, [np.round(middle + _HULL_FACTOR * (hull - middle)).astype(np.int32)], 0)
     return mask
 
 
-def _spread(pixels: Array, response: Array, shape: tuple[int, ...]) -> NDArray[np.int64]:
+def _distributed_indices(pixels: Array, response: Array, shape: tuple[int, ...]) -> NDArray[np.int64]:
     """Indices of evenly distributed features: the strongest of each cell first, one per position."""
-    clear = np.argsort(-response, kind="stable")
-    clear = clear[np.sort(np.unique(np.round(pixels[clear], 2), axis=0, return_index=True)[1])]
+    strongest = np.argsort(-response, kind="stable")
+    strongest = strongest[np.sort(np.unique(np.round(pixels[strongest], 2), axis=0, return_index=True)[1])]
     columns, rows = _CELLS
-    at = (pixels[clear] * [columns / shape[1], rows / shape[0]]).astype(np.int64)
-    cell = np.clip(at[:, 0], 0, columns - 1) + columns * np.clip(at[:, 1], 0, rows - 1)
+    positions = (pixels[strongest] * [columns / shape[1], rows / shape[0]]).astype(np.int64)
+    cell = np.clip(positions[:, 0], 0, columns - 1) + columns * np.clip(positions[:, 1], 0, rows - 1)
     order = np.argsort(cell, kind="stable")
     first = np.searchsorted(cell[order], cell[order])
-    rank = np.empty(len(clear), dtype=np.int64)
-    rank[order] = np.arange(len(clear)) - first
-    return clear[np.argsort(rank, kind="stable")[:MAX_FEATURES]]
+    rank = np.empty(len(strongest), dtype=np.int64)
+    rank[order] = np.arange(len(strongest)) - first
+    return strongest[np.argsort(rank, kind="stable")[:MAX_FEATURES]]
 
 
-def kept_features(folder: Path, image_key: str, image: Image, excluded_pixels: Sequence[Array]) -> Features:
+def cached_features(folder: Path, image_key: str, image: Image, excluded_pixels: Sequence[Array]) -> Features:
     """Features of an image, from the cache or detected and then cached.
 
     Args:
@@ -130,17 +131,17 @@ def kept_features(folder: Path, image_key: str, image: Image, excluded_pixels: S
     """
     parts = [str(VERSION).encode(), image_key.encode(), *(each.tobytes() for each in excluded_pixels)]
     path = folder / _FOLDER / hashlib.sha256(b"|".join(parts)).hexdigest()
-    kept = _read(path)
-    if kept is None:
-        found = find_features(image, excluded_pixels)
-        kept = found.pixels, descriptor_levels(found.descriptors)
+    arrays = _read(path)
+    if arrays is None:
+        features = find_features(image, excluded_pixels)
+        arrays = features.pixels, descriptor_levels(features.descriptors)
         with suppress(InputError):  # without a writable folder there is no cache
-            write_atomically(path, places_to_bytes(*kept), base_folder=folder, durable=False)
-    return Features(kept[0], unit_descriptors(kept[1]))
+            write_atomically(path, points_to_bytes(*arrays), base_folder=folder, durable=False)
+    return Features(arrays[0], unit_descriptors(arrays[1]))
 
 
 def _read(path: Path) -> tuple[Array, NDArray[np.uint8]] | None:
     try:
-        return places_from_bytes(read_bounded(path, MAX_FEATURES * row_bytes(2)), 2)
+        return points_from_bytes(read_bounded(path, MAX_FEATURES * row_bytes(2)), 2)
     except DatasetError:
         return None

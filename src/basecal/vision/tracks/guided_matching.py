@@ -11,7 +11,7 @@ from basecal.geometry import Array, IntArray
 from basecal.vision.tracks.features import Descriptors, Features
 
 _MOST_DISTANCE = 0.35  # squared distance of descriptors: correct matches have 0.1 to 0.4, others 0.6 and more
-_BESIDE_PX = 50.0  # [px] offset from a prediction, at which only chance matches occur
+_OFFSET_PX = 50.0  # [px] offset from a prediction, at which only chance matches occur
 _DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
 
@@ -39,29 +39,28 @@ def match_predictions(features: Features, predicted_px: Array, descriptors: Desc
         radius_px: Largest distance of a feature from its prediction [px].
     """
     point, feature = _nearest_features(features, predicted_px, descriptors, radius_px)
-    beside = [
-        _nearest_features(features, predicted_px + _BESIDE_PX * way, descriptors, radius_px)[0] for way in _DIRECTIONS
-    ]
-    return Guided(point, feature, float(np.mean([len(each) for each in beside])))
+    displaced = [predicted_px + _OFFSET_PX * direction for direction in _DIRECTIONS]
+    chance_matches = [_nearest_features(features, pixels, descriptors, radius_px)[0] for pixels in displaced]
+    return Guided(point, feature, float(np.mean([len(each) for each in chance_matches])))
 
 
 def _nearest_features(
     features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float
 ) -> tuple[IntArray, IntArray]:
     """Indices of predictions and of their most similar features, (n,) each, without repetition."""
-    seen = np.flatnonzero(np.isfinite(predicted_px).all(1))
+    visible = np.flatnonzero(np.isfinite(predicted_px).all(1))
     none = np.zeros(0, dtype=np.int64)
-    if not len(seen) or not len(features):
+    if not len(visible) or not len(features):
         return none, none
-    near = cKDTree(features.pixels).query_ball_point(predicted_px[seen], radius_px)
+    near = cKDTree(features.pixels).query_ball_point(predicted_px[visible], radius_px)
     counts = np.array([len(each) for each in near])
     if not counts.any():
         return none, none
-    point = np.repeat(seen, counts)
+    point = np.repeat(visible, counts)
     feature = np.concatenate([np.asarray(each, dtype=np.int64) for each in near if each])
-    apart = 2 - 2 * np.einsum("nk,nk->n", descriptors[point], features.descriptors[feature])
-    order = np.argsort(apart, kind="stable")
-    order = order[apart[order] < _MOST_DISTANCE]
+    distances = 2 - 2 * np.einsum("nk,nk->n", descriptors[point], features.descriptors[feature])
+    order = np.argsort(distances, kind="stable")
+    order = order[distances[order] < _MOST_DISTANCE]
     # Most similar first: each prediction and each feature once.
     order = order[np.sort(np.unique(point[order], return_index=True)[1])]
     order = order[np.sort(np.unique(feature[order], return_index=True)[1])]

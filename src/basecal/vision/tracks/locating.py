@@ -9,10 +9,10 @@ import numpy as np
 
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.vision.tracks.features import Descriptors, Features
-from basecal.vision.tracks.matching import CONFIDENCE, MOST_ITERATIONS, match
+from basecal.vision.tracks.matching import CONFIDENCE, MOST_ITERATIONS, match_descriptors
 
 FEWEST_POINTS = 30  # inliers of a pose
-_TAIL_PX = 3.0  # [px] largest reprojection error of an inlier
+_MOST_ERROR_PX = 3.0  # [px] largest reprojection error of an inlier
 
 
 class Located(NamedTuple):
@@ -32,15 +32,15 @@ def locate_camera(features: Features, descriptors: Descriptors, points: Array, l
         points: Points in the world, (p, 3) [m].
         lens: Lens of the camera.
     """
-    found = match(descriptors, features.descriptors)
-    unit, valid = lens.undistort(features.pixels[found.second])
-    kept = np.flatnonzero(valid & (unit[:, 2] > 0)) if len(found.first) else np.zeros(0, dtype=np.int64)
+    matches = match_descriptors(descriptors, features.descriptors)
+    unit, valid = lens.undistort(features.pixels[matches.second])
+    kept = np.flatnonzero(valid & (unit[:, 2] > 0)) if len(matches.first) else np.zeros(0, dtype=np.int64)
     if len(kept) < FEWEST_POINTS:
         return None
-    point, feature = found.first[kept], found.second[kept]
-    plane, nearest = unit[kept, :2] / unit[kept, 2:], _TAIL_PX / float(lens.focal.mean())
+    point, feature = matches.first[kept], matches.second[kept]
+    plane, tolerance = unit[kept, :2] / unit[kept, 2:], _MOST_ERROR_PX / float(lens.focal.mean())
     is_found, rotvec, translation, inlier = cv2.solvePnPRansac(
-        points[point], plane, np.eye(3), None, None, None, False, MOST_ITERATIONS, nearest, CONFIDENCE, None,
+        points[point], plane, np.eye(3), None, None, None, False, MOST_ITERATIONS, tolerance, CONFIDENCE, None,
         cv2.SOLVEPNP_AP3P,
     )  # fmt: skip
     if not is_found or inlier is None or len(inlier) < FEWEST_POINTS:

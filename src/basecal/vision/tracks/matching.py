@@ -12,7 +12,7 @@ from basecal.vision.tracks.features import Descriptors, Features
 
 MIN_MATCHES = 15  # inliers of an essential matrix: fewer occur by chance
 _RATIO = 0.8  # of the distances to the nearest and to the second nearest descriptor (Lowe 2004)
-_TAIL_PX = 2.0  # [px] largest epipolar error of an inlier
+_MOST_ERROR_PX = 2.0  # [px] largest epipolar error of an inlier
 _STILL_PX = 3.0  # [px] smallest motion: features on the camera's own mount do not move
 MOST_ITERATIONS, CONFIDENCE = 2000, 0.999
 """Parameters of RANSAC: the largest number of samples, and the probability of an outlier-free sample."""
@@ -25,20 +25,20 @@ class Matches(NamedTuple):
     second: IntArray
 
 
-def match(first: Descriptors, second: Descriptors) -> Matches:
+def match_descriptors(first: Descriptors, second: Descriptors) -> Matches:
     """Match features that are mutual nearest neighbours and pass the ratio test."""
     if min(len(first), len(second)) < 2:
         return Matches(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
-    alike = first @ second.T
+    similarity = first @ second.T
     rows = np.arange(len(first))
-    best = alike.argmax(1)
-    value = alike[rows, best]
-    alike[rows, best] = -1.0
-    runner_up = alike.max(1)
-    alike[rows, best] = value
+    best = similarity.argmax(1)
+    best_similarity = similarity[rows, best]
+    similarity[rows, best] = -1.0
+    runner_up = similarity.max(1)
+    similarity[rows, best] = best_similarity
     # Of unit vectors the squared distance is 2 - 2 cos.
-    is_clear = 1 - value < _RATIO**2 * (1 - runner_up)
-    mutual = np.flatnonzero(is_clear & (alike.max(0)[best] == value))
+    is_clear = 1 - best_similarity < _RATIO**2 * (1 - runner_up)
+    mutual = np.flatnonzero(is_clear & (similarity.max(0)[best] == best_similarity))
     kept = mutual[np.sort(np.unique(best[mutual], return_index=True)[1])]  # the first of equal matches
     return Matches(kept.astype(np.int64), best[kept].astype(np.int64))
 
@@ -52,16 +52,16 @@ def match_rigid(first: Features, second: Features, planes: tuple[Array, Array], 
         planes: Undistorted features of both images at unit depth, (n, 2) and (m, 2).
         focal_px: Focal length [px].
     """
-    found = match(first.descriptors, second.descriptors)
-    moved = np.linalg.norm(first.pixels[found.first] - second.pixels[found.second], axis=1) > _STILL_PX
-    found = Matches(found.first[moved], found.second[moved])
-    if len(found.first) < MIN_MATCHES:
+    matches = match_descriptors(first.descriptors, second.descriptors)
+    moved = np.linalg.norm(first.pixels[matches.first] - second.pixels[matches.second], axis=1) > _STILL_PX
+    matches = Matches(matches.first[moved], matches.second[moved])
+    if len(matches.first) < MIN_MATCHES:
         return None
-    one, other = planes[0][found.first], planes[1][found.second]
+    first_points, second_points = planes[0][matches.first], planes[1][matches.second]
     essential, inlier = cv2.findEssentialMat(
-        one, other, np.eye(3), cv2.USAC_MAGSAC, CONFIDENCE, _TAIL_PX / focal_px, MOST_ITERATIONS
+        first_points, second_points, np.eye(3), cv2.USAC_MAGSAC, CONFIDENCE, _MOST_ERROR_PX / focal_px, MOST_ITERATIONS
     )
     if essential is None or inlier is None or np.count_nonzero(inlier) < MIN_MATCHES:
         return None
     kept = np.flatnonzero(inlier.ravel())
-    return Matches(found.first[kept], found.second[kept])
+    return Matches(matches.first[kept], matches.second[kept])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from basecal.cell.schema.cell_nouns import _intrinsics, cell_noun
+from basecal.cell.schema.cell_objects import _intrinsics, cell_from_entry
 from basecal.cell.schema.cell_schema import CameraEntry, CellEntry
 from basecal.cell.schema.lens import IntrinsicsEntry
 
@@ -18,7 +18,7 @@ SIGMAS = {"sigma_focal_px": [1.0, 2.0], "sigma_center_px": [3.0, 4.0]}
 
 def noun(**sections):
     data = {"schema": "basecal/cell/1", "reference": "eye", "robots": {"eye": {}, "hand": {}}}
-    return cell_noun(CellEntry.model_validate(data | sections), {})
+    return cell_from_entry(CellEntry.model_validate(data | sections), {})
 
 
 def lens(status, **fields):

@@ -11,14 +11,14 @@ import numpy as np
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
 from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, RobotEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
-from basecal.cell.schema.touching import with_clamps, with_touching
+from basecal.cell.schema.touching import add_clamps, add_touching
 from basecal.cell.targets.kind import TargetEntry
 from basecal.fields.values import UnknownEntry, pose_se3
 from basecal.geometry import Camera, read_only
 from basecal.kinematics import SerialChain
 
 
-def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
+def cell_from_entry(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
     """Create a cell from its entry and the kinematic chains of its robots."""
     others = [name for name in entry.robots if name != entry.reference]
     bases = {name: _unknown(entry.bases[name]) if name in entry.bases else Unknown() for name in others}
@@ -27,8 +27,8 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
         "targets": {name: _target(name, target) for name, target in entry.targets.items()},
         "plates": {},
     }
-    with_touching(carried, entry.tips, entry.marks, _unknown)
-    with_clamps(carried, entry.clamp)
+    add_touching(carried, entry.tips, entry.marks, _unknown)
+    add_clamps(carried, entry.clamp)
     return Cell(
         reference=entry.reference,
         robots={name: _robot(name, robot, chains.get(name)) for name, robot in entry.robots.items()},
@@ -36,7 +36,7 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
         **carried,
         pixel_px=entry.noise.pixel_px,
         correlated_px=entry.noise.correlated_px,
-        keep_out={name: box.noun(name) for name, box in entry.keep_out.items()},
+        keep_out={name: item.box(name) for name, item in entry.keep_out.items()},
         sees_scene=entry.target == "scene",
     )
 
@@ -108,6 +108,6 @@ def _intrinsics(entry: IntrinsicsEntry, camera: CameraEntry, size: tuple[int, in
     parameters = np.array([entry.fx, entry.fy, entry.cx, entry.cy, *distortion], dtype=np.float64)
     sigma = None
     if entry.sigma_focal_px is not None and entry.sigma_center_px is not None:
-        of_terms = np.broadcast_to(entry.sigma_distortion or [1.0], terms)
-        sigma = read_only([*entry.sigma_focal_px, *entry.sigma_center_px, *of_terms])
+        distortion_sigmas = np.broadcast_to(entry.sigma_distortion or [1.0], terms)
+        sigma = read_only([*entry.sigma_focal_px, *entry.sigma_center_px, *distortion_sigmas])
     return Intrinsics(entry.status, Camera(camera.model, parameters, size), sigma, terms, entry.exact)

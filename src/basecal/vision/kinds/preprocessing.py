@@ -37,7 +37,7 @@ MARKER_SETS = (
 """OpenCV's dictionaries; those of one tuple are prefixes of its last."""
 
 
-class Way(NamedTuple):
+class Preprocessing(NamedTuple):
     """A preprocessing of an image before the search.
 
     Attributes:
@@ -69,35 +69,45 @@ class Way(NamedTuple):
             image = np.asarray(cv2.addWeighted(image, 1 + _SHARPENING_GAIN, blurred, -_SHARPENING_GAIN, 0), np.uint8)
         return image
 
-    def places(self, pixels: object) -> Array:
+    def original_pixels(self, pixels: object) -> Array:
         """Convert pixels of the preprocessed image to the original image, (n, 2) [px]."""
-        found = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-        return (found + 0.5) / self.scale - 0.5
+        points = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+        return (points + 0.5) / self.scale - 0.5
 
 
-MARKER_WAYS = (Way(), Way(stretched=True), Way(stretched=True, sharpened=True), Way(2.0, stretched=True))
+MARKER_PREPROCESSINGS = (
+    Preprocessing(),
+    Preprocessing(stretched=True),
+    Preprocessing(stretched=True, sharpened=True),
+    Preprocessing(2.0, stretched=True),
+)
 """Preprocessings for markers: for typical images, dark ones, blurred ones, and small markers."""
 
 
-def best_result(image: Grey, ways: Iterable[Way], search: Callable[[Grey, Way], S], enough_count: float) -> S | None:
+def best_result(
+    image: Grey,
+    preprocessings: Iterable[Preprocessing],
+    search: Callable[[Grey, Preprocessing], S],
+    enough_count: float,
+) -> S | None:
     """Search with each preprocessing until one finds enough, and return the largest result; None if all are empty.
 
     Args:
         image: (h, w).
-        ways: The preprocessings, fastest first.
+        preprocessings: The preprocessings, fastest first.
         search: Function that searches a preprocessed image.
         enough_count: Size of a result that ends the search.
     """
-    most: S | None = None
-    for way in ways:
-        if not way.suits(image):
+    largest: S | None = None
+    for preprocessing in preprocessings:
+        if not preprocessing.suits(image):
             continue
-        seen = search(way.apply(image), way)
-        if len(seen) > (0 if most is None else len(most)):
-            most = seen
-        if len(seen) >= enough_count:
+        result = search(preprocessing.apply(image), preprocessing)
+        if len(result) > (0 if largest is None else len(largest)):
+            largest = result
+        if len(result) >= enough_count:
             break
-    return most
+    return largest
 
 
 @cache
@@ -118,8 +128,8 @@ def dictionary(name: str) -> Any:
 def detect_markers(detector: Any, image: NDArray[np.uint8]) -> tuple[IntArray, Array]:
     """Numbers of the markers that OpenCV reads in an image, (n,), and their corners, (n, 4, 2) [px]."""
     quads, numbers, _ = detector.detectMarkers(image)
-    found = np.asarray(() if numbers is None else numbers, dtype=np.int64).ravel()
-    return found, np.asarray(quads if len(found) else (), dtype=np.float64).reshape(-1, 4, 2)
+    ids = np.asarray(() if numbers is None else numbers, dtype=np.int64).ravel()
+    return ids, np.asarray(quads if len(ids) else (), dtype=np.float64).reshape(-1, 4, 2)
 
 
 def black_cells(dictionary_name: str, marker: int, border: int = 1) -> BoolArray:
@@ -128,11 +138,11 @@ def black_cells(dictionary_name: str, marker: int, border: int = 1) -> BoolArray
     Raises:
         InputError: if the dictionary is not known or has no such marker.
     """
-    known = dictionary(dictionary_name)
-    count = len(known.bytesList)
+    markers = dictionary(dictionary_name)
+    count = len(markers.bytesList)
     if marker >= count:
         raise InputError(f"{dictionary_name} has markers 0 to {count - 1}, not {marker}")
-    black: BoolArray = known.generateImageMarker(marker, known.markerSize + 2 * border, None, border) == 0
+    black: BoolArray = markers.generateImageMarker(marker, markers.markerSize + 2 * border, None, border) == 0
     return black
 
 
@@ -142,17 +152,17 @@ def charuco_board(target: Target) -> Any:
     Raises:
         InputError: if its dictionary has too few markers.
     """
-    of = target.options
-    known = dictionary(of["dictionary"])
-    needed = of["squares"][0] * of["squares"][1] // 2
-    if needed > len(known.bytesList):
-        size = "x".join(map(str, of["squares"]))
-        few = f"{of['dictionary']} has {len(known.bytesList)} markers, a {size} board needs {needed}"
-        larger = smallest_dictionary(of["dictionary"], needed)
-        mend = f": write `dictionary: {larger}`, which begins with the same" if larger != of["dictionary"] else ""
-        raise InputError(f"{few}{mend}")
-    board = cv2.aruco.CharucoBoard(tuple(of["squares"]), of["square_m"], of["marker_m"], known)
-    board.setLegacyPattern(bool(of.get("legacy_pattern", False)))
+    options = target.options
+    markers = dictionary(options["dictionary"])
+    needed = options["squares"][0] * options["squares"][1] // 2
+    if needed > len(markers.bytesList):
+        size = "x".join(map(str, options["squares"]))
+        problem = f"{options['dictionary']} has {len(markers.bytesList)} markers, a {size} board needs {needed}"
+        larger = smallest_dictionary(options["dictionary"], needed)
+        remedy = f": write `dictionary: {larger}`, which begins with the same"
+        raise InputError(f"{problem}{remedy if larger != options['dictionary'] else ''}")
+    board = cv2.aruco.CharucoBoard(tuple(options["squares"]), options["square_m"], options["marker_m"], markers)
+    board.setLegacyPattern(bool(options.get("legacy_pattern", False)))
     return board
 
 

@@ -9,10 +9,10 @@ import pytest
 from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.fiducials import DICTIONARIES
 from basecal.errors import InputError
-from basecal.vision.kinds.ways import (
+from basecal.vision.kinds.preprocessing import (
     MARKER_SETS,
     Grey,
-    Way,
+    Preprocessing,
     best_result,
     black_cells,
     charuco_board,
@@ -22,35 +22,38 @@ from basecal.vision.kinds.ways import (
 from vision_scenes import TARGETS
 
 
-@pytest.mark.parametrize("way", [Way(), Way(0.5), Way(2.0), Way(2.0, stretched=True, sharpened=True)])
-def test_places_are_those_of_the_image(way: Way) -> None:
+@pytest.mark.parametrize(
+    "preprocessing",
+    [Preprocessing(), Preprocessing(0.5), Preprocessing(2.0), Preprocessing(2.0, stretched=True, sharpened=True)],
+)
+def test_places_are_those_of_the_image(preprocessing: Preprocessing) -> None:
     """A bright spot in the image as a way shows it has its place in the image itself, to half a pixel."""
     y, x = np.mgrid[:120, :160]
     image = (20 + 60 * np.exp(-((x - 70.3) ** 2 + (y - 41.8) ** 2) / 50)).astype(np.uint8)
-    shown = way.apply(image).astype(float)
+    shown = preprocessing.apply(image).astype(float)
     weight = np.where(shown > shown.max() * 0.8, shown, 0.0)
     rows, columns = np.mgrid[: shown.shape[0], : shown.shape[1]]
     middle = [(weight * each).sum() / weight.sum() for each in (columns, rows)]
-    np.testing.assert_allclose(way.places(middle), [[70.3, 41.8]], atol=0.5)
+    np.testing.assert_allclose(preprocessing.original_pixels(middle), [[70.3, 41.8]], atol=0.5)
 
 
 def test_stretched_uses_all_levels() -> None:
     """Of a dark image the darkest level becomes black and the brightest white, whatever a few pixels are."""
     image = np.random.default_rng(0).integers(4, 14, (100, 100)).astype(np.uint8)
     image[0, :3] = 255
-    shown = Way(stretched=True).apply(image)
+    shown = Preprocessing(stretched=True).apply(image)
     assert (np.median(shown[image == 4]), np.median(shown[image == 13])) == (0, 255)
-    assert Way(stretched=True).apply(np.full((50, 50), 7, np.uint8)).std() == 0
+    assert Preprocessing(stretched=True).apply(np.full((50, 50), 7, np.uint8)).std() == 0
 
 
 def test_sizes_that_suit() -> None:
     """Nothing is searched in less than 16 pixels, and nothing large is enlarged."""
     small, large = np.zeros((20, 30), np.uint8), np.zeros((2000, 3000), np.uint8)
-    assert Way().suits(small)
-    assert not Way(0.5).suits(small)
-    assert Way(2.0).suits(small)
-    assert Way(0.5).suits(large)
-    assert not Way(2.0).suits(large)
+    assert Preprocessing().suits(small)
+    assert not Preprocessing(0.5).suits(small)
+    assert Preprocessing(2.0).suits(small)
+    assert Preprocessing(0.5).suits(large)
+    assert not Preprocessing(2.0).suits(large)
 
 
 @pytest.mark.parametrize(
@@ -58,13 +61,15 @@ def test_sizes_that_suit() -> None:
 )
 def test_best_of_several(counts: list[int], tried: int, found: int | None) -> None:
     """The first way that finds enough ends the search; else the one that found most counts."""
-    calls: list[Way] = []
+    calls: list[Preprocessing] = []
 
-    def search(image: Grey, way: Way) -> list[int]:
-        calls.append(way)
+    def search(image: Grey, preprocessing: Preprocessing) -> list[int]:
+        calls.append(preprocessing)
         return [0] * counts[len(calls) - 1]
 
-    most = best_result(np.zeros((50, 50), np.uint8), [Way(), Way(0.5), Way(2.0)], search, 4)
+    most = best_result(
+        np.zeros((50, 50), np.uint8), [Preprocessing(), Preprocessing(0.5), Preprocessing(2.0)], search, 4
+    )
     assert len(calls) == tried
     assert (None if most is None else len(most)) == found
 
@@ -122,26 +127,28 @@ def test_corners_of_markers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("way", "shape", "suits"),
+    ("preprocessing", "shape", "suits"),
     [
-        (Way(), (16, 30), True),
-        (Way(), (15, 30), False),
-        (Way(), (30, 15), False),
-        (Way(0.5), (32, 32), True),
-        (Way(0.5), (30, 64), False),
-        (Way(), (4000, 9000), True),
-        (Way(2.0), (8, 8), True),
+        (Preprocessing(), (16, 30), True),
+        (Preprocessing(), (15, 30), False),
+        (Preprocessing(), (30, 15), False),
+        (Preprocessing(0.5), (32, 32), True),
+        (Preprocessing(0.5), (30, 64), False),
+        (Preprocessing(), (4000, 9000), True),
+        (Preprocessing(2.0), (8, 8), True),
     ],
 )
-def test_sizes_that_just_suit(way: Way, shape: tuple[int, int], suits: bool) -> None:
+def test_sizes_that_just_suit(preprocessing: Preprocessing, shape: tuple[int, int], suits: bool) -> None:
     """Sixteen pixels after the change of scale; an image that is not enlarged may have any size."""
-    assert way.suits(np.zeros(shape, np.uint8)) == suits
+    assert preprocessing.suits(np.zeros(shape, np.uint8)) == suits
 
 
 def test_enlarged_images_have_a_largest_size() -> None:
     """It is the same for wide and high ones."""
-    sides = [side for side in range(500, 5000, 100) if Way(2.0).suits(np.zeros((side, side // 2), np.uint8))]
-    assert sides == [side for side in range(500, 5000, 100) if Way(2.0).suits(np.zeros((side // 2, side), np.uint8))]
+    sides = [side for side in range(500, 5000, 100) if Preprocessing(2.0).suits(np.zeros((side, side // 2), np.uint8))]
+    assert sides == [
+        side for side in range(500, 5000, 100) if Preprocessing(2.0).suits(np.zeros((side // 2, side), np.uint8))
+    ]
     assert 1000 < max(sides) < 4900
 
 
@@ -151,7 +158,7 @@ def test_levels_are_stretched_evenly() -> None:
     image[:, :48], image[:, 48:] = 40, 60
     image[40:42] = 50
     image[44, :2] = 0, 255
-    shown = Way(stretched=True).apply(image)
+    shown = Preprocessing(stretched=True).apply(image)
     assert (shown[0, 0], shown[0, 95], shown[44, 0], shown[44, 1]) == (0, 255, 0, 255)
     assert abs(int(shown[40, 10]) - 127) <= 1
 
@@ -160,7 +167,7 @@ def test_sharpening_steepens_edges() -> None:
     """Levels beside an edge go beyond those far from it, by less than their step; flat areas stay."""
     image = np.full((60, 60), 100, np.uint8)
     image[:, 30:] = 140
-    shown = Way(sharpened=True).apply(image).astype(int)
+    shown = Preprocessing(sharpened=True).apply(image).astype(int)
     assert (shown[30, 2], shown[30, 57]) == (100, 140)
     assert 60 <= shown.min() < 95
     assert 145 < shown.max() <= 180
@@ -169,8 +176,15 @@ def test_sharpening_steepens_edges() -> None:
 def test_an_equal_result_does_not_replace_an_earlier_one() -> None:
     """And one that is just enough ends the search."""
     counts = iter([2, 2, 3, 9])
-    found = best_result(np.zeros((50, 50), np.uint8), [Way()] * 4, lambda image, way: [next(counts)] * 2, 3)
+    found = best_result(
+        np.zeros((50, 50), np.uint8), [Preprocessing()] * 4, lambda image, preprocessing: [next(counts)] * 2, 3
+    )
     assert found == [2, 2]
     assert list(counts) == []
     counts = iter([2, 3, 4])
-    assert best_result(np.zeros((50, 50), np.uint8), [Way()] * 3, lambda image, way: [0] * next(counts), 3) == [0] * 3
+    assert (
+        best_result(
+            np.zeros((50, 50), np.uint8), [Preprocessing()] * 3, lambda image, preprocessing: [0] * next(counts), 3
+        )
+        == [0] * 3
+    )
