@@ -185,7 +185,7 @@ def test_three_in_a_hundred_may_go(count, severity):
 def test_samples_that_close_the_loop_among_themselves_are_told():
     """Where no answer rests on most of them; else nothing."""
     assert agreeing_samples(robust()) == []
-    (finding,) = agreement_findings(robust(agreeing=(5, 3, 4), samples=20).robust)
+    (finding,) = agreement_findings(robust(agreeing=(5, 3, 4), samples=20).robust, None)
     assert (finding.severity, finding.about) == ("warning", ("3", "4", "5"))
     assert "Of 20 samples only 3 agree with one another: samples 3 to 5." in finding.message
     (finding,) = agreement_findings(

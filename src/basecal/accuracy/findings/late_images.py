@@ -20,18 +20,18 @@ _SHOWN_IMAGES = 5  # images whose delay is listed; assumed
 
 
 class _Late(NamedTuple):
-    """An image with the delay of its exposure after its time stamp [s]; negative if it was earlier."""
+    """An image with the delay of its exposure after its time stamp [s]; negative if it was taken earlier."""
 
     sample: int
-    by_s: float
+    delay_s: float
 
 
 def late_images(evidence: Evidence) -> list[Finding]:
     """Findings about the outlier images of each camera that a time offset explains; a warning above 3 % of samples."""
-    out = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
+    outliers = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
     found = []
-    for camera in sorted({camera for _, camera in out}):
-        late = sorted(_late_samples(evidence, camera, {sample for sample, name in out if name == camera}))
+    for camera in sorted({camera for _, camera in outliers}):
+        late = sorted(_late_samples(evidence, camera, {sample for sample, name in outliers if name == camera}))
         if late:
             numbers = tuple(str(each.sample) for each in late)
             do = ("Look for a trigger that was missed, or a driver that stamps on arrival.",)
@@ -59,18 +59,18 @@ def _late_samples(evidence: Evidence, camera: str, samples: set[int]) -> list[_L
         view = views.measurement.linearise(predicted, state.cameras.get(camera), False)
         whole = spectrum(view.information, VIEW_ROUNDING).squared_mahalanobis(view.gradient)
         assert views.motion is not None
-        by_time = np.einsum("ni,ni->n", view.gradient, views.motion)
+        gradient_s = np.einsum("ni,ni->n", view.gradient, views.motion)
         per_s2 = np.einsum("ni,nij,nj->n", views.motion, view.information, views.motion)
-        by_s = -by_time / np.maximum(per_s2, 1e-300)
-        is_late = (-by_s * by_time > _EXPLAINED_SHARE * whole) & (np.abs(by_s) < _LONGEST_S)
-        late += [_Late(int(views.sample[k]), float(by_s[k])) for k in np.flatnonzero(is_late)]
+        delay_s = -gradient_s / np.maximum(per_s2, 1e-300)
+        is_late = (-delay_s * gradient_s > _EXPLAINED_SHARE * whole) & (np.abs(delay_s) < _LONGEST_S)
+        late += [_Late(int(views.sample[k]), float(delay_s[k])) for k in np.flatnonzero(is_late)]
     return late
 
 
 def _problem_sentence(camera: str, late: list[_Late]) -> str:
     one = len(late) == 1
     by = ", ".join(
-        f"{1e3 * abs(each.by_s):.0f} ms {'late' if each.by_s > 0 else 'early'}" for each in late[:_SHOWN_IMAGES]
+        f"{1e3 * abs(each.delay_s):.0f} ms {'late' if each.delay_s > 0 else 'early'}" for each in late[:_SHOWN_IMAGES]
     )
     more = ", ..." if len(late) > _SHOWN_IMAGES else ""
     images = "An image" if one else f"{len(late)} images"

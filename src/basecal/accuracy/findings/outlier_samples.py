@@ -95,7 +95,7 @@ def agreeing_samples(evidence: Evidence) -> list[Finding]:
     return agreement_findings(robust, changed)
 
 
-def agreement_findings(robust: RobustSolution, change: ChangedFrame | None = None) -> list[Finding]:
+def agreement_findings(robust: RobustSolution, change: ChangedFrame | None) -> list[Finding]:
     """A warning that few samples of a solution agree, with the frame that changed between samples, if it is known."""
     numbers = sorted(robust.agreeing if change is None else change.agreeing)
     if not numbers:
@@ -125,7 +125,7 @@ def far_stops(evidence: Evidence) -> list[Finding]:
 
 
 # Times the worst residual of the inliers, since the fit excluded the row; tested by slips 9 and 20 of `benchmarks`.
-_SPREAD = 3.0
+_RESIDUAL_RATIO = 3.0
 _MOST_OUTLIERS = 12  # outliers whose pairs are tried; assumed: bounds the time
 # Factors to metres from the unit in which a row may have been written, by definition.
 _UNITS = {"millimetres": 1e-3, "metres among millimetres": 1e3}
@@ -144,7 +144,7 @@ def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> It
         rows = np.flatnonzero(of_outliers)
         if not 0 < len(rows) <= _MOST_OUTLIERS or len(rows) == len(group):
             continue
-        limit = _SPREAD**2 * float(_costs(problem, state, bare)[~of_outliers].max())
+        limit = _RESIDUAL_RATIO**2 * float(_costs(problem, state, bare)[~of_outliers].max())
         for robot in group.robots:
             yield from _exchanged_rows(problem, state, bare, limit, robot, rows)
             pose = _recorded_poses(bare, robot)

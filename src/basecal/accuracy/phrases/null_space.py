@@ -19,7 +19,7 @@ def describe_null_space(direction: NullDirection) -> str:
     return describe_direction(direction) + coupled
 
 
-def is_unobservable(phrases: Sequence[str], names: Sequence[str]) -> str:
+def unobservable_clause(phrases: Sequence[str], names: Sequence[str]) -> str:
     """Clause that several directions, which move the same unknowns, are unobservable."""
     verb, coupled = "is" if len(phrases) == 1 else "are", " and ".join(names)
     return f"{' and '.join(phrases)} {verb} unobservable{f' (coupled with {coupled})' if names else ''}"

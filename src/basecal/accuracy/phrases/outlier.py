@@ -16,8 +16,8 @@ _SHOWN_OUTLIERS = 5  # outliers that a finding lists, the first with its cause; 
 Images = Mapping[tuple[int, str], str]
 
 
-def described_outlier(outlier: LeftOut, images: Images) -> Outlier:
-    """Outlier entry of a calibration, with its image from `images`, which are by sample and camera."""
+def outlier_entry(outlier: LeftOut, images: Images) -> Outlier:
+    """Outlier entry of a calibration; `images` are the paths of images, by sample number and camera."""
     image = images.get((outlier.sample, outlier.camera))
     return Outlier(outlier.sample, outlier.camera, outlier.target, outlier.ids, outlier_reason(outlier), image)
 
