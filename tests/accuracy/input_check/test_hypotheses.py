@@ -20,7 +20,7 @@ from basecal.accuracy.input_check.hypotheses import (
     streams,
 )
 from basecal.accuracy.input_check.target_sizes import size_hypothesis
-from basecal.cell import CellCamera, Intrinsics
+from basecal.cell import CellCamera, Intrinsics, Recording
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Camera
@@ -227,6 +227,28 @@ def test_half_turns_of_poses_of_a_symmetric_board():
     assert np.abs(seen_of(once) - seen_of(given)).max() > 0.1
     assert found.about == ("board",)
     assert hypotheses(chess, "board-symmetry") == []
+
+
+def test_a_half_turn_is_of_one_target_alone():
+    """The observed poses of another target stay."""
+    chess = simulate(Scenario(samples=7, target="chessboard"), 0)
+    board = replace(POSES.cell.targets["board"], target=chess.cell.targets["board"].target)
+    cell = replace(POSES.cell, targets={"board": board, "second": replace(POSES.cell.targets["board"], name="second")})
+    samples = [
+        replace(s, observations=(*s.observations, *(replace(o, target="second") for o in s.observations)))
+        for s in POSES.recording.samples
+    ]
+    given = declared(cell, Recording(tuple(samples)))
+    (found,) = [h for h in convention_hypotheses(given) if h.code == "board-symmetry"]
+    pairs = zip(given.problem.groups, found.reread(given).problem.groups, strict=True)
+    changes = {
+        old.target: np.abs(
+            old.measurement.measured_camera_from_target.matrix - new.measurement.measured_camera_from_target.matrix
+        ).max()
+        for old, new in pairs
+    }
+    assert changes["board"] > 0.1
+    assert changes["second"] == 0.0
 
 
 def test_a_size_that_is_found():

@@ -174,6 +174,15 @@ def test_a_mount_that_a_symmetry_moves_does_not_count():
         assert [f.code for f in found] == codes
 
 
+def test_a_target_on_another_carrier_has_another_mount():
+    """A requested mount that the rival does not have has moved; how far cannot be said."""
+    rival = predicted(1e-3)
+    rival.solution.state.transforms["b_from_c"] = rival.solution.state.transforms.pop(ASKED)
+    (found,) = findings_about(predicted(1e-3), rival, code="wrong-carrier")
+    assert (found.code, found.severity) == ("ambiguous-convention", "warning")
+    assert "if words 0 (wrong-carrier: 1 mm a metre (or mrad))." in found.what
+
+
 @pytest.mark.parametrize(
     ("core", "whole", "tail"), [(1e-3, 1.9e-3, False), (1e-3, 2.1e-3, True), (np.inf, np.inf, False)]
 )

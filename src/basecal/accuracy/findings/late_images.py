@@ -31,7 +31,7 @@ def late_images(evidence: Evidence) -> list[Finding]:
     outliers = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
     found = []
     for camera in sorted({camera for _, camera in outliers}):
-        late = sorted(_late_samples(evidence, camera, {sample for sample, name in outliers if name == camera}))
+        late = _late_samples(evidence, camera, {sample for sample, name in outliers if name == camera})
         if late:
             numbers = tuple(str(each.sample) for each in late)
             do = ("Look for a trigger that was missed, or a driver that stamps on arrival.",)
@@ -48,7 +48,8 @@ def late_images(evidence: Evidence) -> list[Finding]:
 
 
 def _late_samples(evidence: Evidence, camera: str, samples: set[int]) -> list[_Late]:
-    late = []
+    """Images of a camera that a delay explains, by sample; the delay is the mean over the targets in the image."""
+    delays: dict[int, list[float]] = {}
     for group in evidence.recorded.groups:
         rows = np.flatnonzero(np.isin(group.sample, list(samples)))
         if group.camera != camera or group.motion is None or not len(rows):
@@ -63,8 +64,9 @@ def _late_samples(evidence: Evidence, camera: str, samples: set[int]) -> list[_L
         per_s2 = np.einsum("ni,nij,nj->n", views.motion, view.information, views.motion)
         delay_s = -gradient_s / np.maximum(per_s2, 1e-300)
         is_late = (-delay_s * gradient_s > _EXPLAINED_SHARE * whole) & (np.abs(delay_s) < _LONGEST_S)
-        late += [_Late(int(views.sample[k]), float(delay_s[k])) for k in np.flatnonzero(is_late)]
-    return late
+        for k in np.flatnonzero(is_late):
+            delays.setdefault(int(views.sample[k]), []).append(float(delay_s[k]))
+    return [_Late(sample, float(np.mean(delays[sample]))) for sample in sorted(delays)]
 
 
 def _problem_sentence(camera: str, late: list[_Late]) -> str:

@@ -37,7 +37,7 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     outlier = "an outlier" if one else "outliers"
     what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as {outlier}"
     why = list_outliers(outliers, evidence.images)
-    causes = list(outlier_causes(evidence.recorded, evidence.solution.state, numbers))
+    causes = outlier_causes(evidence.recorded, evidence.solution.state, numbers)
     moved = f" {' '.join(causes)}" if causes else _moved_sentence(outliers, evidence.robust.solution.problem)
     do = f"Look at {'it' if one else 'them'} (samples count from 0), and record with arms at rest."
     about = tuple(map(str, numbers))
@@ -131,7 +131,7 @@ _MOST_OUTLIERS = 12  # outliers whose pairs are tried; assumed: bounds the time
 _UNITS = {"millimetres": 1e-3, "metres among millimetres": 1e3}
 
 
-def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> Iterator[str]:
+def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> list[str]:
     """Sentences about mistakes in robot rows that explain outlier views about as well as the inliers.
 
     Args:
@@ -139,6 +139,11 @@ def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> It
         state: State of the answer without outliers.
         numbers: Numbers of the samples with outliers.
     """
+    return list(dict.fromkeys(_row_mistakes(problem, state, numbers)))
+
+
+def _row_mistakes(problem: Problem, state: State, numbers: Sequence[int]) -> Iterator[str]:
+    """Sentences as `outlier_causes`, repeated for each group of views that shows the mistake."""
     for group in problem.groups:
         bare, of_outliers = group.without_stops(), np.isin(group.sample, list(numbers))
         rows = np.flatnonzero(of_outliers)
@@ -153,7 +158,7 @@ def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> It
                 fits = rows[_costs(problem, state, scaled)[rows] <= limit]
                 if len(fits):
                     few = list_samples(group.sample[fits].tolist())
-                    yield f"{few[:1].upper()}{few[1:]} of {robot} look like {unit}."
+                    yield f"{few[:1].upper()}{few[1:]} of {robot} look{'s' if len(fits) == 1 else ''} like {unit}."
 
 
 def _exchanged_rows(

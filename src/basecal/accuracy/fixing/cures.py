@@ -12,6 +12,7 @@ from basecal.accuracy.fixing.places import free_lens_entry, free_transform_entry
 from basecal.accuracy.input_check.conventions import every_hypothesis
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
+from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.accuracy.readings.carriers import describe_carriers
 from basecal.accuracy.readings.reading import Reading, declared_reading
 from basecal.cell import Calibration, Cell, Finding, Recording
@@ -117,8 +118,7 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
         left_out = {outlier.sample for outlier in calibration.outliers or () if not outlier.ids}
         kept = tuple(sample for sample in recording.samples if sample.sample not in left_out)
         if left_out:
-            numbers = ", ".join(map(str, sorted(left_out)))
-            yield Cure(finding, f"Leave out samples {numbers}.", Change(samples=kept))
+            yield Cure(finding, f"Leave out {list_samples(sorted(left_out))}.", Change(samples=kept))
 
 
 def _freed_entry(cell: Cell, name: str) -> dict[Loc, Any]:

@@ -146,7 +146,7 @@ def _check_reading(
 def _without_links(baseline: Reading, state: State) -> tuple[Reading, State]:
     """Reading and state without link parameters, whose errors are smaller than the effect of any input mistake."""
     robots = {
-        name: replace(robot, parameters={kind: of for kind, of in robot.parameters.items() if kind != LINKS})
+        name: replace(robot, parameters={kind: stated for kind, stated in robot.parameters.items() if kind != LINKS})
         for name, robot in baseline.cell.robots.items()
     }
     kinematics = {

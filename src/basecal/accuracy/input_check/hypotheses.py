@@ -290,12 +290,12 @@ def _symmetry_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
                 f"the observed poses of {name} are turned by half a turn: the grid was read from its other end",
                 f"let the origin of {name} be its other end, or use a target without symmetry",
                 "use a target without symmetry",
-                map_poses((), partial(_turn_poses, turn)),
+                partial(_turn_target, name=name, target_from_turned=turn),
             )
 
 
-def _turn_poses(target_from_turned: SE3, poses: SE3) -> SE3:
-    return poses @ target_from_turned
+def _turn_target(reading: Reading, name: str, target_from_turned: SE3) -> Reading:
+    return reading.with_target_poses(lambda poses: poses @ target_from_turned, name)
 
 
 def _mirror_hypotheses(has_poses: bool, has_points: bool) -> Iterator[ConventionHypothesis]:

@@ -130,11 +130,13 @@ def _wins(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis) -> bool
 
 
 def _moves_answer(cell: Cell, trial: TriedHypothesis, baseline: HypothesisFit, scale: HypothesisFit) -> bool:
-    """Whether a hypothesis moves the requested transforms by more than three sigmas of `scale`."""
+    """Whether a hypothesis moves the requested transforms by more than three sigmas of `scale`, or has other ones."""
     ignored = cell.mount_name(trial.hypothesis.about[0]) if trial.hypothesis.code == "board-symmetry" else None
     for name in cell.requested_transforms:
         if name == ignored and cell.transforms[name].status == "free":
             continue
+        if name not in trial.fit.solution.state.transforms:  # the mount of a target with another carrier
+            return True
         off = np.abs(_difference(baseline, trial.fit, name).log())
         sigma = np.sqrt(np.maximum(np.diag(scale.solution.joint_transform_covariance([name])), 0.0))
         if np.any(off > _DIFFERENT_SIGMAS * np.maximum(sigma, ROUNDING)):
@@ -183,10 +185,9 @@ def _ambiguity_finding(
 ) -> Finding:
     """One finding for all hypotheses that fit equally well as the declared one."""
     name = cell.requested_transforms[0]
-    moves = [1e3 * float(np.linalg.norm(_difference(baseline.fit, t.fit, name).translation)) for t in rivals]
     listed = " or ".join(
-        f"{t.hypothesis.words} ({t.hypothesis.code}: {t.fit.error_in_words()}, {name} {mm:.3g} mm away)"
-        for t, mm in zip(rivals, moves, strict=True)
+        f"{t.hypothesis.words} ({t.hypothesis.code}: {t.fit.error_in_words()}{_distance_clause(baseline, t, name)})"
+        for t in rivals
     )
     about = tuple(dict.fromkeys(each for t in rivals for each in t.hypothesis.about))
     distinctions = dict.fromkeys(t.hypothesis.distinction for t in rivals)
@@ -198,6 +199,14 @@ def _ambiguity_finding(
         what,
         ("Check which is true.", *(sentence(each) for each in distinctions if each)),
     )
+
+
+def _distance_clause(baseline: TriedHypothesis, trial: TriedHypothesis, name: str) -> str:
+    """Clause with the distance between the values of a transform; empty if the trial does not contain it."""
+    if name not in trial.fit.solution.state.transforms:
+        return ""
+    shift_m = np.linalg.norm(_difference(baseline.fit, trial.fit, name).translation)
+    return f", {name} {1e3 * float(shift_m):.3g} mm away"
 
 
 def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | None:
