@@ -58,24 +58,24 @@ def _late_samples(evidence: Evidence, camera: str, samples: set[int]) -> list[_L
         state = evidence.solution.state
         predicted = state.camera_from_target(views, evidence.recorded.stops)
         view = views.measurement.linearise(predicted, state.cameras.get(camera), False)
-        whole = spectrum(view.information, VIEW_ROUNDING).squared_mahalanobis(view.gradient)
+        cost = spectrum(view.information, VIEW_ROUNDING).squared_mahalanobis(view.gradient)
         assert views.motion is not None
         gradient_s = np.einsum("ni,ni->n", view.gradient, views.motion)
         per_s2 = np.einsum("ni,nij,nj->n", views.motion, view.information, views.motion)
         delay_s = -gradient_s / np.maximum(per_s2, 1e-300)
-        is_late = (-delay_s * gradient_s > _EXPLAINED_SHARE * whole) & (np.abs(delay_s) < _LONGEST_S)
+        is_late = (-delay_s * gradient_s > _EXPLAINED_SHARE * cost) & (np.abs(delay_s) < _LONGEST_S)
         for k in np.flatnonzero(is_late):
             delays.setdefault(int(views.sample[k]), []).append(float(delay_s[k]))
     return [_Late(sample, float(np.mean(delays[sample]))) for sample in sorted(delays)]
 
 
 def _problem_sentence(camera: str, late: list[_Late]) -> str:
-    one = len(late) == 1
-    by = ", ".join(
+    is_single = len(late) == 1
+    delays = ", ".join(
         f"{1e3 * abs(each.delay_s):.0f} ms {'late' if each.delay_s > 0 else 'early'}" for each in late[:_SHOWN_IMAGES]
     )
     more = ", ..." if len(late) > _SHOWN_IMAGES else ""
-    images = "An image" if one else f"{len(late)} images"
-    stamps = "was not taken when its stamp says" if one else "were not taken when their stamps say"
-    where = f"{list_samples([each.sample for each in late])} ({by}{more})"
-    return f"{images} of {camera} {stamps}, and {'is' if one else 'are'} left out: {where}."
+    images = "An image" if is_single else f"{len(late)} images"
+    stamps = "was not taken when its stamp says" if is_single else "were not taken when their stamps say"
+    listed = f"{list_samples([each.sample for each in late])} ({delays}{more})"
+    return f"{images} of {camera} {stamps}, and {'is' if is_single else 'are'} left out: {listed}."

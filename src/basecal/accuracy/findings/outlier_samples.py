@@ -33,13 +33,13 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     numbers, total = sorted({o.sample for o in outliers}), evidence.robust.samples
     if not numbers:
         return []
-    one = len(numbers) == 1
-    outlier = "an outlier" if one else "outliers"
-    what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as {outlier}"
+    is_single = len(numbers) == 1
+    outlier = "an outlier" if is_single else "outliers"
+    what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if is_single else 'were'} left out as {outlier}"
     why = list_outliers(outliers, evidence.images)
     causes = outlier_causes(evidence.recorded, evidence.solution.state, numbers)
     moved = f" {' '.join(causes)}" if causes else _moved_sentence(outliers, evidence.robust.solution.problem)
-    do = f"Look at {'it' if one else 'them'} (samples count from 0), and record with arms at rest."
+    do = f"Look at {'it' if is_single else 'them'} (samples count from 0), and record with arms at rest."
     about = tuple(map(str, numbers))
     cure = "`basecal fix CELL` takes them out of the recording."
     return [
@@ -77,8 +77,10 @@ def _moved_sentence(outliers: Sequence[LeftOut], inliers: Problem) -> str:
             "the answer is for the samples before."
         )
     if numbers[-1] < first:
-        way = f"was elsewhere{_distance_phrase(outliers)}"
-        return f" The outliers look as if {what} {way} before sample {first}; the answer is for the samples after."
+        verb_phrase = f"was elsewhere{_distance_phrase(outliers)}"
+        return (
+            f" The outliers look as if {what} {verb_phrase} before sample {first}; the answer is for the samples after."
+        )
     return ""
 
 

@@ -66,7 +66,7 @@ def convention_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
     """All hypotheses that apply to this reading, except those with an unknown number."""
     pose_robots, joint_robots = baseline.pose_robots, baseline.joint_robots
     has_poses, has_points = baseline.shows(PoseMeasurement), baseline.shows(PointMeasurement)
-    shifts = [by for by in _SHIFTS if abs(by) < len(baseline.order) // 3]
+    shifts = [count for count in _SHIFTS if abs(count) < len(baseline.order) // 3]
     return [
         *_direction_hypotheses(baseline.cell, pose_robots, has_poses),
         *_unit_hypotheses(pose_robots, joint_robots, has_poses, has_points),
@@ -74,7 +74,7 @@ def convention_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
         *_quaternion_hypotheses(pose_robots, has_poses),
         *_exchange_hypotheses(baseline, pose_robots, "poses"),
         *_exchange_hypotheses(baseline, joint_robots, "joints"),
-        *(shift_hypothesis(stream, by) for stream in streams([*pose_robots, *joint_robots]) for by in shifts),
+        *(shift_hypothesis(stream, count) for stream in streams([*pose_robots, *joint_robots]) for count in shifts),
         *(_size_unit_hypotheses(baseline.cell) if baseline.shows(PixelMeasurement, PointMeasurement) else ()),
         *(_symmetry_hypotheses(baseline.cell) if has_poses else ()),
         *_mirror_hypotheses(has_poses, has_points),

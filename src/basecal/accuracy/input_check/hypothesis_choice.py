@@ -109,7 +109,7 @@ def decide_hypotheses(
     of_still = [t for t in rivals if set(t.hypothesis.about) <= still_robots]
     others = [t for t in rivals if t not in of_still]
     kinds: tuple[tuple[Severity, list[TriedHypothesis]], ...] = (("warning", others), ("info", of_still))
-    return tuple(_ambiguity_finding(cell, baseline, of, severity) for severity, of in kinds if of)
+    return tuple(_ambiguity_finding(cell, baseline, similar, severity) for severity, similar in kinds if similar)
 
 
 def _is_as_good(trial: TriedHypothesis, reference: HypothesisFit) -> bool:
@@ -183,7 +183,7 @@ def _make_finding(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis,
 def _ambiguity_finding(
     cell: Cell, baseline: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity
 ) -> Finding:
-    """One finding for all hypotheses that fit equally well as the declared one."""
+    """One finding for all hypotheses that fit as well as the declared one."""
     name = cell.requested_transforms[0]
     listed = " or ".join(
         f"{t.hypothesis.words} ({t.hypothesis.code}: {t.fit.error_in_words()}{_distance_clause(baseline, t, name)})"

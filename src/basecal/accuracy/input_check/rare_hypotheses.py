@@ -35,7 +35,7 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import lengths
 
-_FAR_SHIFTS = tuple(by for far in (3, 4, 5, 6) for by in (far, -far))  # samples; up to two are common mistakes
+_FAR_SHIFTS = tuple(delay for far in (3, 4, 5, 6) for delay in (far, -far))  # samples; up to two are common mistakes
 _RADIANS_AS_DEGREES_RAD = np.radians(2 * np.pi)  # [rad] of three angles of up to half a turn each, read as degrees
 _CENTRES = 20  # rotations among which the central one is searched
 _FEWEST_STILL = 5  # consecutive samples with a robot at rest that make a session; at least a tenth of all, too
@@ -85,9 +85,9 @@ def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
     ]
 
 
-def _small_angle_hypotheses(small: list[str]) -> Iterator[ConventionHypothesis]:
+def _small_angle_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
     """Roll, pitch and yaw, or rotation vectors, in radians that were read as degrees: all rotations are small."""
-    for names, who in robot_subjects(small).items():
+    for names, who in robot_subjects(robots).items():
         for what, pose_map in (("roll, pitch and yaw", _scale_rpy), ("rotation vectors", _scale_rotvecs)):
             yield ConventionHypothesis(
                 "angle-unit",
@@ -213,13 +213,13 @@ def _pixel_hypotheses() -> Iterator[ConventionHypothesis]:
     )
 
 
-def _order_hypotheses(streams: list[str | None], count: int) -> Iterator[ConventionHypothesis]:
-    for stream in streams:
+def _order_hypotheses(stream_names: list[str | None], count: int) -> Iterator[ConventionHypothesis]:
+    for stream in stream_names:
         yield _reverse_order_hypothesis(stream)
         yield from (_text_order_hypothesis(stream, first) for first in (0, 1) if count > 10)
-        for by in _FAR_SHIFTS:
-            if abs(by) < count // 3:
-                yield shift_hypothesis(stream, by)
+        for delay in _FAR_SHIFTS:
+            if abs(delay) < count // 3:
+                yield shift_hypothesis(stream, delay)
 
 
 def _text_order_hypothesis(stream: str | None, first: int) -> ConventionHypothesis:

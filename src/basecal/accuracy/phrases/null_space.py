@@ -32,10 +32,10 @@ def describe_direction(direction: NullDirection) -> str:
         case "lens":
             return f"the intrinsics of {main}"
         case "robot parameters":
-            one = ROBOT_PARAMETERS[direction.parameters].one
+            parameter = ROBOT_PARAMETERS[direction.parameters].one
             if direction.joint is None:
-                return f"{one} of {direction.robot}"
-            return f"{one} of joint {direction.joint + 1} of {direction.robot} ({direction.joint_name})"
+                return f"{parameter} of {direction.robot}"
+            return f"{parameter} of joint {direction.joint + 1} of {direction.robot} ({direction.joint_name})"
         case "translation":
             parent, frame = main.split("_from_")
             return _translation(frame, twists[:, :3], parent)

@@ -23,6 +23,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
+from basecal.numerics.batch import concatenate
 
 PoseMap = Callable[[SE3], SE3]
 M = TypeVar("M", bound=Measurement)
@@ -64,7 +65,7 @@ class Track:
         own_joints, joints = self.joints, track.joints
         joined = Track(
             np.concatenate([self.seen, track.seen]),
-            SE3(*(np.concatenate([getattr(t.pose, of) for t in (self, track)]) for of in ("rotation", "translation"))),
+            concatenate([self.pose, track.pose]),
             None if own_joints is None or joints is None else np.concatenate([own_joints, joints]),
             np.concatenate([self.stand, np.where(track.seen, track.stand + self.stand.max() + 1, -1)]),
             self.has_only_poses,
@@ -138,7 +139,7 @@ class Reading:
     def with_poses(self, robots: tuple[str, ...], pose_map: PoseMap) -> Reading:
         """Copy with the recorded poses of these robots mapped."""
         tracks = {name: self.tracks[name] for name in robots}
-        mapped = {name: replace(of, pose=pose_map(of.pose), joints=None) for name, of in tracks.items()}
+        mapped = {name: replace(track, pose=pose_map(track.pose), joints=None) for name, track in tracks.items()}
         return self._with_tracks(mapped)
 
     def with_joints(self, robots: tuple[str, ...], factor: float) -> Reading:
@@ -247,7 +248,7 @@ class Reading:
         return group.take(np.flatnonzero(kept)).with_ends(lambda end: _carry_end(end, tracks, rows, first_stops))
 
     def map_groups(self, change: Callable[[ViewGroup], ViewGroup]) -> Reading:
-        """Copy with each group of views changed."""
+        """Copy with each group of views replaced by the result of a function."""
         return replace(self, problem=self.problem.with_groups(map(change, self.problem.groups)))
 
     def with_target_poses(self, pose_map: PoseMap, target: str | None = None) -> Reading:

@@ -55,10 +55,10 @@ def without_samples(
         known = {name: calibration[name] for name in cell.requested_transforms if name in calibration.transforms}
         return WithoutSamples(known, calibration.residuals, True)
     kept = Recording(tuple(s for s in recording.samples if s.sample not in exclusions))
-    solution, whole = (_solve_again(cell, each, calibration) for each in (kept, recording))
+    solution, complete = (_solve_again(cell, each, calibration) for each in (kept, recording))
     transforms = {n: solution.transforms[n] for n in cell.requested_transforms if n in _observable_names(solution)}
-    for name in transforms.keys() & calibration.transforms.keys() & _observable_names(whole):
-        with_all, answer = whole.transforms[name], calibration[name]
+    for name in transforms.keys() & calibration.transforms.keys() & _observable_names(complete):
+        with_all, answer = complete.transforms[name], calibration[name]
         mean = answer.mean @ with_all.mean.inverse() @ transforms[name].mean
         transforms[name] = replace(
             answer, mean=mean, covariance=answer.covariance + transforms[name].covariance - with_all.covariance
