@@ -114,12 +114,12 @@ RESCUES: dict[str, Rescue] = {
     "stated lenses widened": Rescue(_STAGES + "solving", "with_likely_lenses", lambda robust, *_: robust),
     "fits of most views": Rescue(_CHECKS + "hypothesis_fit", "_concentrate", lambda solution, _: solution),
     "rare mix-ups of the input": Rescue(_CHECKS + "conventions", "rare_hypotheses", lambda *_: []),
-    "half turns of flanges": Rescue(_CHECKS + "conventions", "half_turns", lambda *_: [], bool),
-    "pairing that slips": Rescue(_CHECKS + "conventions", "pairing_errors", lambda *_: [], bool),
+    "half turns of flanges": Rescue(_CHECKS + "conventions", "half_turn_hypotheses", lambda *_: [], bool),
+    "pairing that slips": Rescue(_CHECKS + "conventions", "slip_hypotheses", lambda *_: [], bool),
     "sizes of targets": Rescue(_CHECKS + "conventions", "size_hypotheses", lambda *_: [], bool),
     "lenses freed": Rescue(_CHECKS + "hypotheses", "_lens_hypotheses", lambda *_: ()),
     "transforms freed": Rescue(_CHECKS + "hypotheses", "_fixed_transform_hypotheses", lambda *_: ()),
-    "offsets that explain": Rescue(_STAGES + "solving", "explaining_offsets", lambda *_: []),
+    "offsets that explain": Rescue(_STAGES + "solving", "joint_offset_findings", lambda *_: []),
 }
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.drift.verify import POWER, Verification, verify
-from basecal.accuracy.model_comparison.nested_models import MOVED
+from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL
 from basecal.cell import WORLD, Calibration, Cell, Recording, RobotState
 from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array
@@ -220,7 +220,7 @@ def main(arguments: list[str]) -> None:
     real_rows = [each for name in asked.recordings for each in _real(name, asked.splittings, kept)]
     print(table(HEAD_REAL, map(row_real, real_rows)), flush=True)
     if asked.keep is not None or (asked.still >= STILL_CELLS and asked.splittings >= SPLITTINGS):
-        write("verify", {"level": MOVED, "power": POWER, "rows": rows, "real": real_rows})
+        write("verify", {"level": MOVED_LEVEL, "power": POWER, "rows": rows, "real": real_rows})
 
 
 def _real(name: str, splittings: int, kept: Kept) -> list[dict[str, Any]]:

@@ -148,7 +148,7 @@ SLIPS = (
         "20",
         "a few rows in millimetres",
         poses.few_rows_in_mm,
-        r"(samples?|lines) .*look like millimetres",
+        r"(samples?|lines) .*looks? like millimetres",
         r"divide their lengths by 1000",
     ),
     Slip("21a", "decimal commas between commas", poses.decimal_commas, r"decimal comma", r"separator"),

@@ -1,10 +1,10 @@
 """A cell and its recording as they are read if they are as declared."""
 
-from basecal.accuracy.readings.reading import Reading, as_recorded
+from basecal.accuracy.readings.reading import Reading, declared_reading
 from basecal.cell import Cell, Recording
 from basecal.estimation.problem.build import build_problem
 
 
 def declared(cell: Cell, recording: Recording) -> Reading:
     """The reading of a cell and its recording, packed."""
-    return as_recorded(cell, recording, build_problem(cell, recording)[0])
+    return declared_reading(cell, recording, build_problem(cell, recording)[0])

@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from typing import NamedTuple
 
-from basecal.accuracy.findings.better_optimum import guess_led_astray
+from basecal.accuracy.findings.better_optimum import guess_finding
 from basecal.accuracy.stages import concluding, judging, pose_noise, reading, solving
 from basecal.accuracy.stages.case import Case
 from basecal.cell import Calibration, Cell, Finding, Recording
@@ -87,7 +87,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     solved, astray = _run_stages(SOLVING_STAGES, read), list[Finding]()
     if settings.start == "guess" and not solving.is_explained(solved):
         solved = _run_stages(SOLVING_STAGES, replace(read, settings=replace(settings, start="closed")))
-        astray.append(guess_led_astray())
+        astray.append(guess_finding())
     calibration = _run_stages(JUDGING_STAGES, solved).calibration
     assert calibration is not None
     calibration = replace(calibration, findings=(*calibration.findings, *astray))

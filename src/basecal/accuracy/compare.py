@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.model_comparison.nested_models import MOVED, compare_nested_models
+from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL, compare_nested_models
 from basecal.cell import Calibration
 from basecal.errors import check_type
 from basecal.numerics.spectral import spectrum
@@ -68,7 +68,7 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
     found = {name: _difference(first, second, name) for name in common}
     chances = [each.chance for each in found.values() if each.chance is not None]
     moved = any(each.chance is None and max(each.shift_m, each.shift_rad) > _ROUNDING for each in found.values())
-    alike = all(len(chances) * chance >= MOVED for chance in chances)
+    alike = all(len(chances) * chance >= MOVED_LEVEL for chance in chances)
     only = {name: 0 for name in first.transforms if name not in common}
     only |= {name: 1 for name in second.transforms if name not in common}
     files = sorted(first.inputs.keys() | second.inputs.keys())

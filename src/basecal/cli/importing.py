@@ -185,7 +185,7 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> tuple[Fin
             with counting("looking at images") as step:
                 few = detect(cell, few, folder, progress=step)
     except BasecalError as error:
-        look = QuickLook(0, untold=str(error))
+        look = QuickLook(0, undetermined=str(error))
     else:
         with progress("testing conventions"):
             look = quick_look(cell, few, len(few.samples) == len(recording.samples))
@@ -196,5 +196,5 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> tuple[Fin
         others = "no other direction, unit, order or pairing does better"
         say(f"conventions hold: each of {look.views} views is predicted by the others to {look.error}, and {others}")
     elif not look.findings:
-        say(f"conventions are not determined by {look.views} views: {look.untold}")
+        say(f"conventions are not determined by {look.views} views: {look.undetermined}")
     return tuple(finding for finding in look.findings if finding.severity == "error")

@@ -12,7 +12,7 @@ from basecal.accuracy.compare import Comparison
 from basecal.accuracy.drift.history import Drift
 from basecal.accuracy.drift.shifts import Shift
 from basecal.accuracy.drift.verify import POWER, Verification
-from basecal.accuracy.model_comparison.nested_models import MOVED
+from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL
 from basecal.cell import PastVerification
 from basecal.effects.faces.effect import format_tangent, format_with_sigma
 from basecal.reporting.statement.verdict import error_text, two_digits
@@ -128,7 +128,7 @@ def history_text(history: Sequence[PastVerification], drifts: Sequence[Drift]) -
 def drift_sentence(drift: Drift) -> str:
     """Sentence about whether a transform drifts, with its rate."""
     speed, sigma = 1e3 * float(np.linalg.norm(drift.m_per_day)), 1e3 * float(np.linalg.norm(drift.sigma))
-    verb = "drifts" if drift.chance < MOVED else "does not drift:"
+    verb = "drifts" if drift.chance < MOVED_LEVEL else "does not drift:"
     rate = f"{format_with_sigma(speed, sigma)} mm a day"
     return f"{drift.transform} {verb} {rate} over {drift.count} checks (p = {drift.chance:.2g})"
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from basecal.accuracy.drift import disagreement as room
 from basecal.accuracy.drift.disagreement import disagreement
 from basecal.accuracy.drift.shifts import SIZE_KIND
-from basecal.accuracy.model_comparison.nested_models import DISAGREES
+from basecal.accuracy.model_comparison.nested_models import DISAGREEMENT_LEVEL
 from basecal.cell import Recording
 from drift_cells import BASE, later
 
@@ -23,7 +23,7 @@ def test_samples_of_a_cell_that_is_unchanged_agree():
     """Their chance is large, and no cause is looked for."""
     made = later(0)
     found = disagreement(made.cell, made.calibration, made.recording)
-    assert found.chance > DISAGREES
+    assert found.chance > DISAGREEMENT_LEVEL
     assert found.causes == ()
 
 

@@ -12,7 +12,7 @@ from basecal.accuracy.drift import verify as verify_module
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
 from basecal.accuracy.drift.verify import FEWEST_SAMPLES, POWER, _camera_covariance, verify, with_shared_errors
-from basecal.accuracy.model_comparison.nested_models import MOVED
+from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
 from basecal.geometry import SE3
@@ -29,7 +29,7 @@ def verified(made: Later, recording: Recording | None = None):
 def test_nothing_moved(seed: int) -> None:
     found = verified(later(seed))
     assert found.moved is False
-    assert found.chance > MOVED
+    assert found.chance > MOVED_LEVEL
     assert found.detectable_m is not None
     assert len(found.samples) == 6
     assert repr(found) == f"<not moved, 6 samples, p = {found.chance:.2g}>"
@@ -188,7 +188,7 @@ def test_what_would_be_seen_is_the_worst_of_what_was_asked_for(nothing_asked: bo
     found = verified(made)
     frames = list(frame_shifts(innovations(made.cell, made.calibration, made.recording)))
     asked = frames if nothing_asked else [each for each in frames if each.transform == BASE]
-    lengths = [detectable_m(each, MOVED / len(frames), POWER) for each in asked]
+    lengths = [detectable_m(each, MOVED_LEVEL / len(frames), POWER) for each in asked]
     assert found.detectable_m == pytest.approx(max(lengths))
     assert [each.transform for each in found.asked] == [each.transform for each in asked]
     best = min(frames, key=lambda each: each.log_chance)

@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from basecal.accuracy.findings.better_optimum import better_optimum, guess_led_astray
+from basecal.accuracy.findings.better_optimum import better_optimum, guess_finding
 
 
 def test_only_where_the_answer_is_another_than_the_start_led_to(evidence):
@@ -28,6 +28,6 @@ def test_a_closed_form_that_predicts_better_is_a_warning(evidence):
 
 def test_guesses_that_led_astray_are_an_info():
     """The answer did not start from them."""
-    found = guess_led_astray()
+    found = guess_finding()
     assert (found.code, found.severity, found.about) == ("better-optimum", "info", ())
     assert "The answer starts without them." in found.message

@@ -123,6 +123,24 @@ def test_a_delay_is_how_far_along_its_way_a_view_is() -> None:
     assert seen_late(0.06, samples=33)[0].severity == "warning"
 
 
+def test_an_image_of_two_targets_is_named_once() -> None:
+    """With the mean of both delays; it is one image of a hundred."""
+    way = np.array([[0.06], [0.06]]) * MOTION
+    problem, state = pose_problem(way, np.ones(6))
+    (group,) = problem.groups
+    moving = replace(group.take(np.array([0])), motion=MOTION[None])
+    evidence = SimpleNamespace(
+        robust=SimpleNamespace(outliers=[LeftOut(0, "camera", "target", (), 9.0)], samples=33),
+        recorded=problem.with_groups([moving, replace(moving, target="other", motion=1.5 * MOTION[None])]),
+        solution=SimpleNamespace(state=state),
+    )
+    (finding,) = late_images(evidence)
+    assert (finding.severity, finding.about) == ("warning", ("camera", "0"))
+    assert (
+        "An image of camera was not taken when its stamp says, and is left out: sample 0 (50 ms late)" in finding.what
+    )
+
+
 @pytest.mark.parametrize(("late_s", "aside", "told"), [
     (0.49, 0.0, True), (0.51, 0.0, False), (-0.51, 0.0, False), (0.05, 0.3, True), (0.05, 0.36, False),
 ])  # fmt: skip

@@ -185,7 +185,7 @@ def test_three_in_a_hundred_may_go(count, severity):
 def test_samples_that_close_the_loop_among_themselves_are_told():
     """Where no answer rests on most of them; else nothing."""
     assert agreeing_samples(robust()) == []
-    (finding,) = agreement_findings(robust(agreeing=(5, 3, 4), samples=20).robust)
+    (finding,) = agreement_findings(robust(agreeing=(5, 3, 4), samples=20).robust, None)
     assert (finding.severity, finding.about) == ("warning", ("3", "4", "5"))
     assert "Of 20 samples only 3 agree with one another: samples 3 to 5." in finding.message
     (finding,) = agreement_findings(
@@ -267,7 +267,7 @@ def with_poses(robot: str, pose_of: Callable[[int, SE3], SE3]) -> Recording:
 def causes(recording: Recording, numbers: list[int]) -> list[str]:
     problem, _ = build_problem(MADE.cell, recording)
     state = replace(SOLUTION.state, stop_errors=0 * SOLUTION.state.stop_errors)
-    return list(outlier_causes(problem, state, numbers))
+    return outlier_causes(problem, state, numbers)
 
 
 def test_exchanged_rows_are_named() -> None:
@@ -282,6 +282,15 @@ def test_rows_in_another_unit_are_named(factor: float, unit: str) -> None:
     """Of two outliers in another unit both."""
     recording = with_poses("eye", lambda k, p: SE3(p.rotation, p.translation * (factor if k in (4, 11) else 1)))
     assert causes(recording, [4, 11]) == [f"Samples 4, 11 of eye look like {unit}."]
+
+
+def test_a_cause_that_two_targets_show_is_named_once() -> None:
+    """Of a single row, in the singular."""
+    recording = with_poses("eye", lambda k, p: SE3(p.rotation, p.translation * (1e3 if k == 4 else 1)))
+    problem, _ = build_problem(MADE.cell, recording)
+    state = replace(SOLUTION.state, stop_errors=0 * SOLUTION.state.stop_errors)
+    twice = problem.with_groups([*problem.groups, *problem.groups])
+    assert outlier_causes(twice, state, [4]) == ["Sample 4 of eye looks like millimetres."]
 
 
 def test_a_bump_has_no_such_cause() -> None:

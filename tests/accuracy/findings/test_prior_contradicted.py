@@ -10,7 +10,7 @@ import pytest
 from tests.touch_cells import MARKS, recorded, touch_cell, touch_lines
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.findings.prior_contradicted import _wider_entry, contradicted_priors, innovation
+from basecal.accuracy.findings.prior_contradicted import _wider_entry, contradicted_priors, innovation_covariance
 from basecal.accuracy.fixing.offers import offered_places
 from basecal.effects import deflection
 from basecal.effects.link_parameters import Stated
@@ -108,7 +108,7 @@ def test_estimates_vary_as_data_under_unit_priors_do(wider):
     covariance = np.linalg.inv(by_data + np.diag(wider**-2))
     gain = covariance @ by_data
     expected = gain @ (np.eye(3) + np.linalg.inv(by_data)) @ gain.T
-    np.testing.assert_allclose(innovation(covariance, wider), expected, rtol=1e-9)
+    np.testing.assert_allclose(innovation_covariance(covariance, wider), expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -215,7 +215,9 @@ def test_quaternions_of_ten_different_numbers_are_enough(least, told):
     quaternions = numbers / np.linalg.norm(numbers, axis=-1, keepdims=True)
     np.testing.assert_array_equal(_multiples(quaternions, 0.01), numbers)
     found = list(_quaternion_roundings(quaternions, 1e-3))
-    assert [(each.step, each.words, each.noise) for each in found] == [(0.02, "0.01 before normalisation", 1e-3)] * told
+    assert [(each.step, each.step_text, each.noise) for each in found] == [
+        (0.02, "0.01 before normalisation", 1e-3)
+    ] * told
 
 
 @pytest.mark.parametrize("norm", [99, 100, 101])

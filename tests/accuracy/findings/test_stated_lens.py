@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.findings.prior_contradicted import innovation
+from basecal.accuracy.findings.prior_contradicted import innovation_covariance
 from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(samples=18, layout="eye_in_hand", robot_noise=(1e-4, 2e-4), state_robot_noise=False), 1)
@@ -45,7 +45,9 @@ def test_an_innovation_is_the_same_under_wider_priors():
     rng = np.random.default_rng(0)
     by_data = rng.standard_normal((3, 9))
     by_data = 1e6 * by_data @ by_data.T
-    of_unit = innovation(np.linalg.inv(by_data + np.eye(3)), np.ones(3))
+    of_unit = innovation_covariance(np.linalg.inv(by_data + np.eye(3)), np.ones(3))
     np.testing.assert_allclose(of_unit, np.eye(3) - np.linalg.inv(by_data + np.eye(3)), rtol=1e-9)
     wider = np.array([5.0, 2.0, 1.0])
-    np.testing.assert_allclose(innovation(np.linalg.inv(by_data + np.diag(wider**-2)), wider), of_unit, atol=1e-5)
+    np.testing.assert_allclose(
+        innovation_covariance(np.linalg.inv(by_data + np.diag(wider**-2)), wider), of_unit, atol=1e-5
+    )

@@ -15,7 +15,7 @@ from basecal.geometry import SE3
 
 
 def messages(problem):
-    found = too_few_samples(SimpleNamespace(problem=problem, findings=(), images=0))
+    found = too_few_samples(SimpleNamespace(problem=problem, findings=(), image_count=0))
     assert {f.severity for f in found} <= {"error"}
     return [f.message for f in found]
 
@@ -73,9 +73,9 @@ def test_images_that_were_not_searched_are_named():
     """Without a view the call that finds targets is named, unless a search has found none."""
     problem, _ = pose_problem(np.zeros((1, 6)), np.ones(6))
     empty = problem.with_groups([])
-    (found,) = too_few_samples(SimpleNamespace(problem=empty, findings=(), images=20))
+    (found,) = too_few_samples(SimpleNamespace(problem=empty, findings=(), image_count=20))
     assert found.what == "No target was searched in the 20 images of the recording."
     assert "basecal.detect(cell, recording)" in found.do[0]
     missed = Finding("dropped-sample", "info", ("wrist", "board"), "board was not found")
-    (found,) = too_few_samples(SimpleNamespace(problem=empty, findings=(missed,), images=20))
+    (found,) = too_few_samples(SimpleNamespace(problem=empty, findings=(missed,), image_count=20))
     assert found.what.startswith("No sample shows a target")

@@ -95,7 +95,7 @@ def test_any_samples_may_be_those_of_the_other_place(monkeypatch, logs, explains
     monkeypatch.setattr(room, "candidate_chance", lambda *words: given.append(words) or 0.5)
     monkeypatch.setattr(room, "decide", lambda gain, chance, level: SimpleNamespace(is_taken=explains))
     solution = SimpleNamespace(noise=SimpleNamespace(logs=logs))
-    assert room._is_explained(solution, "mount", minority, majority) == is_so
+    assert room._is_significant(solution, "mount", minority, majority) == is_so
     ((_, candidate, apart, ways),) = given
     assert ways == pytest.approx(10 * np.log(2))
     np.testing.assert_allclose(apart, minority.mean() - majority.mean())

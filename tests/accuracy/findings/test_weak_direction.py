@@ -10,7 +10,7 @@ from basecal.accuracy.findings.weak_direction import weak_directions
 @pytest.fixture(autouse=True)
 def cause(monkeypatch):
     """The words about motions have tests of their own."""
-    monkeypatch.setattr(weak_direction, "describe_cause", lambda *_: (("Do.",), "The cause."))
+    monkeypatch.setattr(weak_direction, "advise_observability", lambda *_: (("Do.",), "The cause."))
     monkeypatch.setattr(weak_direction, "motions", lambda _: [])
 
 

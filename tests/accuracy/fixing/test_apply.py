@@ -11,7 +11,7 @@ import pytest
 from basecal.accuracy.fixing.apply import _state_words, apply_cure, describe_change
 from basecal.accuracy.fixing.change import Change
 from basecal.accuracy.fixing.cures import Cure
-from basecal.accuracy.fixing.places import free_lens
+from basecal.accuracy.fixing.places import free_lens_entry
 from basecal.cell import Finding, Recording, RobotState
 from basecal.cell.files import read_cell, read_recording, write_cell, write_recording
 from basecal.errors import InputError
@@ -34,7 +34,7 @@ def test_files_change_and_originals_stay(folder: Path) -> None:
     cell = read_cell(folder)
     recording = read_recording(folder, cell)
     before = {name: (folder / name).read_bytes() for name in ("cell.yaml", "recording/samples.jsonl")}
-    change = Change(recording.samples[1:], free_lens(cell, "wrist"))
+    change = Change(recording.samples[1:], free_lens_entry(cell, "wrist"))
     assert list(describe_change(recording, change)) == [
         "cell.yaml: cameras.wrist.intrinsics.status: free",
         "cell.yaml: cameras.wrist.intrinsics.exact: false",

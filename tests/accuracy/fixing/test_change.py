@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.fixing.change import change_carriers, change_cell, change_of_hypothesis
-from basecal.accuracy.input_check.hypotheses import convention_hypotheses, shift
+from basecal.accuracy.input_check.hypotheses import convention_hypotheses, shift_hypothesis
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
-from basecal.accuracy.input_check.target_sizes import target_size
-from basecal.accuracy.readings.reading import Reading, as_recorded
+from basecal.accuracy.input_check.target_sizes import size_hypothesis
+from basecal.accuracy.readings.reading import Reading, declared_reading
 from basecal.cell import Cell, PoseObservation, Recording, RobotState, Sample, Unknown
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3
@@ -23,7 +23,7 @@ BOARD = simulate(Scenario(samples=9), 2)
 
 
 def declared(cell: Cell, recording: Recording) -> Reading:
-    return as_recorded(cell, recording, build_problem(cell, recording)[0])
+    return declared_reading(cell, recording, build_problem(cell, recording)[0])
 
 
 def with_poses(recording: Recording, robot: str, change: Callable[[SE3], SE3]) -> Recording:
@@ -96,7 +96,7 @@ def test_pairing(stream: str | None, by: int, start: int) -> None:
     recording = replace(BOARD.recording, samples=tuple(slipped(k) for k in kept))
     reading = declared(BOARD.cell, recording)
     place = kept.index(start) if start else 0
-    change = change_of_hypothesis(recording, reading, shift(stream, by, place))
+    change = change_of_hypothesis(recording, reading, shift_hypothesis(stream, by, place))
     assert len(change.samples) >= len(kept) - 2
     by_number = {sample.sample: sample for sample in samples}
     for sample in change.samples:
@@ -116,7 +116,7 @@ def test_cell_is_changed() -> None:
     """A size, a lens and a transform that are stated wrongly become lines of `cell.yaml`."""
     cell = BOARD.cell.with_transform("eye_flange_from_wrist", Unknown("fixed", SE3.identity()))
     reading = declared(cell, BOARD.recording)
-    size = change_of_hypothesis(BOARD.recording, reading, target_size("board", 1.1, cell))
+    size = change_of_hypothesis(BOARD.recording, reading, size_hypothesis("board", 1.1, cell))
     square = cell.targets["board"].target.options["square_m"]
     assert size.cell["targets", "board", "square_m"] == pytest.approx(1.1 * square, rel=1e-4)
     assert size.samples is None
@@ -133,7 +133,7 @@ def test_tags_in_a_list_are_resized() -> None:
     """The size and the place of each tag, which stand in `tags`."""
     made = simulate(Scenario(samples=9, target="apriltag"), 2)
     reading = declared(made.cell, made.recording)
-    change = change_of_hypothesis(made.recording, reading, target_size("board", 1.25, made.cell))
+    change = change_of_hypothesis(made.recording, reading, size_hypothesis("board", 1.25, made.cell))
     assert change.samples is None
     assert [tag["size_m"] for tag in change.cell["targets", "board", "tags"]] == [0.15]
 

@@ -87,6 +87,7 @@ def test_outliers_lens_and_offered_lines() -> None:
         ),
         outliers=outliers,
     )
+    assert left.words == "Leave out sample 3."
     assert [sample.sample for sample in left.change.samples] == [0, 1, 2, 4, 5, 6, 7, 8]
     assert lens.change.cell["cameras", "wrist", "intrinsics", "status"] == "free"
     assert line.change.cell == {("targets", "board", "dictionary"): "DICT_5X5_100"}

@@ -11,7 +11,7 @@ from tests.touch_cells import touch_data
 from basecal.accuracy.fixing.apply import apply_cure
 from basecal.accuracy.fixing.change import Change
 from basecal.accuracy.fixing.cures import Cure
-from basecal.accuracy.fixing.places import free_lens, free_transform, transform_place
+from basecal.accuracy.fixing.places import free_lens_entry, free_transform_entry, transform_place
 from basecal.cell import Cell, Finding
 from basecal.cell.files import cell_from_dict, read_cell, write_cell
 from basecal.simulation import Scenario, simulate
@@ -50,7 +50,7 @@ def test_a_freed_transform_is_read_back_as_free(tmp_path, cell, name, place) -> 
     """Each transform with an entry of its own has its place, and what is written there frees it alone."""
     assert transform_place(cell, name) == place
     write_cell(cell, tmp_path)
-    freed = free_transform(cell, name)
+    freed = free_transform_entry(cell, name)
     assert list(freed) == [place]
     stated = read_cell(tmp_path)
     if stated.transforms[name].status != "free":
@@ -65,17 +65,17 @@ def test_a_freed_transform_is_read_back_as_free(tmp_path, cell, name, place) -> 
 def test_a_mark_of_a_plate_has_no_entry_of_its_own() -> None:
     """Its place is a number in the entry of the plate."""
     assert transform_place(touching(), "plate_from_one") is None
-    assert free_transform(touching(), "plate_from_one") == {}
+    assert free_transform_entry(touching(), "plate_from_one") == {}
 
 
 def test_a_freed_lens_keeps_its_numbers_as_a_guess(tmp_path) -> None:
     """Without the sigmas that a free lens cannot have."""
     write_cell(BOARD, tmp_path)
-    cure = Cure(Finding("x", "warning", ("wrist",), "Off."), "Free it.", Change(cell=free_lens(BOARD, "wrist")))
+    cure = Cure(Finding("x", "warning", ("wrist",), "Off."), "Free it.", Change(cell=free_lens_entry(BOARD, "wrist")))
     apply_cure(tmp_path, cure)
     known, lens = BOARD.cameras["wrist"].intrinsics, read_cell(tmp_path).cameras["wrist"].intrinsics
     assert (lens.status, lens.sigma) == ("free", None)
     np.testing.assert_array_equal(lens.camera.parameters, known.camera.parameters)
     fixed = replace(BOARD.cameras["wrist"], intrinsics=replace(known, status="fixed", sigma=None))
-    entry = free_lens(replace(BOARD, cameras={"wrist": fixed}), "wrist")
+    entry = free_lens_entry(replace(BOARD, cameras={"wrist": fixed}), "wrist")
     assert entry == {("cameras", "wrist", "intrinsics", "status"): "free"}

@@ -76,7 +76,7 @@ def test_a_mix_up_is_named(made, name, code, about):
 
 
 def none_survives(*given):
-    """As `_surviving`: it asks for no fit and has no hypothesis."""
+    """As `_screen_hypotheses`: it asks for no fit and has no hypothesis."""
     yield from ()
     return []
 
@@ -85,7 +85,7 @@ def none_survives(*given):
 def test_exchanged_joints_are_named(look, monkeypatch):
     """Two arms of one model: also where a mount is known by a prior, and no loop closes without it."""
     if look == "none":
-        monkeypatch.setattr(conventions, "_surviving", none_survives)
+        monkeypatch.setattr(conventions, "_screen_hypotheses", none_survives)
     made = simulate(Scenario(samples=12, joints=True, target_mount="prior"), 3)
     found = calibrate(made.cell, exchanged(made.recording, "eye", "hand"))
     assert named(found) == {("robots-swapped", ("eye", "hand"))}
@@ -106,7 +106,7 @@ def test_links_explain_no_mix_up(factor):
     cell = resized(made.cell, {"board": factor})
     problem, _ = build_problem(cell, made.recording)
     plain = solve_problem(problem, cell, STATED)
-    found = conventions.check_conventions(cell, made.recording, problem, plain, STATED)
+    found = conventions.check_conventions(cell, made.recording, problem, plain, STATED, False)
     assert [f.code for f in found] == (["board-size"] if factor > 1 else [])
 
 
@@ -192,14 +192,14 @@ def test_two_of_three_folds_leave_more_equations_than_unknowns(samples, can):
     assert conventions._can_hold_out(build_problem(made.cell, made.recording)[0]) == can
 
 
-def hypothesis(words, code="length-unit", about=("eye",), nested=False):
+def hypothesis(words, code="length-unit", about=("eye",), is_wider=False):
     """One that changes nothing."""
-    return ConventionHypothesis(code, about, words, "", "", lambda reading: reading, nested)
+    return ConventionHypothesis(code, about, words, "", "", lambda reading: reading, is_wider)
 
 
-def surviving(monkeypatch, offs, among=None, of_light=False, made=BOARD):
+def surviving(monkeypatch, offs, among=None, is_led=False, made=BOARD):
     """Words of those that survive a quick look by which views of each are so far off, the declared one first."""
-    fits = [{("wrist", "board"): LoopFit((), np.full(4, off), of_light)} if off is not None else {} for off in offs]
+    fits = [{("wrist", "board"): LoopFit((), np.full(4, off), is_led)} if off is not None else {} for off in offs]
     inputs_seen = []
 
     def screened(inputs, lenses):
@@ -208,14 +208,14 @@ def surviving(monkeypatch, offs, among=None, of_light=False, made=BOARD):
         yield from ()
         return fits
 
-    monkeypatch.setattr(conventions, "_screen", screened)
+    monkeypatch.setattr(conventions, "_fit_readings", screened)
     among = among or [hypothesis(str(k)) for k in range(1, len(offs))]
-    (found,) = conventions._run_checks([conventions._surviving(declared(made.cell, made.recording), {}, among)])
+    (found,) = conventions._run_checks([conventions._screen_hypotheses(declared(made.cell, made.recording), {}, among)])
     return [each.words for each, _ in found], len(inputs_seen)
 
 
 @pytest.mark.parametrize(
-    ("offs", "of_light", "words"),
+    ("offs", "is_led", "words"),
     [
         ((0.02, 0.071, 0.069, 0.01), False, ["3"]),  # three times the best and 0.01 rad are 0.04
         ((0.1, 0.3, 0.29, 0.32, 0.2), False, ["4", "2", "1"]),
@@ -227,9 +227,9 @@ def surviving(monkeypatch, offs, among=None, of_light=False, made=BOARD):
         ((0.06, 0.051), True, []),
     ],
 )
-def test_hypotheses_that_close_loops_about_as_well_as_the_best_are_fitted(monkeypatch, offs, of_light, words):
+def test_hypotheses_that_close_loops_about_as_well_as_the_best_are_fitted(monkeypatch, offs, is_led, words):
     """Within three times the best and a floor, the best first; none where even the best leaves loops open."""
-    assert surviving(monkeypatch, offs, of_light=of_light) == (words, len(offs))
+    assert surviving(monkeypatch, offs, is_led=is_led) == (words, len(offs))
 
 
 def test_no_more_than_eight_hypotheses_are_fitted(monkeypatch):
@@ -241,7 +241,7 @@ def test_no_more_than_eight_hypotheses_are_fitted(monkeypatch):
 def test_what_a_quick_look_cannot_tell_is_left_out_of_it(monkeypatch):
     """Wider models, and samples paired one late with robots that never move."""
     late = [hypothesis("both", "pairing-shifted", ("eye", "hand")), hypothesis("hand", "pairing-shifted", ("hand",))]
-    among = [hypothesis("wider", nested=True), *late, hypothesis("exchanged", about=("eye", "hand"))]
+    among = [hypothesis("wider", is_wider=True), *late, hypothesis("exchanged", about=("eye", "hand"))]
     still = simulate(Scenario(samples=6, arms="eye_still"), 0)
     assert surviving(monkeypatch, [0.02] * 3, among, made=still) == (["hand", "exchanged"], 3)
 
@@ -264,10 +264,10 @@ def test_a_hypothesis_is_out_of_the_race_at_twice_the_declared_error(monkeypatch
     monkeypatch.setattr(conventions, "fit_hypothesis", lambda *given: limits.append(given[-1]))
     whole = HypothesisFit(None, np.full(10, 0.03), np.arange(10), True)
     given, as_is = declared(BOARD.cell, BOARD.recording), TriedHypothesis(hypothesis("declared"), whole, ())
-    assert conventions._try(given, hypothesis("other"), STATED, None, as_is) == []
+    assert conventions._fit_fully(given, hypothesis("other"), STATED, None, as_is) == []
     assert limits == [pytest.approx(0.06)]
     monkeypatch.setattr(conventions, "impossible_reading", lambda *given: ("a fact",))
-    assert conventions._try(given, hypothesis("other"), STATED, None, as_is) == []
+    assert conventions._fit_fully(given, hypothesis("other"), STATED, None, as_is) == []
     assert len(limits) == 1
 
 
@@ -288,8 +288,8 @@ def test_what_closes_loops_is_known_by_the_declared_fit_of_a_light(monkeypatch):
         yield from ()
         return fits
 
-    monkeypatch.setattr(conventions, "_screen", screened)
-    assert ended(conventions._surviving(declared(BOARD.cell, BOARD.recording), {}, [hypothesis("other")])) == []
+    monkeypatch.setattr(conventions, "_fit_readings", screened)
+    assert ended(conventions._screen_hypotheses(declared(BOARD.cell, BOARD.recording), {}, [hypothesis("other")])) == []
 
 
 def ended(check):
@@ -331,12 +331,12 @@ def test_cells_of_many_robots_are_checked_pair_by_pair(monkeypatch):
     monkeypatch.setattr(conventions, "has_many_robots", lambda problem: True)
     monkeypatch.setattr(conventions, "solve_single_pairs", lambda *given: pairs)
     monkeypatch.setattr(conventions, "merge_findings", lambda pairs, found: found)
-    monkeypatch.setattr(conventions, "as_recorded", lambda *given: "whole")
+    monkeypatch.setattr(conventions, "declared_reading", lambda *given: "whole")
     monkeypatch.setattr(conventions, "_check_reading", checked)
     monkeypatch.setattr(conventions, "_run_checks", lambda checks: steps.append(len(checks)) or in_step(checks))
     settings = SimpleNamespace(report_progress=lambda at, count: parts.append((at, count)))
     given = (BOARD.cell, BOARD.recording, None, SimpleNamespace(state=None), settings)
-    assert conventions.check_conventions(*given) == [(k,) for k in range(17)]
+    assert conventions.check_conventions(*given, False) == [(k,) for k in range(17)]
     assert told == [(f"reading {k}", False) for k in range(17)]
     assert (steps, parts) == ([8, 8, 1], [(0, 17), (8, 17), (16, 17)])
 
@@ -344,13 +344,13 @@ def test_cells_of_many_robots_are_checked_pair_by_pair(monkeypatch):
 def fit_of(core=0.01, good=True, tail=False, explained=True, best=False):
     """A fit by what is asked of it."""
     solution = SimpleNamespace(state="known", problem=None)
-    return SimpleNamespace(core=core, good=good, tail=tail, explained=explained, best=best, solution=solution)
+    return SimpleNamespace(trimmed_rms=core, good=good, tail=tail, explained=explained, best=best, solution=solution)
 
 
 @pytest.fixture
 def judged_by_name(monkeypatch):
     """Fits of `fit_of` are judged by what they say of themselves."""
-    monkeypatch.setattr(conventions, "plausible", lambda fit: fit.good)
+    monkeypatch.setattr(conventions, "is_plausible", lambda fit: fit.good)
     monkeypatch.setattr(conventions, "has_tail", lambda fit: fit.tail)
     monkeypatch.setattr(TriedHypothesis, "compare", lambda tried, other: SimpleNamespace(is_taken=tried.fit.best))
     return monkeypatch
@@ -384,13 +384,13 @@ def test_what_is_tried_goes_by_what_explains_so_far(judged_by_name, fitted, fact
 
 def stages(monkeypatch, fitted, facts=(), found=None, facts_found=(), odd=0.081, survive=True, status="free"):
     """Words of the hypotheses that are fitted in earnest, each from where it is to start."""
-    common, wider = hypothesis("common"), hypothesis("wider", nested=True)
+    common, wider = hypothesis("common"), hypothesis("wider", is_wider=True)
     tried, starts = [], {"common": ({}, {}), "slip": ({"slip": 1}, {}), "rare": ({}, {}), "turned": None}
 
     def surviving(reading, lenses, among):
         """All that are no wider model."""
         yield from ()
-        return [(each, {}) for each in among if not each.nested] if survive else []
+        return [(each, {}) for each in among if not each.is_wider] if survive else []
 
     def try_one(reading, each, settings, start, about):
         """What is known of it."""
@@ -400,15 +400,15 @@ def stages(monkeypatch, fitted, facts=(), found=None, facts_found=(), odd=0.081,
         return [] if fit is None else [TriedHypothesis(each, fit, facts_found)]
 
     known = {
-        "convention_hypotheses": [common, wider], "size_hypotheses": [hypothesis("size", nested=True)],
-        "pairing_errors": [(hypothesis("slip"), {"slip": 1})], "half_turns": [hypothesis("turned")],
+        "convention_hypotheses": [common, wider], "size_hypotheses": [hypothesis("size", is_wider=True)],
+        "slip_hypotheses": [(hypothesis("slip"), {"slip": 1})], "half_turn_hypotheses": [hypothesis("turned")],
         "rare_hypotheses": [hypothesis("rare")], "unexplained_motion": odd, "_lenses": {},
     }  # fmt: skip
     for name, value in known.items():
         monkeypatch.setattr(conventions, name, lambda *given, value=value: value)
     monkeypatch.setattr(conventions, "_is_explained", lambda fit: fit.explained)
-    monkeypatch.setattr(conventions, "_surviving", surviving)
-    monkeypatch.setattr(conventions, "_try", try_one)
+    monkeypatch.setattr(conventions, "_screen_hypotheses", surviving)
+    monkeypatch.setattr(conventions, "_fit_fully", try_one)
     problem = SimpleNamespace(unknowns={"a": SimpleNamespace(status="free"), "b": SimpleNamespace(status=status)})
     tracks = {"eye": SimpleNamespace(moves=True)}
     reading = SimpleNamespace(problem=problem, tracks=tracks, thin=lambda max_count: None)
@@ -461,11 +461,11 @@ def test_a_guess_that_misled_is_no_mix_up(judged_by_name, first, anew, start, ex
         return first if known is not None else anew
 
     judged_by_name.setattr(conventions, "fit_hypothesis", fit)
-    judged_by_name.setattr(conventions, "_SOLVED", 7)
-    found = conventions._as_declared(
+    judged_by_name.setattr(conventions, "_SOLVED_SAMPLES", 7)
+    found = conventions._fit_baseline(
         declared(BOARD.cell, BOARD.recording), Settings(start=start, robot_noise="stated"), "known"
     )
-    assert (None if found is None else found.core) == expected
+    assert (None if found is None else found.trimmed_rms) == expected
     assert asked[0] == (7, start, "known")
     assert asked[1:] in ([], [(7, "closed", None)])
 
@@ -498,7 +498,7 @@ def test_when_hypotheses_are_compared(judged_by_name, samples, can, whole, facts
         return ("finding",)
 
     known = {
-        "_can_hold_out": can, "_as_declared": whole, "is_observable": observable,
+        "_can_hold_out": can, "_fit_baseline": whole, "is_observable": observable,
         "impossible_reading": (), "impossible_answer": facts,
     }  # fmt: skip
     for name, value in known.items():
@@ -526,7 +526,7 @@ def test_links_take_no_part(monkeypatch, links):
     robots = {name: Kinematics(robot.chain, values) for name, robot in made.cell.robots.items()}
     asked = []
     monkeypatch.setattr(conventions, "_can_hold_out", lambda problem: True)
-    monkeypatch.setattr(conventions, "_as_declared", lambda *given: asked.append(given))
+    monkeypatch.setattr(conventions, "_fit_baseline", lambda *given: asked.append(given))
     state = State(made.truth, made.cameras, np.zeros((0, 6)), robots)
     assert ended(conventions._check_reading(reading, state, STATED, False)) == ()
     ((found, _, known),) = asked
@@ -540,21 +540,21 @@ def test_links_take_no_part(monkeypatch, links):
 
 def test_hypotheses_by_order_are_applied_to_all_samples(monkeypatch):
     """The others to as many as tell."""
-    monkeypatch.setattr(conventions, "_REWRITTEN", 6)
-    for by_order, count in ((True, 20), (False, 6)):
-        each = replace(hypothesis("other"), by_order=by_order)
+    monkeypatch.setattr(conventions, "_REWRITTEN_SAMPLES", 6)
+    for depends_on_order, count in ((True, 20), (False, 6)):
+        each = replace(hypothesis("other"), depends_on_order=depends_on_order)
         assert len(conventions._reread(each, declared(BOARD.cell, BOARD.recording)).order) == count
 
 
 def test_a_fit_begins_where_loops_were_closed(monkeypatch):
     """The state that a quick look found for the samples that are solved; or the one that is given."""
     begun = []
-    monkeypatch.setattr(conventions, "_SOLVED", 7)
+    monkeypatch.setattr(conventions, "_SOLVED_SAMPLES", 7)
     monkeypatch.setattr(conventions, "pair_state", lambda problem, fits, lenses: (len(problem.groups[0]), fits, lenses))
     monkeypatch.setattr(conventions, "fit_hypothesis", lambda cell, few, settings, start, beyond: begun.append(start))
     as_is = TriedHypothesis(hypothesis("declared"), fit_of(), ())
     for start in (({"fit": 1}, {"lens": 2}), "a state"):
-        conventions._try(declared(BOARD.cell, BOARD.recording), hypothesis("other"), STATED, start, as_is)
+        conventions._fit_fully(declared(BOARD.cell, BOARD.recording), hypothesis("other"), STATED, start, as_is)
     assert begun == [(7, {"fit": 1}, {"lens": 2}), "a state"]
 
 
@@ -566,7 +566,7 @@ def test_a_quick_look_names_the_fits_of_each_hypothesis(monkeypatch):
 
     given = {"one": [pair("a"), pair("b")], "two": [pair("a"), pair("b")], "three": []}
     monkeypatch.setattr(conventions, "_pairs", lambda reading, views: given[reading])
-    check = conventions._screen(list(given), {})
+    check = conventions._fit_readings(list(given), {})
     assert next(check) == given["one"] + given["two"]
     with pytest.raises(StopIteration) as end:
         check.send(["A", "B", "C", None])
@@ -583,7 +583,7 @@ def test_of_a_light_fewer_views_are_looked_at(is_light):
         counts.append(views)
         return SimpleNamespace(candidates=None if is_light else 1, views=views)
 
-    ((some, problem),) = conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(take=of))
+    ((some, problem),) = conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(prepare=of))
     assert len(counts) == (2 if is_light else 1)
     assert some.views == counts[-1]
     assert not is_light or counts[1] < counts[0]
@@ -597,7 +597,7 @@ def test_what_cannot_be_made_ready_has_no_pairs(error):
     def fails(*given):
         raise error
 
-    assert conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(take=fails)) == []
+    assert conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(prepare=fails)) == []
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,12 @@ from basecal.accuracy.input_check.hypotheses import (
     AS_DECLARED,
     convention_hypotheses,
     other_resolution,
-    shift,
+    robot_subjects,
+    shift_hypothesis,
     streams,
-    subsets,
 )
-from basecal.accuracy.input_check.target_sizes import target_size
-from basecal.cell import CellCamera, Intrinsics
+from basecal.accuracy.input_check.target_sizes import size_hypothesis
+from basecal.cell import CellCamera, Intrinsics, Recording
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Camera
@@ -117,7 +117,7 @@ def test_a_lens_that_is_not_fixed_is_not_doubted():
     assert hypotheses(made, "intrinsics") == []
     (wrong,) = hypotheses(BOARD, "intrinsics")
     assert wrong.reread(declared(BOARD.cell, BOARD.recording)).cell.cameras["wrist"].intrinsics.status == "free"
-    assert (wrong.about, wrong.nested) == (("wrist",), True)
+    assert (wrong.about, wrong.is_wider) == (("wrist",), True)
 
 
 @pytest.mark.parametrize("robots", [("eye",), ("hand",), ("eye", "hand")])
@@ -207,11 +207,11 @@ def test_streams_that_may_be_late():
 )
 def test_a_shift_in_words(by, start, first, words):
     """How far, which way, and from where."""
-    found = shift("hand", by, start, first)
+    found = shift_hypothesis("hand", by, start, first)
     assert found.words == words
     assert ("missed" in found.fix) == bool(start)
-    assert shift(None, by).words.startswith("what the cameras saw belongs")
-    assert shift(None, by).about == ()
+    assert shift_hypothesis(None, by).words.startswith("what the cameras saw belongs")
+    assert shift_hypothesis(None, by).about == ()
     assert len(found.reread(declared(BOARD.cell, BOARD.recording)).order) == 7 - abs(by)
 
 
@@ -229,9 +229,31 @@ def test_half_turns_of_poses_of_a_symmetric_board():
     assert hypotheses(chess, "board-symmetry") == []
 
 
+def test_a_half_turn_is_of_one_target_alone():
+    """The observed poses of another target stay."""
+    chess = simulate(Scenario(samples=7, target="chessboard"), 0)
+    board = replace(POSES.cell.targets["board"], target=chess.cell.targets["board"].target)
+    cell = replace(POSES.cell, targets={"board": board, "second": replace(POSES.cell.targets["board"], name="second")})
+    samples = [
+        replace(s, observations=(*s.observations, *(replace(o, target="second") for o in s.observations)))
+        for s in POSES.recording.samples
+    ]
+    given = declared(cell, Recording(tuple(samples)))
+    (found,) = [h for h in convention_hypotheses(given) if h.code == "board-symmetry"]
+    pairs = zip(given.problem.groups, found.reread(given).problem.groups, strict=True)
+    changes = {
+        old.target: np.abs(
+            old.measurement.measured_camera_from_target.matrix - new.measurement.measured_camera_from_target.matrix
+        ).max()
+        for old, new in pairs
+    }
+    assert changes["board"] > 0.1
+    assert changes["second"] == 0.0
+
+
 def test_a_size_that_is_found():
     """Points grow by it, observed poses move off by it, and what the square would be is said."""
-    found = target_size("board", 1.25, BOARD.cell)
+    found = size_hypothesis("board", 1.25, BOARD.cell)
     board = declared(BOARD.cell, BOARD.recording)
     reading = found.reread(board)
     true = BOARD.cell.targets["board"].target
@@ -241,7 +263,7 @@ def test_a_size_that_is_found():
     assert found.words == "board is 1.25 times as large as stated"
     assert f"square_m would be {1.25 * true.options['square_m']:.5g}" in found.fix
     poses = declared(POSES.cell, POSES.recording)
-    further = seen_of(target_size("board", 2.0, POSES.cell).reread(poses))
+    further = seen_of(size_hypothesis("board", 2.0, POSES.cell).reread(poses))
     np.testing.assert_allclose(further[:, :3, 3], 2.0 * seen_of(poses)[:, :3, 3])
     np.testing.assert_allclose(further[:, :3, :3], seen_of(poses)[:, :3, :3])
     others = replace(
@@ -250,7 +272,7 @@ def test_a_size_that_is_found():
             POSES.cell, targets={**POSES.cell.targets, "other": replace(POSES.cell.targets["board"], name="other")}
         ),
     )
-    other = target_size("other", 2.0, others.cell).reread(others)
+    other = size_hypothesis("other", 2.0, others.cell).reread(others)
     np.testing.assert_array_equal(seen_of(other), seen_of(poses))
 
 
@@ -308,17 +330,17 @@ def test_streams_are_late_by_less_than_a_third_of_the_samples(samples):
 
 def test_subsets_are_each_and_all():
     """All together only where there are several."""
-    assert [[*subsets(names)] for names in ([], ["a"], ["a", "b", "c"])] == [
+    assert [[*robot_subjects(names)] for names in ([], ["a"], ["a", "b", "c"])] == [
         [], [("a",)], [("a",), ("b",), ("c",), ("a", "b", "c")],
     ]  # fmt: skip
-    assert subsets(["a", "b"])["a", "b"] == "a and b"
+    assert robot_subjects(["a", "b"])["a", "b"] == "a and b"
 
 
 def test_a_shift_of_all_samples_goes_by_their_order():
     """It is no wider model, and asks for no missed detection; what is declared is neither."""
-    whole = shift(None, 1)
-    assert (whole.fix, whole.by_order, whole.nested) == ("pair it accordingly", True, False)
-    assert (AS_DECLARED.by_order, AS_DECLARED.nested) == (False, False)
+    whole = shift_hypothesis(None, 1)
+    assert (whole.fix, whole.depends_on_order, whole.is_wider) == ("pair it accordingly", True, False)
+    assert (AS_DECLARED.depends_on_order, AS_DECLARED.is_wider) == (False, False)
 
 
 def test_all_lengths_are_not_mistaken_where_an_arm_tells_joints():

@@ -22,7 +22,7 @@ from basecal.accuracy.input_check.hypothesis_choice import (
     noise_evidence,
 )
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypothesis
-from basecal.accuracy.input_check.target_sizes import target_size
+from basecal.accuracy.input_check.target_sizes import size_hypothesis
 from basecal.accuracy.model_comparison.nested_models import Decision
 from basecal.effects.faces.effect import FIX
 from basecal.estimation.problem.build import build_problem
@@ -49,20 +49,22 @@ def predicted(core, whole=None, sigma=1e-3, moved=0.0, unobservable=()):
     return HypothesisFit(solution, off, np.arange(10), False)
 
 
-def findings_about(declared, *others, impossible=(), nested=False, code="inverted", explained=False, still=frozenset()):
+def findings_about(
+    declared, *others, impossible=(), is_wider=False, code="inverted", explained=False, still=frozenset()
+):
     """Findings about other readings."""
     cell = SimpleNamespace(requested_transforms=(ASKED,), mount_name=lambda name: "mount")
     tried = []
     for k, other in enumerate(others):
         about = ("eye", f"hand{k}")
-        reading = ConventionHypothesis(code, about, f"words {k}", "fix", "tell", lambda reading: reading, nested)
+        reading = ConventionHypothesis(code, about, f"words {k}", "fix", "tell", lambda reading: reading, is_wider)
         tried.append(TriedHypothesis(reading, other, ()))
     return decide_hypotheses(cell, TriedHypothesis(AS_DECLARED, declared, impossible), tried, explained, still)
 
 
-def decided(declared, other, impossible=(), nested=False, code="inverted"):
+def decided(declared, other, impossible=(), is_wider=False, code="inverted"):
     """Codes of the findings about one other reading."""
-    found = findings_about(declared, other, impossible=impossible, nested=nested, code=code)
+    found = findings_about(declared, other, impossible=impossible, is_wider=is_wider, code=code)
     return [f.code for f in found]
 
 
@@ -91,14 +93,14 @@ def test_what_moves_nothing_is_named_beside_what_is_implausible(declared, found)
 def test_a_wider_model_must_be_much_better(monkeypatch, core, found):
     """A reading with more freedoms is named from a ratio of likelihoods of 2 on, and never as ambiguous."""
     monkeypatch.setattr(hypothesis_choice, "noise_evidence", lambda fit, declared: None)
-    assert decided(predicted(1e-3), predicted(core, moved=50), nested=True) == found
+    assert decided(predicted(1e-3), predicted(core, moved=50), is_wider=True) == found
 
 
 def test_facts_decide_between_equals():
     """Where the declared reading contradicts a fact, one that predicts as well is named, a wider one is not."""
     assert decided(predicted(1e-3), predicted(1.09e-3), impossible=("reach 9 m",)) == ["inverted"]
     assert decided(predicted(1e-3), predicted(1.11e-3), impossible=("reach 9 m",)) == []
-    assert decided(predicted(1e-3), predicted(1e-3), impossible=("reach 9 m",), nested=True) == []
+    assert decided(predicted(1e-3), predicted(1e-3), impossible=("reach 9 m",), is_wider=True) == []
 
 
 def test_loops_that_nothing_closes_are_told():
@@ -129,7 +131,7 @@ def test_what_cannot_be_is_said():
 
 def test_a_wider_model_beside_what_is_implausible_is_an_error():
     """No noise could explain the declared reading."""
-    (found,) = findings_about(predicted(0.04), predicted(0.021, moved=5), nested=True)
+    (found,) = findings_about(predicted(0.04), predicted(0.021, moved=5), is_wider=True)
     assert found.severity == "error"
 
 
@@ -167,8 +169,18 @@ def test_a_mount_that_a_symmetry_moves_does_not_count():
         cell = SimpleNamespace(requested_transforms=(ASKED,), mount_name=lambda name: ASKED, transforms=transforms)
         reading = ConventionHypothesis("board-symmetry", ("board",), "words", "fix", "", lambda reading: reading)
         tried = TriedHypothesis(reading, predicted(1e-3, moved=50), ())
-        found = decide_hypotheses(cell, TriedHypothesis(AS_DECLARED, predicted(1e-3), ()), [tried])
+        declared = TriedHypothesis(AS_DECLARED, predicted(1e-3), ())
+        found = decide_hypotheses(cell, declared, [tried], False, frozenset())
         assert [f.code for f in found] == codes
+
+
+def test_a_target_on_another_carrier_has_another_mount():
+    """A requested mount that the rival does not have has moved; how far cannot be said."""
+    rival = predicted(1e-3)
+    rival.solution.state.transforms["b_from_c"] = rival.solution.state.transforms.pop(ASKED)
+    (found,) = findings_about(predicted(1e-3), rival, code="wrong-carrier")
+    assert (found.code, found.severity) == ("ambiguous-convention", "warning")
+    assert "if words 0 (wrong-carrier: 1 mm a metre (or mrad))." in found.what
 
 
 @pytest.mark.parametrize(
@@ -176,7 +188,7 @@ def test_a_mount_that_a_symmetry_moves_does_not_count():
 )
 def test_a_tail_is_twice_as_far_off_as_most(core, whole, tail):
     """Where anything is predicted at all."""
-    assert has_tail(SimpleNamespace(core=core, rms=whole)) == tail
+    assert has_tail(SimpleNamespace(trimmed_rms=core, rms=whole)) == tail
 
 
 def test_readings_are_compared_by_the_samples_that_both_have():
@@ -185,7 +197,7 @@ def test_readings_are_compared_by_the_samples_that_both_have():
     other = replace(predicted(2e-3), sample=np.repeat(np.arange(2, 7), 2))
     np.testing.assert_allclose(one.squares(np.arange(2, 5)), 1e-6)
     assert TriedHypothesis(AS_DECLARED, one, ()).compare(other).is_taken
-    lost = replace(one, off=np.where(np.arange(10) < 4, np.nan, one.off))
+    lost = replace(one, errors=np.where(np.arange(10) < 4, np.nan, one.errors))
     np.testing.assert_allclose(lost.squares(np.arange(5)), [1e6, 1e6, 1e-6, 1e-6, 1e-6])
     assert TriedHypothesis(AS_DECLARED, other, ()).compare(one).decision is Decision.KEEP
 
@@ -203,7 +215,7 @@ def test_readings_are_compared_by_the_samples_that_both_have():
 def test_a_wider_model_is_held_against_noise_of_arms(monkeypatch, evidence, explained, severity):
     """By its likelihood with noise beside it, certain from a hundred on; by other views it is only a doubt."""
     monkeypatch.setattr(hypothesis_choice, "noise_evidence", lambda fit, declared: evidence)
-    found = findings_about(predicted(1e-3), predicted(0.5e-3, moved=9), nested=True, explained=explained)
+    found = findings_about(predicted(1e-3), predicted(0.5e-3, moved=9), is_wider=True, explained=explained)
     assert [f.severity for f in found] == ([] if severity is None else [severity])
 
 
@@ -228,7 +240,7 @@ def fitted(reading):
 def of_size(made, factor):
     """Evidence for a board so many times as large as stated."""
     given = declared(made.cell, made.recording)
-    return noise_evidence(fitted(target_size("board", factor, made.cell).reread(given)), fitted(given))
+    return noise_evidence(fitted(size_hypothesis("board", factor, made.cell).reread(given)), fitted(given))
 
 
 def of_lens(made, cell):
@@ -302,7 +314,7 @@ def known(monkeypatch, narrower, wider):
         return problem
 
     monkeypatch.setattr(module, "solve_at_mode", solve)
-    monkeypatch.setattr(module, "_views", lambda solution: solution.views)
+    monkeypatch.setattr(module, "_view_count", lambda solution: solution.views)
     found = noise_evidence(*fits)
     if found is not None:
         assert told == {"narrower": None, "wider": narrower.noise}
@@ -333,7 +345,7 @@ def test_of_what_is_freed_it_is_how_far_it_is_from_what_was_stated(monkeypatch):
     """Of all that only the hypothesis estimates, squares and freedoms together."""
     squares = {"b": (5.0, 4), "c": (7.0, 9)}
     monkeypatch.setattr(module, "state_step", lambda problem, before, after: "step")
-    monkeypatch.setattr(module, "_distance", lambda solution, step, name: squares[name])
+    monkeypatch.setattr(module, "_squared_distance", lambda solution, step, name: squares[name])
     found = known(monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", 3.0, ["a", "b", "c"]))
     assert found.gain == 12.0
     assert found.chance == pytest.approx(chi2.sf(12.0, 13))
@@ -392,6 +404,6 @@ def test_what_is_freed_is_off_by_its_part_of_the_step_in_sigmas(size):
         problem=SimpleNamespace(columns={"a_from_b": slice(1, 1 + size)}),
         covariance=np.diag(np.append(7.0, sigma[:size] ** 2)),
     )
-    squared, count = module._distance(solution, np.append(9.0, step[:size]), "a_from_b")
+    squared, count = module._squared_distance(solution, np.append(9.0, step[:size]), "a_from_b")
     assert squared == pytest.approx(np.sum((step[:size] / sigma[:size]) ** 2))
     assert count == size

@@ -13,8 +13,8 @@ from basecal.accuracy.input_check import hypothesis_fit as module
 from basecal.accuracy.input_check.hypothesis_fit import (
     HypothesisFit,
     fit_hypothesis,
-    plausible,
-    ratio,
+    is_plausible,
+    residual_ratio,
 )
 from basecal.accuracy.input_check.view_errors import view_errors
 from basecal.cell import Recording, RobotState
@@ -33,7 +33,7 @@ def fit(off, in_pixels=False, **solution):
 def test_core_and_whole():
     """Rms of the seven best of ten, and of all."""
     found = HypothesisFit(None, np.array([1.0] * 7 + [5.0] * 3), np.arange(10), False)
-    assert found.core == pytest.approx(1.0)
+    assert found.trimmed_rms == pytest.approx(1.0)
     assert found.rms == pytest.approx(np.sqrt((7 + 75) / 10))
 
 
@@ -49,17 +49,17 @@ def test_errors_in_words():
 ])  # fmt: skip
 def test_plausible_errors(off, in_pixels, expected):
     """Three pixels, or three hundredths of a radian."""
-    assert plausible(fit(off, in_pixels)) is expected
+    assert is_plausible(fit(off, in_pixels)) is expected
 
 
 def test_plausible_fits():
     """An optimum, of finite cost, of four stated sigmas at most; sigmas that are estimated may be anything."""
-    assert not plausible(fit(1e-3, converged=False))
-    assert not plausible(fit(1e-3, cost=np.inf))
-    assert plausible(fit(1e-3, cost=30 * 3.9**2))
-    assert not plausible(fit(1e-3, cost=30 * 4.1**2))
-    assert plausible(fit(1e-3, cost=1e9, noise=SimpleNamespace(estimated=("pixel_px",))))
-    assert ratio(SimpleNamespace(cost=9.0, dof=0)) == 3.0
+    assert not is_plausible(fit(1e-3, converged=False))
+    assert not is_plausible(fit(1e-3, cost=np.inf))
+    assert is_plausible(fit(1e-3, cost=30 * 3.9**2))
+    assert not is_plausible(fit(1e-3, cost=30 * 4.1**2))
+    assert is_plausible(fit(1e-3, cost=1e9, noise=SimpleNamespace(estimated=("pixel_px",))))
+    assert residual_ratio(SimpleNamespace(cost=9.0, dof=0)) == 3.0
 
 
 def test_what_is_declared_rightly_predicts_and_what_is_not_does_not():
@@ -68,12 +68,12 @@ def test_what_is_declared_rightly_predicts_and_what_is_not_does_not():
     right = fit_hypothesis(made.cell, build_problem(made.cell, made.recording)[0], STATED)
     assert right is not None
     assert right.in_pixels
-    assert right.off.shape == (12,)
-    assert 0.15e-3 < right.core < 0.4e-3
-    assert plausible(right)
+    assert right.errors.shape == (12,)
+    assert 0.15e-3 < right.trimmed_rms < 0.4e-3
+    assert is_plausible(right)
     mixed = build_problem(made.cell, with_robots(made.recording, {"eye": inverted}))[0]
     wrong = fit_hypothesis(made.cell, mixed, STATED)
-    assert wrong is None or not plausible(wrong)
+    assert wrong is None or not is_plausible(wrong)
 
 
 def test_a_fit_may_start_where_another_ended():
@@ -83,7 +83,7 @@ def test_a_fit_may_start_where_another_ended():
     start = State(made.truth, made.cameras, np.zeros((0, 6)))
     found, unguided = (fit_hypothesis(made.cell, problem, STATED, s) for s in (start, None))
     assert found.solution.cost == pytest.approx(unguided.solution.cost, rel=1e-6)
-    np.testing.assert_allclose(found.off, unguided.off, rtol=1e-3)
+    np.testing.assert_allclose(found.errors, unguided.errors, rtol=1e-3)
     assert found.rms > np.sqrt(np.mean(view_errors(problem, problem.groups[0], found.solution.state) ** 2))
 
 
@@ -99,7 +99,7 @@ def test_a_few_views_that_are_far_off_do_not_hide_it():
     start = State(made.truth, made.cameras, np.zeros((0, 6)))
     problem, _ = build_problem(made.cell, replace(made.recording, samples=samples))
     found = fit_hypothesis(made.cell, problem, STATED, start)
-    assert found.core < 0.5e-3
+    assert found.trimmed_rms < 0.5e-3
     assert found.rms > 1e-2
 
 
@@ -124,7 +124,7 @@ def test_errors_are_held_out_where_a_fit_is_near(monkeypatch, near, predicted, o
     monkeypatch.setattr(module, "_held_out_errors", lambda problem, solution: held_out)
     found = fit_hypothesis(made.cell, build_problem(made.cell, made.recording)[0], STATED)
     assert (found.solution, found.in_pixels) == (solution, False)
-    np.testing.assert_array_equal(found.off, off)
+    np.testing.assert_array_equal(found.errors, off)
 
 
 def test_of_folds_each_predicts_its_own_views(monkeypatch):

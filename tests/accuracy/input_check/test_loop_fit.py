@@ -13,11 +13,11 @@ from basecal.accuracy.input_check import loop_fit
 from basecal.accuracy.input_check.hypotheses import convention_hypotheses
 from basecal.accuracy.input_check.loop_fit import (
     LoopFit,
-    ReadyViews,
+    ViewCache,
     fit_loops,
     loop_errors,
     pair_state,
-    ready_views,
+    prepare_views,
     trimmed_rms,
 )
 from basecal.estimation.problem.build import build_problem
@@ -29,7 +29,7 @@ VIEWS = 20
 
 
 def pairs_of(made, problem):
-    return [(ready_views(g, made.cameras.get(g.camera), VIEWS), problem) for g in problem.groups]
+    return [(prepare_views(g, made.cameras.get(g.camera), VIEWS), problem) for g in problem.groups]
 
 
 @pytest.mark.parametrize("target", ["charuco", "pose", "led"])
@@ -44,8 +44,8 @@ def test_readings_do_not_know_of_one_another(target):
     together = fit_loops(pairs)
     for pair, fit in zip(pairs, together, strict=True):
         (alone,) = fit_loops([pair])
-        np.testing.assert_allclose(fit.off, alone.off, rtol=1e-6, atol=1e-9)
-    scores = [trimmed_rms(fit.off) for fit in together]
+        np.testing.assert_allclose(fit.errors, alone.errors, rtol=1e-6, atol=1e-9)
+    scores = [trimmed_rms(fit.errors) for fit in together]
     assert len(scores) == 4
     assert scores[0] < 0.01
     assert min(scores[1:]) > 0.05
@@ -57,15 +57,15 @@ def test_views_are_made_ready_once_a_set_of_pixels():
     codes = {"robot-pose-inverted", "pairing-shifted", "length-unit"}
     given = declared(made.cell, made.recording)
     readings = [h.reread(given) for h in convention_hypotheses(given) if h.code in codes]
-    ready = ReadyViews(made.cameras)
+    ready = ViewCache(made.cameras)
     for reading in readings:
         (group,) = reading.problem.groups
-        view, alone = ready.take(group, 12), ready_views(group, made.cameras[group.camera], 12)
+        view, alone = ready.prepare(group, 12), prepare_views(group, made.cameras[group.camera], 12)
         np.testing.assert_array_equal(view.group.sample, alone.group.sample)
         np.testing.assert_array_equal(view.candidates.rotation, alone.candidates.rotation)
         for mine, theirs in zip(view.group.ends, alone.group.ends, strict=True):
             np.testing.assert_array_equal(mine.base_from_flange.translation, theirs.base_from_flange.translation)
-    assert len(ready.known) < len(readings) / 2
+    assert len(ready.prepared) < len(readings) / 2
 
 
 def test_trimmed_counts_what_is_not_finite_as_the_largest():
@@ -86,7 +86,7 @@ def ready(scenario, seed=1, rows=None):
     y = SE3.identity() if base is None else made.truth[base]
     y = y.inverse() if group.hand.base is None else y
     triple = made.truth[group.eye.mount], y, made.truth[group.hand.mount]
-    return ready_views(group, made.cameras.get(group.camera), VIEWS), problem, triple
+    return prepare_views(group, made.cameras.get(group.camera), VIEWS), problem, triple
 
 
 @pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
@@ -95,8 +95,8 @@ def test_loops_are_closed_wherever_robots_stand(layout, target):
     """Everything free, with camera or target on the world: views are off by their noise, the triple is the truth."""
     sight, problem, truth = ready(Scenario(samples=12, target=target, layout=layout, pose_noise=(1e-4, 1e-3)))
     (fit,) = fit_loops([(sight, problem)])
-    assert not fit.of_light
-    assert trimmed_rms(fit.off) < 0.01
+    assert not fit.is_led
+    assert trimmed_rms(fit.errors) < 0.01
     for found, true in zip(fit.triple, truth, strict=True):
         assert np.abs((found.inverse() @ true).log()).max() < 0.03
 
@@ -111,7 +111,7 @@ def test_what_is_fixed_is_taken_as_it_is(known):
     for name, found, true in zip(("camera_mount", "base", "target_mount"), fit.triple, truth, strict=True):
         if name in known:
             np.testing.assert_allclose(found.matrix, true.matrix, atol=1e-12)
-    assert trimmed_rms(fit.off) < 0.01
+    assert trimmed_rms(fit.errors) < 0.01
 
 
 def test_a_prior_is_not_taken_for_known():
@@ -178,7 +178,7 @@ def test_what_is_no_state():
     _, problem, truth = ready(Scenario(samples=10))
     (group,) = problem.groups
     key = (group.camera, group.target)
-    assert pair_state(problem, {key: LoopFit(truth, np.zeros(10), of_light=True)}, {}) is None
+    assert pair_state(problem, {key: LoopFit(truth, np.zeros(10), is_led=True)}, {}) is None
     assert pair_state(problem, {}, {}) is None
     assert pair_state(problem.with_groups([group, group]), {key: LoopFit(truth, np.zeros(10))}, {}) is None
     more = replace(problem, unknowns={**problem.unknowns, "other": problem.unknowns[group.eye.mount]})
@@ -193,7 +193,7 @@ def test_the_second_pose_of_a_plane_is_taken_where_it_closes_the_loop():
     rows = np.arange(20)[:, None]
     turned = SE3(sight.candidates.rotation[rows, order], sight.candidates.translation[rows, order])
     (fit,) = fit_loops([(replace(sight, candidates=turned), problem)])
-    assert trimmed_rms(fit.off, 1.0) < 0.02
+    assert trimmed_rms(fit.errors, 1.0) < 0.02
     for found, true in zip(fit.triple, truth, strict=True):
         assert np.abs((found.inverse() @ true).log()).max() < 0.06
 
@@ -205,7 +205,7 @@ def test_a_light_is_searched_from_more_starts_the_more_is_unknown(monkeypatch, k
     monkeypatch.setattr(loop_fit, "light_search", lambda sight, loop, most: asked.append((loop, most)) or (1, 2, [3]))
     loop = SimpleNamespace(**{k: SE3.identity() if k in known else None for k in "xyz"})
     monkeypatch.setattr(loop_fit, "_loop", lambda sight, problem, chosen: loop)
-    found = loop_fit._light(SimpleNamespace(group=range(4)), None)
+    found = loop_fit._led_refinement(SimpleNamespace(group=range(4)), None)
     assert asked == [(loop, count)]
     assert (found.views, found.loop, found.starts, found.is_point) == (1, 2, [3], True)
 

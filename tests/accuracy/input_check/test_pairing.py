@@ -12,7 +12,7 @@ from tests.shared.declared import declared
 
 from basecal.accuracy.input_check import pairing
 from basecal.accuracy.input_check.loop_fit import trimmed_rms
-from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
+from basecal.accuracy.input_check.pairing import half_turn_hypotheses, slip_hypotheses
 from basecal.cell import Recording
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.estimation.problem.correspondence import half_turn
@@ -24,14 +24,14 @@ def test_the_sample_of_a_missed_detection_is_found():
     """Observations from sample 9 on one too early: the first guess moves them back from there."""
     made = simulate(Scenario(samples=24), 3)
     wrong = rewriting.shifted(made.recording, None, -1, start=9)
-    first, fits = pairing_errors(declared(made.cell, wrong), made.cameras, [None, "eye", "hand"])[0]
+    first, fits = slip_hypotheses(declared(made.cell, wrong), made.cameras, [None, "eye", "hand"])[0]
     (found,) = first.reread(declared(made.cell, wrong)).problem.groups
     (true,) = declared(made.cell, made.recording).problem.groups
     assert first.about == ()
     np.testing.assert_array_equal(found.measurement.pixels, true.measurement.pixels[found.sample])
     assert len(found) == 22
     (fit,) = fits.values()
-    assert trimmed_rms(fit.off, 1.0) < 0.01
+    assert trimmed_rms(fit.errors, 1.0) < 0.01
 
 
 def test_the_last_few_samples_are_no_slip():
@@ -42,7 +42,7 @@ def test_the_last_few_samples_are_no_slip():
     recorded = dict(
         zip(given.problem.groups[0].sample.tolist(), given.problem.groups[0].measurement.pixels, strict=True)
     )
-    for guess, _ in pairing_errors(declared(made.cell, wrong), made.cameras, [None]):
+    for guess, _ in slip_hypotheses(declared(made.cell, wrong), made.cameras, [None]):
         (found,) = guess.reread(given).problem.groups
         pairs = zip(found.sample.tolist(), found.measurement.pixels, strict=True)
         assert min(number for number, pixels in pairs if np.any(pixels != recorded[number])) <= 20
@@ -51,7 +51,7 @@ def test_the_last_few_samples_are_no_slip():
 def test_few_samples_give_no_slip():
     """With fewer than six samples to either side there is nothing to start from."""
     made = simulate(Scenario(samples=11), 0)
-    assert pairing_errors(declared(made.cell, made.recording), made.cameras, [None]) == []
+    assert slip_hypotheses(declared(made.cell, made.recording), made.cameras, [None]) == []
 
 
 def test_turned_views_are_found():
@@ -64,9 +64,9 @@ def test_turned_views_are_found():
     for k in (2, 3, 7):
         (one,) = rewriting.with_targets(Recording((samples[k],)), lambda poses: poses @ turn).samples
         samples[k] = one
-    found = half_turns(declared(cell, Recording(tuple(samples))))
+    found = half_turn_hypotheses(declared(cell, Recording(tuple(samples))))
     assert {reading.about for reading in found} >= {("board", "2", "3", "7")}
-    assert half_turns(declared(cell, made.recording)) == []
+    assert half_turn_hypotheses(declared(cell, made.recording)) == []
 
 
 @pytest.mark.parametrize(("count", "more"), [(10, False), (11, True)])
@@ -81,7 +81,9 @@ def test_ten_turned_views_are_listed(count, more):
         for k, (s, t) in enumerate(zip(made.recording.samples, turned.samples, strict=True))
     ]
     numbers = tuple(str(k) for k in range(1, 2 * count, 2))
-    (found,) = [h for h in half_turns(declared(cell, Recording(tuple(wrong)))) if h.about == ("board", *numbers)]
+    (found,) = [
+        h for h in half_turn_hypotheses(declared(cell, Recording(tuple(wrong)))) if h.about == ("board", *numbers)
+    ]
     assert (", ..." in found.words) == more
     assert f"at sample {', '.join(numbers[:10])}{', ...' if more else ''}: read" in found.words
     (right,) = found.reread(declared(cell, Recording(tuple(wrong)))).problem.groups
@@ -98,7 +100,7 @@ def test_the_change_is_where_fewest_samples_are_off(at, lost):
     fine, off = 0.002 * rng.uniform(0.8, 1.2, 20), 0.3 * rng.uniform(0.8, 1.2, 20)
     before = np.where(np.arange(20) < at, fine, off)
     after = np.where(np.arange(20) < at + lost, off, fine)
-    score, found = pairing._change(before, after, lost)
+    score, found = pairing._find_slip(before, after, lost)
     counted = np.concatenate([fine[:at], fine[at + lost :]])
     assert found == at
     assert score == pytest.approx(np.sqrt(np.sum(counted**2) / 20))
@@ -109,10 +111,10 @@ def test_a_change_nearer_to_an_end_than_four_samples_is_none():
     before, after = np.full(20, 0.01), np.full(20, np.nan)
     before[18:] = 7.0
     after[18:] = 0.01
-    score, found = pairing._change(before, after, 0)
+    score, found = pairing._find_slip(before, after, 0)
     assert found == 16
     assert score == pytest.approx(np.sqrt((16 * 0.01**2 + 2 * 0.04**2 + 2 * 0.01**2) / 20))
-    assert pairing._change(before / 100, after / 100, 0)[1] == 16
+    assert pairing._find_slip(before / 100, after / 100, 0)[1] == 16
 
 
 def test_loops_that_close_well_are_alike():
@@ -120,7 +122,7 @@ def test_loops_that_close_well_are_alike():
     before, after = np.full(20, 1e-6), np.full(20, 1.0)
     before[10:], after[10:] = 1.0, 1e-6
     before[5] = 0.9
-    score, found = pairing._change(before, after, 0)
+    score, found = pairing._find_slip(before, after, 0)
     assert found == 10
     assert score == pytest.approx(np.sqrt((19 * 1e-12 + 0.02**2) / 20))
 
@@ -130,14 +132,14 @@ def test_what_counts_as_off_goes_by_the_best_two_fifths():
     for k in (0, 1):
         both = [np.full(20, 0.5), np.where(np.arange(20) < 10, 0.5, 0.01)]
         before, after = both if k else both[::-1]
-        score, _ = pairing._change(before, after, 0)
+        score, _ = pairing._find_slip(before, after, 0)
         assert score < 0.05
     fine, bad = np.full(20, 0.01), np.full(20, 0.5)
     bad[:8] = 0.01
-    assert pairing._change(bad, np.full(20, 0.5), 0)[0] == pytest.approx(
+    assert pairing._find_slip(bad, np.full(20, 0.5), 0)[0] == pytest.approx(
         np.sqrt((8 * 0.01**2 + 12 * 0.04**2) / 20), rel=1e-12
     )
-    assert pairing._change(fine, fine, 0) == (pytest.approx(0.01), 4)
+    assert pairing._find_slip(fine, fine, 0) == (pytest.approx(0.01), 4)
 
 
 def test_the_halves_are_fitted_as_recorded_and_as_shifted(monkeypatch):
@@ -149,8 +151,8 @@ def test_the_halves_are_fitted_as_recorded_and_as_shifted(monkeypatch):
         fitted.extend(readings)
         return [{} for _ in readings]
 
-    monkeypatch.setattr(pairing, "_fits", fits)
-    pairing_errors(declared(made.cell, made.recording), made.cameras, [None, "hand"])
+    monkeypatch.setattr(pairing, "_fit_readings", fits)
+    slip_hypotheses(declared(made.cell, made.recording), made.cameras, [None, "hand"])
     assert [part.order.tolist() for part in fitted[:1]] == [list(range(6))]
     (true,) = declared(made.cell, made.recording).problem.groups
     poses, flanges = true.measurement.measured_camera_from_target, true.hand.base_from_flange
@@ -170,11 +172,11 @@ def test_the_halves_are_fitted_as_recorded_and_as_shifted(monkeypatch):
 def test_six_samples_to_either_side_are_needed(monkeypatch, count, some):
     """And the two likeliest slips are given, best first."""
     made = simulate(Scenario(samples=count, target="pose"), 0)
-    monkeypatch.setattr(pairing, "_fits", lambda readings, lenses: [{k: k} for k in range(len(readings))])
+    monkeypatch.setattr(pairing, "_fit_readings", lambda readings, lenses: [{k: k} for k in range(len(readings))])
     monkeypatch.setattr(
         pairing, "_sample_errors", lambda pairs, order, fits: np.full(count, 0.1 * (7 - next(iter(fits))))
     )
-    found = pairing_errors(declared(made.cell, made.recording), made.cameras, [None, "eye", "hand"])
+    found = slip_hypotheses(declared(made.cell, made.recording), made.cameras, [None, "eye", "hand"])
     assert [fits for _, fits in found] == ([{6: 6}, {5: 5}] if some else [])
 
 
@@ -182,9 +184,9 @@ def test_a_stream_that_comes_later_leaves_a_sample_out(monkeypatch):
     """Where it changes nothing is left for that sample; one that comes earlier loses its last."""
     made = simulate(Scenario(samples=12, target="pose"), 0)
     lost = []
-    monkeypatch.setattr(pairing, "_fits", lambda readings, lenses: [{} for _ in readings])
-    monkeypatch.setattr(pairing, "_change", lambda before, after, by: lost.append(by) or (0.1, 5))
-    found = pairing_errors(declared(made.cell, made.recording), made.cameras, [None])
+    monkeypatch.setattr(pairing, "_fit_readings", lambda readings, lenses: [{} for _ in readings])
+    monkeypatch.setattr(pairing, "_find_slip", lambda before, after, by: lost.append(by) or (0.1, 5))
+    found = slip_hypotheses(declared(made.cell, made.recording), made.cameras, [None])
     assert lost == [1, 1, 0, 0]
     assert "from sample 5 on belongs 1 sample later" in found[0][0].words
 
@@ -243,7 +245,7 @@ def test_six_views_of_a_grid_show_which_are_turned(count):
         other = replace(seen, target="other", camera_from_target=seen.camera_from_target @ turn)
         mine = replace(seen, camera_from_target=seen.camera_from_target @ turn) if k == 2 else seen
         samples.append(replace(sample, observations=(mine, other)))
-    found = half_turns(declared(cell, Recording(tuple(samples))))
+    found = half_turn_hypotheses(declared(cell, Recording(tuple(samples))))
     assert [h.about for h in found] == ([] if count < 6 else [("board", "2"), ("board", *"01345")])
     if found:
         given, true = declared(cell, Recording(tuple(samples))), declared(made.cell, made.recording)

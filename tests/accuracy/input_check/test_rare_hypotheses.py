@@ -16,13 +16,13 @@ from tests.shared.rewriting import turned_round, with_robots
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fixing.cures import find_cures
 from basecal.accuracy.input_check.rare_hypotheses import (
-    _nearest,
-    _numbers,
+    _choose_nearest,
+    _choose_shorter,
+    _largest_rotation_rad,
+    _number_triples,
     _order_hypotheses,
-    _relist_rotations,
-    _shorter,
+    _reinterpret_rotations,
     _still_runs,
-    _turns_rad,
     rare_hypotheses,
 )
 from basecal.accuracy.readings.reading import Track
@@ -228,7 +228,7 @@ def test_pixels_are_exchanged():
 def test_two_lists_of_numbers_give_one_rotation(listing):
     """The usual one first; of angles within half a turn, of a rotation vector the other is the long way round."""
     turns = Rotation.random(9, random_state=0)
-    found = _numbers(turns.as_matrix(), listing)
+    found = _number_triples(turns.as_matrix(), listing)
     assert found.shape == (9, 2, 3)
     np.testing.assert_allclose(found[:, 0], turns.as_euler(listing) if listing else turns.as_rotvec(), atol=1e-12)
     for k in range(2):
@@ -243,7 +243,7 @@ def test_two_lists_of_numbers_give_one_rotation(listing):
 
 def test_no_turn_has_a_vector():
     """Of no length, both ways."""
-    np.testing.assert_array_equal(_numbers(np.eye(3)[None], ""), 0.0)
+    np.testing.assert_array_equal(_number_triples(np.eye(3)[None], ""), 0.0)
 
 
 @pytest.mark.parametrize("home", [(0.3, -0.2, 0.4), (3.1, 0.2, -3.1)])
@@ -255,7 +255,7 @@ def test_lists_are_chosen_whose_rotations_lie_together(home):
     second = rng.random(30) < 0.5
     both = np.stack([near.as_matrix(), far.as_matrix()], axis=1)
     both[second] = both[second, ::-1]
-    chosen = _nearest(np.zeros((30, 2, 3)), both)
+    chosen = _choose_nearest(np.zeros((30, 2, 3)), both)
     assert np.count_nonzero(chosen != second) <= 2  # some of the others are near by chance
 
 
@@ -264,7 +264,7 @@ def test_rotations_that_turn_far_about_their_home_are_relisted():
     rng = np.random.default_rng(3)
     turns = Rotation.random(random_state=rng) * Rotation.from_rotvec(0.6 * rng.standard_normal((40, 3)))
     read = Rotation.from_rotvec(turns.as_euler("xyz"))
-    back = _relist_rotations("xyz", "", _nearest)(SE3(read.as_matrix(), np.zeros((40, 3))))
+    back = _reinterpret_rotations("xyz", "", _choose_nearest)(SE3(read.as_matrix(), np.zeros((40, 3))))
     off = (Rotation.from_matrix(back.rotation) * turns.inv()).magnitude()
     assert np.count_nonzero(off > 1e-6) <= 2
 
@@ -272,7 +272,7 @@ def test_rotations_that_turn_far_about_their_home_are_relisted():
 def test_the_shorter_list_has_the_lesser_sum_of_squares():
     """Of each rotation by itself."""
     numbers = np.array([[[1.0, 1, 1], [0, 0, 1.5]], [[0, 0, 1], [1, 1, 1]]])
-    np.testing.assert_array_equal(_shorter(numbers, np.zeros((2, 2, 3, 3))), [1, 0])
+    np.testing.assert_array_equal(_choose_shorter(numbers, np.zeros((2, 2, 3, 3))), [1, 0])
 
 
 @pytest.mark.parametrize(("samples", "shifts"), [(9, []), (12, [3]), (20, [3, 4, 5]), (60, [3, 4, 5, 6])])
@@ -287,7 +287,7 @@ def test_streams_are_shifted_by_up_to_six_samples(samples, shifts):
         assert turned.about == (() if stream is None else ("hand",))
         words = [f"{who} belongs {by} samples {way}" for by in shifts for way in ("later", "earlier")]
         assert [h.words for h in shifted] == words
-        assert all(h.by_order and not h.nested for h in (turned, *shifted))
+        assert all(h.depends_on_order and not h.is_wider for h in (turned, *shifted))
 
 
 @pytest.mark.parametrize(("turn_rad", "small"), [(0.109, True), (0.110, False)])
@@ -296,7 +296,7 @@ def test_angles_that_may_be_radians_are_below_two_pi_degrees(turn_rad, small):
     turns = [[0.0, turn_rad, 0.0]] * 19 + [[0.0, 0.0, 0.0]]
     recording = with_robots(MADE.recording, {"hand": lambda poses: SE3.from_rotvec(turns, poses.translation)})
     reading = declared(MADE.cell, recording)
-    assert _turns_rad(reading.tracks["hand"]) == pytest.approx(turn_rad)
+    assert _largest_rotation_rad(reading.tracks["hand"]) == pytest.approx(turn_rad)
     found = [h.about for h in rare_hypotheses(reading) if h.code == "angle-unit"]
     assert found == ([("hand",)] * 2 if small else [])
 

@@ -12,15 +12,15 @@ from tests.shared.rewriting import resized, scaled, with_targets
 
 from basecal.accuracy.input_check import target_sizes
 from basecal.accuracy.input_check.target_sizes import (
-    _factor,
+    _best_factor,
     _spread,
     _spread_factor,
     _Step,
     _step,
     size_hypotheses,
-    target_size,
+    size_hypothesis,
 )
-from basecal.accuracy.phrases.target_length import as_written
+from basecal.accuracy.phrases.target_length import corrected_length_clause
 from basecal.errors import BasecalError
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
@@ -71,13 +71,13 @@ def test_a_spread_is_about_the_points_mean():
 def test_a_size_is_told_whole_and_taken():
     """Words to four digits, advice with the field to five."""
     made = simulate(Scenario(samples=2, target="pose"), 0)
-    reading = target_size("board", 1.23456, made.cell)
+    reading = size_hypothesis("board", 1.23456, made.cell)
     assert reading.words == "board is 1.235 times as large as stated"
-    assert (reading.code, reading.about, reading.nested) == ("board-size", ("board",), True)
+    assert (reading.code, reading.about, reading.is_wider) == ("board-size", ("board",), True)
     assert reading.fix == "measure board and state its true size"
     seen = simulate(Scenario(samples=1), 0)
     size_m = seen.cell.targets["board"].target.options["square_m"]
-    assert as_written(seen.cell, "board", 1.23456) == f": square_m would be {1.23456 * size_m:.5g}"
+    assert corrected_length_clause(seen.cell, "board", 1.23456) == f": square_m would be {1.23456 * size_m:.5g}"
 
 
 def steps(monkeypatch, gain, sizes_left, spread=None, costs=(1.0,)):
@@ -92,7 +92,7 @@ def steps(monkeypatch, gain, sizes_left, spread=None, costs=(1.0,)):
 
     monkeypatch.setattr(target_sizes, "_step", step)
     monkeypatch.setattr(target_sizes, "_spread_factor", lambda reading, name: spread)
-    return _factor(None, "board", None), taken
+    return _best_factor(None, "board", None), taken
 
 
 @pytest.mark.parametrize(("gain", "is_found"), [(0.24, False), (0.26, True)])
@@ -130,7 +130,7 @@ def test_a_light_has_no_step():
     made = simulate(Scenario(samples=8, target="led", camera_mount="fixed", pixel_px=0.0, state_pixel_noise=False), 0)
     reading = declared(made.cell, made.recording)
     found = _step(reading, "board", 0.0, solve(made.cell, made.recording).state)
-    assert (found.gain, found.size) == (0.0, 0.0)
+    assert (found.gain, found.log_ratio) == (0.0, 0.0)
     assert found.cost == pytest.approx(0.0, abs=1e-6)
 
 

@@ -12,9 +12,9 @@ from tests.ends import end
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check import unexplained_motion as module
 from basecal.accuracy.input_check.unexplained_motion import (
-    explaining_offsets,
-    hopeless,
+    hopeless_finding,
     is_hopeless,
+    joint_offset_findings,
     unexplained_motion,
 )
 from basecal.cell import Recording
@@ -49,7 +49,7 @@ def test_of_shuffled_poses_nearly_all_is_left():
     mixed = solve(MADE.cell, reordered(np.random.default_rng(0).permutation(16)))
     share = unexplained_motion(mixed.problem, mixed.state)
     assert 0.3 < share <= 1.0
-    found = hopeless(mixed.problem, mixed.state)
+    found = hopeless_finding(mixed.problem, mixed.state)
     assert (found.code, found.severity) == ("poor-fit", "error")
     assert f"leave {100 * share:.0f} % of it." in found.message
     assert "one instant" in found.message
@@ -67,8 +67,8 @@ def test_clocks_that_were_searched_are_named_with_their_reach():
     """Those of devices: a camera's line time is none."""
     problem, _ = build_problem(MADE.cell, MADE.recording)
     state = State(MADE.truth, MADE.cameras, np.zeros((len(problem.stops), 6)))
-    assert "one instant" in hopeless(problem, state).do[0]
-    first = hopeless(replace(problem, open_clocks=frozenset({"wrist", "wrist line"})), state).do[0]
+    assert "one instant" in hopeless_finding(problem, state).do[0]
+    first = hopeless_finding(replace(problem, open_clocks=frozenset({"wrist", "wrist line"})), state).do[0]
     assert first.startswith("If the clock of wrist is off by more than 1 s, state `clock: {status: free")
 
 
@@ -77,11 +77,11 @@ def test_arms_that_record_joints_are_told_to_check_these():
     made = simulate(Scenario(samples=6, joints=True), 0)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
-    found = hopeless(problem, state)
+    found = hopeless_finding(problem, state)
     assert found.do[1] == "Check the URDF of eye and hand, and the unit, signs and order of the joints."
     problem, _ = build_problem(MADE.cell, MADE.recording)
     state = State(MADE.truth, MADE.cameras, np.zeros((len(problem.stops), 6)))
-    assert "base_from_flange in metres" in hopeless(problem, state).do[1]
+    assert "base_from_flange in metres" in hopeless_finding(problem, state).do[1]
 
 
 def test_the_better_half_counts():
@@ -134,7 +134,7 @@ def test_residuals_of_fifty_pixels_are_hopeless(off_px, lost):
     problem, state = through_a_long_lens(off_px)
     assert unexplained_motion(problem, state) < 0.2
     assert is_hopeless(problem, state) == lost
-    assert f"leave residuals of {off_px:.0f} px." in hopeless(problem, state).message
+    assert f"leave residuals of {off_px:.0f} px." in hopeless_finding(problem, state).message
     for count, told in ((4, False), (5, lost)):
         few = through_a_long_lens(off_px, count)
         assert is_hopeless(*few) == (told or unexplained_motion(*few) > 0.2)
@@ -168,7 +168,7 @@ class Group:
 def by_number(monkeypatch):
     """Groups of `looks` say themselves how far they are off, and how far they move."""
     monkeypatch.setattr(module, "view_errors", lambda problem, group, state: group.off)
-    monkeypatch.setattr(module, "moved_views", lambda measurement: measurement.moved)
+    monkeypatch.setattr(module, "view_deviations", lambda measurement: measurement.moved)
     monkeypatch.setattr(module, "trimmed_rms", lambda off, share: float(np.sqrt(np.mean(off**2))))
 
 
@@ -193,7 +193,7 @@ def test_residuals_in_images_are_of_five_stops_and_more(by_number, stops, px):
     """In pixels, one view a stop; what is seen otherwise does not count."""
     pixels = looks([0.06] * stops + [9.0], [1.0] * (stops + 1), stands=[*range(stops), 0])
     groups = [looks([], []), pixels, looks([5.0] * 9, [1.0] * 9, in_pixels=False)]
-    assert module._left_px(SimpleNamespace(groups=groups), None) == pytest.approx(px)
+    assert module._residual_px(SimpleNamespace(groups=groups), None) == pytest.approx(px)
 
 
 @pytest.mark.parametrize(
@@ -203,10 +203,10 @@ def test_residuals_in_images_are_of_five_stops_and_more(by_number, stops, px):
 def test_hopeless_is_a_fifth_of_the_motion_or_fifty_pixels(monkeypatch, share, left_px, said):
     """Either is told."""
     monkeypatch.setattr(module, "unexplained_motion", lambda problem, state: share)
-    monkeypatch.setattr(module, "_left_px", lambda problem, state: left_px)
+    monkeypatch.setattr(module, "_residual_px", lambda problem, state: left_px)
     assert is_hopeless(None, None) == (said is not None)
     if said is not None:
-        assert said in hopeless(SimpleNamespace(open_clocks=frozenset(), robots=(), groups=[]), None).message
+        assert said in hopeless_finding(SimpleNamespace(open_clocks=frozenset(), robots=(), groups=[]), None).message
 
 
 ARMS = Scenario(samples=16, joints=True, joint_offset_rad=np.radians(8.0))
@@ -217,7 +217,7 @@ def test_offsets_of_degrees_are_named():
     made = simulate(ARMS, 1)
     solution = solve(made.cell, made.recording)
     assert is_hopeless(solution.problem, solution.state)
-    (found,) = explaining_offsets(solution.problem, solution.state, STATED)
+    (found,) = joint_offset_findings(solution.problem, solution.state, STATED)
     assert (found.code, found.severity, found.about) == ("robot-model", "error", ("eye", "hand"))
     for robot in ("eye", "hand"):
         true = np.degrees(made.robots[robot].kind_values("joint_offsets"))
@@ -237,4 +237,4 @@ def test_offsets_do_not_explain_views_of_other_samples():
         problem, _ = build_problem(made.cell, mixed)
         state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
         assert is_hopeless(problem, state)
-        assert explaining_offsets(problem, state, STATED) == []
+        assert joint_offset_findings(problem, state, STATED) == []

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.pose_problem import pose_problem
 
-from basecal.accuracy.input_check.view_errors import moved_views, view_errors
+from basecal.accuracy.input_check.view_errors import view_deviations, view_errors
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -102,7 +102,7 @@ def test_pixels_move_from_their_median():
     count = moved.measurement.seen.shape[1]
     first = np.sqrt(3.0**2 / (2 * count))  # of two views the median is between them
     others = np.sqrt((6.0**2 * (count - 1) + 3.0**2) / (2 * count))
-    np.testing.assert_allclose(1e3 * moved_views(moved), [first, others, 0.0], atol=1e-9)
+    np.testing.assert_allclose(1e3 * view_deviations(moved), [first, others, 0.0], atol=1e-9)
     assert others < expected + 1e-9
 
 
@@ -115,11 +115,11 @@ def test_points_move_over_the_reach_and_poses_over_their_distance():
         return replace(of, points_in_camera=points)
 
     points = measured("points3d", change)
-    np.testing.assert_allclose(moved_views(points), [0, 0.3 / np.sqrt(3) / points.reach_m, 0], atol=1e-12)
+    np.testing.assert_allclose(view_deviations(points), [0, 0.3 / np.sqrt(3) / points.reach_m, 0], atol=1e-12)
     problem, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
     seen = SE3.exp(np.array([[0, 0, 2.0, 0, 0, 0], [0, 0, 2.0, 0, 0, 0], [0.3, 0, 2.0, 0, 0, 0]]))
     poses = views_of(problem, seen)
-    np.testing.assert_allclose(moved_views(poses), [0, 0, 0.15 / np.sqrt(6)], atol=2e-3)
+    np.testing.assert_allclose(view_deviations(poses), [0, 0, 0.15 / np.sqrt(6)], atol=2e-3)
 
 
 def views_of(problem, camera_from_target):
@@ -138,7 +138,7 @@ def test_most_of_four_poses_tell_where_the_target_stands():
     poses = views_of(problem, SE3.exp(seen))
     distance = np.median(np.linalg.norm(SE3.exp(seen).translation, axis=-1))
     expected = [0, 0.3 / distance / np.sqrt(6), 0, 0.8e-3 / np.sqrt(6), 0]
-    np.testing.assert_allclose(moved_views(poses), expected, atol=1.5e-4)
+    np.testing.assert_allclose(view_deviations(poses), expected, atol=1.5e-4)
 
 
 def test_a_view_of_one_point_counts_that_point():
@@ -157,4 +157,4 @@ def test_a_view_of_one_point_counts_that_point():
 def test_other_measurements_are_not_known():
     """What is neither pixels nor poses nor points has no place."""
     with pytest.raises(InputError, match="expected pixels, poses or points"):
-        moved_views(SimpleNamespace(measurement=object()))
+        view_deviations(SimpleNamespace(measurement=object()))

@@ -41,7 +41,7 @@ def test_rows_of_samples_are_taken():
 def test_a_cell_in_order():
     """Nothing is found, and the error is that of the pixels."""
     look = quick_look(made().cell, preview_samples(made().recording))
-    assert (look.views, look.findings, look.untold) == (18, (), "")
+    assert (look.views, look.findings, look.undetermined) == (18, (), "")
     assert look.error is not None
     number, unit = look.error.split()
     assert unit == "px"
@@ -82,15 +82,15 @@ def test_units_are_told_before_anything_is_solved():
 
 def test_too_little_to_tell():
     """Few views, arms that do not turn, and poses of nothing: it is said why."""
-    assert quick_look(made().cell, Recording(made().recording.samples[:4])).untold.startswith(
+    assert quick_look(made().cell, Recording(made().recording.samples[:4])).undetermined.startswith(
         "5 with the robots' poses"
     )
     still = simulate(Scenario(samples=10, target="pose", arms="hand_still"), 4)
-    assert "turn every arm about two axes" in quick_look(still.cell, still.recording).untold
+    assert "turn every arm about two axes" in quick_look(still.cell, still.recording).undetermined
     assert quick_look(made().cell, Recording()).views == 0
     board = replace(made().cell.targets["board"], on="eye")
     both_on_one = quick_look(replace(made().cell, targets={"board": board}), made().recording)
-    assert (both_on_one.views, bool(both_on_one.untold)) == (0, True)
+    assert (both_on_one.views, bool(both_on_one.undetermined)) == (0, True)
 
 
 def test_streams():
@@ -113,14 +113,14 @@ def test_streams_by_an_unknown_lens():
     made = streamed()
     cameras = {n: replace(c, intrinsics=Intrinsics("free")) for n, c in made.cell.cameras.items()}
     look = quick_look(replace(made.cell, cameras=cameras), made.recording)
-    assert "basecal calibrate determines" in look.untold
+    assert "basecal calibrate determines" in look.undetermined
     assert look.views == 0
 
 
 HOPELESS = Finding("poor-fit", "error", (), "Nothing explains it.")
 
 
-def looked(monkeypatch, is_whole=None, said=(), hopeless=False, fit="good", plausible=True, unobservable=()):
+def looked(monkeypatch, is_whole=None, said=(), hopeless_finding=False, fit="good", is_plausible=True, unobservable=()):
     """A quick look at a recording in order of which everything says what it is told to."""
     fit = SimpleNamespace(error_in_words=lambda: "0.2 px") if fit == "good" else None
     plain = SimpleNamespace(problem=None, state=None, observability=SimpleNamespace(unobservable=set(unobservable)))
@@ -129,11 +129,11 @@ def looked(monkeypatch, is_whole=None, said=(), hopeless=False, fit="good", plau
         "with_noise": lambda *_: plain,
         "is_as_of_arms": lambda *_: True,
         "check_conventions": lambda *_: said,
-        "is_hopeless": lambda *_: hopeless,
-        "hopeless": lambda *_: HOPELESS,
+        "is_hopeless": lambda *_: hopeless_finding,
+        "hopeless_finding": lambda *_: HOPELESS,
         "solve_robustly": lambda *_: SimpleNamespace(outliers=()),
         "fit_hypothesis": lambda *_: fit,
-        "plausible": lambda *_: plausible,
+        "is_plausible": lambda *_: is_plausible,
     }.items():
         monkeypatch.setattr(module, name, value)
     given = made().cell, Recording(made().recording.samples[:6])
@@ -146,32 +146,32 @@ def test_doubts_are_told_where_the_rest_will_not_dispel_them(monkeypatch):
     for is_whole, told in ((True, ["error", "warning"]), (None, ["error", "warning"]), (False, ["error"])):
         found = looked(monkeypatch, is_whole, tuple(each.values()))
         assert [f.severity for f in found.findings] == told
-        assert (found.views, found.error, found.untold) == (6, None, "")
+        assert (found.views, found.error, found.undetermined) == (6, None, "")
     assert looked(monkeypatch, said=(each["info"],)).error == "0.2 px"
     assert looked(monkeypatch, False, (each["warning"],)).findings == ()
 
 
 def test_what_is_left_untold(monkeypatch):
     """Where nothing explains the views, no fit is found, a transform is open, or the fit predicts badly."""
-    assert looked(monkeypatch, hopeless=True).findings == (HOPELESS,)
+    assert looked(monkeypatch, hopeless_finding=True).findings == (HOPELESS,)
     assert (
-        looked(monkeypatch, fit=None).untold
+        looked(monkeypatch, fit=None).undetermined
         == "the requested transforms are not determined; turn every arm about two axes or more"
     )
     name = made().cell.requested_transforms[0]
-    assert looked(monkeypatch, unobservable=[name]).untold.startswith(
+    assert looked(monkeypatch, unobservable=[name]).undetermined.startswith(
         "as declared the views fit with an error of 0.2 px, but the requested"
     )
     assert looked(monkeypatch, unobservable=["another"]).error == "0.2 px"
-    bad = looked(monkeypatch, plausible=False)
-    assert bad.untold == "held-out views have an error of 0.2 px, and no other convention reduces it"
+    bad = looked(monkeypatch, is_plausible=False)
+    assert bad.undetermined == "held-out views have an error of 0.2 px, and no other convention reduces it"
     assert bad.error is None
 
 
 def test_open_zeros_of_joints_are_why_a_base_is_open(monkeypatch):
     """Whatever the arms do."""
     robots = {n: replace(r, parameters={"joint_offsets": None}) for n, r in made().cell.robots.items()}
-    said = module._left_open(replace(made().cell, robots=robots), None)
+    said = module._describe_ambiguity(replace(made().cell, robots=robots), None)
     assert said == "the requested transforms are not determined without the priors of its robots"
 
 
@@ -183,7 +183,7 @@ def test_a_few_samples_may_disagree(monkeypatch, outliers, count, kept):
     left_out += [SimpleNamespace(sample=k, ids=(1,)) for k in range(count)]
     monkeypatch.setattr(module, "build_problem", lambda *given: (SimpleNamespace(groups=groups), ()))
     monkeypatch.setattr(module, "solve_robustly", lambda *given: SimpleNamespace(outliers=left_out))
-    assert list(module._disagreeing(None, None)) == list(range(kept))
+    assert list(module._find_outliers(None, None)) == list(range(kept))
 
 
 UNEXPLAINED, OTHER = (Finding(code, "error", (), "No.") for code in (module._UNEXPLAINED, "other"))
@@ -196,10 +196,10 @@ UNEXPLAINED, OTHER = (Finding(code, "error", (), "No.") for code in (module._UNE
         (QuickLook(20, (OTHER,)), [3], QuickLook(19, error="1 mm"), ["first"]),
         (QuickLook(3, (UNEXPLAINED,)), [1], QuickLook(2, error="1 mm"), ["first"]),
         (QuickLook(20, (UNEXPLAINED,)), [], QuickLook(20, error="1 mm"), ["first"]),
-        (QuickLook(20, (UNEXPLAINED,)), [3], QuickLook(19, untold="nothing"), ["first"]),
+        (QuickLook(20, (UNEXPLAINED,)), [3], QuickLook(19, undetermined="nothing"), ["first"]),
         (QuickLook(20, (UNEXPLAINED,)), [3, 5], QuickLook(18, error="1 mm"), ["outlier-samples"]),
         (QuickLook(20, (UNEXPLAINED,)), [3], QuickLook(19, (OTHER,)), ["other", "outlier-samples"]),
-        (QuickLook(20, untold="nothing"), [3], QuickLook(19, error="1 mm"), ["outlier-samples"]),
+        (QuickLook(20, undetermined="nothing"), [3], QuickLook(19, error="1 mm"), ["outlier-samples"]),
     ],
 )
 def test_samples_are_judged_again_without_a_few(monkeypatch, first, outliers, again, told):
@@ -207,12 +207,12 @@ def test_samples_are_judged_again_without_a_few(monkeypatch, first, outliers, ag
     judged = []
     looks = iter([first, again])
     monkeypatch.setattr(
-        module, "_judge", lambda cell, recording, is_whole: judged.append(recording.samples) or next(looks)
+        module, "_check_samples", lambda cell, recording, is_whole: judged.append(recording.samples) or next(looks)
     )
     left_out = {k: LeftOut(k, "wrist", "board", (), 9.0, 0.01, 0.02) for k in outliers}
-    monkeypatch.setattr(module, "_disagreeing", lambda cell, recording: left_out)
+    monkeypatch.setattr(module, "_find_outliers", lambda cell, recording: left_out)
     recording = Recording(tuple(map(Sample, range(20))))
-    found = module._preview(None, recording, True)
+    found = module._check_robustly(None, recording, True)
     if told == ["first"]:
         assert found is first
     else:
@@ -232,7 +232,7 @@ def test_units_that_no_sample_shows_are_an_error_of_a_whole_recording(monkeypatc
     unseen = [Finding("length-unit", "error", (name,), f"{name} is of no unit.") for name in ("a", "b")]
     monkeypatch.setattr(module, "estimate_units", lambda cell, samples: ({}, unseen))
     look = quick_look(made().cell, Recording(made().recording.samples[:count]), is_whole)
-    assert (look.views, look.error, look.untold) == (count, None, "a is of no unit.")
+    assert (look.views, look.error, look.undetermined) == (count, None, "a is of no unit.")
     assert look.findings == tuple(unseen)[:named]
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2, f, norm
 
 from basecal.accuracy.model_comparison.nested_models import (
-    FALSE_DISCOVERIES,
+    FALSE_DISCOVERY_RATE,
     SINGLE_LEVEL,
     Decision,
     compare_evidence,
@@ -16,7 +16,7 @@ from basecal.accuracy.model_comparison.nested_models import (
     decide,
     discoveries,
     equally_likely,
-    largest_share,
+    largest_posterior,
     log_chance,
 )
 
@@ -80,7 +80,7 @@ def test_one_discovery_in_a_hundred_may_be_false(chances, found):
     np.testing.assert_array_equal(discoveries(np.log(chances).tolist(), 10, 0.01), found)
 
 
-@pytest.mark.parametrize("share", [0.01, FALSE_DISCOVERIES])
+@pytest.mark.parametrize("share", [0.01, FALSE_DISCOVERY_RATE])
 def test_without_effects_so_large_a_share_of_families_has_a_discovery(share):
     """Of twelve tests that are uniform; three standard errors."""
     rng = np.random.default_rng(0)
@@ -96,11 +96,11 @@ def test_explanations_are_equal_within_e_cubed():
 
 def test_the_share_of_what_is_there_as_often_as_not():
     """Half where chance makes it easily, and rising to one; odds are those of Sellke, Bayarri and Berger's table."""
-    assert largest_share(0.0) == largest_share(-1.0) == pytest.approx(0.5)
+    assert largest_posterior(0.0) == largest_posterior(-1.0) == pytest.approx(0.5)
     # Their bounds of the probability of the null model at p of 0.05, 0.01 and 0.001: 0.289, 0.111 and 0.0184.
     for chance, null in ((0.05, 0.289), (0.01, 0.111), (0.001, 0.0184)):
-        assert 1 - largest_share(np.log(chance)) == pytest.approx(null, abs=6e-4)
-    assert largest_share(-1000.0) == 1.0
+        assert 1 - largest_posterior(np.log(chance)) == pytest.approx(null, abs=6e-4)
+    assert largest_posterior(-1000.0) == 1.0
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.accuracy.phrases.null_space import describe_null_space, describe_twists, is_unobservable
+from basecal.accuracy.phrases.null_space import describe_null_space, describe_twists, unobservable_clause
 from basecal.estimation.observability.null_space import NullDirection, separate_null_space
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -119,5 +119,5 @@ def test_a_screw_is_told_from_a_turn(pitch, screw):
 
 def test_several_directions_in_a_clause():
     """One is, several are unobservable; what is coupled with them stands behind."""
-    assert is_unobservable(["a"], []) == "a is unobservable"
-    assert is_unobservable(["a", "b"], ["c", "d"]) == "a and b are unobservable (coupled with c and d)"
+    assert unobservable_clause(["a"], []) == "a is unobservable"
+    assert unobservable_clause(["a", "b"], ["c", "d"]) == "a and b are unobservable (coupled with c and d)"

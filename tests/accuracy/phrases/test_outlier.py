@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from basecal.accuracy.phrases.outlier import described_outlier, list_outliers, name_sample, outlier_reason
+from basecal.accuracy.phrases.outlier import list_outliers, name_sample, outlier_entry, outlier_reason
 from basecal.estimation.outliers.left_out import LeftOut
 
 
@@ -40,10 +40,10 @@ def test_reasons_name_how_far_and_why(of, words):
 def test_the_place_is_kept():
     """Sample, camera, target and points are those of what was left out."""
     left_out = LeftOut(3, "wrist", "board", (4, 5), 7.0, off_px=2.0)
-    outlier = described_outlier(left_out, {(3, "wrist"): "images/a.png", (3, "other"): "images/b.png"})
+    outlier = outlier_entry(left_out, {(3, "wrist"): "images/a.png", (3, "other"): "images/b.png"})
     assert (outlier.sample, outlier.camera, outlier.target, outlier.ids) == (3, "wrist", "board", (4, 5))
     assert outlier.image == "images/a.png"
-    assert described_outlier(left_out, {(4, "wrist"): "images/a.png"}).image is None
+    assert outlier_entry(left_out, {(4, "wrist"): "images/a.png"}).image is None
 
 
 def test_a_sample_is_traced_by_the_file_name_of_its_image():

@@ -11,7 +11,7 @@ from tests.motion_cells import arm
 
 from basecal.accuracy.phrases.robot_motion import (
     advise_motion,
-    describe_cause,
+    advise_observability,
     describe_motion,
     describe_poor_motions,
     has_little_rotation,
@@ -113,7 +113,7 @@ def test_causes_are_the_poor_motions_of_what_is_not_seen(made, problem):
     good, poor, eye = moved(0.9, 0.9, robot="eye"), moved(0.0), moved(0.0, robot="eye")
 
     def cause(names, *of):
-        return describe_cause(made.cell, problem, {m.robot: m for m in of}, names)
+        return advise_observability(made.cell, problem, {m.robot: m for m in of}, names)
 
     one = cause([BASE], good, poor)
     assert one == ((advise_motion(made.cell, problem, poor),), "hand only translates.")
@@ -146,7 +146,7 @@ def test_what_is_fixed_is_not_asked_for():
     known = simulate(Scenario(samples=5, camera_mount="fixed"), 0)
     problem = build_problem(known.cell, known.recording)[0]
     both = {"eye": moved(0.5, robot="eye"), "hand": moved(0.5, 0.01)}
-    do, why = describe_cause(known.cell, problem, both, (BASE,))
+    do, why = advise_observability(known.cell, problem, both, (BASE,))
     assert do == (f"Rotate each about two axes that are not parallel, or state {BOARD} as a prior or fixed.",)
     assert why == (
         "eye rotates about one axis, along (0.00, 0.00, 1.00) in eye_base, and hand rotates mostly about one axis, "

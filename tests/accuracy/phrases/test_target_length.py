@@ -2,7 +2,7 @@
 
 import pytest
 
-from basecal.accuracy.phrases.target_length import as_written, scale_lengths
+from basecal.accuracy.phrases.target_length import corrected_length_clause, scale_lengths
 from basecal.simulation import Scenario, simulate
 
 
@@ -20,7 +20,7 @@ def test_the_true_size_is_stated_in_the_targets_own_field(target, said):
     """The field of cell.yaml that gives a board its size, of whatever kind it is."""
     cell = simulate(Scenario(target=target, samples=1, pixel_px=0.0), 0).cell
     (name,) = cell.targets
-    assert as_written(cell, name, 2.0) == said
+    assert corrected_length_clause(cell, name, 2.0) == said
 
 
 def test_all_lengths_are_scaled_wherever_they_stand():

@@ -240,7 +240,7 @@ def test_states_of_another_track_are_at_stops_of_their_own():
     assert found.stand.tolist() == [3, 1, -1, 3]
     np.testing.assert_array_equal(found.pose.translation[:, 0], [1, 1, 0, 1])
     np.testing.assert_array_equal(found.joints, [[12, 13], [2, 3], [10, 11], [12, 13]])
-    assert found.by_pose is own.by_pose
+    assert found.has_only_poses is own.has_only_poses
     assert own.with_states(np.array([0]), track([0]), np.array([0])).joints is None
     assert track([0]).with_states(np.array([0]), other, np.array([1])).joints is None
 

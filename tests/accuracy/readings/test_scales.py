@@ -11,9 +11,9 @@ import pytest
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.readings.scales import (
     _first_unit,
-    _left_share,
     _linear_factor,
     _robust_least_squares,
+    _unexplained_share,
     convert_units,
     estimate_units,
 )
@@ -185,7 +185,7 @@ def test_a_column_is_left_by_its_sine() -> None:
         ([0, 0, 0], 0.0),
         ([np.cos(angle), 0, np.sin(angle)], 0.5),
     ):
-        assert _left_share(np.column_stack([ahead, column])) == pytest.approx(share, abs=1e-9)
+        assert _unexplained_share(np.column_stack([ahead, column])) == pytest.approx(share, abs=1e-9)
 
 
 def test_points_far_off_hardly_count() -> None:

@@ -8,7 +8,7 @@ from tests.ends import end, problem_of, views
 from tests.shared.rewriting import inverted, with_robots
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.readings.reading import as_recorded
+from basecal.accuracy.readings.reading import declared_reading
 from basecal.accuracy.readings.single_pairs import _covering, has_many_robots, merge_findings, solve_single_pairs
 from basecal.cell import Finding
 from basecal.cell.targets.charuco import charuco_target
@@ -27,7 +27,7 @@ RING = simulate(Scenario(layout="ring", robots=6, samples=120, board=BOARD, robo
 def pairs():
     problem, _ = build_problem(RING.cell, RING.recording)
     state = State({n: RING.truth[n] for n in problem.unknowns}, RING.cameras, np.zeros((len(problem.stops), 6)))
-    return solve_single_pairs(as_recorded(RING.cell, RING.recording, problem), state)
+    return solve_single_pairs(declared_reading(RING.cell, RING.recording, problem), state)
 
 
 def test_two_arms_are_looked_at_together():

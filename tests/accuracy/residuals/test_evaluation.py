@@ -10,7 +10,7 @@ import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals import evaluation as module
-from basecal.accuracy.residuals.evaluation import evaluate_recording, known_views, with_noise_of
+from basecal.accuracy.residuals.evaluation import evaluate_recording, known_views, with_camera_noise
 from basecal.cell import Calibration, Outlier, Recording
 from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.problem.build import build_problem
@@ -84,7 +84,7 @@ def test_noise_is_that_of_the_camera_or_else_of_all(camera, expected):
     """And what is usual where the calibration tells none."""
     cameras = {"a": {"pixel_px": 0.5, "pose_m": None}, "c": {"pose_m": 7e-3}}
     calibration = Calibration("good", noise={"pixel_px": 0.3, "pose_m": 2e-3, "cameras": cameras})
-    found = with_noise_of(SimpleNamespace(camera=camera, with_noise=lambda noise: noise), calibration)
+    found = with_camera_noise(SimpleNamespace(camera=camera, with_noise=lambda noise: noise), calibration)
     assert found == Noise(**expected)
 
 

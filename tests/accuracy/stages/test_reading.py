@@ -77,7 +77,7 @@ def test_images_are_counted_for_checks_of_the_input(monkeypatch):
     monkeypatch.setattr(reading, "INPUT_CHECKS", [lambda given: inputs.append(given) or []])
     samples = [replace(each, observations=(), images={"wrist": "0.png"}) for each in MADE.recording.samples]
     reading.check_input(reading.pack_problem(Case(MADE.cell, Recording(tuple(samples)), Settings())))
-    assert inputs[0].images == 3
+    assert inputs[0].image_count == 3
 
 
 @pytest.mark.parametrize(

@@ -98,8 +98,8 @@ def test_views_that_are_not_explained_are_refused(monkeypatch, hidden, expected)
     """First what poses hide, or that they do not belong to the views; what was found before stands once."""
     monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
     monkeypatch.setattr(solving, "unobservable_by_poses", lambda *given: [Finding(c, "error", (), "") for c in hidden])
-    monkeypatch.setattr(solving, "explaining_offsets", lambda *given: [])
-    monkeypatch.setattr(solving, "hopeless", lambda *given: Finding("poor-fit", "error", (), ""))
+    monkeypatch.setattr(solving, "joint_offset_findings", lambda *given: [])
+    monkeypatch.setattr(solving, "hopeless_finding", lambda *given: Finding("poor-fit", "error", (), ""))
     monkeypatch.setattr(solving, "changed_frame", lambda *given: None)
     monkeypatch.setattr(solving, "agreement_findings", lambda *given: [Finding("agree", "info", (), "")])
     before = case(
@@ -157,7 +157,7 @@ def test_a_frame_that_changed_is_an_error(monkeypatch):
     """Then the poses need no other word; without a change they do not explain the views."""
     monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
     monkeypatch.setattr(solving, "unobservable_by_poses", lambda *given: [])
-    monkeypatch.setattr(solving, "explaining_offsets", lambda *given: [])
+    monkeypatch.setattr(solving, "joint_offset_findings", lambda *given: [])
     monkeypatch.setattr(solving, "changed_frame", lambda *given: "changed")
     monkeypatch.setattr(solving, "agreement_findings", lambda robust, changed: [Finding(changed, "warning", (), "")])
     found = solving.refuse_unexplained_poses(case(robust=SimpleNamespace(solution=SOLVED)))

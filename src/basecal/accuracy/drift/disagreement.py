@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, frame_shifts, joint_shifts, size_shifts
-from basecal.accuracy.model_comparison.nested_models import DISAGREES, equally_likely, log_chance
+from basecal.accuracy.model_comparison.nested_models import DISAGREEMENT_LEVEL, equally_likely, log_chance
 from basecal.cell import Calibration, Cell, Recording
 from basecal.geometry import SE3
 
@@ -24,7 +24,7 @@ class Disagreement:
     Attributes:
         chance: p-value of the samples' deviation, under noise alone.
         causes: Possible shifts that explain the samples about equally well, the likeliest first. Empty if `chance` is
-            above `DISAGREES`.
+            above `DISAGREEMENT_LEVEL`.
         chance_left: p-value of the deviation that remains with the likeliest cause.
     """
 
@@ -44,7 +44,7 @@ def disagreement(cell: Cell, calibration: Calibration, recording: Recording) -> 
     if not freedoms:
         return None
     chance = _chance(of, _total(of), freedoms)
-    if chance > DISAGREES:
+    if chance > DISAGREEMENT_LEVEL:
         return Disagreement(chance, (), chance)
     moved = [_relinearise(cell, calibration, recording, shift) for shift in frame_shifts(of)]
     others = [(shift, _total(of) - shift.statistic) for shift in (*size_shifts(of), *joint_shifts(of))]

@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
-from basecal.accuracy.model_comparison.nested_models import MOVED, equally_likely
+from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL, equally_likely
 from basecal.cell import Calibration, Cell, Recording
 from basecal.errors import InputError, check_type, list_names
 from basecal.estimation.streams.streams import synchronous
@@ -98,12 +98,12 @@ def _verify(cell: Cell, innovations: Innovations) -> Verification:
     frames = list(frame_shifts(innovations))
     if not frames:
         return Verification(None, 1.0, None, (), None, samples)
-    level = MOVED / len(frames)
+    level = MOVED_LEVEL / len(frames)
     chance = min(1.0, len(frames) * float(np.exp(min(each.log_chance for each in frames))))
     asked = [each for each in frames if each.transform in cell.requested_transforms] or frames
     lengths = [detectable_m(each, level, POWER) for each in asked]
     seen = None if None in lengths else max(length for length in lengths if length is not None)
-    moved = chance < MOVED
+    moved = chance < MOVED_LEVEL
     explanations = sorted([*frames, *joint_shifts(innovations)], key=lambda each: each.log_chance)
     best = explanations[0]
     is_blind = seen is not None and seen > _LARGEST_DETECTABLE_M

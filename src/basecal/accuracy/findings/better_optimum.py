@@ -6,8 +6,8 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
 
 
-def guess_led_astray() -> Finding:
-    """An info that the solver did not start from the stated guesses."""
+def guess_finding() -> Finding:
+    """An info that the answer does not start from the stated guesses, because these led to an implausible one."""
     what = "The guesses of the cell led to an answer in which the recorded poses do not explain the views."
     return Finding("better-optimum", "info", (), what, why="The answer starts without them.")
 

@@ -28,13 +28,13 @@ class Input:
         problem: Problem built from cell and recording.
         findings: Findings from reading them.
         on_paths: Whether robot poses are interpolated at the instants of views, instead of recorded at stops.
-        images: Number of recorded images in which a target can be searched.
+        image_count: Number of recorded images in which a target can be searched.
     """
 
     problem: Problem
     findings: tuple[Finding, ...]
     on_paths: bool = False
-    images: int = 0
+    image_count: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,18 +20,18 @@ _SHOWN_IMAGES = 5  # images whose delay is listed; assumed
 
 
 class _Late(NamedTuple):
-    """An image with the delay of its exposure after its time stamp [s]; negative if it was earlier."""
+    """An image with the delay of its exposure after its time stamp [s]; negative if it was taken earlier."""
 
     sample: int
-    by_s: float
+    delay_s: float
 
 
 def late_images(evidence: Evidence) -> list[Finding]:
     """Findings about the outlier images of each camera that a time offset explains; a warning above 3 % of samples."""
-    out = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
+    outliers = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
     found = []
-    for camera in sorted({camera for _, camera in out}):
-        late = sorted(_late_samples(evidence, camera, {sample for sample, name in out if name == camera}))
+    for camera in sorted({camera for _, camera in outliers}):
+        late = _late_samples(evidence, camera, {sample for sample, name in outliers if name == camera})
         if late:
             numbers = tuple(str(each.sample) for each in late)
             do = ("Look for a trigger that was missed, or a driver that stamps on arrival.",)
@@ -48,7 +48,8 @@ def late_images(evidence: Evidence) -> list[Finding]:
 
 
 def _late_samples(evidence: Evidence, camera: str, samples: set[int]) -> list[_Late]:
-    late = []
+    """Images of a camera that a delay explains, by sample; the delay is the mean over the targets in the image."""
+    delays: dict[int, list[float]] = {}
     for group in evidence.recorded.groups:
         rows = np.flatnonzero(np.isin(group.sample, list(samples)))
         if group.camera != camera or group.motion is None or not len(rows):
@@ -57,23 +58,24 @@ def _late_samples(evidence: Evidence, camera: str, samples: set[int]) -> list[_L
         state = evidence.solution.state
         predicted = state.camera_from_target(views, evidence.recorded.stops)
         view = views.measurement.linearise(predicted, state.cameras.get(camera), False)
-        whole = spectrum(view.information, VIEW_ROUNDING).squared_mahalanobis(view.gradient)
+        cost = spectrum(view.information, VIEW_ROUNDING).squared_mahalanobis(view.gradient)
         assert views.motion is not None
-        by_time = np.einsum("ni,ni->n", view.gradient, views.motion)
+        gradient_s = np.einsum("ni,ni->n", view.gradient, views.motion)
         per_s2 = np.einsum("ni,nij,nj->n", views.motion, view.information, views.motion)
-        by_s = -by_time / np.maximum(per_s2, 1e-300)
-        is_late = (-by_s * by_time > _EXPLAINED_SHARE * whole) & (np.abs(by_s) < _LONGEST_S)
-        late += [_Late(int(views.sample[k]), float(by_s[k])) for k in np.flatnonzero(is_late)]
-    return late
+        delay_s = -gradient_s / np.maximum(per_s2, 1e-300)
+        is_late = (-delay_s * gradient_s > _EXPLAINED_SHARE * cost) & (np.abs(delay_s) < _LONGEST_S)
+        for k in np.flatnonzero(is_late):
+            delays.setdefault(int(views.sample[k]), []).append(float(delay_s[k]))
+    return [_Late(sample, float(np.mean(delays[sample]))) for sample in sorted(delays)]
 
 
 def _problem_sentence(camera: str, late: list[_Late]) -> str:
-    one = len(late) == 1
-    by = ", ".join(
-        f"{1e3 * abs(each.by_s):.0f} ms {'late' if each.by_s > 0 else 'early'}" for each in late[:_SHOWN_IMAGES]
+    is_single = len(late) == 1
+    delays = ", ".join(
+        f"{1e3 * abs(each.delay_s):.0f} ms {'late' if each.delay_s > 0 else 'early'}" for each in late[:_SHOWN_IMAGES]
     )
     more = ", ..." if len(late) > _SHOWN_IMAGES else ""
-    images = "An image" if one else f"{len(late)} images"
-    stamps = "was not taken when its stamp says" if one else "were not taken when their stamps say"
-    where = f"{list_samples([each.sample for each in late])} ({by}{more})"
-    return f"{images} of {camera} {stamps}, and {'is' if one else 'are'} left out: {where}."
+    images = "An image" if is_single else f"{len(late)} images"
+    stamps = "was not taken when its stamp says" if is_single else "were not taken when their stamps say"
+    listed = f"{list_samples([each.sample for each in late])} ({delays}{more})"
+    return f"{images} of {camera} {stamps}, and {'is' if is_single else 'are'} left out: {listed}."

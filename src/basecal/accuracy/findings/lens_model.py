@@ -16,12 +16,12 @@ def lens_model(evidence: Evidence) -> list[Finding]:
     """A warning if the error of a lens model shifts the answer by more than its sigmas, else an info."""
     findings = []
     for found in evidence.lens_structures:
-        moves = [
-            _sigmas(evidence, found, name)
+        shifts = [
+            _shift_sigmas(evidence, found, name)
             for name in evidence.cell.requested_transforms
             if name in evidence.solution.problem.columns
         ]
-        worst = max(moves, default=0.0)
+        worst = max(shifts, default=0.0)
         what = f"Residuals of {found.camera} depend on their position in the image: {found.rms_px:.2g} px rms."
         moved = f"which moves the answer by {worst:.1f} sigma"
         why = f"Its lens model cannot represent them (chance {found.chance:.0e}), {moved}. The covariance covers it."
@@ -32,9 +32,10 @@ def lens_model(evidence: Evidence) -> list[Finding]:
     return findings
 
 
-def _sigmas(evidence: Evidence, structure: LensStructure, name: str) -> float:
-    where = evidence.solution.problem.columns[name]
+def _shift_sigmas(evidence: Evidence, structure: LensStructure, name: str) -> float:
+    """Largest shift of a transform by the error of a lens model, in sigmas."""
+    columns = evidence.solution.problem.columns[name]
     sigma = np.sqrt(np.maximum(np.diag(evidence.solution.joint_transform_covariance([name])), 0.0))[
-        : where.stop - where.start
+        : columns.stop - columns.start
     ]
-    return float(np.abs(structure.moved[where] / np.maximum(sigma, np.finfo(np.float64).tiny)).max())
+    return float(np.abs(structure.moved[columns] / np.maximum(sigma, np.finfo(np.float64).tiny)).max())

@@ -1,4 +1,4 @@
-"""An info about random effects of robots that the evidence supports and the covariance contains."""
+"""`robot-model` or `deflection` as an info: a random effect of robots that the covariance contains already."""
 
 from __future__ import annotations
 

@@ -33,13 +33,13 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     numbers, total = sorted({o.sample for o in outliers}), evidence.robust.samples
     if not numbers:
         return []
-    one = len(numbers) == 1
-    outlier = "an outlier" if one else "outliers"
-    what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as {outlier}"
+    is_single = len(numbers) == 1
+    outlier = "an outlier" if is_single else "outliers"
+    what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if is_single else 'were'} left out as {outlier}"
     why = list_outliers(outliers, evidence.images)
-    causes = list(outlier_causes(evidence.recorded, evidence.solution.state, numbers))
+    causes = outlier_causes(evidence.recorded, evidence.solution.state, numbers)
     moved = f" {' '.join(causes)}" if causes else _moved_sentence(outliers, evidence.robust.solution.problem)
-    do = f"Look at {'it' if one else 'them'} (samples count from 0), and record with arms at rest."
+    do = f"Look at {'it' if is_single else 'them'} (samples count from 0), and record with arms at rest."
     about = tuple(map(str, numbers))
     cure = "`basecal fix CELL` takes them out of the recording."
     return [
@@ -77,8 +77,10 @@ def _moved_sentence(outliers: Sequence[LeftOut], inliers: Problem) -> str:
             "the answer is for the samples before."
         )
     if numbers[-1] < first:
-        way = f"was elsewhere{_distance_phrase(outliers)}"
-        return f" The outliers look as if {what} {way} before sample {first}; the answer is for the samples after."
+        verb_phrase = f"was elsewhere{_distance_phrase(outliers)}"
+        return (
+            f" The outliers look as if {what} {verb_phrase} before sample {first}; the answer is for the samples after."
+        )
     return ""
 
 
@@ -95,7 +97,7 @@ def agreeing_samples(evidence: Evidence) -> list[Finding]:
     return agreement_findings(robust, changed)
 
 
-def agreement_findings(robust: RobustSolution, change: ChangedFrame | None = None) -> list[Finding]:
+def agreement_findings(robust: RobustSolution, change: ChangedFrame | None) -> list[Finding]:
     """A warning that few samples of a solution agree, with the frame that changed between samples, if it is known."""
     numbers = sorted(robust.agreeing if change is None else change.agreeing)
     if not numbers:
@@ -125,13 +127,13 @@ def far_stops(evidence: Evidence) -> list[Finding]:
 
 
 # Times the worst residual of the inliers, since the fit excluded the row; tested by slips 9 and 20 of `benchmarks`.
-_SPREAD = 3.0
+_RESIDUAL_RATIO = 3.0
 _MOST_OUTLIERS = 12  # outliers whose pairs are tried; assumed: bounds the time
 # Factors to metres from the unit in which a row may have been written, by definition.
 _UNITS = {"millimetres": 1e-3, "metres among millimetres": 1e3}
 
 
-def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> Iterator[str]:
+def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> list[str]:
     """Sentences about mistakes in robot rows that explain outlier views about as well as the inliers.
 
     Args:
@@ -139,12 +141,17 @@ def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> It
         state: State of the answer without outliers.
         numbers: Numbers of the samples with outliers.
     """
+    return list(dict.fromkeys(_row_mistakes(problem, state, numbers)))
+
+
+def _row_mistakes(problem: Problem, state: State, numbers: Sequence[int]) -> Iterator[str]:
+    """Sentences as `outlier_causes`, repeated for each group of views that shows the mistake."""
     for group in problem.groups:
         bare, of_outliers = group.without_stops(), np.isin(group.sample, list(numbers))
         rows = np.flatnonzero(of_outliers)
         if not 0 < len(rows) <= _MOST_OUTLIERS or len(rows) == len(group):
             continue
-        limit = _SPREAD**2 * float(_costs(problem, state, bare)[~of_outliers].max())
+        limit = _RESIDUAL_RATIO**2 * float(_costs(problem, state, bare)[~of_outliers].max())
         for robot in group.robots:
             yield from _exchanged_rows(problem, state, bare, limit, robot, rows)
             pose = _recorded_poses(bare, robot)
@@ -153,7 +160,7 @@ def outlier_causes(problem: Problem, state: State, numbers: Sequence[int]) -> It
                 fits = rows[_costs(problem, state, scaled)[rows] <= limit]
                 if len(fits):
                     few = list_samples(group.sample[fits].tolist())
-                    yield f"{few[:1].upper()}{few[1:]} of {robot} look like {unit}."
+                    yield f"{few[:1].upper()}{few[1:]} of {robot} look{'s' if len(fits) == 1 else ''} like {unit}."
 
 
 def _exchanged_rows(

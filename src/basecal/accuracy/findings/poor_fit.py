@@ -20,8 +20,8 @@ _REPEATABILITY_RAD = 1e-2  # [rad] per axis: as much over 0.3 m
 def poor_fit(evidence: Evidence) -> list[Finding]:
     """A warning if residuals are larger than stated sigmas, or any plausible noise of detectors or robots, explain."""
     solution, rms_px = evidence.solution, evidence.residuals.rms_px
-    stated = (each for each in evidence.contradicted_sigmas if not is_touch_noise(each, evidence))
-    found = [_stated_finding(each, evidence) for each in stated]
+    contradicted = (each for each in evidence.contradicted_sigmas if not is_touch_noise(each, evidence))
+    found = [_stated_finding(each, evidence) for each in contradicted]
     if any(f.severity == "warning" for f in found):
         return found
     robots = solution.noise.robots
@@ -48,11 +48,11 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
         if about
         else "all data"
     )
-    found = evidence.solution.noise.robots.get(sigma.about)
-    stated = np.zeros(6) if found is None else _mean_noise(sigma.about, evidence)
-    if found is not None and (not sigma.is_too_small or is_below_arms(stated)):
-        what = f"The stated noise of {sigma.about} is {_noise(stated)}; the data show {_noise(found)}."
-        do = (f"State noise of {_noise(found)}: sigma_t_m is in metres, sigma_r_rad in radians.",)
+    estimated = evidence.solution.noise.robots.get(sigma.about)
+    stated = np.zeros(6) if estimated is None else _mean_noise(sigma.about, evidence)
+    if estimated is not None and (not sigma.is_too_small or is_below_arms(stated)):
+        what = f"The stated noise of {sigma.about} is {_noise_text(stated)}; the data show {_noise_text(estimated)}."
+        do = (f"State noise of {_noise_text(estimated)}: sigma_t_m is in metres, sigma_r_rad in radians.",)
         return Finding("poor-fit", "warning", about, what, do, "The answer uses the noise that the data show.")
     if not sigma.is_too_small:
         what = f"Noise of {whose} is {sigma.ratio:.2g} times the stated noise."
@@ -78,6 +78,6 @@ def _robots_in_doubt(sigma: ContradictedSigma, evidence: Evidence) -> tuple[str,
     return (sigma.about, *others)
 
 
-def _noise(sigma: Array) -> str:
+def _noise_text(sigma: Array) -> str:
     """Mean sigmas of a robot, (6,) [m, rad], as text."""
     return f"{1e3 * float(np.mean(sigma[:3])):.3g} mm and {1e3 * float(np.mean(sigma[3:])):.3g} mrad"

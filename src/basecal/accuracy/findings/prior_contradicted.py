@@ -33,21 +33,21 @@ def contradicted_priors(cell: Cell, solution: Solution) -> list[Finding]:
     minus that of the answer, in directions that the data inform. Source: Bar-Shalom et al. 2001 (normalised innovation
     squared).
     """
-    found, names = [], {(of.start, of.stop): name for name, of in solution.problem.columns.items()}
-    for residual, jacobian, where in prior_residuals(solution.problem, solution.state):
-        name = names[where.start, where.stop]
-        if _is_of_general_knowledge(cell, name):
+    found, names = [], {(each.start, each.stop): name for name, each in solution.problem.columns.items()}
+    for residual, jacobian, columns in prior_residuals(solution.problem, solution.state):
+        name = names[columns.start, columns.stop]
+        if _is_general(cell, name):
             continue
-        after = jacobian @ solution.observability.inverse[where, where] @ jacobian.T
-        learnt = informed_spectrum(innovation(after, np.ones(len(residual))))
+        posterior = jacobian @ solution.observability.inverse[columns, columns] @ jacobian.T
+        learnt = informed_spectrum(innovation_covariance(posterior, np.ones(len(residual))))
         off = float(learnt.squared_mahalanobis(residual)) / max(solution.noise.factor, 1.0)
         if compare_nested_models(off, int(learnt.rank)).is_taken:
             found.append(_make_finding(cell, solution.problem, name, float(np.abs(residual).max())))
     return found
 
 
-def _is_of_general_knowledge(cell: Cell, name: str) -> bool:
-    """Whether a prior was not stated for this lens, but is the general one for lenses of its kind."""
+def _is_general(cell: Cell, name: str) -> bool:
+    """Whether a prior is the general one for lenses of its kind, instead of stated for this lens."""
     lens = cell.cameras[name].intrinsics if name in cell.cameras else None
     return lens is not None and (lens.status == "free" or is_stated(lens))
 
@@ -74,8 +74,8 @@ def _wider_entry(kind: str, parameters: Parameters, sigmas: float) -> str:
     return f"`{kind}: {{{', '.join(f'{key}: {value}' for key, value in wider.items())}}}`"
 
 
-def innovation(covariance: Array, wider: Array) -> Array:
-    """Covariance of estimates about the mean of unit priors, (k, k), if wider priors are in use.
+def innovation_covariance(covariance: Array, wider: Array) -> Array:
+    """Covariance of the estimate about the mean of unit priors, (k, k), also if wider priors are in use.
 
     P is the information of the data, C the covariance under the priors in use. The estimate is C P d for data d with
     covariance I + P^-1. The covariance of the estimate is C (P + P P) C, which is I - C for the priors as stated.
@@ -86,11 +86,11 @@ def innovation(covariance: Array, wider: Array) -> Array:
     """
     if np.all(wider == 1):
         return np.eye(len(wider)) - 0.5 * (covariance + covariance.T)
-    by_data = spectrum(covariance).inverse - np.diag(wider**-2.0)
-    learnt = covariance @ (by_data + by_data @ by_data) @ covariance
+    information = spectrum(covariance).inverse - np.diag(wider**-2.0)
+    learnt = covariance @ (information + information @ information) @ covariance
     return 0.5 * (learnt + learnt.T)
 
 
-def informed_spectrum(gain: Array) -> Spectrum:
-    """Spectrum of the directions that the data inform."""
-    return scaled_spectrum(gain, _LEARNT_SHARE)
+def informed_spectrum(covariance: Array) -> Spectrum:
+    """Spectrum of an innovation covariance in the directions that the data inform."""
+    return scaled_spectrum(covariance, _LEARNT_SHARE)

@@ -30,32 +30,32 @@ def prior_dominated(evidence: Evidence) -> list[Finding]:
     priors = [name for name in priors if name not in map(cell.mount_name, usual)]
     if not priors or not evidence.solution.converged:
         return []
-    alone = without_priors(problem)
-    hessian = linearise(alone, evidence.solution.state).hessian
+    data_only = without_priors(problem)
+    hessian = linearise(data_only, evidence.solution.state).hessian
     unobservable = analyse_observability(
-        alone, evidence.solution.state, hessian, evidence.solution.noise.factor
+        data_only, evidence.solution.state, hessian, evidence.solution.noise.factor
     ).unobservable
-    resting = [
+    prior_dependent = [
         name
         for name in evidence.cell.requested_transforms
         if name in unobservable - evidence.solution.observability.unobservable
     ]
-    return [finding for name in priors for finding in _dominated_findings(evidence.solution, name, resting)]
+    return [finding for name in priors for finding in _dominated_findings(evidence.solution, name, prior_dependent)]
 
 
-def _dominated_findings(solution: Solution, name: str, resting: Sequence[str]) -> list[Finding]:
+def _dominated_findings(solution: Solution, name: str, prior_dependent: Sequence[str]) -> list[Finding]:
     """A finding if the posterior of a transform equals its prior along some directions."""
-    problem, where = solution.problem, solution.problem.columns[name]
-    width = where.stop - where.start
+    problem, columns = solution.problem, solution.problem.columns[name]
+    width = columns.stop - columns.start
     sigma = np.asarray(problem.unknowns[name].sigma)[:width]
-    shares = scaled_spectrum(solution.observability.inverse[where, where], _DOMINATED_RATIO**2, sigma)
+    shares = scaled_spectrum(solution.observability.inverse[columns, columns], _DOMINATED_RATIO**2, sigma)
     dominated = shares.vectors[:, shares.is_informative]
     if not dominated.shape[1]:
         return []
     vectors, scale = np.zeros((problem.width, dominated.shape[1])), np.ones(problem.width)
-    vectors[where], scale[where] = dominated, sigma
+    vectors[columns], scale[columns] = dominated, sigma
     found = separate_null_space(problem, solution.state, vectors, scale)
-    others = [n for n in resting if n != name]
-    rests = f"{' and '.join(others)} depend{'s' if len(others) == 1 else ''} on it." if others else ""
+    others = [n for n in prior_dependent if n != name]
+    why = f"{' and '.join(others)} depend{'s' if len(others) == 1 else ''} on it." if others else ""
     what = f"The data add nothing to the prior of {name} in: {' and '.join(map(describe_null_space, found))}."
-    return [Finding("prior-dominated", "info", (name, *others), what, why=rests)]
+    return [Finding("prior-dominated", "info", (name, *others), what, why=why)]

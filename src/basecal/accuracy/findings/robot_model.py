@@ -19,7 +19,7 @@ from basecal.effects.registry import ROBOT_PARAMETERS
 
 
 def robot_model(evidence: Evidence) -> list[Finding]:
-    """See `robot_model_findings`; empty if joint offsets only compensate another effect of the joints."""
+    """A finding as `robot_model_findings`; empty if joint offsets only compensate another effect of the joints."""
     if evidence.robot_model is None or _is_other_effect(evidence.systematic_error, evidence.robot_model.chosen):
         return []
     return robot_model_findings(evidence.robot_model)
@@ -46,7 +46,7 @@ def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
     if choice.better is not None:
         why += f" Whether freeing {_parameter_phrase(choice.better)} helps more is undecided."
     offsets = robot_parameters(choice.solution).get(OFFSETS, {})
-    values = np.concatenate([np.zeros(0), *(of.values[of.seen] for of in offsets.values())])
+    values = np.concatenate([np.zeros(0), *(each.values[each.seen] for each in offsets.values())])
     entry = joint_offsets.entry(values)
     if chosen.kind == "links":
         entry += f" and {link_parameters.entry(values)}"
@@ -78,7 +78,7 @@ def _largest_deviation(choice: RobotModelChoice) -> str:
     if not seen:
         return "No single offset stands out."
     _, robot, joint = max(seen)
-    of = found[robot]
-    value, sigma = np.degrees(of.values[joint]), np.degrees(of.sigma[joint])
+    offsets = found[robot]
+    value, sigma = np.degrees(offsets.values[joint]), np.degrees(offsets.sigma[joint])
     whose = "Its offset" if choice.chosen.kind == "joint" else f"The clearest offset, of joint {joint + 1} of {robot},"
     return f"{whose} is {value:.2f} ± {sigma:.2g} deg."

@@ -26,11 +26,11 @@ _NOISE_RANGE = (0.5, 2.0)
 
 @dataclass(frozen=True)
 class _Rounding:
-    """A rounded quantity: its step [m or rad] with its description, and the noise in use of the same unit, 1 sigma."""
+    """A rounded quantity: its step [m or rad] and the step as text, and the noise in use of the same unit, 1 sigma."""
 
-    what: str
+    quantity: str
     step: float
-    words: str
+    step_text: str
     noise: float
 
     @property
@@ -53,8 +53,9 @@ def rounded_poses(evidence: Evidence) -> list[Finding]:
         found = list(_roundings(problem, robot))
         if not found:
             continue
-        what = " ".join(f"{r.what.capitalize()} of {robot} are all multiples of {r.words}." for r in found)
-        rounding, noise = (" and ".join(_step_text(getattr(r, of), r) for r in found) for of in ("sigma", "noise"))
+        what = " ".join(f"{r.quantity.capitalize()} of {robot} are all multiples of {r.step_text}." for r in found)
+        rounding = " and ".join(_sigma_text(r.sigma, r) for r in found)
+        noise = " and ".join(_sigma_text(r.noise, r) for r in found)
         why = f"Rounding adds {rounding} (1 sigma per axis) to {noise} of noise."
         do = ("Record poses with all their digits.",)
         findings.append(
@@ -70,8 +71,8 @@ def rounded_poses(evidence: Evidence) -> list[Finding]:
     return findings
 
 
-def _step_text(value: float, rounding: _Rounding) -> str:
-    return f"{1e3 * value:.2g} {'mm' if rounding.what == 'translations' else 'mrad'}"
+def _sigma_text(sigma: float, rounding: _Rounding) -> str:
+    return f"{1e3 * sigma:.2g} {'mm' if rounding.quantity == 'translations' else 'mrad'}"
 
 
 def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
@@ -91,9 +92,9 @@ def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
     yield from angles or _quaternion_roundings(poses.quaternion, noise_rad)
 
 
-def _angle_roundings(subject: str, ways: list[Array], noise: float) -> Iterator[_Rounding]:
+def _angle_roundings(subject: str, formats: list[Array], noise: float) -> Iterator[_Rounding]:
     """Roundings of angles [rad] that were written in one of several formats, in degrees or radians."""
-    for values in ways:
+    for values in formats:
         hundreds, radians = _step(np.degrees(values) / 100), _step(values)
         if hundreds is not None:
             yield _Rounding(subject, float(np.radians(100 * hundreds)), f"{100 * hundreds:g} deg", noise)
@@ -132,4 +133,4 @@ def _step(values: Array) -> float | None:
     if len(different) < _FEWEST_NUMBERS:
         return None
     shares = {step: different / step for step in _STEP_SIZES}
-    return next((step for step, of in shares.items() if np.all(np.abs(of - np.round(of)) < _NEAR_SHARE)), None)
+    return next((step for step, each in shares.items() if np.all(np.abs(each - np.round(each)) < _NEAR_SHARE)), None)

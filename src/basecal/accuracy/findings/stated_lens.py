@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.findings.prior_contradicted import informed_spectrum, innovation
+from basecal.accuracy.findings.prior_contradicted import informed_spectrum, innovation_covariance
 from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.cell import Finding
 from basecal.effects.faces.effect import FIX
@@ -31,9 +31,9 @@ def _is_contradicted(name: str, stated_camera: Camera, solution: Solution) -> bo
     usual, used = usual_sigmas(stated_camera), solution.problem.lenses[name].sigma
     assert used is not None
     off = (solution.state.cameras[name].parameters - stated_camera.parameters) / usual
-    where = solution.problem.columns[name]
+    columns = solution.problem.columns[name]
     known = informed_spectrum(
-        innovation(solution.observability.inverse[where, where] / np.outer(usual, usual), used / usual)
+        innovation_covariance(solution.observability.inverse[columns, columns] / np.outer(usual, usual), used / usual)
     )
     return compare_nested_models(float(known.squared_mahalanobis(off)), int(known.rank)).is_taken
 

@@ -9,7 +9,7 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.phrases.gravity import describe_gravity
-from basecal.accuracy.phrases.target_length import as_written
+from basecal.accuracy.phrases.target_length import corrected_length_clause
 from basecal.cell import Cell, Finding
 from basecal.effects import deflection, joint_offsets
 from basecal.effects.faces.effect import FoundEffect, format_with_sigma
@@ -30,14 +30,14 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
     Joint offsets are left to `robot_model` if it has a finding, since it reports all joints.
     """
     found = evidence.systematic_error
-    named = () if found is None else (found, *found.alternatives)
-    if found is None or (all(each.effect == joint_offsets.NAME for each in named) and robot_model(evidence)):
+    effects = () if found is None else (found, *found.alternatives)
+    if found is None or (all(each.effect == joint_offsets.NAME for each in effects) and robot_model(evidence)):
         return []
     words = describe_effect(found)
     why = [words.why, _answer_sentence(found) if found.is_certain else _CHANCE_SENTENCE.format(100 * found.share)]
     if found.effect == deflection.NAME:
         why.append(describe_gravity(evidence.cell, evidence.solution, (found.about,)))
-    about = [each.about for each in named]
+    about = [each.about for each in effects]
     return [
         Finding(
             words.code,
@@ -61,7 +61,7 @@ _CODES = "board-size", "length-scale"
 
 
 def deduplicate_size_findings(cell: Cell, findings: Sequence[Finding], error: FoundEffect | None) -> list[Finding]:
-    """Merge two findings about the same length error into one.
+    """Merge findings about the same length error of a target into one.
 
     The test of conventions assumes that robots are exact, so its size absorbs some of their noise. The test of
     systematic errors estimates the noise jointly with the size.
@@ -84,7 +84,7 @@ def deduplicate_size_findings(cell: Cell, findings: Sequence[Finding], error: Fo
     robots = [each.about for each in either if not each.is_target]
     if robots:
         what += f" if the lengths of the poses of {' and '.join(robots)} are right, which the data do not determine"
-    do = (f"Measure {target} and state its true size{as_written(cell, target, factor)}.",)
+    do = (f"Measure {target} and state its true size{corrected_length_clause(cell, target, factor)}.",)
     why = "The answer excludes it, and its covariance is wider."
     finding = Finding("board-size", "warning", (target,), f"{what}.", do, why)
     return [finding, *(f for f in findings if f.code not in _CODES)]

@@ -17,8 +17,8 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     """An error if no view can be checked: without the place of most equations, there are fewer than unknowns."""
     problem = inputs.problem
     count = len({int(number) for group in problem.groups for number in group.sample})
-    if count == 0 and inputs.images and not any(each.code in _SEARCHED for each in inputs.findings):
-        return [_search_advice(inputs.images)]
+    if count == 0 and inputs.image_count and not any(each.code in _SEARCHED for each in inputs.findings):
+        return [_search_advice(inputs.image_count)]
     if count < 2:
         found = "no sample shows" if count == 0 else "a single sample shows"
         return [_finding(f"{found} a target to a camera with every robot's pose")]
@@ -36,8 +36,8 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     return [_finding(found, describe_poor_motions(problem))]
 
 
-def _search_advice(images: int) -> Finding:
-    what = f"No target was searched in the {images} images of the recording."
+def _search_advice(image_count: int) -> Finding:
+    what = f"No target was searched in the {image_count} images of the recording."
     do = ("Call `recording = basecal.detect(cell, recording)` before `calibrate`.",)
     return Finding("too-few-samples", "error", (), what, do)
 

@@ -48,7 +48,7 @@ def _sigma_with_arm(tip: str, evidence: Evidence) -> ContradictedSigma | None:
     """The stated sigma of touches, if the estimated noise of the arm contradicts it; else None."""
     solution, camera = evidence.solution, evidence.cell.cameras[tip]
     sigma, touches = solution.noise.robots.get(camera.on), _touches(tip, evidence)
-    if sigma is None or not any(touches_of.counts().get("stated") for touches_of in touches):
+    if sigma is None or not any(each.counts().get("stated") for each in touches):
         return None
     lever_m2 = 2 / 3 * float(np.sum(solution.state.transforms[evidence.cell.mount_name(tip)].translation ** 2))
     arm_m2 = float(np.mean(sigma[:3] ** 2) + lever_m2 * np.mean(sigma[3:] ** 2))

@@ -75,7 +75,7 @@ def two_mounts(evidence: Evidence) -> list[Finding]:
         return []
     best = min(splits, key=lambda split: split.comparison.log_chance)
     minority, majority = sorted(best.sides, key=lambda side: len(side.samples))
-    if not _is_explained(evidence.solution, best.mount, minority, majority):
+    if not _is_significant(evidence.solution, best.mount, minority, majority):
         return []
     apart_mm = 1e3 * float(np.linalg.norm(minority.mean() - majority.mean()))
     what = f"{best.mount} differs by {apart_mm:.2g} mm at {list_samples(sorted(minority.samples.tolist()))}."
@@ -83,16 +83,16 @@ def two_mounts(evidence: Evidence) -> list[Finding]:
     return [Finding("two-mounts", "warning", (best.mount,), what, do, "The estimated noise contains the difference.")]
 
 
-def _is_explained(solution: Solution, mount: str, minority: _Shifts, majority: _Shifts) -> bool:
-    """Whether two positions explain more than shared stop errors, with noise re-estimated; true if noise is stated."""
+def _is_significant(solution: Solution, mount: str, minority: _Shifts, majority: _Shifts) -> bool:
+    """Whether the shift is significant beside stop errors, with noise re-estimated; true if noise is stated."""
     situation = situate(solution)
-    moves = tuple(
+    jacobians = tuple(
         situation.frame_jacobian(k, mount)[:, :, :3] * np.isin(group.sample, minority.samples)[:, None, None]
         for k, group in enumerate(situation.groups)
     )
-    candidate = one_candidate("two-mounts", mount, "m", moves)
-    ways = (len(minority.samples) + len(majority.samples) - 1) * np.log(2)
-    chance = candidate_chance(solution, candidate, minority.mean() - majority.mean(), float(ways))
+    candidate = one_candidate("two-mounts", mount, "m", jacobians)
+    log_splits = (len(minority.samples) + len(majority.samples) - 1) * np.log(2)
+    chance = candidate_chance(solution, candidate, minority.mean() - majority.mean(), float(log_splits))
     return solution.noise.logs is None or decide(0.0, chance, SINGLE_LEVEL).is_taken
 
 
@@ -119,10 +119,10 @@ def _mount_shifts(situation: Situation, mount: str) -> _Shifts:
     samples, information, gradient = [], [], []
     for k, (group, views) in enumerate(zip(situation.groups, situation.linearisation.views, strict=True)):
         if situation.depends(k, mount):
-            moves = situation.frame_jacobian(k, mount)[:, :, :3]
+            jacobian = situation.frame_jacobian(k, mount)[:, :, :3]
             samples.append(group.sample)
-            information.append(moves.mT @ views.information[:, :6, :6] @ moves)
-            gradient.append((moves.mT @ views.gradient[:, :6, None])[..., 0])
+            information.append(jacobian.mT @ views.information[:, :6, :6] @ jacobian)
+            gradient.append((jacobian.mT @ views.gradient[:, :6, None])[..., 0])
     numbers, row = np.unique(np.concatenate(samples), return_inverse=True)
     sums = GroupSums(row, len(numbers))
     total, force = sums.sum(np.concatenate(information)), sums.sum(np.concatenate(gradient))

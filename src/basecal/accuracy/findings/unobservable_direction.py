@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.phrases.null_space import describe_direction, describe_twists, is_unobservable
-from basecal.accuracy.phrases.robot_motion import advise_motion, describe_cause, describe_motion
+from basecal.accuracy.phrases.null_space import describe_direction, describe_twists, unobservable_clause
+from basecal.accuracy.phrases.robot_motion import advise_motion, advise_observability, describe_motion
 from basecal.cell import Cell, Finding
 from basecal.errors import sentence
 from basecal.estimation.observability.motions import gauge_partners, motions
@@ -20,25 +20,27 @@ from basecal.geometry import Array
 
 def unobservable_directions(evidence: Evidence) -> list[Finding]:
     """A finding for each null space of the solution, or if it did not converge, of the recorded poses alone."""
-    by_poses = [] if evidence.solution.converged else unobservable_by_poses(evidence.cell, evidence.solution.problem)
-    if by_poses:
-        return by_poses
+    pose_findings = (
+        [] if evidence.solution.converged else unobservable_by_poses(evidence.cell, evidence.solution.problem)
+    )
+    if pose_findings:
+        return pose_findings
     problem, observability = evidence.solution.problem, evidence.solution.observability
-    moved = motions(problem) if observability.null_space else {}
-    together: dict[tuple[str, ...], list[str]] = {}
+    robot_motions = motions(problem) if observability.null_space else {}
+    phrases: dict[tuple[str, ...], list[str]] = {}
     advice: dict[tuple[str, ...], tuple[tuple[str, ...], str] | None] = {}
     for direction in observability.null_space:
-        together.setdefault(direction.names, []).append(describe_direction(direction))
+        phrases.setdefault(direction.names, []).append(describe_direction(direction))
         advice.setdefault(direction.names, touch_advice(evidence.cell, problem, evidence.solution.state, direction))
     return [
         Finding(
             "unobservable-direction",
             "error" if observability.unobservable.intersection(evidence.cell.requested_transforms) else "warning",
             names,
-            sentence(is_unobservable(whats, names[1:])),
-            *(advice[names] or describe_cause(evidence.cell, problem, moved, names)),
+            sentence(unobservable_clause(clauses, names[1:])),
+            *(advice[names] or advise_observability(evidence.cell, problem, robot_motions, names)),
         )
-        for names, whats in together.items()
+        for names, clauses in phrases.items()
     ]
 
 
@@ -53,9 +55,9 @@ def unobservable_by_poses(cell: Cell, problem: Problem) -> list[Finding]:
     for motion in motions(problem).values():
         names = gauge_partners(problem, motion)
         if names:
-            which = is_unobservable([describe_twists(f"{motion.robot}_base", motion.twists_in_base)], names[1:])
+            clause = unobservable_clause([describe_twists(f"{motion.robot}_base", motion.twists_in_base)], names[1:])
             do, why = (advise_motion(cell, problem, motion),), sentence(describe_motion(motion), (motion.robot,))
-            what = f"By the recorded poses alone, {which}."
+            what = f"By the recorded poses alone, {clause}."
             found.append(Finding("unobservable-direction", "error", names, what, do, why))
     return found
 
@@ -83,7 +85,7 @@ def touch_advice(
         return None
     marks = _marks(cell, problem, state, sorted({g.target for g in seen}))
     tips = " and ".join(sorted({g.camera for g in problem.groups if g.target in marks}))
-    near = [name for name, at in marks.items() if _distance(at, direction.twists_in_parent[0]) < _NEAR_M]
+    near = [name for name, position in marks.items() if _distance(position, direction.twists_in_parent[0]) < _NEAR_M]
     if len(direction.twists_in_parent) == 1 and len(near) >= 2:
         which = "third" if len(marks) == 2 else "further"
         line = f"the line through {near[0]} and {near[1]}"
@@ -101,8 +103,8 @@ def _marks(cell: Cell, problem: Problem, state: State, names: Sequence[str]) -> 
     for group in problem.groups:
         target = cell.targets[group.target]
         if group.target in names and group.hand.robot is None and target.contact is None:
-            at = state.transforms[group.hand.mount].translation
-            found[target.name] = at if group.hand.base is None else state.transforms[group.hand.base] @ at
+            position = state.transforms[group.hand.mount].translation
+            found[target.name] = position if group.hand.base is None else state.transforms[group.hand.base] @ position
     return found
 
 

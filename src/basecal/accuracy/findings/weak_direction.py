@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.phrases.robot_motion import describe_cause
+from basecal.accuracy.phrases.robot_motion import advise_observability
 from basecal.cell import Finding
 from basecal.estimation.observability.motions import motions
 from basecal.estimation.observability.observability import UNOBSERVABLE_SIGMA
@@ -23,7 +23,7 @@ def weak_directions(evidence: Evidence) -> list[Finding]:
         sigma = np.sqrt(np.diag(solution.joint_transform_covariance([name])))
         sigma_m, sigma_rad = float(sigma[:3].max()), float(sigma[3:].max())
         if sigma_m > _WEAK_SIGMA * solution.observability.length_m or sigma_rad > _WEAK_SIGMA:
-            do, why = describe_cause(evidence.cell, solution.problem, motions(solution.problem), (name,))
+            do, why = advise_observability(evidence.cell, solution.problem, motions(solution.problem), (name,))
             known = f"{1e3 * sigma_m:.0f} mm and {np.degrees(sigma_rad):.1f} deg"
             what = f"One sigma of {name} is up to {known} along an axis."
             found.append(Finding("weak-direction", "warning", (name,), what, do, why))

@@ -37,10 +37,10 @@ def apply_cure(folder: Path, cure: Cure) -> Path:
     text = old = read_text(path, "")
     if change.cell:
         text, _ = completed_cell_text(old, _nest_values(change.cell), str(path), change.cell.keys())
-    described = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
+    changed_cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
     lines = None if change.samples is None else "".join(map(sample_line, change.samples))
     if lines is not None:
-        recording_from_text(lines.encode(), folder, described)
+        recording_from_text(lines.encode(), folder, changed_cell)
     if text == old and (lines is None or lines.encode() == journal.read_bytes()):
         raise InputError(f"{path}: already contains this, nothing is changed: {cure.words}")
     note = {"code": cure.finding.code, "found": cure.finding.what, "done": cure.words}
@@ -89,10 +89,10 @@ def _state_words(state: RobotState) -> str:
     return "joints " + ", ".join(f"{value:.5g}" for value in joints)
 
 
-def _nest_values(places: Mapping[Loc, Any]) -> dict[Any, Any]:
+def _nest_values(values: Mapping[Loc, Any]) -> dict[Any, Any]:
     """Nested mapping, as in `cell.yaml`, from values by location."""
     root: dict[str | int, Any] = {}
-    for place, value in places.items():
+    for place, value in values.items():
         inner = root
         for key in place[:-1]:
             inner = inner.setdefault(key, {})

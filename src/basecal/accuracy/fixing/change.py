@@ -46,7 +46,7 @@ def change_of_hypothesis(recording: Recording, reading: Reading, hypothesis: Con
         reading: The declared reading, with detections.
         hypothesis: The hypothesis that is true.
     """
-    if hypothesis.by_order:
+    if hypothesis.depends_on_order:
         return Change(_pair_samples(recording, reading, hypothesis))
     result = hypothesis.reread(reading)
     cell = change_cell(reading.cell, result.cell)
@@ -84,7 +84,7 @@ def _with_values(recording: Recording, reading: Reading, result: Reading) -> tup
         """Change one sample; the same object if nothing differs."""
         k = row.get(sample.sample, -1)
         own = {name: track for name, track in robots.items() if k >= 0 and name in sample.robots}
-        states = {name: _state(track, k) for name, track in own.items() if _moves(reading.tracks[name], track, k)}
+        states = {name: _state(track, k) for name, track in own.items() if _differs(reading.tracks[name], track, k)}
         seen = tuple(
             replace(each, camera_from_target=views[sample.sample, each.camera, each.target])
             if isinstance(each, PoseObservation) and (sample.sample, each.camera, each.target) in views
@@ -98,7 +98,7 @@ def _with_values(recording: Recording, reading: Reading, result: Reading) -> tup
     return tuple(change_sample(sample) for sample in recording.samples)
 
 
-def _moves(old: Track, new: Track, k: int) -> bool:
+def _differs(old: Track, new: Track, k: int) -> bool:
     return not np.array_equal(old.pose.matrix[k], new.pose.matrix[k])
 
 
@@ -107,20 +107,23 @@ def _state(track: Track, k: int) -> RobotState:
 
 
 def _pair_samples(recording: Recording, reading: Reading, hypothesis: ConventionHypothesis) -> tuple[Sample, ...]:
-    """Samples with robot states and views paired as under a hypothesis, which is applied to marked positions."""
+    """Samples with robot states and views paired as under a hypothesis.
+
+    The hypothesis is applied to poses and views that contain only their position in the recording.
+    """
     count, samples = len(reading.order), {sample.sample: sample for sample in recording.samples}
-    place = np.zeros((count, 6))
-    place[:, 0] = np.arange(count)
-    marks = SE3(np.broadcast_to(np.eye(3), (count, 3, 3)), place[:, :3])
+    positions = np.zeros((count, 6))
+    positions[:, 0] = np.arange(count)
+    marks = SE3(np.broadcast_to(np.eye(3), (count, 3, 3)), positions[:, :3])
     tracks = {name: replace(track, pose=marks, joints=None) for name, track in reading.tracks.items()}
     views = reading.problem.groups[0].take(np.zeros(count, dtype=np.int64))
-    views = replace(views, sample=reading.order, motion=place)
+    views = replace(views, sample=reading.order, motion=positions)
     marked = replace(reading, problem=reading.problem.with_groups((views,)), tracks=tracks)
     paired = hypothesis.reread(marked)
     (found,) = paired.problem.groups
     assert found.motion is not None
     source = dict(zip(found.sample.tolist(), found.motion[:, 0].astype(int).tolist(), strict=True))
-    made = []
+    paired_samples = []
     for k, number in enumerate(paired.order.tolist()):
         if number not in source:
             continue
@@ -130,8 +133,8 @@ def _pair_samples(recording: Recording, reading: Reading, hypothesis: Convention
             state = samples[int(reading.order[int(track.pose.translation[k, 0])])].robots.get(name)
             if track.seen[k] and state is not None:
                 states[name] = state
-        made.append(replace(seen, sample=number, stamp_s=samples[number].stamp_s, robots=states))
-    return tuple(made)
+        paired_samples.append(replace(seen, sample=number, stamp_s=samples[number].stamp_s, robots=states))
+    return tuple(paired_samples)
 
 
 def change_cell(cell: Cell, result: Cell) -> dict[Loc, Any]:

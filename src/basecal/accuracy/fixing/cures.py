@@ -8,12 +8,13 @@ from typing import Any
 
 from basecal.accuracy.fixing.change import Change, change_carriers, change_of_hypothesis
 from basecal.accuracy.fixing.offers import offered_places
-from basecal.accuracy.fixing.places import free_lens, free_transform
+from basecal.accuracy.fixing.places import free_lens_entry, free_transform_entry
 from basecal.accuracy.input_check.conventions import every_hypothesis
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
+from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.accuracy.readings.carriers import describe_carriers
-from basecal.accuracy.readings.reading import Reading, as_recorded
+from basecal.accuracy.readings.reading import Reading, declared_reading
 from basecal.cell import Calibration, Cell, Finding, Recording
 from basecal.cell.format.yaml_text import yaml_entry
 from basecal.errors import BasecalError, sentence
@@ -68,7 +69,7 @@ def _convention_cures(
     """Cures of findings about a hypothesis of the input, by finding."""
     try:
         problem, _ = build_problem(cell, detections)
-        declared = as_recorded(cell, detections, problem)
+        declared = declared_reading(cell, detections, problem)
         known = every_hypothesis(declared, solve_problem(problem, cell, STATED).state, STATED)
     except BasecalError:
         return {}
@@ -97,7 +98,7 @@ def _misfit(baseline: Reading, hypothesis: ConventionHypothesis) -> float:
     """Error of the fit of a hypothesis; a claim has several hypotheses if a rotation has two triples of angles."""
     reading = hypothesis.reread(baseline).thin(_FITTED)
     fit = fit_hypothesis(reading.cell, reading.problem, STATED)
-    return float("inf") if fit is None else fit.core
+    return float("inf") if fit is None else fit.trimmed_rms
 
 
 def _claim(hypothesis: ConventionHypothesis) -> str:
@@ -117,11 +118,10 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
         left_out = {outlier.sample for outlier in calibration.outliers or () if not outlier.ids}
         kept = tuple(sample for sample in recording.samples if sample.sample not in left_out)
         if left_out:
-            numbers = ", ".join(map(str, sorted(left_out)))
-            yield Cure(finding, f"Leave out samples {numbers}.", Change(samples=kept))
+            yield Cure(finding, f"Leave out {list_samples(sorted(left_out))}.", Change(samples=kept))
 
 
 def _freed_entry(cell: Cell, name: str) -> dict[Loc, Any]:
     """Entry of `cell.yaml` that frees a transform, or the stated lens of a camera; empty if there is no such entry."""
     lens = cell.cameras[name].intrinsics if name in cell.cameras else None
-    return free_transform(cell, name) if lens is None or lens.status == "free" else free_lens(cell, name)
+    return free_transform_entry(cell, name) if lens is None or lens.status == "free" else free_lens_entry(cell, name)

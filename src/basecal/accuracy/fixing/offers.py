@@ -31,7 +31,7 @@ def offered_places(cell: Cell, finding: Finding) -> dict[Loc, Any]:
     about.
     """
     kinds = {"cameras": cell.cameras, "targets": cell.targets, "robots": cell.robots}
-    places = {name: (kind, name) for kind, of in kinds.items() for name in of}
+    places = {name: (kind, name) for kind, entries in kinds.items() for name in entries}
     for text in (*finding.do, finding.why, finding.what):
         if lines := _offered_lines(text):
             quoted = [name for name in places if repr(name) in text]

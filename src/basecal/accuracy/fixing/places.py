@@ -24,13 +24,13 @@ def transform_place(cell: Cell, name: str) -> Loc | None:
     return places.get(name)
 
 
-def free_transform(cell: Cell, name: str) -> dict[Loc, Any]:
+def free_transform_entry(cell: Cell, name: str) -> dict[Loc, Any]:
     """Entry of `cell.yaml` that frees a transform; empty if the transform has no entry of its own."""
     place = transform_place(cell, name)
     return {} if place is None else {place: stated_value(cell.with_transform(name, Unknown("free")), place)}
 
 
-def free_lens(cell: Cell, camera: str) -> dict[Loc, Any]:
+def free_lens_entry(cell: Cell, camera: str) -> dict[Loc, Any]:
     """Entry of `cell.yaml` that frees the lens of a camera, with the stated lens as initial guess."""
     place: Loc = ("cameras", camera, "intrinsics")
     lens = cell.cameras[camera].intrinsics

@@ -54,8 +54,8 @@ class ConventionHypothesis:
     fix: str
     distinction: str
     reread: Reread
-    nested: bool = False
-    by_order: bool = False
+    is_wider: bool = False
+    depends_on_order: bool = False
     carriers: Mapping[Loc, str] = field(default_factory=dict)
 
 
@@ -64,36 +64,36 @@ AS_DECLARED = ConventionHypothesis("", (), "it is as declared", "", "", lambda r
 
 def convention_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
     """All hypotheses that apply to this reading, except those with an unknown number."""
-    by_pose, by_joints = baseline.pose_robots, baseline.joint_robots
-    poses, points = baseline.shows(PoseMeasurement), baseline.shows(PointMeasurement)
-    shifts = [by for by in _SHIFTS if abs(by) < len(baseline.order) // 3]
+    pose_robots, joint_robots = baseline.pose_robots, baseline.joint_robots
+    has_poses, has_points = baseline.shows(PoseMeasurement), baseline.shows(PointMeasurement)
+    shifts = [count for count in _SHIFTS if abs(count) < len(baseline.order) // 3]
     return [
-        *_direction_hypotheses(baseline.cell, by_pose, poses),
-        *_unit_hypotheses(by_pose, by_joints, poses, points),
-        *_joint_hypotheses(by_joints),
-        *_quaternion_hypotheses(by_pose, poses),
-        *_exchange_hypotheses(baseline, by_pose, "poses"),
-        *_exchange_hypotheses(baseline, by_joints, "joints"),
-        *(shift(stream, by) for stream in streams([*by_pose, *by_joints]) for by in shifts),
+        *_direction_hypotheses(baseline.cell, pose_robots, has_poses),
+        *_unit_hypotheses(pose_robots, joint_robots, has_poses, has_points),
+        *_joint_hypotheses(joint_robots),
+        *_quaternion_hypotheses(pose_robots, has_poses),
+        *_exchange_hypotheses(baseline, pose_robots, "poses"),
+        *_exchange_hypotheses(baseline, joint_robots, "joints"),
+        *(shift_hypothesis(stream, count) for stream in streams([*pose_robots, *joint_robots]) for count in shifts),
         *(_size_unit_hypotheses(baseline.cell) if baseline.shows(PixelMeasurement, PointMeasurement) else ()),
-        *(_symmetry_hypotheses(baseline.cell) if poses else ()),
-        *_mirror_hypotheses(poses, points),
+        *(_symmetry_hypotheses(baseline.cell) if has_poses else ()),
+        *_mirror_hypotheses(has_poses, has_points),
         *_lens_hypotheses(baseline),
         *_fixed_transform_hypotheses(baseline.cell),
     ]
 
 
-def subsets(robots: list[str]) -> dict[tuple[str, ...], str]:
-    """Each robot alone, and all robots together, with the names as a phrase."""
-    found = [*((name,) for name in robots), tuple(robots)]
-    return {names: " and ".join(names) for names in found if names}
+def robot_subjects(robots: list[str]) -> dict[tuple[str, ...], str]:
+    """Map the names of each robot alone, and of all robots together, to a phrase."""
+    subjects = [*((name,) for name in robots), tuple(robots)]
+    return {names: " and ".join(names) for names in subjects if names}
 
 
 def pose_subjects(
-    robots: list[str], poses: bool, observations: str = "the observed poses"
+    robots: list[str], has_poses: bool, observations: str = "the observed poses"
 ) -> dict[tuple[str, ...], str]:
-    """`subsets` of the robots that record poses; if `poses`, the observed poses under an empty tuple of names."""
-    return subsets(robots) | ({(): observations} if poses else {})
+    """Map names of robots that record poses to a phrase; if `has_poses`, also no name to `observations`."""
+    return robot_subjects(robots) | ({(): observations} if has_poses else {})
 
 
 def map_poses(names: tuple[str, ...], pose_map: PoseMap) -> Reread:
@@ -116,8 +116,8 @@ def _mirror_behind_camera(poses: SE3) -> SE3:
     return SE3(poses.rotation * np.array([-1.0, -1.0, 1.0]), -poses.translation)
 
 
-def _direction_hypotheses(cell: Cell, robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
-    for names, who in subsets(robots).items():
+def _direction_hypotheses(cell: Cell, robots: list[str], has_poses: bool) -> Iterator[ConventionHypothesis]:
+    for names, who in robot_subjects(robots).items():
         carriers = swap_carriers(cell, names)
         words, advice = f"the poses of {who} are inverted (flange_from_base)", "invert the poses"
         if carriers:
@@ -132,7 +132,7 @@ def _direction_hypotheses(cell: Cell, robots: list[str], poses: bool) -> Iterato
             map_poses(names, SE3.inverse),
             carriers=carriers,
         )
-    if poses:
+    if has_poses:
         yield ConventionHypothesis(
             "target-pose-inverted",
             (),
@@ -144,24 +144,34 @@ def _direction_hypotheses(cell: Cell, robots: list[str], poses: bool) -> Iterato
 
 
 def _unit_hypotheses(
-    by_pose: list[str], by_joints: list[str], poses: bool, points: bool
+    pose_robots: list[str], joint_robots: list[str], has_poses: bool, has_points: bool
 ) -> Iterator[ConventionHypothesis]:
     for factor, words, advice in (
         (_MILLI, "in millimetres", "divide them by 1000"),
         (1 / _MILLI, "1000 times too small", "multiply them by 1000"),
     ):
-        of = scale_translations(factor)
-        for names, who in pose_subjects(by_pose, poses).items():
-            yield _unit(names, f"the poses of {who}" if names else who, words, advice, map_poses(names, of))
-        if points:
-            yield _unit((), "the observed 3-D points", words, advice, partial(Reading.with_points, factor=factor))
-        if by_pose and not by_joints:
-            yield _unit(
-                tuple(by_pose), "all lengths, of robots and targets,", words, advice, _scale_lengths(by_pose, factor)
+        pose_map = scale_translations(factor)
+        for names, who in pose_subjects(pose_robots, has_poses).items():
+            yield _unit_hypothesis(
+                names, f"the poses of {who}" if names else who, words, advice, map_poses(names, pose_map)
+            )
+        if has_points:
+            yield _unit_hypothesis(
+                (), "the observed 3-D points", words, advice, partial(Reading.with_points, factor=factor)
+            )
+        if pose_robots and not joint_robots:
+            yield _unit_hypothesis(
+                tuple(pose_robots),
+                "all lengths, of robots and targets,",
+                words,
+                advice,
+                _scale_lengths(pose_robots, factor),
             )
 
 
-def _unit(subjects: tuple[str, ...], subject: str, words: str, advice: str, reread: Reread) -> ConventionHypothesis:
+def _unit_hypothesis(
+    subjects: tuple[str, ...], subject: str, words: str, advice: str, reread: Reread
+) -> ConventionHypothesis:
     return ConventionHypothesis(
         "length-unit",
         subjects,
@@ -188,15 +198,15 @@ def _size_unit_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
 def _scale_lengths(robots: list[str], factor: float) -> Reread:
     def reread(reading: Reading) -> Reading:
         """Multiply all lengths of the reading by the factor."""
-        of = scale_translations(factor)
-        mapped = reading.with_poses(tuple(robots), of).with_target_poses(of).with_points(factor)
+        pose_map = scale_translations(factor)
+        mapped = reading.with_poses(tuple(robots), pose_map).with_target_poses(pose_map).with_points(factor)
         return mapped.resize(dict.fromkeys(reading.cell.targets, factor))
 
     return reread
 
 
 def _joint_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
-    for names, who in subsets(robots).items():
+    for names, who in robot_subjects(robots).items():
         for factor, words, advice in (
             (np.pi / 180, "in degrees", "convert them to radians"),
             (180 / np.pi, "converted from degrees to radians although they were radians", "do not convert them"),
@@ -211,17 +221,17 @@ def _joint_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
             )
 
 
-def _quaternion_hypotheses(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
+def _quaternion_hypotheses(robots: list[str], has_poses: bool) -> Iterator[ConventionHypothesis]:
     for words, order in _ORDERS.items():
-        of = _reorder_quaternion(order)
-        for names, who in pose_subjects(robots, poses).items():
+        pose_map = _reorder_quaternion(order)
+        for names, who in pose_subjects(robots, has_poses).items():
             yield ConventionHypothesis(
                 "quaternion-order",
                 names,
                 f"the quaternions of {who} are {words}",
                 f"write the quaternions of {who} as x, y, z, w",
                 f"turn {who if names else 'every arm'} further between samples",
-                map_poses(names, of),
+                map_poses(names, pose_map),
             )
 
 
@@ -246,10 +256,10 @@ def streams(robots: list[str]) -> list[str | None]:
     return [None, *(robots if len(robots) > 1 else [])]
 
 
-def shift(stream: str | None, count: int, start: int = 0, first: int | None = None) -> ConventionHypothesis:
+def shift_hypothesis(stream: str | None, count: int, start: int = 0, first: int | None = None) -> ConventionHypothesis:
     """Hypothesis that one stream is shifted by `count` samples; sample `first` is the one at position `start`."""
     late = f"{abs(count)} sample{'s' if abs(count) > 1 else ''} {'later' if count > 0 else 'earlier'}"
-    return pair_differently(
+    return pairing_hypothesis(
         stream,
         f"{'' if first is None else f'from sample {first} on '}belongs {late}",
         f"pair it accordingly{' (was a detection missed or given twice there?)' if start else ''}",
@@ -257,7 +267,7 @@ def shift(stream: str | None, count: int, start: int = 0, first: int | None = No
     )
 
 
-def pair_differently(stream: str | None, fault: str, fix: str, reread: Reread) -> ConventionHypothesis:
+def pairing_hypothesis(stream: str | None, fault: str, fix: str, reread: Reread) -> ConventionHypothesis:
     """Hypothesis that one stream is in another order: the observations if it is None, else a robot's records."""
     return ConventionHypothesis(
         "pairing-shifted",
@@ -266,7 +276,7 @@ def pair_differently(stream: str | None, fault: str, fix: str, reread: Reread) -
         fix,
         "let the arms stand in clearly different poses from one sample to the next",
         reread,
-        by_order=True,
+        depends_on_order=True,
     )
 
 
@@ -280,18 +290,18 @@ def _symmetry_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
                 f"the observed poses of {name} are turned by half a turn: the grid was read from its other end",
                 f"let the origin of {name} be its other end, or use a target without symmetry",
                 "use a target without symmetry",
-                map_poses((), partial(_turn_poses, turn)),
+                partial(_turn_target, name=name, target_from_turned=turn),
             )
 
 
-def _turn_poses(target_from_turned: SE3, poses: SE3) -> SE3:
-    return poses @ target_from_turned
+def _turn_target(reading: Reading, name: str, target_from_turned: SE3) -> Reading:
+    return reading.with_target_poses(lambda poses: poses @ target_from_turned, name)
 
 
-def _mirror_hypotheses(poses: bool, points: bool) -> Iterator[ConventionHypothesis]:
+def _mirror_hypotheses(has_poses: bool, has_points: bool) -> Iterator[ConventionHypothesis]:
     mirrored: dict[str, tuple[bool, Reread]] = {
-        "the observed poses": (poses, map_poses((), _mirror_behind_camera)),
-        "the observed 3-D points": (points, partial(Reading.with_points, factor=-1.0)),
+        "the observed poses": (has_poses, map_poses((), _mirror_behind_camera)),
+        "the observed 3-D points": (has_points, partial(Reading.with_points, factor=-1.0)),
     }
     for who, (is_seen, reread) in mirrored.items():
         if is_seen:
@@ -317,7 +327,7 @@ def _lens_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
                 f"calibrate the lens of {name}, or set its intrinsics' status to free",
                 "",
                 partial(Reading.restate, cell=free_lens(baseline.cell, name)),
-                nested=True,
+                is_wider=True,
             )
 
 
@@ -331,7 +341,7 @@ def _fixed_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
                 f"measure {name} again, or set its status to free",
                 "",
                 partial(Reading.restate, cell=cell.with_transform(name, Unknown("free", unknown.mean))),
-                nested=True,
+                is_wider=True,
             )
 
 
@@ -343,7 +353,7 @@ def free_lens(cell: Cell, name: str) -> Cell:
     return replace(cell, cameras={**cell.cameras, name: freed})
 
 
-_AGREE = 0.15  # relative difference of the factors of width and height: centres lie within a tenth of the middle
+_FACTOR_TOLERANCE = 0.15  # relative, between the factors of width and height: centres are within 10 % of the middle
 _OTHER_FACTOR = 1.25  # factor between two resolutions that count as different
 
 
@@ -356,18 +366,18 @@ def other_resolution(camera: CellCamera, problem: Problem) -> str:
     lens = None if camera.intrinsics is None else camera.intrinsics.camera
     if lens is None:
         return ""
-    whole = 2 * (lens.center + 0.5)
+    lens_size_px = 2 * (lens.center + 0.5)
     if camera.size_px is None:
         views = [g.measurement for g in problem.groups if g.camera == camera.name]
-        seen = [of.pixels[of.seen] for of in views if isinstance(of, PixelMeasurement)]
+        seen = [view.pixels[view.seen] for view in views if isinstance(view, PixelMeasurement)]
         reach = np.concatenate([np.zeros((1, 2)), *seen]).max(axis=0)
-        if not np.all(reach > _OTHER_FACTOR * whole):
+        if not np.all(reach > _OTHER_FACTOR * lens_size_px):
             return ""
         return f": points reach to ({reach[0]:.0f}, {reach[1]:.0f}) px, its camera matrix is of smaller images"
     width, height = camera.size_px
-    factors = whole / np.array([width, height])
+    factors = lens_size_px / np.array([width, height])
     factor = float(np.sqrt(np.prod(np.maximum(factors, 0.0))))
-    if np.ptp(factors) > _AGREE * factor or 1 / _OTHER_FACTOR < factor < _OTHER_FACTOR:
+    if np.ptp(factors) > _FACTOR_TOLERANCE * factor or 1 / _OTHER_FACTOR < factor < _OTHER_FACTOR:
         return ""
     size = f"{width * factor:.0f} x {height * factor:.0f} px"
     return f": its camera matrix looks like that of images of about {size}, not of {width} x {height} px"

@@ -12,9 +12,9 @@ import numpy as np
 
 from basecal.accuracy.covariance.widening import state_step
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
-from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, is_near, plausible
-from basecal.accuracy.model_comparison.held_out import CLEARLY, compare_predictions
-from basecal.accuracy.model_comparison.nested_models import CONFIRMED, Comparison, Decision, compare_nested_models
+from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, is_near, is_plausible
+from basecal.accuracy.model_comparison.held_out import CLEAR_RATIO, compare_predictions
+from basecal.accuracy.model_comparison.nested_models import CONFIRMED_LEVEL, Comparison, Decision, compare_nested_models
 from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
 from basecal.effects import fixed_transform
@@ -28,11 +28,11 @@ from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 
-_CERTAIN = 100.0  # twice the log likelihood ratio: true sizes gain up to 40 if the robots have errors of their own
-_TAIL = 2.0  # rms of all samples over that of most, which chance does not reach
-_SIGMAS = 3.0  # sigmas between two answers that count as different
+_CERTAIN_GAIN = 100.0  # twice a log likelihood ratio: true sizes gain up to 40 if the robots have errors of their own
+_TAIL_RATIO = 2.0  # rms of all samples over that of most, which chance does not reach
+_DIFFERENT_SIGMAS = 3.0  # sigmas between two answers that count as different
 # A wider model absorbs some of the errors of robots and lenses: below this likelihood ratio it found no mistake.
-_WIDER = 2.0
+_WIDER_RATIO = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class TriedHypothesis:
     Attributes:
         hypothesis: The hypothesis.
         fit: Its fit.
-        impossible: The facts that it contradicts.
+        impossible: Implausible quantities under the hypothesis, as text.
     """
 
     hypothesis: ConventionHypothesis
@@ -51,14 +51,14 @@ class TriedHypothesis:
 
     def compare(self, baseline: HypothesisFit) -> Comparison:
         """Compare its predictions with those of the declared hypothesis, for the samples of both."""
-        clearly = _WIDER if self.hypothesis.nested else CLEARLY
+        clear_ratio = _WIDER_RATIO if self.hypothesis.is_wider else CLEAR_RATIO
         shared = np.intersect1d(self.fit.sample, baseline.sample)
-        return compare_predictions(self.fit.squares(shared), baseline.squares(shared), clearly)
+        return compare_predictions(self.fit.squares(shared), baseline.squares(shared), clear_ratio)
 
 
 def has_tail(fit: HypothesisFit) -> bool:
     """Whether some samples have far larger prediction errors than most."""
-    return bool(np.isfinite(fit.core) and fit.rms > _TAIL * fit.core)
+    return bool(np.isfinite(fit.trimmed_rms) and fit.rms > _TAIL_RATIO * fit.trimmed_rms)
 
 
 def is_observable(cell: Cell, fit: HypothesisFit) -> bool:
@@ -70,8 +70,8 @@ def decide_hypotheses(
     cell: Cell,
     baseline: TriedHypothesis,
     trials: Sequence[TriedHypothesis],
-    is_explained: bool = False,
-    still: frozenset[str] = frozenset(),
+    is_explained: bool,
+    still_robots: frozenset[str],
 ) -> tuple[Finding, ...]:
     """Findings about the hypotheses that are more plausible than the declared one, or equally plausible.
 
@@ -80,17 +80,17 @@ def decide_hypotheses(
         baseline: The declared hypothesis.
         trials: Alternative hypotheses.
         is_explained: Whether typical robot noise explains the residuals of robots that were assumed exact.
-        still: Robots that never move.
+        still_robots: Robots that never move.
     """
-    possible = [t for t in trials if not t.impossible and is_observable(cell, t.fit) and plausible(t.fit)]
+    possible = [t for t in trials if not t.impossible and is_observable(cell, t.fit) and is_plausible(t.fit)]
     winning = _confirm_against_noise([t for t in possible if _wins(cell, t, baseline)], baseline, is_explained)
     if winning:
-        best = min(winning, key=lambda w: w[0].fit.core * w[0].fit.rms)[0]
+        best = min(winning, key=lambda w: w[0].fit.trimmed_rms * w[0].fit.rms)[0]
         as_good = [(t, certain) for t, certain in winning if _is_as_good(t, best.fit)]
         # Values stated by hand are doubted before data from devices.
         stated = [each for each in as_good if each[0].hypothesis.code == fixed_transform.CODE]
         return tuple(dict.fromkeys(_make_finding(cell, t, baseline, certain) for t, certain in stated or as_good))
-    if not plausible(baseline.fit):
+    if not is_plausible(baseline.fit):
         what = f"The pose consistency error is {baseline.fit.error_in_words()}."
         why = "No other convention of the input that was tried is consistent."
         do = ("Look at the samples with the largest residuals, and at what the frames mean.",)
@@ -101,13 +101,15 @@ def decide_hypotheses(
     rivals = [
         t
         for t in possible
-        if not t.hypothesis.nested and _is_as_good(t, baseline.fit) and _has_moved(cell, t, baseline.fit, baseline.fit)
+        if not t.hypothesis.is_wider
+        and _is_as_good(t, baseline.fit)
+        and _moves_answer(cell, t, baseline.fit, baseline.fit)
     ]
     # The base of a robot that never moves compensates any change of its one pose: no data can distinguish them.
-    of_still = [t for t in rivals if set(t.hypothesis.about) <= still]
+    of_still = [t for t in rivals if set(t.hypothesis.about) <= still_robots]
     others = [t for t in rivals if t not in of_still]
     kinds: tuple[tuple[Severity, list[TriedHypothesis]], ...] = (("warning", others), ("info", of_still))
-    return tuple(_ambiguous(cell, baseline, of, severity) for severity, of in kinds if of)
+    return tuple(_ambiguity_finding(cell, baseline, similar, severity) for severity, similar in kinds if similar)
 
 
 def _is_as_good(trial: TriedHypothesis, reference: HypothesisFit) -> bool:
@@ -117,28 +119,32 @@ def _is_as_good(trial: TriedHypothesis, reference: HypothesisFit) -> bool:
 def _wins(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis) -> bool:
     """Whether a hypothesis is more plausible than the declared one."""
     compared = trial.compare(baseline.fit)
-    if baseline.impossible and compared.decision is not Decision.KEEP and not trial.hypothesis.nested:
+    if baseline.impossible and compared.decision is not Decision.KEEP and not trial.hypothesis.is_wider:
         return True
     is_other = (
-        trial.hypothesis.nested or not plausible(baseline.fit) or _has_moved(cell, trial, baseline.fit, trial.fit)
+        trial.hypothesis.is_wider
+        or not is_plausible(baseline.fit)
+        or _moves_answer(cell, trial, baseline.fit, trial.fit)
     )
     return compared.is_taken and is_other
 
 
-def _has_moved(cell: Cell, trial: TriedHypothesis, baseline: HypothesisFit, scale: HypothesisFit) -> bool:
-    """Whether a hypothesis moves the requested transforms by more than three sigmas of `scale`."""
+def _moves_answer(cell: Cell, trial: TriedHypothesis, baseline: HypothesisFit, scale: HypothesisFit) -> bool:
+    """Whether a hypothesis moves the requested transforms by more than three sigmas of `scale`, or has other ones."""
     ignored = cell.mount_name(trial.hypothesis.about[0]) if trial.hypothesis.code == "board-symmetry" else None
     for name in cell.requested_transforms:
         if name == ignored and cell.transforms[name].status == "free":
             continue
-        off = np.abs(_step(baseline, trial.fit, name).log())
+        if name not in trial.fit.solution.state.transforms:  # the mount of a target with another carrier
+            return True
+        off = np.abs(_difference(baseline, trial.fit, name).log())
         sigma = np.sqrt(np.maximum(np.diag(scale.solution.joint_transform_covariance([name])), 0.0))
-        if np.any(off > _SIGMAS * np.maximum(sigma, ROUNDING)):
+        if np.any(off > _DIFFERENT_SIGMAS * np.maximum(sigma, ROUNDING)):
             return True
     return False
 
 
-def _step(fit: HypothesisFit, rival: HypothesisFit, name: str) -> SE3:
+def _difference(fit: HypothesisFit, rival: HypothesisFit, name: str) -> SE3:
     return fit.solution.state.transforms[name].inverse() @ rival.solution.state.transforms[name]
 
 
@@ -148,12 +154,12 @@ def _confirm_against_noise(
     """Hypotheses that the data support even with robot noise, and whether each is certain."""
     found = []
     for tried in winning:
-        if not tried.hypothesis.nested or not (is_explained or plausible(baseline.fit)):
+        if not tried.hypothesis.is_wider or not (is_explained or is_plausible(baseline.fit)):
             found.append((tried, True))
             continue
         evidence = noise_evidence(tried.fit, baseline.fit)
         if evidence is None or evidence.is_taken:
-            found.append((tried, evidence is not None and evidence.gain > _CERTAIN))
+            found.append((tried, evidence is not None and evidence.gain > _CERTAIN_GAIN))
     return found
 
 
@@ -168,19 +174,20 @@ def _make_finding(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis,
     do: tuple[str, ...] = (sentence(hypothesis.fix), FIX)
     if hypothesis.code == fixed_transform.CODE:
         (name,) = hypothesis.about
-        stated, found = cell.transforms[name].mean, trial.fit.solution.transforms[name]
+        stated, estimate = cell.transforms[name].mean, trial.fit.solution.transforms[name]
         assert stated is not None
-        what, do = fixed_transform.disagreement(name, (stated.inverse() @ found.mean).log(), found.covariance)
+        what, do = fixed_transform.disagreement(name, (stated.inverse() @ estimate.mean).log(), estimate.covariance)
     return Finding(hypothesis.code, "error" if certain else "warning", hypothesis.about, what, do, why)
 
 
-def _ambiguous(cell: Cell, baseline: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity) -> Finding:
-    """One finding for all hypotheses that fit equally well as the declared one."""
+def _ambiguity_finding(
+    cell: Cell, baseline: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity
+) -> Finding:
+    """One finding for all hypotheses that fit as well as the declared one."""
     name = cell.requested_transforms[0]
-    moves = [1e3 * float(np.linalg.norm(_step(baseline.fit, t.fit, name).translation)) for t in rivals]
     listed = " or ".join(
-        f"{t.hypothesis.words} ({t.hypothesis.code}: {t.fit.error_in_words()}, {name} {mm:.3g} mm away)"
-        for t, mm in zip(rivals, moves, strict=True)
+        f"{t.hypothesis.words} ({t.hypothesis.code}: {t.fit.error_in_words()}{_distance_clause(baseline, t, name)})"
+        for t in rivals
     )
     about = tuple(dict.fromkeys(each for t in rivals for each in t.hypothesis.about))
     distinctions = dict.fromkeys(t.hypothesis.distinction for t in rivals)
@@ -192,6 +199,14 @@ def _ambiguous(cell: Cell, baseline: TriedHypothesis, rivals: Sequence[TriedHypo
         what,
         ("Check which is true.", *(sentence(each) for each in distinctions if each)),
     )
+
+
+def _distance_clause(baseline: TriedHypothesis, trial: TriedHypothesis, name: str) -> str:
+    """Clause with the distance between the values of a transform; empty if the trial does not contain it."""
+    if name not in trial.fit.solution.state.transforms:
+        return ""
+    shift_m = np.linalg.norm(_difference(baseline.fit, trial.fit, name).translation)
+    return f", {name} {1e3 * float(shift_m):.3g} mm away"
 
 
 def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | None:
@@ -217,7 +232,7 @@ def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | 
     Returns:
         None if the two fits use different views.
     """
-    if _views(fit.solution) != _views(baseline.solution):
+    if _view_count(fit.solution) != _view_count(baseline.solution):
         return None
     noisy = Settings(robot_noise="estimated")
     narrower = solve_at_mode(baseline.solution.problem, baseline.solution.state, noisy)
@@ -225,14 +240,14 @@ def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | 
     freed = [name for name in wider.problem.columns if name not in narrower.problem.columns]
     if not freed:
         gain = narrower.noise.minus_2_log_evidence - wider.noise.minus_2_log_evidence + _scatter_gain(wider, narrower)
-        return compare_nested_models(gain, 1, CONFIRMED)
+        return compare_nested_models(gain, 1, CONFIRMED_LEVEL)
     step = state_step(wider.problem, narrower.state, wider.state)
-    off = [_distance(wider, step, name) for name in freed]
+    off = [_squared_distance(wider, step, name) for name in freed]
     gain = sum(square for square, _ in off)
-    return compare_nested_models(gain, sum(count for _, count in off), CONFIRMED)
+    return compare_nested_models(gain, sum(count for _, count in off), CONFIRMED_LEVEL)
 
 
-def _views(solution: Solution) -> int:
+def _view_count(solution: Solution) -> int:
     return sum(map(len, solution.problem.groups))
 
 
@@ -257,7 +272,7 @@ def _scatter(solution: Solution) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _distance(solution: Solution, step: Array, name: str) -> tuple[float, int]:
+def _squared_distance(solution: Solution, step: Array, name: str) -> tuple[float, int]:
     """Squared Mahalanobis distance of a lens or transform from its stated value, and its degrees of freedom."""
     where = solution.problem.columns[name]
     known = spectrum(solution.covariance[where, where])

@@ -30,7 +30,7 @@ _HEAVY_TAIL = 2.0  # rms of all over rms of the best 70 %: 1.8 for one normal re
 _CONCENTRATIONS = 2
 _MOST_STEPS = 25  # iterations of a hypothesis: true ones converge within ten; free link parameters may need many
 _PLAUSIBLE_RAD = 0.03  # [rad] of angles, and lengths over the distance: more than the error of any pose detector
-_LOST = 1e3  # [rad] error of a view whose error is not finite
+_LOST_RAD = 1e3  # [rad] error of a view whose error is not finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,51 +46,52 @@ class HypothesisFit:
     """
 
     solution: Solution
-    off: Array
+    errors: Array
     sample: IntArray
     in_pixels: bool
 
     @property
-    def core(self) -> float:
+    def trimmed_rms(self) -> float:
         """RMS of the smallest 70 % of the prediction errors."""
-        return trimmed_rms(self.off)
+        return trimmed_rms(self.errors)
 
     @property
     def rms(self) -> float:
         """RMS of all prediction errors."""
-        return trimmed_rms(self.off, 1.0)
+        return trimmed_rms(self.errors, 1.0)
 
     def squares(self, samples: IntArray) -> Array:
         """Mean squared error of each of these samples, (k,)."""
-        place = np.searchsorted(samples, self.sample)
-        known = np.isin(self.sample, samples)
-        off = np.where(np.isfinite(self.off), self.off, _LOST)[known] ** 2
-        sums, counts = (np.bincount(place[known], weights, len(samples)) for weights in (off, np.ones(len(off))))
+        row = np.searchsorted(samples, self.sample)
+        is_given = np.isin(self.sample, samples)
+        squares = np.where(np.isfinite(self.errors), self.errors, _LOST_RAD)[is_given] ** 2
+        ones = np.ones(len(squares))
+        sums, counts = (np.bincount(row[is_given], weights, len(samples)) for weights in (squares, ones))
         mean: Array = sums / counts
         return mean
 
     def error_in_words(self) -> str:
         """The error with its unit, as text."""
-        if not np.isfinite(self.core):
+        if not np.isfinite(self.trimmed_rms):
             return "not at all"
         if self.in_pixels:
-            return f"{self.core / PIXEL_SCALE:.3g} px"
-        return f"{1e3 * self.core:.3g} mm a metre (or mrad)"
+            return f"{self.trimmed_rms / PIXEL_SCALE:.3g} px"
+        return f"{1e3 * self.trimmed_rms:.3g} mm a metre (or mrad)"
 
 
-def plausible(fit: HypothesisFit) -> bool:
+def is_plausible(fit: HypothesisFit) -> bool:
     """Whether a fit is an optimum with residuals of at most a few sigmas or pixels."""
-    return is_near(fit) and (bool(fit.solution.noise.estimated) or ratio(fit.solution) < PLAUSIBLE_SIGMAS)
+    return is_near(fit) and (bool(fit.solution.noise.estimated) or residual_ratio(fit.solution) < PLAUSIBLE_SIGMAS)
 
 
 def is_near(fit: HypothesisFit) -> bool:
     """Whether a fit is an optimum with residuals of at most a few pixels or hundredths of a radian."""
     if not fit.solution.converged or not np.isfinite(fit.solution.cost):
         return False
-    return fit.core < (PIXEL_SCALE * PLAUSIBLE_PX if fit.in_pixels else _PLAUSIBLE_RAD)
+    return fit.trimmed_rms < (PIXEL_SCALE * PLAUSIBLE_PX if fit.in_pixels else _PLAUSIBLE_RAD)
 
 
-def ratio(solution: Solution) -> float:
+def residual_ratio(solution: Solution) -> float:
     """Ratio of the residuals to their expected size."""
     return float(np.sqrt(solution.cost / max(solution.dof, 1)))
 
@@ -108,7 +109,7 @@ def fit_hypothesis(
         problem: The problem under the hypothesis.
         settings: Settings of the solver.
         start: Initial state; None to compute one.
-        limit: Largest `core` of interest: None is returned if the fit from `start` exceeds it.
+        limit: Largest `trimmed_rms` of interest: None is returned if the fit from `start` exceeds it.
     """
     if not problem.groups:
         return None
@@ -125,9 +126,9 @@ def fit_hypothesis(
             solution = solve_from(problem, start, settings)
         solution = _concentrate(solution, settings)
         in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
-        fitted = HypothesisFit(solution, *_view_errors([(problem, solution.state)]), in_pixels)
-        predicted = _held_out_errors(problem, solution) if is_near(fitted) else None
-        return fitted if predicted is None else HypothesisFit(solution, *predicted, in_pixels)
+        fit = HypothesisFit(solution, *_view_errors([(problem, solution.state)]), in_pixels)
+        predicted = _held_out_errors(problem, solution) if is_near(fit) else None
+        return fit if predicted is None else HypothesisFit(solution, *predicted, in_pixels)
     except (BasecalError, np.linalg.LinAlgError):
         return None
 
@@ -136,12 +137,12 @@ def _concentrate(solution: Solution, settings: Settings) -> Solution:
     """Refit to the views with the smallest errors if the others have far larger ones."""
     whole = solution.problem
     for _ in range(_CONCENTRATIONS):
-        off = [view_errors(whole, group, solution.state) for group in whole.groups]
-        every = np.concatenate(off)
-        if trimmed_rms(every, 1.0) < _HEAVY_TAIL * trimmed_rms(every):
+        errors = [view_errors(whole, group, solution.state) for group in whole.groups]
+        all_errors = np.concatenate(errors)
+        if trimmed_rms(all_errors, 1.0) < _HEAVY_TAIL * trimmed_rms(all_errors):
             return solution
-        limit = np.quantile(every, KEPT_SHARE)
-        groups = (g.take(np.flatnonzero(o <= limit)) for g, o in zip(whole.groups, off, strict=True))
+        limit = np.quantile(all_errors, KEPT_SHARE)
+        groups = (group.take(np.flatnonzero(own <= limit)) for group, own in zip(whole.groups, errors, strict=True))
         kept = whole.with_groups(g for g in groups if len(g))
         if not kept.groups:
             return solution

@@ -31,8 +31,8 @@ from basecal.geometry import Array, Camera, IntArray
 from basecal.geometry.rotation import lengths
 
 _MOST_POINTS = 16  # well-spread points of a view: more do not improve its pose
-_LIGHT_STARTS = {0: 1, 1: 3, 2: 6}  # grid cells to refine, by the number of unknown rotations
-_LIGHT_STEPS = 12  # iterations for each grid cell, enough to rank them
+_LED_STARTS = {0: 1, 1: 3, 2: 6}  # grid cells to refine, by the number of unknown rotations
+_LED_STEPS = 12  # iterations for each grid cell, enough to rank them
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +41,13 @@ class LoopFit:
 
     Attributes:
         triple: eye_flange_from_camera, eye_base_from_hand_base and hand_flange_from_target.
-        off: Loop error of each view, (n,) [rad]: of the angle, and of the length over the distance to the target.
-        of_light: Whether only one point was fitted, whose position represents the target's.
+        errors: Loop error of each view, (n,) [rad]: of the angle, and of the length over the distance to the target.
+        is_led: Whether only one point was fitted, such as an LED, whose position represents the target's.
     """
 
     triple: Triple
-    off: Array
-    of_light: bool = False
+    errors: Array
+    is_led: bool = False
 
 
 Lenses = Mapping[str, Camera]
@@ -63,37 +63,39 @@ def trimmed_rms(errors: Array, share: float = KEPT_SHARE) -> float:
     return float(np.sqrt(np.mean(ordered**2)))
 
 
-def ready_views(group: ViewGroup, camera: Camera | None, views: int, poses_of: ViewPosesOf = view_poses) -> PairViews:
-    """Prepare at most `views` views of a group."""
-    return pair_views(group, camera, views, _MOST_POINTS, poses_of)
+def prepare_views(
+    group: ViewGroup, camera: Camera | None, max_count: int, estimate_poses: ViewPosesOf = view_poses
+) -> PairViews:
+    """Prepare at most `max_count` views of a group."""
+    return pair_views(group, camera, max_count, _MOST_POINTS, estimate_poses)
 
 
 @dataclass(frozen=True, eq=False)
-class ReadyViews:
+class ViewCache:
     """Cache of prepared views: most hypotheses concern robots and share the same pixels.
 
     Attributes:
         lenses: Lenses by camera.
-        known: Prepared views by camera, target, number of views and the bytes of their pixels.
+        prepared: Prepared views by camera, target, largest number of views and the bytes of their pixels.
         poses: Poses of single views, which other pairings assign to other samples.
     """
 
     lenses: Lenses
-    known: dict[tuple[str, str, int, bytes], PairViews] = field(default_factory=dict)
+    prepared: dict[tuple[str, str, int, bytes], PairViews] = field(default_factory=dict)
     poses: KnownPoses = field(default_factory=KnownPoses)
 
-    def take(self, group: ViewGroup, views: int) -> PairViews:
-        """Prepare at most `views` views of a group, from the cache if possible."""
+    def prepare(self, group: ViewGroup, max_count: int) -> PairViews:
+        """Prepare at most `max_count` views of a group, from the cache if possible."""
         measurement, camera = group.measurement, self.lenses.get(group.camera)
         if not isinstance(measurement, PixelMeasurement):
-            return ready_views(group, camera, views)
-        seen = (group.sample, measurement.points_in_target, measurement.pixels, measurement.weight)
-        key = (group.camera, group.target, views, b"".join(array.tobytes() for array in seen))
-        if key not in self.known:
-            self.known[key] = ready_views(group, camera, views, self.poses)
-        ready = self.known[key]
-        kept = np.flatnonzero(np.isin(group.sample, ready.group.sample))
-        return replace(ready, group=replace(group.take(kept), measurement=ready.group.measurement))
+            return prepare_views(group, camera, max_count)
+        content = (group.sample, measurement.points_in_target, measurement.pixels, measurement.weight)
+        key = (group.camera, group.target, max_count, b"".join(array.tobytes() for array in content))
+        if key not in self.prepared:
+            self.prepared[key] = prepare_views(group, camera, max_count, self.poses)
+        views = self.prepared[key]
+        kept = np.flatnonzero(np.isin(group.sample, views.group.sample))
+        return replace(views, group=replace(group.take(kept), measurement=views.group.measurement))
 
 
 def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None]:
@@ -102,13 +104,13 @@ def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None
     The pairs of all hypotheses are fitted as one batch. A fit is None if the solve fails.
     """
     first = _fit_pairs(pairs, [np.zeros(len(sight.group), dtype=np.int64) for sight, _ in pairs])
-    again = {}
+    choices = {}
     for k, ((sight, _), fit) in enumerate(zip(pairs, first, strict=True)):
-        if fit is not None and sight.candidates is not None and trimmed_rms(fit.off) < HOPELESS_RAD:
+        if fit is not None and sight.candidates is not None and trimmed_rms(fit.errors) < HOPELESS_RAD:
             chosen = sight.closest_pose(fit.triple)
             if np.any(chosen):
-                again[k] = chosen
-    second = dict(zip(again, _fit_pairs([pairs[k] for k in again], list(again.values())), strict=True))
+                choices[k] = chosen
+    second = dict(zip(choices, _fit_pairs([pairs[k] for k in choices], list(choices.values())), strict=True))
     return [second.get(k, fit) for k, fit in enumerate(first)]
 
 
@@ -116,16 +118,16 @@ def _fit_pairs(pairs: Sequence[tuple[PairViews, Problem]], pose_indices: Sequenc
     """Fits of pairs with the chosen candidate pose of each view, (n,); an LED has no candidates."""
     fits: dict[int, LoopFit | None] = {}
     loops: dict[int, Loop] = {}
-    lights: dict[int, Refinement] = {}
-    for k, ((sight, problem), of) in enumerate(zip(pairs, pose_indices, strict=True)):
+    refinements: dict[int, Refinement] = {}
+    for k, ((sight, problem), indices) in enumerate(zip(pairs, pose_indices, strict=True)):
         if sight.candidates is not None:
-            loops[k] = _loop(sight, problem, of)
-        elif (light := _light(sight, problem)) is not None:
-            lights[k] = light
+            loops[k] = _loop(sight, problem, indices)
+        elif (refinement := _led_refinement(sight, problem)) is not None:
+            refinements[k] = refinement
         else:
             fits[k] = None
-    for k, refined in zip(lights, refine_jointly(list(lights.values()), _LIGHT_STEPS), strict=True):
-        fits[k] = LoopFit(refined, loop_errors(pairs[k][0], refined), of_light=True)
+    for k, refined in zip(refinements, refine_jointly(list(refinements.values()), _LED_STEPS), strict=True):
+        fits[k] = LoopFit(refined, loop_errors(pairs[k][0], refined), is_led=True)
     for k, triple in zip(loops, _triples(list(loops.values())), strict=True):
         fits[k] = None if triple is None else LoopFit(triple, loop_errors(pairs[k][0], triple))
     return [fits[k] for k in range(len(pairs))]
@@ -137,7 +139,7 @@ def pair_state(problem: Problem, fits: Fits, cameras: Lenses) -> State | None:
         return None
     (group,) = problem.groups
     fit = fits.get((group.camera, group.target))
-    if fit is None or fit.of_light:
+    if fit is None or fit.is_led:
         return None
     x, y, z = fit.triple
     transforms = {group.eye.mount: x, group.hand.mount: z}
@@ -157,12 +159,12 @@ def loop_errors(sight: PairViews, triple: Triple) -> Array:
         unit = predicted.translation / np.maximum(lengths(predicted.translation), 1e-12)[:, None]
         off = lengths(unit - chords.bearings_in_camera[:, point])
         return np.where(chords.weight[:, point] > 0, off, np.nan)
-    seen = sight.candidates
-    angles = rotation_angle(seen.rotation, predicted.rotation[:, None])
-    apart = lengths(seen.translation - predicted.translation[:, None])
-    distance = max(float(np.median(lengths(seen.translation[:, 0]))), 1e-12)
-    both: Array = np.hypot(angles, apart / distance).min(1)
-    return both
+    candidates = sight.candidates
+    angles = rotation_angle(candidates.rotation, predicted.rotation[:, None])
+    apart = lengths(candidates.translation - predicted.translation[:, None])
+    distance = max(float(np.median(lengths(candidates.translation[:, 0]))), 1e-12)
+    errors: Array = np.hypot(angles, apart / distance).min(1)
+    return errors
 
 
 def _loop(sight: PairViews, problem: Problem, pose_indices: IntArray) -> Loop:
@@ -175,11 +177,11 @@ def _triples(loops: Sequence[Loop]) -> list[Triple | None]:
     The closed form of three unknown rotations amplifies the noise of few views, so its result is refined.
     """
     found = {k: rotations for k, loop in enumerate(loops) if (rotations := _closed_form(loop)) is not None}
-    alike: dict[tuple[str, bool], list[int]] = {}
+    rows_by_kind: dict[tuple[str, bool], list[int]] = {}
     for k, rotations in found.items():
         if len(loops[k].unknown) == 3 or not rotations.clear:
-            alike.setdefault((loops[k].unknown, rotations.clear), []).append(k)
-    for (_, clear), rows in alike.items():
+            rows_by_kind.setdefault((loops[k].unknown, rotations.clear), []).append(k)
+    for (_, clear), rows in rows_by_kind.items():
         same = [loops[k] for k in rows]
         better = settled_rotations(same, [found[k] for k in rows]) if clear else search_rotations(same)
         found.update(zip(rows, better, strict=True))
@@ -205,11 +207,11 @@ def _closed_form(loop: Loop) -> Rotations | None:
         return None
 
 
-def _light(sight: PairViews, problem: Problem) -> Refinement | None:
-    """Refinement of the point that most views see, from the best rotations of a grid; None if the solve fails."""
+def _led_refinement(sight: PairViews, problem: Problem) -> Refinement | None:
+    """Refinement to run for the point that most views see, from the best rotations of a grid; None if it fails."""
     try:
         loop = _loop(sight, problem, np.zeros(len(sight.group), dtype=np.int64))
-        one, light, starts = light_search(sight, loop, _LIGHT_STARTS[(loop.x is None) + (loop.y is None)])
+        as_led, led_loop, starts = light_search(sight, loop, _LED_STARTS[(loop.x is None) + (loop.y is None)])
     except np.linalg.LinAlgError:
         return None
-    return Refinement(one, light, starts, is_point=True)
+    return Refinement(as_led, led_loop, starts, is_point=True)

@@ -9,14 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, shift
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, shift_hypothesis
 from basecal.accuracy.input_check.loop_fit import (
     Fits,
     Lenses,
     LoopFit,
     fit_loops,
     loop_errors,
-    ready_views,
+    prepare_views,
     trimmed_rms,
 )
 from basecal.accuracy.readings.reading import Reading
@@ -33,7 +33,7 @@ _ALL_VIEWS = 400  # views whose pairing is determined
 _SLIPS = (1, -1)  # samples: one detection missed, or given twice
 _MIN_HALF_SAMPLES = 6  # samples of a half, which a fit of three unknown transforms needs
 _FEWEST_SLIPPED = 4  # samples at either end: fewer may be single outliers
-_LEAST_OFF = 0.005  # [rad] loop error below which a loop counts as closed
+_CLOSED_RAD = 0.005  # [rad] loop error below which a loop counts as closed
 _FAR_RATIO = 4.0  # times the loop error of the best samples, at which the error of a sample is clipped
 _CANDIDATES = 2  # candidates to fit; the second in case the first is its neighbour
 # Alternations of the mean rotation and the turned views. Of recordings spread by half a radian, four identify 93 %
@@ -41,41 +41,42 @@ _CANDIDATES = 2  # candidates to fit; the second in case the first is its neighb
 _ALTERNATIONS = 4
 
 
-def pairing_errors(
+def slip_hypotheses(
     baseline: Reading, lenses: Lenses, streams: list[str | None]
 ) -> list[tuple[ConventionHypothesis, Fits]]:
-    """Most likely samples from which on one stream is shifted by one sample, best first, and their fits.
+    """List the best hypotheses that one stream is shifted by one sample from some sample on, each with its fits.
 
     One half of the recording is paired correctly throughout, as declared or as shifted. After a fit to that half, every
     sample shows which of the two pairings it has.
     """
-    count, known = len(baseline.order), known_transforms(baseline.problem)
+    length, known = len(baseline.order), known_transforms(baseline.problem)
     without_poses = any(has_metric_start(group, known) for group in baseline.problem.groups)
-    if count < 2 * _MIN_HALF_SAMPLES or without_poses:  # points without a pose, such as touches, close no loop
+    if length < 2 * _MIN_HALF_SAMPLES or without_poses:  # points without a pose, such as touches, close no loop
         return []
-    slips = [(stream, by) for stream in streams for by in _SLIPS]
-    moved = [baseline.shift(stream, by) for stream, by in slips]
-    second_half = [each.take(np.arange(min(count // 2, len(each.order)), len(each.order))) for each in moved]
-    first, *seconds = _fits([baseline.take(np.arange(count // 2)), *second_half], lenses)
-    as_recorded = _pairs(baseline, lenses)
+    slips = [(stream, count) for stream in streams for count in _SLIPS]
+    shifted = [baseline.shift(stream, count) for stream, count in slips]
+    second_halves = [each.take(np.arange(min(length // 2, len(each.order)), len(each.order))) for each in shifted]
+    first, *seconds = _fit_readings([baseline.take(np.arange(length // 2)), *second_halves], lenses)
+    recorded_views = _all_views(baseline, lenses)
     scored: list[tuple[float, ConventionHypothesis, Fits]] = []
-    for (stream, by), slipped, second in zip(slips, moved, seconds, strict=True):
-        as_slipped = _pairs(slipped, lenses)
+    for (stream, count), reading, second in zip(slips, shifted, seconds, strict=True):
+        shifted_views = _all_views(reading, lenses)
         for fits in (first, second):
-            before, after = (_sample_errors(pairs, baseline, fits) for pairs in (as_recorded, as_slipped))
-            score, k = _change(before, after, max(by, 0))
-            scored.append((score, shift(stream, by, k, int(baseline.order[k])), fits))
+            both = recorded_views, shifted_views
+            errors, shifted_errors = (_sample_errors(views, baseline, fits) for views in both)
+            score, k = _find_slip(errors, shifted_errors, max(count, 0))
+            scored.append((score, shift_hypothesis(stream, count, k, int(baseline.order[k])), fits))
     scored.sort(key=lambda each: each[0])
-    return [(guess, fits) for _, guess, fits in scored[:_CANDIDATES]]
+    return [(hypothesis, fits) for _, hypothesis, fits in scored[:_CANDIDATES]]
 
 
-def _fits(readings: list[Reading], lenses: Lenses) -> list[Fits]:
+def _fit_readings(readings: list[Reading], lenses: Lenses) -> list[Fits]:
     """Fits of the pairs of camera and target of each reading, as one batch."""
     pairs = []
     for k, reading in enumerate(readings):
         problem = reading.thin(_VIEWS).problem
         for g in problem.groups:
-            pairs.append((k, (g.camera, g.target), ready_views(g, lenses.get(g.camera), _VIEWS), problem))
+            pairs.append((k, (g.camera, g.target), prepare_views(g, lenses.get(g.camera), _VIEWS), problem))
     found: list[dict[tuple[str, str], LoopFit]] = [{} for _ in readings]
     fits = fit_loops([(sight, problem) for *_, sight, problem in pairs])
     for (k, key, *_), fit in zip(pairs, fits, strict=True):
@@ -84,17 +85,17 @@ def _fits(readings: list[Reading], lenses: Lenses) -> list[Fits]:
     return [*found]
 
 
-def _pairs(reading: Reading, lenses: Lenses) -> list[PairViews]:
+def _all_views(reading: Reading, lenses: Lenses) -> list[PairViews]:
     """All views of each pair of camera and target."""
-    return [ready_views(g, lenses.get(g.camera), _ALL_VIEWS) for g in reading.problem.groups]
+    return [prepare_views(g, lenses.get(g.camera), _ALL_VIEWS) for g in reading.problem.groups]
 
 
-def _change(errors: Array, shifted_errors: Array, lost_count: int) -> tuple[float, int]:
+def _find_slip(errors: Array, shifted_errors: Array, lost_count: int) -> tuple[float, int]:
     """Smallest RMS error if the pairing changes at one position and loses samples there, and that position.
 
     A few samples at either end may be single outliers, so that the pairing never changes there.
     """
-    limit = _FAR_RATIO * max(min(trimmed_rms(errors, 0.4), trimmed_rms(shifted_errors, 0.4)), _LEAST_OFF)
+    limit = _FAR_RATIO * max(min(trimmed_rms(errors, 0.4), trimmed_rms(shifted_errors, 0.4)), _CLOSED_RAD)
     errors, shifted_errors = (np.minimum(np.nan_to_num(off, nan=limit), limit) ** 2 for off in (errors, shifted_errors))
     until = np.cumsum(np.append(0.0, errors))
     since = np.concatenate([np.cumsum(shifted_errors[::-1])[::-1], np.zeros(1 + lost_count)])[lost_count:]
@@ -103,10 +104,10 @@ def _change(errors: Array, shifted_errors: Array, lost_count: int) -> tuple[floa
     return float(np.sqrt(total[k] / len(errors))), k
 
 
-def _sample_errors(pairs: list[PairViews], baseline: Reading, fits: Fits) -> Array:
+def _sample_errors(views: list[PairViews], baseline: Reading, fits: Fits) -> Array:
     """RMS error of the views of each sample of the declared reading, (m,); NaN if a sample has no view."""
     squares: dict[int, list[float]] = {}
-    for sight in pairs:
+    for sight in views:
         fit = fits.get((sight.group.camera, sight.group.target))
         if fit is not None:
             for number, off in zip(sight.group.sample.tolist(), loop_errors(sight, fit.triple).tolist(), strict=True):
@@ -114,7 +115,7 @@ def _sample_errors(pairs: list[PairViews], baseline: Reading, fits: Fits) -> Arr
     return np.array([np.sqrt(np.mean(squares.get(number, [np.nan]))) for number in baseline.order.tolist()])
 
 
-def half_turns(baseline: Reading) -> list[ConventionHypothesis]:
+def half_turn_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
     """Hypotheses that some observed poses of a symmetric grid are rotated by half a turn.
 
     All views of a camera are brought to the same end of the grid, by their rotations relative to each other.
@@ -128,7 +129,7 @@ def half_turns(baseline: Reading) -> list[ConventionHypothesis]:
         poses = seen.measured_camera_from_target
         flipped = _is_nearer_turned(poses, poses @ turn)
         if np.any(flipped) and not np.all(flipped):
-            found += [_half_turn(group, turn, mask) for mask in (flipped, ~flipped)]
+            found += [_half_turn_hypothesis(group, turn, mask) for mask in (flipped, ~flipped)]
     return found
 
 
@@ -142,7 +143,7 @@ def _is_nearer_turned(poses: SE3, turned_poses: SE3) -> BoolArray:
     return flip
 
 
-def _half_turn(group: ViewGroup, turn: SE3, mask: BoolArray) -> ConventionHypothesis:
+def _half_turn_hypothesis(group: ViewGroup, turn: SE3, mask: BoolArray) -> ConventionHypothesis:
     name, numbers = group.target, group.sample[mask].tolist()
     shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
 
@@ -152,9 +153,9 @@ def _half_turn(group: ViewGroup, turn: SE3, mask: BoolArray) -> ConventionHypoth
         if not isinstance(seen, PoseMeasurement) or (view_group.camera, view_group.target) != (group.camera, name):
             return view_group
         poses, is_chosen = seen.measured_camera_from_target, np.isin(view_group.sample, numbers)[:, None]
-        there = poses @ turn
-        rotation = np.where(is_chosen[..., None], there.rotation, poses.rotation)
-        mapped = SE3(rotation, np.where(is_chosen, there.translation, poses.translation))
+        turned = poses @ turn
+        rotation = np.where(is_chosen[..., None], turned.rotation, poses.rotation)
+        mapped = SE3(rotation, np.where(is_chosen, turned.translation, poses.translation))
         return replace(view_group, measurement=replace(seen, measured_camera_from_target=mapped))
 
     return ConventionHypothesis(
@@ -163,5 +164,5 @@ def _half_turn(group: ViewGroup, turn: SE3, mask: BoolArray) -> ConventionHypoth
         f"the observed poses of {name} are turned by half a turn at sample {shown}: read from the grid's other end",
         "turn these poses, or use a target without symmetry",
         "use a target without symmetry",
-        lambda reading: reading.with_seen(turn_group),
+        lambda reading: reading.map_groups(turn_group),
     )

@@ -39,32 +39,32 @@ _MOST_BEHIND = 0.8  # share of targets behind the camera that is implausible: a 
 
 
 def impossible_input(cell: Cell, recording: Recording) -> tuple[str, ...]:
-    """Implausible input: distances of flanges, joints, sizes and positions of targets."""
+    """Describe implausible input: distances of flanges, joints, sizes and positions of targets."""
     seen = [o for sample in recording.samples for o in sample.observations]
     as_points = {o.target for o in seen if isinstance(o, PixelObservation | PointObservation)}
     return (*_robot_faults(cell, recording), *_size_faults(cell, as_points), *_view_faults(cell, recording))
 
 
 def impossible_reading(reading: Reading) -> tuple[str, ...]:
-    """Implausible input of one reading of a recording."""
+    """Describe implausible input of one reading of a recording; see `impossible_input`."""
     found = []
     for name, track in reading.tracks.items():
         if track.joints is None:
             found += _flange_faults(name, track.pose.translation[track.seen])
         else:
             found += _joint_faults(reading.cell.robots[name], track.joints[track.seen])
-    places = []
+    positions = []
     as_points = {g.target for g in reading.problem.groups if not isinstance(g.measurement, PoseMeasurement)}
     for group in reading.problem.groups:
         seen = group.measurement
         if isinstance(seen, PoseMeasurement):
-            places.append(seen.measured_camera_from_target.translation)
+            positions.append(seen.measured_camera_from_target.translation)
         elif isinstance(seen, PointMeasurement):
-            places.append((seen.points_in_camera * seen.seen[..., None]).sum(1) / seen.seen.sum(1)[:, None])
+            positions.append((seen.points_in_camera * seen.seen[..., None]).sum(1) / seen.seen.sum(1)[:, None])
     return (
         *found,
         *_size_faults(reading.cell, as_points),
-        *(_place_faults(np.concatenate(places)) if places else ()),
+        *(_position_faults(np.concatenate(positions)) if positions else ()),
     )
 
 
@@ -94,8 +94,8 @@ def likely_unit(length: float, most_m: float) -> tuple[str, str]:
     return "millimetres", "Divide lengths by 1000 to convert them to metres."
 
 
-def _flange_faults(name: str, places_m: Array) -> list[str]:
-    return _limit_faults(f"flange of {name}", float(lengths(places_m).max()), _REACH_M) if len(places_m) else []
+def _flange_faults(name: str, positions_m: Array) -> list[str]:
+    return _limit_faults(f"flange of {name}", float(lengths(positions_m).max()), _REACH_M) if len(positions_m) else []
 
 
 def _joint_faults(robot: Robot, joints: Array) -> list[str]:
@@ -118,19 +118,19 @@ def _size_faults(cell: Cell, targets: set[str]) -> list[str]:
 
 
 def _view_faults(cell: Cell, recording: Recording) -> list[str]:
-    """Implausible positions of targets observed as poses or 3-D points in metres."""
+    """Describe implausible positions of targets observed as poses or 3-D points in metres."""
     metric = {name for name, target in cell.targets.items() if not target.has_free_scale}
-    places = [
+    positions = [
         o.camera_from_target.translation if isinstance(o, PoseObservation) else o.points_in_camera.mean(0)
         for s in recording.samples
         for o in s.observations
         if isinstance(o, PoseObservation | PointObservation) and o.target in metric
     ]
-    return _place_faults(np.array(places)) if places else []
+    return _position_faults(np.array(positions)) if positions else []
 
 
-def _place_faults(p_in_camera: Array) -> list[str]:
-    """Implausible positions of targets, (n, 3) [m]; touches, which are at the origin of the tip, are ignored."""
+def _position_faults(p_in_camera: Array) -> list[str]:
+    """Describe implausible positions of targets, (n, 3) [m]; touches, at the origin of the tip, are ignored."""
     p_in_camera = p_in_camera[np.any(p_in_camera, axis=-1)]
     if not len(p_in_camera):
         return []
@@ -146,7 +146,7 @@ def _limit_faults(quantity: str, value: float, limits: tuple[float, float]) -> l
 
 
 def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
-    """Implausible answers: bases, mounts, and distances of targets from cameras."""
+    """Describe implausible answers: bases, mounts, and distances of targets from cameras."""
     transforms, found = fit.solution.state.transforms, []
     bases = {cell.base_name(robot): robot for robot in cell.robots if cell.base_name(robot) in transforms}
     for name, robot in bases.items():
@@ -158,16 +158,16 @@ def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
             others = [_length(transforms[name].inverse() @ transforms[other]) for other in bases if other != name]
             if far < nearest or min(far, *others, np.inf) > _BASES_M[1]:
                 found.append(f"{name} {far:.3g} m")
-    things: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
-    for thing in things:
-        most = _BASES_M[1] if thing.on == WORLD else _MOUNT_M
-        name = cell.mount_name(thing.name)
+    devices: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
+    for device in devices:
+        most = _BASES_M[1] if device.on == WORLD else _MOUNT_M
+        name = cell.mount_name(device.name)
         if name in transforms and name in fit.solution.problem.columns:
             found += _limit_faults(name, _length(transforms[name]), (0.0, most))
     state, problem = fit.solution.state, fit.solution.problem
     seen = [g for g in problem.groups if len(g) and not is_touch(g.measurement)]
-    views = [np.zeros((0, 3)), *(state.camera_from_target(g, problem.stops).translation for g in seen)]
-    return (*found, *_place_faults(np.concatenate(views)))
+    positions = [np.zeros((0, 3)), *(state.camera_from_target(g, problem.stops).translation for g in seen)]
+    return (*found, *_position_faults(np.concatenate(positions)))
 
 
 def _length(transform: SE3) -> float:

@@ -19,12 +19,12 @@ import scipy  # its parts are loaded when they are first used
 from basecal.accuracy.input_check.hypotheses import (
     ConventionHypothesis,
     map_poses,
-    pair_differently,
+    pairing_hypothesis,
     pose_subjects,
+    robot_subjects,
     scale_translations,
-    shift,
+    shift_hypothesis,
     streams,
-    subsets,
 )
 from basecal.accuracy.input_check.plausibility import UNITS_M
 from basecal.accuracy.phrases.sample_list import list_samples
@@ -35,20 +35,22 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import lengths
 
-_FAR_SHIFTS = tuple(by for far in (3, 4, 5, 6) for by in (far, -far))  # samples; up to two are common mistakes
+_FAR_SHIFTS = tuple(delay for far in (3, 4, 5, 6) for delay in (far, -far))  # samples; up to two are common mistakes
 _RADIANS_AS_DEGREES_RAD = np.radians(2 * np.pi)  # [rad] of three angles of up to half a turn each, read as degrees
 _CENTRES = 20  # rotations among which the central one is searched
 _FEWEST_STILL = 5  # consecutive samples with a robot at rest that make a session; at least a tenth of all, too
 _NO_TURN_RAD = 1e-9  # [rad] below which a rotation vector has no direction
-# Three-number rotation formats of controllers, by SciPy's names: capitals are axes that rotate with the flange.
-_LISTINGS = {
+# Three-number rotation formats of controllers, as axes in SciPy's notation: capitals rotate with the flange. The empty
+# text is a rotation vector.
+_FORMATS = {
     "roll, pitch, yaw about fixed axes x, y, z (ROS, FANUC)": "xyz",
     "angles about moving axes x, y, z (Staubli)": "XYZ",
     "angles about moving axes z, y, x (KUKA's A, B, C)": "ZYX",
     "angles about moving axes z, y, z (Kawasaki, Denso)": "ZYZ",
     "a rotation vector (Universal Robots)": "",
 }
-
+_Choose = Callable[[Array, Array], IntArray]
+"""Index of the rotation to use, (n,), given two triples of numbers and their rotations for each pose."""
 
 _AXES = {
     "x and y exchanged": np.eye(3)[[1, 0, 2]],
@@ -63,17 +65,17 @@ _AXES = {
 def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
     """All rare hypotheses that apply to this reading."""
     robots, cell = baseline.pose_robots, baseline.cell
-    moved = streams([name for name in cell.robots if baseline.tracks[name].seen.any()])
-    poses = baseline.shows(PoseMeasurement)
+    shiftable = streams([name for name in cell.robots if baseline.tracks[name].seen.any()])
+    has_poses = baseline.shows(PoseMeasurement)
     return [
-        *_order_hypotheses(moved, len(baseline.order)),
+        *_order_hypotheses(shiftable, len(baseline.order)),
         *(
             hypothesis
-            for names, who in pose_subjects(robots, poses, "the observed target").items()
+            for names, who in pose_subjects(robots, has_poses, "the observed target").items()
             for hypothesis in _rotation_hypotheses(names, who)
         ),
         *_small_angle_hypotheses(
-            [name for name in robots if _turns_rad(baseline.tracks[name]) < _RADIANS_AS_DEGREES_RAD]
+            [name for name in robots if _largest_rotation_rad(baseline.tracks[name]) < _RADIANS_AS_DEGREES_RAD]
         ),
         *_stated_transform_hypotheses(cell),
         *_carrier_hypotheses(baseline),
@@ -83,31 +85,31 @@ def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
     ]
 
 
-def _small_angle_hypotheses(small: list[str]) -> Iterator[ConventionHypothesis]:
+def _small_angle_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
     """Roll, pitch and yaw, or rotation vectors, in radians that were read as degrees: all rotations are small."""
-    for names, who in subsets(small).items():
-        for what, of in (("roll, pitch and yaw", _degrees_of_rpy), ("rotation vectors", _degrees)):
+    for names, who in robot_subjects(robots).items():
+        for what, pose_map in (("roll, pitch and yaw", _scale_rpy), ("rotation vectors", _scale_rotvecs)):
             yield ConventionHypothesis(
                 "angle-unit",
                 names,
                 f"the {what} of {who} are in radians that were read as degrees",
                 f"rpy_deg is in degrees: turn those of {who} into degrees, or write rotvec_rad",
                 f"turn {who} further between samples",
-                map_poses(names, of),
+                map_poses(names, pose_map),
             )
 
 
-def _degrees(poses: SE3) -> SE3:
+def _scale_rotvecs(poses: SE3) -> SE3:
     """Multiply rotation vectors by 180 / pi: undo radians that were read as degrees."""
     return SE3.from_rotvec(np.degrees(poses.rotvec), poses.translation)
 
 
-def _degrees_of_rpy(poses: SE3) -> SE3:
+def _scale_rpy(poses: SE3) -> SE3:
     """Multiply roll, pitch and yaw about fixed axes by 180 / pi: undo radians that were read as degrees."""
     return SE3.from_rpy(np.degrees(poses.rpy), poses.translation)
 
 
-def _turns_rad(track: Track) -> float:
+def _largest_rotation_rad(track: Track) -> float:
     """Largest rotation angle of a flange with respect to its base [rad]."""
     return float(lengths(track.pose.rotvec[track.seen]).max())
 
@@ -132,7 +134,7 @@ def _stated_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
 def _inch_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
     """Inches that were read as the length unit of a controller."""
     for unit, length_m in (("millimetres", 1e-3), ("metres", 1.0)):
-        for names, who in subsets(robots).items():
+        for names, who in robot_subjects(robots).items():
             yield ConventionHypothesis(
                 "length-unit",
                 names,
@@ -170,17 +172,17 @@ def _session_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
         if tracks[first].joint_count != tracks[second].joint_count:
             continue
         sessions = {list_samples(run.tolist()): (run, run) for run in (*runs[first], *runs[second])}
-        places = [pair for pair in product(runs[first], runs[second]) if not np.array_equal(*pair)]
-        for where, pair in sessions.items():
-            words = f"the arms {first} and {second} are exchanged in {where}"
-            yield _exchanged_states(first, second, pair, words, "that session")
-        for pair in places:
-            at_first, at_second = (list_samples(of.tolist()) for of in pair)
-            words = f"the places where {first} ({at_first}) and {second} ({at_second}) stood still are exchanged"
-            yield _exchanged_states(first, second, pair, words, "both places")
+        rests = [pair for pair in product(runs[first], runs[second]) if not np.array_equal(*pair)]
+        for session, pair in sessions.items():
+            words = f"the arms {first} and {second} are exchanged in {session}"
+            yield _exchange_hypothesis(first, second, pair, words, "that session")
+        for pair in rests:
+            of_first, of_second = (list_samples(run.tolist()) for run in pair)
+            words = f"the places where {first} ({of_first}) and {second} ({of_second}) stood still are exchanged"
+            yield _exchange_hypothesis(first, second, pair, words, "both places")
 
 
-def _exchanged_states(
+def _exchange_hypothesis(
     first: str, second: str, numbers: tuple[IntArray, IntArray], words: str, subject: str
 ) -> ConventionHypothesis:
     return ConventionHypothesis(
@@ -211,16 +213,16 @@ def _pixel_hypotheses() -> Iterator[ConventionHypothesis]:
     )
 
 
-def _order_hypotheses(streams: list[str | None], count: int) -> Iterator[ConventionHypothesis]:
-    for stream in streams:
-        yield _reverse_order(stream)
-        yield from (_sort_by_number(stream, first) for first in (0, 1) if count > 10)
-        for by in _FAR_SHIFTS:
-            if abs(by) < count // 3:
-                yield shift(stream, by)
+def _order_hypotheses(stream_names: list[str | None], count: int) -> Iterator[ConventionHypothesis]:
+    for stream in stream_names:
+        yield _reverse_order_hypothesis(stream)
+        yield from (_text_order_hypothesis(stream, first) for first in (0, 1) if count > 10)
+        for delay in _FAR_SHIFTS:
+            if abs(delay) < count // 3:
+                yield shift_hypothesis(stream, delay)
 
 
-def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
+def _text_order_hypothesis(stream: str | None, first: int) -> ConventionHypothesis:
     """Rows numbered from `first` that were sorted as text: 1, 10, 11, 2."""
 
     def reread(reading: Reading) -> Reading:
@@ -228,15 +230,15 @@ def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
         return reading.pair_stream(stream, np.argsort(sorted(range(first, first + len(reading.order)), key=str)))
 
     order = ", ".join(sorted(map(str, range(first, first + 12)))[:4])
-    return pair_differently(stream, f"is sorted as text: {order}", "sort it by number", reread)
+    return pairing_hypothesis(stream, f"is sorted as text: {order}", "sort it by number", reread)
 
 
-def _reverse_order(stream: str | None) -> ConventionHypothesis:
+def _reverse_order_hypothesis(stream: str | None) -> ConventionHypothesis:
     def reread(reading: Reading) -> Reading:
         """Reverse the order of the stream."""
         return reading.pair_stream(stream, np.arange(len(reading.order))[::-1])
 
-    return pair_differently(stream, "is in reverse order", "reverse its order", reread)
+    return pairing_hypothesis(stream, "is in reverse order", "reverse its order", reread)
 
 
 def _rotation_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[ConventionHypothesis]:
@@ -249,18 +251,18 @@ def _rotation_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[Conve
         distinction,
         map_poses(names, lambda poses: SE3(poses.rotation.mT, poses.translation)),
     )
-    yield from _position_axes(names, subject)
-    for meant, read in permutations(_LISTINGS, 2):
-        if (_LISTINGS[meant], _LISTINGS[read]) == ("ZYX", "xyz"):
+    yield from _axis_hypotheses(names, subject)
+    for meant, read in permutations(_FORMATS, 2):
+        if (_FORMATS[meant], _FORMATS[read]) == ("ZYX", "xyz"):
             continue  # the same three numbers in reverse order, as in the opposite pair
         words = f"the rotations of {subject} are {meant} that were read as {read}"
-        if (_LISTINGS[meant], _LISTINGS[read]) == ("xyz", "ZYX"):
+        if (_FORMATS[meant], _FORMATS[read]) == ("xyz", "ZYX"):
             words = f"the angles of {subject} are in the reverse order: roll, pitch, yaw and KUKA's A, B, C mixed up"
         # Two triples of angles give one rotation. With three different axes the middle angle is usually within 90 deg.
-        of_three_axes = all(len(set(_LISTINGS[each])) == len("xyz") for each in (meant, read))
-        choices = (
-            (_first, _nearest) if not _LISTINGS[read] else (_first,) if of_three_axes else (_first, _second, _shorter)
-        )
+        of_three_axes = all(len(set(_FORMATS[each])) == len("xyz") for each in (meant, read))
+        choices: tuple[_Choose, ...] = (_choose_first, _choose_second, _choose_shorter)
+        if of_three_axes or not _FORMATS[read]:
+            choices = (_choose_first,) if _FORMATS[read] else (_choose_first, _choose_nearest)
         for choose in choices:
             yield ConventionHypothesis(
                 "euler-order",
@@ -268,11 +270,11 @@ def _rotation_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[Conve
                 words,
                 f"turn them into rotations as {meant}",
                 distinction,
-                map_poses(names, _relist_rotations(_LISTINGS[meant], _LISTINGS[read], choose)),
+                map_poses(names, _reinterpret_rotations(_FORMATS[meant], _FORMATS[read], choose)),
             )
 
 
-def _position_axes(names: tuple[str, ...], subject: str) -> Iterator[ConventionHypothesis]:
+def _axis_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[ConventionHypothesis]:
     for words, axes in _AXES.items():
         yield ConventionHypothesis(
             "position-axes",
@@ -288,32 +290,32 @@ def _with_axes(axes: Array) -> PoseMap:
     return lambda poses: SE3(poses.rotation, poses.translation @ axes)
 
 
-def _relist_rotations(convention: str, read: str, choose: Callable[[Array, Array], IntArray]) -> PoseMap:
-    def relist(poses: SE3) -> SE3:
-        """Poses whose three numbers in the format `convention` were read in the format `read`."""
-        numbers = _numbers(poses.rotation, read)
-        of_numbers, flat = scipy.spatial.transform.Rotation, numbers.reshape(-1, 3)
-        turned = of_numbers.from_euler(convention, flat) if convention else of_numbers.from_rotvec(flat)
-        rotations = turned.as_matrix().reshape(*numbers.shape, 3)
+def _reinterpret_rotations(true_format: str, read_format: str, choose: _Choose) -> PoseMap:
+    def reinterpret(poses: SE3) -> SE3:
+        """Interpret the three numbers that were read in the format `read_format` in the format `true_format`."""
+        numbers = _number_triples(poses.rotation, read_format)
+        rotation_type, rows = scipy.spatial.transform.Rotation, numbers.reshape(-1, 3)
+        interpreted = rotation_type.from_euler(true_format, rows) if true_format else rotation_type.from_rotvec(rows)
+        rotations = interpreted.as_matrix().reshape(*numbers.shape, 3)
         return replace(poses, rotation=rotations[np.arange(len(numbers)), choose(numbers, rotations)])
 
-    return relist
+    return reinterpret
 
 
-def _first(numbers: Array, rotations: Array) -> IntArray:
+def _choose_first(numbers: Array, rotations: Array) -> IntArray:
     return np.zeros(len(numbers), dtype=np.int64)
 
 
-def _second(numbers: Array, rotations: Array) -> IntArray:
+def _choose_second(numbers: Array, rotations: Array) -> IntArray:
     return np.ones(len(numbers), dtype=np.int64)
 
 
-def _shorter(numbers: Array, rotations: Array) -> IntArray:
+def _choose_shorter(numbers: Array, rotations: Array) -> IntArray:
     chosen: IntArray = np.argmin(lengths(numbers), axis=1)
     return chosen
 
 
-def _nearest(numbers: Array, rotations: Array) -> IntArray:
+def _choose_nearest(numbers: Array, rotations: Array) -> IntArray:
     """Index of the candidate of each rotation nearest to the others, (n,): robots move about a home pose."""
     centres = rotations[:_CENTRES].reshape(-1, 3, 3)
     traces = np.einsum("cij,nkij->cnk", centres, rotations)  # 1 + 2 cos of the angle between two rotations
@@ -322,18 +324,18 @@ def _nearest(numbers: Array, rotations: Array) -> IntArray:
     return chosen
 
 
-def _numbers(rotation: Array, listing: str) -> Array:
-    """The two triples of numbers that describe each rotation, (n, 2, 3) [rad]."""
-    turned = scipy.spatial.transform.Rotation.from_matrix(rotation)
-    if not listing:
-        vector = turned.as_rotvec()
+def _number_triples(rotation: Array, axes: str) -> Array:
+    """The two triples of numbers that describe each rotation, (n, 2, 3) [rad]: vectors, or angles about `axes`."""
+    rotations = scipy.spatial.transform.Rotation.from_matrix(rotation)
+    if not axes:
+        vector = rotations.as_rotvec()
         angle = lengths(vector)[:, None]
         return np.stack([vector, vector * (1 - 2 * np.pi / np.maximum(angle, _NO_TURN_RAD))], axis=1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # if two axes align, any split of the angles is right
-        angles = turned.as_euler(listing)
+        angles = rotations.as_euler(axes)
     first, middle, last = angles.T
-    other = -middle if listing[0] == listing[2] else np.pi - middle
+    other = -middle if axes[0] == axes[2] else np.pi - middle
     return _wrap_angles(np.stack([angles, np.column_stack([first + np.pi, other, last + np.pi])], axis=1))
 
 

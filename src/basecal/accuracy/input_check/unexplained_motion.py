@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.input_check.loop_fit import trimmed_rms
-from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, moved_views, view_errors
+from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, view_deviations, view_errors
 from basecal.accuracy.phrases.recorded_robots import advise_check
 from basecal.cell import Finding
 from basecal.effects import joint_offsets
@@ -22,25 +22,25 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import IntArray
 
-_AGREEING = 0.5  # share of the views that counts, those with the smallest errors: the rest may be outliers
+_AGREEING_SHARE = 0.5  # share of the views that counts, those with the smallest errors: the rest may be outliers
 _LEAST_MOTION = 0.02  # [rad] or thousands of pixels: noise is a large part of any smaller motion
 # Unexplained share of motion: at most 0.07 in correct real recordings (a hobby robot), at least 0.25 with mispaired
 # boards.
-_HOPELESS = 0.2
+_HOPELESS_SHARE = 0.2
 _FEWEST_STOPS = 5  # views at different stops, below which residuals in pixels are not judged
 _USELESS_PX = 50.0  # [px] residual of a useless fit, half of what is obvious in an image; hobby robots reach 20
 
 
 def is_hopeless(problem: Problem, state: State) -> bool:
     """Whether robots and views do not match: the residuals are larger than any noise of robots or cameras."""
-    return unexplained_motion(problem, state) > _HOPELESS or _left_px(problem, state) > _USELESS_PX
+    return unexplained_motion(problem, state) > _HOPELESS_SHARE or _residual_px(problem, state) > _USELESS_PX
 
 
-def hopeless(problem: Problem, state: State) -> Finding:
+def hopeless_finding(problem: Problem, state: State) -> Finding:
     """An error that the robot poses do not explain the target's motion."""
-    share, left_px = unexplained_motion(problem, state), _left_px(problem, state)
-    left = f"{100 * share:.0f} % of it" if share > _HOPELESS else f"residuals of {left_px:.0f} px"
-    what = f"The robot poses do not explain the target's motion: even the best 50 % of the views leave {left}."
+    share, residual_px = unexplained_motion(problem, state), _residual_px(problem, state)
+    rest = f"{100 * share:.0f} % of it" if share > _HOPELESS_SHARE else f"residuals of {residual_px:.0f} px"
+    what = f"The robot poses do not explain the target's motion: even the best 50 % of the views leave {rest}."
     why = "None of the usual mistakes (conventions, units, orders, pairing) explains it."
     do = (
         _instants_advice(problem),
@@ -71,30 +71,31 @@ def unexplained_motion(problem: Problem, state: State) -> float:
     Each is the RMS over the best 50 % of the stops: of pixels, of 3-D points, or of angles and lengths over the
     distance. The ratio is 0 if hardly anything moves.
     """
-    groups = [group.take(_one_a_stop(group)) for group in problem.groups if len(group)]
+    groups = [group.take(_stop_rows(group)) for group in problem.groups if len(group)]
     if not groups:
         return 0.0
-    left = trimmed_rms(np.concatenate([view_errors(problem, group, state) for group in groups]), _AGREEING)
-    whole = trimmed_rms(np.concatenate([moved_views(group) for group in groups]), _AGREEING)
-    return float(min(left / whole, 1.0)) if whole > _LEAST_MOTION else 0.0
+    residual = trimmed_rms(np.concatenate([view_errors(problem, group, state) for group in groups]), _AGREEING_SHARE)
+    motion = trimmed_rms(np.concatenate([view_deviations(group) for group in groups]), _AGREEING_SHARE)
+    return float(min(residual / motion, 1.0)) if motion > _LEAST_MOTION else 0.0
 
 
-def _left_px(problem: Problem, state: State) -> float:
+def _residual_px(problem: Problem, state: State) -> float:
     """Residuals in the images, RMS over the best 50 % of the stops with robots as recorded [px]; 0 for few stops."""
     in_pixels = [group for group in problem.groups if len(group) and isinstance(group.measurement, PixelMeasurement)]
-    seen = [group.take(_one_a_stop(group)) for group in in_pixels]
+    seen = [group.take(_stop_rows(group)) for group in in_pixels]
     if sum(map(len, seen)) < _FEWEST_STOPS:
         return 0.0
-    return trimmed_rms(np.concatenate([view_errors(problem, group, state) for group in seen]), _AGREEING) / PIXEL_SCALE
+    errors = np.concatenate([view_errors(problem, group, state) for group in seen])
+    return trimmed_rms(errors, _AGREEING_SHARE) / PIXEL_SCALE
 
 
-def _one_a_stop(group: ViewGroup) -> IntArray:
+def _stop_rows(group: ViewGroup) -> IntArray:
     """Rows of the first view of each pair of stops: many views of one would resemble a target that hardly moves."""
     stops = np.column_stack([end.stand for end in group.ends])
     return np.sort(np.unique(stops, axis=0, return_index=True)[1]).astype(np.int64)
 
 
-def explaining_offsets(problem: Problem, state: State, settings: Settings) -> list[Finding]:
+def joint_offset_findings(problem: Problem, state: State, settings: Settings) -> list[Finding]:
     """An error with the joint offsets of robots given by joints; empty if the offsets do not explain the motion.
 
     Args:

@@ -21,7 +21,7 @@ _SHORTEST_M = 1e-12  # [m] smallest distance to a target, to avoid a division by
 
 
 def view_errors(problem: Problem, group: ViewGroup, state: State) -> Array:
-    """Error of each view of a group under a state, with robots as recorded, (n,); see `HypothesisFit.off`."""
+    """Error of each view of a group under a state, with robots as recorded, (n,); see `HypothesisFit.errors`."""
     as_recorded = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
     predicted = as_recorded.camera_from_target(group, problem.stops)
     measurement = group.measurement
@@ -35,15 +35,15 @@ def view_errors(problem: Problem, group: ViewGroup, state: State) -> Array:
     return PIXEL_SCALE * _rms(off, measurement.seen)
 
 
-def moved_views(group: ViewGroup) -> Array:
+def view_deviations(group: ViewGroup) -> Array:
     """Deviation of each view from the median view, independent of the robot poses, (n,); see `view_errors`."""
     measurement = group.measurement
     if isinstance(measurement, PoseMeasurement):
         seen = measurement.measured_camera_from_target
         return _pose_errors(seen, SE3(nearest_rotation(seen.rotation.sum(0)), np.median(seen.translation, axis=0)))
     if isinstance(measurement, PointMeasurement):
-        about = _subtract_median(measurement.points_in_camera, measurement.seen)
-        return _rms(about, measurement.seen) / group.reach_m
+        deviations = _subtract_median(measurement.points_in_camera, measurement.seen)
+        return _rms(deviations, measurement.seen) / group.reach_m
     if isinstance(measurement, PixelMeasurement):
         return PIXEL_SCALE * _rms(_subtract_median(measurement.pixels, measurement.seen), measurement.seen)
     raise InputError(f"views are {type(measurement).__name__}s, expected pixels, poses or points")
@@ -51,19 +51,20 @@ def moved_views(group: ViewGroup) -> Array:
 
 def _subtract_median(values: Array, is_visible: BoolArray) -> Array:
     """Subtract from each point its median over the views that see it, (n, m, k)."""
-    known = np.where(is_visible[..., None], values, np.nan)
-    somewhere = is_visible.any(0)
+    visible = np.where(is_visible[..., None], values, np.nan)
+    is_seen = is_visible.any(0)
     median = np.zeros(values.shape[1:])
-    median[somewhere] = np.nanmedian(known[:, somewhere], axis=0)
-    about: Array = values - median
-    return about
+    median[is_seen] = np.nanmedian(visible[:, is_seen], axis=0)
+    deviations: Array = values - median
+    return deviations
 
 
 def _pose_errors(measured_pose: SE3, predicted_pose: SE3) -> Array:
+    """RMS over the six coordinates of each pose error, (n,): of the rotation, and the length over the distance."""
     off = measured_pose.inverse() @ predicted_pose
     distance = max(float(np.median(lengths(measured_pose.translation))), _SHORTEST_M)
-    both: Array = np.hypot(lengths(off.rotvec), lengths(off.translation) / distance) / np.sqrt(6)
-    return both
+    rms: Array = np.hypot(lengths(off.rotvec), lengths(off.translation) / distance) / np.sqrt(6)
+    return rms
 
 
 def _rms(errors: Array, is_visible: BoolArray) -> Array:

@@ -21,7 +21,7 @@ from basecal.exchange.importing.imported import Imported
 # and metres among millimetres 1000 times nearer.
 _FARTHER_RATIO, _NEARER_RATIO = 20, 200
 _UNITS = {"millimetres": "mm", "centimetres": "cm", "inches": "inch"}
-_SAME_ARM_RATIO = 2  # distances of the flange of one robot are mostly within this factor
+_USUAL_RATIO = 2  # most distances of a robot's flange are within this factor of the usual one
 
 
 def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, session: bool = False) -> Brought:
@@ -44,15 +44,15 @@ def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, s
 
     def implausible(cell: Cell, recording: Recording) -> tuple[str, ...]:
         """Describe implausible input in one line; empty if all input is plausible."""
-        if (rows := next(_foreign_rows(imports), None)) is not None:
+        if (error := next(_unit_errors(imports), None)) is not None:
             if imports.is_strict:
-                raise rows
-            return (str(rows),)
+                raise error
+            return (str(error),)
         found = impossible_input(cell, recording)
-        told = f"{imports.source}: {'; '.join(found)}: implausible"
+        problem_text = f"{imports.source}: {'; '.join(found)}: implausible"
         if found and imports.is_strict:
-            raise InputError(f"{told}, nothing is imported; {imports.advice}")
-        return (f"{told}; {imports.advice}",) if found else ()
+            raise InputError(f"{problem_text}, nothing is imported; {imports.advice}")
+        return (f"{problem_text}; {imports.advice}",) if found else ()
 
     try:
         return add_to_cell(Path(cell), imports, implausible, replace)
@@ -61,7 +61,7 @@ def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, s
             imports.scratch.cleanup()
 
 
-def _foreign_rows(imports: Imported) -> Iterator[DatasetError]:
+def _unit_errors(imports: Imported) -> Iterator[DatasetError]:
     """An error for each robot with a few rows in another length unit than most."""
     has_lines = all(row.line is not None for row in imports.rows)
     for robot in dict.fromkeys(name for row in imports.rows for name in row.robots):
@@ -80,7 +80,7 @@ def _foreign_rows(imports: Imported) -> Iterator[DatasetError]:
 
 def _describe_cure(names: str, ratio: float) -> str:
     """Advice on rows whose distance is `ratio` times the usual one, with their likely unit."""
-    likely = [name for name, unit in _UNITS.items() if 1 / _SAME_ARM_RATIO < ratio * UNITS_M[unit] < _SAME_ARM_RATIO]
+    likely = [name for name, unit in _UNITS.items() if 1 / _USUAL_RATIO < ratio * UNITS_M[unit] < _USUAL_RATIO]
     if len(likely) != 1:
         return f"another length unit? Correct {names}"
     return f"{names} look like {likely[0]}, divide their lengths by {1 / UNITS_M[_UNITS[likely[0]]]:.4g}"

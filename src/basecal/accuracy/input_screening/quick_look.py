@@ -11,8 +11,8 @@ import numpy as np
 
 from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.input_check.conventions import check_conventions
-from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypothesis, plausible
-from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
+from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypothesis, is_plausible
+from basecal.accuracy.input_check.unexplained_motion import hopeless_finding, is_hopeless
 from basecal.accuracy.input_screening.units import impossible_units
 from basecal.accuracy.phrases.outlier import outlier_reason
 from basecal.accuracy.phrases.sample_list import list_samples
@@ -27,10 +27,10 @@ from basecal.estimation.settings import DEFAULT, STATED
 from basecal.estimation.solve import solve_problem
 from basecal.estimation.streams.streams import recording_streams
 
-# Runs of samples are spread over the recording, since robots may take turns to move. Neighbours of a run keep only
-# robot states, since images may be late by that many samples.
-_ROW_COUNT = 3
-_ROW_SAMPLES = 6
+# Runs of consecutive samples are spread over the recording, since robots may take turns to move. Neighbours of a run
+# keep only robot states, since images may be late by that many samples.
+_RUN_COUNT = 3
+_RUN_SAMPLES = 6
 _NEIGHBOUR_COUNT = 2
 _STREAM_VIEWS = 40  # views of streams, whose clock offsets are estimated, too
 _FEW_SHARE = 0.2  # share of the samples that may disagree with all others
@@ -46,13 +46,13 @@ class QuickLook:
         views: Number of checked samples with a view.
         findings: Errors; for a whole recording, warnings, too.
         error: Prediction error of a view from the others, as text; None if it is not determined.
-        untold: Why the conventions are not determined; empty if they are.
+        undetermined: Reason why the conventions are not determined; empty if they are.
     """
 
     views: int
     findings: tuple[Finding, ...] = ()
     error: str | None = None
-    untold: str = ""
+    undetermined: str = ""
 
 
 def preview_samples(recording: Recording) -> Recording:
@@ -61,12 +61,12 @@ def preview_samples(recording: Recording) -> Recording:
     views = [k for k, sample in enumerate(samples) if sample.observations or sample.images]
     if any(not samples[k].robots for k in views):  # streams: all robot states are needed
         spread = np.linspace(0, len(views) - 1, min(len(views), _STREAM_VIEWS)).astype(int)
-        passed_over = set(views) - {views[k] for k in spread}
-        return replace(recording, samples=tuple(s for k, s in enumerate(samples) if k not in passed_over))
-    if len(views) <= _ROW_COUNT * _ROW_SAMPLES:
+        omitted = set(views) - {views[k] for k in spread}
+        return replace(recording, samples=tuple(s for k, s in enumerate(samples) if k not in omitted))
+    if len(views) <= _RUN_COUNT * _RUN_SAMPLES:
         return recording
-    starts = np.linspace(0, len(views) - _ROW_SAMPLES, _ROW_COUNT).astype(int)
-    kept = {views[start + k] for start in starts for k in range(_ROW_SAMPLES)}
+    starts = np.linspace(0, len(views) - _RUN_SAMPLES, _RUN_COUNT).astype(int)
+    kept = {views[start + k] for start in starts for k in range(_RUN_SAMPLES)}
     near = sorted(
         {j for k in kept for j in range(k - _NEIGHBOUR_COUNT, k + _NEIGHBOUR_COUNT + 1)} & set(range(len(samples)))
     )
@@ -86,41 +86,41 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
         streams = recording_streams(cell, recording)
         lenses = [camera.intrinsics for camera in cell.cameras.values() if camera.intrinsics is not None]
         if streams is not None and any(lens.status == "free" for lens in lenses):
-            return QuickLook(0, untold="basecal calibrate determines clocks and an unknown lens jointly")
+            return QuickLook(0, undetermined="basecal calibrate determines clocks and an unknown lens jointly")
         samples = recording if streams is None else search_offsets(streams, DEFAULT).recording
-        units_m, unseen = estimate_units(cell, samples)
-        if unseen:
+        units_m, unit_findings = estimate_units(cell, samples)
+        if unit_findings:
             count = len(samples.samples)
             is_certain = is_whole and count >= _FEWEST_SAMPLES
-            return QuickLook(count, tuple(unseen) if is_certain else (), untold=unseen[0].what)
+            return QuickLook(count, tuple(unit_findings) if is_certain else (), undetermined=unit_findings[0].what)
         samples = convert_units(samples, units_m)
-        if units := impossible_units(cell, samples):
-            return QuickLook(len(samples.samples), tuple(units))
-        return _preview(cell, samples, is_whole)
+        if unit_errors := impossible_units(cell, samples):
+            return QuickLook(len(samples.samples), tuple(unit_errors))
+        return _check_robustly(cell, samples, is_whole)
     except (BasecalError, np.linalg.LinAlgError) as error:
-        return QuickLook(0, untold=str(error))
+        return QuickLook(0, undetermined=str(error))
 
 
-def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
+def _check_robustly(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
     """Quick check of samples of one clock; repeated without a few outliers if these hide that the others agree.
 
     Raises:
         BasecalError: if the problem cannot be solved.
     """
-    look = _judge(cell, recording, is_whole)
+    look = _check_samples(cell, recording, is_whole)
     if look.error is not None or look.views < _FEWEST_SAMPLES or any(f.code != _UNEXPLAINED for f in look.findings):
         return look
-    outliers = _disagreeing(cell, recording)
+    outliers = _find_outliers(cell, recording)
     if not outliers:
         return look
     kept = tuple(sample for sample in recording.samples if sample.sample not in outliers)
-    agreeing = _judge(cell, replace(recording, samples=kept), is_whole)
+    agreeing = _check_samples(cell, replace(recording, samples=kept), is_whole)
     if agreeing.error is None and not agreeing.findings:
         return look
-    return replace(agreeing, findings=(*agreeing.findings, _disagreement(outliers)))
+    return replace(agreeing, findings=(*agreeing.findings, _outlier_finding(outliers)))
 
 
-def _disagreeing(cell: Cell, recording: Recording) -> dict[int, LeftOut]:
+def _find_outliers(cell: Cell, recording: Recording) -> dict[int, LeftOut]:
     """A few samples that disagree with all others, by number; empty if they are many."""
     problem, _ = build_problem(cell, recording)
     left_out = solve_robustly(problem, cell, STATED).outliers
@@ -129,7 +129,7 @@ def _disagreeing(cell: Cell, recording: Recording) -> dict[int, LeftOut]:
     return found if len(found) <= _FEW_SHARE * count else {}
 
 
-def _disagreement(outliers: dict[int, LeftOut]) -> Finding:
+def _outlier_finding(outliers: dict[int, LeftOut]) -> Finding:
     numbers = sorted(outliers)
     what = f"{list_samples(numbers)} disagree{'s' if len(numbers) == 1 else ''} with all others"
     why = f"At sample {numbers[0]}, {outlier_reason(outliers[numbers[0]])}."
@@ -137,7 +137,7 @@ def _disagreement(outliers: dict[int, LeftOut]) -> Finding:
     return Finding("outlier-samples", "warning", tuple(map(str, numbers)), sentence(what), (do,), why)
 
 
-def _judge(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
+def _check_samples(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
     """Quick check of all given samples.
 
     Raises:
@@ -146,27 +146,28 @@ def _judge(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
     problem, _ = build_problem(cell, recording)
     views = len({int(sample) for group in problem.groups for sample in group.sample})
     if views < _FEWEST_SAMPLES:
-        return QuickLook(views, untold=f"{_FEWEST_SAMPLES} with the robots' poses are needed")
-    plain = solve_problem(problem, cell, STATED)
-    explained = is_as_of_arms(with_noise(plain, DEFAULT))
-    said = check_conventions(cell, recording, problem, plain, STATED, explained)
-    if found := tuple(f for f in said if f.severity == "error" or (is_whole and f.severity == "warning")):
-        return QuickLook(views, found)
-    if is_hopeless(plain.problem, plain.state):
-        return QuickLook(views, (hopeless(plain.problem, plain.state),))
-    fit = fit_hypothesis(cell, problem, STATED, plain.state)
-    if fit is None or any(name in plain.observability.unobservable for name in cell.requested_transforms):
-        return QuickLook(views, untold=_left_open(cell, fit))
-    if not plausible(fit):
+        return QuickLook(views, undetermined=f"{_FEWEST_SAMPLES} with the robots' poses are needed")
+    solution = solve_problem(problem, cell, STATED)
+    is_explained = is_as_of_arms(with_noise(solution, DEFAULT))
+    findings = check_conventions(cell, recording, problem, solution, STATED, is_explained)
+    if grave := tuple(f for f in findings if f.severity == "error" or (is_whole and f.severity == "warning")):
+        return QuickLook(views, grave)
+    if is_hopeless(solution.problem, solution.state):
+        return QuickLook(views, (hopeless_finding(solution.problem, solution.state),))
+    fit = fit_hypothesis(cell, problem, STATED, solution.state)
+    if fit is None or any(name in solution.observability.unobservable for name in cell.requested_transforms):
+        return QuickLook(views, undetermined=_describe_ambiguity(cell, fit))
+    if not is_plausible(fit):
         return QuickLook(
-            views, untold=f"held-out views have an error of {fit.error_in_words()}, and no other convention reduces it"
+            views,
+            undetermined=f"held-out views have an error of {fit.error_in_words()}, and no other convention reduces it",
         )
     return QuickLook(views, error=fit.error_in_words())
 
 
-def _left_open(cell: Cell, fit: HypothesisFit | None) -> str:
+def _describe_ambiguity(cell: Cell, fit: HypothesisFit | None) -> str:
     """Text on undetermined transforms; free joint offsets couple with a base whatever the robots do."""
     fitted = "" if fit is None else f"as declared the views fit with an error of {fit.error_in_words()}, but "
-    by_zeros = any(robot.parameters for robot in cell.robots.values())
-    what = "without the priors of its robots" if by_zeros else "; turn every arm about two axes or more"
-    return f"{fitted}the requested transforms are not determined{' ' if by_zeros else ''}{what}"
+    has_parameters = any(robot.parameters for robot in cell.robots.values())
+    what = "without the priors of its robots" if has_parameters else "; turn every arm about two axes or more"
+    return f"{fitted}the requested transforms are not determined{' ' if has_parameters else ''}{what}"

@@ -20,10 +20,10 @@ def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
     pairs: list[tuple[int, int]] = []
     for sample in recording.samples:
         for seen in sample.observations:
-            numbers = _numbers(seen)
-            if numbers is None:
+            content = _content(seen)
+            if content is None:
                 continue
-            key = (seen.camera, seen.target, numbers)
+            key = (seen.camera, seen.target, content)
             earlier = first.setdefault(key, sample)
             carriers = {cell.cameras[seen.camera].on, cell.targets[seen.target].on}
             if earlier is not sample and _has_moved(sample, earlier, carriers):
@@ -37,7 +37,7 @@ def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
     return [Finding("repeated-view", "warning", about, what, ("Pair poses and images again, or remove the copies.",))]
 
 
-def _numbers(observation: object) -> bytes | None:
+def _content(observation: object) -> bytes | None:
     """Content of a view as bytes; None if it has too few numbers to be distinguished from another."""
     if isinstance(observation, PixelObservation) and observation.pixels.size >= _FEWEST_NUMBERS:
         return observation.ids.tobytes() + observation.pixels.tobytes()
@@ -48,11 +48,11 @@ def _numbers(observation: object) -> bytes | None:
     return None
 
 
-def _has_moved(sample: Sample, second: Sample, robots: set[str]) -> bool:
+def _has_moved(first: Sample, second: Sample, robots: set[str]) -> bool:
     """Whether one of these robots moved between two samples by more than its repeatability."""
-    shared = [name for name in robots if name in sample.robots and name in second.robots]
-    states = [(_state(sample, name), _state(second, name)) for name in shared]
-    return any(one.shape != two.shape or bool(np.abs(one - two).max() > _READ_BACK_TOLERANCE) for one, two in states)
+    shared = [name for name in robots if name in first.robots and name in second.robots]
+    states = [(_state(first, name), _state(second, name)) for name in shared]
+    return any(a.shape != b.shape or bool(np.abs(a - b).max() > _READ_BACK_TOLERANCE) for a, b in states)
 
 
 def _state(sample: Sample, name: str) -> Array:

@@ -21,6 +21,7 @@ from basecal.numerics.spectral import ROUNDING
 _LARGEST_DISTANCE_M = 50.0  # [m] median distance of flanges from their base, or targets from their camera
 _LARGEST_TARGET_M = 20.0  # [m] of a target's longest side
 _WIDEST_M = 1.0  # [m] largest usual size of a target
+_FAR_RATIO = 1000**0.5  # times the usual length, beyond which a length is nearer to 1000 times the usual one
 
 
 def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
@@ -29,18 +30,15 @@ def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
     Only units that the size of the values decides are reported; `check_conventions` tests the others by fits.
     """
     return [
-        *_degrees(cell, recording),
-        *_millimetres(recording),
+        *_angle_findings(cell, recording),
+        *_length_findings(recording),
         *_view_findings(recording),
         *_target_findings(cell, recording),
         *_sigma_findings(recording),
     ]
 
 
-_NEARER_THOUSAND = 1000**0.5  # times the usual length, beyond which a length is nearer to 1000 times the usual one
-
-
-def _degrees(cell: Cell, recording: Recording) -> Iterator[Finding]:
+def _angle_findings(cell: Cell, recording: Recording) -> Iterator[Finding]:
     names = [name for name, robot in cell.robots.items() if _is_in_degrees(robot, recording)]
     if names:
         who = " and ".join(names)
@@ -64,11 +62,12 @@ def _is_in_degrees(robot: Robot, recording: Recording) -> bool:
 
 
 def _joints(recording: Recording, robot: str) -> Array:
+    """Recorded joint positions of a robot as written, (n, k); empty if there are none."""
     states = [s.robots[robot].joints_rad for s in recording.samples if robot in s.robots]
     return np.array([joints for joints in states if joints is not None])
 
 
-def _millimetres(recording: Recording) -> Iterator[Finding]:
+def _length_findings(recording: Recording) -> Iterator[Finding]:
     reaches: dict[str, list[float]] = {}
     numbers: dict[str, list[int]] = {}
     for sample in recording.samples:
@@ -76,14 +75,14 @@ def _millimetres(recording: Recording) -> Iterator[Finding]:
             if state.base_from_flange is not None:
                 reaches.setdefault(name, []).append(hypot(*state.base_from_flange.translation))
                 numbers.setdefault(name, []).append(sample.sample)
-    far = {name: float(np.median(of)) for name, of in reaches.items() if np.median(of) > _LARGEST_DISTANCE_M}
+    far = {name: float(np.median(each)) for name, each in reaches.items() if np.median(each) > _LARGEST_DISTANCE_M}
     if far:
         who = " and ".join(far)
         unit, advice = likely_unit(max(far.values()), FARTHEST_M)
         what = f"The poses of {who} are in {unit}: a flange is {np.round(max(far.values())):.6g} m from its base."
         yield Finding("length-unit", "error", tuple(far), what, (advice,))
     for name in reaches.keys() - far.keys():
-        limit = max(_LARGEST_DISTANCE_M, _NEARER_THOUSAND * float(np.median(reaches[name])))
+        limit = max(_LARGEST_DISTANCE_M, _FAR_RATIO * float(np.median(reaches[name])))
         few = {number: reach for number, reach in zip(numbers[name], reaches[name], strict=True) if reach > limit}
         if few:
             unit, advice = likely_unit(max(few.values()), FARTHEST_M)
@@ -105,11 +104,11 @@ def _view_findings(recording: Recording) -> Iterator[Finding]:
 
 
 def _target_findings(cell: Cell, recording: Recording) -> Iterator[Finding]:
-    pixels = {o.target for s in recording.samples for o in s.observations if isinstance(o, PixelObservation)}
-    searched = bool(any(s.images for s in recording.samples))
+    pixel_targets = {o.target for s in recording.samples for o in s.observations if isinstance(o, PixelObservation)}
+    has_images = any(s.images for s in recording.samples)
     for name, entry in cell.targets.items():
         shape = entry.target
-        if shape is None or shape.is_point or not (name in pixels or searched):
+        if shape is None or shape.is_point or not (name in pixel_targets or has_images):
             continue
         size = float(np.ptp(shape.points, axis=0).max())
         if size > _LARGEST_TARGET_M:

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.special import stdtr
 
 from basecal.accuracy.model_comparison.nested_models import (
-    CONFIRMED,
+    CONFIRMED_LEVEL,
     LEAST_CHANCE,
-    SUSPECTED,
+    SUSPECTED_LEVEL,
     Comparison,
     Decision,
     decide,
@@ -21,7 +21,7 @@ from basecal.accuracy.model_comparison.nested_models import (
 from basecal.estimation.start.rotation_search import KEPT_SHARE
 from basecal.geometry import Array
 
-CLEARLY = 1.1
+CLEAR_RATIO = 1.1
 """Likelihood ratio of a held-out part below which two models predict equally; chosen by `benchmarks.mutations`.
 
 Estimators that weight the same views differently differ by a few hundredths, models by more.
@@ -36,10 +36,10 @@ def compare_predicted_gains(gains: Array) -> Comparison:
     Args:
         gains: (n,) decrease of minus twice the log likelihood of each held-out part by the rival.
     """
-    return decide(float(np.sum(gains)), _log_chance(gains), CONFIRMED, SUSPECTED)
+    return decide(float(np.sum(gains)), _log_chance(gains), CONFIRMED_LEVEL, SUSPECTED_LEVEL)
 
 
-def compare_predictions(squares: Array, in_use: Array, clearly: float = CLEARLY) -> Comparison:
+def compare_predictions(squares: Array, in_use: Array, clear_ratio: float = CLEAR_RATIO) -> Comparison:
     """Compare a rival model with the model in use by the errors of predictions.
 
     The comparison is undecided if neither model predicts significantly and clearly better. Errors are modelled as
@@ -48,14 +48,14 @@ def compare_predictions(squares: Array, in_use: Array, clearly: float = CLEARLY)
     Args:
         squares: (n,) squared error of each held-out part by the rival.
         in_use: (n,) squared error of each held-out part by the model in use.
-        clearly: Geometric mean of the parts' likelihood ratios above which the rival predicts clearly better.
+        clear_ratio: Geometric mean of the parts' likelihood ratios above which the rival predicts clearly better.
     """
     scale = max(min(_trimmed_mean(squares), _trimmed_mean(in_use)), LEAST_CHANCE)
     gains = np.log1p(in_use / scale) - np.log1p(squares / scale)
     chance, ratio = _log_chance(gains), float(np.exp(np.mean(gains))) if len(gains) else 1.0
-    if chance < np.log(CONFIRMED) and ratio > clearly:
+    if chance < np.log(CONFIRMED_LEVEL) and ratio > clear_ratio:
         decision = Decision.TAKE
-    elif _log_chance(-gains) < np.log(SUSPECTED) and ratio < 1 / CLEARLY:
+    elif _log_chance(-gains) < np.log(SUSPECTED_LEVEL) and ratio < 1 / CLEAR_RATIO:
         decision = Decision.KEEP
     else:
         decision = Decision.UNDECIDED

@@ -24,29 +24,29 @@ SINGLE_LEVEL = 1e-4
 `benchmarks.false_alarms` measures it.
 """
 
-CONFIRMED = 1e-3
+CONFIRMED_LEVEL = 1e-3
 """Significance level of a finding that held-out data or a further sample must confirm, too."""
 
-MOVED = 5e-3
+MOVED_LEVEL = 5e-3
 """False alarm rate of one check, or of one pair of runs, if nothing moved: about once in a year of working days.
 
 `benchmarks.verify` measures it.
 """
 
-DISAGREES = 0.01
+DISAGREEMENT_LEVEL = 0.01
 """p-value of new samples below which a cause is searched; `benchmarks.running_check` measures the alarms."""
 
-FALSE_DISCOVERIES = 0.0025
+FALSE_DISCOVERY_RATE = 0.0025
 """Accepted rate of false discoveries among the effects found in a calibration.
 
 A quarter of the false alarms that all rules may raise in 100 calibrations; `benchmarks.false_alarms` measures it.
 """
 
-SUSPECTED = 0.02
+SUSPECTED_LEVEL = 0.02
 """p-value of a score below which an effect is solved for; `benchmarks.small_faults` measures what is missed."""
 
-_EQUAL = 6.0  # twice the log likelihood ratio: an explanation e^3 times less likely than the best is rejected
-_VERY_STRONG = 10.0  # of twice the log ratio of evidences (Kass & Raftery 1995)
+_EQUAL_GAIN = 6.0  # twice the log likelihood ratio: an explanation e^3 times less likely than the best is rejected
+_VERY_STRONG_GAIN = 10.0  # of twice the log ratio of evidences (Kass & Raftery 1995)
 _ROOM_M = 1.0  # [m] edge of the cube in which copies may be; assumed
 LEAST_CHANCE = 1e-300
 """Smallest p-value that is computed directly: the smallest normal double is 2e-308."""
@@ -83,20 +83,20 @@ def log_chance(statistic: float, freedoms: float, noise_freedoms: float = np.inf
 
 def compare_evidence(gain: float) -> Comparison:
     """Compare a wider model with the model in use by its gain, twice the log ratio of evidences (an e-value)."""
-    decision = Decision.TAKE if gain > _VERY_STRONG else Decision.KEEP
+    decision = Decision.TAKE if gain > _VERY_STRONG_GAIN else Decision.KEEP
     return Comparison(gain, -0.5 * gain, decision)
 
 
 def compare_likelihoods(log_ratios: Array) -> Comparison:
     """Compare a rival model with the model in use by log likelihood ratios, for each value of an unknown parameter.
 
-    Neither model is simpler: the rival is taken at the level `SUSPECTED`.
+    Neither model is simpler: the rival is taken at the level `SUSPECTED_LEVEL`.
 
     Args:
         log_ratios: (n,) log likelihood ratio for each parameter value; all values are equally probable.
     """
     log_mean = float(np.logaddexp.reduce(log_ratios) - np.log(len(log_ratios)))
-    return decide(2 * float(np.max(log_ratios)), -log_mean, SUSPECTED)
+    return decide(2 * float(np.max(log_ratios)), -log_mean, SUSPECTED_LEVEL)
 
 
 def compare_split(ratio: float, count: int, width: int) -> Comparison:
@@ -110,9 +110,9 @@ def compare_split(ratio: float, count: int, width: int) -> Comparison:
         count: Number of items.
         width: Number of values of each item.
     """
-    left = width * (count - 2)
-    gain = (1 / max(ratio, LEAST_CHANCE) - 1) * left
-    return decide(gain, log_chance(gain, width, left) + (count - 1) * np.log(2), SINGLE_LEVEL)
+    noise_freedoms = width * (count - 2)
+    gain = (1 / max(ratio, LEAST_CHANCE) - 1) * noise_freedoms
+    return decide(gain, log_chance(gain, width, noise_freedoms) + (count - 1) * np.log(2), SINGLE_LEVEL)
 
 
 def compare_places(offset: Array, covariance: Array) -> Comparison:
@@ -125,13 +125,13 @@ def compare_places(offset: Array, covariance: Array) -> Comparison:
         offset: (3,) difference of the estimates [m].
         covariance: (3, 3) covariance of the difference [m^2].
     """
-    of = scaled_spectrum(covariance, 1.0)
-    width = _ROOM_M / np.sqrt(2 * np.pi * of.values)
-    gain = np.sum(2 * np.log(np.maximum(width, 1.0))) - np.sum((offset @ of.vectors) ** 2 / of.values)
+    eigen = scaled_spectrum(covariance, 1.0)
+    width = _ROOM_M / np.sqrt(2 * np.pi * eigen.values)
+    gain = np.sum(2 * np.log(np.maximum(width, 1.0))) - np.sum((offset @ eigen.vectors) ** 2 / eigen.values)
     return compare_evidence(float(gain))
 
 
-def largest_share(log_chance: float) -> float:
+def largest_posterior(log_chance: float) -> float:
     """Largest posterior probability of a wider model, from its log p-value and a prior probability of 1/2.
 
     Source: docs/mathematics.md (11.7).
@@ -140,7 +140,7 @@ def largest_share(log_chance: float) -> float:
     return float(1 / (1 - log_chance * np.exp(1 + log_chance)))
 
 
-def discoveries(log_chances: Sequence[float], tests: int, share: float = FALSE_DISCOVERIES) -> BoolArray:
+def discoveries(log_chances: Sequence[float], tests: int, share: float) -> BoolArray:
     """Mask of the discovered effects of a family of tests, (n,).
 
     The expected share of false discoveries is at most `share` (Benjamini & Hochberg 1995). If there is no effect at
@@ -166,7 +166,7 @@ def equally_likely(costs: Sequence[float]) -> list[int]:
         costs: (n,) minus twice the log likelihood of each explanation, plus its degrees of freedom.
     """
     best = min(costs, default=0.0)
-    return [k for k, cost in enumerate(costs) if cost < best + _EQUAL]
+    return [k for k, cost in enumerate(costs) if cost < best + _EQUAL_GAIN]
 
 
 class Decision(Enum):

@@ -29,7 +29,8 @@ class ChangedFrame(NamedTuple):
 def changed_frame(problem: Problem, cell: Cell) -> ChangedFrame | None:
     """Find the one transform that differs between earlier and later samples; None if there is none.
 
-    At least one half of the samples has only one frame. The samples that its solution explains end at the change.
+    If a frame changed once, at least one half of the samples has the same frame throughout. The samples that agree with
+    the solution of this half end at the change.
 
     Args:
         problem: Problem of all samples.
@@ -46,8 +47,8 @@ def changed_frame(problem: Problem, cell: Cell) -> ChangedFrame | None:
         return None
     first_sample = int(numbers[edges[0] + 1])
     parts = _solve_parts(problem, cell, first_sample)
-    first = _find_difference(*parts) if len(parts) == 2 else ""
-    return ChangedFrame(agreeing, _sentence(first, first_sample, parts)) if first else None
+    name = _find_difference(*parts) if len(parts) == 2 else ""
+    return ChangedFrame(agreeing, _sentence(name, first_sample, parts)) if name else None
 
 
 def _solve_parts(problem: Problem, cell: Cell, first_sample: int) -> list[Solution]:
@@ -64,9 +65,9 @@ def _find_difference(first_part: Solution, second_part: Solution) -> str:
     parts = first_part, second_part
     shared = frozenset.intersection(*(frozenset(p.transforms) - frozenset(p.observability.unobservable) for p in parts))
     sigmas = {name: _sigmas(first_part.transforms[name], second_part.transforms[name]) for name in shared}
-    first, *others = sorted(sigmas, key=lambda name: -sigmas[name]) or [""]
-    is_alone = bool(first) and sigmas[first] > CLEAR_GAP * max((sigmas[name] for name in others), default=1.0)
-    return first if is_alone else ""
+    largest, *others = sorted(sigmas, key=lambda name: -sigmas[name]) or [""]
+    is_alone = bool(largest) and sigmas[largest] > CLEAR_GAP * max((sigmas[name] for name in others), default=1.0)
+    return largest if is_alone else ""
 
 
 def _part(problem: Problem, first_sample: int, is_later: bool) -> Problem:

@@ -24,19 +24,19 @@ def describe_gravity(cell: Cell, solution: Solution, robots: Sequence[str]) -> s
     """
     downs = {name: chain.masses.down for name, chain in solution.problem.chains.items() if chain.masses is not None}
     where = " and ".join(f"{_axis_name(downs[robot])} of {robot}_base" for robot in robots)
-    taken = f"Gravity is assumed along {where}."
+    assumption = f"Gravity is assumed along {where}."
     bases = solution.state.transforms
     in_world = [
         down if name == cell.reference else bases[cell.base_name(name)].rotation @ down
         for name, down in downs.items()
         if name == cell.reference or cell.base_name(name) in bases
     ]
-    cosines = [one @ other for one in in_world for other in in_world]
+    cosines = [first @ second for first in in_world for second in in_world]
     apart = float(np.degrees(np.arccos(np.clip(min(cosines, default=1.0), -1, 1))))
     if apart < _LEVEL_DEG:
-        return taken
+        return assumption
     entry = "`deflection: {down: [x, y, z]}`"
-    return f"{taken} In the answer, it differs by {apart:.0f} deg between the arms: if it is wrong, state {entry}."
+    return f"{assumption} In the answer, it differs by {apart:.0f} deg between the arms: if it is wrong, state {entry}."
 
 
 def _axis_name(direction: Array) -> str:

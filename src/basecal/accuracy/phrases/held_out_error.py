@@ -15,8 +15,8 @@ def explain_held_out_error(calibration: Calibration) -> str | None:
     if validation is None or residuals.rms_px is None or validation.rms_px is None:
         return None
     robots = []
-    for name, of in (calibration.noise.get("robots") or {}).items():
-        sigmas = np.array([of["sigma_t_m"], of["sigma_r_rad"]], dtype=np.float64)
+    for name, noise in (calibration.noise.get("robots") or {}).items():
+        sigmas = np.array([noise["sigma_t_m"], noise["sigma_r_rad"]], dtype=np.float64)
         length, angle = np.sqrt(np.mean(sigmas**2, axis=1)).tolist()
         if length > 0 or angle > 0:
             robots.append(f"{name} {1e3 * length:.2g} mm and {1e3 * angle:.2g} mrad")

@@ -19,7 +19,7 @@ def describe_null_space(direction: NullDirection) -> str:
     return describe_direction(direction) + coupled
 
 
-def is_unobservable(phrases: Sequence[str], names: Sequence[str]) -> str:
+def unobservable_clause(phrases: Sequence[str], names: Sequence[str]) -> str:
     """Clause that several directions, which move the same unknowns, are unobservable."""
     verb, coupled = "is" if len(phrases) == 1 else "are", " and ".join(names)
     return f"{' and '.join(phrases)} {verb} unobservable{f' (coupled with {coupled})' if names else ''}"
@@ -32,10 +32,10 @@ def describe_direction(direction: NullDirection) -> str:
         case "lens":
             return f"the intrinsics of {main}"
         case "robot parameters":
-            one = ROBOT_PARAMETERS[direction.parameters].one
+            parameter = ROBOT_PARAMETERS[direction.parameters].one
             if direction.joint is None:
-                return f"{one} of {direction.robot}"
-            return f"{one} of joint {direction.joint + 1} of {direction.robot} ({direction.joint_name})"
+                return f"{parameter} of {direction.robot}"
+            return f"{parameter} of joint {direction.joint + 1} of {direction.robot} ({direction.joint_name})"
         case "translation":
             parent, frame = main.split("_from_")
             return _translation(frame, twists[:, :3], parent)

@@ -16,8 +16,8 @@ _SHOWN_OUTLIERS = 5  # outliers that a finding lists, the first with its cause; 
 Images = Mapping[tuple[int, str], str]
 
 
-def described_outlier(outlier: LeftOut, images: Images) -> Outlier:
-    """Outlier entry of a calibration, with its image from `images`, which are by sample and camera."""
+def outlier_entry(outlier: LeftOut, images: Images) -> Outlier:
+    """Outlier entry of a calibration; `images` are the paths of images, by sample number and camera."""
     image = images.get((outlier.sample, outlier.camera))
     return Outlier(outlier.sample, outlier.camera, outlier.target, outlier.ids, outlier_reason(outlier), image)
 
@@ -45,15 +45,15 @@ def outlier_reason(outlier: LeftOut) -> str:
         cause = "a reflection, a wrong id or occluded"
         beyond = f" ({_sigmas(outlier.sigmas)})" if np.isfinite(outlier.sigmas) else ""
         return f"{which} {_distance(outlier, 3)}{beyond} from where the rest predicts it: {cause}"
-    by = f" by {_sigmas(outlier.sigmas)}" if np.isfinite(outlier.sigmas) else ""
+    excess = f" by {_sigmas(outlier.sigmas)}" if np.isfinite(outlier.sigmas) else ""
     if outlier.off_m is not None and outlier.off_rad is not None:
         off = f"{1e3 * outlier.off_m:.1f} mm and {np.degrees(outlier.off_rad):.2f} deg"
         cause = "a robot bumped or not settled, or poses and view of different instants"
-        return f"the robots' poses and the view disagree{by}, {off}: {cause}"
+        return f"the robots' poses and the view disagree{excess}, {off}: {cause}"
     if outlier.off_m is not None:
         cause = "another point, or one that moved; or a robot bumped or not settled"
-        return f"{outlier.target} is {_distance(outlier, 3)} from where the rest predicts it{by}: {cause}"
-    place = f"seen {_distance(outlier, 0)} from where the rest predicts it{by}"
+        return f"{outlier.target} is {_distance(outlier, 3)} from where the rest predicts it{excess}: {cause}"
+    place = f"seen {_distance(outlier, 0)} from where the rest predicts it{excess}"
     return f"{place}: a reflection, or a robot bumped or not settled"
 
 

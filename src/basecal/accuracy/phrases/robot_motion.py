@@ -17,10 +17,10 @@ _LITTLE_ROTATION_RAD = 0.15
 _SHOWN_DEG = 0.005  # [deg] below which two decimals show zero: derived from the format below
 
 
-def describe_cause(
+def advise_observability(
     cell: Cell, problem: Problem, motions: Mapping[str, Motion], names: Sequence[str]
 ) -> tuple[tuple[str, ...], str]:
-    """Advice that makes unknowns observable, and the reason from the motion of their robots.
+    """Advise how to make unknowns observable, and give the reason from the motion of their robots.
 
     Args:
         cell: The cell.
@@ -28,10 +28,10 @@ def describe_cause(
         motions: Motion of each robot, by name.
         names: Names of the unknowns.
     """
-    near = [
+    concerned = [
         m for robot, m in motions.items() if set(names) & {*mount_names(problem, robot), *base_names(problem, robot)}
     ]
-    poor = [m for m in near if has_little_rotation(m)]
+    poor = [m for m in concerned if has_little_rotation(m)]
     carrying = [m for m in poor if set(names) & set(mount_names(problem, m.robot))] or poor
     if len(carrying) == 1:
         return (advise_motion(cell, problem, carrying[0]),), sentence(

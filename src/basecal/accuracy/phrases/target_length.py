@@ -8,7 +8,7 @@ from typing import Any
 from basecal.cell import Cell
 
 
-def as_written(cell: Cell, name: str, factor: float) -> str:
+def corrected_length_clause(cell: Cell, name: str, factor: float) -> str:
     """Clause with a target's first length field times a factor; empty if there is none, such as for points."""
     shape = cell.targets[name].target
     lengths = _lengths({} if shape is None else scale_lengths(shape.options, factor))

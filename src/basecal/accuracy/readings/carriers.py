@@ -15,14 +15,14 @@ def swap_carriers(cell: Cell, robots: tuple[str, ...]) -> dict[Loc, str]:
     """
     if robots != tuple(cell.robots) or len(robots) != 1 or cell.sees_scene or cell.plates:
         return {}
-    things = {("cameras", name): (of.on, of.mount) for name, of in cell.cameras.items()}
-    things |= {("targets", name): (of.on, of.mount) for name, of in cell.targets.items()}
-    other = {robots[0]: WORLD, WORLD: robots[0]}
+    mounts = {("cameras", name): (camera.on, camera.mount) for name, camera in cell.cameras.items()}
+    mounts |= {("targets", name): (target.on, target.mount) for name, target in cell.targets.items()}
+    swapped = {robots[0]: WORLD, WORLD: robots[0]}
     if any(camera.touches for camera in cell.cameras.values()):
         return {}
-    if any(mount.status != "free" or on not in other for on, mount in things.values()):
+    if any(mount.status != "free" or on not in swapped for on, mount in mounts.values()):
         return {}
-    return {(*place, "on"): other[on] for place, (on, _) in things.items()}
+    return {(*place, "on"): swapped[on] for place, (on, _) in mounts.items()}
 
 
 def describe_carriers(carriers: Mapping[Loc, str]) -> str:

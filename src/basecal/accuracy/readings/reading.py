@@ -23,6 +23,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
+from basecal.numerics.batch import concatenate
 
 PoseMap = Callable[[SE3], SE3]
 M = TypeVar("M", bound=Measurement)
@@ -37,14 +38,14 @@ class Track:
         pose: base_from_flange, (m,); a sample without a state has the pose of another sample.
         joints: Joint positions, (m, k) [rad]; None if poses were recorded.
         stand: Number of the stop, (m,); -1 for a sample without a state.
-        by_pose: Whether every state was recorded as a pose.
+        has_only_poses: Whether every state was recorded as a pose.
     """
 
     seen: BoolArray
     pose: SE3
     joints: Array | None
     stand: IntArray
-    by_pose: bool
+    has_only_poses: bool
 
     def take(self, rows: IntArray) -> Track:
         """States of the samples at these rows, (n,); row -1 gives a sample without a state."""
@@ -62,14 +63,14 @@ class Track:
         chosen = np.arange(len(self.seen))
         chosen[rows] = len(self.seen) + np.resize(sources, len(rows))
         own_joints, joints = self.joints, track.joints
-        both = Track(
+        joined = Track(
             np.concatenate([self.seen, track.seen]),
-            SE3(*(np.concatenate([getattr(t.pose, of) for t in (self, track)]) for of in ("rotation", "translation"))),
+            concatenate([self.pose, track.pose]),
             None if own_joints is None or joints is None else np.concatenate([own_joints, joints]),
             np.concatenate([self.stand, np.where(track.seen, track.stand + self.stand.max() + 1, -1)]),
-            self.by_pose,
+            self.has_only_poses,
         )
-        return both.take(chosen)
+        return joined.take(chosen)
 
     @property
     def joint_count(self) -> int:
@@ -101,7 +102,7 @@ class Reading:
     @cached_property
     def pose_robots(self) -> list[str]:
         """Robots whose every state is a pose."""
-        return [name for name, track in self.tracks.items() if track.by_pose]
+        return [name for name, track in self.tracks.items() if track.has_only_poses]
 
     @cached_property
     def joint_robots(self) -> list[str]:
@@ -138,13 +139,13 @@ class Reading:
     def with_poses(self, robots: tuple[str, ...], pose_map: PoseMap) -> Reading:
         """Copy with the recorded poses of these robots mapped."""
         tracks = {name: self.tracks[name] for name in robots}
-        mapped = {name: replace(of, pose=pose_map(of.pose), joints=None) for name, of in tracks.items()}
+        mapped = {name: replace(track, pose=pose_map(track.pose), joints=None) for name, track in tracks.items()}
         return self._with_tracks(mapped)
 
     def with_joints(self, robots: tuple[str, ...], factor: float) -> Reading:
         """Copy with the recorded joints of these robots multiplied by a factor."""
-        moved = {name: self._robot_track(name, self.tracks[name], factor) for name in robots}
-        return self._with_tracks(moved)
+        tracks = {name: self._robot_track(name, self.tracks[name], factor) for name in robots}
+        return self._with_tracks(tracks)
 
     def _robot_track(self, robot: str, track: Track, factor: float = 1.0) -> Track:
         """Track with joints multiplied by a factor, and poses computed by the kinematics of a robot."""
@@ -155,23 +156,25 @@ class Reading:
 
     def exchange(self, first: str, second: str) -> Reading:
         """Copy with the states of two robots exchanged."""
-        other = {first: second, second: first}
-        moved = {name: self._robot_track(name, self.tracks[other[name]]) for name in other}
-        return self._with_tracks(moved)
+        tracks = {
+            name: self._robot_track(name, self.tracks[other]) for name, other in ((first, second), (second, first))
+        }
+        return self._with_tracks(tracks)
 
     def exchange_states(self, numbers: Mapping[str, IntArray]) -> Reading:
         """Copy with the states of two robots exchanged at these samples, by robot; the fewer states are repeated."""
-        (first, second), rows = numbers, {name: np.flatnonzero(np.isin(self.order, of)) for name, of in numbers.items()}
-        moved = {
+        first, second = numbers
+        rows = {name: np.flatnonzero(np.isin(self.order, samples)) for name, samples in numbers.items()}
+        tracks = {
             name: self._robot_track(name, self.tracks[name].with_states(rows[name], self.tracks[other], rows[other]))
             for name, other in ((first, second), (second, first))
         }
-        return self._with_tracks(moved)
+        return self._with_tracks(tracks)
 
     def with_carrier(self, target: str, carrier: str) -> Reading:
         """Copy with a target on the flange of a robot or on the world, with a free mount."""
-        other = replace(self.cell.targets[target], on=carrier, mount=Unknown())
-        cell = replace(self.cell, targets={**self.cell.targets, target: other})
+        moved_target = replace(self.cell.targets[target], on=carrier, mount=Unknown())
+        cell = replace(self.cell, targets={**self.cell.targets, target: moved_target})
         robot = None if carrier == WORLD else carrier
         base = None if carrier in (WORLD, cell.reference) else cell.base_name(carrier)
 
@@ -179,11 +182,11 @@ class Reading:
             """Attach the views of the target to the new carrier."""
             if group.target != target:
                 return group
-            nowhere = np.full(len(group), -1, dtype=np.int64)
-            end = End(robot, cell.mount_name(target), base, SE3.identity((len(group),)), nowhere, nowhere)
+            no_stop = np.full(len(group), -1, dtype=np.int64)
+            end = End(robot, cell.mount_name(target), base, SE3.identity((len(group),)), no_stop, no_stop)
             return replace(group, ends=(group.eye, end))
 
-        return self.with_seen(set_carrier)._with_tracks({}).restate(cell)
+        return self.map_groups(set_carrier)._with_tracks({}).restate(cell)
 
     def shift(self, stream: str | None, count: int, start: int = 0) -> Reading:
         """Copy with one stream shifted: the entry at position i - `count` moves to position i.
@@ -196,29 +199,29 @@ class Reading:
         Returns:
             The reading without the samples that have no entry after the shift.
         """
-        place = np.arange(len(self.order))
-        source = np.where(place < start, place, place - count)
+        position = np.arange(len(self.order))
+        source = np.where(position < start, position, position - count)
         return self.pair_stream(
-            stream, np.where((source < len(place)) & ((source >= start) | (place < start)), source, -1)
+            stream, np.where((source < len(position)) & ((source >= start) | (position < start)), source, -1)
         )
 
     def pair_stream(self, stream: str | None, source: IntArray) -> Reading:
         """Copy with the entries of one stream taken from positions `source`, (m,); samples with -1 are dropped."""
         kept = source >= 0
         if stream is None:
-            place = np.full(len(source), -1)
-            place[source[kept]] = np.flatnonzero(kept)
-            return self._move_views(place).take(np.flatnonzero(kept))
+            destination = np.full(len(source), -1)
+            destination[source[kept]] = np.flatnonzero(kept)
+            return self._move_views(destination).take(np.flatnonzero(kept))
         track = self.tracks[stream].take(source)
         return self._with_tracks({stream: track}).take(np.flatnonzero(track.seen))
 
-    def _move_views(self, place: IntArray) -> Reading:
-        """Move the views of each position to `place`, (m,); drop those moved to -1."""
+    def _move_views(self, destination: IntArray) -> Reading:
+        """Move the views of each position to `destination`, (m,); drop those moved to -1."""
         groups = []
         for group in self.problem.groups:
-            there = place[self._rows(group)]
-            kept = np.flatnonzero(there >= 0)
-            groups.append(replace(group.take(kept), sample=self.order[there[kept]]))
+            positions = destination[self._rows(group)]
+            kept = np.flatnonzero(positions >= 0)
+            groups.append(replace(group.take(kept), sample=self.order[positions[kept]]))
         return replace(self, problem=self.problem.with_groups(g for g in groups if len(g)))._with_tracks({})
 
     def _rows(self, group: ViewGroup) -> IntArray:
@@ -229,22 +232,23 @@ class Reading:
     def _with_tracks(self, tracks: Mapping[str, Track]) -> Reading:
         """Copy with new states of some robots; views without a state of their robots are dropped."""
         tracks = {**self.tracks, **tracks}
-        stops, first = _stops(self.problem.stops, tracks)
-        groups = (self._carry_group(group, tracks, first) for group in self.problem.groups)
+        stops, first_stops = _stops(self.problem.stops, tracks)
+        groups = (self._carry_group(group, tracks, first_stops) for group in self.problem.groups)
         stands = {name: len(np.unique(track.stand[track.seen])) for name, track in tracks.items()}
         problem = replace(self.problem, groups=tuple(g for g in groups if len(g)), stops=stops, stands=stands)
         return replace(self, problem=problem, tracks=tracks)
 
-    def _carry_group(self, group: ViewGroup, tracks: Mapping[str, Track], first: Mapping[str, int]) -> ViewGroup:
+    def _carry_group(self, group: ViewGroup, tracks: Mapping[str, Track], first_stops: Mapping[str, int]) -> ViewGroup:
+        """Views of a group with states from new tracks; views without a state of their robots are dropped."""
         rows = self._rows(group)
         kept = rows >= 0
         for robot in group.robots:
             kept[kept] = tracks[robot].seen[rows[kept]]
         rows = rows[kept]
-        return group.take(np.flatnonzero(kept)).with_ends(lambda end: _carry_end(end, tracks, rows, first))
+        return group.take(np.flatnonzero(kept)).with_ends(lambda end: _carry_end(end, tracks, rows, first_stops))
 
-    def with_seen(self, change: Callable[[ViewGroup], ViewGroup]) -> Reading:
-        """Copy with each group of views changed."""
+    def map_groups(self, change: Callable[[ViewGroup], ViewGroup]) -> Reading:
+        """Copy with each group of views replaced by the result of a function."""
         return replace(self, problem=self.problem.with_groups(map(change, self.problem.groups)))
 
     def with_target_poses(self, pose_map: PoseMap, target: str | None = None) -> Reading:
@@ -267,7 +271,7 @@ class Reading:
 
     def _with_views(self, kind: type[M], change: Callable[[M], M], target: str | None = None) -> Reading:
         """Copy with the views of one kind changed, of one target or of all targets."""
-        return self.with_seen(lambda g: _change_views(g, kind, change) if target in (None, g.target) else g)
+        return self.map_groups(lambda g: _change_views(g, kind, change) if target in (None, g.target) else g)
 
     def resize(self, factors: Mapping[str, float]) -> Reading:
         """Copy with the points of targets multiplied by factors, by target, in the cell and in its views."""
@@ -276,10 +280,10 @@ class Reading:
             shape = targets[name].target
             if shape is not None:
                 options = scale_lengths(shape.options, factor)
-                larger_shape = replace(shape, points=factor * shape.points, options=options)
-                targets[name] = replace(targets[name], target=larger_shape)
+                resized_shape = replace(shape, points=factor * shape.points, options=options)
+                targets[name] = replace(targets[name], target=resized_shape)
 
-        def larger(group: ViewGroup) -> ViewGroup:
+        def resize_group(group: ViewGroup) -> ViewGroup:
             """Resize the target of a group of views."""
             shape = targets[group.target].target
             if shape is None or group.target not in factors:
@@ -288,11 +292,11 @@ class Reading:
             group = _change_views(group, PointMeasurement, lambda views: replace(views, points_in_target=shape.points))
             return group if group.half_turn is None else replace(group, half_turn=half_turn(shape))
 
-        return replace(self.with_seen(larger), cell=replace(self.cell, targets=targets))
+        return replace(self.map_groups(resize_group), cell=replace(self.cell, targets=targets))
 
 
-def as_recorded(cell: Cell, recording: Recording, problem: Problem) -> Reading:
-    """The declared reading.
+def declared_reading(cell: Cell, recording: Recording, problem: Problem) -> Reading:
+    """Pack a cell and its recording as declared.
 
     Args:
         cell: The declared cell.
@@ -309,14 +313,14 @@ def as_recorded(cell: Cell, recording: Recording, problem: Problem) -> Reading:
 def _track(cell: Cell, robot: str, states: list[RobotState | None]) -> Track:
     seen = np.array([state is not None for state in states], dtype=bool)
     rows = np.where(seen, np.cumsum(seen) - 1, 0)
-    having = [state for state in states if state is not None]
-    if not having:
-        nothing = SE3.identity((len(states),))
-        return Track(seen, nothing, None, np.full(len(states), -1, dtype=np.int64), False)
-    found = recorded_states(cell, robot, having)
+    known_states = [state for state in states if state is not None]
+    if not known_states:
+        identity = SE3.identity((len(states),))
+        return Track(seen, identity, None, np.full(len(states), -1, dtype=np.int64), False)
+    found = recorded_states(cell, robot, known_states)
     joints = None if found.joints is None else found.joints[rows]
-    by_pose = all(state.base_from_flange is not None for state in having)
-    return Track(seen, found.base_from_flange[rows], joints, np.where(seen, found.stand[rows], -1), by_pose)
+    has_only_poses = all(state.base_from_flange is not None for state in known_states)
+    return Track(seen, found.base_from_flange[rows], joints, np.where(seen, found.stand[rows], -1), has_only_poses)
 
 
 def _stops(stops: Stops, tracks: Mapping[str, Track]) -> tuple[Stops, dict[str, int]]:
@@ -329,13 +333,13 @@ def _stops(stops: Stops, tracks: Mapping[str, Track]) -> tuple[Stops, dict[str, 
     return Stops(np.array([sigmas[name] for name in names]).reshape(-1, 6), tuple(names)), first
 
 
-def _carry_end(end: End, tracks: Mapping[str, Track], rows: IntArray, first: Mapping[str, int]) -> End:
+def _carry_end(end: End, tracks: Mapping[str, Track], rows: IntArray, first_stops: Mapping[str, int]) -> End:
     """End of views with the states of its robot at these samples, (n,)."""
     if end.robot is None:
         return end
-    of = tracks[end.robot].take(rows)
-    stop = first[end.robot] + of.stand if end.robot in first else np.full(len(rows), -1, dtype=np.int64)
-    return replace(end, base_from_flange=of.pose, joints=of.joints, stand=of.stand, stop=stop)
+    track, first = tracks[end.robot].take(rows), first_stops.get(end.robot)
+    stop = np.full(len(rows), -1, dtype=np.int64) if first is None else first + track.stand
+    return replace(end, base_from_flange=track.pose, joints=track.joints, stand=track.stand, stop=stop)
 
 
 def _change_views(group: ViewGroup, kind: type[M], change: Callable[[M], M]) -> ViewGroup:

@@ -21,11 +21,11 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 
-_MOST_ALTERNATIONS = 6  # alternations of rotations and lengths: two or three suffice for an initial error of a third
-_SETTLED_LOG = 1e-4  # change of the logarithm of the unit at convergence: below any uncertainty of an estimate
-_REWEIGHTED = 20  # rounds of reweighting
+_ALTERNATIONS = 6  # alternations of rotations and lengths: two or three suffice for an initial error of a third
+_CONVERGED_LOG = 1e-4  # change of the logarithm of the unit at convergence: below any uncertainty of an estimate
+_REWEIGHTED_ROUNDS = 20  # rounds of reweighting
 _LEAST_USUAL = 1e-12  # [m] smallest scale of residuals: exact data have no scatter
-_UNDETERMINED = 1e-4  # unexplained share of the column of the unit, below which the unit is not determined
+_LEAST_UNEXPLAINED_SHARE = 1e-4  # unexplained share of the column of the unit, below which the unit is not determined
 
 
 def convert_units(recording: Recording, units_m: Mapping[str, float]) -> Recording:
@@ -72,17 +72,17 @@ def estimate_units(cell: Cell, recording: Recording) -> tuple[dict[str, float], 
         return {}, []
     problem = build_problem(cell, recording)[0]
     units_m = {name: _first_unit(problem, name) for name in names}
-    for _ in range(_MOST_ALTERNATIONS):
+    for _ in range(_ALTERNATIONS):
         problem = build_problem(cell, convert_units(recording, units_m))[0]
         state = first_state(problem, cell, thorough=False)
         factors = {name: _linear_factor(problem, state, name) for name in names}
         units_m = {name: unit * (factors[name] or 1.0) for name, unit in units_m.items()}
-        if all(factor is None or abs(np.log(factor)) < _SETTLED_LOG for factor in factors.values()):
+        if all(factor is None or abs(np.log(factor)) < _CONVERGED_LOG for factor in factors.values()):
             break
-    return units_m, [_refusal(name) for name, factor in factors.items() if factor is None]
+    return units_m, [_undetermined_unit(name) for name, factor in factors.items() if factor is None]
 
 
-def _refusal(name: str) -> Finding:
+def _undetermined_unit(name: str) -> Finding:
     what = f"The length unit of {name}'s poses is not determined, or its poses and the arms' do not agree."
     do = (
         "Record samples between which the camera moves by some decimetres, not only turns.",
@@ -121,36 +121,36 @@ def _linear_factor(problem: Problem, state: State, target: str) -> float | None:
     rows, right = [], []
     for group, poses in _groups(problem, target):
         block, arms = np.zeros((len(group), 3, 3 * len(free))), np.zeros((len(group), 3))
-        to_camera = _add_end(block, arms, group.eye, state, columns, 1)
+        world_from_camera = _add_end(block, arms, group.eye, state, columns, 1)
         _add_end(block, arms, group.hand, state, columns, -1)
         rows.append(np.concatenate([block, arms[:, :, None]], 2).reshape(-1, 3 * len(free) + 1))
-        right.append(-(to_camera @ poses.translation[..., None]).ravel())
+        right.append(-(world_from_camera @ poses.translation[..., None]).ravel())
     if not rows:
         return 1.0
     matrix = np.concatenate(rows)
     shorter = float(_robust_least_squares(matrix, np.concatenate(right))[-1])
-    return 1 / shorter if shorter > 0 and _left_share(matrix) >= _UNDETERMINED else None
+    return 1 / shorter if shorter > 0 and _unexplained_share(matrix) >= _LEAST_UNEXPLAINED_SHARE else None
 
 
 def _add_end(block: Array, constant: Array, end: End, state: State, columns: Mapping[str, int], sign: int) -> Array:
-    """Add one end of a loop to its equations; return the rotations from camera or target to the world, (n, 3, 3)."""
+    """Add one end of a loop to its equations; return the rotations of camera or target in the world, (n, 3, 3)."""
     base = SE3.identity() if end.base is None else state.transforms.get(end.base, SE3.identity())
     mount, flange = state.transforms[end.mount], end.base_from_flange
-    to_flange = np.broadcast_to(base.rotation @ flange.rotation, (len(block), 3, 3))
+    world_from_flange = np.broadcast_to(base.rotation @ flange.rotation, (len(block), 3, 3))
     constant += sign * (base.rotation @ flange.translation[..., None])[..., 0]
-    for name, place, turn in ((end.base or "", base, np.eye(3)), (end.mount, mount, to_flange)):
-        at = columns.get(name)
-        if at is None:
-            constant += sign * (turn @ place.translation)
+    for name, transform, rotation in ((end.base or "", base, np.eye(3)), (end.mount, mount, world_from_flange)):
+        column = columns.get(name)
+        if column is None:
+            constant += sign * (rotation @ transform.translation)
         else:
-            block[:, :, at : at + 3] += sign * turn
-    return to_flange @ mount.rotation
+            block[:, :, column : column + 3] += sign * rotation
+    return world_from_flange @ mount.rotation
 
 
 def _robust_least_squares(matrix: Array, right: Array) -> Array:
     """Least squares with Cauchy weights of 3-D points; the minimum-norm solution if it is not determined."""
     weight, found = np.ones(len(right)), np.zeros(matrix.shape[1])
-    for _ in range(_REWEIGHTED):
+    for _ in range(_REWEIGHTED_ROUNDS):
         weighed = weight[:, None] * matrix
         found = spectrum(weighed.T @ weighed).inverse @ weighed.T @ (weight * right)
         off = np.linalg.norm((matrix @ found - right).reshape(-1, 3), axis=1)
@@ -159,7 +159,7 @@ def _robust_least_squares(matrix: Array, right: Array) -> Array:
     return found
 
 
-def _left_share(matrix: Array) -> float:
+def _unexplained_share(matrix: Array) -> float:
     """Share of the last column's norm that the other columns do not explain."""
     squares = matrix.T @ matrix
     others, across, own = squares[:-1, :-1], squares[:-1, -1], float(squares[-1, -1])

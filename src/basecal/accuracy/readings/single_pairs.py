@@ -15,7 +15,7 @@ from basecal.cell.cell import WORLD
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 
-JOINT_PAIRS = 4
+_MOST_JOINT_ROBOTS = 4
 """Largest number of robots that are checked jointly: two arms and their additional axes; assumed."""
 
 
@@ -41,7 +41,7 @@ class SinglePair:
 
 def has_many_robots(problem: Problem) -> bool:
     """Whether a cell has too many robots to be checked jointly."""
-    return len(problem.robots) > JOINT_PAIRS
+    return len(problem.robots) > _MOST_JOINT_ROBOTS
 
 
 def solve_single_pairs(baseline: Reading, state: State) -> list[SinglePair]:
@@ -61,12 +61,12 @@ def merge_findings(pairs: Sequence[SinglePair], findings: Sequence[Sequence[Find
         pairs: The pairs.
         findings: Findings of each pair.
     """
-    opened = [{name for f in of if f.code == "ambiguous-convention" for name in f.about} for of in findings]
+    ambiguous_names = [{name for f in own if f.code == "ambiguous-convention" for name in f.about} for own in findings]
     kept: dict[tuple[str, tuple[str, ...]], Finding] = {}
-    for pair, of in zip(pairs, findings, strict=True):
-        for finding in of:
+    for pair, own in zip(pairs, findings, strict=True):
+        for finding in own:
             about = pair.robots.intersection(finding.about)
-            others = [names for other, names in zip(pairs, opened, strict=True) if about & other.robots]
+            others = [names for other, names in zip(pairs, ambiguous_names, strict=True) if about & other.robots]
             if finding.code != "ambiguous-convention" or all(about & names for names in others):
                 kept.setdefault((finding.code, finding.about), finding)
     return tuple(kept.values())
@@ -88,18 +88,18 @@ def _solve_pair(baseline: Reading, group: ViewGroup, state: State) -> SinglePair
     if group.eye.robot is not None and group.eye.base is not None and group.hand.base is not None:
         # The pair determines only the pose of the two bases relative to each other.
         bases[group.eye.robot] = Unknown("fixed", state.transforms[group.eye.base])
-    alone = replace(
+    pair_cell = replace(
         cell,
         robots={name: robot for name, robot in cell.robots.items() if name in {*group.robots, cell.reference}},
         bases=bases,
         cameras={group.camera: cell.cameras[group.camera]},
         targets={group.target: cell.targets[group.target]},
     )
-    own = replace(
+    pair_state = replace(
         state,
-        transforms={name: state.transforms[name] for name in alone.transforms if name in state.transforms},
+        transforms={name: state.transforms[name] for name in pair_cell.transforms if name in state.transforms},
         cameras={name: lens for name, lens in state.cameras.items() if name == group.camera},
         stop_errors=state.stop_errors[:0],
-        robots={name: of for name, of in state.robots.items() if name in group.robots},
+        robots={name: errors for name, errors in state.robots.items() if name in group.robots},
     )
-    return SinglePair(baseline.single_group(alone, group), own)
+    return SinglePair(baseline.single_group(pair_cell, group), pair_state)

@@ -48,7 +48,7 @@ def evaluate_recording(cell: Cell, recording: Recording, calibration: Calibratio
         InputError: if the cell contradicts the recording.
     """
     known = known_views(cell, recording, calibration)
-    found = with_noise_of_robots(known.problem, known.state, calibration)
+    found = apply_robot_noise(known.problem, known.state, calibration)
     problem, state = found.problem, found.state
     used = _without_outliers(problem, calibration)
     for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
@@ -58,9 +58,9 @@ def evaluate_recording(cell: Cell, recording: Recording, calibration: Calibratio
 
 def _without_outliers(problem: Problem, calibration: Calibration) -> Problem:
     """Remove the views that are outliers as a whole: they would bias the errors of their stops."""
-    whole = {(each.sample, each.camera, each.target) for each in calibration.outliers or () if not each.ids}
+    outlier_views = {(each.sample, each.camera, each.target) for each in calibration.outliers or () if not each.ids}
     rows = [
-        np.flatnonzero([(number, g.camera, g.target) not in whole for number in g.sample.tolist()])
+        np.flatnonzero([(number, g.camera, g.target) not in outlier_views for number in g.sample.tolist()])
         for g in problem.groups
     ]
     return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
@@ -79,9 +79,9 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> E
     fixed = {name: lens.camera for name, lens in lenses if lens.status == "fixed" and lens.camera is not None}
     cameras = fixed | {name: camera for name, (camera, _) in calibration.cameras.items()}
     transforms = calibration.known_transforms(cell)
-    groups = [with_noise_of(g, calibration) for g in problem.groups if _is_known(g, transforms, cameras)]
+    groups = [with_camera_noise(g, calibration) for g in problem.groups if _is_known(g, transforms, cameras)]
     # Estimated shapes of targets; a shape is left out if the target now has other points.
-    shapes = {name: np.array(of["shape"]) for name, of in calibration.noise.get("targets", {}).items()}
+    shapes = {name: np.array(target["shape"]) for name, target in calibration.noise.get("targets", {}).items()}
     seen = {group.target: points for group in groups if group.target in shapes and len(points := shaped_points(group))}
     sizes = {name: unit_shifts(points).shape[-1] for name, points in seen.items()}
     shapes = {name: shape for name, shape in shapes.items() if sizes.get(name) == len(shape)}
@@ -90,20 +90,20 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> E
     return Evaluation(problem, State(transforms, cameras, no_errors, calibrated_kinematics(cell, calibration)))
 
 
-def with_noise_of_robots(problem: Problem, state: State, calibration: Calibration) -> Evaluation:
+def apply_robot_noise(problem: Problem, state: State, calibration: Calibration) -> Evaluation:
     """Set the robots' noise of a calibration, and choose the point correspondences that agree best with a state.
 
     Stop errors are zero.
     """
     found = calibration.noise.get("robots", {}).items()
-    estimated = {name: of for name, of in found if name in problem.unstated}
-    sigmas = {name: np.array([*of["sigma_t_m"], *of["sigma_r_rad"]]) for name, of in estimated.items()}
+    estimated = {name: noise for name, noise in found if name in problem.unstated}
+    sigmas = {name: np.array([*noise["sigma_t_m"], *noise["sigma_r_rad"]]) for name, noise in estimated.items()}
     problem = with_robot_noise(problem, sigmas)
     state = without_errors(problem, state)
     return Evaluation(choose_correspondence(problem, state)[0], state)
 
 
-def with_noise_of(group: ViewGroup, calibration: Calibration) -> ViewGroup:
+def with_camera_noise(group: ViewGroup, calibration: Calibration) -> ViewGroup:
     """Return a group with the estimated sigmas of its camera."""
     of_camera = calibration.noise.get("cameras", {}).get(group.camera, {})
     known = {field: of_camera.get(field) or calibration.noise.get(field) for field in Noise._fields}

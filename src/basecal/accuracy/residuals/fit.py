@@ -46,7 +46,7 @@ def residuals(solution: Solution, outliers: Problem | None = None) -> Residuals:
     all_px = np.concatenate(pixels)
     closed = np.array([(r.loop_m, r.loop_rad) for r in per_sample if r.loop_m is not None and r.loop_rad is not None])
     loop_m, loop_rad = np.sqrt(np.mean(closed**2, axis=0)) if len(closed) else (None, None)
-    around = loops(solution, per_sample)
+    pair_loops = loops(solution, per_sample)
     for group in outliers.groups if outliers is not None else ():
         per_sample += _group_residuals(solution, group)[0]
     tied = solution.problem.tied
@@ -58,7 +58,7 @@ def residuals(solution: Solution, outliers: Problem | None = None) -> Residuals:
         loop_rms_m=None if loop_m is None else float(loop_m),
         loop_rms_rad=None if loop_rad is None else float(loop_rad),
         per_sample=tuple(sorted(per_sample, key=lambda r: (r.sample, r.camera, r.target))),
-        loops=around,
+        loops=pair_loops,
     )
 
 
@@ -71,11 +71,11 @@ def _group_residuals(solution: Solution, group: ViewGroup) -> tuple[list[SampleR
         count = 2 * group.measurement.seen.sum(1)
         rms = np.sqrt(np.nansum(off_px**2, axis=(1, 2)) / np.maximum(count, 1))
         coordinates = off_px[np.isfinite(off_px)]
-    alone, enough = single_view_pose(solution.state, group, predicted)
+    alone, is_valid = single_view_pose(solution.state, group, predicted)
     as_recorded = replace(solution.state, stop_errors=np.zeros_like(solution.state.stop_errors))
     off = alone.inverse() @ as_recorded.camera_from_target(group, solution.problem.stops)
-    length = np.where(enough, lengths(off.translation), np.nan)
-    angle = np.where(enough, lengths(off.rotvec), np.nan)
+    length = np.where(is_valid, lengths(off.translation), np.nan)
+    angle = np.where(is_valid, lengths(off.rotvec), np.nan)
     of_views = [
         SampleResidual(int(number), group.camera, group.target, *fit)
         for number, *fit in zip(
@@ -101,9 +101,9 @@ def single_view_pose(state: State, group: ViewGroup, camera_from_target: SE3) ->
     if dimension(points) < 2:
         return camera_from_target, ~everywhere
     if isinstance(measurement, PointMeasurement):
-        enough = measurement.seen.sum(1) >= FEWEST_3D_POINTS
-        weight = np.where(enough[:, None], measurement.weight, 1.0) ** 2
-        return umeyama(points, measurement.points_in_camera, weight), enough
+        is_valid = measurement.seen.sum(1) >= FEWEST_3D_POINTS
+        weight = np.where(is_valid[:, None], measurement.weight, 1.0) ** 2
+        return umeyama(points, measurement.points_in_camera, weight), is_valid
     camera = state.cameras[group.camera]
     alone = refine_poses(measurement, camera_from_target, camera).camera_from_target
     return alone, measurement.seen.sum(1) >= FEWEST_POINTS
@@ -162,19 +162,19 @@ def _ring_loops(solution: Solution) -> list[Loop]:
     """One loop for each pair of camera and target that is not part of a spanning tree over the bases."""
     if len(solution.problem.groups) < 2:
         return []
-    way: dict[str, list[_Relation]] = {f"{solution.problem.reference}_base": []}
+    paths: dict[str, list[_Relation]] = {f"{solution.problem.reference}_base": []}
     waiting, found = _relations(solution), []
     while waiting:
-        relation = next((r for r in waiting if r.start in way or r.end in way), None)
+        relation = next((r for r in waiting if r.start in paths or r.end in paths), None)
         if relation is None:
             break
         waiting.remove(relation)
-        forward = relation if relation.start in way else relation.reverse()
-        if forward.end in way:
-            back = [step.reverse() for step in reversed(way[forward.end])]
-            found.append(_close_loop([*way[forward.start], forward, *back]))
+        forward = relation if relation.start in paths else relation.reverse()
+        if forward.end in paths:
+            back = [step.reverse() for step in reversed(paths[forward.end])]
+            found.append(_close_loop([*paths[forward.start], forward, *back]))
         else:
-            way[forward.end] = [*way[forward.start], forward]
+            paths[forward.end] = [*paths[forward.start], forward]
     return found
 
 
@@ -182,15 +182,15 @@ def _close_loop(steps: Sequence[_Relation]) -> Loop:
     """Chain relations to a loop; a relation at the start that is reversed at the end is left out."""
     while len(steps) > 2 and steps[0].path == steps[-1].path[::-1]:
         steps = steps[1:-1]
-    around = SE3.identity()
+    closure = SE3.identity()
     for step in steps:
-        around = around @ step.start_from_end
+        closure = closure @ step.start_from_end
     path = (*steps[0].path, *(name for step in steps[1:] for name in step.path[1:]))
-    off = around.log()
+    off = closure.log()
     return Loop(
         path,
         sum(step.views for step in steps),
-        float(np.linalg.norm(around.translation)),
+        float(np.linalg.norm(closure.translation)),
         float(np.linalg.norm(off[3:])),
     )
 

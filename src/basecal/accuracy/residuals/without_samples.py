@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.residuals.evaluation import known_views, with_noise_of, with_noise_of_robots
+from basecal.accuracy.residuals.evaluation import apply_robot_noise, known_views, with_camera_noise
 from basecal.accuracy.residuals.fit import residuals
 from basecal.cell import Calibration, Cell, Recording, Residuals
 from basecal.errors import InputError
@@ -55,15 +55,15 @@ def without_samples(
         known = {name: calibration[name] for name in cell.requested_transforms if name in calibration.transforms}
         return WithoutSamples(known, calibration.residuals, True)
     kept = Recording(tuple(s for s in recording.samples if s.sample not in exclusions))
-    solution, whole = (_solve_again(cell, each, calibration) for each in (kept, recording))
-    seen = {n: solution.transforms[n] for n in cell.requested_transforms if n in _observable_names(solution)}
-    for name in seen.keys() & calibration.transforms.keys() & _observable_names(whole):
-        before, answer = whole.transforms[name], calibration[name]
-        mean = answer.mean @ before.mean.inverse() @ seen[name].mean
-        seen[name] = replace(
-            answer, mean=mean, covariance=answer.covariance + seen[name].covariance - before.covariance
+    solution, complete = (_solve_again(cell, each, calibration) for each in (kept, recording))
+    transforms = {n: solution.transforms[n] for n in cell.requested_transforms if n in _observable_names(solution)}
+    for name in transforms.keys() & calibration.transforms.keys() & _observable_names(complete):
+        with_all, answer = complete.transforms[name], calibration[name]
+        mean = answer.mean @ with_all.mean.inverse() @ transforms[name].mean
+        transforms[name] = replace(
+            answer, mean=mean, covariance=answer.covariance + transforms[name].covariance - with_all.covariance
         )
-    return WithoutSamples(seen, residuals(solution), solution.converged)
+    return WithoutSamples(transforms, residuals(solution), solution.converged)
 
 
 def _observable_names(solution: Solution) -> set[str]:
@@ -79,8 +79,8 @@ def _solve_again(cell: Cell, recording: Recording, calibration: Calibration) -> 
         raise InputError("no sample is left: exclude fewer samples, or choose a run with estimated transforms")
     problem, _ = build_problem(cell, recording)
     views = {(group.camera, group.target) for group in known.problem.groups}
-    groups = [with_noise_of(g, calibration) for g in problem.groups if (g.camera, g.target) in views]
+    groups = [with_camera_noise(g, calibration) for g in problem.groups if (g.camera, g.target) in views]
     transforms = {name: unknown.mean for name, unknown in problem.unknowns.items() if unknown.mean is not None}
     start = State({**transforms, **known.state.transforms}, known.state.cameras, np.zeros((0, 6)), known.state.robots)
-    found = with_noise_of_robots(problem.with_groups(groups), start, calibration)
+    found = apply_robot_noise(problem.with_groups(groups), start, calibration)
     return solve_from(replace(found.problem, held=True), found.state, STATED)

@@ -16,7 +16,7 @@ from basecal.accuracy.covariance.widening import curved_covariance
 from basecal.accuracy.held_gauges import held_gauges
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.phrases.null_space import describe_null_space
-from basecal.accuracy.phrases.outlier import described_outlier
+from basecal.accuracy.phrases.outlier import outlier_entry
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.task.task_error import add_task_error
@@ -53,7 +53,7 @@ def _calibration(case: Case) -> Calibration:
         residuals=case.evidence.residuals,
         condition=solution.observability.condition if np.isfinite(solution.observability.condition) else None,
         unobservable=tuple(map(describe_null_space, solution.observability.null_space)),
-        outliers=tuple(described_outlier(outlier, images) for outlier in case.robust.outliers),
+        outliers=tuple(outlier_entry(outlier, images) for outlier in case.robust.outliers),
         validation=None if validated is None else validated.summary,
         certificate=case.certificate,
         findings=case.findings,

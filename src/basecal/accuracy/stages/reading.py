@@ -77,8 +77,8 @@ def pack_problem(case: Case) -> Case:
 
 def check_input(case: Case) -> Case:
     """Refuse insufficient input, and report suspicious input."""
-    images = count_searchable_images(case.cell, case.recording)
-    given = Input(case.problem, case.findings, on_paths=case.clocked is not None, images=images)
+    image_count = count_searchable_images(case.cell, case.recording)
+    given = Input(case.problem, case.findings, on_paths=case.clocked is not None, image_count=image_count)
     case = case.with_findings(finding for check in INPUT_CHECKS for finding in check(given))
     return case.refuse() if case.is_refused else case
 

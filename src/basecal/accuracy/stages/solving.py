@@ -9,7 +9,7 @@ import numpy as np
 from basecal.accuracy.findings.outlier_samples import agreement_findings
 from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
 from basecal.accuracy.input_check.conventions import check_conventions
-from basecal.accuracy.input_check.unexplained_motion import explaining_offsets, hopeless, is_hopeless
+from basecal.accuracy.input_check.unexplained_motion import hopeless_finding, is_hopeless, joint_offset_findings
 from basecal.accuracy.phrases.changed_frame import changed_frame
 from basecal.accuracy.stages.case import Case
 from basecal.cell import Finding
@@ -97,7 +97,7 @@ def refuse_unexplained_poses(case: Case) -> Case:
     last = case.solution
     why = (
         unobservable_by_poses(case.cell, case.problem)
-        or explaining_offsets(last.problem, last.state, case.stated_settings)
+        or joint_offset_findings(last.problem, last.state, case.stated_settings)
         or _disagreement(case)
     )
     return case.refuse([*why, *(finding for finding in case.findings if finding.code != why[0].code)])
@@ -110,4 +110,4 @@ def _disagreement(case: Case) -> list[Finding]:
     agreement = agreement_findings(case.robust, changed)
     if changed is not None:
         return [replace(each, severity="error") for each in agreement]
-    return [hopeless(last.problem, last.state), *agreement]
+    return [hopeless_finding(last.problem, last.state), *agreement]

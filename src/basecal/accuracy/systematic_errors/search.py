@@ -14,12 +14,12 @@ import numpy as np
 
 from basecal.accuracy.covariance.widening import state_step
 from basecal.accuracy.model_comparison.nested_models import (
-    DISAGREES,
-    FALSE_DISCOVERIES,
-    SUSPECTED,
+    DISAGREEMENT_LEVEL,
+    FALSE_DISCOVERY_RATE,
+    SUSPECTED_LEVEL,
     compare_evidence,
     discoveries,
-    largest_share,
+    largest_posterior,
     log_chance,
 )
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
@@ -113,7 +113,7 @@ def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: S
     costs = [chance - COST * each.several for chance, each in zip(chances, suspects, strict=True)]
     are_held = [situation.is_held_in_time(each.effect) for each in suspects]
     k = min(range(len(costs)), key=lambda i: (not are_certain[i], are_held[i] and not are_certain[i], costs[i]))
-    return suspects[k], largest_share(beside[k] + np.log(suspects[k].family)), bool(are_certain[k])
+    return suspects[k], largest_posterior(beside[k] + np.log(suspects[k].family)), bool(are_certain[k])
 
 
 def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffect | None:
@@ -149,7 +149,7 @@ def _confirm_first(solution: Solution, situation: Situation, suspects: Sequence[
         return None
     gain = _gain(situation, suspect, solution)
     (is_certain,) = _discovery_mask(
-        [suspect], [suspect.log_chance_beside_places(gain, _log_chance(situation, suspect, gain))], DISAGREES
+        [suspect], [suspect.log_chance_beside_places(gain, _log_chance(situation, suspect, gain))], DISAGREEMENT_LEVEL
     )
     alternatives = _alternatives(situation, suspect, suspects)
     return replace(_to_first_order(situation, suspect), is_certain=bool(is_certain), alternatives=alternatives)
@@ -175,7 +175,7 @@ def _reconciling_effect(
 
 
 def _discovery_mask(
-    suspects: Sequence[Suspect], log_chances: Sequence[float], share: float = FALSE_DISCOVERIES
+    suspects: Sequence[Suspect], log_chances: Sequence[float], share: float = FALSE_DISCOVERY_RATE
 ) -> BoolArray:
     """Mask of certain suspects, (n,), from their log p-values; `share` is the accepted share of false discoveries."""
     return discoveries(log_chances, max((suspect.family for suspect in suspects), default=1), share)
@@ -222,14 +222,14 @@ def _suspects(situation: Situation) -> list[Suspect]:
         chances = screened = scores.log_chance
         if null is not situation.linearisation:
             screened = np.minimum(chances, score(situation.linearisation, kind, largest).log_chance)
-        for b in map(int, np.flatnonzero(screened < np.log(SUSPECTED))):
+        for b in map(int, np.flatnonzero(screened < np.log(SUSPECTED_LEVEL))):
             found = int(scores.freedoms[b]), float(scores.statistic[b]), float(chances[b]), float(screened[b])
             unlikely.append(Suspect(name, kind.single(b), scores.size[b], *found, 0.0))
     likeliest: dict[tuple[str, str], tuple[float, Suspect]] = {}
     for suspect in unlikely:
         code, (name, *_) = suspect.candidate.code, suspect.candidate.about
         several = float(np.log(tests[code]))
-        if suspect.screened + several >= np.log(SUSPECTED):
+        if suspect.screened + several >= np.log(SUSPECTED_LEVEL):
             continue
         rank = suspect.log_chance + COST * several
         if (code, name) not in likeliest or rank < likeliest[code, name][0]:
@@ -238,7 +238,9 @@ def _suspects(situation: Situation) -> list[Suspect]:
     ranked = sorted(likeliest.values(), key=lambda each: round(each[0], _RANK_DIGITS))
     beside = [_with_scatter(situation, suspect) for _, suspect in ranked]
     return [
-        suspect for suspect in beside if suspect.log_chance_beside_places(0.0, suspect.screened) < np.log(SUSPECTED)
+        suspect
+        for suspect in beside
+        if suspect.log_chance_beside_places(0.0, suspect.screened) < np.log(SUSPECTED_LEVEL)
     ]
 
 
@@ -264,11 +266,11 @@ def _alternatives(situation: Situation, suspect: Suspect, suspects: Sequence[Sus
     """Effects that the data do not distinguish from a suspect: if one is included, the suspect is not significant."""
     same = suspect.effect, suspect.candidate.about
     others = [each for each in suspects if (each.effect, each.candidate.about) != same]
-    likely = [each for each in others if each.rank < suspect.rank - np.log(SUSPECTED)]
+    likely = [each for each in others if each.rank < suspect.rank - np.log(SUSPECTED_LEVEL)]
     return tuple(
         _to_first_order(situation, each)
         for each in likely
-        if log_chance(*_remaining_chi_square(situation, suspect, each)) + suspect.several > np.log(SUSPECTED)
+        if log_chance(*_remaining_chi_square(situation, suspect, each)) + suspect.several > np.log(SUSPECTED_LEVEL)
     )
 
 

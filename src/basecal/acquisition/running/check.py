@@ -14,7 +14,7 @@ import numpy as np
 
 from basecal.accuracy.drift.disagreement import Disagreement, disagreement
 from basecal.accuracy.drift.shifts import SIZE_KIND, Shift
-from basecal.accuracy.model_comparison.nested_models import CONFIRMED
+from basecal.accuracy.model_comparison.nested_models import CONFIRMED_LEVEL
 from basecal.acquisition.running.estimate import RunningEstimate, running_estimate
 from basecal.cell import Cell, Recording, Sample
 from basecal.effects.faces.effect import FoundEffect
@@ -71,7 +71,7 @@ class RunningCheck:
     def _compare(self, sample: Sample) -> tuple[Doubt, ...]:
         """Test a sample against the estimate before it; add it to the agreeing samples, or hold it back."""
         alone = self._disagreement(self.estimate, [sample])
-        if alone is None or alone.chance > CONFIRMED:
+        if alone is None or alone.chance > CONFIRMED_LEVEL:
             odd_samples, self._pending = self._pending, []
             self._agreeing.append(sample)
             return (*map(_odd_sample, odd_samples), *self._test_window())
@@ -96,7 +96,7 @@ class RunningCheck:
             return ()
         recent = self._agreeing[-_WINDOW_SAMPLES:]
         found = self._disagreement(self._earlier_estimates[1 - _WINDOW_SAMPLES], recent)
-        if found is None or found.chance > CONFIRMED or found.chance_left < _EXPLAINED:
+        if found is None or found.chance > CONFIRMED_LEVEL or found.chance_left < _EXPLAINED:
             return ()
         return self._report_move(recent[0].sample, found)
 
