@@ -280,7 +280,9 @@ def _take_samples(
     from basecal.acquisition.capture import capture_by_hand
 
     steps: list[Step] = []
-    taking = captured(taker, plan, replanner) if guided_count is None else capture_by_hand(taker, guided_count, view.key)
+    taking = (
+        captured(taker, plan, replanner) if guided_count is None else capture_by_hand(taker, guided_count, view.key)
+    )
     for step in taking:
         steps.append(step)
         view.note(step)

@@ -70,10 +70,8 @@ def find_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
         place.name: (kind, place) for kind, place in openers(read_cell(check.device), Path(check.device))
     }
     if check.name not in openers_by_name:
-        known = ", ".join(openers_by_name) or "none"
-        raise UsageError(
-            f"no robot or camera {check.name!r} with a driver{spelling_hint(check.name, openers_by_name)}; there are: {known}"
-        )
+        hint, known = spelling_hint(check.name, openers_by_name), ", ".join(openers_by_name) or "none"
+        raise UsageError(f"no robot or camera {check.name!r} with a driver{hint}; there are: {known}")
     kind, place = openers_by_name[check.name]
     return kind, replace(place, allow_plaintext=check.allow_plaintext)
 

@@ -75,9 +75,8 @@ class ArmProcess:
         self._read_s = self._changed_s = self._supervisor_s = self._heartbeat_s = now
         self._values: Array | None = None
         self._path: tuple[Array | None, Array | None] = None, None
-        self._motion_lock = (
-            threading.Lock()
-        )  # for goal and path: an arrival must not end a motion that starts at the same time
+        # For goal and path: an arrival must not end a motion that starts at the same time.
+        self._motion_lock = threading.Lock()
         self._must_stop = self._is_over = False
         self._patience_s = REST_STALE_MARGIN_S + RECONNECT_S
 
