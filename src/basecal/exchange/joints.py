@@ -88,7 +88,7 @@ def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialC
         return
     row, joint = np.argwhere(outside)[0]
     line, name = table.rows[row].line, chain.joint_names[joint]
-    there = f"{joints[row, joint]:.4g} rad, its limits are {chain.lower[joint]:.4g} to {chain.upper[joint]:.4g}"
+    there = f"{joints[row, joint]:.4g} rad, {_limit_text(chain, joint)}"
     turned, backwards = values * _DEGREE, joints[:, ::-1]
     if not in_degrees and np.abs(values).max() > _UNLIMITED_RAD and ((turned >= lower) & (turned <= upper)).all():
         hint = "give --deg, they look like degrees"
@@ -97,6 +97,13 @@ def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialC
     else:
         hint = "check the order of the joints, and that the URDF is this robot's"
     raise DatasetError(table.path, f"is at {there}: {hint}", line, name)
+
+
+def _limit_text(chain: SerialChain, joint: int) -> str:
+    lower, upper = chain.lower[joint], chain.upper[joint]
+    if np.isfinite(lower) and np.isfinite(upper):
+        return f"its limits are {lower:.4g} to {upper:.4g}"
+    return f"without limits it may turn by {_UNLIMITED_RAD:.4g} either way"
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -188,10 +188,10 @@ def _check_times(parts: Sequence[Part]) -> None:
         if stamps:
             spans.append((min(stamps), max(stamps), is_stream, part.folder))
     spans.sort(key=lambda span: span[0])
-    for (_, end, is_stream, folder), (start, _, is_stream_too, other) in pairwise(spans):
-        if start <= end and (is_stream or is_stream_too):
+    for (_, end, is_stream, folder), (start, other_end, is_other_stream, other) in combinations(spans, 2):
+        if start <= end and (is_stream or is_other_stream):
             raise InputError(
-                f"{folder} and {other} overlap in time ({start:g} to {end:g} s). Their robots and "
+                f"{folder} and {other} overlap in time ({start:g} to {min(end, other_end):g} s). Their robots and "
                 "images are on separate lines, which are joined by time: shift the times of one of them"
             )
 

@@ -69,6 +69,14 @@ def test_by_time() -> None:
         pair(rows(Row(stamp_s=1e9)), TIMED, {})
 
 
+def test_samples_without_a_time_are_left_out() -> None:
+    """Rows paired by time belong to the samples that have one; without any the message says so."""
+    paired = pair(rows(Row(stamp_s=11.0), Row(stamp_s=12.0), by="stamp_s"), [Sample(7), *TIMED], {})
+    assert (paired.numbers, paired.unpaired_samples) == ((1, 2), (7, 0))
+    with pytest.raises(InputError, match="no recorded sample has a time to pair by"):
+        pair(rows(Row(stamp_s=11.0), by="stamp_s"), [Sample(7)], {})
+
+
 def test_a_sample_twice_is_an_error() -> None:
     """Two rows of one sample are named."""
     with pytest.raises(InputError, match=r"two rows belong to sample 1 \(IMG_1.png, IMG_1\)"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from basecal.exchange.exports.cameras import exported_camera
 from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform
 from basecal.geometry import Array
+from basecal.geometry.lenses import fisheye
 
 
 def export_text(request: Wanted) -> str:
@@ -19,6 +20,7 @@ def export_text(request: Wanted) -> str:
             lines += [f"image_width: {camera.size_px[0]}", f"image_height: {camera.size_px[1]}"]
         lines += _matrix("camera_matrix", camera.matrix)
         lines += _matrix("distortion_coefficients", camera.distortion[None])
+        lines += ["fisheye_model: 1"] if camera.model == fisheye.MODEL else []
     for one in request.transforms:
         mean = one.estimate.mean
         matrices = {

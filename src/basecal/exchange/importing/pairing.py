@@ -201,20 +201,31 @@ def _pair_by_order(imports: Imported, samples: Sequence[Sample]) -> list[int | N
 
 
 def _pair_by_time(rows: Sequence[Row], samples: Sequence[Sample]) -> list[int | None]:
-    """Sample numbers of rows by time: mutual nearest neighbours within LARGEST_DIFFERENCE_S; None otherwise."""
-    times = np.array([sample.stamp_s for sample in samples], dtype=np.float64)
-    found: list[int | None] = [None] * len(rows)
-    of_rows = np.array([row.stamp_s for row in rows], dtype=np.float64)
-    for i, stamp in enumerate(of_rows):
-        k = int(np.argmin(np.abs(times - stamp)))
-        if abs(times[k] - stamp) <= LARGEST_DIFFERENCE_S and i == int(np.argmin(np.abs(of_rows - times[k]))):
-            found[i] = samples[k].sample
-    if not any(number is not None for number in found):
-        spans = f"{of_rows.min():g} to {of_rows.max():g} s, the samples' from {times.min():g} to {times.max():g} s"
+    """Sample numbers of rows by time: mutual nearest neighbours within LARGEST_DIFFERENCE_S; None otherwise.
+
+    Raises:
+        InputError: if no sample has a time, or none is near a row's.
+    """
+    timed = [sample for sample in samples if sample.stamp_s is not None]
+    if not timed:
+        raise InputError("no recorded sample has a time to pair by: omit `--by time` to pair in order")
+    sample_times = np.array([sample.stamp_s for sample in timed], dtype=np.float64)
+    row_times = np.array([row.stamp_s for row in rows], dtype=np.float64)
+    numbers: list[int | None] = [None] * len(rows)
+    for i, row_time in enumerate(row_times):
+        k = int(np.argmin(np.abs(sample_times - row_time)))
+        is_mutual = i == int(np.argmin(np.abs(row_times - sample_times[k])))
+        if is_mutual and abs(sample_times[k] - row_time) <= LARGEST_DIFFERENCE_S:
+            numbers[i] = timed[k].sample
+    if not any(number is not None for number in numbers):
+        spans = (
+            f"{row_times.min():g} to {row_times.max():g} s, "
+            f"the samples' from {sample_times.min():g} to {sample_times.max():g} s"
+        )
         raise InputError(
             f"no time of a row is within {LARGEST_DIFFERENCE_S} s of a sample's: the rows' are from {spans}"
         )
-    return found
+    return numbers
 
 
 def _check_unique(imports: Imported, numbers: Sequence[int | None]) -> None:

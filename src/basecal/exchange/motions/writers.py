@@ -14,7 +14,10 @@ _ACCELERATION = 0.5  # [rad/s^2], a third of the arms' default
 
 
 def write_table(way: Way) -> str:
-    """Format a path as CSV with a header: per sample the joints [rad], if known, and flange pose of each robot."""
+    """Format a path as CSV with a header: the joints [rad] and the flange pose of each robot per sample.
+
+    Joints are left out for a robot that has some samples without them.
+    """
     head = ["sample"]
     for name in way.robots:
         joints = way.joint_names(name) if way.has_joints(name) else ()
@@ -23,7 +26,7 @@ def write_table(way: Way) -> str:
     for sample in way.samples:
         row = [str(sample.sample)]
         for name in way.robots:
-            joints_rad = sample.robots[name].joints_rad
+            joints_rad = sample.robots[name].joints_rad if way.has_joints(name) else None
             pose = way.pose(name, sample)
             numbers = [*(() if joints_rad is None else joints_rad), *pose.translation, *pose.quaternion]
             row += [f"{float(number):.9g}" for number in numbers]
