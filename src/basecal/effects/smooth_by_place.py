@@ -17,8 +17,8 @@ from basecal.geometry import SE3, Array
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
     """Errors along each axis of the base at poses, (n,), by modes of recorded poses, (m,)."""
-    found = smooth.Modes.strongest(recorded_poses, kernel).sizes(poses)
-    return SharedErrors.repeat_coordinates(found).rotate_to(poses) if found.shape[1] else None
+    modes = smooth.Modes.strongest(recorded_poses, kernel).values(poses)
+    return SharedErrors.repeat_coordinates(modes).rotate_to(poses) if modes.shape[1] else None
 
 
 def kernel(first: SE3, second: SE3) -> Array:

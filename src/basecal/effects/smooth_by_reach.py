@@ -20,10 +20,10 @@ from basecal.geometry import SE3, Array
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
     """Errors along the axes of the arm at poses, (n,), by modes of recorded poses, (m,), and by its bend."""
-    found = smooth.Modes.strongest(recorded_poses, kernel).sizes(poses)
-    if not found.shape[1]:
+    modes = smooth.Modes.strongest(recorded_poses, kernel).values(poses)
+    if not modes.shape[1]:
         return None
-    shared = SharedErrors.repeat_coordinates(found).rotate_to(poses, _arm_axes(poses))
+    shared = SharedErrors.repeat_coordinates(modes).rotate_to(poses, _arm_axes(poses))
     by_stop = np.concatenate([shared.by_stop, turns_by_reach(poses)[..., 2:]], axis=-1)
     return SharedErrors(by_stop, np.append(shared.is_turn, True))
 

@@ -32,7 +32,7 @@ def describe_direction(direction: NullDirection) -> str:
         case "lens":
             return f"the intrinsics of {main}"
         case "robot parameters":
-            one = ROBOT_PARAMETERS[direction.parameters].one
+            one = ROBOT_PARAMETERS[direction.parameters].singular
             if direction.joint is None:
                 return f"{one} of {direction.robot}"
             return f"{one} of joint {direction.joint + 1} of {direction.robot} ({direction.joint_name})"
