@@ -93,7 +93,7 @@ class CameraSource:
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class BagSources:
     """Selected sources of a bag: robots and cameras by name, views of targets by camera and target."""
 
     robots: Mapping[str, ByFrames | ByPoses | ByJoints] = field(default_factory=dict)
@@ -112,7 +112,7 @@ class Taken:
 
 
 @dataclass(frozen=True)
-class Asked:
+class BagRequest:
     """Sources of a bag requested by the user; empty fields are found automatically.
 
     Attributes:
