@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.exchange.exporters.opencv import export_text
-from basecal.exchange.exports.exporter import Wanted
+from basecal.exchange.exports.exporter import ExportRequest
 from basecal.exchange.importers.opencv import read_opencv_lens
 from basecal.geometry import Camera
 from export_example import BASE, CALIBRATION, all_poses, wanted
@@ -36,7 +36,7 @@ def test_opencv_projects_with_the_lens():
     """As the camera itself does, to 1e-9 px."""
     lens = Camera("pinhole", np.array([800, 801, 320, 240, -0.1, 0.01, 1e-3, -1e-3, 0.02]), (640, 480))
     file = storage(
-        export_text(Wanted((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(9))}), camera="wrist"))
+        export_text(ExportRequest((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(9))}), camera="wrist"))
     )
     assert (file.getNode("image_width").real(), file.getNode("image_height").real()) == (640, 480)
     points = np.random.default_rng(0).uniform([-0.3, -0.2, 1], [0.3, 0.2, 2], (20, 3))
@@ -51,7 +51,7 @@ def test_a_lens_keeps_its_model(tmp_path, model):
     lens = Camera(model, np.array([800, 801, 320, 240, -0.1, 0.01, 1e-3, -1e-3]), (640, 480))
     path = tmp_path / "lens.yml"
     path.write_text(
-        export_text(Wanted((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(8))}), camera="wrist"))
+        export_text(ExportRequest((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(8))}), camera="wrist"))
     )
     found = read_opencv_lens(path).camera
     assert found.model == model
