@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, list_names
-from basecal.exchange.fields import written_number
+from basecal.exchange.fields import parse_float
 from basecal.exchange.workbook import workbook_text
 from basecal.fields.problems import shorten
 from basecal.geometry import Array
@@ -125,7 +125,7 @@ def _numbers(path: str, line: int, row: Sequence[str], header: Sequence[str]) ->
     numbers = []
     for cell, name in zip(row, header, strict=True):
         try:
-            numbers.append(written_number(cell))
+            numbers.append(parse_float(cell))
         except ValueError:
             raise DatasetError(path, f"{shorten(cell)} is not a number", line, name) from None
         if not abs(numbers[-1]) <= _LARGEST:

@@ -18,7 +18,7 @@ from basecal.geometry import SE3
 _END = re.compile(r"(\n(---|\.\.\.)[ \t]*)+\s*\Z")  # ROS prints a separator after every message
 
 
-def written_number(text: str) -> float:
+def parse_float(text: str) -> float:
     """Parse a number without Python's underscore notation, such as 1_0 for 10.
 
     Raises:

@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.columns import MOST_POSES, read_table_text
-from basecal.exchange.fields import written_number
+from basecal.exchange.fields import parse_float
 from basecal.exchange.npz import read_arrays
 from basecal.fields.problems import shorten
 from basecal.fields.values import LARGEST_VALUE
@@ -76,7 +76,7 @@ def _from_text(path: str) -> tuple[Array, Sequence[int]]:
                 path, f"{len(words)} numbers, expected rows of 4: 4x4 matrices one below the other", number
             )
         try:
-            values.extend([written_number(word) for word in words])
+            values.extend([parse_float(word) for word in words])
         except ValueError:
             raise DatasetError(path, f"not a row of numbers: {shorten(' '.join(words))}", number) from None
         lines.append(number)

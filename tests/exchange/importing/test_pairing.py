@@ -10,7 +10,7 @@ import pytest
 
 from basecal.cell import PoseObservation, RobotState, Sample
 from basecal.errors import InputError
-from basecal.exchange.importing.imported import By, Imported, Row
+from basecal.exchange.importing.imported import Imported, PairingMethod, Row
 from basecal.exchange.importing.pairing import _pairing_method, is_same_state, pair, plain_name
 from basecal.geometry import SE3
 
@@ -18,7 +18,7 @@ TIMED = [Sample(n, 10.0 + n) for n in (0, 1, 2)]
 IMAGES = [Sample(n, None, {}, (), {"cam": f"recording/images/cam/IMG_{n}.png"}) for n in (0, 1, 2)]
 
 
-def rows(*each: Row, by: By | None = None) -> Imported:
+def rows(*each: Row, by: PairingMethod | None = None) -> Imported:
     return Imported("table.csv", "rows", each, by=by)
 
 

@@ -11,7 +11,7 @@ from basecal.cell.schema.cell_schema import is_frame_name
 from basecal.exchange.bags.sources import BagRequest, BagSources, ByFrames, ByJoints
 from basecal.exchange.bags.survey import Survey, plain_frame
 from basecal.exchange.fields import Field
-from basecal.exchange.importing.imported import KnownCell, NoCell, Sight, sight_entry
+from basecal.exchange.importing.imported import KnownCell, NoCell, ViewNames, view_entry
 from basecal.exchange.importing.lens import StatedLens, camera_entry
 from basecal.exchange.lens_files.camera_info import camera_info_lens
 
@@ -60,7 +60,7 @@ def bag_entry(
         data["cameras"][name] = {"on": camera.on, "mount": {"status": "free"}, **size, **lens, **frame}
     for eye, target in sources.views:
         on = data["cameras"].get(eye, {}).get("on", request.on.get(eye))
-        added = sight_entry(cell, Sight(eye, target, on, request.on.get(target)))
+        added = view_entry(cell, ViewNames(eye, target, on, request.on.get(target)))
         data["robots"] |= {name: {} for name in added["robots"] if name not in data["robots"]}
         data["cameras"] = {**added["cameras"], **data["cameras"]}
         data["targets"] |= added["targets"]

@@ -17,8 +17,8 @@ from basecal.exchange.bags.survey import Survey, survey_bag
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.exchange.images import image_size
 from basecal.exchange.importing.cell_files import scratch_folder
-from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
-from basecal.exchange.importing.imported import Imported, KnownCell, Sight, known_cell
+from basecal.exchange.importing.described_target import UNSTATED_SHAPE, Shape, target_entry
+from basecal.exchange.importing.imported import Imported, KnownCell, ViewNames, known_cell
 from basecal.fields.typed_length import parse_name_options
 
 Progress = Callable[[int, int], None]
@@ -39,7 +39,7 @@ def read_bag(
     target: TargetKindName | None = None,
     target_on: str | None = None,
     target_name: str = "board",
-    shape: Shape = UNSAID,
+    shape: Shape = UNSTATED_SHAPE,
     progress: Progress | None = None,
 ) -> Imported:
     """Import a ROS 1 (.bag) or ROS 2 (sqlite3, MCAP) bag as a recording.
@@ -129,7 +129,7 @@ def _with_target(
     """A copy with an entry for the target in the images, if one is described."""
     carriers = {name: camera.get("on") for name, camera in source.cell.get("cameras", {}).items()}
     camera = next(iter(carriers), "")
-    entries = target_entry(folder, kind, shape, Sight(camera, name, carriers.get(camera), carrier))
+    entries = target_entry(folder, kind, shape, ViewNames(camera, name, carriers.get(camera), carrier))
     sections = {key: {**source.cell.get(key, {}), **entry} for key, entry in entries.items() if key == "targets"}
     return replace(source, cell={**source.cell, **sections})
 

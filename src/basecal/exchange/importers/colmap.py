@@ -19,9 +19,17 @@ import numpy as np
 from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, InputError, UsageError, list_names
 from basecal.exchange.columns import read_table_text
-from basecal.exchange.fields import Field, written_number
+from basecal.exchange.fields import Field, parse_float
 from basecal.exchange.images import natural_order, read_time
-from basecal.exchange.importing.imported import Imported, Row, Sight, choose_name, known_cell, seen_rows, sight_entry
+from basecal.exchange.importing.imported import (
+    Imported,
+    Row,
+    ViewNames,
+    add_target_poses,
+    choose_name,
+    known_cell,
+    view_entry,
+)
 from basecal.exchange.importing.lens import LensStatus, lens_of_file
 from basecal.exchange.importing.pairing import plain_name
 from basecal.exchange.lens_files.colmap import read_colmap_lenses, reconstruction_file
@@ -90,8 +98,8 @@ def read_colmap(
     """
     if target is not None:
         known = known_cell(cell)
-        sight = Sight(choose_name("camera", camera, known.cameras), target, on, target_on)
-        return _poses(cell, str(file), camera_id, images, sight, streams)
+        names = ViewNames(choose_name("camera", camera, known.cameras), target, on, target_on)
+        return _poses(cell, str(file), camera_id, images, names, streams)
     if streams:
         raise UsageError("--streams needs poses: add --target NAME")
     lenses = read_colmap_lenses(file)
@@ -102,18 +110,18 @@ def read_colmap(
 
 
 def _poses(
-    folder: str | Path, file: str, camera_id: int | None, pattern: str, sight: Sight, is_stream: bool
+    folder: str | Path, file: str, camera_id: int | None, pattern: str, names: ViewNames, is_stream: bool
 ) -> Imported:
     """Import the poses of the reconstruction in the frames of a camera's images."""
     cell, images = known_cell(folder), _select_images(file, camera_id, pattern)
-    entry = sight_entry(cell, sight)
-    if sight.target not in cell.targets:
-        entry["targets"][sight.target]["scale"] = "free"
+    entry = view_entry(cell, names)
+    if names.target not in cell.targets:
+        entry["targets"][names.target]["scale"] = "free"
     rows = tuple(Row(stamp_s=read_time(Path(image.name))) if is_stream else Row(image=image.name) for image in images)
     poses = SE3.stack([image.camera_from_world for image in images])
-    what = f"{len(images)} poses {sight.camera}_from_{sight.target}, up to scale"
+    what = f"{len(images)} poses {names.camera}_from_{names.target}, up to scale"
     advice = "check that images belong to samples"
-    return Imported(file, what, seen_rows(rows, poses, sight), entry, is_stream=is_stream, advice=advice)
+    return Imported(file, what, add_target_poses(rows, poses, names), entry, is_stream=is_stream, advice=advice)
 
 
 def _select_images(file: str, camera_id: int | None, pattern: str) -> list[ReconstructedImage]:
@@ -175,7 +183,7 @@ def _text(path: Path) -> Iterator[ReconstructedImage]:
             if len(words) < 10:
                 raise where.error(f"{len(words)} words, expected {_LINE}")
             try:
-                numbers, camera = [written_number(word) for word in words[1:8]], int(words[8])
+                numbers, camera = [parse_float(word) for word in words[1:8]], int(words[8])
             except ValueError:
                 raise where.error(f"{shorten(line)} has a word that is not a number, expected {_LINE}") from None
             yield _image(where, words[9].strip(), camera, numbers)

@@ -21,7 +21,7 @@ from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.lens import StatedLens, camera_entry, made_camera
+from basecal.exchange.importing.lens import StatedLens, camera_entry, make_camera
 from basecal.geometry import SE3
 
 
@@ -148,7 +148,7 @@ def _lens(root: Field, path: str | Path | None) -> StatedLens | None:
         return None
     values = [place.find(name).number() for name in ("fx", "fy", "cx", "cy")]
     # Distortion terms start at zero: without terms none would be estimated.
-    return StatedLens(made_camera(place, "pinhole", [*values, *[0.0] * _TERMS], None), "pinhole without distortion")
+    return StatedLens(make_camera(place, "pinhole", [*values, *[0.0] * _TERMS], None), "pinhole without distortion")
 
 
 def _target(root: Field, path: str | Path | None) -> dict[str, Any] | None:

@@ -10,21 +10,21 @@ from typing import Any, Literal
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.images import list_images, missing_numbers, read_time, unreadable_images, usual_size
-from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
+from basecal.exchange.importing.described_target import UNSTATED_SHAPE, Shape, target_entry
 from basecal.exchange.importing.imported import (
-    By,
     Imported,
+    PairingMethod,
     Row,
-    Sight,
+    ViewNames,
     carried_entry,
     check_robot,
     choose_carrier,
     known_cell,
-    open_size,
+    replaceable_size,
 )
 from basecal.fields.problems import Loc
 
-_PAIRING_HELP: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
+_PAIRING_METHODS: dict[str, PairingMethod] = {"order": "order", "name": "image", "time": "stamp_s"}
 
 
 def read_images(
@@ -39,7 +39,7 @@ def read_images(
     target: TargetKindName | None = None,
     target_on: str | None = None,
     target_name: str = "board",
-    shape: Shape = UNSAID,
+    shape: Shape = UNSTATED_SHAPE,
     progress: Callable[[int, int], None] | None = None,
 ) -> Imported:
     """Copy one camera's images into a recording; several cameras need several calls.
@@ -73,12 +73,12 @@ def read_images(
         UsageError: if a target is described without its kind.
         InputError: if no image can be read, or the carrier of camera or target is ambiguous.
     """
-    if by is not None and by not in _PAIRING_HELP:
-        raise UsageError(f"by {by!r}: expected one of {list_names(list(_PAIRING_HELP))}")
+    if by is not None and by not in _PAIRING_METHODS:
+        raise UsageError(f"by {by!r}: expected one of {list_names(list(_PAIRING_METHODS))}")
     files = list_images(Path(folder))
     new, replaced = _camera_entry(cell, camera, on)
     carrier = new["cameras"][camera].get("on")
-    shown = target_entry(cell, target, shape, Sight(camera, target_name, carrier, target_on))
+    shown = target_entry(cell, target, shape, ViewNames(camera, target_name, carrier, target_on))
     looked = _read_images(Path(folder), files, progress)
     time: Callable[[Path], float | None] = read_time if by == "time" else lambda path: None
     rows = tuple(Row(images={camera: path}, image=path.name, stamp_s=time(path)) for path in files)
@@ -93,7 +93,7 @@ def read_images(
         rows,
         {key: value for key, value in entry.items() if value},
         replaced,
-        by=None if by is None else _PAIRING_HELP[by],
+        by=None if by is None else _PAIRING_METHODS[by],
         is_linked=link,
         advice="check --camera",
         warnings=looked.warnings,
@@ -160,5 +160,5 @@ def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> 
     carrier = choose_carrier(known, "camera", name, stated_carrier, may_be_world=False)
     check_robot(known, carrier)
     if name in known.cameras:
-        return {"cameras": {name: {}}}, open_size(folder, known, name)
+        return {"cameras": {name: {}}}, replaceable_size(folder, known, name)
     return carried_entry("cameras", name, carrier, intrinsics={"status": "free"}), frozenset()

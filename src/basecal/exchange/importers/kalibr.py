@@ -21,7 +21,7 @@ from basecal.exchange.importing.lens import (
     StatedLens,
     imported_target,
     lens_of_file,
-    made_camera,
+    make_camera,
     mount_by_chain,
 )
 
@@ -103,7 +103,7 @@ def _lens(camera: Field, name: str) -> StatedLens:
     terms = camera.find("distortion_coeffs").numbers(count) if count else []
     width, height = camera.find("resolution").size()
     intrinsics = camera.find("intrinsics")
-    made = made_camera(intrinsics, model, [*intrinsics.numbers(4), *terms], (width, height))
+    made = make_camera(intrinsics, model, [*intrinsics.numbers(4), *terms], (width, height))
     before = camera.first("T_cn_cnm1")
     return StatedLens(
         made,

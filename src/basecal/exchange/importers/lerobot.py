@@ -21,8 +21,8 @@ from basecal.exchange.importing.imported import (
     KnownCell,
     choose_carrier,
     known_cell,
-    open_size,
     recorded_samples,
+    replaceable_size,
 )
 from basecal.exchange.joints import joint_model
 from basecal.exchange.lerobot import (
@@ -152,7 +152,7 @@ def _with_camera(source: Imported, folder: str | Path, name: str, stated_carrier
     present_cell = known_cell(folder)
     if name in present_cell.cameras:
         choose_carrier(present_cell, "camera", name, stated_carrier)
-        return replace(source, replaced=open_size(folder, present_cell, name))
+        return replace(source, replaced=replaceable_size(folder, present_cell, name))
     camera = {"on": stated_carrier or robot, "intrinsics": {"status": "free"}}
     return replace(source, cell={**source.cell, "cameras": {name: camera}})
 

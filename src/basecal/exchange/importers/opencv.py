@@ -20,7 +20,7 @@ from basecal.exchange.importing.lens import (
     LensStatus,
     StatedLens,
     lens_of_file,
-    made_camera,
+    make_camera,
     matrix_parameters,
     opencv_terms,
 )
@@ -122,7 +122,7 @@ def read_opencv_lens(path: str | Path, model: str | None = None, number: int | N
     size = _size(named)
     usual = values if len(values) in term_counts(lens) else opencv_terms(terms or root, values)
     return StatedLens(
-        made_camera(terms or matrix or root, lens, [*parameters, *usual], size),
+        make_camera(terms or matrix or root, lens, [*parameters, *usual], size),
         f"{what}, {lens} of {len(usual)} distortion terms"
         f"{'' if size is None else f', {size[0]} x {size[1]} px'}, the centre of the top-left pixel is (0, 0)",
     )

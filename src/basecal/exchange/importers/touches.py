@@ -15,12 +15,12 @@ from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.poses import POSE_ADVICE, table_reading
 from basecal.exchange.importing.imported import (
-    By,
     Imported,
     KnownCell,
     OneOf,
+    PairingMethod,
     Row,
-    controller_places,
+    controller_locations,
     known_cell,
     recorded_samples,
 )
@@ -89,7 +89,7 @@ def read_touches(
     """
     if sum(each is not None for each in (mark, meets, clamp)) > 1:
         raise UsageError("--mark, --meets and --clamp exclude each other: give one of them")
-    own_tip, known, places = tip or f"{robot}_tip", known_cell(cell), controller_places([robot])
+    own_tip, known, places = tip or f"{robot}_tip", known_cell(cell), controller_locations([robot])
     rows, names, how, advice, writer = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
     entry: dict[str, Any] = {"robots": {robot: {} if writer is None else {"controller": {"format": writer}}}}
     if clamp is None and own_tip not in known.cameras:
@@ -107,7 +107,7 @@ def read_touches(
         contacts, rows = [TouchObservation(own_tip, at, sigma_m) for at in marks], new_rows(cell, known, rows)
         what = f"touches of {', '.join(dict.fromkeys(marks))} by {own_tip}"
     touched = tuple(replace(row, observations=(seen,)) for row, seen in zip(rows, contacts, strict=True))
-    by: By | None = "sample" if "marks" in entry else None
+    by: PairingMethod | None = "sample" if "marks" in entry else None
     return Imported(str(file), f"{len(rows)} {what}, {how}", touched, entry, defaults=places, by=by, advice=advice)
 
 

@@ -59,8 +59,8 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
 @contextmanager
 def scratch_folder(cell: str | Path) -> Iterator[TemporaryDirectory[str]]:
     """Create a temporary folder on the disk of a cell; it is removed if the context fails."""
-    beside = next(above for above in Path(cell).absolute().parents if above.exists())
-    scratch = TemporaryDirectory(prefix=".import-", dir=beside)
+    existing_parent = next(parent for parent in Path(cell).absolute().parents if parent.exists())
+    scratch = TemporaryDirectory(prefix=".import-", dir=existing_parent)
     try:
         yield scratch
     except BaseException:
@@ -70,8 +70,8 @@ def scratch_folder(cell: str | Path) -> Iterator[TemporaryDirectory[str]]:
 
 def numbered_path(path: str, number: int) -> str:
     """Path of an image with the number of its sample as prefix of its name."""
-    place = PurePosixPath(path)
-    return str(place.with_name(f"{number:06d}_{place.name}"))
+    original = PurePosixPath(path)
+    return str(original.with_name(f"{number:06d}_{original.name}"))
 
 
 def _place_file(source: Path, target: Path, link: bool) -> None:
@@ -85,13 +85,13 @@ def _place_file(source: Path, target: Path, link: bool) -> None:
     write_atomically(target, read_bounded(source, _LARGEST_BYTES), durable=False)
 
 
-def _remove_files(files: list[Path], folder: Path, had_cell: bool) -> None:
-    """Remove created files and folders left empty; the cell's folder only if it is new."""
+def _remove_files(files: list[Path], folder: Path, existed: bool) -> None:
+    """Remove created files and the folders left empty; the cell's folder only if it did not exist before."""
     for path in files:
         with suppress(OSError):
             path.unlink(missing_ok=True)
-    above = {parent for path in files for parent in path.parents if parent.is_relative_to(folder)}
-    for parent in sorted(above, key=lambda path: len(path.parts), reverse=True):
-        if parent != folder or not had_cell:
+    parents = {parent for path in files for parent in path.parents if parent.is_relative_to(folder)}
+    for parent in sorted(parents, key=lambda path: len(path.parts), reverse=True):
+        if parent != folder or not existed:
             with suppress(OSError):
                 parent.rmdir()

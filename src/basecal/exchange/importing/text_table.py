@@ -12,7 +12,7 @@ from io import StringIO
 
 from basecal.errors import DatasetError, list_names
 from basecal.exchange.columns import MOST_POSES
-from basecal.exchange.fields import written_number
+from basecal.exchange.fields import parse_float
 from basecal.exchange.json_rows import json_rows
 from basecal.fields.problems import shorten
 
@@ -182,7 +182,7 @@ def parse_number(cell: str, path: str, line: int, name: str) -> float:
     """
     text = cell.strip().strip("\"'").rstrip(",")
     try:
-        value = written_number(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
+        value = parse_float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
     except ValueError:
         cause = ": remove the thousands separators" if _THOUSANDS.fullmatch(text) else ""
         cause = ": write its unit in the header" if _WITH_UNIT.fullmatch(text) else cause

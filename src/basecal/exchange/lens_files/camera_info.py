@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import Field, read_fields
-from basecal.exchange.importing.lens import StatedLens, made_camera, matrix_parameters, opencv_terms
+from basecal.exchange.importing.lens import StatedLens, make_camera, matrix_parameters, opencv_terms
 from basecal.geometry import Array, Camera
 from basecal.geometry.lenses import fisheye, pinhole
 
@@ -71,7 +71,7 @@ def camera_info_lens(root: Field) -> StatedLens:
     if is_fisheye and len(values) != _FISHEYE_TERMS:
         raise root.error(f"{len(values)} distortion coefficients, {named} has {_FISHEYE_TERMS}")
     usual = values if is_fisheye else opencv_terms(terms or root, values)
-    camera = made_camera(matrix, _MODELS[named], [*parameters, *usual], size)
+    camera = make_camera(matrix, _MODELS[named], [*parameters, *usual], size)
     name = root.first("camera_name")
     return StatedLens(
         camera,

@@ -18,7 +18,7 @@ from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, list_names, nearest
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field
-from basecal.exchange.importing.lens import StatedLens, made_camera
+from basecal.exchange.importing.lens import StatedLens, make_camera
 from basecal.fields.problems import shorten
 
 _TO_PIXEL_CENTRES = -0.5
@@ -164,7 +164,7 @@ def _lens(entry: _Entry) -> StatedLens:
     centre = (cx + _TO_PIXEL_CENTRES, cy + _TO_PIXEL_CENTRES)
     width, height = entry.size_px
     return StatedLens(
-        made_camera(entry.where, model.lens, [fx, fy, *centre, *terms], entry.size_px),
+        make_camera(entry.where, model.lens, [fx, fy, *centre, *terms], entry.size_px),
         f"camera {entry.number} of COLMAP, {entry.model}, {width} x {height} px. Half a pixel is subtracted from its "
         "principal point, since COLMAP's top-left pixel has its centre at (0.5, 0.5)",
         str(entry.number),
