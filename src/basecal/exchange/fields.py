@@ -169,11 +169,15 @@ class Field:
         try:
             if isinstance(self.data, list):
                 return SE3.from_matrix([self.numbers(16)[i : i + 4] for i in range(0, 16, 4)])
-            place, turn, mark = self, self, "q"
+            position, rotation, prefix = self, self, "q"
             if self.first("translation", "position") is not None:
-                place, turn, mark = self.find("translation", "position"), self.find("rotation", "orientation"), ""
-            turns = [turn.find(f"{mark}{axis}").number() for axis in "xyzw"]
-            return SE3.from_quaternion(turns, [place.find(axis).number() for axis in "xyz"], "quaternion")
+                position, rotation, prefix = (
+                    self.find("translation", "position"),
+                    self.find("rotation", "orientation"),
+                    "",
+                )
+            quaternion = [rotation.find(f"{prefix}{axis}").number() for axis in "xyzw"]
+            return SE3.from_quaternion(quaternion, [position.find(axis).number() for axis in "xyz"], "quaternion")
         except DatasetError:
             raise
         except InputError as error:

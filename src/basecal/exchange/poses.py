@@ -48,13 +48,13 @@ def read_matrices(path: str) -> SE3:
         raise DatasetError(path, f"{len(matrices)} poses, expected at most {MOST_POSES}")
     found = []
     for i, matrix in enumerate(matrices):
-        place = (None, f"matrix {i}") if lines is None else (lines[4 * i], None)
+        location = (None, f"matrix {i}") if lines is None else (lines[4 * i], None)
         try:
             found.append(SE3.from_matrix(matrix, "pose"))
         except InputError as error:
-            raise DatasetError(path, str(error), *place) from None
+            raise DatasetError(path, str(error), *location) from None
         if not np.all(np.abs(found[-1].translation) <= LARGEST_VALUE):
-            raise DatasetError(path, f"a translation is beyond {LARGEST_VALUE:g}: is this the length unit?", *place)
+            raise DatasetError(path, f"a translation is beyond {LARGEST_VALUE:g}: is this the length unit?", *location)
     return SE3.stack(found)
 
 
@@ -64,10 +64,10 @@ def is_archive(path: str) -> bool:
 
 
 def _from_text(path: str) -> tuple[Array, Sequence[int]]:
-    whole = read_table_text(path, "rows of 4 numbers, or a name that ends in .csv or .npz")
+    content = read_table_text(path, "rows of 4 numbers, or a name that ends in .csv or .npz")
     # Arrays of bytes, because lists of lists need forty times the memory.
     values, lines = array("d"), array("q")
-    for number, text in enumerate(StringIO(whole), start=1):
+    for number, text in enumerate(StringIO(content), start=1):
         words = text.split("#")[0].replace(",", " ").split()
         if not words:
             continue
@@ -91,7 +91,7 @@ def _from_archive(path: str) -> Array:
         raise DatasetError(
             name, f"holds {', '.join(arrays) or 'nothing'}; choose one as {name}:{next(iter(arrays), 'key')}"
         )
-    (key, matrices), *_ = arrays.items()
+    ((key, matrices),) = arrays.items()
     if matrices.ndim != 3 or matrices.shape[1:] != (4, 4) or not len(matrices):
         raise DatasetError(name, f"has shape {matrices.shape}, expected (n, 4, 4)", field=key)
     return matrices

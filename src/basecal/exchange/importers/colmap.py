@@ -179,42 +179,42 @@ def _text(path: Path) -> Iterator[ReconstructedImage]:
             continue
         if not is_points:
             words = line.split(maxsplit=9)
-            where = Field(str(path), words, {(): number})
+            location = Field(str(path), words, {(): number})
             if len(words) < 10:
-                raise where.error(f"{len(words)} words, expected {_LINE}")
+                raise location.error(f"{len(words)} words, expected {_LINE}")
             try:
                 numbers, camera = [parse_float(word) for word in words[1:8]], int(words[8])
             except ValueError:
-                raise where.error(f"{shorten(line)} has a word that is not a number, expected {_LINE}") from None
-            yield _image(where, words[9].strip(), camera, numbers)
+                raise location.error(f"{shorten(line)} has a word that is not a number, expected {_LINE}") from None
+            yield _image(location, words[9].strip(), camera, numbers)
         is_points = not is_points
 
 
 def _binary(path: Path) -> Iterator[ReconstructedImage]:
     """Parse the little-endian file: image count, then id, pose, camera id, name and points of each image."""
     data = read_bounded(path, _LARGEST)
-    cut = DatasetError(path, "is cut off, or is not images.bin of COLMAP")
+    cut_off = DatasetError(path, "is cut off, or is not images.bin of COLMAP")
     try:
-        (count,), at = struct.unpack_from("<Q", data), 8
+        (count,), offset = struct.unpack_from("<Q", data), 8
     except struct.error:
-        raise cut from None
+        raise cut_off from None
     for i in range(count):
         try:
-            _, *numbers, camera = _POSE_FIELDS.unpack_from(data, at)
-            end = data.find(b"\0", at + _POSE_FIELDS.size)
+            _, *numbers, camera = _POSE_FIELDS.unpack_from(data, offset)
+            end = data.find(b"\0", offset + _POSE_FIELDS.size)
             (points,) = struct.unpack_from("<Q", data, end + 1)
         except struct.error:
-            raise cut from None
-        name, at = data[at + _POSE_FIELDS.size : end], end + 9 + _POINT_BYTES * points
-        if end < 0 or at > len(data):
-            raise cut
+            raise cut_off from None
+        name, offset = data[offset + _POSE_FIELDS.size : end], end + 9 + _POINT_BYTES * points
+        if end < 0 or offset > len(data):
+            raise cut_off
         yield _image(Field(str(path), None, {}, (f"image {i}",)), name.decode("utf-8", "replace"), camera, numbers)
 
 
-def _image(place: Field, name: str, camera: int, numbers: Sequence[float]) -> ReconstructedImage:
+def _image(location: Field, name: str, camera: int, numbers: Sequence[float]) -> ReconstructedImage:
     values = np.array(numbers)
     if not np.isfinite(values).all():
-        raise place.error("holds a number that is not finite")
+        raise location.error("holds a number that is not finite")
     if abs(np.linalg.norm(values[:4]) - 1) > _UNIT_ERROR:
-        raise place.error(f"QW QX QY QZ has length {np.linalg.norm(values[:4]):.4g}, expected 1")
+        raise location.error(f"QW QX QY QZ has length {np.linalg.norm(values[:4]):.4g}, expected 1")
     return ReconstructedImage(name, camera, SE3.from_quaternion(values[[1, 2, 3, 0]], values[4:]))

@@ -148,14 +148,15 @@ def imported_joint_states(cell: KnownCell, states: JointStates, source: str, rob
         raise InputError(
             f"{source}: joint states need a robot with a URDF in cell.yaml, --robot; with one there are: {known}"
         )
-    wanted = chains[name].joint_names
-    missing = [joint for joint in wanted if joint not in states.names]
+    joint_names = chains[name].joint_names
+    missing = [joint for joint in joint_names if joint not in states.names]
     if missing:
         raise InputError(
-            f"{source}: has joints {list_names(states.names)}, the chain of {name!r} in its URDF {list_names(wanted)}: "
+            f"{source}: has joints {list_names(states.names)}, "
+            f"the chain of {name!r} in its URDF {list_names(joint_names)}: "
             f"{list_names(missing)} not recorded"
         )
-    columns = [states.names.index(joint) for joint in wanted]
+    columns = [states.names.index(joint) for joint in joint_names]
     rows = tuple(Row({name: RobotState(joints_rad=row)}) for row in states.joints_rad[:, columns])
     what = f"{len(rows)} joint states of {name} by MoveIt (rad), joints by their names"
     return Imported(source, what, rows, advice="check that they are radians, and of this robot")

@@ -92,11 +92,11 @@ def _literal(path: str) -> Field:
                 raise DatasetError(path, "is not the dictionary that a cameramodel of mrcal is")
             data: dict[str, Any] = {}
             lines: dict[Loc, int] = {(): 1}
-            above = text[: len(text) - len(text.lstrip())].count("\n")
+            lines_before = text[: len(text) - len(text.lstrip())].count("\n")
             for key, value in zip(tree.keys, tree.values, strict=True):
                 name = str(ast.literal_eval(key or value))
                 data[name] = _as_lists(ast.literal_eval(value))
-                lines[(name,)] = above + value.lineno
+                lines[(name,)] = lines_before + value.lineno
     except DatasetError:
         raise
     except _NOT_LITERALS as error:

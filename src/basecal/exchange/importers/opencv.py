@@ -117,13 +117,13 @@ def read_opencv_lens(path: str | Path, model: str | None = None, number: int | N
         values = values or _scalars(named, _TERM_NAMES)
     else:
         raise _no_matrix(root, named, number)
-    said = next((named[each] for each in _FISHEYE if each in named), None)
-    lens = model or ("fisheye" if said is not None and said.boolean() else "pinhole")
+    is_fisheye = next((named[each] for each in _FISHEYE if each in named), None)
+    lens = model or ("fisheye" if is_fisheye is not None and is_fisheye.boolean() else "pinhole")
     size = _size(named)
-    usual = values if len(values) in term_counts(lens) else opencv_terms(terms or root, values)
+    distortion = values if len(values) in term_counts(lens) else opencv_terms(terms or root, values)
     return StatedLens(
-        make_camera(terms or matrix or root, lens, [*parameters, *usual], size),
-        f"{what}, {lens} of {len(usual)} distortion terms"
+        make_camera(terms or matrix or root, lens, [*parameters, *distortion], size),
+        f"{what}, {lens} of {len(distortion)} distortion terms"
         f"{'' if size is None else f', {size[0]} x {size[1]} px'}, the centre of the top-left pixel is (0, 0)",
     )
 

@@ -177,8 +177,8 @@ def _robot_poses(
     stated = {name: frame for name, frame in frames.items() if frame is not None}
     entry = {"robots": {robot: {"controller": {"format": reading.name, **stated}}}}
     imported = Imported(file, what, rows, entry, is_stream=is_stream, advice=POSE_ADVICE)
-    places = controller_locations([robot])
-    return replace(imported, replaced=places) if stated else replace(imported, defaults=places)
+    controller = controller_locations([robot])
+    return replace(imported, replaced=controller) if stated else replace(imported, defaults=controller)
 
 
 def _target_poses(
@@ -196,5 +196,5 @@ def _target_poses(
 
 def _describe(count: int, parent: str, child: str, reading: Reading, is_inverted: bool) -> str:
     """Description of a table's content."""
-    written = f"{child}_from_{parent}, inverted," if is_inverted else f"{parent}_from_{child}"
-    return f"{count} poses {written} as of {reading.name} ({reading.words})"
+    transform = f"{child}_from_{parent}, inverted," if is_inverted else f"{parent}_from_{child}"
+    return f"{count} poses {transform} as of {reading.name} ({reading.words})"
