@@ -41,8 +41,6 @@ _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x19]")  # control characters that do not occur in text
 _MINUS = "\u2212"  # minus sign of word processors
 _ARCHIVE, _OLD_SHEET = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes of .xlsx and .ods, and of .xls
-MOST_POSES = 200_000
-"""Largest number of poses in a stream: that of samples in a recording."""
 
 
 def read_table_text(path: str, content: str) -> str:

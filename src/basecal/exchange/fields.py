@@ -64,8 +64,8 @@ class Field:
             return found
         if not isinstance(self.data, dict):
             raise self.error(f"is {shorten(self.data)}, expected a mapping with {names[0]!r}")
-        there = [name for name in self.data if self.data[name] is not None]
-        raise self.error(f"has no {' or '.join(names)}{nearest(names[0], there)}; it has {list_names(there)}")
+        present = [name for name in self.data if self.data[name] is not None]
+        raise self.error(f"has no {' or '.join(names)}{nearest(names[0], present)}; it has {list_names(present)}")
 
     def names(self) -> list[str]:
         """Return the names of a mapping's fields; empty if this is not a mapping."""

@@ -143,8 +143,8 @@ def still_frames(episode: Episode, every_s: float) -> IntArray:
     spread = np.ptp(values, axis=0)
     reach = max(1, int(_REST_S / max(np.median(np.diff(stamps_s)), _REST_S / len(values))))
     extended = np.pad(values, ((reach, reach), (0, 0)), "reflect", reflect_type="odd")
-    around = sliding_window_view(extended, 2 * reach + 1, axis=0)
-    motion = (np.ptp(around, axis=-1) / np.where(spread > 0, spread, 1.0)).max(axis=1)
+    windows = sliding_window_view(extended, 2 * reach + 1, axis=0)
+    motion = (np.ptp(windows, axis=-1) / np.where(spread > 0, spread, 1.0)).max(axis=1)
     period = np.floor((stamps_s - stamps_s[0]) / every_s).astype(np.int64)
     order = np.lexsort((motion, period))
     return np.sort(order[np.flatnonzero(np.diff(period[order], prepend=-1))])
@@ -152,9 +152,9 @@ def still_frames(episode: Episode, every_s: float) -> IntArray:
 
 def nearest_frames(episode: Episode, times_s: Array) -> IntArray:
     """Unique indices of the frames nearest to the given times [s], if they are within `LARGEST_DIFFERENCE_S`."""
-    apart = np.abs(episode.stamps_s[:, None] - times_s)
-    nearest = apart.argmin(0)
-    return np.unique(nearest[apart[nearest, np.arange(len(times_s))] <= LARGEST_DIFFERENCE_S])
+    differences_s = np.abs(episode.stamps_s[:, None] - times_s)
+    nearest = differences_s.argmin(0)
+    return np.unique(nearest[differences_s[nearest, np.arange(len(times_s))] <= LARGEST_DIFFERENCE_S])
 
 
 def joint_rows(

@@ -9,8 +9,9 @@ from typing import Literal
 
 import numpy as np
 
+from basecal.cell.journal.recording_file import MOST_SAMPLES
 from basecal.errors import DatasetError, InputError, list_names
-from basecal.exchange.columns import MOST_POSES, read_table_text
+from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import parse_float
 from basecal.exchange.npz import read_arrays
 from basecal.fields.problems import shorten
@@ -44,8 +45,8 @@ def read_matrices(path: str) -> SE3:
         DatasetError: with file and line, if the content is invalid or a matrix is not a rigid transform.
     """
     matrices, lines = (_from_archive(path), None) if is_archive(path) else _from_text(path)
-    if len(matrices) > MOST_POSES:
-        raise DatasetError(path, f"{len(matrices)} poses, expected at most {MOST_POSES}")
+    if len(matrices) > MOST_SAMPLES:
+        raise DatasetError(path, f"{len(matrices)} poses, expected at most {MOST_SAMPLES}")
     found = []
     for i, matrix in enumerate(matrices):
         location = (None, f"matrix {i}") if lines is None else (lines[4 * i], None)

@@ -190,13 +190,13 @@ def read_pixels(path: str | Path) -> dict[int, tuple[IntArray, Array]]:
 
 
 def _whole_numbers(path: str, columns: Mapping[str, Array], key: str) -> IntArray:
-    whole = np.round(columns[key]).astype(np.int64)
-    wrong = np.flatnonzero((columns[key] != whole) | (whole < 0))
+    integers = np.round(columns[key]).astype(np.int64)
+    wrong = np.flatnonzero((columns[key] != integers) | (integers < 0))
     if len(wrong):
         raise DatasetError(
             path, f"row {wrong[0]} is {columns[key][wrong[0]]:g}, expected a whole number from 0", field=key
         )
-    return whole
+    return integers
 
 
 def _from_archive(path: str) -> dict[str, Array]:

@@ -292,19 +292,19 @@ def _choose_joint(joints: Sequence[JointOrigin], name: str | None, frames: str) 
     return joints[names.index(chosen)]
 
 
-def _top_from_link(joints: Sequence[JointOrigin]) -> SE3:
+def _product(joints: Sequence[JointOrigin]) -> SE3:
     """`top_from_link` along joints, ordered from the link upwards."""
-    top_from_link = SE3.identity()
+    product = SE3.identity()
     for joint in joints:
-        top_from_link = joint.parent_from_child @ top_from_link
-    return top_from_link
+        product = joint.parent_from_child @ product
+    return product
 
 
 def _origin(joint: JointOrigin, up_from_a: list[JointOrigin], up_from_b: list[JointOrigin], a_from_b: SE3) -> SE3:
     """Origin of a joint above b for which the pose of b in a is `a_from_b`."""
     index = up_from_b.index(joint)
-    child_from_b, top_from_parent = _top_from_link(up_from_b[:index]), _top_from_link(up_from_b[index + 1 :])
-    top_from_b = _top_from_link(up_from_a) @ a_from_b
+    child_from_b, top_from_parent = _product(up_from_b[:index]), _product(up_from_b[index + 1 :])
+    top_from_b = _product(up_from_a) @ a_from_b
     return top_from_parent.inverse() @ top_from_b @ child_from_b.inverse()
 
 
@@ -319,7 +319,7 @@ def _root_link(part: RobotPart) -> tuple[str, SE3]:
         raise InputError(
             f"{part.path}: joint {turning[0]!r} above {part.base_link!r} is not fixed: a base needs a fixed joint"
         )
-    return (up[-1].parent if up else part.base_link), _top_from_link(up)
+    return (up[-1].parent if up else part.base_link), _product(up)
 
 
 def _prefix_names(root: Element, prefix: str) -> None:

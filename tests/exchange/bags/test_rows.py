@@ -141,7 +141,7 @@ def test_why_there_is_none() -> None:
 
 def test_looks_are_in_order_and_of_different_times() -> None:
     found = collect_entries(tracks(images=np.array([2.0, 1.0, 2.0])))
-    assert [(entry.stamp_s, entry.index) for entry in found] == [(1.0, 1), (2.0, 0)]
+    assert [(entry.stamp_s, entry.position) for entry in found] == [(1.0, 1), (2.0, 0)]
 
 
 def test_more_noise_than_arms_have_is_movement() -> None:
@@ -185,7 +185,7 @@ def test_four_records_tell_their_noise() -> None:
 @pytest.mark.parametrize("most", [22, 21])
 def test_a_recording_is_full(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
     """At its limit, with the images and views."""
-    monkeypatch.setattr(rows, "_MOST_ROWS", most)
+    monkeypatch.setattr(rows, "MOST_SAMPLES", most)
     both = Tracks({"arm": ARM}, {("eye", "tag"): TAG}, {})
     if most == 22:
         assert len(stream_instants(both, "x")) == 22

@@ -81,8 +81,8 @@ def _usual_frames(tree: Tree) -> dict[str, str]:
     found: dict[str, str] = {}
     tips = [(match[1], match[2], frame) for frame in tree.names if (match := _TAIL.match(frame))]
     for prefix, _, tip in sorted(tips, key=lambda each: _FLANGES.index(each[1])):
-        above = tree.ancestors(tip)
-        base = next((prefix + name for name in _BASES if prefix + name in above), None)
+        ancestors = tree.ancestors(tip)
+        base = next((prefix + name for name in _BASES if prefix + name in ancestors), None)
         name = prefix.strip("_/").replace("/", "_") or "arm"
         if base is not None and base not in tree.rigid_ancestors(tip) and name not in found:
             found[name] = f"{base},{tip}"
@@ -153,21 +153,21 @@ def _view(bag: Bag, tree: Tree, target: str, words: str, cell: KnownCell) -> ByF
 
 def _topics_of_cameras(survey: Survey, request: BagRequest, cell: KnownCell) -> dict[str, str]:
     """Topics of images by camera."""
-    there = [topic.name for topic in survey.images]
+    topics = [topic.name for topic in survey.images]
     for topic in request.cameras.values():
-        if topic not in there:
-            raise FrameNotFound(topic, there)
+        if topic not in topics:
+            raise FrameNotFound(topic, topics)
     if request.cameras:
         return dict(request.cameras)
-    found = _usual_cameras(there)
+    found = _usual_cameras(topics)
     known = list(cell.cameras)
     if len(known) == len(found) == 1:
         return {known[0]: next(iter(found.values()))}
-    strangers = [name for name in found if known and name not in known]
-    if strangers and not request.views:
-        topics = list_names(list(found.values()))
-        raise InputError(f"the cell has {list_names(known)}: assign {topics} with --camera NAME=TOPIC for each")
-    return {} if strangers else found
+    unknown = [name for name in found if known and name not in known]
+    if unknown and not request.views:
+        found_topics = list_names(list(found.values()))
+        raise InputError(f"the cell has {list_names(known)}: assign {found_topics} with --camera NAME=TOPIC for each")
+    return {} if unknown else found
 
 
 def _usual_cameras(topics: list[str]) -> dict[str, str]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.cell import PixelObservation, PoseObservation, RobotState
+from basecal.cell.journal.recording_file import MOST_SAMPLES
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.bags.bag import Bag, message_time
 from basecal.exchange.bags.images import image_file
@@ -18,7 +19,6 @@ from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.exchange.importing.imported import Row
 from basecal.geometry import Array
 
-_MOST_ROWS = 200_000  # largest number of samples in a recording
 _REST_MARGIN_S = 0.15  # before and after an image robots must be at rest: longer than a camera's latency
 _LARGEST_GAP_S = 0.25  # to the nearest record before or after an image: within a longer gap a robot may move
 _STILL_RAD_M = 1e-4  # largest spread of states at rest [m, rad]: 0.1 mm at one metre
@@ -55,8 +55,10 @@ def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
         for k, time in enumerate(track.times)
     ]
     found += [Instant(entry.stamp_s, {}, (entry,)) for entry in collect_entries(tracks)]
-    if len(found) > _MOST_ROWS:
-        raise InputError(f"{path}: {len(found)} lines, expected at most {_MOST_ROWS}: cut it, as by `ros2 bag convert`")
+    if len(found) > MOST_SAMPLES:
+        raise InputError(
+            f"{path}: {len(found)} lines, expected at most {MOST_SAMPLES}: cut it, as by `ros2 bag convert`"
+        )
     return tuple(sorted(found, key=lambda instant: instant.stamp_s))
 
 
@@ -67,14 +69,14 @@ def write_images(bag: Bag, sources: BagSources, instants: Sequence[Instant], fol
         InputError: if an image cannot be read or written.
     """
     entries = {entry for instant in instants for entry in instant.entries if isinstance(entry.channel, str)}
-    wanted = {(entry.channel, entry.index): entry for entry in entries}
+    entries_by_position = {(entry.channel, entry.position): entry for entry in entries}
     written = {}
     cameras = {source.topic: name for name, source in sources.cameras.items()}
-    seen = dict.fromkeys(cameras.values(), 0)
+    next_position = dict.fromkeys(cameras.values(), 0)
     for message in bag.read(cameras):
         camera = cameras[message.topic.name]
-        entry = wanted.get((camera, seen[camera]))
-        seen[camera] += 1
+        entry = entries_by_position.get((camera, next_position[camera]))
+        next_position[camera] += 1
         if entry is None:
             continue
         if message_time(message.data.header, message.recorded_s) != entry.stamp_s:
@@ -99,9 +101,9 @@ def make_rows(tracks: Tracks, instants: Sequence[Instant], paths: Mapping[Channe
                 continue
             view = tracks.views[entry.channel]
             if view.tags is not None:
-                views.append(PixelObservation(*entry.channel, *view.tags[entry.index]))
+                views.append(PixelObservation(*entry.channel, *view.tags[entry.position]))
             elif view.poses is not None:
-                views.append(PoseObservation(*entry.channel, view.poses[entry.index]))
+                views.append(PoseObservation(*entry.channel, view.poses[entry.position]))
         yield Row(instant.robots, tuple(views), images, stamp_s=instant.stamp_s)
 
 
@@ -113,10 +115,10 @@ def _state(track: Track, k: int) -> RobotState:
 
 
 class ChannelEntry(NamedTuple):
-    """An image of a camera or a view of a target: its channel, its index in the channel, and its time stamp [s]."""
+    """An image of a camera or a view of a target: its channel, its position in the channel, and its time stamp [s]."""
 
     channel: Channel
-    index: int
+    position: int
     stamp_s: float
 
 

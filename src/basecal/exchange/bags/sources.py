@@ -73,8 +73,8 @@ class ByJoints:
     urdf: str | None = None
 
     def __str__(self) -> str:
-        by = "the cell's URDF" if self.urdf is None else f"the URDF of {self.urdf}"
-        return f"{self.topic}, {len(self.chain.joint_names)} joints from {self.base} to {self.flange} by {by}"
+        urdf = "the cell's URDF" if self.urdf is None else f"the URDF of {self.urdf}"
+        return f"{self.topic}, {len(self.chain.joint_names)} joints from {self.base} to {self.flange} by {urdf}"
 
 
 @dataclass(frozen=True)

@@ -100,8 +100,8 @@ class MatrixConvention:
     def to_numbers(self, pose: SE3) -> Array:
         """Convert poses, (...), to numbers, (..., 16)."""
         matrix = SE3(pose.rotation, pose.translation / self.length).matrix
-        whole = matrix.mT if self.is_by_columns else matrix
-        return whole.reshape(*whole.shape[:-2], 16)
+        ordered = matrix.mT if self.is_by_columns else matrix
+        return ordered.reshape(*ordered.shape[:-2], 16)
 
 
 def _is_homogeneous(matrix: Array) -> bool:

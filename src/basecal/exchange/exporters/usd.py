@@ -24,7 +24,9 @@ def export_text(request: ExportRequest) -> str:
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    remarks = comments([*request.remarks, *(describe_transform(one, "m") for one in request.transforms)], "")
+    remarks = comments(
+        [*request.remarks, *(describe_transform(transform, "m") for transform in request.transforms)], ""
+    )
     stage.GetRootLayer().documentation = "\n".join(remarks)
     roots = [_define(stage, node, Sdf.Path.absoluteRootPath) for node in frame_trees(request.transforms)]
     stage.SetDefaultPrim(roots[0])

@@ -138,11 +138,11 @@ def _select_images(file: str, camera_id: int | None, pattern: str) -> list[Recon
     chosen = [image for image in named if camera_id in (None, image.camera)]
     if len({image.camera for image in chosen}) != 1:
         raise InputError(f"{file} has images of cameras {numbers}: choose one with --camera-id")
-    twice = [name for name, count in Counter(plain_name(image.name) for image in chosen).items() if count > 1]
-    if twice:
+    repeated = [name for name, count in Counter(plain_name(image.name) for image in chosen).items() if count > 1]
+    if repeated:
         folder = chosen[0].name.rpartition("/")[0] or "FOLDER"
         raise InputError(
-            f'{file}: images {list_names(twice)} are in several folders: choose one by --images "{folder}/*"'
+            f'{file}: images {list_names(repeated)} are in several folders: choose one by --images "{folder}/*"'
         )
     return chosen
 

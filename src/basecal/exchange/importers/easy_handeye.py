@@ -171,14 +171,14 @@ def _arrangement_from_name(path: Path) -> _Arrangement | None:
 
 def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
     """Poses `robot` and `tracking` of each sample."""
-    inner = root.first("samples")
-    if inner is not None and isinstance(inner.data, list):
-        entries = inner.items("samples")
+    samples = root.first("samples")
+    if samples is not None and isinstance(samples.data, list):
+        entries = samples.items("samples")
         return (
             [entry.find("robot").pose() for entry in entries],
             [entry.find("tracking", "optical").pose() for entry in entries],
         )
-    lists = inner or root
+    lists = samples or root
     if lists.first("hand_world_samples") is None:
         raise root.error(
             f"holds {list_names(root.names())}, expected samples, hand_world_samples, transform or transformation"

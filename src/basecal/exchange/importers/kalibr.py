@@ -87,8 +87,8 @@ def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:
     root = read_fields(path)
     names = [name for name in root.names() if name.startswith("cam")]
     if not names:
-        held = list_names(root.names())
-        raise root.error(f"holds {held}: a camchain of Kalibr has cam0, cam1, ...; a target of it has target_type")
+        content = list_names(root.names())
+        raise root.error(f"holds {content}: a camchain of Kalibr has cam0, cam1, ...; a target of it has target_type")
     return tuple(_lens(root.find(name), name) for name in names)
 
 

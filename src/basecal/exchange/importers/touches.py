@@ -89,7 +89,7 @@ def read_touches(
     """
     if sum(each is not None for each in (mark, meets, clamp)) > 1:
         raise UsageError("--mark, --meets and --clamp exclude each other: give one of them")
-    own_tip, known = tip or f"{robot}_tip", known_cell(cell)
+    own_tip, known, defaults = tip or f"{robot}_tip", known_cell(cell), controller_locations([robot])
     rows, names, how, advice, controller = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
     entry: dict[str, Any] = {"robots": {robot: {} if controller is None else {"controller": {"format": controller}}}}
     if clamp is None and own_tip not in known.cameras:
@@ -108,7 +108,6 @@ def read_touches(
         what = f"touches of {', '.join(dict.fromkeys(marks))} by {own_tip}"
     touched = tuple(replace(row, observations=(touch,)) for row, touch in zip(rows, contacts, strict=True))
     by: PairingMethod | None = "sample" if "marks" in entry else None
-    defaults = controller_locations([robot])
     return Imported(str(file), f"{len(rows)} {what}, {how}", touched, entry, defaults=defaults, by=by, advice=advice)
 
 

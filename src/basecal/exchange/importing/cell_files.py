@@ -34,7 +34,7 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
         InputError: if a different file exists, a path leaves the cell, or a file cannot be written.
     """
     made: list[Path] = []
-    existed = folder.exists()
+    is_new = not folder.exists()
     try:
         path_in_cell = inside(str(folder))
         for name, source in files.items():
@@ -49,10 +49,10 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
                 raise InputError(f"{target} exists and differs from {source}: it is not overwritten")
         yield
     except OSError as error:
-        _remove_files(made, folder, existed)
+        _remove_files(made, folder, is_new)
         raise InputError(f"{error.filename or folder} cannot be written: {error.strerror}") from None
     except BaseException:
-        _remove_files(made, folder, existed)
+        _remove_files(made, folder, is_new)
         raise
 
 
@@ -85,13 +85,13 @@ def _place_file(source: Path, target: Path, link: bool) -> None:
     write_atomically(target, read_bounded(source, _LARGEST_BYTES), durable=False)
 
 
-def _remove_files(files: list[Path], folder: Path, existed: bool) -> None:
-    """Remove created files and the folders left empty; the cell's folder only if it did not exist before."""
+def _remove_files(files: list[Path], folder: Path, is_new: bool) -> None:
+    """Remove created files and the folders left empty; the cell's folder only if it is new."""
     for path in files:
         with suppress(OSError):
             path.unlink(missing_ok=True)
     parents = {parent for path in files for parent in path.parents if parent.is_relative_to(folder)}
     for parent in sorted(parents, key=lambda path: len(path.parts), reverse=True):
-        if parent != folder or not existed:
+        if parent != folder or is_new:
             with suppress(OSError):
                 parent.rmdir()

@@ -187,9 +187,10 @@ def _carriers(cell: KnownCell, record: HandEyeRecord, names: Names, carriers: Ca
     return (names.robot, other) if record.camera_on_robot else (other, names.robot)
 
 
-def _mount(stated: Unknown | None, estimate: SE3 | None) -> dict[str, Any]:
+def _mount(cell_mount: Unknown | None, estimate: SE3 | None) -> dict[str, Any]:
     """Entry of a free mount with an estimate as its guess; empty if the cell has a value or there is no estimate."""
-    if stated is not None and (estimate is None or stated.status != "free" or stated.mean is not None):
+    has_value = cell_mount is not None and (cell_mount.status != "free" or cell_mount.mean is not None)
+    if has_value or (cell_mount is not None and estimate is None):
         return {}
     guess = {} if estimate is None else {"guess": pose_dict(estimate)}
     return {"mount": {"status": "free", **guess}}

@@ -13,7 +13,7 @@ from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, Array
 
 _LONGEST_TURN_RAD = np.pi  # assumed largest joint motion to the first pose
-_PEAK = 1.5  # ratio of peak to mean speed of a cubic from rest to rest
+_PEAK_RATIO = 1.5  # ratio of peak to mean speed of a cubic from rest to rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +94,8 @@ class RobotPath:
         for robot in self.robots:
             if self.has_joints(robot):
                 largest = np.maximum(largest, np.abs(np.diff(self.joints(robot), axis=0)).max(-1, initial=0.0))
-        ways = np.array([_LONGEST_TURN_RAD, *largest]) * _PEAK / self.speed_rad_s
-        return [float(path + k * self.hold_s) for k, path in enumerate(np.cumsum(ways))]
+        durations_s = np.array([_LONGEST_TURN_RAD, *largest]) * _PEAK_RATIO / self.speed_rad_s
+        return [float(moved_s + k * self.hold_s) for k, moved_s in enumerate(np.cumsum(durations_s))]
 
 
 @dataclass(frozen=True)
@@ -128,6 +128,6 @@ def make_path(
     """
     if robot is not None and robot not in cell.robots:
         raise FrameNotFound(robot, list(cell.robots))
-    said = set(cell.robots).intersection(*(sample.robots for sample in samples))
-    names = [name for name in cell.robots if name in said and robot in (None, name)]
+    planned = set(cell.robots).intersection(*(sample.robots for sample in samples))
+    names = [name for name in cell.robots if name in planned and robot in (None, name)]
     return RobotPath({name: cell.robots[name] for name in names}, tuple(samples), speed_rad_s, hold_s)

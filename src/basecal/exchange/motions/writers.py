@@ -86,11 +86,11 @@ def write_ur_script(path: RobotPath) -> str:
     """
     robot = path.single_robot()
     lines = [f"def basecal_{robot}():", "  set_tcp(p[0, 0, 0, 0, 0, 0])"]
-    for place, sample in enumerate(path.samples, start=1):
+    for position, sample in enumerate(path.samples, start=1):
         joints = sample.robots[robot].joints_rad
         numbers = CONTROLLERS["ur"].to_numbers(path.pose(robot, sample)) if joints is None else joints
         target = f"{'p' if joints is None else ''}[{', '.join(f'{float(number):.6f}' for number in numbers)}]"
-        what = f"sample {sample.sample}, {place} of {len(path.samples)}"
+        what = f"sample {sample.sample}, {position} of {len(path.samples)}"
         lines += [
             f'  textmsg("basecal: {what}")',
             f"  movej({target}, a={_ACCELERATION:g}, v={path.speed_rad_s:.4g})",
