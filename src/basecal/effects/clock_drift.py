@@ -28,10 +28,10 @@ def candidates(views: Views) -> Iterator[Candidates]:
 def words(effect: FoundEffect) -> Words:
     """Describe the clock drift of a device and its amount."""
     amount = format_with_sigma(abs(1e3 * effect.size[0]), 1e3 * effect.sigma)
-    kind, way = "images" if effect.is_camera else "poses", "fall behind" if is_late(effect) else "run ahead of"
+    kind, relation = "images" if effect.is_camera else "poses", "fall behind" if is_late(effect) else "run ahead of"
     what = (
-        f"The clock of {effect.about} drifts: its {kind} {way} the other devices by {amount} ms from first to last "
-        "sample."
+        f"The clock of {effect.about} drifts: its {kind} {relation} the other devices by {amount} ms "
+        "from first to last sample."
     )
     return Words(
         "clock-offset", what, ("Synchronise the clocks, as by PTP or NTP, or record for a shorter time.", AGAIN)

@@ -48,8 +48,8 @@ def words(effect: FoundEffect) -> Words:
     """Describe the time by which a device lags or leads."""
     factor, unit = (1e3, "ms") if effect.unit == "s" else (1.0, "samples")
     amount = format_with_sigma(abs(factor * effect.size[0]), factor * effect.sigma)
-    kind, way = "Images" if effect.is_camera else "Poses", "lag behind" if is_late(effect) else "run ahead of"
-    what = f"{kind} of {effect.about} {way} the other devices by {amount} {unit}."
+    kind, relation = "Images" if effect.is_camera else "Poses", "lag behind" if is_late(effect) else "run ahead of"
+    what = f"{kind} of {effect.about} {relation} the other devices by {amount} {unit}."
     return Words("clock-offset", what, ("Record while all devices are at rest, or correct the stamps.", AGAIN))
 
 

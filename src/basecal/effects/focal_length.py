@@ -17,8 +17,8 @@ def typical_sigmas(camera: Camera) -> Array:
 def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
     """Describe the errors of the focal lengths."""
     share = 100 / stated_lens.parameters[:2]
-    off = share * (stated_lens.parameters - estimated_lens.parameters)[:2]
-    fx, fy = (format_with_sigma(float(value), float(s)) for value, s in zip(off, share * sigma[:2], strict=True))
+    error = share * (stated_lens.parameters - estimated_lens.parameters)[:2]
+    fx, fy = (format_with_sigma(float(value), float(s)) for value, s in zip(error, share * sigma[:2], strict=True))
     return f"fx is off by {fx} %, fy by {fy} %"
 
 

@@ -59,8 +59,8 @@ def report(robot: str, effect: RobotParameters) -> list[str]:
     """A heading, and a line for each origin and the tip."""
     lines = [f"link errors of {robot}, right tangents of each joint's origin, then of the tip"]
     for k, tangent in enumerate(effect.values, 1):
-        shown = [f"{round(float(value), 4) + 0.0:10.4f}" for value in (*tangent[:3] * 1e3, *np.degrees(tangent[3:]))]
-        lines.append(f"  {k:<3}t {''.join(shown[:3])} mm   r {''.join(shown[3:])} deg")
+        texts = [f"{round(float(value), 4) + 0.0:10.4f}" for value in (*tangent[:3] * 1e3, *np.degrees(tangent[3:]))]
+        lines.append(f"  {k:<3}t {''.join(texts[:3])} mm   r {''.join(texts[3:])} deg")
     return lines
 
 

@@ -19,8 +19,8 @@ def typical_sigmas(camera: Camera) -> Array:
 
 def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
     """Describe the error of the principal point."""
-    off = (stated_lens.parameters - estimated_lens.parameters)[2:4]
-    cx, cy = (format_with_sigma(float(value), float(s)) for value, s in zip(off, sigma[2:4], strict=True))
+    error = (stated_lens.parameters - estimated_lens.parameters)[2:4]
+    cx, cy = (format_with_sigma(float(value), float(s)) for value, s in zip(error, sigma[2:4], strict=True))
     return f"cx by {cx} px, cy by {cy} px"
 
 

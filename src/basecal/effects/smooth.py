@@ -70,11 +70,11 @@ def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
 
 def kernel(first: SE3, second: SE3) -> Array:
     """Correlation of errors between flange poses, (n,) and (m,) to (n, m); 1 between equal poses."""
-    apart = first.translation[:, None] - second.translation[None]
+    difference = first.translation[:, None] - second.translation[None]
     # The trace of R' S, 1 + 2 cos of the angle between them, is the sum of the products of their entries.
     traces = first.rotation.reshape(-1, 9) @ second.rotation.reshape(-1, 9).T
     turn = np.arccos(np.clip((traces - 1) / 2, -1, 1))
-    squared = np.sum(apart**2, -1) + _ARM_M**2 * turn**2
+    squared = np.sum(difference**2, -1) + _ARM_M**2 * turn**2
     return np.asarray(np.exp(-0.5 * squared / LENGTH_M**2))
 
 

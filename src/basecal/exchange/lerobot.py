@@ -196,13 +196,13 @@ def motor_indices(motors: Sequence[str], joints: Sequence[str]) -> list[int]:
     if set(joints) <= set(motors):
         return [motors.index(joint) for joint in joints]
     indices = [i for i, name in enumerate(motors) if "gripper" not in name]
-    both = f"motors {', '.join(motors)}, the URDF has the joints {', '.join(joints)}"
+    names = f"motors {', '.join(motors)}, the URDF has the joints {', '.join(joints)}"
     if len(indices) != len(joints):
         need = "as many as motors without the gripper are needed, or the same names; of two arms choose by --motors"
-        raise InputError(f"{both}: {need}")
+        raise InputError(f"{names}: {need}")
     for joint, index in zip(joints, indices, strict=True):
         if joint in motors and motors[index] != joint:
-            raise InputError(f"{both}: in order, {motors[index]} would be {joint}; name all motors as the joints")
+            raise InputError(f"{names}: in order, {motors[index]} would be {joint}; name all motors as the joints")
     return indices
 
 

@@ -90,11 +90,11 @@ def read_tracks(bag: Bag, survey: Survey, selection: BagSources) -> Tracks:
     listeners: _Listeners = defaultdict(list)
     sources: dict[str | tuple[str, str], _Source] = dict(selection.robots.items())
     sources.update({key: view for key, view in selection.views.items() if not isinstance(view, ByTags)})
-    seen: dict[tuple[str, str], dict[float, SeenTags]] = {}
+    tags_by_time: dict[tuple[str, str], dict[float, SeenTags]] = {}
     for key, view in selection.views.items():
         if isinstance(view, ByTags):
-            seen[key] = {}
-            listeners[view.topic].append(_listener(partial(tag_corners, tags=view.tags), seen[key].__setitem__))
+            tags_by_time[key] = {}
+            listeners[view.topic].append(_listener(partial(tag_corners, tags=view.tags), tags_by_time[key].__setitem__))
     buffers = {key: _collector(bag, survey.tree, source, listeners) for key, source in sources.items()}
     images = {name: array("d") for name in selection.cameras}
     for name, camera in selection.cameras.items():
@@ -103,7 +103,7 @@ def read_tracks(bag: Bag, survey: Survey, selection: BagSources) -> Tracks:
         for listener in listeners[message.topic.name]:
             listener(message)
     tracks = {key: _track(bag.path, survey.tree, key, source, buffers[key]) for key, source in sources.items()}
-    tags = {key: _tags(bag.path, key, selection.views[key], found) for key, found in seen.items()}
+    tags = {key: _tags(bag.path, key, selection.views[key], found) for key, found in tags_by_time.items()}
     return Tracks(
         {name: tracks[name] for name in selection.robots},
         {key: tags[key] if key in tags else tracks[key] for key in selection.views},

@@ -86,10 +86,10 @@ def read_moveit_record(path: str | Path, camera_on_robot: bool | None) -> HandEy
     pairs = []
     for entry in read_fields(path, _LARGEST).items(f"samples, {_EXPECTED}"):
         if isinstance(entry.data, list):
-            both = entry.items("two matrices")
-            if len(both) != 2:
-                raise entry.error(f"has {len(both)} entries; {_EXPECTED}")
-            pairs.append((both[0].pose(), both[1].pose()))
+            matrices = entry.items("two matrices")
+            if len(matrices) != 2:
+                raise entry.error(f"has {len(matrices)} entries; {_EXPECTED}")
+            pairs.append((matrices[0].pose(), matrices[1].pose()))
         else:
             pairs.append((entry.find("effector_wrt_world").pose(), entry.find("object_wrt_sensor").pose()))
     if camera_on_robot is None:

@@ -170,10 +170,10 @@ def _size(fields: dict[str, Field]) -> tuple[int, int] | None:
     height = next((fields[name] for name in _HEIGHTS if name in fields), None)
     if width is not None and height is not None:
         return (_scalar(width).integer(), _scalar(height).integer())
-    both = next((fields[name] for name in _SIZE if name in fields), None)
-    if both is None or not isinstance(both.data, list) or len(both.data) != 2:
+    sides = next((fields[name] for name in _SIZE if name in fields), None)
+    if sides is None or not isinstance(sides.data, list) or len(sides.data) != 2:
         return None
-    first, second = both.items("width and height")
+    first, second = sides.items("width and height")
     return (first.integer(), second.integer())
 
 

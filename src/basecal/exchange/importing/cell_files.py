@@ -33,7 +33,7 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
         DatasetError: if a source is not a regular file, is too large, or has an image's name but is not an image.
         InputError: if a different file exists, a path leaves the cell, or a file cannot be written.
     """
-    made: list[Path] = []
+    created: list[Path] = []
     is_new = not folder.exists()
     try:
         path_in_cell = inside(str(folder))
@@ -43,16 +43,16 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
                 check_image(source)
             if not os.path.lexists(target):
                 make_folder(target.parent, folder)
-                made.append(target)
+                created.append(target)
                 _place_file(source, target, link)
             elif not target.is_file() or not filecmp.cmp(source, target, shallow=False):
                 raise InputError(f"{target} exists and differs from {source}: it is not overwritten")
         yield
     except OSError as error:
-        _remove_files(made, folder, is_new)
+        _remove_files(created, folder, is_new)
         raise InputError(f"{error.filename or folder} cannot be written: {error.strerror}") from None
     except BaseException:
-        _remove_files(made, folder, is_new)
+        _remove_files(created, folder, is_new)
         raise
 
 

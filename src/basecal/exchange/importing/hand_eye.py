@@ -200,13 +200,13 @@ def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:
     rows = []
     for i in range(len(record.base_from_flange)):
         poses = record.camera_from_target
-        seen = () if poses is None else (PoseObservation(names.camera, names.target, poses[i]),)
+        views = () if poses is None else (PoseObservation(names.camera, names.target, poses[i]),)
         images = {names.camera: record.images[i]} if record.images else {}
         image = record.images[i].name if record.images else None
         robots = {names.robot: RobotState(record.base_from_flange[i])}
         if record.hand_base_from_flange is not None:
             robots[names.hand] = RobotState(record.hand_base_from_flange[i])
-        rows.append(Row(robots, seen, images, image))
+        rows.append(Row(robots, views, images, image))
     return tuple(rows)
 
 

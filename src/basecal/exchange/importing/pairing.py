@@ -236,8 +236,8 @@ def _check_unique(imports: Imported, numbers: Sequence[int | None]) -> None:
     first: dict[int, int] = {}
     for i, number in enumerate(numbers):
         if number is not None and first.setdefault(number, i) != i:
-            both = list_names([_name(imports.rows[first[number]], first[number]), _name(imports.rows[i], i)])
-            raise InputError(f"{imports.source}: two rows belong to sample {number} ({both}); keep one")
+            row_names = list_names([_name(imports.rows[first[number]], first[number]), _name(imports.rows[i], i)])
+            raise InputError(f"{imports.source}: two rows belong to sample {number} ({row_names}); keep one")
 
 
 def _name(row: Row, index: int) -> str:
