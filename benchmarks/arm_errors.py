@@ -201,7 +201,7 @@ def measured(seed: int) -> Iterator[dict[str, Any]]:
     for kind in kinds:
         unit, shift, base = 1.0, 0.0, 0.0
         if kind:
-            small = 0.01 * FAULTS[kind].usual * FAULTS[kind].scale
+            small = 0.01 * FAULTS[kind].default_size * FAULTS[kind].scale
             moves = signal(of, kind, small) / small
             pulled = said.pull(moves)
             step = (of_frames @ pulled)[:6]

@@ -133,12 +133,12 @@ def five_sigma(fault: str) -> dict[str, Any]:
     """
     kind = FAULTS[fault]
     cell, plain, covariance = sound_answer()
-    small = 0.1 * kind.usual if not kind.is_sudden else kind.usual
+    small = 0.1 * kind.default_size if not kind.is_sudden else kind.default_size
     moved = solve(cell, recorded(0, f"{fault}={small}")[2]).state.transforms[BASE]
     shift = (plain.inverse() @ moved).log()
     sigmas = float(np.sqrt(shift @ np.linalg.solve(covariance, shift)))
     hidden = sigmas < LEAST_SHIFT
-    return {"size": kind.usual if hidden else small * SIGMAS / sigmas, "is_usual": hidden}
+    return {"size": kind.default_size if hidden else small * SIGMAS / sigmas, "is_usual": hidden}
 
 
 class Kept:
@@ -205,7 +205,7 @@ def tried(kept: Kept, faults: Iterable[str], counts: dict[bool, int], until: flo
                 return
             if fault and kept.get(f"size:{fault}") is None:
                 usual = fault in ("reflection", "dropped-frames", "ringing")
-                size = {"size": FAULTS[fault].usual, "is_usual": True} if usual else five_sigma(fault)
+                size = {"size": FAULTS[fault].default_size, "is_usual": True} if usual else five_sigma(fault)
                 kept.keep(f"size:{fault}", size)
             words = f"{fault}={kept.get(f'size:{fault}')['size']!r}" if fault else ""
             print(fault or "none", seed, kept.keep(f"{fault}#{seed}", captured(seed, words)), flush=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Robot, Unknown
 from basecal.exchange.exports.choice import chosen_transforms
-from basecal.exchange.exports.exporter import Wanted, provenance
+from basecal.exchange.exports.exporter import ExportRequest, provenance
 from basecal.geometry import SE3, PoseEstimate
 
 BASE = "eye_base_from_hand_base"
@@ -52,9 +52,9 @@ CELL = Cell(
 )
 
 
-def wanted(name: str | None = None, calibration: Calibration = CALIBRATION, cell: Cell | None = CELL) -> Wanted:
+def wanted(name: str | None = None, calibration: Calibration = CALIBRATION, cell: Cell | None = CELL) -> ExportRequest:
     """What an exporter is given for a transform, or for those asked for."""
-    return Wanted(
+    return ExportRequest(
         chosen_transforms(calibration, cell, name), provenance(calibration, "20260102T030405Z"), calibration, cell
     )
 

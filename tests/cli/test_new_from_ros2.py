@@ -7,7 +7,7 @@ import pytest
 from basecal.cell.files import read_cell
 from basecal.cli import main
 from basecal.cli.new_from_ros2 import _add_drivers, _add_target
-from basecal.exchange.bags.sources import ByFrames, ByPoses, CameraSource, Taken
+from basecal.exchange.bags.sources import BagSources, ByFrames, ByPoses, CameraSource
 
 pytest.importorskip("cyclonedds")
 from shared.ros2_domain import ros2
@@ -52,7 +52,7 @@ def test_drivers_listen_to_what_was_chosen(domain):
     data = {"reference": "a", "robots": {"a": {"urdf": "a.urdf"}}, "cameras": {"eye": {"on": "a"}}}
     robots = {"a": ByFrames("base", "tool"), "b": ByPoses("/b/pose")}
     where = {} if domain is None else {"domain": domain}
-    _add_drivers(data, Taken(robots, {"eye": CameraSource("/image", None, "a")}), domain)
+    _add_drivers(data, BagSources(robots, {"eye": CameraSource("/image", None, "a")}), domain)
     assert data["robots"] == {
         "a": {"urdf": "a.urdf", "driver": {"kind": "ros2", "frames": ["base", "tool"], **where}},
         "b": {"driver": {"kind": "ros2", "topic": "/b/pose", **where}},
@@ -60,7 +60,7 @@ def test_drivers_listen_to_what_was_chosen(domain):
     assert data["cameras"] == {"eye": {"on": "a", "driver": {"kind": "ros2", "topic": "/image", **where}}}
     assert data["bases"] == {"b": {"status": "free"}}
     alone = {"reference": "a", "robots": {}, "cameras": {}}
-    _add_drivers(alone, Taken({"a": ByPoses("/a")}), domain)
+    _add_drivers(alone, BagSources({"a": ByPoses("/a")}), domain)
     assert "bases" not in alone
 
 

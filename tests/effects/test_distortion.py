@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.effects.distortion import draw_fault, farthest_corner, usual
+from basecal.effects.distortion import farthest_corner, faulty_lens, typical_sigmas
 from basecal.geometry import Camera
 
 PINHOLE = np.array([900.0, 910.0, 640.0, 360.0, -0.1, 0.05, 0.0, 0.0, 0.0])
@@ -19,7 +19,7 @@ def test_each_term_moves_the_corner_by_as_much(camera):
     plain = camera.with_parameters(np.append(camera.parameters[:4], np.zeros(len(camera.distortion))))
     corner = np.array([640 / 900, 360 / 910, 1.0])
     np.testing.assert_allclose(farthest_corner(camera), corner)
-    for k, term in enumerate(usual(camera), start=4):
+    for k, term in enumerate(typical_sigmas(camera), start=4):
         bent = plain.with_parameters(plain.parameters + 1e-3 * term * np.eye(len(plain.parameters))[k])
         assert np.linalg.norm(bent.project(corner) - plain.project(corner)) == pytest.approx(1.28e-3, rel=0.01)
 
@@ -27,8 +27,8 @@ def test_each_term_moves_the_corner_by_as_much(camera):
 def test_a_lens_without_terms_has_none():
     """It stays as it is."""
     plain = Camera("pinhole", PINHOLE[:4], None)
-    assert len(usual(plain)) == 0
-    np.testing.assert_array_equal(draw_fault(3.0, plain).parameters, plain.parameters)
+    assert len(typical_sigmas(plain)) == 0
+    np.testing.assert_array_equal(faulty_lens(3.0, plain).parameters, plain.parameters)
 
 
 def test_the_farthest_corner_is_that_of_the_image():
@@ -38,8 +38,8 @@ def test_the_farthest_corner_is_that_of_the_image():
         np.testing.assert_allclose(ray, [corner[0] / 900, corner[1] / 910, 1])
     unsized = Camera("pinhole", PINHOLE, None)
     np.testing.assert_allclose(farthest_corner(unsized), [640 / 900, 360 / 910, 1])
-    np.testing.assert_allclose(usual(unsized), usual(Camera("pinhole", PINHOLE, (1280, 720))))
+    np.testing.assert_allclose(typical_sigmas(unsized), typical_sigmas(Camera("pinhole", PINHOLE, (1280, 720))))
     wide = Camera("pinhole", PINHOLE, (2560, 720))
     near, far = np.hypot(640 / 900, 360 / 910), np.hypot(1920 / 900, 360 / 910)
-    ratio = usual(wide)[0] / usual(unsized)[0]
+    ratio = typical_sigmas(wide)[0] / typical_sigmas(unsized)[0]
     assert ratio == pytest.approx(2 * (near / far) ** 3, rel=0.01)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.effects.focal_length import draw_fault, usual, words
+from basecal.effects.focal_length import faulty_lens, typical_sigmas, words
 from basecal.geometry import Camera
 
 LENS = Camera("pinhole", np.array([900.0, 910.0, 640.0, 360.0]), None)
@@ -12,9 +12,11 @@ LENS = Camera("pinhole", np.array([900.0, 910.0, 640.0, 360.0]), None)
 
 def test_a_usual_calibration_is_off_by_two_in_a_thousand():
     """Of each of the two."""
-    np.testing.assert_allclose(usual(LENS), [1.8, 1.82])
+    np.testing.assert_allclose(typical_sigmas(LENS), [1.8, 1.82])
 
 
 def test_percent_of_what_is_stated():
     """The stated lens over the estimated one, with its sigma in the same unit."""
-    assert words(LENS, draw_fault(0.01, LENS), np.full(4, 0.9)) == "fx is off by -1.00 ± 0.10 %, fy by -1.000 ± 0.099 %"
+    assert (
+        words(LENS, faulty_lens(0.01, LENS), np.full(4, 0.9)) == "fx is off by -1.00 ± 0.10 %, fy by -1.000 ± 0.099 %"
+    )

@@ -101,7 +101,7 @@ def test_faults_have_names_of_their_own():
     assert len({fault.name for fault in faults}) == len(faults)
     for name, effect in EFFECTS.items():
         assert (effect.fault is not None and effect.fault.draw is not None) == (name in ROBOT_PARAMETERS)
-        assert (effect.fault is not None and effect.fault.draw_lens is not None) == (name in LENS_PARAMETERS)
+        assert (effect.fault is not None and effect.fault.true_lens is not None) == (name in LENS_PARAMETERS)
     for draw in (fault.draw for fault in faults if fault.draw is not None):
         one, two = (draw(size, 6, np.random.default_rng(0)) for size in (1.0, 2.0))
         np.testing.assert_allclose(two, 2 * one)
@@ -126,18 +126,18 @@ LENS = Camera("pinhole", np.array([900.0, 910.0, 640.0, 360.0, -0.1, 0.05, 0.0, 
 def test_a_lens_that_is_drawn_is_off_by_its_size(name):
     """In its own parameters alone, and the words give that size in the fault's unit."""
     part, fault = LENS_PARAMETERS[name], EFFECTS[name].fault
-    true = fault.draw_lens(2 * fault.scale, LENS)
+    true = fault.true_lens(2 * fault.scale, LENS)
     changed = np.flatnonzero(true.parameters != LENS.parameters)
-    assert set(changed) <= set(np.arange(9)[part.where])
+    assert set(changed) <= set(np.arange(9)[part.indices])
     words = part.words(LENS, true, np.full(9, 1e-3))
     shown = {"focal_length": "-2.0000", "principal_point": "-1.4142", "distortion": "2 px"}[name]
     assert shown in words
-    assert part.usual(LENS).shape == np.arange(9)[part.where].shape
+    assert part.typical_sigmas(LENS).shape == np.arange(9)[part.indices].shape
 
 
 def test_parts_of_a_lens_are_in_its_order():
     """Every parameter is of one of them."""
-    places = np.concatenate([np.arange(9)[part.where] for part in LENS_PARAMETERS.values()])
+    places = np.concatenate([np.arange(9)[part.indices] for part in LENS_PARAMETERS.values()])
     np.testing.assert_array_equal(places, np.arange(9))
 
 
@@ -163,7 +163,7 @@ def test_what_the_noise_shows_is_put_into_words(name):
 
 def flange(kind, values):
     true = JOINTS + kind.shift(ARM, kind.stated(), JOINTS, values)
-    return kind.moved(ARM, values).forward(true)
+    return kind.move_chain(ARM, values).forward(true)
 
 
 @pytest.mark.parametrize("name", ROBOT_PARAMETERS)
@@ -179,7 +179,7 @@ def test_the_derivative_is_that_of_the_flange(name):
     """To each value, at values of some size."""
     kind = ROBOT_PARAMETERS[name]
     values = 0.1 * kind.scale * np.random.default_rng(1).standard_normal(kind.zero(6).shape)
-    true, moved = JOINTS + kind.shift(ARM, kind.stated(), JOINTS, values), kind.moved(ARM, values)
+    true, moved = JOINTS + kind.shift(ARM, kind.stated(), JOINTS, values), kind.move_chain(ARM, values)
     at = Posture(ARM, JOINTS, moved.posture(true))
     before = flange(kind, values).inverse()
 
@@ -257,7 +257,7 @@ def test_sizes_that_no_answer_contains_have_no_largest_sigma():
 def test_faults_have_usual_sizes(name, usual):
     """In the units of SI, or in pixels."""
     (fault,) = (each.fault for each in EFFECTS.values() if each.fault is not None and each.fault.name == name)
-    assert fault.scale * fault.usual == pytest.approx(usual)
+    assert fault.scale * fault.default_size == pytest.approx(usual)
 
 
 def test_what_is_drawn_of_joints_is_as_large_as_its_fault():

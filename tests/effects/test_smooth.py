@@ -19,7 +19,7 @@ def test_modes_make_the_kernel():
     s = simulate(Scenario(samples=30), 1)
     problem, _ = build_problem(s.cell, s.recording)
     poses, seen = stop_poses(problem, "hand")
-    found = Modes.strongest(poses[seen], kernel).sizes(poses)
+    found = Modes.strongest(poses[seen], kernel).values(poses)
     turn = rotation_log(np.swapaxes(poses.rotation, -1, -2)[:, None] @ poses.rotation[None])
     shift = poses.translation[:, None] - poses.translation[None]
     squared = np.sum(shift**2, -1) + np.sum(turn**2, -1)
@@ -48,7 +48,7 @@ def test_modes_are_the_strongest_sixteen_that_matter(spread_rad, fewer):
     poses, seen = stop_poses(problem, "hand")
     values, vectors = np.linalg.eigh(kernel(poses, poses))
     kept = np.flatnonzero(values > 1e-2 * values[-1])[-16:]
-    found = Modes.strongest(poses[seen], kernel).sizes(poses)
+    found = Modes.strongest(poses[seen], kernel).values(poses)
     assert found.shape == (40, len(kept))
     assert (len(kept) < 16) == fewer
     expected = (vectors[:, kept] * values[kept]) @ vectors[:, kept].T
@@ -75,6 +75,6 @@ def test_modes_are_the_strongest_and_not_too_weak():
         return (alike * values @ alike.T)[one][:, two]
 
     assert Modes.strongest(places, kernel_of).weights.shape == (4, 3)
-    two = Modes.strongest(places, kernel_of, count=2).sizes(places)
+    two = Modes.strongest(places, kernel_of, most_modes=2).values(places)
     np.testing.assert_allclose(two @ two.T, alike * [1, 0.5, 0, 0] @ alike.T, atol=1e-12)
-    assert Modes.strongest(places, kernel_of, least=0.005).weights.shape == (4, 4)
+    assert Modes.strongest(places, kernel_of, least_share=0.005).weights.shape == (4, 4)

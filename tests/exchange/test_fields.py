@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.fields import parse_fields, read_fields, written_number
+from basecal.exchange.fields import parse_fields, parse_float, read_fields
 
 TEXT = """\
 name: wrist
@@ -165,6 +165,6 @@ def test_fields_that_hold_nothing_are_not_there() -> None:
     with pytest.raises(DatasetError, match=r"has no a or d.*; it has b, c"):
         root.find("a", "d")
     assert (root.names(), root.find("b").names()) == (["a", "b", "c"], [])
-    assert [written_number(text) for text in ("1", "-.5e1")] == [1.0, -5.0]
+    assert [parse_float(text) for text in ("1", "-.5e1")] == [1.0, -5.0]
     with pytest.raises(ValueError, match="1_0"):
-        written_number("1_0")
+        parse_float("1_0")

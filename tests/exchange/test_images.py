@@ -138,7 +138,7 @@ def test_a_file_with_the_name_of_an_image_is_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize("count", [3, 4])
 def test_images_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     """As many as a recording may have are listed, one more is too many."""
-    monkeypatch.setattr(images, "_MOST_IMAGES", 3)
+    monkeypatch.setattr(images, "MOST_SAMPLES", 3)
     filled(tmp_path, *(f"{k}.png" for k in range(count)))
     if count == 3:
         assert len(list_images(tmp_path)) == 3

@@ -13,7 +13,7 @@ from basecal.errors import DatasetError, InputError
 from basecal.exchange.lerobot import (
     Episode,
     joint_rows,
-    motor_places,
+    motor_indices,
     nearest_frames,
     read_episode,
     read_motor_ranges,
@@ -79,8 +79,8 @@ def test_an_order_that_contradicts_a_name_is_refused() -> None:
     """Five of six motors have a joint's name, but in reverse: in order they would be other joints."""
     motors = ["f", "E", "d", "c", "b", "a", "gripper"]
     with pytest.raises(InputError, match="in order, f would be a; name all motors as the joints"):
-        motor_places(motors, list("abcdef"))
-    assert motor_places(["a", "b", "gripper", "C"], list("abc")) == [0, 1, 3]
+        motor_indices(motors, list("abcdef"))
+    assert motor_indices(["a", "b", "gripper", "C"], list("abc")) == [0, 1, 3]
 
 
 def test_radians_read_as_degrees_are_refused(tmp_path: Path, arm: SerialChain) -> None:

@@ -206,6 +206,19 @@ def test_streams_that_follow_one_another_are_merged(begun_s: float) -> None:
             _check_times(parts)
 
 
+def test_a_stream_within_a_long_recording_is_an_overlap() -> None:
+    """Recordings need not be neighbours in time to overlap; the overlap ends with the earlier of both."""
+    robots, images = {"left": RobotState(SE3.identity())}, {"cam": "recording/images/cam/0.png"}
+    spans = {"a": (0.0, 9.0, robots), "b": (1.0, 2.0, robots), "c": (4.0, 5.0, {})}
+    described = Cell("left", {"left": Robot("left")})
+    parts = [
+        Part(Path(name), described, Recording(tuple(Sample(k, s, states, (), images) for k, s in enumerate(times))))
+        for name, (*times, states) in spans.items()
+    ]
+    with pytest.raises(InputError, match=r"^a and c overlap in time \(4 to 5 s\)"):
+        _check_times(parts)
+
+
 def test_a_cell_without_samples_adds_none(tmp_path: Path) -> None:
     """Numbers go on behind the last sample, whatever the first number of a cell is."""
     parts = [cell(tmp_path / n, BASE, numbers) for n, numbers in (("a", range(0)), ("b", range(4, 6)), ("c", range(0)))]

@@ -182,7 +182,7 @@ def test_faults_of_matrices_have_their_first_line(tmp_path: Path, row: str, said
 @pytest.mark.parametrize("count", [2, 3])
 def test_matrices_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     """As many as a recording may have, and not one more."""
-    monkeypatch.setattr(poses_module, "MOST_POSES", 2)
+    monkeypatch.setattr(poses_module, "MOST_SAMPLES", 2)
     path = write(tmp_path, "a.txt", as_text(drawn(count).matrix))
     if count == 2:
         assert len(read_poses(path, "m").poses) == 2

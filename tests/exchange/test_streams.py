@@ -15,10 +15,10 @@ from basecal.cli import main
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.controller_poses import PoseStream
 from basecal.exchange.streams import (
-    Places,
+    CellNames,
     Streams,
-    _known_places,
-    _new_places,
+    _known_names,
+    _new_names,
     read_pixels,
     recording_from_streams,
 )
@@ -225,22 +225,22 @@ def test_a_camera_does_not_calibrate_its_own_robot() -> None:
         "targets": {"tag": {"on": "a"}, "other": {"on": "b"}, "wall": {"on": "world"}},
     })  # fmt: skip
     files = Streams("a.txt", "b.txt", "c.txt", "m")
-    assert _known_places(described, files, "own", "other") == Places("own", "other", "a", "b")
+    assert _known_names(described, files, "own", "other") == CellNames("own", "other", "a", "b")
     with pytest.raises(InputError, match="camera 'own' and target 'tag' are both on 'a': views are useless"):
-        _known_places(described, files, "own", "tag")
+        _known_names(described, files, "own", "tag")
     none = replace(files, eye=None, hand=None)
-    assert _known_places(described, none, "still", "wall") == Places("still", "wall", None, None)
+    assert _known_names(described, none, "still", "wall") == CellNames("still", "wall", None, None)
 
 
 def test_the_names_of_a_new_cell() -> None:
     """They follow from the files; pixels need a cell, and other names, too."""
     files = Streams("a.txt", None, "c.txt", "m")
-    assert _new_places("c", files, "camera", "target") == Places("camera", "target", "eye", None)
-    assert _new_places("c", replace(files, eye=None, hand="b.txt"), None, None).hand == "hand"
+    assert _new_names("c", files, "camera", "target") == CellNames("camera", "target", "eye", None)
+    assert _new_names("c", replace(files, eye=None, hand="b.txt"), None, None).hand == "hand"
     with pytest.raises(InputError, match="must describe the target and the lens: basecal new c"):
-        _new_places("c", replace(files, pixels="p.csv"), None, None)
+        _new_names("c", replace(files, pixels="p.csv"), None, None)
     with pytest.raises(InputError, match="no robot: give"):
-        _new_places("c", replace(files, eye=None), None, None)
+        _new_names("c", replace(files, eye=None), None, None)
     for names, said in ((("cam", "target"), "'cam'"), (("camera", "tag"), "'camera'"), ((None, "tag"), "'tag'")):
         with pytest.raises(InputError, match=f"has no cell.yaml to name {said}"):
-            _new_places("c", files, *names)
+            _new_names("c", files, *names)

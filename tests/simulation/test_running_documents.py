@@ -21,7 +21,7 @@ def rows(heading: str) -> list[list[str]]:
 def test_every_fault_is_described():
     """Name, unit, usual size and what it does, in the words of the code."""
     described = rows("A simulated cell that runs")
-    assert described == [[name, kind.unit, str(kind.usual), kind.about] for name, kind in FAULTS.items()]
+    assert described == [[name, kind.unit, str(kind.default_size), kind.description] for name, kind in FAULTS.items()]
 
 
 def test_every_request_is_described():

@@ -23,8 +23,8 @@ from ruamel.yaml import YAML
 from basecal.cell import Calibration, Cell, Finding, RobotParameters
 from basecal.exchange.exporters.exporter import export
 from basecal.exchange.exporters.registry import EXPORTERS
-from basecal.exchange.motions.way import Way
-from basecal.exchange.motions.writers import MOTIONS
+from basecal.exchange.motions.way import RobotPath
+from basecal.exchange.motions.writers import PLAN_FORMATS
 from basecal.geometry import Camera
 from basecal.kinematics import read_chain
 from export_example import BASE, CALIBRATION, CELL
@@ -149,7 +149,7 @@ def _exporting(kind: str) -> Trial:
     return trial
 
 
-def _named(names: tuple[str, ...]) -> Way:
+def _named(names: tuple[str, ...]) -> RobotPath:
     way = of_joints()
     robots = {
         name: replace(robot, chain=None if robot.chain is None else replace(robot.chain, joint_names=names))
@@ -175,7 +175,7 @@ def _moving(kind: str) -> Trial:
             way = _named(names)
             if kind == "ur-script":
                 way = replace(way, robots={"hand": way.robots["hand"]})
-            return _READ[kind](MOTIONS[kind].text(way))
+            return _READ[kind](PLAN_FORMATS[kind].text(way))
 
         def read() -> None:
             if _renamed(told(hostile), hostile, harmless) != told(harmless):
@@ -201,5 +201,5 @@ def _renamed(data: Any, names: tuple[str, ...], others: tuple[str, ...]) -> Any:
 
 EXPORTS: dict[str, Trial] = {
     **{f"export {kind}": _exporting(kind) for kind in EXPORTERS if kind != "usd" or find_spec("pxr")},
-    **{f"plan --to {kind}": _moving(kind) for kind in MOTIONS},
+    **{f"plan --to {kind}": _moving(kind) for kind in PLAN_FORMATS},
 }

@@ -10,7 +10,7 @@ from basecal.acquisition.drivers.registry import DRIVERS
 from basecal.cli import _VERBS
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.importers.registry import IMPORTERS
-from basecal.exchange.motions.writers import MOTIONS
+from basecal.exchange.motions.writers import PLAN_FORMATS
 from basecal.studies.solvers.registry import SOLVERS
 from torment.run import TRIALS
 
@@ -41,7 +41,7 @@ _NAMES: Mapping[str, str] = {
         ("verbs", _VERBS),
         ("importers", IMPORTERS),
         ("exporters", [f"export {kind}" for kind in EXPORTERS]),
-        ("motions", [f"plan --to {kind}" for kind in MOTIONS]),
+        ("motions", [f"plan --to {kind}" for kind in PLAN_FORMATS]),
         ("drivers", [f"driver {kind}" for kind in DRIVERS]),
         ("solvers", [f"solver {kind}" for kind in SOLVERS]),
     ],

@@ -102,7 +102,7 @@ def _check_usage(to: str | None, options: Mapping[str, object]) -> None:
         return
     if to not in EXPORTERS:
         raise CycloptsError(msg=f"--to: {FrameNotFound(to, list(EXPORTERS))}")
-    takes = EXPORTERS[to].takes
+    takes = EXPORTERS[to].options
     for option, value in options.items():
         if value and option not in takes:
             raise CycloptsError(msg=f"--to {to} takes --{' or --'.join(takes)}, not --{option}")

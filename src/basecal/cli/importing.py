@@ -18,7 +18,7 @@ from basecal.cli.next_step import fill_in_command, next_step
 from basecal.cli.terminal import counting, progress, quote_path, say
 from basecal.errors import BasecalError, list_names
 from basecal.exchange.importers.registry import IMPORTERS
-from basecal.exchange.importing.bring_in import Brought
+from basecal.exchange.importing.bring_in import ImportResult
 from basecal.exchange.importing.imported import Imported, OneOf
 
 _HELP = """Make a cell and its recording from other programs' files, or add to existing
@@ -83,7 +83,7 @@ def _option(parameter: Argument) -> Argument:
     kind: Any = parameter.annotation
     for each in getattr(kind, "__metadata__", ()):
         if isinstance(each, OneOf):
-            kind = Annotated[kind, Parameter(help=f"{each.about}: {', '.join(each.names)}.")]
+            kind = Annotated[kind, Parameter(help=f"{each.description}: {', '.join(each.names)}.")]
     if is_dataclass(kind):
         kind = Annotated[kind, Parameter(name="*")]
     elif get_origin(kind) is tuple:
@@ -131,7 +131,7 @@ def finish_import(
     return 0
 
 
-def _written_files(folder: Path, import_result: Brought) -> str:
+def _written_files(folder: Path, import_result: ImportResult) -> str:
     """Description of the written files."""
     if not import_result.pairing.numbers:
         return f"wrote {folder / 'cell.yaml'}"
@@ -143,7 +143,7 @@ def _written_files(folder: Path, import_result: Brought) -> str:
     return f"{text}{and_cell} {'to' if import_result.made == count else 'of'} {folder}"
 
 
-def _pairing_lines(import_result: Brought) -> list[str]:
+def _pairing_lines(import_result: ImportResult) -> list[str]:
     pairing = import_result.pairing
     lines = []
     paired_count = sum(number is not None for number in pairing.numbers) - import_result.made

@@ -16,7 +16,7 @@ from basecal.cli.next_step import next_step
 from basecal.cli.option_types import Domain, Names, number_range
 from basecal.cli.terminal import quote_path, say
 from basecal.exchange.importing.described_target import (
-    UNSAID,
+    UNSTATED_SHAPE,
     Shape,
     are_indistinguishable,
     target_fields,
@@ -35,7 +35,7 @@ def new(
     robots: Annotated[int | None, number_range(1, 9)] = None,
     names: Names = (),
     target: Kind = "charuco",
-    shape: Annotated[Shape, Parameter(name="*")] = UNSAID,
+    shape: Annotated[Shape, Parameter(name="*")] = UNSTATED_SHAPE,
     from_: Annotated[Literal["ros2"] | None, Parameter(name="--from")] = None,
     robot: Names = (),
     domain: Domain = None,
@@ -75,9 +75,9 @@ def new(
 
     if names and robots not in (None, len(names)):
         raise CycloptsError(msg=f"--robots {robots} and {len(names)} --names differ: leave --robots out")
-    if target == "pose" and shape != UNSAID:
+    if target == "pose" and shape != UNSTATED_SHAPE:
         raise CycloptsError(msg="--target pose has no sizes: leave them out")
-    fields = target_fields(target, shape) if shape != UNSAID else None
+    fields = target_fields(target, shape) if shape != UNSTATED_SHAPE else None
     if (robot or domain is not None or yes) if from_ is None else (names or robots is not None):
         raise CycloptsError(msg="--robot, --domain and --yes go with --from ros2, --robots and --names without it")
     if from_ is None:

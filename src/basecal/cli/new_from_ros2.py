@@ -14,7 +14,7 @@ from basecal.cli.terminal import say
 
 if TYPE_CHECKING:
     from basecal.cell import Cell
-    from basecal.exchange.bags.sources import Taken
+    from basecal.exchange.bags.sources import BagSources
 
 LISTEN_S = 3.0
 """Time to listen: the slowest useful messages are sent once a second, and discovery takes a second."""
@@ -58,7 +58,7 @@ def ros2_cell(
     from basecal.cell.format.yaml_text import yaml_text
     from basecal.exchange.bags.choice import choose_sources
     from basecal.exchange.bags.entry import bag_entry, urdf_name
-    from basecal.exchange.bags.sources import Asked, ByJoints
+    from basecal.exchange.bags.sources import BagRequest, ByJoints
     from basecal.exchange.importing.imported import NO_CELL
 
     allow_places(cell, [describe_domain(choose_domain(domain))], yes)
@@ -66,7 +66,7 @@ def ros2_cell(
     say(f"messages heard in {LISTEN_S:g} s:")
     for topic in sorted(bag.topics.values()):
         say(f"  {topic.messages:>8}  {topic.name}  {topic.kind}")
-    survey, request = survey_live_topics(bag), Asked(robots=robots)
+    survey, request = survey_live_topics(bag), BagRequest(robots=robots)
     selection = choose_sources(bag, survey, request, NO_CELL)
     for line in selection.words:
         say(f"taking {line}")
@@ -86,7 +86,7 @@ def ros2_cell(
         return NewCell(yaml_text(data), cell_from_dict(data, bag.path, folder), urdfs)
 
 
-def _add_drivers(data: dict[str, Any], selection: Taken, domain: int | None) -> None:
+def _add_drivers(data: dict[str, Any], selection: BagSources, domain: int | None) -> None:
     from basecal.exchange.bags.sources import ByFrames
 
     domain_option = {} if domain is None else {"domain": domain}

@@ -13,10 +13,10 @@ from basecal.cli.option_types import Box, OpensPage, Output, Point, Seed, number
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.cli.typed_words import typed_command
 from basecal.errors import BasecalError, FrameNotFound, UsageError
-from basecal.exchange.motions.writers import MOTIONS
+from basecal.exchange.motions.writers import PLAN_FORMATS
 from basecal.fields.typed_length import length_m
 
-_KINDS = "; ".join(f"{name}: {each.words}" for name, each in MOTIONS.items())
+_KINDS = "; ".join(f"{name}: {each.words}" for name, each in PLAN_FORMATS.items())
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -164,8 +164,8 @@ def _check_output(to: str | None, robot: str | None, output: Path | None, json: 
     Raises:
         UsageError: if they exclude each other.
     """
-    if to is not None and to not in MOTIONS:
-        raise UsageError(f"--to: {FrameNotFound(to, list(MOTIONS))}")
+    if to is not None and to not in PLAN_FORMATS:
+        raise UsageError(f"--to: {FrameNotFound(to, list(PLAN_FORMATS))}")
     if to is None and robot is not None:
         raise UsageError("--robot needs --to, such as --to ur-script: it names the robot of that program")
     if to is not None and json and output is None:
@@ -284,9 +284,9 @@ def _motion(cell: Cell, plan_result: Plan, to: str, robot: str | None, speed_deg
     """The samples as a robot's own program."""
     from math import radians
 
-    from basecal.exchange.motions.way import make_way
+    from basecal.exchange.motions.way import make_path
 
-    return MOTIONS[to].text(make_way(cell, plan_result.samples, robot, radians(speed_deg_s), hold_s))
+    return PLAN_FORMATS[to].text(make_path(cell, plan_result.samples, robot, radians(speed_deg_s), hold_s))
 
 
 def _find_calibration(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from basecal.effects.faces.candidates import Candidates, Views, one_candidate, pose_moves
-from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, rounded_length
+from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, format_length
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import cross_matrix
 
@@ -33,7 +33,7 @@ def turns_by_reach(poses: SE3) -> Array:
 
 def words(effect: FoundEffect) -> Words:
     """Describe the bend and its size."""
-    what = f"{effect.about} bends by {rounded_length(effect.size, effect.covariance, 1e3)} mrad per metre of reach."
+    what = f"{effect.about} bends by {format_length(effect.size, effect.covariance, 1e3)} mrad per metre of reach."
     do = f"Record the joints of {effect.about} and estimate its `deflection`, or record where it will work."
     return Words("deflection", what, (do, AGAIN))
 

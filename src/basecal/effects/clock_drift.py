@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from basecal.effects.clock_offset import delays, is_late
+from basecal.effects.clock_offset import delay_moves, is_late
 from basecal.effects.faces.candidates import Candidates, Views, elapsed_share, one_candidate
 from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, format_with_sigma
 
@@ -17,7 +17,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
     if not views.has_times or len(views.samples) < FEWEST_IN_TIME:
         return
     share = elapsed_share(views) - 0.5
-    for name, late in delays(views):
+    for name, late in delay_moves(views):
         groups = views.groups
         moves = (
             None if m is None else share[views.rank(g)][:, None, None] * m for g, m in zip(groups, late, strict=True)
@@ -28,10 +28,10 @@ def candidates(views: Views) -> Iterator[Candidates]:
 def words(effect: FoundEffect) -> Words:
     """Describe the clock drift of a device and its amount."""
     amount = format_with_sigma(abs(1e3 * effect.size[0]), 1e3 * effect.sigma)
-    kind, way = "images" if effect.is_camera else "poses", "fall behind" if is_late(effect) else "run ahead of"
+    kind, relation = "images" if effect.is_camera else "poses", "fall behind" if is_late(effect) else "run ahead of"
     what = (
-        f"The clock of {effect.about} drifts: its {kind} {way} the other devices by {amount} ms from first to last "
-        "sample."
+        f"The clock of {effect.about} drifts: its {kind} {relation} the other devices by {amount} ms "
+        "from first to last sample."
     )
     return Words(
         "clock-offset", what, ("Synchronise the clocks, as by PTP or NTP, or record for a shorter time.", AGAIN)

@@ -13,13 +13,13 @@ from basecal.geometry import Array
 
 def candidates(views: Views) -> Iterator[Candidates]:
     """Candidates: the clock of each camera against all robots, and of each robot on a path against the others."""
-    for name, late in delays(views):
+    for name, late in delay_moves(views):
         if "clock_offset" not in views.estimated_effects.get(name, ()):
             yield one_candidate("clock-offset", name, "s" if views.has_times else "samples", late)
 
 
-def delays(views: Views) -> Iterator[tuple[str, Moves]]:
-    """Derivatives of views with respect to a delay of the poses, with the camera or robot whose clock is offset."""
+def delay_moves(views: Views) -> Iterator[tuple[str, Moves]]:
+    """Name of each camera or robot whose clock may be offset, and moves of the views by a delay of the poses."""
     velocity = {robot: views.velocity(robot) for robot in views.robots}
     paths = {robot: v for robot, v in velocity.items() if v is not None}
     if not paths:
@@ -31,9 +31,9 @@ def delays(views: Views) -> Iterator[tuple[str, Moves]]:
         return views.flange_jacobian(k, robot) @ paths[robot][views.rank(groups[k])][..., None]
 
     for camera in sorted({g.camera for g in groups}):
-        arms = [[r for r in paths if g.robot_end(r)] if g.camera == camera else [] for g in groups]
-        if any(arms):
-            late = ([time_jacobian(views, k, r) for r in both] for k, both in enumerate(arms))
+        robots = [[r for r in paths if g.robot_end(r)] if g.camera == camera else [] for g in groups]
+        if any(robots):
+            late = ([time_jacobian(views, k, r) for r in names] for k, names in enumerate(robots))
             yield camera, tuple(np.sum(each, axis=0) if each else None for each in late)
     for robot in paths if len(paths) > 1 else ():
         yield robot, robot_moves(views, robot, time_jacobian)
@@ -48,8 +48,8 @@ def words(effect: FoundEffect) -> Words:
     """Describe the time by which a device lags or leads."""
     factor, unit = (1e3, "ms") if effect.unit == "s" else (1.0, "samples")
     amount = format_with_sigma(abs(factor * effect.size[0]), factor * effect.sigma)
-    kind, way = "Images" if effect.is_camera else "Poses", "lag behind" if is_late(effect) else "run ahead of"
-    what = f"{kind} of {effect.about} {way} the other devices by {amount} {unit}."
+    kind, relation = "Images" if effect.is_camera else "Poses", "lag behind" if is_late(effect) else "run ahead of"
+    what = f"{kind} of {effect.about} {relation} the other devices by {amount} {unit}."
     return Words("clock-offset", what, ("Record while all devices are at rest, or correct the stamps.", AGAIN))
 
 

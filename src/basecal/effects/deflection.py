@@ -21,7 +21,7 @@ from basecal.effects.faces.effect import (
     RandomEffect,
     SimulatedFault,
     Words,
-    rounded_length,
+    format_length,
 )
 from basecal.effects.faces.robot_parameter import (
     Columns,
@@ -33,8 +33,8 @@ from basecal.effects.faces.robot_parameter import (
     joint_columns,
     joint_lines,
     moves_by_joint,
-    open_chains,
     to_dict,
+    unestimated_chains,
 )
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
 from basecal.errors import InputError
@@ -46,7 +46,7 @@ from basecal.kinematics import SerialChain, gravity_torques
 NAME = "deflection"
 PER_NM = "rad/Nm"  # unit of a compliance
 _KEYS = "rad_per_nm", "sigma_rad_per_nm"
-_EQUAL_TOLERANCE = 0.7  # share of the variance of compliances that is equal for all joints of an arm
+_EQUAL_SHARE = 0.7  # share of the variance of compliances that is equal for all joints of an arm
 _SIMULATED_NM = 50.0  # typical torque at the shoulder of an arm of one metre
 
 
@@ -58,7 +58,7 @@ class Stated(Parameters):
 
     @checks("down")
     @classmethod
-    def _some_direction(cls, value: list[float] | None) -> list[float] | None:
+    def _check_direction(cls, value: list[float] | None) -> list[float] | None:
         if value is not None and not any(value):
             raise ValueError("down is the direction of gravity in the robot's base, not zero")
         return value
@@ -104,19 +104,17 @@ def entry(values: Array) -> str:
 def shared_errors(posture: Posture) -> SharedErrors | None:
     """Errors of joints that yield in proportion to their torques; their compliances are mostly equal.
 
-    The sigma of turns is that of a joint under the largest torque, as root mean square over the stops.
+    The sigma of rotations is that of the joint with the largest torque, as root mean square over the stops.
     """
     if posture.chain.masses is None:
         return None
-    by_stop = gravity_torques(posture.chain, posture.recorded)
-    most = float(np.sqrt(np.mean(by_stop**2, axis=0)).max())
-    if not most > 0:
+    torques_nm = gravity_torques(posture.chain, posture.recorded)
+    largest_nm = float(np.sqrt(np.mean(torques_nm**2, axis=0)).max())
+    if not largest_nm > 0:
         return None
-    by_joint = posture.true.joint_derivative * (by_stop / most)[:, None, :]
-    together = np.concatenate(
-        [np.sqrt(_EQUAL_TOLERANCE) * by_joint.sum(-1, keepdims=True), np.sqrt(1 - _EQUAL_TOLERANCE) * by_joint], axis=-1
-    )
-    return SharedErrors(together, np.ones(posture.chain.n + 1, dtype=bool))
+    by_joint = posture.true.joint_derivative * (torques_nm / largest_nm)[:, None, :]
+    equal, own = np.sqrt(_EQUAL_SHARE) * by_joint.sum(-1, keepdims=True), np.sqrt(1 - _EQUAL_SHARE) * by_joint
+    return SharedErrors(np.concatenate([equal, own], axis=-1), np.ones(posture.chain.n + 1, dtype=bool))
 
 
 def likely(sigmas: Mapping[str, Array]) -> Words:
@@ -131,7 +129,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
     One candidate has a single compliance for all joints, another one for each joint.
     """
-    for robot, chain in open_chains(views, NAME):
+    for robot, chain in unestimated_chains(views, NAME):
         if chain.masses is None:
             continue
         each = moves_by_joint(views, robot, chain, gravity_torques)
@@ -141,8 +139,8 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 def words(effect: FoundEffect) -> Words:
     """Describe the root mean square of the compliances of the joints."""
-    soft = rounded_length(effect.size, effect.covariance, 1e6 * len(effect.size) ** -0.5)
-    what = f"Joints of {effect.about} yield by {soft} urad per Nm of the torque of the links' weight."
+    compliance = format_length(effect.size, effect.covariance, 1e6 * len(effect.size) ** -0.5)
+    what = f"Joints of {effect.about} yield by {compliance} urad per Nm of the torque of the links' weight."
     return Words("deflection", what, (f"Write {entry(effect.size)} at {effect.about} in cell.yaml.", AGAIN))
 
 

@@ -10,7 +10,7 @@ from basecal.geometry import Array, Camera
 _USUAL = 1e-3  # shift of the farthest corner by each term, as a share of the image's width
 
 
-def usual(camera: Camera) -> Array:
+def typical_sigmas(camera: Camera) -> Array:
     """Typical errors of the distortion terms: each moves the farthest corner by a share of the image's width."""
     width = camera.size_px[0] if camera.size_px else 2 * camera.parameters[2]
     return _USUAL * width / _corner_by_terms(camera)
@@ -39,7 +39,7 @@ def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
     return f"the distortion by {corner_px:.2g} px at the corner"
 
 
-def draw_fault(size: float, camera: Camera) -> Camera:
+def faulty_lens(size: float, camera: Camera) -> Camera:
     """A lens whose first distortion term is changed so that the farthest corner shifts by `size` [px]."""
     bent = camera.parameters.copy()
     bent[4:5] += size / _corner_by_terms(camera)[:1]
@@ -50,13 +50,13 @@ EFFECT = Effect(
     "distortion",
     lens=LensParameter(
         slice(4, None),
-        usual,
+        typical_sigmas,
         "assumed: as much at the corner as the principal point is off",
         words,
         is_each_alone=True,  # a lens that is stated without distortion lacks its first term most
     ),
     fault=SimulatedFault(
-        "distortion", "px", ONE, 3.0, "the lens bends the image's corner by more", draw_lens=draw_fault
+        "distortion", "px", ONE, 3.0, "the lens bends the image's corner by more", true_lens=faulty_lens
     ),
     absent=NOT_OF_LENSES,
 )

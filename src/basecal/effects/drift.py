@@ -19,8 +19,8 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 def words(effect: FoundEffect) -> Words:
     """Describe the drifting frame and its total motion."""
-    way = format_tangent(effect.size, effect.covariance)
-    what = f"{effect.about} drifts{way} from the first sample to the last."
+    motion = format_tangent(effect.size, effect.covariance)
+    what = f"{effect.about} drifts{motion} from the first sample to the last."
     do = "Let robots and camera warm up.", "Look for a mount that creeps.", AGAIN
     return Words("drift", what, do)
 

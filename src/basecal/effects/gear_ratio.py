@@ -19,8 +19,8 @@ from basecal.effects.faces.robot_parameter import (
     joint_columns,
     joint_lines,
     moves_by_joint,
-    open_chains,
     to_dict,
+    unestimated_chains,
 )
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma
@@ -57,7 +57,7 @@ def entry(values: Array) -> str:
 
 def candidates(views: Views) -> Iterator[Candidates]:
     """Candidates: each joint of each robot with a share of its angle, then all joints of a robot together."""
-    for robot, chain in open_chains(views, NAME):
+    for robot, chain in unestimated_chains(views, NAME):
         moves = moves_by_joint(views, robot, chain, _turning_angles)
         yield from joint_candidates("gear-ratio", robot, "", moves)
 

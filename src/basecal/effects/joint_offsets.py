@@ -32,7 +32,7 @@ from basecal.effects.faces.robot_parameter import (
     joint_columns,
     joint_lines,
     moves_by_joint,
-    open_chains,
+    unestimated_chains,
 )
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
 from basecal.fields.parameters import Parameters
@@ -60,15 +60,14 @@ class Stated(Parameters):
 
 def unobserved_reason(case: Unobserved) -> str:
     """Explain why the data do not determine the offsets of some joints."""
-    still = next(
-        (row for row in range(case.joint_count) if row not in case.rows), 0
-    )  # number of leading joints that are equivalent to the base
+    # Number of leading joints that are equivalent to the base.
+    leading = next((row for row in range(case.joint_count) if row not in case.rows), 0)
     ends = {0: "the first joint moves the arm as its base does"}
-    if still > 1:
-        ends[0] = f"joints 1 to {still} move the arm as its base does, in these samples"
+    if leading > 1:
+        ends[0] = f"joints 1 to {leading} move the arm as its base does, in these samples"
     ends[case.joint_count - 1] = "the last one as the mounts on its flange do"
     reasons = [ends[row] for row in case.rows if row in ends]
-    if any(row >= still and row not in ends for row in case.rows):
+    if any(row >= leading and row not in ends for row in case.rows):
         reasons.append("the samples hardly move the others alone")
     why = f"{case.joints}: {', '.join(reasons)}"
     if case.by_prior:
@@ -88,7 +87,7 @@ def to_dict(effect: Mapping[str, RobotParameters]) -> dict[str, Any]:
     """The fields of `calibration.json`."""
     if not effect:
         return dict.fromkeys(_KEYS)
-    rows = {robot: (of.values, of.sigma, of.covariance, of.seen, of.joints) for robot, of in effect.items()}
+    rows = {robot: (e.values, e.sigma, e.covariance, e.seen, e.joints) for robot, e in effect.items()}
     return {key: {robot: row[k] for robot, row in rows.items()} for k, key in enumerate(_KEYS)}
 
 
@@ -99,8 +98,8 @@ def from_dict(data: Mapping[str, Any]) -> dict[str, RobotParameters]:
     for robot in values:
         n = len(names[robot])
         covariance = read_only(covariances[robot], (n, n), "joint_offsets_covariance")
-        rad, known = read_only(values[robot], (n,), "joint_offsets_rad"), np.array(seen[robot], dtype=bool)
-        found[robot] = RobotParameters(tuple(names[robot]), rad, np.sqrt(np.diag(covariance)), known, covariance)
+        rad, is_seen = read_only(values[robot], (n,), "joint_offsets_rad"), np.array(seen[robot], dtype=bool)
+        found[robot] = RobotParameters(tuple(names[robot]), rad, np.sqrt(np.diag(covariance)), is_seen, covariance)
     return found
 
 
@@ -133,7 +132,7 @@ def likely(sigmas: Mapping[str, Array]) -> Words:
 
 def candidates(views: Views) -> Iterator[Candidates]:
     """Candidates: each joint of each robot with a constant offset [rad], then all joints of a robot together."""
-    for robot, chain in open_chains(views, NAME):
+    for robot, chain in unestimated_chains(views, NAME):
         moves = moves_by_joint(views, robot, chain, lambda _, joints: np.ones_like(joints))
         yield from joint_candidates("joint-offset", robot, "rad", moves)
 

@@ -59,17 +59,17 @@ def report(robot: str, effect: RobotParameters) -> list[str]:
     """A heading, and a line for each origin and the tip."""
     lines = [f"link errors of {robot}, right tangents of each joint's origin, then of the tip"]
     for k, tangent in enumerate(effect.values, 1):
-        shown = [f"{round(float(value), 4) + 0.0:10.4f}" for value in (*tangent[:3] * 1e3, *np.degrees(tangent[3:]))]
-        lines.append(f"  {k:<3}t {''.join(shown[:3])} mm   r {''.join(shown[3:])} deg")
+        texts = [f"{round(float(value), 4) + 0.0:10.4f}" for value in (*tangent[:3] * 1e3, *np.degrees(tangent[3:]))]
+        lines.append(f"  {k:<3}t {''.join(texts[:3])} mm   r {''.join(texts[3:])} deg")
     return lines
 
 
 def to_dict(effect: Mapping[str, RobotParameters]) -> dict[str, Any]:
     """The field of `calibration.json`."""
     by_robot = {}
-    for robot, of in effect.items():
-        halves = {"t_m": of.values[:, :3], "r_rad": of.values[:, 3:]}
-        by_robot[robot] = {**halves, "sigma_t_m": of.sigma[:, :3], "sigma_r_rad": of.sigma[:, 3:]}
+    for robot, each in effect.items():
+        halves = {"t_m": each.values[:, :3], "r_rad": each.values[:, 3:]}
+        by_robot[robot] = {**halves, "sigma_t_m": each.sigma[:, :3], "sigma_r_rad": each.sigma[:, 3:]}
     return {"link_parameters": by_robot or None}
 
 
@@ -78,8 +78,8 @@ def from_dict(data: Mapping[str, Any]) -> dict[str, RobotParameters]:
     found = {}
     for robot, entry in (data.get("link_parameters") or {}).items():
         values, sigma = (
-            np.concatenate([read_only(entry[f"{of}{key}"], (None, 3), f"{of}{key}") for key in ("t_m", "r_rad")], -1)
-            for of in ("", "sigma_")
+            np.concatenate([read_only(entry[prefix + key], (None, 3), prefix + key) for key in ("t_m", "r_rad")], -1)
+            for prefix in ("", "sigma_")
         )
         found[robot] = RobotParameters((), values, sigma, np.ones(values.shape, dtype=bool))
     return found
@@ -119,7 +119,7 @@ EFFECT = Effect(
         from_dict,
         entry,
         zero=zero,
-        moved=move_links,
+        move_chain=move_links,
         chain_derivative=derivative,
         is_by_joint=False,
     ),

@@ -21,7 +21,7 @@ from basecal.effects.faces.effect import (
     FoundEffect,
     SimulatedFault,
     Words,
-    rounded_length,
+    format_length,
 )
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix
@@ -42,7 +42,7 @@ def flange_tangents(down_in_flange: Array) -> Array:
 
 def words(effect: FoundEffect) -> Words:
     """Describe the angle by which the mount bends under gravity perpendicular to its lever."""
-    size = rounded_length(effect.size, effect.covariance, 1e3)
+    size = format_length(effect.size, effect.covariance, 1e3)
     what = f"{effect.about} bends by {size} mrad under gravity."
     do = "Stiffen what holds it, or fasten its load nearer to the flange.", AGAIN
     return Words("mount-bent", what, do)

@@ -20,7 +20,7 @@ from basecal.effects.faces.effect import (
     FoundEffect,
     SimulatedFault,
     Words,
-    rounded_length,
+    format_length,
 )
 from basecal.effects.mount_bend import ABSENT
 from basecal.geometry import Array
@@ -51,7 +51,7 @@ _MATRICES = _matrices()
 
 def words(effect: FoundEffect) -> Words:
     """Describe the play as root mean square over directions of gravity."""
-    size = rounded_length(effect.size, effect.covariance, 1e3 * (2 / 3) ** 0.5)
+    size = format_length(effect.size, effect.covariance, 1e3 * (2 / 3) ** 0.5)
     what = f"{effect.about} shifts by {size} mm under gravity."
     return Words("mount-play", what, ("Fasten what it holds without play.", AGAIN))
 

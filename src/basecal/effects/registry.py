@@ -105,13 +105,13 @@ def describe_effect(effect: FoundEffect) -> Words:
 
     Stated transforms come first, since an error of a statement is likelier than one of a device.
     """
-    found = sorted((effect, *effect.alternatives), key=lambda one: one.effect != fixed_transform.EFFECT.name)
-    each = [_words(one) for one in found]
-    first, *others = each
+    found = sorted((effect, *effect.alternatives), key=lambda each: each.effect != fixed_transform.EFFECT.name)
+    texts = [_words(each) for each in found]
+    first, *others = texts
     if not others:
         return first
     what = ", or ".join([first.what.rstrip("."), *(_as_clause(words.what.rstrip(".")) for words in others)])
-    do = tuple(dict.fromkeys(sentence for words in each for sentence in words.do))
+    do = tuple(dict.fromkeys(sentence for words in texts for sentence in words.do))
     return Words(first.code, f"{what}.", do, "The data do not distinguish these.")
 
 

@@ -18,7 +18,7 @@ from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 
 Kernel = Callable[[Any, Any], Array]
-"""Correlation of errors between n places and m places, (n, m)."""
+"""Correlation of errors between n and m poses or instants, (n, m)."""
 
 # Errors of real arms correlate over 0.5 to 1.3 m, with a lever of 1 m for angles.
 LENGTH_M = 0.7
@@ -29,7 +29,7 @@ _LEAST_MODE = 1e-2  # share of the largest variance: weaker modes are noise of s
 
 
 class Modes(NamedTuple):
-    """Modes of a smooth error: recorded poses and weights determine the value of each mode at any pose."""
+    """Modes of a smooth error: recorded poses or instants and weights determine the value of each mode elsewhere."""
 
     recorded: SE3 | Array
     weights: Array
@@ -40,41 +40,41 @@ class Modes(NamedTuple):
         cls,
         stops: SE3 | Array,
         kernel: Kernel,
-        places: int = _MOST_STOPS,
-        count: int = _MOST_MODES,
-        least: float = _LEAST_MODE,
+        most_stops: int = _MOST_STOPS,
+        most_modes: int = _MOST_MODES,
+        least_share: float = _LEAST_MODE,
     ) -> Modes:
         """The strongest modes of a kernel at recorded poses or instants, (n,).
 
         Args:
             stops: Poses or instants.
             kernel: The kernel.
-            places: Maximum number of stops from which the modes are computed.
-            count: Maximum number of modes.
-            least: The smallest variance of a mode, as a share of the largest.
+            most_stops: Maximum number of stops from which the modes are computed.
+            most_modes: Maximum number of modes.
+            least_share: The smallest variance of a mode, as a share of the largest.
         """
-        few = stops[:: -(-len(stops) // places)]
-        of = spectrum(kernel(few, few), least)
-        return cls(few, of.inverse_root[:, of.is_informative][:, -count:], kernel)
+        few = stops[:: -(-len(stops) // most_stops)]
+        modes = spectrum(kernel(few, few), least_share)
+        return cls(few, modes.inverse_root[:, modes.is_informative][:, -most_modes:], kernel)
 
-    def sizes(self, places: SE3 | Array) -> Array:
-        """Values of a unit error of each mode at poses or instants, (n,), equal in every coordinate, (n, k)."""
-        return np.asarray(self.kernel(places, self.recorded) @ self.weights)
+    def values(self, stops: SE3 | Array) -> Array:
+        """Values of each mode at poses or instants, (n,), for a unit error, (n, k)."""
+        return np.asarray(self.kernel(stops, self.recorded) @ self.weights)
 
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
     """Errors of each coordinate at poses, (n,), by modes of recorded poses, (m,)."""
-    found = Modes.strongest(recorded_poses, kernel).sizes(poses)
-    return SharedErrors.repeat_coordinates(found) if found.shape[1] else None
+    modes = Modes.strongest(recorded_poses, kernel).values(poses)
+    return SharedErrors.repeat_coordinates(modes) if modes.shape[1] else None
 
 
 def kernel(first: SE3, second: SE3) -> Array:
     """Correlation of errors between flange poses, (n,) and (m,) to (n, m); 1 between equal poses."""
-    apart = first.translation[:, None] - second.translation[None]
+    difference = first.translation[:, None] - second.translation[None]
     # The trace of R' S, 1 + 2 cos of the angle between them, is the sum of the products of their entries.
     traces = first.rotation.reshape(-1, 9) @ second.rotation.reshape(-1, 9).T
     turn = np.arccos(np.clip((traces - 1) / 2, -1, 1))
-    squared = np.sum(apart**2, -1) + _ARM_M**2 * turn**2
+    squared = np.sum(difference**2, -1) + _ARM_M**2 * turn**2
     return np.asarray(np.exp(-0.5 * squared / LENGTH_M**2))
 
 

@@ -17,14 +17,14 @@ from basecal.geometry import SE3, Array
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
     """Errors along each axis of the base at poses, (n,), by modes of recorded poses, (m,)."""
-    found = smooth.Modes.strongest(recorded_poses, kernel).sizes(poses)
-    return SharedErrors.repeat_coordinates(found).rotate_to(poses) if found.shape[1] else None
+    modes = smooth.Modes.strongest(recorded_poses, kernel).values(poses)
+    return SharedErrors.repeat_coordinates(modes).rotate_to(poses) if modes.shape[1] else None
 
 
 def kernel(first: SE3, second: SE3) -> Array:
     """Correlation of errors between flange poses, (n,) and (m,) to (n, m); 1 between equal positions."""
-    apart = first.translation[:, None] - second.translation[None]
-    return np.asarray(np.exp(-0.5 * np.sum(apart**2, -1) / smooth.LENGTH_M**2))
+    difference = first.translation[:, None] - second.translation[None]
+    return np.asarray(np.exp(-0.5 * np.sum(difference**2, -1) / smooth.LENGTH_M**2))
 
 
 EXPECTED = SharedPrior(

@@ -20,18 +20,18 @@ from basecal.geometry import SE3, Array
 
 def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
     """Errors along the axes of the arm at poses, (n,), by modes of recorded poses, (m,), and by its bend."""
-    found = smooth.Modes.strongest(recorded_poses, kernel).sizes(poses)
-    if not found.shape[1]:
+    modes = smooth.Modes.strongest(recorded_poses, kernel).values(poses)
+    if not modes.shape[1]:
         return None
-    shared = SharedErrors.repeat_coordinates(found).rotate_to(poses, _arm_axes(poses))
+    shared = SharedErrors.repeat_coordinates(modes).rotate_to(poses, _arm_axes(poses))
     by_stop = np.concatenate([shared.by_stop, turns_by_reach(poses)[..., 2:]], axis=-1)
     return SharedErrors(by_stop, np.append(shared.is_turn, True))
 
 
 def kernel(first: SE3, second: SE3) -> Array:
     """Correlation of errors between flange poses, (n,) and (m,) to (n, m); 1 between equal reaches and heights."""
-    apart = _reach_and_height(first)[:, None] - _reach_and_height(second)[None]
-    return np.asarray(np.exp(-0.5 * np.sum(apart**2, -1) / smooth.LENGTH_M**2))
+    difference = _reach_and_height(first)[:, None] - _reach_and_height(second)[None]
+    return np.asarray(np.exp(-0.5 * np.sum(difference**2, -1) / smooth.LENGTH_M**2))
 
 
 def _reach_and_height(poses: SE3) -> Array:

@@ -24,16 +24,16 @@ _MOST_MODES = 96  # of each of six coordinates, which bounds the run time; enoug
 _LEAST_MODE = 0.07  # share of the largest variance: modes faster than 0.6 Hz are noise of single stops
 
 
-def errors(passed_s: Array) -> SharedErrors | None:
+def errors(instants_s: Array) -> SharedErrors | None:
     """Errors of each coordinate by modes at instants, (n,) [s]; zero at NaN instants, None if all are NaN."""
-    moves = np.isfinite(passed_s)
-    if not moves.any():
+    is_moving = np.isfinite(instants_s)
+    if not is_moving.any():
         return None
-    instants = np.unique(passed_s[moves])
-    found = smooth.Modes.strongest(instants, kernel, _MOST_INSTANTS, _MOST_MODES, _LEAST_MODE)
-    modes = np.zeros((len(passed_s), found.weights.shape[1]))
-    modes[moves] = found.sizes(passed_s[moves])
-    return SharedErrors.repeat_coordinates(modes)
+    unique_s = np.unique(instants_s[is_moving])
+    modes = smooth.Modes.strongest(unique_s, kernel, _MOST_INSTANTS, _MOST_MODES, _LEAST_MODE)
+    values = np.zeros((len(instants_s), modes.weights.shape[1]))
+    values[is_moving] = modes.values(instants_s[is_moving])
+    return SharedErrors.repeat_coordinates(values)
 
 
 def kernel(first_s: Array, second_s: Array) -> Array:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from basecal.effects.faces.candidates import Candidates, Views, one_candidate, pose_moves
-from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, rounded_length
+from basecal.effects.faces.effect import AGAIN, Effect, FoundEffect, Words, format_length
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import cross_matrix
 
@@ -34,7 +34,7 @@ def flange_tangents(poses: SE3) -> Array:
 
 def words(effect: FoundEffect) -> Words:
     """Describe the total stretch."""
-    share = rounded_length(effect.size, effect.covariance, 100.0)
+    share = format_length(effect.size, effect.covariance, 100.0)
     what = f"Poses of {effect.about} are stretched by {share} %, not equally in all directions."
     check = f"Check the kinematic calibration of {effect.about}, the length of its axes and its tool."
     return Words("stretch", what, (check, "Record where it will work.", AGAIN))

@@ -20,8 +20,8 @@ _POINT = 5e-3  # one sigma of a coordinate, of the half size, of bodies of print
 _THIN = 0.05  # thickness as a share of the extent, above which a target is a body, not a bowed board
 _STEEP = 0.9  # component of the normal above which the target's x axis cannot define an axis of the plane
 _RIGID = 6  # rigid-body degrees of freedom, which do not change the shape
-_LEAST_M = 1e-4  # [m] below which a better target is not worth its price
-_MOST_SIGMAS = 3.0  # of a typical target, above which another error is likely
+_LEAST_M = 1e-4  # [m] largest deviation that is negligible
+_MOST_SIGMAS = 3.0  # of a typical target; above it another error is likely
 BOW_COEFFICIENTS = 3
 
 
@@ -57,9 +57,9 @@ def _unit_point_shifts(points_in_target: Array) -> Array:
     centred = points_in_target - points_in_target.mean(0)
     count = len(points_in_target)
     rigid = np.concatenate([np.broadcast_to(np.eye(3), (count, 3, 3)), cross_matrix(centred)], -1).reshape(3 * count, 6)
-    onto = np.linalg.qr(rigid)[0]
+    basis = np.linalg.qr(rigid)[0]
     half = float(np.linalg.norm(centred, axis=1).max())
-    return np.asarray(_POINT * half * (np.eye(3 * count) - onto @ onto.T)).reshape(count, 3, 3 * count)
+    return np.asarray(_POINT * half * (np.eye(3 * count) - basis @ basis.T)).reshape(count, 3, 3 * count)
 
 
 def _plane(points_in_target: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, list_names
-from basecal.exchange.fields import written_number
+from basecal.exchange.fields import parse_float
 from basecal.exchange.workbook import workbook_text
 from basecal.fields.problems import shorten
 from basecal.geometry import Array
@@ -41,8 +41,6 @@ _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x19]")  # control characters that do not occur in text
 _MINUS = "\u2212"  # minus sign of word processors
 _ARCHIVE, _OLD_SHEET = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes of .xlsx and .ods, and of .xls
-MOST_POSES = 200_000
-"""Largest number of poses in a stream: that of samples in a recording."""
 
 
 def read_table_text(path: str, content: str) -> str:
@@ -125,7 +123,7 @@ def _numbers(path: str, line: int, row: Sequence[str], header: Sequence[str]) ->
     numbers = []
     for cell, name in zip(row, header, strict=True):
         try:
-            numbers.append(written_number(cell))
+            numbers.append(parse_float(cell))
         except ValueError:
             raise DatasetError(path, f"{shorten(cell)} is not a number", line, name) from None
         if not abs(numbers[-1]) <= _LARGEST:

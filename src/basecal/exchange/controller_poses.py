@@ -53,15 +53,15 @@ _KEYS = {
     "sample": ("sample",),
     _STAMP: ("stamp_s", "stamp", "timestamp", "time_s", "time", "t"),
 }
-_PLACE = r"(?:.*[ ._/])?(?:pos|position|trans|translation)"
-_TURN = r"(?:.*[ ._/])?(?:rot|rotation|orientation|quat|quaternion)"
+_POSITION = r"(?:.*[ ._/])?(?:pos|position|trans|translation)"
+_ROTATION = r"(?:.*[ ._/])?(?:rot|rotation|orientation|quat|quaternion)"
 # Patterns of alternative column names in lower case, by the controller's name. UR's logs number the TCP pose.
 _ALIASES = {
-    **{axis: rf"t_?{axis}|p{axis}|{_PLACE}[ ._/]*{axis}|actual_tcp_pose_{k}" for k, axis in enumerate("xyz")},
-    **{f"r{axis}": rf"{_TURN}[ ._/]*r?{axis}|actual_tcp_pose_{k}" for k, axis in enumerate("xyz", start=3)},
-    **{f"q{axis}": rf"q_{axis}|{_TURN}[ ._/]*q?{axis}" for axis in "xyzw"},
-    **{f"q{k}": rf"q{axis}|{_TURN}[ ._/]*q?{axis}" for k, axis in enumerate("wxyz", start=1)},
-    **{axis: rf"{_TURN}[ ._/]*{axis}" for axis in ("a", "b", "c", "w", "p", "r")},
+    **{axis: rf"t_?{axis}|p{axis}|{_POSITION}[ ._/]*{axis}|actual_tcp_pose_{k}" for k, axis in enumerate("xyz")},
+    **{f"r{axis}": rf"{_ROTATION}[ ._/]*r?{axis}|actual_tcp_pose_{k}" for k, axis in enumerate("xyz", start=3)},
+    **{f"q{axis}": rf"q_{axis}|{_ROTATION}[ ._/]*q?{axis}" for axis in "xyzw"},
+    **{f"q{k}": rf"q{axis}|{_ROTATION}[ ._/]*q?{axis}" for k, axis in enumerate("wxyz", start=1)},
+    **{axis: rf"{_ROTATION}[ ._/]*{axis}" for axis in ("a", "b", "c", "w", "p", "r")},
 }
 _JOINT = re.compile(r"(?:joint|axis|theta|j|q|a|actual_q)[_ ]?\d")
 _UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(/]\s*|\s+in\s+)(mm|m|inch|in|deg|rad|°)[\])]?$")
@@ -100,24 +100,24 @@ class Reading:
         Raises:
             InputError: if a unit of angle is stated and the controller writes no angles.
         """
-        own = CONTROLLERS[self.name]
+        convention = CONTROLLERS[self.name]
         if self.length_m is not None:
-            own = replace(own, length=self.length_m)
+            convention = replace(convention, length=self.length_m)
         if self.angle_rad is None:
-            return own
-        if not own.has_angles:
+            return convention
+        if not convention.has_angles:
             raise InputError(f"{self.name} writes no angles: remove --deg and --rad")
-        return replace(own, angle=self.angle_rad)
+        return replace(convention, angle=self.angle_rad)
 
     @property
     def words(self) -> str:
         """The convention in words, with its units."""
-        how = self.convention
-        length = {size: name for name, size in METRES.items()}[how.length]
-        if isinstance(how, MatrixConvention):
-            return f"4x4 by {'columns' if how.is_by_columns else 'rows'}, {length}"
-        angle = {DEGREE: " in deg", RADIAN: " in rad"}[how.angle] if how.has_angles else ""
-        return f"{', '.join(how.names)}: {length}, {how.form.words}{angle}"
+        convention = self.convention
+        length = {size: name for name, size in METRES.items()}[convention.length]
+        if isinstance(convention, MatrixConvention):
+            return f"4x4 by {'columns' if convention.is_by_columns else 'rows'}, {length}"
+        angle = {DEGREE: " in deg", RADIAN: " in rad"}[convention.angle] if convention.has_angles else ""
+        return f"{', '.join(convention.names)}: {length}, {convention.form.words}{angle}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,23 +180,23 @@ def read_poses(path: str | Path, length_unit: LengthUnit) -> PoseStream:
 
 
 def _pose_rows(path: str, reading: Reading, is_stream: bool, robot: str | None) -> PoseRows:
-    how = reading.convention
+    convention = reading.convention
     if reading.name == "matrix" and _is_stacked(path):
         poses = read_matrices(path)
-        return PoseRows(SE3(poses.rotation, poses.translation * how.length), (Row(),) * len(poses))
-    names = (_STAMP, *how.names) if is_stream else how.names
+        return PoseRows(SE3(poses.rotation, poses.translation * convention.length), (Row(),) * len(poses))
+    names = (_STAMP, *convention.names) if is_stream else convention.names
     table = read_text_table(_table_text(path, reading), path, names)
     table = table if robot is None else select_robot(table, robot)
     is_short = reading.name == "matrix" and table.header is not None and "m30" not in map(plain_column, table.header)
-    columns = _columns(table, how.names[:_SHORT_MATRIX] if is_short else how.names, reading)
+    columns = _columns(table, convention.names[:_SHORT_MATRIX] if is_short else convention.names, reading)
     numbers = np.array(list(rows_of_numbers(table, columns)))
     if is_short:
         numbers = np.concatenate([numbers, np.tile([0.0, 0.0, 0.0, 1.0], (len(numbers), 1))], axis=1)
-    _check_angles(path, numbers, [row.line for row in table.rows], how, reading)
+    _check_angles(path, numbers, [row.line for row in table.rows], convention, reading)
     found = []
     for row, values in zip(table.rows, numbers, strict=True):
         try:
-            found.append(how.read(values))
+            found.append(convention.read(values))
         except BasecalError as error:
             raise DatasetError(table.path, str(error), row.line) from None
     return PoseRows(SE3.stack(found), tuple(keyed_rows(table)))
@@ -251,8 +251,8 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
         by_name.setdefault(plain_column(column), []).append(column)
     found = []
     for name in map(str.lower, names):
-        alike = [name] if name in by_name else [n for n in by_name if re.fullmatch(_ALIASES.get(name, name), n)]
-        chosen = [column for each in alike for column in by_name[each]]
+        matches = [name] if name in by_name else [n for n in by_name if re.fullmatch(_ALIASES.get(name, name), n)]
+        chosen = [column for each in matches for column in by_name[each]]
         if len(chosen) > 1:
             raise DatasetError(table.path, f"names the column {name!r} twice: {list_names(chosen)}")
         if not chosen:
@@ -289,11 +289,11 @@ def column_unit(column: str) -> tuple[str, float] | None:
 
 def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
     """Check that units in the names of columns agree with the units in which they are read."""
-    for place, column in enumerate(columns):
+    for index, column in enumerate(columns):
         unit = _UNIT.match(column.strip().lower())
         if unit is None:
             continue
-        units, used = _possible_units(place, reading.convention)
+        units, used = _possible_units(index, reading.convention)
         if unit[2] not in units:
             expected = f"expected {list_names(tuple(units))}" if units else "expected no unit"
             raise DatasetError(path, f"the unit is {unit[2]}, {expected}", field=column)
@@ -302,13 +302,13 @@ def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
             raise DatasetError(path, f"the unit is {unit[2]}, but another is read: give {option}", field=column)
 
 
-def _possible_units(place: int, convention: AnyConvention) -> tuple[Mapping[str, _Unit], float]:
+def _possible_units(index: int, convention: AnyConvention) -> tuple[Mapping[str, _Unit], float]:
     """Units allowed for a number of a convention, and the size of the unit in use; empty for unitless numbers."""
     if isinstance(convention, MatrixConvention):
-        row, column = divmod(place, 4)
-        is_length = (row if convention.is_by_columns else column) == 3 and place < len(convention.names) - 1
+        row, column = divmod(index, 4)
+        is_length = (row if convention.is_by_columns else column) == 3 and index < len(convention.names) - 1
         return (_LENGTHS if is_length else {}), convention.length
-    if place < 3:
+    if index < 3:
         return _LENGTHS, convention.length
     return _ANGLES if convention.has_angles else {}, convention.angle
 
@@ -324,9 +324,9 @@ def _check_angles(path: str, numbers: Array, lines: Sequence[int], convention: A
         odd = np.flatnonzero(np.abs(angles).max(axis=1) > _FULL_TURN).tolist()
         if len(odd) > _FEW_ROWS * len(angles):
             raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are not radians: give --deg")
-        value, where = np.abs(angles[odd[0]]).max(), list_names([str(lines[k]) for k in odd])
+        value, odd_lines = np.abs(angles[odd[0]]).max(), list_names([str(lines[k]) for k in odd])
         raise DatasetError(
-            path, f"{value:.4g} is not an angle in radians: correct line {where}, or give --deg", lines[odd[0]]
+            path, f"{value:.4g} is not an angle in radians: correct line {odd_lines}, or give --deg", lines[odd[0]]
         )
     # The length of a rotation vector is the angle; all angles about axes are small only if nothing rotates.
     is_small = (
@@ -362,8 +362,8 @@ def keyed_rows(table: TextTable) -> list[Row]:
     Raises:
         DatasetError: if a sample is not a whole number, or a time is not a number.
     """
-    there = {plain_column(column): column for column in table.rows[0].cells}
-    image, sample, stamp = (next((there[n] for n in names if n in there), None) for names in _KEYS.values())
+    columns = {plain_column(column): column for column in table.rows[0].cells}
+    image, sample, stamp = (next((columns[n] for n in names if n in columns), None) for names in _KEYS.values())
     if image is None:
         cells = table.rows[0].cells
         image = next((name for name in cells if all(is_image(row.cells.get(name, "")) for row in table.rows)), None)
@@ -374,6 +374,6 @@ def keyed_rows(table: TextTable) -> list[Row]:
         if sample is not None and number is not None and (number != int(number) or number < 0):
             raise DatasetError(table.path, f"{table.cell(row, sample)} is not a whole number from 0", row.line, sample)
         stamp_s = None if stamp is None else parse_time(table.cell(row, stamp), table.path, row.line, stamp)
-        place = None if number is None else int(number)
-        rows.append(Row(image=name, sample=place, stamp_s=stamp_s, line=row.line))
+        sample_number = None if number is None else int(number)
+        rows.append(Row(image=name, sample=sample_number, stamp_s=stamp_s, line=row.line))
     return rows

@@ -18,7 +18,7 @@ from basecal.geometry import SE3
 _END = re.compile(r"(\n(---|\.\.\.)[ \t]*)+\s*\Z")  # ROS prints a separator after every message
 
 
-def written_number(text: str) -> float:
+def parse_float(text: str) -> float:
     """Parse a number without Python's underscore notation, such as 1_0 for 10.
 
     Raises:
@@ -64,8 +64,8 @@ class Field:
             return found
         if not isinstance(self.data, dict):
             raise self.error(f"is {shorten(self.data)}, expected a mapping with {names[0]!r}")
-        there = [name for name in self.data if self.data[name] is not None]
-        raise self.error(f"has no {' or '.join(names)}{spelling_hint(names[0], there)}; it has {list_names(there)}")
+        present = [name for name in self.data if self.data[name] is not None]
+        raise self.error(f"has no {' or '.join(names)}{spelling_hint(names[0], present)}; it has {list_names(present)}")
 
     def names(self) -> list[str]:
         """Return the names of a mapping's fields; empty if this is not a mapping."""
@@ -169,11 +169,15 @@ class Field:
         try:
             if isinstance(self.data, list):
                 return SE3.from_matrix([self.numbers(16)[i : i + 4] for i in range(0, 16, 4)])
-            place, turn, mark = self, self, "q"
+            position, rotation, prefix = self, self, "q"
             if self.first("translation", "position") is not None:
-                place, turn, mark = self.find("translation", "position"), self.find("rotation", "orientation"), ""
-            turns = [turn.find(f"{mark}{axis}").number() for axis in "xyzw"]
-            return SE3.from_quaternion(turns, [place.find(axis).number() for axis in "xyz"], "quaternion")
+                position, rotation, prefix = (
+                    self.find("translation", "position"),
+                    self.find("rotation", "orientation"),
+                    "",
+                )
+            quaternion = [rotation.find(f"{prefix}{axis}").number() for axis in "xyzw"]
+            return SE3.from_quaternion(quaternion, [position.find(axis).number() for axis in "xyz"], "quaternion")
         except DatasetError:
             raise
         except InputError as error:

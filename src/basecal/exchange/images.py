@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from basecal.bounded_file import check_regular
+from basecal.cell.journal.recording_file import MOST_SAMPLES
 from basecal.errors import DatasetError, InputError, list_names
 from basecal.vision.image_header import SIGNATURES, read_header
 
@@ -18,13 +19,10 @@ _OTHER_IMAGES = frozenset(
     (".heic", ".heif", ".gif", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".dng", ".exr", ".jp2", ".avif", ".npy")
 ) | {".mp4", ".avi", ".mov", ".mkv", ".bag", ".mcap"}
 _HEADER_BYTES = 2**24  # bytes read to find the image's size; metadata before it are shorter
-_MOST_IMAGES = 200_000  # largest number of samples in a recording
 _PARTS = re.compile(r"(\d+)")
 _STAMP = re.compile(r"\d+(?:[._]\d+)?")
 # Number of digits before the point of a time since 1970, and the unit [s].
 _SINCE_1970 = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
-
-
 _FEWEST_NUMBERED = 3  # names needed to recognise a numbering
 
 
@@ -39,18 +37,18 @@ def list_images(folder: Path) -> tuple[Path, ...]:
     files = [path for path in folder.iterdir() if not path.name.startswith(".")]
     found = [path for path in files if path.suffix.lower() in ENDINGS and path.is_file()]
     if not found:
-        inner = [
+        subfolders = [
             each.name for each in files if each.is_dir() and any(p.suffix.lower() in ENDINGS for p in each.iterdir())
         ]
-        if inner:
-            what = f"holds no images, only folders of images: {list_names(sorted(inner))}; import one at a time"
+        if subfolders:
+            what = f"holds no images, only folders of images: {list_names(sorted(subfolders))}; import one at a time"
             raise DatasetError(folder, what)
         others = Counter(path.suffix.lower() or "no ending" for path in files if path.is_file())
-        there = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
+        content = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
         expected = f"expected {', '.join(ENDINGS)}"
-        raise DatasetError(folder, f"holds no supported images: {there}; {expected}")
-    if len(found) > _MOST_IMAGES:
-        raise DatasetError(folder, f"{len(found)} images, expected at most {_MOST_IMAGES}")
+        raise DatasetError(folder, f"holds no supported images: {content}; {expected}")
+    if len(found) > MOST_SAMPLES:
+        raise DatasetError(folder, f"{len(found)} images, expected at most {MOST_SAMPLES}")
     return tuple(sorted(found, key=natural_order))
 
 

@@ -64,9 +64,9 @@ def _columns(table: TextTable, chain: SerialChain) -> list[str]:
     numbered = {int(found[1]): column for column in table.header if (found := _NUMBERED.fullmatch(column.strip()))}
     if len(numbered) == len(names):
         return [numbered[number] for number in sorted(numbered)]
-    there = ", ".join(table.header)
+    present = ", ".join(table.header)
     expected = f"expected {', '.join(names)}, or {len(names)} numbered ones such as j1, q1 or A1"
-    raise DatasetError(table.path, f"has columns {there}; {expected}")
+    raise DatasetError(table.path, f"has columns {present}; {expected}")
 
 
 def radians_finding(values: Array) -> str:
@@ -88,15 +88,22 @@ def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialC
         return
     row, joint = np.argwhere(outside)[0]
     line, name = table.rows[row].line, chain.joint_names[joint]
-    there = f"{joints[row, joint]:.4g} rad, its limits are {chain.lower[joint]:.4g} to {chain.upper[joint]:.4g}"
-    turned, backwards = values * _DEGREE, joints[:, ::-1]
-    if not in_degrees and np.abs(values).max() > _UNLIMITED_RAD and ((turned >= lower) & (turned <= upper)).all():
+    angle = f"{joints[row, joint]:.4g} rad, {_limit_text(chain, joint)}"
+    radians, backwards = values * _DEGREE, joints[:, ::-1]
+    if not in_degrees and np.abs(values).max() > _UNLIMITED_RAD and ((radians >= lower) & (radians <= upper)).all():
         hint = "give --deg, they look like degrees"
     elif ((backwards >= lower) & (backwards <= upper)).all():  # the usual error of the order
         hint = f"the columns may be in another order, such as {', '.join(reversed(chain.joint_names))}"
     else:
         hint = "check the order of the joints, and that the URDF is this robot's"
-    raise DatasetError(table.path, f"is at {there}: {hint}", line, name)
+    raise DatasetError(table.path, f"is at {angle}: {hint}", line, name)
+
+
+def _limit_text(chain: SerialChain, joint: int) -> str:
+    lower, upper = chain.lower[joint], chain.upper[joint]
+    if np.isfinite(lower) and np.isfinite(upper):
+        return f"its limits are {lower:.4g} to {upper:.4g}"
+    return f"without limits it may turn by {_UNLIMITED_RAD:.4g} either way"
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,11 +153,11 @@ def joint_model(
         prior = {"joint_offsets": {"status": "prior", "sigma_rad": round(math.radians(offset_sigma_deg), 5)}}
     if urdf is None or base_link is None or flange_link is None:
         cell = known_cell(folder)
-        known = cell.robots[robot].chain if robot in cell.robots else None
-        if known is None:
+        chain = cell.robots[robot].chain if robot in cell.robots else None
+        if chain is None:
             give = "give --urdf FILE --base-link LINK --flange-link LINK"
             raise InputError(f"{folder} has no URDF of {robot!r}, which joints need: {give}")
-        return JointModel(known, {"robots": {robot: prior}} if prior else {})
+        return JointModel(chain, {"robots": {robot: prior}} if prior else {})
     name = Path(urdf).name
-    described = {"urdf": name, "base_link": base_link, "flange_link": flange_link, **prior}
-    return JointModel(read_chain(urdf, base_link, flange_link), {"robots": {robot: described}}, {name: Path(urdf)})
+    entry = {"urdf": name, "base_link": base_link, "flange_link": flange_link, **prior}
+    return JointModel(read_chain(urdf, base_link, flange_link), {"robots": {robot: entry}}, {name: Path(urdf)})

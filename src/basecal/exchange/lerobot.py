@@ -62,9 +62,9 @@ def read_episode(folder: Path, number: int) -> Episode:
         DatasetError: if the folder is not a dataset of LeRobot, or has no such episode.
     """
     features = read_fields(folder / "meta" / "info.json", LARGEST_INFO).find("features")
-    told = features.find(_STATE).find("names")
-    listed = told.find(*told.names()) if told.names() else told
-    names = tuple(name.text().removesuffix(".pos") for name in listed.items("names of motors"))
+    field = features.find(_STATE).find("names")
+    entries = field.find(*field.names()) if field.names() else field
+    names = tuple(name.text().removesuffix(".pos") for name in entries.items("names of motors"))
     rows = read_columns(folder, folder / "data", number, ["timestamp", _STATE], 1 + len(names))
     return Episode(names, rows[:, 1:], rows[:, 0])
 
@@ -88,14 +88,14 @@ def read_columns(folder: Path, tables: Path, number: int, columns: Sequence[str]
     width = len(columns) if width is None else width
     expected = f"expected {width - len(columns) + 1} finite numbers in every {columns[-1]}"
     parts: list[Array] = []
-    known: list[int] = []
+    episodes: list[int] = []
     for (count, *ends), content in _frames(folder, tables, number, columns):
-        known = [min(known + ends), max(known + ends)]
+        episodes = [min(episodes + ends), max(episodes + ends)]
         if content and count != width:
             raise DatasetError(folder, expected)
         parts += [np.frombuffer(content).reshape(-1, width)] if content else []
     if not parts:
-        raise DatasetError(folder, f"has no episode {number}; it has {' to '.join(map(str, known)) or 'none'}")
+        raise DatasetError(folder, f"has no episode {number}; it has {' to '.join(map(str, episodes)) or 'none'}")
     rows = np.concatenate(parts)
     if not np.isfinite(rows).all():
         raise DatasetError(folder, expected)
@@ -122,12 +122,12 @@ def select_motors(episode: Episode, pattern: str) -> Episode:
     Raises:
         InputError: if no name matches.
     """
-    places = [i for i, name in enumerate(episode.names) if fnmatchcase(name, pattern)]
-    if not places:
+    indices = [i for i, name in enumerate(episode.names) if fnmatchcase(name, pattern)]
+    if not indices:
         raise InputError(f"no motor is named {pattern}; there are: {', '.join(episode.names)}")
     prefix = pattern.partition("*")[0] if pattern.endswith("*") else ""
-    names = tuple(episode.names[i].removeprefix(prefix) for i in places)
-    return replace(episode, names=names, values=episode.values[:, places])
+    names = tuple(episode.names[i].removeprefix(prefix) for i in indices)
+    return replace(episode, names=names, values=episode.values[:, indices])
 
 
 def still_frames(episode: Episode, every_s: float) -> IntArray:
@@ -143,8 +143,8 @@ def still_frames(episode: Episode, every_s: float) -> IntArray:
     spread = np.ptp(values, axis=0)
     reach = max(1, int(_REST_S / max(np.median(np.diff(stamps_s)), _REST_S / len(values))))
     extended = np.pad(values, ((reach, reach), (0, 0)), "reflect", reflect_type="odd")
-    around = sliding_window_view(extended, 2 * reach + 1, axis=0)
-    motion = (np.ptp(around, axis=-1) / np.where(spread > 0, spread, 1.0)).max(axis=1)
+    windows = sliding_window_view(extended, 2 * reach + 1, axis=0)
+    motion = (np.ptp(windows, axis=-1) / np.where(spread > 0, spread, 1.0)).max(axis=1)
     period = np.floor((stamps_s - stamps_s[0]) / every_s).astype(np.int64)
     order = np.lexsort((motion, period))
     return np.sort(order[np.flatnonzero(np.diff(period[order], prepend=-1))])
@@ -152,9 +152,9 @@ def still_frames(episode: Episode, every_s: float) -> IntArray:
 
 def nearest_frames(episode: Episode, times_s: Array) -> IntArray:
     """Unique indices of the frames nearest to the given times [s], if they are within `LARGEST_DIFFERENCE_S`."""
-    apart = np.abs(episode.stamps_s[:, None] - times_s)
-    nearest = apart.argmin(0)
-    return np.unique(nearest[apart[nearest, np.arange(len(times_s))] <= LARGEST_DIFFERENCE_S])
+    differences_s = np.abs(episode.stamps_s[:, None] - times_s)
+    nearest = differences_s.argmin(0)
+    return np.unique(nearest[differences_s[nearest, np.arange(len(times_s))] <= LARGEST_DIFFERENCE_S])
 
 
 def joint_rows(
@@ -178,16 +178,16 @@ def joint_rows(
     Raises:
         InputError: if the motors do not match the chain, a motor's range is missing, or degrees look like radians.
     """
-    places = motor_places(episode.names, chain.joint_names)
-    if unit == "deg" and (finding := radians_finding(episode.values[:, places])):
+    indices = motor_indices(episode.names, chain.joint_names)
+    if unit == "deg" and (finding := radians_finding(episode.values[:, indices])):
         raise InputError(f"{finding}: give --unit rad")
-    joints = np.stack([_radians(episode, place, unit, calibration) for place in places], axis=-1)
+    joints = np.stack([_radians(episode, index, unit, calibration) for index in indices], axis=-1)
     return tuple(
         Row({robot: RobotState(joints_rad=joints[i])}, stamp_s=float(episode.stamps_s[i])) for i in frame_indices
     )
 
 
-def motor_places(motors: Sequence[str], joints: Sequence[str]) -> list[int]:
+def motor_indices(motors: Sequence[str], joints: Sequence[str]) -> list[int]:
     """Index of each joint's motor: by name if all joints are found, else in order without the gripper.
 
     Raises:
@@ -195,15 +195,15 @@ def motor_places(motors: Sequence[str], joints: Sequence[str]) -> list[int]:
     """
     if set(joints) <= set(motors):
         return [motors.index(joint) for joint in joints]
-    places = [i for i, name in enumerate(motors) if "gripper" not in name]
-    there = f"motors {', '.join(motors)}, the URDF has the joints {', '.join(joints)}"
-    if len(places) != len(joints):
+    indices = [i for i, name in enumerate(motors) if "gripper" not in name]
+    names = f"motors {', '.join(motors)}, the URDF has the joints {', '.join(joints)}"
+    if len(indices) != len(joints):
         need = "as many as motors without the gripper are needed, or the same names; of two arms choose by --motors"
-        raise InputError(f"{there}: {need}")
-    for joint, place in zip(joints, places, strict=True):
-        if motors[place] != joint in motors:
-            raise InputError(f"{there}: in order, {motors[place]} would be {joint}; name all motors as the joints")
-    return places
+        raise InputError(f"{names}: {need}")
+    for joint, index in zip(joints, indices, strict=True):
+        if joint in motors and motors[index] != joint:
+            raise InputError(f"{names}: in order, {motors[index]} would be {joint}; name all motors as the joints")
+    return indices
 
 
 def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
@@ -214,6 +214,7 @@ def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
     """
     root = read_fields(path, _LARGEST_CALIBRATION)
     keys = ("range_min", "range_max", "drive_mode")
+    # The name of a usual motor makes an empty file an error.
     found = {
         name: {key: root.find(name).find(key).number() for key in keys} for name in root.names() or ["shoulder_pan"]
     }
@@ -224,15 +225,15 @@ def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
 
 
 def _radians(
-    episode: Episode, place: int, unit: JointUnit, calibration: Mapping[str, Mapping[str, float]] | None
+    episode: Episode, index: int, unit: JointUnit, calibration: Mapping[str, Mapping[str, float]] | None
 ) -> Array:
-    values: Array = episode.values[:, place]
+    values: Array = episode.values[:, index]
     if unit != "normalised":
         return values if unit == "rad" else np.radians(values)
-    name = episode.names[place]
+    name = episode.names[index]
     if calibration is None or name not in calibration:
         raise InputError(f"normalised values need the range of {name!r}: give --calibration with LeRobot's file of it")
     motor = calibration[name]
     ticks = values / 100 * (motor["range_max"] - motor["range_min"]) / 2
-    turned: Array = (-1.0 if motor["drive_mode"] else 1.0) * ticks * 2 * math.pi / _TICKS
-    return turned
+    angles: Array = (-1.0 if motor["drive_mode"] else 1.0) * ticks * 2 * math.pi / _TICKS
+    return angles

@@ -18,7 +18,7 @@ from basecal.geometry import Array
 
 _EPISODE = "episode_index"
 _MOST_ROWS = 20_000_000  # limit of a table: 100 hours at 50 Hz
-_AT_ONCE = 2**14  # rows per batch
+_BATCH_ROWS = 2**14
 
 
 def read_frames(words: Sequence[str]) -> Iterator[Frame]:
@@ -41,7 +41,7 @@ def _frames(path: str, episode: int, columns: Sequence[str]) -> Iterator[Frame]:
     table = ParquetFile(path)
     if table.metadata.num_rows > _MOST_ROWS:
         raise InputError(f"{path}: has more than {_MOST_ROWS} rows; cut it")
-    for batch in table.iter_batches(_AT_ONCE, columns=[*columns, _EPISODE], use_threads=False):
+    for batch in table.iter_batches(_BATCH_ROWS, columns=[*columns, _EPISODE], use_threads=False):
         episodes = _numbers(batch, _EPISODE)[:, 0]
         of_episode = batch.filter(pa.array(episodes == episode))
         rows = (

@@ -30,17 +30,17 @@ def read_frames(words: Sequence[str]) -> Iterator[Frame]:
     width, height = film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FRAME_HEIGHT)
     if width * height > _MOST_PIXELS:
         raise InputError(f"has images of {width:g} x {height:g} px, which is more than is read")
-    wanted = sorted((round(float(word) * rate_hz), place) for place, word in enumerate(words[1:]))
-    now = -1
-    for frame, place in wanted:
-        while now < min(frame, _MOST_FRAMES):
+    requests = sorted((round(float(word) * rate_hz), index) for index, word in enumerate(words[1:]))
+    grabbed = -1
+    for frame, index in requests:
+        while grabbed < min(frame, _MOST_FRAMES):
             if not film.grab():
-                if now < 0:
+                if grabbed < 0:
                     raise InputError("cannot be decoded")
                 return
-            now += 1
+            grabbed += 1
         is_read, image = film.retrieve()
         if not is_read:
             raise InputError(f"frame {frame} cannot be decoded")
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
-        yield [place], cv2.imencode(".png", grey)[1].tobytes()
+        yield [index], cv2.imencode(".png", grey)[1].tobytes()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -97,9 +97,9 @@ def _check_absent(folder: Path, output: Path) -> None:
         InputError: if a file exists there.
     """
     for path in sorted(folder.rglob("*")):
-        there = output / path.relative_to(folder)
-        if path.is_file() and os.path.lexists(there):
-            raise InputError(f"{there} exists and is not overwritten: choose another folder, or remove it first")
+        target = output / path.relative_to(folder)
+        if path.is_file() and os.path.lexists(target):
+            raise InputError(f"{target} exists and is not overwritten: choose another folder, or remove it first")
 
 
 def _join_texts(parts: Sequence[Part]) -> str:
@@ -113,16 +113,16 @@ def _join_texts(parts: Sequence[Part]) -> str:
     text = read_text(first.folder / "cell.yaml", "")
     for part in parts[1:]:
         path = part.folder / "cell.yaml"
-        written = parse_yaml(read_text(path, ""), str(path)).data
+        data = parse_yaml(read_text(path, ""), str(path)).data
         added: dict[str, Any] = {}
         for (section, name), entry in _entries(part, first, labels).items():
-            there, ours = known.setdefault((section, name), (part.folder, entry[1]))
-            if ours != entry[1]:
-                raise InputError(_difference(f"{section}.{name}".rstrip("."), there, ours, *entry))
-            if there == part.folder and name:
-                told = written[section][name] or {}
-                same = part.cell.reference == first.cell.reference
-                added.setdefault(section, {})[name] = told if same or entry[1].get("on") != WORLD else _free(told)
+            known_folder, known_entry = known.setdefault((section, name), (part.folder, entry[1]))
+            if known_entry != entry[1]:
+                raise InputError(_difference(f"{section}.{name}".rstrip("."), known_folder, known_entry, *entry))
+            if known_folder == part.folder and name:
+                new_entry = data[section][name] or {}
+                keeps_guess = part.cell.reference == first.cell.reference or entry[1].get("on") != WORLD
+                added.setdefault(section, {})[name] = new_entry if keeps_guess else _without_guess(new_entry)
         text = completed_cell_text(text, added, str(first.folder / "cell.yaml"))[0]
     return completed_cell_text(text, {"robots": labels}, str(first.folder / "cell.yaml"))[0] if labels else text
 
@@ -152,11 +152,13 @@ def _entries(part: Part, first: Part, labels: Mapping[str, dict[str, Any]]) -> d
                 f"{part.folder}: {section}.{name} is stated in the base of {part.cell.reference!r}. The reference "
                 f"of {first.folder} is {first.cell.reference!r}: merge {part.folder} first, or make it free"
             )
-    said = {key: _free(entry) for key, entry in found.items() if key[0] != "bases" or entry["status"] != "free"}
-    return {key: (part.folder, entry) for key, entry in {**said, ("noise", ""): data.get("noise")}.items()}
+    stated = {
+        key: _without_guess(entry) for key, entry in found.items() if key[0] != "bases" or entry["status"] != "free"
+    }
+    return {key: (part.folder, entry) for key, entry in {**stated, ("noise", ""): data.get("noise")}.items()}
 
 
-def _free(entry: dict[str, Any]) -> dict[str, Any]:
+def _without_guess(entry: dict[str, Any]) -> dict[str, Any]:
     """Copy of an entry without the guess of a free mount."""
     is_free = entry.get("mount", {}).get("status") == "free"
     return {**entry, "mount": {"status": "free"}} if is_free else entry
@@ -188,10 +190,10 @@ def _check_times(parts: Sequence[Part]) -> None:
         if stamps:
             spans.append((min(stamps), max(stamps), is_stream, part.folder))
     spans.sort(key=lambda span: span[0])
-    for (_, end, is_stream, folder), (start, _, is_stream_too, other) in pairwise(spans):
-        if start <= end and (is_stream or is_stream_too):
+    for (_, end, is_stream, folder), (start, other_end, is_other_stream, other) in combinations(spans, 2):
+        if start <= end and (is_stream or is_other_stream):
             raise InputError(
-                f"{folder} and {other} overlap in time ({start:g} to {end:g} s). Their robots and "
+                f"{folder} and {other} overlap in time ({start:g} to {min(end, other_end):g} s). Their robots and "
                 "images are on separate lines, which are joined by time: shift the times of one of them"
             )
 
@@ -213,15 +215,15 @@ def _add_models(files: dict[str, Path], part: Part) -> None:
 
 def _renumber_samples(part: Part, shift: int, files: dict[str, Path]) -> list[Sample]:
     """Renumber the samples of a part and add their images to `files`, renamed if a path is taken."""
-    moved = []
+    renumbered = []
     for sample in part.recording.samples:
         number = sample.sample + shift
         images, background = (
             {camera: _image(part, path, number, files) for camera, path in paths.items()}
             for paths in (sample.images, sample.background)
         )
-        moved.append(replace(sample, sample=number, images=images, background=background))
-    return moved
+        renumbered.append(replace(sample, sample=number, images=images, background=background))
+    return renumbered
 
 
 def _image(part: Part, path: str, number: int, files: dict[str, Path]) -> str:

@@ -61,15 +61,15 @@ def _unpack(name: str, key: str, archive: zipfile.ZipFile) -> dict[str, Array]:
     entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
     if key and key not in entries:
         raise DatasetError(name, f"has no array {key!r}; it holds {list_names(list(entries))}")
-    if sum(entry.file_size for known, entry in entries.items() if key in ("", known)) > LARGEST_BYTES:
+    if sum(entry.file_size for array_key, entry in entries.items() if key in ("", array_key)) > LARGEST_BYTES:
         raise DatasetError(name, f"unpacks to more than {LARGEST_BYTES / 2**20:.0f} MB; choose one as {name}:key")
     found = {}
-    for known, entry in entries.items():
-        if key not in ("", known):
+    for array_key, entry in entries.items():
+        if key not in ("", array_key):
             continue
         with archive.open(entry) as file:
             try:
-                found[known] = _numbers(name, known, file, entry.file_size)
+                found[array_key] = _numbers(name, array_key, file, entry.file_size)
             except _NotNumbers:
                 if key:
                     raise

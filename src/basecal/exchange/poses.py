@@ -9,9 +9,10 @@ from typing import Literal
 
 import numpy as np
 
+from basecal.cell.journal.recording_file import MOST_SAMPLES
 from basecal.errors import DatasetError, InputError, list_names
-from basecal.exchange.columns import MOST_POSES, read_table_text
-from basecal.exchange.fields import written_number
+from basecal.exchange.columns import read_table_text
+from basecal.exchange.fields import parse_float
 from basecal.exchange.npz import read_arrays
 from basecal.fields.problems import shorten
 from basecal.fields.values import LARGEST_VALUE
@@ -44,17 +45,17 @@ def read_matrices(path: str) -> SE3:
         DatasetError: with file and line, if the content is invalid or a matrix is not a rigid transform.
     """
     matrices, lines = (_from_archive(path), None) if is_archive(path) else _from_text(path)
-    if len(matrices) > MOST_POSES:
-        raise DatasetError(path, f"{len(matrices)} poses, expected at most {MOST_POSES}")
+    if len(matrices) > MOST_SAMPLES:
+        raise DatasetError(path, f"{len(matrices)} poses, expected at most {MOST_SAMPLES}")
     found = []
     for i, matrix in enumerate(matrices):
-        place = (None, f"matrix {i}") if lines is None else (lines[4 * i], None)
+        location = (None, f"matrix {i}") if lines is None else (lines[4 * i], None)
         try:
             found.append(SE3.from_matrix(matrix, "pose"))
         except InputError as error:
-            raise DatasetError(path, str(error), *place) from None
+            raise DatasetError(path, str(error), *location) from None
         if not np.all(np.abs(found[-1].translation) <= LARGEST_VALUE):
-            raise DatasetError(path, f"a translation is beyond {LARGEST_VALUE:g}: is this the length unit?", *place)
+            raise DatasetError(path, f"a translation is beyond {LARGEST_VALUE:g}: is this the length unit?", *location)
     return SE3.stack(found)
 
 
@@ -64,10 +65,10 @@ def is_archive(path: str) -> bool:
 
 
 def _from_text(path: str) -> tuple[Array, Sequence[int]]:
-    whole = read_table_text(path, "rows of 4 numbers, or a name that ends in .csv or .npz")
+    content = read_table_text(path, "rows of 4 numbers, or a name that ends in .csv or .npz")
     # Arrays of bytes, because lists of lists need forty times the memory.
     values, lines = array("d"), array("q")
-    for number, text in enumerate(StringIO(whole), start=1):
+    for number, text in enumerate(StringIO(content), start=1):
         words = text.split("#")[0].replace(",", " ").split()
         if not words:
             continue
@@ -76,7 +77,7 @@ def _from_text(path: str) -> tuple[Array, Sequence[int]]:
                 path, f"{len(words)} numbers, expected rows of 4: 4x4 matrices one below the other", number
             )
         try:
-            values.extend([written_number(word) for word in words])
+            values.extend([parse_float(word) for word in words])
         except ValueError:
             raise DatasetError(path, f"not a row of numbers: {shorten(' '.join(words))}", number) from None
         lines.append(number)
@@ -91,7 +92,7 @@ def _from_archive(path: str) -> Array:
         raise DatasetError(
             name, f"holds {', '.join(arrays) or 'nothing'}; choose one as {name}:{next(iter(arrays), 'key')}"
         )
-    (key, matrices), *_ = arrays.items()
+    ((key, matrices),) = arrays.items()
     if matrices.ndim != 3 or matrices.shape[1:] != (4, 4) or not len(matrices):
         raise DatasetError(name, f"has shape {matrices.shape}, expected (n, 4, 4)", field=key)
     return matrices

@@ -30,7 +30,7 @@ from basecal.exchange.npz import read_arrays
 from basecal.exchange.poses import LengthUnit
 from basecal.geometry import Array, IntArray
 
-Thing = TypeVar("Thing")
+Item = TypeVar("Item")
 Inverted = Literal["base-from-flange", "eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
 _ALIASES = {"sample": ("samples",), "id": ("ids",), "u": ("u_px",), "v": ("v_px",)}
 _EXPECTED = "expected sample, id, u, v (one row per point; in an archive also pixels, (n, 2), for u and v)"
@@ -64,7 +64,7 @@ class Streams:
 
 
 @dataclass(frozen=True)
-class Places:
+class CellNames:
     """Names in the cell; a robot is None if the camera (`eye`) or the target (`hand`) is fixed to the world."""
 
     camera: str
@@ -87,16 +87,16 @@ def read_streams(cell: str | Path, files: Streams, camera: str | None, target: s
     """
     known = known_cell(cell)
     if isinstance(known, NoCell):
-        places = _new_places(cell, files, camera, target)
+        names = _new_names(cell, files, camera, target)
     else:
-        places = _known_places(known, files, camera, target)
+        names = _known_names(known, files, camera, target)
     poses = _read(files)
     eye, hand = poses.get("eye-base-from-flange"), poses.get("hand-base-from-flange")
-    carried = ((places.eye, eye), (places.hand, hand))
+    carried = ((names.eye, eye), (names.hand, hand))
     recording = recording_from_streams(
         {robot: stream for robot, stream in carried if robot is not None and stream is not None},
-        places.camera,
-        places.target,
+        names.camera,
+        names.target,
         poses.get("camera-from-target"),
         read_pixels(files.pixels) if files.pixels else None,
         files.sigma_px,
@@ -111,7 +111,7 @@ def read_streams(cell: str | Path, files: Streams, camera: str | None, target: s
     return Imported(" and ".join(files.files), what, rows, new_cell=text, is_strict=False, advice=advice)
 
 
-def _new_places(folder: str | Path, files: Streams, camera: str | None, target: str | None) -> Places:
+def _new_names(folder: str | Path, files: Streams, camera: str | None, target: str | None) -> CellNames:
     if files.pixels:
         make = f"basecal new {quote(str(folder))}"
         raise InputError(f"{folder} has no cell.yaml, which must describe the target and the lens: {make}")
@@ -119,41 +119,43 @@ def _new_places(folder: str | Path, files: Streams, camera: str | None, target: 
         raise InputError("no robot: give --eye-base-from-flange, --hand-base-from-flange or both")
     if camera not in (None, "camera") or target not in (None, "target"):
         raise InputError(f"{folder} has no cell.yaml to name {camera or target!r}: omit the names, or write it first")
-    return Places("camera", "target", "eye" if files.eye else None, "hand" if files.hand else None)
+    return CellNames("camera", "target", "eye" if files.eye else None, "hand" if files.hand else None)
 
 
-def _known_places(cell: Cell, files: Streams, camera: str | None, target: str | None) -> Places:
-    seeing, seen = _choose("camera", camera, cell.cameras), _choose("target", target, cell.targets)
-    eye = _carrier(cell, seeing, "--eye-base-from-flange", files.eye)
-    hand = _carrier(cell, seen, "--hand-base-from-flange", files.hand)
+def _known_names(cell: Cell, files: Streams, camera: str | None, target: str | None) -> CellNames:
+    chosen_camera, chosen_target = _choose("camera", camera, cell.cameras), _choose("target", target, cell.targets)
+    eye = _carrier(cell, chosen_camera, "--eye-base-from-flange", files.eye)
+    hand = _carrier(cell, chosen_target, "--hand-base-from-flange", files.hand)
     if eye is not None and eye == hand:
-        raise InputError(f"camera {seeing.name!r} and target {seen.name!r} are both on {eye!r}: views are useless")
-    return Places(seeing.name, seen.name, eye, hand)
+        raise InputError(
+            f"camera {chosen_camera.name!r} and target {chosen_target.name!r} are both on {eye!r}: views are useless"
+        )
+    return CellNames(chosen_camera.name, chosen_target.name, eye, hand)
 
 
-def _choose(kind: str, name: str | None, things: Mapping[str, Thing]) -> Thing:
-    chosen = choose_name(kind, name, things)
-    if chosen not in things:
-        raise FrameNotFound(chosen, list(things))
-    return things[chosen]
+def _choose(kind: str, name: str | None, items: Mapping[str, Item]) -> Item:
+    chosen = choose_name(kind, name, items)
+    if chosen not in items:
+        raise FrameNotFound(chosen, list(items))
+    return items[chosen]
 
 
-def _carrier(cell: Cell, thing: CellCamera | CellTarget, option: str, file: str | None) -> str | None:
+def _carrier(cell: Cell, item: CellCamera | CellTarget, option: str, file: str | None) -> str | None:
     """Robot that carries a camera or target; None for the world. Checks that a file of its poses is given."""
-    if thing.on in cell.robots:
+    if item.on in cell.robots:
         if file is None:
-            raise InputError(f"{thing.name!r} is on robot {thing.on!r} in cell.yaml: give its poses with {option}")
-        return thing.on
+            raise InputError(f"{item.name!r} is on robot {item.on!r} in cell.yaml: give its poses with {option}")
+        return item.on
     if file is not None:
-        raise InputError(f"{thing.name!r} is on the world in cell.yaml, so {option} has no robot")
+        raise InputError(f"{item.name!r} is on the world in cell.yaml, so {option} has no robot")
     return None
 
 
 def _read(files: Streams) -> dict[Inverted, PoseStream]:
     given = {option: file for option, file in files.option_files.items() if file is not None}
-    strangers = [option for option in files.invert if option not in given]
-    if strangers:
-        raise InputError(f"--invert {strangers[0]}, but no file is given with --{strangers[0]}")
+    unmatched = [option for option in files.invert if option not in given]
+    if unmatched:
+        raise InputError(f"--invert {unmatched[0]}, but no file is given with --{unmatched[0]}")
     streams = {option: read_poses(file, files.length_unit) for option, file in given.items()}
     for option in files.invert:
         streams[option] = replace(streams[option], poses=streams[option].poses.inverse())
@@ -180,21 +182,21 @@ def read_pixels(path: str | Path) -> dict[int, tuple[IntArray, Array]]:
     for sample in np.unique(samples).tolist():
         rows = np.flatnonzero(samples == sample)
         rows = rows[np.argsort(ids[rows], kind="stable")]
-        twice = ids[rows][1:][np.diff(ids[rows]) == 0]
-        if len(twice):
-            raise DatasetError(name, f"sample {sample} has id {twice[0]} twice")
+        repeated = ids[rows][1:][np.diff(ids[rows]) == 0]
+        if len(repeated):
+            raise DatasetError(name, f"sample {sample} has id {repeated[0]} twice")
         views[sample] = ids[rows], pixels[rows]
     return views
 
 
 def _whole_numbers(path: str, columns: Mapping[str, Array], key: str) -> IntArray:
-    whole = np.round(columns[key]).astype(np.int64)
-    wrong = np.flatnonzero((columns[key] != whole) | (whole < 0))
+    integers = np.round(columns[key]).astype(np.int64)
+    wrong = np.flatnonzero((columns[key] != integers) | (integers < 0))
     if len(wrong):
         raise DatasetError(
             path, f"row {wrong[0]} is {columns[key][wrong[0]]:g}, expected a whole number from 0", field=key
         )
-    return whole
+    return integers
 
 
 def _from_archive(path: str) -> dict[str, Array]:
@@ -244,21 +246,21 @@ def recording_from_streams(
     if any(len(stream.poses) != count for stream in moving):
         found = ", ".join(f"{path} holds {length}" for path, length in lengths.items())
         raise InputError(f"the pose files differ in length: {found}; pose i of each must belong to the same instant")
-    strangers = sorted(set(pixels or ()) - set(range(count)))
-    if strangers:
-        raise InputError(f"pixels of sample {strangers[0]}, but the poses end at sample {count - 1}")
-    timed = [stream.stamps_s for stream in streams if stream.stamps_s is not None and len(stream.poses) == count]
-    stamps_s = next(iter(timed), None)
+    unmatched = sorted(set(pixels or ()) - set(range(count)))
+    if unmatched:
+        raise InputError(f"pixels of sample {unmatched[0]}, but the poses end at sample {count - 1}")
+    stamps = [stream.stamps_s for stream in streams if stream.stamps_s is not None and len(stream.poses) == count]
+    stamps_s = next(iter(stamps), None)
     samples = []
     for i in range(count):
-        seen: list[Observation] = []
+        observations: list[Observation] = []
         if camera_from_target:
-            seen.append(PoseObservation(camera, target, camera_from_target.poses[i]))
+            observations.append(PoseObservation(camera, target, camera_from_target.poses[i]))
         if pixels and i in pixels:
-            ids, at = pixels[i]
+            ids, points = pixels[i]
             sigmas = None if sigma_px is None else np.full(len(ids), sigma_px)
-            seen.append(PixelObservation(camera, target, ids, at, sigmas))
+            observations.append(PixelObservation(camera, target, ids, points, sigmas))
         states = {robot: RobotState(stream.poses[min(i, len(stream.poses) - 1)]) for robot, stream in robots.items()}
         stamp_s = None if stamps_s is None else float(stamps_s[i])
-        samples.append(Sample(i, stamp_s, states, tuple(seen)))
+        samples.append(Sample(i, stamp_s, states, tuple(observations)))
     return Recording(tuple(samples))

@@ -10,9 +10,9 @@ _ROTATION = re.compile(r"-? *Rotation: in Quaternion[^\[]*\[([^\]]*)\]")
 
 def transform_rows(text: str) -> str:
     """Convert each transform to a row on the line of its rotation; other lines are empty. Empty for other texts."""
-    rows, place = [], ""
+    rows, position = [], ""
     for line in map(str.strip, text.splitlines()):
         translation, rotation = _TRANSLATION.match(line), _ROTATION.match(line)
-        rows.append(f"{place}, {rotation[1]}" if rotation and place else "")
-        place = translation[1] if translation else "" if rotation else place
+        rows.append(f"{position}, {rotation[1]}" if rotation and position else "")
+        position = translation[1] if translation else "" if rotation else position
     return "\n".join(rows) if any(rows) else ""

@@ -17,6 +17,9 @@ from basecal.kinematics.urdf import JointOrigin, joint_origins
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
+_NAMED_ELEMENTS = ("link", "joint", "material", "transmission", "actuator", "ros2_control")
+_REFERRING_ATTRIBUTES = {"parent": "link", "child": "link", "mimic": "joint", "gazebo": "reference"}
+
 
 def numbers(values: Iterable[float]) -> str:
     """Format numbers with nine decimals, separated by spaces, without negative zeros."""
@@ -61,8 +64,8 @@ def corrected_urdf(
     # Right-multiplied corrections of each joint's origin, and of the tip
     tangents = np.zeros((chain.n + 1, 6)) if links is None else links
     turns = chain.axes * (np.zeros(chain.n) if offsets is None else offsets)[:, None]
-    moved = [SE3.exp(tangents[i]) @ SE3.from_rotvec(turns[i], np.zeros(3)) for i in range(chain.n)]
-    joint_moves, tip_move = moved, SE3.exp(tangents[-1])
+    joint_moves = [SE3.exp(tangents[i]) @ SE3.from_rotvec(turns[i], np.zeros(3)) for i in range(chain.n)]
+    tip_move = SE3.exp(tangents[-1])
     root = parsed_urdf(text)
     by_name = {str(element.get("name")): element for element in root.findall("joint")}
     for name, move in zip(chain.joint_names, joint_moves, strict=True):
@@ -95,7 +98,7 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
         element = SubElement(root, "link", name=link)
         if chain.masses is not None and 0 < k <= chain.n:
             inertial = SubElement(element, "inertial")
-            SubElement(inertial, "origin", xyz=exactly(chain.masses.centres[k - 1]))
+            SubElement(inertial, "origin", xyz=exact_text(chain.masses.centres[k - 1]))
             SubElement(inertial, "mass", value=repr(float(chain.masses.kg[k - 1])))
     origins = [*(chain.origins[i] for i in range(chain.n)), chain.tip]
     names = (*chain.joint_names, f"{flange_link}_joint")
@@ -105,9 +108,9 @@ def chain_urdf(chain: SerialChain, base_link: str, flange_link: str, name: str =
         element = SubElement(root, "joint", name=joint, type=kind)
         SubElement(element, "parent", link=links[k])
         SubElement(element, "child", link=links[k + 1])
-        SubElement(element, "origin", xyz=exactly(origin.translation), rpy=exactly(origin.rpy))
+        SubElement(element, "origin", xyz=exact_text(origin.translation), rpy=exact_text(origin.rpy))
         if k < chain.n:
-            SubElement(element, "axis", xyz=exactly(chain.axes[k]))
+            SubElement(element, "axis", xyz=exact_text(chain.axes[k]))
         if limited:
             lower, upper = repr(float(chain.lower[k])), repr(float(chain.upper[k]))
             SubElement(element, "limit", lower=lower, upper=upper, effort="100", velocity="3")
@@ -128,10 +131,10 @@ def parsed_urdf(text: str | bytes) -> Element:
 
 
 def _move(joint: Element, move: SE3) -> None:
-    """Multiply a joint's origin by a transform from the right."""
+    """Multiply a joint's origin by a transform from the right; an identity leaves the text unchanged."""
     origin = joint.find("origin")
-    words = {} if origin is None else origin.attrib
-    rpy, xyz = ([float(word) for word in words.get(key, "0 0 0").split()] for key in ("rpy", "xyz"))
+    texts = {} if origin is None else origin.attrib
+    rpy, xyz = ([float(word) for word in texts.get(key, "0 0 0").split()] for key in ("rpy", "xyz"))
     if np.any(move.log()):
         set_origin(joint, SE3.from_rpy(rpy, xyz) @ move)
 
@@ -142,29 +145,22 @@ def set_origin(joint: Element, parent_from_child: SE3) -> None:
 
     origin = joint.find("origin")
     origin = SubElement(joint, "origin") if origin is None else origin
-    origin.set("xyz", exactly(parent_from_child.translation))
-    origin.set("rpy", exactly(parent_from_child.rpy))
+    origin.set("xyz", exact_text(parent_from_child.translation))
+    origin.set("rpy", exact_text(parent_from_child.rpy))
 
 
 def write_urdf(root: Element, remarks: Sequence[str] = ()) -> str:
     """Format a URDF as text, with remarks as comments at its start."""
     from xml.etree.ElementTree import tostring
 
-    for place, line in enumerate(remarks):
-        root.insert(place, xml_comment(line))
+    for index, line in enumerate(remarks):
+        root.insert(index, xml_comment(line))
     return tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def exactly(values: Array) -> str:
+def exact_text(values: Array) -> str:
     """Format numbers with enough digits to restore them exactly."""
     return " ".join(repr(float(value) + 0.0) for value in values)
-
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
-
-_NAMED_ELEMENTS = ("link", "joint", "material", "transmission", "actuator", "ros2_control")
-_REFERRING = {"parent": "link", "child": "link", "mimic": "joint", "gazebo": "reference"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,31 +211,31 @@ def patched_urdf(
         FrameNotFound: if a link does not exist, or the joint is not between the links.
         InputError: if a joint between the links is not fixed, or `joint` is required but None.
     """
-    above, links = joint_origins(text, path), link_names(text)
+    parent_joints, links = joint_origins(text, path), link_names(text)
     for link in (parent_link, child_link):
         if link not in links:
             raise FrameNotFound(link, links)
-    up_from_parent, up_from_child = _joints_between(above, parent_link, child_link)
+    up_from_parent, up_from_child = _joints_between(parent_joints, parent_link, child_link)
     chosen = _choose_joint([*up_from_parent, *up_from_child], joint, f"{parent_link!r} and {child_link!r}")
     if chosen in up_from_child:
-        moved = _origin(chosen, up_from_parent, up_from_child, parent_from_child)
+        origin = _origin(chosen, up_from_parent, up_from_child, parent_from_child)
     else:
-        moved = _origin(chosen, up_from_child, up_from_parent, parent_from_child.inverse())
+        origin = _origin(chosen, up_from_child, up_from_parent, parent_from_child.inverse())
     root = parsed_urdf(text)
     (element,) = (each for each in root.findall("joint") if each.get("name") == chosen.name)
-    set_origin(element, moved)
+    set_origin(element, origin)
     return write_urdf(root, remarks)
 
 
 def merged_urdf(
-    parts: Mapping[str, RobotPart], reference: str, places: Mapping[str, SE3], remarks: Sequence[str] = ()
+    parts: Mapping[str, RobotPart], reference: str, bases: Mapping[str, SE3], remarks: Sequence[str] = ()
 ) -> str:
     """Merge the URDFs of several robots into one; names of links and joints are prefixed by the robot's name.
 
     Args:
         parts: The robots by name.
         reference: The robot to whose base link the others are attached.
-        places: `reference_base_from_base` of each other robot.
+        bases: `reference_base_from_base` of each other robot.
         remarks: Source of the transforms, written as comments.
 
     Raises:
@@ -252,10 +248,10 @@ def merged_urdf(
     roots = {name: _root_link(part) for name, part in parts.items()}
     root = Element("robot", name="_and_".join(parts))
     for name, part in parts.items():
-        whole = parsed_urdf(part.text)
-        _prefix(whole, f"{name}_")
-        root.extend(list(whole))
-    for name, reference_from_base in places.items():
+        robot = parsed_urdf(part.text)
+        _prefix_names(robot, f"{name}_")
+        root.extend(list(robot))
+    for name, reference_from_base in bases.items():
         top, root_from_base = roots[name]
         joint = SubElement(root, "joint", name=f"{reference}_base_to_{name}_base", type="fixed")
         SubElement(joint, "parent", link=f"{reference}_{parts[reference].base_link}")
@@ -277,10 +273,10 @@ def _joints_between(
     parent_joints: Mapping[str, JointOrigin], first: str, second: str
 ) -> tuple[list[JointOrigin], list[JointOrigin]]:
     """Joints from each of two links up to their common ancestor."""
-    ups = _joints_to_root(parent_joints, first), _joints_to_root(parent_joints, second)
-    common = {joint.name for joint in ups[0]} & {joint.name for joint in ups[1]}
-    own = [[joint for joint in up if joint.name not in common] for up in ups]
-    return own[0], own[1]
+    from_first, from_second = _joints_to_root(parent_joints, first), _joints_to_root(parent_joints, second)
+    common = {joint.name for joint in from_first} & {joint.name for joint in from_second}
+    own_first, own_second = ([j for j in joints if j.name not in common] for joints in (from_first, from_second))
+    return own_first, own_second
 
 
 def _choose_joint(joints: Sequence[JointOrigin], name: str | None, frames: str) -> JointOrigin:
@@ -290,34 +286,34 @@ def _choose_joint(joints: Sequence[JointOrigin], name: str | None, frames: str) 
     names = [joint.name for joint in joints]
     if name is None and len(joints) != 1:
         raise InputError(f"there are {len(joints)} joints between {frames}; choose one with --joint: {names}")
-    wanted = names[0] if name is None else name
-    if wanted not in names:
-        raise FrameNotFound(wanted, names)
-    return joints[names.index(wanted)]
+    chosen = names[0] if name is None else name
+    if chosen not in names:
+        raise FrameNotFound(chosen, names)
+    return joints[names.index(chosen)]
 
 
 def _product(joints: Sequence[JointOrigin]) -> SE3:
     """`top_from_link` along joints, ordered from the link upwards."""
-    whole = SE3.identity()
+    product = SE3.identity()
     for joint in joints:
-        whole = joint.parent_from_child @ whole
-    return whole
+        product = joint.parent_from_child @ product
+    return product
 
 
 def _origin(joint: JointOrigin, up_from_a: list[JointOrigin], up_from_b: list[JointOrigin], a_from_b: SE3) -> SE3:
     """Origin of a joint above b for which the pose of b in a is `a_from_b`."""
-    place = up_from_b.index(joint)
-    child_from_b, top_from_parent = _product(up_from_b[:place]), _product(up_from_b[place + 1 :])
+    index = up_from_b.index(joint)
+    child_from_b, top_from_parent = _product(up_from_b[:index]), _product(up_from_b[index + 1 :])
     top_from_b = _product(up_from_a) @ a_from_b
     return top_from_parent.inverse() @ top_from_b @ child_from_b.inverse()
 
 
 def _root_link(part: RobotPart) -> tuple[str, SE3]:
     """Root link of a robot, and `root_from_base`."""
-    above, links = joint_origins(part.text, part.path), link_names(part.text)
+    parent_joints, links = joint_origins(part.text, part.path), link_names(part.text)
     if part.base_link not in links:
         raise FrameNotFound(part.base_link, links)
-    up = _joints_to_root(above, part.base_link)
+    up = _joints_to_root(parent_joints, part.base_link)
     turning = [joint.name for joint in up if joint.kind != "fixed"]
     if turning:
         raise InputError(
@@ -326,8 +322,9 @@ def _root_link(part: RobotPart) -> tuple[str, SE3]:
     return (up[-1].parent if up else part.base_link), _product(up)
 
 
-def _prefix(root: Element, prefix: str) -> None:
+def _prefix_names(root: Element, prefix: str) -> None:
+    """Put a prefix before the names of links and joints, and before references to them."""
     for element in root.iter():
-        attribute = "name" if element.tag in _NAMED_ELEMENTS else _REFERRING.get(str(element.tag))
+        attribute = "name" if element.tag in _NAMED_ELEMENTS else _REFERRING_ATTRIBUTES.get(str(element.tag))
         if attribute is not None and element.get(attribute):
             element.set(attribute, prefix + element.get(attribute, ""))

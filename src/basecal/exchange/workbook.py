@@ -17,7 +17,7 @@ from basecal.errors import DatasetError
 
 _SHEET = re.compile(r"xl/worksheets/sheet(\d+)\.xml")
 _STRINGS = "xl/sharedStrings.xml"
-_PLACE = re.compile(r"([A-Z]{1,3})\d+")
+_REFERENCE = re.compile(r"([A-Z]{1,3})\d+")
 _LARGEST_BYTES = 2**25  # size limit of an unpacked part: a hundred thousand poses
 _MOST_COLUMNS = 256
 _MOST_ROWS = 2**20  # limit of Excel
@@ -77,8 +77,8 @@ def _rows(sheet: Any, strings: list[str]) -> Iterator[list[str]]:
 def _text_cells(row: Any, strings: list[str]) -> Iterator[tuple[int, str]]:
     """Column and text of each non-empty cell."""
     for count, cell in enumerate(each for each in row if _tag(each) == "c"):
-        place = _PLACE.fullmatch(cell.get("r", ""))
-        column = count if place is None else _column(place[1])
+        reference = _REFERENCE.fullmatch(cell.get("r", ""))
+        column = count if reference is None else _column(reference[1])
         value = next((each.text or "" for each in cell if _tag(each) == "v"), "")
         text = strings[int(value)] if cell.get("t") == "s" else _text(cell) if cell.get("t") == "inlineStr" else value
         if text and column < _MOST_COLUMNS:

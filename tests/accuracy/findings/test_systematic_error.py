@@ -141,7 +141,7 @@ def test_nothing_found_is_silent(evidence):
 def test_what_may_be_chance_is_an_info(evidence):
     """It is not stated as a fact: its probability is given, the covariance contains it, and the verdict stays."""
     error, words = WORDS["short"]
-    (finding,) = systematic_error(evidence(systematic_error=replace(error, is_certain=False, share=0.855)))
+    (finding,) = systematic_error(evidence(systematic_error=replace(error, is_certain=False, probability=0.855)))
     assert (finding.code, finding.severity) == ("length-scale", "info")
     assert finding.what.startswith(f"Perhaps chance: {words}")
     assert finding.why == (

@@ -121,7 +121,7 @@ def test_a_descent_that_ends_early_is_no_motion() -> None:
 def test_second_moments_are_those_of_all_likely_sigmas() -> None:
     """Each sigma counts by its prior and evidence, and none as the error without variance; the mean adds its square."""
     response = Response(np.array([-8.0]), np.array([[4.0]]), np.zeros((1, 1)))
-    prior = SimpleNamespace(sigmas=np.array([0.0, 0.5, 1.0]), shares=np.array([0.5, 0.2, 0.3]))
+    prior = SimpleNamespace(sigmas=np.array([0.0, 0.5, 1.0]), probabilities=np.array([0.5, 0.2, 0.3]))
     ways = []
     for sigma, share in ((0.5, 0.2), (1.0, 0.3)):
         (mean,), ((variance,),) = response.posterior(np.array([sigma**2]))

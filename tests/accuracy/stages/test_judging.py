@@ -64,7 +64,7 @@ def test_an_effect_that_may_be_chance_widens_by_its_share():
     moved = np.sqrt(np.diag(solution.covariance))
     named = "length_scale", "length-scale", "hand", False, False, None, "m", np.ones(1), np.eye(1), moved
     for share in (0.5, 1.0):
-        shift = judging._effect_shift(solution, FoundEffect(*named, share=share))
+        shift = judging._effect_shift(solution, FoundEffect(*named, probability=share))
         np.testing.assert_allclose(np.outer(shift, shift), share * np.outer(moved, moved))
 
 

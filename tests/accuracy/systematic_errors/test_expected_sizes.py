@@ -256,7 +256,7 @@ def drawn(rng, options, width):
 def all_at_once(gradient, information, priors):
     """Each combination of sigmas alone: logarithms of the evidence, means and covariances, and prior shares."""
     shares, evidences, means, covariances = [], [], [], []
-    for each in product(*(zip(p.sigmas, p.shares, strict=True) for p in priors)):
+    for each in product(*(zip(p.sigmas, p.probabilities, strict=True) for p in priors)):
         s = np.diag(np.concatenate([sigmas for sigmas, _ in each]))
         covariance = s @ np.linalg.inv(s @ information @ s + np.eye(len(s))) @ s
         means.append(-covariance @ gradient)
@@ -274,7 +274,7 @@ def test_levels_are_all_combinations_at_once(widths):
     priors = [drawn(rng, options, width) for options, width in zip((3, 4, 5), widths, strict=False)]
     shares, evidences, means, covariances = all_at_once(gradient, root.T @ root, priors)
     given = posteriors_by_sigma(gradient, root.T @ root, priors)
-    found = mixture(priors[0].shares, given)
+    found = mixture(priors[0].probabilities, given)
     weights = probabilities(shares, evidences)
     mean = weights @ means
     off = means - mean
@@ -282,8 +282,8 @@ def test_levels_are_all_combinations_at_once(widths):
     np.testing.assert_allclose(found.mean, mean, atol=1e-12)
     spread = np.einsum("m,mij->ij", weights, covariances + off[:, :, None] * off[:, None])
     np.testing.assert_allclose(found.covariance, spread, atol=1e-12)
-    of_first = weights.reshape(len(priors[0].shares), -1).sum(1)
-    np.testing.assert_allclose(probabilities(priors[0].shares, given.two_log_evidence), of_first)
+    of_first = weights.reshape(len(priors[0].probabilities), -1).sum(1)
+    np.testing.assert_allclose(probabilities(priors[0].probabilities, given.two_log_evidence), of_first)
 
 
 @pytest.mark.parametrize("sigmas", [None, [], [0.1, 0.2]])

@@ -86,7 +86,7 @@ def test_errors_that_stops_share_hold_the_field(monkeypatch):
 
 def test_a_sigma_of_a_field_is_that_of_arms():
     """None as often as of two kinds that are both none in one case of two; else from 0.1 mm to 2 mm of length."""
-    np.testing.assert_allclose(PRIOR_M.shares, [np.sqrt(0.5), *[(1 - np.sqrt(0.5)) / 3] * 3])
+    np.testing.assert_allclose(PRIOR_M.probabilities, [np.sqrt(0.5), *[(1 - np.sqrt(0.5)) / 3] * 3])
     lengths = np.sqrt(3) * PRIOR_M.sigmas
     assert lengths[0] == 0
     assert 9e-5 < lengths[1] < lengths[2] < lengths[3] < 2e-3
@@ -180,10 +180,12 @@ def test_flanges_move_by_a_share_of_their_place():
 def test_an_arm_has_none_or_one():
     """None as likely as of two kinds that are both none in one case of two; else along one axis."""
     assert AXES_PRIOR.sigmas.shape == (10, 3)
-    np.testing.assert_allclose(AXES_PRIOR.shares.sum(), 1)
-    np.testing.assert_allclose(AXES_PRIOR.shares @ (AXES_PRIOR.sigmas == 0).all(1), np.sqrt(0.5))
+    np.testing.assert_allclose(AXES_PRIOR.probabilities.sum(), 1)
+    np.testing.assert_allclose(AXES_PRIOR.probabilities @ (AXES_PRIOR.sigmas == 0).all(1), np.sqrt(0.5))
     assert np.count_nonzero(AXES_PRIOR.sigmas, axis=1).max() == 1
-    np.testing.assert_allclose(AXES_PRIOR.shares @ AXES_PRIOR.sigmas**2, (1 - np.sqrt(0.5)) / 3 * np.mean(SHARES**2))
+    np.testing.assert_allclose(
+        AXES_PRIOR.probabilities @ AXES_PRIOR.sigmas**2, (1 - np.sqrt(0.5)) / 3 * np.mean(SHARES**2)
+    )
 
 
 def test_the_data_tell_a_length_of_one_arm():

@@ -25,7 +25,7 @@ def test_what_runs_is_surveyed_as_a_bag_is(ros2_cell):
     assert len(list(bag.read(["/wrist/image_raw"]))) == 1
     survey = survey_live_topics(bag)
     assert list(survey.urdfs) == ["/robot_description"]
-    assert {name: hang.is_fixed for name, hang in survey.tree.hangs.items()} == {
+    assert {name: each.is_fixed for name, each in survey.tree.transforms.items()} == {
         "link": False,
         "tool0": True,
         "wrist": True,

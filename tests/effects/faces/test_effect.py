@@ -21,9 +21,9 @@ from basecal.effects.faces.effect import (
     SimulatedFault,
     _known_part,
     clearest_joint,
+    format_length,
     format_tangent,
     format_with_sigma,
-    rounded_length,
 )
 from basecal.effects.faces.shared_errors import KINEMATICS
 
@@ -31,24 +31,24 @@ from basecal.effects.faces.shared_errors import KINEMATICS
 @pytest.mark.parametrize("kinds", [1, 2, 3, 7])
 def test_of_all_kinds_none_is_as_likely_as_some(kinds):
     """The others are equally likely, whatever their number."""
-    prior = SigmaPrior.as_often_as_not(np.array([1e-4, 3e-4, 1e-3]), kinds)
+    prior = SigmaPrior.spike_and_slab(np.array([1e-4, 3e-4, 1e-3]), kinds)
     np.testing.assert_array_equal(prior.sigmas, [0, 1e-4, 3e-4, 1e-3])
-    np.testing.assert_allclose(prior.shares[0] ** kinds, 0.5)
-    np.testing.assert_allclose(prior.shares[1:], (1 - prior.shares[0]) / 3)
+    np.testing.assert_allclose(prior.probabilities[0] ** kinds, 0.5)
+    np.testing.assert_allclose(prior.probabilities[1:], (1 - prior.probabilities[0]) / 3)
 
 
 def test_sigmas_of_several_sizes_keep_their_rows():
     """None of any size, or one of the rows."""
-    prior = SigmaPrior.as_often_as_not(np.eye(2))
+    prior = SigmaPrior.spike_and_slab(np.eye(2))
     np.testing.assert_array_equal(prior.sigmas, [[0, 0], [1, 0], [0, 1]])
-    np.testing.assert_allclose(prior.shares, [0.5, 0.25, 0.25])
+    np.testing.assert_allclose(prior.probabilities, [0.5, 0.25, 0.25])
 
 
 def test_an_expected_size_is_within_two_deviations_either_way():
     """Five values by its factor, or none."""
     found = ExpectedSize(2.0, 3.0, "assumed").prior(3)
     np.testing.assert_allclose(found.sigmas, [0, 2 / 9, 2 / 3, 2, 6, 18])
-    np.testing.assert_allclose(found.shares[0] ** 3, 0.5)
+    np.testing.assert_allclose(found.probabilities[0] ** 3, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -62,8 +62,8 @@ def test_two_digits_of_sigma(value, sigma, text):
 
 def test_a_length_has_the_sigma_along_it():
     """In the unit requested; across it the sigma does not count."""
-    assert rounded_length(np.array([3e-3, 4e-3]), np.diag([1e-6, 1e-6]), 1e3) == "5.0 ± 1.0"
-    assert rounded_length(np.array([5e-3, 0.0]), np.diag([1e-6, 1.0]), 1e3) == "5.0 ± 1.0"
+    assert format_length(np.array([3e-3, 4e-3]), np.diag([1e-6, 1e-6]), 1e3) == "5.0 ± 1.0"
+    assert format_length(np.array([5e-3, 0.0]), np.diag([1e-6, 1.0]), 1e3) == "5.0 ± 1.0"
 
 
 def test_a_tangent_is_a_shift_and_a_rotation():
@@ -90,7 +90,7 @@ def test_a_size_within_its_sigma_is_not_told():
 def test_a_sigma_that_is_known_is_certain():
     """One value, and not none."""
     prior = SigmaPrior.single_value(0.3)
-    assert (prior.sigmas.tolist(), prior.shares.tolist()) == ([0.3], [1.0])
+    assert (prior.sigmas.tolist(), prior.probabilities.tolist()) == ([0.3], [1.0])
 
 
 ANY, RANDOM = object(), SimpleNamespace(is_mapped=False)
@@ -153,8 +153,8 @@ def test_a_tangent_has_the_length_of_both_parts():
     size, sigmas = np.array([3e-3, 0, 4e-3, 0.02, 0.0, 0.0]), np.array([1e-4] * 3 + [1e-3] * 3)
     assert format_tangent(size, np.diag(sigmas**2)) == " by 5.00 ± 0.10 mm and 1.146 ± 0.057 deg"
     assert format_tangent(size[[3, 4, 5, 0, 1, 2]] / 10, np.diag(sigmas**2)) == " by 2.00 ± 0.10 mm"
-    assert rounded_length(np.zeros(3), np.eye(3)) == "0.000000000 ± 0.000000000"
-    assert rounded_length(np.array([0.3, 0.4]), np.diag([0.01, 0.04]), 10.0) == "5.0 ± 1.7"
+    assert format_length(np.zeros(3), np.eye(3), 1.0) == "0.000000000 ± 0.000000000"
+    assert format_length(np.array([0.3, 0.4]), np.diag([0.01, 0.04]), 10.0) == "5.0 ± 1.7"
 
 
 def test_what_is_not_said_of_an_effect_is_not_so():
@@ -168,7 +168,13 @@ def test_what_is_not_said_of_an_effect_is_not_so():
     assert not LensParameter(slice(0, 1), lambda camera: np.zeros(1), "", lambda *given: "").is_each_alone
     assert not ExpectedSize(1.0, 1.0, "").is_stated
     found = FoundEffect("", "", "", False, False, None, "", np.zeros(1), np.array([[4.0]]), np.zeros(0))
-    assert (found.is_certain, found.share, found.alternatives, found.joint, found.sigma) == (True, 1.0, (), None, 2.0)
+    assert (found.is_certain, found.probability, found.alternatives, found.joint, found.sigma) == (
+        True,
+        1.0,
+        (),
+        None,
+        2.0,
+    )
 
 
 def test_units_of_faults_are_those_of_their_names():
@@ -189,7 +195,7 @@ def test_a_tangent_is_told_along_what_is_known_of_it(scale):
 def test_a_length_is_in_its_own_unit_unless_told():
     """Without a length the sigma is none along it."""
     covariance = np.diag([0.04, 0.01])
-    assert rounded_length(np.array([3.0, 0.0]), covariance) == "3.00 ± 0.20"
-    assert rounded_length(np.array([0.0, 3.0]), covariance, 100.0) == "300 ± 10"
-    assert rounded_length(np.zeros(2), covariance).startswith("0.000000000 ± 0.000000000")
+    assert format_length(np.array([3.0, 0.0]), covariance, 1.0) == "3.00 ± 0.20"
+    assert format_length(np.array([0.0, 3.0]), covariance, 100.0) == "300 ± 10"
+    assert format_length(np.zeros(2), covariance, 1.0).startswith("0.000000000 ± 0.000000000")
     assert format_tangent(np.array([1.0, 0, 0, 1, 0, 0]), np.diag([1e-4] * 3 + [1e-4] * 3)).endswith(" deg")

@@ -15,8 +15,8 @@ from basecal.effects.faces.robot_parameter import (
     joint_columns,
     joint_lines,
     moves_by_joint,
-    open_chains,
     to_dict,
+    unestimated_chains,
 )
 from basecal.simulation import Scenario
 from basecal.simulation.arms import six_axis
@@ -37,7 +37,7 @@ def test_lines_of_joints():
 def test_a_unit_of_a_value_turns_its_joint():
     """By what the effect says at the recorded joints; views that the robot does not carry stay."""
     views = views_of(Scenario(samples=6, joints=True))
-    ((_, chain), *_) = open_chains(views, "made_up")
+    ((_, chain), *_) = unestimated_chains(views, "made_up")
     (moves,) = moves_by_joint(views, "eye", chain, lambda _, joints: 3 * joints)
     joints = views.groups[0].eye.joints
     moved = chain.forward(joints + 1e-7 * 3 * joints * np.eye(6)[2])
@@ -58,8 +58,8 @@ def test_each_joint_and_all_at_once():
 def test_estimated_effects_are_not_open():
     """Of each robot by itself."""
     views = views_of(Scenario(samples=6, joints=True, joint_offset_rad=1e-3, joint_offsets="prior"))
-    assert [robot for robot, _ in open_chains(views, "joint_offsets")] == []
-    assert [robot for robot, _ in open_chains(views, "deflection")] == ["eye", "hand"]
+    assert [robot for robot, _ in unestimated_chains(views, "joint_offsets")] == []
+    assert [robot for robot, _ in unestimated_chains(views, "deflection")] == ["eye", "hand"]
 
 
 def test_values_and_sigmas_are_written_by_their_keys():
@@ -104,7 +104,7 @@ def test_kinds_are_of_joints_unless_they_say_otherwise():
     """A zero a joint, whose unit is a radian, of any sigma, and a chain as stated."""
     kind = doubled()
     np.testing.assert_array_equal(kind.zero(3), np.zeros(3))
-    assert kind.moved("chain", np.ones(3)) == "chain"
+    assert kind.move_chain("chain", np.ones(3)) == "chain"
     assert (kind.is_by_joint, kind.scale, kind.largest_sigma, kind.unobserved) == (True, 1.0, np.inf, None)
 
 

@@ -102,7 +102,7 @@ def bent(made: Streamed, seed: int) -> Streamed:
         expected = EFFECTS[name].expected
         assert expected is not None
         prior = expected.prior(len(CONTAINED))
-        sigma = rng.choice(prior.sigmas, p=prior.shares)
+        sigma = rng.choice(prior.sigmas, p=prior.probabilities)
         total += by_size @ (sigma * rng.standard_normal(by_size.shape[-1]))
     back = dict(zip((s.sample for s in seen), MOUNT.inverse() @ SE3.exp(-total) @ MOUNT, strict=True))
     samples = []

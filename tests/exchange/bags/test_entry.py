@@ -13,7 +13,7 @@ from basecal.cell import Cell, CellCamera, CellTarget, Robot
 from basecal.errors import DatasetError
 from basecal.exchange.bags.entry import bag_entry, bag_lens, urdf_name
 from basecal.exchange.bags.frames import Tree
-from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, CameraSource, Taken
+from basecal.exchange.bags.sources import BagRequest, BagSources, ByFrames, ByJoints, ByPoses, CameraSource
 from basecal.exchange.bags.survey import Survey
 from basecal.exchange.importing.imported import NO_CELL
 from basecal.kinematics import SerialChain
@@ -26,12 +26,12 @@ def test_a_new_cell(tmp_path: Path, arm: SerialChain) -> None:
     bag = new_bag(tmp_path, "mcap")
     bag.camera_info("/w/camera_info", BEGIN_S, (64, 48), np.array([50.0, 0, 32, 0, 50, 24, 0, 0, 1]), np.zeros(5))
     survey = Survey(Tree({}), infos={"/w/camera_info": bag.messages[0][3]})
-    taken = Taken(
+    taken = BagSources(
         {"a": ByJoints("/js", arm, "base", "tool", "/robot_description"), "b": ByFrames("b0", "b6")},
         {"w": CameraSource("/w/image_raw", "/w/camera_info", "a"), "d": CameraSource("/d/image_raw", None, "world")},
         {("w", "tag"): ByPoses("/tag")},
     )
-    entry = bag_entry(NO_CELL, "x", survey, taken, Asked(on={"tag": "b"}), {"d": (32, 24), "w": (64, 48)})
+    entry = bag_entry(NO_CELL, "x", survey, taken, BagRequest(on={"tag": "b"}), {"d": (32, 24), "w": (64, 48)})
     assert entry["reference"] == "a"
     frames = {"frames": {"base": "b0", "flange": "b6"}}
     assert entry["robots"] == {"a": {"urdf": urdf_name("a"), "base_link": "base", "flange_link": "tool"}, "b": frames}
@@ -43,10 +43,10 @@ def test_a_new_cell(tmp_path: Path, arm: SerialChain) -> None:
 
 def test_what_the_cell_says_stays() -> None:
     cell = Cell("a", {"a": Robot("a")}, {}, {"w": CellCamera("w", "a")}, {"tag": CellTarget("tag", "world")})
-    taken = Taken(
+    taken = BagSources(
         {"a": ByFrames("b0", "b6")}, {"w": CameraSource("/w/image_raw", None, "a")}, {("w", "tag"): ByPoses("/tag")}
     )
-    entry = bag_entry(cell, "x", Survey(Tree({})), taken, Asked(), {"w": (64, 48)})
+    entry = bag_entry(cell, "x", Survey(Tree({})), taken, BagRequest(), {"w": (64, 48)})
     assert entry == {"robots": {"a": {}}, "cameras": {"w": {}}, "targets": {"tag": {}}}
 
 

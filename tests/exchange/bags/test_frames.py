@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.bags.frames import Hang, Tree, compose_path, hint, pose_from_values
+from basecal.exchange.bags.frames import FrameTransform, Tree, compose_path, frame_hint, pose_from_values
 from basecal.geometry import SE3
 
 POSES = SE3.exp(np.random.default_rng(0).normal(0, 0.5, (4, 6)))
@@ -18,21 +18,21 @@ def values(pose: SE3) -> np.ndarray:
 
 TREE = Tree(
     {
-        "base": Hang("world", values(POSES[0]), True, False),
-        "wrist": Hang("base", values(POSES[1]), False, True),
-        "tool": Hang("wrist", values(POSES[2]), True, False),
-        "eye": Hang("wrist", values(POSES[3]), True, False),
-        "lost": Hang("nowhere", values(POSES[3]), True, False),
+        "base": FrameTransform("world", values(POSES[0]), True, False),
+        "wrist": FrameTransform("base", values(POSES[1]), False, True),
+        "tool": FrameTransform("wrist", values(POSES[2]), True, False),
+        "eye": FrameTransform("wrist", values(POSES[3]), True, False),
+        "lost": FrameTransform("nowhere", values(POSES[3]), True, False),
     }
 )
 
 
 def test_ways_go_up_and_down() -> None:
     """A way from one branch to another is the product of its steps, some of them turned back."""
-    found = compose_path(TREE, TREE.way("eye", "tool"), {}, "x")
+    found = compose_path(TREE, TREE.path("eye", "tool"), {}, "x")
     np.testing.assert_allclose(found.matrix, (POSES[3].inverse() @ POSES[2]).matrix, atol=1e-12)
     moved = SE3.exp(np.random.default_rng(1).normal(0, 0.5, (2, 6)))
-    found = compose_path(TREE, TREE.way("world", "tool"), {"wrist": values_of_all(moved)}, "x")
+    found = compose_path(TREE, TREE.path("world", "tool"), {"wrist": values_of_all(moved)}, "x")
     np.testing.assert_allclose(found.matrix, (POSES[0] @ moved @ POSES[2]).matrix, atol=1e-12)
 
 
@@ -43,18 +43,21 @@ def values_of_all(poses: SE3) -> np.ndarray:
 def test_what_goes_with_what() -> None:
     assert TREE.ancestors("tool") == ["tool", "wrist", "base", "world"]
     assert TREE.rigid_ancestors("tool") == ["tool", "wrist"]
-    assert "nowhere" in hint(TREE)
+    assert "nowhere" in frame_hint(TREE)
 
 
 def test_what_is_not_joined() -> None:
     with pytest.raises(FrameNotFound):
-        TREE.way("base", "flange")
+        TREE.path("base", "flange")
     with pytest.raises(InputError, match="no transform of tf joins 'base' and 'lost'"):
-        TREE.way("base", "lost")
+        TREE.path("base", "lost")
 
 
 def test_a_circle_ends() -> None:
-    both = {"a": Hang("b", values(POSES[0]), True, True), "b": Hang("a", values(POSES[0]), True, True)}
+    both = {
+        "a": FrameTransform("b", values(POSES[0]), True, True),
+        "b": FrameTransform("a", values(POSES[0]), True, True),
+    }
     assert Tree(both).ancestors("a") == ["a", "b"]
 
 

@@ -13,11 +13,11 @@ from basecal.errors import InputError
 from basecal.exchange.bags import rows
 from basecal.exchange.bags.bag import open_bag
 from basecal.exchange.bags.rows import (
-    _AROUND_S,
-    _MOST_APART_S,
+    _LARGEST_GAP_S,
+    _REST_MARGIN_S,
     _STILL_RAD_M,
-    _standing_state,
-    collect_looks,
+    _state_at_rest,
+    collect_entries,
     explain_no_stop,
     find_stops,
     make_rows,
@@ -25,7 +25,7 @@ from basecal.exchange.bags.rows import (
     stream_instants,
     write_images,
 )
-from basecal.exchange.bags.sources import CameraSource, Taken
+from basecal.exchange.bags.sources import BagSources, CameraSource
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.geometry import SE3
 
@@ -55,7 +55,7 @@ def test_images_of_stops_only(tmp_path: Path) -> None:
     folder = tmp_path / "pictures"
     folder.mkdir()
     with open_bag(writer.close()) as bag:
-        taken = Taken(cameras={"eye": CameraSource("/eye/image_raw", None, "arm")})
+        taken = BagSources(cameras={"eye": CameraSource("/eye/image_raw", None, "arm")})
         written = write_images(bag, taken, instants, folder)
     (row,) = make_rows(tracks, instants, written)
     assert [path.name for path in folder.rglob("*.*")] == [f"{seen[1]:.6f}.pgm"]
@@ -89,7 +89,7 @@ def tracks(noise: float = 0.0, images: np.ndarray | None = None, rate: float = R
 
 def test_one_for_each_stop_from_its_middle() -> None:
     found = find_stops(tracks())
-    assert [round(stop.looks[0].stamp_s, 1) for stop in found] == [0.5, 2.5, 4.5, 6.5]
+    assert [round(stop.entries[0].stamp_s, 1) for stop in found] == [0.5, 2.5, 4.5, 6.5]
     for k, stop in enumerate(found):
         np.testing.assert_allclose(stop.robots["arm"].joints_rad, [k, -k], atol=1e-12)
 
@@ -136,12 +136,12 @@ def test_poses_are_averaged_on_their_manifold() -> None:
 def test_why_there_is_none() -> None:
     assert "recorded every 1 s" in explain_no_stop(tracks(rate=1.0))
     assert "no --view names a topic of poses or tags" in explain_no_stop(tracks(images=np.array([])))
-    assert "no robot is at rest" in explain_no_stop(tracks(images=np.array([1.5])))
+    assert "never all at rest" in explain_no_stop(tracks(images=np.array([1.5])))
 
 
 def test_looks_are_in_order_and_of_different_times() -> None:
-    found = collect_looks(tracks(images=np.array([2.0, 1.0, 2.0])))
-    assert [(look.stamp_s, look.place) for look in found] == [(1.0, 1), (2.0, 0)]
+    found = collect_entries(tracks(images=np.array([2.0, 1.0, 2.0])))
+    assert [(entry.stamp_s, entry.position) for entry in found] == [(1.0, 1), (2.0, 0)]
 
 
 def test_more_noise_than_arms_have_is_movement() -> None:
@@ -155,8 +155,8 @@ def test_a_state_at_rest_is_the_mean_around_a_time(time: float) -> None:
     """Of all records no farther away than a tenth of a second or so, and of those next to it."""
     times = np.arange(0, 2, 0.01)
     joints = np.stack([1e-6 * times**2, -1e-6 * times], axis=1)
-    near = np.abs(times - time) <= _AROUND_S + 1e-9
-    found = _standing_state(Track(times, joints=joints), time)
+    near = np.abs(times - time) <= _REST_MARGIN_S + 1e-9
+    found = _state_at_rest(Track(times, joints=joints), time)
     np.testing.assert_allclose(found, joints[near].mean(0), rtol=1e-9)
 
 
@@ -164,28 +164,28 @@ def test_a_time_needs_records_on_both_sides() -> None:
     """From the first to the last record, less the time around; no gap may be long."""
     times = 10 + np.arange(0, 2, 0.01)
     still = Track(times, joints=np.zeros((len(times), 2)))
-    first, last = times[0] + _AROUND_S, times[-1] - _AROUND_S
+    first, last = times[0] + _REST_MARGIN_S, times[-1] - _REST_MARGIN_S
     for time, is_known in ((first + 1e-4, True), (first - 1e-4, False), (last - 1e-4, True), (last + 1e-4, False)):
-        assert (_standing_state(still, time) is not None) == is_known
-    for gap_s, is_known in ((0.9 * _MOST_APART_S, True), (1.1 * _MOST_APART_S, False)):
+        assert (_state_at_rest(still, time) is not None) == is_known
+    for gap_s, is_known in ((0.9 * _LARGEST_GAP_S, True), (1.1 * _LARGEST_GAP_S, False)):
         apart = np.concatenate([times, times[-1] + gap_s + times - times[0]])
         track = Track(apart, joints=np.zeros((len(apart), 2)))
-        assert (_standing_state(track, times[-1] + 1e-3) is not None) == is_known
+        assert (_state_at_rest(track, times[-1] + 1e-3) is not None) == is_known
 
 
 def test_four_records_tell_their_noise() -> None:
     """Read-back that hops between two values is at rest; three records that do are a movement."""
     hop = 1.2 * _STILL_RAD_M
     for count, is_known in ((4, True), (3, False)):
-        times = np.concatenate([[-10.0], np.linspace(-0.9, 0.9, count) * _AROUND_S, [10.0]])
+        times = np.concatenate([[-10.0], np.linspace(-0.9, 0.9, count) * _REST_MARGIN_S, [10.0]])
         joints = np.array([[0.0], *([hop * (k % 2)] for k in range(count)), [0.0]])
-        assert (_standing_state(Track(times, joints=joints), 0.0) is not None) == is_known
+        assert (_state_at_rest(Track(times, joints=joints), 0.0) is not None) == is_known
 
 
 @pytest.mark.parametrize("most", [22, 21])
 def test_a_recording_is_full(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
     """At its limit, with the images and views."""
-    monkeypatch.setattr(rows, "_MOST_ROWS", most)
+    monkeypatch.setattr(rows, "MOST_SAMPLES", most)
     both = Tracks({"arm": ARM}, {("eye", "tag"): TAG}, {})
     if most == 22:
         assert len(stream_instants(both, "x")) == 22
@@ -202,7 +202,7 @@ def test_images_of_a_stream_are_all_written(tmp_path: Path) -> None:
     instants = stream_instants(Tracks({}, {}, {"eye": seen}), "x")
     (tmp_path / "images").mkdir()
     with open_bag(writer.close()) as bag:
-        taken = Taken(cameras={"eye": CameraSource("/eye/image_raw", None, "arm")})
+        taken = BagSources(cameras={"eye": CameraSource("/eye/image_raw", None, "arm")})
         written = write_images(bag, taken, instants, tmp_path / "images")
     assert sorted(path.name for path in written.values()) == [f"{time:.6f}.pgm" for time in seen]
     assert [path.read_bytes()[-1] for _, path in sorted(written.items(), key=lambda item: item[1])] == [0, 1]

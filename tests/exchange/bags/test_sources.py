@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, ByTagPoses, CameraSource, Taken
+from basecal.exchange.bags.sources import BagSources, ByFrames, ByJoints, ByPoses, ByTagPoses, CameraSource
 from basecal.geometry import SE3
 from basecal.kinematics import SerialChain
 
 
 def test_a_line_for_each(arm: SerialChain) -> None:
-    taken = Taken(
+    taken = BagSources(
         {
             "a": ByFrames("base", "tool"),
             "b": ByJoints("/js", arm, "b0", "b6", "/rd"),

@@ -10,7 +10,7 @@ from tests.bag_of_cell import BEGIN_S, new_bag
 
 from basecal.errors import DatasetError
 from basecal.exchange.bags.bag import IMAGE, Bag, Topic, open_bag
-from basecal.exchange.bags.survey import plain, survey_bag
+from basecal.exchange.bags.survey import plain_frame, survey_bag
 from basecal.geometry import SE3
 
 
@@ -29,15 +29,15 @@ def test_all_that_may_be_taken(tmp_path: Path) -> None:
     with open_bag(writer.close()) as bag:
         found = survey_bag(bag)
     assert set(found.tree.names) == {"base", "plate", "tool", "eye"}
-    assert not found.tree.hangs["tool"].is_fixed
-    assert found.tree.hangs["eye"].is_fixed
-    assert found.tree.hangs["eye"].is_timed
-    assert not found.tree.hangs["plate"].is_timed
+    assert not found.tree.transforms["tool"].is_fixed
+    assert found.tree.transforms["eye"].is_fixed
+    assert found.tree.transforms["eye"].is_timed
+    assert not found.tree.transforms["plate"].is_timed
     assert found.frame_ids == {"/eye/image_raw": "/eye"}
     assert found.infos["/eye/camera_info"].width == 6
     assert found.urdfs == {"/left/robot_description": "<robot/>"}
     assert found.joints == {"/joint_states": frozenset("abc")}
-    assert plain("/eye") == "eye"
+    assert plain_frame("/eye") == "eye"
 
 
 def test_a_topic_that_holds_less_than_it_says() -> None:
@@ -57,7 +57,7 @@ def test_frames_move_if_tf_says_so(tmp_path: Path) -> None:
     for k, pose in enumerate((there, here)):
         writer.transforms("/tf", BEGIN_S + 2 + k, {("base", "tool"): pose})
     with open_bag(writer.close()) as bag:
-        hangs = survey_bag(bag).tree.hangs
-    assert (hangs["plate"].is_fixed, hangs["plate"].is_timed) == (True, False)
-    assert (hangs["tool"].is_fixed, hangs["tool"].is_timed) == (False, True)
-    np.testing.assert_array_equal(hangs["tool"].values, [0, 0, 0, 0, 0, 0, 1])
+        transforms = survey_bag(bag).tree.transforms
+    assert (transforms["plate"].is_fixed, transforms["plate"].is_timed) == (True, False)
+    assert (transforms["tool"].is_fixed, transforms["tool"].is_timed) == (False, True)
+    np.testing.assert_array_equal(transforms["tool"].values, [0, 0, 0, 0, 0, 0, 1])

@@ -20,7 +20,7 @@ from basecal.errors import InputError
 from basecal.exchange.bags.bag import open_bag
 from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.rows import make_rows, stream_instants
-from basecal.exchange.bags.sources import Asked
+from basecal.exchange.bags.sources import BagRequest
 from basecal.exchange.bags.survey import survey_bag
 from basecal.exchange.bags.tags import (
     DEFINITIONS,
@@ -124,14 +124,14 @@ def written(folder: Path, kind: Kind) -> Path:
 def test_a_bag_of_detections_gives_rows(kind: Kind, tmp_path: Path) -> None:
     """Each image in which a tag was found is a row with its corners by the ids of the target."""
     cell = cell_from_dict(parse_yaml(CELL, "cell.yaml").data)
-    asked = Asked(robots={"arm": "/arm/pose"}, views={("wrist", "board"): "/detections"})
+    asked = BagRequest(robots={"arm": "/arm/pose"}, views={("wrist", "board"): "/detections"})
     with open_bag(written(tmp_path, kind)) as bag:
         survey = survey_bag(bag)
         taken = choose_sources(bag, survey, asked, cell)
         tracks = read_tracks(bag, survey, taken)
         rows = list(make_rows(tracks, stream_instants(tracks, bag.path), {}))
         with pytest.raises(InputError, match=r"'none' must be in cell\.yaml, with tag sizes; there is board"):
-            choose_sources(bag, survey, Asked(asked.robots, views={("wrist", "none"): "/detections"}), cell)
+            choose_sources(bag, survey, BagRequest(asked.robots, views={("wrist", "none"): "/detections"}), cell)
     views = [view for row in rows for view in row.observations]
     assert len(views) == 30
     assert isinstance(views[2], PixelObservation)
@@ -195,7 +195,7 @@ def tag_written(folder: Path, package: str, *images: list[tuple[list[int], SE3]]
 
 
 def views(path: Path, target: str, folder: Path) -> list[SE3]:
-    asked = Asked(robots={"arm": "/arm/pose"}, views={("wrist", target): "/tag_detections"}, on={target: "world"})
+    asked = BagRequest(robots={"arm": "/arm/pose"}, views={("wrist", target): "/tag_detections"}, on={target: "world"})
     with open_bag(path) as bag:
         survey = survey_bag(bag)
         tracks = read_tracks(bag, survey, choose_sources(bag, survey, asked, cell()))

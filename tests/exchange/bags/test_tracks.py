@@ -10,15 +10,15 @@ from tests.bag_of_cell import BEGIN_S, new_bag
 
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import open_bag
-from basecal.exchange.bags.sources import ByFrames, ByPoses, CameraSource, Taken
+from basecal.exchange.bags.sources import BagSources, ByFrames, ByPoses, CameraSource
 from basecal.exchange.bags.survey import survey_bag
-from basecal.exchange.bags.tracks import LEAST_APART_S, Tracks, _Gathered, read_tracks
+from basecal.exchange.bags.tracks import LEAST_APART_S, Tracks, _Buffer, read_tracks
 from basecal.geometry import SE3
 
 POSES = SE3.exp(np.random.default_rng(0).normal(0, 0.4, (5, 6)))
 
 
-def read(path: Path, taken: Taken) -> Tracks:
+def read(path: Path, taken: BagSources) -> Tracks:
     with open_bag(path) as bag:
         return read_tracks(bag, survey_bag(bag), taken)
 
@@ -29,7 +29,7 @@ def test_frames_that_move_are_read_where_they_have_one_stamp(tmp_path: Path) -> 
     for k, time in enumerate(times):
         both = {("base", "elbow"): POSES[k], ("elbow", "wrist"): POSES[-k], ("wrist", "tool"): POSES[2]}
         writer.transforms("/tf", float(time), both)
-    track = read(writer.close(), Taken({"arm": ByFrames("base", "tool")})).robots["arm"]
+    track = read(writer.close(), BagSources({"arm": ByFrames("base", "tool")})).robots["arm"]
     np.testing.assert_allclose(track.times, times, rtol=0, atol=1e-6)
     assert track.poses is not None
     for k in range(5):
@@ -42,14 +42,14 @@ def test_stamps_that_never_meet(tmp_path: Path) -> None:
         writer.transforms("/tf", BEGIN_S + k * 0.1, {("base", "elbow"): POSES[k]})
         writer.transforms("/tf", BEGIN_S + k * 0.1 + 0.03, {("elbow", "tool"): POSES[k]})
     with pytest.raises(InputError, match="its frames never share a time stamp"):
-        read(writer.close(), Taken({"arm": ByFrames("base", "tool")}))
+        read(writer.close(), BagSources({"arm": ByFrames("base", "tool")}))
 
 
 def test_an_arm_that_never_moves_is_where_it_is(tmp_path: Path) -> None:
     writer = new_bag(tmp_path, "ros1")
     for k in range(4):
         writer.transforms("/tf", BEGIN_S + k * 0.1, {("base", "tool"): POSES[1]})
-    track = read(writer.close(), Taken({"arm": ByFrames("base", "tool")})).robots["arm"]
+    track = read(writer.close(), BagSources({"arm": ByFrames("base", "tool")})).robots["arm"]
     assert len(track.times) == 4
 
 
@@ -60,7 +60,7 @@ def test_more_than_is_needed_is_thinned(tmp_path: Path) -> None:
         writer.pose("/pose", BEGIN_S + k * 1e-3, POSES[k % 5])
         if k % 50 == 0:
             writer.image("/eye/image_raw", BEGIN_S + k * 1e-3, np.zeros((2, 2), np.uint8))
-    taken = Taken({"arm": ByPoses("/pose")}, {"eye": CameraSource("/eye/image_raw", None, "arm")})
+    taken = BagSources({"arm": ByPoses("/pose")}, {"eye": CameraSource("/eye/image_raw", None, "arm")})
     found = read(writer.close(), taken)
     assert np.diff(found.robots["arm"].times).min() >= LEAST_APART_S - 1e-6
     assert len(found.robots["arm"].times) == 25
@@ -72,12 +72,12 @@ def test_what_is_no_pose(tmp_path: Path) -> None:
     writer.pose("/pose", BEGIN_S, POSES[0])
     writer.messages[0][3].pose.position.x = float("nan")
     with pytest.raises(InputError, match="not all numbers are finite"):
-        read(writer.close(), Taken({"arm": ByPoses("/pose")}))
+        read(writer.close(), BagSources({"arm": ByPoses("/pose")}))
 
 
 def test_states_hardly_later_than_the_last_are_left_out() -> None:
     """Those at the same time or a little later; clocks that go back are kept, and put in order."""
-    gathered = _Gathered(1)
+    gathered = _Buffer(1)
     for time in (1.0, 1.0, 1.0 + 0.5 * LEAST_APART_S, 1.0 + LEAST_APART_S, 0.5):
         gathered.add(time, np.array([time]))
     assert list(gathered.times) == [1.0, 1.0 + LEAST_APART_S, 0.5]

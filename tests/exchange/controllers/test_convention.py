@@ -53,7 +53,7 @@ def test_numbers_give_their_pose_back(name):
 )
 def test_forms_are_those_of_scipy(form, of_scipy):
     """Read as SciPy reads them, which is another's code, and written so that SciPy reads the rotation."""
-    numbers = form.written(DRAWN.as_matrix())
+    numbers = form.to_numbers(DRAWN.as_matrix())
     np.testing.assert_allclose(of_scipy(numbers).as_matrix(), DRAWN.as_matrix(), atol=1e-14)
     np.testing.assert_allclose(form.read(numbers), DRAWN.as_matrix(), atol=1e-14)
 

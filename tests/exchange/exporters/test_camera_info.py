@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from basecal.errors import InputError
 from basecal.exchange.exporters.camera_info import export_text
-from basecal.exchange.exports.exporter import Wanted
+from basecal.exchange.exports.exporter import ExportRequest
 from basecal.exchange.lens_files.camera_info import read_camera_info
 from basecal.geometry import Camera
 from export_example import CALIBRATION
@@ -19,7 +19,7 @@ LENS = Camera("pinhole", np.array([800.123456789, 801, 320, 240, -0.1, 0.01, 1e-
 
 
 def of(camera):
-    return Wanted((), ("made by",), replace(CALIBRATION, cameras={"wrist": (camera, np.eye(8))}))
+    return ExportRequest((), ("made by",), replace(CALIBRATION, cameras={"wrist": (camera, np.eye(8))}))
 
 
 def test_what_ros_reads_gives_the_lens_back():

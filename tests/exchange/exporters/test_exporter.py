@@ -15,17 +15,17 @@ from basecal.errors import FrameNotFound, InputError, RefusedCalibration
 from basecal.exchange.controller_poses import Reading, read_controller_poses
 from basecal.exchange.exporters.exporter import export, pasteable
 from basecal.exchange.exporters.registry import EXPORTERS
-from basecal.exchange.exports.exporter import Takes
+from basecal.exchange.exports.exporter import ExportOption
 from export_example import BASE, CALIBRATION, CELL, INVERSE, POINT, all_poses
 
-OF_TRANSFORMS = [kind for kind, each in EXPORTERS.items() if {*each.takes} & {"transform", "urdf"} == {"transform"}]
+OF_TRANSFORMS = [kind for kind, each in EXPORTERS.items() if {*each.options} & {"transform", "urdf"} == {"transform"}]
 
 
 @pytest.mark.parametrize("kind", EXPORTERS)
 def test_every_registered_exporter_exports(kind):
     """Each says of what it gives a file's text; people paste transforms alone."""
-    assert {*get_args(Takes)} >= {*EXPORTERS[kind].takes}
-    assert "transform" in EXPORTERS[kind].takes or not EXPORTERS[kind].is_pasted
+    assert {*get_args(ExportOption)} >= {*EXPORTERS[kind].options}
+    assert "transform" in EXPORTERS[kind].options or not EXPORTERS[kind].is_pasted
 
 
 @pytest.mark.parametrize("kind", OF_TRANSFORMS)

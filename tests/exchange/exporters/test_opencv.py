@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from basecal.exchange.exporters.opencv import export_text
-from basecal.exchange.exports.exporter import Wanted
+from basecal.exchange.exports.exporter import ExportRequest
+from basecal.exchange.importers.opencv import read_opencv_lens
 from basecal.geometry import Camera
 from export_example import BASE, CALIBRATION, all_poses, wanted
 
@@ -35,13 +36,26 @@ def test_opencv_projects_with_the_lens():
     """As the camera itself does, to 1e-9 px."""
     lens = Camera("pinhole", np.array([800, 801, 320, 240, -0.1, 0.01, 1e-3, -1e-3, 0.02]), (640, 480))
     file = storage(
-        export_text(Wanted((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(9))}), camera="wrist"))
+        export_text(ExportRequest((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(9))}), camera="wrist"))
     )
     assert (file.getNode("image_width").real(), file.getNode("image_height").real()) == (640, 480)
     points = np.random.default_rng(0).uniform([-0.3, -0.2, 1], [0.3, 0.2, 2], (20, 3))
     matrix, terms = (file.getNode(key).mat() for key in ("camera_matrix", "distortion_coefficients"))
     pixels, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, terms)
     np.testing.assert_allclose(pixels[:, 0], lens.project(points), atol=1e-9)
+
+
+@pytest.mark.parametrize("model", ["pinhole", "fisheye"])
+def test_a_lens_keeps_its_model(tmp_path, model):
+    """Four terms are those of both models: the file names a fisheye."""
+    lens = Camera(model, np.array([800, 801, 320, 240, -0.1, 0.01, 1e-3, -1e-3]), (640, 480))
+    path = tmp_path / "lens.yml"
+    path.write_text(
+        export_text(ExportRequest((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(8))}), camera="wrist"))
+    )
+    found = read_opencv_lens(path).camera
+    assert found.model == model
+    np.testing.assert_array_equal(found.parameters, lens.parameters)
 
 
 def test_several_transforms_are_several_maps():

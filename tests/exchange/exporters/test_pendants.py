@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from basecal.exchange.exporters.pendants import PENDANTS, pasted_lines
+from basecal.exchange.exporters.pendants import PENDANTS, line_exporter
 from export_example import BASE, CALIBRATION, FIXED, INVERSE, MOUNT, POSE, all_poses, wanted
 
 FORMS = {
@@ -80,13 +80,13 @@ def test_only_comments_and_poses():
 
 def test_remarks_come_first_then_each_transform_below_its_comment():
     """Comments begin with the mark; the lines are those made of the transform and of the request."""
-    exporter = pasted_lines("numbers", "%", "in words", lambda one, request: [one.name, request.calibration.verdict])
+    exporter = line_exporter("numbers", "%", "in words", lambda one, request: [one.name, request.calibration.verdict])
     lines = exporter.text(wanted(FIXED)).splitlines()
     assert lines[-2:] == [FIXED, "good"]
     assert lines[-3].startswith(f"% {FIXED}: ")
     assert ", in words; " in lines[-3]
     assert all(line.startswith("% ") for line in lines[:-2])
-    assert (exporter.words, exporter.takes, exporter.is_pasted) == ("numbers", ("transform",), True)
+    assert (exporter.words, exporter.options, exporter.is_pasted) == ("numbers", ("transform",), True)
     assert f"% {BASE}: " in exporter.text(wanted(BASE))
 
 

@@ -14,7 +14,7 @@ from basecal.cell import Calibration, Cell, Robot, RobotParameters
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exporters.exporter import export
 from basecal.exchange.exporters.urdf import export_text
-from basecal.exchange.exports.exporter import Wanted
+from basecal.exchange.exports.exporter import ExportRequest
 from basecal.kinematics import read_chain
 
 DATA = Path(__file__).parents[2] / "data" / "urdf"
@@ -34,7 +34,7 @@ def calibrated(**parameters):
 
 
 def urdf_of(cell, folder, calibration, of):
-    return export_text(Wanted((), (), calibration, cell, folder, of))
+    return export_text(ExportRequest((), (), calibration, cell, folder, of))
 
 
 def flange_of(text: str, folder: Path):

@@ -14,7 +14,7 @@ from basecal.cell import Calibration, Cell, Robot, RobotParameters
 from basecal.errors import InputError
 from basecal.exchange.exporters import urdf
 from basecal.exchange.exporters.urdf_cell import export_text
-from basecal.exchange.exports.exporter import Wanted
+from basecal.exchange.exports.exporter import ExportRequest
 from basecal.kinematics import read_chain
 from export_example import CALIBRATION, POSE
 
@@ -35,19 +35,19 @@ def stands(text: str, parent: str, child: str):
 
 def test_robots_stand_where_they_were_found():
     """From the URDFs given, the base being the link that the cell names, or else the root."""
-    text = export_text(Wanted((), ("made by",), CALIBRATION, CELL, DATA, urdfs=BOTH))
+    text = export_text(ExportRequest((), ("made by",), CALIBRATION, CELL, DATA, urdfs=BOTH))
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
     assert "<!-- made by -->" in text
     assert "<!-- hand: six_axis.urdf, its base is the link base_link -->" in text
     nameless = replace(CELL, robots={"eye": EYE, "hand": Robot("hand")})
-    text = export_text(Wanted((), (), CALIBRATION, nameless, DATA, urdfs=BOTH))
+    text = export_text(ExportRequest((), (), CALIBRATION, nameless, DATA, urdfs=BOTH))
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_world"), POSE.matrix, atol=1e-12)
 
 
 def test_urdfs_of_the_cell_are_taken_where_none_is_given():
     """In its own folder."""
     own = replace(CELL, robots={"eye": EYE, "hand": replace(EYE, name="hand")})
-    text = export_text(Wanted((), (), CALIBRATION, own, DATA))
+    text = export_text(ExportRequest((), (), CALIBRATION, own, DATA))
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
 
 
@@ -61,27 +61,27 @@ def test_bases_and_corrected_arms_are_one_package(tmp_path):
     found = replace(
         CALIBRATION, robot_parameters={"joint_offsets": {"hand": offsets}}, inputs={"six_axis.urdf": source}
     )
-    text = export_text(Wanted((), (), found, own, DATA))
+    text = export_text(ExportRequest((), (), found, own, DATA))
     assert "its base is the link base_link; joint offsets applied -->" in text
     np.testing.assert_allclose(stands(text, "hand_base_link", "hand_tool0"), chain.forward(turns).matrix, atol=1e-9)
     np.testing.assert_allclose(stands(text, "eye_base_link", "eye_tool0"), chain.forward(0 * turns).matrix, atol=1e-9)
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
-    given = export_text(Wanted((), (), found, own, DATA, urdfs=BOTH))
+    given = export_text(ExportRequest((), (), found, own, DATA, urdfs=BOTH))
     assert "; joint offsets are not in it -->" in given
     np.testing.assert_allclose(
         stands(given, "hand_base_link", "hand_tool0"), chain.forward(0 * turns).matrix, atol=1e-9
     )
     corrected = tmp_path / "corrected.urdf"
-    corrected.write_text(urdf.export_text(Wanted((), (), found, own, DATA, robot="hand")))
-    given = export_text(Wanted((), (), found, own, DATA, urdfs=(BOTH[0], corrected)))
+    corrected.write_text(urdf.export_text(ExportRequest((), (), found, own, DATA, robot="hand")))
+    given = export_text(ExportRequest((), (), found, own, DATA, urdfs=(BOTH[0], corrected)))
     assert "corrected.urdf, its base is the link base_link; joint offsets applied -->" in given
 
 
 def test_what_is_missing_is_said():
     """A URDF, the place of a robot, and the cell."""
     with pytest.raises(InputError, match="1 URDFs for 2 robots: give one each, --urdf for eye, hand"):
-        export_text(Wanted((), (), CALIBRATION, CELL, DATA))
+        export_text(ExportRequest((), (), CALIBRATION, CELL, DATA))
     with pytest.raises(InputError, match="the pose of 'hand' is unknown: there is no eye_base_from_hand_base"):
-        export_text(Wanted((), (), Calibration("good"), CELL, DATA, urdfs=BOTH))
+        export_text(ExportRequest((), (), Calibration("good"), CELL, DATA, urdfs=BOTH))
     with pytest.raises(InputError, match="needs the cell and its folder"):
-        export_text(Wanted((), (), CALIBRATION))
+        export_text(ExportRequest((), (), CALIBRATION))

@@ -10,7 +10,7 @@ import pytest
 from basecal.cell import CellCamera, Intrinsics
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exports.cameras import choose_camera, exported_camera
-from basecal.exchange.exports.exporter import Wanted
+from basecal.exchange.exports.exporter import ExportRequest
 from basecal.geometry import Camera
 from export_example import CALIBRATION, CELL
 
@@ -27,7 +27,7 @@ def stating(intrinsics):
 
 def test_what_was_estimated_is_taken_before_what_is_stated():
     """A stated lens has the image size of its camera."""
-    both = Wanted((), (), ESTIMATED, stating(Intrinsics("fixed", OTHER)))
+    both = ExportRequest((), (), ESTIMATED, stating(Intrinsics("fixed", OTHER)))
     assert exported_camera(both, "wrist") is LENS
     assert exported_camera(both, "top").model == "fisheye"
     assert exported_camera(both, "top").size_px == (100, 50)
@@ -35,16 +35,16 @@ def test_what_was_estimated_is_taken_before_what_is_stated():
 
 def test_the_only_camera_needs_no_name():
     """Several do."""
-    assert choose_camera(Wanted((), (), ESTIMATED)) == "wrist"
-    assert choose_camera(Wanted((), (), ESTIMATED, stating(None), camera="top")) == "top"
+    assert choose_camera(ExportRequest((), (), ESTIMATED)) == "wrist"
+    assert choose_camera(ExportRequest((), (), ESTIMATED, stating(None), camera="top")) == "top"
     with pytest.raises(InputError, match="with --camera: wrist, top"):
-        choose_camera(Wanted((), (), ESTIMATED, stating(None)))
+        choose_camera(ExportRequest((), (), ESTIMATED, stating(None)))
 
 
 @pytest.mark.parametrize("intrinsics", [None, Intrinsics("free", OTHER), Intrinsics("free")])
 def test_a_lens_that_is_not_known_is_said(intrinsics):
     """A guess is none."""
     with pytest.raises(InputError, match="the lens of 'top' is not known"):
-        exported_camera(Wanted((), (), ESTIMATED, stating(intrinsics)), "top")
+        exported_camera(ExportRequest((), (), ESTIMATED, stating(intrinsics)), "top")
     with pytest.raises(FrameNotFound, match="no 'tap'"):
-        exported_camera(Wanted((), (), ESTIMATED, stating(intrinsics)), "tap")
+        exported_camera(ExportRequest((), (), ESTIMATED, stating(intrinsics)), "tap")

@@ -9,9 +9,9 @@ from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.exports.digits import (
     angle_decimals,
     format_decimals,
+    format_pose,
     length_decimals,
     unit_decimals,
-    written_numbers,
 )
 from basecal.geometry import SE3, PoseEstimate
 from export_example import ESTIMATE
@@ -44,7 +44,7 @@ def test_quaternions_stay_of_norm_one():
 def test_rounding_is_a_hundredth_of_a_sigma_at_most():
     """For every convention, of the pose that the numbers give back."""
     for kind in (CONTROLLERS["ur"], CONTROLLERS["kuka"], CONTROLLERS["abb"]):
-        again = kind.read(np.array([float(number) for number in written_numbers(kind, ESTIMATE)]))
+        again = kind.read(np.array([float(number) for number in format_pose(kind, ESTIMATE)]))
         off = np.abs((ESTIMATE.mean.inverse() @ again).log())
         assert np.all(off[:3] < 0.01 * ESTIMATE.sigma_t.min())
         assert np.all(off[3:] < 0.01 * ESTIMATE.sigma_r.min())
@@ -74,6 +74,6 @@ def test_the_smallest_sigma_counts():
 @pytest.mark.parametrize(("name", "decimals"), [("kuka", (4, 3)), ("ur", (7, 5)), ("abb", (4, 6)), ("ros", (7, 6))])
 def test_rotations_have_digits_of_their_kind(name, decimals):
     """Degrees, radians, and at least six of quaternions, beside lengths in millimetres or metres."""
-    numbers = written_numbers(CONTROLLERS[name], known(5e-5, np.radians(0.2)))
+    numbers = format_pose(CONTROLLERS[name], known(5e-5, np.radians(0.2)))
     found = [len(number.partition(".")[2]) for number in numbers]
     assert found == [decimals[0]] * 3 + [decimals[1]] * (len(numbers) - 3)

@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.exchange.exports.choice import chosen_transforms
 from basecal.exchange.exports.exporter import NamedTransform
-from basecal.exchange.exports.tree import places
+from basecal.exchange.exports.tree import frame_trees
 from basecal.geometry import SE3, PoseEstimate
 from export_example import BASE, CALIBRATION, CELL, MOUNT
 
@@ -15,7 +15,7 @@ ESTIMATE = PoseEstimate.exact(SE3.from_rpy([0, 0, 0], [1, 0, 0]))
 
 def test_a_transform_is_a_root_with_a_frame_in_it():
     """By their names elsewhere; the root stands nowhere."""
-    (root,) = places(chosen_transforms(CALIBRATION, CELL, BASE))
+    (root,) = frame_trees(chosen_transforms(CALIBRATION, CELL, BASE))
     assert (root.name, root.parent_from_frame) == ("left base's", None)
     (child,) = root.children
     assert child.name == "right_base"
@@ -26,7 +26,7 @@ def test_chains_hang_on_one_another_and_others_stand_apart():
     """A frame that is known in one that is known in a third."""
     named = {name: name.split("_from_") for name in ("b_from_c", "a_from_b", "x_from_y")}
     chain = tuple(NamedTransform(name, *frames, ESTIMATE, "free") for name, frames in named.items())
-    first, second = places(chain)
+    first, second = frame_trees(chain)
     assert (first.name, first.children[0].name, first.children[0].children[0].name) == ("a", "b", "c")
     assert (second.name, second.children[0].name) == ("x", "y")
 
@@ -35,4 +35,4 @@ def test_frames_that_are_called_the_same_elsewhere_stay_apart():
     """Two flanges `tool0` keep the names of the cell."""
     (mount,) = chosen_transforms(CALIBRATION, CELL, MOUNT)
     other = NamedTransform("hand_flange_from_board", mount.parent, "board", ESTIMATE, "free")
-    assert [place.name for place in places((mount, other))] == ["eye_flange", "hand_flange"]
+    assert [place.name for place in frame_trees((mount, other))] == ["eye_flange", "hand_flange"]

@@ -15,7 +15,7 @@ from basecal.cli import main
 from basecal.errors import DatasetError
 from basecal.exchange.fields import Field, parse_fields
 from basecal.exchange.importers import data_set as module
-from basecal.exchange.importers.data_set import _COUNTED, read_data_set_record
+from basecal.exchange.importers.data_set import _DICTIONARY_COUNT, read_data_set_record
 
 TEXT = """\
 data:
@@ -127,7 +127,7 @@ def test_files_of_their_own(tmp_path: Path) -> None:
 
 def test_dictionaries_count_as_opencv_does() -> None:
     """The number of each dictionary is that of OpenCV's constant of its name."""
-    assert [getattr(cv2.aruco, name) for name in DICTIONARIES[:_COUNTED]] == list(range(_COUNTED))
+    assert [getattr(cv2.aruco, name) for name in DICTIONARIES[:_DICTIONARY_COUNT]] == list(range(_DICTIONARY_COUNT))
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the project's shared data are not here")

@@ -11,7 +11,7 @@ import pytest
 from basecal.cell import Cell, PoseObservation, Recording, RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.importing.bring_in import _omit_defaults, _places, add_to_cell
+from basecal.exchange.importing.bring_in import _locations, _omit_defaults, add_to_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.geometry import SE3
 
@@ -190,7 +190,7 @@ def test_places_of_what_is_added() -> None:
     lens = {"status": "free", "guess": {"fx": 1}}
     target = {"kind": "charuco", "squares": [5, 7]}
     data = {"cameras": {"a": {"on": "b", "intrinsics": lens}}, "targets": {"t": target}, "reference": "b"}
-    assert set(_places(data)) == {
+    assert set(_locations(data)) == {
         ("cameras", "a", "on"),
         ("cameras", "a", "intrinsics"),
         ("targets", "t", "kind"),

@@ -17,16 +17,16 @@ from basecal.exchange.importing.imported import (
     Imported,
     KnownCell,
     Row,
-    Sight,
+    ViewNames,
+    add_target_poses,
     carried_entry,
     check_robot,
     choose_carrier,
     choose_name,
     known_cell,
-    open_size,
     recorded_samples,
-    seen_rows,
-    sight_entry,
+    replaceable_size,
+    view_entry,
 )
 from basecal.geometry import SE3
 
@@ -123,42 +123,42 @@ def test_sections_of_what_is_new() -> None:
 @pytest.mark.parametrize(
     ("cell", "sight", "carriers"),
     [
-        (NO_CELL, Sight("eye", "tag", "left"), ("left", "world")),
-        (ONE, Sight("eye", "tag"), ("arm", "world")),
-        (ONE, Sight("eye", "tag", "world"), ("world", "arm")),
-        (BOTH, Sight("eye", "tag", "a", "b"), ("a", "b")),
-        (BOTH, Sight("eye", "tag", "world", "b"), ("world", "b")),
+        (NO_CELL, ViewNames("eye", "tag", "left"), ("left", "world")),
+        (ONE, ViewNames("eye", "tag"), ("arm", "world")),
+        (ONE, ViewNames("eye", "tag", "world"), ("world", "arm")),
+        (BOTH, ViewNames("eye", "tag", "a", "b"), ("a", "b")),
+        (BOTH, ViewNames("eye", "tag", "world", "b"), ("world", "b")),
     ],
 )
-def test_carriers_of_what_is_seen(cell: KnownCell, sight: Sight, carriers: tuple[str, str]) -> None:
-    entry = sight_entry(cell, sight)
+def test_carriers_of_what_is_seen(cell: KnownCell, sight: ViewNames, carriers: tuple[str, str]) -> None:
+    entry = view_entry(cell, sight)
     assert (entry["cameras"]["eye"]["on"], entry["targets"]["tag"]["on"]) == carriers
     assert set(entry["robots"]) == set(carriers) - {"world"}
 
 
 def test_what_the_cell_says_stays() -> None:
-    assert sight_entry(SEEN, Sight("eye", "tag"))["cameras"] == {"eye": {}}
+    assert view_entry(SEEN, ViewNames("eye", "tag"))["cameras"] == {"eye": {}}
 
 
 @pytest.mark.parametrize(
     ("cell", "sight", "said"),
     [
-        (BOTH, Sight("eye", "tag"), "--on, one of: a, b, world"),
-        (BOTH, Sight("eye", "tag", "world"), "--target-on, one of: a, b, world"),
-        (NO_CELL, Sight("eye", "tag"), "--on, one of: a robot or world"),
-        (SEEN, Sight("eye", "tag", "b"), "camera 'eye' is on 'a' in cell.yaml, not on 'b'"),
-        (SEEN, Sight("eye", "tag", None, "world"), "target 'tag' is on 'b' in cell.yaml, not on 'world'"),
-        (ONE, Sight("eye", "tag", "arm", "arm"), "both on 'arm'"),
+        (BOTH, ViewNames("eye", "tag"), "--on, one of: a, b, world"),
+        (BOTH, ViewNames("eye", "tag", "world"), "--target-on, one of: a, b, world"),
+        (NO_CELL, ViewNames("eye", "tag"), "--on, one of: a robot or world"),
+        (SEEN, ViewNames("eye", "tag", "b"), "camera 'eye' is on 'a' in cell.yaml, not on 'b'"),
+        (SEEN, ViewNames("eye", "tag", None, "world"), "target 'tag' is on 'b' in cell.yaml, not on 'world'"),
+        (ONE, ViewNames("eye", "tag", "arm", "arm"), "both on 'arm'"),
     ],
 )
-def test_what_is_not_clear_is_an_error(cell: KnownCell, sight: Sight, said: str) -> None:
+def test_what_is_not_clear_is_an_error(cell: KnownCell, sight: ViewNames, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        sight_entry(cell, sight)
+        view_entry(cell, sight)
 
 
 def test_each_row_gets_its_view() -> None:
     poses = SE3.exp(np.random.default_rng(0).normal(0, 0.3, (2, 6)))
-    found = seen_rows((Row(stamp_s=1.0), Row(stamp_s=2.0)), poses, Sight("eye", "tag"))
+    found = add_target_poses((Row(stamp_s=1.0), Row(stamp_s=2.0)), poses, ViewNames("eye", "tag"))
     assert [row.stamp_s for row in found] == [1.0, 2.0]
     view = found[1].observations[0]
     assert isinstance(view, PoseObservation)
@@ -200,5 +200,5 @@ def test_a_size_is_open_until_something_was_seen(tmp_path: Path, seen: dict[str,
     assert cell is not None
     (tmp_path / "recording" / "samples.jsonl").write_text(json.dumps({"sample": 0, **seen}) + "\n", encoding="utf-8")
     (name,) = cell.cameras
-    found = open_size(tmp_path, cell, name)
+    found = replaceable_size(tmp_path, cell, name)
     assert found == (frozenset({("cameras", name, "size_px")}) if is_open else frozenset())

@@ -21,7 +21,7 @@ from basecal.exchange.importing.lens import (
     camera_entry,
     imported_target,
     lens_of_file,
-    made_camera,
+    make_camera,
     matrix_parameters,
     mount_by_chain,
     opencv_terms,
@@ -150,14 +150,14 @@ def test_no_camera_matrix_is_told(matrix: list[float], message: str) -> None:
 
 def test_a_lens_as_the_cell_has_it() -> None:
     """Model, size, status, focal lengths, centre and terms; no lens is told at its place."""
-    camera = made_camera(HERE, "pinhole", [500, 501, 320, 240, 0.1, 0, 0, 0], (640, 480))
+    camera = make_camera(HERE, "pinhole", [500, 501, 320, 240, 0.1, 0, 0, 0], (640, 480))
     assert camera_entry(camera, "fixed") == {
         "model": "pinhole",
         "size_px": [640, 480],
         "intrinsics": {"status": "fixed", "fx": 500, "fy": 501, "cx": 320, "cy": 240, "distortion": [0.1, 0, 0, 0]},
     }
     with pytest.raises(DatasetError, match=r"a.yaml:1: k: the focal lengths are -500"):
-        made_camera(HERE, "pinhole", [-500, 500, 320, 240], None)
+        make_camera(HERE, "pinhole", [-500, 500, 320, 240], None)
 
 
 def test_a_guess_that_is_there_stays(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from basecal.cell import PoseObservation, RobotState, Sample
 from basecal.errors import InputError
-from basecal.exchange.importing.imported import By, Imported, Row
+from basecal.exchange.importing.imported import Imported, PairingMethod, Row
 from basecal.exchange.importing.pairing import _pairing_method, is_same_state, pair, plain_name
 from basecal.geometry import SE3
 
@@ -18,7 +18,7 @@ TIMED = [Sample(n, 10.0 + n) for n in (0, 1, 2)]
 IMAGES = [Sample(n, None, {}, (), {"cam": f"recording/images/cam/IMG_{n}.png"}) for n in (0, 1, 2)]
 
 
-def rows(*each: Row, by: By | None = None) -> Imported:
+def rows(*each: Row, by: PairingMethod | None = None) -> Imported:
     return Imported("table.csv", "rows", each, by=by)
 
 
@@ -67,6 +67,14 @@ def test_by_time() -> None:
     assert paired.unpaired_rows == ("row 3 (11.400 s)",)
     with pytest.raises(InputError, match="no time of a row is within"):
         pair(rows(Row(stamp_s=1e9)), TIMED, {})
+
+
+def test_samples_without_a_time_are_left_out() -> None:
+    """Rows paired by time belong to the samples that have one; without any the message says so."""
+    paired = pair(rows(Row(stamp_s=11.0), Row(stamp_s=12.0), by="stamp_s"), [Sample(7), *TIMED], {})
+    assert (paired.numbers, paired.unpaired_samples) == ((1, 2), (7, 0))
+    with pytest.raises(InputError, match="no recorded sample has a time to pair by"):
+        pair(rows(Row(stamp_s=11.0), by="stamp_s"), [Sample(7)], {})
 
 
 def test_a_sample_twice_is_an_error() -> None:

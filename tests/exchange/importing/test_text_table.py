@@ -179,7 +179,7 @@ def test_rows_of_one_of_several_robots() -> None:
 @pytest.mark.parametrize("count", [2, 3])
 def test_rows_are_counted(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     """As many as a recording may have, and not one more."""
-    monkeypatch.setattr(text_table, "MOST_POSES", 2)
+    monkeypatch.setattr(text_table, "MOST_SAMPLES", 2)
     text = "x,y,z\n" + "1,2,3\n" * count
     if count == 2:
         assert len(values(text)) == 2

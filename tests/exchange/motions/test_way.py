@@ -9,7 +9,7 @@ import pytest
 
 from basecal.cell import RobotState
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.motions.way import make_way
+from basecal.exchange.motions.way import make_path
 from basecal.geometry import SE3
 from shared.motion_ways import ARMS, HOLD_S, SPEED_RAD_S, joints_of, of_joints, of_poses
 
@@ -30,7 +30,7 @@ def test_one_robot_or_all() -> None:
     with pytest.raises(InputError, match=r"--robot: eye, hand"):
         of_joints().single_robot()
     with pytest.raises(FrameNotFound, match="hand"):
-        make_way(ARMS.cell, ARMS.recording.samples, "han")
+        make_path(ARMS.cell, ARMS.recording.samples, "han")
 
 
 def test_poses_have_no_joints() -> None:
@@ -66,7 +66,7 @@ def test_arms_that_do_not_move_stay_as_long_as_they_rest(count: int) -> None:
 def test_ways_are_slow_unless_stated() -> None:
     """Half a radian a second, with two seconds at rest; robots are those that all samples have."""
     samples = of_joints().samples
-    way = make_way(ARMS.cell, samples)
+    way = make_path(ARMS.cell, samples)
     assert (way.speed_rad_s, way.hold_s, list(way.robots)) == (0.5, 2.0, ["eye", "hand"])
     alone = replace(samples[1], robots={"hand": samples[1].robots["hand"]})
-    assert list(make_way(ARMS.cell, [samples[0], alone]).robots) == ["hand"]
+    assert list(make_path(ARMS.cell, [samples[0], alone]).robots) == ["hand"]

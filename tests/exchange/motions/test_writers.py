@@ -6,11 +6,13 @@ import csv
 import io
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from basecal.cell import RobotState
 from basecal.errors import InputError
 from basecal.exchange.motions.writers import write_goals, write_joints, write_table, write_ur_script
 from basecal.geometry import SE3
@@ -35,6 +37,16 @@ def test_a_robot_of_poses_has_poses_alone() -> None:
     assert list(rows[0]) == ["sample", *(f"hand_{name}" for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"))]
     quaternion = [float(rows[1][f"hand_q{axis}"]) for axis in "xyzw"]
     assert abs(np.linalg.norm(quaternion) - 1) < 1e-8
+
+
+def test_a_robot_with_joints_of_some_samples_has_poses_alone() -> None:
+    """Every row has as many numbers as the header."""
+    way = of_joints("hand")
+    first, *others = way.samples
+    pose = RobotState(way.pose("hand", first))
+    mixed = replace(way, samples=(replace(first, robots={"hand": pose}), *others))
+    lengths = {len(row) for row in csv.reader(io.StringIO(write_table(mixed)))}
+    assert lengths == {8}
 
 
 def test_every_digit_is_there() -> None:

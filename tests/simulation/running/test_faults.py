@@ -17,7 +17,7 @@ def test_sizes_in_their_units():
     """A size counts in the unit of its kind, one that is left out is the usual one, and what is off has none."""
     faults = read_faults(["joint-offsets=1", "sag", "base-bumped=3@7"])
     assert faults.size("joint-offsets") == pytest.approx(np.radians(1))
-    assert faults.size("sag") == pytest.approx(np.radians(FAULTS["sag"].usual))
+    assert faults.size("sag") == pytest.approx(np.radians(FAULTS["sag"].default_size))
     assert (faults.size("base-bumped"), faults.delay_moves("base-bumped")) == (pytest.approx(0.003), 7)
     assert faults.size("backlash") == 0
 
@@ -25,7 +25,7 @@ def test_sizes_in_their_units():
 def test_every_fault_can_be_switched_on():
     """Each has a usual size above 0, which is what its name alone gives."""
     faults = read_faults(list(FAULTS))
-    assert all(faults.size(name) == kind.usual * kind.scale > 0 for name, kind in FAULTS.items())
+    assert all(faults.size(name) == kind.default_size * kind.scale > 0 for name, kind in FAULTS.items())
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def answers(*faults: str) -> list[np.ndarray]:
 @pytest.mark.parametrize("name", FAULTS)
 def test_every_fault_acts(name):
     """A cell with four times its usual size answers otherwise than a sound one: the simulator passes none over."""
-    fault = f"{name}={4 * FAULTS[name].usual}{'@1' if FAULTS[name].is_sudden else ''}"
+    fault = f"{name}={4 * FAULTS[name].default_size}{'@1' if FAULTS[name].is_sudden else ''}"
     pairs = zip(answers(fault), answers(), strict=True)
     assert not all(np.array_equal(wrong, right) for wrong, right in pairs)
 

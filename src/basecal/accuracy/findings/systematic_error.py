@@ -34,7 +34,7 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
     if found is None or (all(each.effect == joint_offsets.NAME for each in effects) and robot_model(evidence)):
         return []
     words = describe_effect(found)
-    why = [words.why, _answer_sentence(found) if found.is_certain else _CHANCE_SENTENCE.format(100 * found.share)]
+    why = [words.why, _answer_sentence(found) if found.is_certain else _CHANCE_SENTENCE.format(100 * found.probability)]
     if found.effect == deflection.NAME:
         why.append(describe_gravity(evidence.cell, evidence.solution, (found.about,)))
     about = [each.about for each in effects]

@@ -14,7 +14,7 @@ import numpy as np
 from basecal.accuracy.input_check.plausibility import UNITS_M, impossible_input
 from basecal.cell import Cell, Recording
 from basecal.errors import DatasetError, InputError, list_names
-from basecal.exchange.importing.bring_in import Brought, add_to_cell
+from basecal.exchange.importing.bring_in import ImportResult, add_to_cell
 from basecal.exchange.importing.imported import Imported
 
 # Limits of the distance of a flange over the usual one, and of the inverse: inches among metres are 39 times farther,
@@ -24,7 +24,7 @@ _UNITS = {"millimetres": "mm", "centimetres": "cm", "inches": "inch"}
 _USUAL_RATIO = 2  # most distances of a robot's flange are within this factor of the usual one
 
 
-def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, session: bool = False) -> Brought:
+def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, session: bool = False) -> ImportResult:
     """Import the rows of an importer into a cell's folder; if this fails, the folder is unchanged.
 
     Args:

@@ -32,7 +32,7 @@ def describe_direction(direction: NullDirection) -> str:
         case "lens":
             return f"the intrinsics of {main}"
         case "robot parameters":
-            parameter = ROBOT_PARAMETERS[direction.parameters].one
+            parameter = ROBOT_PARAMETERS[direction.parameters].singular
             if direction.joint is None:
                 return f"{parameter} of {direction.robot}"
             return f"{parameter} of joint {direction.joint + 1} of {direction.robot} ({direction.joint_name})"

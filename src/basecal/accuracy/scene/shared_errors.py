@@ -98,7 +98,7 @@ def shared_errors(fit: SceneFit, robot: int) -> list[SharedError]:
         return found.by_stop * lever
 
     response = respond(fit, _move_stops(fit, mine, flange_moves(recorded)))
-    moment, variance = _second_moment(response, SigmaPrior.as_often_as_not(middle * factor**_NODES))
+    moment, variance = _second_moment(response, SigmaPrior.spike_and_slab(middle * factor**_NODES))
 
     def unseen_m2(poses: SE3) -> Array:
         """Variance at poses that the modes of recorded poses do not cover, (n,) [m^2]."""
@@ -125,8 +125,8 @@ def _second_moment(response: Response, prior: SigmaPrior) -> tuple[Array, float]
     count = len(response.gradient)
     variances = [np.full(count, sigma**2) for sigma in prior.sigmas if sigma]
     likely = np.exp([response.log_evidence(each) for each in variances])
-    of_none = float(prior.shares[prior.sigmas == 0].sum())
-    share = prior.shares[prior.sigmas > 0] * likely / (of_none + prior.shares[prior.sigmas > 0] @ likely)
+    of_none = float(prior.probabilities[prior.sigmas == 0].sum())
+    share = prior.probabilities[prior.sigmas > 0] * likely / (of_none + prior.probabilities[prior.sigmas > 0] @ likely)
     moment = sum(
         weight * (covariance + np.outer(mean, mean))
         for weight, (mean, covariance) in zip(share, map(response.posterior, variances), strict=True)

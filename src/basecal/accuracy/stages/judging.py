@@ -134,7 +134,7 @@ def _effect_shift(
     if isinstance(effect, FoundEffect):
         others = (each for each in (effect, *effect.alternatives) if each.effect not in CONTAINED)
         excluded = [each.moved for each in others if each.effect not in BY_PLACE or each.about not in in_fields]
-        return np.asarray(effect.share**0.5 * largest_shift(solution, excluded or [np.zeros_like(effect.moved)]))
+        return np.asarray(effect.probability**0.5 * largest_shift(solution, excluded or [np.zeros_like(effect.moved)]))
     return effect.moved
 
 

@@ -132,7 +132,7 @@ def size_posterior(
     before, after = len(fields), len(fields) + len(effects)
     priors = [fields_prior(sum(each.width for each in fields)), _joint_prior(effects), *[AXES_PRIOR] * len(axes)]
     given = posteriors_by_sigma(scores.gradient[0], scores.information[0], priors)
-    _, mean, covariance = mixture(priors[0].shares, given)
+    _, mean, covariance = mixture(priors[0].probabilities, given)
     contained = np.zeros_like(mean)
     for effect, place in zip(effects, places[before:after], strict=True):
         contained[place] = mean[place] if effect.is_contained else 0.0
@@ -141,13 +141,13 @@ def size_posterior(
         covariance + np.outer(mean - contained, mean - contained),
         -situation.null.inverse @ known.across[0].T,
         list(zip([*fields, *axes], places[:before] + places[after:], strict=True)),
-        float(probabilities(priors[0].shares, given.two_log_evidence) @ priors[0].sigmas[:, 0] ** 2) if fields else 0.0,
+        float(probabilities(priors[0].probabilities, given.two_log_evidence) @ priors[0].sigmas[:, 0] ** 2) if fields else 0.0,
     )
 
 
 def _joint_prior(effects: Sequence[Expected]) -> SigmaPrior:
     """Joint prior of the sigmas of all sizes, (m, q): every combination of the effects' sigmas."""
-    kinds = {each.effect: each.prior.shares for each in effects}
+    kinds = {each.effect: each.prior.probabilities for each in effects}
     places = [dict(zip(kinds, at, strict=True)) for at in product(*(range(len(shares)) for shares in kinds.values()))]
     sizes = [each.candidate.sizes for each in effects]
     sigmas = [np.repeat([each.prior.sigmas[at[each.effect]] for each in effects], sizes) for at in places]
@@ -234,7 +234,7 @@ def posteriors_by_sigma(gradient: Array, information: Array, priors: Sequence[Si
         return Gaussian(evidence, mean[..., 0], spread)
     back = -spread @ across
     slope, curvature = v + back.mT @ u, information[..., None, count:, count:] + across.mT @ back
-    rest = mixture(others[0].shares, posteriors_by_sigma(slope[..., 0], curvature, others))
+    rest = mixture(others[0].probabilities, posteriors_by_sigma(slope[..., 0], curvature, others))
     both = np.concatenate([back, np.broadcast_to(np.eye(back.shape[-1]), (*back.shape[:-2], *back.shape[-1:] * 2))], -2)
     covariance = both @ rest.covariance @ both.mT
     covariance[..., :count, :count] += spread

@@ -29,7 +29,7 @@ from basecal.geometry import SE3, Array
 KINDS_BY_PLACE = 2
 """Number of kinds of errors by place of an arm that records only poses: smooth errors, and a length."""
 
-PRIOR_M = SigmaPrior.as_often_as_not(np.array([6e-5, 2e-4, 6e-4]), KINDS_BY_PLACE)
+PRIOR_M = SigmaPrior.spike_and_slab(np.array([6e-5, 2e-4, 6e-4]), KINDS_BY_PLACE)
 """Prior of the sigma of a shift along an axis [m]: zero, that of arms accurate to 0.1 mm, or to 0.5 to 2 mm."""
 
 
@@ -46,13 +46,13 @@ class PoseField(NamedTuple):
 
     def flange_tangents(self, poses: SE3) -> Array:
         """Derivative of a flange at poses, (n,), with respect to each error, (n, 6, k), right tangents."""
-        shared = SharedErrors.repeat_coordinates(self.modes.sizes(poses)).rotate_to(poses)
+        shared = SharedErrors.repeat_coordinates(self.modes.values(poses)).rotate_to(poses)
         tangents: Array = shared.by_stop / np.where(shared.is_turn, LENGTH_M, 1.0)
         return tangents
 
     def unknown_share(self, poses: SE3) -> Array:
         """Share of the variance at poses that no recorded pose shows, (n,)."""
-        return np.asarray(np.maximum(1 - np.sum(self.modes.sizes(poses) ** 2, axis=1), 0.0))
+        return np.asarray(np.maximum(1 - np.sum(self.modes.values(poses) ** 2, axis=1), 0.0))
 
     def candidate(self, situation: Situation) -> Candidates:
         """Return a candidate whose sizes are all errors of the field."""
@@ -62,7 +62,7 @@ class PoseField(NamedTuple):
 def fields_prior(width: int) -> SigmaPrior:
     """Prior of the sigmas of all errors of fields, which have a common sigma, (m, width)."""
     prior = PRIOR_M if width else SigmaPrior.single_value(0.0)
-    return SigmaPrior(np.repeat(prior.sigmas[:, None], width, axis=1), prior.shares)
+    return SigmaPrior(np.repeat(prior.sigmas[:, None], width, axis=1), prior.probabilities)
 
 
 def variances(field_m2: float) -> Array:
@@ -91,7 +91,7 @@ SHARES = np.array([1e-4, 3e-4, 1e-3])
 """Sigmas of a relative length error: 0.1 mm on a metre for accurate arms, 0.3 to 1 mm for usual arms. Assumed."""
 
 _AXES = 3
-AXES_PRIOR = SigmaPrior.as_often_as_not(np.concatenate([share * np.eye(_AXES) for share in SHARES]), KINDS_BY_PLACE)
+AXES_PRIOR = SigmaPrior.spike_and_slab(np.concatenate([share * np.eye(_AXES) for share in SHARES]), KINDS_BY_PLACE)
 """Prior of the sigmas of an arm's length errors, (m, 3): zero, or one sigma along one axis."""
 
 

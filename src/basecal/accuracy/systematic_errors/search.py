@@ -96,7 +96,7 @@ def systematic_error(
     after = _solved_again(_without_suspect(solution, situation, suspect), settings)
     described = _describe(situation, suspect, solution, after)
     others = _alternatives(situation, suspect, every)
-    return replace(described, is_certain=is_certain, alternatives=others, share=share)
+    return replace(described, is_certain=is_certain, alternatives=others, probability=share)
 
 
 def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: Solution) -> tuple[Suspect, float, bool]:

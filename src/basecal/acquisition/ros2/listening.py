@@ -64,5 +64,6 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
 def survey_live_topics(bag: Bag) -> Survey:
     """Survey of the recorded messages; every /tf frame counts as moving, since the arms may have been at rest."""
     survey = survey_bag(bag)
-    hangs = {name: hang._replace(is_fixed=not hang.is_timed) for name, hang in survey.tree.hangs.items()}
-    return replace(survey, tree=Tree(hangs))
+    transforms = survey.tree.transforms.items()
+    moving = {name: each._replace(is_fixed=not each.is_timed) for name, each in transforms}
+    return replace(survey, tree=Tree(moving))

@@ -12,7 +12,14 @@ from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.cell import RobotState
 from basecal.errors import BasecalError, DriverError, list_names
 from basecal.exchange.bags.bag import JOINTS, POSE, TF
-from basecal.exchange.bags.frames import Hang, Tree, compose_path, pose_from_values, pose_values, transform_values
+from basecal.exchange.bags.frames import (
+    FrameTransform,
+    Tree,
+    compose_path,
+    pose_from_values,
+    pose_values,
+    transform_values,
+)
 
 _QUEUE_DEPTH = 50  # queued messages of states: a tenth of a second at the highest rate
 _FRAMES_QUEUE_DEPTH = 200  # queued messages of tf, from all publishers
@@ -78,7 +85,7 @@ class StatesByFrames:
 
     def __init__(self, name: str, domain: int, base: str, flange: str, wait_s: float) -> None:
         self._name, self._base, self._flange = name, base, flange
-        self._hangs: dict[str, Hang] = {}
+        self._transforms: dict[str, FrameTransform] = {}
         self._stamps: dict[str, float] = {}
         self._last_s = float("-inf")
         self._dynamic_frames = Stream(name, domain, "/tf", (TF,), _FRAMES_QUEUE_DEPTH, wait_s)
@@ -97,13 +104,13 @@ class StatesByFrames:
             return self._dynamic_frames.newest(self._reading)
         except DriverError as error:
             try:
-                self._tree().way(self._base, self._flange)
+                self._tree().path(self._base, self._flange)
             except BasecalError as why:
                 raise DriverError(f"{self._name}: {why}") from None
             raise error
 
     def _tree(self) -> Tree:
-        return Tree(self._hangs)
+        return Tree(self._transforms)
 
     def _reading(self, message: Any) -> Reading | None:
         for still in self._static_frames:
@@ -111,10 +118,10 @@ class StatesByFrames:
                 self._add_transforms(each, is_fixed=True)
         self._add_transforms(message, is_fixed=False)
         try:
-            way = self._tree().way(self._base, self._flange)
+            way = self._tree().path(self._base, self._flange)
         except BasecalError:  # not all frames have arrived yet
             return None
-        stamps = [self._stamps[step.child] for step in way if not self._hangs[step.child].is_fixed]
+        stamps = [self._stamps[step.child] for step in way if not self._transforms[step.child].is_fixed]
         if not stamps or max(stamps) - min(stamps) > _STAMP_TOLERANCE_S or min(stamps) <= self._last_s:
             return None
         self._last_s = min(stamps)
@@ -125,5 +132,7 @@ class StatesByFrames:
             frame_stamp_s, child = stamp_s(each.header), each.child_frame_id.lstrip("/")
             if is_fixed or frame_stamp_s > self._stamps.get(child, float("-inf")):
                 values = transform_values(each.transform)
-                self._hangs[child] = Hang(each.header.frame_id.lstrip("/"), values, is_fixed, not is_fixed)
+                self._transforms[child] = FrameTransform(
+                    each.header.frame_id.lstrip("/"), values, is_fixed, not is_fixed
+                )
                 self._stamps[child] = frame_stamp_s

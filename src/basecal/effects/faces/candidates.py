@@ -219,9 +219,9 @@ def mount_moves(views: Views, mount: str, move: Callable[[Array], Array]) -> Mov
     """
     robot = views.mounts[mount]
     downs = {k: views.down_in_flange(k, robot) for k, g in enumerate(views.groups) if mount in g.frames}
-    about = 0.0 if mount in views.fixed_frames else np.concatenate(list(downs.values())).mean(0)
+    mean_down = 0.0 if mount in views.fixed_frames else np.concatenate(list(downs.values())).mean(0)
     return tuple(
-        views.flange_jacobian(k, robot) @ move(downs[k] - about) if k in downs else None
+        views.flange_jacobian(k, robot) @ move(downs[k] - mean_down) if k in downs else None
         for k in range(len(views.groups))
     )
 

@@ -65,7 +65,7 @@ class FoundEffect:
         joint: Index of the affected joint, from 0; None if the effect concerns no single joint.
         is_certain: Whether chance is excluded; other effects may still predict held-out blocks better.
         alternatives: Effects that the data do not distinguish from this one.
-        share: Probability of the effect, which scales the variance that it adds to the answer.
+        probability: Probability that the effect exists, which scales the variance that it adds to the answer.
     """
 
     effect: str
@@ -81,7 +81,7 @@ class FoundEffect:
     joint: int | None = None
     is_certain: bool = True
     alternatives: tuple[FoundEffect, ...] = ()
-    share: float = 1.0
+    probability: float = 1.0
 
     @property
     def sigma(self) -> float:
@@ -93,7 +93,7 @@ class SigmaPrior(NamedTuple):
     """A discrete prior: possible sigmas of sizes, (m, ...), and their probabilities, (m,)."""
 
     sigmas: Array
-    shares: Array
+    probabilities: Array
 
     @classmethod
     def single_value(cls, sigma: float) -> SigmaPrior:
@@ -101,14 +101,16 @@ class SigmaPrior(NamedTuple):
         return cls(np.array([sigma]), np.ones(1))
 
     @classmethod
-    def as_often_as_not(cls, sigmas: Array, kinds: int = 1) -> SigmaPrior:
+    def spike_and_slab(cls, sigmas: Array, kinds: int = 1) -> SigmaPrior:
         """Prior of zero or one of m equally likely sigmas; of `kinds` independent effects all are zero with 50 %.
+
+        It is a discrete spike-and-slab prior.
 
         Source: Jeffreys, Theory of Probability, 1961, ch. 5; Scott & Berger 2010 (many kinds).
         """
         none = 0.5 ** (1 / kinds)
-        shares = np.append(none, np.full(len(sigmas), (1 - none) / len(sigmas)))
-        return cls(np.concatenate([np.zeros_like(sigmas[:1]), sigmas]), shares)
+        probabilities = np.append(none, np.full(len(sigmas), (1 - none) / len(sigmas)))
+        return cls(np.concatenate([np.zeros_like(sigmas[:1]), sigmas]), probabilities)
 
 
 class ExpectedSize(NamedTuple):
@@ -129,7 +131,7 @@ class ExpectedSize(NamedTuple):
 
     def prior(self, kinds: int) -> SigmaPrior:
         """Prior of the sigma: zero or one of five values; of `kinds` effects all are zero with 50 %."""
-        return SigmaPrior.as_often_as_not(self.sigma * self.factor**_NODES, kinds)
+        return SigmaPrior.spike_and_slab(self.sigma * self.factor**_NODES, kinds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,15 +172,15 @@ class LensParameter:
     """Parameters of a lens whose errors have the same scale.
 
     Attributes:
-        where: Their slice of a lens's parameters.
-        usual: Sigmas of their errors in a typical calibration, (k,).
+        indices: Their slice of a lens's parameters.
+        typical_sigmas: Sigmas of their errors in a typical calibration, (k,).
         source: Source of these sigmas, or `assumed`.
         words: Text for the difference of a stated lens from an estimated one, with sigmas of its parameters, (4 + n,).
         is_each_alone: Whether each parameter has its own scale of error; otherwise all have the same.
     """
 
-    where: slice
-    usual: Callable[[Camera], Array]
+    indices: slice
+    typical_sigmas: Callable[[Camera], Array]
     source: str
     words: Callable[[Camera, Camera, Array], str]
     is_each_alone: bool = False
@@ -207,11 +209,11 @@ class SimulatedFault:
         name: Name of the fault, such as `joint-offsets`.
         unit: Unit in which its size is written.
         scale: Value of the unit in SI units.
-        usual: Default size.
-        about: Description of the fault.
+        default_size: Default size, in `unit`.
+        description: Description of the fault for help.
         is_sudden: Whether it occurs suddenly, after a number of moves of the arm.
         draw: For a robot parameter: random values of this size, for a number of joints.
-        draw_lens: For a lens: the true lens, from the stated one.
+        true_lens: For a lens: the true lens, from the stated one.
         move_mount: For a mount: the tangent of the flange, (6,), by which the mount moves. Arguments: the size, and
             the direction of gravity in the flange, (3,).
     """
@@ -219,11 +221,11 @@ class SimulatedFault:
     name: str
     unit: str
     scale: float
-    usual: float
-    about: str
+    default_size: float
+    description: str
     is_sudden: bool = False
     draw: Callable[[float, int, np.random.Generator], Array] | None = None
-    draw_lens: Callable[[float, Camera], Camera] | None = None
+    true_lens: Callable[[float, Camera], Camera] | None = None
     move_mount: Callable[[float, Array], Array] | None = None
 
 
@@ -293,21 +295,21 @@ class Effect:
 
 
 def format_with_sigma(value: float, sigma: float) -> str:
-    """A value with its sigma to two digits."""
+    """Text of a value and its sigma, with two digits of the sigma."""
     digits = int(np.clip(1 - np.floor(np.log10(max(sigma, 1e-9))), 0, 9))
     return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
 
-def rounded_length(values: Array, covariance: Array, unit: float = 1.0) -> str:
-    """Length of a vector with its sigma, both multiplied by `unit`."""
+def format_length(values: Array, covariance: Array, factor: float) -> str:
+    """Text of the length of a vector with its sigma, both multiplied by a factor."""
     length = float(np.linalg.norm(values))
     along = values / max(length, 1e-300)
     sigma = float(np.sqrt(max(float(along @ covariance @ along), 0.0)))
-    return format_with_sigma(unit * length, unit * sigma)
+    return format_with_sigma(factor * length, factor * sigma)
 
 
 def clearest_joint(effect: FoundEffect, factor: float, unit: str) -> tuple[int, str]:
-    """Number of the joint of a found effect, from 1, and its size times a factor; the most significant of several."""
+    """Number of the most significant joint of a found effect, from 1, and the text of its size times a factor."""
     sigmas = np.sqrt(np.maximum(np.diag(effect.covariance), 0.0))
     clearest = int(np.argmax(np.abs(effect.size) / np.where(sigmas > 0, sigmas, np.inf)))
     amount = format_with_sigma(factor * effect.size[clearest], factor * float(sigmas[clearest]))
@@ -320,12 +322,12 @@ def format_tangent(size: Array, covariance: Array) -> str:
     Only components larger than their sigma are included; the text is empty if there are none.
     """
     parts = (slice(0, 3), 1e3, "mm"), (slice(3, 6), float(np.degrees(1)), "deg")
-    told = []
-    for where, unit, name in parts:
-        known = _known_part(size[where], covariance[where, where])
+    texts = []
+    for part, factor, unit in parts:
+        known = _known_part(size[part], covariance[part, part])
         if known.any():
-            told.append(f"{rounded_length(known, covariance[where, where], unit)} {name}")
-    return " by " + " and ".join(told) if told else ""
+            texts.append(f"{format_length(known, covariance[part, part], factor)} {unit}")
+    return " by " + " and ".join(texts) if texts else ""
 
 
 def _known_part(size: Array, covariance: Array) -> Array:

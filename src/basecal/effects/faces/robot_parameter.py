@@ -13,7 +13,7 @@ from basecal.fields.parameters import Parameters
 from basecal.geometry import Array, BoolArray, read_only
 from basecal.kinematics import ChainPosture, SerialChain
 
-ByJoints = Callable[[SerialChain, Array], Array]
+JointRotation = Callable[[SerialChain, Array], Array]
 """Rotation of each joint by a unit of its value, (n, joints), at recorded joints, (n, joints) [rad]."""
 
 
@@ -75,12 +75,12 @@ class Unobserved(NamedTuple):
     by_prior: bool
 
 
-def same_chain(chain: SerialChain, values: Array) -> SerialChain:
+def unchanged_chain(chain: SerialChain, values: Array) -> SerialChain:
     """The unchanged chain, for parameters that only shift joints."""
     return chain
 
 
-def expand_to_joints(joints: int) -> Array:
+def zero_by_joint(joints: int) -> Array:
     """Values of the stated robot: a zero for each joint."""
     return np.zeros(joints)
 
@@ -93,7 +93,7 @@ class RobotParameter:
 
     Attributes:
         stated: Schema of their statement in `cell.yaml`, under the effect's name.
-        one: Text that names a single parameter.
+        singular: Text that names a single parameter.
         columns: Columns that may be estimated for a stated chain. Gauges are removed from free ones afterwards. Raises
             InputError if the robot lacks required data; the message continues from the name of the parameters.
         report: A heading and lines for the estimates of a robot.
@@ -103,7 +103,7 @@ class RobotParameter:
         zero: Values of the stated robot, for a number of joints.
         turn: Rotation of each recorded joint by a unit of its value, (..., m, n) [rad], from chain, statement and
             joints. It is None if values only change the chain.
-        moved: The chain with the values applied.
+        move_chain: The chain with the values applied.
         chain_derivative: Derivative of `base_from_flange` with respect to values that change the chain.
         is_by_joint: Whether there is a number for each joint; others are observable together or not at all.
         scale: Change that is equivalent to one radian.
@@ -112,15 +112,15 @@ class RobotParameter:
     """
 
     stated: type[Parameters]
-    one: str
+    singular: str
     columns: Callable[[SerialChain, Any], Columns]
     report: Callable[[str, RobotParameters], list[str]]
     to_dict: Callable[[Mapping[str, RobotParameters]], dict[str, Any]]
     from_dict: Callable[[Mapping[str, Any]], dict[str, RobotParameters]]
     entry: Callable[[Array], str]
-    zero: Callable[[int], Array] = expand_to_joints
+    zero: Callable[[int], Array] = zero_by_joint
     turn: Callable[[SerialChain, Any, Array], Array] | None = None
-    moved: Callable[[SerialChain, Array], SerialChain] = same_chain
+    move_chain: Callable[[SerialChain, Array], SerialChain] = unchanged_chain
     chain_derivative: Callable[[Posture, Array], Array] | None = None
     is_by_joint: bool = True
     scale: float = 1.0
@@ -163,14 +163,14 @@ def joint_lines(effect: RobotParameters, factor: float, unit: str, digits: int) 
     return lines
 
 
-def open_chains(views: Views, name: str) -> Iterator[tuple[str, SerialChain]]:
+def unestimated_chains(views: Views, name: str) -> Iterator[tuple[str, SerialChain]]:
     """Robots with recorded joints whose parameters of a kind are not estimated, with their chains."""
     return (
         (robot, chain) for robot, chain in views.chains.items() if name not in views.estimated_effects.get(robot, ())
     )
 
 
-def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: ByJoints) -> Moves:
+def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: JointRotation) -> Moves:
     """Derivatives of each group's views with respect to each joint's value, (n, 6, joints)."""
 
     def moves(views: Views, k: int, robot: str) -> Array:
@@ -194,8 +194,8 @@ def joint_candidates(code: str, robot: str, unit: str, moves: Moves) -> Iterator
 def to_dict(name: str, keys: tuple[str, str], effect: Mapping[str, RobotParameters]) -> dict[str, Any]:
     """The field of `calibration.json`, with the given keys for values and sigmas."""
     by_robot = {
-        robot: {keys[0]: of.values, keys[1]: of.sigma, "seen": of.seen, "joint_names": of.joints}
-        for robot, of in effect.items()
+        robot: {keys[0]: each.values, keys[1]: each.sigma, "seen": each.seen, "joint_names": each.joints}
+        for robot, each in effect.items()
     }
     return {name: by_robot or None}
 

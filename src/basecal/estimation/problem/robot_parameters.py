@@ -83,7 +83,7 @@ class Kinematics:
         """The chain changed by the parameters, without their shifts of the joints."""
         chain = self.chain
         for kind, values in self.values.items():
-            chain = ROBOT_PARAMETERS[kind].moved(chain, values)
+            chain = ROBOT_PARAMETERS[kind].move_chain(chain, values)
         return chain
 
     def spread(self, model: RobotModel | None, count: int) -> Kinematics:

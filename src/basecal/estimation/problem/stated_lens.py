@@ -31,7 +31,7 @@ def is_stated(lens: Intrinsics | None) -> bool:
 
 def usual_sigmas(camera: Camera) -> Array:
     """Typical sigmas of calibrated focal lengths, principal point and distortion terms, (4 + k,)."""
-    return np.concatenate([part.usual(camera) for part in LENS_PARAMETERS.values()])
+    return np.concatenate([part.typical_sigmas(camera) for part in LENS_PARAMETERS.values()])
 
 
 def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
@@ -65,7 +65,7 @@ def _expected_variances(squares: Array) -> Array:
     """Expected variances of the errors, relative to the squared typical sigmas, (4 + k,); at least 1."""
     ratios = []
     for part in LENS_PARAMETERS.values():
-        of = squares[part.where]
+        of = squares[part.indices]
         of = of if part.is_each_alone else np.full(len(of), of.mean())
         freedoms = 1 if part.is_each_alone else len(of)
         ratios.append((_STUDENT_FREEDOMS + freedoms * of) / (_STUDENT_FREEDOMS + freedoms))

@@ -82,12 +82,12 @@ def open_bag(path: Path) -> Iterator[Bag]:
     _check_files(path)
     bag = Bag(str(path), {}, lambda names: _messages(bag, path, decode, set(names)))
     for (name, kind, count), _ in _frames(bag, path, ()):
-        before = bag.topics.get(name, Topic(name, _EQUAL_TYPES.get(kind, kind), 0))  # the first of several types
-        bag.topics[name] = before._replace(messages=before.messages + int(count))
+        known = bag.topics.get(name, Topic(name, _EQUAL_TYPES.get(kind, kind), 0))  # the first of several types
+        bag.topics[name] = known._replace(messages=known.messages + int(count))
     yield bag
 
 
-def _decoder(is_first: bool) -> Callable[[bytes, str], Any]:
+def _decoder(is_ros1: bool) -> Callable[[bytes, str], Any]:
     """Create a decoder of messages from their bytes and the name of their type.
 
     Raises:
@@ -97,12 +97,12 @@ def _decoder(is_first: bool) -> Callable[[bytes, str], Any]:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise MissingExtra("bags", "a bag of ROS") from None
-    store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
-    if is_first:  # the store has no tf2_msgs of ROS 1
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    if is_ros1:  # the store has no tf2_msgs of ROS 1
         store.register(get_types_from_msg(_TF_OF_ROS1, TF))
     for kind, text in DEFINITIONS.items():
         store.register(get_types_from_msg(text, kind))
-    return store.deserialize_ros1 if is_first else store.deserialize_cdr
+    return store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
 
 
 def _check_files(path: Path) -> None:
@@ -117,8 +117,10 @@ def _check_files(path: Path) -> None:
         raise DatasetError(path, f"is not a bag: unknown file name extension; {_EXPECTED}")
     if path.is_dir() and not (path / _METADATA).exists():
         bags = sorted(each.name for each in path.iterdir() if each.suffix in (_BAG1, *_BAG2))
-        held = f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is no bag"
-        raise DatasetError(path, f"{held}; {_EXPECTED}")
+        content = (
+            f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is no bag"
+        )
+        raise DatasetError(path, f"{content}; {_EXPECTED}")
     for each in _files(path):
         check_regular(each)
     if path.is_dir():

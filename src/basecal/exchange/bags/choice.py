@@ -8,9 +8,18 @@ from collections.abc import Mapping
 from basecal.cell import WORLD
 from basecal.errors import BasecalError, FrameNotFound, InputError, list_names
 from basecal.exchange.bags.bag import POSE, Bag
-from basecal.exchange.bags.frames import Tree, hint
-from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, CameraSource, Taken
-from basecal.exchange.bags.survey import Survey, plain
+from basecal.exchange.bags.frames import Tree, frame_hint
+from basecal.exchange.bags.sources import (
+    BagRequest,
+    BagSources,
+    ByFrames,
+    ByJoints,
+    ByPoses,
+    ByTagPoses,
+    ByTags,
+    CameraSource,
+)
+from basecal.exchange.bags.survey import Survey, plain_frame
 from basecal.exchange.bags.tags import TAG_POSES, TAGS, frames_of_tags
 from basecal.exchange.importing.imported import KnownCell
 from basecal.kinematics import SerialChain, parse_chain
@@ -24,7 +33,7 @@ _COMPRESSED = "/compressed"
 _DEPTH_WORD = "depth"
 
 
-def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: KnownCell) -> Taken:
+def choose_sources(bag: Bag, survey: Survey, request: BagRequest, cell: KnownCell) -> BagSources:
     """Choose the sources of robots, cameras and views.
 
     Raises:
@@ -36,10 +45,10 @@ def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: KnownCell) ->
     topics = _topics_of_cameras(survey, request, cell)
     cameras = {name: _camera(survey, robots, name, topic, request, cell) for name, topic in topics.items()}
     views = {key: _view(bag, survey.tree, key[1], words, cell) for key, words in request.views.items()}
-    return Taken(robots, cameras, views)
+    return BagSources(robots, cameras, views)
 
 
-def _frames_of_robots(bag: Bag, tree: Tree, request: Asked, cell: KnownCell) -> dict[str, str]:
+def _frames_of_robots(bag: Bag, tree: Tree, request: BagRequest, cell: KnownCell) -> dict[str, str]:
     """Texts `BASE,FLANGE`, or a topic, by robot."""
     if request.robots:
         return dict(request.robots)
@@ -54,14 +63,15 @@ def _frames_of_robots(bag: Bag, tree: Tree, request: Asked, cell: KnownCell) -> 
     found = _usual_frames(tree)
     if known and set(found) != set(known):
         raise InputError(
-            f"the frames of {list_names(list(known))} are unknown: give --robot NAME=BASE,FLANGE for each; {hint(tree)}"
+            f"the frames of {list_names(list(known))} are unknown: "
+            f"give --robot NAME=BASE,FLANGE for each; {frame_hint(tree)}"
         )
     if not found:
         topics = [topic.name for topic in bag.topics.values() if topic.kind == POSE]
-        said = f"; topics of poses are: {list_names(topics)}" if topics else ""
+        topics_text = f"; topics of poses are: {list_names(topics)}" if topics else ""
         raise InputError(
-            f"no robot was found from the names of frames: give --robot NAME=BASE,FLANGE or NAME=/TOPIC; "
-            f"{hint(tree)}{said}"
+            "no robot was found from the names of frames: give --robot NAME=BASE,FLANGE or NAME=/TOPIC; "
+            f"{frame_hint(tree)}{topics_text}"
         )
     return found
 
@@ -71,8 +81,8 @@ def _usual_frames(tree: Tree) -> dict[str, str]:
     found: dict[str, str] = {}
     tips = [(match[1], match[2], frame) for frame in tree.names if (match := _TAIL.match(frame))]
     for prefix, _, tip in sorted(tips, key=lambda each: _FLANGES.index(each[1])):
-        above = tree.ancestors(tip)
-        base = next((prefix + name for name in _BASES if prefix + name in above), None)
+        ancestors = tree.ancestors(tip)
+        base = next((prefix + name for name in _BASES if prefix + name in ancestors), None)
         name = prefix.strip("_/").replace("/", "_") or "arm"
         if base is not None and base not in tree.rigid_ancestors(tip) and name not in found:
             found[name] = f"{base},{tip}"
@@ -80,13 +90,13 @@ def _usual_frames(tree: Tree) -> dict[str, str]:
 
 
 def _robot(
-    bag: Bag, survey: Survey, name: str, words: str, request: Asked, cell: KnownCell
+    bag: Bag, survey: Survey, name: str, words: str, request: BagRequest, cell: KnownCell
 ) -> ByFrames | ByPoses | ByJoints:
     """Source of a robot: joints if available with a URDF, else tf; or the stated topic."""
     known = cell.robots.get(name)
     base, comma, flange = words.partition(",")
     if not comma:
-        return _parse_choice(bag, survey.tree, words)
+        return _parse_source(bag, survey.tree, words)
     if not request.by_tf and known is not None and known.chain is not None:
         topic = _joint_topic(survey, known.chain)
         if topic is not None:
@@ -99,7 +109,7 @@ def _robot(
         topic = _joint_topic(survey, chain)
         if topic is not None:
             return ByJoints(topic, chain, base, flange, urdf)
-    return _parse_choice(bag, survey.tree, words)
+    return _parse_source(bag, survey.tree, words)
 
 
 def _joint_topic(survey: Survey, chain: SerialChain) -> str | None:
@@ -107,12 +117,12 @@ def _joint_topic(survey: Survey, chain: SerialChain) -> str | None:
     return next((topic for topic, names in sorted(survey.joints.items()) if names.issuperset(chain.joint_names)), None)
 
 
-def _parse_choice(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
+def _parse_source(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
     """Parse a source given as `PARENT,CHILD` or as a topic."""
     parent, comma, child = words.partition(",")
     if comma:
-        source = ByFrames(plain(parent.strip()), plain(child.strip()))
-        tree.way(source.parent, source.child)
+        source = ByFrames(plain_frame(parent.strip()), plain_frame(child.strip()))
+        tree.path(source.parent, source.child)
         return source
     poses = [topic.name for topic in bag.topics_of_type(POSE)]
     if words not in poses:
@@ -129,7 +139,7 @@ def _view(bag: Bag, tree: Tree, target: str, words: str, cell: KnownCell) -> ByF
     if kind in TAG_POSES:
         return ByTagPoses(words, frames_of_tags(shape))
     if kind != TAGS:
-        return _parse_choice(bag, tree, words)
+        return _parse_source(bag, tree, words)
     if shape is None or shape.tags is None:
         known = [name for name, each in cell.targets.items() if each.target and each.target.tags]
         do = (
@@ -141,36 +151,36 @@ def _view(bag: Bag, tree: Tree, target: str, words: str, cell: KnownCell) -> ByF
     return ByTags(words, shape.tags)
 
 
-def _topics_of_cameras(survey: Survey, request: Asked, cell: KnownCell) -> dict[str, str]:
+def _topics_of_cameras(survey: Survey, request: BagRequest, cell: KnownCell) -> dict[str, str]:
     """Topics of images by camera."""
-    there = [topic.name for topic in survey.images]
+    topics = [topic.name for topic in survey.images]
     for topic in request.cameras.values():
-        if topic not in there:
-            raise FrameNotFound(topic, there)
+        if topic not in topics:
+            raise FrameNotFound(topic, topics)
     if request.cameras:
         return dict(request.cameras)
-    found = _usual_cameras(there)
+    found = _usual_cameras(topics)
     known = list(cell.cameras)
     if len(known) == len(found) == 1:
         return {known[0]: next(iter(found.values()))}
-    strangers = [name for name in found if known and name not in known]
-    if strangers and not request.views:
-        topics = list_names(list(found.values()))
-        raise InputError(f"the cell has {list_names(known)}: assign {topics} with --camera NAME=TOPIC for each")
-    return {} if strangers else found
+    unknown = [name for name in found if known and name not in known]
+    if unknown and not request.views:
+        found_topics = list_names(list(found.values()))
+        raise InputError(f"the cell has {list_names(known)}: assign {found_topics} with --camera NAME=TOPIC for each")
+    return {} if unknown else found
 
 
 def _usual_cameras(topics: list[str]) -> dict[str, str]:
     """One topic of images per namespace; raw is preferred to compressed, and unrectified to rectified."""
     best: dict[str, tuple[tuple[int, bool], str]] = {}
     for topic in topics:
-        plainly = topic.removesuffix(_COMPRESSED)
-        space, _, last = plainly.rpartition("/")
+        base_topic = topic.removesuffix(_COMPRESSED)
+        namespace, _, last = base_topic.rpartition("/")
         if _DEPTH_WORD in topic.lower() or last not in _USUAL:
             continue
-        rank = (_USUAL.index(last), plainly != topic)
-        best[space] = min(best.get(space, (rank, topic)), (rank, topic))
-    return {space.strip("/").replace("/", "_") or "camera": topic for space, (_, topic) in sorted(best.items())}
+        rank = (_USUAL.index(last), base_topic != topic)
+        best[namespace] = min(best.get(namespace, (rank, topic)), (rank, topic))
+    return {namespace.strip("/").replace("/", "_") or "camera": topic for namespace, (_, topic) in sorted(best.items())}
 
 
 def _camera(
@@ -178,11 +188,11 @@ def _camera(
     robots: Mapping[str, ByFrames | ByPoses | ByJoints],
     name: str,
     topic: str,
-    request: Asked,
+    request: BagRequest,
     cell: KnownCell,
 ) -> CameraSource:
-    space = topic.removesuffix(_COMPRESSED).rpartition("/")[0]
-    info = f"{space}/camera_info"
+    namespace = topic.removesuffix(_COMPRESSED).rpartition("/")[0]
+    info = f"{namespace}/camera_info"
     known = cell.cameras.get(name)
     on = request.on.get(name) if known is None else known.on
     if on is None:
@@ -198,7 +208,7 @@ def _camera(
 
 def _carrier(tree: Tree, robots: Mapping[str, ByFrames | ByPoses | ByJoints], frame: str) -> str | None:
     """Robot whose flange is rigidly connected to a frame, or the world; None if tf does not have the frame."""
-    frame = plain(frame)
+    frame = plain_frame(frame)
     if frame not in tree.names:
         return next(iter(robots)) if len(robots) == 1 else None
     rigid = tree.rigid_ancestors(frame)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from basecal.cell.schema.cell_schema import is_frame_name
-from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, Taken
-from basecal.exchange.bags.survey import Survey, plain
+from basecal.exchange.bags.sources import BagRequest, BagSources, ByFrames, ByJoints
+from basecal.exchange.bags.survey import Survey, plain_frame
 from basecal.exchange.fields import Field
-from basecal.exchange.importing.imported import KnownCell, NoCell, Sight, sight_entry
+from basecal.exchange.importing.imported import KnownCell, NoCell, ViewNames, view_entry
 from basecal.exchange.importing.lens import StatedLens, camera_entry
 from basecal.exchange.lens_files.camera_info import camera_info_lens
 
@@ -22,8 +22,8 @@ def bag_entry(
     cell: KnownCell,
     path: str,
     survey: Survey,
-    sources: Taken,
-    request: Asked,
+    sources: BagSources,
+    request: BagRequest,
     sizes: Mapping[str, tuple[int, int]],
 ) -> dict[str, Any]:
     """Entries for new robots, cameras with their lenses, and targets; existing entries are not changed.
@@ -56,14 +56,14 @@ def bag_entry(
         )
         lens = {"intrinsics": {"status": "free"}} if info is None else camera_entry(info.camera, "fixed")
         size = {"size_px": list(sizes[name])} if name in sizes and "size_px" not in lens else {}
-        frame = _frames({"frame": plain(survey.frame_ids.get(camera.topic, ""))}).get("frames", {})
+        frame = _frames({"frame": plain_frame(survey.frame_ids.get(camera.topic, ""))}).get("frames", {})
         data["cameras"][name] = {"on": camera.on, "mount": {"status": "free"}, **size, **lens, **frame}
     for eye, target in sources.views:
         on = data["cameras"].get(eye, {}).get("on", request.on.get(eye))
-        seen = sight_entry(cell, Sight(eye, target, on, request.on.get(target)))
-        data["robots"] |= {name: {} for name in seen["robots"] if name not in data["robots"]}
-        data["cameras"] = {**seen["cameras"], **data["cameras"]}
-        data["targets"] |= seen["targets"]
+        added = view_entry(cell, ViewNames(eye, target, on, request.on.get(target)))
+        data["robots"] |= {name: {} for name in added["robots"] if name not in data["robots"]}
+        data["cameras"] = {**added["cameras"], **data["cameras"]}
+        data["targets"] |= added["targets"]
     return {key: value for key, value in data.items() if value}
 
 
@@ -78,14 +78,14 @@ def urdf_name(robot: str) -> str:
     return f"{robot}.urdf"
 
 
-def bag_lens(info: Any, place: str, topic: str) -> StatedLens | None:
+def bag_lens(info: Any, location: str, topic: str) -> StatedLens | None:
     """Lens of a camera's images; None if the camera is not calibrated.
 
     The lens of rectified images is the matrix P without distortion.
 
     Args:
         info: CameraInfo message of ROS 1 or ROS 2.
-        place: The bag and the topic of the message, for errors.
+        location: The bag and the topic of the message, for errors.
         topic: Topic of the images.
 
     Raises:
@@ -111,4 +111,4 @@ def bag_lens(info: Any, place: str, topic: str) -> StatedLens | None:
         "binning_y": int(info.binning_y),
         "roi": {side: int(getattr(info.roi, side)) for side in ("width", "height")},
     }
-    return camera_info_lens(Field(place, data, {}))
+    return camera_info_lens(Field(location, data, {}))

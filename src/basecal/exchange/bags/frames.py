@@ -13,8 +13,8 @@ from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3, Array
 
 
-class Hang(NamedTuple):
-    """First recorded transform of a frame in its parent.
+class FrameTransform(NamedTuple):
+    """First recorded transform `parent_from_frame` of a frame.
 
     Attributes:
         parent: Name of the parent frame.
@@ -40,30 +40,30 @@ class Step(NamedTuple):
 class Tree:
     """Transforms of the frames of a bag, by the name of the child."""
 
-    hangs: Mapping[str, Hang]
+    transforms: Mapping[str, FrameTransform]
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all frames, sorted."""
-        return tuple(sorted({*self.hangs, *(hang.parent for hang in self.hangs.values())}))
+        return tuple(sorted({*self.transforms, *(hang.parent for hang in self.transforms.values())}))
 
     def ancestors(self, frame: str) -> list[str]:
         """Return the frame and its ancestors up to the root; a cycle ends the list."""
         found = [frame]
-        while found[-1] in self.hangs and self.hangs[found[-1]].parent not in found:
-            found.append(self.hangs[found[-1]].parent)
+        while found[-1] in self.transforms and self.transforms[found[-1]].parent not in found:
+            found.append(self.transforms[found[-1]].parent)
         return found
 
     def rigid_ancestors(self, frame: str) -> list[str]:
         """Return the frame and its ancestors up to the first moving transform."""
         found = [frame]
         for each in self.ancestors(frame)[1:]:
-            if not self.hangs[found[-1]].is_fixed:
+            if not self.transforms[found[-1]].is_fixed:
                 break
             found.append(each)
         return found
 
-    def way(self, base: str, tip: str) -> tuple[Step, ...]:
+    def path(self, base: str, tip: str) -> tuple[Step, ...]:
         """Return the path from one frame to another.
 
         Raises:
@@ -106,23 +106,23 @@ def pose_from_values(values: Array, subject: str) -> SE3:
     return SE3.from_quaternion(values[..., 3:], values[..., :3], subject)
 
 
-def compose_path(tree: Tree, way: tuple[Step, ...], motions: Mapping[str, Array], subject: str) -> SE3:
+def compose_path(tree: Tree, path: tuple[Step, ...], motions: Mapping[str, Array], subject: str) -> SE3:
     """Compose the transforms of a path: poses of its last frame in its first, (n,).
 
     Args:
         tree: The frames.
-        way: The path from one frame to another.
+        path: The path from one frame to another.
         motions: (n, 7) numbers over time of each moving frame, by name.
         subject: Name of the poses in errors.
     """
     total = SE3.identity()
-    for step in way:
-        values = motions.get(step.child, tree.hangs[step.child].values)
+    for step in path:
+        values = motions.get(step.child, tree.transforms[step.child].values)
         pose = pose_from_values(values, f"{subject}, {step.child}")
         total = total @ (pose.inverse() if step.is_back else pose)
     return total
 
 
-def hint(tree: Tree) -> str:
+def frame_hint(tree: Tree) -> str:
     """List of the frames for an error."""
     return f"frames of tf are: {list_names(list(tree.names))}"

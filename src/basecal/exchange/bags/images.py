@@ -21,10 +21,10 @@ class _Layout(NamedTuple):
 
     depth: int
     channels: int
-    taken: tuple[int, ...]
+    indices: tuple[int, ...]
 
 
-_GREY, _COLOUR, _TURNED = (0,), (0, 1, 2), (2, 1, 0)
+_GREY, _COLOUR, _REVERSED = (0,), (0, 1, 2), (2, 1, 0)
 _BAYER, _ORDERS = "bayer", ("rggb", "bggr", "gbrg", "grbg")
 _LAYOUTS = {
     "mono8": _Layout(1, 1, _GREY),
@@ -33,12 +33,12 @@ _LAYOUTS = {
     "16UC1": _Layout(2, 1, _GREY),
     "rgb8": _Layout(1, 3, _COLOUR),
     "rgba8": _Layout(1, 4, _COLOUR),
-    "bgr8": _Layout(1, 3, _TURNED),
-    "8UC3": _Layout(1, 3, _TURNED),
-    "bgra8": _Layout(1, 4, _TURNED),
-    "8UC4": _Layout(1, 4, _TURNED),
+    "bgr8": _Layout(1, 3, _REVERSED),
+    "8UC3": _Layout(1, 3, _REVERSED),
+    "bgra8": _Layout(1, 4, _REVERSED),
+    "8UC4": _Layout(1, 4, _REVERSED),
     "rgb16": _Layout(2, 3, _COLOUR),
-    "bgr16": _Layout(2, 3, _TURNED),
+    "bgr16": _Layout(2, 3, _REVERSED),
     **{f"{_BAYER}_{order}8": _Layout(1, 1, _GREY) for order in _ORDERS},
     **{f"{_BAYER}_{order}16": _Layout(2, 1, _GREY) for order in _ORDERS},
     # The luma channel of YUV.
@@ -66,31 +66,31 @@ def image_file(message: Message, path: str) -> ImageFile:
     Raises:
         InputError: if the encoding is not supported, or bytes are missing.
     """
-    where = f"{path}: {message.topic.name}"
+    subject = f"{path}: {message.topic.name}"
     if message.topic.kind != COMPRESSED:
-        return _netpbm(message.data, where)
+        return _netpbm(message.data, subject)
     content = bytes(message.data.data)
     ending = next((end for magic, end in _MAGIC.items() if content.startswith(magic)), None)
     if ending is None:
-        raise InputError(f"{where}: compressed as {message.data.format!r}, expected jpeg or png")
+        raise InputError(f"{subject}: compressed as {message.data.format!r}, expected jpeg or png")
     return ImageFile(ending, content)
 
 
-def _netpbm(image: Any, place: str) -> ImageFile:
+def _netpbm(image: Any, subject: str) -> ImageFile:
     layout = _LAYOUTS.get(image.encoding)
     if layout is None:
-        raise InputError(f"{place}: images are {image.encoding!r}; expected {list_names(list(_LAYOUTS))}")
+        raise InputError(f"{subject}: images are {image.encoding!r}; expected {list_names(list(_LAYOUTS))}")
     width, height, row = int(image.width), int(image.height), int(image.step)
     needed = width * layout.channels * layout.depth
     data = np.asarray(image.data, dtype=np.uint8)
     if row < needed or len(data) < row * height or not width or not height:
-        raise InputError(f"{place}: {len(data)} bytes for {width} x {height} pixels of {image.encoding}: is damaged")
+        raise InputError(f"{subject}: {len(data)} bytes for {width} x {height} pixels of {image.encoding}: is damaged")
     rows = np.ascontiguousarray(data[: row * height].reshape(height, row)[:, :needed])
     kind = np.dtype(np.uint8 if layout.depth == 1 else np.uint16).newbyteorder(">" if image.is_bigendian else "<")
-    pixels = rows.view(kind).reshape(height, width, layout.channels)[..., layout.taken]
+    pixels = rows.view(kind).reshape(height, width, layout.channels)[..., layout.indices]
     if image.encoding.startswith(_BAYER):
         pixels = _brightness(pixels[..., 0])[..., None].astype(kind)
-    is_grey = len(layout.taken) == 1
+    is_grey = len(layout.indices) == 1
     head = f"P{5 if is_grey else 6}\n{width} {height}\n{256**layout.depth - 1}\n"
     content = pixels.astype(kind.newbyteorder(">")).tobytes()
     return ImageFile(".pgm" if is_grey else ".ppm", head.encode() + content)

@@ -23,9 +23,9 @@ from basecal.box import Frame, is_own_fault
 from basecal.errors import InputError, error_words
 
 _MOST_MESSAGES = 5_000_000  # enough for a recording of hours
-_LONGEST = 2**28  # bytes of a value in a database
+_LARGEST_VALUE_BYTES = 2**28  # bytes of a value in a database
 _TABLES = ("messages", "topics")
-_STEP = 9  # header bytes of an MCAP record: its opcode and length
+_RECORD_HEADER_BYTES = 9  # header bytes of an MCAP record: its opcode and length
 
 
 def read_frames(words: Sequence[str]) -> Iterator[Frame]:
@@ -92,9 +92,9 @@ class _Mcap(McapReader):
         size, end = self.path.stat().st_size, self.data_start
         while True:
             self.bio.seek(end)
-            head = self.bio.read(_STEP)
-            following = end + _STEP + int.from_bytes(head[1:], "little")
-            if len(head) < _STEP or following > size:
+            head = self.bio.read(_RECORD_HEADER_BYTES)
+            following = end + _RECORD_HEADER_BYTES + int.from_bytes(head[1:], "little")
+            if len(head) < _RECORD_HEADER_BYTES or following > size:
                 return end
             end = following
 
@@ -155,7 +155,7 @@ class _Sqlite(Sqlite3Reader):
         database = sqlite3.connect(f"file:{quote(str(self._file))}?mode=ro&immutable=1", uri=True)
         database.execute("PRAGMA trusted_schema = OFF")
         database.execute("PRAGMA writable_schema = ON")  # required to open a truncated database
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_VALUE_BYTES)
         return database
 
 
@@ -163,9 +163,9 @@ def _missing_pages(path: Path) -> str:
     """Message about missing pages of a database; empty if it is complete. Source: sqlite.org/fileformat.html."""
     with path.open("rb") as file:
         head = file.read(32)
-    page, said = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
-    there = path.stat().st_size // (2**16 if page == 1 else max(page, 1))
-    return f"{there} of {said} pages are there" if there < said else ""
+    page, stated = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
+    present = path.stat().st_size // (2**16 if page == 1 else max(page, 1))
+    return f"{present} of {stated} pages are there" if present < stated else ""
 
 
 def _check_tables(database: sqlite3.Connection) -> None:

@@ -10,24 +10,25 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.cell import PixelObservation, PoseObservation, RobotState
+from basecal.cell.journal.recording_file import MOST_SAMPLES
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.bags.bag import Bag, message_time
 from basecal.exchange.bags.images import image_file
-from basecal.exchange.bags.sources import Taken
+from basecal.exchange.bags.sources import BagSources
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.exchange.importing.imported import Row
 from basecal.geometry import Array
 
-_MOST_ROWS = 200_000  # largest number of samples in a recording
-_AROUND_S = 0.15  # before and after an image robots must be at rest: longer than a camera's latency
-_MOST_APART_S = 0.25  # to the nearest record before or after an image: within a longer gap a robot may move
+_REST_MARGIN_S = 0.15  # before and after an image robots must be at rest: longer than a camera's latency
+_LARGEST_GAP_S = 0.25  # to the nearest record before or after an image: within a longer gap a robot may move
 _STILL_RAD_M = 1e-4  # largest spread of states at rest [m, rad]: 0.1 mm at one metre
-_BEYOND_NOISE = 8.0  # largest spread in sigmas of the states' noise: the spread of 75 states is five
-_MOST_NOISE = 5e-4  # largest plausible noise of recorded states [m, rad]
-_SAME_STOP = 1e-3  # from the start of a stop [m, rad]: distinct stops are further apart
+_LARGEST_SPREAD_SIGMAS = 8.0  # largest spread in sigmas of the states' noise: the spread of 75 states is five
+_LARGEST_NOISE = 5e-4  # largest plausible noise of recorded states [m, rad]
+_STOP_TOLERANCE = 1e-3  # from the start of a stop [m, rad]: distinct stops are further apart
 _SECOND_DIFFERENCE = np.sqrt(6.0)  # sigma of a second difference in units of a state's sigma
 
 Channel = str | tuple[str, str]
+"""A camera with images, or a camera and the target that it views."""
 
 
 def still_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
@@ -53,54 +54,56 @@ def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
         for name, track in tracks.robots.items()
         for k, time in enumerate(track.times)
     ]
-    found += [Instant(look.stamp_s, {}, (look,)) for look in collect_looks(tracks)]
-    if len(found) > _MOST_ROWS:
-        raise InputError(f"{path}: {len(found)} lines, expected at most {_MOST_ROWS}: cut it, as by `ros2 bag convert`")
+    found += [Instant(entry.stamp_s, {}, (entry,)) for entry in collect_entries(tracks)]
+    if len(found) > MOST_SAMPLES:
+        raise InputError(
+            f"{path}: {len(found)} lines, expected at most {MOST_SAMPLES}: cut it, as by `ros2 bag convert`"
+        )
     return tuple(sorted(found, key=lambda instant: instant.stamp_s))
 
 
-def write_images(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: Path) -> dict[Look, Path]:
+def write_images(bag: Bag, sources: BagSources, instants: Sequence[Instant], folder: Path) -> dict[ChannelEntry, Path]:
     """Write the images of instants into a folder, one at a time, named by their time stamps; return their paths.
 
     Raises:
         InputError: if an image cannot be read or written.
     """
-    looks = {look for instant in instants for look in instant.looks if isinstance(look.channel, str)}
-    wanted = {(look.channel, look.place): look for look in looks}
+    entries = {entry for instant in instants for entry in instant.entries if isinstance(entry.channel, str)}
+    entries_by_position = {(entry.channel, entry.position): entry for entry in entries}
     written = {}
     cameras = {source.topic: name for name, source in sources.cameras.items()}
-    seen = dict.fromkeys(cameras.values(), 0)
+    next_position = dict.fromkeys(cameras.values(), 0)
     for message in bag.read(cameras):
         camera = cameras[message.topic.name]
-        look = wanted.get((camera, seen[camera]))
-        seen[camera] += 1
-        if look is None:
+        entry = entries_by_position.get((camera, next_position[camera]))
+        next_position[camera] += 1
+        if entry is None:
             continue
-        if message_time(message.data.header, message.recorded_s) != look.stamp_s:
+        if message_time(message.data.header, message.recorded_s) != entry.stamp_s:
             raise DatasetError(bag.path, f"{message.topic.name} was read in another order than before")
         image = image_file(message, bag.path)
-        written[look] = folder / camera / f"{look.stamp_s:.6f}{image.ending}"
-        written[look].parent.mkdir(exist_ok=True)
-        written[look].write_bytes(image.content)
-    for look in looks - written.keys():
-        raise InputError(f"an image of {look.channel} at {look.stamp_s:.6f} s is missing when the bag is read again")
+        written[entry] = folder / camera / f"{entry.stamp_s:.6f}{image.ending}"
+        written[entry].parent.mkdir(exist_ok=True)
+        written[entry].write_bytes(image.content)
+    for entry in entries - written.keys():
+        raise InputError(f"an image of {entry.channel} at {entry.stamp_s:.6f} s is missing when the bag is read again")
     return written
 
 
-def make_rows(tracks: Tracks, instants: Sequence[Instant], paths: Mapping[Look, Path]) -> Iterator[Row]:
+def make_rows(tracks: Tracks, instants: Sequence[Instant], paths: Mapping[ChannelEntry, Path]) -> Iterator[Row]:
     """Create a row per instant, with the paths of its images."""
     for instant in instants:
         images: dict[str, Path] = {}
         views: list[PoseObservation | PixelObservation] = []
-        for look in instant.looks:
-            if isinstance(look.channel, str):
-                images[look.channel] = paths[look]
+        for entry in instant.entries:
+            if isinstance(entry.channel, str):
+                images[entry.channel] = paths[entry]
                 continue
-            view = tracks.views[look.channel]
+            view = tracks.views[entry.channel]
             if view.tags is not None:
-                views.append(PixelObservation(*look.channel, *view.tags[look.place]))
+                views.append(PixelObservation(*entry.channel, *view.tags[entry.position]))
             elif view.poses is not None:
-                views.append(PoseObservation(*look.channel, view.poses[look.place]))
+                views.append(PoseObservation(*entry.channel, view.poses[entry.position]))
         yield Row(instant.robots, tuple(views), images, stamp_s=instant.stamp_s)
 
 
@@ -111,11 +114,11 @@ def _state(track: Track, k: int) -> RobotState:
     return RobotState(track.poses[k])
 
 
-class Look(NamedTuple):
-    """An image of a camera or a view of a target: its channel, index in the channel, and time stamp [s]."""
+class ChannelEntry(NamedTuple):
+    """An image of a camera or a view of a target: its channel, its position in the channel, and its time stamp [s]."""
 
     channel: Channel
-    place: int
+    position: int
     stamp_s: float
 
 
@@ -125,18 +128,18 @@ class Instant:
 
     stamp_s: float
     robots: Mapping[str, RobotState]
-    looks: tuple[Look, ...] = ()
+    entries: tuple[ChannelEntry, ...] = ()
 
 
-def collect_looks(tracks: Tracks) -> list[Look]:
+def collect_entries(tracks: Tracks) -> list[ChannelEntry]:
     """All images and views, sorted by time; of images of a camera with the same time only the first."""
     times: dict[Channel, Array] = {key: view.times for key, view in tracks.views.items()}
     times.update(tracks.images)
     found = []
     for channel, stamps in times.items():
         _, first = np.unique(stamps, return_index=True)
-        found += [Look(channel, int(k), float(stamps[k])) for k in first]
-    return sorted(found, key=lambda look: look.stamp_s)
+        found += [ChannelEntry(channel, int(k), float(stamps[k])) for k in first]
+    return sorted(found, key=lambda entry: entry.stamp_s)
 
 
 def find_stops(tracks: Tracks) -> tuple[Instant, ...]:
@@ -146,15 +149,15 @@ def find_stops(tracks: Tracks) -> tuple[Instant, ...]:
     the first of these.
     """
     stops = []
-    for looks in _standing(tracks, collect_looks(tracks)):
-        middle = (looks[0].stamp_s + looks[-1].stamp_s) / 2
-        nearest: dict[Channel, Look] = {}
-        for look in sorted(looks, key=lambda look: abs(look.stamp_s - middle)):
-            nearest.setdefault(look.channel, look)
+    for entries in _entries_by_stop(tracks, collect_entries(tracks)):
+        middle = (entries[0].stamp_s + entries[-1].stamp_s) / 2
+        nearest: dict[Channel, ChannelEntry] = {}
+        for entry in sorted(entries, key=lambda entry: abs(entry.stamp_s - middle)):
+            nearest.setdefault(entry.channel, entry)
         chosen = tuple(nearest.values())
         robots = {}
         for name, track in tracks.robots.items():
-            values = _standing_state(track, chosen[0].stamp_s)
+            values = _state_at_rest(track, chosen[0].stamp_s)
             assert values is not None
             robots[name] = _state(track, 0).with_vector(values)
         stops.append(Instant(chosen[0].stamp_s, robots, chosen))
@@ -163,51 +166,54 @@ def find_stops(tracks: Tracks) -> tuple[Instant, ...]:
 
 def explain_no_stop(tracks: Tracks) -> str:
     """Message about the absence of stops, with its cause and a fix."""
-    if not collect_looks(tracks):
+    if not collect_entries(tracks):
         return "there is no image, and no --view names a topic of poses or tags: --list shows the topics"
     do = "--streams imports all data in motion, each device with its own clock"
-    rare = [name for name, track in tracks.robots.items() if _usual_gap(track) > _MOST_APART_S]
+    rare = [name for name, track in tracks.robots.items() if _usual_gap(track) > _LARGEST_GAP_S]
     if rare:
         gap = _usual_gap(tracks.robots[rare[0]])
-        return f"{rare[0]} was recorded every {gap:.2g} s; {_MOST_APART_S} s or less is needed to detect stops: {do}"
-    return f"no robot is at rest for {2 * _AROUND_S} s around an image: {do}"
+        return f"{rare[0]} was recorded every {gap:.2g} s; {_LARGEST_GAP_S} s or less is needed to detect stops: {do}"
+    return f"the robots are never all at rest for {2 * _REST_MARGIN_S} s around an image: {do}"
 
 
 def _usual_gap(track: Track) -> float:
     return float(np.median(np.diff(track.times))) if len(track.times) > 1 else np.inf
 
 
-def _standing(tracks: Tracks, looks: Sequence[Look]) -> Iterator[list[Look]]:
-    """Images and views of each stop."""
-    stop: list[Look] = []
-    began: dict[str, Array] = {}
-    for look in looks:
-        states = {name: _standing_state(track, look.stamp_s) for name, track in tracks.robots.items()}
-        stood = {name: state for name, state in states.items() if state is not None}
-        is_still = len(stood) == len(states)
-        if stop and not (is_still and all(np.abs(stood[n] - began[n]).max() < _SAME_STOP for n in stood)):
+def _entries_by_stop(tracks: Tracks, entries: Sequence[ChannelEntry]) -> Iterator[list[ChannelEntry]]:
+    """Images and views of each stop of all robots."""
+    stop: list[ChannelEntry] = []
+    first_states: dict[str, Array] = {}
+    for entry in entries:
+        states = {name: _state_at_rest(track, entry.stamp_s) for name, track in tracks.robots.items()}
+        at_rest = {name: state for name, state in states.items() if state is not None}
+        is_still = len(at_rest) == len(states)
+        is_same_stop = is_still and all(
+            np.abs(state - first_states.get(name, state)).max() < _STOP_TOLERANCE for name, state in at_rest.items()
+        )
+        if stop and not is_same_stop:
             yield stop
             stop = []
         if is_still:
-            began = began if stop else stood
-            stop.append(look)
+            first_states = first_states if stop else at_rest
+            stop.append(entry)
     if stop:
         yield stop
 
 
-def _standing_state(track: Track, time: float) -> Array | None:
+def _state_at_rest(track: Track, time: float) -> Array | None:
     """Mean of the states around a time, (k,); None if they differ by more than their noise, or are missing."""
     times = track.times
-    if time - _AROUND_S < times[0] or time + _AROUND_S > times[-1]:
+    if time - _REST_MARGIN_S < times[0] or time + _REST_MARGIN_S > times[-1]:
         return None
     before, after = int(np.searchsorted(times, time, side="right")) - 1, int(np.searchsorted(times, time))
-    if max(time - times[before], times[after] - time) > _MOST_APART_S:
+    if max(time - times[before], times[after] - time) > _LARGEST_GAP_S:
         return None
-    low = min(before, int(np.searchsorted(times, time - _AROUND_S)))
-    high = max(after, int(np.searchsorted(times, time + _AROUND_S, side="right")) - 1)
+    low = min(before, int(np.searchsorted(times, time - _REST_MARGIN_S)))
+    high = max(after, int(np.searchsorted(times, time + _REST_MARGIN_S, side="right")) - 1)
     values = _vectors(track, slice(low, high + 1))
     noise = np.diff(values, n=2, axis=0).std(axis=0) / _SECOND_DIFFERENCE if len(values) > 3 else np.zeros(1)
-    allowed = np.maximum(_STILL_RAD_M, _BEYOND_NOISE * np.minimum(noise, _MOST_NOISE))
+    allowed = np.maximum(_STILL_RAD_M, _LARGEST_SPREAD_SIGMAS * np.minimum(noise, _LARGEST_NOISE))
     return None if np.any(np.ptp(values, axis=0) > allowed) else np.asarray(values.mean(axis=0))
 
 

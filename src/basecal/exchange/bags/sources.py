@@ -73,8 +73,8 @@ class ByJoints:
     urdf: str | None = None
 
     def __str__(self) -> str:
-        by = "the cell's URDF" if self.urdf is None else f"the URDF of {self.urdf}"
-        return f"{self.topic}, {len(self.chain.joint_names)} joints from {self.base} to {self.flange} by {by}"
+        urdf = "the cell's URDF" if self.urdf is None else f"the URDF of {self.urdf}"
+        return f"{self.topic}, {len(self.chain.joint_names)} joints from {self.base} to {self.flange} by {urdf}"
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class CameraSource:
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class BagSources:
     """Selected sources of a bag: robots and cameras by name, views of targets by camera and target."""
 
     robots: Mapping[str, ByFrames | ByPoses | ByJoints] = field(default_factory=dict)
@@ -112,7 +112,7 @@ class Taken:
 
 
 @dataclass(frozen=True)
-class Asked:
+class BagRequest:
     """Sources of a bag requested by the user; empty fields are found automatically.
 
     Attributes:

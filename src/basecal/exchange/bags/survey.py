@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.errors import DatasetError
 from basecal.exchange.bags.bag import CAMERA_INFO, COMPRESSED, IMAGE, JOINTS, TEXT, TF, Bag, Topic
-from basecal.exchange.bags.frames import Hang, Tree, transform_values
+from basecal.exchange.bags.frames import FrameTransform, Tree, transform_values
 
 _STATIC = "tf_static"
 _DESCRIPTION = "robot_description"
@@ -65,19 +65,19 @@ def survey_bag(bag: Bag) -> Survey:
 
 def _tree(bag: Bag) -> Tree:
     """Read the tree of frames; a frame moves if its transform differs between messages."""
-    hangs: dict[str, Hang] = {}
+    transforms: dict[str, FrameTransform] = {}
     for message in bag.read(topic.name for topic in bag.topics_of_type(TF)):
         is_timed = not message.topic.name.endswith(_STATIC)
         for each in message.data.transforms:
-            child, parent = plain(each.child_frame_id), plain(each.header.frame_id)
-            known = hangs.get(child)
+            child, parent = plain_frame(each.child_frame_id), plain_frame(each.header.frame_id)
+            known = transforms.get(child)
             if known is None:
-                hangs[child] = Hang(parent, transform_values(each.transform), True, is_timed)
+                transforms[child] = FrameTransform(parent, transform_values(each.transform), True, is_timed)
             elif known.is_fixed and is_timed and not np.array_equal(transform_values(each.transform), known.values):
-                hangs[child] = known._replace(is_fixed=False, is_timed=True)
-    return Tree(hangs)
+                transforms[child] = known._replace(is_fixed=False, is_timed=True)
+    return Tree(transforms)
 
 
-def plain(frame: str) -> str:
+def plain_frame(frame: str) -> str:
     """A frame's name without the leading slash that tf of ROS 1 used."""
     return frame.removeprefix("/")

@@ -46,7 +46,7 @@ DEFINITIONS = {
 }
 """Message definitions by type, in the format of the library for bags."""
 
-_PLACES = (1, 0, 3, 2)  # indices of the detector's corners, clockwise from OpenCV's top left
+_CORNER_ORDER = (1, 0, 3, 2)  # indices of the detector's corners, clockwise from OpenCV's top left
 _HALF_PX = 0.5  # from the corner of the first pixel to its centre
 
 _CORNERS_IN_TAG = np.array([[1, -1, 0], [-1, -1, 0], [-1, 1, 0], [1, 1, 0]])  # clockwise as OpenCV draws them
@@ -71,7 +71,7 @@ def tag_corners(message: Any, tags: Tags) -> SeenTags | None:
     found = [each for each in message.detections if each.id in rows and tags.family.endswith(each.family)]
     if not found or len({each.id for each in found}) < len(found):
         return None
-    pixels = [[(each.corners[k].x, each.corners[k].y) for k in _PLACES] for each in found]
+    pixels = [[(each.corners[k].x, each.corners[k].y) for k in _CORNER_ORDER] for each in found]
     corners = np.array(pixels, dtype=np.float64).reshape(-1, 2) - _HALF_PX
     ids = np.concatenate([rows[each.id] for each in found])
     return SeenTags(ids, corners) if np.all(np.abs(corners) <= LARGEST_VALUE) else None

@@ -14,8 +14,8 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import TF, Bag, Message, message_time
 from basecal.exchange.bags.frames import Tree, compose_path, pose_from_values, pose_values, transform_values
-from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, Taken
-from basecal.exchange.bags.survey import Survey, plain
+from basecal.exchange.bags.sources import BagSources, ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags
+from basecal.exchange.bags.survey import Survey, plain_frame
 from basecal.exchange.bags.tags import SeenTags, tag_corners
 from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3, Array
@@ -62,7 +62,7 @@ class Tracks:
 
 
 @dataclass(eq=False)
-class _Gathered:
+class _Buffer:
     """Buffer of the times and values of one source."""
 
     width: int
@@ -81,7 +81,7 @@ class _Gathered:
         return times, np.array(self.values).reshape(-1, self.width)[first]
 
 
-def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
+def read_tracks(bag: Bag, survey: Survey, selection: BagSources) -> Tracks:
     """Read the tracks of all selected sources.
 
     Raises:
@@ -90,20 +90,20 @@ def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
     listeners: _Listeners = defaultdict(list)
     sources: dict[str | tuple[str, str], _Source] = dict(selection.robots.items())
     sources.update({key: view for key, view in selection.views.items() if not isinstance(view, ByTags)})
-    seen: dict[tuple[str, str], dict[float, SeenTags]] = {}
+    tags_by_time: dict[tuple[str, str], dict[float, SeenTags]] = {}
     for key, view in selection.views.items():
         if isinstance(view, ByTags):
-            seen[key] = {}
-            listeners[view.topic].append(_listener(partial(tag_corners, tags=view.tags), seen[key].__setitem__))
-    gathered = {key: _collector(bag, survey.tree, source, listeners) for key, source in sources.items()}
+            tags_by_time[key] = {}
+            listeners[view.topic].append(_listener(partial(tag_corners, tags=view.tags), tags_by_time[key].__setitem__))
+    buffers = {key: _collector(bag, survey.tree, source, listeners) for key, source in sources.items()}
     images = {name: array("d") for name in selection.cameras}
     for name, camera in selection.cameras.items():
         listeners[camera.topic].append(_listener(lambda message: message, partial(_keep_time, images[name])))
     for message in bag.read(listeners):
         for listener in listeners[message.topic.name]:
             listener(message)
-    tracks = {key: _track(bag.path, survey.tree, key, source, gathered[key]) for key, source in sources.items()}
-    tags = {key: _tags(bag.path, key, selection.views[key], found) for key, found in seen.items()}
+    tracks = {key: _track(bag.path, survey.tree, key, source, buffers[key]) for key, source in sources.items()}
+    tags = {key: _tags(bag.path, key, selection.views[key], found) for key, found in tags_by_time.items()}
     return Tracks(
         {name: tracks[name] for name in selection.robots},
         {key: tags[key] if key in tags else tracks[key] for key in selection.views},
@@ -111,14 +111,14 @@ def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
     )
 
 
-def _collector(bag: Bag, tree: Tree, source: _Source, listeners: _Listeners) -> _Gathered:
+def _collector(bag: Bag, tree: Tree, source: _Source, listeners: _Listeners) -> _Buffer:
     """Register listeners for a source's messages, and return their buffer."""
     if isinstance(source, ByFrames):
         moving = _moving_frames(tree, source)
-        found = _Gathered(7 * len(moving))
+        buffer = _Buffer(7 * len(moving))
         for topic in bag.topics_of_type(TF):
-            listeners[topic.name].append(_frame_listener(found, moving))
-        return found
+            listeners[topic.name].append(_frame_listener(buffer, moving))
+        return buffer
     read: Callable[[Any], Array | None]
     if isinstance(source, ByPoses):
         width, read = 7, _stamped_pose
@@ -126,36 +126,36 @@ def _collector(bag: Bag, tree: Tree, source: _Source, listeners: _Listeners) -> 
         width, read = 8, source.frames.nearest_tag
     else:
         width, read = len(source.chain.joint_names), partial(_joint_values, source.chain.joint_names)
-    found = _Gathered(width)
-    listeners[source.topic].append(_listener(read, found.add))
-    return found
+    buffer = _Buffer(width)
+    listeners[source.topic].append(_listener(read, buffer.add))
+    return buffer
 
 
 def _moving_frames(tree: Tree, source: ByFrames) -> list[str]:
     """Frames on a source's path that move; if none moves, one that /tf reports repeatedly."""
-    children = [step.child for step in tree.way(source.parent, source.child)]
-    moving = [child for child in children if not tree.hangs[child].is_fixed]
-    timed = [child for child in children if tree.hangs[child].is_timed]
+    children = [step.child for step in tree.path(source.parent, source.child)]
+    moving = [child for child in children if not tree.transforms[child].is_fixed]
+    timed = [child for child in children if tree.transforms[child].is_timed]
     if not moving and not timed:
         raise InputError(f"{source}: only /tf_static connects these frames, without times: choose other frames")
     return moving or timed[:1]
 
 
-def _frame_listener(collection: _Gathered, moving: list[str]) -> Callable[[Message], None]:
+def _frame_listener(buffer: _Buffer, moving: list[str]) -> Callable[[Message], None]:
     """Create a listener to /tf that stores times at which all moving frames are reported."""
     latest: dict[str, tuple[tuple[int, int], Array]] = {}
 
     def listen(message: Message) -> None:
         """Store the transforms once all moving frames have the same time stamp."""
         for each in message.data.transforms:
-            child = plain(each.child_frame_id)
+            child = plain_frame(each.child_frame_id)
             if child not in moving:
                 continue
             stamp = each.header.stamp
             latest[child] = (stamp.sec, stamp.nanosec), transform_values(each.transform)
             if len(latest) == len(moving) and len({time for time, _ in latest.values()}) == 1:
                 values = np.concatenate([latest[child][1] for child in moving])
-                collection.add(message_time(each.header, message.recorded_s), values)
+                buffer.add(message_time(each.header, message.recorded_s), values)
 
     return listen
 
@@ -182,10 +182,10 @@ def _keep_time(times: array[float], time: float, _: object) -> None:
 
 def _joint_values(names: tuple[str, ...], message: Any) -> Array | None:
     """Joint values in the order of `names`; None if a joint is missing."""
-    place = {name: k for k, name in enumerate(message.name)}
-    if not all(name in place and place[name] < len(message.position) for name in names):
+    index = {name: k for k, name in enumerate(message.name)}
+    if not all(name in index and index[name] < len(message.position) for name in names):
         return None
-    return np.array([message.position[place[name]] for name in names], dtype=np.float64)
+    return np.array([message.position[index[name]] for name in names], dtype=np.float64)
 
 
 def _tags(path: str, key: tuple[str, str], source: object, by_time: Mapping[float, SeenTags]) -> Track:
@@ -195,21 +195,21 @@ def _tags(path: str, key: tuple[str, str], source: object, by_time: Mapping[floa
     return Track(np.array(times), tags=tuple(by_time[time] for time in times))
 
 
-def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, collection: _Gathered) -> Track:
+def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, buffer: _Buffer) -> Track:
     name = key if isinstance(key, str) else " seen by ".join(reversed(key))
-    if not collection.times:
+    if not buffer.times:
         why = "its frames never share a time stamp" if isinstance(source, ByFrames) else "no message holds its pose"
         raise InputError(f"{path}: {name}: {source}: {why}")
-    times, values = collection.arrays()
-    about = f"{path}: {name}: {source}"
+    times, values = buffer.arrays()
+    subject = f"{path}: {name}: {source}"
     if not np.all(np.abs(values) <= LARGEST_VALUE):
-        raise InputError(f"{about}: not all numbers are finite, and within {LARGEST_VALUE:g}")
+        raise InputError(f"{subject}: not all numbers are finite, and within {LARGEST_VALUE:g}")
     if isinstance(source, ByJoints):
         return Track(times, joints=values)
     if isinstance(source, ByPoses):
-        return Track(times, pose_from_values(values, about))
+        return Track(times, pose_from_values(values, subject))
     if isinstance(source, ByTagPoses):
-        return Track(times, source.frames.target_poses(pose_from_values(values[:, :7], about), values[:, 7]))
+        return Track(times, source.frames.target_poses(pose_from_values(values[:, :7], subject), values[:, 7]))
     moving = _moving_frames(tree, source)
-    moved = {child: values[:, 7 * k : 7 * k + 7] for k, child in enumerate(moving)}
-    return Track(times, compose_path(tree, tree.way(source.parent, source.child), moved, about))
+    motions = {child: values[:, 7 * k : 7 * k + 7] for k, child in enumerate(moving)}
+    return Track(times, compose_path(tree, tree.path(source.parent, source.child), motions, subject))

@@ -26,12 +26,12 @@ class RotationForm:
 
     Attributes:
         read: Function from numbers (..., k) to rotation matrices (..., 3, 3); angles in radians.
-        written: Inverse function, from rotation matrices to numbers.
+        to_numbers: Inverse function, from rotation matrices to numbers.
         words: Description of the numbers.
     """
 
     read: Callable[[Array], Array]
-    written: Callable[[Array], Array]
+    to_numbers: Callable[[Array], Array]
     words: str
 
 
@@ -62,7 +62,7 @@ class Convention:
 
     def to_numbers(self, pose: SE3) -> Array:
         """Convert poses, (...), to numbers, (..., 6 or 7)."""
-        rotation = self.form.written(pose.rotation) / self.angle
+        rotation = self.form.to_numbers(pose.rotation) / self.angle
         return np.concatenate([pose.translation / self.length, rotation], -1)
 
 
@@ -100,8 +100,8 @@ class MatrixConvention:
     def to_numbers(self, pose: SE3) -> Array:
         """Convert poses, (...), to numbers, (..., 16)."""
         matrix = SE3(pose.rotation, pose.translation / self.length).matrix
-        whole = matrix.mT if self.is_by_columns else matrix
-        return whole.reshape(*whole.shape[:-2], 16)
+        ordered = matrix.mT if self.is_by_columns else matrix
+        return ordered.reshape(*ordered.shape[:-2], 16)
 
 
 def _is_homogeneous(matrix: Array) -> bool:

@@ -8,12 +8,12 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.exchange.exports.cameras import choose_camera, exported_camera
-from basecal.exchange.exports.exporter import Exporter, Wanted, comments, yaml_word
+from basecal.exchange.exports.exporter import Exporter, ExportRequest, comments, yaml_word
 from basecal.exchange.lens_files.camera_info import ros_lens
 from basecal.geometry import Array
 
 
-def export_text(request: Wanted) -> str:
+def export_text(request: ExportRequest) -> str:
     """Format a file for `camera_info_url`, without rectification, and with the lens as the projection.
 
     Raises:
@@ -47,4 +47,4 @@ def _matrix(name: str, values: Array) -> list[str]:
     return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: {data}"]
 
 
-EXPORTER = Exporter("with --camera: its lens as a calibration file of ROS", export_text, takes=("camera",))
+EXPORTER = Exporter("with --camera: its lens as a calibration file of ROS", export_text, options=("camera",))

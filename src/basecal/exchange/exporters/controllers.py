@@ -9,7 +9,7 @@ from basecal.cell import Calibration, Cell, Robot
 from basecal.errors import InputError
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import chosen_transforms
-from basecal.exchange.exports.exporter import NamedTransform, Wanted, check_exportable, provenance
+from basecal.exchange.exports.exporter import ExportRequest, NamedTransform, check_exportable, provenance
 
 
 def controllers_text(calibration: Calibration, cell: Cell, transform: str | None = None, run: str | None = None) -> str:
@@ -30,11 +30,10 @@ def controllers_text(calibration: Calibration, cell: Cell, transform: str | None
     remarks = provenance(calibration, run)
     texts = []
     for robot in cell.robots.values():
-        held = tuple(_own_transforms(robot, calibration, cell, transform))
-        if held:
-            kind = controller_kind(robot)
-            wanted = Wanted(held, (*remarks, recorded_frame(robot)), calibration, cell)
-            texts.append(EXPORTERS[kind].text(wanted))
+        transforms = tuple(_own_transforms(robot, calibration, cell, transform))
+        if transforms:
+            request = ExportRequest(transforms, (*remarks, recorded_frame(robot)), calibration, cell)
+            texts.append(EXPORTERS[controller_kind(robot)].text(request))
     if not texts:
         raise InputError("no transform is in the base or flange of a robot: give --to, and --transform")
     return "\n".join(texts)
@@ -50,10 +49,10 @@ def controller_kind(robot: Robot) -> str:
 def recorded_frame(robot: Robot) -> str:
     """Remark on the controller's frames in which the poses of a robot were recorded."""
     base, tool = robot.controller.get("base"), robot.controller.get("tool")
-    own = robot.frames.get("base", f"{robot.name}_base")
-    frame = f"{own}, its base: no other was stated" if base is None else f"{base}, which is {own} here"
-    of_tool = "" if tool is None else f"; {robot.name}_flange is {tool}"
-    return f"for {robot.name}, in the frame that its poses were recorded in: {frame}{of_tool}"
+    own_base = robot.frames.get("base", f"{robot.name}_base")
+    base_text = f"{own_base}, its base: no other was stated" if base is None else f"{base}, which is {own_base} here"
+    tool_text = "" if tool is None else f"; {robot.name}_flange is {tool}"
+    return f"for {robot.name}, in the frame that its poses were recorded in: {base_text}{tool_text}"
 
 
 def _own_transforms(
@@ -61,10 +60,10 @@ def _own_transforms(
 ) -> Iterator[NamedTransform]:
     """Transforms whose parent is a frame of the robot; transforms between bases are inverted if necessary."""
     own = (f"{robot.name}_base", f"{robot.name}_flange")
-    for one in chosen_transforms(calibration, cell, transform):
-        parent, child = one.own_frames
+    for chosen in chosen_transforms(calibration, cell, transform):
+        parent, child = chosen.own_frames
         if parent in own:
-            yield one
+            yield chosen
         elif child == own[0] and parent.endswith("_base"):
-            (turned,) = chosen_transforms(calibration, cell, f"{child}_from_{parent}")
-            yield replace(turned, status=one.status)
+            (inverse,) = chosen_transforms(calibration, cell, f"{child}_from_{parent}")
+            yield replace(inverse, status=chosen.status)

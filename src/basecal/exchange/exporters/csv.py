@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from basecal.exchange.exports.exporter import Exporter, Wanted, csv_row
+from basecal.exchange.exports.exporter import Exporter, ExportRequest, csv_row
 
 _HEADER = (
     *("name", "parent", "child", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"),
@@ -10,15 +10,15 @@ _HEADER = (
 )
 
 
-def export_text(request: Wanted) -> str:
+def export_text(request: ExportRequest) -> str:
     """Format comma-separated values with a header; the last column has the source, since CSV has no comments."""
     rows = [csv_row(_HEADER)]
-    for one in request.transforms:
-        mean, estimate = one.estimate.mean, one.estimate
-        numbers = [*mean.translation, *mean.quaternion, *estimate.sigma_t, *estimate.sigma_r]
-        written = [repr(float(number) + 0.0) for number in numbers]
-        origin = [one.status, "; ".join(request.remarks)]
-        rows.append(csv_row([one.name, one.parent, one.child], [*written, *origin]))
+    for transform in request.transforms:
+        mean, estimate = transform.estimate.mean, transform.estimate
+        values = [*mean.translation, *mean.quaternion, *estimate.sigma_t, *estimate.sigma_r]
+        numbers = [repr(float(value) + 0.0) for value in values]
+        source = [transform.status, "; ".join(request.remarks)]
+        rows.append(csv_row([transform.name, transform.parent, transform.child], [*numbers, *source]))
     return "\n".join(rows) + "\n"
 
 

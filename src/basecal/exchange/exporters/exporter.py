@@ -9,7 +9,7 @@ from basecal.cell import Calibration, Cell
 from basecal.errors import FrameNotFound, InputError, check_type
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import both_directions, chosen_transforms
-from basecal.exchange.exports.exporter import Wanted, check_exportable, provenance
+from basecal.exchange.exports.exporter import ExportRequest, check_exportable, provenance
 
 
 def export(
@@ -52,20 +52,22 @@ def export(
     if kind not in EXPORTERS:
         raise FrameNotFound(kind, list(EXPORTERS))
     check_exportable(calibration)
-    found = EXPORTERS[kind]
-    named = {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint}
-    for option, value in named.items():
-        if value and option not in found.takes:
-            raise InputError(f"{kind} takes a {' or a '.join(found.takes)}, not a {option}")
-    of_transforms = "transform" in found.takes and robot is None and camera is None
-    transforms = chosen_transforms(calibration, cell, transform) if of_transforms else ()
+    exporter = EXPORTERS[kind]
+    given = {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint}
+    for option, value in given.items():
+        if value and option not in exporter.options:
+            raise InputError(f"{kind} takes a {' or a '.join(exporter.options)}, not a {option}")
+    has_transforms = "transform" in exporter.options and robot is None and camera is None
+    transforms = chosen_transforms(calibration, cell, transform) if has_transforms else ()
     remarks = provenance(calibration, run)
-    urdfs, place = tuple(map(Path, urdf)), None if folder is None else Path(folder)
-    return found.text(Wanted(transforms, remarks, calibration, cell, place, robot, camera, urdfs, joint))
+    urdfs, cell_folder = tuple(map(Path, urdf)), None if folder is None else Path(folder)
+    return exporter.text(
+        ExportRequest(transforms, remarks, calibration, cell, cell_folder, robot, camera, urdfs, joint)
+    )
 
 
 def pasteable(calibration: Calibration, cell: Cell | None = None, run: str | None = None) -> dict[str, dict[str, str]]:
-    """Texts to paste, by transform in both directions, then by kind; empty for a refused calibration.
+    """Texts to paste by transform, in both directions, and by kind; empty for a refused calibration.
 
     Raises:
         InputError: if the argument is not a calibration.
@@ -74,8 +76,9 @@ def pasteable(calibration: Calibration, cell: Cell | None = None, run: str | Non
     if calibration.verdict == "refused":
         return {}
     remarks = provenance(calibration, run)
-    kinds = {kind: found for kind, found in EXPORTERS.items() if found.is_pasted}
-    return {
-        one.name: {kind: found.text(Wanted((one,), remarks, calibration, cell)) for kind, found in kinds.items()}
-        for one in both_directions(calibration, cell)
-    }
+    requests = (
+        (transform.name, ExportRequest((transform,), remarks, calibration, cell))
+        for transform in both_directions(calibration, cell)
+    )
+    exporters = {kind: exporter for kind, exporter in EXPORTERS.items() if exporter.is_pasted}
+    return {name: {kind: each.text(request) for kind, each in exporters.items()} for name, request in requests}

@@ -5,22 +5,22 @@ from __future__ import annotations
 import json
 
 from basecal.cell.format.plain import numbers
-from basecal.exchange.exports.exporter import Exporter, Wanted
+from basecal.exchange.exports.exporter import Exporter, ExportRequest
 
 
-def export_text(request: Wanted) -> str:
+def export_text(request: ExportRequest) -> str:
     """Format a JSON object with `transforms` by name, the verdict and the source."""
     transforms = {
-        one.name: {
-            "parent": one.parent,
-            "child": one.child,
-            "t_m": numbers(one.estimate.mean.translation),
-            "q_xyzw": numbers(one.estimate.mean.quaternion),
-            "matrix": numbers(one.estimate.mean.matrix),
-            "covariance": numbers(one.estimate.covariance),
-            "status": one.status,
+        transform.name: {
+            "parent": transform.parent,
+            "child": transform.child,
+            "t_m": numbers(transform.estimate.mean.translation),
+            "q_xyzw": numbers(transform.estimate.mean.quaternion),
+            "matrix": numbers(transform.estimate.mean.matrix),
+            "covariance": numbers(transform.estimate.covariance),
+            "status": transform.status,
         }
-        for one in request.transforms
+        for transform in request.transforms
     }
     data = {"transforms": transforms, "verdict": request.calibration.verdict, "from": list(request.remarks)}
     return json.dumps(data, indent=1, allow_nan=False) + "\n"

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from basecal.exchange.exporters.pendants import pasted_lines
+from basecal.exchange.exporters.pendants import line_exporter
 from basecal.exchange.exports.digits import format_decimals, length_decimals, unit_decimals
-from basecal.exchange.exports.exporter import NamedTransform, Wanted
+from basecal.exchange.exports.exporter import ExportRequest, NamedTransform
 
 
-def matrix_lines(one: NamedTransform, request: Wanted) -> list[str]:
+def matrix_lines(transform: NamedTransform, request: ExportRequest) -> list[str]:
     """Format the rows of a transform's matrix."""
-    turned = [format_decimals(row, unit_decimals(one.estimate)) for row in one.estimate.mean.rotation]
-    places = format_decimals(one.estimate.mean.translation, length_decimals(one.estimate, 1.0))
-    return [*(" ".join([*row, place]) for row, place in zip(turned, places, strict=True)), "0 0 0 1"]
+    estimate = transform.estimate
+    rotation = [format_decimals(row, unit_decimals(estimate)) for row in estimate.mean.rotation]
+    translation = format_decimals(estimate.mean.translation, length_decimals(estimate, 1.0))
+    return [*(" ".join([*row, length]) for row, length in zip(rotation, translation, strict=True)), "0 0 0 1"]
 
 
-EXPORTER = pasted_lines("4x4 matrix, a row on a line", "#", "m", matrix_lines)
+EXPORTER = line_exporter("4x4 matrix, a row on a line", "#", "m", matrix_lines)

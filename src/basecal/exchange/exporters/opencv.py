@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from basecal.exchange.exports.cameras import exported_camera
-from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform
+from basecal.exchange.exports.exporter import Exporter, ExportRequest, comments, describe_transform
 from basecal.geometry import Array
+from basecal.geometry.lenses import fisheye
 
 
-def export_text(request: Wanted) -> str:
+def export_text(request: ExportRequest) -> str:
     """Format a map per transform: `R`, `t` [m], `rvec`, `T` (4x4), `covariance`; or a lens as used by `calib3d`.
 
     Source: docs.opencv.org, "File Input and Output using XML and YAML files".
@@ -19,16 +20,17 @@ def export_text(request: Wanted) -> str:
             lines += [f"image_width: {camera.size_px[0]}", f"image_height: {camera.size_px[1]}"]
         lines += _matrix("camera_matrix", camera.matrix)
         lines += _matrix("distortion_coefficients", camera.distortion[None])
-    for one in request.transforms:
-        mean = one.estimate.mean
+        lines += ["fisheye_model: 1"] if camera.model == fisheye.MODEL else []
+    for transform in request.transforms:
+        mean = transform.estimate.mean
         matrices = {
             "R": mean.rotation,
             "t": mean.translation[:, None],
             "rvec": mean.rotvec[:, None],
             "T": mean.matrix,
-            "covariance": one.estimate.covariance,
+            "covariance": transform.estimate.covariance,
         }
-        lines += [*comments([describe_transform(one, "m")], "#"), f"{one.name}:"]
+        lines += [*comments([describe_transform(transform, "m")], "#"), f"{transform.name}:"]
         lines += [f"   {line}" for name, values in matrices.items() for line in _matrix(name, values)]
     return "\n".join(lines) + "\n"
 
@@ -48,6 +50,6 @@ def _matrix(name: str, values: Array) -> list[str]:
 EXPORTER = Exporter(
     "FileStorage in YAML of transforms, or with --camera of its lens",
     export_text,
-    takes=("transform", "camera"),
+    options=("transform", "camera"),
     is_pasted=True,
 )

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform
+from basecal.exchange.exports.exporter import Exporter, ExportRequest, comments, describe_transform
 from basecal.exchange.ros2 import publisher_arguments, static_transform_publisher
 
 
-def export_text(request: Wanted) -> str:
+def export_text(request: ExportRequest) -> str:
     """Format a launch file with one node per transform, and the equivalent command in a comment."""
     nodes = []
-    for one in request.transforms:
-        mean = one.estimate.mean
-        command = static_transform_publisher(mean, one.parent, one.child)
+    for transform in request.transforms:
+        mean = transform.estimate.mean
+        command = static_transform_publisher(mean, transform.parent, transform.child)
         nodes += [
-            *comments([describe_transform(one, "m, quaternion x, y, z, w"), command], "#"),
+            *comments([describe_transform(transform, "m, quaternion x, y, z, w"), command], "#"),
             "Node(",
             '    package="tf2_ros",',
             '    executable="static_transform_publisher",',
-            f"    name={one.name!r},",
-            f"    arguments={publisher_arguments(mean, one.parent, one.child)!r},",
+            f"    name={transform.name!r},",
+            f"    arguments={publisher_arguments(mean, transform.parent, transform.child)!r},",
             "),",
         ]
     return "\n".join(

@@ -7,12 +7,12 @@ from pathlib import Path
 from basecal.bounded_file import read_bounded
 from basecal.errors import InputError
 from basecal.exchange.exporters.urdf import applied_kinds, corrected_text
-from basecal.exchange.exports.exporter import Exporter, Wanted, comments
+from basecal.exchange.exports.exporter import Exporter, ExportRequest, comments
 from basecal.exchange.urdf import RobotPart, link_names, merged_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES, joint_origins
 
 
-def export_text(request: Wanted) -> str:
+def export_text(request: ExportRequest) -> str:
     """Merge one URDF per robot: the given ones in the order of cell.yaml, or those of the cell.
 
     Base poses are valid together with the estimated joint offsets and link errors. They are therefore applied to URDFs
@@ -28,8 +28,8 @@ def export_text(request: Wanted) -> str:
     cell = request.cell
     if cell is None or request.folder is None:
         raise InputError("a URDF of a cell needs the cell and its folder")
-    named = [request.folder / robot.urdf for robot in cell.robots.values() if robot.urdf is not None]
-    paths = list(request.urdfs) or named
+    own_paths = [request.folder / robot.urdf for robot in cell.robots.values() if robot.urdf is not None]
+    paths = list(request.urdfs) or own_paths
     if len(paths) != len(cell.robots):
         robots = ", ".join(cell.robots)
         raise InputError(f"{len(paths)} URDFs for {len(cell.robots)} robots: give one each, --urdf for {robots}")
@@ -38,23 +38,23 @@ def export_text(request: Wanted) -> str:
         text, corrections[robot.name] = _robot_text(request, robot.name, path)
         base_link = robot.base_link or robot.frames.get("base")
         if base_link is None:
-            above = joint_origins(text, str(path))
-            base_link = next(link for link in link_names(text) if link not in above)
+            child_links = joint_origins(text, str(path))
+            base_link = next(link for link in link_names(text) if link not in child_links)
         parts[robot.name] = RobotPart(text, base_link, str(path))
     known = request.calibration.known_transforms(cell)
     others = [name for name in cell.robots if name != cell.reference]
     for name in others:
         if cell.base_name(name) not in known:
             raise InputError(f"the pose of {name!r} is unknown: there is no {cell.base_name(name)}")
-    places = {name: known[cell.base_name(name)] for name in others}
-    said = [
+    bases = {name: known[cell.base_name(name)] for name in others}
+    notes = [
         f"{name}: {Path(part.path).name}, its base is the link {part.base_link}{corrections[name]}"
         for name, part in parts.items()
     ]
-    return merged_urdf(parts, cell.reference, places, comments([*request.remarks, *said], ""))
+    return merged_urdf(parts, cell.reference, bases, comments([*request.remarks, *notes], ""))
 
 
-def _robot_text(request: Wanted, name: str, path: Path) -> tuple[bytes, str]:
+def _robot_text(request: ExportRequest, name: str, path: Path) -> tuple[bytes, str]:
     """A robot's URDF, corrected if it is the cell's own, and a remark about the correction."""
     cell, folder = request.cell, request.folder
     assert cell is not None
@@ -70,5 +70,5 @@ def _robot_text(request: Wanted, name: str, path: Path) -> tuple[bytes, str]:
 EXPORTER = Exporter(
     "one URDF of all robots, each where it was found and corrected; with --urdf FILE... from these",
     export_text,
-    takes=("urdf",),
+    options=("urdf",),
 )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from basecal.bounded_file import read_bounded
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform
+from basecal.exchange.exports.exporter import Exporter, ExportRequest, comments, describe_transform
 from basecal.exchange.urdf import patched_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
 
 
-def export_text(request: Wanted) -> str:
+def export_text(request: ExportRequest) -> str:
     """Set the transform in the given URDF; its links have the names of `frames` in the cell, or the cell's names.
 
     Raises:
@@ -20,13 +20,15 @@ def export_text(request: Wanted) -> str:
     if len(request.urdfs) != 1:
         raise InputError(f"expected one --urdf FILE, {len(request.urdfs)} were given")
     if len(request.transforms) != 1:
-        names = ", ".join(one.name for one in request.transforms)
+        names = ", ".join(transform.name for transform in request.transforms)
         raise InputError(f"an origin is one transform: choose one with --transform: {names}")
-    (one,), (path,) = request.transforms, request.urdfs
-    remarks = comments([*request.remarks, describe_transform(one, "m")], "")
-    text, mean = read_bounded(path, LARGEST_BYTES), one.estimate.mean
+    (transform,), (path,) = request.transforms, request.urdfs
+    remarks = comments([*request.remarks, describe_transform(transform, "m")], "")
+    text, mean = read_bounded(path, LARGEST_BYTES), transform.estimate.mean
     try:
-        return patched_urdf(text, one.parent, one.child, mean, joint=request.joint, remarks=remarks, path=str(path))
+        return patched_urdf(
+            text, transform.parent, transform.child, mean, joint=request.joint, remarks=remarks, path=str(path)
+        )
     except FrameNotFound as error:
         hint = "; links are named by `frames: {base: ..., flange: ...}` of robots in cell.yaml"
         raise InputError(f"{path}: {error}{hint}") from None
@@ -35,5 +37,5 @@ def export_text(request: Wanted) -> str:
 EXPORTER = Exporter(
     "with --urdf FILE: that URDF, the origin of a fixed joint in it being what was found",
     export_text,
-    takes=("transform", "urdf", "joint"),
+    options=("transform", "urdf", "joint"),
 )

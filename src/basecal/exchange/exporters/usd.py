@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from basecal.errors import MissingExtra
-from basecal.exchange.exports.exporter import Exporter, Wanted, comments, describe_transform
-from basecal.exchange.exports.tree import Place, places
+from basecal.exchange.exports.exporter import Exporter, ExportRequest, comments, describe_transform
+from basecal.exchange.exports.tree import FrameNode, frame_trees
 
 
-def export_text(request: Wanted) -> str:
+def export_text(request: ExportRequest) -> str:
     """Format a stage in metres, z up, with one prim per frame, nested in its parent frame.
 
     Raises:
@@ -24,26 +24,26 @@ def export_text(request: Wanted) -> str:
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    remarks = comments([*request.remarks, *(describe_transform(one, "m") for one in request.transforms)], "")
+    remarks = comments(
+        [*request.remarks, *(describe_transform(transform, "m") for transform in request.transforms)], ""
+    )
     stage.GetRootLayer().documentation = "\n".join(remarks)
-    roots = [_define(stage, place, Sdf.Path.absoluteRootPath) for place in places(request.transforms)]
+    roots = [_define(stage, node, Sdf.Path.absoluteRootPath) for node in frame_trees(request.transforms)]
     stage.SetDefaultPrim(roots[0])
     text: str = stage.GetRootLayer().ExportToString()
     return text
 
 
-def _define(stage: Any, place: Place, parents: Any) -> Any:
+def _define(stage: Any, node: FrameNode, parents: Any) -> Any:
     """Define the prims of a frame and its descendants, and return the frame's prim."""
     from pxr import Gf, Tf, UsdGeom
 
-    prim = UsdGeom.Xform.Define(stage, parents.AppendChild(Tf.MakeValidIdentifier(place.name)))
-    if place.parent_from_frame is not None:
-        x, y, z, w = place.parent_from_frame.quaternion.tolist()
-        prim.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(
-            Gf.Vec3d(*place.parent_from_frame.translation.tolist())
-        )
+    prim = UsdGeom.Xform.Define(stage, parents.AppendChild(Tf.MakeValidIdentifier(node.name)))
+    if node.parent_from_frame is not None:
+        x, y, z, w = node.parent_from_frame.quaternion.tolist()
+        prim.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*node.parent_from_frame.translation.tolist()))
         prim.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(w, x, y, z))
-    for child in place.children:
+    for child in node.children:
         _define(stage, child, prim.GetPath())
     return prim.GetPrim()
 

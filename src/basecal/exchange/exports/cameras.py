@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exports.exporter import Wanted
+from basecal.exchange.exports.exporter import ExportRequest
 from basecal.geometry import Camera
 
 
-def choose_camera(request: Wanted) -> str:
+def choose_camera(request: ExportRequest) -> str:
     """Name of the requested camera, or of the only camera.
 
     Raises:
@@ -21,7 +21,7 @@ def choose_camera(request: Wanted) -> str:
     return names[0]
 
 
-def exported_camera(request: Wanted, name: str) -> Camera:
+def exported_camera(request: ExportRequest, name: str) -> Camera:
     """Lens of a camera: the estimated lens, or else the fixed lens of the cell.
 
     Raises:
@@ -40,6 +40,6 @@ def exported_camera(request: Wanted, name: str) -> Camera:
     return Camera(camera.model, camera.parameters, camera.size_px or stated[name].size_px)
 
 
-def _names(request: Wanted) -> list[str]:
+def _names(request: ExportRequest) -> list[str]:
     stated = {} if request.cell is None else request.cell.cameras
     return list(dict.fromkeys([*request.calibration.cameras, *stated]))

@@ -30,12 +30,12 @@ def chosen_transforms(
     if name is not None:
         return (_find_transform(calibration, cell, name),)
     if cell is not None:
-        asked = list(cell.requested_transforms)
+        requested = list(cell.requested_transforms)
     else:
         estimated = [each for each in calibration.transforms if calibration.status.get(each) != "fixed"]
         bases = [each for each in estimated if all(frame.endswith("_base") for frame in each.split("_from_"))]
-        asked = bases or estimated
-    names = [each for each in asked if each in calibration.transforms and each not in calibration.points]
+        requested = bases or estimated
+    names = [each for each in requested if each in calibration.transforms and each not in calibration.points]
     if not names:
         known = ", ".join(calibration.transforms) or "none"
         raise InputError(f"no transform was estimated that could be exported; name one of: {known}")
@@ -64,10 +64,10 @@ def frame_names(cell: Cell, name: str) -> tuple[str, str]:
 
 def _find_transform(calibration: Calibration, cell: Cell | None, name: str) -> NamedTransform:
     inverse = _reverse_name(name)
-    found = name if name in calibration.transforms else inverse
-    if found not in calibration.transforms:
-        parent, named, child = name.partition("_from_")
-        if not named:
+    stored = name if name in calibration.transforms else inverse
+    if stored not in calibration.transforms:
+        parent, separator, child = name.partition("_from_")
+        if not separator:
             raise FrameNotFound(name, list(calibration.transforms))
         if parent == child:
             raise InputError(f"{name} has one frame twice: name two, such as {next(iter(calibration.transforms), '')}")
@@ -75,12 +75,12 @@ def _find_transform(calibration: Calibration, cell: Cell | None, name: str) -> N
         if not _is_covariance(estimate):
             raise InputError(f"the covariance of {name} is none, a variance is negative or not finite: calibrate again")
         return _make_transform(cell, name, estimate, "free" if np.any(estimate.covariance) else "fixed")
-    if found in calibration.points:
-        raise InputError(f"{found} is the place of a point and has no rotation: there is no pose to export")
-    if not _is_covariance(calibration[found]):
-        raise InputError(f"the covariance of {found} is none, a variance is negative or not finite: calibrate again")
-    estimate = calibration[found] if found == name else calibration[found].inverse()
-    return _make_transform(cell, name, estimate, calibration.status.get(found, "free"))
+    if stored in calibration.points:
+        raise InputError(f"{stored} is the place of a point and has no rotation: there is no pose to export")
+    if not _is_covariance(calibration[stored]):
+        raise InputError(f"the covariance of {stored} is none, a variance is negative or not finite: calibrate again")
+    estimate = calibration[stored] if stored == name else calibration[stored].inverse()
+    return _make_transform(cell, name, estimate, calibration.status.get(stored, "free"))
 
 
 def _make_transform(cell: Cell | None, name: str, estimate: PoseEstimate, status: str) -> NamedTransform:

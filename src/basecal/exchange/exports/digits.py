@@ -9,9 +9,8 @@ from basecal.exchange.controllers.convention import AnyConvention
 from basecal.geometry import PoseEstimate
 
 _EXTRA_DIGITS = 2  # rounding then adds less than a hundredth of a sigma
-_FINEST = 1e-9  # [m] or [rad]: resolution of exact numbers
-_QUATERNION = 3 + 4  # numbers of a pose whose rotation is a quaternion
-_FEWEST_OF_UNIT = 6  # decimals of a quaternion or matrix, so that programs accept its norm as 1
+_RESOLUTION = 1e-9  # [m] or [rad], of exact numbers
+_FEWEST_UNIT_DECIMALS = 6  # of a quaternion or matrix, so that programs accept its norm as 1
 
 
 def length_decimals(estimate: PoseEstimate, metres: float) -> int:
@@ -26,16 +25,15 @@ def angle_decimals(estimate: PoseEstimate, radians: float) -> int:
 
 def unit_decimals(estimate: PoseEstimate) -> int:
     """Number of decimals of a quaternion or a rotation matrix; at least 6, so that its norm is 1 within 1e-6."""
-    return max(angle_decimals(estimate, 1.0), _FEWEST_OF_UNIT)
+    return max(angle_decimals(estimate, 1.0), _FEWEST_UNIT_DECIMALS)
 
 
-def written_numbers(convention: AnyConvention, estimate: PoseEstimate) -> list[str]:
+def format_pose(convention: AnyConvention, estimate: PoseEstimate) -> list[str]:
     """Format a pose as a controller's numbers: three lengths, then the rotation."""
-    numbers, is_unit = convention.to_numbers(estimate.mean), len(convention.names) == _QUATERNION
-    rotation = unit_decimals(estimate) if is_unit else angle_decimals(estimate, convention.angle)
-    return format_decimals(numbers[:3], length_decimals(estimate, convention.length)) + format_decimals(
-        numbers[3:], rotation
-    )
+    numbers = convention.to_numbers(estimate.mean)
+    decimals = angle_decimals(estimate, convention.angle) if convention.has_angles else unit_decimals(estimate)
+    lengths = format_decimals(numbers[:3], length_decimals(estimate, convention.length))
+    return lengths + format_decimals(numbers[3:], decimals)
 
 
 def format_decimals(values: Iterable[float], decimals: int) -> list[str]:
@@ -44,5 +42,5 @@ def format_decimals(values: Iterable[float], decimals: int) -> list[str]:
 
 
 def _decimals(sigma: float, unit: float) -> int:
-    smallest = max(sigma * 10.0**-_EXTRA_DIGITS, _FINEST / unit)
+    smallest = max(sigma * 10.0**-_EXTRA_DIGITS, _RESOLUTION / unit)
     return max(0, -math.floor(math.log10(smallest)))

@@ -20,11 +20,11 @@ from basecal.cell.results.versions import program_version
 from basecal.errors import RefusedCalibration, printable
 from basecal.geometry import PoseEstimate
 
-Takes = Literal["transform", "robot", "camera", "urdf", "joint"]
+ExportOption = Literal["transform", "robot", "camera", "urdf", "joint"]
 
-_HASH = 12  # digits of a hash: enough to distinguish recordings
-_ENDS = "\r\n"
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+_HASH_DIGITS = 12  # enough to distinguish recordings
+_LINE_END = "\r\n"
+_FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,8 @@ class NamedTransform:
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
-    """Data for an exporter.
+class ExportRequest:
+    """A request to an exporter, with the data that it writes.
 
     Attributes:
         transforms: The requested transforms.
@@ -91,13 +91,13 @@ class Exporter:
     Attributes:
         words: Description of the format for help.
         text: Function that returns the text of the file.
-        takes: Parts of a calibration that it can write, the usual one first; each is an option of `basecal export`.
+        options: Options of `basecal export` that select what it writes, the usual one first.
         is_pasted: Whether the text is meant to be pasted by a user: text of transforms.
     """
 
     words: str
-    text: Callable[[Wanted], str]
-    takes: tuple[Takes, ...] = ("transform",)
+    text: Callable[[ExportRequest], str]
+    options: tuple[ExportOption, ...] = ("transform",)
     is_pasted: bool = False
 
 
@@ -118,9 +118,9 @@ def provenance(calibration: Calibration, run: str | None = None) -> tuple[str, .
         calibration: The calibration.
         run: Name of the run, its UTC time; None if the calibration is not in a run.
     """
-    of = "" if run is None else f", run {run}"
-    hashes = [f"{name} {digest[: len('sha256:') + _HASH]}" for name, digest in calibration.inputs.items()]
-    lines = [f"made by basecal {program_version()}{of}" + (f" from {', '.join(hashes)}" if hashes else "")]
+    run_text = "" if run is None else f", run {run}"
+    hashes = [f"{name} {digest[: len('sha256:') + _HASH_DIGITS]}" for name, digest in calibration.inputs.items()]
+    lines = [f"made by basecal {program_version()}{run_text}" + (f" from {', '.join(hashes)}" if hashes else "")]
     if calibration.verdict == "doubtful":
         codes = dict.fromkeys(f.code for f in calibration.findings if f.severity != "info")
         lines.append(f"DOUBTFUL: {', '.join(codes)}; see the report before it is used")
@@ -153,9 +153,9 @@ def _is_plain(character: str) -> bool:
 def csv_row(cells: Iterable[str], numbers: Iterable[str] = ()) -> str:
     """Format a row of comma-separated values; text that spreadsheets would read as a formula gets the prefix `'`."""
     text = StringIO()
-    texts = [f"'{cell}" if cell.startswith(_FORMULA) else cell for cell in cells]
-    csv.writer(text, lineterminator=_ENDS).writerow([*texts, *numbers])  # quotes cells if necessary
-    return text.getvalue().removesuffix(_ENDS)
+    texts = [f"'{cell}" if cell.startswith(_FORMULA_STARTS) else cell for cell in cells]
+    csv.writer(text, lineterminator=_LINE_END).writerow([*texts, *numbers])  # quotes cells if necessary
+    return text.getvalue().removesuffix(_LINE_END)
 
 
 def xml_comment(text: str) -> Any:

@@ -11,7 +11,7 @@ from basecal.geometry import SE3
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class FrameNode:
     """A frame of a tree.
 
     Attributes:
@@ -22,25 +22,30 @@ class Place:
 
     name: str
     parent_from_frame: SE3 | None
-    children: tuple[Place, ...]
+    children: tuple[FrameNode, ...]
 
 
-def places(transforms: Sequence[NamedTransform]) -> tuple[Place, ...]:
+def frame_trees(transforms: Sequence[NamedTransform]) -> tuple[FrameNode, ...]:
     """Build trees from transforms, and return their roots: frames that are not a child of any other."""
-    children = {one.own_frames[1] for one in transforms}
-    roots = dict.fromkeys(parent for parent, _ in (one.own_frames for one in transforms) if parent not in children)
+    pairs = [transform.own_frames for transform in transforms]
+    children = {child for _, child in pairs}
+    roots = dict.fromkeys(parent for parent, _ in pairs if parent not in children)
     # Names of frames in other programs, or in the cell if two of these names are equal.
-    elsewhere = {
-        frame: name for one in transforms for frame, name in zip(one.own_frames, (one.parent, one.child), strict=True)
-    }
-    counts = Counter(elsewhere.values())
-    names = {frame: name if counts[name] == 1 else frame for frame, name in elsewhere.items()}
-    return tuple(_place(root, None, transforms, names) for root in roots)
+    external: dict[str, str] = {}
+    for transform in transforms:
+        external |= zip(transform.own_frames, (transform.parent, transform.child), strict=True)
+    counts = Counter(external.values())
+    names = {frame: name if counts[name] == 1 else frame for frame, name in external.items()}
+    return tuple(_frame_node(root, None, transforms, names) for root in roots)
 
 
-def _place(
+def _frame_node(
     frame: str, parent_from_frame: SE3 | None, transforms: Sequence[NamedTransform], names: Mapping[str, str]
-) -> Place:
-    known_in_it = [one for one in transforms if one.own_frames[0] == frame]
-    inside = tuple(_place(one.own_frames[1], one.estimate.mean, transforms, names) for one in known_in_it)
-    return Place(names[frame], parent_from_frame, inside)
+) -> FrameNode:
+    children = tuple(
+        _frame_node(child, transform.estimate.mean, transforms, names)
+        for transform in transforms
+        for parent, child in [transform.own_frames]
+        if parent == frame
+    )
+    return FrameNode(names[frame], parent_from_frame, children)

@@ -106,22 +106,22 @@ def record_of_arrays(
         InputError: if an array is missing or invalid, lengths differ, or two arrays hold the same poses.
     """
     arrays = _rename_arrays(arrays)
-    wanted = next((kind for kind in _KINDS if arrays.keys() >= {*_keys(kind)}), None)
-    if wanted is None:
+    names = next((kind for kind in _KINDS if arrays.keys() >= {*_keys(kind)}), None)
+    if names is None:
         keys = " or ".join(list_names(_keys(kind)) for kind in (HAND_EYE, ROBOT_WORLD, BASE_TO_BASE))
         raise InputError(f"{source}: holds {list_names(list(arrays))}, expected {keys}")
-    poses = [_poses(arrays, name, metres) for name in wanted]
-    counts = {f"R_{name}": len(pose) for name, pose in zip(wanted, poses, strict=True)}
+    poses = [_poses(arrays, name, metres) for name in names]
+    counts = {f"R_{name}": len(pose) for name, pose in zip(names, poses, strict=True)}
     if len(set(counts.values())) > 1:
-        told = ", ".join(f"{name} has {count}" for name, count in counts.items())
-        raise InputError(f"{source}: {told}: expected the same number, one pose per sample")
-    for name, pose in zip(wanted[:-1], poses[:-1], strict=True):
+        lengths = ", ".join(f"{name} has {count}" for name, count in counts.items())
+        raise InputError(f"{source}: {lengths}: expected the same number, one pose per sample")
+    for name, pose in zip(names[:-1], poses[:-1], strict=True):
         if np.array_equal(pose.matrix, poses[-1].matrix):
-            raise InputError(f"{source}: {name} and {wanted[-1]} are the same poses: one was given for both")
-    what = f"{len(poses[0])} samples under OpenCV's names: {list_names(_keys(wanted))}"
-    if wanted == BASE_TO_BASE:
+            raise InputError(f"{source}: {name} and {names[-1]} are the same poses: one was given for both")
+    what = f"{len(poses[0])} samples under OpenCV's names: {list_names(_keys(names))}"
+    if names == BASE_TO_BASE:
         return HandEyeRecord(source, what, True, poses[0], poses[2], hand_base_from_flange=poses[1])
-    base_from_flange = poses[0].inverse() if wanted == ROBOT_WORLD else poses[0]
+    base_from_flange = poses[0].inverse() if names == ROBOT_WORLD else poses[0]
     return HandEyeRecord(source, what, camera_on_robot, base_from_flange, poses[1])
 
 

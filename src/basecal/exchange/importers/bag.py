@@ -12,13 +12,13 @@ from basecal.exchange.bags.bag import Bag, Message, open_bag, repair_command
 from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.entry import bag_entry, urdf_name
 from basecal.exchange.bags.rows import make_rows, still_instants, stream_instants, write_images
-from basecal.exchange.bags.sources import Asked, ByJoints, Taken
+from basecal.exchange.bags.sources import BagRequest, BagSources, ByJoints
 from basecal.exchange.bags.survey import Survey, survey_bag
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.exchange.images import image_size
 from basecal.exchange.importing.cell_files import scratch_folder
-from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
-from basecal.exchange.importing.imported import Imported, KnownCell, Sight, known_cell
+from basecal.exchange.importing.described_target import UNSTATED_SHAPE, Shape, target_entry
+from basecal.exchange.importing.imported import Imported, KnownCell, ViewNames, known_cell
 from basecal.fields.typed_length import parse_name_options
 
 Progress = Callable[[int, int], None]
@@ -39,7 +39,7 @@ def read_bag(
     target: TargetKindName | None = None,
     target_on: str | None = None,
     target_name: str = "board",
-    shape: Shape = UNSAID,
+    shape: Shape = UNSTATED_SHAPE,
     progress: Progress | None = None,
 ) -> Imported:
     """Import a ROS 1 (.bag) or ROS 2 (sqlite3, MCAP) bag as a recording.
@@ -84,35 +84,35 @@ def read_bag(
         MissingExtra: if the library for bags is not installed.
         InputError: if the bag cannot be read, or is inconsistent with the cell.
     """
-    asked = _request(robot, camera, view, on, tf)
+    request = _request(robot, camera, view, on, tf)
     known = known_cell(cell)
-    with open_bag(Path(bag)) as there:
-        watched = there if progress is None else _count_messages(there, progress)
-        survey = survey_bag(watched)
+    with open_bag(Path(bag)) as opened:
+        counted = opened if progress is None else _count_messages(opened, progress)
+        survey = survey_bag(counted)
         if list:
-            return _preview(there, survey, asked, known)
+            return _preview(opened, survey, request, known)
         try:
-            taken = choose_sources(there, survey, asked, known)
+            sources = choose_sources(opened, survey, request, known)
         except InputError as error:
-            raise InputError("; ".join((f"{there.path}: {error}", *_damage(there)))) from None
+            raise InputError("; ".join((f"{opened.path}: {error}", *_damage(opened)))) from None
         with scratch_folder(cell) as scratch:
-            imported = _import_bag(watched, survey, taken, asked, known, Path(scratch.name), streams)
+            imported = _import_bag(counted, survey, sources, request, known, Path(scratch.name), streams)
             imported = _with_target(imported, cell, target, target_name, target_on, shape)
-        notes = tuple(f"taking {line}" for line in taken.words)
-        return replace(imported, scratch=scratch, notes=notes, warnings=_damage(there))
+        notes = tuple(f"taking {line}" for line in sources.words)
+        return replace(imported, scratch=scratch, notes=notes, warnings=_damage(opened))
 
 
-def _preview(bag: Bag, survey: Survey, request: Asked, present_cell: KnownCell) -> Imported:
+def _preview(bag: Bag, survey: Survey, request: BagRequest, present_cell: KnownCell) -> Imported:
     """Preview of a bag: its content, and the data that would be imported or the reason why none would."""
     try:
-        would = choose_sources(bag, survey, request, present_cell).words
+        would_take = choose_sources(bag, survey, request, present_cell).words
     except InputError as error:
-        would = [f"nothing: {error}"]
+        would_take = [f"nothing: {error}"]
     topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(bag.topics.values()))
     return Imported(
         bag.path,
         "what is in it",
-        notes=(*topics, *(f"would take {line}" for line in would)),
+        notes=(*topics, *(f"would take {line}" for line in would_take)),
         warnings=_damage(bag),
         is_preview=True,
     )
@@ -127,10 +127,10 @@ def _with_target(
     shape: Shape,
 ) -> Imported:
     """A copy with an entry for the target in the images, if one is described."""
-    places = {name: camera.get("on") for name, camera in source.cell.get("cameras", {}).items()}
-    camera = next(iter(places), "")
-    shown = target_entry(folder, kind, shape, Sight(camera, name, places.get(camera), carrier))
-    sections = {key: {**source.cell.get(key, {}), **entry} for key, entry in shown.items() if key == "targets"}
+    carriers = {name: camera.get("on") for name, camera in source.cell.get("cameras", {}).items()}
+    camera = next(iter(carriers), "")
+    entries = target_entry(folder, kind, shape, ViewNames(camera, name, carriers.get(camera), carrier))
+    sections = {key: {**source.cell.get(key, {}), **entry} for key, entry in entries.items() if key == "targets"}
     return replace(source, cell={**source.cell, **sections})
 
 
@@ -140,7 +140,13 @@ def _damage(bag: Bag) -> tuple[str, ...]:
 
 
 def _import_bag(
-    bag: Bag, survey: Survey, selection: Taken, request: Asked, present_cell: KnownCell, folder: Path, streams: bool
+    bag: Bag,
+    survey: Survey,
+    selection: BagSources,
+    request: BagRequest,
+    present_cell: KnownCell,
+    folder: Path,
+    streams: bool,
 ) -> Imported:
     """Import rows and entries for the cell; images and URDFs are written into a folder."""
     tracks = read_tracks(bag, survey, selection)
@@ -177,14 +183,14 @@ def _count_messages(bag: Bag, progress: Progress) -> Bag:
 
 def _request(
     robot: tuple[str, ...], camera: tuple[str, ...], view: tuple[str, ...], carriers: tuple[str, ...], tf: bool
-) -> Asked:
+) -> BagRequest:
     views = {}
     for names, words in parse_name_options("--view", view, "CAMERA,TARGET=/TOPIC").items():
         eye, _, target = names.partition(",")
         if not eye or not target:
             raise UsageError(f"--view {names}={words}: expected CAMERA,TARGET=/TOPIC")
         views[eye, target] = words
-    return Asked(
+    return BagRequest(
         parse_name_options("--robot", robot, "NAME=BASE,FLANGE"),
         parse_name_options("--camera", camera, "NAME=/TOPIC"),
         views,

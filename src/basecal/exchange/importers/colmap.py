@@ -19,9 +19,17 @@ import numpy as np
 from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, InputError, UsageError, list_names
 from basecal.exchange.columns import read_table_text
-from basecal.exchange.fields import Field, written_number
+from basecal.exchange.fields import Field, parse_float
 from basecal.exchange.images import natural_order, read_time
-from basecal.exchange.importing.imported import Imported, Row, Sight, choose_name, known_cell, seen_rows, sight_entry
+from basecal.exchange.importing.imported import (
+    Imported,
+    Row,
+    ViewNames,
+    add_target_poses,
+    choose_name,
+    known_cell,
+    view_entry,
+)
 from basecal.exchange.importing.lens import LensStatus, lens_of_file
 from basecal.exchange.importing.pairing import plain_name
 from basecal.exchange.lens_files.colmap import read_colmap_lenses, reconstruction_file
@@ -90,8 +98,8 @@ def read_colmap(
     """
     if target is not None:
         known = known_cell(cell)
-        sight = Sight(choose_name("camera", camera, known.cameras), target, on, target_on)
-        return _poses(cell, str(file), camera_id, images, sight, streams)
+        names = ViewNames(choose_name("camera", camera, known.cameras), target, on, target_on)
+        return _poses(cell, str(file), camera_id, images, names, streams)
     if streams:
         raise UsageError("--streams needs poses: add --target NAME")
     lenses = read_colmap_lenses(file)
@@ -102,18 +110,18 @@ def read_colmap(
 
 
 def _poses(
-    folder: str | Path, file: str, camera_id: int | None, pattern: str, sight: Sight, is_stream: bool
+    folder: str | Path, file: str, camera_id: int | None, pattern: str, names: ViewNames, is_stream: bool
 ) -> Imported:
     """Import the poses of the reconstruction in the frames of a camera's images."""
     cell, images = known_cell(folder), _select_images(file, camera_id, pattern)
-    entry = sight_entry(cell, sight)
-    if sight.target not in cell.targets:
-        entry["targets"][sight.target]["scale"] = "free"
+    entry = view_entry(cell, names)
+    if names.target not in cell.targets:
+        entry["targets"][names.target]["scale"] = "free"
     rows = tuple(Row(stamp_s=read_time(Path(image.name))) if is_stream else Row(image=image.name) for image in images)
     poses = SE3.stack([image.camera_from_world for image in images])
-    what = f"{len(images)} poses {sight.camera}_from_{sight.target}, up to scale"
+    what = f"{len(images)} poses {names.camera}_from_{names.target}, up to scale"
     advice = "check that images belong to samples"
-    return Imported(file, what, seen_rows(rows, poses, sight), entry, is_stream=is_stream, advice=advice)
+    return Imported(file, what, add_target_poses(rows, poses, names), entry, is_stream=is_stream, advice=advice)
 
 
 def _select_images(file: str, camera_id: int | None, pattern: str) -> list[ReconstructedImage]:
@@ -130,11 +138,11 @@ def _select_images(file: str, camera_id: int | None, pattern: str) -> list[Recon
     chosen = [image for image in named if camera_id in (None, image.camera)]
     if len({image.camera for image in chosen}) != 1:
         raise InputError(f"{file} has images of cameras {numbers}: choose one with --camera-id")
-    twice = [name for name, count in Counter(plain_name(image.name) for image in chosen).items() if count > 1]
-    if twice:
+    repeated = [name for name, count in Counter(plain_name(image.name) for image in chosen).items() if count > 1]
+    if repeated:
         folder = chosen[0].name.rpartition("/")[0] or "FOLDER"
         raise InputError(
-            f'{file}: images {list_names(twice)} are in several folders: choose one by --images "{folder}/*"'
+            f'{file}: images {list_names(repeated)} are in several folders: choose one by --images "{folder}/*"'
         )
     return chosen
 
@@ -171,42 +179,42 @@ def _text(path: Path) -> Iterator[ReconstructedImage]:
             continue
         if not is_points:
             words = line.split(maxsplit=9)
-            where = Field(str(path), words, {(): number})
+            location = Field(str(path), words, {(): number})
             if len(words) < 10:
-                raise where.error(f"{len(words)} words, expected {_LINE}")
+                raise location.error(f"{len(words)} words, expected {_LINE}")
             try:
-                numbers, camera = [written_number(word) for word in words[1:8]], int(words[8])
+                numbers, camera = [parse_float(word) for word in words[1:8]], int(words[8])
             except ValueError:
-                raise where.error(f"{shorten(line)} has a word that is not a number, expected {_LINE}") from None
-            yield _image(where, words[9].strip(), camera, numbers)
+                raise location.error(f"{shorten(line)} has a word that is not a number, expected {_LINE}") from None
+            yield _image(location, words[9].strip(), camera, numbers)
         is_points = not is_points
 
 
 def _binary(path: Path) -> Iterator[ReconstructedImage]:
     """Parse the little-endian file: image count, then id, pose, camera id, name and points of each image."""
     data = read_bounded(path, _LARGEST)
-    cut = DatasetError(path, "is cut off, or is not images.bin of COLMAP")
+    cut_off = DatasetError(path, "is cut off, or is not images.bin of COLMAP")
     try:
-        (count,), at = struct.unpack_from("<Q", data), 8
+        (count,), offset = struct.unpack_from("<Q", data), 8
     except struct.error:
-        raise cut from None
+        raise cut_off from None
     for i in range(count):
         try:
-            _, *numbers, camera = _POSE_FIELDS.unpack_from(data, at)
-            end = data.find(b"\0", at + _POSE_FIELDS.size)
+            _, *numbers, camera = _POSE_FIELDS.unpack_from(data, offset)
+            end = data.find(b"\0", offset + _POSE_FIELDS.size)
             (points,) = struct.unpack_from("<Q", data, end + 1)
         except struct.error:
-            raise cut from None
-        name, at = data[at + _POSE_FIELDS.size : end], end + 9 + _POINT_BYTES * points
-        if end < 0 or at > len(data):
-            raise cut
+            raise cut_off from None
+        name, offset = data[offset + _POSE_FIELDS.size : end], end + 9 + _POINT_BYTES * points
+        if end < 0 or offset > len(data):
+            raise cut_off
         yield _image(Field(str(path), None, {}, (f"image {i}",)), name.decode("utf-8", "replace"), camera, numbers)
 
 
-def _image(place: Field, name: str, camera: int, numbers: Sequence[float]) -> ReconstructedImage:
+def _image(location: Field, name: str, camera: int, numbers: Sequence[float]) -> ReconstructedImage:
     values = np.array(numbers)
     if not np.isfinite(values).all():
-        raise place.error("holds a number that is not finite")
+        raise location.error("holds a number that is not finite")
     if abs(np.linalg.norm(values[:4]) - 1) > _UNIT_ERROR:
-        raise place.error(f"QW QX QY QZ has length {np.linalg.norm(values[:4]):.4g}, expected 1")
+        raise location.error(f"QW QX QY QZ has length {np.linalg.norm(values[:4]):.4g}, expected 1")
     return ReconstructedImage(name, camera, SE3.from_quaternion(values[[1, 2, 3, 0]], values[4:]))

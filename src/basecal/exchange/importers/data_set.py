@@ -21,7 +21,7 @@ from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.lens import StatedLens, camera_entry, made_camera
+from basecal.exchange.importing.lens import StatedLens, camera_entry, make_camera
 from basecal.geometry import SE3
 
 
@@ -103,9 +103,9 @@ def read_data_set_record(
             "does not say whether the camera is on the robot or beside it (static_camera): "
             "give --camera-on robot or --camera-on world"
         )
-    camera, seen = _lens(root, lens), _target(root, target)
+    stated_lens, stated_target = _lens(root, lens), _target(root, target)
     carried = "camera" if on_robot else "target"
-    known = [name for name, found in (("lens", camera), ("target", seen)) if found]
+    known = [name for name, stated in (("lens", stated_lens), ("target", stated_target)) if stated]
     return HandEyeRecord(
         str(path),
         f"{len(images)} images, each with base_from_flange (m, quaternion), the {carried} on the flange; "
@@ -115,8 +115,8 @@ def read_data_set_record(
         images=images,
         camera_mount=_guess(root, "camera_mount_to_camera_guess"),
         target_mount=_guess(root, "target_mount_to_target_guess"),
-        lens=camera_entry(camera.camera, "free") if camera else {},
-        target=seen or {},
+        lens=camera_entry(stated_lens.camera, "free") if stated_lens else {},
+        target=stated_target or {},
     )
 
 
@@ -143,46 +143,47 @@ def _guess(root: Field, name: str) -> SE3 | None:
 
 
 def _lens(root: Field, path: str | Path | None) -> StatedLens | None:
-    place = (root if path is None else read_fields(path)).first("intrinsics")
-    if place is None:
+    intrinsics = (root if path is None else read_fields(path)).first("intrinsics")
+    if intrinsics is None:
         return None
-    values = [place.find(name).number() for name in ("fx", "fy", "cx", "cy")]
+    values = [intrinsics.find(name).number() for name in ("fx", "fy", "cx", "cy")]
     # Distortion terms start at zero: without terms none would be estimated.
-    return StatedLens(made_camera(place, "pinhole", [*values, *[0.0] * _TERMS], None), "pinhole without distortion")
+    camera = make_camera(intrinsics, "pinhole", [*values, *[0.0] * _TERMS], None)
+    return StatedLens(camera, "pinhole without distortion")
 
 
 def _target(root: Field, path: str | Path | None) -> dict[str, Any] | None:
-    other = root if path is None else read_fields(path)
-    place = other.first("target_finder") or (other if path is not None else None)
-    if place is None:
+    file = root if path is None else read_fields(path)
+    finder = file.first("target_finder") or (file if path is not None else None)
+    if finder is None:
         return None
-    kind = place.find("type")
+    kind = finder.find("type")
     for name, read in _TARGETS.items():
         if name in kind.text():
-            return read(place)
+            return read(finder)
     raise kind.error(f"{kind.data!r} is not supported; there are: {list_names(list(_TARGETS))}")
 
 
-def _charuco(place: Field) -> dict[str, Any]:
-    number = place.find("dictionary")
-    if number.integer(0) >= _COUNTED:
-        raise number.error(f"is {number.data}, expected 0 to {_COUNTED - 1}, as OpenCV counts dictionaries")
+def _charuco(finder: Field) -> dict[str, Any]:
+    number = finder.find("dictionary")
+    if number.integer(0) >= _DICTIONARY_COUNT:
+        raise number.error(f"is {number.data}, expected 0 to {_DICTIONARY_COUNT - 1}, as OpenCV counts dictionaries")
     return {
         "kind": "charuco",
-        "squares": [place.find("cols").integer(3), place.find("rows").integer(3)],
-        "square_m": place.find("chessboard_dim").number(),
-        "marker_m": place.find("aruco_marker_dim").number(),
+        "squares": [finder.find("cols").integer(3), finder.find("rows").integer(3)],
+        "square_m": finder.find("chessboard_dim").number(),
+        "marker_m": finder.find("aruco_marker_dim").number(),
         "dictionary": DICTIONARIES[number.integer(0)],
     }
 
 
-def _circles(place: Field) -> dict[str, Any]:
-    sides = [place.find("cols").integer(2), place.find("rows").integer(2)]
-    return {"kind": "circles", "circles": sides, "spacing_m": place.find("spacing").number()}
+def _circles(finder: Field) -> dict[str, Any]:
+    sides = [finder.find("cols").integer(2), finder.find("rows").integer(2)]
+    return {"kind": "circles", "circles": sides, "spacing_m": finder.find("spacing").number()}
 
 
 _TERMS = 5  # number of distortion terms, k1 k2 p1 p2 k3
-_COUNTED = 21  # number of OpenCV's dictionaries from DICT_4X4_50 to DICT_APRILTAG_36h11
+_DICTIONARY_COUNT = 21  # number of OpenCV's dictionaries from DICT_4X4_50 to DICT_APRILTAG_36h11
 _TARGETS: dict[str, Callable[[Field], dict[str, Any]]] = {
     "CharucoGridTargetFinder": _charuco,
     "ModifiedCircleGridTargetFinder": _circles,

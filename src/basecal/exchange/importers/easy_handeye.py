@@ -79,7 +79,7 @@ class _Arrangement:
     """Whether the robot carries the camera, and the source of this information."""
 
     on_robot: bool
-    by: str
+    source: str
 
 
 def read_easy_handeye_record(path: str | Path, camera_on_robot: bool | None = None) -> HandEyeRecord:
@@ -94,24 +94,24 @@ def read_easy_handeye_record(path: str | Path, camera_on_robot: bool | None = No
     """
     root = read_fields(path, _LARGEST)
     arrangement = _arrangement(root, camera_on_robot)
-    place = root.first("parameters") or root
-    written = {
-        name: field.text().lstrip("/") for name, key in _FRAMES.items() if (field := place.first(key)) is not None
+    parameters = root.first("parameters") or root
+    stated = {
+        name: field.text().lstrip("/") for name, key in _FRAMES.items() if (field := parameters.first(key)) is not None
     }
-    frames = {name: frame for name, frame in written.items() if frame}
+    frames = {name: frame for name, frame in stated.items() if frame}
     camera_frame = frames.pop("camera", "")
     mount = root.first("transform", "transformation")
     carried = "flange" if arrangement.on_robot else "base"
     if mount is not None:
-        what = f"a calibration of easy_handeye, {carried}_from_camera (m; {arrangement.by})"
-        found = HandEyeRecord(str(path), what, arrangement.on_robot, frames=frames, camera_frame=camera_frame)
-        return replace(found, camera_mount=mount.pose())
+        what = f"a calibration of easy_handeye, {carried}_from_camera (m; {arrangement.source})"
+        record = HandEyeRecord(str(path), what, arrangement.on_robot, frames=frames, camera_frame=camera_frame)
+        return replace(record, camera_mount=mount.pose())
     robot, tracking = _samples(root)
     inverted = "" if arrangement.on_robot else ", written as flange_from_base and turned back here"
     what = f"{len(robot)} samples of easy_handeye (m): base_from_flange{inverted}, and camera_from_target"
     return HandEyeRecord(
         str(path),
-        f"{what}; {'camera on the robot' if arrangement.on_robot else 'target on the robot'} ({arrangement.by})",
+        f"{what}; {'camera on the robot' if arrangement.on_robot else 'target on the robot'} ({arrangement.source})",
         arrangement.on_robot,
         SE3.stack(robot) if arrangement.on_robot else SE3.stack(robot).inverse(),
         SE3.stack(tracking),
@@ -128,7 +128,7 @@ def _arrangement(root: Field, on_robot: bool | None) -> _Arrangement:
     """
     stated = _stated_arrangement(root)
     if on_robot is not None and stated is not None and stated.on_robot != on_robot:
-        raise root.error(f"{stated.by}, which contradicts --camera-on or cell.yaml")
+        raise root.error(f"{stated.source}, which contradicts --camera-on or cell.yaml")
     found = stated or (None if on_robot is None else _Arrangement(on_robot, "as stated"))
     found = found or _sibling_arrangement(Path(root.path)) or _arrangement_from_name(Path(root.path))
     if found is None:
@@ -140,12 +140,12 @@ def _arrangement(root: Field, on_robot: bool | None) -> _Arrangement:
 
 
 def _stated_arrangement(root: Field) -> _Arrangement | None:
-    place = root.first("parameters") or root
-    if (kind := place.first("calibration_type")) is not None and kind.text():
+    parameters = root.first("parameters") or root
+    if (kind := parameters.first("calibration_type")) is not None and kind.text():
         if kind.data not in _ON_ROBOT:
             raise kind.error(f"is {kind.data!r}, expected one of {list_names(list(_ON_ROBOT))}")
         return _Arrangement(_ON_ROBOT[kind.data], f"calibration_type is {kind.data}")
-    if (on_hand := place.first("eye_on_hand")) is not None:
+    if (on_hand := parameters.first("eye_on_hand")) is not None:
         return _Arrangement(on_hand.boolean(), f"eye_on_hand is {str(on_hand.boolean()).lower()}")
     return None
 
@@ -156,7 +156,7 @@ def _sibling_arrangement(path: Path) -> _Arrangement | None:
         other = path.with_suffix(ending)
         if other != path and other.is_file():
             found = _stated_arrangement(read_fields(other, _LARGEST))
-            return found and _Arrangement(found.on_robot, f"{found.by} in {other.name}")
+            return found and _Arrangement(found.on_robot, f"{found.source} in {other.name}")
     return None
 
 
@@ -171,21 +171,21 @@ def _arrangement_from_name(path: Path) -> _Arrangement | None:
 
 def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
     """Poses `robot` and `tracking` of each sample."""
-    inner = root.first("samples")
-    if inner is not None and isinstance(inner.data, list):
-        entries = inner.items("samples")
+    samples = root.first("samples")
+    if samples is not None and isinstance(samples.data, list):
+        entries = samples.items("samples")
         return (
             [entry.find("robot").pose() for entry in entries],
             [entry.find("tracking", "optical").pose() for entry in entries],
         )
-    lists = inner or root
+    lists = samples or root
     if lists.first("hand_world_samples") is None:
         raise root.error(
             f"holds {list_names(root.names())}, expected samples, hand_world_samples, transform or transformation"
         )
-    both = [lists.find(key) for key in ("hand_world_samples", "camera_marker_samples")]
+    fields = [lists.find(key) for key in ("hand_world_samples", "camera_marker_samples")]
     robot, tracking = (
-        [each.pose() for each in (where.first("transforms") or where).items("transforms")] for where in both
+        [each.pose() for each in (field.first("transforms") or field).items("transforms")] for field in fields
     )
     if len(robot) != len(tracking):
         raise DatasetError(root.path, f"{len(robot)} hand_world_samples and {len(tracking)} camera_marker_samples")

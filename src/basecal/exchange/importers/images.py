@@ -10,21 +10,21 @@ from typing import Any, Literal
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError, list_names
 from basecal.exchange.images import list_images, missing_numbers, read_time, unreadable_images, usual_size
-from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
+from basecal.exchange.importing.described_target import UNSTATED_SHAPE, Shape, target_entry
 from basecal.exchange.importing.imported import (
-    By,
     Imported,
+    PairingMethod,
     Row,
-    Sight,
+    ViewNames,
     carried_entry,
     check_robot,
     choose_carrier,
     known_cell,
-    open_size,
+    replaceable_size,
 )
 from basecal.fields.problems import Loc
 
-_PAIRING_HELP: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
+_PAIRING_METHODS: dict[str, PairingMethod] = {"order": "order", "name": "image", "time": "stamp_s"}
 
 
 def read_images(
@@ -39,7 +39,7 @@ def read_images(
     target: TargetKindName | None = None,
     target_on: str | None = None,
     target_name: str = "board",
-    shape: Shape = UNSAID,
+    shape: Shape = UNSTATED_SHAPE,
     progress: Callable[[int, int], None] | None = None,
 ) -> Imported:
     """Copy one camera's images into a recording; several cameras need several calls.
@@ -73,30 +73,30 @@ def read_images(
         UsageError: if a target is described without its kind.
         InputError: if no image can be read, or the carrier of camera or target is ambiguous.
     """
-    if by is not None and by not in _PAIRING_HELP:
-        raise UsageError(f"by {by!r}: expected one of {list_names(list(_PAIRING_HELP))}")
+    if by is not None and by not in _PAIRING_METHODS:
+        raise UsageError(f"by {by!r}: expected one of {list_names(list(_PAIRING_METHODS))}")
     files = list_images(Path(folder))
     new, replaced = _camera_entry(cell, camera, on)
     carrier = new["cameras"][camera].get("on")
-    shown = target_entry(cell, target, shape, Sight(camera, target_name, carrier, target_on))
-    looked = _read_images(Path(folder), files, progress)
+    described = target_entry(cell, target, shape, ViewNames(camera, target_name, carrier, target_on))
+    sizes = _read_images(Path(folder), files, progress)
     time: Callable[[Path], float | None] = read_time if by == "time" else lambda path: None
     rows = tuple(Row(images={camera: path}, image=path.name, stamp_s=time(path)) for path in files)
     entry = {
-        "robots": {name: {} for name in (*new.get("robots", {}), *shown.get("robots", {}))},
-        "cameras": {camera: {"size_px": list(looked.size_px), **new["cameras"][camera]}},
-        "targets": shown.get("targets", {}),
+        "robots": {name: {} for name in (*new.get("robots", {}), *described.get("robots", {}))},
+        "cameras": {camera: {"size_px": list(sizes.size_px), **new["cameras"][camera]}},
+        "targets": described.get("targets", {}),
     }
     return Imported(
         str(folder),
-        _describe(len(rows), camera, looked.size_px, carrier if on is None else None, entry["targets"]),
+        _describe(len(rows), camera, sizes.size_px, carrier if on is None else None, entry["targets"]),
         rows,
         {key: value for key, value in entry.items() if value},
         replaced,
-        by=None if by is None else _PAIRING_HELP[by],
+        by=None if by is None else _PAIRING_METHODS[by],
         is_linked=link,
         advice="check --camera",
-        warnings=looked.warnings,
+        warnings=sizes.warnings,
     )
 
 
@@ -111,14 +111,14 @@ def _describe(
 
 
 @dataclass(frozen=True)
-class _Look:
+class _ImageSizes:
     """Most frequent size of images [px], and warnings about the others."""
 
     size_px: tuple[int, int]
     warnings: tuple[str, ...]
 
 
-def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], None] | None) -> _Look:
+def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], None] | None) -> _ImageSizes:
     """Read all images once to find their sizes and damaged files.
 
     Raises:
@@ -141,13 +141,13 @@ def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int,
     size_px = usual_size(list(sizes.values()))
     odd = [f"{name} ({size[0]} x {size[1]})" for name, size in sizes.items() if size != size_px]
     others = unreadable_images(folder)
-    of_all = f"{len(damaged)} of {len(files)} images cannot be read, and will not be used: {list_names(damaged)}"
-    of_sizes = f"{len(odd)} images have another size than the rest, and will not be used: {list_names(odd)}"
+    damaged_text = f"{len(damaged)} of {len(files)} images cannot be read, and will not be used: {list_names(damaged)}"
+    odd_text = f"{len(odd)} images have another size than the rest, and will not be used: {list_names(odd)}"
     gaps = missing_numbers([path.name for path in files])
-    of_gaps = f"images {list_names(gaps)} are missing in the numbering: do the tables of poses have them?"
-    of_kinds = f"{len(others)} files of other kinds are left out: {list_names(others)}"
-    said = ((damaged, of_all), (odd, of_sizes), (others, of_kinds), (gaps, of_gaps))
-    return _Look(size_px, tuple(f"{folder}: {text}" for names, text in said if names))
+    gaps_text = f"images {list_names(gaps)} are missing in the numbering: do the tables of poses have them?"
+    others_text = f"{len(others)} files of other kinds are left out: {list_names(others)}"
+    texts = ((damaged, damaged_text), (odd, odd_text), (others, others_text), (gaps, gaps_text))
+    return _ImageSizes(size_px, tuple(f"{folder}: {text}" for names, text in texts if names))
 
 
 def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> tuple[dict[str, Any], frozenset[Loc]]:
@@ -160,5 +160,5 @@ def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> 
     carrier = choose_carrier(known, "camera", name, stated_carrier, may_be_world=False)
     check_robot(known, carrier)
     if name in known.cameras:
-        return {"cameras": {name: {}}}, open_size(folder, known, name)
+        return {"cameras": {name: {}}}, replaceable_size(folder, known, name)
     return carried_entry("cameras", name, carrier, intrinsics={"status": "free"}), frozenset()

@@ -54,7 +54,7 @@ def read_joints(
     """
     model = joint_model(cell, robot, urdf, base_link, flange_link, offset_sigma_deg)
     rows = joints.read_joints(str(file), robot, model.chain, deg)
-    of_chain = f"{len(rows)} x {model.chain.n} joints of {robot!r} in {'deg' if deg else 'rad'}"
-    what = f"{of_chain}: {', '.join(model.chain.joint_names)}"
+    joints_text = f"{len(rows)} x {model.chain.n} joints of {robot!r} in {'deg' if deg else 'rad'}"
+    what = f"{joints_text}: {', '.join(model.chain.joint_names)}"
     advice = "check --deg, the order of the joints and the URDF"
     return Imported(str(file), what, rows, model.entry, files=model.files, advice=advice, is_still=still)

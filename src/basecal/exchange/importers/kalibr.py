@@ -21,14 +21,14 @@ from basecal.exchange.importing.lens import (
     StatedLens,
     imported_target,
     lens_of_file,
-    made_camera,
+    make_camera,
     mount_by_chain,
 )
 
 _PROJECTION = "pinhole"  # the supported projection of Kalibr
 _MODELS = {"radtan": ("pinhole", 4), "equidistant": ("fisheye", 4), "none": ("pinhole", 0)}
 _FAMILY = "tag36h11"  # family of Kalibr's own boards
-_EQUAL_SIDES = 1e-6  # largest relative difference of a square's sides: below any printer's accuracy
+_SIDE_TOLERANCE = 1e-6  # largest relative difference of a square's sides: below any printer's accuracy
 
 
 def read_kalibr(
@@ -87,8 +87,8 @@ def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:
     root = read_fields(path)
     names = [name for name in root.names() if name.startswith("cam")]
     if not names:
-        held = list_names(root.names())
-        raise root.error(f"holds {held}: a camchain of Kalibr has cam0, cam1, ...; a target of it has target_type")
+        content = list_names(root.names())
+        raise root.error(f"holds {content}: a camchain of Kalibr has cam0, cam1, ...; a target of it has target_type")
     return tuple(_lens(root.find(name), name) for name in names)
 
 
@@ -103,14 +103,14 @@ def _lens(camera: Field, name: str) -> StatedLens:
     terms = camera.find("distortion_coeffs").numbers(count) if count else []
     width, height = camera.find("resolution").size()
     intrinsics = camera.find("intrinsics")
-    made = made_camera(intrinsics, model, [*intrinsics.numbers(4), *terms], (width, height))
-    before = camera.first("T_cn_cnm1")
+    lens = make_camera(intrinsics, model, [*intrinsics.numbers(4), *terms], (width, height))
+    camera_from_previous = camera.first("T_cn_cnm1")
     return StatedLens(
-        made,
+        lens,
         f"{name} of Kalibr, pinhole-{distortion.data}, {width} x {height} px, the centre of the top-left pixel is "
         "(0, 0)",
         name,
-        None if before is None else before.pose(),
+        None if camera_from_previous is None else camera_from_previous.pose(),
     )
 
 
@@ -150,7 +150,7 @@ def _aprilgrid(root: Field) -> dict[str, Any]:
 
 def _checkerboard(root: Field) -> dict[str, Any]:
     across, down = root.find("colSpacingMeters"), root.find("rowSpacingMeters")
-    if abs(across.number() - down.number()) > _EQUAL_SIDES * abs(across.number()):
+    if abs(across.number() - down.number()) > _SIDE_TOLERANCE * abs(across.number()):
         raise down.error(f"is {down.data}, colSpacingMeters {across.data}: fields of a board must be square")
     corners = [root.find("targetCols").integer(2), root.find("targetRows").integer(2)]
     return {"kind": "chessboard", "corners": corners, "square_m": across.number()}

@@ -21,8 +21,8 @@ from basecal.exchange.importing.imported import (
     KnownCell,
     choose_carrier,
     known_cell,
-    open_size,
     recorded_samples,
+    replaceable_size,
 )
 from basecal.exchange.joints import joint_model
 from basecal.exchange.lerobot import (
@@ -30,7 +30,7 @@ from basecal.exchange.lerobot import (
     Episode,
     JointUnit,
     joint_rows,
-    motor_places,
+    motor_indices,
     nearest_frames,
     read_columns,
     read_episode,
@@ -115,9 +115,9 @@ def read_lerobot(
     model = joint_model(cell, robot, urdf, base_link, flange_link, offset_sigma_deg)
     ranges = None if calibration is None else read_motor_ranges(calibration)
     recorded = read_episode(Path(folder), episode)
-    taken = _choose_frames(cell, known_cell(cell), robot, recorded, every_s)
+    frame_indices = _choose_frames(cell, known_cell(cell), robot, recorded, every_s)
     chosen = select_motors(recorded, motors)
-    rows = joint_rows(chosen, robot, model.chain, unit, ranges, taken)
+    rows = joint_rows(chosen, robot, model.chain, unit, ranges, frame_indices)
     what = f"{len(rows)} of {len(recorded.stamps_s)} frames of episode {episode}: joints of {robot!r} in {unit}"
     what += f": {_describe_motors(chosen, model.chain)}"
     advice = "check --unit, the calibration and the URDF"
@@ -130,16 +130,16 @@ def read_lerobot(
 
 def _describe_motors(episode: Episode, chain: SerialChain) -> str:
     """Text of the motor used for each joint; a single name if motor and joint have the same name."""
-    found = [episode.names[place] for place in motor_places(episode.names, chain.joint_names)]
-    pairs = zip(chain.joint_names, found, strict=True)
+    motors = [episode.names[index] for index in motor_indices(episode.names, chain.joint_names)]
+    pairs = zip(chain.joint_names, motors, strict=True)
     return ", ".join(joint if joint == motor else f"{joint} from {motor}" for joint, motor in pairs)
 
 
 def _choose_frames(folder: str | Path, cell: KnownCell, robot: str, episode: Episode, every_s: float) -> IntArray:
     """Frames nearest to samples that have a time but lack the robot; without such samples, the frames at rest."""
     samples = recorded_samples(folder, cell)
-    waiting = [sample.stamp_s for sample in samples if sample.stamp_s is not None and robot not in sample.robots]
-    found = nearest_frames(episode, np.array(waiting)) if waiting else np.zeros(0, dtype=np.int64)
+    times_s = [sample.stamp_s for sample in samples if sample.stamp_s is not None and robot not in sample.robots]
+    found = nearest_frames(episode, np.array(times_s)) if times_s else np.zeros(0, dtype=np.int64)
     return found if len(found) else still_frames(episode, every_s)
 
 
@@ -152,7 +152,7 @@ def _with_camera(source: Imported, folder: str | Path, name: str, stated_carrier
     present_cell = known_cell(folder)
     if name in present_cell.cameras:
         choose_carrier(present_cell, "camera", name, stated_carrier)
-        return replace(source, replaced=open_size(folder, present_cell, name))
+        return replace(source, replaced=replaceable_size(folder, present_cell, name))
     camera = {"on": stated_carrier or robot, "intrinsics": {"status": "free"}}
     return replace(source, cell={**source.cell, "cameras": {name: camera}})
 
@@ -208,8 +208,8 @@ def write_images(film: Film, stamps_s: Array, folder: Path) -> list[Path]:
     paths = [folder / f"{stamp:010.3f}.png" for stamp in stamps_s]
     done = 0
     try:
-        for (at,), content in frames("basecal.exchange.lerobot_film_boxed", words, film.path.stat().st_size):
-            paths[int(at)].write_bytes(content)
+        for (index,), content in frames("basecal.exchange.lerobot_film_boxed", words, film.path.stat().st_size):
+            paths[int(index)].write_bytes(content)
             done += 1
     except DatasetError:
         raise

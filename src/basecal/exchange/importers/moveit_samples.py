@@ -86,10 +86,10 @@ def read_moveit_record(path: str | Path, camera_on_robot: bool | None) -> HandEy
     pairs = []
     for entry in read_fields(path, _LARGEST).items(f"samples, {_EXPECTED}"):
         if isinstance(entry.data, list):
-            both = entry.items("two matrices")
-            if len(both) != 2:
-                raise entry.error(f"has {len(both)} entries; {_EXPECTED}")
-            pairs.append((both[0].pose(), both[1].pose()))
+            matrices = entry.items("two matrices")
+            if len(matrices) != 2:
+                raise entry.error(f"has {len(matrices)} entries; {_EXPECTED}")
+            pairs.append((matrices[0].pose(), matrices[1].pose()))
         else:
             pairs.append((entry.find("effector_wrt_world").pose(), entry.find("object_wrt_sensor").pose()))
     if camera_on_robot is None:
@@ -148,14 +148,15 @@ def imported_joint_states(cell: KnownCell, states: JointStates, source: str, rob
         raise InputError(
             f"{source}: joint states need a robot with a URDF in cell.yaml, --robot; with one there are: {known}"
         )
-    wanted = chains[name].joint_names
-    missing = [joint for joint in wanted if joint not in states.names]
+    joint_names = chains[name].joint_names
+    missing = [joint for joint in joint_names if joint not in states.names]
     if missing:
         raise InputError(
-            f"{source}: has joints {list_names(states.names)}, the chain of {name!r} in its URDF {list_names(wanted)}: "
+            f"{source}: has joints {list_names(states.names)}, "
+            f"the chain of {name!r} in its URDF {list_names(joint_names)}: "
             f"{list_names(missing)} not recorded"
         )
-    columns = [states.names.index(joint) for joint in wanted]
+    columns = [states.names.index(joint) for joint in joint_names]
     rows = tuple(Row({name: RobotState(joints_rad=row)}) for row in states.joints_rad[:, columns])
     what = f"{len(rows)} joint states of {name} by MoveIt (rad), joints by their names"
     return Imported(source, what, rows, advice="check that they are radians, and of this robot")

@@ -16,7 +16,7 @@ from basecal.errors import DatasetError, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.lens import LensStatus, StatedLens, lens_of_file, made_camera
+from basecal.exchange.importing.lens import LensStatus, StatedLens, lens_of_file, make_camera
 from basecal.fields.problems import Loc, shorten
 
 _TERMS = {
@@ -75,7 +75,7 @@ def read_cameramodel(path: str | Path) -> StatedLens:
         raise kind.error(f"{shorten(name)} is not supported ({list_names(list(_TERMS))}): {advice}")
     values = root.find("intrinsics")
     width, height = root.find("imagersize").size()
-    camera = made_camera(values, "pinhole", values.numbers(4 + _TERMS[name]), (width, height))
+    camera = make_camera(values, "pinhole", values.numbers(4 + _TERMS[name]), (width, height))
     return StatedLens(
         camera, f"cameramodel of mrcal, {name}, {width} x {height} px, the centre of the top-left pixel is (0, 0)"
     )
@@ -92,11 +92,11 @@ def _literal(path: str) -> Field:
                 raise DatasetError(path, "is not the dictionary that a cameramodel of mrcal is")
             data: dict[str, Any] = {}
             lines: dict[Loc, int] = {(): 1}
-            above = text[: len(text) - len(text.lstrip())].count("\n")
+            lines_before = text[: len(text) - len(text.lstrip())].count("\n")
             for key, value in zip(tree.keys, tree.values, strict=True):
                 name = str(ast.literal_eval(key or value))
                 data[name] = _as_lists(ast.literal_eval(value))
-                lines[(name,)] = above + value.lineno
+                lines[(name,)] = lines_before + value.lineno
     except DatasetError:
         raise
     except _NOT_LITERALS as error:

@@ -20,7 +20,7 @@ from basecal.exchange.importing.lens import (
     LensStatus,
     StatedLens,
     lens_of_file,
-    made_camera,
+    make_camera,
     matrix_parameters,
     opencv_terms,
 )
@@ -117,13 +117,13 @@ def read_opencv_lens(path: str | Path, model: str | None = None, number: int | N
         values = values or _scalars(named, _TERM_NAMES)
     else:
         raise _no_matrix(root, named, number)
-    said = next((named[each] for each in _FISHEYE if each in named), None)
-    lens = model or ("fisheye" if said is not None and said.boolean() else "pinhole")
+    is_fisheye = next((named[each] for each in _FISHEYE if each in named), None)
+    lens = model or ("fisheye" if is_fisheye is not None and is_fisheye.boolean() else "pinhole")
     size = _size(named)
-    usual = values if len(values) in term_counts(lens) else opencv_terms(terms or root, values)
+    distortion = values if len(values) in term_counts(lens) else opencv_terms(terms or root, values)
     return StatedLens(
-        made_camera(terms or matrix or root, lens, [*parameters, *usual], size),
-        f"{what}, {lens} of {len(usual)} distortion terms"
+        make_camera(terms or matrix or root, lens, [*parameters, *distortion], size),
+        f"{what}, {lens} of {len(distortion)} distortion terms"
         f"{'' if size is None else f', {size[0]} x {size[1]} px'}, the centre of the top-left pixel is (0, 0)",
     )
 
@@ -170,10 +170,10 @@ def _size(fields: dict[str, Field]) -> tuple[int, int] | None:
     height = next((fields[name] for name in _HEIGHTS if name in fields), None)
     if width is not None and height is not None:
         return (_scalar(width).integer(), _scalar(height).integer())
-    both = next((fields[name] for name in _SIZE if name in fields), None)
-    if both is None or not isinstance(both.data, list) or len(both.data) != 2:
+    sides = next((fields[name] for name in _SIZE if name in fields), None)
+    if sides is None or not isinstance(sides.data, list) or len(sides.data) != 2:
         return None
-    first, second = both.items("width and height")
+    first, second = sides.items("width and height")
     return (first.integer(), second.integer())
 
 

@@ -85,12 +85,12 @@ def _join_rows(table: PointTable, names: Sequence[str], camera: str, sigma_m: fl
     found: dict[object, Row] = {}
     for k, (row, name) in enumerate(zip(table.rows, names, strict=True)):
         sigma = None if sigma_m is None else np.array([sigma_m])
-        seen = PointObservation(camera, name, np.zeros(1, dtype=np.int64), table.points_m[[k]], sigma)
+        view = PointObservation(camera, name, np.zeros(1, dtype=np.int64), table.points_m[[k]], sigma)
         key = row.sample if row.sample is not None else row.stamp_s if row.stamp_s is not None else k
-        before = found.get(key, row)
-        if any(o.target == name for o in before.observations):
+        joined = found.get(key, row)
+        if any(o.target == name for o in joined.observations):
             raise DatasetError(table.path, f"{name!r} is measured twice in one sample; keep one")
-        found[key] = replace(before, observations=(*before.observations, seen))
+        found[key] = replace(joined, observations=(*joined.observations, view))
     return tuple(found.values())
 
 

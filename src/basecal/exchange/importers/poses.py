@@ -14,11 +14,11 @@ from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import (
     Imported,
     OneOf,
-    Sight,
-    controller_places,
+    ViewNames,
+    add_target_poses,
+    controller_locations,
     known_cell,
-    seen_rows,
-    sight_entry,
+    view_entry,
 )
 from basecal.exchange.poses import LengthUnit, unit_length_m
 from basecal.exchange.streams import Inverted, Streams, read_streams
@@ -112,7 +112,7 @@ def read_poses(
     """
     path, reading = str(file), None if file is None else table_reading(str(file), format, length_unit, deg, rad)
     if reading is not None and robot is None and camera is not None and target is not None:
-        return _target_poses(cell, Sight(camera, target, on, target_on), path, reading, streams, invert)
+        return _target_poses(cell, ViewNames(camera, target, on, target_on), path, reading, streams, invert)
     if on is not None or target_on is not None:
         raise UsageError("--on and --target-on belong to a table of a target: CELL FILE --camera C --target T")
     if (robot is None) != (reading is None):
@@ -177,24 +177,24 @@ def _robot_poses(
     stated = {name: frame for name, frame in frames.items() if frame is not None}
     entry = {"robots": {robot: {"controller": {"format": reading.name, **stated}}}}
     imported = Imported(file, what, rows, entry, is_stream=is_stream, advice=POSE_ADVICE)
-    places = controller_places([robot])
-    return replace(imported, replaced=places) if stated else replace(imported, defaults=places)
+    controller = controller_locations([robot])
+    return replace(imported, replaced=controller) if stated else replace(imported, defaults=controller)
 
 
 def _target_poses(
-    cell: str | Path, sight: Sight, file: str, reading: Reading, is_stream: bool, invert: tuple[Inverted, ...]
+    cell: str | Path, names: ViewNames, file: str, reading: Reading, is_stream: bool, invert: tuple[Inverted, ...]
 ) -> Imported:
     """Import poses of a target in a camera, or their inverses."""
     is_inverted = _is_inverted(invert, "camera-from-target")
     found = read_pose_rows(file, reading, is_stream)
-    rows = seen_rows(found.rows, found.poses.inverse() if is_inverted else found.poses, sight)
-    what = _describe(len(rows), sight.camera, sight.target, reading, is_inverted)
+    rows = add_target_poses(found.rows, found.poses.inverse() if is_inverted else found.poses, names)
+    what = _describe(len(rows), names.camera, names.target, reading, is_inverted)
     advice = f"{POSE_ADVICE}, and whether it takes --invert camera-from-target"
-    entry = sight_entry(known_cell(cell), sight)
+    entry = view_entry(known_cell(cell), names)
     return Imported(file, what, rows, entry, is_stream=is_stream, advice=advice)
 
 
 def _describe(count: int, parent: str, child: str, reading: Reading, is_inverted: bool) -> str:
     """Description of a table's content."""
-    written = f"{child}_from_{parent}, inverted," if is_inverted else f"{parent}_from_{child}"
-    return f"{count} poses {written} as of {reading.name} ({reading.words})"
+    transform = f"{child}_from_{parent}, inverted," if is_inverted else f"{parent}_from_{child}"
+    return f"{count} poses {transform} as of {reading.name} ({reading.words})"

@@ -15,12 +15,12 @@ from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.poses import POSE_ADVICE, table_reading
 from basecal.exchange.importing.imported import (
-    By,
     Imported,
     KnownCell,
     OneOf,
+    PairingMethod,
     Row,
-    controller_places,
+    controller_locations,
     known_cell,
     recorded_samples,
 )
@@ -89,9 +89,9 @@ def read_touches(
     """
     if sum(each is not None for each in (mark, meets, clamp)) > 1:
         raise UsageError("--mark, --meets and --clamp exclude each other: give one of them")
-    own_tip, known, places = tip or f"{robot}_tip", known_cell(cell), controller_places([robot])
-    rows, names, how, advice, writer = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
-    entry: dict[str, Any] = {"robots": {robot: {} if writer is None else {"controller": {"format": writer}}}}
+    own_tip, known, defaults = tip or f"{robot}_tip", known_cell(cell), controller_locations([robot])
+    rows, names, how, advice, controller = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
+    entry: dict[str, Any] = {"robots": {robot: {} if controller is None else {"controller": {"format": controller}}}}
     if clamp is None and own_tip not in known.cameras:
         entry["tips"] = {own_tip: {"on": robot, "offset": {"status": "free"}}}
     if meets is not None:
@@ -104,17 +104,20 @@ def read_touches(
     else:
         marks = touch_names(str(file), names, robot, mark)
         entry["marks"] = {name: {} for name in dict.fromkeys(marks) if name not in known.targets}
-        contacts, rows = [TouchObservation(own_tip, at, sigma_m) for at in marks], new_rows(cell, known, rows)
+        contacts, rows = [TouchObservation(own_tip, name, sigma_m) for name in marks], new_rows(cell, known, rows)
         what = f"touches of {', '.join(dict.fromkeys(marks))} by {own_tip}"
-    touched = tuple(replace(row, observations=(seen,)) for row, seen in zip(rows, contacts, strict=True))
-    by: By | None = "sample" if "marks" in entry else None
-    return Imported(str(file), f"{len(rows)} {what}, {how}", touched, entry, defaults=places, by=by, advice=advice)
+    touched = tuple(replace(row, observations=(touch,)) for row, touch in zip(rows, contacts, strict=True))
+    by: PairingMethod | None = "sample" if "marks" in entry else None
+    return Imported(str(file), f"{len(rows)} {what}, {how}", touched, entry, defaults=defaults, by=by, advice=advice)
 
 
 def _read_rows(
     cell: str | Path, path: str, robot: str, is_joints: bool, numbers: tuple[str | None, LengthUnit | None, bool, bool]
 ) -> tuple[tuple[Row, ...], Sequence[str], str, str, str | None]:
-    """Rows of poses or joints, names of the numbers, description, advice, and the controller of poses or None."""
+    """Rows of poses or joints, names of the numbers, description, advice, and the controller of poses or None.
+
+    `numbers` are the format, the unit of length, and whether angles are in degrees or in radians.
+    """
     notation, length_unit, deg, rad = numbers
     if is_joints:
         chain = joint_model(cell, robot, None, None, None, None).chain

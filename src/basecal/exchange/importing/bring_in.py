@@ -24,17 +24,17 @@ from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.importing.cell_files import numbered_path, place_files
 from basecal.exchange.importing.imported import Imported, Row
-from basecal.exchange.importing.pairing import Pairing, is_same_state, open_samples, pair, plain_name
+from basecal.exchange.importing.pairing import Pairing, is_same_state, pair, plain_name, samples_without_content
 from basecal.fields.problems import Loc
 
 _CELL, _FOLDER = "cell.yaml", "recording"
 _NAMES = f"{_FOLDER}/image_names.json"
-_REST_TOLERANCE = 2e-3  # [m, rad] spread of poses of an arm at rest, with the rounding of `tf2_echo`
+_REST_TOLERANCE = 2e-3  # [m, rad] largest spread of poses of an arm at rest, with the rounding of `tf2_echo`
 _LARGEST_NAMES = 2**24  # bytes: 200,000 names
 
 
 @dataclass(frozen=True, eq=False)
-class Brought:
+class ImportResult:
     """Result of an import.
 
     Attributes:
@@ -61,7 +61,7 @@ def add_to_cell(
     imports: Imported,
     check: Callable[[Cell, Recording], tuple[str, ...]],
     replace: bool = False,
-) -> Brought:
+) -> ImportResult:
     """Add imported rows to a cell, all or none.
 
     Args:
@@ -77,22 +77,22 @@ def add_to_cell(
     path, journal_path = folder / _CELL, folder / _FOLDER / "samples.jsonl"
     old = read_text(path, "") if path.exists() else None
     started = imports.new_cell if old is None else old
-    added = {**_reference(imports.cell), **imports.cell} if started is None else imports.cell
+    added = {**_reference_entry(imports.cell), **imports.cell} if started is None else imports.cell
     if started is not None and not replace:
         added = _omit_defaults(added, imports.defaults, parse_yaml(started, str(path)).data)
     with place_files(imports.files, folder):
-        replaced = imports.defaults.union(imports.replaced, _places(added)) if replace else imports.replaced
+        replaced = imports.defaults.union(imports.replaced, _locations(added)) if replace else imports.replaced
         text, changed = completed_cell_text(started, added, str(path), replaced)
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
         recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
         imports = _repeat_row(imports, recorded) if imports.is_still else imports
-        imports = _give_samples(imports, recorded)
+        imports = _separate_repeated_views(imports, recorded)
         if not (replace or imports.by) and recorded.samples and len(imports.rows) != len(recorded.samples):
             imports = dataclass_replace(imports, is_session=imports.is_session or _is_whole(imports.rows, cell))
-        names = _names(folder)
+        names = _read_sample_names(folder)
         pairing = pair(imports, recorded.samples, names, replace) if imports.rows else Pairing("order", ())
         samples_by_path = {path: sample.sample for sample in recorded.samples for path in sample.images.values()}
-        samples, image_files = _samples(imports.rows, pairing, samples_by_path)
+        samples, image_files = _additions(imports.rows, pairing, samples_by_path)
         journal = completed_recording_text(folder, samples, replace) if samples else ""
         recording = recording_from_text(journal.encode(), folder, cell) if samples else recorded
         doubts = check(cell, Recording(tuple(samples)))
@@ -107,11 +107,11 @@ def add_to_cell(
             if samples:
                 write_atomically(journal_path, journal, base_folder=folder)
     made = len({sample.sample for sample in samples} - {sample.sample for sample in recorded.samples})
-    return Brought(cell, recording, pairing, made, changed, old is None, doubts)
+    return ImportResult(cell, recording, pairing, made, changed, old is None, doubts)
 
 
-def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """Field `reference` of a new cell: its first robot."""
+def _reference_entry(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """Field `reference` of a new cell: its first robot; empty if it has none."""
     first = next(iter(cell.get("robots", {})), None)
     return {} if first is None else {"reference": first}
 
@@ -141,24 +141,24 @@ def _repeat_row(imports: Imported, recording: Recording) -> Imported:
         if not all(is_same_state(state, first[name], _REST_TOLERANCE) for name, state in row.robots.items()):
             count = len(imports.rows)
             raise InputError(f"{imports.source}: holds {count} rows that differ: --still is for an arm at rest")
-    waiting = open_samples(imports.rows, recording.samples) or recording.samples
+    waiting = samples_without_content(imports.rows, recording.samples) or recording.samples
     rows = tuple(dataclass_replace(imports.rows[0], sample=sample.sample) for sample in waiting)
     return dataclass_replace(imports, rows=rows, by="sample")
 
 
-def _give_samples(imports: Imported, recording: Recording) -> Imported:
+def _separate_repeated_views(imports: Imported, recording: Recording) -> Imported:
     """A copy in which further views of a sample become new samples with the same robot states."""
     if not all(row.sample is not None and row.observations and not row.robots for row in imports.rows):
         return imports
     known: dict[int | None, Sample] = {sample.sample: sample for sample in recording.samples}
     numbers = (*(sample.sample for sample in recording.samples), *(row.sample or 0 for row in imports.rows))
-    free = count(max(numbers, default=-1) + 1)
-    taken: set[int | None] = set()
+    new_numbers = count(max(numbers, default=-1) + 1)
+    used: set[int | None] = set()
     rows = []
     for row in imports.rows:
-        first = known.get(row.sample) if row.sample in taken else None
-        taken.add(row.sample)
-        rows.append(row if first is None else dataclass_replace(row, sample=next(free), robots=first.robots))
+        first = known.get(row.sample) if row.sample in used else None
+        used.add(row.sample)
+        rows.append(row if first is None else dataclass_replace(row, sample=next(new_numbers), robots=first.robots))
     return dataclass_replace(imports, rows=tuple(rows))
 
 
@@ -171,18 +171,18 @@ def _is_whole(rows: Sequence[Row], cell: Cell) -> bool:
     return all(each and each - {WORLD} <= row.robots.keys() for each, row in zip(carriers, rows, strict=True))
 
 
-def _places(data: Mapping[str, Any], parent: Loc = ()) -> Iterator[Loc]:
+def _locations(data: Mapping[str, Any], parent: Loc = ()) -> Iterator[Loc]:
     """Locations of all values, with mappings such as a pose or a lens as one value."""
     for key, value in data.items():
         if isinstance(value, Mapping) and not {"status", "kind"} & value.keys():
-            yield from _places(value, (*parent, key))
+            yield from _locations(value, (*parent, key))
         elif isinstance(value, Mapping) and "kind" in value:
             yield from ((*parent, key, inner) for inner in value)
         else:
             yield (*parent, key)
 
 
-def _names(folder: Path) -> dict[str, int]:
+def _read_sample_names(folder: Path) -> dict[str, int]:
     """Read the sample numbers by image name that earlier tables defined.
 
     Raises:
@@ -209,7 +209,7 @@ def _named_samples(rows: tuple[Row, ...], pairing: Pairing, samples: Sequence[Sa
     }
 
 
-def _samples(
+def _additions(
     rows: tuple[Row, ...], pairing: Pairing, samples_by_path: Mapping[str, int]
 ) -> tuple[list[Sample], dict[str, Path]]:
     """Additions to each sample, and the new images by unique path in the cell."""

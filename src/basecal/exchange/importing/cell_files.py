@@ -33,8 +33,8 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
         DatasetError: if a source is not a regular file, is too large, or has an image's name but is not an image.
         InputError: if a different file exists, a path leaves the cell, or a file cannot be written.
     """
-    made: list[Path] = []
-    existed = folder.exists()
+    created: list[Path] = []
+    is_new = not folder.exists()
     try:
         path_in_cell = path_resolver(str(folder))
         for name, source in files.items():
@@ -43,24 +43,24 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
                 check_image(source)
             if not os.path.lexists(target):
                 make_folder(target.parent, folder)
-                made.append(target)
+                created.append(target)
                 _place_file(source, target, link)
             elif not target.is_file() or not filecmp.cmp(source, target, shallow=False):
                 raise InputError(f"{target} exists and differs from {source}: it is not overwritten")
         yield
     except OSError as error:
-        _remove_files(made, folder, existed)
+        _remove_files(created, folder, is_new)
         raise InputError(f"{error.filename or folder} cannot be written: {error.strerror}") from None
     except BaseException:
-        _remove_files(made, folder, existed)
+        _remove_files(created, folder, is_new)
         raise
 
 
 @contextmanager
 def scratch_folder(cell: str | Path) -> Iterator[TemporaryDirectory[str]]:
     """Create a temporary folder on the disk of a cell; it is removed if the context fails."""
-    beside = next(above for above in Path(cell).absolute().parents if above.exists())
-    scratch = TemporaryDirectory(prefix=".import-", dir=beside)
+    existing_parent = next(parent for parent in Path(cell).absolute().parents if parent.exists())
+    scratch = TemporaryDirectory(prefix=".import-", dir=existing_parent)
     try:
         yield scratch
     except BaseException:
@@ -70,8 +70,8 @@ def scratch_folder(cell: str | Path) -> Iterator[TemporaryDirectory[str]]:
 
 def numbered_path(path: str, number: int) -> str:
     """Path of an image with the number of its sample as prefix of its name."""
-    place = PurePosixPath(path)
-    return str(place.with_name(f"{number:06d}_{place.name}"))
+    original = PurePosixPath(path)
+    return str(original.with_name(f"{number:06d}_{original.name}"))
 
 
 def _place_file(source: Path, target: Path, link: bool) -> None:
@@ -85,13 +85,13 @@ def _place_file(source: Path, target: Path, link: bool) -> None:
     write_atomically(target, read_bounded(source, _LARGEST_BYTES), durable=False)
 
 
-def _remove_files(files: list[Path], folder: Path, had_cell: bool) -> None:
-    """Remove created files and folders left empty; the cell's folder only if it is new."""
+def _remove_files(files: list[Path], folder: Path, is_new: bool) -> None:
+    """Remove created files and the folders left empty; the cell's folder only if it is new."""
     for path in files:
         with suppress(OSError):
             path.unlink(missing_ok=True)
-    above = {parent for path in files for parent in path.parents if parent.is_relative_to(folder)}
-    for parent in sorted(above, key=lambda path: len(path.parts), reverse=True):
-        if parent != folder or not had_cell:
+    parents = {parent for path in files for parent in path.parents if parent.is_relative_to(folder)}
+    for parent in sorted(parents, key=lambda path: len(path.parts), reverse=True):
+        if parent != folder or is_new:
             with suppress(OSError):
                 parent.rmdir()

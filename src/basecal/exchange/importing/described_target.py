@@ -14,10 +14,10 @@ from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.cell.targets.kind import PrintSizes, is_indistinguishable
 from basecal.cell.targets.registry import TARGETS
 from basecal.errors import InputError, UsageError, list_names
-from basecal.exchange.importing.imported import KnownCell, Sight, carried_entry, known_cell
+from basecal.exchange.importing.imported import KnownCell, ViewNames, carried_entry, known_cell
 from basecal.fields.typed_length import columns_rows, length_m
 
-_COUNTED = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows
+_COUNT_FIELDS = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows
 MARKER_SHARE = 0.75  # default size of a marker as a share of the square
 
 
@@ -50,7 +50,7 @@ class Shape:
     set: tuple[str, ...] = ()
 
 
-UNSAID = Shape()
+UNSTATED_SHAPE = Shape()
 """Shape without any stated value."""
 
 
@@ -62,7 +62,7 @@ def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
     """
     if kind not in TARGETS:
         raise InputError(f"target {kind!r}: expected one of {list_names(list(TARGETS))}")
-    counts = {name: text for name in _COUNTED if (text := getattr(shape, name)) is not None}
+    counts = {name: text for name in _COUNT_FIELDS if (text := getattr(shape, name)) is not None}
     numbers = [columns_rows(text, f"--{name}") for name, text in counts.items()]
     columns, rows = numbers[0] if numbers else (1, 1)
     square_m = 1.0 if shape.square is None else length_m(shape.square, "--square", "40mm")
@@ -87,7 +87,7 @@ def target_entry(
     folder: str | Path,
     kind: str | None,
     shape: Shape,
-    sight: Sight,
+    names: ViewNames,
 ) -> dict[str, Any]:
     """Entry of `cell.yaml` for a target in images; empty if no target is described.
 
@@ -95,7 +95,7 @@ def target_entry(
         folder: Folder of the cell, or of a new cell.
         kind: Kind of the target; None if no target is described.
         shape: Counts and sizes of the target.
-        sight: Names of camera and target, and their carriers if stated.
+        names: Names of camera and target, and their carriers if stated.
 
     Raises:
         UsageError: if a target is described without its kind.
@@ -104,13 +104,13 @@ def target_entry(
     if not isinstance(shape, Shape):
         raise InputError(f"shape is {shape!r}, expected a basecal.Shape, such as Shape(squares='5x7', square='40mm')")
     if kind is None:
-        if sight.target_on is not None or shape != UNSAID:
+        if names.target_on is not None or shape != UNSTATED_SHAPE:
             raise UsageError("a target is described, but not its kind: add --target charuco, or another kind")
         return {}
     fields = target_fields(kind, shape)
     cell = known_cell(folder)
-    _check_marks(cell, sight.target, kind, fields)
-    return carried_entry("targets", sight.target, sight.target_on or _single_carrier(cell, sight), **fields)
+    _check_marks(cell, names.target, kind, fields)
+    return carried_entry("targets", names.target, names.target_on or _single_carrier(cell, names), **fields)
 
 
 def are_indistinguishable(first: Target, second: Target) -> bool:
@@ -124,30 +124,30 @@ def _check_marks(cell: KnownCell, name: str, kind: str, fields: Mapping[str, Any
     Raises:
         InputError: if they cannot.
     """
-    of_kind = TARGETS[kind]
+    target_kind = TARGETS[kind]
     for other in cell.targets.values():
-        if other.name == name or other.target is None or other.target.kind != kind or not of_kind.marks(fields):
+        if other.name == name or other.target is None or other.target.kind != kind or not target_kind.marks(fields):
             continue
-        if is_indistinguishable(of_kind, fields, other.target.options):
+        if is_indistinguishable(target_kind, fields, other.target.options):
             raise InputError(
                 f"no image distinguishes {name!r} from {other.name!r} of cell.yaml, which has the same marks. If "
                 "they are one target, omit --target. Otherwise state its own dictionary, family, number or counts"
             )
 
 
-def _single_carrier(cell: KnownCell, sight: Sight) -> str:
+def _single_carrier(cell: KnownCell, names: ViewNames) -> str:
     """The only robot that does not carry the camera, or the world if there is none.
 
     Raises:
         InputError: if there are several such robots, or the cell has no robots yet.
     """
     if not cell.robots:
-        raise InputError(f"give the carrier of the target {sight.target!r}: --target-on ROBOT or --target-on world")
-    carrier = sight.camera_on or cell.cameras[sight.camera].on
+        raise InputError(f"give the carrier of the target {names.target!r}: --target-on ROBOT or --target-on world")
+    carrier = names.camera_on or cell.cameras[names.camera].on
     others = [robot for robot in cell.robots if robot != carrier]
     if len(others) > 1 or (not others and carrier == WORLD):
         options = " or ".join(f"--target-on {each}" for each in (*others, WORLD) if each != carrier)
-        raise InputError(f"give the carrier of the target {sight.target!r}: {options}")
+        raise InputError(f"give the carrier of the target {names.target!r}: {options}")
     return others[0] if others else WORLD
 
 
@@ -157,18 +157,18 @@ def _check_description(kind: str, shape: Shape, fields: dict[str, Any], counts: 
     Raises:
         InputError: if they are not.
     """
-    set_by_name = {each.partition("=")[0] for each in shape.set}
-    needed = [name for name in _COUNTED if name in fields and not isinstance(fields[name][0], dict)]
+    set_names = {each.partition("=")[0] for each in shape.set}
+    needed = [name for name in _COUNT_FIELDS if name in fields and not isinstance(fields[name][0], dict)]
     has_size = bool(fields.keys() - {"dictionary", "family"})
-    if missing := [f"--{name} COLUMNSxROWS" for name in needed if name not in {*counts, *set_by_name}]:
+    if missing := [f"--{name} COLUMNSxROWS" for name in needed if name not in {*counts, *set_names}]:
         missing = [*missing, *(["--square SIZE"] if shape.square is None else [])]
-    elif has_size and shape.square is None and not any(name.endswith("_m") for name in set_by_name):
+    elif has_size and shape.square is None and not any(name.endswith("_m") for name in set_names):
         missing = ["--square SIZE"]
     if missing:
         raise InputError(f"a target of kind {kind!r} needs {' and '.join(missing)}, such as 5x7 and 40mm; measure it")
     if odd := [name for name in counts if name not in needed]:
-        of = f"counted by --{needed[0]}" if needed else "not counted"
-        raise InputError(f"a target of kind {kind!r} is {of}, not by --{odd[0]}")
+        counted = f"counted by --{needed[0]}" if needed else "not counted"
+        raise InputError(f"a target of kind {kind!r} is {counted}, not by --{odd[0]}")
 
 
 def printed_fields(kind: str, sizes: PrintSizes, field_words: tuple[str, ...]) -> dict[str, Any]:

@@ -141,14 +141,16 @@ def imported_hand_eye(
         InputError: if camera and target have the same carrier.
     """
     known_camera, known_target = cell.cameras.get(names.camera), cell.targets.get(names.target)
-    on = _carriers(cell, record, names, carriers)
-    is_in_own = on[0] == names.robot or (on[0] == WORLD and (isinstance(cell, NoCell) or cell.reference == names.robot))
+    camera_on, target_on = _carriers(cell, record, names, carriers)
+    is_world_base = isinstance(cell, NoCell) or cell.reference == names.robot
+    # An estimated mount is a pose in the frames of the file's robot.
+    has_guess = camera_on == names.robot or (camera_on == WORLD and is_world_base)
     camera: dict[str, Any] = {
-        "on": on[0],
-        **_mount(None if known_camera is None else known_camera.mount, record.camera_mount if is_in_own else None),
+        "on": camera_on,
+        **_mount(None if known_camera is None else known_camera.mount, record.camera_mount if has_guess else None),
     }
     target: dict[str, Any] = {
-        "on": on[1],
+        "on": target_on,
         **_mount(None if known_target is None else known_target.mount, record.target_mount),
     }
     if known_camera is None or known_camera.intrinsics is None:
@@ -161,7 +163,10 @@ def imported_hand_eye(
     robot: dict[str, Any] = {}
     if known_robot is None or not known_robot.frames:
         robot = {"frames": dict(record.frames)} if record.frames else {}
-    robots = {names.robot: robot, **{carrier: {} for carrier in on if carrier not in (names.robot, WORLD)}}
+    robots = {
+        names.robot: robot,
+        **{carrier: {} for carrier in (camera_on, target_on) if carrier not in (names.robot, WORLD)},
+    }
     data = {"robots": robots, "cameras": {names.camera: camera}, "targets": {names.target: target}}
     rows = _rows(record, names)
     return Imported(record.path, record.what, rows, data, is_linked=is_linked)
@@ -174,17 +179,18 @@ def _carriers(cell: KnownCell, record: HandEyeRecord, names: Names, carriers: Ca
     known = cell.targets if record.camera_on_robot else cell.cameras
     name = names.target if record.camera_on_robot else names.camera
     stated = carriers.target_on if record.camera_on_robot else carriers.camera_on
-    told = known[name].on if name in known else WORLD
-    still = stated or (WORLD if told == names.robot else told)
-    check_robot(cell, still)
-    if still == names.robot:
-        raise InputError(f"camera {names.camera!r} and target {names.target!r} are both on {still!r}")
-    return (names.robot, still) if record.camera_on_robot else (still, names.robot)
+    known_carrier = known[name].on if name in known else WORLD
+    other = stated or (WORLD if known_carrier == names.robot else known_carrier)
+    check_robot(cell, other)
+    if other == names.robot:
+        raise InputError(f"camera {names.camera!r} and target {names.target!r} are both on {other!r}")
+    return (names.robot, other) if record.camera_on_robot else (other, names.robot)
 
 
-def _mount(unknown: Unknown | None, estimate: SE3 | None) -> dict[str, Any]:
+def _mount(cell_mount: Unknown | None, estimate: SE3 | None) -> dict[str, Any]:
     """Entry of a free mount with an estimate as its guess; empty if the cell has a value or there is no estimate."""
-    if unknown is not None and (estimate is None or unknown.status != "free" or unknown.mean is not None):
+    has_value = cell_mount is not None and (cell_mount.status != "free" or cell_mount.mean is not None)
+    if has_value or (cell_mount is not None and estimate is None):
         return {}
     guess = {} if estimate is None else {"guess": pose_dict(estimate)}
     return {"mount": {"status": "free", **guess}}
@@ -194,13 +200,13 @@ def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:
     rows = []
     for i in range(len(record.base_from_flange)):
         poses = record.camera_from_target
-        seen = () if poses is None else (PoseObservation(names.camera, names.target, poses[i]),)
+        views = () if poses is None else (PoseObservation(names.camera, names.target, poses[i]),)
         images = {names.camera: record.images[i]} if record.images else {}
         image = record.images[i].name if record.images else None
         robots = {names.robot: RobotState(record.base_from_flange[i])}
         if record.hand_base_from_flange is not None:
             robots[names.hand] = RobotState(record.hand_base_from_flange[i])
-        rows.append(Row(robots, seen, images, image))
+        rows.append(Row(robots, views, images, image))
     return tuple(rows)
 
 

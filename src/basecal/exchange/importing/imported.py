@@ -14,7 +14,7 @@ from basecal.errors import InputError, list_names, spelling_hint
 from basecal.fields.problems import Loc
 from basecal.geometry import SE3
 
-By = Literal["order", "image", "sample", "stamp_s"]
+PairingMethod = Literal["order", "image", "sample", "stamp_s"]
 """Method of pairing rows with samples."""
 
 
@@ -22,7 +22,7 @@ By = Literal["order", "image", "sample", "stamp_s"]
 class OneOf:
     """Annotation of an importer's parameter: its description and its allowed names."""
 
-    about: str
+    description: str
     names: tuple[str, ...]
 
 
@@ -84,7 +84,7 @@ class Imported:
     new_cell: str | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
     is_stream: bool = False
-    by: By | None = None
+    by: PairingMethod | None = None
     is_session: bool = False
     is_still: bool = False
     is_linked: bool = False
@@ -96,7 +96,7 @@ class Imported:
     scratch: TemporaryDirectory[str] | None = None
 
 
-def controller_places(robots: Iterable[str]) -> frozenset[Loc]:
+def controller_locations(robots: Iterable[str]) -> frozenset[Loc]:
     """Locations of `cell.yaml` for the controllers of robots."""
     return frozenset(("robots", robot, "controller") for robot in robots)
 
@@ -135,31 +135,31 @@ def recorded_samples(folder: str | Path, cell: KnownCell) -> tuple[Sample, ...]:
     return read_recording(folder, cell).samples
 
 
-def open_size(folder: str | Path, cell: KnownCell, camera: str) -> frozenset[Loc]:
+def replaceable_size(folder: str | Path, cell: KnownCell, camera: str) -> frozenset[Loc]:
     """Location of a known camera's size, if its first images may change it; empty if a lens or views depend on it."""
-    known = cell.cameras[camera]
-    has_numbers = known.intrinsics is not None and known.intrinsics.camera is not None
+    intrinsics = cell.cameras[camera].intrinsics
+    has_lens = intrinsics is not None and intrinsics.camera is not None
     samples = recorded_samples(folder, cell)
     is_recorded = any(camera in s.images or any(o.camera == camera for o in s.observations) for s in samples)
-    return frozenset() if has_numbers or is_recorded else frozenset({("cameras", camera, "size_px")})
+    return frozenset() if has_lens or is_recorded else frozenset({("cameras", camera, "size_px")})
 
 
-def choose_name(kind: str, name: str | None, names: Collection[str], usual: str = "") -> str:
+def choose_name(kind: str, name: str | None, names: Collection[str], default: str = "") -> str:
     """Choose a name: the given one, else the only one in the cell, else the default.
 
     Args:
         kind: `camera`, `target` or `robot`.
         name: The given name; None if not given.
         names: Names in the cell.
-        usual: Default name of a new item; empty if the item must exist.
+        default: Default name of a new item; empty if the item must exist.
 
     Raises:
         InputError: if no name is given and the cell has several, or has none and there is no default.
     """
-    if name is None and (len(names) > 1 or not (names or usual)):
+    if name is None and (len(names) > 1 or not (names or default)):
         known = list_names(list(names)) if names else f"none in this cell: add a {kind} first"
         raise InputError(f"which {kind}? --{kind} is one of: {known}")
-    return name or next(iter(names), usual)
+    return name or next(iter(names), default)
 
 
 def choose_carrier(
@@ -173,7 +173,7 @@ def choose_carrier(
         name: Name of the camera or target.
         stated_carrier: Carrier stated by the user: a robot, or `world`; None if not stated.
         option: The option that states the carrier.
-        may_be_world: Whether a new cell without a robot is allowed.
+        may_be_world: Whether `world` is allowed in a cell without robots.
 
     Raises:
         InputError: if the carrier is ambiguous, or contradicts the cell.
@@ -204,13 +204,13 @@ def check_robot(cell: KnownCell, carrier: str) -> None:
 
 
 def carried_entry(section: str, name: str, carrier: str, **fields: Any) -> dict[str, Any]:
-    """Entries of `cell.yaml` for a new camera or target with a free mount, and for the robot that carries it."""
+    """Entries of `cell.yaml` for a new camera or target, and for the robot that carries it."""
     entry = {section: {name: {"on": carrier, **fields}}}
     return entry if carrier == WORLD else {"robots": {carrier: {}}, **entry}
 
 
 @dataclass(frozen=True)
-class Sight:
+class ViewNames:
     """Names of a camera and its target, and their carriers if stated by the user."""
 
     camera: str
@@ -219,19 +219,19 @@ class Sight:
     target_on: str | None = None
 
 
-def seen_rows(rows: tuple[Row, ...], camera_from_target: SE3, sight: Sight) -> tuple[Row, ...]:
+def add_target_poses(rows: tuple[Row, ...], camera_from_target: SE3, names: ViewNames) -> tuple[Row, ...]:
     """Add observed target poses to rows.
 
     Args:
-        rows: (n) rows with the keys that assign them to samples.
+        rows: n rows with the keys that assign them to samples.
         camera_from_target: (n,) poses of the target.
-        sight: Names of camera and target.
+        names: Names of camera and target.
     """
-    views = (PoseObservation(sight.camera, sight.target, camera_from_target[i]) for i in range(len(rows)))
+    views = (PoseObservation(names.camera, names.target, camera_from_target[i]) for i in range(len(rows)))
     return tuple(replace(row, observations=(view,)) for row, view in zip(rows, views, strict=True))
 
 
-def sight_entry(cell: KnownCell, sight: Sight) -> dict[str, Any]:
+def view_entry(cell: KnownCell, names: ViewNames) -> dict[str, Any]:
     """Entries of `cell.yaml` for a camera and a target; existing entries are not changed.
 
     By default, a new camera is on the only robot. A new target is on the world, or on the only robot if the camera is
@@ -240,19 +240,19 @@ def sight_entry(cell: KnownCell, sight: Sight) -> dict[str, Any]:
     Raises:
         InputError: if a carrier is ambiguous or contradicts the cell, or both have the same carrier.
     """
-    camera_on = choose_carrier(cell, "camera", sight.camera, sight.camera_on)
-    given = sight.target_on
-    if given is None and camera_on != WORLD and sight.target not in cell.targets:
-        given = WORLD
-    target_on = choose_carrier(cell, "target", sight.target, given, "--target-on")
+    camera_on = choose_carrier(cell, "camera", names.camera, names.camera_on)
+    stated = names.target_on
+    if stated is None and camera_on != WORLD and names.target not in cell.targets:
+        stated = WORLD
+    target_on = choose_carrier(cell, "target", names.target, stated, "--target-on")
     if camera_on == target_on:
-        raise InputError(f"camera {sight.camera!r} and target {sight.target!r} are both on {camera_on!r}")
+        raise InputError(f"camera {names.camera!r} and target {names.target!r} are both on {camera_on!r}")
     camera, target = (
-        carried_entry("cameras", sight.camera, camera_on),
-        carried_entry("targets", sight.target, target_on),
+        carried_entry("cameras", names.camera, camera_on),
+        carried_entry("targets", names.target, target_on),
     )
     return {
         "robots": {**camera.get("robots", {}), **target.get("robots", {})},
-        "cameras": {sight.camera: {}} if sight.camera in cell.cameras else camera["cameras"],
-        "targets": {sight.target: {}} if sight.target in cell.targets else target["targets"],
+        "cameras": {names.camera: {}} if names.camera in cell.cameras else camera["cameras"],
+        "targets": {names.target: {}} if names.target in cell.targets else target["targets"],
     }

@@ -62,16 +62,16 @@ def lens_of_file(
     data: dict[str, Any] = {"cameras": {name: entry}}
     if known is None:
         stated = carrier or (None if cell.robots else "eye")
-        on = choose_carrier(cell, "camera", name, stated, may_be_world=False)
-        check_robot(cell, on)
-        data = carried_entry("cameras", name, on, **entry)
+        camera_on = choose_carrier(cell, "camera", name, stated, may_be_world=False)
+        check_robot(cell, camera_on)
+        data = carried_entry("cameras", name, camera_on, **entry)
     else:
         _check_size(Path(folder), cell, name, lens.camera.size_px, source)
     if mount is not None and (known is None or (known.mount.status == "free" and known.mount.mean is None)):
         data["cameras"][name]["mount"] = {"status": "free", "guess": pose_dict(mount)}
-    places = frozenset({("cameras", name, "model"), ("cameras", name, "intrinsics")})
+    replaced = frozenset({("cameras", name, "model"), ("cameras", name, "intrinsics")})
     what = f"{lens.what}; written as {status} intrinsics of camera {name!r}"
-    return Imported(source, what, cell=data, replaced=places, advice="check that the file is of this camera")
+    return Imported(source, what, cell=data, replaced=replaced, advice="check that the file is of this camera")
 
 
 def _check_size(folder: Path, cell: KnownCell, camera: str, size_px: tuple[int, int] | None, source: str) -> None:
@@ -97,12 +97,12 @@ def mount_by_chain(cell: KnownCell, lenses: Sequence[StatedLens], name: str) -> 
         name: Name of the camera in the chain.
     """
     names = [lens.name for lens in lenses]
-    place = names.index(name)
-    before = None if place == 0 else cell.cameras.get(str(names[place - 1]))
-    camera_from_previous = lenses[place].camera_from_previous
-    if before is None or before.mount.mean is None or camera_from_previous is None:
+    index = names.index(name)
+    previous = None if index == 0 else cell.cameras.get(str(names[index - 1]))
+    camera_from_previous = lenses[index].camera_from_previous
+    if previous is None or previous.mount.mean is None or camera_from_previous is None:
         return None
-    return before.mount.mean @ camera_from_previous.inverse()
+    return previous.mount.mean @ camera_from_previous.inverse()
 
 
 def imported_target(
@@ -127,9 +127,9 @@ def imported_target(
     name = choose_name("target", name, cell.targets, "target")
     data: dict[str, Any] = {"targets": {name: dict(target)}}
     if name not in cell.targets:
-        on = choose_carrier(cell, "target", name, carrier)
-        check_robot(cell, on)
-        data = carried_entry("targets", name, on, **target)
+        target_on = choose_carrier(cell, "target", name, carrier)
+        check_robot(cell, target_on)
+        data = carried_entry("targets", name, target_on, **target)
     sizes = ", ".join(f"{key} {value}" for key, value in target.items() if key != "kind")
     what = f"a target, {target['kind']}: {sizes}"
     return Imported(source, what, cell=data, advice="check its sizes")
@@ -152,7 +152,7 @@ class StatedLens:
     camera_from_previous: SE3 | None = None
 
 
-def made_camera(field: Field, model: str, parameters: Sequence[float], size_px: tuple[int, int] | None) -> Camera:
+def make_camera(field: Field, model: str, parameters: Sequence[float], size_px: tuple[int, int] | None) -> Camera:
     """Create a camera from fx, fy, cx, cy [px] and distortion terms; errors refer to a field of a file.
 
     Raises:

@@ -11,7 +11,7 @@ import numpy as np
 from basecal.cell import RobotState, Sample
 from basecal.errors import InputError, list_names
 from basecal.exchange.images import missing_numbers
-from basecal.exchange.importing.imported import By, Imported, Row
+from basecal.exchange.importing.imported import Imported, PairingMethod, Row
 
 _ROBOT = "robot"
 _STATE_TOLERANCE = 1e-9  # [m, rad]: rounding of poses in files
@@ -30,7 +30,7 @@ class Pairing:
         unpaired_samples: Numbers of the samples without a row.
     """
 
-    by: By
+    by: PairingMethod
     numbers: tuple[int | None, ...]
     unpaired_rows: tuple[str, ...] = ()
     unpaired_samples: tuple[int, ...] = ()
@@ -52,7 +52,7 @@ def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int],
             raised if nothing recorded has a name to pair by, or if the content is already recorded.
     """
     rows, by = imports.rows, imports.by
-    waiting = samples if replace else _samples_of_carrier(imports, open_samples(rows, samples))
+    waiting = samples if replace else _samples_of_carrier(imports, samples_without_content(rows, samples))
     is_numbered = all(row.sample is not None for row in rows)
     if imports.is_stream or imports.is_session or (samples and not waiting and not is_numbered):
         return _own_samples(imports, samples)
@@ -81,16 +81,19 @@ def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int],
     )
 
 
-def open_samples(rows: Sequence[Row], samples: Sequence[Sample]) -> list[Sample]:
-    """Samples without any content of the rows; robot poses that are recorded already are ignored if there are views."""
-    same = len(rows) == len(samples) and all(
+def samples_without_content(rows: Sequence[Row], samples: Sequence[Sample]) -> list[Sample]:
+    """Samples without any content of the rows.
+
+    If the rows have views and repeat the recorded robot states, only the views count as content.
+    """
+    has_same_states = len(rows) == len(samples) and all(
         is_same_state(row.robots[name], sample.robots[name])
         for row, sample in zip(rows, samples, strict=True)
         for name in row.robots.keys() & sample.robots.keys()
     )
-    brought = _content_names(rows)
-    views = {name for name in brought if not name.startswith(_ROBOT)} if same else brought
-    return [sample for sample in samples if not (views or brought) & _content_names([sample])]
+    content = _content_names(rows)
+    views = {name for name in content if not name.startswith(_ROBOT)} if has_same_states else content
+    return [sample for sample in samples if not (views or content) & _content_names([sample])]
 
 
 def _samples_of_carrier(imports: Imported, samples: Sequence[Sample]) -> Sequence[Sample]:
@@ -106,15 +109,15 @@ def _own_samples(imports: Imported, samples: Sequence[Sample]) -> Pairing:
     Raises:
         InputError: if the rows are, or may be, recorded already.
     """
-    again = sorted(_content_names(imports.rows) & _content_names(samples))
+    recorded = sorted(_content_names(imports.rows) & _content_names(samples))
     is_whole = all(row.robots and (row.observations or row.images) for row in imports.rows)
     is_apart = imports.is_session or (is_whole and not imports.is_stream)
-    if again and (not is_apart or _holds_copies(imports.rows, samples)):
+    if recorded and (not is_apart or _holds_copies(imports.rows, samples)):
         do = "add --session for other samples, or --replace for better ones"
         if imports.is_session:
             do = "nothing needs to be imported"
-        raise InputError(f"{imports.source}: {list_names(again)} is recorded already: {do}")
-    if again and imports.is_stream:
+        raise InputError(f"{imports.source}: {list_names(recorded)} is recorded already: {do}")
+    if recorded and imports.is_stream:
         _check_times(imports, samples)
     first = max((sample.sample for sample in samples), default=-1) + 1
     return Pairing("sample", tuple(range(first, first + len(imports.rows))))
@@ -162,16 +165,17 @@ def _content_names(lines: Sequence[Row | Sample]) -> set[str]:
     return found | {f"camera {name!r}" for line in lines for name in line.images}
 
 
-def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], numbers: Mapping[str, int]) -> By:
+def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], numbers: Mapping[str, int]) -> PairingMethod:
+    """Method for which all rows have a key; `numbers` are the known sample numbers by image name."""
     names = {plain_name(row.image) for row in rows if row.image is not None}
     # A table with other image names belongs to other samples; a folder of another camera may have the same order.
-    of_others = numbers and not any(row.images for row in rows)
-    if rows and all(row.image is not None for row in rows) and (of_others or names & numbers.keys()):
+    is_named_table = numbers and not any(row.images for row in rows)
+    if rows and all(row.image is not None for row in rows) and (is_named_table or names & numbers.keys()):
         return "image"
     if rows and all(row.sample is not None for row in rows):
         return "sample"
-    timed = all(row.stamp_s is not None for row in rows) and all(s.stamp_s is not None for s in samples)
-    return "stamp_s" if rows and samples and timed else "order"
+    has_times = all(row.stamp_s is not None for row in rows) and all(s.stamp_s is not None for s in samples)
+    return "stamp_s" if rows and samples and has_times else "order"
 
 
 def _pair_by_name(imports: Imported, samples: Sequence[Sample], samples_by_name: Mapping[str, int]) -> list[int | None]:
@@ -201,28 +205,39 @@ def _pair_by_order(imports: Imported, samples: Sequence[Sample]) -> list[int | N
 
 
 def _pair_by_time(rows: Sequence[Row], samples: Sequence[Sample]) -> list[int | None]:
-    """Sample numbers of rows by time: mutual nearest neighbours within LARGEST_DIFFERENCE_S; None otherwise."""
-    times = np.array([sample.stamp_s for sample in samples], dtype=np.float64)
-    found: list[int | None] = [None] * len(rows)
-    of_rows = np.array([row.stamp_s for row in rows], dtype=np.float64)
-    for i, stamp in enumerate(of_rows):
-        k = int(np.argmin(np.abs(times - stamp)))
-        if abs(times[k] - stamp) <= LARGEST_DIFFERENCE_S and i == int(np.argmin(np.abs(of_rows - times[k]))):
-            found[i] = samples[k].sample
-    if not any(number is not None for number in found):
-        spans = f"{of_rows.min():g} to {of_rows.max():g} s, the samples' from {times.min():g} to {times.max():g} s"
+    """Sample numbers of rows by time: mutual nearest neighbours within LARGEST_DIFFERENCE_S; None otherwise.
+
+    Raises:
+        InputError: if no sample has a time, or none is near a row's.
+    """
+    timed = [sample for sample in samples if sample.stamp_s is not None]
+    if not timed:
+        raise InputError("no recorded sample has a time to pair by: omit `--by time` to pair in order")
+    sample_times = np.array([sample.stamp_s for sample in timed], dtype=np.float64)
+    row_times = np.array([row.stamp_s for row in rows], dtype=np.float64)
+    numbers: list[int | None] = [None] * len(rows)
+    for i, row_time in enumerate(row_times):
+        k = int(np.argmin(np.abs(sample_times - row_time)))
+        is_mutual = i == int(np.argmin(np.abs(row_times - sample_times[k])))
+        if is_mutual and abs(sample_times[k] - row_time) <= LARGEST_DIFFERENCE_S:
+            numbers[i] = timed[k].sample
+    if not any(number is not None for number in numbers):
+        spans = (
+            f"{row_times.min():g} to {row_times.max():g} s, "
+            f"the samples' from {sample_times.min():g} to {sample_times.max():g} s"
+        )
         raise InputError(
             f"no time of a row is within {LARGEST_DIFFERENCE_S} s of a sample's: the rows' are from {spans}"
         )
-    return found
+    return numbers
 
 
 def _check_unique(imports: Imported, numbers: Sequence[int | None]) -> None:
     first: dict[int, int] = {}
     for i, number in enumerate(numbers):
         if number is not None and first.setdefault(number, i) != i:
-            both = list_names([_name(imports.rows[first[number]], first[number]), _name(imports.rows[i], i)])
-            raise InputError(f"{imports.source}: two rows belong to sample {number} ({both}); keep one")
+            row_names = list_names([_name(imports.rows[first[number]], first[number]), _name(imports.rows[i], i)])
+            raise InputError(f"{imports.source}: two rows belong to sample {number} ({row_names}); keep one")
 
 
 def _name(row: Row, index: int) -> str:

@@ -40,11 +40,11 @@ def cell_text(
         camera_on_world: Whether the camera is fixed to the world and a single robot carries the target.
         shape: Fields of the targets, with their kind; those of an example if None.
     """
-    counted = robot_names(robots) if isinstance(robots, int) else list(robots)
-    names = ["hand"] if camera_on_world else counted
+    given = robot_names(robots) if isinstance(robots, int) else list(robots)
+    names = ["hand"] if camera_on_world else given
     # Carriers of each camera and of its target.
-    alone = ("world", names[0]) if camera_on_world else (names[0], "world")
-    pairs = list(pairwise(names)) if len(names) > 1 else [alone]
+    single = ("world", names[0]) if camera_on_world else (names[0], "world")
+    pairs = list(pairwise(names)) if len(names) > 1 else [single]
     parts = [
         _HEADER_LINES,
         f"reference: {names[0]:<26}# this robot's base is `world`: where everything is expressed\n",
@@ -53,16 +53,16 @@ def cell_text(
     parts += [f"  {name + ': {}':<35}{_NOISE_HELP if name == names[0] else ''}".rstrip() + "\n" for name in names]
     parts += ["bases:\n"] if len(names) > 1 else []
     for name in names[1:]:
-        about = f"{names[0]}_base_from_{name}_base; free is the default; `guess: {{...}}` is optional"
-        parts.append(f"{f'  {name}: {{status: free}}':<37}# {about}\n")
+        comment = f"{names[0]}_base_from_{name}_base; free is the default; `guess: {{...}}` is optional"
+        parts.append(f"{f'  {name}: {{status: free}}':<37}# {comment}\n")
     parts += [
         "cameras:\n",
         *(_camera(_numbered_name("camera", i), on, names[0], kind) for i, (on, _) in enumerate(pairs)),
     ]
-    places = [(_numbered_name("target", i), on) for i, (_, on) in enumerate(pairs)]
+    targets = [(_numbered_name("target", i), on) for i, (_, on) in enumerate(pairs)]
     parts += ["targets:\n"]
     parts += [
-        f"  {name}:\n{_mount(on, names[0], name)}{_fields(kind, shape, i)}" for i, (name, on) in enumerate(places)
+        f"  {name}:\n{_mount(on, names[0], name)}{_fields(kind, shape, i)}" for i, (name, on) in enumerate(targets)
     ]
     parts += (
         []
@@ -77,14 +77,14 @@ def robot_names(robots: int) -> list[str]:
     return ["eye", "hand", *(f"arm{i}" for i in range(3, robots + 1))][:robots]
 
 
-def _numbered_name(name: str, place: int) -> str:
-    return name if place == 0 else f"{name}{place + 1}"
+def _numbered_name(name: str, index: int) -> str:
+    return name if index == 0 else f"{name}{index + 1}"
 
 
 def _mount(carrier: str, reference: str, name: str) -> str:
-    end = f"{reference}_base" if carrier == "world" else f"{carrier}_flange"
-    carried = f"    on: {carrier:<29}# a robot (its flange) or `world`\n"
-    return f"{carried}    mount: {{status: free}}            # {end}_from_{name}\n"
+    parent = f"{reference}_base" if carrier == "world" else f"{carrier}_flange"
+    carrier_line = f"    on: {carrier:<29}# a robot (its flange) or `world`\n"
+    return f"{carrier_line}    mount: {{status: free}}            # {parent}_from_{name}\n"
 
 
 def _camera(name: str, carrier: str, reference: str, kind: Kind) -> str:
@@ -101,13 +101,13 @@ def _camera(name: str, carrier: str, reference: str, kind: Kind) -> str:
     return text + f"    {advice}\n    intrinsics: {known}\n"
 
 
-def _fields(kind: Kind, shape: Mapping[str, Any] | None, place: int) -> str:
-    """Lines of target number `place`; the first one has comments, if no shape is given."""
+def _fields(kind: Kind, shape: Mapping[str, Any] | None, index: int) -> str:
+    """Lines of a target by its index; the first one has comments, if no shape is given."""
     if kind == "pose":
         return ""
     known = TARGETS[kind]
-    if shape is None and place == 0:
+    if shape is None and index == 0:
         return known.template
-    fields = known.numbered_fields(shape or parse_yaml(dedent(known.template), kind).data, place)
+    fields = known.numbered_fields(shape or parse_yaml(dedent(known.template), kind).data, index)
     plain = {key: value if isinstance(value, str) else dumps(value) for key, value in fields.items()}
     return "".join(f"    {key}: {value}\n" for key, value in plain.items())

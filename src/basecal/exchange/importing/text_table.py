@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from io import StringIO
 
+from basecal.cell.journal.recording_file import MOST_SAMPLES
 from basecal.errors import DatasetError, list_names
-from basecal.exchange.columns import MOST_POSES
-from basecal.exchange.fields import written_number
+from basecal.exchange.fields import parse_float
 from basecal.exchange.json_rows import json_rows
 from basecal.fields.problems import shorten
 
@@ -106,8 +106,8 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
         header = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(header, units, strict=True))
     if not content:
         raise DatasetError(path, f"holds no row of numbers, expected {', '.join(names)}")
-    if len(content) > MOST_POSES:
-        raise DatasetError(path, f"{len(content)} rows, expected at most {MOST_POSES}")
+    if len(content) > MOST_SAMPLES:
+        raise DatasetError(path, f"{len(content)} rows, expected at most {MOST_SAMPLES}")
     rows = [TextRow(number, _cells(line, separator, header, names, path, number)) for number, line in content]
     _check_summaries(rows, path)
     return TextTable(path, header, tuple(rows))
@@ -182,7 +182,7 @@ def parse_number(cell: str, path: str, line: int, name: str) -> float:
     """
     text = cell.strip().strip("\"'").rstrip(",")
     try:
-        value = written_number(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
+        value = parse_float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
     except ValueError:
         cause = ": remove the thousands separators" if _THOUSANDS.fullmatch(text) else ""
         cause = ": write its unit in the header" if _WITH_UNIT.fullmatch(text) else cause
@@ -252,8 +252,8 @@ def _is_plain_row(line: str, count: int) -> bool:
 
 def _brackets(line: str) -> str | None:
     """Text of a line from its first bracket on; None if no number follows the bracket, as in `x [mm]`."""
-    place = min((line.find(c) for c in "[({" if c in line), default=-1)
-    return line[place:] if place >= 0 and _NUMBER.search(line[place:]) else None
+    start = min((line.find(c) for c in "[({" if c in line), default=-1)
+    return line[start:] if start >= 0 and _NUMBER.search(line[start:]) else None
 
 
 def _bracketed_lists(text: str) -> list[list[str]]:
@@ -340,8 +340,8 @@ def _cells(
 
 def _leading_image(line: str, pose_text: str) -> dict[str, str]:
     """Image name before a pose in brackets, under the key `image`; empty if there is none."""
-    before = re.split(r"[,;\t ]", line[: len(line) - len(pose_text)].strip())[0].strip("\"'")
-    return {"image": before} if is_image(before) else {}
+    first_cell = re.split(r"[,;\t ]", line[: len(line) - len(pose_text)].strip())[0].strip("\"'")
+    return {"image": first_cell} if is_image(first_cell) else {}
 
 
 def _count_message(cells: Sequence[str], columns: Sequence[str], separator: str | None, is_bare: bool) -> str:
@@ -350,8 +350,8 @@ def _count_message(cells: Sequence[str], columns: Sequence[str], separator: str 
             f"{len(cells)} cells for {len(columns)} columns: decimal commas need another separator than a comma, "
             "such as a semicolon"
         )
-    of = f"expected {', '.join(columns)}" if is_bare else f"the header has {len(columns)}"
-    return f"{len(cells)} columns, {of}"
+    expected = f"expected {', '.join(columns)}" if is_bare else f"the header has {len(columns)}"
+    return f"{len(cells)} columns, {expected}"
 
 
 def rows_of_numbers(table: TextTable, columns: Sequence[str]) -> Iterator[list[float]]:

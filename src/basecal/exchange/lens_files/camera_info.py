@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import Field, read_fields
-from basecal.exchange.importing.lens import StatedLens, made_camera, matrix_parameters, opencv_terms
+from basecal.exchange.importing.lens import StatedLens, make_camera, matrix_parameters, opencv_terms
 from basecal.geometry import Array, Camera
 from basecal.geometry.lenses import fisheye, pinhole
 
@@ -34,8 +34,12 @@ ROS_LENSES = (
     RosLens("equidistant", fisheye.MODEL, 4),
 )
 
-# Models by name, including an obsolete name of ROS and an empty name.
-_MODELS = {lens.name: lens.model for lens in ROS_LENSES} | dict.fromkeys(("thin_prism", ""), pinhole.MODEL)
+# Models by name, including obsolete names of ROS and an empty name.
+_MODELS = {
+    **{lens.name: lens.model for lens in ROS_LENSES},
+    **dict.fromkeys(("thin_prism", ""), pinhole.MODEL),
+    "fisheye": fisheye.MODEL,
+}
 
 _FISHEYE_TERMS = 4
 
@@ -58,7 +62,7 @@ def camera_info_lens(root: Field) -> StatedLens:
     except DatasetError as error:
         raise root.error(f"{error.reason}: {_EXPECTED}") from None
     size = (root.find("image_width", "width").integer(), root.find("image_height", "height").integer())
-    _refuse_parts(root, size)
+    _check_full_image(root, size)
     kind = root.first("distortion_model")
     named = "" if kind is None else kind.text()
     terms = root.first("distortion_coefficients", "D", "d")
@@ -70,8 +74,8 @@ def camera_info_lens(root: Field) -> StatedLens:
     is_fisheye = _MODELS[named] == fisheye.MODEL
     if is_fisheye and len(values) != _FISHEYE_TERMS:
         raise root.error(f"{len(values)} distortion coefficients, {named} has {_FISHEYE_TERMS}")
-    usual = values if is_fisheye else opencv_terms(terms or root, values)
-    camera = made_camera(matrix, _MODELS[named], [*parameters, *usual], size)
+    distortion = values if is_fisheye else opencv_terms(terms or root, values)
+    camera = make_camera(matrix, _MODELS[named], [*parameters, *distortion], size)
     name = root.first("camera_name")
     return StatedLens(
         camera,
@@ -81,7 +85,7 @@ def camera_info_lens(root: Field) -> StatedLens:
     )
 
 
-def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
+def _check_full_image(root: Field, size: tuple[int, int]) -> None:
     """Check that the images show the full sensor.
 
     Raises:
@@ -94,9 +98,6 @@ def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
         sides = tuple(part.find(side).integer(0) for side in ("width", "height"))
         if all(sides) and sides != size:
             raise part.error("the matrix is of the full image, the images are cropped: give the matrix of the images")
-
-
-_MODELS["fisheye"] = fisheye.MODEL
 
 
 def ros_lens(camera: Camera) -> tuple[str, Array]:

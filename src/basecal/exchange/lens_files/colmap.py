@@ -18,7 +18,7 @@ from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, list_names, spelling_hint
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field
-from basecal.exchange.importing.lens import StatedLens, made_camera
+from basecal.exchange.importing.lens import StatedLens, make_camera
 from basecal.fields.problems import shorten
 
 _TO_PIXEL_CENTRES = -0.5
@@ -63,13 +63,13 @@ _BY_NUMBER = {model.number: name for name, model in _MODELS.items()}
 
 
 class _Entry(NamedTuple):
-    """A camera of a file: its number, model, size and parameters; `where` is its location, for errors."""
+    """A camera of a file: its number, model, size and parameters; `location` is for errors."""
 
     number: int
     model: str
     size_px: tuple[int, int]
     parameters: Sequence[float]
-    where: Field
+    location: Field
 
 
 def read_colmap_lenses(path: str | Path) -> dict[int, StatedLens]:
@@ -109,16 +109,16 @@ def _text(path: Path) -> Iterator[_Entry]:
     lines = read_table_text(str(path), "lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`").splitlines()
     for number, line in enumerate(lines, start=1):
         words = line.split("#")[0].split()
-        where = Field(str(path), words, {(): number})
+        location = Field(str(path), words, {(): number})
         if not words:
             continue
         if len(words) < 5:
-            raise where.error(f"{len(words)} words, expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
+            raise location.error(f"{len(words)} words, expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
         try:
             sides = (int(words[2]), int(words[3]))
-            yield _Entry(int(words[0]), words[1], sides, [float(word) for word in words[4:]], where)
+            yield _Entry(int(words[0]), words[1], sides, [float(word) for word in words[4:]], location)
         except ValueError:
-            raise where.error(f"{shorten(line)} has a word that is not a number, behind the model's name") from None
+            raise location.error(f"{shorten(line)} has a word that is not a number, behind the model's name") from None
 
 
 def _binary(path: Path) -> Iterator[_Entry]:
@@ -126,17 +126,17 @@ def _binary(path: Path) -> Iterator[_Entry]:
     data = read_bounded(path, _LARGEST)
     try:
         (count,) = struct.unpack_from("<Q", data)
-        at = 8
+        offset = 8
         for i in range(count):
-            where = Field(str(path), None, {}, (f"camera {i}",))
-            number, model, width, height = struct.unpack_from("<iiQQ", data, at)
+            location = Field(str(path), None, {}, (f"camera {i}",))
+            number, model, width, height = struct.unpack_from("<iiQQ", data, offset)
             if model not in _BY_NUMBER:
-                raise where.error(f"is of model {model}, expected 0 to {max(_BY_NUMBER)}: is this cameras.bin?")
+                raise location.error(f"is of model {model}, expected 0 to {max(_BY_NUMBER)}: is this cameras.bin?")
             size = _MODELS[_BY_NUMBER[model]].count
             yield _Entry(
-                number, _BY_NUMBER[model], (width, height), struct.unpack_from(f"<{size}d", data, at + 24), where
+                number, _BY_NUMBER[model], (width, height), struct.unpack_from(f"<{size}d", data, offset + 24), location
             )
-            at += 24 + 8 * size
+            offset += 24 + 8 * size
     except struct.error:
         raise DatasetError(path, "is cut off, or is not cameras.bin of COLMAP") from None
 
@@ -145,26 +145,26 @@ def _lens(entry: _Entry) -> StatedLens:
     model = _MODELS.get(entry.model)
     if model is None:
         known = [name for name, each in _MODELS.items() if each.lens]
-        raise entry.where.error(
+        raise entry.location.error(
             f"no model {shorten(entry.model)}{spelling_hint(entry.model, known)}; there are: {list_names(known)}"
         )
     if model.lens is None:
-        raise entry.where.error(f"{entry.model} is not supported: calibrate with OPENCV or OPENCV_FISHEYE")
+        raise entry.location.error(f"{entry.model} is not supported: calibrate with OPENCV or OPENCV_FISHEYE")
     if len(entry.parameters) != model.count:
-        raise entry.where.error(f"{len(entry.parameters)} parameters, {entry.model} has {model.count}")
-    at = Field(entry.where.path, list(entry.parameters), entry.where.lines, entry.where.loc)
-    values = at.numbers()
+        raise entry.location.error(f"{len(entry.parameters)} parameters, {entry.model} has {model.count}")
+    location = entry.location
+    values = Field(location.path, list(entry.parameters), location.lines, location.loc).numbers()
     focal, (cx, cy), rest = (
         values[: model.focals],
         values[model.focals : model.focals + 2],
         values[model.focals + 2 :],
     )
     fx, fy = focal * (3 - model.focals)
-    terms = [0.0 if place is None else rest[place] for place in model.terms]
+    terms = [0.0 if index is None else rest[index] for index in model.terms]
     centre = (cx + _TO_PIXEL_CENTRES, cy + _TO_PIXEL_CENTRES)
     width, height = entry.size_px
     return StatedLens(
-        made_camera(entry.where, model.lens, [fx, fy, *centre, *terms], entry.size_px),
+        make_camera(entry.location, model.lens, [fx, fy, *centre, *terms], entry.size_px),
         f"camera {entry.number} of COLMAP, {entry.model}, {width} x {height} px. Half a pixel is subtracted from its "
         "principal point, since COLMAP's top-left pixel has its centre at (0.5, 0.5)",
         str(entry.number),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from basecal.cell.format.yaml_text import LARGEST_BYTES, read_text
 from basecal.errors import DatasetError
 from basecal.exchange.fields import Field, parse_fields
-from basecal.fields.problems import CAUSE_LENGTH, Loc
+from basecal.fields.problems import CAUSE_LENGTH
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -50,8 +50,7 @@ def _xml(text: str, path: str) -> Field:
     except (ParseError, ValueError, DefusedXmlException) as error:
         line = getattr(error, "position", (None, 0))[0]
         raise DatasetError(path, f"not XML: {str(error)[:CAUSE_LENGTH]}", line) from None
-    lines: dict[Loc, int] = {}
-    return Field(path, _plain(root, path, 0), lines)
+    return Field(path, _plain(root, path, 0), {})
 
 
 def _plain(element: Element, path: str, depth: int) -> Any:

@@ -13,11 +13,11 @@ from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, Array
 
 _LONGEST_TURN_RAD = np.pi  # assumed largest joint motion to the first pose
-_PEAK = 1.5  # ratio of peak to mean speed of a cubic from rest to rest
+_PEAK_RATIO = 1.5  # ratio of peak to mean speed of a cubic from rest to rest
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class RobotPath:
     """Planned path of robots from sample to sample.
 
     Attributes:
@@ -94,12 +94,12 @@ class Way:
         for robot in self.robots:
             if self.has_joints(robot):
                 largest = np.maximum(largest, np.abs(np.diff(self.joints(robot), axis=0)).max(-1, initial=0.0))
-        ways = np.array([_LONGEST_TURN_RAD, *largest]) * _PEAK / self.speed_rad_s
-        return [float(way + k * self.hold_s) for k, way in enumerate(np.cumsum(ways))]
+        durations_s = np.array([_LONGEST_TURN_RAD, *largest]) * _PEAK_RATIO / self.speed_rad_s
+        return [float(moved_s + k * self.hold_s) for k, moved_s in enumerate(np.cumsum(durations_s))]
 
 
 @dataclass(frozen=True)
-class Motion:
+class PlanFormat:
     """An output format of plans.
 
     Attributes:
@@ -108,12 +108,12 @@ class Motion:
     """
 
     words: str
-    text: Callable[[Way], str]
+    text: Callable[[RobotPath], str]
 
 
-def make_way(
+def make_path(
     cell: Cell, samples: Sequence[Sample], robot: str | None = None, speed_rad_s: float = 0.5, hold_s: float = 2.0
-) -> Way:
+) -> RobotPath:
     """Create the path of robots through samples.
 
     Args:
@@ -128,6 +128,6 @@ def make_way(
     """
     if robot is not None and robot not in cell.robots:
         raise FrameNotFound(robot, list(cell.robots))
-    said = set(cell.robots).intersection(*(sample.robots for sample in samples))
-    names = [name for name in cell.robots if name in said and robot in (None, name)]
-    return Way({name: cell.robots[name] for name in names}, tuple(samples), speed_rad_s, hold_s)
+    planned = set(cell.robots).intersection(*(sample.robots for sample in samples))
+    names = [name for name in cell.robots if name in planned and robot in (None, name)]
+    return RobotPath({name: cell.robots[name] for name in names}, tuple(samples), speed_rad_s, hold_s)

@@ -76,7 +76,7 @@ def _parse_fault(text: str) -> Fault:
     kind = FAULTS[name]
     size_text, _, moves_text = rest.partition("@")
     try:
-        size = float(size_text) if size_text else kind.usual
+        size = float(size_text) if size_text else kind.default_size
         moves = int(moves_text) if moves_text else _SUDDEN_DELAY_MOVES if kind.is_sudden else 0
     except ValueError:
         raise InputError(f"{text!r}: expected {name}, {name}=SIZE [{kind.unit}] or {name}=SIZE@MOVES") from None

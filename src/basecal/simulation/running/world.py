@@ -86,8 +86,8 @@ def _true_lens(stated_lens: Camera, faults: Faults) -> Camera:
     """The true lens: the stated lens with its faults."""
     lens = stated_lens
     for fault in _FAULTS.values():
-        if fault.draw_lens is not None and faults.size(fault.name):
-            lens = fault.draw_lens(faults.size(fault.name), lens)
+        if fault.true_lens is not None and faults.size(fault.name):
+            lens = fault.true_lens(faults.size(fault.name), lens)
     return lens
 
 
