@@ -283,12 +283,16 @@ def too_small(about, of_robot):
         ([too_small("wrist", False)], {"wrist"}, set()),
         ([too_small("eye", True)], set(), {"eye"}),
         ([too_small("hand", True), too_small("other", False)], {"other"}, {"hand"}),
+        ([too_small("eye", False)], set(), set()),
         ([too_small("", False)], {"wrist", "other"}, {"eye", "hand"}),
         ([too_small("eye", True), ContradictedSigma("wrist", False, 0.5, 0.0)], set(), {"eye"}),
     ],
 )
 def test_only_what_is_too_small_is_opened(monkeypatch, found, cameras, robots):
-    """Sigmas of that camera's measurements, and that robot's noise; of all where all together are too small."""
+    """Sigmas of that camera's measurements, and that robot's noise; of all if all together are too small.
+
+    A camera may have the name of a robot.
+    """
     assert opened(monkeypatch, found, "estimated") == ("noise", cameras, robots | {"third"})
 
 

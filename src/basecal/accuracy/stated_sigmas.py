@@ -193,7 +193,8 @@ def _estimate_sigmas(
     solution = robust.solution
     everything = any(not f.about for f in contradictions)
     cameras = {f.about for f in contradictions if not f.of_robot}
-    robots = {name for name in solution.problem.stops.robot if everything or name in {f.about for f in contradictions}}
+    contradicted = {f.about for f in contradictions if f.of_robot}
+    robots = {name for name in solution.problem.stops.robot if everything or name in contradicted}
     groups = (
         replace(g, measurement=g.measurement.without_sigmas()) if everything or g.camera in cameras else g
         for g in solution.problem.groups

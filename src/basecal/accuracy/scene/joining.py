@@ -212,7 +212,9 @@ def _new_sightings(own: Tracks, sightings: Tracks) -> tuple[Tracks, IntArray]:
     Returns:
         Sightings by features that belong to no own track, and pairs of own and other points, (t, 2).
     """
-    known = np.full((own.view.max() + 1, max(own.feature.max(), sightings.feature.max(initial=0)) + 1), -1)
+    view_count = max(own.view.max(), sightings.view.max(initial=0)) + 1
+    feature_count = max(own.feature.max(), sightings.feature.max(initial=0)) + 1
+    known = np.full((view_count, feature_count), -1)
     known[own.view, own.feature] = own.point
     point = known[sightings.view, sightings.feature]
     pairs, votes = np.unique(np.column_stack([point, sightings.point])[point >= 0], axis=0, return_counts=True)

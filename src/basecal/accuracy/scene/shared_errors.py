@@ -20,6 +20,7 @@ from basecal.effects.faces.effect import SigmaPrior
 from basecal.effects.length_scale import LENGTHS, outward
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.geometry import SE3, Array, IntArray
+from basecal.numerics.mixtures import probabilities
 
 _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviations
 
@@ -122,16 +123,15 @@ def _move_stops(fit: SceneFit, views: IntArray, moves: Array) -> Array:
 
 def _second_moment(response: Response, prior: SigmaPrior) -> tuple[Array, float]:
     """Posterior second moment of errors with a common sigma, (k, k), and posterior mean of the squared sigma."""
-    count = len(response.gradient)
-    variances = [np.full(count, sigma**2) for sigma in prior.sigmas if sigma]
-    likely = np.exp([response.log_evidence(each) for each in variances])
-    of_none = float(prior.shares[prior.sigmas == 0].sum())
-    share = prior.shares[prior.sigmas > 0] * likely / (of_none + prior.shares[prior.sigmas > 0] @ likely)
-    moment = sum(
-        weight * (covariance + np.outer(mean, mean))
-        for weight, (mean, covariance) in zip(share, map(response.posterior, variances), strict=True)
-    )
-    return moment, float(share @ prior.sigmas[prior.sigmas > 0] ** 2)
+    variances = [np.full(len(response.gradient), sigma**2) for sigma in prior.sigmas]
+    evidence = np.array([response.log_evidence(each) if each.all() else 0.0 for each in variances])
+    shares = probabilities(prior.shares, 2 * evidence)
+    moment = np.zeros_like(response.information)
+    for share, variance in zip(shares, variances, strict=True):
+        if variance.all():
+            mean, covariance = response.posterior(variance)
+            moment += share * (covariance + np.outer(mean, mean))
+    return moment, float(shares @ prior.sigmas**2)
 
 
 # [m, rad] prior sigma of a motion; regularises directions that bases absorb; assumed.
