@@ -15,7 +15,7 @@ from basecal.accuracy.stated_sigmas import (
     _stop_squares,
     _view_squares,
     contradicted_sigmas,
-    is_below_arms,
+    is_implausibly_small,
     judge_sigma,
     unlikely_sigmas,
     without_contradicted,
@@ -349,5 +349,5 @@ def test_sigmas_are_estimated_if_they_are_too_small_or_hide_something(
 @pytest.mark.parametrize(("turn", "is_below"), [(1e-7, True), (1e-5, True), (1e-4, False), (1e-3, False)])
 def test_no_arm_turns_by_a_few_seconds_of_arc(turn, is_below):
     """The mean of the rotations decides; translations have no part."""
-    assert is_below_arms(np.array([1e-9, 1e-9, 1e-9, 0.5 * turn, turn, 1.5 * turn])) is is_below
-    assert is_below_arms(np.array([1.0, 1.0, 1.0, 0.5 * turn, turn, 1.5 * turn])) is is_below
+    assert is_implausibly_small(np.array([1e-9, 1e-9, 1e-9, 0.5 * turn, turn, 1.5 * turn])) is is_below
+    assert is_implausibly_small(np.array([1.0, 1.0, 1.0, 0.5 * turn, turn, 1.5 * turn])) is is_below

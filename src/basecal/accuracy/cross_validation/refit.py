@@ -50,7 +50,7 @@ def refit_folds(
     folds: Iterable[Samples],
     iterations: int = _MOST_STEPS,
     prediction_problem: Problem | None = None,
-    worth: Sequence[Array] | None = None,
+    view_weights: Sequence[Array] | None = None,
 ) -> list[Refit]:
     """Fit the problem without each fold, all from the same state.
 
@@ -63,15 +63,15 @@ def refit_folds(
         folds: Sets of samples to hold out, one set for each fit.
         iterations: Largest number of steps of each fit.
         prediction_problem: The problem of the views to predict, if it has more views, such as outliers.
-        worth: (n,) weights of the used views of each group; 1 if None.
+        view_weights: (n,) weights of the used views of each group; 1 if None.
     """
     held = list(folds)
     numbers = [np.array(sorted(samples), dtype=np.int64) for samples in held]
     used = [_views(problem, each, inside=False) for each in numbers]
     known = [_known_stops(each) for each in used]
     weights = [np.stack([1.0 - np.isin(group.sample, each) for each in numbers]) for group in problem.groups]
-    if worth is not None:
-        weights = [used * of for used, of in zip(weights, worth, strict=True)]
+    if view_weights is not None:
+        weights = [mask * own for mask, own in zip(weights, view_weights, strict=True)]
     dof = np.array([max(degrees_of_freedom(each), 1) for each in used], dtype=np.float64)
     views = [_views(prediction_problem or problem, each, inside=True) for each in numbers]
     if is_sparse(problem):

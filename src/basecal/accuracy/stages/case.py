@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
-from basecal.accuracy.clocks.search import Clocked
+from basecal.accuracy.clocks.search import ClockedRecording
 from basecal.accuracy.clocks.step import ClockStep
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.residuals.fit import residuals
@@ -48,7 +48,7 @@ class Case:
     settings: Settings
     findings: tuple[Finding, ...] = ()
     units_m: Mapping[str, float] = field(default_factory=dict)
-    clocked: Clocked | None = None
+    clocked: ClockedRecording | None = None
     packed: Problem | None = None
     plain: Solution | None = None
     noisy: Solution | None = None
