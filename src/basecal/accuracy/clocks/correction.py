@@ -35,9 +35,8 @@ def apply_remaining_step(solution: Solution, step: ClockStep) -> Solution:
 def clock_offsets(recording: ClockedRecording, step: ClockStep) -> dict[str, ClockOffset]:
     """Clock offsets by device: those that were estimated and are observable, and those stated other than 0."""
     lines = {line_time_name(camera) for camera in recording.streams.cell.cameras}
-    return {
-        name: ClockOffset(*value) for name, value in _estimated_offsets(recording, step).items() if name not in lines
-    }
+    found = _estimated_offsets(recording, step)
+    return {name: ClockOffset(*value) for name, value in found.items() if name not in lines}
 
 
 def line_times(recording: ClockedRecording, step: ClockStep) -> dict[str, LineTime]:

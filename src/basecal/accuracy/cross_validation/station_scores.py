@@ -70,7 +70,7 @@ def score_stations(problem: Problem, state: State, split: Split, iterations: int
 
 
 def place_unknowns(fit: Refit) -> State:
-    """Complete the state of a fit: estimate transforms that only held-out views depend on, such as a mark, from these."""
+    """Complete the state of a fit: estimate transforms that only held-out views depend on, such as a mark."""
     columns, state = held_out_columns(fit), fit.optimum.state
     for _ in range(_PLACING_STEPS if len(columns) else 0):
         normal, step = linearise(fit.views, state), np.zeros(fit.views.width)
