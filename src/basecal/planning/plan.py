@@ -106,7 +106,7 @@ class _Goal:
             return self.now.expected_95_m
         found = []
         for meeting in self.meetings:
-            at = meeting.total_error(covariance, meeting.stop_variances().values())[:, :3, :3]
+            at = meeting.total_covariance(covariance, meeting.stop_variances().values())[:, :3, :3]
             scale = np.sqrt(1 + self.excess_m2(count) / meeting.mean_square_m2(covariance))
             found.append(scale * pooled_quantile(at, np.zeros(at.shape[:2])))
         return float(max(found))

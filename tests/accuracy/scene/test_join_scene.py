@@ -198,7 +198,7 @@ def test_a_scene_is_used_if_it_agrees_and_predicts(monkeypatch, severity, few, b
         "_solve_jointly": lambda *given: joined,
         "_predicts_better": lambda solution, iterations: better,
         "scene_fingerprint": lambda images, fit, points: f"kept {points}",
-        "count_points": lambda fit: Finding("points", "info", (), ""),
+        "points_finding": lambda fit: Finding("points", "info", (), ""),
     }.items():
         monkeypatch.setattr(room, name, value)
     cell = SimpleNamespace(reference="left", base_name=lambda robot: f"left_base_from_{robot}_base")

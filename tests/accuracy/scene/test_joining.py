@@ -15,7 +15,7 @@ from basecal.accuracy.scene.joining import (
     _evidence_share,
     _new_sightings,
     common_share,
-    join,
+    find_join,
     merged_tracks,
     paired_points,
     shared_points,
@@ -34,7 +34,7 @@ NAMES = ("left_eye", "right_eye")
 def joined(scene: Scene, looks: tuple[Descriptors, Descriptors] | None = None) -> tuple[Images, Join | None]:
     """Images of two cameras, and what joins them."""
     images = images_of_scene(scene, looks=looks)
-    return images, join(images, *(solved_camera(scene, images, camera) for camera in (0, 1)))
+    return images, find_join(images, *(solved_camera(scene, images, camera) for camera in (0, 1)))
 
 
 def codes(found: Join | None) -> list[str]:

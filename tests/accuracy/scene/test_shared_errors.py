@@ -159,7 +159,7 @@ def test_motions_are_steady_or_between_three_samples() -> None:
 def test_what_no_recorded_pose_shows_is_as_large_as_expected(monkeypatch: pytest.MonkeyPatch) -> None:
     """Far away all of the variance at the arm's reach, at recorded poses next to none; lengths are known anywhere."""
     priors = []
-    monkeypatch.setattr(room, "respond", lambda fit, by_stop: SimpleNamespace(moves=by_stop))
+    monkeypatch.setattr(room, "compute_response", lambda fit, by_stop: SimpleNamespace(moves=by_stop))
     monkeypatch.setattr(room, "_second_moment", lambda response, prior: priors.append(prior) or ("moment", 4e-6))
     poses = made_scene(1, count=6, points=20).views.base_from_flange
     views = SimpleNamespace(robot=np.zeros(6, dtype=int), base_from_flange=poses, stop=np.arange(6))
@@ -169,7 +169,7 @@ def test_what_no_recorded_pose_shows_is_as_large_as_expected(monkeypatch: pytest
     np.testing.assert_allclose(smooth.unseen_m2(away), 4e-6 * reach_m2, rtol=1e-6)
     assert (smooth.unseen_m2(poses) < 0.3 * 4e-6 * reach_m2).all()
     assert not lengths.unseen_m2(away).any()
-    np.testing.assert_array_equal(smooth.moves, smooth.at(poses))
+    np.testing.assert_array_equal(smooth.moves, smooth.flange_jacobian(poses))
     middle, factor = room.smooth_by_place.EFFECT.random.expected.turn
     sigmas = priors[1].sigmas[priors[1].sigmas > 0]
     assert sigmas.min() < middle < sigmas.max()

@@ -84,9 +84,9 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
     by_offsets = -model.inverse @ across[0].T
     # A contradicted prior must not cause an effect: widen it to the distance of the new offset from it.
     widened = np.minimum(np.hypot(sigma, deviation + step), limits)
-    present = np.where(np.isinf(sigma), 0.0, deviation / widened)
+    values = np.where(np.isinf(sigma), 0.0, deviation / widened)
     offsets = OpenOffsets(
-        tuple(of[:, 0][..., is_observable] for of in moves), widened[is_observable], present[is_observable]
+        tuple(of[:, 0][..., is_observable] for of in moves), widened[is_observable], values[is_observable]
     )
     return ClockStep(
         streams.open,

@@ -39,7 +39,7 @@ _OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that counts as 
 
 _PAPER = "Put printed paper or tools on the table, in view of the camera."
 SAME_SPOT = "Take about five images with each arm of the same spot, from similar directions."
-_SECOND = (
+_OTHER_EVIDENCE = (
     "Measure where the base is to 20 mm, and state it in cell.yaml as a prior with its sigma.",
     "Or let one camera see a board on the other arm, and run `basecal calibrate CELL --scene also`.",
     "Or touch one point with both tools.",
@@ -137,7 +137,9 @@ def base_findings(name: str, offset: Array | None, covariance: Array) -> Iterato
         yield Finding("scene-rival", "error", (name,), what, (_TWO_PLACES,), _MISTAKEN)
     elif offset is None or not compare_places(offset, covariance).is_taken:
         what = f"{name} depends on objects that two cameras see, and on no other evidence."
-        yield Finding("not-validated", "warning", (name,), what, _SECOND, "Two equal objects would give a wrong base.")
+        yield Finding(
+            "not-validated", "warning", (name,), what, _OTHER_EVIDENCE, "Two equal objects would give a wrong base."
+        )
 
 
 def kept_findings(names: tuple[str, str], count_before: int, count_after: int) -> Iterator[Finding]:
@@ -189,7 +191,7 @@ def describe_scatter(fit: SceneFit) -> str:
     return " ".join(found)
 
 
-def count_points(fit: SceneFit) -> Finding:
+def points_finding(fit: SceneFit) -> Finding:
     """Finding with the number of points used, and the number that two cameras or more see."""
     tracks = fit.tracks
     seen = np.unique(np.column_stack([tracks.point, fit.views.camera[tracks.view]]), axis=0)
