@@ -128,7 +128,7 @@ def test_unknown_directions_are_refused() -> None:
         covariance = np.zeros((6, 6))
         covariance[:3, :3] = turned @ np.diag([1e-8, 1e-8, shift_m**2]) @ turned.T
         covariance[3:, 3:] = turned @ np.diag([1e-8, 1e-8, np.radians(turn_deg) ** 2]) @ turned.T
-        return [each.code for each in direction_findings("mount", covariance)]
+        return [each.code for each in direction_findings("mount", covariance, "")]
 
     assert codes(9e-3, 0.4) == []
     assert codes(11e-3, 0.4) == codes(9e-3, 0.6) == codes(0.09, 4.9) == ["weak-direction"]
@@ -148,7 +148,7 @@ def test_poses_that_scatter_are_named_as_a_cause() -> None:
     (found,) = direction_findings("mount", np.diag(np.full(6, 1e-3)), scatter)
     assert found.why == scatter
     assert "joint offsets" in found.do[0]
-    (plain,) = direction_findings("mount", np.diag(np.full(6, 1e-3)))
+    (plain,) = direction_findings("mount", np.diag(np.full(6, 1e-3)), "")
     assert (plain.why, plain.do) == ("", found.do[1:])
 
 

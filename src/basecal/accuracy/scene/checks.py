@@ -160,7 +160,7 @@ def motion_findings(motion: SceneMotion) -> Iterator[Finding]:
         yield Finding("scene-moved", "warning", (), what, do, "The pose errors change with time.")
 
 
-def direction_findings(name: str, covariance: Array, scatter: str = "") -> Iterator[Finding]:
+def direction_findings(name: str, covariance: Array, scatter: str) -> Iterator[Finding]:
     """Finding of a transform with a large sigma along some axis.
 
     Args:

@@ -34,7 +34,7 @@ _LINEARISATIONS = 2  # of the tracks: the second is about an optimum; assumed
 
 
 def join_scene(
-    cell: Cell, recording: Recording, solution: Solution, settings: Settings, outlier_samples: Collection[int] = ()
+    cell: Cell, recording: Recording, solution: Solution, settings: Settings, outlier_samples: Collection[int]
 ) -> tuple[Solution, tuple[Finding, ...], Fingerprint | None]:
     """Solve again with the scene, if the scene improves the solution.
 

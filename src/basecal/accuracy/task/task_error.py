@@ -34,7 +34,7 @@ def add_task_error(
     calibration: Calibration,
     settings: Settings,
     solutions: tuple[Solution, Solution, Solution],
-    offsets: OpenOffsets | None = None,
+    offsets: OpenOffsets | None,
 ) -> Calibration:
     """Add the expected error to a calibration; with a task, also the error budget, the error map and local fits.
 
