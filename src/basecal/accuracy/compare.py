@@ -93,9 +93,9 @@ def _difference(first: Calibration, second: Calibration, name: str) -> Differenc
     )
     covariance = np.sum([part for of_one in parts for part in of_one], axis=0)[:width, :width]
     length, angle = float(np.linalg.norm(apart[:3])), float(np.linalg.norm(apart[3:])) if width == 6 else 0.0
-    if not np.any(covariance) or not np.all(np.isfinite(covariance)):
+    spectral = spectrum(covariance) if np.all(np.isfinite(covariance)) else None
+    if spectral is None or not spectral.rank:
         return Difference(length, angle, None, None)
-    spectral = spectrum(covariance)
     squared, freedoms = float(apart[:width] @ spectral.inverse @ apart[:width]), int(spectral.rank)
     return Difference(
         length, angle, float(np.sqrt(squared / freedoms)), compare_nested_models(squared, freedoms).chance
