@@ -15,7 +15,7 @@ import numpy as np
 from basecal.accuracy.model_comparison.nested_models import compare_nested_models, compare_places
 from basecal.accuracy.phrases.recorded_robots import advise_check
 from basecal.accuracy.scene.joining import Join
-from basecal.accuracy.scene.one_camera import MOST_PX, OneCamera
+from basecal.accuracy.scene.one_camera import MOST_EPIPOLAR_PX, OneCamera
 from basecal.accuracy.scene.shared_errors import SceneMotion
 from basecal.cell import Cell, Finding
 from basecal.estimation.scene.adjust import SceneFit
@@ -74,7 +74,7 @@ def camera_findings(name: str, one: OneCamera, joint_robots: Sequence[str] = ())
         what = f"{one.matched_pairs} pairs of images of {name} show the same features; {_FEWEST_PAIRS} are needed."
         yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
         return
-    if one.start.misfit > (False, MOST_PX):
+    if one.start.misfit > (False, MOST_EPIPOLAR_PX):
         off = (
             "the scene would lie behind the camera"
             if one.start.is_behind
