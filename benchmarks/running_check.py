@@ -154,7 +154,9 @@ class Fault:
         name = FRAMES[self.kind]
         shift = (self.world.transform(name, False).inverse() @ self.world.transform(name, True)).log()
         moves = (
-            ((of.rank(g) >= self.since)[:, None, None] * (of.frame_jacobian(k, name) @ shift[:, None]))[:, None]
+            ((of.sample_indices(g) >= self.since)[:, None, None] * (of.frame_jacobian(k, name) @ shift[:, None]))[
+                :, None
+            ]
             if name in g.frames
             else None
             for k, g in enumerate(of.problem.groups)
@@ -193,7 +195,7 @@ def shown(fault: Fault, count: int) -> tuple[bool, bool, bool]:
     recording = Recording(tuple(fault.samples[:count]))
     found = solve(cell, recording, Settings(robot_noise="stated"))
     of = Situation(found.problem, found.state, build_problem(cell, recording)[0], {})
-    score = score_from_sums(of.linearisation, sums(of.about, fault.moves(of)))
+    score = score_from_sums(of.linearisation, sums(of.linearisation, fault.moves(of)))
     gradient, information = float(score.gradient[0, 0]), float(score.information[0, 0, 0])
     if not information > 0:
         return False, False, False

@@ -52,7 +52,7 @@ class Made:
         self.moves = rng.standard_normal((len(self.groups), 2, count, 6, 6))
         vars(self).update(changed)
 
-    def rank(self, group):
+    def sample_indices(self, group):
         """Where samples stand."""
         return group.sample
 

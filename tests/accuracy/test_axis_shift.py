@@ -221,7 +221,7 @@ def test_stations_have_their_samples_and_weights(shifted):
     assert [len(each.samples) for each in stations] == [7] * STATIONS
     assert sum(each.weight for each in stations) == pytest.approx(1)
     own = find_pair_stations(build_problem(shifted.cell, shifted.recording)[0], shifted.cell)
-    assert np.allclose([each.off for each in stations], [(TRUE.inverse() @ each.base()).log() for each in own])
+    assert np.allclose([each.difference for each in stations], [(TRUE.inverse() @ each.base()).log() for each in own])
 
 
 def test_with_a_task_point_one_station_is_chosen(shifted):
@@ -264,6 +264,6 @@ def test_the_other_base_may_be_that_of_the_eye(shifted):
     np.testing.assert_allclose(beside.estimate.mean.matrix, plain.estimate.mean.inverse().matrix, atol=1e-12)
     own = find_pair_stations(build_problem(shifted.cell, shifted.recording)[0], shifted.cell)
     for each, other, station in zip(beside.stations, plain.stations, own, strict=True):
-        np.testing.assert_allclose(each.off, (TRUE @ station.base().inverse()).log(), atol=1e-12)
+        np.testing.assert_allclose(each.difference, (TRUE @ station.base().inverse()).log(), atol=1e-12)
         np.testing.assert_allclose(each.light, other.light)
         assert (each.samples, each.weight) == (other.samples, pytest.approx(other.weight))

@@ -121,6 +121,14 @@ def test_what_has_no_finite_covariance_is_compared_to_rounding():
                 assert (found.transforms[NAME].sigmas, found.transforms[NAME].chance) == (None, None)
 
 
+def test_a_covariance_of_gauges_alone_is_compared_to_rounding():
+    """The difference of the transform's covariance and that of its gauges may be negative by rounding."""
+    gauges = (HeldGauge("eye", ("joint_offsets",), 1e-6 * np.eye(6)),)
+    estimate = PoseEstimate(SE3.identity(), (1e-6 - 1e-21) * np.eye(6))
+    found = compare(*[Calibration("good", {NAME: estimate}, gauges=gauges, order=(NAME,))] * 2)
+    assert (found.transforms[NAME].sigmas, found.transforms[NAME].chance, found.agree) == (None, None, True)
+
+
 def test_what_is_no_calibration_is_refused() -> None:
     with pytest.raises(InputError, match=r"^second is of type NoneType, expected Calibration$"):
         compare(calibration(), None)  # type: ignore[arg-type]

@@ -85,9 +85,9 @@ def test_free_parameters_are_found_or_held(kind, rotations):
     model = SimpleNamespace(chain=six_axis(), columns=columns, stated={kind: stated})
     (of,) = _free_kinds(model)
     assert of.name == kind
-    np.testing.assert_allclose(of.found, found)
+    np.testing.assert_allclose(of.determined, found)
     assert of.held.shape == (len(units), len(units) - 4)
-    whole = np.column_stack([of.found, of.held])
+    whole = np.column_stack([of.determined, of.held])
     np.testing.assert_allclose(whole @ whole.T, np.eye(len(units)), atol=1e-12)
     levers = np.where(np.resize(rotations, len(units)), 1.0, 0.2)
     np.testing.assert_allclose(of.sigmas * of.units, levers)

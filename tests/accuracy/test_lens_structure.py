@@ -278,7 +278,7 @@ def test_what_is_projected_is_what_a_pose_cannot_take_up(solved):
         keep = np.eye(len(pose)) - pose @ np.linalg.pinv(pose)
         off = w[:, 0] * (few.pixels - pixels(alone))[k].ravel()
         np.testing.assert_allclose(found.residual[k], keep @ off, atol=1e-5 * np.abs(off).max())
-        for columns, expected in ((found.of_lens, by_lens), (found.of_others, bend)):
+        for columns, expected in ((found.of_lens, by_lens), (found.of_terms, bend)):
             expected = keep @ (w * expected[k].reshape(len(w), -1))
             np.testing.assert_allclose(columns[k], expected, atol=1e-5 * np.abs(expected).max())
         np.testing.assert_array_equal(found.in_pixels[k], bend[k].reshape(-1, 5))

@@ -15,7 +15,7 @@ from basecal.accuracy.stated_sigmas import (
     _stop_squares,
     _view_squares,
     contradicted_sigmas,
-    is_below_arms,
+    is_implausibly_small,
     judge_sigma,
     unlikely_sigmas,
     without_contradicted,
@@ -283,12 +283,16 @@ def too_small(about, of_robot):
         ([too_small("wrist", False)], {"wrist"}, set()),
         ([too_small("eye", True)], set(), {"eye"}),
         ([too_small("hand", True), too_small("other", False)], {"other"}, {"hand"}),
+        ([too_small("eye", False)], set(), set()),
         ([too_small("", False)], {"wrist", "other"}, {"eye", "hand"}),
         ([too_small("eye", True), ContradictedSigma("wrist", False, 0.5, 0.0)], set(), {"eye"}),
     ],
 )
 def test_only_what_is_too_small_is_opened(monkeypatch, found, cameras, robots):
-    """Sigmas of that camera's measurements, and that robot's noise; of all where all together are too small."""
+    """Sigmas of that camera's measurements, and that robot's noise; of all if all together are too small.
+
+    A camera may have the name of a robot.
+    """
     assert opened(monkeypatch, found, "estimated") == ("noise", cameras, robots | {"third"})
 
 
@@ -345,5 +349,5 @@ def test_sigmas_are_estimated_if_they_are_too_small_or_hide_something(
 @pytest.mark.parametrize(("turn", "is_below"), [(1e-7, True), (1e-5, True), (1e-4, False), (1e-3, False)])
 def test_no_arm_turns_by_a_few_seconds_of_arc(turn, is_below):
     """The mean of the rotations decides; translations have no part."""
-    assert is_below_arms(np.array([1e-9, 1e-9, 1e-9, 0.5 * turn, turn, 1.5 * turn])) is is_below
-    assert is_below_arms(np.array([1.0, 1.0, 1.0, 0.5 * turn, turn, 1.5 * turn])) is is_below
+    assert is_implausibly_small(np.array([1e-9, 1e-9, 1e-9, 0.5 * turn, turn, 1.5 * turn])) is is_below
+    assert is_implausibly_small(np.array([1.0, 1.0, 1.0, 0.5 * turn, turn, 1.5 * turn])) is is_below

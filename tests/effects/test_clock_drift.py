@@ -27,7 +27,7 @@ def test_a_clock_that_drifts_is_right_in_the_middle():
         {s.sample: s.stamp_s for s in recording.samples},
     )
     (offset,), (drift,) = clock_offsets(of), clock_drifts(of)
-    share = np.linspace(-0.5, 0.5, 50)[of.rank(problem.groups[0])]
+    share = np.linspace(-0.5, 0.5, 50)[of.sample_indices(problem.groups[0])]
     np.testing.assert_allclose(drift.moves[0], share[:, None, None, None] * offset.moves[0], atol=1e-12)
     assert not list(clock_drifts(Situation(problem, of.state, problem, {})))
 

@@ -122,13 +122,13 @@ def test_what_is_no_task_is_refused(cell, options, message):
 def meeting(variance_m2, stops_m2=0.0):
     """A meeting at one point whose error per axis has the variance of the first column times a factor, and stops'."""
 
-    def total_error(covariance, stops):
+    def total_covariance(covariance, stops):
         total = variance_m2 * covariance[0, 0] + sum(float(place) for place, _ in stops)
         return total * np.eye(6)[None]
 
     return SimpleNamespace(
         weight=variance_m2 * np.eye(2),
-        total_error=total_error,
+        total_covariance=total_covariance,
         stop_variances=lambda: {"eye": (stops_m2, 0.0)},
         mean_square_m2=lambda covariance: 3 * variance_m2 * covariance[0, 0],
     )

@@ -52,7 +52,7 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
         raise NotObservable("the axis-shift method finds the base of one robot from another's camera: ask for one base")
     stations = find_pair_stations(problem, cell)
     sigma = cell.pixel_px or _ASSUMED_PX
-    base, weights = choose_base(stations, settings)
+    base, weights = combine_stations(stations, settings)
     random, systematic = _errors(stations, weights, sigma)
     found = [*findings, *_station_findings(stations)]
     if cell.pixel_px is None:
@@ -74,8 +74,8 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
     )
 
 
-def choose_base(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]:
-    """The base for the task, and the weights of the stations in it, (n,)."""
+def combine_stations(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]:
+    """Combine the bases of stations into the base for the task; return it with the stations' weights, (n,)."""
     bases = [s.base() for s in stations]
     depth = np.array([np.linalg.norm(s.camera_from_light().translation) for s in stations])
     weights = (np.array([s.rms_shift_m for s in stations]) / depth) ** 2
@@ -83,10 +83,10 @@ def choose_base(stations: Sequence[Station], settings: Settings) -> tuple[SE3, A
         return fuse_bases(bases, list(weights)), weights / weights.sum()
     task = np.array(settings.task_point)
     base = base_for_task(stations, task, is_nearest=settings.station_choice == "nearest")
-    lights = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
-    distance = np.maximum(lengths(lights - task), 1e-6)
-    near = (distance == distance.min()).astype(np.float64)
-    weights = near if settings.station_choice == "nearest" else 1 / distance**2
+    leds = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
+    distance = np.maximum(lengths(leds - task), 1e-6)
+    nearest = (distance == distance.min()).astype(np.float64)
+    weights = nearest if settings.station_choice == "nearest" else 1 / distance**2
     return base, weights / weights.sum()
 
 
@@ -99,8 +99,8 @@ def _errors(stations: Sequence[Station], weights: Array, sigma_px: float) -> tup
         count = station.light_px.size
         nudges = _STEP_PX * np.eye(count).reshape(count, *station.light_px.shape)
         ahead, behind = station.base(station.light_px + nudges), station.base(station.light_px - nudges)
-        ends = [(base.inverse() @ side).log() for side in (ahead, behind)]
-        jacobian = ((ends[0] - ends[1]) / (2 * _STEP_PX)).T
+        steps = [(base.inverse() @ side).log() for side in (ahead, behind)]
+        jacobian = ((steps[0] - steps[1]) / (2 * _STEP_PX)).T
         random += (weight * sigma_px) ** 2 * jacobian @ jacobian.T
         systematic += weight * (base.inverse() @ station.base(station.predicted_px(base))).log()
     return random, systematic
@@ -135,19 +135,20 @@ def difference(pose: SE3, reference: SE3) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class StationBeside:
+class StationAnswer:
     """The answer of one station.
 
     Attributes:
         samples: Sample numbers; the programmed shifts start at the first.
         light: Position of the LED in the base of the robot with the camera, (3,) [m].
-        off: Difference of the station's base from the other calibration, in the frame of the latter, (6,) [m, rad].
+        difference: Step from the base of the other calibration to that of the station, in the frame of the former, (6,)
+            [m, rad].
         weight: Weight of the station in the closed form's answer; the sum over stations is 1.
     """
 
     samples: tuple[int, ...]
     light: Array
-    off: Array
+    difference: Array
     weight: float
 
 
@@ -165,11 +166,11 @@ class ClosedFormComparison:
     name: str
     estimate: PoseEstimate
     other: PoseEstimate
-    stations: tuple[StationBeside, ...]
+    stations: tuple[StationAnswer, ...]
 
     @property
     def difference(self) -> Array:
-        """Difference of the closed form from the other calibration, in the frame of the latter, (6,) [m, rad]."""
+        """Step from the other calibration to the closed form, in the frame of the former, (6,) [m, rad]."""
         return difference(self.other.mean, self.estimate.mean)
 
 
@@ -190,20 +191,20 @@ def compare_closed_form(cell: Cell, recording: Recording, calibration: Calibrati
     settings = Settings(method="axis-shift", task_point=None if task is None else tuple(task))
     problem, _ = build_problem(cell, recording)
     try:
-        closed = calibrate_axis_shift(cell, problem, settings, [])
+        closed_form = calibrate_axis_shift(cell, problem, settings, [])
         stations = find_pair_stations(problem, cell)
     except NotObservable:
         return None
-    name, estimate = next(iter(closed.transforms.items()))
+    name, estimate = next(iter(closed_form.transforms.items()))
     other = calibration.transforms.get(name)
     if other is None:
         return None
-    _, weights = choose_base(stations, settings)
+    _, weights = combine_stations(stations, settings)
     inverted = problem.groups[0].hand.robot == cell.reference
-    said = []
+    answers = []
     for station, weight in zip(stations, weights, strict=True):
         base = station.base()
         light = (base @ station.hand_base_from_light).translation
-        off = difference(other.mean, base.inverse() if inverted else base)
-        said.append(StationBeside(tuple(int(n) for n in station.samples), light, off, float(weight)))
-    return ClosedFormComparison(name, estimate, other, tuple(said))
+        step = difference(other.mean, base.inverse() if inverted else base)
+        answers.append(StationAnswer(tuple(int(n) for n in station.samples), light, step, float(weight)))
+    return ClosedFormComparison(name, estimate, other, tuple(answers))

@@ -65,20 +65,22 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
     for name, calibration in (("first", first), ("second", second)):
         check_type(name, calibration, Calibration)
     common = [name for name in first.transforms if name in second.transforms]
-    found = {name: _difference(first, second, name) for name in common}
-    chances = [each.chance for each in found.values() if each.chance is not None]
-    moved = any(each.chance is None and max(each.shift_m, each.shift_rad) > _ROUNDING for each in found.values())
-    alike = all(len(chances) * chance >= MOVED_LEVEL for chance in chances)
-    only = {name: 0 for name in first.transforms if name not in common}
-    only |= {name: 1 for name in second.transforms if name not in common}
+    differences = {name: _difference(first, second, name) for name in common}
+    chances = [each.chance for each in differences.values() if each.chance is not None]
+    is_changed = any(
+        each.chance is None and max(each.shift_m, each.shift_rad) > _ROUNDING for each in differences.values()
+    )
+    is_explained = all(len(chances) * chance >= MOVED_LEVEL for chance in chances)
+    unshared = {name: 0 for name in first.transforms if name not in common}
+    unshared |= {name: 1 for name in second.transforms if name not in common}
     files = sorted(first.inputs.keys() | second.inputs.keys())
-    asked = sorted(first.settings.keys() | second.settings.keys())
+    setting_names = sorted(first.settings.keys() | second.settings.keys())
     return Comparison(
-        found,
-        only,
+        differences,
+        unshared,
         tuple(name for name in files if first.inputs.get(name) != second.inputs.get(name)),
-        {n: (a, b) for n in asked if (a := first.settings.get(n)) != (b := second.settings.get(n))},
-        (alike and not moved) if found else None,
+        {n: (a, b) for n in setting_names if (a := first.settings.get(n)) != (b := second.settings.get(n))},
+        (is_explained and not is_changed) if differences else None,
     )
 
 
@@ -89,12 +91,12 @@ def _difference(first: Calibration, second: Calibration, name: str) -> Differenc
     parts = (
         [each[name].covariance, *(-held for held in each.gauge_covariances(name).values())] for each in (first, second)
     )
-    covariance = np.sum([part for of in parts for part in of], axis=0)[:width, :width]
+    covariance = np.sum([part for of_one in parts for part in of_one], axis=0)[:width, :width]
     length, angle = float(np.linalg.norm(apart[:3])), float(np.linalg.norm(apart[3:])) if width == 6 else 0.0
-    if not np.any(covariance) or not np.all(np.isfinite(covariance)):
+    spectral = spectrum(covariance) if np.all(np.isfinite(covariance)) else None
+    if spectral is None or not spectral.rank:
         return Difference(length, angle, None, None)
-    of = spectrum(covariance)
-    squared, freedoms = float(apart[:width] @ of.inverse @ apart[:width]), int(of.rank)
+    squared, freedoms = float(apart[:width] @ spectral.inverse @ apart[:width]), int(spectral.rank)
     return Difference(
         length, angle, float(np.sqrt(squared / freedoms)), compare_nested_models(squared, freedoms).chance
     )

@@ -35,14 +35,14 @@ class _Kind(NamedTuple):
     Attributes:
         name: Name of the kind.
         units: Unit of each parameter, (w,).
-        found: Directions that the data determine, (w, r).
+        determined: Directions that the data determine, (w, r).
         held: Directions that a gauge holds, (w, h).
         sigmas: Expected sigmas in these units for a sigma of rotation of one radian, (w,).
     """
 
     name: str
     units: Array
-    found: Array
+    determined: Array
     held: Array
     sigmas: Array
 
@@ -70,10 +70,10 @@ def _free_kinds(model: RobotModel) -> Iterator[_Kind]:
         shared = None if effect is None or effect.by_joints is None else effect.by_joints(posture)
         if sigma is None and effect is not None and effect.is_mapped and shared is not None:
             units = np.diag(ROBOT_PARAMETERS[name].columns(model.chain, model.stated[name]).basis)
-            found = basis / units[:, None]
-            rest = scaled_spectrum(np.eye(len(units)) - found @ found.T, INDEPENDENT_SHARE)
+            determined = basis / units[:, None]
+            rest = scaled_spectrum(np.eye(len(units)) - determined @ determined.T, INDEPENDENT_SHARE)
             held = rest.vectors[:, rest.is_informative]
-            yield _Kind(name, units, found, held, np.where(shared.is_turn, 1.0, _LEVER_M) / units)
+            yield _Kind(name, units, determined, held, np.where(shared.is_turn, 1.0, _LEVER_M) / units)
 
 
 def _moved_columns(solution: Solution, gauge: RobotModel) -> Array:
@@ -100,12 +100,14 @@ def _expected_square(solution: Solution, free: Mapping[str, Sequence[_Kind]]) ->
     squares, evidence = (middle * factor**_NODES) ** 2, -(_NODES**2)
     for robot, kinds in free.items():
         for kind in kinds:
-            at = solution.problem.columns.get(f"{robot}_{kind.name}", slice(0, 0))
+            columns = solution.problem.columns.get(f"{robot}_{kind.name}", slice(0, 0))
             values = solution.state.kinematics(solution.problem.models[robot]).kind_values(kind.name).ravel()
-            found = kind.found.T @ (values / kind.units)
-            spreads = squares[:, None, None] * _squares(kind.sigmas, kind.found) + solution.covariance[at, at]
-            likely = np.linalg.solve(spreads, np.broadcast_to(found[:, None], (len(squares), len(found), 1)))
-            evidence = evidence - np.linalg.slogdet(spreads)[1] - likely[..., 0] @ found
+            sizes = kind.determined.T @ (values / kind.units)
+            spreads = (
+                squares[:, None, None] * _squares(kind.sigmas, kind.determined) + solution.covariance[columns, columns]
+            )
+            weighted = np.linalg.solve(spreads, np.broadcast_to(sizes[:, None], (len(squares), len(sizes), 1)))
+            evidence = evidence - np.linalg.slogdet(spreads)[1] - weighted[..., 0] @ sizes
     shares = np.exp(0.5 * (evidence - evidence.max()))
     return float(shares @ squares / shares.sum())
 

@@ -61,27 +61,27 @@ def _camera_structure(solution: Solution, name: str, settings: Settings) -> Lens
     if sum(len(alone) for _, alone in seen) < _FEWEST_VIEWS:
         return None
     of_groups = [_project(measurement, alone, camera) for measurement, alone in seen]
-    every = _Projected(*map(_stack_views, zip(*of_groups, strict=True)))
-    size, chance = _choose_terms(every.residual, every.of_lens, every.of_others)
+    projected = _Projected(*map(_stack_views, zip(*of_groups, strict=True)))
+    size, chance = _choose_terms(projected.residual, projected.of_lens, projected.of_terms)
     if not np.any(size):
         return None
-    shift = every.in_pixels @ size
-    rms_px = float(np.sqrt(np.mean(shift[np.any(every.in_pixels, axis=-1)] ** 2)))
+    shift = projected.in_pixels @ size
+    rms_px = float(np.sqrt(np.mean(shift[np.any(projected.in_pixels, axis=-1)] ** 2)))
     return LensStructure(name, rms_px, chance, _answer_step(solution, name, size, settings))
 
 
-def _choose_terms(residual: Array, own: Array, rivals: Array) -> tuple[Array, float]:
+def _choose_terms(residual: Array, lens_columns: Array, term_columns: Array) -> tuple[Array, float]:
     """Sizes of the significant terms, (q,), and the smallest p-value; families are added in order of significance."""
     size, chance, used, open_families = np.zeros(_TERM_COUNT), 1.0, np.zeros(0, dtype=np.int64), list(_TERM_FAMILIES)
     while open_families:
-        known = np.concatenate([own, rivals[..., used]], axis=-1)
-        tried = [_estimate_sizes(residual, known, rivals[..., list(family)]) for family in open_families]
+        known = np.concatenate([lens_columns, term_columns[..., used]], axis=-1)
+        tried = [_estimate_sizes(residual, known, term_columns[..., list(family)]) for family in open_families]
         best = min(range(len(tried)), key=lambda k: tried[k][1])
         if tried[best][1] > SINGLE_LEVEL / len(_TERM_FAMILIES):
             break
         chance = min(chance, tried[best][1])
         used = np.append(used, open_families.pop(best))
-        size[used] = _estimate_sizes(residual, own, rivals[..., used])[0]
+        size[used] = _estimate_sizes(residual, lens_columns, term_columns[..., used])[0]
     return size, chance
 
 
@@ -91,10 +91,10 @@ def _estimate_sizes(residual: Array, known_columns: Array, columns: Array) -> tu
     inverse = spectrum(flat.T @ flat).inverse
     left = residual - known_columns @ (inverse @ (flat.T @ residual.ravel()))
     columns = columns - known_columns @ (inverse @ (flat.T @ columns.reshape(len(flat), -1)))
-    turned = columns.mT
-    scores, each = (turned @ left[..., None])[..., 0], turned @ columns
-    size = spectrum(each.sum(0)).inverse @ scores.sum(0)
-    return size, _chance(scores, each, size)
+    transposed = columns.mT
+    scores, information = (transposed @ left[..., None])[..., 0], transposed @ columns
+    size = spectrum(information.sum(0)).inverse @ scores.sum(0)
+    return size, _chance(scores, information, size)
 
 
 def _chance(scores: Array, information: Array, size: Array) -> float:
@@ -107,11 +107,11 @@ def _chance(scores: Array, information: Array, size: Array) -> float:
     """
     of_views = spectrum(information, VIEW_ROUNDING)
     freedoms = int(of_views.rank.sum()) - len(size)
-    in_common = float(scores.sum(0) @ size)
-    apart = float(of_views.squared_mahalanobis(scores).sum()) - in_common
-    if freedoms <= 0 or apart <= 0:
+    shared = float(scores.sum(0) @ size)
+    scatter = float(of_views.squared_mahalanobis(scores).sum()) - shared
+    if freedoms <= 0 or scatter <= 0:
         return 1.0
-    return compare_nested_models(in_common / (apart / freedoms), len(size), noise_freedoms=freedoms).chance
+    return compare_nested_models(shared / (scatter / freedoms), len(size), noise_freedoms=freedoms).chance
 
 
 def _stack_views(arrays: tuple[Array, ...]) -> Array:
@@ -124,10 +124,10 @@ def _stack_views(arrays: tuple[Array, ...]) -> Array:
 def _single_view_poses(solution: Solution, group: ViewGroup) -> list[tuple[PixelMeasurement, SE3]]:
     """Views of a group that determine a pose on their own, with these poses, in batches that fit the cache."""
     measurement = group.measurement
-    predicted = solution.state.camera_from_target(group, solution.problem.stops)
-    alone, enough = single_view_pose(solution.state, group, predicted)
     if not isinstance(measurement, PixelMeasurement):
         return []
+    predicted = solution.state.camera_from_target(group, solution.problem.stops)
+    alone, enough = single_view_pose(solution.state, group, predicted)
     rows = np.flatnonzero(enough)
     parts = (rows[at : at + _CHUNK_VIEWS] for at in range(0, len(rows), _CHUNK_VIEWS))
     return [(measurement.take(part), alone[part]) for part in parts]
@@ -139,13 +139,13 @@ class _Projected(NamedTuple):
     Attributes:
         residual: Residuals, (n, r).
         of_lens: Columns of the lens parameters, (n, r, k).
-        of_others: Columns of the terms that the lens model lacks, (n, r, q).
+        of_terms: Columns of the terms that the lens model lacks, (n, r, q).
         in_pixels: Columns of these terms, neither weighted nor projected, (n, r, q) [px].
     """
 
     residual: Array
     of_lens: Array
-    of_others: Array
+    of_terms: Array
     in_pixels: Array
 
 
@@ -153,8 +153,8 @@ def _project(measurement: PixelMeasurement, poses: SE3, camera: Camera) -> _Proj
     off, by_pose, by_lens = measurement.tangent_rows(poses, camera, lens=True)
     assert by_lens is not None
     weight = np.where(np.isnan(off).any(-1), 0.0, measurement.weight)
-    bent = np.where(weight[..., None, None] > 0, _term_derivatives(camera, measurement.camera_points(poses)), 0.0)
-    columns = np.concatenate([by_pose, by_lens, bent], axis=-1)
+    by_terms = np.where(weight[..., None, None] > 0, _term_derivatives(camera, measurement.camera_points(poses)), 0.0)
+    columns = np.concatenate([by_pose, by_lens, by_terms], axis=-1)
     weighted = np.nan_to_num(columns) * weight[..., None, None]
     residual = -np.nan_to_num(off) * weight[..., None]
     n, r = len(poses), 2 * measurement.pixels.shape[1]
@@ -162,7 +162,7 @@ def _project(measurement: PixelMeasurement, poses: SE3, camera: Camera) -> _Proj
     rest = np.concatenate([residual.reshape(n, r, 1), weighted[..., 6:].reshape(n, r, -1)], axis=-1)
     rest = rest - basis @ (basis.mT @ rest)
     return _Projected(
-        rest[..., 0], rest[..., 1:-_TERM_COUNT], rest[..., -_TERM_COUNT:], bent.reshape(n, r, _TERM_COUNT)
+        rest[..., 0], rest[..., 1:-_TERM_COUNT], rest[..., -_TERM_COUNT:], by_terms.reshape(n, r, _TERM_COUNT)
     )
 
 
@@ -175,8 +175,8 @@ def _term_derivatives(camera: Camera, p_in_camera: Array) -> Array:
     across, along = (np.stack([np.stack([s**k, zero], -1) for k in (1, 2)], -1),
                      np.stack([np.stack([zero, s**k], -1) for k in (1, 2)], -1))  # fmt: skip
     radial = (plane * s[..., None] ** 4)[..., None]
-    bent: Array = np.concatenate([radial, across, along], axis=-1) * camera.focal[:, None]
-    return np.nan_to_num(bent)
+    derivatives: Array = np.concatenate([radial, across, along], axis=-1) * camera.focal[:, None]
+    return np.nan_to_num(derivatives)
 
 
 def _answer_step(solution: Solution, name: str, size: Array, settings: Settings) -> Array:

@@ -21,7 +21,8 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     `freedoms` of a robot are the degrees of freedom of its estimated sigmas. `rms_factor` is the RMS over the
     distribution of the sigmas, divided by the estimate. Errors that a robot's stops share are listed by their effect,
     with the sigma at the flange, RMS over stops [m, rad]. For joints and links it is the part that a base and a mount
-    do not compensate. The sigma of each shift and rotation is added, if it is another, and the effect's figures.
+    do not compensate. If an effect has one sigma of translations and one of rotations, both
+    are added. Its figures are added, too.
     """
     noise = solution.noise
     used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}
@@ -50,8 +51,8 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
             errors = shared_errors(effect, solution.problem, name)
             assert errors is not None
             left = errors.remove_frames(stop_poses(solution.problem, name)[0]) if is_by_joints else errors
-            each = {} if effect.is_by_coordinate else {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])}
-            used["robots"][name][key] = {"sigma": left.flange_sigmas(sigma).tolist(), **each, **effect.figures}
+            by_kind = {} if effect.is_by_coordinate else {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])}
+            used["robots"][name][key] = {"sigma": left.flange_sigmas(sigma).tolist(), **by_kind, **effect.figures}
     return used
 
 
@@ -72,7 +73,7 @@ def _camera_noise(recording: Recording, solution: Solution) -> dict[str, dict[st
             found[group.camera] = {**before, **fields, "views_count": before["views_count"] + len(group)}
     seen = [o for s in recording.samples for o in s.observations if isinstance(o, PixelObservation) and o.detected]
     for camera, entry in found.items():
-        claimed = [o.sigma_px for o in seen if o.camera == camera and o.sigma_px is not None]
-        has_both = bool(claimed) and "pixel_px" in entry
-        entry["factor"] = entry["pixel_px"] / float(np.median(np.concatenate(claimed))) if has_both else None
+        detector_sigmas = [o.sigma_px for o in seen if o.camera == camera and o.sigma_px is not None]
+        has_both = bool(detector_sigmas) and "pixel_px" in entry
+        entry["factor"] = entry["pixel_px"] / float(np.median(np.concatenate(detector_sigmas))) if has_both else None
     return found

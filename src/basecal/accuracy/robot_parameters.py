@@ -27,17 +27,17 @@ def robot_parameters(solution: Solution) -> dict[str, dict[str, RobotParameters]
     """
     hidden = _touched_by_null_space(solution)
     found: dict[str, dict[str, RobotParameters]] = {}
-    for kind, each in ROBOT_PARAMETERS.items():
+    for kind, definition in ROBOT_PARAMETERS.items():
         for model in solution.problem.models.values():
             if kind not in model.columns:
                 continue
-            if each.is_by_joint:
-                of = _parameters_by_joint(solution, model, kind, hidden)
+            if definition.is_by_joint:
+                estimate = _parameters_by_joint(solution, model, kind, hidden)
             elif not np.any(hidden[solution.problem.columns[f"{model.robot}_{kind}"]]):
-                of = _joint_parameters(solution, model, kind)
+                estimate = _jointly_observable(solution, model, kind)
             else:
                 continue
-            found.setdefault(kind, {})[model.robot] = of
+            found.setdefault(kind, {})[model.robot] = estimate
     return found
 
 
@@ -51,14 +51,14 @@ def calibrated_kinematics(cell: Cell, calibration: Calibration) -> dict[str, Kin
     for name, robot in cell.robots.items():
         found = calibration.parameters_of_robot(name)
         if found and robot.chain is None:
-            raise InputError(f"the calibration holds joint offsets of {name!r}, which has no urdf in the cell")
+            raise InputError(f"the calibration holds kinematic parameters of {name!r}, which has no urdf in the cell")
         if found and robot.chain is not None:
             values = {kind: np.nan_to_num(of.values) for kind, of in found.items()}
             kinematics[name] = Kinematics(robot.chain, values, robot.parameters)
     return kinematics
 
 
-def _joint_parameters(solution: Solution, model: RobotModel, kind: str) -> RobotParameters:
+def _jointly_observable(solution: Solution, model: RobotModel, kind: str) -> RobotParameters:
     """Values of a kind whose parameters are only observable jointly, with their sigmas."""
     where, basis = solution.problem.columns[f"{model.robot}_{kind}"], model.columns[kind].basis
     values = solution.state.kinematics(model).kind_values(kind)
@@ -91,5 +91,5 @@ def _touched_by_null_space(solution: Solution) -> BoolArray:
     if not solution.observability.unobservable:
         return np.zeros(solution.problem.width, dtype=bool)
     hessian = linearise(solution.problem, solution.state).hessian
-    of = spectrum(hessian)
-    return np.asarray(np.abs(of.vectors[:, ~of.is_informative]).max(axis=1, initial=0.0) > TOUCHED_SHARE)
+    spectral = spectrum(hessian)
+    return np.asarray(np.abs(spectral.vectors[:, ~spectral.is_informative]).max(axis=1, initial=0.0) > TOUCHED_SHARE)

@@ -64,9 +64,9 @@ def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
     if not solution.converged or not np.isfinite(solution.cost):
         return ()
     problem = solution.noise.hold_sigmas(solution.problem)
-    about = leave_one_out(problem, solution.state, [np.ones(len(g)) for g in problem.groups])
+    model = leave_one_out(problem, solution.state, [np.ones(len(g)) for g in problem.groups])
     sums: dict[tuple[str, bool], list[float]] = {}
-    for name, of_robot, squares, freedoms in (*_view_squares(about), *_stop_squares(about)):
+    for name, of_robot, squares, freedoms in (*_view_squares(model), *_stop_squares(model)):
         total = sums.setdefault((name, of_robot), [0.0, 0.0])
         total[0] += squares
         total[1] += freedoms
@@ -89,25 +89,25 @@ def unlikely_sigmas(solution: Solution, settings: Settings) -> tuple[Contradicte
     below = {
         name: float(problem.stops.sigma[k, 3:].mean())
         for k, name in enumerate(problem.stops.robot)
-        if name not in problem.unstated and is_below_arms(problem.stops.sigma[k])
+        if name not in problem.unstated and is_implausibly_small(problem.stops.sigma[k])
     }
     if not below or not solution.converged or solution.noise.logs is None:
         return ()
     opened = replace(problem, unstated=problem.unstated | below.keys(), held=False)
     rival = with_noise(replace(solution, problem=opened), settings).noise
     compared = compare_evidence(solution.noise.plain_minus_2_log_evidence - rival.plain_minus_2_log_evidence)
-    found = {name: float(rival.robots[name][3:].mean() / stated) for name, stated in below.items()}
+    ratios = {name: float(rival.robots[name][3:].mean() / stated) for name, stated in below.items()}
     return tuple(
-        ContradictedSigma(name, True, ratio, compared.chance) for name, ratio in found.items() if compared.is_taken
+        ContradictedSigma(name, True, ratio, compared.chance) for name, ratio in ratios.items() if compared.is_taken
     )
 
 
-def is_below_arms(sigma: Array) -> bool:
+def is_implausibly_small(sigma: Array) -> bool:
     """Whether sigmas of a robot's poses, (6,) [m, rad], are implausibly small: invented, or in a wrong unit."""
     return bool(np.mean(sigma[3:]) < ROBOT_RAD[0] / ROBOT_RAD[1] ** 2)
 
 
-def judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> ContradictedSigma | None:
+def judge_sigma(name: str, of_robot: bool, squares: float, freedoms: float) -> ContradictedSigma | None:
     """Contradicted sigmas of a camera or robot; None if the squares agree with their degrees of freedom."""
     if freedoms < _FEWEST_FREEDOMS:
         return None
@@ -116,21 +116,21 @@ def judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> C
     chance = log_chance(squares, freedoms) if squares > freedoms else below
     compared = decide(squares, chance, SINGLE_LEVEL)
     ratio = float(np.sqrt(squares / freedoms))
-    return ContradictedSigma(name, is_robot, ratio, compared.chance) if compared.is_taken else None
+    return ContradictedSigma(name, of_robot, ratio, compared.chance) if compared.is_taken else None
 
 
 def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
     """Sum of squares and its expected value, for each camera, and for each robot with stops of single views."""
     for k, group in enumerate(model.problem.groups):
         private = model.normal.views[k].private
-        at = model.state.camera_from_target(group, model.problem.stops)
+        poses = model.state.camera_from_target(group, model.problem.stops)
         lens = group.camera in model.problem.columns
-        view = group.measurement.linearise(at, model.state.cameras.get(group.camera), lens)
-        shake = model.problem.jitter_motion(group)
-        view = view if shake is None else ViewInformation(*without_motion(*view, shake))
+        view = group.measurement.linearise(poses, model.state.cameras.get(group.camera), lens)
+        jitter = model.problem.jitter_motion(group)
+        view = view if jitter is None else ViewInformation(*without_motion(*view, jitter))
         by_error = np.zeros((*view.gradient.shape, 6 * len(private)))
-        for i, of in enumerate(private):
-            by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
+        for i, part in enumerate(private):
+            by_error[part.view, :, 6 * i : 6 * i + 6] = part.by_error
         transposed = by_error.mT
         own = inverse_beside_identity(transposed @ view.information @ by_error)
         back = own @ transposed @ view.information
@@ -140,11 +140,11 @@ def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
         count = sum(group.measurement.counts().values())
         yield group.camera, False, float(view.cost.sum()), count - determined
         errors = own + back @ model.spread[k] @ back.mT
-        for i, of in enumerate(private):
-            if len(of.view):
-                known = np.diagonal(errors, axis1=-2, axis2=-1)[of.view, 6 * i : 6 * i + 6]
-                squares = float(np.sum(model.state.stop_errors[of.stop] ** 2))
-                yield model.problem.stops.robot[of.stop[0]], True, squares, float(np.sum(1 - known))
+        for i, part in enumerate(private):
+            if len(part.view):
+                known = np.diagonal(errors, axis1=-2, axis2=-1)[part.view, 6 * i : 6 * i + 6]
+                squares = float(np.sum(model.state.stop_errors[part.stop] ** 2))
+                yield model.problem.stops.robot[part.stop[0]], True, squares, float(np.sum(1 - known))
 
 
 def _stop_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
@@ -193,7 +193,8 @@ def _estimate_sigmas(
     solution = robust.solution
     everything = any(not f.about for f in contradictions)
     cameras = {f.about for f in contradictions if not f.of_robot}
-    robots = {name for name in solution.problem.stops.robot if everything or name in {f.about for f in contradictions}}
+    contradicted = {f.about for f in contradictions if f.of_robot}
+    robots = {name for name in solution.problem.stops.robot if everything or name in contradicted}
     groups = (
         replace(g, measurement=g.measurement.without_sigmas()) if everything or g.camera in cameras else g
         for g in solution.problem.groups

@@ -20,7 +20,8 @@ def candidates(views: Views) -> Iterator[Candidates]:
     for name, late in delay_moves(views):
         groups = views.groups
         moves = (
-            None if m is None else share[views.rank(g)][:, None, None] * m for g, m in zip(groups, late, strict=True)
+            None if m is None else share[views.sample_indices(g)][:, None, None] * m
+            for g, m in zip(groups, late, strict=True)
         )
         yield one_candidate("clock-drift", name, "s", tuple(moves))
 

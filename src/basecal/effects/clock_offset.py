@@ -28,7 +28,7 @@ def delay_moves(views: Views) -> Iterator[tuple[str, Moves]]:
 
     def time_jacobian(views: Views, k: int, robot: str) -> Array:
         """Derivatives of a group's views with respect to a delay of a robot's poses, (n, 6, 1)."""
-        return views.flange_jacobian(k, robot) @ paths[robot][views.rank(groups[k])][..., None]
+        return views.flange_jacobian(k, robot) @ paths[robot][views.sample_indices(groups[k])][..., None]
 
     for camera in sorted({g.camera for g in groups}):
         robots = [[r for r in paths if g.robot_end(r)] if g.camera == camera else [] for g in groups]

@@ -26,7 +26,9 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 def _splits(views: Views, name: str) -> IntArray:
     """Indices in `samples` of the tested first samples after a step of a frame."""
-    ranks = np.unique(np.concatenate([views.rank(g) for k, g in enumerate(views.groups) if views.depends(k, name)]))
+    ranks = np.unique(
+        np.concatenate([views.sample_indices(g) for k, g in enumerate(views.groups) if views.depends(k, name)])
+    )
     splits = ranks[_LEAST_SIDE : len(ranks) - _LEAST_SIDE + 1]
     chosen = np.unique(np.linspace(0, len(splits) - 1, min(_MOST_SPLITS, len(splits))).astype(int))
     return np.asarray(splits[chosen], dtype=np.int64)

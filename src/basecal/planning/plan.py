@@ -106,7 +106,7 @@ class _Goal:
             return self.current_error.expected_95_m
         errors_m = []
         for meeting in self.meetings:
-            errors = meeting.total_error(covariance, meeting.stop_variances().values())[:, :3, :3]
+            errors = meeting.total_covariance(covariance, meeting.stop_variances().values())[:, :3, :3]
             scale = np.sqrt(1 + self.excess_m2(count) / meeting.mean_square_m2(covariance))
             errors_m.append(scale * pooled_quantile(errors, np.zeros(errors.shape[:2])))
         return float(max(errors_m))

@@ -15,7 +15,7 @@ from basecal.accuracy.clocks.correction import (
     line_times,
     remaining_step,
 )
-from basecal.accuracy.clocks.search import Clocked
+from basecal.accuracy.clocks.search import ClockedRecording
 from basecal.accuracy.clocks.step import ClockStep
 from basecal.cell import Clock, Recording, RollingShutter
 from basecal.estimation.problem.build import build_problem
@@ -27,11 +27,11 @@ from stream_cells import MOUNT, Streamed, imaged, streamed
 NAME = "arm_flange_from_wrist"
 
 
-def solved(made: Streamed, offset_s: float) -> tuple[Clocked, Solution]:
+def solved(made: Streamed, offset_s: float) -> tuple[ClockedRecording, Solution]:
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     offsets = {"arm": 0.0, "wrist": offset_s}
-    of = Clocked(streams, offsets, synchronise(streams, offsets))
+    of = ClockedRecording(streams, offsets, synchronise(streams, offsets))
     return of, solve_problem(build_problem(made.cell, of.recording)[0], made.cell)
 
 

@@ -227,7 +227,7 @@ def stepwise(monkeypatch: pytest.MonkeyPatch, explained: bool, views: int) -> tu
     monkeypatch.setattr(search, "_best_offset", best)
     monkeypatch.setattr(search, "_synchronise", lambda of, offsets, last: (of.views, last))
     found = search_offsets(streams, Settings())
-    assert (found.near, found.synchronised) == ("last", ("all", "last"))
+    assert (found.solution, found.synchronised) == ("last", ("all", "last"))
     return done, found.offsets_s
 
 

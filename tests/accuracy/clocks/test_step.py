@@ -33,7 +33,7 @@ def solved(made: Streamed, offset_s: float) -> tuple[ClockStep, Solution, Synchr
 def test_a_step_leads_to_the_true_offset(away_s: float) -> None:
     found, _, _ = solved(streamed(), 0.03 + away_s)
     assert found.clocks == ("wrist",)
-    assert found.seen.all()
+    assert found.is_observable.all()
     sigma = float(np.sqrt(found.covariance[0, 0]))
     assert sigma < 5e-4
     assert found.step_s[0] + away_s == pytest.approx(0.0, abs=3.3 * sigma)  # chance: once in a thousand
@@ -59,7 +59,7 @@ def test_a_prior_holds_an_offset() -> None:
 def test_what_hardly_moves_shows_no_clock() -> None:
     made = streamed(still=True)
     found, _, _ = solved(made, 0.0)
-    assert not found.seen.any()
+    assert not found.is_observable.any()
     np.testing.assert_array_equal(found.step_s, 0.0)
     np.testing.assert_array_equal(found.by_offsets, 0.0)
 
@@ -108,7 +108,7 @@ def test_a_step_weighs_the_views_against_priors(monkeypatch: pytest.MonkeyPatch)
     np.testing.assert_allclose(found.step_s, expected)
     np.testing.assert_allclose(found.covariance, np.linalg.inv(total))
     np.testing.assert_allclose(found.by_offsets, -np.linalg.inv(hessian) @ across[0].T)
-    assert found.seen.all()
+    assert found.is_observable.all()
 
 
 def stepped_by(monkeypatch, information, gradient, across, hessian, clocks, offsets) -> ClockStep:
@@ -132,7 +132,7 @@ def test_what_is_known_to_half_a_second_is_seen(monkeypatch: pytest.MonkeyPatch,
     clocks = {name: Clock("free", 0.0), "other": Clock("free", 0.0)}
     across = np.ones((1, 2, 3))
     found = stepped_by(monkeypatch, information, np.ones(2), across, np.eye(3), clocks, dict.fromkeys(clocks, 0.0))
-    assert found.seen.tolist() == [seen, True]
+    assert found.is_observable.tolist() == [seen, True]
     assert (found.step_s[0] != 0, found.covariance[0, 0] != 0, np.any(found.by_offsets[:, 0])) == (seen,) * 3
     assert found.step_s[1] == pytest.approx(-1e-4)
 
@@ -149,7 +149,7 @@ def test_what_no_view_shows_is_not_seen(monkeypatch: pytest.MonkeyPatch) -> None
     """A variance of zero is that of nothing."""
     clocks = {"a": Clock("free", 0.0)}
     found = stepped_by(monkeypatch, np.zeros((1, 1)), np.zeros(1), np.zeros((1, 1, 3)), np.eye(3), clocks, {"a": 0.0})
-    assert not found.seen.any()
+    assert not found.is_observable.any()
 
 
 def test_views_move_with_the_clocks_of_camera_and_robots(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.cross_validation.closed_form_rival import (
-    _ratio,
+    _error_ratio,
     _squared_errors,
     closed_form_rival,
     opencv_rivals,
@@ -73,7 +73,7 @@ def test_where_all_is_known_or_there_are_several_pairs_there_is_none():
 def test_a_ratio_counts_where_it_is_clear_and_no_chance(theirs, count, expected):
     """Half the squares is 1.41 times better; a tenth less is not clear, five views are few, NaN predicts nothing."""
     ours = np.random.default_rng(0).uniform(0.9, 1.1, (count, 2)) * (1e-6, 1e-4)
-    found = _ratio(ours, theirs * ours)
+    found = _error_ratio(ours, theirs * ours)
     assert found == (None if expected is None else pytest.approx(expected))
 
 
@@ -81,29 +81,29 @@ def test_one_view_that_is_far_better_is_chance():
     """Of twenty views one is ten times as far off for the answer: the mean is worse, most are not."""
     ours = np.ones((20, 2))
     ours[3] = 100.0
-    assert _ratio(ours, np.ones((20, 2))) is None
+    assert _error_ratio(ours, np.ones((20, 2))) is None
 
 
 def test_exact_data_have_no_rival():
     """Errors of a nanometre and a nanoradian: no use of an arm tells ten times less from them."""
     ours = np.full((20, 2), 1e-18) * np.random.default_rng(0).uniform(0.9, 1.1, (20, 2))
-    assert _ratio(ours, 0.01 * ours) is None
+    assert _error_ratio(ours, 0.01 * ours) is None
     ours[:, 0] = 1e-6  # places off by a millimetre, as the rival has them
-    assert _ratio(ours, ours * (1.0, 0.0)) is None
+    assert _error_ratio(ours, ours * (1.0, 0.0)) is None
 
 
 def test_six_views_are_enough():
     """Where each is as much better; five are not."""
     ours = np.random.default_rng(0).uniform(0.95, 1.05, (6, 2)) * (1e-6, 1e-4)
-    assert _ratio(ours, 0.3 * ours) == pytest.approx(np.sqrt(1 / 0.3))
-    assert _ratio(ours[:5], 0.3 * ours[:5]) is None
+    assert _error_ratio(ours, 0.3 * ours) == pytest.approx(np.sqrt(1 / 0.3))
+    assert _error_ratio(ours[:5], 0.3 * ours[:5]) is None
 
 
 def test_the_ratio_counts_places_and_turns_alike():
     """Places twice as far off by the answer and turns as far give the root of 2 over 1.25, whatever their units."""
     rng = np.random.default_rng(0)
     ours = rng.uniform(0.99, 1.01, (40, 2)) * (1e-4, 1e-6)
-    assert _ratio(ours, ours * (0.25, 1.0)) == pytest.approx(np.sqrt(2 / 1.25))
+    assert _error_ratio(ours, ours * (0.25, 1.0)) == pytest.approx(np.sqrt(2 / 1.25))
 
 
 def fake_answer(reference, off):

@@ -80,7 +80,7 @@ def test_a_refit_is_the_mean_of_the_views_it_uses(weighed):
     errors, worth = 1e-6 * rng.standard_normal((9, 6)), rng.uniform(0.1, 1.0, 9)
     problem, state = pose_problem(errors, np.full(6, 1e-3))
     folds = [frozenset({0, 4}), frozenset(), frozenset({8})]
-    fits = refit_folds(problem, state, folds, 20, worth=[worth] if weighed else None)
+    fits = refit_folds(problem, state, folds, 20, view_weights=[worth] if weighed else None)
     for fit, held in zip(fits, folds, strict=True):
         used = np.setdiff1d(np.arange(9), list(held))
         weight = worth[used] if weighed else np.ones(len(used))

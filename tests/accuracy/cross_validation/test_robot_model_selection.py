@@ -198,10 +198,10 @@ def test_the_simplest_that_is_not_clearly_worse_is_chosen(monkeypatch, solution,
     assert choice.candidates == tuple(found)
 
 
-@pytest.mark.parametrize(("off_m", "error_m"), [([3.0, 4.0], 12.5**0.5), ([3.0, np.nan], None), ([], None)])
-def test_a_candidate_has_the_errors_of_stations_held_out(monkeypatch, off_m, error_m):
+@pytest.mark.parametrize(("distance_m", "error_m"), [([3.0, 4.0], 12.5**0.5), ([3.0, np.nan], None), ([], None)])
+def test_a_candidate_has_the_errors_of_stations_held_out(monkeypatch, distance_m, error_m):
     """Roots of mean squares, of lengths where every view has one; and the score of each station."""
-    scores = StationScores(np.array([0.1, 0.2]), 0.25, np.array(off_m))
+    scores = StationScores(np.array([0.1, 0.2]), 0.25, np.array(distance_m))
     monkeypatch.setattr(module, "_candidate_models", lambda problem, chains, candidate: candidate.kind)
     monkeypatch.setattr(module, "score_stations", lambda modelled, state, split, steps: scores if steps == 7 else None)
     trials = _Trials(SimpleNamespace(with_models=lambda models: models), {}, None, None, 7)

@@ -59,7 +59,7 @@ def test_a_sample_that_is_wrong_scores_badly():
     found = scored(solution.problem, solution.state)
     assert np.argmax(found.scores) == 0
     assert found.scores[0] > np.sort(found.scores)[-2] + 2
-    assert np.max(found.off_m) > 3e-3
+    assert np.max(found.distance_m) > 3e-3
 
 
 def test_scores_are_those_of_poses_that_each_fold_predicts():
@@ -69,7 +69,9 @@ def test_scores_are_those_of_poses_that_each_fold_predicts():
     found = scored(problem, state)
     np.testing.assert_allclose(found.scores, np.log1p(np.sum(errors**2, -1) / 6), rtol=2e-3)
     assert found.mean_square == pytest.approx(np.mean(errors**2), rel=2e-3)
-    np.testing.assert_allclose(np.sort(found.off_m), np.sort(1e-3 * np.linalg.norm(errors[:, :3], axis=-1)), rtol=2e-3)
+    np.testing.assert_allclose(
+        np.sort(found.distance_m), np.sort(1e-3 * np.linalg.norm(errors[:, :3], axis=-1)), rtol=2e-3
+    )
 
 
 def test_noise_of_the_arm_counts_as_that_of_the_views():
@@ -80,7 +82,9 @@ def test_noise_of_the_arm_counts_as_that_of_the_views():
     found = scored(problem, state)
     np.testing.assert_allclose(found.scores, np.log1p(np.sum(errors**2, -1) / 5 / 6), rtol=5e-3)
     assert found.mean_square == pytest.approx(np.mean(errors**2) / 5, rel=5e-3)
-    np.testing.assert_allclose(np.sort(found.off_m), np.sort(1e-3 * np.linalg.norm(errors[:, :3], axis=-1)), rtol=5e-3)
+    np.testing.assert_allclose(
+        np.sort(found.distance_m), np.sort(1e-3 * np.linalg.norm(errors[:, :3], axis=-1)), rtol=5e-3
+    )
 
 
 SIGMA_M = 2e-4

@@ -18,15 +18,15 @@ from basecal.accuracy.cross_validation.validation import (
     CrossValidation,
     FoldSpread,
     HeldOutErrors,
-    _Alone,
     _errors,
     _Fold,
     _fold,
     _group_errors,
+    _SingleViewPoses,
     _spread,
     _whitening,
     cross_validate,
-    root_mean,
+    root_mean_square,
 )
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
 from basecal.accuracy.findings.not_validated import not_validated
@@ -220,10 +220,10 @@ def test_errors_of_folds_add_up():
 
 def test_root_of_a_mean_square():
     """None where nothing was counted, or a sum is beyond numbers."""
-    assert root_mean(12.0, 3) == 2.0
-    assert root_mean(12.0, 1) == np.sqrt(12.0)
-    assert root_mean(12.0, 0) is None
-    assert root_mean(np.inf, 3) is None
+    assert root_mean_square(12.0, 3) == 2.0
+    assert root_mean_square(12.0, 1) == np.sqrt(12.0)
+    assert root_mean_square(12.0, 0) is None
+    assert root_mean_square(np.inf, 3) is None
 
 
 @pytest.mark.slow
@@ -317,7 +317,10 @@ def test_errors_of_poses_are_those_of_what_is_predicted():
     (group,) = problem.groups
     some = group.take(np.array([1, 4]))
     off = errors[[1, 4]]
-    for alone in ({}, {("camera", "target"): _Alone(group.sample, group.measurement.measured_camera_from_target, ODD)}):
+    for alone in (
+        {},
+        {("camera", "target"): _SingleViewPoses(group.sample, group.measurement.measured_camera_from_target, ODD)},
+    ):
         found = _group_errors(problem, some, state, alone)
         kept = off if not alone else off[:1]
         assert (found.count_px, found.square_px, found.count_poses) == (0, 0.0, len(kept))

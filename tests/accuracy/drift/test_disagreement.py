@@ -63,7 +63,7 @@ def test_another_board_is_named_by_its_size():
 def told(monkeypatch, off, shifts, root=None):
     """The disagreement of whitened innovations, of shifts that take so much of their squares with so many freedoms."""
     root = np.eye(len(off)) if root is None else root
-    of = SimpleNamespace(off=np.array(off), root=root, covariance_inverse=np.eye(len(off)), freedoms_of_noise=np.inf)
+    of = SimpleNamespace(deviation=np.array(off), root=root, covariance_inverse=np.eye(len(off)), noise_freedoms=np.inf)
     made = [SimpleNamespace(name=name, statistic=gain, freedoms=count) for name, (gain, count) in shifts.items()]
     monkeypatch.setattr(room, "innovations", lambda *given: of)
     monkeypatch.setattr(room, "frame_shifts", lambda of: iter([]))

@@ -59,7 +59,7 @@ def test_what_is_kept_of_a_verification() -> None:
     """What each transform moved by with its sigmas; what moved is told only where something did."""
     covariance = np.diag([1.0, 4.0, -1e-30, 9.0, 9.0, 9.0]) * 1e-8
     shift = Shift("hand_base", "a_from_b", None, np.arange(6.0), covariance, np.eye(6), 9.0, 6)
-    found = Verification(True, 0.01, shift, (), 2e-3, (4, 7, 8), asked=(shift,))
+    found = Verification(True, 0.01, shift, (), 2e-3, (4, 7, 8), requested=(shift,))
     kept = record_verification(found, START, "r")
     assert (kept.samples, kept.moved, kept.chance, kept.detectable_m) == (3, True, 0.01, 2e-3)
     assert (kept.frame, list(kept.shifts)) == ("hand_base", ["a_from_b"])

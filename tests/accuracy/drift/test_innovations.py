@@ -9,7 +9,7 @@ from basecal.accuracy.drift.innovations import (
     MOST_VIEWS,
     Innovations,
     _bearings,
-    first_order,
+    first_order_tangents,
     innovations,
     view_tangents,
 )
@@ -30,14 +30,14 @@ def test_they_are_as_uncertain_as_they_are_said_to_be() -> None:
     for seed in range(4):
         made = later(seed)
         of = innovations(made.cell, made.calibration, made.recording)
-        squares.append(float(of.off @ of.covariance_inverse @ of.off) / len(of.off))
+        squares.append(float(of.deviation @ of.covariance_inverse @ of.deviation) / len(of.deviation))
     assert 0.65 < np.mean(squares) < 1.35
 
 
 def test_without_the_uncertainty_of_predictions_they_would_not_be() -> None:
     made = later()
     of = innovations(made.cell, made.calibration, made.recording)
-    assert float(of.off @ of.off) / len(of.off) > 3.0
+    assert float(of.deviation @ of.deviation) / len(of.deviation) > 3.0
 
 
 def test_a_moved_base_moves_them_as_its_derivative_says() -> None:
@@ -45,7 +45,7 @@ def test_a_moved_base_moves_them_as_its_derivative_says() -> None:
     before = innovations(made.cell, made.calibration, made.recording)
     after = innovations(made.cell, made.calibration, made.with_base_moved(tangent))
     expected = before.whiten(before.frame_jacobian(BASE)) @ tangent
-    np.testing.assert_allclose(after.off - before.off, expected, atol=0.02 * np.abs(expected).max())
+    np.testing.assert_allclose(after.deviation - before.deviation, expected, atol=0.02 * np.abs(expected).max())
 
 
 def test_leaving_a_sample_out_is_as_not_having_it() -> None:
@@ -54,7 +54,7 @@ def test_leaving_a_sample_out_is_as_not_having_it() -> None:
     less = Recording(tuple(s for s in made.recording.samples if s.sample != number))
     without = innovations(made.cell, made.calibration, made.recording).drop_sample(number)
     never = innovations(made.cell, made.calibration, less)
-    np.testing.assert_allclose(without.off, never.off, atol=1e-9)
+    np.testing.assert_allclose(without.deviation, never.deviation, atol=1e-9)
     np.testing.assert_allclose(without.predicted, never.predicted, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(without.covariance_inverse, never.covariance_inverse, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(without.frame_jacobian(BASE), never.frame_jacobian(BASE), atol=1e-9)
@@ -184,7 +184,7 @@ def test_either_arm_moves_them_as_its_derivative_says(robot: str, joints: bool) 
     after = innovations(made.cell, made.calibration, Recording(tuple(samples)))
     moves = before.joint_jacobian(robot) if joints else before.flange_jacobian(robot)
     expected = -pulls(before, before.whiten(moves) @ by)
-    found = pulls(after, after.off) - pulls(before, before.off)
+    found = pulls(after, after.deviation) - pulls(before, before.deviation)
     np.testing.assert_allclose(found, expected, atol=0.05 * np.abs(expected).max())
     assert before.joint_jacobian(robot).shape == (6, 6, 6 if joints else 0)
 
@@ -200,7 +200,7 @@ def test_noise_is_known_by_the_fewest_freedoms() -> None:
             "robots": {**{n: {**robots[n], "freedoms": f} for n, f in each.items()}, "idle": {"freedoms": 3.0}},
         }
         found = innovations(made.cell, replace(made.calibration, noise=noise), made.recording)
-        assert found.freedoms_of_noise == fewest
+        assert found.noise_freedoms == fewest
 
 
 def test_smooth_errors_are_alike_at_poses_near_one_another() -> None:
@@ -214,7 +214,7 @@ def test_smooth_errors_are_alike_at_poses_near_one_another() -> None:
         innovations(made.cell, each, made.recording)
         for each in (made.calibration, replace(made.calibration, noise=noise))
     )
-    poses, stands = of.stands("hand")
+    poses, stands = of.recorded_stops("hand")
     moved = of.root.mT @ (of.flange_jacobian("hand") * sigma)
     alike = kernel(poses, poses)
     added = more.predicted - of.predicted
@@ -246,7 +246,7 @@ def test_views_near_their_prediction_are_of_first_order() -> None:
     """Nothing changes for a cell that stands as it was."""
     measurement, predicted, camera = _views(later())
     found = view_tangents(measurement, predicted, camera)  # type: ignore[arg-type]
-    expected = first_order(measurement.linearise(predicted, camera, False))  # type: ignore[arg-type]
+    expected = first_order_tangents(measurement.linearise(predicted, camera, False))  # type: ignore[arg-type]
     np.testing.assert_array_equal(found.tangent, expected.tangent)
     np.testing.assert_array_equal(found.information, expected.information)
 

@@ -10,7 +10,7 @@ from scipy.stats import f as fisher
 
 from basecal.accuracy.drift import shifts
 from basecal.accuracy.drift.innovations import innovations
-from basecal.accuracy.drift.shifts import Shift, _sphere, detectable_m, frame_shifts, joint_shifts, size_shifts
+from basecal.accuracy.drift.shifts import Shift, _directions, detectable_m, frame_shifts, joint_shifts, size_shifts
 from drift_cells import BASE, later
 
 TANGENT = np.array([3e-3, -2e-3, 1e-3, 4e-3, -2e-3, 1e-3])
@@ -133,12 +133,12 @@ def test_a_shift_is_that_of_generalised_least_squares(joints: bool) -> None:
     """Of whitened innovations on whitened moves: size, covariance, and the squares that it takes away."""
     made = later(joints=joints)
     of = innovations(made.cell, made.calibration, made.with_base_moved(TANGENT) if not joints else made.recording)
-    root = np.linalg.cholesky(np.eye(len(of.off)) + of.predicted)
+    root = np.linalg.cholesky(np.eye(len(of.deviation)) + of.predicted)
     found = [(each, of.frame_jacobian(each.transform)) for each in frame_shifts(of)]
     zeros = [each for each in joint_shifts(of) if each.freedoms]
     found += [(each, of.joint_jacobian(each.frame[:-7])[..., each.joint : each.joint + 1]) for each in zeros]
     assert bool(zeros) == joints
-    off = np.linalg.solve(root, of.off)
+    off = np.linalg.solve(root, of.deviation)
     for each, moves in found:
         if each.freedoms < moves.shape[-1]:
             continue
@@ -150,7 +150,7 @@ def test_a_shift_is_that_of_generalised_least_squares(joints: bool) -> None:
         np.testing.assert_allclose(each.covariance, wanted, rtol=0, atol=1e-4 * np.abs(wanted).max())
         np.testing.assert_allclose(each.information @ wanted, np.eye(len(size)), atol=1e-3)
         assert each.freedoms == len(size)
-        assert each.of_noise == of.freedoms_of_noise
+        assert each.noise_freedoms == of.noise_freedoms
 
 
 def group(target: str, count: int) -> SimpleNamespace:
@@ -187,7 +187,7 @@ def test_a_point_may_shift_and_not_rotate(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize("count", [1, 2, 50, 400])
 def test_directions_are_even_over_the_sphere(count: int) -> None:
     """All of unit length, their mean is none, and each axis has a third of their squares."""
-    along = _sphere(count)
+    along = _directions(count)
     np.testing.assert_allclose(np.linalg.norm(along, axis=1), 1.0)
     if count > 2:
         assert np.linalg.norm(along.mean(0)) < 2 / count

@@ -11,7 +11,7 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.drift import verify as verify_module
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
-from basecal.accuracy.drift.verify import FEWEST_SAMPLES, POWER, _camera_covariance, verify, with_shared_errors
+from basecal.accuracy.drift.verify import FEWEST_FOR_SCATTER, POWER, _camera_covariance, verify, with_shared_errors
 from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
@@ -97,7 +97,7 @@ def test_a_cell_with_everything_fixed_is_checked_too() -> None:
     made = everything_fixed()
     found = verified(made, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
     assert found.moved is True
-    assert len(found.asked) == 3
+    assert len(found.requested) == 3
 
 
 def test_samples_of_nothing_that_was_calibrated_tell_nothing() -> None:
@@ -190,7 +190,7 @@ def test_what_would_be_seen_is_the_worst_of_what_was_asked_for(nothing_asked: bo
     asked = frames if nothing_asked else [each for each in frames if each.transform == BASE]
     lengths = [detectable_m(each, MOVED_LEVEL / len(frames), POWER) for each in asked]
     assert found.detectable_m == pytest.approx(max(lengths))
-    assert [each.transform for each in found.asked] == [each.transform for each in asked]
+    assert [each.transform for each in found.requested] == [each.transform for each in asked]
     best = min(frames, key=lambda each: each.log_chance)
     assert found.chance == pytest.approx(min(1.0, len(frames) * np.exp(best.log_chance)))
     assert found.shift.frame == best.frame
@@ -251,7 +251,7 @@ def test_what_moved_is_none_of_them() -> None:
 
 def test_few_samples_are_not_asked() -> None:
     """A check of a few goes by what the calibration knows of its views."""
-    few = shaken(many(), SHAKES).first(FEWEST_SAMPLES - 1)
+    few = shaken(many(), SHAKES).first(FEWEST_FOR_SCATTER - 1)
     found = verify(few.cell, few.calibration, few.recording)
     assert found.chance == pytest.approx(min(1.0, 3 * np.exp(likeliest(of(few)).log_chance)))
 
@@ -260,7 +260,7 @@ def test_a_joint_that_moved_is_none_of_them() -> None:
     """What its zero explains is left out, too."""
     found = of(many(0, joints=True, robot_noise=(1e-4, 2e-4)))
     moves = found.whiten(found.joint_jacobian("hand")[..., 2:3])
-    off = replace(found, off=found.off + 0.01 * moves[:, 0])
+    off = replace(found, deviation=found.deviation + 0.01 * moves[:, 0])
     joint = next(shift for shift in joint_shifts(off) if shift.frame == "hand_flange" and shift.joint == 2)
     assert with_shared_errors(off, joint) is off
     assert with_shared_errors(off, replace(joint, size=np.zeros(1))) is not off

@@ -19,9 +19,9 @@ from basecal.accuracy.scene.calibrate_scene import (
     _compare_statement,
     _covariance,
     _lenses,
-    _places,
     _residuals,
     _robot_noise,
+    _transforms,
     calibrate_scene,
     scene_meeting,
 )
@@ -344,7 +344,7 @@ def test_what_a_scene_answers_is_named_after_the_cell() -> None:
     """The base of the reference is no unknown; a fixed transform has no covariance."""
     fit = fitted(1)
     covariance = np.random.default_rng(0).standard_normal(fit.information.shape)
-    bases, mounts = _places(described(), fit)
+    bases, mounts = _transforms(described(), fit)
     assert [each.name for each in bases] == [BASE_NAME]
     assert [each.name for each in mounts] == ["left_flange_from_left_eye", "right_flange_from_right_eye"]
     where = fit.columns.bases[1]

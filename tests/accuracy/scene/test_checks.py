@@ -12,7 +12,6 @@ from basecal.accuracy.scene.checks import (
     FEWEST_VIEWS,
     base_findings,
     camera_findings,
-    count_points,
     describe_scatter,
     direction_findings,
     join_findings,
@@ -20,6 +19,7 @@ from basecal.accuracy.scene.checks import (
     kept_findings,
     missing_base_findings,
     motion_findings,
+    points_finding,
 )
 from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.one_camera import OneCamera
@@ -128,7 +128,7 @@ def test_unknown_directions_are_refused() -> None:
         covariance = np.zeros((6, 6))
         covariance[:3, :3] = turned @ np.diag([1e-8, 1e-8, shift_m**2]) @ turned.T
         covariance[3:, 3:] = turned @ np.diag([1e-8, 1e-8, np.radians(turn_deg) ** 2]) @ turned.T
-        return [each.code for each in direction_findings("mount", covariance)]
+        return [each.code for each in direction_findings("mount", covariance, "")]
 
     assert codes(9e-3, 0.4) == []
     assert codes(11e-3, 0.4) == codes(9e-3, 0.6) == codes(0.09, 4.9) == ["weak-direction"]
@@ -148,7 +148,7 @@ def test_poses_that_scatter_are_named_as_a_cause() -> None:
     (found,) = direction_findings("mount", np.diag(np.full(6, 1e-3)), scatter)
     assert found.why == scatter
     assert "joint offsets" in found.do[0]
-    (plain,) = direction_findings("mount", np.diag(np.full(6, 1e-3)))
+    (plain,) = direction_findings("mount", np.diag(np.full(6, 1e-3)), "")
     assert (plain.why, plain.do) == ("", found.do[1:])
 
 
@@ -187,11 +187,13 @@ def test_points_are_counted_with_those_of_two_cameras() -> None:
     fit = solved_camera(scene, images_of_scene(scene), 0).adjustment
     views = replace(scene.views, camera=np.repeat([0, 1], 12))
     tracks = Tracks(np.array([0, 1, 0, 12, 13, 14]), np.array([0, 0, 1, 1, 2, 2]), np.zeros((6, 2)), np.arange(6))
-    found = count_points(replace(fit, views=views, tracks=tracks))
+    found = points_finding(replace(fit, views=views, tracks=tracks))
     assert found.what == "3 points of the scene in 24 images are used. Two cameras or more see 1 of the points."
     assert (found.code, found.severity) == ("scene-joined", "info")
     alone = replace(views, cameras=views.cameras[:1], camera=0 * views.camera)
-    assert count_points(replace(fit, views=alone, tracks=tracks)).what == "3 points of the scene in 24 images are used."
+    assert (
+        points_finding(replace(fit, views=alone, tracks=tracks)).what == "3 points of the scene in 24 images are used."
+    )
 
 
 @pytest.mark.parametrize(("sigma_m", "code"), [(0.019, ""), (0.5, "not-validated")])

@@ -92,7 +92,7 @@ def test_a_fixed_camera_that_sees_too_little_is_left_out(monkeypatch: pytest.Mon
 def test_cameras_that_share_nothing_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first with each other one; without a transform no point is shared."""
     told: list[tuple[object, ...]] = []
-    monkeypatch.setattr(room, "join", lambda images, first, second: second if second == "two" else None)
+    monkeypatch.setattr(room, "find_join", lambda images, first, second: second if second == "two" else None)
     monkeypatch.setattr(room, "merged_tracks", lambda ones, joins: joins)
     monkeypatch.setattr(room, "shared_points", lambda views, tracks, index: (7, (2, index)))
     monkeypatch.setattr(room, "join_findings", lambda *given: told.append(given) or [])

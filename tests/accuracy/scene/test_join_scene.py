@@ -118,7 +118,7 @@ def test_a_scene_that_contradicts_the_board_is_left_out(tmp_path: Path) -> None:
     cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=12)
     away = shifted(recording, SE3.exp(np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])))
     solution = solve(cell, away, Settings())
-    found, (finding,), _ = join_scene(cell, away, solution, Settings())
+    found, (finding,), _ = join_scene(cell, away, solution, Settings(), ())
     assert found is solution
     assert (finding.code, finding.severity, finding.about) == ("scene-rival", "warning", (BASE_NAME,))
 
@@ -160,7 +160,7 @@ def test_without_images_there_is_no_scene(tmp_path: Path) -> None:
     cell, recording = board_beside_tracks(tmp_path, made_scene(1, arms=2, count=6, points=60), 1, boards=6)
     bare = replace(recording, samples=tuple(replace(each, tracks=()) for each in recording.samples))
     solution = solve(cell, bare, Settings(robot_noise="stated"))
-    found, (finding,), _ = join_scene(cell, bare, solution, Settings())
+    found, (finding,), _ = join_scene(cell, bare, solution, Settings(), ())
     assert found is solution
     assert "No camera has images" in finding.what
 
@@ -198,12 +198,12 @@ def test_a_scene_is_used_if_it_agrees_and_predicts(monkeypatch, severity, few, b
         "_solve_jointly": lambda *given: joined,
         "_predicts_better": lambda solution, iterations: better,
         "scene_fingerprint": lambda images, fit, points: f"kept {points}",
-        "count_points": lambda fit: Finding("points", "info", (), ""),
+        "points_finding": lambda fit: Finding("points", "info", (), ""),
     }.items():
         monkeypatch.setattr(room, name, value)
     cell = SimpleNamespace(reference="left", base_name=lambda robot: f"left_base_from_{robot}_base")
     solution = SimpleNamespace(state=SimpleNamespace(transforms={}))
-    answer, findings, kept = join_scene(cell, Recording(), solution, Settings())
+    answer, findings, kept = join_scene(cell, Recording(), solution, Settings(), ())
     assert [each.code for each in findings] == outcome
     is_used = outcome[-1] == "points"
     assert answer is (joined if is_used else solution)

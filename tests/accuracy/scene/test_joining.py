@@ -15,7 +15,7 @@ from basecal.accuracy.scene.joining import (
     _evidence_share,
     _new_sightings,
     common_share,
-    join,
+    find_join,
     merged_tracks,
     paired_points,
     shared_points,
@@ -34,7 +34,7 @@ NAMES = ("left_eye", "right_eye")
 def joined(scene: Scene, looks: tuple[Descriptors, Descriptors] | None = None) -> tuple[Images, Join | None]:
     """Images of two cameras, and what joins them."""
     images = images_of_scene(scene, looks=looks)
-    return images, join(images, *(solved_camera(scene, images, camera) for camera in (0, 1)))
+    return images, find_join(images, *(solved_camera(scene, images, camera) for camera in (0, 1)))
 
 
 def codes(found: Join | None) -> list[str]:
@@ -240,7 +240,10 @@ def test_a_point_is_shared_by_two_views_of_both_cameras() -> None:
 
 
 def test_image_points_of_own_tracks_tie_points() -> None:
-    """An own point is the other camera's point that most of its matched features show; the rest are new sightings."""
+    """An own point is the other camera's point that most of its matched features show; the rest are new sightings.
+
+    The last views may show no own point.
+    """
 
     def tracks(*rows: tuple[int, int, int]) -> Tracks:
         view, point, feature = np.array(rows).T
@@ -251,3 +254,5 @@ def test_image_points_of_own_tracks_tie_points() -> None:
     more, tied = _new_sightings(own, sightings)
     assert tied.tolist() == [[0, 5], [2, 9]]
     assert (more.view.tolist(), more.point.tolist(), more.feature.tolist()) == ([0], [0], [9])
+    more, tied = _new_sightings(own, tracks((0, 5, 0), (4, 5, 0)))
+    assert (tied.tolist(), more.view.tolist()) == ([[0, 5]], [4])

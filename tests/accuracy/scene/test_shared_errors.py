@@ -132,6 +132,16 @@ def test_second_moments_are_those_of_all_likely_sigmas() -> None:
     assert square == pytest.approx(sum(weight * each for weight, _, each in ways) / total)
 
 
+def test_second_moments_are_finite_for_overwhelming_evidence() -> None:
+    """Stated noise far below the true errors gives an evidence beyond the range of its exponential."""
+    response = Response(np.array([-1e3]), np.array([[100.0]]), np.zeros((1, 1)))
+    prior = SimpleNamespace(sigmas=np.array([0.0, 1.0]), shares=np.array([0.5, 0.5]))
+    moment, square = _second_moment(response, prior)
+    (mean,), ((variance,),) = response.posterior(np.ones(1))
+    np.testing.assert_allclose(moment, [[variance + mean**2]])
+    assert square == 1.0
+
+
 def test_motions_are_steady_or_between_three_samples() -> None:
     """Samples go by their numbers, whichever stop they were at; a camera on the world has none."""
     views = SimpleNamespace(
@@ -149,7 +159,7 @@ def test_motions_are_steady_or_between_three_samples() -> None:
 def test_what_no_recorded_pose_shows_is_as_large_as_expected(monkeypatch: pytest.MonkeyPatch) -> None:
     """Far away all of the variance at the arm's reach, at recorded poses next to none; lengths are known anywhere."""
     priors = []
-    monkeypatch.setattr(room, "respond", lambda fit, by_stop: SimpleNamespace(moves=by_stop))
+    monkeypatch.setattr(room, "compute_response", lambda fit, by_stop: SimpleNamespace(moves=by_stop))
     monkeypatch.setattr(room, "_second_moment", lambda response, prior: priors.append(prior) or ("moment", 4e-6))
     poses = made_scene(1, count=6, points=20).views.base_from_flange
     views = SimpleNamespace(robot=np.zeros(6, dtype=int), base_from_flange=poses, stop=np.arange(6))
@@ -159,7 +169,7 @@ def test_what_no_recorded_pose_shows_is_as_large_as_expected(monkeypatch: pytest
     np.testing.assert_allclose(smooth.unseen_m2(away), 4e-6 * reach_m2, rtol=1e-6)
     assert (smooth.unseen_m2(poses) < 0.3 * 4e-6 * reach_m2).all()
     assert not lengths.unseen_m2(away).any()
-    np.testing.assert_array_equal(smooth.moves, smooth.at(poses))
+    np.testing.assert_array_equal(smooth.moves, smooth.flange_jacobian(poses))
     middle, factor = room.smooth_by_place.EFFECT.random.expected.turn
     sigmas = priors[1].sigmas[priors[1].sigmas > 0]
     assert sigmas.min() < middle < sigmas.max()

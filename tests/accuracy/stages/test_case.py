@@ -57,7 +57,7 @@ def test_a_refused_case_has_no_numbers():
 def test_evidence_grows():
     """By its parts, the others as they are."""
     solution = solve(MADE.cell, MADE.recording)
-    case = Case(*CASE_WORDS, weighed=evidence_of(MADE.cell, solution))
-    more = case.weighing(systematic_error="found")
+    case = Case(*CASE_WORDS, gathered_evidence=evidence_of(MADE.cell, solution))
+    more = case.with_evidence(systematic_error="found")
     assert more.evidence.systematic_error == "found"
     assert more.evidence.solution is solution

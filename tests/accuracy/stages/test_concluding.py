@@ -27,7 +27,7 @@ def case(**parts):
         MADE.cell,
         MADE.recording,
         Settings(),
-        weighed=evidence,
+        gathered_evidence=evidence,
         robust=evidence.robust,
         **{"answers": (SOLUTION, WIDER, WIDER), **parts},
     )

@@ -54,7 +54,7 @@ def test_an_error_of_a_fixed_transform_is_listed_once(monkeypatch):
     monkeypatch.setattr(judging, "ANSWER_CHECKS", (lambda evidence: [again, other], lambda evidence: [base, other]))
     monkeypatch.setattr(judging, "deduplicate_size_findings", lambda cell, findings, error: [*findings, error])
     before = Case(MADE.cell, MADE.recording, Settings(), findings=(other, mount))
-    before = replace(before, weighed=SimpleNamespace(systematic_error=again))
+    before = replace(before, gathered_evidence=SimpleNamespace(systematic_error=again))
     assert judging.list_findings(before).findings == (other, mount, other, base, other)
 
 
@@ -64,7 +64,7 @@ def test_an_effect_that_may_be_chance_widens_by_its_share():
     moved = np.sqrt(np.diag(solution.covariance))
     named = "length_scale", "length-scale", "hand", False, False, None, "m", np.ones(1), np.eye(1), moved
     for share in (0.5, 1.0):
-        shift = judging._effect_shift(solution, FoundEffect(*named, probability=share))
+        shift = judging._effect_shift(solution, FoundEffect(*named, probability=share), frozenset())
         np.testing.assert_allclose(np.outer(shift, shift), share * np.outer(moved, moved))
 
 
@@ -79,7 +79,7 @@ def test_what_may_be_chance_is_not_counted_beside_the_field_that_contains_it(mon
         """How far an effect moves the answer."""
         effect = FoundEffect(name, "", about, False, False, None, "", np.ones(1), np.eye(1), moved, None, is_certain)
         evidence = replace(evidence_of(MADE.cell, solution), systematic_error=effect)
-        in_fields = judging._robots_with_fields(Case(MADE.cell, MADE.recording, Settings(), weighed=evidence))
+        in_fields = judging._robots_with_fields(Case(MADE.cell, MADE.recording, Settings(), gathered_evidence=evidence))
         return judging._effect_shift(solution, effect, in_fields)
 
     assert not shift("stretch", "hand", False).any()
@@ -106,7 +106,9 @@ def test_clocks_are_stepped_from_the_fit_and_contain_what_effects_do(monkeypatch
     monkeypatch.setattr(judging, "remaining_step", lambda clocked, fitted: left if fitted is solution else None)
     monkeypatch.setattr(judging, "contain_expected_sizes", containing(3 * sigma, (0.2,), (8.0,)))
     evidence = evidence_of(MADE.cell, solution)
-    covered = judging.cover_effects(Case(MADE.cell, MADE.recording, Settings(), weighed=evidence, clocked="clocked"))
+    covered = judging.cover_effects(
+        Case(MADE.cell, MADE.recording, Settings(), gathered_evidence=evidence, clocked="clocked")
+    )
     by_effects, by_clocks = (b.covariance - a.covariance for a, b in pairwise(covered.answers))
     np.testing.assert_allclose(by_effects, 9 * np.outer(sigma, sigma), rtol=1e-9, atol=1e-18)
     np.testing.assert_allclose(by_clocks, np.outer(sigma, sigma), rtol=1e-9, atol=1e-18)
@@ -121,8 +123,8 @@ def test_the_covariance_covers_each_effect(monkeypatch):
     small, large = (k * sigma * (np.arange(width) == k) for k in (1, 2))
     effect = SimpleNamespace(moved=small)
     monkeypatch.setattr(judging, "contain_expected_sizes", containing(large))
-    case = Case(MADE.cell, MADE.recording, Settings(), weighed=evidence_of(MADE.cell, solution))
-    fitted, covered, final = judging.cover_effects(case.weighing(lens_structures=(effect,))).answers
+    case = Case(MADE.cell, MADE.recording, Settings(), gathered_evidence=evidence_of(MADE.cell, solution))
+    fitted, covered, final = judging.cover_effects(case.with_evidence(lens_structures=(effect,))).answers
     assert fitted is solution
     assert final is covered
     added = covered.covariance - solution.covariance

@@ -70,7 +70,7 @@ def test_blocks_in_configuration_go_along_the_widest_spread(robots):
         return SE3(np.tile(np.eye(3), (len(where), 1, 1)), where)
 
     of = SimpleNamespace(
-        samples=np.arange(10), robots=robots, groups=groups, rank=lambda g: g.sample, recorded_pose=pose
+        samples=np.arange(10), robots=robots, groups=groups, sample_indices=lambda g: g.sample, recorded_pose=pose
     )
     found = _configuration_blocks(of)
     wanted = along // 2

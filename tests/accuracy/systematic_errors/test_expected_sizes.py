@@ -14,7 +14,7 @@ from basecal.accuracy.clocks.step import clock_step
 from basecal.accuracy.covariance.widening import state_step
 from basecal.accuracy.systematic_errors import expected_sizes
 from basecal.accuracy.systematic_errors.expected_sizes import (
-    Expected,
+    ExpectedEffect,
     contain_expected_sizes,
     posteriors_by_sigma,
     size_posterior,
@@ -56,7 +56,7 @@ def alone(solution, module, *sigmas):
     candidates = module.candidates(situation)
     prior = SigmaPrior(np.array(sigmas), np.full(len(sigmas), 1 / len(sigmas)))
     is_contained = not module.EFFECT.expected.is_stated
-    effects = [Expected(module.EFFECT.name, each, prior, is_contained) for each in candidates]
+    effects = [ExpectedEffect(module.EFFECT.name, each, prior, is_contained) for each in candidates]
     known = size_posterior(situation, (), effects)
     return SimpleNamespace(
         mean=known.by_sizes @ known.mean, covariance=known.by_sizes @ known.covariance @ known.by_sizes.T
@@ -220,7 +220,7 @@ def test_sizes_and_offsets_of_clocks_are_one_posterior(monkeypatch, clock):
     solution = solve_problem(build_problem(made.cell, samples.recording)[0], made.cell)
     left = clock_step(streams, samples, offsets_s, solution)
     (bend,) = mount_bend.candidates(Situation(solution.problem, solution.state, solution.problem, {}))
-    expected = Expected("mount_bend", bend, SigmaPrior.single_value(sigma))
+    expected = ExpectedEffect("mount_bend", bend, SigmaPrior.single_value(sigma))
     monkeypatch.setattr(expected_sizes, "known_sizes", lambda *of: [size_posterior(of[1], (), [expected])])
     found = contain_expected_sizes(made.cell, solution, None, left.offsets)
     (views,), p = linearise_views(solution.problem, solution.state).views, solution.problem.width

@@ -135,7 +135,7 @@ def test_places_are_split_into_thirds(monkeypatch):
     poses[:, 0, 1] = 0.1 * np.array([0, 1, 0, 1, 0, 1, 0, 1, 0, 1])
     groups = [SimpleNamespace(rows=np.arange(9)), SimpleNamespace(rows=np.array([9]))]
     situation = SimpleNamespace(
-        groups=groups, samples=np.arange(10), rank=lambda group: group.rows, depends=lambda k, name: k == 0
+        groups=groups, samples=np.arange(10), sample_indices=lambda group: group.rows, depends=lambda k, name: k == 0
     )
     monkeypatch.setattr("basecal.accuracy.systematic_errors.place_scatter.flange_poses", lambda _: 5 + poses)
     found = _place_splits(situation, "base")

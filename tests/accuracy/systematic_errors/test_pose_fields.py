@@ -10,11 +10,11 @@ import pytest
 from basecal.accuracy.systematic_errors import pose_fields
 from basecal.accuracy.systematic_errors.expected_sizes import size_posterior, with_expected_sizes
 from basecal.accuracy.systematic_errors.pose_fields import (
-    AXES_PRIOR,
-    PRIOR_M,
-    SHARES,
-    LongAxes,
-    long_axes,
+    FIELD_PRIOR_M,
+    LENGTH_SHARES,
+    LENGTHS_PRIOR,
+    AxisLengths,
+    axis_lengths,
     pose_field,
     stated_fields,
     variances,
@@ -86,8 +86,8 @@ def test_errors_that_stops_share_hold_the_field(monkeypatch):
 
 def test_a_sigma_of_a_field_is_that_of_arms():
     """None as often as of two kinds that are both none in one case of two; else from 0.1 mm to 2 mm of length."""
-    np.testing.assert_allclose(PRIOR_M.probabilities, [np.sqrt(0.5), *[(1 - np.sqrt(0.5)) / 3] * 3])
-    lengths = np.sqrt(3) * PRIOR_M.sigmas
+    np.testing.assert_allclose(FIELD_PRIOR_M.probabilities, [np.sqrt(0.5), *[(1 - np.sqrt(0.5)) / 3] * 3])
+    lengths = np.sqrt(3) * FIELD_PRIOR_M.sigmas
     assert lengths[0] == 0
     assert 9e-5 < lengths[1] < lengths[2] < lengths[3] < 2e-3
 
@@ -112,7 +112,7 @@ def test_the_data_tell_how_large_a_field_is():
         sizes.append(size_posterior(situation, [pose_field(situation, "hand")]).field_m2)
     assert np.sqrt(sizes[0]) < 2e-4
     assert np.sqrt(sizes[1]) > 4e-4
-    assert np.sqrt(sizes[1]) <= PRIOR_M.sigmas.max()
+    assert np.sqrt(sizes[1]) <= FIELD_PRIOR_M.sigmas.max()
 
 
 def test_an_answer_is_as_wide_as_its_arms_are_wrong():
@@ -158,33 +158,33 @@ def solved(recording, cell=CELL):
 def test_arms_that_record_poses_alone_have_them():
     """Unless they state all their errors, record joints, or made few stops."""
     situation, _ = solved(LONG_MADE.recording)
-    assert long_axes(CELL, situation) == [LongAxes("eye"), LongAxes("hand")]
+    assert axis_lengths(CELL, situation) == [AxisLengths("eye"), AxisLengths("hand")]
     total = replace(CELL, robots={**CELL.robots, "eye": LONG_MADE.cell.robots["eye"]})
-    assert long_axes(total, situation) == [LongAxes("hand")]
+    assert axis_lengths(total, situation) == [AxisLengths("hand")]
     few = solved(replace(LONG_MADE.recording, samples=LONG_MADE.recording.samples[:3]))[0]
-    assert long_axes(CELL, few) == []
+    assert axis_lengths(CELL, few) == []
     by_joints = simulate(Scenario(samples=12, joints=True, robot_noise=(3e-5, 1e-4)), 2)
-    assert long_axes(by_joints.cell, solved(by_joints.recording, by_joints.cell)[0]) == []
+    assert axis_lengths(by_joints.cell, solved(by_joints.recording, by_joints.cell)[0]) == []
 
 
 def test_flanges_move_by_a_share_of_their_place():
     """Along each axis of the base, in the axes of the flange; recorded poses tell it everywhere."""
     pose = LONG_MADE.recording.samples[0].robots["hand"].base_from_flange
     poses = SE3(pose.rotation[None], pose.translation[None])
-    (tangents,) = LongAxes("hand").flange_tangents(poses)
+    (tangents,) = AxisLengths("hand").flange_tangents(poses)
     np.testing.assert_allclose(pose.rotation @ tangents[:3], np.diag(pose.translation), atol=1e-12)
     assert not tangents[3:].any()
-    assert LongAxes("hand").unknown_share(poses) == [0.0]
+    assert AxisLengths("hand").unknown_share(poses) == [0.0]
 
 
 def test_an_arm_has_none_or_one():
     """None as likely as of two kinds that are both none in one case of two; else along one axis."""
-    assert AXES_PRIOR.sigmas.shape == (10, 3)
-    np.testing.assert_allclose(AXES_PRIOR.probabilities.sum(), 1)
-    np.testing.assert_allclose(AXES_PRIOR.probabilities @ (AXES_PRIOR.sigmas == 0).all(1), np.sqrt(0.5))
-    assert np.count_nonzero(AXES_PRIOR.sigmas, axis=1).max() == 1
+    assert LENGTHS_PRIOR.sigmas.shape == (10, 3)
+    np.testing.assert_allclose(LENGTHS_PRIOR.probabilities.sum(), 1)
+    np.testing.assert_allclose(LENGTHS_PRIOR.probabilities @ (LENGTHS_PRIOR.sigmas == 0).all(1), np.sqrt(0.5))
+    assert np.count_nonzero(LENGTHS_PRIOR.sigmas, axis=1).max() == 1
     np.testing.assert_allclose(
-        AXES_PRIOR.probabilities @ AXES_PRIOR.sigmas**2, (1 - np.sqrt(0.5)) / 3 * np.mean(SHARES**2)
+        LENGTHS_PRIOR.probabilities @ LENGTHS_PRIOR.sigmas**2, (1 - np.sqrt(0.5)) / 3 * np.mean(LENGTH_SHARES**2)
     )
 
 
@@ -193,7 +193,7 @@ def test_the_data_tell_a_length_of_one_arm():
     sizes = []
     for share in (0.0, 3e-3):
         situation, _ = solved(lengthened({"hand": share}))
-        known = size_posterior(situation, (), (), long_axes(CELL, situation))
+        known = size_posterior(situation, (), (), axis_lengths(CELL, situation))
         assert [error.robot for error, _ in known.of_arms] == ["eye", "hand"]
         assert not known.mean.any()
         sizes.append(np.sqrt(np.diag(known.covariance)))

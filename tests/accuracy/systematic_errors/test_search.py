@@ -290,8 +290,8 @@ def test_the_least_likely_of_each_code_and_name_is_suspected(monkeypatch):
     assert [each.candidate.about for each in found] == [("a",), ("c",)]
     first, second = found
     assert (first.candidate.since, first.size.tolist(), first.freedoms) == ((6,), [1], 2)
-    assert (first.several, first.log_chance) == pytest.approx((np.log(4), -12.0 + np.log(4)))
-    assert (second.several, second.log_chance) == pytest.approx((np.log(4), -5.4 + np.log(4)))
+    assert (first.log_count, first.log_chance) == pytest.approx((np.log(4), -12.0 + np.log(4)))
+    assert (second.log_count, second.log_chance) == pytest.approx((np.log(4), -5.4 + np.log(4)))
     (earlier,) = suspected(monkeypatch, (candidates("step", "a", "a", since=(4, 6)), [-12.0, -10.0]))
     assert (earlier.candidate.since, earlier.size.tolist()) == ((4,), [0])
 
@@ -328,9 +328,11 @@ def test_three_are_solved_for_at_most(monkeypatch):
     assert [each.candidate.about[0] for each in search._select_suspects(None, every)] == ["a", "c", "d"]
 
 
-def suspect(code="drift", log_chance=-20.0, several=0.0, about="arm", moves=(None,), size=(0.5,), joint=(), since=None):
+def suspect(
+    code="drift", log_chance=-20.0, log_count=0.0, about="arm", moves=(None,), size=(0.5,), joint=(), since=None
+):
     candidate = Candidates(code, (about,), (since,), "m", moves, joint)
-    likely = (np.array(size), len(size), -2 * log_chance, log_chance, log_chance, several)
+    likely = (np.array(size), len(size), -2 * log_chance, log_chance, log_chance, log_count)
     return Suspect(code, candidate, *likely, family=10)
 
 
@@ -348,15 +350,15 @@ def test_a_gain_counts_by_the_freedoms_of_the_residuals(monkeypatch, name):
 
     By the evidence with the random effect that the error is tested beside, before it is taken out and after.
     """
-    error = suspect(size=(0.5, 0.1), several=1.5)
+    error = suspect(size=(0.5, 0.1), log_count=1.5)
     of = SimpleNamespace(
         random_effect=lambda effect, about: name,
-        linearisation=SimpleNamespace(residuals=40.0),
+        linearisation=SimpleNamespace(residual_freedoms=40.0),
         is_held_in_time=lambda effect: False,
     )
     after = {}
     monkeypatch.setattr(search, "_without_suspect", lambda solution, of, error: solution)
-    monkeypatch.setattr(search, "_negative_log_evidence", lambda solution, name: after[name])
+    monkeypatch.setattr(search, "_minus_2_log_evidence", lambda solution, name: after[name])
 
     def chance(before, left, **changed):
         """That of what is gained from one evidence to another."""
@@ -448,7 +450,7 @@ def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solutio
     monkeypatch.setattr(
         search, "_without_suspect", lambda whole, of, error: SimpleNamespace(name=error.candidate.about[0])
     )
-    monkeypatch.setattr(search, "_solved_again", lambda whole, settings: SimpleNamespace(name=f"{whole.name} again"))
+    monkeypatch.setattr(search, "_solve_again", lambda whole, settings: SimpleNamespace(name=f"{whole.name} again"))
     monkeypatch.setattr(search, "_log_chance", lambda of, error, before: (gains or {}).get(error.candidate.about[0], 0))
     monkeypatch.setattr(search, "_gain", lambda of, error, before: 0.0)
     monkeypatch.setattr(search, "_describe", told)
@@ -470,9 +472,9 @@ def test_the_least_likely_by_score_or_by_gain_is_the_error(monkeypatch):
     assert searched(monkeypatch, pair, refuted="b")[0] == "a"
     assert searched(monkeypatch, pair, refuted="ab") is None
     assert searched(monkeypatch, ()) is None
-    of_many = suspect(about="a", log_chance=-20.0, several=2.1)
+    of_many = suspect(about="a", log_chance=-20.0, log_count=2.1)
     assert searched(monkeypatch, (of_many, pair[1]))[0] == "a"
-    assert searched(monkeypatch, (suspect(about="a", log_chance=-20.0, several=1.9), pair[1]))[0] == "b"
+    assert searched(monkeypatch, (suspect(about="a", log_chance=-20.0, log_count=1.9), pair[1]))[0] == "b"
 
 
 def test_what_is_certain_beside_places_goes_before_what_is_not(monkeypatch):

@@ -92,7 +92,7 @@ def test_samples_in_their_order_in_time():
     of = recorded(*groups, stamps={7: 0.0, 3: 2.0, 5: 1.0, 9: 3.0})
     assert of.samples.tolist() == [7, 5, 3, 9]
     assert of.times.tolist() == [0.0, 1.0, 2.0, 3.0]
-    assert [of.rank(group).tolist() for group in groups] == [[0, 2, 1], [1, 3, 2]]
+    assert [of.sample_indices(group).tolist() for group in groups] == [[0, 2, 1], [1, 3, 2]]
     partly = recorded(*groups, stamps={7: 0.5, 9: -1.0})
     assert partly.samples.tolist() == [9, 3, 5, 7]
     assert not partly.has_times
@@ -315,7 +315,7 @@ def test_the_null_model_has_what_stops_share_and_clocks(monkeypatch, noise, has_
     monkeypatch.setattr(module, "linearise_views", lambda problem, state: "plain")
     monkeypatch.setattr(module, "null_model", lambda problem, state, noise, jacobian: "shared")
     monkeypatch.setattr(module, "with_random_effects", lambda *given: given)
-    offsets = SimpleNamespace(sigma_s=np.array([0.1, 0.5]), moves=(np.ones((3, 6, 2)), None), present="present")
+    offsets = SimpleNamespace(sigma_s=np.array([0.1, 0.5]), moves=(np.ones((3, 6, 2)), None), values="present")
     of = Situation("problem", "state", "recorded", {}, noise, offsets if has_offsets else None)
     model = "plain" if noise is None or noise.beside_common is None else "shared"
     if not has_offsets:

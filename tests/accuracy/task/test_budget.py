@@ -193,7 +193,7 @@ def test_what_is_left_over_is_told_from_a_ten_thousandth_on(monkeypatch, left, t
 
 def test_a_share_is_the_derivative_to_the_logarithm_of_a_variance(monkeypatch):
     """Of a part that grows by the square of its sigma beside one that does not; halving brings three quarters of it."""
-    part = SimpleNamespace(name="part", scaled=lambda problem, state, factor: (factor, None))
+    part = SimpleNamespace(name="part", scale_sigma=lambda problem, state, factor: (factor, None))
     monkeypatch.setattr(module, "_variance", lambda solution, weight, problem, state: 3.0 * problem**2 + 2.0)
     monkeypatch.setattr(module, "error_sources", lambda problem: [part])
     (found, rest) = budget(SimpleNamespace(problem=1.0, state=None), NOBODY, 5.0, {}, "rest")
@@ -237,7 +237,7 @@ def test_all_sources_together_scale_the_covariance(solution):
     problem, state = solution.problem, solution.state
     before = linearise(problem, state).hessian
     for source in error_sources(problem):
-        problem, state = source.scaled(problem, state, 2.0)
+        problem, state = source.scale_sigma(problem, state, 2.0)
     after = linearise(problem, state).hessian
     np.testing.assert_allclose(4 * after, before, rtol=0, atol=1e-7 * np.abs(before).max())
 
@@ -245,7 +245,7 @@ def test_all_sources_together_scale_the_covariance(solution):
 def test_a_scaled_source_leaves_the_state_where_it_is(solution):
     """Errors of stops stay what they are in metres: every view is predicted as before."""
     (source,) = [each for each in error_sources(solution.problem) if each.name == "repeatability of eye"]
-    problem, state = source.scaled(solution.problem, solution.state, 3.0)
+    problem, state = source.scale_sigma(solution.problem, solution.state, 3.0)
     (group,) = problem.groups
     before = solution.state.camera_from_target(group, solution.problem.stops)
     np.testing.assert_allclose(state.camera_from_target(group, problem.stops).matrix, before.matrix, atol=1e-14)
@@ -262,7 +262,7 @@ def test_a_source_is_that_of_its_name_alone():
     ]
     problem, _ = build_problem(cell, Recording(tuple(samples)))
     state = State({}, {}, np.zeros((len(problem.stops), 6)))
-    scaled = {source.name: source.scaled(problem, state, 2.0)[0] for source in error_sources(problem)}
+    scaled = {source.name: source.scale_sigma(problem, state, 2.0)[0] for source in error_sources(problem)}
     assert {"views of second", "prior of eye_flange_from_second", "lens of second"} <= scaled.keys()
     for name, other in scaled.items():
         weights = {f"views of {g.camera}": g.measurement.weight for g in problem.groups}
@@ -284,8 +284,8 @@ def test_a_source_is_that_of_its_name_alone():
 
 def test_halves_are_told_by_source(monkeypatch):
     """A half of an addition or of what is left over leaves a quarter of its variance, and so do stops at the task."""
-    scaled = SimpleNamespace(name="views of wrist", scaled=lambda problem, state, factor: ("views", factor))
-    stops = SimpleNamespace(name="repeatability of eye", scaled=lambda problem, state, factor: ("stops", factor))
+    scaled = SimpleNamespace(name="views of wrist", scale_sigma=lambda problem, state, factor: ("views", factor))
+    stops = SimpleNamespace(name="repeatability of eye", scale_sigma=lambda problem, state, factor: ("stops", factor))
     variances = {("all", None): 10.0, ("views", 0.5): 6.0, ("stops", 0.5): 9.0}
     monkeypatch.setattr(module, "error_sources", lambda problem: iter([scaled, stops]))
     monkeypatch.setattr(module, "_variance", lambda solution, weight, problem, state: variances[problem, state])

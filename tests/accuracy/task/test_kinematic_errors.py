@@ -9,10 +9,10 @@ import pytest
 
 from basecal.accuracy.task.kinematic_errors import (
     MODELS,
+    error_jacobian,
     kinematic_errors,
+    kinematics_jacobian,
     kinematics_of_robot,
-    moved_by_errors,
-    moved_by_kinematics,
     reach_points,
     to_base_axes,
 )
@@ -46,7 +46,7 @@ def test_errors_move_stops_and_points_as_they_move_the_arm():
     chain = problem.chains["hand"]
     found = kinematic_errors(problem, state, "hand")
     before = chain.forward(joints)
-    at_points = moved_by_errors(problem, state, "hand", before.translation)
+    at_points = error_jacobian(problem, state, "hand", before.translation)
     assert found.by_stop.shape == (6, 6, len(found.is_turn))
     for error in range(0, len(found.is_turn), 5):
         after = shifted(chain, error).forward(joints)
@@ -67,12 +67,12 @@ def test_models_are_parts_of_all_errors():
     """Offsets alone are the first six columns, links alone the others, at stops and at points."""
     made, problem, state = problem_and_state(JOINTS)
     places = made.true_base_from_flange["hand"].translation
-    every, at_points = kinematic_errors(problem, state, "hand"), moved_by_errors(problem, state, "hand", places)
+    every, at_points = kinematic_errors(problem, state, "hand"), error_jacobian(problem, state, "hand", places)
     for kinds, part in zip(MODELS, (slice(0, 6), slice(6, 48), slice(0, 48)), strict=True):
         found = kinematic_errors(problem, state, "hand", kinds)
         np.testing.assert_array_equal(found.by_stop, every.by_stop[..., part])
         np.testing.assert_array_equal(found.is_turn, every.is_turn[part])
-        moved = moved_by_errors(problem, state, "hand", places, kinds)
+        moved = error_jacobian(problem, state, "hand", places, kinds)
         np.testing.assert_array_equal(moved, at_points[..., part])
 
 
@@ -108,7 +108,7 @@ def test_derivative_is_of_the_flange_in_its_base(arms):
     model = problem.models["hand"]
     before = state.kinematics(model)
     poses = before.forward(joints)
-    found, columns = moved_by_kinematics(problem, state, "hand", poses.translation)
+    found, columns = kinematics_jacobian(problem, state, "hand", poses.translation)
     (name,) = model.widths
     where = problem.columns[name]
     np.testing.assert_array_equal(columns, np.arange(where.start, where.stop))
@@ -122,7 +122,7 @@ def test_derivative_is_of_the_flange_in_its_base(arms):
 def test_points_out_of_reach_have_the_nearest(arms):
     """A point ten metres away is given the arm where it comes nearest; numbers stay finite."""
     _, problem, state = arms
-    found, _ = moved_by_kinematics(problem, state, "hand", np.array([[10.0, 0.0, 0.0]]))
+    found, _ = kinematics_jacobian(problem, state, "hand", np.array([[10.0, 0.0, 0.0]]))
     assert np.all(np.isfinite(found))
 
 
@@ -131,7 +131,7 @@ def test_nothing_of_arms_as_stated(arms):
     made = simulate(Scenario(samples=4), 2)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
-    assert moved_by_kinematics(problem, state, "hand", np.zeros((1, 3))) is None
+    assert kinematics_jacobian(problem, state, "hand", np.zeros((1, 3))) is None
 
 
 def test_an_arm_is_sent_to_points_turned_as_in_the_nearest_pose(arms):

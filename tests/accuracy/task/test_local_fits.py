@@ -115,10 +115,10 @@ def test_views_count_by_how_near_they_are_to_the_part(made: SimulatedCell, monke
     """As a normal density about its middle, as wide as its own samples are spread, in three directions alike."""
     given = []
 
-    def refitted(*arguments, worth=None):
+    def refitted(*arguments, view_weights=None):
         """As `refit_folds`, with what views count."""
-        given.append(worth)
-        return refit_folds(*arguments, worth=worth)
+        given.append(view_weights)
+        return refit_folds(*arguments, view_weights=view_weights)
 
     monkeypatch.setattr(module, "refit_folds", refitted)
     solution = solve(made.cell, made.recording)
@@ -147,10 +147,10 @@ def test_a_fit_that_did_not_settle_says_nothing(made: SimulatedCell, monkeypatch
     assert settled.local_m is not None
     for worth_of in (False, True):
 
-        def refitted(*arguments, worth=None, worth_of=worth_of):
+        def refitted(*arguments, view_weights=None, worth_of=worth_of):
             """As `refit_folds`, the last of one kind not converged."""
-            *rest, last = refit_folds(*arguments, worth=worth)
-            ended = np.array(bool(last.optimum.converged) and (worth is not None) != worth_of)
+            *rest, last = refit_folds(*arguments, view_weights=view_weights)
+            ended = np.array(bool(last.optimum.converged) and (view_weights is not None) != worth_of)
             return [*rest, replace(last, optimum=replace(last.optimum, converged=ended))]
 
         monkeypatch.setattr(module, "refit_folds", refitted)

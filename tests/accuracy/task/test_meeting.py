@@ -41,10 +41,10 @@ def test_a_gauge_of_base_and_first_joint_cancels(arms):
     meeting = make_meeting(made.cell, problem, state, BASE, flange)
     step = np.zeros(problem.width)
     step[problem.columns[BASE].start + 5] = 1.0  # about z, as the first joint
-    at_base = meeting.moves.moved[0, :3] @ step[meeting.moves.columns]
+    at_base = meeting.jacobian.values[0, :3] @ step[meeting.jacobian.columns]
     assert np.linalg.norm(at_base) > 0.3
     step[problem.columns[next(iter(problem.models["hand"].widths))].start] = -1.0
-    both = meeting.moves.moved[0] @ step[meeting.moves.columns]
+    both = meeting.jacobian.values[0] @ step[meeting.jacobian.columns]
     assert np.abs(both).max() < 1e-2
 
 
@@ -57,7 +57,7 @@ def test_a_weight_is_the_mean_square_over_places(arms):
     alone = [meeting.mean_square_m2(solution.covariance) for meeting in each]
     assert both.mean_square_m2(solution.covariance) == pytest.approx(np.mean(alone))
     assert worst_meeting(each, solution.covariance) is each[int(np.argmax(alone))]
-    errors = both.total_error(solution.covariance, [])
+    errors = both.total_covariance(solution.covariance, [])
     assert np.mean(np.trace(errors[:, :3, :3], axis1=1, axis2=2)) == pytest.approx(np.mean(alone))
 
 
@@ -115,7 +115,7 @@ def test_stops_add_their_variance_along_three_axes():
     assert of.stop_variances().keys() == {"a", "b"}
     assert of.mean_square_m2(np.zeros((6, 6))) == pytest.approx(3 * (14 / 6 + 100))
     assert of.mean_square_m2(np.diag([1.0, 2, 3, 0, 0, 0])) == pytest.approx(6 + 3 * (14 / 6 + 100))
-    own = of.total_error(np.zeros((6, 6)), [np.array([1.0, 2.0]), np.array([3.0, 5.0])])
+    own = of.total_covariance(np.zeros((6, 6)), [np.array([1.0, 2.0]), np.array([3.0, 5.0])])
     np.testing.assert_allclose(own, [np.diag([4.0, 4, 4, 7, 7, 7])])
 
 

@@ -11,7 +11,7 @@ import pytest
 from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
 from basecal.accuracy.task.arm_errors import ArmErrors
 from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, kinematic_errors, reach_points
-from basecal.accuracy.task.meeting import Meeting, Moves, make_meeting
+from basecal.accuracy.task.meeting import Meeting, MeetingJacobian, make_meeting
 from basecal.accuracy.task.meeting_errors import (
     POSE_EFFECTS,
     _likely_models,
@@ -20,7 +20,7 @@ from basecal.accuracy.task.meeting_errors import (
     _own_variance,
     field_covariance,
     meeting_errors,
-    moved_by_pose_errors,
+    pose_error_jacobian,
     unseen_share,
 )
 from basecal.accuracy.task.task_error import error_map
@@ -281,7 +281,7 @@ def test_at_recorded_poses_they_are_those_of_stops(solved_of_pose_errors, name):
     poses, seen = stop_poses(problem, "hand")
     at_stops = shared_errors(RANDOM_EFFECTS[name], problem, "hand").by_stop[seen]
     places = poses[np.flatnonzero(seen)].translation
-    found = moved_by_pose_errors(problem, "hand", places, name)
+    found = pose_error_jacobian(problem, "hand", places, name)
     np.testing.assert_allclose(found, np.kron(np.eye(2), poses.rotation[seen]) @ at_stops, atol=1e-12)
     assert unseen_share(problem, "hand", places, name).max() < 0.08
     assert unseen_share(problem, "hand", places + np.array([0, 0, 3.0]), name).min() > 0.99
@@ -295,7 +295,7 @@ def test_what_the_base_takes_up_counts_once(solved_of_pose_errors):
     meeting = make_meeting(made.cell, solution.problem, solution.state, BASE, places)
     widening = with_expected_sizes(made.cell, solution, None).covariance - solution.covariance
     mean, covariance = meeting_errors(meeting, ArmErrors(made.cell, solution, solution), {"robots": {}}, widening)
-    alone = meeting.total_error(solution.covariance + widening, ())
+    alone = meeting.total_covariance(solution.covariance + widening, ())
     (name,) = solution.noise.common
     assert "hand" in solution.noise.common[name]
     assert np.trace(covariance.mean(0)[:3, :3]) < 0.7 * np.trace(alone.mean(0)[:3, :3])
@@ -320,7 +320,7 @@ def added(points_m, is_total=False, has_base=True):
     meeting = make_meeting(cell, SOLUTION.problem, SOLUTION.state, name, in_world)
     meeting = replace(meeting, places_m={"hand": points_m})
     if not has_base:
-        vars(meeting)["moves"] = Moves(np.zeros((len(points_m), 6, 0)), np.zeros(0, dtype=np.int64))
+        vars(meeting)["moves"] = MeetingJacobian(np.zeros((len(points_m), 6, 0)), np.zeros(0, dtype=np.int64))
     return field_covariance(meeting, ArmErrors(meeting.cell, SOLUTION, SOLUTION))
 
 

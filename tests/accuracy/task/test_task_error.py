@@ -53,11 +53,11 @@ def test_what_noise_is_not_and_clocks_are_lines_of_the_budget():
     own = calibration[BASE]
     wide = own.covariance + np.diag([4e-6, 1e-6, 0, 0, 0, 0])
     stated = replace(calibration, transforms={**calibration.transforms, BASE: replace(own, covariance=wide)})
-    found = add_task_error(made.cell, stated, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, modelled, every))
+    found = add_task_error(made.cell, stated, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, modelled, every), None)
     told = {entry.source: entry.rms_m for entry in found.budget}
     assert told["systematic errors: robots, lens, differing fits"] == pytest.approx(2e-3, rel=1e-3)
     assert told["offsets of clocks"] == pytest.approx(1e-3, rel=1e-3)
-    plain = add_task_error(made.cell, calibration, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, fitted, fitted))
+    plain = add_task_error(made.cell, calibration, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, fitted, fitted), None)
     assert not {"offsets of clocks", "systematic errors: robots, lens, differing fits"} & {
         entry.source for entry in plain.budget
     }

@@ -114,7 +114,7 @@ def test_a_frame_moves_by_its_share_of_each_sample():
     (group,) = views.groups
     by_frame = views.frame_jacobian(0, MOUNT)
     for k in range(2):
-        wanted = shares[views.rank(group), k][:, None, None] * by_frame
+        wanted = shares[views.sample_indices(group), k][:, None, None] * by_frame
         np.testing.assert_allclose(found.moves[0][:, k], wanted)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.clocks.search import Clocked
+from basecal.accuracy.clocks.search import ClockedRecording
 from basecal.accuracy.clocks.step import ClockStep, clock_step
 from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.cell import ClockOffset, Finding, LineTime
@@ -15,9 +15,9 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.streams.rolling_shutter import line_time_name
 
 
-def remaining_step(search: Clocked, solution: Solution) -> ClockStep:
+def remaining_step(recording: ClockedRecording, solution: Solution) -> ClockStep:
     """Return the remaining step of the clock offsets at the final solution, which has its own inliers and noise."""
-    return clock_step(search.streams, search.synchronised, search.offsets_s, solution)
+    return clock_step(recording.streams, recording.synchronised, recording.offsets_s, solution)
 
 
 def apply_remaining_step(solution: Solution, step: ClockStep) -> Solution:
@@ -32,50 +32,53 @@ def apply_remaining_step(solution: Solution, step: ClockStep) -> Solution:
     return replace(solution, state=state, covariance=covariance)
 
 
-def clock_offsets(search: Clocked, step: ClockStep) -> dict[str, ClockOffset]:
+def clock_offsets(recording: ClockedRecording, step: ClockStep) -> dict[str, ClockOffset]:
     """Clock offsets by device: those that were estimated and are observable, and those stated other than 0."""
-    lines = {line_time_name(camera) for camera in search.streams.cell.cameras}
-    return {name: ClockOffset(*value) for name, value in _estimated_offsets(search, step).items() if name not in lines}
+    lines = {line_time_name(camera) for camera in recording.streams.cell.cameras}
+    found = _estimated_offsets(recording, step)
+    return {name: ClockOffset(*value) for name, value in found.items() if name not in lines}
 
 
-def line_times(search: Clocked, step: ClockStep) -> dict[str, LineTime]:
+def line_times(recording: ClockedRecording, step: ClockStep) -> dict[str, LineTime]:
     """Line times by camera: those that were estimated and are observable, and those stated other than 0."""
-    found = _estimated_offsets(search, step)
+    found = _estimated_offsets(recording, step)
     return {
         name: LineTime(*found[line_time_name(name)])
-        for name in search.streams.cell.cameras
+        for name in recording.streams.cell.cameras
         if line_time_name(name) in found
     }
 
 
-def _estimated_offsets(search: Clocked, step: ClockStep) -> dict[str, tuple[float, float]]:
+def _estimated_offsets(recording: ClockedRecording, step: ClockStep) -> dict[str, tuple[float, float]]:
     """Offsets with sigmas [s] by device, and line times with sigmas [s] by `line_time_name`."""
-    found = {name: (offset, 0.0) for name, offset in search.offsets_s.items() if offset}
+    found = {name: (offset, 0.0) for name, offset in recording.offsets_s.items() if offset}
     for k, name in enumerate(step.clocks):
         found.pop(name, None)
-        if step.seen[k]:
-            found[name] = (search.offsets_s[name] + float(step.step_s[k]), float(np.sqrt(step.covariance[k, k])))
+        if step.is_observable[k]:
+            found[name] = (recording.offsets_s[name] + float(step.step_s[k]), float(np.sqrt(step.covariance[k, k])))
     return found
 
 
-def clock_findings(search: Clocked, step: ClockStep) -> list[Finding]:
+def clock_findings(recording: ClockedRecording, step: ClockStep) -> list[Finding]:
     """Findings about the estimated clocks and line times."""
     findings = []
-    cameras = {line_time_name(camera): camera for camera in search.streams.cell.cameras}
+    cameras = {line_time_name(camera): camera for camera in recording.streams.cell.cameras}
     for k, name in enumerate(step.clocks):
-        known = search.streams.clocks[name]
-        offset = search.offsets_s[name] + float(step.step_s[k])
-        off = offset - known.offset_s
+        known = recording.streams.clocks[name]
+        offset = recording.offsets_s[name] + float(step.step_s[k])
+        deviation_s = offset - known.offset_s
         device, is_line = cameras.get(name, name), name in cameras
         which = f"The line time of {device}" if is_line else f"The clock of {device}"
-        if not step.seen[k]:
-            at = f"{1e6 * search.offsets_s[name]:.1f} us" if is_line else f"{search.offsets_s[name]:.3f} s"
-            why = f"The robots move too little while it records. The value {at} is kept, without effect on the result."
+        if not step.is_observable[k]:
+            kept = f"{1e6 * recording.offsets_s[name]:.1f} us" if is_line else f"{recording.offsets_s[name]:.3f} s"
+            why = (
+                f"The robots move too little while it records. The value {kept} is kept, without effect on the result."
+            )
             findings.append(Finding("unobservable-direction", "info", (device,), f"{which} is unobservable.", why=why))
-        elif known.sigma_s is not None and compare_nested_models((off / known.sigma_s) ** 2, 1).is_taken:
-            is_at = f"{1e6 * offset:.2f} us" if is_line else f"{1e3 * offset:.1f} ms off"
+        elif known.sigma_s is not None and compare_nested_models((deviation_s / known.sigma_s) ** 2, 1).is_taken:
+            estimated = f"{1e6 * offset:.2f} us" if is_line else f"{1e3 * offset:.1f} ms off"
             stated = f"{1e6 * known.offset_s:.2f} us" if is_line else f"{1e3 * known.offset_s:.1f} ms"
-            what = f"{which} is {is_at}, {abs(off) / known.sigma_s:.1f} sigma from its prior of {stated}."
+            what = f"{which} is {estimated}, {abs(deviation_s) / known.sigma_s:.1f} sigma from its prior of {stated}."
             kind, value = ("rolling_shutter", "line_time_s") if is_line else ("clock", "offset_s")
             entry = f"`{kind}: {{status: free, {value}: {offset:.3g}}}`"
             do = (f"Check the prior, or write {entry} at {device} in cell.yaml.",)

@@ -36,20 +36,20 @@ _CONVERGED_SIGMAS = 0.05  # largest step at convergence, in sigmas
 
 
 @dataclass(frozen=True, eq=False)
-class Clocked:
+class ClockedRecording:
     """A recording that is synchronised with clock offsets.
 
     Attributes:
         streams: The recorded streams of each device.
         offsets_s: Clock offsets by device, and line times by `line_time_name` [s].
         synchronised: The synchronised samples.
-        near: A solution near the offsets; None if no solution was found.
+        solution: A solution near the offsets; None if no solution was found.
     """
 
     streams: Streams
     offsets_s: dict[str, float]
     synchronised: Synchronised
-    near: Solution | None = None
+    solution: Solution | None = None
 
     @property
     def recording(self) -> Recording:
@@ -58,10 +58,10 @@ class Clocked:
 
     def add_jitter(self, problem: Problem) -> Problem:
         """Add the jitter of stamps and the times of robot motion to the problem of the samples."""
-        return _add_jitter(problem, self.streams, self.synchronised, self.near)
+        return _add_jitter(problem, self.streams, self.synchronised, self.solution)
 
 
-def search_offsets(streams: Streams, settings: Settings) -> Clocked:
+def search_offsets(streams: Streams, settings: Settings) -> ClockedRecording:
     """Synchronise a recording with the most likely offsets of its clocks; fixed offsets stay as stated.
 
     Raises:
@@ -79,14 +79,16 @@ def search_offsets(streams: Streams, settings: Settings) -> Clocked:
         stepped, last, _ = _step_offsets(many, offsets, settings)
     if len(many.instants) < len(streams.instants):
         stepped, last, _ = _step_offsets(streams, stepped, settings)
-    return Clocked(streams, stepped, _synchronise(streams, stepped, last), last)
+    return ClockedRecording(streams, stepped, _synchronise(streams, stepped, last), last)
 
 
 def _best_offset(streams: Streams, offsets: dict[str, float], name: str, settings: Settings) -> dict[str, float]:
     """Return the offsets with the tried offset of one clock that fits the views best."""
     clock = streams.clocks[name]
-    reach = _TRIED_OFFSETS_S if clock.sigma_s is None else 3 * clock.sigma_s * np.linspace(-1, 1, len(_TRIED_OFFSETS_S))
-    tried = [{**offsets, name: clock.offset_s + float(shift)} for shift in reach]
+    shifts_s = (
+        _TRIED_OFFSETS_S if clock.sigma_s is None else 3 * clock.sigma_s * np.linspace(-1, 1, len(_TRIED_OFFSETS_S))
+    )
+    tried = [{**offsets, name: clock.offset_s + float(shift)} for shift in shifts_s]
     misfits = [_misfit(streams, each, settings) for each in tried]
     return tried[int(np.argmin(misfits))] if np.isfinite(min(misfits)) else offsets
 
@@ -96,9 +98,8 @@ def _misfit(streams: Streams, offsets: dict[str, float], settings: Settings) -> 
     exact = {name: replace(robot, noise=None) for name, robot in streams.cell.robots.items()}
     known = replace(streams, cell=replace(streams.cell, robots=exact))
     try:
-        solution = _solve_at_offsets(known, offsets, replace(settings, robot_noise="stated", iterations=_TRIED_STEPS))[
-            0
-        ]
+        quick = replace(settings, robot_noise="stated", iterations=_TRIED_STEPS)
+        solution, _ = _solve_at_offsets(known, offsets, quick)
     except (InputError, NotObservable, np.linalg.LinAlgError):
         return np.inf
     counts = residual_counts(solution.problem)
@@ -109,11 +110,14 @@ def _misfit(streams: Streams, offsets: dict[str, float], settings: Settings) -> 
 def _step_offsets(
     streams: Streams, offsets: dict[str, float], settings: Settings
 ) -> tuple[dict[str, float], Solution | None, bool]:
-    """Step the offsets to convergence; return them, the last solution, and whether usual robot noise explains it."""
+    """Step the offsets to convergence; return them, the last solution, and whether it is plausible.
+
+    A solution is plausible if robot noise as of usual arms explains the views.
+    """
     last: Solution | None = None
     explained = False
     for _ in range(_OFFSET_STEPS):
-        is_mended = last is not None
+        is_converged = last is not None
         try:
             last, samples = _solve_at_offsets(streams, offsets, settings, last)
         except (NotObservable, np.linalg.LinAlgError):
@@ -121,12 +125,12 @@ def _step_offsets(
         none_estimated = not (last.noise.robots or last.noise.jitter_s)
         explained = not is_hopeless(last.problem, last.state) and (none_estimated or is_as_of_arms(last))
         if streams.open:
-            found = clock_step(streams, samples, offsets, last)
-            offsets = _apply_step(offsets, found)
-            is_mended &= bool(
-                np.all(np.abs(found.step_s) <= _CONVERGED_SIGMAS * np.sqrt(np.diagonal(found.covariance)))
+            step = clock_step(streams, samples, offsets, last)
+            offsets = _apply_step(offsets, step)
+            is_converged &= bool(
+                np.all(np.abs(step.step_s) <= _CONVERGED_SIGMAS * np.sqrt(np.diagonal(step.covariance)))
             )
-        if is_mended:
+        if is_converged:
             break
     return offsets, last, explained
 

@@ -37,7 +37,7 @@ class ClockStep:
         step_s: (q,) step of the offsets, or of the line times [s]; 0 if unobservable.
         covariance: (q, q) covariance of the offsets [s^2].
         by_offsets: (p, q) derivative of the solution's columns with respect to the offsets [per s].
-        seen: (q,) whether the data or a prior determine each offset.
+        is_observable: (q,) whether the data or a prior determine each offset.
         offsets: The observable offsets, as additional unknowns of the solution.
     """
 
@@ -45,14 +45,14 @@ class ClockStep:
     step_s: Array
     covariance: Array
     by_offsets: Array
-    seen: BoolArray
+    is_observable: BoolArray
     offsets: OpenOffsets | None = None
 
     def add_effects(self, shift_s: Array, covariance: Array) -> Self:
         """Add the shift of the observable offsets by effects, (r,) [s], and its covariance, (r, r) [s^2]."""
-        step, total, seen = self.step_s.copy(), self.covariance.copy(), np.flatnonzero(self.seen)
-        step[seen] += shift_s
-        total[np.ix_(seen, seen)] += covariance
+        step, total, indices = self.step_s.copy(), self.covariance.copy(), np.flatnonzero(self.is_observable)
+        step[indices] += shift_s
+        total[np.ix_(indices, indices)] += covariance
         return replace(self, step_s=step, covariance=total)
 
 
@@ -67,26 +67,35 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
     """
     situation = situate(solution)
     moves = tuple(_clock_jacobian(situation, k, streams.open, samples) for k in range(len(situation.groups)))
-    about = situation.linearisation
-    every = Candidates("clock-offset", ("",), (None,), "s", moves)
-    of_views = score(about, every)
+    model = situation.linearisation
+    candidates = Candidates("clock-offset", ("",), (None,), "s", moves)
+    scores = score(model, candidates)
     known = [streams.clocks[name] for name in streams.open]
     sigma = np.array([np.inf if clock.sigma_s is None else clock.sigma_s for clock in known])
-    pull = np.array([offsets_s[name] - clock.offset_s for name, clock in zip(streams.open, known, strict=True)])
-    information = of_views.information[0] + np.diag(sigma**-2)
+    deviation = np.array([offsets_s[name] - clock.offset_s for name, clock in zip(streams.open, known, strict=True)])
+    information = scores.information[0] + np.diag(sigma**-2)
     covariance = spectrum(information).inverse
     variance = np.diagonal(covariance)
     lines = {line_time_name(camera) for camera in streams.cell.cameras}
-    most = np.array([_UNOBSERVABLE_LINE_SIGMA_S if name in lines else _UNOBSERVABLE_SIGMA_S for name in streams.open])
-    seen = (variance > 0) & (variance < most**2)
-    step = np.where(seen, -covariance @ (of_views.gradient[0] + pull / sigma**2), 0.0)
-    _, across, _ = sums(about, every)
-    by_offsets = -about.inverse @ across[0].T
+    limits = np.array([_UNOBSERVABLE_LINE_SIGMA_S if name in lines else _UNOBSERVABLE_SIGMA_S for name in streams.open])
+    is_observable = (variance > 0) & (variance < limits**2)
+    step = np.where(is_observable, -covariance @ (scores.gradient[0] + deviation / sigma**2), 0.0)
+    _, across, _ = sums(model, candidates)
+    by_offsets = -model.inverse @ across[0].T
     # A contradicted prior must not cause an effect: widen it to the distance of the new offset from it.
-    wide = np.minimum(np.hypot(sigma, pull + step), most)
-    present = np.where(np.isinf(sigma), 0.0, pull / wide)
-    offsets = OpenOffsets(tuple(of[:, 0][..., seen] for of in moves), wide[seen], present[seen])
-    return ClockStep(streams.open, step, covariance * np.outer(seen, seen), by_offsets * seen, seen, offsets)
+    widened = np.minimum(np.hypot(sigma, deviation + step), limits)
+    values = np.where(np.isinf(sigma), 0.0, deviation / widened)
+    offsets = OpenOffsets(
+        tuple(of[:, 0][..., is_observable] for of in moves), widened[is_observable], values[is_observable]
+    )
+    return ClockStep(
+        streams.open,
+        step,
+        covariance * np.outer(is_observable, is_observable),
+        by_offsets * is_observable,
+        is_observable,
+        offsets,
+    )
 
 
 def _clock_jacobian(situation: Situation, k: int, clocks: tuple[str, ...], samples: Synchronised) -> Array:
@@ -108,11 +117,11 @@ def _clock_jacobian(situation: Situation, k: int, clocks: tuple[str, ...], sampl
 
 def _mean_row(situation: Situation, k: int) -> Array:
     """Mean row of the pixels of each view, weighted by their information in each direction, (n, 6, 6)."""
-    group, at = situation.problem.groups[k], situation.links[k].camera_from_target
+    group, poses = situation.problem.groups[k], situation.links[k].camera_from_target
     if not isinstance(group.measurement, PixelMeasurement):
         return np.zeros((len(group), 6, 6))
-    of = point_jacobians(group.measurement, at, situation.state.cameras[group.camera], lens=False)
-    transposed = np.moveaxis(of.jacobian, -1, 1).reshape(len(group), 6, -1)
+    jacobians = point_jacobians(group.measurement, poses, situation.state.cameras[group.camera], lens=False)
+    transposed = np.moveaxis(jacobians.jacobian, -1, 1).reshape(len(group), 6, -1)
     row = np.repeat(group.measurement.pixels[..., 1], 2, axis=1)
     information = transposed @ transposed.mT
     by_row = (transposed * row[:, None]) @ transposed.mT

@@ -35,10 +35,10 @@ def state_step(problem: Problem, first: State, second: State) -> Array:
     return step
 
 
-def largest_shift(solution: Solution, moves: Sequence[Array]) -> Array:
+def largest_shift(solution: Solution, shifts: Sequence[Array]) -> Array:
     """Return the shift of the columns, (p,), with the largest Mahalanobis distance."""
     known = spectrum(solution.covariance)
-    return max(moves, key=lambda moved: float(known.squared_mahalanobis(moved)))
+    return max(shifts, key=lambda shift: float(known.squared_mahalanobis(shift)))
 
 
 def widen(solution: Solution, shift: Array) -> Solution:
@@ -84,8 +84,8 @@ def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
     ahead = np.zeros((count + len(first), directions.steps.shape[1]))
     ahead[np.arange(count), directions.wide] = 1.0
     ahead[count:] = ahead[first] + ahead[second]
-    nowhere = np.zeros((1, ahead.shape[1]))  # descents end near the optimum: this error is subtracted
-    sigmas = np.concatenate([nowhere, ahead, -ahead])
+    zero = np.zeros((1, ahead.shape[1]))  # descents end near the optimum: this error is subtracted
+    sigmas = np.concatenate([zero, ahead, -ahead])
     parts = [
         _best_states(solution, sigmas[row : row + _AT_ONCE], directions.steps)
         for row in range(0, len(sigmas), _AT_ONCE)
@@ -94,9 +94,11 @@ def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
     if len(found) < len(parts):  # unobservable directions lead to infinite states; such solutions are refused
         return np.zeros((6 * len(order), 6 * len(order)))
     states = concatenate(found)
-    at = solution.state.transforms
-    off = np.concatenate([(at[name].inverse() @ states.transforms[name]).log() for name in order], axis=1)
-    own, pairs = np.split(0.5 * np.add(*np.split(off[1:], 2)) - off[0], [count])
+    transforms = solution.state.transforms
+    deviations = np.concatenate(
+        [(transforms[name].inverse() @ states.transforms[name]).log() for name in order], axis=1
+    )
+    own, pairs = np.split(0.5 * np.add(*np.split(deviations[1:], 2)) - deviations[0], [count])
     shared, mean = pairs - own[first] - own[second], own.sum(0)
     return np.asarray(_TAILS**2 * (np.outer(mean, mean) + 2 * own.T @ own + shared.T @ shared))
 
@@ -108,15 +110,15 @@ def _directions(solution: Solution, order: Sequence[str]) -> _Directions:
     # Errors that stops share widen the covariance, but are not unknowns of the equations that are minimised.
     equations = linearise(solution.noise.hold_sigmas(solution.problem), solution.state)
     covariance = solution.noise.factor * spectrum(equations.hessian).inverse
-    of = scaled_spectrum(covariance, 0.0, scale)
+    spectral = scaled_spectrum(covariance, 0.0, scale)
     blocks = [scaled_spectrum(covariance[at, at], 0.0, scale[at]) for at in columns]
     least = min(
         (float(np.sqrt(block.values[block.is_informative].min(initial=np.inf))) for block in blocks), default=np.inf
     )
-    sigmas = np.sqrt(of.values[of.is_informative])
+    sigmas = np.sqrt(spectral.values[spectral.is_informative])
     wide = np.flatnonzero(sigmas * sigmas.max(initial=0.0) > _LEAST_SHARE * least)[-_MOST_DIRECTIONS:]
-    together = np.triu(np.outer(sigmas[wide], sigmas[wide]) > _LEAST_SHARE * least, 1)
-    return _Directions(of.root[:, of.is_informative], wide, np.array(np.nonzero(together)))
+    is_pair = np.triu(np.outer(sigmas[wide], sigmas[wide]) > _LEAST_SHARE * least, 1)
+    return _Directions(spectral.root[:, spectral.is_informative], wide, np.array(np.nonzero(is_pair)))
 
 
 def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State | None:
@@ -133,9 +135,9 @@ def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State | Non
         hessian = np.where(is_free[:, None] & is_free[..., None], steps.T @ normal.hessian @ steps, unit)
         if not np.isfinite(hessian).all():
             return None
-        back = -(spectrum(hessian).inverse @ (is_free * (normal.gradient @ steps))[..., None])[..., 0]
-        state = retract(problem, state, normal, back @ steps.T)
-        goes_on = np.abs(back).max(-1) >= _LEAST_STEP
+        step = -(spectrum(hessian).inverse @ (is_free * (normal.gradient @ steps))[..., None])[..., 0]
+        state = retract(problem, state, normal, step @ steps.T)
+        goes_on = np.abs(step).max(-1) >= _LEAST_STEP
         ends.append((row[~goes_on], take(state, ~goes_on)))
         row, state = row[goes_on], take(state, goes_on)
         if not len(row):

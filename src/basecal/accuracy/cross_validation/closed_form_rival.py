@@ -25,7 +25,7 @@ from basecal.geometry import SE3, Array, BoolArray, IntArray
 _MIN_VIEWS = 6  # smallest number of held-out views for a comparison; assumed
 FEWEST_FITTED = 3
 """Smallest number of fitted views: they give the two motions that a closed form needs (Tsai & Lenz 1989)."""
-_SMALLEST = np.array([1e-5, 1e-5])  # [m, rad] lower bound of held-out errors: half of the best arms' stated 0.02 mm
+_LEAST_ERROR = np.array([1e-5, 1e-5])  # [m, rad] lower bound of held-out errors: half of the best arms' stated 0.02 mm
 
 Triple = tuple[SE3, SE3, SE3]
 
@@ -70,7 +70,7 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
         state = with_known_stops(refit.optimum.state, refit.known)
         ours.append(_squared_errors(alone[rows], state.camera_from_target(views, solution.problem.stops)))
         theirs.append(_squared_errors(alone[rows], views.close_loop(x, y, z)))
-    ratio = _ratio(np.concatenate(ours), np.concatenate(theirs)) if ours else None
+    ratio = _error_ratio(np.concatenate(ours), np.concatenate(theirs)) if ours else None
     whole = _closed_form(solution.problem, group, *of_all)
     if ratio is None or whole is None:
         return None
@@ -99,15 +99,15 @@ def _squared_errors(poses: SE3, predictions: SE3) -> Array:
     return np.stack([np.sum(off.translation**2, axis=1), np.sum(off.rotvec**2, axis=1)], axis=1)
 
 
-def _ratio(ours: Array, theirs: Array) -> float | None:
+def _error_ratio(ours: Array, theirs: Array) -> float | None:
     """Held-out error of the solution over that of the closed form; None if the closed form is not clearly better."""
     if len(ours) < _MIN_VIEWS or not np.all(np.isfinite(theirs)):
         return None
-    ours, theirs = np.maximum(ours, _SMALLEST**2), np.maximum(theirs, _SMALLEST**2)
+    ours, theirs = np.maximum(ours, _LEAST_ERROR**2), np.maximum(theirs, _LEAST_ERROR**2)
     unit = ours.mean(0)
-    squares, in_use = (theirs / unit).sum(1), (ours / unit).sum(1)
-    is_taken = compare_predictions(squares, in_use).is_taken
-    return float(np.sqrt(in_use.mean() / squares.mean())) if is_taken else None
+    of_closed_form, of_solution = (theirs / unit).sum(1), (ours / unit).sum(1)
+    is_taken = compare_predictions(of_closed_form, of_solution).is_taken
+    return float(np.sqrt(of_solution.mean() / of_closed_form.mean())) if is_taken else None
 
 
 def _closed_form_step(problem: Problem, state: State, group: ViewGroup, triple: Triple) -> Array:
@@ -175,9 +175,9 @@ def _parts(solution: Solution) -> Iterator[_Part]:
 
 def _still_views(group: ViewGroup, moving: int, still: int, free: BoolArray) -> Iterator[IntArray]:
     """Yield rows of views in which one end does not move, and the other end has more than `FEWEST_FITTED` stops."""
-    where, stops = group.ends[still].stand, group.ends[moving].stand
-    for place in np.unique(where[free]):
-        rows = np.flatnonzero(free & (where == place))
+    places, stops = group.ends[still].stand, group.ends[moving].stand
+    for place in np.unique(places[free]):
+        rows = np.flatnonzero(free & (places == place))
         if len(np.unique(stops[rows])) > FEWEST_FITTED:
             yield rows
 

@@ -43,14 +43,14 @@ def splits(problem: Problem) -> Iterator[Split]:
     """
     places, samples = _places(problem), _samples(problem)
     found: list[Split] = []
-    for parts in _ways(samples, places):
+    for parts in _partitions(samples, places):
         split = _split(parts, len(samples), FOLDS)
         if split is not None and all(split.folds != other.folds for other in found):
             found.append(split)
             yield split
 
 
-def _ways(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> Iterator[list[Samples]]:
+def _partitions(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> Iterator[list[Samples]]:
     """Yield the parts of each split lazily: with many robots, hardly more than the first is requested."""
     yield _join_parts(samples, places)
     for robot in sorted(places, key=lambda robot: (len(set(places[robot].values())), robot)):
@@ -59,7 +59,7 @@ def _ways(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) 
 
 
 def place_split(problem: Problem) -> Split | None:
-    """Split of touched marks by their places, such as plates; None unless all views are touches.
+    """Split of touched marks by their places, such as plates; None unless all views are touches of three places.
 
     Marks of one place are held out together. An arm's error depends on the place, so one place has no information about
     another.
@@ -83,6 +83,7 @@ def instant_split(problem: Problem, count: int) -> Split | None:
 
 
 def _split(parts: list[Samples], total: int, count: int) -> Split | None:
+    """Deal parts into at most `count` folds; None if the parts are too few, or one has too many of `total` samples."""
     if len(parts) < _FEWEST_PARTS or max(map(len, parts)) > max(_LARGEST_SHARE * total, 1):
         return None
     dealt: list[set[int]] = [set() for _ in range(min(count, len(parts)))]
@@ -102,7 +103,7 @@ def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
         for end in group.ends:
             if end.robot is not None:
                 places[end.robot].update(zip(map(int, group.sample), map(int, end.stand), strict=True))
-    return {robot: at for robot, at in places.items() if len(set(at.values())) > 1}
+    return {robot: stops for robot, stops in places.items() if len(set(stops.values())) > 1}
 
 
 def _join_parts(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[Samples]:
@@ -115,9 +116,9 @@ def _join_parts(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashab
             number = part[number]
         return number
 
-    for at in places.values():
+    for stops in places.values():
         first: dict[Hashable, int] = {}
-        for number, place in at.items():
+        for number, place in stops.items():
             part[root(number)] = root(first.setdefault(place, number))
     return _split_by_label(samples, {number: root(number) for number in samples})
 

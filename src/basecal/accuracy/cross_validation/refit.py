@@ -50,7 +50,7 @@ def refit_folds(
     folds: Iterable[Samples],
     iterations: int = _MOST_STEPS,
     prediction_problem: Problem | None = None,
-    worth: Sequence[Array] | None = None,
+    view_weights: Sequence[Array] | None = None,
 ) -> list[Refit]:
     """Fit the problem without each fold, all from the same state.
 
@@ -63,20 +63,20 @@ def refit_folds(
         folds: Sets of samples to hold out, one set for each fit.
         iterations: Largest number of steps of each fit.
         prediction_problem: The problem of the views to predict, if it has more views, such as outliers.
-        worth: (n,) weights of the used views of each group; 1 if None.
+        view_weights: (n,) weights of the used views of each group; 1 if None.
     """
     held = list(folds)
     numbers = [np.array(sorted(samples), dtype=np.int64) for samples in held]
-    used = [_views(problem, each, inside=False) for each in numbers]
+    used = [_select_views(problem, each, inside=False) for each in numbers]
     known = [_known_stops(each) for each in used]
     weights = [np.stack([1.0 - np.isin(group.sample, each) for each in numbers]) for group in problem.groups]
-    if worth is not None:
-        weights = [used * of for used, of in zip(weights, worth, strict=True)]
+    if view_weights is not None:
+        weights = [mask * own for mask, own in zip(weights, view_weights, strict=True)]
     dof = np.array([max(degrees_of_freedom(each), 1) for each in used], dtype=np.float64)
-    views = [_views(prediction_problem or problem, each, inside=True) for each in numbers]
+    views = [_select_views(prediction_problem or problem, each, inside=True) for each in numbers]
     if is_sparse(problem):
         ends = [
-            _sparsely(problem, with_known_stops(state, known[k]), dof[k], iterations, [w[k] for w in weights])
+            _refit_sparse(problem, with_known_stops(state, known[k]), dof[k], iterations, [w[k] for w in weights])
             for k in range(len(held))
         ]
     else:
@@ -90,7 +90,7 @@ def refit_folds(
     ]
 
 
-def _sparsely(
+def _refit_sparse(
     problem: Problem, state: State, dof: float, iterations: int, weights: Sequence[Array]
 ) -> tuple[OptimumBatch, SparseHessian | None]:
     """Fit one fold of a problem with many unknowns; a batch would need dense matrices."""
@@ -109,7 +109,7 @@ def _known_stops(problem: Problem) -> BoolArray:
     return known[:-1]  # the last entry is for views without a stop
 
 
-def _views(problem: Problem, samples: IntArray, inside: bool) -> Problem:
+def _select_views(problem: Problem, samples: IntArray, inside: bool) -> Problem:
     """Problem of the views of some samples, or of all other views; only the latter keeps the static scene."""
     rows = [np.flatnonzero(np.isin(group.sample, samples) == inside) for group in problem.groups]
     views = problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))

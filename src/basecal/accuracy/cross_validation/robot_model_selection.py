@@ -30,14 +30,19 @@ from basecal.kinematics import SerialChain
 from basecal.numerics.spectral import spectrum
 
 _FEWEST_VIEWS = 15  # with fewer, a held-out fifth is two views; assumed
-_MOST_SAMPLES = 200  # enough to distinguish models; bounds the time
+_MOST_SAMPLES = 200  # about as many, evenly chosen, are enough to distinguish models; bounds the time
 # Single joints with the largest gain: if one joint is wrong alone, it is the first of them; assumed, bounds the time.
 _JOINTS_TRIED = 3
 _LEAST_GAIN = 6.0  # standard deviations by which the decrease of the cost must exceed its expectation by chance
 
 OFFSETS, LINKS = joint_offsets.NAME, link_parameters.NAME
-_OFFSETS: dict[str, Parameters] = {OFFSETS: joint_offsets.Stated(status="prior", sigma_rad=joint_offsets.SIGMA_RAD)}
-_OF_LINKS = link_parameters.Stated(status="prior", sigma_rad=link_parameters.SIGMA_RAD, sigma_m=link_parameters.SIGMA_M)
+_OFFSET_PRIORS: dict[str, Parameters] = {
+    OFFSETS: joint_offsets.Stated(status="prior", sigma_rad=joint_offsets.SIGMA_RAD)
+}
+_ALL_PRIORS: dict[str, Parameters] = {
+    **_OFFSET_PRIORS,
+    LINKS: link_parameters.Stated(status="prior", sigma_rad=link_parameters.SIGMA_RAD, sigma_m=link_parameters.SIGMA_M),
+}
 
 Models = Mapping[str, RobotModel]
 
@@ -98,12 +103,11 @@ def choose_robot_model(solution: Solution, settings: Settings = STATED) -> Robot
     if solution.problem.models or not chains or views < _FEWEST_VIEWS or not solution.converged:
         return None
     groups = solution.problem.groups
-    # About 200 samples, evenly chosen, are enough to distinguish models.
     numbers = np.unique(np.concatenate([g.sample for g in groups]))
     kept = numbers[:: -(-len(numbers) // _MOST_SAMPLES)]
     problem = solution.problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, kept))) for g in groups)
-    every = _models(problem, chains, tuple(chains), {**_OFFSETS, LINKS: _OF_LINKS})
-    richest = solve_from(problem.with_models(every), solution.state, settings)
+    models = _models(problem, chains, tuple(chains), _ALL_PRIORS)
+    richest = solve_from(problem.with_models(models), solution.state, settings)
     problem = problem.with_noise(richest.noise.noise)
     by_stations = (split for split in splits(problem) if len(split.parts) >= FOLDS)
     split = place_split(problem) or next(by_stations, None)
@@ -112,14 +116,14 @@ def choose_robot_model(solution: Solution, settings: Settings = STATED) -> Robot
     plain = bundle_adjust(problem, solution.state, degrees_of_freedom(problem), settings.iterations)
     if not _is_promising(plain.cost, richest, richest.problem.width - problem.width):
         return None
-    found = _Trials(problem, chains, plain.state, split, settings.iterations).candidates()
-    best = min(found, key=_mean_score)
-    ahead = [_compare(best, each) for each in found]
-    chosen, compared = next(pair for pair in zip(found, ahead, strict=True) if not pair[1].is_taken)
+    candidates = _Trials(problem, chains, plain.state, split, settings.iterations).candidates()
+    best = min(candidates, key=_mean_score)
+    comparisons = [_compare(best, each) for each in candidates]
+    chosen, compared = next(pair for pair in zip(candidates, comparisons, strict=True) if not pair[1].is_taken)
     better = best if compared.decision is Decision.UNDECIDED else None
     whole = solution.problem.with_noise(richest.noise.noise)
-    end = solve_from(whole.with_models(_candidate_models(whole, chains, chosen)), solution.state, settings)
-    return RobotModelChoice(chosen, better, tuple(found), end)
+    solved = solve_from(whole.with_models(_candidate_models(whole, chains, chosen)), solution.state, settings)
+    return RobotModelChoice(chosen, better, tuple(candidates), solved)
 
 
 def _is_promising(cost: float, richest: Solution, columns: int) -> bool:
@@ -142,7 +146,7 @@ def _models(
 
 
 def _candidate_models(problem: Problem, chains: Mapping[str, SerialChain], candidate: Candidate) -> Models:
-    stated = {**_OFFSETS, LINKS: _OF_LINKS} if candidate.kind == "links" else _OFFSETS
+    stated = _ALL_PRIORS if candidate.kind == "links" else _OFFSET_PRIORS
     return _models(problem, chains, candidate.robots, stated, candidate.joint)
 
 
@@ -163,9 +167,9 @@ class _Trials:
         """
         robots = tuple(self.chains)
         none, offsets, links = self.score("none", ()), self.score("offsets", robots), self.score("links", robots)
-        least = min(offsets, links, key=_mean_score)
+        best = min(offsets, links, key=_mean_score)
         found = [none]
-        if _compare(least, none).decision is not Decision.KEEP:
+        if _compare(best, none).decision is not Decision.KEEP:
             joints = (self.score("joint", (robot,), joint) for robot, joint in self.likeliest_joints())
             found += sorted(joints, key=_mean_score)
             if len(robots) > 1:
@@ -179,32 +183,38 @@ class _Trials:
 
     def likeliest_joints(self) -> list[tuple[str, int]]:
         """Robots and joints whose single offsets lower the cost most, to second order about the stated kinematics."""
-        stated = _models(self.problem, self.chains, tuple(self.chains), _OFFSETS)
-        freed = self.problem.with_models(stated)
-        about = linearise(freed, self.state)
+        stated = _models(self.problem, self.chains, tuple(self.chains), _OFFSET_PRIORS)
+        modelled = self.problem.with_models(stated)
+        normal = linearise(modelled, self.state)
         own = np.arange(self.problem.width)
-        back = about.hessian[:, own] @ spectrum(about.hessian[np.ix_(own, own)]).inverse
-        force = about.gradient - back @ about.gradient[own]
-        left = np.diag(about.hessian - back @ about.hessian[own])
-        lowers: dict[tuple[str, int], float] = {}
+        back = normal.hessian[:, own] @ spectrum(normal.hessian[np.ix_(own, own)]).inverse
+        gradient = normal.gradient - back @ normal.gradient[own]
+        left = np.diag(normal.hessian - back @ normal.hessian[own])
+        decreases: dict[tuple[str, int], float] = {}
         for robot in self.chains:
-            first = freed.columns[f"{robot}_{OFFSETS}"].start
-            lowers |= {(robot, j): force[first + j] ** 2 / left[first + j] for j in self.observable_joints(robot)}
-        return sorted(lowers, key=lambda joint: -lowers[joint])[:_JOINTS_TRIED]
+            first = modelled.columns[f"{robot}_{OFFSETS}"].start
+            decreases |= {(robot, j): gradient[first + j] ** 2 / left[first + j] for j in self.observable_joints(robot)}
+        return sorted(decreases, key=lambda joint: -decreases[joint])[:_JOINTS_TRIED]
 
     def score(self, kind: str, robots: tuple[str, ...], joint: int | None = None) -> Candidate:
         """Score a model by its prediction of held-out stations."""
         candidate = Candidate(kind, robots, joint, np.zeros(0), None, 0.0)
         modelled = self.problem.with_models(_candidate_models(self.problem, self.chains, candidate))
-        of = score_stations(modelled, self.state, self.split, self.iterations)
-        has_error = len(of.off_m) and np.all(np.isfinite(of.off_m))
-        error_m = float(np.sqrt(np.mean(of.off_m**2))) if has_error else None
-        return replace(candidate, scores=of.scores, error_m=error_m, rms=float(np.sqrt(max(of.mean_square, 0.0))))
+        station_scores = score_stations(modelled, self.state, self.split, self.iterations)
+        has_error = len(station_scores.distance_m) and np.all(np.isfinite(station_scores.distance_m))
+        error_m = float(np.sqrt(np.mean(station_scores.distance_m**2))) if has_error else None
+        return replace(
+            candidate,
+            scores=station_scores.scores,
+            error_m=error_m,
+            rms=float(np.sqrt(max(station_scores.mean_square, 0.0))),
+        )
 
 
 def _mean_score(candidate: Candidate) -> float:
     return float(candidate.scores.mean())
 
 
-def _compare(richer: Candidate, simpler: Candidate) -> Comparison:
-    return compare_predicted_gains(simpler.scores - richer.scores)
+def _compare(rival: Candidate, candidate: Candidate) -> Comparison:
+    """Compare a rival with a candidate: it is taken if it predicts better."""
+    return compare_predicted_gains(candidate.scores - rival.scores)

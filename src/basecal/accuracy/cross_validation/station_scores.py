@@ -33,13 +33,13 @@ class StationScores(NamedTuple):
             target from the station's views alone. It is divided by its variance, which includes robots' noise, and by
             its degrees of freedom. The logarithm prevents a few badly predicted stations from outweighing all others.
         mean_square: Mean square of all residuals over sigmas, robots' noise marginalised.
-        off_m: (views,) distance of the target from its prediction, by a Newton step of the view alone [m]. It is NaN if
-            the view determines neither a pose nor a point.
+        distance_m: (views,) distance of the target from its prediction, by a Newton step of the view alone [m]. It is
+            NaN if the view determines neither a pose nor a point.
     """
 
     scores: Array
     mean_square: float
-    off_m: Array
+    distance_m: Array
 
 
 def score_stations(problem: Problem, state: State, split: Split, iterations: int) -> StationScores:
@@ -53,33 +53,35 @@ def score_stations(problem: Problem, state: State, split: Split, iterations: int
     """
     station = {number: k for k, part in enumerate(split.parts) for number in part}
     fresh = replace(state, stop_errors=np.zeros_like(state.stop_errors))  # held-out views have no influence yet
-    far, freedoms = np.zeros((2, len(split.parts)))
-    cost, count, off = 0.0, 0, [np.zeros(0)]
+    chi_square, freedoms = np.zeros((2, len(split.parts)))
+    cost, count, distances = 0.0, 0, [np.zeros(0)]
     for fit in refit_folds(problem, fresh, split.folds, iterations):
         end = place_unknowns(fit)
         for group in fit.views.groups:
             views = predict_views(problem, group, end)
-            place = np.array([station[number] for number in group.sample.tolist()])
-            np.add.at(far, place, views.far)
-            np.add.at(freedoms, place, views.freedoms)
+            index = np.array([station[number] for number in group.sample.tolist()])
+            np.add.at(chi_square, index, views.chi_square)
+            np.add.at(freedoms, index, views.freedoms)
             cost, count = cost + float(views.cost.sum()), count + sum(group.measurement.counts().values())
-            off.append(views.off_m)
-    return StationScores(np.log1p(far / np.maximum(freedoms, 1)), cost / max(count, 1), np.concatenate(off))
+            distances.append(views.distance_m)
+    return StationScores(
+        np.log1p(chi_square / np.maximum(freedoms, 1)), cost / max(count, 1), np.concatenate(distances)
+    )
 
 
 def place_unknowns(fit: Refit) -> State:
-    """State of a fit, with transforms that only held-out views depend on, such as a mark, estimated from these."""
-    rows, state = held_out_columns(fit), fit.optimum.state
-    for _ in range(_PLACING_STEPS if len(rows) else 0):
+    """Complete the state of a fit: estimate transforms that only held-out views depend on, such as a mark."""
+    columns, state = held_out_columns(fit), fit.optimum.state
+    for _ in range(_PLACING_STEPS if len(columns) else 0):
         normal, step = linearise(fit.views, state), np.zeros(fit.views.width)
-        step[rows] = -spectrum(normal.hessian[np.ix_(rows, rows)]).inverse @ normal.gradient[rows]
+        step[columns] = -spectrum(normal.hessian[np.ix_(columns, columns)]).inverse @ normal.gradient[columns]
         state = retract(fit.views, state, normal, step)
     return with_known_stops(state, fit.known)
 
 
 def held_out_columns(fit: Refit) -> IntArray:
     """Columns of the transforms that only the held-out views of a fit depend on."""
-    used, held = ({name for g in of.groups for name in g.frames} for of in (fit.used, fit.views))
+    used, held = ({name for g in problem.groups for name in g.frames} for problem in (fit.used, fit.views))
     return fit.views.column_indices(name for name in fit.views.columns if name in held - used)
 
 
@@ -88,15 +90,15 @@ class ViewPredictions(NamedTuple):
 
     Attributes:
         cost: (n,) cost of each view, robots' noise marginalised.
-        far: (n,) decrease of the cost if the target moves to its pose by the view alone.
-        freedoms: (n,) degrees of freedom of `far`.
-        off_m: (n,) distance of the target from its prediction [m]; NaN if a view determines neither pose nor point.
+        chi_square: (n,) decrease of the cost if the target moves to its pose by the view alone.
+        freedoms: (n,) degrees of freedom of `chi_square`.
+        distance_m: (n,) distance of the target from its prediction [m]; NaN if a view determines no pose or point.
     """
 
     cost: Array
-    far: Array
+    chi_square: Array
     freedoms: Array
-    off_m: Array
+    distance_m: Array
 
 
 def predict_views(problem: Problem, group: ViewGroup, state: State) -> ViewPredictions:
@@ -109,14 +111,14 @@ def predict_views(problem: Problem, group: ViewGroup, state: State) -> ViewPredi
         spread += by_error @ by_error.mT
     shared = np.linalg.solve(np.eye(6) + information @ spread, gradient[..., None])[..., 0]
     cost = view.cost - np.einsum("ni,nij,nj->n", gradient, spread, shared)
-    of = spectrum(information, VIEW_ROUNDING)
-    step = (of.inverse @ gradient[..., None])[..., 0]
+    spectral = spectrum(information, VIEW_ROUNDING)
+    step = (spectral.inverse @ gradient[..., None])[..., 0]
     alone = view.cost - np.einsum("ni,ni->n", gradient, step)
-    is_placed = of.is_informative.all(axis=1) | (
-        ~information[:, 3:].any(axis=(1, 2)) & (of.rank == 3)
+    is_placed = spectral.is_informative.all(axis=1) | (
+        ~information[:, 3:].any(axis=(1, 2)) & (spectral.rank == 3)
     )  # a pose, or a point
-    off_m = np.where(is_placed, np.linalg.norm(step[:, :3], axis=1), np.nan)
-    return ViewPredictions(cost, np.maximum(cost - alone, 0.0), of.rank.astype(np.float64), off_m)
+    distance_m = np.where(is_placed, np.linalg.norm(step[:, :3], axis=1), np.nan)
+    return ViewPredictions(cost, np.maximum(cost - alone, 0.0), spectral.rank.astype(np.float64), distance_m)
 
 
 _OPEN_SIGMA = 1.0  # [m, rad] prior sigma of unknowns that other places do not determine: an arm's reach; assumed
@@ -155,12 +157,12 @@ def place_errors(solution: Solution, iterations: int) -> tuple[PlaceError, ...]:
         end = place_unknowns(fit)
         for group, expected in zip(fit.views.groups, _expected_squares(fit, end), strict=True):
             views = predict_views(problem, group, end)
-            numbers = [views.far.sum(), expected, views.freedoms.sum(), np.sum(views.off_m**2), len(group)]
+            numbers = [views.chi_square.sum(), expected, views.freedoms.sum(), np.sum(views.distance_m**2), len(group)]
             sums[group.target] = sums.get(group.target, np.zeros(5)) + numbers
     return tuple(
-        PlaceError(mark, float(np.sqrt(square_m2 / count)), float(np.sqrt(far / expected)), float(freedoms))
-        for mark, (far, expected, freedoms, square_m2, count) in sums.items()
-        if np.isfinite(far) and np.isfinite(square_m2)
+        PlaceError(mark, float(np.sqrt(square_m2 / count)), float(np.sqrt(chi_square / expected)), float(freedoms))
+        for mark, (chi_square, expected, freedoms, square_m2, count) in sums.items()
+        if np.isfinite(chi_square) and np.isfinite(square_m2)
     )
 
 
@@ -169,19 +171,19 @@ def _expected_squares(fit: Refit, state: State) -> list[float]:
 
     Transforms that only these views depend on were estimated from them, so the residuals are orthogonal to them.
     """
-    place = held_out_columns(fit)
-    known = np.setdiff1d(np.arange(fit.used.width), place)
+    placed = held_out_columns(fit)
+    known = np.setdiff1d(np.arange(fit.used.width), placed)
     covariance = np.linalg.inv(fit.optimum.hessian[np.ix_(known, known)] + np.eye(len(known)) / _OPEN_SIGMA**2)
     rows = []
-    for of in linearise(fit.views, state).views:
-        root = spectrum(of.information, VIEW_ROUNDING).root
+    for views in linearise(fit.views, state).views:
+        root = spectrum(views.information, VIEW_ROUNDING).root
         by_views = np.zeros((len(root) * root.shape[-1], fit.used.width))
-        by_views[:, of.columns] = (root.mT @ of.by_unknowns).reshape(len(by_views), -1)
+        by_views[:, views.columns] = (root.mT @ views.by_unknowns).reshape(len(by_views), -1)
         rows.append(by_views)
     every = np.concatenate(rows)
-    by_place = every[:, place]
+    by_place = every[:, placed]
     left = np.eye(len(every)) - by_place @ spectrum(by_place.T @ by_place).inverse @ by_place.T
-    doubt = left @ every[:, known]
-    squares = np.diag(left) * every.any(axis=1) + np.einsum("ij,jk,ik->i", doubt, covariance, doubt)
+    by_known = left @ every[:, known]
+    squares = np.diag(left) * every.any(axis=1) + np.einsum("ij,jk,ik->i", by_known, covariance, by_known)
     ends = np.cumsum([0, *map(len, rows)])
     return [float(squares[start:stop].sum()) for start, stop in pairwise(ends)]

@@ -139,31 +139,31 @@ def cross_validate(
     if not solution.converged or solution.observability.unobservable.intersection(free):
         return None
     chosen = solution.problem.column_indices(free)
-    fitted: list[_Fold] = []
+    folds: list[_Fold] = []
     skipped: Samples = frozenset()
     for split in splits(solution.problem):
         refits = refit_folds(solution.problem, solution.state, split.folds, settings.iterations)
         tried = [_fold(solution, free, chosen, fit) for fit in refits]
-        fitted = [fold for fold in tried if fold is not None]
+        folds = [fold for fold in tried if fold is not None]
         skipped = frozenset().union(*(fit.held for fit, fold in zip(refits, tried, strict=True) if fold is None))
-        if 2 * len(fitted) > len(refits):
+        if 2 * len(folds) > len(refits):
             break
-    if not fitted:
+    if not folds:
         return CrossValidation(None, None, HeldOutErrors(), HeldOutErrors(), skipped)
-    used, predicted = _errors(solution, fitted)
-    kept = [fold.fit for fold in fitted]
-    spread = _spread(solution, fitted, chosen)
+    fitted_errors, predicted_errors = _errors(solution, folds)
+    kept_refits = [fold.fit for fold in folds]
+    spread = _spread(solution, folds, chosen)
     summary = Validation(
-        kind="k-fold" if any(len(fold.fit.held) > 1 for fold in fitted) else "leave-one-out",
-        folds=len(fitted),
-        rms_px=root_mean(predicted.square_px, predicted.count_px),
-        target_m=root_mean(predicted.square_m, predicted.count_poses),
-        target_rad=root_mean(predicted.square_rad, predicted.count_poses),
+        kind="k-fold" if any(len(fold.fit.held) > 1 for fold in folds) else "leave-one-out",
+        folds=len(folds),
+        rms_px=root_mean_square(predicted_errors.square_px, predicted_errors.count_px),
+        target_m=root_mean_square(predicted_errors.square_m, predicted_errors.count_poses),
+        target_rad=root_mean_square(predicted_errors.square_rad, predicted_errors.count_poses),
         base_change=None if spread is None else spread.mean_square,
-        rivals=opencv_rivals(solution, kept) if settings.against == "opencv" else (),
+        rivals=opencv_rivals(solution, kept_refits) if settings.against == "opencv" else (),
     )
-    rival = closed_form_rival(solution, kept)
-    return CrossValidation(summary, spread, used, predicted, skipped, rival)
+    rival = closed_form_rival(solution, kept_refits)
+    return CrossValidation(summary, spread, fitted_errors, predicted_errors, skipped, rival)
 
 
 def _fold(solution: Solution, transform_names: Sequence[str], column_indices: IntArray, fit: Refit) -> _Fold | None:
@@ -182,20 +182,20 @@ def _fold(solution: Solution, transform_names: Sequence[str], column_indices: In
 def _errors(solution: Solution, folds: Sequence[_Fold]) -> tuple[HeldOutErrors, HeldOutErrors]:
     """Errors of the held-out views by the full solution, and by the folds that predict them."""
     problem, state = solution.problem, solution.state
-    alone: dict[tuple[str, str], _Alone] = {}
+    alone: dict[tuple[str, str], _SingleViewPoses] = {}
     for group in problem.groups:
         if group.camera not in problem.columns:  # whose lens is known
-            said = single_view_pose(state, group, state.camera_from_target(group, problem.stops))
-            alone[group.camera, group.target] = _Alone(group.sample, *said)
-    used, predicted = HeldOutErrors(), HeldOutErrors()
+            poses = single_view_pose(state, group, state.camera_from_target(group, problem.stops))
+            alone[group.camera, group.target] = _SingleViewPoses(group.sample, *poses)
+    fitted, predicted = HeldOutErrors(), HeldOutErrors()
     for fold in folds:
         full, views = with_known_stops(state, fold.fit.known), fold.fit.views
         for group in views.groups:
             in_pixels = isinstance(group.measurement, PixelMeasurement)
-            used += _group_errors(views, group, full, None if in_pixels else alone)
+            fitted += _group_errors(views, group, full, None if in_pixels else alone)
             predicted += _group_errors(views, group, fold.state, alone)
         predicted += HeldOutErrors(uncertain=_expected_cost(fold, solution.noise.factor))
-    return used, predicted
+    return fitted, predicted
 
 
 def _expected_cost(fold: _Fold, factor: float) -> float:
@@ -218,7 +218,7 @@ def _expected_cost(fold: _Fold, factor: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Alone:
+class _SingleViewPoses:
     """Poses of all views of a group by `single_view_pose`, with sample numbers; equal for all folds of a fixed lens."""
 
     sample: IntArray
@@ -227,7 +227,7 @@ class _Alone:
 
 
 def _group_errors(
-    views: Problem, group: ViewGroup, state: State, single_views: Mapping[tuple[str, str], _Alone] | None
+    views: Problem, group: ViewGroup, state: State, single_views: Mapping[tuple[str, str], _SingleViewPoses] | None
 ) -> HeldOutErrors:
     """Errors of a group's views; without errors of target poses if `single_views` is None."""
     predicted = state.camera_from_target(group, views.stops)
@@ -274,8 +274,10 @@ def _spread(solution: Solution, folds: Sequence[_Fold], column_indices: IntArray
     if effective < _FEWEST_FREEDOMS:
         return None
     is_estimated = bool(solution.noise.estimated) or solution.noise.factor != 1.0
-    of_noise = max(solution.dof, 1) if is_estimated else np.inf
-    return FoldSpread(mean, effective, compare_nested_models(effective * mean, effective, noise_freedoms=of_noise))
+    noise_freedoms = max(solution.dof, 1) if is_estimated else np.inf
+    return FoldSpread(
+        mean, effective, compare_nested_models(effective * mean, effective, noise_freedoms=noise_freedoms)
+    )
 
 
 def _information(solution: Solution) -> Array | scipy.sparse.csc_array:
@@ -305,6 +307,6 @@ def _whitening(fold: Array, full: Array) -> Array:
     return gain.inverse_root[:, seen].T @ unit
 
 
-def root_mean(squares: float, count: int) -> float | None:
+def root_mean_square(squares: float, count: int) -> float | None:
     """Root mean square from a sum of squares and a count; None if the count is 0 or the sum is not finite."""
     return float(np.sqrt(squares / count)) if count and np.isfinite(squares) else None

@@ -39,34 +39,37 @@ def disagreement(cell: Cell, calibration: Calibration, recording: Recording) -> 
     Raises:
         InputError: if the cell contradicts the recording.
     """
-    of = innovations(cell, calibration, recording)
-    freedoms = int((np.abs(of.root).max(axis=-2) > 0).sum())
+    observed = innovations(cell, calibration, recording)
+    freedoms = int((np.abs(observed.root).max(axis=-2) > 0).sum())
     if not freedoms:
         return None
-    chance = _chance(of, _total(of), freedoms)
+    total = _chi_square(observed)
+    chance = _chance(observed, total, freedoms)
     if chance > DISAGREEMENT_LEVEL:
         return Disagreement(chance, (), chance)
-    moved = [_relinearise(cell, calibration, recording, shift) for shift in frame_shifts(of)]
-    others = [(shift, _total(of) - shift.statistic) for shift in (*size_shifts(of), *joint_shifts(of))]
-    causes = sorted([*moved, *others], key=lambda each: _cost(*each))
+    frames = [_relinearise(cell, calibration, recording, shift) for shift in frame_shifts(observed)]
+    others = [
+        (shift, _chi_square(observed) - shift.statistic) for shift in (*size_shifts(observed), *joint_shifts(observed))
+    ]
+    causes = sorted([*frames, *others], key=lambda each: _cost(*each))
     best, left = causes[0]
     likely = tuple(causes[k][0] for k in equally_likely([_cost(*each) for each in causes]))
-    return Disagreement(chance, likely, _chance(of, max(left, 0.0), freedoms - best.freedoms))
+    return Disagreement(chance, likely, _chance(observed, max(left, 0.0), freedoms - best.freedoms))
 
 
 def _relinearise(cell: Cell, calibration: Calibration, recording: Recording, shift: Shift) -> tuple[Shift, float]:
     """Linearise again about a frame's shift; return the refined shift and the remaining squared deviation."""
     before = calibration.transforms[shift.transform]
     mean = before.mean @ SE3.exp(shift.size)
-    there = replace(calibration, transforms={**calibration.transforms, shift.transform: replace(before, mean=mean)})
-    of = innovations(cell, there, recording)
-    again = next(each for each in frame_shifts(of) if each.transform == shift.transform)
-    size = (SE3.exp(shift.size) @ SE3.exp(again.size)).log()
-    return replace(shift, size=size), _total(of) - again.statistic
+    moved = replace(calibration, transforms={**calibration.transforms, shift.transform: replace(before, mean=mean)})
+    refined = innovations(cell, moved, recording)
+    rest = next(each for each in frame_shifts(refined) if each.transform == shift.transform)
+    size = (SE3.exp(shift.size) @ SE3.exp(rest.size)).log()
+    return replace(shift, size=size), _chi_square(refined) - rest.statistic
 
 
-def _total(innovations: Innovations) -> float:
-    return float(innovations.off @ innovations.covariance_inverse @ innovations.off)
+def _chi_square(innovations: Innovations) -> float:
+    return float(innovations.deviation @ innovations.covariance_inverse @ innovations.deviation)
 
 
 def _cost(shift: Shift, chi_square: float) -> float:
@@ -75,4 +78,4 @@ def _cost(shift: Shift, chi_square: float) -> float:
 
 
 def _chance(innovations: Innovations, statistic: float, freedoms: int) -> float:
-    return float(np.exp(log_chance(statistic, freedoms, innovations.freedoms_of_noise)))
+    return float(np.exp(log_chance(statistic, freedoms, innovations.noise_freedoms)))

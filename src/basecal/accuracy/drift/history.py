@@ -49,7 +49,7 @@ def record_verification(verification: Verification, time: datetime, run_name: st
     """Return the record of a verification of a run."""
     shifts = {
         each.transform: MeasuredShift(each.size[:3], np.sqrt(np.maximum(np.diag(each.covariance)[:3], 0.0)))
-        for each in verification.asked
+        for each in verification.requested
     }
     frame = verification.shift.frame if verification.moved and verification.shift is not None else None
     samples = len(verification.samples)

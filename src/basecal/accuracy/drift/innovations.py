@@ -47,31 +47,32 @@ class Innovations:
     Attributes:
         situation: The problem at the calibration's transforms.
         root: (n, 6, 6) S of each view's information S S'.
-        off: (6 n,) S' times the tangent from each view's prediction to the view. The view's noise has unit variance.
-        predicted: (6 n, 6 n) covariance of `off` from the uncertainty of the predictions.
+        deviation: (6 n,) S' times the tangent from each view's prediction to the view. The views' noise has unit
+            variance.
+        predicted: (6 n, 6 n) covariance of `deviation` from the uncertainty of the predictions.
         sample: (n,) sample number of each view.
         known_inverse: The value of `covariance_inverse`, if it is already known.
-        freedoms_of_noise: Degrees of freedom of the calibration's estimated noise; infinite if it was stated.
+        noise_freedoms: Degrees of freedom of the calibration's estimated noise; infinite if it was stated.
     """
 
     situation: Situation
     root: Array
-    off: Array
+    deviation: Array
     predicted: Array
     sample: IntArray
     known_inverse: Array | None = None
-    freedoms_of_noise: float = np.inf
+    noise_freedoms: float = np.inf
 
     @cached_property
     def covariance_inverse(self) -> Array:
-        """(6 n, 6 n) inverse of the covariance of `off`."""
+        """(6 n, 6 n) inverse of the covariance of `deviation`."""
         if self.known_inverse is not None:
             return self.known_inverse
-        return np.asarray(np.linalg.inv(np.eye(len(self.off)) + self.predicted), dtype=np.float64)
+        return np.asarray(np.linalg.inv(np.eye(len(self.deviation)) + self.predicted), dtype=np.float64)
 
     def whiten(self, tangents: Array) -> Array:
-        """Multiply tangents of the views, (n, 6, k), by S' as in `off`, (6 n, k)."""
-        return (self.root.mT @ tangents).reshape(len(self.off), tangents.shape[-1])
+        """Multiply tangents of the views, (n, 6, k), by S' as in `deviation`, (6 n, k)."""
+        return (self.root.mT @ tangents).reshape(len(self.deviation), tangents.shape[-1])
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -90,10 +91,10 @@ class Innovations:
 
     def joint_jacobian(self, robot: str) -> Array:
         """Derivative of the views with respect to a robot's joints, (n, 6, joints); (n, 6, 0) if joints are missing."""
-        at = self.posture(robot)
-        return (
-            np.zeros((len(self.sample), 6, 0)) if at is None else self.flange_jacobian(robot) @ at.true.joint_derivative
-        )
+        posture = self.posture(robot)
+        if posture is None:
+            return np.zeros((len(self.sample), 6, 0))
+        return self.flange_jacobian(robot) @ posture.true.joint_derivative
 
     def posture(self, robot: str) -> Posture | None:
         """Posture of a robot with its stated kinematics in all views; None if its joints were not recorded.
@@ -106,10 +107,10 @@ class Innovations:
             return None
         ends = [group.robot_end(robot) for group in groups]
         joints = [None if end is None else end.joints for end in ends]
-        each = [np.zeros((len(g), chain.n)) if q is None else q for g, q in zip(groups, joints, strict=True)]
-        return Posture(chain, recorded := np.concatenate(each), chain.posture(recorded))
+        filled = [np.zeros((len(g), chain.n)) if q is None else q for g, q in zip(groups, joints, strict=True)]
+        return Posture(chain, recorded := np.concatenate(filled), chain.posture(recorded))
 
-    def stands(self, robot: str) -> tuple[SE3, IntArray]:
+    def recorded_stops(self, robot: str) -> tuple[SE3, IntArray]:
         """Recorded poses of a robot's flange in all views, (n,), and its stop numbers, (n,), -1 in views without it."""
         groups = self.situation.problem.groups
         poses = [self.situation.recorded_pose(k, robot) for k in range(len(groups))]
@@ -121,10 +122,10 @@ class Innovations:
         """Return a copy without the views of a sample."""
         kept = self.sample != sample
         rows = np.repeat(kept, 6)
-        groups, at = [], 0
+        groups, first = [], 0
         for group in self.situation.problem.groups:
-            groups.append(group.take(np.flatnonzero(kept[at : at + len(group)])))
-            at += len(group)
+            groups.append(group.take(np.flatnonzero(kept[first : first + len(group)])))
+            first += len(group)
         situation = replace(self.situation, problem=self.situation.problem.with_groups(groups))
         predicted = self.predicted[np.ix_(rows, rows)]
         # The inverse of a submatrix from the inverse of the whole: less work if few rows are left out.
@@ -135,7 +136,7 @@ class Innovations:
             self,
             situation=situation,
             root=self.root[kept],
-            off=self.off[rows],
+            deviation=self.deviation[rows],
             predicted=predicted,
             sample=self.sample[kept],
             known_inverse=inverse,
@@ -155,13 +156,13 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     """
     situation = _situation(cell, calibration, recording)
     groups = situation.problem.groups
-    root, off = [np.zeros((0, 6, 6))], [np.zeros((0, 6))]
+    root, deviation = [np.zeros((0, 6, 6))], [np.zeros((0, 6))]
     for group in groups:
         views = _tangents(group, situation)
         root.append(spectrum(views.information, VIEW_ROUNDING).root)
-        off.append((root[-1].mT @ views.tangent[..., None])[..., 0])
+        deviation.append((root[-1].mT @ views.tangent[..., None])[..., 0])
     sample = np.concatenate([np.zeros(0, dtype=np.int64), *(group.sample for group in groups)])
-    flat = np.concatenate(off).ravel()
+    flat = np.concatenate(deviation).ravel()
     exact = Innovations(situation, np.concatenate(root), flat, np.zeros((len(flat), len(flat))), sample)
     predicted = _robot_covariance(exact, calibration)
     if calibration.joint_covariance is not None and calibration.order:
@@ -170,7 +171,7 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
         predicted = by_transforms @ known @ by_transforms.T + predicted
     robots = calibration.noise.get("robots", {})
     freedoms = min((robots.get(robot, {}).get("freedoms") or np.inf for robot in exact.robots), default=np.inf)
-    return replace(exact, predicted=predicted, freedoms_of_noise=float(freedoms))
+    return replace(exact, predicted=predicted, noise_freedoms=float(freedoms))
 
 
 def _tangents(group: ViewGroup, situation: Situation) -> ViewTangents:
@@ -179,16 +180,16 @@ def _tangents(group: ViewGroup, situation: Situation) -> ViewTangents:
     predicted, camera = state.camera_from_target(group, situation.problem.stops), state.cameras.get(group.camera)
     if isinstance(group.measurement, PixelMeasurement):
         return view_tangents(group.measurement, predicted, require_camera(camera))
-    return first_order(group.measurement.linearise(predicted, camera, False))
+    return first_order_tangents(group.measurement.linearise(predicted, camera, False))
 
 
 def _situation(cell: Cell, calibration: Calibration, recording: Recording) -> Situation:
     """Situation of the views that a calibration predicts, at its transforms, with robots assumed exact."""
     known = known_views(cell, recording, calibration)
-    every = max(-(-sum(map(len, known.problem.groups)) // MOST_VIEWS), 1)
-    few = [group.take(np.arange(0, len(group), every)) for group in known.problem.groups]
+    stride = max(-(-sum(map(len, known.problem.groups)) // MOST_VIEWS), 1)
+    groups = [group.take(np.arange(0, len(group), stride)) for group in known.problem.groups]
     problem = replace(
-        known.problem, groups=tuple(group.without_stops() for group in few), stops=Stops(np.zeros((0, 6)))
+        known.problem, groups=tuple(group.without_stops() for group in groups), stops=Stops(np.zeros((0, 6)))
     )
     state = without_errors(problem, known.state)
     problem, _ = choose_correspondence(problem, state)
@@ -202,7 +203,7 @@ def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Arr
     for robot in innovations.robots:
         known = calibration.noise.get("robots", {}).get(robot, {})
         by_flange = innovations.flange_jacobian(robot)
-        poses, stand = innovations.stands(robot)
+        poses, stand = innovations.recorded_stops(robot)
         each = innovations.root.mT @ (by_flange * _sigmas(known))
         out += np.einsum("iar,ij,jbr->iajb", each, stand[:, None] == stand[None], each).reshape(out.shape)
         for name in (name for name in RANDOM_EFFECTS if name in known):
@@ -254,7 +255,7 @@ class ViewTangents(NamedTuple):
     information: Array
 
 
-def first_order(linear: ViewInformation) -> ViewTangents:
+def first_order_tangents(linear: ViewInformation) -> ViewTangents:
     """Tangents to the optima of views, from their linearisation."""
     step = spectrum(linear.information, VIEW_ROUNDING).inverse @ linear.gradient[..., None]
     return ViewTangents(-step[..., 0], linear.information)
@@ -273,7 +274,7 @@ def view_tangents(measurement: PixelMeasurement, prediction: SE3, camera: Camera
         camera: The lens.
     """
     linear = measurement.linearise(prediction, camera, False)
-    near = first_order(linear)
+    near = first_order_tangents(linear)
     rows = np.flatnonzero(~_is_first_order(measurement, prediction, camera, near) | ~np.isfinite(linear.cost))
     if not len(rows):
         return near
@@ -285,17 +286,17 @@ def view_tangents(measurement: PixelMeasurement, prediction: SE3, camera: Camera
 def _is_first_order(measurement: PixelMeasurement, prediction: SE3, camera: Camera, linear: ViewTangents) -> BoolArray:
     """Mask of the views whose first-order step reaches the optimum, (n,)."""
     reached = measurement.linearise(prediction @ SE3.exp(linear.tangent), camera, False)
-    gain = -np.sum(first_order(reached).tangent * reached.gradient, axis=-1)
+    gain = -np.sum(first_order_tangents(reached).tangent * reached.gradient, axis=-1)
     return np.asarray(np.isfinite(reached.cost) & (gain < _SAME_CHI2))
 
 
 def _far_tangents(measurement: PixelMeasurement, prediction: SE3, camera: Camera) -> ViewTangents:
     """Tangents from predictions to the poses of single views; from point directions to first order without a pose."""
-    chords = _bearings(measurement, camera)
-    coarse = first_order(chords.linearise(prediction, None, False))
+    bearings = _bearings(measurement, camera)
+    coarse = first_order_tangents(bearings.linearise(prediction, None, False))
     if len(measurement.points_in_target) < FEWEST_POINTS:
         return coarse
-    own = _own_poses(measurement, chords, prediction, camera)
+    own = _own_poses(measurement, bearings, prediction, camera)
     tangent = (prediction.inverse() @ own.camera_from_target).log()
     transport = right_jacobian(tangent)  # the error of the pose is in its own axes
     return ViewTangents(
@@ -305,14 +306,18 @@ def _far_tangents(measurement: PixelMeasurement, prediction: SE3, camera: Camera
 
 
 class _OwnPoses(NamedTuple):
+    """Pose of each view alone, (n,), its information, (n, 6, 6), and mask of the views that determine a pose, (n,)."""
+
     camera_from_target: SE3
     information: Array
     has_pose: BoolArray
 
 
-def _own_poses(measurement: PixelMeasurement, chords: BearingMeasurement, prediction: SE3, camera: Camera) -> _OwnPoses:
+def _own_poses(
+    measurement: PixelMeasurement, bearings: BearingMeasurement, prediction: SE3, camera: Camera
+) -> _OwnPoses:
     """Best-fitting pose of each view, (n,), refined from the prediction and from the closed forms."""
-    closed = view_poses(measurement.points_in_target, chords.bearings_in_camera, chords.weight > 0, chords)
+    closed = view_poses(measurement.points_in_target, bearings.bearings_in_camera, bearings.weight > 0, bearings)
     starts = [prediction, closed.camera_from_target[:, 0], closed.camera_from_target[:, 1]]
     ends = [refine_poses(measurement, start, camera) for start in starts]
     cost = np.stack([np.nan_to_num(end.cost, nan=np.inf, posinf=np.inf) for end in ends])

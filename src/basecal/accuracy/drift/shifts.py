@@ -43,7 +43,7 @@ class Shift:
         information: (k, k) information about the shift.
         statistic: Test statistic, chi-square distributed if nothing moved.
         freedoms: Degrees of freedom of the statistic: number of observable directions.
-        of_noise: Degrees of freedom of the calibration's estimated noise; infinite if the noise was stated.
+        noise_freedoms: Degrees of freedom of the calibration's estimated noise; infinite if the noise was stated.
     """
 
     frame: str
@@ -54,18 +54,18 @@ class Shift:
     information: Array
     statistic: float
     freedoms: int
-    of_noise: float = np.inf
+    noise_freedoms: float = np.inf
 
     @property
     def log_chance(self) -> float:
         """Log p-value of the statistic if nothing moved."""
-        return log_chance(self.statistic, self.freedoms, self.of_noise)
+        return log_chance(self.statistic, self.freedoms, self.noise_freedoms)
 
     def threshold(self, level: float) -> float:
         """Critical value of the statistic at a significance level."""
-        if not np.isfinite(self.of_noise):
+        if not np.isfinite(self.noise_freedoms):
             return float(chdtri(self.freedoms, level))
-        return self.freedoms * float(fdtri(self.freedoms, self.of_noise, 1 - level))
+        return self.freedoms * float(fdtri(self.freedoms, self.noise_freedoms, 1 - level))
 
     @property
     def shift_m(self) -> float:
@@ -109,7 +109,7 @@ def _shift(innovations: Innovations, frame: str, transform: str, joint: int | No
     weighed = by_shift.T @ innovations.covariance_inverse
     information = weighed @ by_shift
     seen = spectrum(0.5 * (information + information.T), _HIDDEN_SHARE)
-    size = seen.inverse @ (weighed @ innovations.off)
+    size = seen.inverse @ (weighed @ innovations.deviation)
     statistic = float(size @ information @ size)
     return Shift(
         frame,
@@ -120,7 +120,7 @@ def _shift(innovations: Innovations, frame: str, transform: str, joint: int | No
         information,
         statistic,
         int(seen.rank),
-        innovations.freedoms_of_noise,
+        innovations.noise_freedoms,
     )
 
 
@@ -135,28 +135,28 @@ def detectable_m(shift: Shift, level: float, power: float) -> float | None:
     Returns:
         The length [m], or None if a shift of 10 m is not detected with this probability.
     """
-    along = _sphere(_DIRECTION_COUNT)
-    visible = np.maximum(np.einsum("di,ij,dj->d", along, shift.information[:3, :3], along), 0.0)
+    along = _directions(_DIRECTION_COUNT)
+    noncentrality_per_m2 = np.maximum(np.einsum("di,ij,dj->d", along, shift.information[:3, :3], along), 0.0)
     if not shift.freedoms:
         return None
     # Equally likely ratios of the estimated to the true variance, for its degrees of freedom.
     chances = 1 - (np.arange(_SCALE_COUNT) + 0.5) / _SCALE_COUNT
-    known = np.isfinite(shift.of_noise)
-    scales = chdtri(shift.of_noise, chances) / shift.of_noise if known else np.ones(1)
+    is_estimated = np.isfinite(shift.noise_freedoms)
+    scales = chdtri(shift.noise_freedoms, chances) / shift.noise_freedoms if is_estimated else np.ones(1)
     threshold = shift.threshold(level) * scales[:, None]
 
-    def detection_chance(length_m: float) -> float:
+    def excess_power(length_m: float) -> float:
         """Detection probability of a shift of a length, less `power`."""
-        return 1 - float(np.mean(chndtr(threshold, shift.freedoms, length_m**2 * visible))) - power
+        return 1 - float(np.mean(chndtr(threshold, shift.freedoms, length_m**2 * noncentrality_per_m2))) - power
 
-    if detection_chance(_LARGEST_M) < 0:
+    if excess_power(_LARGEST_M) < 0:
         return None
-    return float(scipy.optimize.brentq(detection_chance, 0.0, _LARGEST_M, xtol=1e-9))
+    return float(scipy.optimize.brentq(excess_power, 0.0, _LARGEST_M, xtol=1e-9))
 
 
-def _sphere(count: int) -> Array:
+def _directions(count: int) -> Array:
     """Evenly distributed directions, (count, 3). Source: Gonzalez 2010, the Fibonacci lattice."""
     k = np.arange(count) + 0.5
-    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
-    flat = np.sqrt(1 - z**2)
-    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
+    z, azimuth = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    radius = np.sqrt(1 - z**2)
+    return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), z], axis=1)

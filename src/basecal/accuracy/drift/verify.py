@@ -22,10 +22,9 @@ from basecal.numerics.threads import limit_threads
 POWER = 0.95
 """Probability that a shift of the detectable length is detected."""
 
-_FEWEST_SAMPLES = 4  # smallest number of samples of which one may be an outlier
-_LARGEST_DETECTABLE_M = (
-    0.1  # [m] of the detectable shift: if it is larger, predictions are too uncertain for a first-order analysis
-)
+_FEWEST_WITH_OUTLIER = 4  # smallest number of samples of which one may be an outlier
+# Largest detectable shift for which predictions are certain enough for a first-order analysis.
+_LARGEST_DETECTABLE_M = 0.1
 _UNCHANGED_CHANCE = 0.05  # p-value of the other samples above which they agree with the calibration
 
 
@@ -38,11 +37,11 @@ class Verification:
         chance: p-value if nothing moved, by Bonferroni: the smallest of all frames times their number.
         shift: The most likely shift, even if it is not significant; None if nothing can be compared.
         alternatives: Other shifts that explain the samples about equally well, if something moved.
-        detectable_m: Shift that is detected with probability `POWER` for each calibrated transform [m]; None if there
-            is no such shift.
+        detectable_m: Shift that is detected with probability `POWER` for each of `requested` [m]; None if there is no
+            such shift.
         samples: Numbers of the compared samples.
         outliers: Numbers of single samples that disagree with all others, and were left out.
-        asked: Estimated shift of each calibrated transform, even if it is not significant.
+        requested: Estimated shift of each requested transform, significant or not; of all frames if none is requested.
     """
 
     moved: bool | None
@@ -52,7 +51,7 @@ class Verification:
     detectable_m: float | None
     samples: tuple[int, ...]
     outliers: tuple[int, ...] = ()
-    asked: tuple[Shift, ...] = ()
+    requested: tuple[Shift, ...] = ()
 
     def __repr__(self) -> str:
         """Summary of the result in one line."""
@@ -80,17 +79,17 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
     free = [name for name, target in cell.targets.items() if target.has_free_scale]
     if free:
         raise InputError(f"poses of {list_names(free)} are up to scale: verify needs a target whose size is known")
-    of = innovations(cell, calibration, synchronous(cell, recording, calibration))
-    found = _verify(cell, of)
-    if found.shift is not None and len(found.samples) >= FEWEST_SAMPLES:
-        of = with_shared_errors(of, found.shift)
-        found = _verify(cell, of)
-    if not found.moved or len(found.samples) < _FEWEST_SAMPLES:
+    observed = innovations(cell, calibration, synchronous(cell, recording, calibration))
+    found = _verify(cell, observed)
+    if found.shift is not None and len(found.samples) >= FEWEST_FOR_SCATTER:
+        observed = with_shared_errors(observed, found.shift)
+        found = _verify(cell, observed)
+    if not found.moved or len(found.samples) < _FEWEST_WITH_OUTLIER:
         return found
     # A single sample that disagrees is an outlier: a real shift affects all later samples.
-    others = [(sample, _verify(cell, of.drop_sample(sample))) for sample in found.samples]
+    others = [(sample, _verify(cell, observed.drop_sample(sample))) for sample in found.samples]
     sample, rest = max(others, key=lambda each: each[1].chance)
-    return found if rest.chance < _UNCHANGED_CHANCE else Verification(**{**vars(rest), "outliers": (sample,)})
+    return found if rest.chance < _UNCHANGED_CHANCE else replace(rest, outliers=(sample,))
 
 
 def _verify(cell: Cell, innovations: Innovations) -> Verification:
@@ -100,20 +99,20 @@ def _verify(cell: Cell, innovations: Innovations) -> Verification:
         return Verification(None, 1.0, None, (), None, samples)
     level = MOVED_LEVEL / len(frames)
     chance = min(1.0, len(frames) * float(np.exp(min(each.log_chance for each in frames))))
-    asked = [each for each in frames if each.transform in cell.requested_transforms] or frames
-    lengths = [detectable_m(each, level, POWER) for each in asked]
-    seen = None if None in lengths else max(length for length in lengths if length is not None)
-    moved = chance < MOVED_LEVEL
+    requested = [each for each in frames if each.transform in cell.requested_transforms] or frames
+    lengths = [detectable_m(each, level, POWER) for each in requested]
+    detectable = None if None in lengths else max(length for length in lengths if length is not None)
+    is_significant = chance < MOVED_LEVEL
     explanations = sorted([*frames, *joint_shifts(innovations)], key=lambda each: each.log_chance)
     best = explanations[0]
-    is_blind = seen is not None and seen > _LARGEST_DETECTABLE_M
-    is_moved = None if is_blind else True if moved else None if seen is None else False
+    is_blind = detectable is not None and detectable > _LARGEST_DETECTABLE_M
+    is_moved = None if is_blind else True if is_significant else None if detectable is None else False
     equal = equally_likely([each.freedoms - each.statistic for each in explanations])
     others = [explanations[k] for k in equal if is_moved and explanations[k] is not best]
-    return Verification(is_moved, chance, best, tuple(others), seen, samples, asked=tuple(asked))
+    return Verification(is_moved, chance, best, tuple(others), detectable, samples, requested=tuple(requested))
 
 
-FEWEST_SAMPLES = 12
+FEWEST_FOR_SCATTER = 12
 """Smallest number of samples whose scatter is informative, with six values each."""
 
 _HIDDEN_SHARE = 1e-9  # share of the information below which a direction of a camera's pose is unobservable
@@ -130,49 +129,49 @@ def with_shared_errors(innovations: Innovations, shift: Shift) -> Innovations:
     Pastur 1967; docs/mathematics.md (13.5).
 
     Args:
-        innovations: New views, of `FEWEST_SAMPLES` or more.
+        innovations: New views, of `FEWEST_FOR_SCATTER` or more.
         shift: The likeliest shift, which is removed from the residuals.
     """
     if shift.joint is None:
         moves = innovations.frame_jacobian(shift.transform)
     else:
         moves = innovations.joint_jacobian(shift.frame.removesuffix("_flange"))[..., shift.joint : shift.joint + 1]
-    left = innovations.covariance_inverse @ (innovations.off - innovations.whiten(moves) @ shift.size)
+    residual = innovations.covariance_inverse @ (innovations.deviation - innovations.whiten(moves) @ shift.size)
     cameras = sorted({group.eye.mount for group in innovations.situation.problem.groups})
-    more = sum(
+    shared = sum(
         (
-            _camera_covariance(innovations, innovations.whiten(innovations.frame_jacobian(name)), left)
+            _camera_covariance(innovations, innovations.whiten(innovations.frame_jacobian(name)), residual)
             for name in cameras
         ),
         np.zeros(innovations.predicted.shape),
     )
     return (
         innovations
-        if not np.any(more)
-        else replace(innovations, predicted=innovations.predicted + more, known_inverse=None)
+        if not np.any(shared)
+        else replace(innovations, predicted=innovations.predicted + shared, known_inverse=None)
     )
 
 
-def _camera_covariance(innovations: Innovations, place_jacobian: Array, residual: Array) -> Array:
+def _camera_covariance(innovations: Innovations, camera_jacobian: Array, residual: Array) -> Array:
     """Covariance of all views from the shared errors of one camera's views, (6 n, 6 n).
 
     Args:
         innovations: The views.
-        place_jacobian: (6 n, 6) derivative of the innovations with respect to the camera's pose.
+        camera_jacobian: (6 n, 6) derivative of the innovations with respect to the camera's pose.
         residual: (6 n,) residuals multiplied by the inverse of their covariance.
     """
     inverse = innovations.covariance_inverse
     rows = [np.flatnonzero(np.repeat(innovations.sample == number, 6)) for number in np.unique(innovations.sample)]
-    said = np.stack([place_jacobian[at].T @ residual[at] for at in rows])
+    scores = np.stack([camera_jacobian[own].T @ residual[own] for own in rows])
     expected = sum(
-        (place_jacobian[at].T @ inverse[np.ix_(at, at)] @ place_jacobian[at] for at in rows), np.zeros((6, 6))
+        (camera_jacobian[own].T @ inverse[np.ix_(own, own)] @ camera_jacobian[own] for own in rows), np.zeros((6, 6))
     )
     of_all = spectrum(expected, _HIDDEN_SHARE)
-    by_chance = (1 + np.sqrt(place_jacobian.shape[1] / len(rows))) ** 2
-    scatter = scaled_spectrum(of_all.inverse_root.T @ (said.T @ said) @ of_all.inverse_root, by_chance)
+    by_chance = (1 + np.sqrt(camera_jacobian.shape[1] / len(rows))) ** 2
+    scatter = scaled_spectrum(of_all.inverse_root.T @ (scores.T @ scores) @ of_all.inverse_root, by_chance)
     beyond = np.where(scatter.is_informative, scatter.values - 1, 0.0)
-    moved = place_jacobian @ (of_all.inverse_root @ scatter.vectors * np.sqrt(beyond))
-    together = moved @ moved.T
-    for at in rows:
-        together[np.ix_(at, at)] *= 1 + len(rows)
-    return together
+    moved = camera_jacobian @ (of_all.inverse_root @ scatter.vectors * np.sqrt(beyond))
+    covariance = moved @ moved.T
+    for own in rows:
+        covariance[np.ix_(own, own)] *= 1 + len(rows)
+    return covariance

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.accuracy.cross_validation.validation import HeldOutErrors, root_mean
+from basecal.accuracy.cross_validation.validation import HeldOutErrors, root_mean_square
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.cell import Finding
@@ -34,8 +34,8 @@ def overfit(evidence: Evidence) -> list[Finding]:
 
 def _comparison(errors: HeldOutErrors, held_out: HeldOutErrors) -> str:
     """Both errors in pixels or mm, as text; empty if neither is known."""
-    inside, outside = (root_mean(e.square_px, e.count_px) for e in (errors, held_out))
+    inside, outside = (root_mean_square(e.square_px, e.count_px) for e in (errors, held_out))
     if inside is not None and outside is not None:
         return f" ({outside:.2f} px against {inside:.2f} px)"
-    inside, outside = (root_mean(e.square_m, e.count_poses) for e in (errors, held_out))
+    inside, outside = (root_mean_square(e.square_m, e.count_poses) for e in (errors, held_out))
     return "" if inside is None or outside is None else f" ({1e3 * outside:.2f} mm against {1e3 * inside:.2f} mm)"

@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.touch_noise import is_touch_noise
-from basecal.accuracy.stated_sigmas import ContradictedSigma, is_below_arms
+from basecal.accuracy.stated_sigmas import ContradictedSigma, is_implausibly_small
 from basecal.cell import Finding
 from basecal.estimation.noise.estimate import PLAUSIBLE_PX
 from basecal.geometry import Array
@@ -50,7 +50,7 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     )
     estimated = evidence.solution.noise.robots.get(sigma.about)
     stated = np.zeros(6) if estimated is None else _mean_noise(sigma.about, evidence)
-    if estimated is not None and (not sigma.is_too_small or is_below_arms(stated)):
+    if estimated is not None and (not sigma.is_too_small or is_implausibly_small(stated)):
         what = f"The stated noise of {sigma.about} is {_noise_text(stated)}; the data show {_noise_text(estimated)}."
         do = (f"State noise of {_noise_text(estimated)}: sigma_t_m is in metres, sigma_r_rad in radians.",)
         return Finding("poor-fit", "warning", about, what, do, "The answer uses the noise that the data show.")

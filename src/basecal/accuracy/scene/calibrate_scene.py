@@ -9,13 +9,13 @@ import numpy as np
 
 from basecal.accuracy.scene.checks import (
     base_findings,
-    count_points,
     describe_scatter,
     direction_findings,
     drop_target_findings,
     joint_findings,
     missing_base_findings,
     motion_findings,
+    points_finding,
 )
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
@@ -33,8 +33,8 @@ from basecal.estimation.scene.spread import scene_covariance
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array, Camera, PoseEstimate
 
-_NOTHING_M = 1e3  # [m, rad] sigma of an unknown direction, far larger than any cell; assumed
-_UNIT = "The scale is that of the robot poses: a wrong unit in all poses cannot be detected."
+_UNKNOWN_SIGMA = 1e3  # [m, rad] sigma of an unknown direction, far larger than any cell; assumed
+_SCALE_NOTE = "The scale is that of the robot poses: a wrong unit in all poses cannot be detected."
 
 
 def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Calibration:
@@ -71,12 +71,12 @@ def _refuse(report: Report, settings: Settings) -> Calibration:
     return Calibration("refused", findings=tuple(report.findings), settings=settings.as_dict())
 
 
-class _Place(NamedTuple):
+class _Transform(NamedTuple):
     """An estimated transform, its prior, and its columns of the covariance; the columns are None if it is fixed."""
 
     name: str
     mean: SE3
-    known: Unknown
+    statement: Unknown
     columns: slice | None
 
     def estimate(self, covariance: Array) -> PoseEstimate:
@@ -84,12 +84,12 @@ class _Place(NamedTuple):
         return PoseEstimate(self.mean, covariance[self.columns, self.columns] if self.columns else np.zeros((6, 6)))
 
 
-def _places(cell: Cell, fit: SceneFit) -> tuple[list[_Place], list[_Place]]:
+def _transforms(cell: Cell, fit: SceneFit) -> tuple[list[_Transform], list[_Transform]]:
     """Bases of all robots except the reference, and mounts of all cameras."""
     views, state, columns = fit.views, fit.state, fit.columns
     names = [cell.base_name(robot) for robot in views.robots], [cell.mount_name(each.name) for each in views.cameras]
-    bases = map(_Place, names[0], state.bases, views.bases, columns.bases)
-    mounts = map(_Place, names[1], state.mounts, (each.mount for each in views.cameras), columns.mounts)
+    bases = map(_Transform, names[0], state.bases, views.bases, columns.bases)
+    mounts = map(_Transform, names[1], state.mounts, (each.mount for each in views.cameras), columns.mounts)
     return [each for each in bases if each.name != cell.base_name(cell.reference)], list(mounts)
 
 
@@ -104,32 +104,32 @@ def _covariance(cell: Cell, fit: SceneFit) -> Array:
 
 def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> Calibration:
     """Return the calibration from an adjusted scene; refused if a finding is an error."""
-    covariance, (bases, mounts) = _covariance(cell, fit), _places(cell, fit)
+    covariance, (bases, mounts) = _covariance(cell, fit), _transforms(cell, fit)
     motion = scene_motion(fit)
     for finding in motion_findings(motion):
         covariance, report.findings = covariance + np.outer(motion.step, motion.step), [*report.findings, finding]
-    rows = {each.name: np.arange(each.columns.stop)[each.columns] for each in (*bases, *mounts) if each.columns}
+    columns = {each.name: np.arange(each.columns.stop)[each.columns] for each in (*bases, *mounts) if each.columns}
     found = {each.name: each.estimate(covariance) for each in (*bases, *mounts)}
     for name, estimate in found.items():
         report.findings += direction_findings(name, estimate.covariance, describe_scatter(fit))
     for each in bases:
         if each.columns and not report.is_refused:
-            report.findings += base_findings(each.name, *_compare_statement(each.known, found[each.name]))
+            report.findings += base_findings(each.name, *_compare_statement(each.statement, found[each.name]))
     if report.is_refused:
         return _refuse(report, settings)
-    report.findings += [count_points(fit), Finding("scene-scale", "info", (), _UNIT)]
+    report.findings += [points_finding(fit), Finding("scene-scale", "info", (), _SCALE_NOTE)]
     report.findings += joint_findings(cell, fit.views.robots)
-    at = np.concatenate([[], *rows.values()]).astype(np.int64)
+    indices = np.concatenate([[], *columns.values()]).astype(np.int64)
     verdict = judge_findings(report.findings)
     report.findings += missing_base_findings(cell, fit.views.robots)
     return Calibration(
         judge_findings(report.findings),
         transforms=found,
-        status={each.name: each.known.status for each in (*bases, *mounts)},
+        status={each.name: each.statement.status for each in (*bases, *mounts)},
         cameras=_lenses(fit, covariance),
         noise={"pixel_px": fit.sigma_px, "robots": _robot_noise(fit)},
-        order=tuple(rows),
-        joint_covariance=covariance[np.ix_(at, at)] if len(at) else None,
+        order=tuple(columns),
+        joint_covariance=covariance[np.ix_(indices, indices)] if len(indices) else None,
         residuals=_residuals(fit),
         findings=tuple(report.findings),
         verdicts=dict.fromkeys(found, verdict),
@@ -145,7 +145,7 @@ def _compare_statement(statement: Unknown, base: PoseEstimate) -> tuple[Array | 
     """
     if statement.mean is None or statement.sigma is None:
         return None, np.eye(3)
-    sigma = np.minimum(statement.sigma, _NOTHING_M)
+    sigma = np.minimum(statement.sigma, _UNKNOWN_SIGMA)
     information = np.linalg.inv(base.covariance)
     of_scene = np.linalg.inv(information - np.diag(1 / sigma**2))
     apart = of_scene @ information @ (statement.mean.inverse() @ base.mean).log()
@@ -211,10 +211,10 @@ def _error_covariances(cell: Cell, fit: SceneFit, covariance: Array, robot: int,
     places_m = {reference: (points_m, -base.rotation.T), robot: (base.inverse() @ points_m, np.eye(3))}
     by_base = point_jacobian(places_m[robot][0])
     total = by_base @ covariance[columns, columns] @ by_base.mT
-    for index, (at_m, turn) in places_m.items():
+    for index, (at_m, signed_rotation) in places_m.items():
         total += np.mean(fit.stop_sigma[fit.views.stop_robot == index, :3] ** 2) * np.eye(3)
         if not cell.robots[fit.views.robots[index]].is_total_noise:
-            total += _shared_part(fit, index, at_m, turn, by_base, columns)
+            total += _shared_part(fit, index, at_m, signed_rotation, by_base, columns)
     return total
 
 
@@ -224,21 +224,23 @@ def _recorded_places(fit: SceneFit, robots: tuple[int, int]) -> Array:
     return choose_places(fit.state.world_from_flange(fit.views).translation[mine])
 
 
-def _shared_part(fit: SceneFit, robot: int, at_m: Array, turn: Array, by_base: Array, columns: slice) -> Array:
+def _shared_part(
+    fit: SceneFit, robot: int, at_m: Array, signed_rotation: Array, by_base: Array, columns: slice
+) -> Array:
     """Covariance from a robot's shared errors, with their correlation with the base, (n, 3, 3) [m^2].
 
     Args:
         fit: The scene.
         robot: Index of the robot.
         at_m: (n, 3) flange positions in the robot's base [m].
-        turn: (3, 3) matrix from the axes of that base to the axes of the distance, with its sign.
+        signed_rotation: (3, 3) matrix from the axes of that base to the axes of the distance, with its sign.
         by_base: (n, 3, 6) derivative of the distance with respect to the base.
         columns: Columns of the base.
     """
     poses = move_nearest(fit.views.base_from_flange[np.flatnonzero(fit.views.robot == robot)], at_m)
     total = np.zeros((len(at_m), 3, 3))
     for each in shared_errors(fit, robot):
-        own = turn @ poses.rotation @ each.at(poses)[:, :3]
+        own = signed_rotation @ poses.rotation @ each.flange_jacobian(poses)[:, :3]
         mixed = by_base @ each.moves[columns] @ each.moment @ own.mT
         total += mixed + mixed.mT + own @ each.moment @ own.mT + each.unseen_m2(poses)[:, None, None] * np.eye(3)
     return total

@@ -15,7 +15,7 @@ import numpy as np
 from basecal.accuracy.model_comparison.nested_models import compare_nested_models, compare_places
 from basecal.accuracy.phrases.recorded_robots import advise_check
 from basecal.accuracy.scene.joining import Join
-from basecal.accuracy.scene.one_camera import MOST_PX, OneCamera
+from basecal.accuracy.scene.one_camera import MOST_EPIPOLAR_PX, OneCamera
 from basecal.accuracy.scene.shared_errors import SceneMotion
 from basecal.cell import Cell, Finding
 from basecal.estimation.scene.adjust import SceneFit
@@ -39,7 +39,7 @@ _OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that counts as 
 
 _PAPER = "Put printed paper or tools on the table, in view of the camera."
 SAME_SPOT = "Take about five images with each arm of the same spot, from similar directions."
-_SECOND = (
+_OTHER_EVIDENCE = (
     "Measure where the base is to 20 mm, and state it in cell.yaml as a prior with its sigma.",
     "Or let one camera see a board on the other arm, and run `basecal calibrate CELL --scene also`.",
     "Or touch one point with both tools.",
@@ -74,7 +74,7 @@ def camera_findings(name: str, one: OneCamera, joint_robots: Sequence[str] = ())
         what = f"{one.matched_pairs} pairs of images of {name} show the same features; {_FEWEST_PAIRS} are needed."
         yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
         return
-    if one.start.misfit > (False, MOST_PX):
+    if one.start.misfit > (False, MOST_EPIPOLAR_PX):
         off = (
             "the scene would lie behind the camera"
             if one.start.is_behind
@@ -137,7 +137,9 @@ def base_findings(name: str, offset: Array | None, covariance: Array) -> Iterato
         yield Finding("scene-rival", "error", (name,), what, (_TWO_PLACES,), _MISTAKEN)
     elif offset is None or not compare_places(offset, covariance).is_taken:
         what = f"{name} depends on objects that two cameras see, and on no other evidence."
-        yield Finding("not-validated", "warning", (name,), what, _SECOND, "Two equal objects would give a wrong base.")
+        yield Finding(
+            "not-validated", "warning", (name,), what, _OTHER_EVIDENCE, "Two equal objects would give a wrong base."
+        )
 
 
 def kept_findings(names: tuple[str, str], count_before: int, count_after: int) -> Iterator[Finding]:
@@ -158,7 +160,7 @@ def motion_findings(motion: SceneMotion) -> Iterator[Finding]:
         yield Finding("scene-moved", "warning", (), what, do, "The pose errors change with time.")
 
 
-def direction_findings(name: str, covariance: Array, scatter: str = "") -> Iterator[Finding]:
+def direction_findings(name: str, covariance: Array, scatter: str) -> Iterator[Finding]:
     """Finding of a transform with a large sigma along some axis.
 
     Args:
@@ -189,7 +191,7 @@ def describe_scatter(fit: SceneFit) -> str:
     return " ".join(found)
 
 
-def count_points(fit: SceneFit) -> Finding:
+def points_finding(fit: SceneFit) -> Finding:
     """Finding with the number of points used, and the number that two cameras or more see."""
     tracks = fit.tracks
     seen = np.unique(np.column_stack([tracks.point, fit.views.camera[tracks.view]]), axis=0)

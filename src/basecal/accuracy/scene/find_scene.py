@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.accuracy.scene.checks import SAME_SPOT, camera_findings, join_findings, kept_findings
 from basecal.accuracy.scene.images import Images
-from basecal.accuracy.scene.joining import Join, join, merged_tracks, shared_points
+from basecal.accuracy.scene.joining import Join, find_join, merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera, solve_camera
 from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Finding
@@ -81,7 +81,7 @@ def _joins(images: Images, ones: Sequence[OneCamera], report: Report) -> dict[in
     """Transforms from the first camera's scene to the scene of each other camera, by camera index."""
     joins = {}
     for index in range(1, len(ones)):
-        found = join(images, ones[0], ones[index])
+        found = find_join(images, ones[0], ones[index])
         names = (images.views.cameras[0].name, images.views.cameras[index].name)
         shared, of_each = 0, (0, 0)
         if found is not None:
@@ -104,9 +104,9 @@ def _fit(
     bases = [SE3.identity() for _ in views.robots]
     for index, found in joins.items():
         bases[_carrier(images, index)] = found.second_from_first.inverse()
-    home = bases[views.robots.index(reference)]
+    reference_base = bases[views.robots.index(reference)]
     bases = [
-        known.mean if known.status == "fixed" and known.mean is not None else home.inverse() @ base
+        known.mean if known.status == "fixed" and known.mean is not None else reference_base.inverse() @ base
         for known, base in zip(views.bases, bases, strict=True)
     ]
     states, tracks = [one.adjustment.state for one in ones], merged_tracks(ones, joins)
@@ -133,12 +133,12 @@ def _add_fixed_cameras(images: Images, fit: SceneFit, robot_noise: Sequence[Arra
     descriptors = images.descriptors(fit.tracks)
     state, tracks, kept, cameras = fit.state, fit.tracks, list(range(count)), list(fit.views.cameras)
     for row in range(count, len(views)):
-        number = int(views.camera[row])
-        camera, lens = views.cameras[number], images.lenses[number]
-        guessed = images.is_guessed[number]
-        found = None if guessed else locate_camera(images.features[row], descriptors, state.points, lens)
+        index = int(views.camera[row])
+        camera, lens = views.cameras[index], images.lenses[index]
+        is_guessed = images.is_guessed[index]
+        found = None if is_guessed else locate_camera(images.features[row], descriptors, state.points, lens)
         if found is None:
-            report.findings.append(_missing_camera(camera.name, guessed))
+            report.findings.append(_missing_camera(camera.name, is_guessed))
             continue
         seen = images.features[row].pixels[found.feature]
         tracks = concatenate([tracks, Tracks(np.full(len(seen), len(kept)), found.point, seen, found.feature)])

@@ -47,20 +47,20 @@ def with_scene_as_target(
     target = CellTarget(
         _free_name(cell), WORLD, Unknown("fixed", SE3.identity()), points_target(fingerprint.points), 0.0
     )
-    described = replace(cell, targets={**cell.targets, target.name: target})
+    extended = replace(cell, targets={**cell.targets, target.name: target})
     images = read_images(cell, recording)
-    looks = unit_descriptors(fingerprint.descriptors)
+    descriptors = unit_descriptors(fingerprint.descriptors)
     seen: dict[int, list[PixelObservation]] = {}
-    for row, (number, index) in enumerate(zip(images.views.sample, images.views.camera, strict=True)):
+    for row, (sample_number, index) in enumerate(zip(images.views.sample, images.views.camera, strict=True)):
         name = images.views.cameras[index].name
         lens = calibration.cameras[name][0] if name in calibration.cameras else images.lenses[index]
-        found = _observe_scene(images, row, lens, looks, target)
+        found = _observe_scene(images, row, lens, descriptors, target)
         if found is not None:
-            seen.setdefault(int(number), []).append(found)
+            seen.setdefault(int(sample_number), []).append(found)
     samples = (
         replace(each, observations=(*each.observations, *seen.get(each.sample, []))) for each in recording.samples
     )
-    return described, replace(recording, samples=tuple(samples))
+    return extended, replace(recording, samples=tuple(samples))
 
 
 def _free_name(cell: Cell) -> str:
@@ -69,12 +69,12 @@ def _free_name(cell: Cell) -> str:
 
 
 def _observe_scene(
-    images: Images, row: int, lens: Camera, looks: Descriptors, target: CellTarget
+    images: Images, row: int, lens: Camera, descriptors: Descriptors, target: CellTarget
 ) -> PixelObservation | None:
     """Return the observation of the scene in an image; None if the image shows too few points."""
     assert target.target is not None
     features, points = images.features[row], target.target.points
-    found = locate_camera(features, looks, points, lens)
+    found = locate_camera(features, descriptors, points, lens)
     if found is None:
         return None
     pixels = features.pixels[found.feature]

@@ -78,20 +78,22 @@ def read_images(cell: Cell, recording: Recording, settings: Settings = DEFAULT) 
     """
     carried = [name for name in cell.cameras if cell.cameras[name].on in cell.robots]
     fixed = [name for name in cell.cameras if cell.cameras[name].on == WORLD]
-    taken = [(name, sample) for sample in recording.samples for name in carried if _has_pose(cell, name, sample)]
-    taken += [(name, own[0]) for name in fixed if (own := [s for s in recording.samples if _has_pose(cell, name, s)])]
+    taken = [(name, sample) for sample in recording.samples for name in carried if _has_posed_view(cell, name, sample)]
+    taken += [
+        (name, own[0]) for name in fixed if (own := [s for s in recording.samples if _has_posed_view(cell, name, s)])
+    ]
     read = []
     for number, (name, sample) in enumerate(taken, 1):
         settings.report_progress(number, len(taken))
         read.append((name, sample, read_features(cell, name, sample, recording.folder)))
     seen = [(name, sample, *found) for name, sample, found in read if not isinstance(found, str)]
-    lost = [_loss(name, sample, found) for name, sample, found in read if isinstance(found, str)]
+    lost = [_unread_image(name, sample, found) for name, sample, found in read if isinstance(found, str)]
     sizes = {name: size for name, _, _, size in seen}
     names = [name for name in (*carried, *fixed) if name in sizes]
     cameras = tuple(_scene_camera(cell, name) for name in names)
     robots = list(dict.fromkeys(camera.robot for camera in cameras if camera.robot is not None))
-    places = [*robots, WORLD]
-    robot = np.array([places.index(cell.cameras[name].on) for name, *_ in seen], dtype=np.int64)
+    carriers = [*robots, WORLD]
+    robot = np.array([carriers.index(cell.cameras[name].on) for name, *_ in seen], dtype=np.int64)
     robot[robot == len(robots)] = -1
     samples = [sample for _, sample, *_ in seen]
     base_from_flange, stop, stop_robot = _robot_states(cell, robots, robot, samples)
@@ -114,13 +116,15 @@ def read_images(cell: Cell, recording: Recording, settings: Settings = DEFAULT) 
     return Images(views, features, lenses, is_guessed, tuple(lost), joint_robots=joint_robots)
 
 
-def _has_pose(cell: Cell, camera: str, sample: Sample) -> bool:
-    """Whether a sample has an image or tracks of a camera, and the pose of the camera's robot, if any."""
+def _has_posed_view(cell: Cell, camera: str, sample: Sample) -> bool:
+    """Whether a sample has an image or tracks of a camera, with the pose of its robot, if any."""
     has_view = camera in sample.images or any(seen.camera == camera for seen in sample.tracks)
     return has_view and cell.cameras[camera].on in (WORLD, *sample.robots)
 
 
-def read_features(cell: Cell, camera: str, sample: Sample, home: str | None) -> tuple[Features, tuple[int, int]] | str:
+def read_features(
+    cell: Cell, camera: str, sample: Sample, folder: str | None
+) -> tuple[Features, tuple[int, int]] | str:
     """Read the features of a view; the view's tracks are used if the sample has any.
 
     Returns:
@@ -133,16 +137,16 @@ def read_features(cell: Cell, camera: str, sample: Sample, home: str | None) -> 
         if seen.camera == camera:
             size_px = cell.cameras[camera].size_px
             return identified_features(seen.tracks, seen.pixels), size_px or _extent(seen.pixels)
-    if home is None:
+    if folder is None:
         raise InputError("the folder of the images is not known; read the recording from its cell's folder")
-    folder = Path(home)
-    data = read_bytes(folder / sample.images[camera])
+    root = Path(folder)
+    data = read_bytes(root / sample.images[camera])
     if isinstance(data, str):
         return data
     image = grey_image(data, cell.cameras[camera].size_px)
     if isinstance(image, str):
         return image
-    found = cached_features(folder, hashlib.sha256(data).hexdigest(), image, _moving_targets(cell, sample, camera))
+    found = cached_features(root, hashlib.sha256(data).hexdigest(), image, _moving_targets(cell, sample, camera))
     return found, (image.shape[1], image.shape[0])
 
 
@@ -152,7 +156,7 @@ def _extent(pixels: Array) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _loss(camera: str, sample: Sample, reason: str) -> Finding:
+def _unread_image(camera: str, sample: Sample, reason: str) -> Finding:
     what = f"The image of {camera} in sample {sample.sample} is not used: {reason}."
     return Finding("dropped-sample", "info", (str(sample.sample), camera), what)
 

@@ -14,7 +14,7 @@ import numpy as np
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.station_scores import score_stations
 from basecal.accuracy.model_comparison.held_out import compare_predicted_gains
-from basecal.accuracy.scene.checks import base_findings, count_points
+from basecal.accuracy.scene.checks import base_findings, points_finding
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
 from basecal.accuracy.scene.images import Images, read_images
@@ -34,7 +34,7 @@ _LINEARISATIONS = 2  # of the tracks: the second is about an optimum; assumed
 
 
 def join_scene(
-    cell: Cell, recording: Recording, solution: Solution, settings: Settings, outlier_samples: Collection[int] = ()
+    cell: Cell, recording: Recording, solution: Solution, settings: Settings, outlier_samples: Collection[int]
 ) -> tuple[Solution, tuple[Finding, ...], Fingerprint | None]:
     """Solve again with the scene, if the scene improves the solution.
 
@@ -76,7 +76,7 @@ def join_scene(
         return solution, (_explain_omission(()),), None
     assert joined.problem.tied is not None
     kept = scene_fingerprint(images, fit, joined.problem.tied.points)
-    return joined, (*report.findings, *findings, count_points(fit)), kept
+    return joined, (*report.findings, *findings, points_finding(fit)), kept
 
 
 def _update_images(images: Images, solution: Solution, cell: Cell, anchor: str) -> Images:
@@ -160,11 +160,11 @@ def _predicts_better(solution: Solution, iterations: int) -> bool:
     split = next(splits(solution.problem), None)
     if split is None:
         return True
-    without, within = (
+    scores_without, scores_with = (
         score_stations(problem, solution.state, split, iterations).scores
         for problem in (replace(solution.problem, tied=None), solution.problem)
     )
-    return compare_predicted_gains(without - within).gain > 0
+    return compare_predicted_gains(scores_without - scores_with).gain > 0
 
 
 def _explain_omission(findings: Sequence[Finding]) -> Finding:

@@ -57,21 +57,21 @@ class Join:
         return float((len(self.sightings) - self.by_chance) / np.sqrt(max(self.by_chance, 1.0)))
 
 
-def join(images: Images, first: OneCamera, second: OneCamera) -> Join | None:
+def find_join(images: Images, first: OneCamera, second: OneCamera) -> Join | None:
     """Return the transform with the most evidence in the images; None if no pairs of points agree."""
     pairs, tolerance = paired_points(images, first, second)
     points = first.adjustment.state.points
     one, other = points[pairs[:, 0]], second.adjustment.state.points[pairs[:, 1]]
-    looks = images.descriptors(first.tracks)
+    descriptors = images.descriptors(first.tracks)
     tried = [
-        _judge_transform(images, points, looks, second, at)
-        for at, _ in alignments(one, other, tolerance, _MOST_TRANSFORMS)
+        _judge_transform(images, points, descriptors, second, transform)
+        for transform, _ in alignments(one, other, tolerance, _MOST_TRANSFORMS)
     ]
     if not tried:
         return None
     best, *others = sorted(tried, key=lambda each: -each.score)
-    at = best.second_from_first
-    rivals = [each for each in others if not are_one(each.second_from_first, at, one, _SAME_M_RAD)]
+    transform = best.second_from_first
+    rivals = [each for each in others if not are_one(each.second_from_first, transform, one, _SAME_M_RAD)]
     return replace(best, rival=max((_evidence_share(each, best) for each in rivals), default=0.0))
 
 
@@ -124,7 +124,9 @@ def _distances(fit: SceneFit) -> Array:
     return np.bincount(fit.tracks.point, distance) / np.maximum(np.bincount(fit.tracks.point), 1)
 
 
-def _judge_transform(images: Images, points: Array, looks: Descriptors, second: OneCamera, transform: SE3) -> Join:
+def _judge_transform(
+    images: Images, points: Array, descriptors: Descriptors, second: OneCamera, transform: SE3
+) -> Join:
     """Refine a transform on matches of the first camera's points in the second camera's images, and evaluate it."""
     fit = second.adjustment
     camera_from_world, lens = fit.state.world_from_camera(fit.views).inverse(), fit.state.lenses[0]
@@ -133,9 +135,9 @@ def _judge_transform(images: Images, points: Array, looks: Descriptors, second: 
         seen, by_chance = list[Tracks](), 0.0
         for view, row in enumerate(second.rows):
             features = images.features[row]
-            found = match_predictions(features, pixels[view], looks, radius_px)
-            at = features.pixels[found.feature]
-            seen.append(Tracks(np.full(len(at), view), found.point, at, found.feature))
+            found = match_predictions(features, pixels[view], descriptors, radius_px)
+            found_px = features.pixels[found.feature]
+            seen.append(Tracks(np.full(len(found_px), view), found.point, found_px, found.feature))
             by_chance += found.by_chance
         sightings = concatenate(seen)
         if len(sightings) < 6:
@@ -185,10 +187,10 @@ def merged_tracks(ones: Sequence[OneCamera], joins: Mapping[int, Join]) -> Track
         ties.append(tied + offsets[[index, 0]])
     tracks = concatenate(parts)
     tracks = replace(tracks, point=components(np.concatenate(ties), int(offsets[-1]))[tracks.point])
-    _, which, times = np.unique(
+    _, groups, counts = np.unique(
         np.column_stack([tracks.view, tracks.point]), axis=0, return_inverse=True, return_counts=True
     )
-    return tracks.take(times[which.ravel()] == 1)[0]
+    return tracks.take(counts[groups.ravel()] == 1)[0]
 
 
 def shared_points(views: SceneViews, tracks: Tracks, second: int) -> tuple[int, tuple[int, int]]:
@@ -212,7 +214,9 @@ def _new_sightings(own: Tracks, sightings: Tracks) -> tuple[Tracks, IntArray]:
     Returns:
         Sightings by features that belong to no own track, and pairs of own and other points, (t, 2).
     """
-    known = np.full((own.view.max() + 1, max(own.feature.max(), sightings.feature.max(initial=0)) + 1), -1)
+    view_count = max(own.view.max(), sightings.view.max(initial=0)) + 1
+    feature_count = max(own.feature.max(), sightings.feature.max(initial=0)) + 1
+    known = np.full((view_count, feature_count), -1)
     known[own.view, own.feature] = own.point
     point = known[sightings.view, sightings.feature]
     pairs, votes = np.unique(np.column_stack([point, sightings.point])[point >= 0], axis=0, return_counts=True)

@@ -25,7 +25,7 @@ _NEIGHBOURS = 20  # images of the most similar directions with which each image 
 _MOST_ALL = 60  # largest number of images of which all pairs are matched
 _PAIRS = 3000  # of image points, for the search of the mount
 _MOST_POINTS = 1500  # of a camera's own scene: more take time without effect on the result (benchmarks.scene)
-MOST_PX = 5.0  # [px] median distance of image points from their epipolar geometry; 0.5 to 2 with correct poses
+MOST_EPIPOLAR_PX = 5.0  # [px] median distance of image points from their epipolar geometry; 0.5 to 2 with correct poses
 _FOCAL_SCALES = (0.65, 1.0, 1.5)  # tried factors of a guessed focal length
 
 
@@ -76,7 +76,7 @@ def solve_camera(images: Images, camera: int, stop_noise: Array | None) -> OneCa
     guess = images.mounts[camera] if images.mounts else None
     start = _start(point_pairs(tracks, _PAIRS), views, lens, images.is_guessed[camera], guess)
     fit = None
-    if start is not None and start.misfit <= (False, MOST_PX):
+    if start is not None and start.misfit <= (False, MOST_EPIPOLAR_PX):
         state = start_state(views, [_first_mount(views, start)], [SE3.identity()], (start.lens,))
         with suppress(np.linalg.LinAlgError):
             fit = fit_scene(views, tracks, state, state.lenses, (stop_noise,))

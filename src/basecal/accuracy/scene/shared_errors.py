@@ -20,6 +20,7 @@ from basecal.effects.faces.effect import SigmaPrior
 from basecal.effects.length_scale import LENGTHS, outward
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.geometry import SE3, Array, IntArray
+from basecal.numerics.mixtures import probabilities
 
 _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviations
 
@@ -49,7 +50,7 @@ class Response(NamedTuple):
         return float(-0.5 * self.gradient @ mean - 0.5 * np.linalg.slogdet(grown)[1])
 
 
-def respond(fit: SceneFit, by_stop: Array) -> Response:
+def compute_response(fit: SceneFit, by_stop: Array) -> Response:
     """Return the response to k errors that move the flange at each stop by right tangents `by_stop`, (s, 6, k)."""
     errors = fit.columns.errors
     moves = by_stop.reshape(-1, by_stop.shape[-1])
@@ -66,13 +67,14 @@ class SharedError(NamedTuple):
     Attributes:
         moves: (q, k) derivative of all columns except stop errors.
         moment: (k, k) posterior second moment of the errors.
-        at: Function of poses, (n,): derivative of the flange with respect to the errors, (n, 6, k), right tangents.
+        flange_jacobian: Function of poses, (n,): derivative of the flange with respect to the errors, (n, 6, k), right
+            tangents.
         unseen_m2: Function of poses, (n,): variance along an axis that no recorded pose shows, (n,) [m^2].
     """
 
     moves: Array
     moment: Array
-    at: Callable[[SE3], Array]
+    flange_jacobian: Callable[[SE3], Array]
     unseen_m2: Callable[[SE3], Array]
 
 
@@ -80,7 +82,7 @@ def shared_errors(fit: SceneFit, robot: int) -> list[SharedError]:
     """Errors that a robot's stops share: a length error, and errors that vary smoothly with the pose."""
     mine = np.flatnonzero(fit.views.robot == robot)
     recorded = fit.views.base_from_flange[mine]
-    response = respond(fit, _move_stops(fit, mine, outward(recorded)))
+    response = compute_response(fit, _move_stops(fit, mine, outward(recorded)))
     moment, _ = _second_moment(response, SigmaPrior.single_value(LENGTHS.sigma))
     lengths = SharedError(response.moves, moment, outward, lambda poses: np.zeros(len(poses)))
     smooth = smooth_by_place.errors(recorded, recorded)
@@ -97,7 +99,7 @@ def shared_errors(fit: SceneFit, robot: int) -> list[SharedError]:
         assert found is not None
         return found.by_stop * lever
 
-    response = respond(fit, _move_stops(fit, mine, flange_moves(recorded)))
+    response = compute_response(fit, _move_stops(fit, mine, flange_moves(recorded)))
     moment, variance = _second_moment(response, SigmaPrior.spike_and_slab(middle * factor**_NODES))
 
     def unseen_m2(poses: SE3) -> Array:
@@ -122,20 +124,19 @@ def _move_stops(fit: SceneFit, views: IntArray, moves: Array) -> Array:
 
 def _second_moment(response: Response, prior: SigmaPrior) -> tuple[Array, float]:
     """Posterior second moment of errors with a common sigma, (k, k), and posterior mean of the squared sigma."""
-    count = len(response.gradient)
-    variances = [np.full(count, sigma**2) for sigma in prior.sigmas if sigma]
-    likely = np.exp([response.log_evidence(each) for each in variances])
-    of_none = float(prior.probabilities[prior.sigmas == 0].sum())
-    share = prior.probabilities[prior.sigmas > 0] * likely / (of_none + prior.probabilities[prior.sigmas > 0] @ likely)
-    moment = sum(
-        weight * (covariance + np.outer(mean, mean))
-        for weight, (mean, covariance) in zip(share, map(response.posterior, variances), strict=True)
-    )
-    return moment, float(share @ prior.sigmas[prior.sigmas > 0] ** 2)
+    variances = [np.full(len(response.gradient), sigma**2) for sigma in prior.sigmas]
+    evidence = np.array([response.log_evidence(each) if each.all() else 0.0 for each in variances])
+    shares = probabilities(prior.probabilities, 2 * evidence)
+    moment = np.zeros_like(response.information)
+    for share, variance in zip(shares, variances, strict=True):
+        if variance.all():
+            mean, covariance = response.posterior(variance)
+            moment += share * (covariance + np.outer(mean, mean))
+    return moment, float(shares @ prior.sigmas**2)
 
 
 # [m, rad] prior sigma of a motion; regularises directions that bases absorb; assumed.
-_LARGEST = np.repeat([0.1, 0.1], 3)
+_MOTION_SIGMA = np.full(6, 0.1)
 _FEWEST_BESIDE = 3  # samples before and after a sudden motion: two may have independent errors; assumed
 
 
@@ -184,8 +185,8 @@ def _profiles(fit: SceneFit) -> Iterator[tuple[int | None, Array]]:
 
 def _score(fit: SceneFit, profile: Array) -> tuple[float, Array, Array]:
     """Score of a motion, its size about the middle of the points, (6,) [m, rad], and its shift of columns, (q,)."""
-    response = respond(fit, profile[:, None, None] * _flange_moves(fit))
-    motion, _ = response.posterior(_LARGEST**2)
+    response = compute_response(fit, profile[:, None, None] * _flange_moves(fit))
+    motion, _ = response.posterior(_MOTION_SIGMA**2)
     return float(-response.gradient @ motion), motion, response.moves @ motion
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
-from basecal.accuracy.clocks.search import Clocked
+from basecal.accuracy.clocks.search import ClockedRecording
 from basecal.accuracy.clocks.step import ClockStep
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.residuals.fit import residuals
@@ -34,7 +34,7 @@ class Case:
         plain: Solution with the noise as stated.
         noisy: Solution with unstated noise estimated; None if no noise is to be estimated.
         robust: Solution without outliers.
-        weighed: The answer, and the evidence to judge it.
+        gathered_evidence: The answer, and the evidence to judge it.
         certificate: Certificate of the answer; None if there is none.
         answers: Answer as fitted, with the covariance of systematic effects, and with that of clocks, too.
         clock_step: Remaining step of the clocks, including these effects; None if no clock was estimated.
@@ -48,12 +48,12 @@ class Case:
     settings: Settings
     findings: tuple[Finding, ...] = ()
     units_m: Mapping[str, float] = field(default_factory=dict)
-    clocked: Clocked | None = None
+    clocked: ClockedRecording | None = None
     packed: Problem | None = None
     plain: Solution | None = None
     noisy: Solution | None = None
     robust: RobustSolution | None = None
-    weighed: Evidence | None = None
+    gathered_evidence: Evidence | None = None
     certificate: Certificate | None = None
     answers: tuple[Solution, ...] = ()
     clock_step: ClockStep | None = None
@@ -77,17 +77,17 @@ class Case:
     @property
     def evidence(self) -> Evidence:
         """The answer, and the evidence to judge it."""
-        assert self.weighed is not None
-        return self.weighed
+        assert self.gathered_evidence is not None
+        return self.gathered_evidence
 
     @property
     def stated_settings(self) -> Settings:
         """The settings with robots of unstated noise assumed exact."""
         return replace(self.settings, robot_noise="stated")
 
-    def weighing(self, **parts: Any) -> Self:
+    def with_evidence(self, **parts: Any) -> Self:
         """Copy of the case with further evidence."""
-        return replace(self, weighed=replace(self.evidence, **parts))
+        return replace(self, gathered_evidence=replace(self.evidence, **parts))
 
     def with_findings(self, findings: Iterable[Finding]) -> Self:
         """Copy of the case with further findings."""

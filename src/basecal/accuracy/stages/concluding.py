@@ -7,11 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.clocks.correction import (
-    clock_findings,
-    clock_offsets,
-    line_times,
-)
+from basecal.accuracy.clocks.correction import clock_findings, clock_offsets, line_times
 from basecal.accuracy.covariance.widening import curved_covariance
 from basecal.accuracy.held_gauges import held_gauges
 from basecal.accuracy.noise_summary import noise_summary
@@ -26,11 +22,11 @@ from basecal.cell import Calibration
 
 def conclude(case: Case) -> Case:
     """Build the calibration from the results of all previous stages."""
-    clocked, left = case.clocked, case.clock_step
-    if clocked is None or left is None:
+    clocked, step = case.clocked, case.clock_step
+    if clocked is None or step is None:
         return replace(case, calibration=_calibration(case))
-    case = case.with_findings(clock_findings(clocked, left))
-    clocks, lines = clock_offsets(clocked, left), line_times(clocked, left)
+    case = case.with_findings(clock_findings(clocked, step))
+    clocks, lines = clock_offsets(clocked, step), line_times(clocked, step)
     return replace(case, calibration=replace(_calibration(case), clocks=clocks, line_times=lines))
 
 

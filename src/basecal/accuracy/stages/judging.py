@@ -51,25 +51,25 @@ def screen_stated_sigmas(case: Case) -> Case:
         units_m=case.units_m,
         images=case.recording.image_paths(),
     )
-    return replace(case, robust=robust, weighed=evidence)
+    return replace(case, robust=robust, gathered_evidence=evidence)
 
 
 def choose_kinematics(case: Case) -> Case:
     """Choose the kinematic model of each robot by its prediction of held-out samples."""
-    return case.weighing(robot_model=choose_robot_model(case.solution, case.stated_settings))
+    return case.with_evidence(robot_model=choose_robot_model(case.solution, case.stated_settings))
 
 
 def find_systematic_error(case: Case) -> Case:
     """Search for a systematic error that explains the residuals better than noise."""
     stamps = {s.sample: s.stamp_s for s in case.recording.samples if s.stamp_s is not None}
     found = systematic_error(case.solution, case.problem, stamps, case.settings, case.evidence.refuted)
-    return case.weighing(systematic_error=found)
+    return case.with_evidence(systematic_error=found)
 
 
 def certify_solution(case: Case) -> Case:
     """Prove that no other optimum is better, or switch to a better one."""
     solution, certificate = prove_solution(case.solution, case.stated_settings)
-    return replace(case.weighing(solution=solution), certificate=certificate)
+    return replace(case.with_evidence(solution=solution), certificate=certificate)
 
 
 def predict_held_out_samples(case: Case) -> Case:
@@ -78,7 +78,7 @@ def predict_held_out_samples(case: Case) -> Case:
     validated = cross_validate(
         thin_solution(solution, case.stated_settings), case.cell.requested_transforms, case.stated_settings
     )
-    return case.weighing(
+    return case.with_evidence(
         cross_validation=validated,
         lens_structures=lens_structures(solution, case.settings),
         held_out_places=place_errors(solution, case.settings.iterations),
@@ -100,16 +100,16 @@ def cover_effects(case: Case) -> Case:
     evidence = case.evidence
     fitted = solution = evidence.solution
     rival = None if evidence.cross_validation is None else evidence.cross_validation.rival
-    in_fields = _robots_with_fields(case)
+    robots_with_fields = _robots_with_fields(case)
     for other in (evidence.systematic_error, rival, *evidence.lens_structures):
-        solution = solution if other is None else widen(solution, _effect_shift(solution, other, in_fields))
-    left = None if case.clocked is None else remaining_step(case.clocked, fitted)
-    offsets = None if left is None else left.offsets
+        solution = solution if other is None else widen(solution, _effect_shift(solution, other, robots_with_fields))
+    remaining = None if case.clocked is None else remaining_step(case.clocked, fitted)
+    offsets = None if remaining is None else remaining.offsets
     contained = contain_expected_sizes(case.cell, solution, evidence.systematic_error, offsets)
-    if left is None:
+    if remaining is None:
         return replace(case, answers=(fitted, contained.solution, contained.solution))
-    clocked = apply_remaining_step(contained.solution, left)
-    step = left.add_effects(contained.shift_s, contained.offset_covariance)
+    clocked = apply_remaining_step(contained.solution, remaining)
+    step = remaining.add_effects(contained.shift_s, contained.offset_covariance)
     return replace(case, answers=(fitted, contained.solution, clocked), clock_step=step)
 
 
@@ -122,18 +122,18 @@ def _robots_with_fields(case: Case) -> frozenset[str]:
 
 
 def _effect_shift(
-    solution: Solution, effect: FoundEffect | ClosedFormRival | LensStructure, in_fields: frozenset[str] = frozenset()
+    solution: Solution, effect: FoundEffect | ClosedFormRival | LensStructure, covered_robots: frozenset[str]
 ) -> Array:
     """Shift of the answer by an effect, (p,); of confounded effects the largest shift.
 
     Args:
         solution: The answer.
         effect: The effect.
-        in_fields: Robots whose error fields already cover position-dependent effects.
+        covered_robots: Robots whose error fields already cover position-dependent effects.
     """
     if isinstance(effect, FoundEffect):
         others = (each for each in (effect, *effect.alternatives) if each.effect not in CONTAINED)
-        excluded = [each.moved for each in others if each.effect not in BY_PLACE or each.about not in in_fields]
+        excluded = [each.moved for each in others if each.effect not in BY_PLACE or each.about not in covered_robots]
         return np.asarray(effect.probability**0.5 * largest_shift(solution, excluded or [np.zeros_like(effect.moved)]))
     return effect.moved
 

@@ -34,8 +34,8 @@ def shape_pose_noise(case: Case) -> Case:
     if not is_explained(case):
         return case
     targets = _open_targets(case.problem)
-    judged, solutions = _with_most_views(case, targets)
-    sizes = {target: size for target in targets if (size := likely_size(judged, target, solutions)) is not None}
+    solved_case, solutions = _with_most_views(case, targets)
+    sizes = {target: size for target in targets if (size := likely_size(solved_case, target, solutions)) is not None}
     return _solve_by_corners(case, sizes) if sizes else case
 
 
@@ -95,8 +95,8 @@ def _peak(ratios: Array) -> float:
     """Size at the peak of a parabola through the largest ratio and its neighbours."""
     at = int(np.clip(np.argmax(ratios), 1, len(_SIZES) - 2))
     logs = np.log(_SIZES)
-    bend, slope, _ = np.polyfit(logs[at - 1 : at + 2], ratios[at - 1 : at + 2], 2)
-    peak = -slope / (2 * bend) if bend < 0 else logs[int(np.argmax(ratios))]
+    curvature, slope, _ = np.polyfit(logs[at - 1 : at + 2], ratios[at - 1 : at + 2], 2)
+    peak = -slope / (2 * curvature) if curvature < 0 else logs[int(np.argmax(ratios))]
     return float(np.exp(np.clip(peak, logs[at - 1], logs[at + 1])))
 
 
@@ -120,5 +120,5 @@ def _corner_errors(measured_pose: SE3, predicted_pose: SE3, size: float) -> Corn
     distance = np.linalg.norm(measured_pose.translation, axis=-1)
     is_near = np.linalg.norm(predicted_pose.translation - measured_pose.translation, axis=-1) < distance / 2
     rotation = np.where(is_near[:, None, None], predicted_pose.rotation, measured_pose.rotation)
-    at = SE3(rotation, np.where(is_near[:, None], predicted_pose.translation, measured_pose.translation))
-    return CornerErrors.from_poses(at, size * float(np.median(distance)))
+    pose = SE3(rotation, np.where(is_near[:, None], predicted_pose.translation, measured_pose.translation))
+    return CornerErrors.from_poses(pose, size * float(np.median(distance)))

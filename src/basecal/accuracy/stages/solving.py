@@ -95,12 +95,12 @@ def refuse_unexplained_poses(case: Case) -> Case:
     if is_explained(case):
         return case
     last = case.solution
-    why = (
+    causes = (
         unobservable_by_poses(case.cell, case.problem)
         or joint_offset_findings(last.problem, last.state, case.stated_settings)
         or _disagreement(case)
     )
-    return case.refuse([*why, *(finding for finding in case.findings if finding.code != why[0].code)])
+    return case.refuse([*causes, *(finding for finding in case.findings if finding.code != causes[0].code)])
 
 
 def _disagreement(case: Case) -> list[Finding]:

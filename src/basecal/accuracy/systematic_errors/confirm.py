@@ -45,31 +45,31 @@ class HeldOut:
         return all(sum(_gain(fold, candidate) for fold in folds) > 0 for folds in self.folds)
 
     def _fold(self, is_held_out: BoolArray) -> Fold:
-        """Return the model without the held-out `samples`, (n,), and the model of these alone."""
-        outside = [is_held_out[self.situation.rank(group)] for group in self.situation.problem.groups]
-        used, left = ([np.where(h, *counts) for h in outside] for counts in ((0.0, 1.0), (1.0, 0.0)))
-        return Fold(weigh_views(self.model, used), weigh_views(self.model, left))
+        """Return the model without the held-out samples, and the model of these alone; the mask is (n,)."""
+        outside = [is_held_out[self.situation.sample_indices(group)] for group in self.situation.problem.groups]
+        used, held_out = ([np.where(h, *counts) for h in outside] for counts in ((0.0, 1.0), (1.0, 0.0)))
+        return Fold(weigh_views(self.model, used), weigh_views(self.model, held_out))
 
 
 class Fold(NamedTuple):
     """A null model of the used samples, and one of the samples that are held out."""
 
     used: Linearised
-    left: Linearised
+    held_out: Linearised
 
 
 def _gain(fold: Fold, candidate: Candidates) -> float:
     """Decrease of minus twice the log likelihood of held-out samples by including one error."""
-    used, left = fold
-    of_used, of_left = sums(used, candidate), sums(left, candidate)
+    used, held_out = fold
+    of_used, of_held_out = sums(used, candidate), sums(held_out, candidate)
     size = score_from_sums(used, of_used).size[0]
-    without = _cost(left, of_left, -used.step, np.zeros(len(size)))
-    return without - _cost(left, of_left, -used.step - used.inverse @ (of_used.across[0].T @ size), size)
+    without = _cost(held_out, of_held_out, -used.step, np.zeros(len(size)))
+    return without - _cost(held_out, of_held_out, -used.step - used.inverse @ (of_used.across[0].T @ size), size)
 
 
-def _cost(views: Linearised, of_left: Sums, step: Array, size: Array) -> float:
+def _cost(views: Linearised, sums_of_views: Sums, step: Array, size: Array) -> float:
     """Minus twice the log likelihood of views after a step of unknowns and sizes, up to a constant."""
-    gradient, across, information = (each[0] for each in of_left)
+    gradient, across, information = (each[0] for each in sums_of_views)
     of_step = 2 * views.gradient @ step + step @ views.hessian @ step
     return float(of_step + 2 * gradient @ size + 2 * size @ across @ step + size @ information @ size)
 

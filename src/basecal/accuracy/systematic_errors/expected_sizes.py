@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.systematic_errors.pose_fields import (
-    AXES_PRIOR,
-    LongAxes,
+    LENGTHS_PRIOR,
+    AxisLengths,
     PoseField,
+    axis_lengths,
     fields_prior,
-    long_axes,
     stated_fields,
 )
 from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
@@ -41,7 +41,7 @@ _FREE_SIGMA = 0.3  # relative sigma of an unknown unit of length, far larger tha
 _MOST_TOGETHER = 60  # sizes that are treated jointly; of more, each mount and target is separate, to bound the time
 
 
-class Expected(NamedTuple):
+class ExpectedEffect(NamedTuple):
     """A candidate with the prior of its sizes' sigma, and whether the solution is corrected by its mean sizes."""
 
     effect: str
@@ -64,7 +64,7 @@ class SizePosterior(NamedTuple):
     mean: Array
     covariance: Array
     by_sizes: Array
-    of_arms: Sequence[tuple[PoseField | LongAxes, slice]]
+    of_arms: Sequence[tuple[PoseField | AxisLengths, slice]]
     field_m2: float
 
 
@@ -116,12 +116,15 @@ def contain_expected_sizes(
 
 def known_sizes(cell: Cell, situation: Situation, error: FoundEffect | None) -> list[SizePosterior]:
     """Posteriors of all arm errors and effect sizes of a cell, one for each independent part."""
-    arms = stated_fields(cell, situation), long_axes(cell, situation)
+    arms = stated_fields(cell, situation), axis_lengths(cell, situation)
     return [size_posterior(situation, *part) for part in _split(*arms, list(_cell_effects(cell, situation, error)))]
 
 
 def size_posterior(
-    situation: Situation, fields: Sequence[PoseField], effects: Sequence[Expected] = (), axes: Sequence[LongAxes] = ()
+    situation: Situation,
+    fields: Sequence[PoseField],
+    effects: Sequence[ExpectedEffect] = (),
+    axes: Sequence[AxisLengths] = (),
 ) -> SizePosterior:
     """Posterior of arm errors and of effect sizes; errors of one kind have a common sigma."""
     of_fields, of_axes = ([each.candidate(situation) for each in errors] for errors in (fields, axes))
@@ -130,7 +133,7 @@ def size_posterior(
     scores = score_from_sums(situation.null, known)
     places = [slice(*each) for each in pairwise(np.cumsum([0, *(each.sizes for each in candidates)]))]
     before, after = len(fields), len(fields) + len(effects)
-    priors = [fields_prior(sum(each.width for each in fields)), _joint_prior(effects), *[AXES_PRIOR] * len(axes)]
+    priors = [fields_prior(sum(each.width for each in fields)), _joint_prior(effects), *[LENGTHS_PRIOR] * len(axes)]
     given = posteriors_by_sigma(scores.gradient[0], scores.information[0], priors)
     _, mean, covariance = mixture(priors[0].probabilities, given)
     contained = np.zeros_like(mean)
@@ -145,7 +148,7 @@ def size_posterior(
     )
 
 
-def _joint_prior(effects: Sequence[Expected]) -> SigmaPrior:
+def _joint_prior(effects: Sequence[ExpectedEffect]) -> SigmaPrior:
     """Joint prior of the sigmas of all sizes, (m, q): every combination of the effects' sigmas."""
     kinds = {each.effect: each.prior.probabilities for each in effects}
     places = [dict(zip(kinds, at, strict=True)) for at in product(*(range(len(shares)) for shares in kinds.values()))]
@@ -157,8 +160,8 @@ def _joint_prior(effects: Sequence[Expected]) -> SigmaPrior:
 
 
 def _split(
-    fields: Sequence[PoseField], axes: Sequence[LongAxes], effects: Sequence[Expected]
-) -> list[tuple[Sequence[PoseField], Sequence[Expected], Sequence[LongAxes]]]:
+    fields: Sequence[PoseField], axes: Sequence[AxisLengths], effects: Sequence[ExpectedEffect]
+) -> list[tuple[Sequence[PoseField], Sequence[ExpectedEffect], Sequence[AxisLengths]]]:
     """Split errors into parts that are treated jointly: one part, or one for each arm, mount and target if many."""
     robots = dict.fromkeys([*(field.robot for field in fields), *(axis.robot for axis in axes)])
     are_few = sum(each.candidate.sizes for each in effects) <= _MOST_TOGETHER
@@ -169,26 +172,28 @@ def _split(
     return [*of_robots, *(((), [each for each in effects if each.candidate.about[0] == name], ()) for name in names)]
 
 
-def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -> Iterator[Expected]:
+def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -> Iterator[ExpectedEffect]:
     rigid = _tool_mounts(cell) | situation.problem.point_mounts
     for name in CONTAINED:
         effect = EFFECTS[name]
         assert effect.expected is not None
         assert effect.candidates is not None
         loaded = (each for each in effect.candidates(situation) if each.about[0] not in rigid)
-        yield from (Expected(name, candidate, effect.expected.prior(len(CONTAINED))) for candidate in loaded)
+        yield from (ExpectedEffect(name, candidate, effect.expected.prior(len(CONTAINED))) for candidate in loaded)
     counted = () if error is None else {e.about for e in (error, *error.alternatives) if e.effect == target_size.NAME}
     for candidate in target_size.candidates(situation):
         sigma = _size_sigma(cell, situation.groups, candidate.about[0])
         is_free = cell.targets[candidate.about[0]].has_free_scale
         if sigma and (is_free or candidate.about[0] not in counted):
-            yield Expected(target_size.NAME, candidate, SigmaPrior.single_value(sigma), is_free)
+            yield ExpectedEffect(target_size.NAME, candidate, SigmaPrior.single_value(sigma), is_free)
 
 
 def unit_error(situation: Situation, target: str) -> tuple[float, float]:
     """Relative error of the assumed length unit of a target's poses, and its sigma."""
     (candidate,) = (each for each in target_size.candidates(situation) if each.about == (target,))
-    known = size_posterior(situation, (), [Expected(target_size.NAME, candidate, SigmaPrior.single_value(_FREE_SIGMA))])
+    known = size_posterior(
+        situation, (), [ExpectedEffect(target_size.NAME, candidate, SigmaPrior.single_value(_FREE_SIGMA))]
+    )
     return float(known.mean[0]), float(np.sqrt(known.covariance[0, 0]))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from basecal.accuracy.model_comparison.nested_models import log_chance
-from basecal.accuracy.systematic_errors.score_tests import HIDDEN, Linearised, score, with_random_effects
+from basecal.accuracy.systematic_errors.score_tests import HIDDEN_SHARE, Linearised, score, with_random_effects
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.effects.faces.candidates import Candidates, frame_candidates
 from basecal.estimation.problem.gauges import LENGTH_M
@@ -64,13 +64,15 @@ def _whitening_root(information: Array, count: int) -> Array:
     """Matrix that whitens the gradients of `count` splits, each within itself, (q, q)."""
     width = len(information) // count
     own = [information[k : k + width, k : k + width] for k in range(0, len(information), width)]
-    return np.asarray(block_diag(*spectrum(np.array(own), HIDDEN).inverse_root))
+    return np.asarray(block_diag(*spectrum(np.array(own), HIDDEN_SHARE).inverse_root))
 
 
 def _place_splits(situation: Situation, name: str) -> BoolArray:
     """Mask of the samples on the far side of planes that split the poses of all flanges, (samples, splits)."""
     groups = situation.groups
-    seen = np.unique(np.concatenate([situation.rank(g) for k, g in enumerate(groups) if situation.depends(k, name)]))
+    seen = np.unique(
+        np.concatenate([situation.sample_indices(g) for k, g in enumerate(groups) if situation.depends(k, name)])
+    )
     poses = flange_poses(situation).reshape(len(situation.samples), -1)
     centred = poses - poses[seen].mean(0)
     axes = principal_axes(centred[seen])
@@ -86,11 +88,11 @@ def flange_poses(situation: Situation) -> Array:
             if group.robot_end(robot):
                 pose = situation.recorded_pose(k, robot)
                 rows = pose.translation, LENGTH_M * pose.rotation.reshape(-1, 9)
-                poses[situation.rank(group), i] = np.concatenate(rows, axis=1)
+                poses[situation.sample_indices(group), i] = np.concatenate(rows, axis=1)
     return poses
 
 
-COST = 0.5
+COUNT_PENALTY = 0.5
 """Penalty of an error among several of its code, per logarithm of their number; `benchmarks.false_alarms` tests it."""
 
 
@@ -105,9 +107,9 @@ class Suspect:
         freedoms: Number of sizes that the data determine.
         statistic: Chi-square of the error.
         log_chance: Log p-value of the score, for all candidates of its code.
-        screened: Log p-value of the single score. It is the smaller of those with and without random effects, as the
-            sigmas of these may contain the error.
-        several: Logarithm of the number of candidates of its code.
+        single_log_chance: Log p-value of the single score. It is the smaller of those with and without random effects,
+            as the sigmas of these may contain the error.
+        log_count: Logarithm of the number of candidates of its code.
         family: Number of codes that were tested.
         scatter: The scatter by place that the score has to exceed; None if it is compared with noise alone.
     """
@@ -118,15 +120,15 @@ class Suspect:
     freedoms: int
     statistic: float
     log_chance: float
-    screened: float
-    several: float
+    single_log_chance: float
+    log_count: float
     family: int = 1
     scatter: PlaceScatter | None = None
 
     @property
     def rank(self) -> float:
         """Log p-value with the penalty of several candidates, by which suspects of all codes are ordered."""
-        return self.screened + COST * self.several
+        return self.single_log_chance + COUNT_PENALTY * self.log_count
 
     def log_chance_beside_places(self, gain: float, chance: float) -> float:
         """Log p-value of the larger of score and gain, relative to the scatter by place.
@@ -137,4 +139,4 @@ class Suspect:
         """
         if self.scatter is None:
             return chance
-        return self.scatter.log_chance(max(gain, self.statistic), self.freedoms) + self.several
+        return self.scatter.log_chance(max(gain, self.statistic), self.freedoms) + self.log_count

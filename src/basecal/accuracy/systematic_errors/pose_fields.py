@@ -29,7 +29,7 @@ from basecal.geometry import SE3, Array
 KINDS_BY_PLACE = 2
 """Number of kinds of errors by place of an arm that records only poses: smooth errors, and a length."""
 
-PRIOR_M = SigmaPrior.spike_and_slab(np.array([6e-5, 2e-4, 6e-4]), KINDS_BY_PLACE)
+FIELD_PRIOR_M = SigmaPrior.spike_and_slab(np.array([6e-5, 2e-4, 6e-4]), KINDS_BY_PLACE)
 """Prior of the sigma of a shift along an axis [m]: zero, that of arms accurate to 0.1 mm, or to 0.5 to 2 mm."""
 
 
@@ -61,7 +61,7 @@ class PoseField(NamedTuple):
 
 def fields_prior(width: int) -> SigmaPrior:
     """Prior of the sigmas of all errors of fields, which have a common sigma, (m, width)."""
-    prior = PRIOR_M if width else SigmaPrior.single_value(0.0)
+    prior = FIELD_PRIOR_M if width else SigmaPrior.single_value(0.0)
     return SigmaPrior(np.repeat(prior.sigmas[:, None], width, axis=1), prior.probabilities)
 
 
@@ -87,15 +87,17 @@ def pose_field(situation: Situation, robot: str) -> PoseField | None:
     return PoseField(robot, Modes.strongest(poses[np.flatnonzero(seen)], kernel))
 
 
-SHARES = np.array([1e-4, 3e-4, 1e-3])
+LENGTH_SHARES = np.array([1e-4, 3e-4, 1e-3])
 """Sigmas of a relative length error: 0.1 mm on a metre for accurate arms, 0.3 to 1 mm for usual arms. Assumed."""
 
 _AXES = 3
-AXES_PRIOR = SigmaPrior.spike_and_slab(np.concatenate([share * np.eye(_AXES) for share in SHARES]), KINDS_BY_PLACE)
+LENGTHS_PRIOR = SigmaPrior.spike_and_slab(
+    np.concatenate([share * np.eye(_AXES) for share in LENGTH_SHARES]), KINDS_BY_PLACE
+)
 """Prior of the sigmas of an arm's length errors, (m, 3): zero, or one sigma along one axis."""
 
 
-class LongAxes(NamedTuple):
+class AxisLengths(NamedTuple):
     """Relative length errors of a robot's poses along the axes of its base."""
 
     robot: str
@@ -115,14 +117,14 @@ class LongAxes(NamedTuple):
 
     def candidate(self, situation: Situation) -> Candidates:
         """Return a candidate whose sizes are all length errors."""
-        return one_candidate("long-axes", self.robot, "", pose_moves(situation, self.robot, self.flange_tangents))
+        return one_candidate("axis-lengths", self.robot, "", pose_moves(situation, self.robot, self.flange_tangents))
 
 
-def long_axes(cell: Cell, situation: Situation) -> list[LongAxes]:
+def axis_lengths(cell: Cell, situation: Situation) -> list[AxisLengths]:
     """Length errors of each arm that records only poses, unless it states its total noise or its stops are few."""
     problem = situation.problem
     return [
-        LongAxes(name)
+        AxisLengths(name)
         for name, robot in cell.robots.items()
         if not robot.is_total_noise and name not in situation.chains and count_stops(problem, name) >= FEWEST_STOPS
     ]

@@ -32,7 +32,7 @@ from basecal.geometry import Array, IntArray
 from basecal.numerics.group_sums import GroupSums
 from basecal.numerics.spectral import scaled_spectrum, spectrum
 
-HIDDEN = 1e-4
+HIDDEN_SHARE = 1e-4
 """Share of an error's information left by the unknowns, below which the error is confounded with the unknowns."""
 
 
@@ -61,7 +61,7 @@ class Score:
         return np.array([log_chance(float(value), int(freedoms)) for value, freedoms in pairs])
 
 
-def log_chance_of_gain(gain: float, freedoms: int, residuals: float) -> float:
+def log_chance_of_gain(gain: float, freedoms: int, residual_freedoms: float) -> float:
     """Log p-value of a decrease of minus twice the log likelihood by additional unknowns.
 
     The noise is estimated with and without these unknowns. The gain therefore determines the ratio of the sums of
@@ -70,12 +70,12 @@ def log_chance_of_gain(gain: float, freedoms: int, residuals: float) -> float:
     Args:
         gain: Decrease of minus twice the log likelihood.
         freedoms: Number of additional unknowns.
-        residuals: Degrees of freedom of the residuals without the additional unknowns.
+        residual_freedoms: Degrees of freedom of the residuals without the additional unknowns.
     """
-    left = 0.5 * (residuals - freedoms)
+    left = 0.5 * (residual_freedoms - freedoms)
     if freedoms < 1 or left <= 0:
         return 0.0
-    log_ratio = -max(gain, 0.0) / residuals
+    log_ratio = -max(gain, 0.0) / residual_freedoms
     chance = float(betainc(left, 0.5 * freedoms, np.exp(log_ratio)))
     if chance > LEAST_CHANCE:
         return float(np.log(chance))
@@ -105,7 +105,7 @@ class Linearised:
     system: SchurComplement | None
 
     @cached_property
-    def residuals(self) -> float:
+    def residual_freedoms(self) -> float:
         """Degrees of freedom of the views' residuals: equations less unknowns, corrected for the effect of priors."""
         equations = sum(int(group.measurement.equations().sum()) for group in self.problem.groups)
         priors = ((jacobian, where) for _, jacobian, where in prior_residuals(self.problem, self.state))
@@ -143,13 +143,13 @@ def linearise_views(problem: Problem, state: State) -> Linearised:
     return Linearised(problem, state, normal.views, normal.gradient, normal.hessian, normal.system)
 
 
-def with_random_effects(model: Linearised, moves: Moves, present: Array | float = 0.0) -> Linearised:
+def with_random_effects(model: Linearised, moves: Moves, values: Array | float = 0.0) -> Linearised:
     """Return a copy of a model with random effects as additional columns.
 
     Args:
         model: The model.
         moves: For each group, (n, 6, r) right tangents of `camera_from_target` for one sigma of each effect.
-        present: (r,) values of the effects at the state, in sigmas.
+        values: (r,) values of the effects at the state, in sigmas.
     """
     count = next((m.shape[-1] for m in moves if m is not None), 0)
     if not count:
@@ -157,7 +157,7 @@ def with_random_effects(model: Linearised, moves: Moves, present: Array | float 
     more = len(model.gradient) + np.arange(count)
     views = (of if m is None else _with_columns(of, m, more) for of, m in zip(model.views, moves, strict=True))
     wider = _sum_views(model.problem, model.state, tuple(views), len(model.gradient) + count)
-    return replace(wider, gradient=wider.gradient + np.append(np.zeros(len(model.gradient)), present * np.ones(count)))
+    return replace(wider, gradient=wider.gradient + np.append(np.zeros(len(model.gradient)), values * np.ones(count)))
 
 
 def _with_columns(views: LinearisedViews, moves: Array, columns: IntArray) -> LinearisedViews:
@@ -203,7 +203,7 @@ def score_from_sums(model: Linearised, sums: Sums, largest: float = np.inf) -> S
     left = information - across @ model.inverse[np.ix_(tied, tied)] @ across.mT
     left = 0.5 * (left + left.mT)
     size = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
-    seen = scaled_spectrum(left, HIDDEN, np.where(size > 0, size, 1.0))
+    seen = scaled_spectrum(left, HIDDEN_SHARE, np.where(size > 0, size, 1.0))
     sizes = -(seen.inverse_with_ridge(largest**-2) @ gradient[..., None])[..., 0]
     return Score(gradient, left, -np.vecdot(gradient, sizes), seen.rank, sizes)
 

@@ -24,7 +24,7 @@ from basecal.accuracy.model_comparison.nested_models import (
 )
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
-from basecal.accuracy.systematic_errors.place_scatter import COST, Suspect, place_scatter
+from basecal.accuracy.systematic_errors.place_scatter import COUNT_PENALTY, Suspect, place_scatter
 from basecal.accuracy.systematic_errors.score_tests import Linearised, log_chance_of_gain, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation, situate
 from basecal.effects.faces.candidates import Candidates, combine_candidates
@@ -85,21 +85,23 @@ def systematic_error(
             suspects, [suspect.log_chance_beside_places(0.0, suspect.log_chance) for suspect in suspects]
         )
         certain = [suspects[k] for k in np.flatnonzero(discovered)]
-        alike = replace(certain[0], size=0 * certain[0].size) if certain else None
-        return None if alike is None else _describe(situation, alike, solution, solution)
+        without_size = replace(certain[0], size=0 * certain[0].size) if certain else None
+        return None if without_size is None else _describe(situation, without_size, solution, solution)
     if not suspects:
         return None
-    before = solution if solution.noise.logs is not None else _solved_again(solution, settings)
-    suspect, share, is_certain = _least_likely(situation, suspects, before)
+    before = solution if solution.noise.logs is not None else _solve_again(solution, settings)
+    suspect, share, is_certain = _select_suspect(situation, suspects, before)
     if not is_certain and (_is_contained(solution, suspect) or situation.is_held_in_time(suspect.effect)):
         return None
-    after = _solved_again(_without_suspect(solution, situation, suspect), settings)
+    after = _solve_again(_without_suspect(solution, situation, suspect), settings)
     described = _describe(situation, suspect, solution, after)
     others = _alternatives(situation, suspect, every)
     return replace(described, is_certain=is_certain, alternatives=others, probability=share)
 
 
-def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: Solution) -> tuple[Suspect, float, bool]:
+def _select_suspect(
+    situation: Situation, suspects: Sequence[Suspect], solution: Solution
+) -> tuple[Suspect, float, bool]:
     """Return the suspect with the smallest p-value, its largest posterior probability, and whether it is certain.
 
     Certain suspects come before uncertain ones. A step and a drift of one base may have the same score, but have
@@ -110,7 +112,7 @@ def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: S
     chances = [min(each.log_chance, _log_chance(situation, each, gain)) for each, gain in pairs]
     beside = [each.log_chance_beside_places(gain, chances[i]) for i, (each, gain) in enumerate(pairs)]
     are_certain = _discovery_mask(suspects, beside)
-    costs = [chance - COST * each.several for chance, each in zip(chances, suspects, strict=True)]
+    costs = [chance - COUNT_PENALTY * each.log_count for chance, each in zip(chances, suspects, strict=True)]
     are_held = [situation.is_held_in_time(each.effect) for each in suspects]
     k = min(range(len(costs)), key=lambda i: (not are_certain[i], are_held[i] and not are_certain[i], costs[i]))
     return suspects[k], largest_posterior(beside[k] + np.log(suspects[k].family)), bool(are_certain[k])
@@ -215,32 +217,37 @@ def _suspects(situation: Situation) -> list[Suspect]:
     """Errors with a small p-value, the smallest first, at most one of each code and name."""
     tests: Counter[str] = Counter()
     unlikely = []
-    for name, kind in _candidates(situation):
-        tests[kind.code] += len(kind.about)
-        null, largest = situation.null_model(name, kind.about[0]), largest_sigma(name)
-        scores = score(null, kind, largest)
-        chances = screened = scores.log_chance
+    for name, candidates in _candidates(situation):
+        tests[candidates.code] += len(candidates.about)
+        null, largest = situation.null_model(name, candidates.about[0]), largest_sigma(name)
+        scores = score(null, candidates, largest)
+        chances = single_chances = scores.log_chance
         if null is not situation.linearisation:
-            screened = np.minimum(chances, score(situation.linearisation, kind, largest).log_chance)
-        for b in map(int, np.flatnonzero(screened < np.log(SUSPECTED_LEVEL))):
-            found = int(scores.freedoms[b]), float(scores.statistic[b]), float(chances[b]), float(screened[b])
-            unlikely.append(Suspect(name, kind.single(b), scores.size[b], *found, 0.0))
+            single_chances = np.minimum(chances, score(situation.linearisation, candidates, largest).log_chance)
+        for b in map(int, np.flatnonzero(single_chances < np.log(SUSPECTED_LEVEL))):
+            figures = (
+                int(scores.freedoms[b]),
+                float(scores.statistic[b]),
+                float(chances[b]),
+                float(single_chances[b]),
+            )
+            unlikely.append(Suspect(name, candidates.single(b), scores.size[b], *figures, 0.0))
     likeliest: dict[tuple[str, str], tuple[float, Suspect]] = {}
     for suspect in unlikely:
         code, (name, *_) = suspect.candidate.code, suspect.candidate.about
-        several = float(np.log(tests[code]))
-        if suspect.screened + several >= np.log(SUSPECTED_LEVEL):
+        log_count = float(np.log(tests[code]))
+        if suspect.single_log_chance + log_count >= np.log(SUSPECTED_LEVEL):
             continue
-        rank = suspect.log_chance + COST * several
+        rank = suspect.log_chance + COUNT_PENALTY * log_count
         if (code, name) not in likeliest or rank < likeliest[code, name][0]:
-            chance = suspect.log_chance + several
-            likeliest[code, name] = rank, replace(suspect, log_chance=chance, several=several, family=len(tests))
+            chance = suspect.log_chance + log_count
+            likeliest[code, name] = rank, replace(suspect, log_chance=chance, log_count=log_count, family=len(tests))
     ranked = sorted(likeliest.values(), key=lambda each: round(each[0], _RANK_DIGITS))
     beside = [_with_scatter(situation, suspect) for _, suspect in ranked]
     return [
         suspect
         for suspect in beside
-        if suspect.log_chance_beside_places(0.0, suspect.screened) < np.log(SUSPECTED_LEVEL)
+        if suspect.log_chance_beside_places(0.0, suspect.single_log_chance) < np.log(SUSPECTED_LEVEL)
     ]
 
 
@@ -270,7 +277,7 @@ def _alternatives(situation: Situation, suspect: Suspect, suspects: Sequence[Sus
     return tuple(
         _to_first_order(situation, each)
         for each in likely
-        if log_chance(*_remaining_chi_square(situation, suspect, each)) + suspect.several > np.log(SUSPECTED_LEVEL)
+        if log_chance(*_remaining_chi_square(situation, suspect, each)) + suspect.log_count > np.log(SUSPECTED_LEVEL)
     )
 
 
@@ -301,12 +308,12 @@ def _gain(situation: Situation, suspect: Suspect, solution: Solution) -> float:
         return 0.0
     name = situation.random_effect(suspect.effect, suspect.candidate.about[0])
     before = solution.noise.minus_2_log_evidence if name else solution.noise.plain_minus_2_log_evidence
-    return before - _negative_log_evidence(_without_suspect(solution, situation, suspect), name)
+    return before - _minus_2_log_evidence(_without_suspect(solution, situation, suspect), name)
 
 
 def _log_chance(situation: Situation, suspect: Suspect, gain: float) -> float:
     """Log p-value of a gain, for estimated noise and several tests."""
-    return log_chance_of_gain(gain, suspect.freedoms, situation.linearisation.residuals) + suspect.several
+    return log_chance_of_gain(gain, suspect.freedoms, situation.linearisation.residual_freedoms) + suspect.log_count
 
 
 def _is_contained(solution: Solution, suspect: Suspect) -> bool:
@@ -318,13 +325,13 @@ def _is_contained(solution: Solution, suspect: Suspect) -> bool:
     return bool(name) and compare_evidence(gain).is_taken
 
 
-def candidate_chance(solution: Solution, candidate: Candidates, size: Array, several: float) -> float:
-    """Log p-value of a candidate's gain; `several` is the logarithm of the number of candidates that were tested."""
-    suspect, situation = Suspect("", candidate, size, len(size), 0.0, 0.0, 0.0, several), situate(solution)
+def candidate_chance(solution: Solution, candidate: Candidates, size: Array, log_count: float) -> float:
+    """Log p-value of a candidate's gain; `log_count` is the logarithm of the number of candidates that were tested."""
+    suspect, situation = Suspect("", candidate, size, len(size), 0.0, 0.0, 0.0, log_count), situate(solution)
     return _log_chance(situation, suspect, _gain(situation, suspect, solution))
 
 
-def _negative_log_evidence(solution: Solution, name: str) -> float:
+def _minus_2_log_evidence(solution: Solution, name: str) -> float:
     """Minus twice the log evidence of a solution with the random effect `name`; without random effects if ""."""
     problem, noise = solution.problem, solution.noise
     if not name:
@@ -384,7 +391,7 @@ def _make_effect(situation: Situation, suspect: Suspect, size: Array, informatio
     )
 
 
-def _solved_again(solution: Solution, settings: Settings) -> Solution:
+def _solve_again(solution: Solution, settings: Settings) -> Solution:
     if settings.robot_noise != "stated":
         return with_noise(solution, settings, guess=solution)
     return solve_from(solution.problem, solution.state, settings, solution.findings)

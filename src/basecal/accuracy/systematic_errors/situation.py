@@ -37,12 +37,12 @@ class OpenOffsets(NamedTuple):
         moves: For each group, (n, 6, r) right tangents of `camera_from_target` per offset [per s].
         sigma_s: (r,) prior sigmas, at least as large as the offsets' distance from their stated values [s]. Sigmas of
             free offsets are so large that the data alone determine these offsets.
-        present: (r,) offsets at the solution relative to the stated values, in sigmas.
+        values: (r,) offsets at the solution relative to the stated values, in sigmas.
     """
 
     moves: Moves
     sigma_s: Array
-    present: Array
+    values: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class Situation:
         if self.offsets is None:
             return model
         moves = tuple(None if m is None else m * self.offsets.sigma_s for m in self.offsets.moves)
-        return with_random_effects(model, moves, self.offsets.present)
+        return with_random_effects(model, moves, self.offsets.values)
 
     def random_effect(self, effect: str, subject: str) -> str:
         """Name of the random effect in the null model of an effect on `subject`; "" if none or if replaced by it."""
@@ -155,7 +155,7 @@ class Situation:
         models = {robot: self.problem.robot_model(robot) for robot in self.problem.models}
         return clocks | {robot: frozenset(model.columns) for robot, model in models.items() if model is not None}
 
-    def rank(self, group: Group) -> IntArray:
+    def sample_indices(self, group: Group) -> IntArray:
         """Indices into `samples` of a group's views, (n,)."""
         order = np.argsort(self.samples)
         return np.asarray(order[np.searchsorted(self.samples[order], group.sample)], dtype=np.int64)
@@ -243,7 +243,7 @@ class Situation:
         apart = (poses[before].inverse() @ poses[after]).log()
         middle = poses[before] @ SE3.exp(0.5 * apart)
         between = slice(1, -1)
-        if not _size((middle.inverse() @ poses).log()[between]) < _SMOOTH * 0.5 * _size(apart[between]):
+        if not _rms_m((middle.inverse() @ poses).log()[between]) < _SMOOTH * 0.5 * _rms_m(apart[between]):
             return None
         span = np.tile((times[after] - times[before])[:, None], 6)
         out = np.zeros((len(self.samples), 6))
@@ -257,8 +257,8 @@ class Situation:
         for g in self.recorded.groups:
             end = g.robot_end(robot)
             if end is not None:
-                at, poses = self.rank(g), end.base_from_flange
-                rotation[at], translation[at], seen[at] = poses.rotation, poses.translation, True
+                indices, poses = self.sample_indices(g), end.base_from_flange
+                rotation[indices], translation[indices], seen[indices] = poses.rotation, poses.translation, True
         where = np.flatnonzero(seen).astype(np.int64)
         return where, SE3(rotation[where], translation[where])
 
@@ -274,7 +274,7 @@ def situate(
     return Situation(problem, solution.state, recorded_problem or problem, stamps or {}, solution.noise, offsets)
 
 
-def _size(tangents: Array) -> float:
+def _rms_m(tangents: Array) -> float:
     """Root mean square of tangents, (n, 6), with angles multiplied by an arm's length [m]."""
     return float(np.sqrt(np.mean(np.sum((tangents * np.repeat([1.0, LENGTH_M], 3)) ** 2, axis=1))))
 

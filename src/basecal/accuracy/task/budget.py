@@ -66,12 +66,14 @@ def budget(
     """
     problem, state, weight = solution.problem, solution.state, meeting.weight
     variances, halved = dict(additions), {name: 0.75 * variance for name, variance in additions.items()}
-    own = {stops_source(robot): 3 * float(of_stop[0]) for robot, of_stop in meeting.stop_variances().items()}
-    now = _variance(solution, weight, problem, state)
+    stop_variances = {stops_source(robot): 3 * float(of_stop[0]) for robot, of_stop in meeting.stop_variances().items()}
+    now_m2 = _variance(solution, weight, problem, state)
     for source in error_sources(problem):
-        at_stop = own.get(source.name, 0.0)
+        at_stop = stop_variances.get(source.name, 0.0)
         variances[source.name] = source_variance(solution, weight, source) + at_stop
-        halved[source.name] = now - _variance(solution, weight, *source.scaled(problem, state, 0.5)) + 0.75 * at_stop
+        halved[source.name] = (
+            now_m2 - _variance(solution, weight, *source.scale_sigma(problem, state, 0.5)) + 0.75 * at_stop
+        )
     left = total_m2 - sum(variances.values())
     if left > _LEAST_SHARE * total_m2:
         variances[rest], halved[rest] = left, 0.75 * left
@@ -94,7 +96,7 @@ def _entry(name: str, variance: float, total: float, gain: float) -> BudgetEntry
 def source_variance(solution: Solution, weight: Array, source: Source) -> float:
     """Variance from a source [m^2]: derivative of the total with respect to the log variance of the source."""
     more, less = (
-        _variance(solution, weight, *source.scaled(solution.problem, solution.state, float(np.exp(step))))
+        _variance(solution, weight, *source.scale_sigma(solution.problem, solution.state, float(np.exp(step))))
         for step in (_LOG_STEP, -_LOG_STEP)
     )
     return (more - less) / (4 * _LOG_STEP)
@@ -111,12 +113,12 @@ class Source:
 
     Attributes:
         name: Description of the source with the name of its camera, robot or transform.
-        scaled: Function of a problem, a state and a factor: the problem and the state with the source's sigma
+        scale_sigma: Function of a problem, a state and a factor: the problem and the state with the source's sigma
             multiplied by the factor. Errors of stops stay the same in metres.
     """
 
     name: str
-    scaled: Callable[[Problem, State, float], tuple[Problem, State]]
+    scale_sigma: Callable[[Problem, State, float], tuple[Problem, State]]
 
 
 def error_sources(problem: Problem) -> Iterator[Source]:
@@ -163,6 +165,7 @@ def _scale_prior(kind: str, name: str, problem: Problem, state: State, factor: f
 def _scale_kinematics(robot: str, problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
     model = problem.models[robot]
     columns = {
-        kind: of if of.sigma is None else of._replace(sigma=of.sigma * factor) for kind, of in model.columns.items()
+        kind: parameters if parameters.sigma is None else parameters._replace(sigma=parameters.sigma * factor)
+        for kind, parameters in model.columns.items()
     }
     return replace(problem, models={**problem.models, robot: replace(model, columns=columns)}), state

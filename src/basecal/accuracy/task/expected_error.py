@@ -70,8 +70,8 @@ def check_tolerance(cell: Cell, calibration: Calibration, errors: Sequence[Expec
 
     The error is the largest of the error where flanges meet and the errors of all other requested transforms.
     """
-    asked_m = calibration.settings.get("tolerance_m")
-    if asked_m is None:
+    tolerance_m = calibration.settings.get("tolerance_m")
+    if tolerance_m is None:
         return None
     lengths, meeting = {each.transform: each.length_m for each in errors}, calibration.meeting
     is_complete = lengths.keys() == set(cell.requested_transforms)
@@ -79,7 +79,7 @@ def check_tolerance(cell: Cell, calibration: Calibration, errors: Sequence[Expec
         lengths = dict.fromkeys(placed_transforms(cell), meeting.expected_95_m) | {
             name: length for name, length in lengths.items() if name not in placed_transforms(cell)
         }
-    found = Tolerance(asked_m, max(lengths.values(), default=0.0) if is_complete else None, False)
+    found = Tolerance(tolerance_m, max(lengths.values(), default=0.0) if is_complete else None, False)
     return replace(found, met=found.is_within and calibration.verdict == "good")
 
 
@@ -217,9 +217,9 @@ def point_covariances(covariance: Array, places: Array) -> Array:
         covariance: (6, 6) covariance of the transform [m, rad].
         places: (n, 3) points in the source frame [m].
     """
-    moved = point_jacobian(places)
-    at: Array = moved @ covariance @ np.swapaxes(moved, 1, 2)
-    return at
+    jacobian = point_jacobian(places)
+    covariances: Array = jacobian @ covariance @ np.swapaxes(jacobian, 1, 2)
+    return covariances
 
 
 def point_jacobian(places: Array) -> Array:

@@ -50,7 +50,7 @@ def kinematic_errors(
     return _errors(kinematics_of_robot(problem, state, robot), at.recorded, kinds)
 
 
-def moved_by_errors(
+def error_jacobian(
     problem: Problem, state: State, robot: str, points_in_base_m: Array, kinds: Sequence[str] = MODELS[-1]
 ) -> Array:
     """Derivative of a robot's flange with respect to its `kinematic_errors`, (n, 6, k) [m, rad], in its base's axes.
@@ -63,8 +63,8 @@ def moved_by_errors(
         kinds: Kinds of errors to include, an element of `MODELS`.
     """
     kinematics, joints = reach_points(problem, state, robot, points_in_base_m)
-    moved = _errors(kinematics, joints, _open_kinds(problem, robot, kinds)).by_stop
-    return to_base_axes(moved, kinematics.forward(joints).rotation)
+    jacobian = _errors(kinematics, joints, _open_kinds(problem, robot, kinds)).by_stop
+    return to_base_axes(jacobian, kinematics.forward(joints).rotation)
 
 
 def _open_kinds(problem: Problem, robot: str, kinds: Sequence[str]) -> list[str]:
@@ -88,7 +88,7 @@ def _errors(kinematics: Kinematics, joints: Array, names: list[str]) -> SharedEr
 _INVERSE_STEPS = 40  # of the inverse kinematics; a point out of reach has the errors of the nearest pose reached
 
 
-def moved_by_kinematics(
+def kinematics_jacobian(
     problem: Problem, state: State, robot: str, points_in_base_m: Array
 ) -> tuple[Array, IntArray] | None:
     """Derivative of a flange at points with respect to the estimated kinematics of its arm.
@@ -103,18 +103,15 @@ def moved_by_kinematics(
         points_in_base_m: (n, 3) flange positions in the robot's base [m].
 
     Returns:
-        Derivative, (n, 6, k) in the axes of the base, and columns of the problem, (k,); None without estimates.
-
-    Returns:
-        (n, 6, k) in the axes of its base [m, rad], and the k columns of the problem they belong to. None if nothing of
-        the robot is estimated.
+        Derivative, (n, 6, k) in the axes of the base [m, rad], and the columns of the problem, (k,). None if no
+        kinematics of the robot are estimated.
     """
     model = problem.robot_model(robot)
     if model is None or not problem.robot_ends(robot):
         return None
     kinematics, joints = reach_points(problem, state, robot, points_in_base_m)
-    moved = to_base_axes(column_derivative(model, kinematics, joints), kinematics.forward(joints).rotation)
-    return moved, problem.column_indices(model.widths)
+    jacobian = to_base_axes(column_derivative(model, kinematics, joints), kinematics.forward(joints).rotation)
+    return jacobian, problem.column_indices(model.widths)
 
 
 def kinematics_of_robot(problem: Problem, state: State, robot: str) -> Kinematics:
@@ -138,8 +135,8 @@ def reach_points(problem: Problem, state: State, robot: str, points_in_base_m: A
     poses = kinematics.forward(recorded)
     nearest = _nearest_rows(poses, points_in_base_m)
     start = recorded[nearest]
-    as_stated = kinematics.chain.forward(start) @ kinematics.forward(start).inverse()
-    base_from_flange = as_stated @ SE3(poses.rotation[nearest], points_in_base_m)
+    stated_from_estimated = kinematics.chain.forward(start) @ kinematics.forward(start).inverse()
+    base_from_flange = stated_from_estimated @ SE3(poses.rotation[nearest], points_in_base_m)
     try:
         return kinematics, inverse(kinematics.chain, base_from_flange, start, iterations=_INVERSE_STEPS)
     except NotConverged as error:

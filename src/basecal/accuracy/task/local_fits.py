@@ -56,8 +56,8 @@ def local_fits(solution: Solution, names: Sequence[str], box_m: Sequence[float] 
     split = next(splits(problem), None)
     if not (places and names) or split is None:
         return ()
-    where, of = np.concatenate(places), np.concatenate(samples)
-    parts = list(_halves(where, of) if box_m is None else _samples_inside(where, of, box_m))
+    positions, view_samples = np.concatenate(places), np.concatenate(samples)
+    parts = list(_halves(positions, view_samples) if box_m is None else _samples_inside(positions, view_samples, box_m))
     if not parts:
         return ()
     folds = split.folds
@@ -68,9 +68,9 @@ def local_fits(solution: Solution, names: Sequence[str], box_m: Sequence[float] 
         own = np.concatenate([at[mine] for at, mine in zip(places, inside, strict=True)])
         centre = own.mean(0)
         reach = max(float(np.sqrt(np.mean(np.sum((own - centre) ** 2, axis=1)))), np.finfo(np.float64).eps)
-        worth = [np.exp(-0.5 * np.sum((at - centre) ** 2, axis=1) / reach**2) for at in places]
-        local = refit_folds(problem, solution.state, [*folds, frozenset()], worth=worth)
-        chance = _chance_of_noise(solution, local[-1], worth, names)
+        view_weights = [np.exp(-0.5 * np.sum((at - centre) ** 2, axis=1) / reach**2) for at in places]
+        local = refit_folds(problem, solution.state, [*folds, frozenset()], view_weights=view_weights)
+        chance = _chance_of_noise(solution, local[-1], view_weights, names)
         found.append(_compare_fits(solution, everywhere, local, inside, centre, numbers, names, chance))
     return tuple(found)
 
@@ -98,7 +98,7 @@ def _samples_inside(places: Array, samples: IntArray, box_m: Sequence[float]) ->
         yield numbers
 
 
-def _chance_of_noise(solution: Solution, fit: Refit, worth: Sequence[Array], names: Sequence[str]) -> float:
+def _chance_of_noise(solution: Solution, fit: Refit, view_weights: Sequence[Array], names: Sequence[str]) -> float:
     """p-value of the difference between a local fit and the global fit, if there is only noise.
 
     A is the information of all views, A' that of views weighted by w, and M that weighted by w squared. The local fit
@@ -106,16 +106,17 @@ def _chance_of_noise(solution: Solution, fit: Refit, worth: Sequence[Array], nam
     Their difference therefore has the covariance L - A^-1.
     """
     problem, state = solution.problem, solution.state
-    by_all, by_worth, by_square = (
-        linearise(problem, state, weights).hessian for weights in (None, worth, [each**2 for each in worth])
+    unweighted, weighted, squared = (
+        linearise(problem, state, weights).hessian
+        for weights in (None, view_weights, [each**2 for each in view_weights])
     )
-    inverse, whole = spectrum(by_worth).inverse, solution.noise.factor * spectrum(by_all).inverse
-    apart = solution.noise.factor * (inverse @ by_square @ inverse) - whole
-    of = problem.column_indices(names)
-    step = state_step(problem, state, fit.optimum.state)[of]
-    if np.all(np.diag(apart)[of] <= _EQUAL_SHARE * np.diag(whole)[of]):
+    inverse, global_covariance = spectrum(weighted).inverse, solution.noise.factor * spectrum(unweighted).inverse
+    difference_covariance = solution.noise.factor * (inverse @ squared @ inverse) - global_covariance
+    columns = problem.column_indices(names)
+    step = state_step(problem, state, fit.optimum.state)[columns]
+    if np.all(np.diag(difference_covariance)[columns] <= _EQUAL_SHARE * np.diag(global_covariance)[columns]):
         return 1.0  # all views have the same weight
-    differs = spectrum(apart[np.ix_(of, of)], _EQUAL_SHARE)
+    differs = spectrum(difference_covariance[np.ix_(columns, columns)], _EQUAL_SHARE)
     return float(chdtrc(int(differs.rank), float(step @ differs.inverse @ step)))
 
 
@@ -132,11 +133,13 @@ def _compare_fits(
     *held_out, whole = fits
     by_all = np.concatenate([_squares(solution, fit, masks) for fit in everywhere])
     by_part = np.concatenate([_squares(solution, fit, masks) for fit in held_out])
-    settled = all(fit.optimum.converged for fit in (*everywhere, *fits)) and len(by_all) > 1
+    is_comparable = all(fit.optimum.converged for fit in (*everywhere, *fits)) and len(by_all) > 1
     transforms = {name: whole.optimum.state.transforms[name] for name in names}
-    rms = [float(np.sqrt(squares.mean())) if settled else None for squares in (by_all, by_part)]
-    is_better = settled and chance < CHANCE_LIMIT and bool(by_part.mean() < by_all.mean())
-    return LocalFit(centre, tuple(map(int, numbers)), rms[0], rms[1], chance if settled else 1.0, is_better, transforms)
+    rms = [float(np.sqrt(squares.mean())) if is_comparable else None for squares in (by_all, by_part)]
+    is_better = is_comparable and chance < CHANCE_LIMIT and bool(by_part.mean() < by_all.mean())
+    return LocalFit(
+        centre, tuple(map(int, numbers)), rms[0], rms[1], chance if is_comparable else 1.0, is_better, transforms
+    )
 
 
 def _squares(solution: Solution, fit: Refit, masks: Sequence[BoolArray]) -> Array:

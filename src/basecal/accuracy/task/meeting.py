@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.task.kinematic_errors import moved_by_kinematics
+from basecal.accuracy.task.kinematic_errors import kinematics_jacobian
 from basecal.accuracy.task.task import placed_transforms
 from basecal.cell import Calibration, Cell
 from basecal.estimation.problem.problem import Problem, State
@@ -25,10 +25,10 @@ from basecal.geometry.rotation import cross_matrix
 _MOST_PLACES = 60  # of the recorded places: the error is a smooth function of the place, so more add nothing
 
 
-class Moves(NamedTuple):
-    """Columns of the problem, (c,), and the derivative of the meeting error with respect to them, (n, 6, c)."""
+class MeetingJacobian(NamedTuple):
+    """Derivative of the meeting error with respect to estimated columns, (n, 6, c), and these columns, (c,)."""
 
-    moved: Array
+    values: Array
     columns: IntArray
 
 
@@ -57,32 +57,32 @@ class Meeting:
     cell: Cell
 
     @cached_property
-    def moves(self) -> Moves:
-        """Derivative of the meeting error with respect to all estimated columns, in the axes of b."""
+    def jacobian(self) -> MeetingJacobian:
+        """Derivative of the meeting error with respect to all estimated columns that affect it, in the axes of b."""
         own = self.problem.column_indices([self.transform])
         by_base = np.broadcast_to(np.eye(6), (len(self.points_m), 6, 6)).copy()
         by_base[:, :3, 3:] = -cross_matrix(self.points_m)
         moved, columns = [by_base[:, :, : len(own)]], [own]
         for robot, where_m in self.places_m.items():
-            found = moved_by_kinematics(self.problem, self.state, robot, where_m)
+            found = kinematics_jacobian(self.problem, self.state, robot, where_m)
             if found is not None:
                 moved.append(self.propagate(robot, found[0]))
                 columns.append(found[1])
-        return Moves(np.concatenate(moved, axis=-1), np.concatenate(columns))
+        return MeetingJacobian(np.concatenate(moved, axis=-1), np.concatenate(columns))
 
     def propagate(self, robot: str, flange_jacobian: Array) -> Array:
         """Convert a derivative of a robot's flange, in the axes of its base, to one of the meeting error, in b."""
         if robot != self.reference:
             return flange_jacobian
-        turned = self.state.transforms[self.transform].rotation.T
-        return -np.kron(np.eye(2), turned) @ flange_jacobian
+        rotation = self.state.transforms[self.transform].rotation.T
+        return -np.kron(np.eye(2), rotation) @ flange_jacobian
 
     @cached_property
     def weight(self) -> Array:
         """(p, p) matrix W: trace(W C) is the mean squared distance [m^2] for a covariance C of all columns."""
-        moved, columns = self.moves
+        jacobian, columns = self.jacobian
         weight = np.zeros((self.problem.width, self.problem.width))
-        weight[np.ix_(columns, columns)] = (np.swapaxes(moved[:, :3], 1, 2) @ moved[:, :3]).mean(0)
+        weight[np.ix_(columns, columns)] = (np.swapaxes(jacobian[:, :3], 1, 2) @ jacobian[:, :3]).mean(0)
         return weight
 
     def stop_variance(self, robot: str) -> Array:
@@ -100,18 +100,18 @@ class Meeting:
         """Variance of the stops of each robot that meets, as in `stop_variance`."""
         return {robot: self.stop_variance(robot) for robot in self.places_m}
 
-    def total_error(self, covariance: Array, own: Iterable[Array]) -> Array:
+    def total_covariance(self, covariance: Array, own: Iterable[Array]) -> Array:
         """Covariance of the meeting error, (n, 6, 6) [m, rad].
 
         Args:
             covariance: (p, p) covariance of all columns.
             own: (2,) variance per axis of each robot's own error [m^2, rad^2].
         """
-        moved, columns = self.moves
-        return add_own(moved @ covariance[np.ix_(columns, columns)] @ np.swapaxes(moved, 1, 2), own)
+        jacobian, columns = self.jacobian
+        return add_own_variances(jacobian @ covariance[np.ix_(columns, columns)] @ np.swapaxes(jacobian, 1, 2), own)
 
 
-def add_own(covariances: Array, own: Iterable[Array]) -> Array:
+def add_own_variances(covariances: Array, own: Iterable[Array]) -> Array:
     """Add the variances per axis of robots' own errors, (2,) each, to covariances, (n, 6, 6)."""
     return covariances + np.diag(np.repeat(sum(own, np.zeros(2)), 3))
 

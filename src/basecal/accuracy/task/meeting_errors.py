@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from basecal.accuracy.systematic_errors.expected_sizes import size_posterior
-from basecal.accuracy.systematic_errors.pose_fields import LongAxes, PoseField, pose_field, stated_fields, variances
+from basecal.accuracy.systematic_errors.pose_fields import AxisLengths, PoseField, pose_field, stated_fields, variances
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.task.arm_errors import ArmErrors
-from basecal.accuracy.task.kinematic_errors import moved_by_errors, nearest_poses, to_base_axes
-from basecal.accuracy.task.meeting import Meeting, add_own
+from basecal.accuracy.task.kinematic_errors import error_jacobian, nearest_poses, to_base_axes
+from basecal.accuracy.task.meeting import Meeting, add_own_variances
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.joint_estimate import (
@@ -57,8 +57,8 @@ def meeting_errors(
         shares, likely = zip(*_likely_models(models), strict=True)
         mean, covariance = _mixture(shares, [_model_error(meeting, own, model, widening) for model in likely])
     else:
-        mean = np.zeros(meeting.moves.moved.shape[:2])
-        covariance = meeting.total_error(arms.solution.covariance, own.values())
+        mean = np.zeros(meeting.jacobian.values.shape[:2])
+        covariance = meeting.total_covariance(arms.solution.covariance, own.values())
     return mean, covariance + fields
 
 
@@ -68,14 +68,14 @@ class _Model:
 
     Attributes:
         sigmas: Posterior of the model's sigmas.
-        moved: For each robot with such errors, their first column, and the derivative of the meeting error with
+        jacobians: For each robot with such errors, their first column, and the derivative of the meeting error with
             respect to them, (n, 6, k).
         unknown: Indices of sigmas, and the share of their variance that no recorded pose shows, (n,).
         prior: Prior probability of the model, up to a common factor.
     """
 
     sigmas: SigmaPosterior
-    moved: Sequence[tuple[int, Array]]
+    jacobians: Sequence[tuple[int, Array]]
     unknown: Sequence[tuple[slice, Array]]
     prior: float = 1.0
 
@@ -87,7 +87,7 @@ def _models_by_joints(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
     for kinds, sigmas in arms.joint_models:
         (columns,) = sigmas.model.layout.shared
         moved = [
-            (columns[robot][0], meeting.propagate(robot, moved_by_errors(problem, state, robot, where_m, kinds)))
+            (columns[robot][0], meeting.propagate(robot, error_jacobian(problem, state, robot, where_m, kinds)))
             for robot, where_m in meeting.places_m.items()
             if robot in columns
         ]
@@ -108,41 +108,43 @@ def _models_by_poses(meeting: Meeting, arms: ArmErrors) -> list[_Model]:
         if name in ("", *POSE_EFFECTS):
             models[name] = _model_by_poses(meeting, sigmas, name, 0)
         elif RANDOM_EFFECTS[name].by_times is not None:
-            of = _model_by_poses(meeting, sigmas, companion_name(name, found), 1)
-            columns, places = sigmas.model.layout.shared[0], sigmas.model.sigmas.shared[0]
-            alone = [(places[r], np.ones(len(at))) for r, at in meeting.places_m.items() if r in columns]
-            models[name] = replace(of, unknown=[*of.unknown, *alone])
+            base_model = _model_by_poses(meeting, sigmas, companion_name(name, found), 1)
+            columns, sigma_indices = sigmas.model.layout.shared[0], sigmas.model.sigmas.shared[0]
+            alone = [(sigma_indices[r], np.ones(len(at))) for r, at in meeting.places_m.items() if r in columns]
+            models[name] = replace(base_model, unknown=[*base_model.unknown, *alone])
     return [
         replace(models[name], prior=float(prior)) for name, prior in zip(models, model_priors([*models]), strict=True)
     ]
 
 
-def _model_by_poses(meeting: Meeting, sigmas: SigmaPosterior, name: str, number: int) -> _Model:
-    """Return a model with errors that are smooth in the pose; `number` is their index among the shared errors.
+def _model_by_poses(meeting: Meeting, sigmas: SigmaPosterior, name: str, index: int) -> _Model:
+    """Return a model with errors that are smooth in the pose; `index` is their index among the shared errors.
 
     The model has no shared errors if `name` is no effect of `POSE_EFFECTS`.
     """
     if name not in POSE_EFFECTS:
         return _Model(sigmas, [], [])
-    columns, places = sigmas.model.layout.shared[number], sigmas.model.sigmas.shared[number]
+    columns, sigma_indices = sigmas.model.layout.shared[index], sigmas.model.sigmas.shared[index]
     arms = {r: at for r, at in meeting.places_m.items() if r in columns}
-    moves = {r: moved_by_pose_errors(meeting.problem, r, at, name) for r, at in arms.items()}
-    moved = [(columns[r][0], meeting.propagate(r, of)) for r, of in moves.items()]
-    return _Model(sigmas, moved, [(places[r], unseen_share(meeting.problem, r, at, name)) for r, at in arms.items()])
+    moves = {r: pose_error_jacobian(meeting.problem, r, at, name) for r, at in arms.items()}
+    moved = [(columns[r][0], meeting.propagate(r, jacobian)) for r, jacobian in moves.items()]
+    return _Model(
+        sigmas, moved, [(sigma_indices[r], unseen_share(meeting.problem, r, at, name)) for r, at in arms.items()]
+    )
 
 
 def _model_error(
     meeting: Meeting, own: Mapping[str, Array], model: _Model, widening: Array | None
 ) -> tuple[Array, Array]:
     """Mean, (n, 6), and covariance, (n, 6, 6), of the error under a model, its sigmas integrated out."""
-    known, places = meeting.moves, model.sigmas.model.sigmas
-    columns = [known.columns, *(first + np.arange(of.shape[-1]) for first, of in model.moved)]
+    known, stops = meeting.jacobian, model.sigmas.model.sigmas.stops
+    columns = [known.columns, *(first + np.arange(jacobian.shape[-1]) for first, jacobian in model.jacobians)]
     mean, products, squares = moments(model.sigmas, np.concatenate(columns))
     if widening is not None:
         products[: len(known.columns), : len(known.columns)] += widening[np.ix_(known.columns, known.columns)]
-    moved = np.concatenate([known.moved, *(of for _, of in model.moved)], axis=-1)
-    estimated = {robot: squares[places.stops[robot]] for robot in meeting.places_m if robot in places.stops}
-    covariance = add_own(moved @ products @ np.swapaxes(moved, 1, 2), {**own, **estimated}.values())
+    moved = np.concatenate([known.values, *(jacobian for _, jacobian in model.jacobians)], axis=-1)
+    estimated = {robot: squares[stops[robot]] for robot in meeting.places_m if robot in stops}
+    covariance = add_own_variances(moved @ products @ np.swapaxes(moved, 1, 2), {**own, **estimated}.values())
     for at, share in model.unknown:
         covariance = covariance + share[:, None, None] * np.diag(np.repeat(squares[at], 3))
     return moved @ mean, covariance
@@ -167,15 +169,17 @@ def _own_variance(meeting: Meeting, solution: Solution, noise: Mapping[str, Any]
     """Mean variance per axis of a robot's own flange error, translation and rotation, (2,) [m^2, rad^2]."""
     of_stop = solution.noise.robot_variances.get(robot)
     own = meeting.stop_variance(robot) if of_stop is None else of_stop.reshape(2, 3).mean(1)
-    told = noise.get("robots", {}).get(robot, {})
-    return np.asarray(own + sum(np.square(told[n]["sigma"]).reshape(2, 3).mean(1) for n in RANDOM_EFFECTS if n in told))
+    stated = noise.get("robots", {}).get(robot, {})
+    return np.asarray(
+        own + sum(np.square(stated[n]["sigma"]).reshape(2, 3).mean(1) for n in RANDOM_EFFECTS if n in stated)
+    )
 
 
 POSE_EFFECTS = tuple(name for name, effect in RANDOM_EFFECTS.items() if effect.by_poses is not None)
 """Effects that are possible for arms without recorded joints; a model includes at most one of them."""
 
 
-def moved_by_pose_errors(problem: Problem, robot: str, points_in_base_m: Array, name: str) -> Array:
+def pose_error_jacobian(problem: Problem, robot: str, points_in_base_m: Array, name: str) -> Array:
     """Derivative of a robot's flange with respect to an effect's errors, (n, 6, k) [m, rad], in its base's axes.
 
     At a recorded place, the sum of base and arm error is known far better than either alone. Beyond recorded poses, an
@@ -218,7 +222,7 @@ def field_covariance(meeting: Meeting, arms: ArmErrors) -> Array:
         arms: Errors of arms about the solution.
     """
     situation = arms.situation
-    (moved, columns), points_m = meeting.moves, meeting.places_m
+    (moved, columns), points_m = meeting.jacobian, meeting.places_m
     total = np.zeros((len(moved), 6, 6))
     for sizes in arms.sizes:
         by_sizes = np.zeros((len(moved), 6, len(sizes.mean)))
@@ -248,6 +252,6 @@ def _open_fields(situation: Situation, points_m: Mapping[str, Array]) -> Array |
     return total
 
 
-def _unknown_covariance(error: PoseField | LongAxes, poses: SE3, field_m2: float) -> Array:
+def _unknown_covariance(error: PoseField | AxisLengths, poses: SE3, field_m2: float) -> Array:
     """Covariance of a flange from errors that no recorded pose shows, (n, 6, 6) [m, rad]."""
     return error.unknown_share(poses)[:, None, None] * np.diag(np.repeat(variances(field_m2), 3))

@@ -33,8 +33,8 @@ def add_task_error(
     cell: Cell,
     calibration: Calibration,
     settings: Settings,
-    steps: tuple[Solution, Solution, Solution],
-    offsets: OpenOffsets | None = None,
+    solutions: tuple[Solution, Solution, Solution],
+    offsets: OpenOffsets | None,
 ) -> Calibration:
     """Add the expected error to a calibration; with a task, also the error budget, the error map and local fits.
 
@@ -42,12 +42,12 @@ def add_task_error(
         cell: The calibrated cell.
         calibration: Its calibration.
         settings: Settings with the task.
-        steps: The solution, the solution widened by systematic errors, and the latter widened by clock offsets.
+        solutions: The solution as fitted, with the covariance of systematic errors, and with that of clocks, too.
         offsets: Clock offsets that were estimated with the solution; None without any.
     """
-    fitted, as_modelled, by_clocks = steps
-    widening = by_clocks.covariance - fitted.covariance
-    arms = ArmErrors(cell, fitted, by_clocks, offsets)
+    fitted, as_modelled, final = solutions
+    widening = final.covariance - fitted.covariance
+    arms = ArmErrors(cell, fitted, final, offsets)
     meeting = meeting_error(calibration, arms, settings, widening)
     calibration = replace(calibration, meeting=meeting)
     if settings.task_point is None:
@@ -55,7 +55,7 @@ def add_task_error(
     points_m = task_places(settings.task_point, settings.task_box)
     widenings = {
         _MODEL_SOURCE: as_modelled.covariance - fitted.covariance,
-        _CLOCK_SOURCE: by_clocks.covariance - as_modelled.covariance,
+        _CLOCK_SOURCE: final.covariance - as_modelled.covariance,
     }
     return replace(
         calibration,
@@ -122,9 +122,9 @@ def error_map(
     meeting = find_worst_meeting(arms.cell, calibration, arms.solution, points)
     if meeting is None:
         return None
-    mean, at = meeting_errors(meeting, arms, calibration.noise, widening)
+    mean, covariance = meeting_errors(meeting, arms, calibration.noise, widening)
     place, turn = slice(0, 3), slice(3, 6)
-    lengths = (length_quantiles(at[:, each, each], mean[:, each]) for each in (place, turn))
+    lengths = (length_quantiles(covariance[:, each, each], mean[:, each]) for each in (place, turn))
     return ErrorMap(points, *lengths)
 
 

@@ -114,7 +114,7 @@ class Views(Protocol):
     def transform(self, name: str) -> SE3:
         """The transform with this name, a mount or a base."""
 
-    def rank(self, group: Group) -> IntArray:
+    def sample_indices(self, group: Group) -> IntArray:
         """Indices of the samples of a group's views in `samples`, (n,)."""
 
     def flange_jacobian(self, k: int, robot: str) -> Array:
@@ -244,7 +244,7 @@ def frame_candidates(
         if not views.depends(k, name):
             return None
         by_frame = views.frame_jacobian(k, name)[..., : 3 if name in views.point_mounts else 6]
-        return np.asarray(shares[views.rank(views.groups[k])][..., None, None] * by_frame[:, None])
+        return np.asarray(shares[views.sample_indices(views.groups[k])][..., None, None] * by_frame[:, None])
 
     return Candidates(
         code, (name,) * len(first_samples), first_samples, "", tuple(map(moves, range(len(views.groups))))
