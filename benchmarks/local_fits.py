@@ -21,7 +21,7 @@ from basecal.cell import Recording, RobotState, Sample
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
-from benchmarks.common import cell_by_cell, table
+from benchmarks.common import run_cells, table
 
 BASE = "eye_base_from_hand_base"
 CELLS = 50  # of four parts: 200 recommendations
@@ -118,7 +118,7 @@ form of a wave over the workspace. A recommendation is right if the true error o
 
 def main(arguments: Sequence[str]) -> None:
     """Draw and print; of all cells results/local_fits.json too."""
-    cell_by_cell("local_fits", arguments, CELLS, measured, lambda found: table(HEAD, rows(found)))
+    run_cells("local_fits", arguments, CELLS, measured, lambda found: table(HEAD, rows(found)))
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ from basecal.estimation.solve import solve
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from benchmarks.common import Kept, on_one_core, table, write
-from benchmarks.error_map import BASE, KINDS, NOISE, calibrated, meant_pose, true_pose
+from benchmarks.error_map import BASE, KINDS, NOISE, as_calibration, commanded_pose, true_pose
 
 CELLS, CAPTURES = 60, 40  # of each kind; in all
 MEETINGS = 4  # of each cell, at places of its own
@@ -50,14 +50,14 @@ def trial(kind: str, seed: int) -> list[dict[str, float]]:
     """One cell: meetings at recorded places, how far apart the flanges are and what 95 of 100 are said to be below."""
     made, rng = simulate(KINDS[kind], 60_000 + seed), np.random.default_rng([seed, 17])
     solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
-    calibration = calibrated(made, solution)
+    calibration = as_calibration(made, solution)
     expected = meeting_error(calibration, ArmErrors(made.cell, solution, solution), Settings())
     assert expected is not None
     places = recorded_places(solution.problem, solution.state, BASE)
     believed = calibrated_kinematics(made.cell, calibration)
     told = []
     for place in places[rng.permutation(len(places))]:
-        meant = {robot: meant_pose(made, calibration, robot, place) for robot in ("eye", "hand")}
+        meant = {robot: commanded_pose(made, calibration, robot, place) for robot in ("eye", "hand")}
         try:
             eye, hand = (true_pose(made, believed, robot, *meant[robot], rng, False) for robot in meant)
         except NotConverged:  # an arm does not reach it

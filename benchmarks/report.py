@@ -157,8 +157,8 @@ def _few_images(result: Result) -> str:
 A camera on one arm takes images of a board on another. The images are rendered, the board is detected, and all but a
 few images are left out. The recorded poses of both arms have errors of {1e3 * few_images.NOISE[0]:g} mm and
 {1e3 * few_images.NOISE[1]:g} mrad per axis and stop. No noise is stated, and both mounts are unknown. Required of
-the base from {few_images.ENOUGH} images on: a mean NEES/6 in [{low:g}, {high:g}]. Required with fewer images: the
-truth in the 95 % ellipsoid, or no answer, in {few_images.LEAST_HELD * 40:.0f} of 40 cells. Findings are warnings
+the base from {few_images.FEWEST_FOR_BAND} images on: a mean NEES/6 in [{low:g}, {high:g}]. Required with fewer images:
+the truth in the 95 % ellipsoid, or no answer, in {few_images.LEAST_HELD * 40:.0f} of 40 cells. Findings are warnings
 and errors, with the number of cells."""
     return f"{about}\n\n{table(few_images.HEAD, map(few_images.row, result['rows']))}"
 
@@ -169,7 +169,7 @@ CPU time of the whole `calibrate`, in process, with the detections of images kno
 {calibrate.PRODUCTS} products of a {calibrate.ROWS} x {calibrate.COLUMNS} matrix with its transpose, measured between
 the runs. `before` is the number of units before the work was batched. Required for at most a hundred
 views: at most {calibrate.MOST_UNITS:.0f} units; of the larger recordings as stated. Ten thousand simulated samples
-without any stated sigma may take {calibrate.MOST_UNITS_OF[calibrate.MANY_NAME]:.0f} units, which is 15 s if a unit
+without any stated sigma may take {calibrate.MOST_UNITS_OF[calibrate.SIMULATED_NAME]:.0f} units, which is 15 s if a unit
 takes 8 ms. `basecal calibrate --verbose` prints the
 stages."""
     return f"{about}\n\n{table(calibrate.HEAD, map(calibrate.row, result['rows']))}"
@@ -338,7 +338,7 @@ start leads to a cost that is lower by more than {result["better"]:g} of it."""
     tables = (
         table(certificate.HEAD, map(certificate.row, result["posed"])),
         table(certificate.TIME_HEAD, map(certificate.time_row, result["times"])),
-        table(certificate.FOE_HEAD, map(certificate.foe_row, result["foes"])),
+        table(certificate.ADVERSARIAL_HEAD, map(certificate.adversarial_row, result["foes"])),
     )
     return f"{about}\n\n{tables[0]}\n\n{tables[1]}\n\n{foes}\n\n{tables[2]}"
 
@@ -415,8 +415,8 @@ def _about_run(run: Result) -> str:
 
 def _bag(result: Result) -> str:
     about = f"""\
-Bags of {bag.SHARE * bag.GIGABYTES:g} GB and of {bag.GIGABYTES:g} GB hold 30 images of 1280 x 720 and 50 poses a second.
-They are imported by stops and as streams. Required: the memory does not grow with the bag."""
+Bags of {bag.SHORT_SHARE * bag.GIGABYTES:g} GB and of {bag.GIGABYTES:g} GB hold 30 images of 1280 x 720 and 50 poses a
+second. They are imported by stops and as streams. Required: the memory does not grow with the bag."""
     return f"{about}\n\n{table(bag.HEAD, result['rows'])}"
 
 

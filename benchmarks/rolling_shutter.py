@@ -21,8 +21,8 @@ from basecal.simulation.motion import draw_motions, points_in_camera, seen_point
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import Scene, draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
-from benchmarks.clocks import BASE, MOST_OFF_S, VIEWS, told
-from benchmarks.common import cell_by_cell, table
+from benchmarks.clocks import BASE, MOST_OFF_S, VIEWS, robot_records
+from benchmarks.common import run_cells, table
 from benchmarks.wrong_answers import NOISE, _along, _scenario
 
 LINES_S = (1e-5, 3e-5)
@@ -71,7 +71,7 @@ def recorded(seed: int) -> tuple[Cell, Recording, dict[str, SE3], float]:
         if m.sum() >= 4
     ]
     cell = stated_cell(scene, scenario, prior_rng, {})
-    return cell, Recording((*seen, *told(way.recorded))), dict(truth(scene, cell)), line_s
+    return cell, Recording((*seen, *robot_records(way.recorded))), dict(truth(scene, cell)), line_s
 
 
 def row_by_row(
@@ -155,7 +155,7 @@ def shown(rows: list[dict[str, Any]]) -> str:
 
 def main(arguments: list[str]) -> None:
     """Draw and print; of all recordings results/rolling_shutter.json too."""
-    cell_by_cell("rolling_shutter", arguments, ALL, lambda seed: [f._asdict() for f in one(seed)], shown, result)
+    run_cells("rolling_shutter", arguments, ALL, lambda seed: [f._asdict() for f in one(seed)], shown, result)
 
 
 if __name__ == "__main__":

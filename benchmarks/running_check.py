@@ -42,7 +42,7 @@ from basecal.simulation.running.faults import read_faults
 from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world import World
-from benchmarks.calibrate import MANY_NAME, recordings, unit_s
+from benchmarks.calibrate import SIMULATED_NAME, recordings, unit_s
 from benchmarks.common import Kept, cpu_seconds, on_one_core, table, write
 
 SAMPLES, SIGMA_CAPTURES, CLEAN, FAULTY, BY_POSES, LATEST = 25, 60, 60, 40, 40, 3
@@ -358,7 +358,7 @@ of it."""
 def _real(kept: Kept) -> list[dict[str, Any]]:
     found = []
     for name, load in recordings().items():
-        if name == MANY_NAME:
+        if name == SIMULATED_NAME:
             continue
         try:
             found.append(kept.of(f"real:{name}", lambda name=name, load=load: replayed(name, *load())))

@@ -23,7 +23,7 @@ from basecal.effects import target_size
 from basecal.estimation.problem.stated_lens import usual_sigmas
 from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, SimulatedCell, simulate
-from benchmarks.common import cell_by_cell, table
+from benchmarks.common import run_cells, table
 
 BEYOND = 4.0
 LAYOUTS = "dual", "eye_in_hand", "eye_to_hand"
@@ -212,4 +212,4 @@ warning names a stated number."""
 
 
 if __name__ == "__main__":
-    cell_by_cell("stated_numbers", sys.argv[1:], 200, measured, shown)
+    run_cells("stated_numbers", sys.argv[1:], 200, measured, shown)

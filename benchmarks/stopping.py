@@ -16,7 +16,7 @@ import numpy as np
 
 from basecal.planning.choose import choose_fewest
 from basecal.planning.plan import MOST_SAMPLES
-from benchmarks.common import cell_by_cell, table
+from benchmarks.common import run_cells, table
 from benchmarks.planned_cell import PlannedCell, exhaustive, planned_cell
 
 CELLS = 400
@@ -93,7 +93,7 @@ A plan predicts how many samples a goal needs, and so many are taken. The noise 
 
 def main(arguments: Sequence[str]) -> None:
     """Draw and print; of all cells results/stopping.json too."""
-    cell_by_cell("stopping", arguments, CELLS, measured, lambda found: table(HEAD, rows(found)))
+    run_cells("stopping", arguments, CELLS, measured, lambda found: table(HEAD, rows(found)))
 
 
 if __name__ == "__main__":

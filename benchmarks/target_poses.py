@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 import basecal
 from basecal.geometry import SE3, Array
-from benchmarks.common import by_draws, table
+from benchmarks.common import run_draws, table
 
 DRAWS, SAMPLES = 60, 20
 LENS = np.array([[900.0, 0, 640], [0, 900, 360], [0, 0, 1]])
@@ -105,4 +105,4 @@ def shown(found: Mapping[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    by_draws("target_poses", sys.argv[1:], (DRAWS, SAMPLES), measured, shown)
+    run_draws("target_poses", sys.argv[1:], (DRAWS, SAMPLES), measured, shown)

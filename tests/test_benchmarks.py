@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks import capture, report, scale
-from benchmarks.capture import HEAD, Kept, Outcome, row, size_of
-from benchmarks.common import RESULTS
+from benchmarks.capture import HEAD, Outcome, kept_outcomes, row, size_text
+from benchmarks.common import RESULTS, Kept
 from benchmarks.entered import FileOfTests, Judge, telling
 from benchmarks.mutants import Verdict, kept_runs, room_tests, rows, run_of
 from benchmarks.peers.tables import brief
@@ -209,7 +209,7 @@ def test_outcomes_outlive_a_run(tmp_path: Path) -> None:
     kept.keep("#0", outcome("good", 7.0))
     kept.keep("size:sag", {"size": 0.0123, "is_usual": False})
     again = Kept(tmp_path / "kept.jsonl")
-    assert [each.nees for each in again.outcomes("sag")] == [0.0, 1.0, 2.0, 10.0]
-    assert [each.nees for each in again.outcomes("")] == [7.0]
-    assert size_of(again, "sag") == "0.0123 deg"
-    assert (size_of(again, "backlash"), again.get("sag#3")) == ("", None)
+    assert [each.nees for each in kept_outcomes(again, "sag")] == [0.0, 1.0, 2.0, 10.0]
+    assert [each.nees for each in kept_outcomes(again, "")] == [7.0]
+    assert size_text(again, "sag") == "0.0123 deg"
+    assert (size_text(again, "backlash"), again.get("sag#3")) == ("", None)

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import solve_from
 from basecal.estimation.start.first_state import first_state
-from benchmarks.common import interleaved, on_one_core, table, write
+from benchmarks.common import interleave_times, on_one_core, table, write
 from benchmarks.solve import by_ceres, by_gtsam, by_scipy
 from benchmarks.solve.outcome import Outcome
 from benchmarks.solve.task import Task, make_task
@@ -59,7 +59,7 @@ def measure(task: Task, repeats: int) -> dict[str, Any]:
     all_works: dict[str, Callable[[], object]] = dict(works)
     all_works[START] = lambda: first_state(task.problem, task.cell, thorough=False)
     gc.disable()
-    times = interleaved(all_works, repeats)
+    times = interleave_times(all_works, repeats)
     gc.enable()
     medians = {name: 1e3 * median(each) for name, each in times.items()}
     peers = {name: ms for name, ms in medians.items() if name not in (OURS, START)}
