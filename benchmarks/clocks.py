@@ -23,7 +23,7 @@ from basecal.simulation.scene import draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
 from basecal.simulation.testbed import observe
 from benchmarks.common import run_cells, table
-from benchmarks.wrong_answers import NOISE, Drawn, _along, _scenario
+from benchmarks.wrong_answers import NOISE, Drawn, path_poses, two_arm_scenario
 
 BASE = "eye_base_from_hand_base"
 MOST_OFF_S = 0.05
@@ -48,13 +48,13 @@ class Outcome(NamedTuple):
 
 def streams(seed: int) -> tuple[Drawn, float]:
     """Poses at 50 Hz and views at 5 Hz, and the correction of the views' stamps [s]."""
-    scenario = _scenario(seed, samples=10, spread_rad=0.4)
+    scenario = two_arm_scenario(seed, samples=10, spread_rad=0.4)
     offset_s = float(np.random.default_rng(9000 + seed).uniform(-MOST_OFF_S, MOST_OFF_S))
     scene_rng, motion_rng, noise_rng, prior_rng = np.random.default_rng(5000 + seed).spawn(4)
     scene = draw_scene(scenario, make_layout(scenario.layout), scene_rng)
     (path,) = draw_motions(scene, scenario, motion_rng, {})
     seen_s = 0.15 + 0.2 * np.arange(VIEWS)
-    true_poses = {robot: _along(poses, seen_s) for robot, poses in path.recorded.items()}
+    true_poses = {robot: path_poses(poses, seen_s) for robot, poses in path.recorded.items()}
     noise = {robot: motion_rng.standard_normal((VIEWS, 6)) * np.repeat(NOISE, 3) for robot in true_poses}
     motion = Motion(0, true_poses, {robot: poses @ poses.exp(noise[robot]) for robot, poses in true_poses.items()})
     views = observe(motion, scene, scenario, noise_rng)
@@ -66,7 +66,7 @@ def streams(seed: int) -> tuple[Drawn, float]:
 def robot_records(paths: Mapping[str, SE3]) -> list[Sample]:
     """Samples of the robots along their paths at 50 Hz, numbered after the views."""
     stamps_s = 0.02 * np.arange(620)
-    poses_at = {robot: _along(poses, stamps_s) for robot, poses in paths.items()}
+    poses_at = {robot: path_poses(poses, stamps_s) for robot, poses in paths.items()}
     return [
         Sample(VIEWS + k, float(stamps_s[k]), {robot: RobotState(poses[k]) for robot, poses in poses_at.items()})
         for k in range(len(stamps_s))
@@ -105,14 +105,14 @@ def summary(outcomes: list[Outcome]) -> dict[str, Any]:
     }
 
 
-def row(name: str, summary: dict[str, Any]) -> tuple[object, ...]:
+def row(name: str, statistics: dict[str, Any]) -> tuple[object, ...]:
     """A line of the table with `HEAD`."""
     shares = (
-        f"{100 * summary['within']:.1f} %",
-        f"{1e3 * summary['median_sigma_s']:.2f}",
-        f"{1e3 * summary['rms_error_s']:.2f}",
+        f"{100 * statistics['within']:.1f} %",
+        f"{1e3 * statistics['median_sigma_s']:.2f}",
+        f"{1e3 * statistics['rms_error_s']:.2f}",
     )
-    return (summary["recordings"], name, *shares, f"{summary['nees']:.3f}", f"{100 * summary['good']:.1f} %")
+    return (statistics["recordings"], name, *shares, f"{statistics['nees']:.3f}", f"{100 * statistics['good']:.1f} %")
 
 
 def make_result(rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def make_result(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def format_table(rows: list[dict[str, Any]]) -> str:
     """The table of the statistics."""
-    return table(HEAD, [row(name, shares) for name, shares in make_result(rows)["rows"].items()])
+    return table(HEAD, [row(name, statistics) for name, statistics in make_result(rows)["rows"].items()])
 
 
 def main(arguments: list[str]) -> None:

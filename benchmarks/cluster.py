@@ -187,12 +187,12 @@ def summarize(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     out = []
     for way, runs in rounds.items():
         assert len({each["numbers"] for each in runs}) == 1
-        row = {**runs[0], **{name: median(each[name] for each in runs) for name in ("wall_s", "processor_s")}}
+        result = {**runs[0], **{name: median(each[name] for each in runs) for name in ("wall_s", "processor_s")}}
         if way.startswith("Dask"):
             reference = rounds["2 processes"]
             for name, field in (("overhead", "wall_s"), ("processor_overhead", "processor_s")):
-                row[name] = median(d[field] / p[field] for d, p in zip(runs, reference, strict=True)) - 1
-        out.append(row)
+                result[name] = median(d[field] / p[field] for d, p in zip(runs, reference, strict=True)) - 1
+        out.append(result)
     return out
 
 

@@ -19,7 +19,8 @@ from benchmarks.mutants import Verdict, kept_runs, room_tests, rows, run_of
 from benchmarks.peers.tables import brief
 from benchmarks.real_errors import reality
 from benchmarks.report import PAGE, page
-from benchmarks.small_faults import SOURCE, Mutant, changed, mutants_of
+from benchmarks.rescues import RESCUES, locate
+from benchmarks.small_faults import SOURCE, Mutant, mutants_of, replacements
 
 from basecal.simulation import Scenario, simulate
 
@@ -131,7 +132,7 @@ def test_mutants_are_faults() -> None:
     """Comparisons turn round, counts shift by one, operators change, numbers grow; borders of real numbers stay."""
 
     def of(text: str) -> list[str]:
-        return [ast.unparse(node) for node in changed(ast.parse(text, mode="eval").body)]
+        return [ast.unparse(node) for node in replacements(ast.parse(text, mode="eval").body)]
 
     assert of("a < b") == ["a >= b"]
     assert of("len(a) < 2") == ["len(a) >= 2", "len(a) <= 2"]
@@ -145,7 +146,7 @@ def test_mutants_are_faults() -> None:
 
 
 def test_a_run_takes_over_why_its_mutants_survived() -> None:
-    """By what is changed, wherever it stands; one that nothing tells from the original counts for no fault."""
+    """By what is replacements, wherever it stands; one that nothing tells from the original counts for no fault."""
     known = next(each for run in kept_runs() for each in run["survived"] if each.get("why", "").startswith("equiv"))
     mutant = Mutant(known["file"], 1, known["text"], known["old"], known["new"], 9, range(0), "")
     other = mutant._replace(text="something else")
@@ -165,7 +166,7 @@ def test_errors_of_a_recording_add_up_to_it() -> None:
     """Stops and views with the errors imputed to them are the recording again, pixel by pixel."""
     made = simulate(Scenario(samples=12, robot_noise=(3e-4, 5e-4), state_robot_noise=False, state_pixel_noise=False), 3)
     of = reality(made.cell, made.recording)
-    again = of.draw_fault(of.imputed(np.random.default_rng(0)))
+    again = of.make_recording(of.impute(np.random.default_rng(0)))
     for sample, recorded in zip(again.samples, made.recording.samples, strict=True):
         (seen,), (was,) = sample.observations, recorded.observations
         np.testing.assert_array_equal(seen.ids, was.ids)
@@ -176,7 +177,7 @@ def test_errors_dealt_out_anew_are_as_large() -> None:
     """Rms over twenty draws: 0.2 px to a twentieth, of 30 views; 0.3 mm and 0.5 mrad to a quarter, of 60 stops."""
     made = simulate(Scenario(samples=30, robot_noise=(3e-4, 5e-4), state_robot_noise=False, state_pixel_noise=False), 4)
     of = reality(made.cell, made.recording)
-    draws = [of.resampled(np.random.default_rng(seed)) for seed in range(20)]
+    draws = [of.resample(np.random.default_rng(seed)) for seed in range(20)]
     pixels = np.sqrt(np.mean([np.mean(draw.views[0] ** 2) for draw in draws]))
     assert abs(pixels - 0.2) < 0.01
     squares = np.mean([(draw.stops * of.problem.stops.sigma) ** 2 for draw in draws], axis=(0, 1))
@@ -199,6 +200,13 @@ def test_a_cell_is_safe_inside_the_ellipsoid_or_named_first() -> None:
     told = dict(zip(HEAD, row("base-bumped", "5 mm", cells), strict=True))
     assert (told["cells"], told["good"], told["in 99.7 %"], told["in 99.7 % or named first"]) == (5, 2, 1, 2)
     assert told["first finding"] == "base-moved 1, poor-fit 1, too-few-samples 1"
+
+
+@pytest.mark.parametrize("name", RESCUES)
+def test_rescues_name_functions_of_the_package(name: str) -> None:
+    """The name of each rescue is looked up in its module, so that a renamed function is not silently left in place."""
+    place, attribute = locate(RESCUES[name])
+    assert callable(getattr(place, attribute))
 
 
 def test_outcomes_outlive_a_run(tmp_path: Path) -> None:
