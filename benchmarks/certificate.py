@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import numpy as np
-from tests.shared.deceivers import ADVERSARIES, BETTER, POSITION_M, Verdict, tried
+from tests.shared.deceivers import ADVERSARIES, COST_GAIN, POSITION_M, Verdict, trial
 
 from basecal.estimation.certificate.certificate import certify, proven_loops
 from basecal.estimation.solve import solve
@@ -81,7 +81,7 @@ def challenge_cells(cells: int, workers: int) -> list[Verdict]:
     cases = [(ADVERSARIES[k % len(ADVERSARIES)], k // len(ADVERSARIES)) for k in range(cells)]
     verdicts: list[Verdict] = []
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for verdict in pool.map(tried, *zip(*cases, strict=True), chunksize=4):
+        for verdict in pool.map(trial, *zip(*cases, strict=True), chunksize=4):
             verdicts.append(verdict)
             if len(verdicts) % 100 == 0:
                 print(
@@ -147,7 +147,7 @@ def main(arguments: list[str]) -> None:
     print("\n" + table(ADVERSARIAL_HEAD, map(adversarial_row, adversarial)))
     far_rotated = [p for p in posed if p["spread_rad"] >= WELL_POSED_RAD]
     rate = sum(p["proven"] for p in far_rotated) / sum(p["cells"] for p in far_rotated)
-    result = {"target": TARGET, "rate": rate, "well_posed_rad": WELL_POSED_RAD, "better": BETTER}
+    result = {"target": TARGET, "rate": rate, "well_posed_rad": WELL_POSED_RAD, "better": COST_GAIN}
     print(f"\nwritten: {write('certificate', {**result, 'posed': posed, 'times': times, 'foes': adversarial}).name}")
 
 

@@ -28,15 +28,15 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 from tests.shared.consistency_trial import (
-    BEYOND,
     ESTIMATED,
+    FAR_QUANTILE,
     FREEDOMS,
     SCENARIOS,
     SMALL_M,
     SMALL_RAD,
     Error,
     band,
-    error_of,
+    base_error,
 )
 
 from benchmarks.common import label, table, write
@@ -59,7 +59,7 @@ def summary(name: str, errors: list[Error]) -> dict[str, Any]:
         "cells": len(errors),
         "mean": mean,
         "standard_error": float(nees.std(ddof=1)) / FREEDOMS / np.sqrt(len(nees)),
-        "beyond_99": float(np.mean(nees > chi2.ppf(BEYOND, FREEDOMS))),
+        "beyond_99": float(np.mean(nees > chi2.ppf(FAR_QUANTILE, FREEDOMS))),
         "worst": float(nees.max()),
         "unseen": len(every) - len(nees),
         "not_converged": sum(not e.converged for e in errors),
@@ -115,7 +115,7 @@ def run(names: Iterable[str], cells: int, first_seed: int, pool: Executor) -> It
         scenario = SCENARIOS.get(name) or ESTIMATED[name]
         count = cells if scenario.state_robot_noise else min(cells, CELLS_OF_ROBOTS)
         seeds = range(first_seed, first_seed + count)
-        errors = list(pool.map(error_of, [scenario] * count, seeds, chunksize=25))
+        errors = list(pool.map(base_error, [scenario] * count, seeds, chunksize=25))
         statistics = summary(name, errors) if name in SCENARIOS else estimated_summary(name, errors)
         yield {**statistics, "seconds": time.perf_counter() - began}
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from tests.shared.pose_trial import SIGMAS, sources, tried
+from tests.shared.pose_trial import SIGMAS, sources, trial
 
 from benchmarks.common import label, table, write
 
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     cv2.setNumThreads(1)
     rows = []
     for seed, source in enumerate(each for each in sources() if asked.only in each.name):
-        rows.append(tried(source, asked.samples, seed))
+        rows.append(trial(source, asked.samples, seed))
         print(json.dumps(rows[-1]), flush=True)
     if not asked.only:
         earlier = [] if asked.earlier is None else json.loads(asked.earlier.read_text(encoding="utf-8"))

@@ -24,6 +24,7 @@ from benchmarks.common import table, write
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from shared.ros2_domain import ros2, watching
+from shared.ros2_listener import read_state
 
 JOINTS_HZ, IMAGES_HZ, SIZE_PX = 500, 30, (1280, 720)
 WARM_S = 10.0  # before memory is measured
@@ -51,13 +52,6 @@ class Stream:
             self.error = str(error)
 
 
-def read_state(robot: Any) -> tuple[float, float]:
-    """Stamp of a state, and the stamp that its joints contain [s]."""
-    reading = robot.state()
-    joints = reading.state.joints_rad
-    return reading.stamp_s, joints[:4] @ [1e8, 1e5, 100, 0.01]
-
-
 def read_image(camera: Any) -> tuple[float, float]:
     """Stamp of an image, and the stamp that its pixels contain [s]."""
     image = camera.image()
@@ -82,7 +76,10 @@ def watch(minutes: float) -> dict[str, Any]:
         robot = open_robot(process.place("eye"))
         camera = open_camera(process.place("wrist", topic="/wrist/image_raw"))
         seconds = 60 * minutes
-        streams = {"joint states": Stream(lambda: read_state(robot)), "pictures": Stream(lambda: read_image(camera))}
+        streams = {
+            "joint states": Stream(lambda: read_state(robot.state())),
+            "pictures": Stream(lambda: read_image(camera)),
+        }
         began_s, until_s = time.monotonic(), time.monotonic() + WARM_S + seconds
         threads = [threading.Thread(target=each.run, args=(until_s,)) for each in streams.values()]
         for thread in threads:
