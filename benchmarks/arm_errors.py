@@ -1,10 +1,12 @@
-"""From which size on a recording can tell that arms are built otherwise than stated, and what the answer says then.
+"""Smallest errors of arms that a recording can detect, and what the calibration answers if arms have errors.
 
-The cells, plans and noise of `benchmarks.capture`, without its images: corners have the detector's errors, joints
-stop up to 30 microradians from where they were sent. Arms then have an error of a size at which an answer that knows
-nothing of it moves by 5, 10 and 20 of its sigmas in that very cell, all noise known. A perfect test knows all noise and
-looks for nothing but the parameters of that kind of error: it finds it as often as a non-central chi-square beats
-chance, whose shift is what the recording says of the error beyond what base and mounts take up.
+Cells, plans and noise are those of `benchmarks.capture`, without its images. Corners have the detector's errors, and
+joints stop up to 30 microradians from their commanded positions. An error of the arms has the size that moves an answer
+which ignores it by 5, 10 and 20 of its sigmas in that cell, with all noise known.
+
+A perfect test knows all noise and tests only for the parameters of that kind of error. Its power is that of a
+chi-square test. The noncentrality is the information of the recording on the part of the error that base and mounts do
+not absorb.
 """
 
 from __future__ import annotations
@@ -35,39 +37,39 @@ from benchmarks.common import RESULTS, table, write
 
 BASE = "eye_base_from_hand_base"
 CELLS, SAMPLES = 40, 25
-PIXEL_PX, STOP_RAD = 0.0075, 3e-5  # of the detector on such images, and of each joint at each stop
+PIXEL_PX, STOP_RAD = 0.0075, 3e-5  # sigmas of the detector on such images, and of each joint at each stop
 SIGMAS = (5.0, 10.0, 20.0)
 CHANCE = 1e-3
-# Parameters of two arms that a recording tells beside three free frames: a chain of twelve joints has 4 * 12 + 6, of
-# which 18 are the frames; of the offsets, those of the first and the last joint of each arm are such.
+# Observable parameters of two arms beside three free frames: a chain of twelve joints has 4 * 12 + 6, of which 18 are
+# the frames. The frames absorb the offsets of the first and the last joint of each arm.
 FREEDOMS = {"joint-offsets": 8, "link-errors": 36, "backlash": 12, "sag": 12}
 NAMES = {"joint-offsets": "robot-model", "link-errors": "robot-model", "backlash": "robot-model", "sag": "deflection"}
 _STEP = 1e-6
 
 Joints = dict[str, Array]
-Move = Callable[[Joints], dict[str, SE3]]
-"""Flanges, (n,) each, of arms whose joints are sent somewhere, (n, 6) each."""
+FlangeModel = Callable[[Joints], dict[str, SE3]]
+"""Flanges, (n,) each, by commanded joints, (n, 6) each."""
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A cell without an error, and where its arms are sent, (n, 6) by arm [rad], in order."""
+    """A cell without an error, and the commanded joints of its arms, (n, 6) each [rad], in order."""
 
     world: World
     joints: Joints
 
     def camera_from_target(self, flanges: dict[str, SE3], frames: Sequence[SE3]) -> SE3:
-        """By flanges and by tangents of base, camera's mount and target's mount."""
+        """Pose of the board in the camera, by flanges and by tangents of base, camera's mount and target's mount."""
         base, camera, board = (
-            self.world.truth[name] @ moved
-            for name, moved in zip((BASE, "eye_flange_from_wrist", "hand_flange_from_board"), frames, strict=True)
+            self.world.truth[name] @ frame
+            for name, frame in zip((BASE, "eye_flange_from_wrist", "hand_flange_from_board"), frames, strict=True)
         )
         return (flanges["eye"] @ camera).inverse() @ (base @ flanges["hand"] @ board)
 
 
 @cache
-def design(seed: int) -> Design | None:
-    """The cell of a seed and its plan; None where its arms do not reach."""
+def make_design(seed: int) -> Design | None:
+    """The cell of a seed and its plan; None if its arms do not reach."""
     try:
         world = two_arms("charuco", seed)
         sketch = sketch_cell(world.cell)
@@ -84,175 +86,182 @@ def _joints(state: RobotState) -> Array:
     return state.joints_rad
 
 
-def moved(of: Design, robots: dict[str, Kinematics], play_rad: float) -> Move:
-    """How arms of some kinematics stand whose joints have play: each stops on the side it comes from."""
+def flange_model(design: Design, robots: dict[str, Kinematics], play_rad: float) -> FlangeModel:
+    """Forward kinematics of arms whose joints have play: each joint stops on the side that it comes from."""
     return lambda joints: {
-        name: robots[name].forward(each + 0.5 * play_rad * _sides(of, name)) for name, each in joints.items()
+        name: robots[name].forward(each + 0.5 * play_rad * _sides(design, name)) for name, each in joints.items()
     }
 
 
-def _sides(of: Design, robot: str) -> Array:
-    way = np.diff(np.vstack([of.world.home[robot], of.joints[robot]]), axis=0)
-    return np.where(way >= 0, 1.0, -1.0)
+def _sides(design: Design, robot: str) -> Array:
+    steps = np.diff(np.vstack([design.world.home[robot], design.joints[robot]]), axis=0)
+    return np.where(steps >= 0, 1.0, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """What a recording says: of the frames (18, 18), and how views move with joints, (n, 6, 12), and its weights."""
+    """Information of a recording: Jacobians of its views by the frames, (n, 6, 18), and weights of views, (n, 6, 6)."""
 
-    by_frames: Array
+    frame_jacobian: Array
     weights: Array
 
     @property
-    def frames(self) -> Array:
-        """(18, 18)."""
-        return np.asarray(np.einsum("nia,nij,njb->ab", self.by_frames, self.weights, self.by_frames))
+    def frame_information(self) -> Array:
+        """Information about the frames, (18, 18)."""
+        return np.asarray(np.einsum("nia,nij,njb->ab", self.frame_jacobian, self.weights, self.frame_jacobian))
 
-    def pull(self, signal: Array) -> Array:
-        """Of a signal (n, 6) on the frames, (18,)."""
-        return np.asarray(np.einsum("nia,nij,nj->a", self.by_frames, self.weights, signal))
+    def frame_gradient(self, signal: Array) -> Array:
+        """Weighted projection of a signal (n, 6) on the frames, (18,)."""
+        return np.asarray(np.einsum("nia,nij,nj->a", self.frame_jacobian, self.weights, signal))
 
-    def size(self, signal: Array) -> float:
-        """Of a signal, squared."""
+    def squared_norm(self, signal: Array) -> float:
+        """Weighted squared norm of a signal (n, 6)."""
         return float(np.einsum("ni,nij,nj->", signal, self.weights, signal))
 
 
-def information(of: Design) -> Information:
-    """What the recording of a cell without an error says, all noise known."""
-    plain = moved(of, dict(of.world.robots), 0.0)
+def information(design: Design) -> Information:
+    """Information of the recording of a cell without an error, all noise known."""
+    plain = flange_model(design, dict(design.world.robots), 0.0)
     still = [SE3.identity()] * 3
-    seen = of.camera_from_target(plain(of.joints), still)
+    views = design.camera_from_target(plain(design.joints), still)
 
-    def by(change: Callable[[int], SE3], count: int) -> Array:
-        return np.stack([(seen.inverse() @ change(k)).log() / _STEP for k in range(count)], axis=-1)
+    def derivative(change: Callable[[int], SE3], count: int) -> Array:
+        return np.stack([(views.inverse() @ change(k)).log() / _STEP for k in range(count)], axis=-1)
 
     def frames(k: int) -> SE3:
-        steps = [SE3.exp(_STEP * (np.arange(6) == k - 6 * which)) for which in range(3)]
-        return of.camera_from_target(plain(of.joints), steps)
+        steps = [SE3.exp(_STEP * (np.arange(6) == k - 6 * index)) for index in range(3)]
+        return design.camera_from_target(plain(design.joints), steps)
 
     def joint(k: int) -> SE3:
         sent = {
-            name: each + _STEP * (np.arange(6) == k - 6 * place) for place, (name, each) in enumerate(of.joints.items())
+            name: each + _STEP * (np.arange(6) == k - 6 * index)
+            for index, (name, each) in enumerate(design.joints.items())
         }
-        return of.camera_from_target(plain(sent), still)
+        return design.camera_from_target(plain(sent), still)
 
-    by_joints = by(joint, 12)
-    covariance = STOP_RAD**2 * by_joints @ np.swapaxes(by_joints, 1, 2) + PIXEL_PX**2 * _of_view(of, seen)
-    return Information(by(frames, 18), np.asarray(np.linalg.inv(covariance), dtype=np.float64))
+    joint_jacobian = derivative(joint, 12)
+    covariance = STOP_RAD**2 * joint_jacobian @ np.swapaxes(joint_jacobian, 1, 2) + PIXEL_PX**2 * _view_covariances(
+        design, views
+    )
+    return Information(derivative(frames, 18), np.asarray(np.linalg.inv(covariance), dtype=np.float64))
 
 
-def _of_view(of: Design, seen: SE3) -> Array:
-    """Covariance of each view's own pose for corners of one pixel, (n, 6, 6)."""
-    shape, lens = of.world.cell.targets["board"].target, of.world.lenses["wrist"]
+def _view_covariances(design: Design, camera_from_board: SE3) -> Array:
+    """Covariance of the pose of each view alone, for corners with a noise of one pixel, (n, 6, 6)."""
+    shape, lens = design.world.cell.targets["board"].target, design.world.lenses["wrist"]
     assert shape is not None
-    found = []
+    covariances = []
     for k in range(SAMPLES):
-        pose = seen[k]
+        pose = camera_from_board[k]
         pixels = [
             lens.project(pose @ SE3.exp(sign * _STEP * row) @ shape.points) for row in np.eye(6) for sign in (1, -1)
         ]
-        by = np.stack([(a - b).ravel() / (2 * _STEP) for a, b in zip(pixels[::2], pixels[1::2], strict=True)], axis=1)
-        found.append(np.linalg.inv(by.T @ by))
-    return np.stack(found)
+        jacobian = np.stack(
+            [(a - b).ravel() / (2 * _STEP) for a, b in zip(pixels[::2], pixels[1::2], strict=True)], axis=1
+        )
+        covariances.append(np.linalg.inv(jacobian.T @ jacobian))
+    return np.stack(covariances)
 
 
-def signal(of: Design, kind: str, size: float) -> Array:
-    """How an error of a size, in SI, moves views, (n, 6)."""
-    world, still = _faulty(of, kind, size / FAULTS[kind].scale), [SE3.identity()] * 3
-    plain = of.camera_from_target(moved(of, dict(of.world.robots), 0.0)(of.joints), still)
-    off = of.camera_from_target(moved(of, dict(world.robots), world.faults.size("backlash"))(of.joints), still)
-    return np.asarray((plain.inverse() @ off).log())
+def signal(design: Design, kind: str, size: float) -> Array:
+    """Change of the views by an error of a size in SI units, (n, 6)."""
+    world, still = _faulty(design, kind, size / FAULTS[kind].scale), [SE3.identity()] * 3
+    plain = design.camera_from_target(flange_model(design, dict(design.world.robots), 0.0)(design.joints), still)
+    faulty = design.camera_from_target(
+        flange_model(design, dict(world.robots), world.faults.size("backlash"))(design.joints), still
+    )
+    return np.asarray((plain.inverse() @ faulty).log())
 
 
-def _faulty(of: Design, kind: str, size: float) -> World:
+def _faulty(design: Design, kind: str, size: float) -> World:
     faults = read_faults([f"{kind}={size!r}"]) if size else Faults()
-    return faulty_world(of.world.cell, of.world.truth, of.world.home, faults, of.world.seed)
+    return faulty_world(design.world.cell, design.world.truth, design.world.home, faults, design.world.seed)
 
 
-def recording(of: Design, kind: str, size: float) -> Recording:
-    """What is seen of a cell with an error of a size in its own unit."""
-    world, rng = _faulty(of, kind, size), np.random.default_rng([of.world.seed, 99])
-    stood = {name: each + STOP_RAD * rng.standard_normal(each.shape) for name, each in of.joints.items()}
-    flanges = moved(of, dict(world.robots), world.faults.size("backlash"))(stood)
-    seen = of.camera_from_target(flanges, [SE3.identity()] * 3)
-    shape, lens = of.world.cell.targets["board"].target, of.world.lenses["wrist"]
+def recording(design: Design, kind: str, size: float) -> Recording:
+    """Simulate the recording of a cell with an error of a size in its own unit."""
+    world, rng = _faulty(design, kind, size), np.random.default_rng([design.world.seed, 99])
+    stopped = {name: each + STOP_RAD * rng.standard_normal(each.shape) for name, each in design.joints.items()}
+    flanges = flange_model(design, dict(world.robots), world.faults.size("backlash"))(stopped)
+    camera_from_board = design.camera_from_target(flanges, [SE3.identity()] * 3)
+    shape, lens = design.world.cell.targets["board"].target, design.world.lenses["wrist"]
     assert shape is not None
     samples = []
     for k in range(SAMPLES):
-        pose = seen[k]
+        pose = camera_from_board[k]
         visible = lens.sees(pose @ shape.points)
         pixels = lens.project(pose @ shape.points)[visible]
         pixels = pixels + PIXEL_PX * rng.standard_normal(pixels.shape)
-        found = PixelObservation(
+        observation = PixelObservation(
             "wrist", "board", shape.ids[visible], pixels, np.full(len(pixels), PIXEL_PX), detected=True
         )
-        states = {name: RobotState(joints_rad=each[k]) for name, each in of.joints.items()}
-        samples.append(Sample(k, float(k), states, (found,)))
+        states = {name: RobotState(joints_rad=each[k]) for name, each in design.joints.items()}
+        samples.append(Sample(k, float(k), states, (observation,)))
     return Recording(tuple(samples))
 
 
-def measured(seed: int) -> Iterator[dict[str, Any]]:
-    """One cell without an error, and with each of each size."""
-    of = design(seed)
-    if of is None:
+def measure(seed: int) -> Iterator[dict[str, Any]]:
+    """Rows of one cell without an error, and with each kind and size of error."""
+    design = make_design(seed)
+    if design is None:
         return
-    said, kinds = information(of), ("", *FREEDOMS)
-    of_frames = spectrum(said.frames).inverse
+    known, kinds = information(design), ("", *FREEDOMS)
+    frame_covariance = spectrum(known.frame_information).inverse
     for kind in kinds:
         unit, shift, base = 1.0, 0.0, 0.0
         if kind:
             small = 0.01 * FAULTS[kind].default_size * FAULTS[kind].scale
-            moves = signal(of, kind, small) / small
-            pulled = said.pull(moves)
-            step = (of_frames @ pulled)[:6]
-            base = float(np.sqrt(step @ np.linalg.solve(of_frames[:6, :6], step)))
-            shift = said.size(moves) - float(pulled @ of_frames @ pulled)
+            unit_signal = signal(design, kind, small) / small
+            gradient = known.frame_gradient(unit_signal)
+            step = (frame_covariance @ gradient)[:6]
+            base = float(np.sqrt(step @ np.linalg.solve(frame_covariance[:6, :6], step)))
+            shift = known.squared_norm(unit_signal) - float(gradient @ frame_covariance @ gradient)
             unit = FAULTS[kind].scale
         for sigmas in SIGMAS if kind else (0.0,):
             size = sigmas / base if kind else 0.0
             row = {"error": kind, "sigmas": sigmas, "seed": seed, "size": size / unit, "shift": size**2 * shift}
-            yield {**row, **_answer(of, kind, size / unit)}
+            yield {**row, **_answer(design, kind, size / unit)}
 
 
-def _answer(of: Design, kind: str, size: float) -> dict[str, Any]:
-    """What the calibration says."""
-    calibration = calibrate(of.world.cell, recording(of, kind, size))
+def _answer(design: Design, kind: str, size: float) -> dict[str, Any]:
+    """Calibrate, and return the verdict, the first finding and the NEES of the base."""
+    calibration = calibrate(design.world.cell, recording(design, kind, size))
     names = [finding.code for finding in calibration.findings if finding.severity != "info"]
-    said: dict[str, Any] = {"verdict": calibration.verdict, "first": names[0] if names else "", "nees": None}
+    answer: dict[str, Any] = {"verdict": calibration.verdict, "first": names[0] if names else "", "nees": None}
     if BASE in calibration.transforms:
         estimate = calibration.transforms[BASE]
-        error = (estimate.mean.inverse() @ of.world.truth[BASE]).log()
-        said["nees"] = float(error @ np.linalg.solve(estimate.covariance, error))
-    return said
+        error = (estimate.mean.inverse() @ design.world.truth[BASE]).log()
+        answer["nees"] = float(error @ np.linalg.solve(estimate.covariance, error))
+    return answer
 
 
 HEAD = ("error", "sigmas", "size, median", "cells", "a perfect test finds", "named first", "good", "inside 99.7 %",
         "inside or named", "own sigmas, median")  # fmt: skip
 
 
-def rows(found: Sequence[dict[str, Any]]) -> list[tuple[object, ...]]:
+def rows(results: Sequence[dict[str, Any]]) -> list[tuple[object, ...]]:
     """Lines of the table with `HEAD`."""
-    keys = dict.fromkeys((each["error"], each["sigmas"]) for each in found)
-    return [_row(*key, [each for each in found if (each["error"], each["sigmas"]) == key]) for key in keys]
+    keys = dict.fromkeys((each["error"], each["sigmas"]) for each in results)
+    return [_row(*key, [each for each in results if (each["error"], each["sigmas"]) == key]) for key in keys]
 
 
-def _row(kind: str, sigmas: float, of: Sequence[dict[str, Any]]) -> tuple[object, ...]:
-    inside = [each["nees"] is not None and each["nees"] < chi2.ppf(0.997, 6) for each in of]
-    named = [bool(kind) and each["verdict"] != "good" and each["first"] == NAMES[kind] for each in of]
-    own = float(np.median([np.sqrt(each["nees"]) for each in of if each["nees"] is not None]))
+def _row(kind: str, sigmas: float, cells: Sequence[dict[str, Any]]) -> tuple[object, ...]:
+    inside = [each["nees"] is not None and each["nees"] < chi2.ppf(0.997, 6) for each in cells]
+    named = [bool(kind) and each["verdict"] != "good" and each["first"] == NAMES[kind] for each in cells]
+    own = float(np.median([np.sqrt(each["nees"]) for each in cells if each["nees"] is not None]))
     size, best = "", ""
     if kind:
-        size = f"{np.median([each['size'] for each in of]):.2g} {FAULTS[kind].unit}"
+        size = f"{np.median([each['size'] for each in cells]):.2g} {FAULTS[kind].unit}"
         limit = chi2.isf(CHANCE, FREEDOMS[kind])
-        best = f"{sum(float(ncx2.sf(limit, FREEDOMS[kind], each['shift'])) for each in of):.1f}"
-    good = sum(each["verdict"] == "good" for each in of)
+        best = f"{sum(float(ncx2.sf(limit, FREEDOMS[kind], each['shift'])) for each in cells):.1f}"
+    good = sum(each["verdict"] == "good" for each in cells)
     either = sum(a or b for a, b in zip(inside, named, strict=True))
-    return (kind or "none", f"{sigmas:g}", size, len(of), best, sum(named), good, sum(inside), either, f"{own:.1f}")
+    return (kind or "none", f"{sigmas:g}", size, len(cells), best, sum(named), good, sum(inside), either, f"{own:.1f}")
 
 
-def shown(found: list[dict[str, Any]]) -> str:
+def format_table(results: list[dict[str, Any]]) -> str:
     """The table."""
-    return table(HEAD, rows(found))
+    return table(HEAD, rows(results))
 
 
 def section(result: dict[str, Any]) -> str:
@@ -265,7 +274,7 @@ errors of {PIXEL_PX:g} px, and joints stop up to {1e6 * STOP_RAD:g} microradians
 - A perfect test knows all noise, tests only for parameters of that kind, and has a false-alarm probability of
   {CHANCE:g}. No test of these recordings finds more.
 - `own sigmas` is the error of the answer in the sigmas that it states. 2.3 is right."""
-    return f"{about}\n\n{shown(result['rows'])}"
+    return f"{about}\n\n{format_table(result['rows'])}"
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -275,11 +284,11 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--go-on", action="store_true", help="with the cells that results/arm_errors.json lacks")
     asked = parser.parse_args(arguments)
     path = RESULTS / "arm_errors.json"
-    found: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["rows"] if asked.go_on else []
-    for seed in sorted(set(range(asked.cells)) - {each["seed"] for each in found}):
-        found += measured(seed)
-        write("arm_errors", {"rows": found})
-    print(shown(found))
+    results: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["rows"] if asked.go_on else []
+    for seed in sorted(set(range(asked.cells)) - {each["seed"] for each in results}):
+        results += measure(seed)
+        write("arm_errors", {"rows": results})
+    print(format_table(results))
 
 
 if __name__ == "__main__":

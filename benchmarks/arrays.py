@@ -1,4 +1,4 @@
-"""Arrays of poses with noise: our calls beside OpenCV's seven methods, and what the covariance promises.
+"""`basecal` on noisy arrays of poses, compared with OpenCV's seven methods, and how well its covariance holds.
 
 Command: python -m benchmarks.arrays [--draws 200] [--samples 20].
 """
@@ -18,7 +18,7 @@ from basecal.accuracy.arrays.array_calibration import ArrayCalibration
 from basecal.cell import Recording
 from basecal.geometry import SE3
 from basecal.vision.robot_world import METHODS, robot_world
-from benchmarks.common import by_draws, table
+from benchmarks.common import run_draws, table
 
 DRAWS, SAMPLES = 200, 20
 HOLD = 0.95
@@ -26,7 +26,7 @@ MOST_OF_BEST = 0.85
 
 
 class Noise(NamedTuple):
-    """Sigmas per axis of a robot's poses and of a camera's [m, rad]: a still arm and marker poses, or the reverse."""
+    """Sigmas per axis of a robot's poses and of a camera's [m, rad]; by default an accurate arm and marker poses."""
 
     robot: tuple[float, float] = (2e-4, 3e-4)
     camera: tuple[float, float] = (1e-3, 4e-3)
@@ -41,7 +41,7 @@ class Draw(NamedTuple):
 
 
 def draw(seed: int, samples: int, noise: Noise) -> Draw:
-    """An arm that looks at a target from about half a metre."""
+    """Draw noisy poses of an arm that looks at a target from about half a metre."""
     rng = np.random.default_rng(seed)
     gripper_from_cam = SE3.exp(np.r_[rng.normal(0, 0.05, 3), rng.normal(0, 0.5, 3)])
     base_from_target = SE3.exp(np.r_[rng.normal(0, 0.5, 3), rng.normal(0, 1, 3)])
@@ -56,31 +56,33 @@ def draw(seed: int, samples: int, noise: Noise) -> Draw:
 
 
 def trial(seed: int, samples: int, noise: Noise) -> dict[str, Any]:
-    """Errors [m, rad] of all by name, our verdict, and the squared error of ours in sigmas."""
-    made = draw(seed, samples, noise)
-    robot, seen = made.base_from_gripper, made.cam_from_target
-    found = basecal.hand_eye(robot.rotation, robot.translation, seen.rotation, seen.translation)
-    off = (found["cam2gripper"].mean.inverse() @ made.gripper_from_cam).log()
+    """Errors [m, rad] by method, our verdict, and our squared errors in sigmas, with noise unstated and stated."""
+    poses = draw(seed, samples, noise)
+    robot, seen = poses.base_from_gripper, poses.cam_from_target
+    calibration = basecal.hand_eye(robot.rotation, robot.translation, seen.rotation, seen.translation)
+    off = (calibration["cam2gripper"].mean.inverse() @ poses.gripper_from_cam).log()
     errors = {"basecal": off}
     for method in METHODS:
         theirs = robot_world(seen, robot.inverse(), method)
-        errors[method] = np.full(6, np.nan) if theirs is None else (theirs.first @ made.gripper_from_cam).log()
-    square = float(off @ np.linalg.solve(found["cam2gripper"].covariance, off))
-    stated = square_of_stated(found, made.gripper_from_cam, noise)
-    codes = [each.code for each in found.findings if each.severity != "info"]
-    return {"errors": errors, "square": square, "stated": stated, "verdict": found.verdict, "codes": codes}
+        errors[method] = np.full(6, np.nan) if theirs is None else (theirs.first @ poses.gripper_from_cam).log()
+    square = float(off @ np.linalg.solve(calibration["cam2gripper"].covariance, off))
+    stated = stated_squared_error(calibration, poses.gripper_from_cam, noise)
+    codes = [each.code for each in calibration.findings if each.severity != "info"]
+    return {"errors": errors, "square": square, "stated": stated, "verdict": calibration.verdict, "codes": codes}
 
 
-def square_of_stated(found: ArrayCalibration, gripper_from_cam: SE3, noise: Noise) -> float:
-    """The squared error in sigmas where the cell states the noise of arm and camera, and that it is all of it."""
-    arm = replace(found.cell.robots["eye"], noise=np.repeat(noise.robot, 3), is_total_noise=True)
-    seen = [
+def stated_squared_error(calibration: ArrayCalibration, gripper_from_cam: SE3, noise: Noise) -> float:
+    """The squared error in sigmas if the cell states the noise of arm and camera as total."""
+    arm = replace(calibration.cell.robots["eye"], noise=np.repeat(noise.robot, 3), is_total_noise=True)
+    samples = [
         replace(sample, observations=tuple(replace(o, sigma=np.repeat(noise.camera, 3)) for o in sample.observations))
-        for sample in found.recording.samples
+        for sample in calibration.recording.samples
     ]
-    told = basecal.calibrate(replace(found.cell, robots={"eye": arm}), Recording(tuple(seen)))["eye_flange_from_camera"]
-    off = (told.mean.inverse() @ gripper_from_cam).log()
-    return float(off @ np.linalg.solve(told.covariance, off))
+    estimate = basecal.calibrate(replace(calibration.cell, robots={"eye": arm}), Recording(tuple(samples)))[
+        "eye_flange_from_camera"
+    ]
+    off = (estimate.mean.inverse() @ gripper_from_cam).log()
+    return float(off @ np.linalg.solve(estimate.covariance, off))
 
 
 def summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
@@ -116,17 +118,17 @@ Answers that are not good: {len(result["not_good"])}."""
     return f"{about}\n\n{table(('method', 'rms [mm]', '[mrad]'), rows)}"
 
 
-def measured(draws: int, samples: int) -> dict[str, Any]:
-    """The summary of so many draws, and their noise."""
+def measure(draws: int, samples: int) -> dict[str, Any]:
+    """Noise and summary of a number of draws."""
     return {"noise": Noise()._asdict(), **summary([trial(seed, samples, Noise()) for seed in range(draws)])}
 
 
-def shown(found: Mapping[str, Any]) -> str:
-    """A table of the methods' rms, and all else."""
-    rows = [(name, f"{1e3 * m:.3f}", f"{1e3 * rad:.3f}") for name, (m, rad) in found["rms"].items()]
-    told = {key: value for key, value in found.items() if key != "rms"}
-    return f"{table(('method', 'rms mm', 'rms mrad'), rows)}\n{told}"
+def format_result(result: Mapping[str, Any]) -> str:
+    """A table of the methods' rms errors, and the other numbers as text."""
+    rows = [(name, f"{1e3 * m:.3f}", f"{1e3 * rad:.3f}") for name, (m, rad) in result["rms"].items()]
+    rest = {key: value for key, value in result.items() if key != "rms"}
+    return f"{table(('method', 'rms mm', 'rms mrad'), rows)}\n{rest}"
 
 
 if __name__ == "__main__":
-    by_draws("arrays", sys.argv[1:], (DRAWS, SAMPLES), measured, shown)
+    run_draws("arrays", sys.argv[1:], (DRAWS, SAMPLES), measure, format_result)

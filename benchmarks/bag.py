@@ -1,7 +1,7 @@
-"""What memory an import of a long bag takes: of a tenth of it and of all, by stops and as streams.
+"""Memory that an import of a long bag takes: of a tenth of it and of all, by stops and as streams.
 
-An arm goes from stop to stop for minutes; its pose 50 times and an image of 1280 x 720 30 times a second are written
-by rosbags, the images noise, and `basecal import bag` reads them in a process of its own.
+An arm moves from stop to stop for minutes. rosbags writes its pose 50 times a second, and 30 times a second an image of
+1280 x 720 with noise. `basecal import bag` reads the bag in a separate process.
 
     python -m benchmarks.bag --gigabytes 2
 """
@@ -30,13 +30,13 @@ KINDS = ("ros1", "mcap", "sqlite3")
 SIZE_PX, IMAGES_HZ, POSES_HZ = (1280, 720), 30, 50
 STOP_S, MOVE_S = 1.0, 0.6
 BEGIN_S = 1_700_000_000.0
-SHARE = 0.1
+SHORT_SHARE = 0.1  # of the size of the long bag
 HEAD = ("bag", "GB", "taken", "lines", "peak memory [MB]", "s")
 GIGABYTES = 2.0
 
 
-def written(path: Path, kind: str, gigabytes: float) -> Path:
-    """A bag of so much, written as it goes."""
+def write_bag(path: Path, kind: str, gigabytes: float) -> Path:
+    """Write a bag of a size message by message, and return its path."""
     store = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
     plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
     path = path.with_suffix(".bag") if kind == "ros1" else path
@@ -48,36 +48,36 @@ def written(path: Path, kind: str, gigabytes: float) -> Path:
         images = writer.add_connection("/wrist/image_raw", image, typestore=store)
         poses = writer.add_connection("/arm/pose", pose, typestore=store)
         for k in range(int(seconds * POSES_HZ)):
-            at = k / POSES_HZ
-            stamp = round((BEGIN_S + at) * 1e9)
-            writer.write(poses, stamp, serialize(pose_message(store, kind, at), pose))
+            time_s = k / POSES_HZ
+            stamp = round((BEGIN_S + time_s) * 1e9)
+            writer.write(poses, stamp, serialize(pose_message(store, kind, time_s), pose))
             if (k * IMAGES_HZ) // POSES_HZ != ((k + 1) * IMAGES_HZ) // POSES_HZ:
                 pixels = rng.integers(0, 256, SIZE_PX[0] * SIZE_PX[1], dtype=np.uint8)
-                header = header_of(store, kind, at)
+                header = make_header(store, kind, time_s)
                 shape = (SIZE_PX[1], SIZE_PX[0], "mono8", 0, SIZE_PX[0])
                 writer.write(images, stamp, serialize(store.types[image](header, *shape, pixels), image))
     return path
 
 
-def header_of(store: Any, kind: str, at_s: float) -> Any:
-    whole, part = divmod(round((BEGIN_S + at_s) * 1e9), 10**9)
+def make_header(store: Any, kind: str, time_s: float) -> Any:
+    whole, part = divmod(round((BEGIN_S + time_s) * 1e9), 10**9)
     stamp = store.types["builtin_interfaces/msg/Time"](whole, part)
     return store.types["std_msgs/msg/Header"](*((0,) if kind == "ros1" else ()), stamp, "camera")
 
 
-def pose_message(store: Any, kind: str, at_s: float) -> Any:
-    """The arm, from one stop to the next."""
-    stop, within = divmod(at_s, STOP_S + MOVE_S)
-    share = stop + max(0.0, within - STOP_S) / MOVE_S
-    pose = SE3.exp(np.array([0.1 * share, 0.2, 0.5, 0.1 * share, 0.0, 0.0]))
+def pose_message(store: Any, kind: str, time_s: float) -> Any:
+    """Pose of an arm that moves from one stop to the next."""
+    stop, within_s = divmod(time_s, STOP_S + MOVE_S)
+    progress = stop + max(0.0, within_s - STOP_S) / MOVE_S
+    pose = SE3.exp(np.array([0.1 * progress, 0.2, 0.5, 0.1 * progress, 0.0, 0.0]))
     point = store.types["geometry_msgs/msg/Point"](*map(float, pose.translation))
     turn = store.types["geometry_msgs/msg/Quaternion"](*map(float, pose.quaternion))
     inner = store.types["geometry_msgs/msg/Pose"](point, turn)
-    return store.types["geometry_msgs/msg/PoseStamped"](header_of(store, kind, at_s), inner)
+    return store.types["geometry_msgs/msg/PoseStamped"](make_header(store, kind, time_s), inner)
 
 
-def imported(cell: Path, bag: Path, streams: bool) -> tuple[int, float, float]:
-    """Lines of the recording, the largest memory of the process [MB], and its time [s]."""
+def import_bag(cell: Path, bag: Path, streams: bool) -> tuple[int, float, float]:
+    """Lines of the recording, the peak memory of the importing process [MB], and its time [s]."""
     words = [sys.executable, "-m", "basecal", "import", "bag", str(cell), str(bag), "--robot", "arm=/arm/pose"]
     began = time.perf_counter()
     process = subprocess.Popen([*words, *(["--streams"] if streams else [])], stdout=subprocess.DEVNULL)
@@ -89,27 +89,27 @@ def imported(cell: Path, bag: Path, streams: bool) -> tuple[int, float, float]:
     return lines, used.ru_maxrss / 1e3, took
 
 
-def measured(kind: str, gigabytes: float) -> list[list[object]]:
-    """Rows of the table of one kind of bag."""
+def measure(kind: str, gigabytes: float) -> list[list[object]]:
+    """Rows of the table for one kind of bag."""
     rows: list[list[object]] = []
-    for share in (SHARE, 1.0):
+    for share in (SHORT_SHARE, 1.0):
         with tempfile.TemporaryDirectory() as folder:
-            bag = written(Path(folder) / "recording", kind, share * gigabytes)
+            bag = write_bag(Path(folder) / "recording", kind, share * gigabytes)
             for streams in (False, True):
                 cell = Path(folder) / f"cell{int(streams)}"
-                lines, peak_mb, took = imported(cell, bag, streams)
+                lines, peak_mb, took = import_bag(cell, bag, streams)
                 taken = "streams" if streams else "stops"
                 rows.append([kind, round(share * gigabytes, 2), taken, lines, round(peak_mb), round(took, 1)])
     return rows
 
 
 def main(arguments: list[str]) -> None:
-    """Measure and print; of so many gigabytes and all kinds results/bag.json too."""
+    """Measure and print; with all of the size and all kinds write results/bag.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bag", description=__doc__.splitlines()[0])
     parser.add_argument("--gigabytes", type=float, default=GIGABYTES)
     parser.add_argument("--kinds", nargs="+", default=list(KINDS))
     asked = parser.parse_args(arguments)
-    rows = [row for kind in asked.kinds for row in measured(kind, asked.gigabytes)]
+    rows = [row for kind in asked.kinds for row in measure(kind, asked.gigabytes)]
     print(table(HEAD, rows))
     if asked.gigabytes >= GIGABYTES:
         write("bag", {"rows": rows, "size_px": SIZE_PX})

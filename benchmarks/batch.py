@@ -1,8 +1,8 @@
-"""Calibrations a second of a Monte Carlo study: one structure, many draws of its noise, solved side by side.
+"""Calibrations a second of a Monte Carlo study: one structure, many draws of its noise, solved as a batch.
 
-30 samples of a rigid target of 24 points, both mounts and the base free, with the covariance; from starts that are off
-by 2 mm and 2 mrad an axis. Drawing the noise is not counted. One process on each core; a sample of the draws is solved
-by `solve_from` too, one at a time, and compared.
+Each has 30 samples of a rigid target of 24 points, with both mounts and the base free and the covariance. Starts are
+off by 2 mm and 2 mrad per axis. The time to draw the noise does not count. One process runs on each core. A few draws
+are also solved one at a time by `solve_from`, and compared.
 """
 
 from __future__ import annotations
@@ -30,33 +30,33 @@ from basecal.simulation import Scenario, simulate
 from benchmarks.common import table, write
 
 SCENARIO = Scenario(target="chessboard", board=chessboard_target((6, 4), 0.04), samples=30)
-OFF = 2e-3  # of the starts from the truth, per axis [m, rad]
+START_OFFSET = 2e-3  # of the starts from the truth, per axis [m, rad]
 SIGMA_PX = 0.2
-CHUNK = 256  # draws solved side by side: more gain nothing, and take memory
-COMPARED = 8
+CHUNK = 256  # draws in a batch: more are not faster and take memory
+COMPARED = 8  # draws of each batch that are solved separately too
 HEAD = ("processes", "calibrations", "a second", "required", "largest difference from a separate solve")
 ASKED = 4000.0
 
 
 def draws(count: int, seed: int) -> tuple[Problem, State]:
-    """So many draws of the pixels' noise as one problem, and starts."""
-    made = simulate(SCENARIO, seed=0)
-    problem, _ = build_problem(made.cell, made.recording)
+    """One problem that holds a number of draws of the pixels' noise, and starts."""
+    simulated = simulate(SCENARIO, seed=0)
+    problem, _ = build_problem(simulated.cell, simulated.recording)
     rng = np.random.default_rng([seed, 1])
     group = problem.groups[0]
     measurement = group.measurement
     assert isinstance(measurement, PixelMeasurement)
     pixels = measurement.pixels + SIGMA_PX * rng.standard_normal((count, *measurement.pixels.shape))
     batch = problem.with_groups([replace(group, measurement=replace(measurement, pixels=pixels), readings=())])
-    near = [
+    starts = [
         State(
-            {name: made.truth[name] @ SE3.exp(OFF * rng.standard_normal(6)) for name in problem.unknowns},
-            made.cameras,
+            {name: simulated.truth[name] @ SE3.exp(START_OFFSET * rng.standard_normal(6)) for name in problem.unknowns},
+            simulated.cameras,
             np.zeros((0, 6)),
         )
         for _ in range(count)
     ]
-    return batch, batch_states(batch, near)
+    return batch, batch_states(batch, starts)
 
 
 def _one(group: ViewGroup, row: int) -> ViewGroup:
@@ -66,24 +66,26 @@ def _one(group: ViewGroup, row: int) -> ViewGroup:
     return replace(group, measurement=replace(measurement, pixels=measurement.pixels[row]))
 
 
-def timed(seed: int, rounds: int) -> tuple[int, float, float]:
-    """How many draws were solved, wall time of all [s], and how far the first few are from their own solve."""
+def measure(seed: int, rounds: int) -> tuple[int, float, float]:
+    """Number of draws solved, wall time [s], and the largest difference of the first few from a separate solve."""
     problem, starts = draws(CHUNK, seed)
-    found = solve_batch(problem, starts)
-    assert found.converged.all()
-    worst = 0.0
+    solution = solve_batch(problem, starts)
+    assert solution.converged.all()
+    largest = 0.0
     for row in range(COMPARED):
         alone = problem.with_groups([_one(problem.groups[0], row)])
         start = State({n: t[row] for n, t in starts.transforms.items()}, starts.cameras, np.zeros((0, 6)))
         own = solve_from(alone, start)
         for name, transform in own.state.transforms.items():
-            worst = max(worst, float(np.abs(found.state.transforms[name][row].matrix - transform.matrix).max()))
+            largest = max(largest, float(np.abs(solution.state.transforms[name][row].matrix - transform.matrix).max()))
         scale = np.sqrt(np.diag(own.covariance))
-        worst = max(worst, float(np.abs((found.covariance[row] - own.covariance) / np.outer(scale, scale)).max()))
+        largest = max(
+            largest, float(np.abs((solution.covariance[row] - own.covariance) / np.outer(scale, scale)).max())
+        )
     begin = time.perf_counter()
     for _ in range(rounds):
         solve_batch(problem, starts)
-    return CHUNK * rounds, time.perf_counter() - begin, worst
+    return CHUNK * rounds, time.perf_counter() - begin, largest
 
 
 def row(result: dict[str, Any]) -> tuple[str, ...]:
@@ -101,7 +103,7 @@ def main() -> None:
     results = []
     for processes in sorted({1, options.workers}):
         with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-            parts = list(pool.map(timed, range(processes), [options.rounds] * processes))
+            parts = list(pool.map(measure, range(processes), [options.rounds] * processes))
         count, seconds = sum(part[0] for part in parts), max(part[1] for part in parts)
         worst = max(part[2] for part in parts)
         results.append({"processes": processes, "count": count, "rate": count / seconds, "worst": worst})

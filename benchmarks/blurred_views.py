@@ -1,4 +1,4 @@
-"""Views that a capture takes for blurred by motion: none that is only soft, and those that moved, by how far."""
+"""Views that a capture refuses as blurred by motion: none that is only soft, and those that moved, by distance."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ OLD_PX = 5.0  # the fixed limit of earlier versions
 def _pose(shape: Target, rng: np.random.Generator) -> SE3:
     """A view of the target: tilted by some 23 deg, 250 to 500 px large."""
     rotation = cv2.Rodrigues(rng.normal(0, 0.4, 3))[0]
-    away_m = LENS.parameters[0] * np.ptp(shape.points, axis=0).max() / rng.uniform(250, 500)
-    at = np.array([*(away_m * rng.uniform(-0.05, 0.05, 2)), away_m])
-    return SE3(rotation, at - rotation @ shape.points.mean(0))
+    distance_m = LENS.parameters[0] * np.ptp(shape.points, axis=0).max() / rng.uniform(250, 500)
+    position = np.array([*(distance_m * rng.uniform(-0.05, 0.05, 2)), distance_m])
+    return SE3(rotation, position - rotation @ shape.points.mean(0))
 
 
-def tried(name: str, blur_px: float, views: int, seed: int) -> dict[str, Any]:
-    """Of still views those refused, now and by the old limit; after them, by the length of motion, those that moved."""
-    shape, rng, before = TARGETS[name], np.random.default_rng([seed, 41]), Sharpness()
+def count_refused(name: str, blur_px: float, views: int, seed: int) -> dict[str, Any]:
+    """Count still views refused by the current and the old limit, then moving views refused, by length of motion."""
+    shape, rng, sharpness = TARGETS[name], np.random.default_rng([seed, 41]), Sharpness()
     settings = RenderSettings(blur_px=blur_px)
 
-    def refused(motion_px: float, number: int) -> tuple[bool, bool]:
+    def are_refused(motion_px: float, number: int) -> tuple[bool, bool]:
         pose, angle = _pose(shape, rng), rng.uniform(0, 2 * np.pi)
         levels = radiance(LENS, [(shape, pose)], settings)
         if motion_px:
@@ -53,10 +53,10 @@ def tried(name: str, blur_px: float, views: int, seed: int) -> dict[str, Any]:
         pixels = LENS.project(pose @ shape.points)
         width = edge_width(expose(levels, settings, number), pixels)
         assert width is not None
-        return before.is_blurred((name, name), width, pixels, shape.points), width.wide_px > OLD_PX
+        return sharpness.is_blurred((name, name), width, pixels, shape.points), width.wide_px > OLD_PX
 
-    still = [refused(0.0, k) for k in range(views)]
-    moved = {str(motion): [refused(motion, k) for k in range(views)] for motion in MOTIONS_PX}
+    still = [are_refused(0.0, k) for k in range(views)]
+    moved = {str(motion): [are_refused(motion, k) for k in range(views)] for motion in MOTIONS_PX}
     return {
         "target": name,
         "blur_px": blur_px,
@@ -89,7 +89,7 @@ def main(words: Sequence[str] | None = None) -> int:
     asked = parser.parse_args(words)
     on_one_core()
     cv2.setNumThreads(1)
-    rows = [tried(name, blur, asked.views, k) for name in TARGETS for k, blur in enumerate(BLURS_PX)]
+    rows = [count_refused(name, blur, asked.views, k) for name in TARGETS for k, blur in enumerate(BLURS_PX)]
     write("blurred_views", {"rows": rows})
     print(section({"rows": rows}))
     return int(any(row["still"] for row in rows))

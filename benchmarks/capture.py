@@ -1,18 +1,18 @@
-"""Captures of cells that run: whether they end good and true, with each fault, and when they are killed.
+"""Captures of running cells: whether they end good and true, with each fault, and if they are killed.
 
-Every cell is two simulated UR5e, a camera and a ChArUco board with unknown mounts, captured by poses all around; of
-`reflection` a light with known mounts, shifted from stations. A fault has the size at which an answer that knows
-nothing of it moves by five of its sigmas (measured, one cell a fault), or its usual one where still arms hide it.
-Killed captures are resumed and compared with ones that nobody killed. All of it takes hours: with `--keep FILE`
-outcomes are kept as they come, a run goes on where an earlier one was ended, whatever code that had, unless `--anew`
-throws away what it kept, and results and page are written of what there is; what was not tried is not counted.
-`--minutes 0` tries nothing more and writes.
+Every cell has two simulated UR5e, a camera and a ChArUco board with unknown mounts, captured by poses all around.
+Cells with the fault `reflection` have a light with known mounts, shifted from stations. A fault has the size that moves
+an answer which ignores it by five of its sigmas, measured on one cell. If still arms hide it, it has its usual size.
+Killed captures are resumed and compared with captures that were not killed.
+
+All of it takes hours. With `--keep FILE` outcomes are kept as they come, and a run continues an earlier one, whatever
+its commit. `--anew` deletes the kept outcomes first. Results and page are written with the outcomes there are; cells
+that were not tried do not count. `--minutes 0` tries nothing more and writes.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import tempfile
 import time
@@ -42,13 +42,13 @@ from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world_file import write_world
 from basecal.vision.detect import detect
-from benchmarks.common import commit, table, write
+from benchmarks.common import Kept, commit, table, write
 from benchmarks.direct_rig import direct_rig
 
 BASE = "eye_base_from_hand_base"
 SPEED_RAD_S = 2.0
-SIGMAS = 5.0  # by which a fault moves the base of an answer that knows nothing of it
-LEAST_SHIFT = 0.5  # sigmas by which it moves at its usual size: below, still arms hide it
+SIGMAS = 5.0  # by which a fault moves the base of an answer that ignores it
+LEAST_SHIFT = 0.5  # sigmas by which the base moves at the usual size of a fault: below, still arms hide it
 SAMPLES = 25
 EXPECTED = {
     "joint-offsets": {"robot-model"},
@@ -67,7 +67,7 @@ EXPECTED = {
 
 
 class Outcome(NamedTuple):
-    """One cell that was captured: `nees` is the base's squared Mahalanobis distance from the truth it had at first."""
+    """One captured cell: `nees` is the squared Mahalanobis distance of the base from its initial truth."""
 
     verdict: str
     nees: float | None
@@ -78,34 +78,34 @@ class Outcome(NamedTuple):
 
 
 @cache
-def planned(seed: int, is_light: bool) -> tuple[Sample, ...]:
-    """Where the arms of a cell are sent, whatever is wrong with it."""
+def plan_samples(seed: int, is_light: bool) -> tuple[Sample, ...]:
+    """Poses to which the arms of a cell are sent, whatever its fault."""
     world = two_arms("led" if is_light else "charuco", seed)
     sketch, pattern = sketch_cell(world.cell), shifts if is_light else poses
     return tuple(pattern.plan(sketch, home(world), SAMPLES, seed))
 
 
-def recorded(seed: int, fault: str = "") -> tuple[Cell, SE3, Recording, int]:
-    """A cell captured: as it is stated, its true base, what was seen, and how many samples were given up."""
+def record_cell(seed: int, fault: str = "") -> tuple[Cell, SE3, Recording, int]:
+    """Capture a cell: the cell as stated, its true base, its detected recording, and the number of samples given up."""
     is_light = fault.startswith("reflection")
     world = two_arms("led" if is_light else "charuco", seed, read_faults((fault,) if fault else ()))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_world(world, folder)
         rig = direct_rig(Plant(world, Clock(0)), tuple(world.home))
-        plan = store_plan(folder, world.cell, planned(seed, is_light))
-        by = Taker(rig, sketch_cell(world.cell), folder, CaptureSettings(SPEED_RAD_S, 10.0))
-        steps = list(capture(by, plan))
-        seen = detect(world.cell, read_recording(folder, world.cell))
-    return world.cell, world.truth[BASE], seen, sum(bool(step.why_not) for step in steps)
+        plan = store_plan(folder, world.cell, plan_samples(seed, is_light))
+        taker = Taker(rig, sketch_cell(world.cell), folder, CaptureSettings(SPEED_RAD_S, 10.0))
+        steps = list(capture(taker, plan))
+        recording = detect(world.cell, read_recording(folder, world.cell))
+    return world.cell, world.truth[BASE], recording, sum(bool(step.why_not) for step in steps)
 
 
-def captured(seed: int, fault: str = "") -> Outcome:
-    """What came of a cell; one whose arms do not reach, or that cannot be planned, is told as such."""
+def capture_cell(seed: int, fault: str = "") -> Outcome:
+    """Capture and calibrate a cell; the outcome says if its arms do not reach, or if it cannot be planned."""
     began = time.process_time()
     try:
-        cell, truth, seen, given_up = recorded(seed, fault)
-        calibration = calibrate(cell, seen)
+        cell, truth, recording, given_up = record_cell(seed, fault)
+        calibration = calibrate(cell, recording)
     except BasecalError as error:
         return Outcome(f"failed: {error}", None, None, [], SAMPLES, time.process_time() - began)
     findings = [finding.code for finding in calibration.findings if finding.severity != "info"]
@@ -121,50 +121,30 @@ def captured(seed: int, fault: str = "") -> Outcome:
 @cache
 def sound_answer() -> tuple[Cell, SE3, Array]:
     """A cell without a fault, its base by the plain solution, and the covariance of its calibration."""
-    cell, _, seen, _ = recorded(0)
-    return cell, solve(cell, seen).state.transforms[BASE], calibrate(cell, seen).transforms[BASE].covariance
+    cell, _, recording, _ = record_cell(0)
+    return cell, solve(cell, recording).state.transforms[BASE], calibrate(cell, recording).transforms[BASE].covariance
 
 
 def five_sigma(fault: str) -> dict[str, Any]:
-    """The size of a fault that moves the base by five sigmas, from what its usual size does to one cell.
+    """The size of a fault that moves the base by five sigmas, from the effect of its usual size on a cell.
 
-    The answer that knows nothing of it is the plain solution, robots taken as they are stated; sigmas are those of the
+    The answer that ignores the fault is the plain solution with the robots as stated. Sigmas are those of the
     calibration of the same cell without the fault.
     """
     kind = FAULTS[fault]
     cell, plain, covariance = sound_answer()
     small = 0.1 * kind.default_size if not kind.is_sudden else kind.default_size
-    moved = solve(cell, recorded(0, f"{fault}={small}")[2]).state.transforms[BASE]
+    moved = solve(cell, record_cell(0, f"{fault}={small}")[2]).state.transforms[BASE]
     shift = (plain.inverse() @ moved).log()
     sigmas = float(np.sqrt(shift @ np.linalg.solve(covariance, shift)))
     hidden = sigmas < LEAST_SHIFT
     return {"size": kind.default_size if hidden else small * SIGMAS / sigmas, "is_usual": hidden}
 
 
-class Kept:
-    """Outcomes that are kept in a file as they come, a line each, by what was tried."""
-
-    def __init__(self, path: Path | None) -> None:
-        self._path = path
-        lines = path.read_text(encoding="utf-8").splitlines() if path is not None and path.exists() else []
-        self._known: dict[str, Any] = dict(json.loads(line) for line in lines)
-
-    def get(self, key: str) -> Any:
-        """What was kept; None where nothing was."""
-        return self._known.get(key)
-
-    def keep(self, key: str, value: Any) -> Any:
-        """The value, kept."""
-        self._known[key] = value
-        if self._path is not None:
-            with self._path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps([key, value]) + "\n")
-        return value
-
-    def outcomes(self, fault: str) -> list[Outcome]:
-        """Of a fault, in the order of their seeds."""
-        found = {key: value for key, value in self._known.items() if key.startswith(f"{fault}#")}
-        return [Outcome(*found[key]) for key in sorted(found, key=lambda key: int(key.split("#")[1]))]
+def kept_outcomes(kept: Kept, fault: str) -> list[Outcome]:
+    """Kept outcomes of a fault, in the order of their seeds."""
+    values = {key: value for key, value in kept.items() if key.startswith(f"{fault}#")}
+    return [Outcome(*values[key]) for key in sorted(values, key=lambda key: int(key.split("#")[1]))]
 
 
 HEAD = ("fault", "size", "cells", "good", "in 95 %", "in 99.7 %", "in 99.7 % or named first", "error [mm], median",
@@ -172,55 +152,55 @@ HEAD = ("fault", "size", "cells", "good", "in 95 %", "in 99.7 %", "in 99.7 % or 
 
 
 def row(fault: str, size: str, outcomes: Sequence[Outcome]) -> list[object]:
-    """Of cells alike."""
+    """A line of the table with `HEAD`, of the outcomes of one fault."""
     verdicts = Counter(each.verdict.split(":")[0] for each in outcomes)
-    held = [each.nees is not None and bool(each.nees < chi2.ppf(0.997, 6)) for each in outcomes]
+    inside = [each.nees is not None and bool(each.nees < chi2.ppf(0.997, 6)) for each in outcomes]
     named = [each.verdict != "good" and bool(EXPECTED.get(fault, set()) & set(each.findings[:1])) for each in outcomes]
     errors = [each.error_mm for each in outcomes if each.error_mm is not None]
     first = Counter(each.findings[0] for each in outcomes if each.findings).most_common(3)
     return [
         *(fault or "none", size, len(outcomes), verdicts["good"]),
         sum(each.nees is not None and bool(each.nees < chi2.ppf(0.95, 6)) for each in outcomes),
-        *(sum(held), sum(a or b for a, b in zip(held, named, strict=True))),
+        *(sum(inside), sum(a or b for a, b in zip(inside, named, strict=True))),
         f"{np.median(errors):.2f}" if errors else "-",
         *(sum(each.given_up for each in outcomes), ", ".join(f"{code} {count}" for code, count in first)),
     ]
 
 
-def size_of(kept: Kept, fault: str) -> str:
-    """The size of a fault as it is switched on, with its unit; empty where it has none."""
-    found = kept.get(f"size:{fault}")
-    if found is None:
+def size_text(kept: Kept, fault: str) -> str:
+    """The size of a fault that is used, with its unit; empty if the fault has none."""
+    size = kept.get(f"size:{fault}")
+    if size is None:
         return ""
-    return f"{found['size']:.3g} {FAULTS[fault].unit}{' (usual)' if found['is_usual'] else ''}"
+    return f"{size['size']:.3g} {FAULTS[fault].unit}{' (usual)' if size['is_usual'] else ''}"
 
 
-def tried(kept: Kept, faults: Iterable[str], counts: dict[bool, int], until: float) -> None:
-    """Try what is not kept yet, a cell of each fault in turn, until a time."""
+def try_cells(kept: Kept, faults: Iterable[str], counts: dict[bool, int], end_s: float) -> None:
+    """Try cells that are not kept yet, one of each fault in turn, until a time."""
     for seed in range(max(counts.values())):
         for fault in faults:
             if seed >= counts[bool(fault)] or kept.get(f"{fault}#{seed}") is not None:
                 continue
-            if time.monotonic() > until:
+            if time.monotonic() > end_s:
                 return
             if fault and kept.get(f"size:{fault}") is None:
                 usual = fault in ("reflection", "dropped-frames", "ringing")
                 size = {"size": FAULTS[fault].default_size, "is_usual": True} if usual else five_sigma(fault)
                 kept.keep(f"size:{fault}", size)
-            words = f"{fault}={kept.get(f'size:{fault}')['size']!r}" if fault else ""
-            print(fault or "none", seed, kept.keep(f"{fault}#{seed}", captured(seed, words)), flush=True)
+            argument = f"{fault}={kept.get(f'size:{fault}')['size']!r}" if fault else ""
+            print(fault or "none", seed, kept.keep(f"{fault}#{seed}", capture_cell(seed, argument)), flush=True)
 
 
-def killed(kept: Kept, wanted: int, until: float) -> dict[str, Any] | None:
-    """What came of captures killed so often in all, or until a time; None where none was."""
+def kill_captures(kept: Kept, required: int, end_s: float) -> dict[str, Any] | None:
+    """Sums over captures killed a number of times in all, or until a time; None if none was killed."""
     trials: list[dict[str, Any]] = []
-    while sum(each["kills"] for each in trials) < wanted:
+    while sum(each["kills"] for each in trials) < required:
         key = f"killed {len(trials)}"
         if kept.get(key) is None:
-            if time.monotonic() > until:
+            if time.monotonic() > end_s:
                 break
             with tempfile.TemporaryDirectory() as folder:
-                kept.keep(key, vars(kill_trial(Path(folder), 12, wanted, seed=len(trials))))
+                kept.keep(key, vars(kill_trial(Path(folder), 12, required, seed=len(trials))))
         trials.append(kept.get(key))
     if not trials:
         return None
@@ -230,33 +210,33 @@ def killed(kept: Kept, wanted: int, until: float) -> dict[str, Any] | None:
 
 def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
-    wanted, kills = result["wanted"], result["kills"]
+    goals, kills = result["wanted"], result["kills"]
     about = f"""\
 Simulated cells are captured by {result["samples"]} samples and calibrated. Required:
 
-- {wanted["sound"]} cells without a fault: at most 3 % are not good, and 90.5 to 99 % are inside the 95 % ellipsoid.
-- {wanted["each fault"]} cells of each fault: nine in ten are inside the 99.7 % ellipsoid, or the fault is named first.
+- {goals["sound"]} cells without a fault: at most 3 % are not good, and 90.5 to 99 % are inside the 95 % ellipsoid.
+- {goals["each fault"]} cells of each fault: nine in ten are inside the 99.7 % ellipsoid, or the fault is named first.
 
 A fault has the size that moves the base of a plain answer by {SIGMAS:g} of its sigmas, measured on one cell. If arms at
-rest hide the fault, it has its usual size. The table gives the number of cells tried{_since(result)}."""
+rest hide the fault, it has its usual size. The table gives the number of cells tried{_since_text(result)}."""
     lines = table(result["rows"][0], [list(each.values()) for each in result["rows"]])
     if kills is None:
         return f"{about}\n\n{lines}"
     equal = "equal" if kills["is_equal"] else "do not equal"
-    told = f"""\
-{kills["captures"]} captures were killed {kills["kills"]} times (required: {wanted["kills"]}) at random instants.
+    kill_text = f"""\
+{kills["captures"]} captures were killed {kills["kills"]} times (required: {goals["kills"]}) at random instants.
 {kills["lost"]} samples were lost, and {kills["twice"]} were requested twice. At the end samples and states {equal}
 those of captures that were not killed."""
-    return f"{about}\n\n{lines}\n\n{told}"
+    return f"{about}\n\n{lines}\n\n{kill_text}"
 
 
-def _since(result: dict[str, Any]) -> str:
+def _since_text(result: dict[str, Any]) -> str:
     since = result.get("kept_since")
     return f", the first of them with commit {since}" if since not in (None, result["commit"]) else ""
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Try, print what came of it and write it; 1 where a kill lost something."""
+    """Try, print and write; return 1 if a kill lost or repeated a sample, or changed the result."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cells", type=int, default=200)
     parser.add_argument("--faulty", type=int, default=40)
@@ -268,15 +248,17 @@ def main(words: Sequence[str] | None = None) -> int:
     asked = parser.parse_args(words)
     if asked.anew and asked.keep is not None:
         asked.keep.unlink(missing_ok=True)
-    kept, until = Kept(asked.keep), time.monotonic() + 60 * asked.minutes
+    kept, end_s = Kept(asked.keep), time.monotonic() + 60 * asked.minutes
     since = kept.get("commit") or kept.keep("commit", commit())
     if since != commit():
         print(f"goes on with outcomes kept since commit {since}; --anew throws them away")
     faults = ["" if each == "none" else each for each in asked.only or ("none", *EXPECTED)]
-    tried(kept, faults, {False: asked.cells, True: asked.faulty}, until)
-    kills = killed(kept, asked.kills, until)
+    try_cells(kept, faults, {False: asked.cells, True: asked.faulty}, end_s)
+    kills = kill_captures(kept, asked.kills, end_s)
     rows = [
-        row(fault, size_of(kept, fault), outcomes) for fault in ("", *EXPECTED) if (outcomes := kept.outcomes(fault))
+        row(fault, size_text(kept, fault), outcomes)
+        for fault in ("", *EXPECTED)
+        if (outcomes := kept_outcomes(kept, fault))
     ]
     print(table(HEAD, rows))
     result = {"samples": SAMPLES, "wanted": {"sound": 200, "each fault": 40, "kills": 200}, "kept_since": since}

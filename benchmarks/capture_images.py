@@ -1,10 +1,11 @@
-"""Images of captures: reflections told from a light, its error beside the photon bound, stillness, and speed.
+"""Images of captures: reflections distinguished from a light, its error beside the photon bound, stillness, and speed.
 
-Reflections: cells of two UR5e with a light, whose arms stand at random about their first places; a tray below shows
-the light again with 0.4 of its brightness. An image counts where the tray's image of the light is in it; it is told
-right where the answer rests on the light itself, within a pixel. Stillness: joints swing by 2 mrad for half a second
-after they arrive. Speed: time of one process for an image of 1280x720; whatever else the machine does slows it, so the
-load is told beside it.
+Reflections: cells of two UR5e with a light, whose arms take random poses about their home positions. A tray below
+reflects the light with 0.4 of its brightness. An image counts if it shows the reflection of the light. It is right if
+the answer uses a pixel within a pixel of the light itself.
+
+Stillness: joints swing by 2 mrad for half a second after they arrive. Speed: CPU time of one process for an image of
+1280 x 720. Other programs slow it, so the load is given beside it.
 """
 
 from __future__ import annotations
@@ -42,20 +43,20 @@ from benchmarks.detectors import CAMERA, KINDS, Light, _poses, lights
 from benchmarks.direct_rig import direct_rig
 
 WANTED = 2000  # images with a reflection
-A_CELL = 60  # images of one cell
-WANDER_RAD = 0.1  # of each joint about where it begins, one sigma
+CELL_IMAGES = 60  # of one cell
+WANDER_RAD = 0.1  # sigma of each joint about its home position
 RIGHT_PX = 1.0
-PHOTONS, SPOTS = (3e3, 3e4), (0.8, 1.5)  # where nothing is saturated
+PHOTONS, SPOTS = (3e3, 3e4), (0.8, 1.5)  # nothing is saturated
 GOALS = {"reflections": 0.99, "bound": 1.15, "lost_s": 0.3, "pictures_a_second": 20.0}
 
 
-def reflections(wanted: int, has_dark: bool, kept: Kept, minutes: float) -> dict[str, Any]:
-    """How many of so many images with a reflection are told right; of fewer where the time is up, a cell at least."""
+def reflections(wanted: int, has_dark: bool, outcomes: Kept, minutes: float) -> dict[str, Any]:
+    """Count images with a reflection in which the light was identified, until there are enough or time is up."""
     total = right = left_out = 0
     findings = cells = 0
-    until = time.monotonic() + 60 * minutes
-    while total < wanted and (not cells or time.monotonic() < until):
-        outcome = kept.of(f"{has_dark}#{cells}", partial(_cell, cells, has_dark))
+    end_s = time.monotonic() + 60 * minutes
+    while total < wanted and (not cells or time.monotonic() < end_s):
+        outcome = outcomes.of(f"{has_dark}#{cells}", partial(_cell, cells, has_dark))
         cells += 1
         total, right, left_out = total + outcome[0], right + outcome[1], left_out + outcome[2]
         findings += outcome[3]
@@ -64,7 +65,7 @@ def reflections(wanted: int, has_dark: bool, kept: Kept, minutes: float) -> dict
 
 
 def _cell(seed: int, has_dark: bool) -> tuple[int, int, int, int]:
-    """Images of a cell that have a reflection, those told right, those left out, and whether it was named."""
+    """Number of images of a cell with a reflection, of right ones, of those left out, and 1 if it was reported."""
     world = two_arms("led", seed, read_faults(["reflection"]))
     plant, rng = Plant(world, Clock(0)), np.random.default_rng([seed, 31])
     light = world.cell.targets["light"].target
@@ -72,36 +73,40 @@ def _cell(seed: int, has_dark: bool) -> tuple[int, int, int, int]:
     samples: list[Sample] = []
     true: dict[int, Array] = {}
     mirrored: set[int] = set()
-    while len(samples) < A_CELL:
+    while len(samples) < CELL_IMAGES:
         joints = {name: home + WANDER_RAD * rng.standard_normal(len(home)) for name, home in world.home.items()}
         for name, each in joints.items():
             plant.move(name, each, 3.0)
         plant.wait(30.0)
-        seen, lens = plant.camera_scene("wrist"), world.lenses["wrist"]
-        if not lens.sees(seen.camera_from_target @ light.points).all():
+        scene, lens = plant.camera_scene("wrist"), world.lenses["wrist"]
+        if not lens.sees(scene.camera_from_target @ light.points).all():
             continue
         states = {name: RobotState(joints_rad=plant.state(name)[1]) for name in joints}
-        found = _found(plant, light, has_dark)
-        if found is None:
+        detection = _detect(plant, light, has_dark)
+        if detection is None:
             continue
         number = len(samples)
-        true[number] = lens.project(seen.camera_from_target @ light.points)[0]
-        if lens.sees(seen.reflected).any():
+        true[number] = lens.project(scene.camera_from_target @ light.points)[0]
+        if lens.sees(scene.reflected).any():
             mirrored.add(number)
-        samples.append(Sample(number, float(number), states, (_observation(found),)))
+        samples.append(Sample(number, float(number), states, (_observation(detection),)))
     calibration = calibrate(world.cell, Recording(tuple(samples)))
     (points,) = point_residuals(world.cell, Recording(tuple(samples)), calibration)
-    at = {
+    residual_by_sample = {
         int(number): (pixel, used)
         for number, pixel, used in zip(points.sample, points.pixels, points.used, strict=True)
     }
-    near = {number for number, (pixel, used) in at.items() if used and np.hypot(*(pixel - true[number])) < RIGHT_PX}
-    out = {number for number in true if number not in at or not at[number][1]}
+    near = {
+        number
+        for number, (pixel, used) in residual_by_sample.items()
+        if used and np.hypot(*(pixel - true[number])) < RIGHT_PX
+    }
+    excluded = {number for number in true if number not in residual_by_sample or not residual_by_sample[number][1]}
     named = any(finding.code == "reflection" for finding in calibration.findings)
-    return len(mirrored), len(mirrored & near), len(mirrored & out), int(named)
+    return len(mirrored), len(mirrored & near), len(mirrored & excluded), int(named)
 
 
-def _found(plant: Plant, light: Target, has_dark: bool) -> Detection | None:
+def _detect(plant: Plant, light: Target, has_dark: bool) -> Detection | None:
     lit = plant.shot("wrist").image
     if not has_dark:
         return find_target(lit, light)
@@ -111,34 +116,34 @@ def _found(plant: Plant, light: Target, has_dark: bool) -> Detection | None:
     return find_target(lit, light, dark)
 
 
-def _observation(found: Detection) -> CandidateObservation | PixelObservation:
-    if found.ids is None:
-        return CandidateObservation("wrist", "light", found.pixels, found.sigma_px, detected=True)
-    return PixelObservation("wrist", "light", found.ids, found.pixels, found.sigma_px, detected=True)
+def _observation(detection: Detection) -> CandidateObservation | PixelObservation:
+    if detection.ids is None:
+        return CandidateObservation("wrist", "light", detection.pixels, detection.sigma_px, detected=True)
+    return PixelObservation("wrist", "light", detection.ids, detection.pixels, detection.sigma_px, detected=True)
 
 
 def stillness(cells: int, stops: int) -> dict[str, Any]:
-    """When images are taken after arms arrive that then ring for half a second [s]."""
-    after: list[float] = []
+    """Delays between the end of a ring of half a second and the image that is taken [s]."""
+    delays_s: list[float] = []
     for seed in range(cells):
         world = two_arms("charuco", seed, read_faults(["ringing"]))
         plant, rng = Plant(world, Clock(0)), np.random.default_rng([seed, 37])
         rig = direct_rig(plant, tuple(world.home))
         with tempfile.TemporaryDirectory() as name:
-            by = Taker(rig, sketch_cell(world.cell), Path(name), CaptureSettings(2.0, 10.0))
+            taker = Taker(rig, sketch_cell(world.cell), Path(name), CaptureSettings(2.0, 10.0))
             taken: list[Sample] = []
             for number in range(stops):
                 goal = {
                     each: RobotState(joints_rad=home + 0.03 * rng.standard_normal(len(home)))
                     for each, home in world.home.items()
                 }
-                sample = by.take(Sample(number, robots=goal), taken)
-                after.append(float(sample.stamp_s or 0.0) - plant.arrived_s)
+                sample = taker.take(Sample(number, robots=goal), taken)
+                delays_s.append(float(sample.stamp_s or 0.0) - plant.arrived_s)
                 taken.append(sample)
-        print("stillness", seed, after[-stops:], flush=True)
-    lost = np.array(after) - 0.5
+        print("stillness", seed, delays_s[-stops:], flush=True)
+    lost = np.array(delays_s) - 0.5
     return {
-        "samples": len(after),
+        "samples": len(delays_s),
         "within_ring": int((lost < 0).sum()),
         "median_lost_s": float(np.median(lost)),
         "most_lost_s": float(lost.max()),
@@ -146,7 +151,7 @@ def stillness(cells: int, stops: int) -> dict[str, Any]:
 
 
 def speeds(images: int) -> dict[str, Any]:
-    """Median time of an image [ms] by what is sought in it, and of what else the machine did."""
+    """Median time of an image [ms] by target, and the load of the machine."""
     rng, milliseconds = np.random.default_rng(0), {}
     boards: dict[str, Target] = {
         "charuco, 24 corners": charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50"),
@@ -175,22 +180,27 @@ def _median_ms(images: Sequence[Image], shape: Target, dark: Sequence[Image] | N
     return float(np.median(took))
 
 
-def _over_bound(of: Light) -> dict[str, Any]:
-    about = {"photons": of.photons, "spot_px": of.spot_px, "pair": of.pair}
-    return {**about, "rms_over_bound": of.rms_px / of.bound_px}
+def _relative_to_bound(light: Light) -> dict[str, Any]:
+    condition = {"photons": light.photons, "spot_px": light.spot_px, "pair": light.pair}
+    return {**condition, "rms_over_bound": light.rms_px / light.bound_px}
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Measure, print and write; 1 where a goal is missed."""
+    """Measure, print and write; return 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "--images", type=int, default=WANTED, help="with a reflection, each with and without a dark one"
     )
     parser.add_argument("--lights", type=int, default=200, help="images for each condition")
-    parser.add_argument("--cells", type=int, default=2, help="whose arms ring")
-    parser.add_argument("--stops", type=int, default=20, help="of each of them")
+    parser.add_argument("--cells", type=int, default=2, help="cells whose arms ring")
+    parser.add_argument("--stops", type=int, default=20, help="stops of each cell whose arms ring")
     parser.add_argument("--keep", type=Path, help="file in which cells with a reflection are kept, to go on from")
-    parser.add_argument("--minutes", type=float, default=np.inf, help="time for such cells, half of it for each way")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        default=np.inf,
+        help="time for these cells, half for switched lights and half for constant ones",
+    )
     asked = parser.parse_args(words)
     kept = Kept(asked.keep)
     conditions = [(photons, spot, pair) for pair in (False, True) for spot in SPOTS for photons in PHOTONS]
@@ -201,7 +211,7 @@ def main(words: Sequence[str] | None = None) -> int:
         "reflections, always on": lambda: reflections(asked.images, False, kept, asked.minutes / 2),
         "lights": lambda: {
             "pictures": asked.lights,
-            "of": [_over_bound(lights(*of, asked.lights)) for of in conditions],
+            "of": [_relative_to_bound(lights(*each, asked.lights)) for each in conditions],
         },
     }
     result: dict[str, Any] = {"goals": GOALS}
@@ -228,8 +238,8 @@ def section(result: dict[str, Any]) -> str:
     rows.append((f"within half a second of ringing, of {still['samples']} samples", still["within_ring"], 0))
     rows.append(("time lost beyond it, at most", f"{still['most_lost_s']:.2f} s", f"{goals['lost_s']:g} s"))
     for name in ("reflections, switched", "reflections, always on"):
-        of = result[name]
-        share = f"{of['right']} of {of['pictures']}, named in {of['named']} of {of['cells']} cells"
+        counts = result[name]
+        share = f"{counts['right']} of {counts['pictures']}, named in {counts['named']} of {counts['cells']} cells"
         rows.append((f"{name}: LED identified", share, f"{100 * goals['reflections']:g} %"))
     worst = max(each["rms_over_bound"] for each in result["lights"]["of"])
     images = result["lights"]["pictures"]
@@ -250,7 +260,7 @@ Detection in images of 1280 x 720 during a capture:
 
 
 def missed_goals(result: dict[str, Any]) -> list[str]:
-    """What does not hold, in words."""
+    """Goals that are missed, in words."""
     slow = [name for name, each in result["speed"]["milliseconds"].items() if each > 1e3 / GOALS["pictures_a_second"]]
     wrong = [
         name
@@ -259,8 +269,8 @@ def missed_goals(result: dict[str, Any]) -> list[str]:
     ]
     beyond = [str(each) for each in result["lights"]["of"] if each["rms_over_bound"] > GOALS["bound"]]
     still = result["stillness"]
-    shaken = ["stillness"] if still["within_ring"] or still["most_lost_s"] > GOALS["lost_s"] else []
-    return [*slow, *wrong, *beyond, *shaken]
+    not_still = ["stillness"] if still["within_ring"] or still["most_lost_s"] > GOALS["lost_s"] else []
+    return [*slow, *wrong, *beyond, *not_still]
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Whether the certificate proves what is well posed, in what time, and never claims what is false."""
+"""Whether the certificate proves well-posed cells, its time, and whether it ever makes a false claim."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import numpy as np
-from tests.shared.deceivers import ADVERSARIES, BETTER, POSITION_M, Verdict, tried
+from tests.shared.deceivers import ADVERSARIES, COST_GAIN, POSITION_M, Verdict, trial
 
 from basecal.estimation.certificate.certificate import certify, proven_loops
 from basecal.estimation.solve import solve
@@ -31,11 +31,11 @@ TARGET = 0.95
 WELL_POSED_RAD = 1.0
 HEAD = ("cell", "rotation up to [rad]", "noise [rad]", "proven", "median [ms]", "slowest [ms]")
 TIME_HEAD = ("samples", "proof of the rotations [ms]", "with the descents [ms]")
-FOE_HEAD = ("adversarial cells", "cells", "claimed", "random starts", "false")
+ADVERSARIAL_HEAD = ("adversarial cells", "cells", "claimed", "random starts", "false")
 
 
 class Claims(NamedTuple):
-    """Cells of one kind and noise: how many, proven ones, time of the processor, and the reasons of the others."""
+    """Cells of one kind and noise: their number, proven ones, CPU times, and the reasons of the others."""
 
     kind: str
     spread_rad: float
@@ -47,14 +47,14 @@ class Claims(NamedTuple):
     reasons: dict[str, int]
 
 
-def well_posed(kind: str, spread: float, noise: float, cells: int) -> Claims:
-    """Rotation noise of that sigma per axis on the observed poses and on those of every arm, stated as such."""
+def prove_cells(kind: str, spread: float, noise: float, cells: int) -> Claims:
+    """Certify cells with that rotation noise per axis, stated, on the observed poses and on those of every arm."""
     sigma = (POSITION_M, noise)
     scenario = replace(KINDS[kind], target="pose", samples=30, spread_rad=spread, pose_noise=sigma, robot_noise=sigma)
     times, reasons = [], {}
     for seed in range(cells):
-        made = simulate(scenario, seed)
-        solution = solve(made.cell, made.recording)
+        simulated = simulate(scenario, seed)
+        solution = solve(simulated.cell, simulated.recording)
         began = time.process_time()
         certificate = certify(solution).certificate
         times.append(1e3 * (time.process_time() - began))
@@ -65,9 +65,9 @@ def well_posed(kind: str, spread: float, noise: float, cells: int) -> Claims:
 
 
 def timings(samples: int) -> dict[str, Any]:
-    """Time [ms] of the proof of the rotations alone, and of all, by the number of samples."""
-    made = simulate(Scenario(target="pose", samples=samples), 0)
-    solution = solve(made.cell, made.recording)
+    """Time [ms] of the proof of the rotations alone, and of the whole certificate, by the number of samples."""
+    simulated = simulate(Scenario(target="pose", samples=samples), 0)
+    solution = solve(simulated.cell, simulated.recording)
     return {
         "samples": samples,
         "rotations_ms": 1e3 * min(seconds(lambda: proven_loops(solution)) for _ in range(3)),
@@ -76,19 +76,21 @@ def timings(samples: int) -> dict[str, Any]:
     }
 
 
-def deceived(cells: int, workers: int) -> list[Verdict]:
-    """So many adversarial cells, the kinds in turn."""
-    asked = [(ADVERSARIES[k % len(ADVERSARIES)], k // len(ADVERSARIES)) for k in range(cells)]
-    done: list[Verdict] = []
+def challenge_cells(cells: int, workers: int) -> list[Verdict]:
+    """Verdicts on a number of adversarial cells, the kinds in turn."""
+    cases = [(ADVERSARIES[k % len(ADVERSARIES)], k // len(ADVERSARIES)) for k in range(cells)]
+    verdicts: list[Verdict] = []
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for verdict in pool.map(tried, *zip(*asked, strict=True), chunksize=4):
-            done.append(verdict)
-            if len(done) % 100 == 0:
-                print(f"{len(done)} of {cells}, {sum(v.false for v in done)} false", file=sys.stderr, flush=True)
-    return done
+        for verdict in pool.map(trial, *zip(*cases, strict=True), chunksize=4):
+            verdicts.append(verdict)
+            if len(verdicts) % 100 == 0:
+                print(
+                    f"{len(verdicts)} of {cells}, {sum(v.false for v in verdicts)} false", file=sys.stderr, flush=True
+                )
+    return verdicts
 
 
-def _foes(kind: str, verdicts: list[Verdict]) -> dict[str, Any]:
+def _adversarial_summary(kind: str, verdicts: list[Verdict]) -> dict[str, Any]:
     ours = [v for v in verdicts if kind in (v.kind, "all")]
     claimed = [v for v in ours if v.claim == "global"]
     return {
@@ -100,20 +102,27 @@ def _foes(kind: str, verdicts: list[Verdict]) -> dict[str, Any]:
     }
 
 
-def row(of: dict[str, Any]) -> tuple[object, ...]:
+def row(claims: dict[str, Any]) -> tuple[object, ...]:
     """A row of the table of well-posed cells."""
-    proven = f"{of['proven']} of {of['cells']}"
-    return of["kind"], of["spread_rad"], of["noise_rad"], proven, f"{of['median_ms']:.0f}", f"{of['slowest_ms']:.0f}"
+    proven = f"{claims['proven']} of {claims['cells']}"
+    return (
+        claims["kind"],
+        claims["spread_rad"],
+        claims["noise_rad"],
+        proven,
+        f"{claims['median_ms']:.0f}",
+        f"{claims['slowest_ms']:.0f}",
+    )
 
 
-def time_row(of: dict[str, Any]) -> tuple[object, ...]:
+def time_row(times: dict[str, Any]) -> tuple[object, ...]:
     """A row of the table of times."""
-    return of["samples"], f"{of['rotations_ms']:.0f}", f"{of['all_ms']:.0f}"
+    return times["samples"], f"{times['rotations_ms']:.0f}", f"{times['all_ms']:.0f}"
 
 
-def foe_row(of: dict[str, Any]) -> tuple[object, ...]:
+def adversarial_row(counts: dict[str, Any]) -> tuple[object, ...]:
     """A row of the table of adversarial cells."""
-    return of["kind"], of["cells"], of["claimed"], of["starts"], len(of["false"])
+    return counts["kind"], counts["cells"], counts["claimed"], counts["starts"], len(counts["false"])
 
 
 def main(arguments: list[str]) -> None:
@@ -123,10 +132,10 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--well-posed", type=int, default=20, help="cells of each kind, spread and noise")
     parser.add_argument("--workers", type=int, default=1, help="processes for the adversarial cells")
     asked = parser.parse_args(arguments)
-    verdicts = deceived(asked.cells, asked.workers)
+    verdicts = challenge_cells(asked.cells, asked.workers)
     on_one_core()
     posed = [
-        well_posed(kind, spread, noise, asked.well_posed)._asdict()
+        prove_cells(kind, spread, noise, asked.well_posed)._asdict()
         for kind in KINDS
         for spread in SPREADS_RAD
         for noise in NOISES_RAD
@@ -134,12 +143,12 @@ def main(arguments: list[str]) -> None:
     print(table(HEAD, map(row, posed)))
     times = [timings(samples) for samples in SIZES]
     print("\n" + table(TIME_HEAD, map(time_row, times)))
-    foes = [_foes(kind, verdicts) for kind in (*ADVERSARIES, "all")]
-    print("\n" + table(FOE_HEAD, map(foe_row, foes)))
-    of = [p for p in posed if p["spread_rad"] >= WELL_POSED_RAD]
-    rate = sum(p["proven"] for p in of) / sum(p["cells"] for p in of)
-    result = {"target": TARGET, "rate": rate, "well_posed_rad": WELL_POSED_RAD, "better": BETTER}
-    print(f"\nwritten: {write('certificate', {**result, 'posed': posed, 'times': times, 'foes': foes}).name}")
+    adversarial = [_adversarial_summary(kind, verdicts) for kind in (*ADVERSARIES, "all")]
+    print("\n" + table(ADVERSARIAL_HEAD, map(adversarial_row, adversarial)))
+    far_rotated = [p for p in posed if p["spread_rad"] >= WELL_POSED_RAD]
+    rate = sum(p["proven"] for p in far_rotated) / sum(p["cells"] for p in far_rotated)
+    result = {"target": TARGET, "rate": rate, "well_posed_rad": WELL_POSED_RAD, "better": COST_GAIN}
+    print(f"\nwritten: {write('certificate', {**result, 'posed': posed, 'times': times, 'foes': adversarial}).name}")
 
 
 if __name__ == "__main__":

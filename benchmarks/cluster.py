@@ -1,8 +1,8 @@
-"""One study by one process, by two, and by a Dask cluster of two workers and of four: time, and the same numbers.
+"""One study by one process, by two, and by a Dask cluster of two and of four workers: time, and equal numbers.
 
-Each begins with nothing and ends with all chunks kept; a cluster is up before, as one that people have is. Beside the
-wall time stands the time of the processor, of all who work, which does not depend on what else the machine does.
-A worker is killed midway, and the whole command, which is then started again.
+Each begins with nothing and ends with all chunks kept. A cluster is started before, as in practice. Beside the wall
+time there is the CPU time of all processes, which does not depend on other programs. A worker is killed midway, and so
+is the whole command, which is then started again.
 """
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ from basecal.studies.summary import results
 from benchmarks.common import table, write
 from benchmarks.study import BOARD
 
-WAYS = {"1 process": 1, "2 processes": 2, "Dask, 2 workers": 2, "Dask, 4 workers": 4}
 MOST_OVERHEAD = 0.15
 MOST_BYTES = 2**30
 HEAD = ("by", "wall time [s]", "CPU time [s]", "more wall time", "more CPU time", "largest process [MB]", "numbers")
@@ -40,13 +39,13 @@ KILLED_HEAD = ("killed midway", "numbers", "chunks kept", "chunks repeated")
 _LEAST_DONE = 3  # chunks before something is killed
 
 
-def study_of(trials: int) -> Study:
-    """The study that all do."""
+def make_study(trials: int) -> Study:
+    """The study that all of them run."""
     return study_from_text(f"schema: basecal/study/1\ntrials: {trials}\ncells: 8\nhold: {{{BOARD}}}\n", "study.yaml")
 
 
 def numbers(study: Study, folder: Path) -> str:
-    """A digest of every number of the table but for times."""
+    """Digest of all numbers of the table except times."""
     digest = hashlib.sha256()
     for _, result in results(study, folder):
         for name in COLUMNS:
@@ -56,132 +55,144 @@ def numbers(study: Study, folder: Path) -> str:
 
 
 @contextmanager
-def cluster_of(workers: int) -> Iterator[Any]:
-    """A local Dask cluster, whose workers have imported what processes import in their time."""
+def start_cluster(workers: int) -> Iterator[Any]:
+    """A local Dask cluster, whose workers have already imported the package."""
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:
         with tempfile.TemporaryDirectory() as folder:
-            run_study(study_of(512 * workers), Path(folder) / "out", WorkerPool(1, cluster.scheduler_address))
+            run_study(make_study(512 * workers), Path(folder) / "out", WorkerPool(1, cluster.scheduler_address))
         yield cluster
 
 
-def _spent(workers: int, scheduler: str | None, trials: int, answer: Any) -> None:
-    """In a process of its own: times, memory and numbers of the study."""
-    study = study_of(trials)
+def _run_and_report(workers: int, scheduler: str | None, trials: int, answer: Any) -> None:
+    """Run the study in this process, and put times, memory and digest into a queue."""
+    study = make_study(trials)
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
         run_study(study, Path(folder) / "out", WorkerPool(workers, scheduler))
         wall = time.perf_counter() - begin
-        found = numbers(study, Path(folder) / "out")
+        digest = numbers(study, Path(folder) / "out")
     own, children = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     processor = sum(u.ru_utime + u.ru_stime for u in (own, children))
-    answer.put((wall, processor, 1024 * max(own.ru_maxrss, children.ru_maxrss), found))
+    answer.put((wall, processor, 1024 * max(own.ru_maxrss, children.ru_maxrss), digest))
 
 
-def _of_workers(cluster: Any) -> float:
-    """Time of the processor that a cluster's workers have taken [s]."""
+def _worker_cpu_s(cluster: Any) -> float:
+    """CPU time of a cluster's workers so far [s]."""
     import psutil
 
     spent = [psutil.Process(worker.pid).cpu_times() for worker in cluster.workers.values()]
     return sum(each.user + each.system for each in spent)
 
 
-def measured(way: str, workers: int, cluster: Any, trials: int) -> dict[str, Any]:
-    """One way to do the study."""
-    before = 0.0 if cluster is None else _of_workers(cluster)
+def measure(way: str, workers: int, cluster: Any, trials: int) -> dict[str, Any]:
+    """Measure one way to run the study."""
+    before_s = 0.0 if cluster is None else _worker_cpu_s(cluster)
     answer: Any = multiprocessing.get_context("spawn").Queue()
     address = None if cluster is None else cluster.scheduler_address
-    process = multiprocessing.get_context("spawn").Process(target=_spent, args=(workers, address, trials, answer))
+    process = multiprocessing.get_context("spawn").Process(
+        target=_run_and_report, args=(workers, address, trials, answer)
+    )
     process.start()
-    wall, processor, peak, found = answer.get()
+    wall, processor, peak, digest = answer.get()
     process.join()
-    processor += 0.0 if cluster is None else _of_workers(cluster) - before
-    return {"way": way, "wall_s": wall, "processor_s": processor, "peak_bytes": peak, "numbers": found}
+    processor += 0.0 if cluster is None else _worker_cpu_s(cluster) - before_s
+    return {"way": way, "wall_s": wall, "processor_s": processor, "peak_bytes": peak, "numbers": digest}
 
 
-def killed(study: Study, work: Callable[[Path], None], kill: Callable[[], None]) -> dict[str, Any]:
-    """What comes of a study of which something is killed midway, and which chunks were done twice."""
+def run_with_kill(study: Study, work: Callable[[Path], None], kill: Callable[[], None]) -> dict[str, Any]:
+    """Run a study of which something is killed midway, resume it, and count the chunks that were repeated."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "out"
         chunks = folder / "chunks"
 
-        def strike() -> None:
-            """Wait until it is under way."""
+        def kill_midway() -> None:
+            """Kill once some chunks are done."""
             while not chunks.exists() or len(list(chunks.glob("*.npz"))) < _LEAST_DONE:
                 time.sleep(0.02)
             kill()
 
-        threading.Thread(target=strike, daemon=True).start()
+        threading.Thread(target=kill_midway, daemon=True).start()
         work(folder)
         before = {path.name: path.stat().st_mtime_ns for path in chunks.glob("*.npz")}
         run_study(study, folder, WorkerPool(1))
-        again = [name for name, at in before.items() if (chunks / name).stat().st_mtime_ns != at]
-        return {"numbers": numbers(study, folder), "there": len(before), "again": len(again), "of": len(study.chunks)}
+        repeated = [name for name, time_ns in before.items() if (chunks / name).stat().st_mtime_ns != time_ns]
+        return {
+            "numbers": numbers(study, folder),
+            "there": len(before),
+            "again": len(repeated),
+            "of": len(study.chunks),
+        }
 
 
-def kills(trials: int) -> list[dict[str, Any]]:
-    """A process of two, a Dask worker of two, and the whole command."""
-    study, spawn = study_of(trials), multiprocessing.get_context("spawn")
-    found = [{"what": "nothing", **killed(study, lambda folder: run_study(study, folder, WorkerPool(1)), lambda: None)}]
+def measure_kills(trials: int) -> list[dict[str, Any]]:
+    """Rows of kills: of a process of two, of a Dask worker of two, and of the whole command."""
+    study, spawn = make_study(trials), multiprocessing.get_context("spawn")
+    rows = [
+        {
+            "what": "nothing",
+            **run_with_kill(study, lambda folder: run_study(study, folder, WorkerPool(1)), lambda: None),
+        }
+    ]
 
-    def one_of_two() -> None:
-        """A worker of this process."""
+    def kill_worker_process() -> None:
+        """Kill a worker of this process."""
         os.kill(multiprocessing.active_children()[0].pid or 0, signal.SIGKILL)
 
-    by_two = killed(study, lambda folder: run_study(study, folder, WorkerPool(2)), one_of_two)
-    found.append({"what": "one of two processes", **by_two})
-    with cluster_of(2) as cluster:
+    with_processes = run_with_kill(study, lambda folder: run_study(study, folder, WorkerPool(2)), kill_worker_process)
+    rows.append({"what": "one of two processes", **with_processes})
+    with start_cluster(2) as cluster:
 
-        def a_worker() -> None:
-            """Of the cluster."""
+        def kill_dask_worker() -> None:
+            """Kill a worker of the cluster."""
             os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
 
-        by_dask = killed(
-            study, lambda folder: run_study(study, folder, WorkerPool(1, cluster.scheduler_address)), a_worker
+        with_dask = run_with_kill(
+            study, lambda folder: run_study(study, folder, WorkerPool(1, cluster.scheduler_address)), kill_dask_worker
         )
-        found.append({"what": "one of two Dask workers", **by_dask})
+        rows.append({"what": "one of two Dask workers", **with_dask})
     command: list[Any] = []
 
-    def in_a_process(folder: Path) -> None:
-        """The study by a process that is killed."""
+    def run_in_process(folder: Path) -> None:
+        """Run the study in a process that can be killed."""
         command.append(spawn.Process(target=run_study, args=(study, folder, WorkerPool(1))))
         command[0].start()
         command[0].join()
 
-    whole = killed(study, in_a_process, lambda: command[0].kill())
-    found.append({"what": "the whole command, started again", **whole})
-    return found
+    whole = run_with_kill(study, run_in_process, lambda: command[0].kill())
+    rows.append({"what": "the whole command, started again", **whole})
+    return rows
 
 
-def row(found: dict[str, Any], first: dict[str, Any]) -> tuple[str, ...]:
+def row(result: dict[str, Any], first: dict[str, Any]) -> tuple[str, ...]:
     """A line of the table with `HEAD`."""
-    over = [f"{found[name]:.1%}" if name in found else "" for name in ("overhead", "processor_overhead")]
-    times = f"{found['wall_s']:.1f}", f"{found['processor_s']:.1f}"
-    same = "the same" if found["numbers"] == first["numbers"] else "OTHERS"
-    return found["way"], *times, *over, f"{found['peak_bytes'] / 1e6:.0f}", same
+    overheads = [f"{result[name]:.1%}" if name in result else "" for name in ("overhead", "processor_overhead")]
+    times = f"{result['wall_s']:.1f}", f"{result['processor_s']:.1f}"
+    same = "the same" if result["numbers"] == first["numbers"] else "OTHERS"
+    return result["way"], *times, *overheads, f"{result['peak_bytes'] / 1e6:.0f}", same
 
 
-def killed_row(found: dict[str, Any], first: dict[str, Any]) -> tuple[str, ...]:
+def killed_row(result: dict[str, Any], first: dict[str, Any]) -> tuple[str, ...]:
     """A line of the table with `KILLED_HEAD`."""
-    same = "the same" if found["numbers"] == first["numbers"] else "OTHERS"
-    return found["what"], same, f"{found['there']} of {found['of']}", str(found["again"])
+    same = "the same" if result["numbers"] == first["numbers"] else "OTHERS"
+    return result["what"], same, f"{result['there']} of {result['of']}", str(result["again"])
 
 
-def compared(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Medians by way, Dask's beside those of two processes in the same round."""
+def summarize(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Medians by way, with the overhead of Dask over two processes in the same round."""
     rounds: dict[str, list[dict[str, Any]]] = {}
     for each in rows:
         rounds.setdefault(each["way"], []).append(each)
     out = []
-    for way, of in rounds.items():
-        assert len({each["numbers"] for each in of}) == 1
-        found = {**of[0], **{name: median(each[name] for each in of) for name in ("wall_s", "processor_s")}}
+    for way, runs in rounds.items():
+        assert len({each["numbers"] for each in runs}) == 1
+        result = {**runs[0], **{name: median(each[name] for each in runs) for name in ("wall_s", "processor_s")}}
         if way.startswith("Dask"):
-            beside = rounds["2 processes"]
+            reference = rounds["2 processes"]
             for name, field in (("overhead", "wall_s"), ("processor_overhead", "processor_s")):
-                found[name] = median(d[field] / p[field] for d, p in zip(of, beside, strict=True)) - 1
-        out.append(found)
+                result[name] = median(d[field] / p[field] for d, p in zip(runs, reference, strict=True)) - 1
+        out.append(result)
     return out
 
 
@@ -201,15 +212,15 @@ def main(arguments: list[str]) -> None:
             ("Dask, 2", 2, 1),
             ("Dask, 4", 4, 1),
         ):
-            with cluster_of(workers) if is_dask else nullcontext() as cluster:
-                rows.append(measured(name, workers, cluster, asked.trials))
+            with start_cluster(workers) if is_dask else nullcontext() as cluster:
+                rows.append(measure(name, workers, cluster, asked.trials))
                 print(rows[-1], flush=True)
-    many = measured("1 process", 1, None, asked.many) if asked.many else None
-    found, dead = compared(rows), kills(asked.killed)
-    print(table(HEAD, [row(each, found[0]) for each in found]))
-    print(table(KILLED_HEAD, [killed_row(each, dead[0]) for each in dead]))
+    many = measure("1 process", 1, None, asked.many) if asked.many else None
+    rows_by_way, kill_rows = summarize(rows), measure_kills(asked.killed)
+    print(table(HEAD, [row(each, rows_by_way[0]) for each in rows_by_way]))
+    print(table(KILLED_HEAD, [killed_row(each, kill_rows[0]) for each in kill_rows]))
     sizes = {"trials": asked.trials, "killed_trials": asked.killed, "many_trials": asked.many, "many": many}
-    write("cluster", {**sizes, "rows": found, "all": rows, "killed": dead})
+    write("cluster", {**sizes, "rows": rows_by_way, "all": rows, "killed": kill_rows})
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the benchmarks share: one thread, tables, and files of results."""
+"""Shared by the benchmarks: one thread, tables, and files of results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TERMS = {
 
 
 def on_one_core() -> None:
-    """Keep this process on one core, whatever its libraries' threads would like; two processes need not share it."""
+    """Pin this process to one core, whatever the threads of its libraries; a second process may get another core."""
     if hasattr(os, "sched_setaffinity"):
         cores = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {cores[os.getpid() % len(cores)]})
@@ -41,14 +41,14 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:
-    """Time that this process, of one thread, computes in one call [s]: that of the call where nothing else runs."""
+    """CPU time of one call in this process of one thread [s]."""
     start = time.process_time()
     work()
     return time.process_time() - start
 
 
-def interleaved(works: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:
-    """Times [s] of each work, all of them once a round, so that a slow moment of the machine meets all alike."""
+def interleave_times(works: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:
+    """Times [s] of each work, all in turn each round, so that a slow moment of the machine affects all of them."""
     times: dict[str, list[float]] = {name: [] for name in works}
     for work in works.values():
         work()
@@ -66,14 +66,14 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def label(name: str) -> str:
-    """The name of a row as the page has it; stored results and their keys may have an older word."""
+    """The name of a row in the words of the page; stored results may have an older word."""
     for old, new in _TERMS.items():
         name = re.sub(rf"\b{old}\b", new, name)
     return name
 
 
 def machine() -> dict[str, str | int | None]:
-    """On what it was measured."""
+    """Versions and processor of this machine."""
     return {"python": platform.python_version(), "numpy": np.__version__, "cores": os.cpu_count(), "cpu": _cpu()}
 
 
@@ -86,10 +86,10 @@ def _cpu() -> str:
 
 
 def commit() -> str | None:
-    """The commit that is checked out, short; None outside a checkout."""
-    asked = ["git", "-C", str(RESULTS.parent), "rev-parse", "--short", "HEAD"]
+    """The short hash of the commit that is checked out; None outside a checkout."""
+    command = ["git", "-C", str(RESULTS.parent), "rev-parse", "--short", "HEAD"]
     try:
-        return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return None
 
@@ -98,19 +98,19 @@ def write(name: str, result: Mapping[str, Any]) -> Path:
     """Write results/<name>.json, with the machine it was measured on and the commit."""
     RESULTS.mkdir(exist_ok=True)
     path = RESULTS / f"{name}.json"
-    told = {"machine": machine(), "commit": commit(), **result}
-    path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    content = {"machine": machine(), "commit": commit(), **result}
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return path
 
 
 def read(name: str) -> dict[str, Any]:
-    """What results/<name>.json holds."""
-    found: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
-    return found
+    """The content of results/<name>.json."""
+    result: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+    return result
 
 
 class Kept:
-    """Outcomes that are kept in a file as they come, a line each, by what was tried."""
+    """Values by key that are kept in a file, a line each, so that a run can continue an earlier one."""
 
     def __init__(self, path: Path | None) -> None:
         self._path = path
@@ -120,47 +120,58 @@ class Kept:
     def __contains__(self, key: object) -> bool:
         return key in self._known
 
-    def of(self, key: str | int, measured: Callable[[], Any]) -> Any:
-        """What was kept by this key; where nothing was, what is measured, kept from now on."""
-        if key not in self._known:
-            self._known[key] = measured()
-            if self._path is not None:
-                with self._path.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps([key, self._known[key]]) + "\n")
-        return self._known[key]
+    def items(self) -> Iterable[tuple[Any, Any]]:
+        """Keys with their values."""
+        return self._known.items()
+
+    def get(self, key: str | int) -> Any:
+        """The value of a key; None if nothing is kept."""
+        return self._known.get(key)
+
+    def keep(self, key: str | int, value: Any) -> Any:
+        """Keep a value in the file, and return it."""
+        self._known[key] = value
+        if self._path is not None:
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps([key, value]) + "\n")
+        return value
+
+    def of(self, key: str | int, measure: Callable[[], Any]) -> Any:
+        """The value of a key, measured and kept if there is none yet."""
+        return self._known[key] if key in self._known else self.keep(key, measure())
 
 
-def by_draws(
+def run_draws(
     name: str,
     arguments: Sequence[str],
     usual: tuple[int, int],
-    measured: Callable[[int, int], Mapping[str, Any]],
-    shown: Callable[[Mapping[str, Any]], str],
+    measure: Callable[[int, int], Mapping[str, Any]],
+    format_result: Callable[[Mapping[str, Any]], str],
 ) -> None:
-    """Measure draws of samples and print; results of at least the usual number of draws are written, too."""
+    """Measure draws of samples and print; with at least the usual number of draws write the results too."""
     parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}")
     parser.add_argument("--draws", type=int, default=usual[0])
     parser.add_argument("--samples", type=int, default=usual[1])
     asked = parser.parse_args(arguments)
     on_one_core()
-    found = measured(asked.draws, asked.samples)
-    print(shown(found))
+    result = measure(asked.draws, asked.samples)
+    print(format_result(result))
     if asked.draws >= usual[0]:
-        write(name, {"draws": asked.draws, "samples": asked.samples, **found})
+        write(name, {"draws": asked.draws, "samples": asked.samples, **result})
 
 
-def cell_by_cell(
+def run_cells(
     name: str,
     arguments: Sequence[str],
     cells: int,
-    measured: Callable[[int], Iterable[dict[str, Any]]],
-    shown: Callable[[list[dict[str, Any]]], str],
-    result: Callable[[list[dict[str, Any]]], Mapping[str, Any]] = lambda found: {"rows": found},
+    measure: Callable[[int], Iterable[dict[str, Any]]],
+    format_rows: Callable[[list[dict[str, Any]]], str],
+    make_result: Callable[[list[dict[str, Any]]], Mapping[str, Any]] = lambda rows: {"rows": rows},
 ) -> None:
-    """Measure cells by their seeds and print; of all `cells` the results are written, too.
+    """Measure cells by their seeds and print; with all `cells` write the results too.
 
-    With `--keep FILE` each cell is a line of that file once it is measured, and is not measured again. The results are
-    then written of as many cells as there are: the page tells how many.
+    With `--keep FILE` each measured cell is a line of that file, and is not measured again. The results then hold the
+    cells there are, and the page gives their number.
     """
     parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}")
     parser.add_argument("--cells", type=int, default=cells)
@@ -168,7 +179,7 @@ def cell_by_cell(
     asked = parser.parse_args(arguments)
     on_one_core()
     kept = Kept(asked.keep)
-    found = [each for seed in range(asked.cells) for each in kept.of(seed, lambda seed=seed: list(measured(seed)))]
-    print(shown(found))
+    rows = [each for seed in range(asked.cells) for each in kept.of(seed, lambda seed=seed: list(measure(seed)))]
+    print(format_rows(rows))
     if asked.keep is not None or asked.cells >= cells:
-        write(name, result(found))
+        write(name, make_result(rows))

@@ -1,8 +1,8 @@
-"""Effects that move the data alike: whether a finding names the true one, both, or the wrong one alone.
+"""Effects with nearly the same influence on the data: whether findings name the true one, both, or only the wrong one.
 
-Each cell has one of two effects, in turn: an arm that bends by its reach, seen by an LED, or a focal length that is
-off; a robot whose poses are too short, or a board that is too large; a joint offset or a gear ratio of the same joint;
-a base that moved at once or steadily. No noise is stated. A finding names an effect if its message does, as a warning.
+Each cell has one of two effects, in turn: an arm that bends by its reach, seen by an LED, or a wrong focal length; a
+robot whose poses are too short, or a board that is too large; a joint offset or a gear ratio of the same joint; a base
+that moved at once or steadily. No noise is stated. A finding names an effect if its message does, as a warning.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Cell, Finding, Recording, RobotState
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
-from benchmarks.common import cell_by_cell, table
+from benchmarks.common import run_cells, table
 
 CELLS = 50  # of each pair
 NOISE = (5e-5, 1e-4)
 HEAD = ("the cell has", "cells", "named", "both named", "the other alone", "neither", "good, beyond 4 sigma")
 BASE = "eye_base_from_hand_base"
-Made = tuple[SimulatedCell, Cell, Recording]
-Poses = Callable[[int, RobotState], RobotState]
+Case = tuple[SimulatedCell, Cell, Recording]
+StateChange = Callable[[int, RobotState], RobotState]
 
 
-def _read(made: SimulatedCell, robot: str, read: Poses) -> Recording:
-    """The recording with a robot read otherwise."""
+def _with_poses(simulated: SimulatedCell, robot: str, change: StateChange) -> Recording:
+    """The recording with the states of a robot changed."""
     samples = []
-    for k, sample in enumerate(made.recording.samples):
-        robots = {**sample.robots, robot: read(k, sample.robots[robot])}
+    for k, sample in enumerate(simulated.recording.samples):
+        robots = {**sample.robots, robot: change(k, sample.robots[robot])}
         samples.append(replace(sample, robots=robots, stamp_s=float(k)))
     return Recording(tuple(samples))
 
@@ -44,10 +44,10 @@ def _scenario(**changed: Any) -> Scenario:
     )
 
 
-def _lens_off(made: SimulatedCell, share: float) -> Cell:
-    """The cell with focal lengths stated otherwise."""
+def _with_focal_error(simulated: SimulatedCell, share: float) -> Cell:
+    """The cell with wrong focal lengths stated."""
     cameras = {}
-    for name, camera in made.cell.cameras.items():
+    for name, camera in simulated.cell.cameras.items():
         lens = camera.intrinsics
         assert lens is not None
         assert lens.camera is not None
@@ -55,81 +55,97 @@ def _lens_off(made: SimulatedCell, share: float) -> Cell:
         cameras[name] = replace(
             camera, intrinsics=replace(lens, camera=lens.camera.with_parameters(stated), exact=False)
         )
-    return replace(made.cell, cameras=cameras)
+    return replace(simulated.cell, cameras=cameras)
 
 
-def _bent(rng: np.random.Generator, seed: int) -> Made:
-    made, sag = simulate(_scenario(target="led", samples=60), seed), rng.uniform(3e-3, 1e-2)
+def _with_bending(rng: np.random.Generator, seed: int) -> Case:
+    simulated, sag = simulate(_scenario(target="led", samples=60), seed), rng.uniform(3e-3, 1e-2)
 
-    def read(_: int, state: RobotState) -> RobotState:
-        """As if it did not bend."""
+    def change(_: int, state: RobotState) -> RobotState:
+        """The pose without the bending."""
         pose = state.base_from_flange
         assert pose is not None
         turn = np.concatenate([np.zeros(3), np.cross(pose.translation, [0, 0, -sag])])
         return RobotState(SE3.exp(turn).inverse() @ pose)
 
-    return made, _lens_off(made, 0.0), _read(made, "hand", read)
+    return simulated, _with_focal_error(simulated, 0.0), _with_poses(simulated, "hand", change)
 
 
-def _focal(rng: np.random.Generator, seed: int) -> Made:
-    made = simulate(_scenario(target="led", samples=60), seed)
-    return made, _lens_off(made, float(rng.choice([-1, 1]) * rng.uniform(0.005, 0.02))), made.recording
+def _with_wrong_lens(rng: np.random.Generator, seed: int) -> Case:
+    simulated = simulate(_scenario(target="led", samples=60), seed)
+    return (
+        simulated,
+        _with_focal_error(simulated, float(rng.choice([-1, 1]) * rng.uniform(0.005, 0.02))),
+        simulated.recording,
+    )
 
 
-def _short(rng: np.random.Generator, seed: int) -> Made:
-    made, share = simulate(_scenario(layout="eye_in_hand"), seed), float(rng.choice([-1, 1]) * rng.uniform(0.005, 0.02))
+def _with_short_poses(rng: np.random.Generator, seed: int) -> Case:
+    simulated, share = (
+        simulate(_scenario(layout="eye_in_hand"), seed),
+        float(rng.choice([-1, 1]) * rng.uniform(0.005, 0.02)),
+    )
 
-    def read(_: int, state: RobotState) -> RobotState:
-        """Too short, or too long."""
+    def change(_: int, state: RobotState) -> RobotState:
+        """The pose with a scaled translation."""
         pose = state.base_from_flange
         assert pose is not None
         return RobotState(SE3(pose.rotation, (1 - share) * pose.translation))
 
-    return made, made.cell, _read(made, "arm", read)
+    return simulated, simulated.cell, _with_poses(simulated, "arm", change)
 
 
-def _large(rng: np.random.Generator, seed: int) -> Made:
-    made, share = simulate(_scenario(layout="eye_in_hand"), seed), float(rng.choice([-1, 1]) * rng.uniform(0.005, 0.02))
-    board = made.cell.targets["board"]
+def _with_large_board(rng: np.random.Generator, seed: int) -> Case:
+    simulated, share = (
+        simulate(_scenario(layout="eye_in_hand"), seed),
+        float(rng.choice([-1, 1]) * rng.uniform(0.005, 0.02)),
+    )
+    board = simulated.cell.targets["board"]
     shape = board.target
     assert shape is not None
     options = {key: value * (1 - share) if key.endswith("_m") else value for key, value in shape.options.items()}
     smaller = replace(shape, points=(1 - share) * shape.points, options=options)
-    return made, replace(made.cell, targets={"board": replace(board, target=smaller)}), made.recording
+    return simulated, replace(simulated.cell, targets={"board": replace(board, target=smaller)}), simulated.recording
 
 
-def _joint(rng: np.random.Generator, seed: int, is_gear: bool) -> Made:
-    made, joint = simulate(_scenario(joints=True), seed), int(rng.integers(1, 5))
+def _with_joint_error(rng: np.random.Generator, seed: int, is_gear: bool) -> Case:
+    simulated, joint = simulate(_scenario(joints=True), seed), int(rng.integers(1, 5))
     size = float(rng.choice([-1, 1]) * rng.uniform(2e-3, 8e-3))
 
-    def read(_: int, state: RobotState) -> RobotState:
-        """With a joint that is off, or turns by more."""
+    def change(_: int, state: RobotState) -> RobotState:
+        """Joints with an offset or a gear error."""
         joints = np.array(state.joints_rad)
         joints[joint] -= size * (joints[joint] if is_gear else 1)
         return RobotState(joints_rad=joints)
 
-    return made, made.cell, _read(made, "hand", read)
+    return simulated, simulated.cell, _with_poses(simulated, "hand", change)
 
 
-def _moved(rng: np.random.Generator, seed: int, is_step: bool) -> Made:
-    made = simulate(_scenario(), seed)
+def _with_moving_base(rng: np.random.Generator, seed: int, is_step: bool) -> Case:
+    simulated = simulate(_scenario(), seed)
     size = rng.uniform(5e-4, 3e-3) * rng.standard_normal(6) / np.sqrt(6)
-    at = int(rng.integers(10, 30))
+    step_index = int(rng.integers(10, 30))
 
-    def read(k: int, state: RobotState) -> RobotState:
-        """In a base that moved."""
+    def change(k: int, state: RobotState) -> RobotState:
+        """The pose in a base that moved."""
         pose = state.base_from_flange
         assert pose is not None
-        return RobotState(SE3.exp(size * (k >= at if is_step else k / 39)) @ pose)
+        return RobotState(SE3.exp(size * (k >= step_index if is_step else k / 39)) @ pose)
 
-    return made, made.cell, _read(made, "hand", read)
+    return simulated, simulated.cell, _with_poses(simulated, "hand", change)
 
 
-PAIRS: Mapping[tuple[str, str], tuple[Callable[[np.random.Generator, int], Made], ...]] = {
-    ("bending", "focal length"): (_bent, _focal),
-    ("robot's length", "board's size"): (_short, _large),
-    ("joint offset", "gear ratio"): (lambda rng, s: _joint(rng, s, False), lambda rng, s: _joint(rng, s, True)),
-    ("step", "drift"): (lambda rng, s: _moved(rng, s, True), lambda rng, s: _moved(rng, s, False)),
+PAIRS: Mapping[tuple[str, str], tuple[Callable[[np.random.Generator, int], Case], ...]] = {
+    ("bending", "focal length"): (_with_bending, _with_wrong_lens),
+    ("robot's length", "board's size"): (_with_short_poses, _with_large_board),
+    ("joint offset", "gear ratio"): (
+        lambda rng, s: _with_joint_error(rng, s, False),
+        lambda rng, s: _with_joint_error(rng, s, True),
+    ),
+    ("step", "drift"): (
+        lambda rng, s: _with_moving_base(rng, s, True),
+        lambda rng, s: _with_moving_base(rng, s, False),
+    ),
 }
 WORDS = {
     "bending": ("mrad per metre",),
@@ -143,20 +159,27 @@ WORDS = {
 }
 
 
-def measured(seed: int) -> Iterator[dict[str, Any]]:
+def measure(seed: int) -> Iterator[dict[str, Any]]:
     """One cell of each pair."""
     for pair, makers in PAIRS.items():
         rng = np.random.default_rng([seed, 31])
-        made, cell, recording = makers[seed % 2](rng, 5000 + seed)
-        found = calibrate(cell, recording)
-        named = [effect for effect in pair if _is_named(effect, found.findings)]
+        simulated, cell, recording = makers[seed % 2](rng, 5000 + seed)
+        calibration = calibrate(cell, recording)
+        named = [effect for effect in pair if _is_named(effect, calibration.findings)]
         worst = 0.0
-        for name, estimate in found.transforms.items():
-            error = (estimate.mean.inverse() @ made.truth[name]).log()
+        for name, estimate in calibration.transforms.items():
+            error = (estimate.mean.inverse() @ simulated.truth[name]).log()
             worst = max(worst, float(np.abs(error / np.sqrt(np.maximum(np.diag(estimate.covariance), 1e-30))).max()))
-        warned = [f.code for f in found.findings if f.severity != "info"]
+        warned = [f.code for f in calibration.findings if f.severity != "info"]
         true = pair[seed % 2]
-        yield {"pair": pair, "true": true, "named": named, "verdict": found.verdict, "worst": worst, "codes": warned}
+        yield {
+            "pair": pair,
+            "true": true,
+            "named": named,
+            "verdict": calibration.verdict,
+            "worst": worst,
+            "codes": warned,
+        }
 
 
 def _is_named(effect: str, findings: tuple[Finding, ...]) -> bool:
@@ -164,24 +187,23 @@ def _is_named(effect: str, findings: tuple[Finding, ...]) -> bool:
     return any(words in message for message in warned for words in WORDS[effect])
 
 
-def rows(found: list[dict[str, Any]]) -> Iterator[list[object]]:
+def rows(results: list[dict[str, Any]]) -> Iterator[list[object]]:
     """A line for each effect."""
     for pair in PAIRS:
         for true in pair:
-            of = [each for each in found if each["true"] == true]
-            count = [
-                sum(each["named"] == [true] for each in of),
-                sum(len(each["named"]) == 2 for each in of),
-                sum(len(each["named"]) == 1 and each["named"] != [true] for each in of),
-                sum(not each["named"] for each in of),
-                sum(each["verdict"] == "good" and each["worst"] > 4 for each in of),
+            cells = [each for each in results if each["true"] == true]
+            counts = [
+                sum(each["named"] == [true] for each in cells),
+                sum(len(each["named"]) == 2 for each in cells),
+                sum(len(each["named"]) == 1 and each["named"] != [true] for each in cells),
+                sum(not each["named"] for each in cells),
+                sum(each["verdict"] == "good" and each["worst"] > 4 for each in cells),
             ]
-            yield [true, len(of), *count]
+            yield [true, len(cells), *counts]
 
 
-def shown(found: list[dict[str, Any]]) -> str:
-    """As a table."""
-    return table(HEAD, rows(found))
+def format_table(results: list[dict[str, Any]]) -> str:
+    return table(HEAD, rows(results))
 
 
 def section(result: dict[str, Any]) -> str:
@@ -189,8 +211,8 @@ def section(result: dict[str, Any]) -> str:
     about = """\
 Each cell has one of two effects with nearly the same influence on the data. No noise is stated. `named`: a warning
 names the true effect and not the other."""
-    return f"{about}\n\n{shown(result['rows'])}"
+    return f"{about}\n\n{format_table(result['rows'])}"
 
 
 if __name__ == "__main__":
-    cell_by_cell("confounding", sys.argv[1:], CELLS, measured, shown)
+    run_cells("confounding", sys.argv[1:], CELLS, measure, format_table)

@@ -1,4 +1,4 @@
-"""Detectors beside plain OpenCV on the same rendered images: how far off, how true the sigmas, how fast."""
+"""Detectors beside plain OpenCV on the same rendered images: errors, whether sigmas are true, and speed."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _sub_pixel(image: Image, rough: Places) -> Places:
 
 
 def _tags(shape: Target) -> dict[str, Plain]:
-    def by(method: int) -> Plain:
+    def make_detector(method: int) -> Plain:
         settings = cv2.aruco.DetectorParameters()
         settings.cornerRefinementMethod = method
         detector = cv2.aruco.ArucoDetector(dictionary(shape.options["family"]), settings)
@@ -70,15 +70,15 @@ def _tags(shape: Target) -> dict[str, Plain]:
         return plain
 
     methods = {"NONE": cv2.aruco.CORNER_REFINE_NONE, "SUBPIX": cv2.aruco.CORNER_REFINE_SUBPIX}
-    return {f"ArucoDetector, {name}": by(method) for name, method in methods.items()}
+    return {f"ArucoDetector, {name}": make_detector(method) for name, method in methods.items()}
 
 
 def _chessboard(shape: Target) -> dict[str, Plain]:
     size = tuple(shape.options["corners"])
 
     def plain(image: Image) -> Places:
-        seen, corners = cv2.findChessboardCornersSB(image, size)
-        return dict(enumerate(corners.reshape(-1, 2))) if seen else {}
+        is_found, corners = cv2.findChessboardCornersSB(image, size)
+        return dict(enumerate(corners.reshape(-1, 2))) if is_found else {}
 
     return {
         "findChessboardCornersSB": plain,
@@ -88,8 +88,10 @@ def _chessboard(shape: Target) -> dict[str, Plain]:
 
 def _circles(shape: Target) -> dict[str, Plain]:
     def plain(image: Image) -> Places:
-        seen, centres = cv2.findCirclesGrid(image, tuple(shape.options["circles"]), flags=cv2.CALIB_CB_ASYMMETRIC_GRID)
-        return dict(enumerate(centres.reshape(-1, 2))) if seen else {}
+        is_found, centres = cv2.findCirclesGrid(
+            image, tuple(shape.options["circles"]), flags=cv2.CALIB_CB_ASYMMETRIC_GRID
+        )
+        return dict(enumerate(centres.reshape(-1, 2))) if is_found else {}
 
     return {"findCirclesGrid": plain}
 
@@ -108,7 +110,7 @@ KINDS: dict[str, tuple[Target, Callable[[Target], dict[str, Plain]]]] = {
 
 
 class Row(NamedTuple):
-    """One detector under one condition: points found, rms per coordinate [px], error over sigma, s a core."""
+    """One detector under one condition: points found, rms per coordinate [px], error over sigma, CPU s an image."""
 
     kind: str
     detector: str
@@ -133,24 +135,27 @@ def _poses(shape: Target, count: int) -> list[SE3]:
 
 def _ours(shape: Target) -> Callable[[Image], tuple[Places, Array | None]]:
     def run(image: Image) -> tuple[Places, Array | None]:
-        found = find_target(image, shape)
-        if found is None or found.ids is None:
+        detection = find_target(image, shape)
+        if detection is None or detection.ids is None:
             return {}, None
-        return dict(zip(found.ids.tolist(), found.pixels, strict=True)), found.sigma_px
+        return dict(zip(detection.ids.tolist(), detection.pixels, strict=True)), detection.sigma_px
 
     return run
 
 
 def _errors(places: Places, shape: Target, true: Array) -> Array:
-    """Errors by id, (n, 2); of a grid counted from its other end, or a corner elsewhere, to the nearest point."""
-    found = np.array(list(places.values())).reshape(-1, 2)
+    """Errors of the points, (n, 2).
+
+    A grid may be counted from its other end, so that errors of chessboards and circles are to the nearest true point.
+    """
+    pixels = np.array(list(places.values())).reshape(-1, 2)
     if shape.kind in ("chessboard", "circles"):
-        return found - true[np.linalg.norm(found[:, None] - true, axis=2).argmin(axis=1)]
-    return found - true[shape.rows(np.array(list(places), dtype=np.int64))]
+        return pixels - true[np.linalg.norm(pixels[:, None] - true, axis=2).argmin(axis=1)]
+    return pixels - true[shape.rows(np.array(list(places), dtype=np.int64))]
 
 
 def corners(kind: str, noise: float, blur: float, count: int) -> list[Row]:
-    """All detectors of a kind on the same images."""
+    """Rows of all detectors of a kind on the same images."""
     shape, plain = KINDS[kind]
     works: dict[str, Callable[[Image], tuple[Places, Array | None]]] = {"basecal": _ours(shape)}
     works |= {name: lambda image, run=run: (run(image), None) for name, run in plain(shape).items()}
@@ -162,11 +167,11 @@ def corners(kind: str, noise: float, blur: float, count: int) -> list[Row]:
         true = CAMERA.project(pose @ shape.points)
         for name, work in works.items():
             began = time.process_time()
-            places, told = work(image)
+            places, sigma_px = work(image)
             spent[name] += time.process_time() - began
             error[name].append(_errors(places, shape, true))
-            if told is not None:
-                sigma.append(told)
+            if sigma_px is not None:
+                sigma.append(sigma_px)
     return [_row(kind, name, noise, blur, each, sigma, spent[name] / count) for name, each in error.items()]
 
 
@@ -183,7 +188,10 @@ def _rms(values: Array) -> float:
 
 
 class Light(NamedTuple):
-    """A light under one condition: rms and bound per coordinate [px], error over sigma, the blob detector's, speeds."""
+    """An LED under one condition: rms and bound per coordinate [px], and error over sigma.
+
+    Beside them are the rms error of the blob detector, and times of both.
+    """
 
     photons: float
     spot_px: float
@@ -197,7 +205,7 @@ class Light(NamedTuple):
 
 
 def lights(photons: float, spot: float, pair: bool, count: int) -> Light:
-    """Our detector of lights beside OpenCV's blob detector set for bright spots."""
+    """Our detector of LEDs beside the blob detector of OpenCV with settings for bright spots."""
     settings = LightSettings(photons, spot, photons / (2 * np.pi * (spot**2 + 1 / 12) * 160))
     rng, blobs = np.random.default_rng(1), _blob_detector()
     error, ratio, blob_error = [], [], []
@@ -233,30 +241,33 @@ def lights(photons: float, spot: float, pair: bool, count: int) -> Light:
 
 
 def _blob_detector() -> Any:
-    of = cv2.SimpleBlobDetector.Params()
-    of.filterByColor, of.blobColor = True, 255
-    of.minThreshold, of.maxThreshold, of.thresholdStep = 20.0, 255.0, 10.0
-    of.filterByArea, of.minArea, of.maxArea = True, 3.0, 5000.0
-    of.filterByCircularity = of.filterByConvexity = of.filterByInertia = False
-    return cv2.SimpleBlobDetector.create(of)
+    params = cv2.SimpleBlobDetector.Params()
+    params.filterByColor, params.blobColor = True, 255
+    params.minThreshold, params.maxThreshold, params.thresholdStep = 20.0, 255.0, 10.0
+    params.filterByArea, params.minArea, params.maxArea = True, 3.0, 5000.0
+    params.filterByCircularity = params.filterByConvexity = params.filterByInertia = False
+    return cv2.SimpleBlobDetector.create(params)
 
 
 def _bound(settings: LightSettings, pair: bool) -> float:
-    """Cramer-Rao bound per coordinate [px], mean of phases, where width, brightness and background are unknown too."""
+    """Cramer-Rao bound per coordinate [px], the mean over subpixel positions.
+
+    Width, brightness and background are unknown too.
+    """
     rng = np.random.default_rng(2)
     small = Camera("pinhole", np.array([500.0, 500.0, 30.0, 30.0]), (61, 61))
-    each = [_bound_at(settings, pair, small, np.array([*rng.uniform(-1e-3, 1e-3, 2), 1.0])) for _ in range(40)]
+    each = [_squared_bound(settings, pair, small, np.array([*rng.uniform(-1e-3, 1e-3, 2), 1.0])) for _ in range(40)]
     return float(np.sqrt(np.mean(each)))
 
 
-def _bound_at(settings: LightSettings, pair: bool, camera: Camera, place: Array) -> float:
+def _squared_bound(settings: LightSettings, pair: bool, camera: Camera, place: Array) -> float:
     step = 1e-4
     shifts = [np.zeros(3), np.array([step, 0, 0]), np.array([0, step, 0])]
-    at, right, down = (light_levels(camera, place + shift, settings).ravel() for shift in shifts)
+    levels, right, down = (light_levels(camera, place + shift, settings).ravel() for shift in shifts)
     wider = light_levels(camera, place, replace(settings, spot_px=settings.spot_px + step)).ravel()
-    moved = [(right - at) / (500 * step), (down - at) / (500 * step), (wider - at) / step]
-    jacobian = np.stack([*moved, at - settings.background, np.ones_like(at)], axis=1)
-    variance = settings.read_noise**2 + 1 / 12 + at / settings.photons_per_level
+    derivatives = [(right - levels) / (500 * step), (down - levels) / (500 * step), (wider - levels) / step]
+    jacobian = np.stack([*derivatives, levels - settings.background, np.ones_like(levels)], axis=1)
+    variance = settings.read_noise**2 + 1 / 12 + levels / settings.photons_per_level
     if pair:
         variance = variance + settings.read_noise**2 + 1 / 12 + settings.background / settings.photons_per_level
     covariance = np.linalg.inv((jacobian / variance[:, None]).T @ jacobian)
@@ -264,7 +275,7 @@ def _bound_at(settings: LightSettings, pair: bool, camera: Camera, place: Array)
 
 
 def corner_table(rows: Iterable[Row]) -> str:
-    """Of each kind, noise and blur a line a detector."""
+    """The table of corners: for each kind, noise and blur a line for each detector."""
     head = ["target", "noise", "blur [px]", "detector", "points", "rms [px]", "error / sigma", "ms an image"]
     return table(
         head,
@@ -283,17 +294,22 @@ _SPEEDS = ("blob rms [px]", "ms", "blob ms")
 LIGHT_HEAD = ("photons", "spot [px]", "images", "rms [px]", "rms / bound", "error / sigma", *_SPEEDS)
 
 
-def light_row(of: Mapping[str, Any]) -> tuple[object, ...]:
-    """A line of the table with `LIGHT_HEAD`, of the fields of a `Light`."""
+def light_row(light: Mapping[str, Any]) -> tuple[object, ...]:
+    """A line of the table with `LIGHT_HEAD`, from the fields of a `Light`."""
     return (
-        *(f"{of['photons']:g}", f"{of['spot_px']:g}", "pair" if of["pair"] else "one", f"{of['rms_px']:.4f}"),
-        *(f"{of['rms_px'] / of['bound_px']:.3f}", f"{of['ratio']:.2f}", f"{of['blob_rms_px']:.4f}"),
-        *(f"{of['milliseconds']:.2f}", f"{of['blob_milliseconds']:.2f}"),
+        *(
+            f"{light['photons']:g}",
+            f"{light['spot_px']:g}",
+            "pair" if light["pair"] else "one",
+            f"{light['rms_px']:.4f}",
+        ),
+        *(f"{light['rms_px'] / light['bound_px']:.3f}", f"{light['ratio']:.2f}", f"{light['blob_rms_px']:.4f}"),
+        *(f"{light['milliseconds']:.2f}", f"{light['blob_milliseconds']:.2f}"),
     )
 
 
 def missed_goals(rows: list[Row], spots: list[Light]) -> list[str]:
-    """What does not hold, in words."""
+    """Goals that are missed, in words."""
     ours = [row for row in rows if row.detector == "basecal"]
     far = [row for row in ours if row.kind in ("charuco", "tags") and row.noise == 2 and row.rms_px > GOAL_PX]
     untrue = [row for row in ours if not GOAL_RATIO[0] < (row.ratio or 0) < GOAL_RATIO[1]]
@@ -311,7 +327,7 @@ def missed_goals(rows: list[Row], spots: list[Light]) -> list[str]:
 
 
 def main() -> int:
-    """Run, print the tables, write results/detectors.json."""
+    """Run, print the tables, and write results/detectors.json; return 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--images", type=int, default=10, help="images of boards for each condition")
     parser.add_argument("--lights", type=int, default=200, help="images of lights for each condition")

@@ -1,4 +1,4 @@
-"""A running cell's arms and camera with no process or line in between, where neither is what is measured."""
+"""Arms and camera of a simulated cell in this process, for benchmarks that do not measure the connection."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Whether covariances are true from rendered images, thinned to few: nothing stated, robots with usual noise.
+"""Whether covariances are true with few rendered images: nothing is stated, and robots have usual noise.
 
-Each cell has two arms, the camera on one, a ChArUco board on the other, both mounts unknown. Its 24 images are
-rendered, what they show is detected, and random ones are left. NEES is the base's squared Mahalanobis distance from the
-truth. From ten images on its mean over six freedoms is to lie in a band; with fewer the truth in the 95 % ellipsoid.
+Each cell has two arms, the camera on one and a ChArUco board on the other, with both mounts unknown. Its 24 images are
+rendered and detected, and a random subset is kept. NEES is the squared Mahalanobis distance of the base from the truth.
+From ten images on, its mean over six degrees of freedom must be in a band. With fewer images, the 95 % ellipsoid must
+hold the truth often enough.
 """
 
 from __future__ import annotations
@@ -30,17 +31,17 @@ BASE = "eye_base_from_hand_base"
 IMAGES = (3, 4, 5, 6, 7, 8, 10, 12, 16, 20, 24)
 NOISE = (1e-4, 2e-4)  # [m, rad] per axis and stop
 _SCENARIO = Scenario(samples=max(IMAGES), robot_noise=NOISE, state_robot_noise=False, state_pixel_noise=False)
-ENOUGH = 10
-# Of 40 cells: the mean of 40 chi-squares of six freedoms, over six, scatters by 0.09; upwards its tails are longer.
+FEWEST_FOR_BAND = 10
+# The mean NEES / 6 of 40 cells has a standard deviation of 0.09; its upper tail is longer.
 BAND = (0.7, 1.4)
 HELD, LEAST_HELD = 0.95, 35 / 40
-BEYOND = 0.999
+FAR_QUANTILE = 0.999
 HEAD = ("images", "cells", "refused", "doubtful", "good", "NEES/6, mean", "median", "within 95 %",
         "good beyond 99.9 %", "translation, rms [mm]", "rotation, rms [mrad]", "findings", "holds")  # fmt: skip
 
 
 class Outcome(NamedTuple):
-    """One cell of some of its images; errors are NaN where no base was given."""
+    """One cell with some of its images; errors are NaN if there is no base."""
 
     verdict: str
     nees: float
@@ -49,71 +50,71 @@ class Outcome(NamedTuple):
     codes: list[str]
 
 
-def photographed(seed: int) -> tuple[SimulatedCell, Recording]:
-    """A cell and what its rendered images show."""
-    made = simulate(_SCENARIO, seed)
+def photograph_cell(seed: int) -> tuple[SimulatedCell, Recording]:
+    """A cell and the detections of its rendered images."""
+    simulated = simulate(_SCENARIO, seed)
     with tempfile.TemporaryDirectory() as folder:
-        return made, detect(made.cell, render_recording(made, Path(folder), seed=1000 * seed))
+        return simulated, detect(simulated.cell, render_recording(simulated, Path(folder), seed=1000 * seed))
 
 
 def outcomes(seed: int, counts: Sequence[int]) -> list[Outcome]:
-    """A cell by so many of its images each: of a random order the first."""
-    made, recording = photographed(seed)
+    """Outcomes of a cell by the number of its images, the first of a random order."""
+    simulated, recording = photograph_cell(seed)
     order = np.random.default_rng([seed, 1]).permutation(len(recording.samples))
-    return [_outcome(made, recording, np.sort(order[:count]).tolist()) for count in counts]
+    return [_outcome(simulated, recording, np.sort(order[:count]).tolist()) for count in counts]
 
 
-def _outcome(made: SimulatedCell, recording: Recording, rows: list[int]) -> Outcome:
+def _outcome(simulated: SimulatedCell, recording: Recording, rows: list[int]) -> Outcome:
     few = tuple(replace(recording.samples[k], images={}) for k in rows)
-    found = calibrate(made.cell, replace(recording, samples=few))
-    codes = [f.code for f in found.findings if f.severity != "info"]
-    if BASE not in found.transforms:
+    calibration = calibrate(simulated.cell, replace(recording, samples=few))
+    codes = [f.code for f in calibration.findings if f.severity != "info"]
+    if BASE not in calibration.transforms:
         return Outcome("refused", np.nan, np.nan, np.nan, codes)
-    xi = (found[BASE].mean.inverse() @ made.truth[BASE]).log()
-    nees = float(xi @ np.linalg.solve(found[BASE].covariance, xi))
-    return Outcome(found.verdict, nees, float(np.linalg.norm(xi[:3])), float(np.linalg.norm(xi[3:])), codes)
+    xi = (calibration[BASE].mean.inverse() @ simulated.truth[BASE]).log()
+    nees = float(xi @ np.linalg.solve(calibration[BASE].covariance, xi))
+    return Outcome(calibration.verdict, nees, float(np.linalg.norm(xi[:3])), float(np.linalg.norm(xi[3:])), codes)
 
 
-def summary(count: int, of: Sequence[Outcome]) -> dict[str, Any]:
-    """Of all cells by so many images."""
-    given = [o for o in of if not np.isnan(o.nees)]
+def summary(count: int, outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Statistics of all cells with a number of images."""
+    given = [o for o in outcomes if not np.isnan(o.nees)]
     nees = np.array([o.nees for o in given]) / 6
-    beyond = chi2.ppf(HELD, 6) / 6
+    limit = chi2.ppf(HELD, 6) / 6
     shift, turn = ([getattr(o, name) for o in given] for name in ("shift_m", "turn_rad"))
     return {
         "pictures": count,
-        "cells": len(of),
-        **{verdict: sum(o.verdict == verdict for o in of) for verdict in ("refused", "doubtful", "good")},
+        "cells": len(outcomes),
+        **{verdict: sum(o.verdict == verdict for o in outcomes) for verdict in ("refused", "doubtful", "good")},
         "mean": float(nees.mean()) if given else None,
         "median": float(np.median(nees)) if given else None,
-        "within": int((nees <= beyond).sum()),
-        "good_beyond": sum(o.verdict == "good" and bool(o.nees > chi2.ppf(BEYOND, 6)) for o in given),
+        "within": int((nees <= limit).sum()),
+        "good_beyond": sum(o.verdict == "good" and bool(o.nees > chi2.ppf(FAR_QUANTILE, 6)) for o in given),
         "shift_mm": 1e3 * float(np.sqrt(np.mean(np.square(shift)))) if given else None,
         "turn_mrad": 1e3 * float(np.sqrt(np.mean(np.square(turn)))) if given else None,
-        "codes": dict(Counter(code for o in of for code in set(o.codes)).most_common()),
+        "codes": dict(Counter(code for o in outcomes for code in set(o.codes)).most_common()),
     }
 
 
-def holds(found: dict[str, Any]) -> bool:
-    """Whether what is asked is so."""
-    if found["pictures"] >= ENOUGH:
-        return found["mean"] is not None and bool(BAND[0] <= found["mean"] <= BAND[1])
-    return bool(found["within"] + found["refused"] >= LEAST_HELD * found["cells"])
+def holds(result: dict[str, Any]) -> bool:
+    """Whether a row meets its requirement."""
+    if result["pictures"] >= FEWEST_FOR_BAND:
+        return result["mean"] is not None and bool(BAND[0] <= result["mean"] <= BAND[1])
+    return bool(result["within"] + result["refused"] >= LEAST_HELD * result["cells"])
 
 
-def row(found: dict[str, Any]) -> tuple[object, ...]:
+def row(result: dict[str, Any]) -> tuple[object, ...]:
     """A line of the table with `HEAD`."""
-    first = tuple(found[k] for k in ("pictures", "cells", "refused", "doubtful", "good"))
+    first = tuple(result[k] for k in ("pictures", "cells", "refused", "doubtful", "good"))
     mean, median, shift, turn = (
-        "" if found[k] is None else f"{found[k]:.2f}" for k in ("mean", "median", "shift_mm", "turn_mrad")
+        "" if result[k] is None else f"{result[k]:.2f}" for k in ("mean", "median", "shift_mm", "turn_mrad")
     )
-    codes = ", ".join(f"{code} {count}" for code, count in found["codes"].items())
-    counts = found["within"], found["good_beyond"]
-    return (*first, mean, median, *counts, shift, turn, codes, "yes" if holds(found) else "NO")
+    codes = ", ".join(f"{code} {count}" for code, count in result["codes"].items())
+    counts = result["within"], result["good_beyond"]
+    return (*first, mean, median, *counts, shift, turn, codes, "yes" if holds(result) else "NO")
 
 
 def main(arguments: list[str]) -> None:
-    """Render, calibrate and print; of all 40 cells write results/few_images.json too."""
+    """Render, calibrate and print; with all 40 cells write results/few_images.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.few_images", description=__doc__)
     parser.add_argument("--images", nargs="*", type=int, default=list(IMAGES), metavar="N", help="how many are left")
     parser.add_argument("--cells", type=int, default=40)
@@ -121,10 +122,13 @@ def main(arguments: list[str]) -> None:
     asked = parser.parse_args(arguments)
     on_one_core()
     every = [outcomes(asked.first_seed + k, asked.images) for k in range(asked.cells)]
-    found = [summary(count, of) for count, of in zip(asked.images, zip(*every, strict=True), strict=True)]
-    print(table(HEAD, map(row, found)))
+    results = [
+        summary(count, outcomes_of_count)
+        for count, outcomes_of_count in zip(asked.images, zip(*every, strict=True), strict=True)
+    ]
+    print(table(HEAD, map(row, results)))
     if tuple(asked.images) == IMAGES and asked.cells >= 40:
-        write("few_images", {"rows": found, "first_seed": asked.first_seed})
+        write("few_images", {"rows": results, "first_seed": asked.first_seed})
 
 
 if __name__ == "__main__":

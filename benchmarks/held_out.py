@@ -1,11 +1,13 @@
-"""Real recordings: held-out error beside the best of OpenCV's seven methods, and agreement of halves.
+"""Real recordings: held-out error compared with the best of OpenCV's seven methods, and agreement of halves.
 
-For recordings of one robot, one camera and one target. Held-out error: each fold is left out in turn; of each of its
-views the target's place (in the base, or in the flange where the camera stands beside the robot) by that view alone
-and the calibrated mount is compared with the mean over the views that were not left out, rms over all folds. OpenCV has
-the same folds, its lens by `calibrateCamera` where none is stated, and the best of seven in hindsight. Halves: squared
-Mahalanobis distance between the mounts by two halves of the samples (median 5.3 where covariances are true), drawn at
-random, or by where the flange stood, which share less of an arm's errors that are smooth in its pose.
+For recordings of one robot, one camera and one target. Held-out error: each fold is left out in turn. Each of its views
+and the calibrated mount give a pose of the target, in the base, or in the flange if the camera is beside the robot.
+It is compared with the mean over the views that were not left out, rms over all folds. OpenCV has the same folds, its
+lens from `calibrateCamera` if none is stated, and the best of its seven methods in hindsight.
+
+Halves: squared Mahalanobis distance between the mounts of two halves of the samples (median 5.3 if covariances are
+true). Halves are drawn at random, or divided by the place of the flange. The latter share less of an arm's errors that
+are smooth in its pose.
 """
 
 from __future__ import annotations
@@ -53,18 +55,18 @@ class Task:
 
     Attributes:
         cell: As declared.
-        recording: Likewise.
+        recording: As recorded.
         mount: Name of the camera's mount.
-        arm: (n,) what stands left of the mount: base_from_flange, or its inverse where the camera stands beside.
-        seen: What each view shows.
-        lens: As stated; None where it is free, or where poses were measured.
+        arm: (n,) left factor of the mount: base_from_flange, or its inverse if the camera is beside the robot.
+        seen: The view of each sample.
+        lens: As stated; None if it is free, or if poses were measured.
     """
 
     cell: Cell
     recording: Recording
     mount: str
     arm: SE3
-    seen: Sequence[PixelObservation | PoseObservation]
+    views: Sequence[PixelObservation | PoseObservation]
     lens: Camera | None
 
     def part(self, keep: BoolArray) -> Recording:
@@ -72,14 +74,14 @@ class Task:
         return replace(self.recording, samples=tuple(s for s, k in zip(self.recording.samples, keep, strict=True) if k))
 
 
-def task(cell: Cell, recording: Recording) -> Task:
+def make_task(cell: Cell, recording: Recording) -> Task:
     """The task of a cell: its samples with a view, in the order of the recording."""
     samples = tuple(s for s in recording.samples if s.observations and _has_pose(s.observations[0]))
     (name, camera), robot = next(iter(cell.cameras.items())), cell.reference
     poses = [s.robots[robot].base_from_flange for s in samples]
     arm = SE3.stack([pose for pose in poses if pose is not None])
-    seen = [s.observations[0] for s in samples]
-    views = [o for o in seen if isinstance(o, PixelObservation | PoseObservation)]
+    views = [s.observations[0] for s in samples]
+    views = [o for o in views if isinstance(o, PixelObservation | PoseObservation)]
     fixed = camera.intrinsics is not None and camera.intrinsics.status == "fixed"
     lens = camera.intrinsics.camera if camera.intrinsics is not None and fixed else None
     on_robot = camera.on == robot
@@ -92,24 +94,24 @@ def _has_pose(view: Observation) -> bool:
     return isinstance(view, PoseObservation) or (isinstance(view, PixelObservation) and len(view.ids) >= FEWEST_POINTS)
 
 
-def _points(of: Task, view: PixelObservation) -> Array:
-    shape = of.cell.targets[view.target].target
+def _points(task: Task, view: PixelObservation) -> Array:
+    shape = task.cell.targets[view.target].target
     assert shape is not None
     rows = {int(number): row for row, number in enumerate(shape.ids)}
     return np.asarray(shape.points[[rows[int(k)] for k in view.ids]])
 
 
-def _poses(of: Task, lens: Camera | None) -> SE3:
+def _poses(task: Task, lens: Camera | None) -> SE3:
     """camera_from_target of every view alone, (n,)."""
-    found = []
-    for view in of.seen:
+    poses = []
+    for view in task.views:
         if isinstance(view, PoseObservation):
-            found.append(view.camera_from_target)
+            poses.append(view.camera_from_target)
             continue
         assert lens is not None
-        _, turn, place = cv2.solvePnP(_points(of, view), view.pixels, _matrix(lens), np.array(lens.distortion))
-        found.append(SE3.from_rotvec(turn.ravel(), place.ravel()))
-    return SE3.stack(found)
+        _, turn, place = cv2.solvePnP(_points(task, view), view.pixels, _matrix(lens), np.array(lens.distortion))
+        poses.append(SE3.from_rotvec(turn.ravel(), place.ravel()))
+    return SE3.stack(poses)
 
 
 def _matrix(lens: Camera) -> Array:
@@ -117,49 +119,49 @@ def _matrix(lens: Camera) -> Array:
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
 
 
-def _errors(of: Task, poses: SE3, mount: SE3, train: BoolArray) -> Errors:
-    """Rms of where the target stands by held-out views about the mean of the others [mm, deg]."""
-    stands = of.arm @ mount @ poses
-    mean = SE3(nearest_rotation(stands.rotation[train].sum(0)), stands.translation[train].mean(0))
-    off = mean.inverse() @ stands[np.flatnonzero(~train)]
-    length, angle = np.linalg.norm(stands.translation[~train] - mean.translation, axis=-1), off.rotvec
+def _errors(task: Task, poses: SE3, mount: SE3, train: BoolArray) -> Errors:
+    """Rms distance of target poses from held-out views to the mean of the others [mm, deg]."""
+    target_poses = task.arm @ mount @ poses
+    mean = SE3(nearest_rotation(target_poses.rotation[train].sum(0)), target_poses.translation[train].mean(0))
+    off = mean.inverse() @ target_poses[np.flatnonzero(~train)]
+    length, angle = np.linalg.norm(target_poses.translation[~train] - mean.translation, axis=-1), off.rotvec
     return 1e3 * float(np.sqrt(np.mean(length**2))), float(np.degrees(np.sqrt(np.mean(np.sum(angle**2, -1)))))
 
 
-def _ours(of: Task, train: BoolArray) -> tuple[Calibration, Errors | None]:
-    found = calibrate(of.cell, of.part(train))
-    if of.mount not in found.transforms:
-        return found, None
-    lens = next((lens for lens, _ in found.cameras.values()), of.lens)
-    return found, _errors(of, _poses(of, lens), found[of.mount].mean, train)
+def _ours(task: Task, train: BoolArray) -> tuple[Calibration, Errors | None]:
+    calibration = calibrate(task.cell, task.part(train))
+    if task.mount not in calibration.transforms:
+        return calibration, None
+    lens = next((lens for lens, _ in calibration.cameras.values()), task.lens)
+    return calibration, _errors(task, _poses(task, lens), calibration[task.mount].mean, train)
 
 
-def _opencv(of: Task, train: BoolArray) -> dict[str, Errors]:
-    poses, rows = _poses(of, of.lens or _lens_by_opencv(of, train)), np.flatnonzero(train)
-    found = {method: one_arm(method, of.arm[rows], poses[rows]) for method in METHODS}
-    return {m: _errors(of, poses, each.flange_from_camera, train) for m, each in found.items() if each is not None}
+def _opencv(task: Task, train: BoolArray) -> dict[str, Errors]:
+    poses, rows = _poses(task, task.lens or _lens_by_opencv(task, train)), np.flatnonzero(train)
+    results = {method: one_arm(method, task.arm[rows], poses[rows]) for method in METHODS}
+    return {m: _errors(task, poses, each.flange_from_camera, train) for m, each in results.items() if each is not None}
 
 
-def _lens_by_opencv(of: Task, train: BoolArray) -> Camera | None:
-    camera = next(iter(of.cell.cameras.values()))
-    views = [v for v, k in zip(of.seen, train, strict=True) if k and isinstance(v, PixelObservation)]
+def _lens_by_opencv(task: Task, train: BoolArray) -> Camera | None:
+    camera = next(iter(task.cell.cameras.values()))
+    views = [v for v, k in zip(task.views, train, strict=True) if k and isinstance(v, PixelObservation)]
     if not views or camera.size_px is None:
         return None
-    points = [_points(of, v).astype(np.float32) for v in views]
+    points = [_points(task, v).astype(np.float32) for v in views]
     pixels = [v.pixels.astype(np.float32)[:, None] for v in views]
     _, k, d, _, _ = cv2.calibrateCamera(points, pixels, camera.size_px, np.eye(3), np.zeros(5))
     return Camera("pinhole", np.array([k[0, 0], k[1, 1], k[0, 2], k[1, 2], *d.ravel()]), camera.size_px)
 
 
-def _apart(of: Task, keep: BoolArray) -> float | None:
-    """Squared Mahalanobis distance between the mounts of the samples kept and of the others."""
-    first, second = (calibrate(of.cell, of.part(k)) for k in (keep, ~keep))
-    if of.mount not in first.transforms or of.mount not in second.transforms:
+def _half_distance(task: Task, keep: BoolArray) -> float | None:
+    """Squared Mahalanobis distance between the mounts of the kept samples and of the others; None if one is missing."""
+    first, second = (calibrate(task.cell, task.part(k)) for k in (keep, ~keep))
+    if task.mount not in first.transforms or task.mount not in second.transforms:
         return None
-    a, b = first[of.mount], second[of.mount]
+    a, b = first[task.mount], second[task.mount]
     step = a.mean.inverse() @ b.mean
-    xi, carried = step.log(), step.adjoint() @ b.covariance @ step.adjoint().T
-    return float(xi @ np.linalg.solve(a.covariance + carried, xi))
+    xi, covariance = step.log(), step.adjoint() @ b.covariance @ step.adjoint().T
+    return float(xi @ np.linalg.solve(a.covariance + covariance, xi))
 
 
 def _rms(errors: Sequence[Errors]) -> Errors:
@@ -167,37 +169,37 @@ def _rms(errors: Sequence[Errors]) -> Errors:
     return float(mm), float(deg)
 
 
-def _shuffled(of: Task, rng: np.random.Generator) -> dict[str, Any]:
-    """One division into folds."""
-    n = len(of.seen)
+def _cross_validate(task: Task, rng: np.random.Generator) -> dict[str, Any]:
+    """Errors and verdicts over one division into folds."""
+    n = len(task.views)
     order, ours, peers, verdicts = rng.permutation(n), [], {m: [] for m in METHODS}, []
     for fold in range(FOLDS):
         train = np.ones(n, dtype=bool)
         train[order[fold::FOLDS]] = False
-        found, errors = _ours(of, train)
-        verdicts.append(found.verdict)
+        calibration, errors = _ours(task, train)
+        verdicts.append(calibration.verdict)
         ours += [] if errors is None else [errors]
-        for method, each in _opencv(of, train).items():
+        for method, each in _opencv(task, train).items():
             peers[method].append(each)
-    whole = {m: _rms(each) for m, each in peers.items() if len(each) == FOLDS}
-    best = min(whole, key=lambda m: whole[m][0])
-    mine = _rms(ours) if len(ours) == FOLDS else (np.nan, np.nan)
-    return {"ours": mine, "method": best, "opencv": whole[best], "verdicts": verdicts}
+    complete = {m: _rms(each) for m, each in peers.items() if len(each) == FOLDS}
+    best = min(complete, key=lambda m: complete[m][0])
+    ours_rms = _rms(ours) if len(ours) == FOLDS else (np.nan, np.nan)
+    return {"ours": ours_rms, "method": best, "opencv": complete[best], "verdicts": verdicts}
 
 
-def measured(name: str, of: Task, shuffles: int, halves: int) -> dict[str, Any]:
-    """Errors of the median division, ratios' medians over all, and distances of halves."""
-    rng, n = np.random.default_rng(0), len(of.seen)
-    runs = [_shuffled(of, rng) for _ in range(shuffles)]
+def measure(name: str, task: Task, shuffles: int, halves: int) -> dict[str, Any]:
+    """Errors of the median division, medians of the ratios over all, and distances of halves."""
+    rng, n = np.random.default_rng(0), len(task.views)
+    runs = [_cross_validate(task, rng) for _ in range(shuffles)]
     ratios = [np.divide(run["ours"], run["opencv"]) for run in runs]
     middle = sorted(range(shuffles), key=lambda k: ratios[k][0])[shuffles // 2]
     random, blocked = [], []
     for _ in range(halves):
         keep = np.zeros(n, dtype=bool)
         keep[rng.permutation(n)[: n // 2]] = True
-        random.append(_apart(of, keep))
-        along = of.arm.translation @ rng.standard_normal(3)
-        blocked.append(_apart(of, along < np.median(along)))
+        random.append(_half_distance(task, keep))
+        along = task.arm.translation @ rng.standard_normal(3)
+        blocked.append(_half_distance(task, along < np.median(along)))
     mm, deg = np.median(ratios, axis=0)
     return {
         "recording": name,
@@ -211,33 +213,33 @@ def measured(name: str, of: Task, shuffles: int, halves: int) -> dict[str, Any]:
     }
 
 
-def row(found: dict[str, Any]) -> tuple[str, ...]:
+def row(result: dict[str, Any]) -> tuple[str, ...]:
     """A line of the table with `HEAD`."""
-    halves = ("none" if found[k] is None else f"{found[k]:.1f}" for k in ("random_m2", "blocked_m2"))
-    ours, theirs = ([f"{each:.3g}" for each in found[k]] for k in ("ours", "opencv"))
-    ratios = f"{found['ratio_mm']:.2f}", f"{found['ratio_deg']:.2f}"
-    name, count = found["recording"], str(found["samples"])
-    return name, count, *ours, found["method"], *theirs, *ratios, *halves, ", ".join(found["verdicts"])
+    halves = ("none" if result[k] is None else f"{result[k]:.1f}" for k in ("random_m2", "blocked_m2"))
+    ours, theirs = ([f"{each:.3g}" for each in result[k]] for k in ("ours", "opencv"))
+    ratios = f"{result['ratio_mm']:.2f}", f"{result['ratio_deg']:.2f}"
+    name, count = result["recording"], str(result["samples"])
+    return name, count, *ours, result["method"], *theirs, *ratios, *halves, ", ".join(result["verdicts"])
 
 
 def main(arguments: list[str]) -> None:
-    """Measure and print; where all were measured, write results/held_out.json too."""
+    """Measure and print; if all were measured, write results/held_out.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.held_out", description=__doc__)
     parser.add_argument("--recordings", nargs="*", default=list(NAMES), choices=list(NAMES), metavar="NAME")
     parser.add_argument("--shuffles", type=int, default=5, help="divisions into folds, of which the median counts")
     parser.add_argument("--halves", type=int, default=9, help="divisions into halves of each kind")
     asked = parser.parse_args(arguments)
     on_one_core()
-    known: dict[str, Callable[[], tuple[Cell, Recording]]] = recordings()
+    readers: dict[str, Callable[[], tuple[Cell, Recording]]] = recordings()
     rows = []
     for name in asked.recordings:
         try:
-            rows.append(measured(name, task(*known[name]()), asked.shuffles, asked.halves))
+            rows.append(measure(name, make_task(*readers[name]()), asked.shuffles, asked.halves))
             print(", ".join(row(rows[-1])), flush=True)
         except DatasetError as error:
             print(f"left out: {error}")
     print(table(HEAD, map(row, rows)))
-    if [found["recording"] for found in rows] == list(NAMES):
+    if [result["recording"] for result in rows] == list(NAMES):
         write("held_out", {"rows": rows, "shuffles": asked.shuffles, "halves": asked.halves})
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from tests.shared.pose_trial import SIGMAS, sources, tried
+from tests.shared.pose_trial import SIGMAS, sources, trial
 
 from benchmarks.common import label, table, write
 
@@ -44,17 +44,17 @@ def _rows(rows: list[dict[str, Any]], earlier: dict[str, dict[str, Any]]) -> Ite
         yield label(row["source"]), row["samples"], row["taken"], row["wrong"], most, measured, was
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Measure, print and write; 1 where an image of another pose was taken."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print and write; return 1 if an image of another pose was taken."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, default=26, help="of each source")
     parser.add_argument("--only", default="", help="part of the names of sources that are tried; nothing is written")
     parser.add_argument("--earlier", type=Path, help="rows that an earlier version printed, kept beside these")
-    asked = parser.parse_args(words)
+    asked = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     rows = []
     for seed, source in enumerate(each for each in sources() if asked.only in each.name):
-        rows.append(tried(source, asked.samples, seed))
+        rows.append(trial(source, asked.samples, seed))
         print(json.dumps(rows[-1]), flush=True)
     if not asked.only:
         earlier = [] if asked.earlier is None else json.loads(asked.earlier.read_text(encoding="utf-8"))

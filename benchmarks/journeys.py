@@ -1,4 +1,4 @@
-"""Newcomers with the files that they have: each types at most five commands, and each draw has data of its own.
+"""First-time users with the files that they have: each types at most five commands, and each draw has new data.
 
 Command: python -m benchmarks.journeys [--draws 100] [--only NAME ...] [--keep FILE].
 """
@@ -45,32 +45,32 @@ PERSONAS: dict[str, tuple[Callable[[Path, int], Persona], str]] = {
 
 
 def trial(name: str, seed: int) -> dict[str, Any]:
-    """Exit codes, the verdict, codes of findings, and squared errors in sigmas."""
-    here = Path.cwd()
+    """Exit codes, the verdict, codes of findings, and squared errors in sigmas of one user."""
+    previous_folder = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
-        made = PERSONAS[name][0](Path(folder), seed)
+        persona = PERSONAS[name][0](Path(folder), seed)
         os.chdir(folder)
         try:
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-                ended = [basecal(shlex.split(command)[1:]) for command in made.commands]
-            return {"persona": name, "exits": ended, **_outcome(Path(folder) / made.cell, made)}
+                exits = [basecal(shlex.split(command)[1:]) for command in persona.commands]
+            return {"persona": name, "exits": exits, **_outcome(Path(folder) / persona.cell, persona)}
         finally:
-            os.chdir(here)
+            os.chdir(previous_folder)
 
 
-def _outcome(place: Path, made: Persona) -> dict[str, Any]:
-    run = latest_run(place) if place.is_dir() else None
+def _outcome(cell_folder: Path, persona: Persona) -> dict[str, Any]:
+    run = latest_run(cell_folder) if cell_folder.is_dir() else None
     if run is None:
         return {"verdict": "none", "codes": [], "squares": []}
-    found = read_calibration(run)
-    codes = [each.code for each in found.findings if each.severity != "info"]
-    known = {transform: truth for transform, truth in made.truth.items() if transform in found.transforms}
-    squares = [squared_error(place, transform, truth) for transform, truth in known.items()]
-    return {"verdict": found.verdict, "codes": codes, "squares": squares}
+    calibration = read_calibration(run)
+    codes = [each.code for each in calibration.findings if each.severity != "info"]
+    truths = {transform: truth for transform, truth in persona.truth.items() if transform in calibration.transforms}
+    squares = [squared_error(cell_folder, transform, truth) for transform, truth in truths.items()]
+    return {"verdict": calibration.verdict, "codes": codes, "squares": squares}
 
 
 def summary(name: str, trials: list[dict[str, Any]]) -> dict[str, Any]:
-    """A row."""
+    """A row of the table."""
     squares = np.array([square for each in trials for square in each["squares"]])
     return {
         "persona": name,
@@ -107,7 +107,7 @@ page of the documentation and nothing else. `held` is the share of answers withi
 
 
 def main(arguments: list[str]) -> None:
-    """Run, print, and write results/journeys.json; with `--keep` of as many draws as there are."""
+    """Run, print, and write results/journeys.json; with `--keep`, of the draws there are."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.journeys", description=__doc__)
     parser.add_argument("--draws", type=int, default=DRAWS)
     parser.add_argument("--only", nargs="+", choices=PERSONAS, default=list(PERSONAS))

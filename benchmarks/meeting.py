@@ -1,8 +1,8 @@
-"""Whether 95 in 100 meetings of two flanges are as near as the first line of a report has it, and captures end by it.
+"""Whether 95 % of meetings of two flanges are within the bound in a report's first line, and captures agree with it.
 
-Cells: both flanges are sent to places where the target was seen, on arms that are exact or off, with poses or joints
-recorded, noise stated or not. Captures: samples are planned and taken one after another, with noise that nobody states,
-until the tolerance is called reached; then `calibrate` says whether it is.
+Cells: both flanges are sent to places where the target was seen. Arms are exact or have errors, poses or joints are
+recorded, and noise is stated or not. Captures: samples are planned and taken one after another with unstated noise,
+until the tolerance is reported as reached. Then `calibrate` judges whether it is.
 
     python -m benchmarks.meeting --cells 60 --captures 40 --keep meeting.keep
 """
@@ -33,107 +33,105 @@ from basecal.estimation.solve import solve
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from benchmarks.common import Kept, on_one_core, table, write
-from benchmarks.error_map import BASE, KINDS, NOISE, calibrated, meant_pose, true_pose
+from benchmarks.error_map import BASE, KINDS, NOISE, as_calibration, commanded_pose, true_pose
 
 CELLS, CAPTURES = 60, 40  # of each kind; in all
-MEETINGS = 4  # of each cell, at places of its own
+MEETINGS = 4  # of each cell, at different places
 LOW, HIGH, MOST_RATIO, LEAST_AGREED = 0.92, 0.98, 1.3, 39
-OFFERED = 60  # candidates of a capture
-BEGUN, MOST = 8, 30  # samples that are taken before it plans, and at most
+CANDIDATES = 60  # candidates of a capture
+FIRST_SAMPLES, MOST_SAMPLES = 8, 30  # of a capture: before it plans, and at most
 TOLERANCES_M = (8e-4, 2e-3)
-LIVE = Scenario(samples=9, robot_noise=NOISE, state_robot_noise=False, state_pixel_noise=False)
+CAPTURE_SCENARIO = Scenario(samples=9, robot_noise=NOISE, state_robot_noise=False, state_pixel_noise=False)
 HEAD_KEYS = ("median_mm_95", "true_mm_95", "ratio")
 HEAD = ("cells", "meetings", "within the bound", "median of the bound [mm]", "95 % of true errors [mm]", "ratio")
 
 
 def trial(kind: str, seed: int) -> list[dict[str, float]]:
-    """One cell: meetings at recorded places, how far apart the flanges are and what 95 of 100 are said to be below."""
-    made, rng = simulate(KINDS[kind], 60_000 + seed), np.random.default_rng([seed, 17])
-    solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
-    calibration = calibrated(made, solution)
-    expected = meeting_error(calibration, ArmErrors(made.cell, solution, solution), Settings())
+    """Meetings of one cell at recorded places: true distance of the flanges, and its expected 95 % bound [mm]."""
+    simulated, rng = simulate(KINDS[kind], 60_000 + seed), np.random.default_rng([seed, 17])
+    solution = solve(simulated.cell, simulated.recording, Settings(robot_noise="estimated"))
+    calibration = as_calibration(simulated, solution)
+    expected = meeting_error(calibration, ArmErrors(simulated.cell, solution, solution), Settings())
     assert expected is not None
     places = recorded_places(solution.problem, solution.state, BASE)
-    believed = calibrated_kinematics(made.cell, calibration)
-    told = []
+    kinematics = calibrated_kinematics(simulated.cell, calibration)
+    meetings = []
     for place in places[rng.permutation(len(places))]:
-        meant = {robot: meant_pose(made, calibration, robot, place) for robot in ("eye", "hand")}
+        commanded = {robot: commanded_pose(simulated, calibration, robot, place) for robot in ("eye", "hand")}
         try:
-            eye, hand = (true_pose(made, believed, robot, *meant[robot], rng, False) for robot in meant)
+            eye, hand = (true_pose(simulated, kinematics, robot, *commanded[robot], rng, False) for robot in commanded)
         except NotConverged:  # an arm does not reach it
             continue
-        apart_m = np.linalg.norm((made.truth[BASE] @ hand).translation - eye.translation)
-        told.append({"mm": 1e3 * float(apart_m), "mm_95": 1e3 * expected.expected_95_m})
-        if len(told) == MEETINGS:
+        distance_m = np.linalg.norm((simulated.truth[BASE] @ hand).translation - eye.translation)
+        meetings.append({"mm": 1e3 * float(distance_m), "mm_95": 1e3 * expected.expected_95_m})
+        if len(meetings) == MEETINGS:
             break
-    return told
+    return meetings
 
 
 def capture(seed: int) -> dict[str, Any]:
-    """One capture to a tolerance: what it says at its end, and what `calibrate` says."""
+    """One capture to a tolerance: its result, and that of `calibrate`."""
     rng = np.random.default_rng([seed, 19])
-    made = simulate(
-        Scenario(samples=9, robot_noise=NOISE, state_robot_noise=False, state_pixel_noise=False), 70_000 + seed
-    )
-    cell, point = _guessed(made), made.truth[BASE].translation / 2
+    simulated = simulate(CAPTURE_SCENARIO, 70_000 + seed)
+    cell, point = _with_guesses(simulated), simulated.truth[BASE].translation / 2
     tolerance_m = float(np.exp(rng.uniform(*np.log(TOLERANCES_M))))
-    replanning.OFFERED_SAMPLES = OFFERED
-    taken = [_take(made, sample, k, rng) for k, sample in enumerate(made.recording.samples[:BEGUN])]
+    replanning.OFFERED_SAMPLES = CANDIDATES
+    taken = [_take(simulated, sample, k, rng) for k, sample in enumerate(simulated.recording.samples[:FIRST_SAMPLES])]
     planner = replanner(cell, taken, taken[0].robots, point[None], tolerance_m)
     plan = planner.plan(taken, ())
-    while plan.samples and len(taken) < MOST:
-        taken.append(_take(made, plan.samples[0], len(taken), rng))
+    while plan.samples and len(taken) < MOST_SAMPLES:
+        taken.append(_take(simulated, plan.samples[0], len(taken), rng))
         plan = planner.plan(taken, ())
-    made_of = calibrate(cell, Recording(tuple(taken)), Settings(task_point=tuple(point.tolist())))
-    expected_m = None if made_of.meeting is None else made_of.meeting.expected_95_m
+    calibration = calibrate(cell, Recording(tuple(taken)), Settings(task_point=tuple(point.tolist())))
+    expected_m = None if calibration.meeting is None else calibration.meeting.expected_95_m
     return {
         "tolerance_mm": 1e3 * tolerance_m,
         "samples": len(taken),
         "reached": bool(plan.reachable) and not plan.samples,
         "said_mm": None if plan.expected_m is None else 1e3 * plan.expected_m,
         "calibrated_mm": None if expected_m is None else 1e3 * expected_m,
-        "verdict": made_of.verdict,
+        "verdict": calibration.verdict,
         "met": expected_m is not None and expected_m <= tolerance_m,
     }
 
 
-def _guessed(made: SimulatedCell) -> Cell:
-    """The cell with its free transforms guessed where they are."""
+def _with_guesses(simulated: SimulatedCell) -> Cell:
+    """The cell with the true values as guesses of its free transforms."""
 
-    def known(name: str, unknown: Unknown) -> Unknown:
-        """With a guess."""
-        return replace(unknown, mean=made.truth[name])
+    def with_guess(name: str, unknown: Unknown) -> Unknown:
+        """The unknown with its true value as guess."""
+        return replace(unknown, mean=simulated.truth[name])
 
-    cell = made.cell
+    cell = simulated.cell
     return replace(
         cell,
-        bases={"hand": known(BASE, cell.bases.get("hand", Unknown()))},
-        cameras={n: replace(c, mount=known(cell.mount_name(n), c.mount)) for n, c in cell.cameras.items()},
-        targets={n: replace(t, mount=known(cell.mount_name(n), t.mount)) for n, t in cell.targets.items()},
+        bases={"hand": with_guess(BASE, cell.bases.get("hand", Unknown()))},
+        cameras={n: replace(c, mount=with_guess(cell.mount_name(n), c.mount)) for n, c in cell.cameras.items()},
+        targets={n: replace(t, mount=with_guess(cell.mount_name(n), t.mount)) for n, t in cell.targets.items()},
     )
 
 
-def _take(made: SimulatedCell, wanted: Sample, number: int, rng: np.random.Generator) -> Sample:
-    """What is recorded where robots are said to be: the arms off by their noise, pixels by theirs."""
+def _take(simulated: SimulatedCell, sample: Sample, number: int, rng: np.random.Generator) -> Sample:
+    """Record a sample at commanded poses, with noise of the arms and of the pixels."""
     off, poses = np.repeat(NOISE, 3), {}
-    for robot, state in wanted.robots.items():
+    for robot, state in sample.robots.items():
         assert state.base_from_flange is not None
         poses[robot] = state.base_from_flange @ SE3.exp(off * rng.standard_normal(6))
-    camera = poses["eye"] @ made.truth["eye_flange_from_wrist"]
-    board = made.truth[BASE] @ poses["hand"] @ made.truth["hand_flange_from_board"]
-    shape = made.cell.targets["board"].target
+    camera = poses["eye"] @ simulated.truth["eye_flange_from_wrist"]
+    board = simulated.truth[BASE] @ poses["hand"] @ simulated.truth["hand_flange_from_board"]
+    shape = simulated.cell.targets["board"].target
     assert shape is not None
-    pixels = made.cameras["wrist"].project((camera.inverse() @ board) @ shape.points)
+    pixels = simulated.cameras["wrist"].project((camera.inverse() @ board) @ shape.points)
     seen = PixelObservation("wrist", "board", shape.ids, pixels + 0.2 * rng.standard_normal(pixels.shape))
-    return Sample(number, robots=wanted.robots, observations=(seen,))
+    return Sample(number, robots=sample.robots, observations=(seen,))
 
 
-def row(found: Sequence[dict[str, float]]) -> dict[str, Any]:
-    """What became of all meetings of a kind of cell."""
-    true, expected = (np.array([each[key] for each in found]) for key in ("mm", "mm_95"))
+def row(meetings: Sequence[dict[str, float]]) -> dict[str, Any]:
+    """Statistics of all meetings of a kind of cell."""
+    true, expected = (np.array([each[key] for each in meetings]) for key in ("mm", "mm_95"))
     largest = float(np.quantile(true, 0.95))
     return {
-        "meetings": len(found),
+        "meetings": len(meetings),
         "within": float(np.mean(true <= expected)),
         "median_mm_95": float(np.median(expected)),
         "true_mm_95": largest,
@@ -142,10 +140,15 @@ def row(found: Sequence[dict[str, float]]) -> dict[str, Any]:
 
 
 def section(result: dict[str, Any]) -> str:
-    """Of docs/benchmarks.md."""
+    """The section of docs/benchmarks.md."""
     lines = [
-        (kind, of["meetings"], f"{100 * of['within']:.1f} %", *(f"{of[key]:.2f}" for key in HEAD_KEYS))
-        for kind, of in result["rows"].items()
+        (
+            kind,
+            result_of_kind["meetings"],
+            f"{100 * result_of_kind['within']:.1f} %",
+            *(f"{result_of_kind[key]:.2f}" for key in HEAD_KEYS),
+        )
+        for kind, result_of_kind in result["rows"].items()
     ]
     captures = result["captures"]
     agreed = sum(each["met"] == each["reached"] for each in captures)
@@ -162,20 +165,20 @@ the report? Required over all cells:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Draw and print; of all trials results/meeting.json too."""
+    """Draw and print; with all trials write results/meeting.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.meeting", description=__doc__)
     parser.add_argument("--cells", type=int, default=CELLS, help="of each kind")
     parser.add_argument("--captures", type=int, default=CAPTURES)
     parser.add_argument("--keep", type=Path, help="file in which trials are kept, and from which a run goes on")
     asked = parser.parse_args(arguments)
     on_one_core()
-    kept, found = Kept(asked.keep), dict[str, list[dict[str, float]]]()
+    kept, results = Kept(asked.keep), dict[str, list[dict[str, float]]]()
     for seed in range(asked.cells):
         for kind in KINDS:
-            found.setdefault(kind, []).extend(kept.of(f"{kind}#{seed}", partial(trial, kind, seed)))
+            results.setdefault(kind, []).extend(kept.of(f"{kind}#{seed}", partial(trial, kind, seed)))
     captures = [kept.of(f"capture#{seed}", partial(capture, seed)) for seed in range(asked.captures)]
-    rows = {kind: row(of) for kind, of in found.items()}
-    rows["all"] = row([each for of in found.values() for each in of])
+    rows = {kind: row(meetings) for kind, meetings in results.items()}
+    rows["all"] = row([each for meetings in results.values() for each in meetings])
     result = {"rows": rows, "captures": captures}
     print(section(result))
     if asked.cells >= CELLS and asked.captures >= CAPTURES:

@@ -1,7 +1,7 @@
-"""Simulated cells with candidates of which a plan chooses, and what comes of recording those chosen.
+"""Simulated cells with candidates from which a plan chooses, and the results of recording the chosen ones.
 
-Each cell has two arms, the camera on one, a board on the other, both mounts unknown, 0.2 px, and noise of the robots'
-stops. Nine poses are taught, without observations; bases and mounts are guessed within 5 mm and 1 degree. The task's
+Each cell has two arms, the camera on one and a board on the other, both mounts unknown, 0.2 px, and noise of the arms'
+stops. Nine poses are taught, without observations. Bases and mounts are guessed within 5 mm and 1 degree. The task's
 point is half way between the bases.
 """
 
@@ -36,13 +36,13 @@ STARTS = 5  # random starts of the exchange that counts as exhaustive
 
 @dataclass(frozen=True, eq=False)
 class PlannedCell:
-    """A cell with what could be recorded of it.
+    """A simulated cell with its candidates.
 
     Attributes:
         made: The cell and its truth.
         noise: True sigmas of the robots' stops [m, rad].
         prospect: The candidates.
-        weight: (p, p) of the task.
+        weight: (p, p) weight of the covariance at the task.
         point_m: (3,) the task in the reference's base [m].
     """
 
@@ -52,37 +52,37 @@ class PlannedCell:
     weight: Array
     point_m: Array
 
-    def chosen(self, count: int) -> tuple[list[int], Array]:
-        """Greedy with exchange: which, and the covariance with them."""
+    def choose(self, count: int) -> tuple[list[int], Array]:
+        """Indices that the greedy search with exchange chooses, and the covariance with them."""
         steps = list(islice(greedy(self.prospect.roots, self.prospect.covariance, self.weight), count))
         return exchange(self.prospect.roots, [k for k, _ in steps], steps[-1][1], self.weight)
 
     def covariance(self, chosen: list[int]) -> Array:
-        """Of all unknowns with these samples taken, (p, p)."""
+        """Covariance of all unknowns with these samples taken, (p, p)."""
         roots = self.prospect.roots[chosen]
         return np.asarray(
             np.linalg.inv(np.linalg.inv(self.prospect.covariance) + np.einsum("npq,nrq->pr", roots, roots))
         )
 
     def expected_m(self, covariance: Array) -> float:
-        """What 95 of 100 errors at the task are to stay below [m]."""
-        where = self.prospect.problem.columns[BASE]
+        """The 95 % bound of errors at the task [m]."""
+        columns = self.prospect.problem.columns[BASE]
         in_hand_m = self.prospect.state.transforms[BASE].inverse() @ self.point_m
-        return length_quantile(point_covariances(covariance[where, where], in_hand_m[None])[0])
+        return length_quantile(point_covariances(covariance[columns, columns], in_hand_m[None])[0])
 
     def random(self, count: int, rng: np.random.Generator) -> list[int]:
-        """So many candidates, each set alike likely."""
+        """A number of random candidates."""
         return [int(k) for k in rng.permutation(len(self.prospect.samples))[:count]]
 
-    def solved(self, rows: list[int], draws: int, seed: int) -> SolutionBatch:
-        """The candidates as they are seen `draws` times, robots off where they say to be, pixels by their noise."""
+    def solve(self, rows: list[int], draws: int, seed: int) -> SolutionBatch:
+        """Solve the candidates as recorded `draws` times, with noise of robots and pixels."""
         rng, truth = np.random.default_rng([seed, 5]), self.made.truth
         recorded = [self.prospect.samples[row].robots for row in rows]
-        off = np.repeat(self.noise, 3)
+        sigmas = np.repeat(self.noise, 3)
         world_from = {}
         for robot, base in (("eye", SE3.identity()), ("hand", truth[BASE])):
-            said = SE3.stack([_pose(states[robot]) for states in recorded])
-            world_from[robot] = base @ said @ SE3.exp(rng.standard_normal((draws, len(rows), 6)) * off)
+            poses = SE3.stack([_pose(states[robot]) for states in recorded])
+            world_from[robot] = base @ poses @ SE3.exp(rng.standard_normal((draws, len(rows), 6)) * sigmas)
         camera = world_from["eye"] @ truth["eye_flange_from_wrist"]
         board = world_from["hand"] @ truth["hand_flange_from_board"]
         shape = self.made.cell.targets["board"].target
@@ -103,20 +103,22 @@ class PlannedCell:
         return solve_batch(batch, batch_states(batch, [start] * draws))
 
     def errors_m(self, rows: list[int], draws: int, seed: int) -> Array:
-        """The true error at the task [m] of what these samples are solved to, and what 95 of 100 are to stay below.
+        """True errors at the task [m] of the solutions of these samples, and their 95 % bounds.
 
         Returns:
             (draws, 2); draws that did not converge are left out.
         """
-        found = self.solved(rows, draws, seed)
-        where = self.prospect.problem.columns[BASE]
-        told = []
-        for k in np.flatnonzero(found.converged):
-            mean = found.state.transforms[BASE][k]
-            moved = mean @ (self.made.truth[BASE].inverse() @ self.point_m) - self.point_m
-            at = point_covariances(found.covariance[k, where, where], (mean.inverse() @ self.point_m)[None])[0]
-            told.append((float(np.linalg.norm(moved)), length_quantile(at)))
-        return np.array(told).reshape(-1, 2)
+        batch = self.solve(rows, draws, seed)
+        columns = self.prospect.problem.columns[BASE]
+        errors = []
+        for k in np.flatnonzero(batch.converged):
+            mean = batch.state.transforms[BASE][k]
+            error = mean @ (self.made.truth[BASE].inverse() @ self.point_m) - self.point_m
+            point_covariance = point_covariances(
+                batch.covariance[k, columns, columns], (mean.inverse() @ self.point_m)[None]
+            )[0]
+            errors.append((float(np.linalg.norm(error)), length_quantile(point_covariance)))
+        return np.array(errors).reshape(-1, 2)
 
 
 def _pose(state: RobotState) -> SE3:
@@ -125,30 +127,30 @@ def _pose(state: RobotState) -> SE3:
 
 
 def planned_cell(seed: int, noise: tuple[float, float] = NOISE, count: int = CANDIDATES) -> PlannedCell:
-    """A cell with taught poses, guesses and candidates."""
+    """Simulate a cell with taught poses, guesses and candidates."""
     made = simulate(Scenario(samples=9, robot_noise=noise, pixel_px=PIXEL_PX), seed)
     rng = np.random.default_rng([seed, 3])
     guesses = {
         name: PoseEstimate(mean @ SE3.exp(GUESS * rng.standard_normal(6)), np.eye(6))
         for name, mean in made.truth.items()
     }
-    guessed = Calibration("doubtful", guesses)
-    sketch = sketches(made.cell, guessed)[0]
+    guess = Calibration("doubtful", guesses)
+    sketch = sketches(made.cell, guess)[0]
     taught = Recording(tuple(replace(sample, observations=()) for sample in made.recording.samples))
-    drawn = candidates(sketch, [dict(sample.robots) for sample in taught.samples], count, seed)
-    prospect = prospects(made.cell, taught, guessed, [(sketch, drawn)])
+    samples = candidates(sketch, [dict(sample.robots) for sample in taught.samples], count, seed)
+    prospect = prospects(made.cell, taught, guess, [(sketch, samples)])
     point = made.truth[BASE].translation / 2
     weight = make_meeting(made.cell, prospect.problem, prospect.state, BASE, point[None]).weight
     return PlannedCell(made, noise, prospect, weight, point)
 
 
-def exhaustive(of: PlannedCell, count: int, seed: int, starts: int = STARTS) -> float:
-    """The least expected error [m] of exchanges from random starts and from the greedy one, each until it rests."""
-    rng, found = np.random.default_rng([seed, 7]), []
-    for chosen in [of.chosen(count)[0], *(of.random(count, rng) for _ in range(starts))]:
-        covariance, before = of.covariance(chosen), np.inf
-        while float(np.trace(of.weight @ covariance)) < before * (1 - 1e-6):
-            before = float(np.trace(of.weight @ covariance))
-            chosen, covariance = exchange(of.prospect.roots, chosen, covariance, of.weight)
-        found.append(of.expected_m(covariance))
-    return min(found)
+def exhaustive(cell: PlannedCell, count: int, seed: int, starts: int = STARTS) -> float:
+    """The least expected error [m] of exchanges from random starts and from the greedy one, each until convergence."""
+    rng, ends = np.random.default_rng([seed, 7]), []
+    for chosen in [cell.choose(count)[0], *(cell.random(count, rng) for _ in range(starts))]:
+        covariance, before = cell.covariance(chosen), np.inf
+        while float(np.trace(cell.weight @ covariance)) < before * (1 - 1e-6):
+            before = float(np.trace(cell.weight @ covariance))
+            chosen, covariance = exchange(cell.prospect.roots, chosen, covariance, cell.weight)
+        ends.append(cell.expected_m(covariance))
+    return min(ends)

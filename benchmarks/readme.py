@@ -18,9 +18,7 @@ Result = dict[str, Any]
 
 
 class Figure(NamedTuple):
-    """A row of the table: the benchmark, what was measured, and the words of its value by the benchmark's "
-    "result.
-    """
+    """A row of the table: the benchmark, the measured quantity, and the formatter of its value from the results."""
 
     benchmark: str
     what: str
@@ -28,25 +26,25 @@ class Figure(NamedTuple):
 
 
 def _span(values: Iterable[float], digits: int) -> str:
-    found = sorted(values)
-    return f"{found[0]:.{digits}f} to {found[-1]:.{digits}f}"
+    ordered = sorted(values)
+    return f"{ordered[0]:.{digits}f} to {ordered[-1]:.{digits}f}"
 
 
 def _percent(value: float, digits: int = 1) -> str:
     return f"{100 * value:.{digits}f} %"
 
 
-def _of(rows: Iterable[Result], **wanted: object) -> Result:
-    """The one row with these values."""
-    (found,) = (row for row in rows if all(row[key] == value for key, value in wanted.items()))
-    return found
+def _find_row(rows: Iterable[Result], **fields: object) -> Result:
+    """The only row with these values."""
+    (match,) = (row for row in rows if all(row[key] == value for key, value in fields.items()))
+    return match
 
 
 def _real(recording: str, *what: str) -> Callable[[Result], str]:
-    """Figures of a recording, each with the unit of its name."""
+    """Formatter of the figures of a recording, each with the unit in its name."""
 
     def value(result: Result) -> str:
-        rows = [_of(result["figures"], recording=recording, what=each) for each in what]
+        rows = [_find_row(result["figures"], recording=recording, what=each) for each in what]
         return ", ".join(
             f"{row['measured']:.{2 if row['measured'] < 9.95 else 1}f} {_unit(row['what'])}" for row in rows
         )
@@ -106,12 +104,12 @@ def _verify(result: Result) -> str:
 
 
 def _outliers(result: Result) -> str:
-    every = _of(result["cases"], outliers="all")
+    every = _find_row(result["cases"], outliers="all")
     return f"{_percent(every['found'], 2)}; {_percent(every['lost_samples'], 2)}; {every['ratio']:.2f}"
 
 
 def _mutations(result: Result) -> str:
-    every = _of(result["summary"], row="all")
+    every = _find_row(result["summary"], row="all")
     return f"{every['named']} of {every['named'] + every['missed']}; {every['passed']}"
 
 
@@ -121,12 +119,14 @@ def _clocks(result: Result) -> str:
 
 def _study(result: Result) -> str:
     return "; ".join(
-        f"{_of(result['rows'], solver=solver)['rate']:,.0f}" for solver in ("maximum_likelihood", "closed_form")
+        f"{_find_row(result['rows'], solver=solver)['rate']:,.0f}" for solver in ("maximum_likelihood", "closed_form")
     )
 
 
 def _units(result: Result) -> str:
-    return ", ".join(f"{_of(result['rows'], recording=name)['units']:.0f}" for name in ("rct_charuco", "ur5e_dual"))
+    return ", ".join(
+        f"{_find_row(result['rows'], recording=name)['units']:.0f}" for name in ("rct_charuco", "ur5e_dual")
+    )
 
 
 _BOUNDS = ("", "shift_", "turn_")  # of all six components, of translations, of rotations
@@ -283,34 +283,34 @@ def figures() -> str:
     return table(HEAD, rows) + "\n"
 
 
-def _by(benchmark: str) -> str:
+def _command_text(benchmark: str) -> str:
     return f" (`python -m benchmarks.{benchmark}`)."
 
 
 def sentences() -> str:
-    """The figures that README says in sentences, in Markdown."""
-    made = {figure.benchmark: figure.value(read(figure.benchmark)) for figure in reversed(FIGURES)}
-    named, passed = made["mutations"].split("; ")
-    found, lost, _ = made["outliers"].split("; ")
-    alarms, seen, _ = made["verify"].split("; ")
-    starts, cells = made["starts"].split(" of ")
+    """The figures that the README gives in sentences, in Markdown."""
+    values = {figure.benchmark: figure.value(read(figure.benchmark)) for figure in reversed(FIGURES)}
+    named, passed = values["mutations"].split("; ")
+    found, lost, _ = values["outliers"].split("; ")
+    alarms, seen, _ = values["verify"].split("; ")
+    starts, cells = values["starts"].split(" of ")
     lines = (
         f"**True sigmas.** Over 54 designs of 2,000 cells each, the mean squared error in its own covariance is "
-        f"{made['consistency']}; 1 is right{_by('consistency')}",
+        f"{values['consistency']}; 1 is right{_command_text('consistency')}",
         f"**No guess needed.** Of {cells} simulated cells of 25 kinds, {starts} end without a guess at the optimum "
-        f"that the truth leads to{_by('starts')}",
+        f"that the truth leads to{_command_text('starts')}",
         f"**Mix-ups are named.** Of mix-ups of conventions that move the answer, {named} are named right. Called good: "
-        f"{passed}{_by('mutations')}",
+        f"{passed}{_command_text('mutations')}",
         f"**Outliers go.** Of gross outliers in up to 30 % of samples, {found} are found, and {lost} of clean samples "
-        f"are lost{_by('outliers')}",
+        f"are lost{_command_text('outliers')}",
         f"**It notices a push.** `verify` sees {seen} of shifts of the length that it calls detectable, with {alarms} "
-        f"false alarms on 1,000 cells{_by('verify')}",
+        f"false alarms on 1,000 cells{_command_text('verify')}",
     )
     return "".join(f"- {line}\n" for line in lines)
 
 
 def updated(text: str) -> str:
-    """README with its figures as they were measured last."""
+    """The text of the README with the latest figures."""
     with_table = _TABLE.sub(lambda _: figures(), text, count=1)
     return _BULLETS.sub(lambda _: sentences(), with_table, count=1)
 

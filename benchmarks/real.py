@@ -1,4 +1,4 @@
-"""Real recordings: what the project asks of each, beside what is measured."""
+"""Real recordings: requirements of the project beside measured values."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from benchmarks.common import label, table, write
 HEAD = ("recording", "what", "measured", "required", "holds")
 
 
-def row(found: dict[str, Any]) -> tuple[str, ...]:
+def row(figure: dict[str, Any]) -> tuple[str, ...]:
     """A line of the table with `HEAD`."""
-    limit = f"{found['sense']} {found['required']:g}"
+    limit = f"{figure['sense']} {figure['required']:g}"
     return (
-        label(found["recording"]),
-        found["what"],
-        f"{found['measured']:.3g}",
+        label(figure["recording"]),
+        figure["what"],
+        f"{figure['measured']:.3g}",
         limit,
-        "yes" if found["holds"] else "NO",
+        "yes" if figure["holds"] else "NO",
     )
 
 
 def main(arguments: list[str]) -> None:
-    """Measure and print; where all were measured, write results/real.json too."""
+    """Measure and print; if all were measured, write results/real.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.real", description=__doc__)
     parser.add_argument("--recordings", nargs="*", default=list(RECORDINGS), choices=list(RECORDINGS), metavar="NAME")
     asked = parser.parse_args(arguments)
-    found: list[dict[str, Any]] = []
-    measured = []
+    figures: list[dict[str, Any]] = []
+    recordings = []
     for name in asked.recordings:
         try:
-            found += [{**figure._asdict(), "holds": figure.holds} for figure in RECORDINGS[name]()]
-            measured.append(name)
+            figures += [{**figure._asdict(), "holds": figure.holds} for figure in RECORDINGS[name]()]
+            recordings.append(name)
         except DatasetError as error:
             print(f"left out: {error}")
-    print(table(HEAD, map(row, found)))
-    if measured == list(RECORDINGS):
-        write("real", {"figures": found})
+    print(table(HEAD, map(row, figures)))
+    if recordings == list(RECORDINGS):
+        write("real", {"figures": figures})
 
 
 if __name__ == "__main__":

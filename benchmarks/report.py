@@ -1,4 +1,4 @@
-"""docs/benchmarks.md from results/*.json, so that no number stands there that no command gave."""
+"""Generate docs/benchmarks.md from results/*.json, so that every number comes from a command."""
 
 from __future__ import annotations
 
@@ -139,9 +139,10 @@ each requested transform contain this truth? The kinds of errors are:
 - `x 0.3` and `x 3`: normal errors, and stated sigmas that are so many times the true ones.
 
 The other kinds state no sigma. There are up to {draws} draws of each kind. Required: the ellipsoids of
-{100 * semi_synthetic.LEAST:g} to {100 * semi_synthetic.MOST:g} % of 300 draws contain the truth, for every transform of
-the recording. For fewer draws the limits are as many standard errors from 95 %. Wrong sigmas need no coverage, but
-`poor-fit` in {100 * semi_synthetic.NAMED:.0f} % of draws; with too small ones no draw may be good.
+{100 * semi_synthetic.LEAST_HELD:g} to {100 * semi_synthetic.MOST_HELD:g} % of 300 draws contain the truth, for every
+transform of the recording. For fewer draws the limits are as many standard errors from 95 %. Wrong sigmas need
+no coverage, but `poor-fit` in {100 * semi_synthetic.LEAST_NAMED:.0f} % of draws; with too small ones no draw may be
+good.
 
 The truth of rct_10x10 is its own answer. The p1 of its lens is 3.5 sigmas from zero in the prior of real lenses,
 which constrains a free lens. Errors that are smooth in the arms' poses are resampled like others, so that no draw
@@ -157,8 +158,8 @@ def _few_images(result: Result) -> str:
 A camera on one arm takes images of a board on another. The images are rendered, the board is detected, and all but a
 few images are left out. The recorded poses of both arms have errors of {1e3 * few_images.NOISE[0]:g} mm and
 {1e3 * few_images.NOISE[1]:g} mrad per axis and stop. No noise is stated, and both mounts are unknown. Required of
-the base from {few_images.ENOUGH} images on: a mean NEES/6 in [{low:g}, {high:g}]. Required with fewer images: the
-truth in the 95 % ellipsoid, or no answer, in {few_images.LEAST_HELD * 40:.0f} of 40 cells. Findings are warnings
+the base from {few_images.FEWEST_FOR_BAND} images on: a mean NEES/6 in [{low:g}, {high:g}]. Required with fewer images:
+the truth in the 95 % ellipsoid, or no answer, in {few_images.LEAST_HELD * 40:.0f} of 40 cells. Findings are warnings
 and errors, with the number of cells."""
     return f"{about}\n\n{table(few_images.HEAD, map(few_images.row, result['rows']))}"
 
@@ -169,7 +170,7 @@ CPU time of the whole `calibrate`, in process, with the detections of images kno
 {calibrate.PRODUCTS} products of a {calibrate.ROWS} x {calibrate.COLUMNS} matrix with its transpose, measured between
 the runs. `before` is the number of units before the work was batched. Required for at most a hundred
 views: at most {calibrate.MOST_UNITS:.0f} units; of the larger recordings as stated. Ten thousand simulated samples
-without any stated sigma may take {calibrate.MOST_UNITS_OF[calibrate.MANY_NAME]:.0f} units, which is 15 s if a unit
+without any stated sigma may take {calibrate.MOST_UNITS_OF[calibrate.SIMULATED_NAME]:.0f} units, which is 15 s if a unit
 takes 8 ms. `basecal calibrate --verbose` prints the
 stages."""
     return f"{about}\n\n{table(calibrate.HEAD, map(calibrate.row, result['rows']))}"
@@ -228,7 +229,7 @@ mix-up is named if a finding has its code and its names, or those of an exactly 
 the answer stays within three of its sigmas. Required: {100 * result["asked"]:.0f} % of the others are named, and none
 that moves the answer further is good. Clean simulated cells that are not good: {bad} of {len(cells)}. The page on
 [the test](conventions_test.md) gives the reasons."""
-    return f"{about}\n\n{table(mutations.HEAD, map(mutations.told, result['summary']))}"
+    return f"{about}\n\n{table(mutations.HEAD, map(mutations.row, result['summary']))}"
 
 
 def _wrong_answers(result: Result) -> str:
@@ -246,7 +247,7 @@ the row, without infos of other codes. Required:
 - at most {100 * asked["good_and_wrong"]:.0f} % good and wrong: {passed} of {cells} are;
 - the cause named first in {100 * asked["named"]:.0f} %: see the table;
 - clean cells good in {100 * asked["clean"]:.0f} %: {100 * good:.1f} % are."""
-    return f"{about}\n\n{table(wrong_answers.HEAD, map(wrong_answers.told, rows))}"
+    return f"{about}\n\n{table(wrong_answers.HEAD, map(wrong_answers.row, rows))}"
 
 
 def _solve(result: Result) -> str:
@@ -338,7 +339,7 @@ start leads to a cost that is lower by more than {result["better"]:g} of it."""
     tables = (
         table(certificate.HEAD, map(certificate.row, result["posed"])),
         table(certificate.TIME_HEAD, map(certificate.time_row, result["times"])),
-        table(certificate.FOE_HEAD, map(certificate.foe_row, result["foes"])),
+        table(certificate.ADVERSARIAL_HEAD, map(certificate.adversarial_row, result["foes"])),
     )
     return f"{about}\n\n{tables[0]}\n\n{tables[1]}\n\n{foes}\n\n{tables[2]}"
 
@@ -416,8 +417,8 @@ def _about_run(run: Result) -> str:
 
 def _bag(result: Result) -> str:
     about = f"""\
-Bags of {bag.SHARE * bag.GIGABYTES:g} GB and of {bag.GIGABYTES:g} GB hold 30 images of 1280 x 720 and 50 poses a second.
-They are imported by stops and as streams. Required: the memory does not grow with the bag."""
+Bags of {bag.SHORT_SHARE * bag.GIGABYTES:g} GB and of {bag.GIGABYTES:g} GB hold 30 images of 1280 x 720 and 50 poses a
+second. They are imported by stops and as streams. Required: the memory does not grow with the bag."""
     return f"{about}\n\n{table(bag.HEAD, result['rows'])}"
 
 
@@ -466,12 +467,12 @@ Required:
 
 - false alarms in at most {100 * verify.MOST_ALARMS:g} %;
 - shifts of the length that is reported as detectable seen in {100 * verify.LOW:g} to {100 * verify.HIGH:g} %;
-- the moved part named first in {100 * verify.NAMED:g} % at three times that length, with {verify.FEWEST_NAMED}
+- the moved part named first in {100 * verify.LEAST_NAMED:g} % at three times that length, with {verify.FEWEST_NAMED}
   samples and more.
 
 Real recordings are divided at random into halves. One half is calibrated. The other is checked, all of it or its first
 {verify.MOST_NEW} samples. The check is repeated with a mount shifted by the larger of {1e3 * verify.LEAST_SHIFT_M:g} mm
-and twice the detectable length. Required: {100 * verify.AS_CALIBRATED:g} % of the checks report no change, in up to
+and twice the detectable length. Required: {100 * verify.LEAST_UNCHANGED:g} % of the checks report no change, in up to
 {verify.SPLITTINGS} divisions a recording. A check is undecided if the calibrated half determines too little. It then
 counts as failed."""
     if "simulated_at" in result:

@@ -1,12 +1,14 @@
-"""What each rescue saves: the cells that are answered worse while it is switched off.
+"""Benefit of each rescue: the cells with a worse answer while it is switched off.
 
-A rescue is a part that only data in trouble reach: another start, a search among subsets, points judged by their view.
-Each is replaced by doing nothing. Cells of `benchmarks.starts` and `benchmarks.outliers`, a long ring of robots, cells
-and real recordings of `benchmarks.reference` and mix-ups of `benchmarks.mutations` are solved as they are first, and
-each rescue's action is noted; without the rescue only cells in which it acted are solved again, for all others are
-equal. A start is worse if it ends in another optimum than from the truth; outliers are worse if the base is twice as
-far off as the oracle's, or fewer are found; an answer differs if a verdict, a finding, a transform or a sigma does; a
-mix-up is worse if it is no longer named, or passes for good. A rescue that saves nothing has no place in the package.
+A rescue is a part that only problematic data reach: another start, a search among subsets, points judged by their view.
+Each is replaced by a function that does nothing. Cells of `benchmarks.starts` and `benchmarks.outliers`, a long ring of
+robots, cells and real recordings of `benchmarks.reference` and mix-ups of `benchmarks.mutations` are first solved with
+all rescues, and it is noted which of them act. Only cells in which a rescue acted are solved again without it, since
+all others are equal.
+
+A start is worse if it ends in another optimum than from the truth. Outliers are worse if the error of the base is twice
+that of the oracle, or fewer are found. An answer differs if a verdict, a finding, a transform or a sigma differs. A
+mix-up is worse if it is no longer named, or if the answer is called good. A rescue without benefit is to be removed.
 """
 
 from __future__ import annotations
@@ -37,41 +39,41 @@ from benchmarks.common import on_one_core, table, write
 from benchmarks.reference.answers import answer, differences
 from benchmarks.reference.cases import cases
 
-RING, FAR = "ring of ten robots", "a small board far away"
+RING, FAR_BOARD = "ring of ten robots", "a small board far away"
 OVER_ORACLE = 2.0  # times the oracle's error: beyond, the answer is another one
-FIRST_SEED = 30000  # of outliers: none that anything was set by
+FIRST_SEED = 30000  # of outliers; no setting was tuned on these
 _START, _OUTLIERS = "basecal.estimation.start.", "basecal.estimation.outliers."
 _CHECKS, _STAGES = "basecal.accuracy.input_check.", "basecal.accuracy.stages."
 KINDS.setdefault(RING, replace(Scenario(layout="chain"), robots=10))
-KINDS.setdefault(FAR, Scenario(target="chessboard", board=chessboard_target((4, 4), 0.03), distance_m=(1.5, 2.5),
+KINDS.setdefault(FAR_BOARD, Scenario(target="chessboard", board=chessboard_target((4, 4), 0.03), distance_m=(1.5, 2.5),
                                pixel_px=1.5, spread_rad=0.4, robot_noise=(1e-4, 2e-4)))  # fmt: skip
 
 Answer = Any
-Before = tuple[Answer, list[str]]
+Baseline = tuple[Answer, list[str]]
 """An answer with every rescue in place, and those that acted."""
 
 
 class Rescue(NamedTuple):
-    """What is switched off.
+    """A function that can be switched off.
 
     Attributes:
-        module: Where its name is looked up.
-        name: Of a function there, or of a class and its method.
-        instead: What stands there instead.
-        acted: Whether a result is that of a rescue that acted.
+        module: Module in which the name is looked up.
+        name: Name of a function, or of a class and its method.
+        replacement: The function that replaces it.
+        has_acted: Whether a result is that of a rescue that acted.
     """
 
     module: str
     name: str
-    instead: Callable[..., Any]
-    acted: Callable[[Any], bool] = lambda _: True
+    replacement: Callable[..., Any]
+    has_acted: Callable[[Any], bool] = lambda _: True
 
 
-def _unflipped(group: Any, *_: Any) -> Any:
+def _no_flips(group: Any, *_: Any) -> Any:
     return np.zeros(len(group), dtype=bool)
 
 
-def _near(_measurement: Any, subsets: Any, _camera: Any, start: Any) -> Any:
+def _repeat_start(_measurement: Any, subsets: Any, _camera: Any, start: Any) -> Any:
     return start[np.tile(np.arange(len(start)), len(subsets) // len(start))]
 
 
@@ -81,7 +83,7 @@ RESCUES: dict[str, Rescue] = {
     "another start where the first is implausible": Rescue(
         "basecal.estimation.solve", "_is_plausible", lambda *_: True, lambda found: not found
     ),
-    "grids read from their other end": Rescue(_START + "pair_views", "turned_views", _unflipped, np.any),
+    "grids read from their other end": Rescue(_START + "pair_views", "turned_views", _no_flips, np.any),
     "both poses of ambiguous views": Rescue(
         _START + "pair_views", "PairViews.ambiguous_loop", lambda *_: None, lambda found: found is not None
     ),
@@ -99,7 +101,7 @@ RESCUES: dict[str, Rescue] = {
         lambda seen: np.zeros((0, *seen.shape), dtype=bool),
         lambda of: len(of) > 2,
     ),
-    "poses of random points in closed form": Rescue(_OUTLIERS + "view_ransac", "_closed_form", _near),
+    "poses of random points in closed form": Rescue(_OUTLIERS + "view_ransac", "_closed_form", _repeat_start),
     "points taken back": Rescue(_OUTLIERS + "robust_solve", "readmit_points", lambda _problem, _state, kept, _: kept),
     "views that stand out": Rescue(
         _OUTLIERS + "noise_and_outliers", "leave_out_suspects", lambda *_: None, lambda found: found is not None
@@ -123,7 +125,8 @@ RESCUES: dict[str, Rescue] = {
 }
 
 
-def _place(rescue: Rescue) -> tuple[Any, str]:
+def locate(rescue: Rescue) -> tuple[Any, str]:
+    """The module or class that holds the function of a rescue, and its name there."""
     *owners, name = rescue.name.split(".")
     place: Any = importlib.import_module(rescue.module)
     for each in owners:
@@ -132,62 +135,61 @@ def _place(rescue: Rescue) -> tuple[Any, str]:
 
 
 @contextmanager
-def put(rescue: Rescue, there: Callable[..., Any]) -> Iterator[None]:
-    """Within, something else stands where the rescue is."""
-    place, name = _place(rescue)
-    kept = getattr(place, name)
-    setattr(place, name, there)
+def replace_function(rescue: Rescue, function: Callable[..., Any]) -> Iterator[None]:
+    """Replace the function of a rescue within the context."""
+    place, name = locate(rescue)
+    original = getattr(place, name)
+    setattr(place, name, function)
     try:
         yield
     finally:
-        setattr(place, name, kept)
+        setattr(place, name, original)
 
 
-def noted(name: str, rescue: Rescue, acted: set[str]) -> Callable[..., Any]:
-    """The rescue, which adds its name to `acted` if it acts."""
-    place, own = _place(rescue)
-    kept = getattr(place, own)
+def with_record(name: str, rescue: Rescue, acting: set[str]) -> Callable[..., Any]:
+    """The function of the rescue, which adds its name to a set if it acts."""
+    place, attribute = locate(rescue)
+    original = getattr(place, attribute)
 
     def call(*arguments: Any, **options: Any) -> Any:
-        """As the rescue."""
-        found = kept(*arguments, **options)
-        if rescue.acted(found):
-            acted.add(name)
-        return found
+        result = original(*arguments, **options)
+        if rescue.has_acted(result):
+            acting.add(name)
+        return result
 
     return call
 
 
-def _start_of(kind: str, seed: int) -> bool:
-    """Whether a start ends in the best optimum, or no optimum can be told."""
+def _try_start(kind: str, seed: int) -> bool:
+    """Whether a start ends in the best optimum, or the best optimum is unknown."""
     return start_trial(kind, seed).verdict != "other"
 
 
-def _outliers_of(name: str, seed: int) -> list[int]:
-    """Whether the base is as good as the oracle's within the factor, and how many outliers are found."""
-    made = outliers.trial(name, FIRST_SEED + seed)
-    near = all(ours <= OVER_ORACLE * best for ours, best in zip(made.ours, made.oracle, strict=True))
-    return [int(near), made.found]
+def _try_outliers(name: str, seed: int) -> list[int]:
+    """Whether the error of the base is within the factor of the oracle's, and how many outliers are found."""
+    trial = outliers.trial(name, FIRST_SEED + seed)
+    is_near = all(ours <= OVER_ORACLE * best for ours, best in zip(trial.ours, trial.oracle, strict=True))
+    return [int(is_near), trial.found]
 
 
 @lru_cache(maxsize=1)
 def _mix_ups() -> dict[str, tuple[mix_ups.Case, Mutation]]:
-    every = [*mix_ups.real(), *mix_ups.simulated()]
+    every = [*mix_ups.real_cases(), *mix_ups.simulated_cases()]
     return {f"{c.name}: {m.name}": (c, m) for c in every for m in mutations(c.cell, lines_of(c.recording), c.seed)}
 
 
-def _mix_up_of(name: str, _seed: int) -> list[int]:
-    """Whether a mix-up is named, and whether it does not pass for good."""
+def _try_mix_up(name: str, _seed: int) -> list[int]:
+    """Whether a mix-up is named, and whether the answer is not called good."""
     case, mutation = _mix_ups()[name]
-    found = calibrate(mutation.cell, recording_of(mutation.lines(lines_of(case.recording)), mutation.cell))
-    return [int(mix_ups.is_named(case, mutation, found)), int(found.verdict != "good")]
+    calibration = calibrate(mutation.cell, recording_of(mutation.lines(lines_of(case.recording)), mutation.cell))
+    return [int(mix_ups.is_named(case, mutation, calibration)), int(calibration.verdict != "good")]
 
 
 MEASURES: dict[str, Callable[[str, int], Answer]] = {
-    "start": _start_of,
-    "outliers": _outliers_of,
+    "start": _try_start,
+    "outliers": _try_outliers,
     "answer": lambda name, _: answer(name),
-    "mix-up": _mix_up_of,
+    "mix-up": _try_mix_up,
 }
 _FAILED: dict[str, Answer] = {
     "start": False,
@@ -199,19 +201,24 @@ _FAILED: dict[str, Answer] = {
 Job = tuple[str, str, int]
 
 
-def jobs_of(seeds: int, every: int) -> list[Job]:
-    """What is measured: by measure, name and seed."""
+def make_jobs(seeds: int, every: int) -> list[Job]:
+    """Measure, name and seed of all jobs."""
     starts = [("start", kind, seed) for seed in range(seeds) for kind in KINDS]
-    spoilt = [("outliers", name, seed) for seed in range(seeds) for name in outliers.CASES]
+    outlier_jobs = [("outliers", name, seed) for seed in range(seeds) for name in outliers.CASES]
     names = list(cases())
-    few = [name for name in names if not name.startswith("simulated")]
-    few += [name for name in names if name.startswith("simulated")][::every]
-    mixed = list(_mix_ups())[::every]
-    return [*starts, *spoilt, *(("answer", name, 0) for name in few), *(("mix-up", name, 0) for name in mixed)]
+    chosen = [name for name in names if not name.startswith("simulated")]
+    chosen += [name for name in names if name.startswith("simulated")][::every]
+    mix_up_names = list(_mix_ups())[::every]
+    return [
+        *starts,
+        *outlier_jobs,
+        *(("answer", name, 0) for name in chosen),
+        *(("mix-up", name, 0) for name in mix_up_names),
+    ]
 
 
 def measure(job: Job) -> Answer:
-    """One cell."""
+    """Run one job."""
     kind, name, seed = job
     try:
         return MEASURES[kind](name, seed)
@@ -220,24 +227,24 @@ def measure(job: Job) -> Answer:
 
 
 def is_worse(kind: str, before: Answer, after: Answer) -> bool:
-    """Whether an answer is worse without a rescue; of whole answers, whether it differs."""
+    """Whether an answer is worse without a rescue; for whole answers, whether it differs."""
     if kind == "answer":
         return any(differences(before, after))
     return any(b > a for b, a in zip(np.atleast_1d(before), np.atleast_1d(after), strict=True))
 
 
-def measured_before(job: Job) -> Before:
+def measure_with_rescues(job: Job) -> Baseline:
     """One cell with all rescues in place, and the names of those that acted."""
-    acted: set[str] = set()
+    acting: set[str] = set()
     with ExitStack() as stack:
         for name, rescue in RESCUES.items():
-            stack.enter_context(put(rescue, noted(name, rescue, acted)))
-        found = measure(job)
-    return found, sorted(acted)
+            stack.enter_context(replace_function(rescue, with_record(name, rescue, acting)))
+        result = measure(job)
+    return result, sorted(acting)
 
 
-class Kept:
-    """Answers that a file keeps, so that a run goes on where it was broken off."""
+class KeptAnswers:
+    """Answers that are kept in a file, so that a run can continue an earlier one."""
 
     def __init__(self, path: Path | None) -> None:
         self.path = path
@@ -245,7 +252,7 @@ class Kept:
         self.found: dict[tuple[Any, ...], Any] = {tuple(key): value for key, value in map(json.loads, lines)}
 
     def get(self, key: tuple[Any, ...], work: Callable[[], Any]) -> Any:
-        """What is kept, or was worked out now and is kept from now on."""
+        """The kept answer of a key, computed and kept if there is none yet."""
         if key not in self.found:
             self.found[key] = json.loads(json.dumps(work()))
             if self.path is not None:
@@ -254,11 +261,13 @@ class Kept:
         return self.found[key]
 
 
-def saved(kept: Kept, name: str, jobs: Sequence[Job], before: Mapping[Job, Before]) -> dict[str, Any]:
-    """By measure in how many cells a rescue acted, and those that are worse without it."""
+def measure_without(
+    kept: KeptAnswers, name: str, jobs: Sequence[Job], before: Mapping[Job, Baseline]
+) -> dict[str, Any]:
+    """Number of cells by measure in which a rescue acted, and those that are worse without it."""
     rescue, acted = RESCUES[name], [job for job in jobs if name in before[job][1]]
     worse: dict[str, list[str]] = {kind: [] for kind in MEASURES}
-    with put(rescue, rescue.instead):
+    with replace_function(rescue, rescue.replacement):
         for job in acted:
             after = kept.get((name, *job), lambda job=job: measure(job))  # type: ignore[misc]
             if is_worse(job[0], before[job][0], after):
@@ -277,19 +286,24 @@ def main(arguments: list[str]) -> None:
     asked = parser.parse_args(arguments)
     on_one_core()
     part, parts = asked.part
-    jobs, kept = jobs_of(asked.seeds, asked.every)[part::parts], Kept(asked.keep)
-    before = {job: kept.get(("", *job), lambda job=job: measured_before(job)) for job in jobs}
+    jobs, kept = make_jobs(asked.seeds, asked.every)[part::parts], KeptAnswers(asked.keep)
+    before = {job: kept.get(("", *job), lambda job=job: measure_with_rescues(job)) for job in jobs}
     counts = {kind: sum(job[0] == kind for job in jobs) for kind in MEASURES}
-    rows, found = [], {}
+    rows, effects = [], {}
     for name in (each for each in RESCUES if asked.only in each):
-        found[name] = saved(kept, name, jobs, before)
-        of = found[name]
-        rows.append((name, *(f"{len(of['worse'][k])} of {of['acted'][k]}" if of["acted"][k] else "" for k in MEASURES)))
+        effects[name] = measure_without(kept, name, jobs, before)
+        effect = effects[name]
+        rows.append(
+            (
+                name,
+                *(f"{len(effect['worse'][k])} of {effect['acted'][k]}" if effect["acted"][k] else "" for k in MEASURES),
+            )
+        )
         print(*rows[-1], sep="  ", flush=True)
     head = ("without", *(f"{kind}: worse of those where it acted, of {counts[kind]}" for kind in MEASURES))
     print("\n" + table(head, rows))
     if not asked.only and parts == 1:
-        write("rescues", {"counts": counts, "rescues": found})
+        write("rescues", {"counts": counts, "rescues": effects})
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""`basecal calibrate` of a ring of robots given by a cell folder: the whole command, from the files to the page.
+"""`basecal calibrate` of a ring of robots in a cell folder: the whole command, from the files to the page.
 
-Each robot sees the next and the next but one, a hundred samples a robot; noise of robots and pixels is stated, or by
-nobody. The time of the processor and the largest memory of the command; sizes measured before stay in the results.
+Each robot sees the next and the next but one, with a hundred samples for each robot. Noise of robots and pixels is
+stated or unstated. The CPU time and the peak memory of the command are measured. Sizes that are not measured anew
+keep their results.
 """
 
 from __future__ import annotations
@@ -21,27 +22,27 @@ from typing import Any
 import basecal
 from basecal.cli import main as command
 from benchmarks.common import RESULTS, table, write
-from benchmarks.robots import made_of
+from benchmarks.robots import make_ring
 
 ROBOTS = (20, 100)
-PER_ROBOT = 100
+SAMPLES_PER_ROBOT = 100
 NOISE = ("stated", "estimated")
 HEAD = ("robots", "samples", "noise", "CPU time [s]", "wall time [s]", "peak memory [MB]", "exit code")
 
 
-def _calibrated(folder: Path, answer: Any) -> None:
-    """In a process of its own: the command, its times and its memory."""
+def _calibrate(folder: Path, answer: Any) -> None:
+    """Run the command in this process, and put its exit code, times and memory into a queue."""
     begin = time.perf_counter()
-    with (folder / "said.txt").open("w", encoding="utf-8") as said, redirect_stdout(said), redirect_stderr(said):
+    with (folder / "said.txt").open("w", encoding="utf-8") as output, redirect_stdout(output), redirect_stderr(output):
         code = command(["calibrate", str(folder / "cell"), "--verbose"])
     wall, used = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_SELF)
     answer.put((code, wall, used.ru_utime + used.ru_stime, 1024 * used.ru_maxrss))
 
 
-def measured(robots: int, noise: str) -> dict[str, Any]:
-    """One ring."""
-    made = made_of(robots, PER_ROBOT * robots)
-    cell = made.cell
+def measure(robots: int, noise: str) -> dict[str, Any]:
+    """Measure one ring."""
+    simulated = make_ring(robots, SAMPLES_PER_ROBOT * robots)
+    cell = simulated.cell
     if noise == "estimated":
         unstated = {name: replace(robot, noise=None) for name, robot in cell.robots.items()}
         cell = replace(cell, robots=unstated, pixel_px=None)
@@ -50,21 +51,21 @@ def measured(robots: int, noise: str) -> dict[str, Any]:
         folder = Path(name)
         (folder / "cell").mkdir()
         basecal.write_cell(cell, folder / "cell")
-        basecal.write_recording(made.recording, folder / "cell")
+        basecal.write_recording(simulated.recording, folder / "cell")
         answer: Any = spawn.Queue()
-        process = spawn.Process(target=_calibrated, args=(folder, answer))
+        process = spawn.Process(target=_calibrate, args=(folder, answer))
         process.start()
         code, wall, processor, peak = answer.get()
         process.join()
-    sizes = {"robots": robots, "samples": PER_ROBOT * robots, "noise": noise}
+    sizes = {"robots": robots, "samples": SAMPLES_PER_ROBOT * robots, "noise": noise}
     return {**sizes, "processor_s": processor, "wall_s": wall, "peak_bytes": peak, "exit_code": code}
 
 
-def row(found: dict[str, Any]) -> tuple[str, ...]:
+def row(result: dict[str, Any]) -> tuple[str, ...]:
     """A line of the table with `HEAD`."""
-    times = f"{found['processor_s']:.0f}", f"{found['wall_s']:.0f}"
-    memory = f"{found['peak_bytes'] / 1e6:.0f}"
-    return str(found["robots"]), f"{found['samples']:,}", found["noise"], *times, memory, str(found["exit_code"])
+    times = f"{result['processor_s']:.0f}", f"{result['wall_s']:.0f}"
+    memory = f"{result['peak_bytes'] / 1e6:.0f}"
+    return str(result["robots"]), f"{result['samples']:,}", result["noise"], *times, memory, str(result["exit_code"])
 
 
 def main(arguments: list[str]) -> None:
@@ -78,7 +79,7 @@ def main(arguments: list[str]) -> None:
     rows = {(each["robots"], each["noise"]): each for each in before}
     for robots in asked.robots:
         for noise in asked.noise:
-            rows[robots, noise] = measured(robots, noise)
+            rows[robots, noise] = measure(robots, noise)
             write("ring", {"rows": [rows[key] for key in sorted(rows)]})
     print(table(HEAD, [row(rows[key]) for key in sorted(rows)]))
 

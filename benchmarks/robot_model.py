@@ -1,14 +1,15 @@
-"""Two arms of six axes whose joint offsets are not zero: what estimating them gives, and whether their need is found.
+"""Two arms of six axes with joint offsets: the benefit of estimating them, and whether the need is detected.
 
 Cells have a board, 60 samples, 0.2 px, and offsets of 0.2 deg on every joint, drawn from the prior that the solver is
-told. Asked for, at 30 configurations that the solver has not seen, is `camera_from_target` with the true joints; the
-rms over the cells of its error is to be 20 times smaller than where offsets are ignored. The first and the last joint
-of an arm are known by their prior alone, and the sigma of the base contains them: NEES / 6 of the base has mean 1, over
-200 cells within 1 +- 3.5 sqrt(2 / 1200) = [0.857, 1.143]. Of the 95 % intervals of the offsets that are seen, 93 to
-97 % are to hold the truth (1,600 of them: a standard error of 0.5 %).
+given. The error of `camera_from_target` is measured at 30 configurations that the solver has not seen. Its rms over the
+cells must be 20 times smaller than with the offsets ignored.
 
-The model is chosen in cells of three kinds: with robots as stated, with offsets of 0.2 deg, with errors of 0.5 mm and
-1 mrad per axis of every link.
+The first and the last joint of an arm are constrained by their prior alone, and the sigma of the base contains them.
+NEES / 6 of the base has mean 1, over 200 cells within 1 +- 3.5 sqrt(2 / 1200) = [0.857, 1.143]. The 95 % intervals of
+the observable offsets must hold the truth in 93 to 97 % (1,600 intervals have a standard error of 0.5 %).
+
+The model is chosen in cells of three kinds: with robots as stated, with offsets of 0.2 deg, and with errors of 0.5 mm
+and 1 mrad per axis of every link.
 """
 
 from __future__ import annotations
@@ -61,30 +62,32 @@ class Outcome:
     held: tuple[tuple[str, int], ...]
 
 
-def outcome(seed: int) -> Outcome:
+def solve_cell(seed: int) -> Outcome:
     """Solve a cell with its offsets ignored and with their prior."""
-    made = simulate(OFFSETS, seed)
-    recording = Recording(made.recording.samples[:SAMPLES])
-    as_stated = {name: replace(robot, parameters={}) for name, robot in made.cell.robots.items()}
-    ignored = solve(replace(made.cell, robots=as_stated), recording)
-    estimated = solve(made.cell, recording)
-    problem, _ = build_problem(made.cell, Recording(made.recording.samples[SAMPLES:]))
-    off = [_off(made, problem, each) for each in (ignored, estimated)]
+    simulated = simulate(OFFSETS, seed)
+    recording = Recording(simulated.recording.samples[:SAMPLES])
+    without_offsets = {name: replace(robot, parameters={}) for name, robot in simulated.cell.robots.items()}
+    ignored = solve(replace(simulated.cell, robots=without_offsets), recording)
+    estimated = solve(simulated.cell, recording)
+    problem, _ = build_problem(simulated.cell, Recording(simulated.recording.samples[SAMPLES:]))
+    errors = [_rms_error(simulated, problem, each) for each in (ignored, estimated)]
     base = estimated.transforms[BASE]
-    xi = (base.mean.inverse() @ made.truth[BASE]).log()
-    found = robot_parameters(estimated).get("joint_offsets", {})
+    xi = (base.mean.inverse() @ simulated.truth[BASE]).log()
+    offsets = robot_parameters(estimated).get("joint_offsets", {})
     inside = {
-        robot: np.abs(of.values - made.robots[robot].kind_values("joint_offsets"))[of.seen]
-        < WITHIN_95 * of.sigma[of.seen]
-        for robot, of in found.items()
+        robot: np.abs(estimate.values - simulated.robots[robot].kind_values("joint_offsets"))[estimate.seen]
+        < WITHIN_95 * estimate.sigma[estimate.seen]
+        for robot, estimate in offsets.items()
     }
-    held = tuple((robot, int(j)) for robot, of in found.items() for j in np.flatnonzero(~of.seen))
+    held = tuple((robot, int(j)) for robot, estimate in offsets.items() for j in np.flatnonzero(~estimate.seen))
     return Outcome(
-        ignored_m=off[0][0],
-        estimated_m=off[1][0],
-        ignored_rad=off[0][1],
-        estimated_rad=off[1][1],
-        base_ignored_m=float(np.linalg.norm((ignored.state.transforms[BASE].inverse() @ made.truth[BASE]).translation)),
+        ignored_m=errors[0][0],
+        estimated_m=errors[1][0],
+        ignored_rad=errors[0][1],
+        estimated_rad=errors[1][1],
+        base_ignored_m=float(
+            np.linalg.norm((ignored.state.transforms[BASE].inverse() @ simulated.truth[BASE]).translation)
+        ),
         base_estimated_m=float(np.linalg.norm(xi[:3])),
         nees=float(xi @ np.linalg.solve(base.covariance, xi)),
         inside=sum(int(each.sum()) for each in inside.values()),
@@ -93,14 +96,14 @@ def outcome(seed: int) -> Outcome:
     )
 
 
-def _off(made: SimulatedCell, problem: Problem, solution: Solution) -> tuple[float, float]:
+def _rms_error(simulated: SimulatedCell, problem: Problem, solution: Solution) -> tuple[float, float]:
     """Rms error of `camera_from_target` at held-out configurations [m, rad]."""
-    truth = State(made.truth, made.cameras, np.zeros((0, 6)), made.robots)
+    truth = State(simulated.truth, simulated.cameras, np.zeros((0, 6)), simulated.robots)
     group = problem.groups[0]
-    off = truth.camera_from_target(group, problem.stops).inverse() @ solution.state.camera_from_target(
+    step = truth.camera_from_target(group, problem.stops).inverse() @ solution.state.camera_from_target(
         group, problem.stops
     )
-    return _rms(np.linalg.norm(off.translation, axis=-1)), _rms(np.linalg.norm(off.rotvec, axis=-1))
+    return _rms(np.linalg.norm(step.translation, axis=-1)), _rms(np.linalg.norm(step.rotvec, axis=-1))
 
 
 def _rms(values: Any) -> float:
@@ -108,7 +111,7 @@ def _rms(values: Any) -> float:
 
 
 def summary(outcomes: list[Outcome]) -> dict[str, Any]:
-    """What all cells say together."""
+    """Statistics over all cells."""
     rms = {
         name: _rms([getattr(o, name) for o in outcomes]) for name in Outcome.__annotations__ if name.endswith(_UNITS)
     }
@@ -129,22 +132,22 @@ def summary(outcomes: list[Outcome]) -> dict[str, Any]:
 _UNITS = ("_m", "_rad")
 
 
-def choice(kind: str, seed: int) -> str:
+def choose_model(kind: str, seed: int) -> str:
     """The model chosen in a cell of a kind: `none`, `offsets` (single joints among them), `links` or `undecided`."""
-    made = simulate(KINDS[kind], seed)
-    found = choose_robot_model(solve(made.cell, made.recording))
-    if found is None:
+    simulated = simulate(KINDS[kind], seed)
+    choice = choose_robot_model(solve(simulated.cell, simulated.recording))
+    if choice is None:
         return "none"
-    if found.better is not None:
+    if choice.better is not None:
         return "undecided"
-    return "offsets" if found.chosen.kind == "joint" else found.chosen.kind
+    return "offsets" if choice.chosen.kind == "joint" else choice.chosen.kind
 
 
 CHOICE_HEAD = ("truth", "none", "offsets", "links", "undecided")
 HEAD = ("of camera_from_target, held out", "offsets ignored", "offsets estimated")
 
 
-def rows(found: dict[str, Any]) -> list[tuple[str, ...]]:
+def rows(result: dict[str, Any]) -> list[tuple[str, ...]]:
     """Lines of the table with `HEAD`."""
     pairs = (
         ("rms error [mm]", "{}_m", 1e3),
@@ -152,7 +155,7 @@ def rows(found: dict[str, Any]) -> list[tuple[str, ...]]:
         ("of the base, rms error [mm]", "base_{}_m", 1e3),
     )
     return [
-        (label, *(f"{scale * found[key.format(which)]:.4g}" for which in ("ignored", "estimated")))
+        (label, *(f"{scale * result[key.format(model)]:.4g}" for model in ("ignored", "estimated")))
         for label, key, scale in pairs
     ]
 
@@ -172,24 +175,24 @@ def main(arguments: list[str]) -> None:
     seeds = range(asked.first_seed, asked.first_seed + asked.cells)
     outcomes = []
     for k, seed in enumerate(seeds):
-        outcomes.append(outcome(seed))
+        outcomes.append(solve_cell(seed))
         if k % 20 == 19:
             print(f"{k + 1} cells solved", flush=True)
-    found = summary(outcomes)
+    result = summary(outcomes)
     choices: dict[str, dict[str, int]] = {kind: {} for kind in KINDS}
     for k, seed in enumerate(seeds):
         kind = list(KINDS)[k % len(KINDS)]
-        chosen = choice(kind, seed)
+        chosen = choose_model(kind, seed)
         choices[kind][chosen] = choices[kind].get(chosen, 0) + 1
         if k % 20 == 19:
             print(f"{k + 1} models chosen", flush=True)
-    print(f"\n{table(HEAD, rows(found))}\n")
-    print(f"{found['times_better']:.0f} times better; NEES / 6 of the base {found['nees_over_6']:.3f};")
-    print(f"{100 * found['coverage_95']:.1f} % of {found['offsets_seen']} intervals of seen offsets hold the truth;")
-    print(f"by their prior alone: {', '.join(found['held_by_prior'])}\n")
+    print(f"\n{table(HEAD, rows(result))}\n")
+    print(f"{result['times_better']:.0f} times better; NEES / 6 of the base {result['nees_over_6']:.3f};")
+    print(f"{100 * result['coverage_95']:.1f} % of {result['offsets_seen']} intervals of seen offsets hold the truth;")
+    print(f"by their prior alone: {', '.join(result['held_by_prior'])}\n")
     print(table(CHOICE_HEAD, choice_rows(choices)))
     if asked.cells >= parser.get_default("cells"):
-        write("robot_model", {"cells": asked.cells, "first_seed": asked.first_seed, **found, "choices": choices})
+        write("robot_model", {"cells": asked.cells, "first_seed": asked.first_seed, **result, "choices": choices})
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""docs/scale.md from results/*.json: what a million cells or a thousand robots would cost, by what was measured."""
+"""Generate docs/scale.md from results/*.json: estimated costs of a million cells or a thousand robots."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from benchmarks.common import RESULTS, table
 
 PAGE = Path(__file__).parents[1] / "docs" / "scale.md"
-CORE_HOUR = 0.05  # US dollars, a round price of a rented core: put in your own
+CORE_HOUR = 0.05  # US dollars, a round price of a rented core
 CELLS, TRIALS, ROBOTS = 1_000_000, 100_000_000, 1000
 SAMPLES_PER_ROBOT = 100
 COLUMNS = 18  # of a robot with a camera and a board: its base and two mounts
@@ -19,30 +19,35 @@ BYTES = 8
 
 
 def _result(name: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
-    return found
+    result: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+    return result
 
 
-def _priced(seconds: float) -> tuple[str, str]:
-    """Core hours and their price."""
+def _hours_and_price(seconds: float) -> tuple[str, str]:
+    """Core hours and their price, formatted."""
     hours = seconds / 3600
     return f"{hours:,.1f}", f"{hours * CORE_HOUR:,.2f}"
 
 
-def _seconds(found: dict[str, Any]) -> float:
-    """What a thousand robots would take, by the largest ring measured and the slope [s]."""
-    last = found["by_robots"][-1]
-    return float(last["seconds"] * (ROBOTS / last["robots"]) ** found["slopes"]["seconds over robots"])
+def _seconds(robots: dict[str, Any]) -> float:
+    """Estimated time of a thousand robots, by the largest ring measured and the slope [s]."""
+    last = robots["by_robots"][-1]
+    return float(last["seconds"] * (ROBOTS / last["robots"]) ** robots["slopes"]["seconds over robots"])
 
 
-def _peak(found: dict[str, Any]) -> float:
-    """Likewise of memory [bytes]: views' share grows as the robots do, the covariance of bases with the square."""
-    last = found["by_robots"][-1]
-    return float((last["peak_bytes"] - _of_bases(last["robots"])) * ROBOTS / last["robots"] + _of_bases(ROBOTS))
+def _peak_bytes(robots: dict[str, Any]) -> float:
+    """Estimated memory of a thousand robots [bytes].
+
+    Views grow with the number of robots, and the covariance of bases with its square.
+    """
+    last = robots["by_robots"][-1]
+    return float(
+        (last["peak_bytes"] - _covariance_bytes(last["robots"])) * ROBOTS / last["robots"] + _covariance_bytes(ROBOTS)
+    )
 
 
-def _of_bases(robots: int) -> int:
-    """The covariance of all bases, the largest number of copies of it that stand side by side [bytes]."""
+def _covariance_bytes(robots: int) -> int:
+    """Memory of the covariance of all bases, for the largest number of copies that exist at once [bytes]."""
     return 3 * (6 * (robots - 1)) ** 2 * BYTES
 
 
@@ -52,27 +57,31 @@ def page() -> str:
     rate = {row["solver"]: row["rate"] / row["workers"] for row in study["rows"]}
     cell = median(row["seconds"] for row in calibrate["rows"])
     ring, slopes = robots["by_robots"][-1], robots["slopes"]
-    seconds, peak = _seconds(robots), _peak(robots)
+    seconds, peak = _seconds(robots), _peak_bytes(robots)
     rows = [
         (
             f"{TRIALS:,} simulated trials of 30 samples",
             f"{1e3 / rate['maximum_likelihood']:.2f} ms",
-            *_priced(TRIALS / rate["maximum_likelihood"]),
+            *_hours_and_price(TRIALS / rate["maximum_likelihood"]),
         ),
         (
             f"{CELLS:,} cells calibrated, as the recordings of `benchmarks.calibrate`",
             f"{cell:.2f} s",
-            *_priced(CELLS * cell),
+            *_hours_and_price(CELLS * cell),
         ),
-        (f"{ROBOTS:,} robots in a ring, {ROBOTS * SAMPLES_PER_ROBOT:,} samples", f"{seconds:.0f} s", *_priced(seconds)),
+        (
+            f"{ROBOTS:,} robots in a ring, {ROBOTS * SAMPLES_PER_ROBOT:,} samples",
+            f"{seconds:.0f} s",
+            *_hours_and_price(seconds),
+        ),
     ]
-    over = (
+    slope_texts = (
         f"{slopes[f'{field} over {name}']:.2f}" for field in ("seconds", "peak_bytes") for name in ("robots", "samples")
     )
     dense = (COLUMNS * ROBOTS) ** 2 * BYTES / 1e9
-    what = table(("what", "each, on one core", "core hours", "US dollars"), rows)
+    costs = table(("what", "each, on one core", "core hours", "US dollars"), rows)
     measured = f"{ring['robots']} robots with {ring['samples']:,} samples took {ring['seconds']:.1f} s of a core"
-    whole = table(
+    ring_table = table(
         ("robots", "their noise", "time of a core", "largest memory"),
         [
             (row["robots"], row["noise"], f"{row['processor_s']:.0f} s", f"{row['peak_bytes'] / 1e9:.1f} GB")
@@ -87,13 +96,13 @@ This page estimates the cost of a million cells or a thousand robots from what [
 `python -m benchmarks.scale` makes it of their results. A core hour is taken for {CORE_HOUR:g} US dollars: put in your
 own price.
 
-{what}
+{costs}
 
 Cells, and the chunks of a study, are independent of one another. Twice the cores take half the time, until the disk is
 the limit. Images that no one has searched yet take longer than the calibration.
 
 A ring of robots is one problem. {took}.
-The slopes of the logarithms are {", ".join(over)}: time over robots, each with as many samples,
+The slopes of the logarithms are {", ".join(slope_texts)}: time over robots, each with as many samples,
 and over samples alone; then memory likewise. A thousand would take {peak / 1e9:.1f} GB, as the covariance of all bases
 grows with the square. That is the start, the maximum-likelihood state and the covariance of every base relative to
 every other, as `benchmarks.robots` asks for them.
@@ -114,7 +123,7 @@ every other, as `benchmarks.robots` asks for them.
 
 The whole command took:
 
-{whole}
+{ring_table}
 """
 
 

@@ -1,6 +1,6 @@
 """Time and memory of a solution, from 100 to 100,000 samples of 4 points.
 
-The time is that of the processor: on one thread it is the wall time of a machine that does nothing else.
+The time is CPU time. On one thread it is the wall time of an idle machine.
 """
 
 from __future__ import annotations
@@ -28,37 +28,37 @@ from benchmarks.common import on_one_core, table, write
 
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 SIZES = tuple(round(10 ** (k / 2)) for k in range(4, 11))
-STEADY = 1000
-OFF = 2e-3
+FEWEST_STEADY = 1000
+START_OFFSET = 2e-3
 
-_FOUR = Scenario(target="chessboard", board=chessboard_target((2, 2), 0.12))
+_FOUR_POINTS = Scenario(target="chessboard", board=chessboard_target((2, 2), 0.12))
 # Robot noise is eliminated view by view where every sample is a new stop, and by the Schur complement where stops are
 # shared: their number grows with the samples as well (a still eye has one, the hand one a sample).
 CASES: dict[str, Scenario] = {
-    "no robot noise": _FOUR,
-    "robot noise": replace(_FOUR, robot_noise=(3e-4, 5e-4)),
-    "robot noise, five stations": replace(_FOUR, robot_noise=(3e-4, 5e-4), arms="stations"),
+    "no robot noise": _FOUR_POINTS,
+    "robot noise": replace(_FOUR_POINTS, robot_noise=(3e-4, 5e-4)),
+    "robot noise, five stations": replace(_FOUR_POINTS, robot_noise=(3e-4, 5e-4), arms="stations"),
 }
 
 
-def task(scenario: Scenario, samples: int, seed: int) -> tuple[Problem, State]:
-    """The packed arrays, and a start that is off by 2 mm and 2 mrad an axis."""
-    made = simulate(replace(scenario, samples=samples), seed)
-    problem, _ = build_problem(made.cell, made.recording)
+def make_task(scenario: Scenario, samples: int, seed: int) -> tuple[Problem, State]:
+    """The packed arrays, and a start that is off by 2 mm and 2 mrad per axis."""
+    simulated = simulate(replace(scenario, samples=samples), seed)
+    problem, _ = build_problem(simulated.cell, simulated.recording)
     rng = np.random.default_rng(seed)
-    near = {name: made.truth[name] @ SE3.exp(OFF * rng.standard_normal(6)) for name in problem.unknowns}
-    return problem, State(near, made.cameras, np.zeros((len(problem.stops), 6)))
+    start = {name: simulated.truth[name] @ SE3.exp(START_OFFSET * rng.standard_normal(6)) for name in problem.unknowns}
+    return problem, State(start, simulated.cameras, np.zeros((len(problem.stops), 6)))
 
 
 def _peak_bytes(problem: Problem, start: State) -> tuple[int, Solution]:
-    """The most memory taken at once while solving, above what the problem held before."""
+    """Peak memory of the solution beyond what the problem held before."""
     gc.collect()
     tracemalloc.start()
     held, _ = tracemalloc.get_traced_memory()
-    found = solve_from(problem, start)
+    solution = solve_from(problem, start)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    return peak - held, found
+    return peak - held, solution
 
 
 def _processor_seconds(problem: Problem, start: State) -> float:
@@ -67,45 +67,45 @@ def _processor_seconds(problem: Problem, start: State) -> float:
     return time.process_time() - began
 
 
-def measured(case: str, samples: int, seed: int) -> dict[str, Any]:
+def measure(case: str, samples: int, seed: int) -> dict[str, Any]:
     """Median time of several solutions, and the peak memory of one."""
-    problem, start = task(CASES[case], samples, seed)
-    peak, found = _peak_bytes(problem, start)
-    assert found.converged, f"{case}, {samples} samples: no optimum"
+    problem, start = make_task(CASES[case], samples, seed)
+    peak, solution = _peak_bytes(problem, start)
+    assert solution.converged, f"{case}, {samples} samples: no optimum"
     repeats = 3 if samples > 10_000 else 9
     times = [_processor_seconds(problem, start) for _ in range(repeats)]
     return {"case": case, "samples": samples, "seconds": median(times), "peak_bytes": peak}
 
 
 def slope(rows: list[dict[str, Any]], field: str) -> float:
-    """Of log(field) over log(samples), by least squares."""
+    """Slope of log(field) over log(samples), by least squares."""
     samples, values = ([row[name] for row in rows] for name in ("samples", field))
     return float(np.polyfit(np.log(samples), np.log(values), 1)[0])
 
 
 def slopes(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """By case, over all sizes and where calls no longer count."""
+    """Slopes by case, over all sizes and over sizes at which the time of calls is negligible."""
     out = []
     for case in dict.fromkeys(row["case"] for row in rows):
         of_case = [row for row in rows if row["case"] == case]
-        steady = [row for row in of_case if row["samples"] >= STEADY]
+        steady = [row for row in of_case if row["samples"] >= FEWEST_STEADY]
         every = {f"{field}_slope": slope(of_case, field) for field in ("seconds", "peak_bytes")}
-        late = {f"{field}_slope_from_{STEADY}": slope(steady, field) for field in ("seconds", "peak_bytes")}
+        late = {f"{field}_slope_from_{FEWEST_STEADY}": slope(steady, field) for field in ("seconds", "peak_bytes")}
         out.append({"case": case, **every, **late})
     return out
 
 
 def _lines(rows: list[dict[str, Any]], field: str, scale: float) -> dict[str, list[tuple[float, float]]]:
-    """A line a case, and a linear one through the end of the first."""
+    """A line for each case, and a linear one through the end of the first."""
     cases = dict.fromkeys(row["case"] for row in rows)
     lines = {c: [(r["samples"], scale * r[field]) for r in rows if r["case"] == c] for c in cases}
     first = next(iter(lines.values()))
-    (few, _), (many, at_end) = first[0], first[-1]
-    return lines | {"linear": [(few, at_end * few / many), (many, at_end)]}
+    (few, _), (many, last_value) = first[0], first[-1]
+    return lines | {"linear": [(few, last_value * few / many), (many, last_value)]}
 
 
-def drawn(rows: list[dict[str, Any]]) -> dict[str, str]:
-    """Time and memory over samples, as SVG by file name."""
+def make_charts(rows: list[dict[str, Any]]) -> dict[str, str]:
+    """Charts of time and memory over samples, as SVG by file name."""
     time, memory = _lines(rows, "seconds", 1e3), _lines(rows, "peak_bytes", 1e-6)
     across = "samples of 4 points"
     return {
@@ -115,24 +115,29 @@ def drawn(rows: list[dict[str, Any]]) -> dict[str, str]:
 
 
 HEAD = ("case", "samples", "time [ms]", "us a sample", "peak [MB]", "kB a sample")
-SLOPE_HEAD = ("case", "slope of time", f"from {STEADY} on", "slope of memory", f"from {STEADY} on")
+SLOPE_HEAD = ("case", "slope of time", f"from {FEWEST_STEADY} on", "slope of memory", f"from {FEWEST_STEADY} on")
 
 
-def row(found: dict[str, Any]) -> tuple[str, ...]:
+def row(result: dict[str, Any]) -> tuple[str, ...]:
     """A line of the table with `HEAD`."""
-    samples, took, peak = found["samples"], found["seconds"], found["peak_bytes"]
+    samples, took, peak = result["samples"], result["seconds"], result["peak_bytes"]
     times = f"{1e3 * took:.1f}", f"{1e6 * took / samples:.1f}"
-    return found["case"], f"{samples:,}", *times, f"{peak / 1e6:.2f}", f"{peak / 1e3 / samples:.2f}"
+    return result["case"], f"{samples:,}", *times, f"{peak / 1e6:.2f}", f"{peak / 1e3 / samples:.2f}"
 
 
-def slope_row(found: dict[str, Any]) -> tuple[str, ...]:
+def slope_row(result: dict[str, Any]) -> tuple[str, ...]:
     """A line of the table with `SLOPE_HEAD`."""
-    fields = ("seconds_slope", f"seconds_slope_from_{STEADY}", "peak_bytes_slope", f"peak_bytes_slope_from_{STEADY}")
-    return found["case"], *(f"{found[field]:.3f}" for field in fields)
+    fields = (
+        "seconds_slope",
+        f"seconds_slope_from_{FEWEST_STEADY}",
+        "peak_bytes_slope",
+        f"peak_bytes_slope_from_{FEWEST_STEADY}",
+    )
+    return result["case"], *(f"{result[field]:.3f}" for field in fields)
 
 
 def main(arguments: list[str]) -> None:
-    """Measure, print; of all sizes and cases write results/scaling.json and draw docs/figures/scaling_*.svg too."""
+    """Measure, print; with all sizes and cases write results/scaling.json and docs/figures/scaling_*.svg too."""
     # Only `make bench` installs it, and the page of results does without.
     from threadpoolctl import threadpool_limits
 
@@ -144,12 +149,12 @@ def main(arguments: list[str]) -> None:
     on_one_core()
     sizes = [n for n in SIZES if n <= asked.largest]
     with threadpool_limits(1):
-        rows = [measured(case, samples, asked.seed) for case in asked.cases for samples in sizes]
-    found = {"seed": asked.seed, "rows": rows, "slopes": slopes(rows)}
-    print(table(HEAD, map(row, rows)), table(SLOPE_HEAD, map(slope_row, found["slopes"])), sep="\n\n")
+        rows = [measure(case, samples, asked.seed) for case in asked.cases for samples in sizes]
+    result = {"seed": asked.seed, "rows": rows, "slopes": slopes(rows)}
+    print(table(HEAD, map(row, rows)), table(SLOPE_HEAD, map(slope_row, result["slopes"])), sep="\n\n")
     if asked.cases == list(CASES) and tuple(sizes) == SIZES:
-        write("scaling", found)
-        for name, figure in drawn(rows).items():
+        write("scaling", result)
+        for name, figure in make_charts(rows).items():
             (FIGURES / name).write_text(figure, encoding="utf-8")
 
 

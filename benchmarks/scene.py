@@ -1,14 +1,14 @@
-"""Calibration from a scene: rendered rooms of two arms, right ones, and ones that are to be refused.
+"""Calibration from a scene: rendered rooms of two arms, sound ones, and deceptive ones that must be refused.
 
-Images are small and few, and so are points, so that hundreds of cells can be tried; sound cells are answered, too.
-Of a right room the base's error and its Mahalanobis distance are measured. Rooms that deceive have two equal boxes, a
-floor of equal tiles, little or nothing that both arms see, things that move, a gripper in view, or poses in another
-order, inverted or of the other arm. A refusal is free there; an answer whose base is beyond the
-99.996 % ellipsoid (M2 of 30) is false. In two rooms all that has texture is copied or moved as one:
-no camera can tell, which is why a base from a scene alone stays doubtful. Cells are drawn by number, kinds in turn.
+There are few and small images, and few points, so that hundreds of cells can be tried. In a sound room the error of the
+base and its Mahalanobis distance are measured. Deceptive rooms have two equal boxes, a floor of equal tiles, little or
+nothing that both arms see, moving things, a gripper in view, or poses that are shuffled, inverted or of the other arm.
+A refusal is right there. An answer whose base is beyond the 99.996 % ellipsoid (M2 of 30) is false. In two rooms all
+texture is copied or moved together, which no camera can detect. A base from a scene alone therefore stays doubtful.
+Cells are drawn by number, kinds in turn.
 
-Mistaken poses and arms with errors are tried on the images of the plain room, whose features are found once. Arms
-with errors are answered, and the base's Mahalanobis distance is measured; they count neither as sound nor as deceiving.
+Mistaken poses and arms with errors use the images of the plain room, whose features are detected once. Arms with errors
+are answered, and the base's Mahalanobis distance is measured; they count neither as sound nor as deceptive.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ FALSE_M2 = 30.0
 
 
 class Design(NamedTuple):
-    """Images of each arm, their size [px], their focal length [px], and points of a camera's own scene, at most."""
+    """Images of each arm, their size [px] and focal length [px], and the largest number of points of a camera."""
 
     views: int
     size: tuple[int, int]
@@ -78,9 +78,9 @@ TIMED = {
     "1920x1200": Design(30, (1920, 1200), 1536.0, one_camera._MOST_POINTS),
 }
 DESIGNS = {"small": SMALL, "large": LARGE, **TIMED}
-_PARTS = {"small": "cells"}  # of the results, where not called as the design
+_PARTS = {"small": "cells"}  # names in the results that differ from those of designs
 OTHER_POSES = MISTAKES | ARM_ERRORS
-ORDER = ["plain", *OTHER_POSES, *(kind for kind in ROOMS if kind != "plain")]  # one after another of the same images
+ORDER = ["plain", *OTHER_POSES, *(kind for kind in ROOMS if kind != "plain")]  # kinds with the same images first
 HEAD = (
     "room",
     "cells",
@@ -95,8 +95,8 @@ HEAD = (
 )
 
 
-class Drawn:
-    """Images of a room in a folder of their own, the true base, and the true flange poses of both arms."""
+class Rendering:
+    """Images of a room in a temporary folder, the true base, and the true flange poses of both arms."""
 
     def __init__(self, kind: str, seed: int, design: Design) -> None:
         self._home = tempfile.TemporaryDirectory()
@@ -117,19 +117,19 @@ class Drawn:
 
 def _looks(rng: np.random.Generator, room: Room, arm: int) -> Poses:
     """Poses of the camera of an arm in the world."""
-    found = EXAMPLE.looks(rng, room.views, (-1.0, 1.0)[arm])
-    return [SE3(pose.rotation, pose.translation + room.middle[arm] - MIDDLE) for pose in found]
+    poses = EXAMPLE.looks(rng, room.views, (-1.0, 1.0)[arm])
+    return [SE3(pose.rotation, pose.translation + room.middle[arm] - MIDDLE) for pose in poses]
 
 
 def _flange_poses(rng: np.random.Generator, base: SE3, looks: Poses) -> Poses:
-    """Poses of the flange of an arm, which errs, in its base."""
+    """Poses of the flange of an arm with errors, in its base."""
     mount = SE3.from_rpy(rng.uniform(-0.3, 0.3, 3), rng.uniform(-0.08, 0.08, 3) + np.array([0, 0, 0.07]))
     noise = np.repeat([EXAMPLE.ARM_M, EXAMPLE.ARM_RAD], 3)
     return [base.inverse() @ look @ mount.inverse() @ SE3.exp(rng.standard_normal(6) * noise) for look in looks]
 
 
 def _render(folder: Path, room: Room, looks: Sequence[Poses], design: Design, rng: np.random.Generator) -> None:
-    """Write the images of both arms, numbered through."""
+    """Write the images of both arms with consecutive numbers."""
     numbers = [design.focal_px, design.focal_px, *design.centre, *EXAMPLE.DISTORTION]
     lens = Camera("pinhole", np.array(numbers), design.size)
     width, height = (int(room.gripper * side) for side in design.size)
@@ -138,8 +138,8 @@ def _render(folder: Path, room: Room, looks: Sequence[Poses], design: Design, rn
     number = 0
     for arm, own in enumerate(looks):
         for look in own:
-            from_where = SE3(look.rotation, look.translation - number * np.array(room.drift))
-            level = EXAMPLE.render_image(from_where, lens, *room.faces[arm], rng)
+            camera_pose = SE3(look.rotation, look.translation - number * np.array(room.drift))
+            level = EXAMPLE.render_image(camera_pose, lens, *room.faces[arm], rng)
             if gripper is not None:
                 level[-height:, :width] = gripper
             cv2.imwrite(str(folder / f"recording/images/{number}.png"), level)
@@ -167,45 +167,47 @@ def _write_cell(folder: Path, poses: tuple[Poses, Poses], design: Design) -> Non
 
 
 @lru_cache(maxsize=1)
-def drawn(kind: str, seed: int, design: Design) -> Drawn:
-    """The images of a room, the last of which are kept."""
-    return Drawn(kind, seed, design)
+def render_room(kind: str, seed: int, design: Design) -> Rendering:
+    """Render a room; the last one is cached."""
+    return Rendering(kind, seed, design)
 
 
-_SOLVED: dict[str, OneCamera] = {}
+_SOLVED_CAMERAS: dict[str, OneCamera] = {}
 
 
 def solve_camera_once(images: Images, camera: int, stop_noise: Array | None) -> OneCamera:
-    """What `solve_camera` gives, kept for other cells of the same images and poses."""
+    """The result of `solve_camera`, cached for other cells with the same images and poses."""
     rows = np.flatnonzero(images.views.camera == camera)
     poses = images.views.base_from_flange[rows]
-    seen = [poses.translation.tobytes(), *(images.features[row].pixels.tobytes() for row in rows)]
-    key = hashlib.sha256(b"".join(seen)).hexdigest()
-    _SOLVED[key] = _SOLVED.pop(key, None) or solve_camera(images, camera, stop_noise)
-    while len(_SOLVED) > 2:
-        del _SOLVED[next(iter(_SOLVED))]
-    return _SOLVED[key]
+    content = [poses.translation.tobytes(), *(images.features[row].pixels.tobytes() for row in rows)]
+    key = hashlib.sha256(b"".join(content)).hexdigest()
+    _SOLVED_CAMERAS[key] = _SOLVED_CAMERAS.pop(key, None) or solve_camera(images, camera, stop_noise)
+    while len(_SOLVED_CAMERAS) > 2:
+        del _SOLVED_CAMERAS[next(iter(_SOLVED_CAMERAS))]
+    return _SOLVED_CAMERAS[key]
 
 
-def tried(kind: str, seed: int, design: Design = SMALL) -> dict[str, Any]:
-    """What comes of a cell."""
-    made = drawn("plain" if kind in OTHER_POSES else kind, seed, design)
-    _write_cell(made.folder, OTHER_POSES[kind](made.poses) if kind in OTHER_POSES else made.poses, design)
-    cell = read_cell(made.folder)
-    found: list[Any] = []
-    recording = read_recording(made.folder, cell)
+def trial(kind: str, seed: int, design: Design = SMALL) -> dict[str, Any]:
+    """Calibrate one cell."""
+    rendering = render_room("plain" if kind in OTHER_POSES else kind, seed, design)
+    _write_cell(
+        rendering.folder, OTHER_POSES[kind](rendering.poses) if kind in OTHER_POSES else rendering.poses, design
+    )
+    cell = read_cell(rendering.folder)
+    answers: list[Any] = []
+    recording = read_recording(rendering.folder, cell)
     with (
         patch.object(find_scene, "solve_camera", solve_camera_once),
         patch.object(one_camera, "_MOST_POINTS", design.most_points),
     ):
-        cpu_s = cpu_seconds(lambda: found.append(calibrate(cell, recording, Settings(method="scene"))))
-    answer = found[0]
+        cpu_s = cpu_seconds(lambda: answers.append(calibrate(cell, recording, Settings(method="scene"))))
+    answer = answers[0]
     codes = [each.code for each in answer.findings if each.severity == "error"]
     result: dict[str, Any] = {"kind": kind, "seed": seed, "verdict": answer.verdict, "errors": codes, "cpu_s": cpu_s}
     result["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     if BASE in answer.transforms:
         base = answer.transforms[BASE]
-        off = (made.base.inverse() @ base.mean).log()
+        off = (rendering.base.inverse() @ base.mean).log()
         m2 = float(off @ np.linalg.solve(base.covariance, off))
         mm, deg = 1e3 * float(np.linalg.norm(off[:3])), float(np.degrees(np.linalg.norm(off[3:])))
         result |= {"mm": mm, "deg": deg, "m2": m2}
@@ -226,7 +228,7 @@ def row(kind: str, cells: Sequence[dict[str, Any]]) -> list[object]:
     ]  # fmt: skip
 
 
-def rows(cells: Sequence[dict[str, Any]]) -> str:
+def format_table(cells: Sequence[dict[str, Any]]) -> str:
     """The table of all kinds of room that were tried."""
     return table(HEAD, [row(kind, own) for kind in KINDS if (own := [each for each in cells if each["kind"] == kind])])
 
@@ -247,33 +249,34 @@ of 0.2 mm and 0.3 mrad. Of {len(deceiving)} deceptive cells {false} were answere
 
 In these everything with texture is copied or moved as one, and no camera can detect this.
 
-{_sound(cells)} For speed, at most {SMALL.most_points} points of each camera are used.
+{_sound_text(cells)} For speed, at most {SMALL.most_points} points of each camera are used.
 
-{rows(cells)}"""
-    return "\n\n".join(filter(None, (about, _about_large(large), _about_time(result))))
+{format_table(cells)}"""
+    return "\n\n".join(filter(None, (about, _large_text(large), _time_text(result))))
 
 
-def _sound(cells: Sequence[dict[str, Any]]) -> str:
-    """How many sound cells were answered, and how well."""
+def _sound_text(cells: Sequence[dict[str, Any]]) -> str:
+    """Text on how many sound cells were answered, and how well."""
     sound = [each for each in cells if each["kind"] in RIGHT]
     answered = [each for each in sound if "mm" in each]
-    near = sum(each["mm"] <= 1.0 for each in answered), sum(each["deg"] <= 0.06 for each in answered)
+    close = sum(each["mm"] <= 1.0 for each in answered), sum(each["deg"] <= 0.06 for each in answered)
     return (
-        f"Of {len(sound)} sound cells {len(answered)} were answered, {near[0]} to 1 mm and {near[1]} to 0.06 deg.\n"
+        f"Of {len(sound)} sound cells {len(answered)} were answered, {close[0]} to 1 mm and {close[1]} to 0.06 deg.\n"
         f"A cell takes {np.median([each['cpu_s'] for each in cells]):.0f} s of CPU time (median)."
     )
 
 
-def _about_large(cells: Sequence[dict[str, Any]]) -> str:
-    """Of rooms seen as a user's cameras see them."""
+def _large_text(cells: Sequence[dict[str, Any]]) -> str:
+    """Text on rooms with images as large as those of users."""
     if not cells:
         return ""
     size = f"{LARGE.views} images of {LARGE.size[0]}x{LARGE.size[1]}"
-    return f"The same with {size} of each arm, and all points (`--images large`).\n{_sound(cells)}\n\n{rows(cells)}"
+    about = f"The same with {size} of each arm, and all points (`--images large`)."
+    return f"{about}\n{_sound_text(cells)}\n\n{format_table(cells)}"
 
 
-def _about_time(result: dict[str, Any]) -> str:
-    """How long images of common sizes take, and how much memory."""
+def _time_text(result: dict[str, Any]) -> str:
+    """Text on time and memory for images of common sizes."""
     rows = [
         (name, f"2 x {design.views}", len(own), f"{np.median([each['cpu_s'] for each in own]):.0f}",
          f"{max(each['peak_gb'] for each in own):.2f}", f"{max(each['mm'] for each in own):.2f}")
@@ -284,7 +287,7 @@ def _about_time(result: dict[str, Any]) -> str:
     return f"{about}\n\n{table(head, rows)}" if rows else ""
 
 
-def main(words: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Measure what is not kept yet, print and write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cells", type=int, default=500, help="that deceive; as many of each right kind")
@@ -295,20 +298,20 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--images", choices=DESIGNS, default="small", help="their size and number; all but `small` are those of users"
     )
-    asked = parser.parse_args(words)
+    asked = parser.parse_args(arguments)
     on_one_core()
     kept, end = Kept(asked.keep), time.monotonic() + 60 * asked.minutes
-    each = -(-asked.cells // (len(KINDS) - len(RIGHT) - len(AMBIGUOUS) - len(ARM_ERRORS)))
+    seed_count = -(-asked.cells // (len(KINDS) - len(RIGHT) - len(AMBIGUOUS) - len(ARM_ERRORS)))
     design, part = DESIGNS[asked.images], _PARTS.get(asked.images, asked.images)
     cells = [
-        kept.of(key, lambda kind=kind, seed=seed: tried(kind, seed, design))
-        for seed in range(asked.first, asked.first + each)
+        kept.of(key, lambda kind=kind, seed=seed: trial(kind, seed, design))
+        for seed in range(asked.first, asked.first + seed_count)
         for kind in asked.kinds
         if (key := f"{kind}:{seed}") in kept or time.monotonic() < end
     ]
-    print(f"{_sound(cells)}\n\n{rows(cells)}")
+    print(f"{_sound_text(cells)}\n\n{format_table(cells)}")
     parts = {_PARTS.get(name, name) for name in DESIGNS}
-    write("scene", {key: of for key, of in read("scene").items() if key in parts} | {part: cells})
+    write("scene", {key: part_cells for key, part_cells in read("scene").items() if key in parts} | {part: cells})
     return 0
 
 

@@ -1,8 +1,8 @@
-"""A scene in place of the board: real recordings whose boards are masked, against what the boards give.
+"""A scene in place of the board: real recordings with masked boards, compared with the results from the boards.
 
-Features in the hull of each board, and 30 % more, are left out. What the scene gives of the camera's mount is compared
-with what the board gives, by the Mahalanobis distance in the sum of both covariances. Halves of one recording taken as
-two arms have a base that is known: the identity. Recordings without texture beside the board are to be refused.
+Features in the hull of each board, and 30 % around it, are left out. The camera's mount from the scene is compared with
+that from the board, by the Mahalanobis distance in the sum of both covariances. Two halves of a recording serve as two
+arms, whose relative base is the identity. Recordings without texture beside the board must be refused.
 """
 
 from __future__ import annotations
@@ -37,42 +37,42 @@ HALVES = "kuka_1_chessboard"
 HEAD = "recording", "what", "verdict", "mm", "deg", "M2", "own sigma [mm]", "[deg]", "refused as", "CPU time [s]"
 
 
-def masked(cell: Cell, sample: Sample, camera: str) -> list[Array]:
+def board_pixels(cell: Cell, sample: Sample, camera: str) -> list[Array]:
     """Pixels of each target that an image shows."""
-    seen = (each for each in sample.observations if isinstance(each, PixelObservation))
-    return [each.pixels for each in seen if each.camera == camera]
+    observations = (each for each in sample.observations if isinstance(each, PixelObservation))
+    return [each.pixels for each in observations if each.camera == camera]
 
 
-def from_scene(cell: Cell, recording: Recording) -> tuple[Calibration, float]:
-    """The answer of the scene beside the boards, without bases of robots that have no camera, and CPU time [s]."""
-    found: list[Calibration] = []
+def calibrate_from_scene(cell: Cell, recording: Recording) -> tuple[Calibration, float]:
+    """The answer from the scene with boards masked, without bases of robots that have no camera, and CPU time [s]."""
+    answers: list[Calibration] = []
     idle = cell.robots.keys() - {cell.reference, *(camera.on for camera in cell.cameras.values())}
     cell = replace(cell, bases={**cell.bases, **dict.fromkeys(idle, Unknown("fixed", SE3.identity()))})
-    with patch.object(images, "_moving_targets", masked):
-        cpu_s = cpu_seconds(lambda: found.append(calibrate(cell, recording, Settings(method="scene"))))
-    return found[0], cpu_s
+    with patch.object(images, "_moving_targets", board_pixels):
+        cpu_s = cpu_seconds(lambda: answers.append(calibrate(cell, recording, Settings(method="scene"))))
+    return answers[0], cpu_s
 
 
-def compared(what: str, answer: Calibration, cpu_s: float, name: str, reference: PoseEstimate) -> dict[str, Any]:
-    """A line of results: how far a transform is from a reference, and by which covariance."""
+def result_line(what: str, answer: Calibration, cpu_s: float, name: str, reference: PoseEstimate) -> dict[str, Any]:
+    """A line of results: the distance of a transform from a reference, and its sigma."""
     codes = [each.code for each in answer.findings if each.severity == "error"]
     line: dict[str, Any] = {"what": what, "verdict": answer.verdict, "errors": codes, "cpu_s": cpu_s}
     if name not in answer.transforms:
         return line
-    own = answer.transforms[name]
-    off = (reference.mean.inverse() @ own.mean).log()
-    variance = np.diag(own.covariance)
+    estimate = answer.transforms[name]
+    off = (reference.mean.inverse() @ estimate.mean).log()
+    variance = np.diag(estimate.covariance)
     return line | {
         "mm": 1e3 * float(np.linalg.norm(off[:3])),
         "deg": float(np.degrees(np.linalg.norm(off[3:]))),
-        "m2": float(off @ np.linalg.solve(own.covariance + reference.covariance, off)),
+        "m2": float(off @ np.linalg.solve(estimate.covariance + reference.covariance, off)),
         "sigma_mm": 1e3 * float(np.sqrt(variance[:3].sum())),
         "sigma_deg": float(np.degrees(np.sqrt(variance[3:].sum()))),
     }
 
 
 def as_two_arms(cell: Cell, recording: Recording) -> tuple[Cell, Recording]:
-    """Every other sample as one of a second arm with a camera of its own, whose base is that of the first."""
+    """Every other sample as one of a second arm with its own camera, whose base is that of the first."""
     robot, camera = next(iter(cell.robots)), next(iter(cell.cameras))
     data = cell_to_dict(cell)
     data["robots"]["second"] = dict(data["robots"][robot])
@@ -94,8 +94,8 @@ def as_two_arms(cell: Cell, recording: Recording) -> tuple[Cell, Recording]:
     return cell_from_dict(data), replace(recording, samples=tuple(samples))
 
 
-def read(name: str, home: Path) -> tuple[Cell, Recording]:
-    """A copy of a recording, its boards seen; that of two UR5e is the example, with the published images."""
+def read_with_boards(name: str, home: Path) -> tuple[Cell, Recording]:
+    """A copy of a recording with detected boards; that of two UR5e is the example with the published images."""
     folder = Path(copytree(EXAMPLES / "ur5e_dual" if name == UR5E else data_folder() / name, home / name))
     cell = read_cell(folder)
     recording = read_recording(folder, cell)
@@ -110,29 +110,29 @@ def read(name: str, home: Path) -> tuple[Cell, Recording]:
     return cell, replace(recording, samples=tuple(samples))
 
 
-def tried(name: str) -> list[dict[str, Any]]:
-    """What comes of a recording."""
+def trial(name: str) -> list[dict[str, Any]]:
+    """Lines of results of one recording."""
     with tempfile.TemporaryDirectory() as home:
-        cell, seen = read(name, Path(home))
+        cell, recording = read_with_boards(name, Path(home))
         mount = cell.mount_name(next(iter(cell.cameras)))
-        board = calibrate(cell, seen)
-        answer, cpu_s = from_scene(cell, seen)
-        lines = [compared("mount, lens free", answer, cpu_s, mount, board.transforms[mount])]
+        board = calibrate(cell, recording)
+        answer, cpu_s = calibrate_from_scene(cell, recording)
+        lines = [result_line("mount, lens free", answer, cpu_s, mount, board.transforms[mount])]
         if name == HALVES:
-            halves, split = as_two_arms(cell, seen)
-            answer, cpu_s = from_scene(halves, split)
+            halves, split = as_two_arms(cell, recording)
+            answer, cpu_s = calibrate_from_scene(halves, split)
             base = halves.base_name("second")
             exact = PoseEstimate(SE3.identity(), np.zeros((6, 6)))
-            lines.append(compared("base, halves as two arms", answer, cpu_s, base, exact))
+            lines.append(result_line("base, halves as two arms", answer, cpu_s, base, exact))
         return [{"recording": name, **line} for line in lines]
 
 
 def row(line: dict[str, Any]) -> list[str]:
     """A line of the table with `HEAD`."""
     numbers = ["mm", "deg", "m2", "sigma_mm", "sigma_deg"]
-    shown = [f"{line[key]:.2g}" if key in line else "-" for key in numbers]
+    texts = [f"{line[key]:.2g}" if key in line else "-" for key in numbers]
     refused = ", ".join(line["errors"]) or "-"
-    return [line["recording"], line["what"], line["verdict"], *shown, refused, f"{line['cpu_s']:.0f}"]
+    return [line["recording"], line["what"], line["verdict"], *texts, refused, f"{line['cpu_s']:.0f}"]
 
 
 def section(result: dict[str, Any]) -> str:
@@ -144,15 +144,15 @@ base is the identity."""
     return f"{about}\n\n{table(HEAD, map(row, result['lines']))}"
 
 
-def main(words: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Measure what is not kept yet, print and write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", nargs="+", choices=RECORDINGS, default=RECORDINGS)
     parser.add_argument("--keep", type=Path, help="file in which recordings are kept, and from which a run goes on")
-    asked = parser.parse_args(words)
+    asked = parser.parse_args(arguments)
     on_one_core()
     kept = Kept(asked.keep)
-    lines = [line for name in asked.recordings for line in kept.of(name, lambda name=name: tried(name))]
+    lines = [line for name in asked.recordings for line in kept.of(name, lambda name=name: trial(name))]
     print(section({"lines": lines}))
     write("scene_recordings", {"lines": lines})
     return 0

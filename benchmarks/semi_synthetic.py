@@ -1,10 +1,11 @@
-"""Whether 95 % ellipsoids hold the truth in 95 % of recordings whose errors are those of real ones.
+"""Whether 95 % ellipsoids hold the truth in 95 % of recordings with the errors of real ones.
 
-Recordings are drawn with real poses and real errors about a known truth (see `real_errors`), calibrated with nothing
-stated, and what is asked for is compared with the truth. `real`: stops and whole views dealt out anew. `student`:
-points (or measured poses) scatter by Student's t of three freedoms instead, as widely. `common`: by a normal, and
-all points of a view by as much again together. `x 0.3`, `x 3`: all errors are normal, and sigmas are stated that are so
-many times the true.
+Recordings are drawn with real poses and real errors about a known truth (see `real_errors`). They are calibrated with
+nothing stated, and the requested transforms are compared with the truth.
+
+`real`: stops and whole views are resampled. `student`: points (or measured poses) scatter as widely by Student's t with
+three degrees of freedom. `common`: points scatter normally, and all points of a view share a further error of the same
+size. `x 0.3` and `x 3`: all errors are normal, and the stated sigmas are these multiples of the true ones.
 """
 
 from __future__ import annotations
@@ -45,50 +46,50 @@ NAMES = (
     "nao_dual_axbycz",
 )
 HELD = 0.95
-# Of 300 draws, whose share scatters by 1.26 %: 3.2 and 2.8 of these from 95 %.
-LEAST, MOST = 0.91, 0.985
+# Limits of 300 draws, whose share has a standard error of 1.26 %: 3.2 and 2.8 of these from 95 %.
+LEAST_HELD, MOST_HELD = 0.91, 0.985
 ALL_DRAWS = 300
-NAMED = 0.95
-FEWEST = 30  # draws that results are written of: a share of 95 % is known to 4 %
+LEAST_NAMED = 0.95
+FEWEST_DRAWS = 30  # draws for which results are written: a share of 95 % has a standard error of 4 %
 FREEDOMS = 3  # of Student's t
 HEAD = ("recording", "errors", "draws", "refused", "doubtful", "good", "transform", "held", "NEES/6, median", "named",
         "holds", "commit")  # fmt: skip
 
 
-def real(of: Reality, rng: Rng) -> Errors:
-    """As in the recording, dealt out anew."""
-    return of.resampled(rng)
+def real(reality: Reality, rng: Rng) -> Errors:
+    """Errors of the recording, resampled."""
+    return reality.resample(rng)
 
 
-def student(of: Reality, rng: Rng) -> Errors:
-    """Stops as in the recording; every number that was measured off by Student's t."""
+def student(reality: Reality, rng: Rng) -> Errors:
+    """Errors of stops as in the recording; errors of measurements by Student's t."""
     wide = np.sqrt(FREEDOMS / (FREEDOMS - 2))
-    return _scattered(of, of.resampled(rng).stops, lambda shape: rng.standard_t(FREEDOMS, shape) / wide)
+    return _draw_views(reality, reality.resample(rng).stops, lambda shape: rng.standard_t(FREEDOMS, shape) / wide)
 
 
-def common(of: Reality, rng: Rng) -> Errors:
-    """Stops as in the recording; points off by a normal, and by another that a view's points have in common."""
+def common(reality: Reality, rng: Rng) -> Errors:
+    """Errors of stops as in the recording; normal errors of points, and a normal error that points of a view share."""
 
-    def both(shape: tuple[int, ...]) -> Array:
-        """Of a group's views."""
+    def draw_shared(shape: tuple[int, ...]) -> Array:
+        """Errors of a group's views."""
         return rng.standard_normal(shape) + rng.standard_normal((shape[0], 1, shape[-1]))
 
-    return _scattered(of, of.resampled(rng).stops, both)
+    return _draw_views(reality, reality.resample(rng).stops, draw_shared)
 
 
-def normal(of: Reality, rng: Rng) -> Errors:
-    """All normal, of stops as of points."""
-    return _scattered(of, rng.standard_normal(of.state.stop_errors.shape), rng.standard_normal)
+def normal(reality: Reality, rng: Rng) -> Errors:
+    """Normal errors of stops and of measurements."""
+    return _draw_views(reality, rng.standard_normal(reality.state.stop_errors.shape), rng.standard_normal)
 
 
-def _of_points(of: Reality) -> bool:
-    """Whether views are of points, which may have an error in common."""
-    return all(isinstance(group.measurement, PixelMeasurement) for group in of.problem.groups)
+def _has_point_views(reality: Reality) -> bool:
+    """Whether all views are of points, which may share an error."""
+    return all(isinstance(group.measurement, PixelMeasurement) for group in reality.problem.groups)
 
 
-def _scattered(of: Reality, stops: Array, draw: Callable[[tuple[int, ...]], Array]) -> Errors:
+def _draw_views(reality: Reality, stops: Array, draw: Callable[[tuple[int, ...]], Array]) -> Errors:
     views = []
-    for group, scatter in zip(of.problem.groups, of.scatter(), strict=True):
+    for group, scatter in zip(reality.problem.groups, reality.scatter(), strict=True):
         if isinstance(group.measurement, PixelMeasurement):
             views.append(scatter * draw(group.measurement.pixels.shape))
         else:
@@ -97,7 +98,7 @@ def _scattered(of: Reality, stops: Array, draw: Callable[[tuple[int, ...]], Arra
 
 
 class Kind(NamedTuple):
-    """How errors are drawn, and how many times the true sigmas are stated; 0 for none."""
+    """How errors are drawn, and the stated multiple of the true sigmas; 0 if none is stated."""
 
     draw: Callable[[Reality, Rng], Errors]
     stated: float = 0.0
@@ -122,57 +123,57 @@ class Draw(NamedTuple):
     seconds: float
 
 
-def stated(of: Reality, recording: Recording, factor: float) -> tuple[Cell, Recording]:
-    """The cell and the recording with all sigmas stated, so many times the true ones."""
-    robots = dict(of.cell.robots)
-    for robot, sigma in zip(of.problem.stops.robot, of.problem.stops.sigma, strict=True):
+def with_stated_sigmas(reality: Reality, recording: Recording, factor: float) -> tuple[Cell, Recording]:
+    """The cell and the recording with all sigmas stated, as a multiple of the true ones."""
+    robots = dict(reality.cell.robots)
+    for robot, sigma in zip(reality.problem.stops.robot, reality.problem.stops.sigma, strict=True):
         robots[robot] = replace(robots[robot], noise=factor * sigma)
     sigmas: dict[tuple[str, str], Any] = {}
-    for group, scatter in zip(of.problem.groups, of.scatter(), strict=True):
+    for group, scatter in zip(reality.problem.groups, reality.scatter(), strict=True):
         true = 1 / group.measurement.weight[0] if isinstance(group.measurement, PoseMeasurement) else scatter
         sigmas[group.camera, group.target] = factor * true
 
-    def told(sample: Sample) -> Sample:
-        """One sample."""
-        seen: list[Observation] = []
+    def with_sigmas(sample: Sample) -> Sample:
+        """The sample with its sigmas stated."""
+        observations: list[Observation] = []
         for o in sample.observations:
             sigma = sigmas[o.camera, o.target]
             if isinstance(o, PixelObservation):
-                seen.append(replace(o, sigma_px=np.full(len(o.ids), sigma), detected=False))
+                observations.append(replace(o, sigma_px=np.full(len(o.ids), sigma), detected=False))
             else:
                 assert isinstance(o, PoseObservation)
-                seen.append(replace(o, sigma=sigma))
-        return replace(sample, observations=tuple(seen))
+                observations.append(replace(o, sigma=sigma))
+        return replace(sample, observations=tuple(observations))
 
-    return replace(of.cell, robots=robots), replace(recording, samples=tuple(map(told, recording.samples)))
+    return replace(reality.cell, robots=robots), replace(recording, samples=tuple(map(with_sigmas, recording.samples)))
 
 
-def drawn(of: Reality, kind: Kind, seed: int) -> Draw:
-    """One recording of a kind, calibrated."""
-    recording, cell = of.draw_fault(kind.draw(of, np.random.default_rng(seed))), of.cell
+def trial(reality: Reality, kind: Kind, seed: int) -> Draw:
+    """Draw and calibrate one recording of a kind."""
+    recording, cell = reality.make_recording(kind.draw(reality, np.random.default_rng(seed))), reality.cell
     if kind.stated:
-        cell, recording = stated(of, recording, kind.stated)
+        cell, recording = with_stated_sigmas(reality, recording, kind.stated)
     began = time.perf_counter()
-    found = calibrate(cell, recording)
+    calibration = calibrate(cell, recording)
     took = time.perf_counter() - began
-    nees, held = _distances(of, found)
-    return Draw(nees, held, found.verdict, [f.code for f in found.findings], took)
+    nees, held = _distances(reality, calibration)
+    return Draw(nees, held, calibration.verdict, [f.code for f in calibration.findings], took)
 
 
-def _distances(of: Reality, found: Calibration) -> tuple[dict[str, float], dict[str, bool]]:
+def _distances(reality: Reality, calibration: Calibration) -> tuple[dict[str, float], dict[str, bool]]:
     nees, held = {}, {}
-    for name in of.cell.requested_transforms:
-        if name not in found.transforms or found.status[name] == "fixed":
+    for name in reality.cell.requested_transforms:
+        if name not in calibration.transforms or calibration.status[name] == "fixed":
             continue
-        width = 3 if name in found.points else 6
-        xi = (found[name].mean.inverse() @ of.truth[name]).log()[:width]
-        square = float(xi @ np.linalg.solve(found[name].covariance[:width, :width], xi))
+        width = 3 if name in calibration.points else 6
+        xi = (calibration[name].mean.inverse() @ reality.truth[name]).log()[:width]
+        square = float(xi @ np.linalg.solve(calibration[name].covariance[:width, :width], xi))
         nees[name], held[name] = square / width, bool(square <= chi2.ppf(HELD, width))
     return nees, held
 
 
 def summary(name: str, kind: str, draws: Sequence[Draw]) -> dict[str, Any]:
-    """Shares over the draws of one recording."""
+    """Statistics over the draws of one recording."""
     transforms = sorted({t for d in draws for t in d.held})
     counts = {v: sum(d.verdict == v for d in draws) for v in ("refused", "doubtful", "good")}
     named = sum("poor-fit" in d.codes for d in draws) / len(draws) if KINDS[kind].stated else None
@@ -189,26 +190,28 @@ def summary(name: str, kind: str, draws: Sequence[Draw]) -> dict[str, Any]:
     }
 
 
-def holds(found: dict[str, Any]) -> bool:
-    """Whether what is asked is so."""
-    factor = KINDS[found["kind"]].stated
+def holds(result: dict[str, Any]) -> bool:
+    """Whether a row meets its requirement."""
+    factor = KINDS[result["kind"]].stated
     if factor:
-        return found["named"] >= NAMED and (factor > 1 or found["good"] == 0)
-    wider = np.sqrt(ALL_DRAWS / min(found["draws"], ALL_DRAWS))
-    low, high = HELD - wider * (HELD - LEAST), HELD + wider * (MOST - HELD)
-    return all(low <= share <= high for share in found["held"].values())
+        return result["named"] >= LEAST_NAMED and (factor > 1 or result["good"] == 0)
+    wider = np.sqrt(ALL_DRAWS / min(result["draws"], ALL_DRAWS))
+    low, high = HELD - wider * (HELD - LEAST_HELD), HELD + wider * (MOST_HELD - HELD)
+    return all(low <= share <= high for share in result["held"].values())
 
 
-def rows(found: dict[str, Any]) -> list[tuple[object, ...]]:
-    """Lines of the table with `HEAD`, one a transform."""
-    first = tuple(found[k] for k in ("recording", "kind", "draws", "refused", "doubtful", "good"))
-    named = "" if found["named"] is None else f"{100 * found['named']:.0f} %"
-    last = (named, "yes" if holds(found) else "NO", found.get("commit", ""))
-    return [(*first, t, f"{100 * share:.1f} %", f"{found['nees'][t]:.2f}", *last) for t, share in found["held"].items()]
+def rows(result: dict[str, Any]) -> list[tuple[object, ...]]:
+    """Lines of the table with `HEAD`, one for each transform."""
+    first = tuple(result[k] for k in ("recording", "kind", "draws", "refused", "doubtful", "good"))
+    named = "" if result["named"] is None else f"{100 * result['named']:.0f} %"
+    last = (named, "yes" if holds(result) else "NO", result.get("commit", ""))
+    return [
+        (*first, t, f"{100 * share:.1f} %", f"{result['nees'][t]:.2f}", *last) for t, share in result["held"].items()
+    ]
 
 
 def main(arguments: list[str]) -> None:
-    """Draw and print; of enough draws results/semi_synthetic.json too, beside what it has of others."""
+    """Draw and print; with enough draws update results/semi_synthetic.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.semi_synthetic", description=__doc__)
     parser.add_argument("--recordings", nargs="*", default=list(NAMES), choices=list(NAMES), metavar="NAME")
     parser.add_argument("--kinds", nargs="*", default=list(KINDS), choices=list(KINDS), metavar="KIND")
@@ -217,31 +220,31 @@ def main(arguments: list[str]) -> None:
     asked = parser.parse_args(arguments)
     on_one_core()
     kept = Kept(asked.keep)
-    known, found = recordings(), []
+    readers, results = recordings(), []
     for name in asked.recordings:
         try:
-            of = reality(*known[name]())
+            case = reality(*readers[name]())
         except DatasetError as error:
             print(f"left out: {error}")
             continue
         for kind in asked.kinds:
-            if kind == "common" and not _of_points(of):
+            if kind == "common" and not _has_point_views(case):
                 continue
-            keys = {f"{name}, {kind}, {seed}": partial(drawn, of, KINDS[kind], seed) for seed in range(asked.draws)}
-            found.append(summary(name, kind, [Draw(*kept.of(key, draw)) for key, draw in keys.items()]))
-            print(*(", ".join(map(str, row)) for row in rows(found[-1])), sep="\n", flush=True)
-            if asked.draws >= FEWEST:
-                _keep(found[-1])
-    print(table(HEAD, (row for each in found for row in rows(each))))
+            keys = {f"{name}, {kind}, {seed}": partial(trial, case, KINDS[kind], seed) for seed in range(asked.draws)}
+            results.append(summary(name, kind, [Draw(*kept.of(key, draw)) for key, draw in keys.items()]))
+            print(*(", ".join(map(str, row)) for row in rows(results[-1])), sep="\n", flush=True)
+            if asked.draws >= FEWEST_DRAWS:
+                _store_row(results[-1])
+    print(table(HEAD, (row for each in results for row in rows(each))))
 
 
-def _keep(found: dict[str, Any]) -> None:
-    """Write a row in place of what there was of its recording and kind."""
+def _store_row(result: dict[str, Any]) -> None:
+    """Write a row in place of the previous one of its recording and kind."""
     path = RESULTS / "semi_synthetic.json"
     kept = json.loads(path.read_text(encoding="utf-8"))["rows"] if path.exists() else []
-    every = {(row["recording"], row["kind"]): row for row in [*kept, {**found, "commit": commit()}]}
+    rows_by_key = {(row["recording"], row["kind"]): row for row in [*kept, {**result, "commit": commit()}]}
     order = [(name, kind) for name in NAMES for kind in KINDS]
-    write("semi_synthetic", {"rows": [every[key] for key in order if key in every]})
+    write("semi_synthetic", {"rows": [rows_by_key[key] for key in order if key in rows_by_key]})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Small faults in the sources: one expression of one file changed.
 
-A comparison turned round or shifted by its border, an operator exchanged, a condition negated, a number changed.
+A comparison is reversed or its border shifted, an operator exchanged, a condition negated, or a number changed.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ OPERATORS: dict[type[ast.operator], type[ast.operator]] = {
 
 
 class Mutant(NamedTuple):
-    """One change: the file below `src/basecal`, what stood and what stands there, the new source.
+    """One change: the file below `src/basecal`, the old and the new expression, and the new source.
 
-    `text` is the line that is changed, `nth` counts changes of a file that are alike in all of this. `function` holds
-    the lines of the innermost function whose body is changed; none where it is what the module itself runs.
+    `text` is the changed line, and `nth` counts equal changes of a file. `function` holds the lines of the innermost
+    function whose body is changed. It is empty if the module itself runs the expression.
     """
 
     file: str
@@ -68,12 +68,12 @@ class Mutant(NamedTuple):
 
     @property
     def place(self) -> tuple[str, str, str, str, int]:
-        """Which mutant it is, wherever in its file the line stands."""
+        """Identity of the mutant, which does not depend on the number of its line."""
         return self.file, self.text, self.old, self.new, self.nth
 
 
-def changed(node: ast.AST) -> Iterator[ast.AST]:
-    """All that a node may be replaced by."""
+def replacements(node: ast.AST) -> Iterator[ast.AST]:
+    """All replacements of a node."""
     match node:
         case ast.Compare(left=left, ops=[op], comparators=right):
             if type(op) in COMPARISONS:
@@ -97,7 +97,7 @@ def changed(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def _counts(node: ast.AST) -> bool:
-    """Whether something is a count by its form: between real numbers a border makes no difference."""
+    """Whether an expression is a count by its form: borders between real numbers make no difference."""
     match node:
         case ast.Constant(value=int()) | ast.Call(func=ast.Name(id="len")):
             return True
@@ -109,7 +109,7 @@ def _is_text(node: ast.AST) -> bool:
 
 
 def _places(tree: ast.AST) -> Iterator[tuple[ast.AST, str, int | None]]:
-    """Every expression of the code by its parent, field and place; no annotation, decorator or message of an error."""
+    """Every expression by its parent, field and index, without annotations, decorators and messages of errors."""
     for field, value in ast.iter_fields(tree):
         if field in {"annotation", "returns", "decorator_list", "type_params"} or isinstance(tree, ast.Raise):
             continue
@@ -120,7 +120,7 @@ def _places(tree: ast.AST) -> Iterator[tuple[ast.AST, str, int | None]]:
 
 
 def _is_declaration(node: ast.AST) -> bool:
-    """Whether a node is for type checkers alone, is text, or asserts what holds by construction."""
+    """Whether a node is for type checkers alone, is text, or asserts what is true by construction."""
     match node:
         case ast.If(test=ast.Name(id="TYPE_CHECKING")) | ast.JoinedStr() | ast.keyword(arg="strict"):
             return True
@@ -130,7 +130,7 @@ def _is_declaration(node: ast.AST) -> bool:
 
 
 def mutants_of(path: Path, wanted: Collection[int] | None = None) -> Iterator[Mutant]:
-    """Every mutant of a file in the order of its text, or those of these numbers."""
+    """Every mutant of a file in the order of its text, or those with these numbers."""
     text = path.read_text(encoding="utf-8")
     lines, tree = text.splitlines(), ast.parse(text)
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
@@ -143,23 +143,23 @@ def mutants_of(path: Path, wanted: Collection[int] | None = None) -> Iterator[Mu
         if wanted is not None and k not in wanted:
             continue
         new = ast.copy_location(copy.deepcopy(other), node)
-        _put(parent, field, place, new)
+        _set_node(parent, field, place, new)
         source = ast.unparse(ast.fix_missing_locations(tree))
-        _put(parent, field, place, node)
+        _set_node(parent, field, place, node)
         file = str(path.relative_to(SOURCE))
-        yield Mutant(file, node.lineno, *what, alike[what] - 1, _around(functions, node), source)
+        yield Mutant(file, node.lineno, *what, alike[what] - 1, _function_lines(functions, node), source)
 
 
 def _changes(tree: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.AST]]:
-    """What may be changed, and into what."""
+    """All places that can be changed, each with a replacement."""
     for parent, field, place in _places(tree):
         holder = getattr(parent, field)
-        for other in changed(holder if place is None else holder[place]):
+        for other in replacements(holder if place is None else holder[place]):
             yield parent, field, place, other
 
 
-def _around(functions: Sequence[ast.FunctionDef], node: Any) -> range:
-    """Lines of the innermost function whose body holds a node; none where there is no such function."""
+def _function_lines(functions: Sequence[ast.FunctionDef], node: Any) -> range:
+    """Lines of the innermost function whose body holds a node; empty if there is none."""
     at = node.lineno, node.col_offset
     holding = [f for f in functions if (f.body[0].lineno, f.body[0].col_offset) <= at and node.lineno <= f.end_lineno]
     if not holding:
@@ -168,7 +168,7 @@ def _around(functions: Sequence[ast.FunctionDef], node: Any) -> range:
     return range(first_line(inner), (inner.end_lineno or 0) + 1)
 
 
-def _put(parent: ast.AST, field: str, place: int | None, node: ast.AST) -> None:
+def _set_node(parent: ast.AST, field: str, place: int | None, node: ast.AST) -> None:
     if place is None:
         setattr(parent, field, node)
     else:
@@ -176,7 +176,7 @@ def _put(parent: ast.AST, field: str, place: int | None, node: ast.AST) -> None:
 
 
 def sample_of(packages: Sequence[str], count: int, seed: int) -> list[Mutant]:
-    """So many mutants of all that there are in some packages, drawn without putting back."""
+    """Draw a number of mutants of some packages at random, without repetition."""
     paths = [path for name in packages for path in sorted((SOURCE / name).rglob("*.py")) if path.name != "__init__.py"]
     counts = [sum(1 for _ in _changes(ast.parse(path.read_text(encoding="utf-8")))) for path in paths]
     ends = np.cumsum(counts)

@@ -19,13 +19,13 @@ TARGET = 0.995
 
 
 def run(kinds: Iterable[str], cells: int, first_seed: int, workers: int) -> list[Trial]:
-    """`cells` trials, shared evenly among the kinds."""
+    """`cells` trials, divided evenly among the kinds."""
     names = list(kinds)
-    asked = [(names[k % len(names)], first_seed + k // len(names)) for k in range(cells)]
+    cases = [(names[k % len(names)], first_seed + k // len(names)) for k in range(cells)]
     if workers == 1:
-        return [trial(*each) for each in asked]
+        return [trial(*each) for each in cases]
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(trial, *zip(*asked, strict=True), chunksize=4))
+        return list(pool.map(trial, *zip(*cases, strict=True), chunksize=4))
 
 
 def _summary(name: str, trials: list[Trial]) -> dict[str, Any]:
@@ -43,14 +43,14 @@ def _summary(name: str, trials: list[Trial]) -> dict[str, Any]:
 
 
 def summaries(trials: list[Trial]) -> list[dict[str, Any]]:
-    """By kind, and over all."""
+    """Statistics by kind, and over all."""
     kinds = dict.fromkeys(t.kind for t in trials)
     return [*(_summary(k, [t for t in trials if t.kind == k]) for k in kinds), _summary("all", trials)]
 
 
-def _report(found: list[dict[str, Any]]) -> str:
+def _report(summaries: list[dict[str, Any]]) -> str:
     rows = []
-    for s in found:
+    for s in summaries:
         rate = "" if s["rate"] is None else f"{100 * s['rate']:.2f} %"
         seeds = "" if s["kind"] == "all" else " ".join(str(seed) for _, seed in s["failing"])
         times = f"{s['median_ms']:.0f}", f"{s['slowest_ms']:.0f}"
@@ -68,14 +68,14 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args(arguments)
     trials = run(asked.kinds, asked.cells, asked.first_seed, asked.workers)
-    found = summaries(trials)
-    print(_report(found))
-    others = [t for t in trials if t.verdict == "other"]
-    for t in others:
+    rows = summaries(trials)
+    print(_report(rows))
+    failures = [t for t in trials if t.verdict == "other"]
+    for t in failures:
         print(f"{t.kind}, seed {t.seed}: cost {t.cost:.6g}, from the truth {t.cost_from_truth:.6g}, off by {t.off:.2g}")
-    rate = found[-1]["rate"]
-    result = {"cells": asked.cells, "first_seed": asked.first_seed, "target": TARGET, "rate": rate, "kinds": found}
-    print(f"\nwritten: {write('starts', {**result, 'others': [t._asdict() for t in others]}).name}")
+    rate = rows[-1]["rate"]
+    result = {"cells": asked.cells, "first_seed": asked.first_seed, "target": TARGET, "rate": rate, "kinds": rows}
+    print(f"\nwritten: {write('starts', {**result, 'others': [t._asdict() for t in failures]}).name}")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""Calibrations a second through a study, by solver: drawing, starts, starting the processes and keeping the trials.
+"""Calibrations a second through a study, by solver, with draws, starts, processes and files of trials.
 
-At pixel level 30 samples of a rigid target of 24 points, both mounts and the base free, with the covariance; the
-paper's closed form of one station; OpenCV's robot-world solver on 30 samples of the same target.
+At pixel level: 30 samples of a rigid target of 24 points, both mounts and the base free, with the covariance. The
+closed form of the paper is for one station. OpenCV's robot-world solver has 30 samples of the same target.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ HOLDS = {
 }
 TRIALS = {"maximum_likelihood": 20_480, "closed_form": 2_000_000, "opencv": 2048}
 CELLS = 8
-ASKED = {"maximum_likelihood": 2000.0, "closed_form": 300_000.0}
+REQUIRED_RATE = {"maximum_likelihood": 2000.0, "closed_form": 300_000.0}
 HEAD = ("solver", "trials", "processes", "wall time [s]", "a second", "required", "solved")
 
 
-def timed(solver: str, trials: int, workers: int) -> dict[str, Any]:
-    """One study, from nothing to all its chunks on the disk."""
+def measure(solver: str, trials: int, workers: int) -> dict[str, Any]:
+    """Run one study, from nothing to all its chunks on the disk."""
     text = f"schema: basecal/study/1\ntrials: {trials}\ncells: {CELLS}\nhold: {{{HOLDS[solver]}}}\n"
     study = study_from_text(text, "study.yaml")
     with tempfile.TemporaryDirectory() as folder:
@@ -40,33 +40,35 @@ def timed(solver: str, trials: int, workers: int) -> dict[str, Any]:
         run_study(study, Path(folder) / "out", WorkerPool(workers))
         took = time.perf_counter() - begin
         solved = sum(int(result.trials.solved.sum()) for _, result in results(study, Path(folder) / "out"))
-    found = {"solver": solver, "trials": trials, "workers": workers, "seconds": took, "solved": solved}
-    return {**found, "rate": trials / took}
+    fields = {"solver": solver, "trials": trials, "workers": workers, "seconds": took, "solved": solved}
+    return {**fields, "rate": trials / took}
 
 
 def row(result: dict[str, Any]) -> tuple[str, ...]:
     """A line of the table."""
-    asked = ASKED.get(result["solver"])
+    required = REQUIRED_RATE.get(result["solver"])
     return (
         result["solver"],
         str(result["trials"]),
         str(result["workers"]),
         f"{result['seconds']:.1f}",
         f"{result['rate']:.0f}",
-        "" if asked is None else f"{asked:.0f}",
+        "" if required is None else f"{required:.0f}",
         f"{result['solved'] / result['trials']:.2%}",
     )
 
 
 def main() -> None:
-    """Each solver by all cores."""
+    """Run each solver on all cores."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--share", type=float, default=1.0, help="of the trials")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
-    made = [timed(solver, max(CELLS, int(options.share * count)), options.workers) for solver, count in TRIALS.items()]
-    print(table(HEAD, map(row, made)))
-    write("study", {"rows": made})
+    rows = [
+        measure(solver, max(CELLS, int(options.share * count)), options.workers) for solver, count in TRIALS.items()
+    ]
+    print(table(HEAD, map(row, rows)))
+    write("study", {"rows": rows})
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Poses of targets by `solvePnP`, as easy_handeye and apriltag have them: clean recordings, verdicts and ellipsoids.
+"""Target poses by `solvePnP`, as easy_handeye and apriltag give them: verdicts and ellipsoids of clean recordings.
 
 Command: python -m benchmarks.target_poses [--draws 60] [--samples 20].
 """
@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 import basecal
 from basecal.geometry import SE3, Array
-from benchmarks.common import by_draws, table
+from benchmarks.common import run_draws, table
 
 DRAWS, SAMPLES = 60, 20
 LENS = np.array([[900.0, 0, 640], [0, 900, 360], [0, 0, 1]])
@@ -26,49 +26,49 @@ TARGETS = {
 }
 
 
-def sighted_poses(rng: np.random.Generator, count: int) -> SE3:
+def random_views(rng: np.random.Generator, count: int) -> SE3:
     """camera_from_target from 0.35 to 0.8 m, tilted by up to 40 deg."""
-    tilt, about, roll = rng.uniform(0, 0.7, count), rng.uniform(0, 2 * np.pi, count), rng.normal(0, 0.5, count)
-    aslant = SE3.from_rotvec(
-        tilt[:, None] * np.stack([np.cos(about), np.sin(about), 0 * about], -1), np.zeros((count, 3))
+    tilt, azimuth, roll = rng.uniform(0, 0.7, count), rng.uniform(0, 2 * np.pi, count), rng.normal(0, 0.5, count)
+    tilted = SE3.from_rotvec(
+        tilt[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], -1), np.zeros((count, 3))
     )
     rolled = SE3.from_rotvec(roll[:, None] * [0, 0, 1.0], np.zeros((count, 3)))
     facing = SE3.from_rotvec([np.pi, 0, 0], [0, 0, 0])
     places = np.c_[rng.normal(0, 0.07, count), rng.normal(0, 0.05, count), rng.uniform(0.35, 0.8, count)]
-    return SE3((facing @ rolled @ aslant).rotation, places)
+    return SE3((facing @ rolled @ tilted).rotation, places)
 
 
 def pnp_pose(points_in_target: Array, pixels: Array) -> tuple[Array, Array]:
-    """Rotation vector and translation, refined."""
-    way = cv2.SOLVEPNP_IPPE_SQUARE if len(points_in_target) == 4 else cv2.SOLVEPNP_IPPE
-    _, turn, place = cv2.solvePnP(points_in_target, pixels, LENS, None, flags=way)
+    """Refined rotation vector and translation of a target."""
+    method = cv2.SOLVEPNP_IPPE_SQUARE if len(points_in_target) == 4 else cv2.SOLVEPNP_IPPE
+    _, turn, place = cv2.solvePnP(points_in_target, pixels, LENS, None, flags=method)
     turn, place = cv2.solvePnPRefineLM(points_in_target, pixels, LENS, None, turn, place)
     return np.ravel(turn), np.ravel(place)
 
 
 def trial(seed: int, samples: int, points_in_target: Array) -> dict[str, Any]:
-    """Verdict, codes, error [m] of the mount and its square in sigmas."""
+    """Verdict, codes, error [m] of the mount, and its square in sigmas."""
     rng = np.random.default_rng(seed)
     mount = SE3.exp(np.r_[rng.normal(0, 0.05, 3), rng.normal(0, 0.5, 3)])
     base_from_target = SE3.exp(np.r_[rng.normal(0, 0.5, 3), rng.normal(0, 1, 3)])
-    true = sighted_poses(rng, samples)
+    true = random_views(rng, samples)
     noise = SE3.exp(rng.normal(size=(samples, 6)) * np.repeat([1e-4, 2e-4], 3))
     gripper = base_from_target @ true.inverse() @ mount.inverse() @ noise
-    seen = []
+    target_poses = []
     for k in range(samples):
         points = true[k] @ points_in_target
         pixels = points[:, :2] / points[:, 2:] * 900.0 + [640, 360] + rng.normal(0, PIXEL_PX, (len(points), 2))
-        seen.append(pnp_pose(points_in_target, pixels))
-    turns, places = (np.array(part) for part in zip(*seen, strict=True))
-    found = basecal.hand_eye(gripper.rotation, gripper.translation, turns, places)
-    off = (found["cam2gripper"].mean.inverse() @ mount).log()
-    square = float(off @ np.linalg.solve(found["cam2gripper"].covariance, off))
-    codes = [each.code for each in found.findings if each.severity != "info"]
-    return {"verdict": found.verdict, "codes": codes, "m": float(np.linalg.norm(off[:3])), "square": square}
+        target_poses.append(pnp_pose(points_in_target, pixels))
+    turns, places = (np.array(part) for part in zip(*target_poses, strict=True))
+    calibration = basecal.hand_eye(gripper.rotation, gripper.translation, turns, places)
+    off = (calibration["cam2gripper"].mean.inverse() @ mount).log()
+    square = float(off @ np.linalg.solve(calibration["cam2gripper"].covariance, off))
+    codes = [each.code for each in calibration.findings if each.severity != "info"]
+    return {"verdict": calibration.verdict, "codes": codes, "m": float(np.linalg.norm(off[:3])), "square": square}
 
 
 def summary(name: str, trials: list[dict[str, Any]]) -> dict[str, Any]:
-    """A row."""
+    """A row of the table."""
     squares = np.array([each["square"] for each in trials])
     return {
         "target": name,
@@ -93,16 +93,16 @@ A hand-eye calibration from {result["samples"]} target poses, which PnP estimate
     return f"{about}\n\n{table(head, rows)}"
 
 
-def measured(draws: int, samples: int) -> dict[str, Any]:
+def measure(draws: int, samples: int) -> dict[str, Any]:
     """A row for each target."""
     trials = {name: [trial(seed, samples, points) for seed in range(draws)] for name, points in TARGETS.items()}
-    return {"rows": [summary(name, of) for name, of in trials.items()]}
+    return {"rows": [summary(name, trials_of_target) for name, trials_of_target in trials.items()]}
 
 
-def shown(found: Mapping[str, Any]) -> str:
+def format_table(result: Mapping[str, Any]) -> str:
     """All rows as a table."""
-    return table(list(found["rows"][0]), [list(row.values()) for row in found["rows"]])
+    return table(list(result["rows"][0]), [list(row.values()) for row in result["rows"]])
 
 
 if __name__ == "__main__":
-    by_draws("target_poses", sys.argv[1:], (DRAWS, SAMPLES), measured, shown)
+    run_draws("target_poses", sys.argv[1:], (DRAWS, SAMPLES), measure, format_table)

@@ -1,11 +1,12 @@
-"""Touches and tracked points of real arms, against their makers' own answer and plain least squares.
+"""Touches and tracked points of real arms, compared with answers of their makers and with plain least squares.
 
-A Franka arm put a ball into two sockets 50 mm apart at three places (platonics-delft/kinematics_calibration). Trained
-at one place from the maker's nominal kinematics, the scatter of the ball in the sockets at the others is compared with
-that by the authors' objective at the same place (Franzese et al. 2025: variances in the sockets, error of their
-distance, and 1e-4 times squared changes of all origins), minimised here by plain least squares. Their own URDF, which
-comes with the recording, was trained at `front`. A laser tracker saw one reflector on a UR5 in two
-sessions of one mount (FinnLinxxx/akig).
+A Franka arm put a ball into two sockets 50 mm apart at three places (platonics-delft/kinematics_calibration). It is
+calibrated at one place from the maker's nominal kinematics. The scatter of the ball in the sockets at the others is
+compared with that by the authors' objective, trained at the same place and minimised here by plain least squares. The
+objective of Franzese et al. 2025 sums the variances in the sockets, the squared error of their distance, and 1e-4 times
+squared changes of all origins. Their own URDF, which comes with the recording, was trained at `front`.
+
+A laser tracker saw one reflector on a UR5 in two sessions with one mount (FinnLinxxx/akig).
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ FRANKA, SESSIONS, MOUNT = "mukca_panda_6", ("akig_1", "akig_2"), "ur5_flange_fro
 PLACES = {"tool0": "front", "tool1": "left", "tool2": "right"}
 SOCKETS_M = 0.05  # apart
 _QUARTER = np.pi / 2
-# Origins of the joints as the maker states them: x, y, z [m] and roll [rad], each behind the joint before it.
+# Nominal origins of the joints, x, y, z [m] and roll [rad], each in the frame of the previous joint.
 NOMINAL = (
     (0.0, 0.0, 0.333, 0.0),
     (0.0, 0.0, 0.0, -_QUARTER),
@@ -52,9 +53,9 @@ NOMINAL = (
     (0.088, 0.0, 0.0, _QUARTER),
 )
 FLANGE_M = 0.107  # along z of the last joint
-BALL_M = 0.05  # of the ball beyond, to begin with
-SMALL_SIGMA_M = 2e-5  # of touches that scatter by five times as much
-RIDGE = 1e-4  # what the authors' objective counts squared changes of origins [m, rad] by
+BALL_M = 0.05  # of the ball beyond the flange, initially
+SMALL_SIGMA_M = 2e-5  # stated for touches that scatter by five times as much
+RIDGE = 1e-4  # weight of squared changes of origins [m, rad] in the authors' objective
 ARM = {
     "urdf": "arm.urdf",
     "base_link": "link0",
@@ -62,12 +63,12 @@ ARM = {
     "joint_offsets": {"status": "prior", "sigma_rad": 0.01},
     "link_parameters": {"status": "prior", "sigma_rad": 0.005, "sigma_m": 0.002},
 }
-SKIPPED = "Recordings of real arms are not there: set BASECAL_DATA to their folder."
+SKIPPED = "Recordings of real arms are missing: set BASECAL_DATA to their folder."
 Lines = Sequence[Mapping[str, Any]]
 
 
 def recordings(folder: Path) -> dict[str, Any]:
-    """Of the recordings that are there; cells are written into a folder."""
+    """Results of the recordings that exist; cells are written into a folder."""
     result: dict[str, Any] = {}
     if (data_folder() / FRANKA).exists():
         result["franka"] = franka(folder)
@@ -81,7 +82,7 @@ def recordings(folder: Path) -> dict[str, Any]:
 def section(result: Mapping[str, Any]) -> Iterator[str]:
     """Paragraphs of the section of docs/benchmarks.md."""
     if "franka" in result:
-        rows = [_franka_row(place, of) for place, of in result["franka"].items()]
+        rows = [_franka_row(place, result_of_place) for place, result_of_place in result["franka"].items()]
         head = (
             "trained at",
             "verdict",
@@ -118,9 +119,9 @@ def section(result: Mapping[str, Any]) -> Iterator[str]:
             "place, along each principal axis of the places."
         )
         yield table(head, rows)
-        apart = ", ".join(f"{1e3 * value:.2f}" for value in result["sessions"]["sessions_m"])
+        distances = ", ".join(f"{1e3 * value:.2f}" for value in result["sessions"]["sessions_m"])
         yield (
-            f"The sessions differ by an M2 of {result['sessions']['sessions_m2']:.1f}. Their places are {apart} mm "
+            f"The sessions differ by an M2 of {result['sessions']['sessions_m2']:.1f}. Their places are {distances} mm "
             "apart as fitted, as reported and by plain least squares. M2 has three degrees of freedom and is below 2 "
             "in 43 of 100 cases. The 13 and 16 points hardly show the noise. The section on "
             "[contributions to the sigmas](#contributions-to-the-sigmas) splits the variance."
@@ -136,12 +137,12 @@ def _franka_row(place: str, result: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _session_row(name: str, result: Mapping[str, Any]) -> tuple[str, ...]:
-    off = (f"{1e3 * result[key]:.4f}" for key in ("fitted_off_m", "final_off_m"))
+    distances = (f"{1e3 * result[key]:.4f}" for key in ("fitted_off_m", "final_off_m"))
     return (
         name,
         f"{result['verdict']} ({', '.join(result['findings'])})",
         ", ".join(map(str, result["left_out"])),
-        *off,
+        *distances,
         ", ".join(f"{1e3 * sigma:.2f}" for sigma in result["sigmas_m"]),
         f"{result['final_off_m2']:.2f}",
         ", ".join(f"{square:.1f}" for square in result["halves_m2"]),
@@ -149,30 +150,30 @@ def _session_row(name: str, result: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def franka(folder: Path) -> dict[str, Any]:
-    """By the place that was trained on: the verdict, and the scatter at the others [m], ours and by the authors."""
+    """Verdict by the place of training, and the scatter at the other places [m], ours and the authors'."""
     lines = _franka_lines()
     ball = read_chain(data_folder() / FRANKA / "arm.urdf", "panda_link0", "ball_link")
     result = {}
     for place in PLACES.values():
         own = [line for line in lines if _socket(line)[0] == place]
-        cell, found = _trained(folder / place, place, own)
-        _, small = _trained(folder / f"{place}_small", place, [_with_sigma(line) for line in own])
+        cell, calibration = _train(folder / place, place, own)
+        _, small = _train(folder / f"{place}_small", place, [_with_sigma(line) for line in own])
         kinematics, tip = (
-            calibrated_kinematics(cell, found)["arm"],
-            found["arm_flange_from_ball"].mean.translation,
+            calibrated_kinematics(cell, calibration)["arm"],
+            calibration["arm_flange_from_ball"].mean.translation,
         )
         others = [line for line in lines if _socket(line)[0] != place]
-        ours = kinematics.forward(_joints(others)) @ tip
-        theirs = ball.forward(_joints(others)).translation
+        our_points = kinematics.forward(_joints(others)) @ tip
+        urdf_points = ball.forward(_joints(others)).translation
         result[place] = {
-            "verdict": found.verdict,
-            "findings": [finding.code for finding in found.findings],
-            "touch_m": found.noise["touch_m"],
+            "verdict": calibration.verdict,
+            "findings": [finding.code for finding in calibration.findings],
+            "touch_m": calibration.noise["touch_m"],
             "small_sigma": {"verdict": small.verdict, "findings": [finding.code for finding in small.findings]},
             "scatter_m": {
-                "ours": _scatter(others, ours),
+                "ours": _scatter(others, our_points),
                 "authors": _scatter(others, _ball(_authors_fit(own), _joints(others))),
-                "urdf": _scatter(others, theirs),
+                "urdf": _scatter(others, urdf_points),
             },
         }
     return result
@@ -182,31 +183,31 @@ def _franka_lines() -> Lines:
     text = (data_folder() / FRANKA / "recording" / "samples.jsonl").read_text(encoding="utf-8")
     lines = []
     for line in map(json.loads, text.splitlines()):
-        (seen,) = line["observations"]
+        (observation,) = line["observations"]
         place, number = (
-            PLACES[seen["camera"]],
-            round(seen["points_in_camera_m"][0][1] / SOCKETS_M),
+            PLACES[observation["camera"]],
+            round(observation["points_in_camera_m"][0][1] / SOCKETS_M),
         )
         lines.append({**line, "observations": [{"touch": f"{place}_{number}", "tip": "ball"}]})
     return lines
 
 
 def _with_sigma(line: Mapping[str, Any]) -> Mapping[str, Any]:
-    (seen,) = line["observations"]
-    return {**line, "observations": [{**seen, "sigma_m": SMALL_SIGMA_M}]}
+    (observation,) = line["observations"]
+    return {**line, "observations": [{**observation, "sigma_m": SMALL_SIGMA_M}]}
 
 
 def _socket(line: Mapping[str, Any]) -> tuple[str, str]:
-    """The place and the socket that was touched."""
-    touched = line["observations"][0]["touch"]
-    return touched.rpartition("_")[0], touched
+    """The place and the socket of a touch."""
+    socket = line["observations"][0]["touch"]
+    return socket.rpartition("_")[0], socket
 
 
 def _joints(lines: Lines) -> Array:
     return np.array([line["robots"]["arm"]["joints_rad"] for line in lines])
 
 
-def _trained(folder: Path, place: str, lines: Lines) -> tuple[Cell, Calibration]:
+def _train(folder: Path, place: str, lines: Lines) -> tuple[Cell, Calibration]:
     sockets = {f"{place}_{k}": [0.0, k * SOCKETS_M, 0.0] for k in range(2)}
     data = {
         "schema": "basecal/cell/1",
@@ -239,13 +240,13 @@ def _nominal_urdf() -> str:
 
 
 def _authors_fit(lines: Lines) -> Array:
-    """Origins of the joints and the ball, as `_ball` takes them, of least authors' objective."""
+    """Origins of the joints and the ball, as `_ball` takes them, that minimise the authors' objective."""
     start = np.concatenate([[x, y, z, roll, 0, 0] for x, y, z, roll in NOMINAL] + [[0, 0, FLANGE_M + BALL_M]])
     joints, sockets = _joints(lines), np.array([_socket(line)[1] for line in lines])
     names = np.unique(sockets)
 
     def residuals(values: Array) -> Array:
-        """Of the ball to the mean of its socket, of the sockets' distance, and of changes."""
+        """Residuals of the ball to the mean of its socket, of the sockets' distance, and of changes."""
         ball = _ball(values, joints)
         means = np.array([ball[sockets == name].mean(axis=0) for name in names])
         off = (ball - means[np.searchsorted(names, sockets)]).ravel() / np.sqrt(len(lines))
@@ -260,43 +261,43 @@ def _ball(values: Array, joints: Array) -> Array:
     origins = values[:-3].reshape(-1, 6)
     pose = SE3.stack([SE3.identity()] * len(joints))
     for origin, angles in zip(origins, joints.T, strict=True):
-        turned = SE3.exp(np.pad(angles[:, None], ((0, 0), (5, 0))))
-        pose = pose @ SE3.from_rpy(origin[3:], origin[:3]) @ turned
+        rotation = SE3.exp(np.pad(angles[:, None], ((0, 0), (5, 0))))
+        pose = pose @ SE3.from_rpy(origin[3:], origin[:3]) @ rotation
     return np.asarray(pose @ values[-3:])
 
 
 def _scatter(lines: Lines, points: Array) -> dict[str, float]:
-    """Root mean square of the distances to the mean [m], by socket."""
+    """Rms distance to the mean [m], by socket."""
     sockets = np.array([_socket(line)[1] for line in lines])
     return {name: float(np.sqrt(np.sum(points[sockets == name].var(axis=0)))) for name in np.unique(sockets).tolist()}
 
 
 def sessions() -> dict[str, Any]:
-    """Differences from plain least squares of the same points [m], and of the sessions and halves by place, in M2."""
+    """Differences from plain least squares of the same points [m], and M2 of the sessions and of halves."""
     result: dict[str, Any] = {}
-    found, plain = {name: _case(*_session(name)) for name in SESSIONS}, dict[str, Array]()
-    for name, case in found.items():
+    cases, plain = {name: _case(*_session(name)) for name in SESSIONS}, dict[str, Array]()
+    for name, case in cases.items():
         calibration, cell, recording = case.calibration, case.cell, case.recording
         assert calibration is not None
         left_out = {outlier.sample for outlier in calibration.outliers or ()}
         kept = Recording(tuple(sample for sample in recording.samples if sample.sample not in left_out))
         plain[name] = _plain_mount(kept)
         fitted, final = case.answers[0], case.answers[-1]
-        off = _mount(final) - plain[name]
+        difference = _mount(final) - plain[name]
         halves = ([_case(cell, half).answers[-1] for half in _halves(kept, axis)] for axis in range(3))
         result[name] = {
             "verdict": calibration.verdict,
             "findings": [finding.code for finding in calibration.findings],
             "left_out": sorted(left_out),
-            "fitted_off_m": _apart(_mount(fitted), plain[name]),
-            "final_off_m": float(np.linalg.norm(off)),
-            "final_off_m2": float(off @ np.linalg.solve(_covariance(final), off)),
+            "fitted_off_m": _distance(_mount(fitted), plain[name]),
+            "final_off_m": float(np.linalg.norm(difference)),
+            "final_off_m2": float(difference @ np.linalg.solve(_covariance(final), difference)),
             "sigmas_m": [float(np.sqrt(np.trace(_covariance(each)) / 3)) for each in (fitted, final)],
-            "halves_m2": [_squared(*pair) for pair in halves],
+            "halves_m2": [_squared_distance(*pair) for pair in halves],
         }
-    both = [[_mount(case.answers[k]) for case in found.values()] for k in (0, -1)]
-    result["sessions_m"] = [_apart(*pair) for pair in (*both, list(plain.values()))]
-    result["sessions_m2"] = _squared(*(case.answers[-1] for case in found.values()))
+    mounts = [[_mount(case.answers[k]) for case in cases.values()] for k in (0, -1)]
+    result["sessions_m"] = [_distance(*pair) for pair in (*mounts, list(plain.values()))]
+    result["sessions_m2"] = _squared_distance(*(case.answers[-1] for case in cases.values()))
     return result
 
 
@@ -313,7 +314,7 @@ def _case(cell: Cell, recording: Recording) -> Case:
 
 
 def _halves(recording: Recording, axis: int) -> tuple[Recording, Recording]:
-    """By place: on either side of a plane across a principal axis of the flange's places, that of most motion first."""
+    """Halves on either side of a plane across a principal axis of the flange positions, the longest axis first."""
     places = np.array([sample.robots["ur5"].base_from_flange.translation for sample in recording.samples])
     along = (places - places.mean(0)) @ np.linalg.svd(places - places.mean(0))[2][axis]
     order = np.argsort(along)
@@ -327,30 +328,30 @@ def _mount(solution: Solution) -> Array:
 
 
 def _covariance(solution: Solution) -> Array:
-    """Of the mount, (3, 3) [m^2]."""
+    """Covariance of the mount, (3, 3) [m^2]."""
     return np.asarray(solution.transforms[MOUNT].covariance[:3, :3])
 
 
-def _apart(first: Array, second: Array) -> float:
+def _distance(first: Array, second: Array) -> float:
     return float(np.linalg.norm(first - second))
 
 
-def _squared(first: Solution, second: Solution) -> float:
-    """Squared sigmas of the difference of the mounts, of three freedoms."""
+def _squared_distance(first: Solution, second: Solution) -> float:
+    """Squared Mahalanobis distance of the mounts, with three degrees of freedom."""
     off = _mount(first) - _mount(second)
     covariance = _covariance(first) + _covariance(second)
     return float(off @ np.linalg.solve(covariance, off))
 
 
 def _plain_mount(recording: Recording) -> Array:
-    """The reflector in the flange, (3,), by least squares of equal weights of all tracked points."""
+    """The reflector in the flange, (3,), by least squares with equal weights of all tracked points."""
     flange = SE3.stack([sample.robots["ur5"].base_from_flange for sample in recording.samples])
-    seen = np.array([sample.observations[0].points_in_camera[0] for sample in recording.samples])
+    points = np.array([sample.observations[0].points_in_camera[0] for sample in recording.samples])
 
     def residuals(values: Array) -> Array:
-        """Of (place, rotation vector) of the tracker in the base, and the reflector."""
+        """Residuals at (place, rotation vector) of the tracker in the base, and the reflector."""
         tracker = SE3.from_rotvec(values[3:6], values[:3])
-        return np.asarray((tracker @ seen - flange @ values[6:]).ravel())
+        return np.asarray((tracker @ points - flange @ values[6:]).ravel())
 
     turns = np.random.default_rng(0).normal(0, 2, (8, 3))
     starts = (np.concatenate([np.zeros(3), turn, np.zeros(3)]) for turn in turns)

@@ -1,12 +1,12 @@
-"""Two real arms: held-out error of the loop beside two of OpenCV's calibrations, concatenated.
+"""Two real arms: held-out error of the loop, compared with two of OpenCV's calibrations, concatenated.
 
-Two NAO humanoids, recorded while one stood still, three times each, and while both moved, 298 times. From a run with
-the hand still and a run with the eye still both find all three unknowns, nothing stated of any noise: `calibrate` from
-the two runs together, OpenCV's users from each alone, by one of seven methods, concatenated at the camera or at the
-target. The 298 triples are held out: the loop that each does not close, `(A X B).inverse() @ Y C Z`, rms. Of OpenCV's
-fourteen answers the best in hindsight counts, in millimetres and in degrees each for itself.
+Two NAO humanoids were recorded three times with one of them still, and 298 times with both in motion. All three
+unknowns are estimated from a run with the hand still and a run with the eye still, with no noise stated. `calibrate`
+uses the two runs together. Users of OpenCV calibrate each alone by one of seven methods, and concatenate at the camera
+or at the target. The 298 triples are held out: the error is the rms of their open loops,
+`(A X B).inverse() @ Y C Z`. Of OpenCV's fourteen answers the best in hindsight counts, separately in mm and degrees.
 
-Of other recordings of two arms no part has one of them still, without which OpenCV has nothing to concatenate.
+Other recordings of two arms have no part with one arm still, so that OpenCV has nothing to concatenate.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import nearest_rotation
 from benchmarks.common import on_one_core, table, write
-from benchmarks.peers.by_opencv import CHAINS, METHODS, TwoArms, concatenated
+from benchmarks.peers.by_opencv import CHAINS, METHODS, TwoArms, concatenate
 
 FOLDER, FILE = "nao_dual_axbycz", "transform_ABC_unified"
 STREAMS = ("headTf", "tagTf", "handTf")
@@ -39,7 +39,7 @@ class Run(NamedTuple):
     """Poses of the eye's flange, of the tag and of the hand's flange, (n,) each."""
 
     eye: SE3
-    seen: SE3
+    views: SE3
     hand: SE3
 
 
@@ -49,11 +49,11 @@ def _poses(matrices: Array) -> SE3:
 
 
 def runs() -> tuple[list[Run], list[Run], Run]:
-    """With the hand still; with the eye still; with both in motion."""
+    """Runs with the hand still, runs with the eye still, and the run with both in motion."""
     folder = data_folder() / FOLDER
     if not folder.exists():
-        raise DatasetError(str(folder), "is not there: set BASECAL_DATA to the folder of the published recordings")
-    eye_still, hand_still = (loadmat(folder / f"{FILE}_fix{which}.mat") for which in "AC")
+        raise DatasetError(str(folder), "does not exist: set BASECAL_DATA to the folder of the published recordings")
+    eye_still, hand_still = (loadmat(folder / f"{FILE}_fix{letter}.mat") for letter in "AC")
     both = loadmat(folder / f"{FILE}.mat")
     return (
         [Run(*(_poses(hand_still[f"{name}2"][0, k]) for name in STREAMS)) for k in range(RUNS)],
@@ -62,8 +62,8 @@ def runs() -> tuple[list[Run], list[Run], Run]:
     )
 
 
-def _recording(of: list[Run]) -> Recording:
-    rows = [(run.eye[k], run.seen[k], run.hand[k]) for run in of for k in range(len(run.seen))]
+def _recording(runs: list[Run]) -> Recording:
+    rows = [(run.eye[k], run.views[k], run.hand[k]) for run in runs for k in range(len(run.views))]
     return Recording(
         tuple(
             Sample(k, float(k), {"eye": RobotState(a), "hand": RobotState(c)}, (PoseObservation("camera", "tag", b),))
@@ -72,37 +72,37 @@ def _recording(of: list[Run]) -> Recording:
     )
 
 
-def errors(found: TwoArms, held_out: Run) -> tuple[float, float]:
-    """Rms of the loops that three transforms leave open [mm, deg]."""
-    left = held_out.eye @ found.eye_flange_from_camera @ held_out.seen
-    off = left.inverse() @ found.eye_base_from_hand_base @ held_out.hand @ found.hand_flange_from_target
+def errors(estimates: TwoArms, held_out: Run) -> tuple[float, float]:
+    """Rms of the open loops of three transforms [mm, deg]."""
+    left = held_out.eye @ estimates.eye_flange_from_camera @ held_out.views
+    off = left.inverse() @ estimates.eye_base_from_hand_base @ held_out.hand @ estimates.hand_flange_from_target
     squares = np.sum(off.translation**2, -1).mean(), np.sum(off.rotvec**2, -1).mean()
     return 1e3 * float(np.sqrt(squares[0])), float(np.degrees(np.sqrt(squares[1])))
 
 
-def measured(hand_still: Run, eye_still: Run, held_out: Run) -> dict[str, Any]:
-    """Errors of ours and of OpenCV's best, by two runs."""
+def measure(hand_still: Run, eye_still: Run, held_out: Run) -> dict[str, Any]:
+    """Errors of ours and of OpenCV's best from two runs."""
     cell, _ = nao_cell()
-    found = calibrate(cell, _recording([hand_still, eye_still]))
+    calibration = calibrate(cell, _recording([hand_still, eye_still]))
     names = ("eye_base_from_hand_base", "eye_flange_from_camera", "hand_flange_from_tag")
-    ours = errors(TwoArms(*(found[name].mean for name in names)), held_out)
+    ours = errors(TwoArms(*(calibration[name].mean for name in names)), held_out)
     theirs = {
         method + chain: errors(each, held_out)
         for method in METHODS
-        for chain, each in zip(CHAINS, concatenated(method, hand_still, eye_still), strict=False)
+        for chain, each in zip(CHAINS, concatenate(method, hand_still, eye_still), strict=False)
     }
     best = [min(theirs, key=lambda name: theirs[name][k]) for k in range(2)]
-    least = [theirs[name][k] for k, name in enumerate(best)]
-    ratios = [mine / each for mine, each in zip(ours, least, strict=True)]
-    return {"verdict": found.verdict, "ours": ours, "best": best, "opencv": least, "ratios": ratios}
+    smallest = [theirs[name][k] for k, name in enumerate(best)]
+    ratios = [mine / each for mine, each in zip(ours, smallest, strict=True)]
+    return {"verdict": calibration.verdict, "ours": ours, "best": best, "opencv": smallest, "ratios": ratios}
 
 
-def row(found: dict[str, Any]) -> tuple[str, ...]:
+def row(result: dict[str, Any]) -> tuple[str, ...]:
     """A line of the table with `HEAD`."""
-    ours, theirs = ([f"{each:.3g}" for each in found[k]] for k in ("ours", "opencv"))
-    peers = (found["best"][0], theirs[0], found["best"][1], theirs[1])
-    numbers = (str(found["hand_still"]), str(found["eye_still"]), found["verdict"])
-    return (*numbers, *ours, *peers, *(f"{each:.2f}" for each in found["ratios"]))
+    ours, theirs = ([f"{each:.3g}" for each in result[k]] for k in ("ours", "opencv"))
+    peers = (result["best"][0], theirs[0], result["best"][1], theirs[1])
+    numbers = (str(result["hand_still"]), str(result["eye_still"]), result["verdict"])
+    return (*numbers, *ours, *peers, *(f"{each:.2f}" for each in result["ratios"]))
 
 
 def main(arguments: list[str]) -> None:
@@ -112,7 +112,7 @@ def main(arguments: list[str]) -> None:
     first, second, held_out = runs()
     rows = []
     for i, j in product(range(RUNS), range(RUNS)):
-        rows.append({"hand_still": i + 1, "eye_still": j + 1, **measured(first[i], second[j], held_out)})
+        rows.append({"hand_still": i + 1, "eye_still": j + 1, **measure(first[i], second[j], held_out)})
         print(", ".join(row(rows[-1])), flush=True)
     print(table(HEAD, map(row, rows)))
     write("two_arms", {"rows": rows})

@@ -1,9 +1,9 @@
-"""Which term makes the width of a sigma, on each real recording.
+"""Contributions to the sigmas on each real recording.
 
-Of each transform that is asked for the variance of its place and of its rotation is split by source: views, robots'
-stops and priors at the likeliest sigmas, what stops share and how well sigmas are known, effects that were found,
-effects that every answer contains (gravity on mounts and lenses, sizes of targets, fields of arms), clocks, and what
-gauges hold at zero.
+For each requested transform the variance of its translation and of its rotation is split by source: views, robots'
+stops and priors at the likeliest sigmas; errors that stops share, and the uncertainty of sigmas; detected effects;
+effects that every answer contains (gravity on mounts and lenses, sizes of targets, fields of arms); clocks; and gauges
+that are held at zero.
 
     python -m benchmarks.widths --only akig
 """
@@ -30,16 +30,16 @@ from basecal.geometry import Array
 from benchmarks.common import Kept, on_one_core, table, write
 from benchmarks.reference.cases import cases
 
-FOUND, CONTAINED, CLOCKS = "effects that were found", "effects that every answer contains", "offsets of clocks"
-SHOWN = 4  # terms of a line: the largest
+DETECTED, CONTAINED, CLOCKS = "effects that were found", "effects that every answer contains", "offsets of clocks"
+LARGEST_TERMS = 4  # in a line of the table
 HEAD = ("recording", "transform", "verdict", "sigma", "terms, percent of the variance")
 UNITS = {"mm": slice(0, 3), "mrad": slice(3, 6)}
 
 
-def widths(name: str) -> list[dict[str, Any]]:
-    """Of a case of the reference each transform and unit: the sigma, its 3-D norm, and shares of its variance."""
+def variance_rows(name: str) -> list[dict[str, Any]]:
+    """Rows of a case of the reference for each transform and unit: the sigma (3-D norm), and shares of its variance."""
     try:
-        case = _concluded(Case(*cases()[name](), DEFAULT))
+        case = _run_stages(Case(*cases()[name](), DEFAULT))
     except BasecalError:
         return []
     assert case.calibration is not None
@@ -47,11 +47,11 @@ def widths(name: str) -> list[dict[str, Any]]:
         return []
     rows = []
     for transform in case.cell.requested_transforms:
-        where = case.answers[0].problem.columns.get(transform)
-        if where is None or transform not in case.calibration.transforms:
+        block = case.answers[0].problem.columns.get(transform)
+        if block is None or transform not in case.calibration.transforms:
             continue
         for unit, part in UNITS.items():
-            columns = np.arange(where.start, where.stop)[part]
+            columns = np.arange(block.start, block.stop)[part]
             terms = dict(_terms(case, transform, columns)) if len(columns) else {}
             if total := sum(terms.values()):
                 shares = {term: value / total for term, value in sorted(terms.items(), key=lambda each: -each[1])}
@@ -60,8 +60,8 @@ def widths(name: str) -> list[dict[str, Any]]:
     return rows
 
 
-def _concluded(case: Case) -> Case:
-    """The case after all stages but that of the task."""
+def _run_stages(case: Case) -> Case:
+    """The case after all stages except that of the task."""
     for stage in (*READING_STAGES, *SOLVING_STAGES, *JUDGING_STAGES[:-1]):
         if not case.is_ended:
             case = stage.run(case)
@@ -75,7 +75,7 @@ def _terms(case: Case, transform: str, columns: Array) -> Iterator[tuple[str, fl
     weight[columns, columns] = 1.0
 
     def trace(covariance: Array) -> float:
-        """Of the columns."""
+        """Trace over the columns."""
         return float(np.trace(weight @ covariance))
 
     sources = {each.name: source_variance(fitted, weight, each) for each in error_sources(fitted.problem)}
@@ -83,7 +83,7 @@ def _terms(case: Case, transform: str, columns: Array) -> Iterator[tuple[str, fl
     yield SHARED_SOURCE, max(trace(fitted.covariance) - sum(sources.values()), 0.0)
     contained = with_expected_sizes(case.cell, fitted, case.evidence.systematic_error).covariance - fitted.covariance
     yield CONTAINED, trace(contained)
-    yield FOUND, max(trace(as_modelled.covariance - fitted.covariance - contained), 0.0)
+    yield DETECTED, max(trace(as_modelled.covariance - fitted.covariance - contained), 0.0)
     yield CLOCKS, max(trace(final.covariance - as_modelled.covariance), 0.0)
     part = slice(0, 3) if columns[0] == fitted.problem.columns[transform].start else slice(3, 6)
     for gauge in held_gauges(final, [transform]):
@@ -91,9 +91,15 @@ def _terms(case: Case, transform: str, columns: Array) -> Iterator[tuple[str, fl
 
 
 def section(result: Mapping[str, Any]) -> str:
-    """Of docs/benchmarks.md."""
+    """The section of docs/benchmarks.md."""
     lines = [
-        (name.removeprefix("real "), row["transform"], row["verdict"], f"{row['sigma']:.2g} {row['unit']}", _shown(row))
+        (
+            name.removeprefix("real "),
+            row["transform"],
+            row["verdict"],
+            f"{row['sigma']:.2g} {row['unit']}",
+            _terms_text(row),
+        )
         for name, rows in result["rows"].items()
         for row in rows
     ]
@@ -101,13 +107,13 @@ def section(result: Mapping[str, Any]) -> str:
     return f"{about}\n\n{table(HEAD, lines)}"
 
 
-def _shown(row: Mapping[str, Any]) -> str:
-    largest = list(row["shares"].items())[:SHOWN]
+def _terms_text(row: Mapping[str, Any]) -> str:
+    largest = list(row["shares"].items())[:LARGEST_TERMS]
     return ", ".join(f"{term} {100 * share:.0f}" for term, share in largest if share > 0.005)
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Split and print; of all recordings results/widths.json too."""
+    """Split and print; with all recordings write results/widths.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.widths", description=__doc__)
     parser.add_argument("--only", default="", metavar="PATTERN", help="recordings whose name matches")
     parser.add_argument("--keep", type=Path, help="file in which rows are kept, and from which a run goes on")
@@ -115,7 +121,7 @@ def main(arguments: Sequence[str]) -> None:
     on_one_core()
     kept = Kept(asked.keep)
     names = [name for name in cases() if name.startswith("real ") and re.search(asked.only, name)]
-    result = {"rows": {name: kept.of(name, lambda name=name: widths(name)) for name in names}}
+    result = {"rows": {name: kept.of(name, lambda name=name: variance_rows(name)) for name in names}}
     print(section(result))
     if not asked.only:
         write("widths", result)

@@ -1,8 +1,8 @@
-"""Whether answers that are wrong pass for good, and whether what made them wrong is named first.
+"""Whether wrong answers are called good, and whether the cause of the error is named first.
 
-Cells of kinds that no stated sigma covers: arms whose lengths are off, clocks that lag, bases that step, stops that are
-read back anew, rows that were copied, sigmas that are not so. Each kind is drawn afresh by seed. An answer is wrong
-where the truth is outside its own 99.9 % ellipsoid.
+The cells have errors that no stated sigma covers: arms with wrong lengths, lagging clocks, moving bases, stops with
+jitter, copied rows, wrong sigmas. Each kind is drawn anew by seed. An answer is wrong if the truth is outside its own
+99.9 % ellipsoid.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from basecal.simulation.stated_cell import stated_cell, truth
 from basecal.simulation.testbed import observe
 from benchmarks.common import RESULTS, commit, table, write
 
-BEYOND = 0.999
+WRONG_QUANTILE = 0.999
 NOISE = (1e-4, 2e-4)
 SAG_PER_M = 2e-3  # [rad/m]
-PASSED, NAMED, CLEAN = 0.01, 0.9, 0.97
-FEWEST = 30  # cells of each kind that results are written of
+MOST_PASSED, LEAST_NAMED, LEAST_GOOD = 0.01, 0.9, 0.97
+FEWEST_CELLS = 30  # cells of each kind that results are written of
 
 
 class Drawn(NamedTuple):
-    """A cell, what was recorded in it, and the truth of its transforms."""
+    """A cell, its recording, and the true transforms."""
 
     cell: Cell
     recording: Recording
@@ -47,7 +47,7 @@ class Drawn(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """How a kind is drawn, and the code of the finding that names its cause; "" where none is asked for."""
+    """How a kind is drawn, and the code of the finding that names its cause; "" if none is required."""
 
     draw: Callable[[int], Drawn]
     code: str = ""
@@ -55,7 +55,7 @@ class Kind(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What became of one cell: squared Mahalanobis distance of the truth, and the codes, infos apart."""
+    """One cell: error and squared Mahalanobis distance of the truth, and codes of findings without infos."""
 
     kind: str
     seed: int
@@ -68,81 +68,81 @@ class Outcome(NamedTuple):
     seconds: float
 
 
-def _scenario(seed: int, **changed: Any) -> Scenario:
+def two_arm_scenario(seed: int, **changed: Any) -> Scenario:
     """Twenty to forty samples of two arms, noise of robots stated in every second cell."""
     usual = {"samples": 20 + 5 * (seed % 5), "robot_noise": NOISE, "state_robot_noise": seed % 2 == 0}
     return Scenario(**{**usual, **changed})
 
 
-def _simulated(seed: int, **changed: Any) -> Drawn:
-    made = simulate(_scenario(seed, **changed), 1000 + seed)
-    return Drawn(made.cell, made.recording, dict(made.truth))
+def _draw(seed: int, **changed: Any) -> Drawn:
+    simulated = simulate(two_arm_scenario(seed, **changed), 1000 + seed)
+    return Drawn(simulated.cell, simulated.recording, dict(simulated.truth))
 
 
-def _reread(drawn: Drawn, robot: str, recorded: Callable[[int, SE3], SE3]) -> Drawn:
-    """The same with other recorded poses of a robot."""
+def _with_poses(drawn: Drawn, robot: str, change: Callable[[int, SE3], SE3]) -> Drawn:
+    """The same with changed poses of a robot."""
 
-    def read(k: int, sample: Sample) -> Sample:
-        """One sample."""
+    def change_sample(k: int, sample: Sample) -> Sample:
+        """The sample with a changed pose."""
         pose = sample.robots[robot].base_from_flange
         assert pose is not None
-        return replace(sample, robots={**sample.robots, robot: RobotState(recorded(k, pose))})
+        return replace(sample, robots={**sample.robots, robot: RobotState(change(k, pose))})
 
-    samples = tuple(read(k, s) for k, s in enumerate(drawn.recording.samples))
+    samples = tuple(change_sample(k, s) for k, s in enumerate(drawn.recording.samples))
     return drawn._replace(recording=Recording(samples))
 
 
 def _poses(recording: Recording, robot: str) -> list[SE3]:
-    """What a robot's poses were read as."""
+    """Recorded poses of a robot."""
     poses = [s.robots[robot].base_from_flange for s in recording.samples]
     return [pose for pose in poses if pose is not None]
 
 
 def clean(seed: int) -> Drawn:
-    """As stated."""
-    return _simulated(seed)
+    """A cell as stated."""
+    return _draw(seed)
 
 
 def clean_unstated(seed: int) -> Drawn:
-    """No sigma stated."""
-    return _simulated(seed, state_robot_noise=False, state_pixel_noise=False)
+    """A cell with no sigma stated."""
+    return _draw(seed, state_robot_noise=False, state_pixel_noise=False)
 
 
 def clean_still(seed: int) -> Drawn:
-    """One arm stands still, its mount is known."""
+    """One arm stands still, and its mount is known."""
     arms, mount = [("eye_still", "camera_mount"), ("hand_still", "target_mount")][seed % 2]
-    return _simulated(seed, arms=arms, **{mount: "fixed"})
+    return _draw(seed, arms=arms, **{mount: "fixed"})
 
 
 def clean_path(seed: int) -> Drawn:
-    """Taken while the arms move, the clocks alike."""
-    return _on_path(seed, 0.0)
+    """A recording in motion with equal clocks."""
+    return _record_motion(seed, 0.0)
 
 
-def scaled(seed: int) -> Drawn:
-    """A robot's lengths are off by 0.1 %; the arms move by half a metre, where that shows."""
+def scaled_lengths(seed: int) -> Drawn:
+    """A robot's lengths are off by 0.1 %; the arms move by half a metre, so that it shows."""
     factor = 1 + (1e-3 if seed % 4 < 2 else -1e-3)
     robot = ("hand", "eye")[seed // 2 % 2]
-    drawn = _simulated(seed, samples=40 + 10 * (seed % 3), position_m=0.3, spread_rad=0.9)
-    return _reread(drawn, robot, lambda k, pose: SE3(pose.rotation, factor * pose.translation))
+    drawn = _draw(seed, samples=40 + 10 * (seed % 3), position_m=0.3, spread_rad=0.9)
+    return _with_poses(drawn, robot, lambda k, pose: SE3(pose.rotation, factor * pose.translation))
 
 
-def lagging(seed: int) -> Drawn:
+def lagging_camera(seed: int) -> Drawn:
     """The camera lags the arms by 20 to 60 ms on a continuous path."""
-    return _on_path(seed, 0.02 + 0.01 * (seed % 5))
+    return _record_motion(seed, 0.02 + 0.01 * (seed % 5))
 
 
-def _on_path(seed: int, lag_s: float) -> Drawn:
-    """Sixty samples at ten a second, along smooth paths through random poses one and a half seconds apart."""
-    scenario = _scenario(seed, samples=10, spread_rad=0.4, robot_noise=(0.0, 0.0) if seed % 2 else NOISE)
+def _record_motion(seed: int, lag_s: float) -> Drawn:
+    """Sixty samples at 5 Hz, along smooth paths through random poses."""
+    scenario = two_arm_scenario(seed, samples=10, spread_rad=0.4, robot_noise=(0.0, 0.0) if seed % 2 else NOISE)
     scene_rng, motion_rng, noise_rng, prior_rng = np.random.default_rng(5000 + seed).spawn(4)
     scene = draw_scene(scenario, make_layout(scenario.layout), scene_rng)
-    (way,) = draw_motions(scene, scenario, motion_rng, {})
+    (path,) = draw_motions(scene, scenario, motion_rng, {})
     stamps = 0.15 + 0.2 * np.arange(60)
-    recorded = {robot: _along(poses, stamps) for robot, poses in way.recorded.items()}
-    seen_at = {robot: _along(poses, stamps - lag_s) for robot, poses in way.recorded.items()}
-    noise = {robot: SE3.exp(motion_rng.standard_normal((60, 6)) * np.repeat(NOISE, 3)) for robot in seen_at}
-    motion = Motion(0, recorded, {robot: seen_at[robot] @ noise[robot] for robot in seen_at})
+    recorded = {robot: path_poses(poses, stamps) for robot, poses in path.recorded.items()}
+    true_poses = {robot: path_poses(poses, stamps - lag_s) for robot, poses in path.recorded.items()}
+    noise = {robot: SE3.exp(motion_rng.standard_normal((60, 6)) * np.repeat(NOISE, 3)) for robot in true_poses}
+    motion = Motion(0, recorded, {robot: true_poses[robot] @ noise[robot] for robot in true_poses})
     views = observe(motion, scene, replace(scenario, partial=True), noise_rng)
     samples = tuple(
         Sample(k, float(stamps[k]), {r: RobotState(p[k]) for r, p in recorded.items()}, observations)
@@ -153,33 +153,35 @@ def _on_path(seed: int, lag_s: float) -> Drawn:
     return Drawn(cell, Recording(samples), dict(truth(scene, cell)))
 
 
-def _along(way: SE3, times: np.ndarray) -> SE3:
+def path_poses(poses: SE3, times: np.ndarray) -> SE3:
     """Poses of a smooth path through poses 1.35 s apart."""
-    knots = 1.35 * np.arange(len(way))
-    about = way[0]
-    tangents = CubicSpline(knots, (about.inverse() @ way).log())(times)
-    return about @ SE3.exp(tangents)
+    knots = 1.35 * np.arange(len(poses))
+    first = poses[0]
+    tangents = CubicSpline(knots, (first.inverse() @ poses).log())(times)
+    return first @ SE3.exp(tangents)
 
 
-def jittering(seed: int) -> Drawn:
-    """Five views at each of twelve stops, whose read-back jitters by 2 to 20 um."""
-    scenario = _scenario(seed, samples=12)
-    made = simulate(scenario, 1000 + seed)
+def jittering_stops(seed: int) -> Drawn:
+    """Five views at each of twelve stops, whose recorded poses jitter by 2 to 20 um."""
+    scenario = two_arm_scenario(seed, samples=12)
+    simulated = simulate(scenario, 1000 + seed)
     jitter = (2e-6, 7e-6, 2e-5)[seed % 3]
     rng = np.random.default_rng(seed)
     times = np.repeat(np.arange(12), 5)
-    recorded = {r: SE3.stack(_poses(made.recording, r))[times] for r in made.true_base_from_flange}
-    motion = Motion(0, recorded, {r: poses[times] for r, poses in made.true_base_from_flange.items()})
+    recorded = {r: SE3.stack(_poses(simulated.recording, r))[times] for r in simulated.true_base_from_flange}
+    motion = Motion(0, recorded, {r: poses[times] for r, poses in simulated.true_base_from_flange.items()})
     scene = draw_scene(scenario, make_layout(scenario.layout), np.random.default_rng(1000 + seed).spawn(5)[0])
     views = observe(motion, scene, scenario, rng)
-    read = {r: poses @ SE3.exp(jitter * rng.standard_normal((60, 6))) for r, poses in recorded.items()}
-    samples = tuple(Sample(k, float(k), {r: RobotState(p[k]) for r, p in read.items()}, v) for k, v in enumerate(views))
-    return Drawn(made.cell, Recording(samples), dict(made.truth))
+    jittered = {r: poses @ SE3.exp(jitter * rng.standard_normal((60, 6))) for r, poses in recorded.items()}
+    samples = tuple(
+        Sample(k, float(k), {r: RobotState(p[k]) for r, p in jittered.items()}, v) for k, v in enumerate(views)
+    )
+    return Drawn(simulated.cell, Recording(samples), dict(simulated.truth))
 
 
-def copied(seed: int) -> Drawn:
-    """Every row three times."""
-    drawn = _simulated(seed, samples=15)
+def copied_rows(seed: int) -> Drawn:
+    """Every row occurs three times."""
+    drawn = _draw(seed, samples=15)
     count = len(drawn.recording.samples)
     rows = [
         replace(s, sample=s.sample + count * k, stamp_s=s.sample + 1.0 * count * k)
@@ -189,54 +191,54 @@ def copied(seed: int) -> Drawn:
     return drawn._replace(recording=Recording(tuple(rows)))
 
 
-def stepped(seed: int) -> Drawn:
+def stepping_base(seed: int) -> Drawn:
     """The hand's base moves by 1 mm halfway."""
-    drawn = _simulated(seed)
+    drawn = _draw(seed)
     half = len(drawn.recording.samples) // 2
     direction = np.random.default_rng(seed).standard_normal(3)
     step = SE3(np.eye(3), 1e-3 * direction / np.linalg.norm(direction))
-    return _reread(drawn, "hand", lambda k, pose: step @ pose if k >= half else pose)
+    return _with_poses(drawn, "hand", lambda k, pose: step @ pose if k >= half else pose)
 
 
-def drifting(seed: int) -> Drawn:
+def drifting_base(seed: int) -> Drawn:
     """The hand's base drifts by 2 mm from the first sample to the last."""
-    drawn = _simulated(seed)
+    drawn = _draw(seed)
     count = len(drawn.recording.samples)
     direction = np.random.default_rng(seed).standard_normal(3)
     direction *= 2e-3 / np.linalg.norm(direction)
-    return _reread(drawn, "hand", lambda k, pose: SE3(np.eye(3), k / count * direction) @ pose)
+    return _with_poses(drawn, "hand", lambda k, pose: SE3(np.eye(3), k / count * direction) @ pose)
 
 
-def sagging(seed: int) -> Drawn:
-    """The hand's flange sags by 2 mrad a metre of reach, about the horizontal across it.
+def sagging_arm(seed: int) -> Drawn:
+    """The hand's flange sags by 2 mrad a metre of reach, about the horizontal axis across it.
 
-    What all poses have of it in common is a tilt of the base by definition: where the base is, the recorded poses say.
+    The part that all poses share is a tilt of the base by definition, since recorded poses define the base.
     """
 
     def sag(_: int, pose: SE3) -> SE3:
-        """The pose as recorded, of an arm that is lower than that: it does not know that it sags."""
+        """The recorded pose of an arm that sags: it does not contain the sag."""
         reach = pose.translation * [1, 1, 0]
         turn = np.cross(reach, [0, 0, -1.0]) * SAG_PER_M
         up = SE3.exp(np.concatenate([np.zeros(3), -turn])).rotation
         return SE3(up @ pose.rotation, up @ pose.translation)
 
-    drawn = _simulated(seed)
-    read = _reread(drawn, "hand", sag)
-    true, recorded = (SE3.stack(_poses(of.recording, "hand")) for of in (drawn, read))
+    drawn = _draw(seed)
+    sagging = _with_poses(drawn, "hand", sag)
+    true, recorded = (SE3.stack(_poses(case.recording, "hand")) for case in (drawn, sagging))
     tilt = SE3.exp((true @ recorded.inverse()).log().mean(0))
     name = "eye_base_from_hand_base"
-    return read._replace(truth=drawn.truth | {name: drawn.truth[name] @ tilt})
+    return sagging._replace(truth=drawn.truth | {name: drawn.truth[name] @ tilt})
 
 
-def optimistic(seed: int) -> Drawn:
+def small_pixel_sigma(seed: int) -> Drawn:
     """The stated pixel sigma is 0.7 of the true one."""
-    drawn = _simulated(seed)
+    drawn = _draw(seed)
     return drawn._replace(cell=replace(drawn.cell, pixel_px=0.14))
 
 
-def off_centre(seed: int) -> Drawn:
-    """The stated principal point is 10 px off, and fixed."""
-    drawn = _simulated(seed)
+def shifted_centre(seed: int) -> Drawn:
+    """The principal point is stated as fixed, 10 px off."""
+    drawn = _draw(seed)
     angle = np.random.default_rng(seed).uniform(0, 2 * np.pi)
     camera = drawn.cell.cameras["wrist"]
     assert camera.intrinsics is not None
@@ -249,51 +251,51 @@ def off_centre(seed: int) -> Drawn:
     return drawn._replace(cell=replace(drawn.cell, cameras={"wrist": changed}))
 
 
-def rounded(seed: int) -> Drawn:
+def rounded_poses(seed: int) -> Drawn:
     """Translations of both arms in whole millimetres."""
-    drawn = _simulated(seed)
+    drawn = _draw(seed)
     for robot in ("eye", "hand"):
-        drawn = _reread(drawn, robot, lambda k, pose: SE3(pose.rotation, np.round(pose.translation, 3)))
+        drawn = _with_poses(drawn, robot, lambda k, pose: SE3(pose.rotation, np.round(pose.translation, 3)))
     return drawn
 
 
 def common_shift(seed: int) -> Drawn:
-    """All points of a view are off by the same 0.5 px, which nobody stated."""
-    drawn = _simulated(seed, correlated_px=0.5)
+    """All points of a view have the same error of 0.5 px, which is not stated."""
+    drawn = _draw(seed, correlated_px=0.5)
     return drawn._replace(cell=replace(drawn.cell, correlated_px=None))
 
 
 def reversed_order(seed: int) -> Drawn:
-    """What the hand recorded stands in reverse order."""
-    drawn = _simulated(seed)
+    """The hand's poses are in reverse order."""
+    drawn = _draw(seed)
     poses = _poses(drawn.recording, "hand")
-    return _reread(drawn, "hand", lambda k, pose: poses[len(poses) - 1 - k])
+    return _with_poses(drawn, "hand", lambda k, pose: poses[len(poses) - 1 - k])
 
 
-def off_by_three(seed: int) -> Drawn:
-    """What the hand recorded stands three samples late; the last three stand first."""
-    drawn = _simulated(seed)
+def late_poses(seed: int) -> Drawn:
+    """The hand's poses are three samples late; the last three come first."""
+    drawn = _draw(seed)
     poses = _poses(drawn.recording, "hand")
-    return _reread(drawn, "hand", lambda k, pose: poses[k - 3])
+    return _with_poses(drawn, "hand", lambda k, pose: poses[k - 3])
 
 
 def euler_order(seed: int) -> Drawn:
     """The hand's roll, pitch and yaw about fixed axes were read as angles about moving ones."""
 
-    def read(_: int, pose: SE3) -> SE3:
-        """A pose as it was read."""
+    def misread(_: int, pose: SE3) -> SE3:
+        """The pose with its angles in the wrong order."""
         angles = Rotation.from_matrix(pose.rotation).as_euler("xyz")
         return SE3(Rotation.from_euler("XYZ", angles).as_matrix(), pose.translation)
 
-    return _reread(_simulated(seed), "hand", read)
+    return _with_poses(_draw(seed), "hand", misread)
 
 
-def shuffled(seed: int) -> Drawn:
-    """What the hand recorded stands in any order."""
-    drawn = _simulated(seed)
+def shuffled_poses(seed: int) -> Drawn:
+    """The hand's poses are in random order."""
+    drawn = _draw(seed)
     poses = _poses(drawn.recording, "hand")
     order = np.random.default_rng(seed).permutation(len(poses))
-    return _reread(drawn, "hand", lambda k, pose: poses[order[k]])
+    return _with_poses(drawn, "hand", lambda k, pose: poses[order[k]])
 
 
 KINDS: dict[str, Kind] = {
@@ -301,70 +303,73 @@ KINDS: dict[str, Kind] = {
     "clean, nothing stated": Kind(clean_unstated, clean=True),
     "clean, an arm still": Kind(clean_still, clean=True),
     "clean, in motion": Kind(clean_path, clean=True),
-    "lengths 0.1 % off": Kind(scaled, "length-scale"),
-    "camera lags": Kind(lagging, "clock-offset"),
-    "read-back jitters": Kind(jittering, "same-stop"),
-    "rows copied": Kind(copied, "duplicate-samples"),
-    "base steps 1 mm": Kind(stepped, "base-moved"),
-    "base drifts 2 mm": Kind(drifting, "drift"),
-    "sag of 2 mrad a metre": Kind(sagging, "deflection"),
-    "pixel sigma x 0.7": Kind(optimistic, "poor-fit"),
-    "centre 10 px off": Kind(off_centre),
-    "poses in whole mm": Kind(rounded, "rounded-poses"),
+    "lengths 0.1 % off": Kind(scaled_lengths, "length-scale"),
+    "camera lags": Kind(lagging_camera, "clock-offset"),
+    "read-back jitters": Kind(jittering_stops, "same-stop"),
+    "rows copied": Kind(copied_rows, "duplicate-samples"),
+    "base steps 1 mm": Kind(stepping_base, "base-moved"),
+    "base drifts 2 mm": Kind(drifting_base, "drift"),
+    "sag of 2 mrad a metre": Kind(sagging_arm, "deflection"),
+    "pixel sigma x 0.7": Kind(small_pixel_sigma, "poor-fit"),
+    "centre 10 px off": Kind(shifted_centre),
+    "poses in whole mm": Kind(rounded_poses, "rounded-poses"),
     "common shift 0.5 px": Kind(common_shift),
     "order reversed": Kind(reversed_order, "pairing-shifted"),
-    "order off by three": Kind(off_by_three, "pairing-shifted"),
+    "order off by three": Kind(late_poses, "pairing-shifted"),
     "order of angles": Kind(euler_order, "euler-order"),
-    "shuffled": Kind(shuffled, "poor-fit"),
+    "shuffled": Kind(shuffled_poses, "poor-fit"),
 }
 
 
 def outcome(name: str, kind: Kind, seed: int) -> Outcome:
-    """One cell, calibrated."""
+    """Calibrate one cell."""
     drawn = kind.draw(seed)
     began = time.perf_counter()
-    found = calibrate(drawn.cell, drawn.recording)
+    calibration = calibrate(drawn.cell, drawn.recording)
     took = time.perf_counter() - began
-    off, nees, beyond = _off(drawn, found)
-    told = [f.code for f in found.findings if f.severity != "info" or f.code == kind.code]
-    return Outcome(name, seed, found.verdict, beyond, next(iter(told), ""), told, off, nees, took)
+    off_mm, nees, is_wrong = _largest_errors(drawn, calibration)
+    codes = [f.code for f in calibration.findings if f.severity != "info" or f.code == kind.code]
+    return Outcome(name, seed, calibration.verdict, is_wrong, next(iter(codes), ""), codes, off_mm, nees, took)
 
 
-def _off(drawn: Drawn, found: Calibration) -> tuple[float, float, bool]:
-    """Of what was asked: the largest distance from the truth [mm], the largest squared Mahalanobis distance over its
-    freedoms, and whether it is beyond chance.
+def _largest_errors(drawn: Drawn, calibration: Calibration) -> tuple[float, float, bool]:
+    """Errors of the requested transforms.
+
+    Returns:
+        The largest distance from the truth [mm], the largest squared Mahalanobis distance over its freedoms, and
+        whether any one is beyond its ellipsoid.
     """
-    off, worst, beyond = 0.0, 0.0, False
+    off_mm, worst, is_wrong = 0.0, 0.0, False
     for name in drawn.cell.requested_transforms:
-        if name not in found.transforms or drawn.cell.transforms[name].status == "fixed":
+        if name not in calibration.transforms or drawn.cell.transforms[name].status == "fixed":
             continue
-        estimate = found.transforms[name]
+        estimate = calibration.transforms[name]
         xi = (estimate.mean.inverse() @ drawn.truth[name]).log()
-        width = 3 if name in found.points else 6
+        width = 3 if name in calibration.points else 6
         nees = float(xi[:width] @ np.linalg.solve(estimate.covariance[:width, :width], xi[:width]))
-        off, worst = max(off, 1e3 * float(np.linalg.norm(xi[:3]))), max(worst, nees / width)
-        beyond |= bool(nees > chi2.ppf(BEYOND, width))
-    return off, worst, beyond
+        off_mm, worst = max(off_mm, 1e3 * float(np.linalg.norm(xi[:3]))), max(worst, nees / width)
+        is_wrong |= bool(nees > chi2.ppf(WRONG_QUANTILE, width))
+    return off_mm, worst, is_wrong
 
 
 def summary(outcomes: list[Outcome]) -> list[dict[str, Any]]:
-    """By kind."""
+    """Statistics by kind."""
     rows = []
     for name, kind in KINDS.items():
-        of = [o for o in outcomes if o.kind == name]
-        if of:
+        chosen = [o for o in outcomes if o.kind == name]
+        if chosen:
             rows.append(
                 {
                     "kind": name,
-                    "cells": len(of),
-                    "good": sum(o.verdict == "good" for o in of),
-                    "good_and_wrong": sum(o.verdict == "good" and o.wrong for o in of),
-                    "wrong": sum(o.wrong for o in of),
-                    "named": sum(o.first == kind.code for o in of) if kind.code else None,
+                    "cells": len(chosen),
+                    "good": sum(o.verdict == "good" for o in chosen),
+                    "good_and_wrong": sum(o.verdict == "good" and o.wrong for o in chosen),
+                    "wrong": sum(o.wrong for o in chosen),
+                    "named": sum(o.first == kind.code for o in chosen) if kind.code else None,
                     "code": kind.code,
-                    "median_off_mm": float(np.median([o.off_mm for o in of])),
-                    "median_nees": float(np.median([o.nees for o in of])),
-                    "median_s": float(np.median([o.seconds for o in of])),
+                    "median_off_mm": float(np.median([o.off_mm for o in chosen])),
+                    "median_nees": float(np.median([o.nees for o in chosen])),
+                    "median_s": float(np.median([o.seconds for o in chosen])),
                 }
             )
     return rows
@@ -383,15 +388,15 @@ HEAD = (
 )
 
 
-def told(row: dict[str, Any]) -> tuple[object, ...]:
+def row(result: dict[str, Any]) -> tuple[object, ...]:
     """A line of the table with `HEAD`."""
-    named = "" if row["named"] is None else row["named"]
-    figures = (f"{row['median_off_mm']:.2f}", f"{row['median_nees']:.1f}", f"{row['median_s']:.2f}")
-    return row["kind"], row["cells"], row["good"], row["good_and_wrong"], named, row["code"], *figures
+    named = "" if result["named"] is None else result["named"]
+    figures = (f"{result['median_off_mm']:.2f}", f"{result['median_nees']:.1f}", f"{result['median_s']:.2f}")
+    return result["kind"], result["cells"], result["good"], result["good_and_wrong"], named, result["code"], *figures
 
 
 def main(arguments: list[str]) -> None:
-    """Run, print; of thirty cells and more of a kind results/wrong_answers.json too, beside what it has of others."""
+    """Run, print; with thirty cells or more of a kind update results/wrong_answers.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.wrong_answers", description=__doc__)
     parser.add_argument("--kinds", nargs="*", default=[], metavar="KIND", help="kinds of cells")
     parser.add_argument("--cells", type=int, default=40, help="so many of each kind")
@@ -406,23 +411,23 @@ def main(arguments: list[str]) -> None:
             outcomes.append(outcome(name, kind, seed))
             if asked.verbose:
                 print(outcomes[-1], flush=True)
-        if asked.cells >= FEWEST:
-            _keep(name, [o for o in outcomes if o.kind == name])
-    print(table(HEAD, map(told, summary(outcomes))))
+        if asked.cells >= FEWEST_CELLS:
+            _store_rows(name, [o for o in outcomes if o.kind == name])
+    print(table(HEAD, map(row, summary(outcomes))))
 
 
-def _keep(name: str, outcomes: list[Outcome]) -> None:
-    """Write what became of a kind's cells in place of what there was of it."""
+def _store_rows(name: str, outcomes: list[Outcome]) -> None:
+    """Write the results of a kind in place of the previous ones."""
     path = RESULTS / "wrong_answers.json"
     before = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"rows": [], "outcomes": []}
     (row,) = summary(outcomes)
     rows = {each["kind"]: each for each in [*before["rows"], {**row, "commit": commit()}]}
-    every = [o for o in before["outcomes"] if o["kind"] != name] + [o._asdict() for o in outcomes]
-    asked_for = {"good_and_wrong": PASSED, "named": NAMED, "clean": CLEAN}
+    all_outcomes = [o for o in before["outcomes"] if o["kind"] != name] + [o._asdict() for o in outcomes]
+    required = {"good_and_wrong": MOST_PASSED, "named": LEAST_NAMED, "clean": LEAST_GOOD}
     write("wrong_answers", {
-        "asked": asked_for,
+        "asked": required,
         "rows": [rows[kind] for kind in KINDS if kind in rows],
-        "outcomes": [o for kind in KINDS for o in every if o["kind"] == kind],
+        "outcomes": [o for kind in KINDS for o in all_outcomes if o["kind"] == kind],
     })  # fmt: skip
 
 

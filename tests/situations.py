@@ -81,9 +81,9 @@ def looked_at(paths: Sequence[Path], axe: Path | None, keeps_images: bool) -> It
             for name in shown_sizes(tab, path.as_uri()):
                 yield from (f"{path.stem} {name}: {fault}" for fault in faults(tab, axe))
                 if keeps_images:
-                    tab.picture(path.with_name(f"{path.stem}_{name}.png"))
+                    tab.screenshot(path.with_name(f"{path.stem}_{name}.png"))
             if keeps_images:
-                tab.paper(path.with_suffix(".pdf"))
+                tab.print_pdf(path.with_suffix(".pdf"))
 
 
 def main() -> None:

@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks import capture, report, scale
-from benchmarks.capture import HEAD, Kept, Outcome, row, size_of
-from benchmarks.common import RESULTS
+from benchmarks.capture import HEAD, Outcome, kept_outcomes, row, size_text
+from benchmarks.common import RESULTS, Kept
 from benchmarks.entered import FileOfTests, Judge, telling
 from benchmarks.mutants import Verdict, kept_runs, room_tests, rows, run_of, survivors
 from benchmarks.peers.tables import brief
 from benchmarks.real_errors import reality
 from benchmarks.report import PAGE, page
-from benchmarks.small_faults import SOURCE, Mutant, changed, mutants_of
+from benchmarks.rescues import RESCUES, locate
+from benchmarks.small_faults import SOURCE, Mutant, mutants_of, replacements
 
 from basecal.simulation import Scenario, simulate
 
@@ -131,7 +132,7 @@ def test_mutants_are_faults() -> None:
     """Comparisons turn round, counts shift by one, operators change, numbers grow; borders of real numbers stay."""
 
     def of(text: str) -> list[str]:
-        return [ast.unparse(node) for node in changed(ast.parse(text, mode="eval").body)]
+        return [ast.unparse(node) for node in replacements(ast.parse(text, mode="eval").body)]
 
     assert of("a < b") == ["a >= b"]
     assert of("len(a) < 2") == ["len(a) >= 2", "len(a) <= 2"]
@@ -145,7 +146,7 @@ def test_mutants_are_faults() -> None:
 
 
 def test_a_run_takes_over_why_its_mutants_survived() -> None:
-    """By what is changed, wherever it stands; one that nothing tells from the original counts for no fault."""
+    """By what is replacements, wherever it stands; one that nothing tells from the original counts for no fault."""
     known = next(each for run in kept_runs() for each in run["survived"] if each.get("why", "").startswith("equiv"))
     mutant = Mutant(known["file"], 1, known["text"], known["old"], known["new"], 9, range(0), "")
     other = mutant._replace(text="something else")
@@ -175,7 +176,7 @@ def test_errors_of_a_recording_add_up_to_it() -> None:
     """Stops and views with the errors imputed to them are the recording again, pixel by pixel."""
     made = simulate(Scenario(samples=12, robot_noise=(3e-4, 5e-4), state_robot_noise=False, state_pixel_noise=False), 3)
     of = reality(made.cell, made.recording)
-    again = of.draw_fault(of.imputed(np.random.default_rng(0)))
+    again = of.make_recording(of.impute(np.random.default_rng(0)))
     for sample, recorded in zip(again.samples, made.recording.samples, strict=True):
         (seen,), (was,) = sample.observations, recorded.observations
         np.testing.assert_array_equal(seen.ids, was.ids)
@@ -186,7 +187,7 @@ def test_errors_dealt_out_anew_are_as_large() -> None:
     """Rms over twenty draws: 0.2 px to a twentieth, of 30 views; 0.3 mm and 0.5 mrad to a quarter, of 60 stops."""
     made = simulate(Scenario(samples=30, robot_noise=(3e-4, 5e-4), state_robot_noise=False, state_pixel_noise=False), 4)
     of = reality(made.cell, made.recording)
-    draws = [of.resampled(np.random.default_rng(seed)) for seed in range(20)]
+    draws = [of.resample(np.random.default_rng(seed)) for seed in range(20)]
     pixels = np.sqrt(np.mean([np.mean(draw.views[0] ** 2) for draw in draws]))
     assert abs(pixels - 0.2) < 0.01
     squares = np.mean([(draw.stops * of.problem.stops.sigma) ** 2 for draw in draws], axis=(0, 1))
@@ -211,6 +212,13 @@ def test_a_cell_is_safe_inside_the_ellipsoid_or_named_first() -> None:
     assert told["first finding"] == "base-moved 1, poor-fit 1, too-few-samples 1"
 
 
+@pytest.mark.parametrize("name", RESCUES)
+def test_rescues_name_functions_of_the_package(name: str) -> None:
+    """The name of each rescue is looked up in its module, so that a renamed function is not silently left in place."""
+    place, attribute = locate(RESCUES[name])
+    assert callable(getattr(place, attribute))
+
+
 def test_outcomes_outlive_a_run(tmp_path: Path) -> None:
     """What was kept is there again, in the order of its seeds, and apart from other faults."""
     kept = Kept(tmp_path / "kept.jsonl")
@@ -219,7 +227,7 @@ def test_outcomes_outlive_a_run(tmp_path: Path) -> None:
     kept.keep("#0", outcome("good", 7.0))
     kept.keep("size:sag", {"size": 0.0123, "is_usual": False})
     again = Kept(tmp_path / "kept.jsonl")
-    assert [each.nees for each in again.outcomes("sag")] == [0.0, 1.0, 2.0, 10.0]
-    assert [each.nees for each in again.outcomes("")] == [7.0]
-    assert size_of(again, "sag") == "0.0123 deg"
-    assert (size_of(again, "backlash"), again.get("sag#3")) == ("", None)
+    assert [each.nees for each in kept_outcomes(again, "sag")] == [0.0, 1.0, 2.0, 10.0]
+    assert [each.nees for each in kept_outcomes(again, "")] == [7.0]
+    assert size_text(again, "sag") == "0.0123 deg"
+    assert (size_text(again, "backlash"), again.get("sag#3")) == ("", None)

@@ -50,7 +50,7 @@ def _row(opencv_mm: float, ours_mm: float) -> dict[str, Any]:
 
 def test_what_is_missed_is_said() -> None:
     """A row is missed where a peer is nearer, and where the best of OpenCV's is less than three times as far."""
-    assert tables.missed([_row(opencv_mm=7.0, ours_mm=2.0)]) == []
-    (short,) = tables.missed([_row(opencv_mm=5.0, ours_mm=2.0)])
+    assert tables.missed_goals([_row(opencv_mm=7.0, ours_mm=2.0)]) == []
+    (short,) = tables.missed_goals([_row(opencv_mm=5.0, ours_mm=2.0)])
     assert "only 2.50 times ours" in short
-    assert len(tables.missed([_row(opencv_mm=5.0, ours_mm=6.0)])) == 9
+    assert len(tables.missed_goals([_row(opencv_mm=5.0, ours_mm=6.0)])) == 9

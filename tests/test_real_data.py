@@ -29,8 +29,8 @@ from tests.shared.real_recordings import (
     LIGHT_NEAR_MM_DEG,
     Figure,
     data_folder,
+    led_distances,
     lights,
-    lights_off,
     moveit,
     nao,
     rct,
@@ -103,7 +103,7 @@ def test_eight_corners_as_lights() -> None:
 
     10 mm were asked: ten bearings of one point tell that much less where robots are not taken for exact.
     """
-    off = lights_off(np.random.default_rng(0).choice(CORNERS, 8, replace=False))
+    off = led_distances(np.random.default_rng(0).choice(CORNERS, 8, replace=False))
     found = np.where(np.isfinite(off), off, np.inf)
     assert np.all(np.median(found, axis=0) <= (12.0, 0.4))
     assert np.all(found <= LIGHT_NEAR_MM_DEG, axis=1).sum() >= 6

@@ -20,14 +20,14 @@ CELLS = 40
 
 
 def run(design: Design, cells: int, first_seed: int) -> dict[str, Any]:
-    """A row, with the seconds it took."""
+    """A row of results, with the seconds it took."""
     began = time.perf_counter()
     trials = [trial(design, seed) for seed in range(first_seed, first_seed + cells)]
     return {**summary(design, trials), "seconds": time.perf_counter() - began}
 
 
 def main(arguments: list[str]) -> None:
-    """Run, print; of all designs write results/peers.json too."""
+    """Run, print; with all designs write results/peers.json too."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", description=__doc__)
     parser.add_argument("--cells", type=int, default=CELLS, help=f"of each row (default {CELLS})")
     parser.add_argument("--designs", nargs="*", default=list(NAMES), choices=NAMES, metavar="NAME")
@@ -41,11 +41,11 @@ def main(arguments: list[str]) -> None:
             rows.append(run(design, asked.cells, asked.first_seed))
             print(f"{rows[-1]['seconds']:5.0f} s  {design}", flush=True)
     print("\n" + tables.text(rows))
-    missed = tables.missed(rows)
+    missed = tables.missed_goals(rows)
     print("\nmissed:\n" + "\n".join(missed or ["nothing"]))
     if asked.designs == list(NAMES) and asked.cells >= CELLS:
-        told = {"first_seed": asked.first_seed, "times": tables.TIMES}
-        write("peers", {**told, "cells": asked.cells, "rows": rows, "missed": missed})
+        settings = {"first_seed": asked.first_seed, "times": tables.TIMES}
+        write("peers", {**settings, "cells": asked.cells, "rows": rows, "missed": missed})
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
 """OpenCV's seven methods, as their users use them.
 
-One arm: `calibrateHandEye` and `calibrateRobotWorldHandEye`. Two arms: easy_handeye's answer, calibrate twice and
-concatenate. While the hand is still, the eye robot's camera is calibrated to its flange; while the eye is still, the
-hand robot is calibrated to the camera that stands before it. They meet at the camera,
+One arm: `calibrateHandEye` and `calibrateRobotWorldHandEye`. Two arms: as easy_handeye advises, calibrate twice and
+concatenate. While the hand is still, the eye robot's camera is calibrated to its flange. While the eye is still, the
+hand robot is calibrated to the camera, which is then fixed. They meet at the camera,
 
     eye_base_from_hand_base = eye_base_from_eye_flange @ eye_flange_from_camera @ camera_from_hand_base
 
-at the pose where the eye stood still, or at the target where the hand did; both are tried.
+at the pose where the eye stood still, or at the target where the hand stood still; both are tried.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CHAINS = (", by the camera", ", by the target")
 
 
 class OneArm(NamedTuple):
-    """What is constant while one arm moves: the mount on its flange, and where the other end stands."""
+    """The constants of a run in which one arm moves: the mount on its flange, and the target in its base."""
 
     flange_from_camera: SE3
     base_from_target: SE3
@@ -41,16 +41,16 @@ Results = Mapping[str, OneArm | TwoArms | None]
 
 
 def one_arm(method: str, base_from_flange: SE3, camera_from_target: SE3) -> OneArm | None:
-    """By one of `METHODS`; None where it fails.
+    """Calibrate one arm by one of `METHODS`; None if it fails.
 
     For a camera beside the arm give `flange_from_base` for `base_from_flange`: the mount is then `base_from_camera`,
     and the other end `flange_from_target`.
     """
-    found = robot_world(camera_from_target, base_from_flange.inverse(), method)
-    return None if found is None else OneArm(found.first.inverse(), found.last)
+    result = robot_world(camera_from_target, base_from_flange.inverse(), method)
+    return None if result is None else OneArm(result.first.inverse(), result.last)
 
 
-class Moved(Protocol):
+class Run(Protocol):
     """A run in which one arm moves: poses of both flanges and of the target in the camera, (n,) each."""
 
     @property
@@ -59,7 +59,7 @@ class Moved(Protocol):
         ...
 
     @property
-    def seen(self) -> SE3:
+    def views(self) -> SE3:
         """camera_from_target."""
         ...
 
@@ -69,10 +69,10 @@ class Moved(Protocol):
         ...
 
 
-def concatenated(method: str, hand_still: Moved, eye_still: Moved) -> list[TwoArms]:
-    """Two calibrations by one of `METHODS`, concatenated at the camera and at the target; nothing where one fails."""
-    eye_in_hand = one_arm(method, hand_still.eye, hand_still.seen)
-    eye_to_hand = one_arm(method, eye_still.hand.inverse(), eye_still.seen)
+def concatenate(method: str, hand_still: Run, eye_still: Run) -> list[TwoArms]:
+    """Two calibrations by one of `METHODS`, concatenated at the camera and at the target; empty if one fails."""
+    eye_in_hand = one_arm(method, hand_still.eye, hand_still.views)
+    eye_to_hand = one_arm(method, eye_still.hand.inverse(), eye_still.views)
     if eye_in_hand is None or eye_to_hand is None:
         return []
     mount, eye_base_from_target = eye_in_hand
@@ -84,18 +84,18 @@ def concatenated(method: str, hand_still: Moved, eye_still: Moved) -> list[TwoAr
 
 class _Half(NamedTuple):
     eye: SE3
-    seen: SE3
+    views: SE3
     hand: SE3
 
 
 def two_arms(method: str, task: Task) -> Results:
     """Two calibrations of a recording in halves: the hand still in the first, the eye in the second."""
-    eye, hand, seen = task.eye_base_from_eye_flange, task.hand_base_from_hand_flange, task.camera_from_target
+    eye, hand, views = task.eye_base_from_eye_flange, task.hand_base_from_hand_flange, task.camera_from_target
     assert hand is not None
-    hand_still = len(seen) - len(seen) // 2
-    halves = [_Half(eye[s], seen[s], hand[s]) for s in (slice(None, hand_still), slice(hand_still, None))]
-    found = concatenated(method, *halves)
-    return dict(zip(CHAINS, found, strict=True)) if found else dict.fromkeys(CHAINS)
+    hand_still = len(views) - len(views) // 2
+    halves = [_Half(eye[s], views[s], hand[s]) for s in (slice(None, hand_still), slice(hand_still, None))]
+    results = concatenate(method, *halves)
+    return dict(zip(CHAINS, results, strict=True)) if results else dict.fromkeys(CHAINS)
 
 
 def _one_arm(method: str, task: Task) -> Results:
@@ -103,9 +103,9 @@ def _one_arm(method: str, task: Task) -> Results:
 
 
 def works(task: Task, design: DesignName) -> dict[str, Callable[[], Results]]:
-    """What can be done with a recording of that design, by method; what is asked comes first in each of its results.
+    """Calibrations of a recording of that design, by method; the requested transform comes first in each result.
 
-    Where both arms move there is nothing: no method of OpenCV takes two moving arms.
+    If both arms move the dictionary is empty: no method of OpenCV takes two moving arms.
     """
     if design == "both":
         return {}

@@ -1,8 +1,8 @@
-"""SciPy's `least_squares` on poses: how well the loop closes, weighed by how well it closed the first time.
+"""SciPy's `least_squares` on poses: how well the loop closes, weighted by its errors after a first round.
 
-The residual of a sample is the tangent of `(A X B).inverse() @ Y C Z`, translations over their rms and rotations over
-theirs after a first round; with one arm that of `(A X B).inverse() @ W`. It starts from the result of OpenCV that
-closes the loop best; where both arms move OpenCV has none, and it starts from the truth.
+The residual of a sample is the tangent of `(A X B).inverse() @ Y C Z`, and with one arm of `(A X B).inverse() @ W`.
+Translations and rotations are divided by their rms after the first round. It starts from the result of OpenCV that
+closes the loop best. If both arms move, OpenCV has no result, and it starts from the truth.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ Start = tuple[SE3, ...]
 Loop = Callable[[Start], SE3]
 
 
-def solved(task: Task, starts: list[Start]) -> SE3:
-    """What is asked, from the one of `starts` that closes the loop best; what is asked comes first in each."""
+def close_loop(task: Task, starts: list[Start]) -> SE3:
+    """The requested transform, from the one of `starts` that closes the loop best; it comes first in each start."""
     one_arm = task.hand_base_from_hand_flange is None
     loop = _one_arm_loop(task) if one_arm else _two_arm_loop(task)
     first = np.repeat(_FIRST, 3)
     start = min(starts, key=lambda each: float(np.sum((loop(each).log() / first) ** 2)))
-    once = _descended(loop, start, first)
-    closes = loop(once).log()
-    rms = [float(np.sqrt(np.mean(part**2))) for part in (closes[:, :3], closes[:, 3:])]
-    return _descended(loop, once, np.repeat(rms, 3))[0]
+    first_end = _minimize(loop, start, first)
+    errors = loop(first_end).log()
+    rms = [float(np.sqrt(np.mean(part**2))) for part in (errors[:, :3], errors[:, 3:])]
+    return _minimize(loop, first_end, np.repeat(rms, 3))[0]
 
 
 def _one_arm_loop(task: Task) -> Loop:
@@ -43,12 +43,12 @@ def _two_arm_loop(task: Task) -> Loop:
     return lambda x: (a @ x[1] @ b).inverse() @ x[0] @ c @ x[2]
 
 
-def _descended(loop: Loop, start: Start, sigma: Array) -> Start:
-    def at(step: Array) -> Start:
+def _minimize(loop: Loop, start: Start, sigma: Array) -> Start:
+    def retract(step: Array) -> Start:
         return tuple(each @ SE3.exp(xi) for each, xi in zip(start, step.reshape(-1, 6), strict=True))
 
     def residuals(step: Array) -> Array:
-        weighed: Array = (loop(at(step)).log() / sigma).ravel()
+        weighed: Array = (loop(retract(step)).log() / sigma).ravel()
         return weighed
 
-    return at(least_squares(residuals, np.zeros(6 * len(start)), method="lm").x)
+    return retract(least_squares(residuals, np.zeros(6 * len(start)), method="lm").x)

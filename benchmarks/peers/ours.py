@@ -1,4 +1,4 @@
-"""Ours, from the pixels and from the same poses as the others; with the sigmas stated, and with none."""
+"""Our solver, from the pixels and from the same poses as the others, with the sigmas stated and with none."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ ESTIMATED_SAMPLES = 30
 
 
 def works(task: Task) -> dict[str, Callable[[], PoseEstimate]]:
-    """By name."""
+    """Our estimates as calls, by name."""
     cell, bare = task.made.cell, _unstated(task.made.cell)
     found = {
-        PIXELS: partial(_asked, task, cell, task.made.recording),
-        POSES: partial(_asked, task, cell, _of_poses(task, stated=True)),
-        PIXELS + UNSTATED: partial(_asked, task, bare, task.made.recording),
-        POSES + UNSTATED: partial(_asked, task, bare, _of_poses(task, stated=False)),
+        PIXELS: partial(_solve, task, cell, task.made.recording),
+        POSES: partial(_solve, task, cell, _pose_recording(task, stated=True)),
+        PIXELS + UNSTATED: partial(_solve, task, bare, task.made.recording),
+        POSES + UNSTATED: partial(_solve, task, bare, _pose_recording(task, stated=False)),
     }
     if len(task.made.recording.samples) == ESTIMATED_SAMPLES:
-        found[PIXELS + ESTIMATED] = partial(_asked, task, bare, task.made.recording, Settings(robot_noise="estimated"))
+        found[PIXELS + ESTIMATED] = partial(_solve, task, bare, task.made.recording, Settings(robot_noise="estimated"))
     return found
 
 
-def _asked(task: Task, cell: Cell, recording: Recording, settings: Settings = STATED) -> PoseEstimate:
+def _solve(task: Task, cell: Cell, recording: Recording, settings: Settings = STATED) -> PoseEstimate:
     return solve(cell, recording, settings).transforms[task.asked]
 
 
@@ -43,8 +43,8 @@ def _unstated(cell: Cell) -> Cell:
     return replace(cell, pixel_px=None, robots=robots)
 
 
-def _of_poses(task: Task, stated: bool) -> Recording:
-    """The recording with the poses of `solvePnP` for pixels, and their sigmas where `stated`."""
+def _pose_recording(task: Task, stated: bool) -> Recording:
+    """The recording with the poses of `solvePnP` in place of pixels, with their sigmas if `stated`."""
     samples = []
     for k, sample in enumerate(task.made.recording.samples):
         sigma = task.sigma[k] if stated else None

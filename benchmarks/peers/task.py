@@ -1,4 +1,4 @@
-"""The cells, and what everybody is given of them: the pixels, and poses of the board by `solvePnP` on them."""
+"""The cells, and the data that all solvers are given: the pixels, and poses of the board by `solvePnP` on them."""
 
 from __future__ import annotations
 
@@ -43,23 +43,23 @@ class Design(NamedTuple):
 
 
 def designs(name: DesignName) -> list[Design]:
-    """Every row of a table; only the first, of two arms as OpenCV can take them, has the worse pixels too."""
+    """Every row of a table; only the design `halves`, which OpenCV can solve, has the worse pixels too."""
     pixels = PIXELS_PX if name == "halves" else PIXELS_PX[:1]
     return [Design(name, n, px, robot) for n in SAMPLES for px in pixels for robot in ROBOTS]
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """One cell.
+    """One simulated cell.
 
     Attributes:
-        made: What is simulated, and the truth.
+        made: The cell, its recording and the truth.
         asked: Name of the transform whose error is counted.
         eye_base_from_eye_flange: (n,) as recorded.
-        hand_base_from_hand_flange: (n,) as recorded; None where the board stands on the world.
+        hand_base_from_hand_flange: (n,) as recorded; None if the board is fixed in the world.
         camera_from_target: (n,) by `solvePnP`.
         sigma: (n, 6) of these poses, in the target's axes [m, rad], for pixels of the true sigma.
-        pnp_s: How long the poses took.
+        pnp_s: Time to compute the poses [s].
     """
 
     made: SimulatedCell
@@ -72,14 +72,17 @@ class Task:
 
     @property
     def truth(self) -> tuple[SE3, ...]:
-        """Of all unknowns, what is asked first."""
+        """True values of all unknowns, the requested one first."""
         cell = self.made.cell
         names = dict.fromkeys((self.asked, cell.mount_name("wrist"), cell.mount_name("board")))
         return tuple(self.made.truth[name] for name in names)
 
 
 def make_task(design: Design, seed: int) -> Task:
-    """A cell of the design and the board's poses in it; a seed keeps its bases, mounts and lens in every row."""
+    """Simulate a cell of the design, and solve for the poses of the board.
+
+    A seed has the same bases, mounts and lens in every row.
+    """
     made = simulate(design.scenario(), seed)
     cell = made.cell
     ((_, camera),) = made.cameras.items()
@@ -104,9 +107,9 @@ def make_task(design: Design, seed: int) -> Task:
 
 def _view(target: Target, observations: Sequence[Observation]) -> tuple[Array, Array]:
     """Points of the board, (n, 3) [m], and their pixels, (n, 2)."""
-    (seen,) = observations
-    assert isinstance(seen, PixelObservation)
-    return target.points[target.rows(seen.ids)], seen.pixels
+    (observation,) = observations
+    assert isinstance(observation, PixelObservation)
+    return target.points[target.rows(observation.ids)], observation.pixels
 
 
 def _recorded(made: SimulatedCell, robot: str) -> SE3:
@@ -120,7 +123,7 @@ def _lens(camera: Camera) -> tuple[Array, Array]:
 
 
 def board_pose(camera: Camera, points_in_target: Array, pixels: Array) -> tuple[Array, Array]:
-    """Rotation vector and translation of a board: both poses of IPPE, refined, and the better one kept."""
+    """Rotation vector and translation of a board: both poses of IPPE are refined, and the better one is kept."""
     lens = _lens(camera)
     _, turns, places, _ = cv2.solvePnPGeneric(points_in_target, pixels, *lens, flags=cv2.SOLVEPNP_IPPE)
     best: tuple[float, Array, Array] | None = None

@@ -1,4 +1,4 @@
-"""Everybody on one cell, and what many cells say."""
+"""All solvers on one cell, and statistics over many cells."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Result = TypeVar("Result")
 
 
 class Error(NamedTuple):
-    """How far a result is off [mm, mrad], NaN where there is none, and how long it took [s]."""
+    """Errors of a result [mm, mrad], NaN if it failed, and its time [s]."""
 
     mm: float
     mrad: float
@@ -25,7 +25,10 @@ class Error(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """One cell: errors by name, what our covariance predicts of ours from pixels [mm, mrad], time of `solvePnP` [s]."""
+    """One cell: errors by name, and the time of `solvePnP` [s].
+
+    `predicted` is the error that our covariance predicts for ours from pixels [mm, mrad].
+    """
 
     errors: dict[str, Error]
     predicted: tuple[float, float]
@@ -33,23 +36,23 @@ class Trial(NamedTuple):
 
 
 def trial(design: Design, seed: int) -> Trial:
-    """Everybody on one cell."""
+    """Run all solvers on one cell."""
     task = make_task(design, seed)
     errors, starts = {}, []
     for method, work in by_opencv.works(task, design.name).items():
         chains, took = _timed(work)
-        for chain, found in chains.items():
-            errors[f"OpenCV {method}{chain}"] = _error(task, None if found is None else found[0], took)
-            if found is not None:
-                starts.append(tuple(found))
-    end, took = _timed(lambda: by_scipy.solved(task, starts or [task.truth]))
+        for chain, result in chains.items():
+            errors[f"OpenCV {method}{chain}"] = _error(task, None if result is None else result[0], took)
+            if result is not None:
+                starts.append(tuple(result))
+    end, took = _timed(lambda: by_scipy.close_loop(task, starts or [task.truth]))
     errors[SCIPY] = _error(task, end, took)
     predicted = (np.nan, np.nan)
     for name, estimate in ours.works(task).items():
-        mine, took = _timed(estimate)
-        errors[name] = _error(task, mine.mean, took)
+        own, took = _timed(estimate)
+        errors[name] = _error(task, own.mean, took)
         if name == ours.PIXELS:
-            variance = np.diag(mine.covariance)
+            variance = np.diag(own.covariance)
             predicted = 1e3 * float(np.sqrt(variance[:3].sum())), 1e3 * float(np.sqrt(variance[3:].sum()))
     return Trial(errors, predicted, task.pnp_s)
 
@@ -60,15 +63,15 @@ def _timed(work: Callable[[], Result]) -> tuple[Result, float]:
     return result, time.perf_counter() - began
 
 
-def _error(task: Task, found: SE3 | None, seconds: float) -> Error:
-    if found is None:
+def _error(task: Task, estimate: SE3 | None, seconds: float) -> Error:
+    if estimate is None:
         return Error(np.nan, np.nan, seconds)
-    off = found.inverse() @ task.truth[0]
+    off = estimate.inverse() @ task.truth[0]
     return Error(1e3 * float(np.linalg.norm(off.translation)), 1e3 * float(np.linalg.norm(off.rotvec)), seconds)
 
 
 def summary(design: Design, trials: list[Trial]) -> dict[str, Any]:
-    """A row: errors over all cells by name; a method's failures are counted, and in no error."""
+    """A row: errors over all cells by name; failures of a method are counted, and are in no error."""
     predicted = np.sqrt(np.mean(np.square([each.predicted for each in trials]), axis=0))
     return {
         "design": design.name,
@@ -84,13 +87,13 @@ def summary(design: Design, trials: list[Trial]) -> dict[str, Any]:
 
 def _statistics(errors: list[Error]) -> dict[str, float | int]:
     values = np.array([each[:2] for each in errors])
-    there = values[np.isfinite(values[:, 0])]
-    rms, middle = np.sqrt(np.mean(there**2, axis=0)), np.median(there, axis=0)
+    finite = values[np.isfinite(values[:, 0])]
+    rms, medians = np.sqrt(np.mean(finite**2, axis=0)), np.median(finite, axis=0)
     return {
         "rms_mm": float(rms[0]),
         "rms_mrad": float(rms[1]),
-        "median_mm": float(middle[0]),
-        "median_mrad": float(middle[1]),
+        "median_mm": float(medians[0]),
+        "median_mrad": float(medians[1]),
         "median_ms": 1e3 * float(np.median([each.seconds for each in errors])),
-        "failed": len(values) - len(there),
+        "failed": len(values) - len(finite),
     }

@@ -1,4 +1,4 @@
-"""What is stored of an answer, and how two answers differ."""
+"""Stored form of an answer, and differences between two answers."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ Answer = dict[str, Any]
 
 
 def answer(name: str) -> Answer:
-    """The verdict, findings and transforms of a case; the error of one that is not calibrated."""
+    """The verdict, findings and transforms of a case; the name of the error if calibration raises one."""
     try:
-        found = calibrate(*cases()[name]())
+        calibration = calibrate(*cases()[name]())
     except BasecalError as error:
         return {"verdict": type(error).__name__, "findings": [], "transforms": {}}
     return {
-        "verdict": found.verdict,
-        "findings": sorted(f"{f.severity} {f.code} {' '.join(f.about)}".strip() for f in found.findings),
-        "transforms": {name: _numbers(estimate) for name, estimate in sorted(found.transforms.items())},
+        "verdict": calibration.verdict,
+        "findings": sorted(f"{f.severity} {f.code} {' '.join(f.about)}".strip() for f in calibration.findings),
+        "transforms": {name: _numbers(estimate) for name, estimate in sorted(calibration.transforms.items())},
     }
 
 
@@ -50,16 +50,16 @@ def differences(before: Answer, after: Answer) -> Iterator[str]:
         if (name in before["transforms"]) != (name in after["transforms"]):
             yield f"{name} {'gone' if name in before['transforms'] else 'new'}"
         else:
-            yield from _apart(name, *(_read(of["transforms"][name]) for of in (before, after)))
+            yield from _estimate_differences(name, *(_read(of["transforms"][name]) for of in (before, after)))
 
 
-def _apart(name: str, before: tuple[SE3, np.ndarray], after: tuple[SE3, np.ndarray]) -> Iterator[str]:
-    (mean, sigma), (other, other_sigma) = before, after
-    apart = np.abs((mean.inverse() @ other).log())
-    in_sigmas = float((apart / np.maximum(sigma, 1e-9)).max())
+def _estimate_differences(name: str, before: tuple[SE3, np.ndarray], after: tuple[SE3, np.ndarray]) -> Iterator[str]:
+    (mean, sigma), (second, second_sigma) = before, after
+    step = np.abs((mean.inverse() @ second).log())
+    in_sigmas = float((step / np.maximum(sigma, 1e-9)).max())
     if in_sigmas > SIGMAS:
-        yield f"{name} moved by {in_sigmas:.2g} sigma, {1e3 * np.linalg.norm(apart[:3]):.3g} mm"
-    ratio = np.maximum(other_sigma, 1e-12) / np.maximum(sigma, 1e-12)
+        yield f"{name} moved by {in_sigmas:.2g} sigma, {1e3 * np.linalg.norm(step[:3]):.3g} mm"
+    ratio = np.maximum(second_sigma, 1e-12) / np.maximum(sigma, 1e-12)
     if np.abs(ratio - 1).max() > SHARE:
         yield f"{name} sigma times {ratio.min():.4g} to {ratio.max():.4g}"
 

@@ -21,7 +21,7 @@ SEEDS = 6  # of each kind of fault
 
 
 def cases() -> dict[str, Case]:
-    """All of them, by name; a real recording that is not there is left out."""
+    """All cases by name; real recordings that are missing are left out."""
     return {**dict(_real()), **{f"simulated {seed}": _simulated(seed) for seed in range(SIMULATED)}, **dict(_faulty())}
 
 
@@ -41,19 +41,19 @@ def _read(path: Path) -> tuple[Cell, Recording]:
 
 def _simulated(seed: int) -> Case:
     def draw() -> tuple[Cell, Recording]:
-        """The cell of a scenario that the seed draws."""
-        made = simulate(Scenario(**scenario(seed)), seed)
-        return made.cell, made.recording
+        """The cell of the scenario that the seed draws."""
+        drawn = simulate(Scenario(**scenario(seed)), seed)
+        return drawn.cell, drawn.recording
 
     return draw
 
 
 def scenario(seed: int) -> dict[str, Any]:
-    """A scenario: layouts, targets and statuses that go together, eight to thirty samples."""
+    """Draw a scenario: a compatible layout, target and statuses, and eight to thirty samples."""
     rng = np.random.default_rng([seed, 29])
 
     def one(*choices: Any, p: tuple[float, ...] | None = None) -> Any:
-        """One of these."""
+        """Choose one of these."""
         return choices[int(rng.choice(len(choices), p=p))]
 
     drawn: dict[str, Any] = {

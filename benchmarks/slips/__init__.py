@@ -1,1 +1,1 @@
-"""Slips that people make with their files, played through the command line."""
+"""Common slips of users with their files, through the command line."""

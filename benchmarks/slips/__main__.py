@@ -1,4 +1,4 @@
-"""Each slip through the command line: what is said, whether a wrong answer passes, and what `basecal fix` makes of it.
+"""Each slip through the command line: whether it is named, whether a wrong answer is called good, and what `fix` fixes.
 
 Command: python -m benchmarks.slips [--draws 3] [--only NUMBER ...] [--show] [--keep FILE].
 """

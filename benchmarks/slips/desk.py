@@ -1,4 +1,4 @@
-"""A newcomer's desk: tables of a UR and a KUKA, photographs, and the commands to type.
+"""The files of a first-time user: tables of a UR and a KUKA, photographs, and the commands to type.
 
 Tables are written with SciPy's rotations and the standard library, not with the code that reads them.
 """
@@ -29,15 +29,15 @@ Step = str | Callable[[Path], None]
 
 @dataclass
 class Desk:
-    """What lies before the user, for a slip to spoil.
+    """Files and commands of a user, for a slip to spoil.
 
     Attributes:
-        folder: Where all files are.
-        draw: Number of the draw, which chooses among kinds of one slip.
+        folder: Folder of all files.
+        draw: Number of the draw, which chooses among variants of one slip.
         made: The cell, and its truth.
-        ur: What the UR recorded: positions (n, 3) [m] and rotations.
-        kuka: What the KUKA recorded.
-        steps: What is typed and edited before `basecal calibrate`.
+        ur: Recorded poses of the UR: positions (n, 3) [m] and rotations.
+        kuka: Recorded poses of the KUKA.
+        steps: Commands and edits before `basecal calibrate`.
         truth: Transforms to be found.
     """
 
@@ -50,7 +50,7 @@ class Desk:
     truth: dict[str, SE3] = field(default_factory=dict)
 
     def write(self, name: str, lines: Sequence[str]) -> None:
-        """A file of lines."""
+        """Write a file of lines."""
         (self.folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
     @property
@@ -59,9 +59,9 @@ class Desk:
         return sorted((self.folder / "photos").iterdir())
 
 
-def laid_out(folder: Path, draw: int) -> Desk:
-    """A desk where nothing is amiss."""
-    made, images = _taken(draw)
+def prepare_desk(folder: Path, draw: int) -> Desk:
+    """Prepare a desk without a slip."""
+    made, images = _simulate_photos(draw)
     (folder / "photos").mkdir()
     for path in images:
         os.link(path, folder / "photos" / path.name)
@@ -74,7 +74,7 @@ def laid_out(folder: Path, draw: int) -> Desk:
 
 
 @lru_cache
-def _taken(draw: int) -> tuple[SimulatedCell, tuple[Path, ...]]:
+def _simulate_photos(draw: int) -> tuple[SimulatedCell, tuple[Path, ...]]:
     """The cell of a draw, and its photographs."""
     made = cell(samples=SAMPLES, seed=100 + draw)
     folder = Path(mkdtemp(prefix="slips"))
@@ -82,10 +82,12 @@ def _taken(draw: int) -> tuple[SimulatedCell, tuple[Path, ...]]:
     return made, tuple(sorted((folder / "photos").iterdir()))
 
 
-def import_poses(robot: str, maker: str = "", file: str = "", more: str = "") -> str:
+def import_poses(robot: str, maker: str = "", file: str = "", options: str = "") -> str:
     """The command for a robot's table."""
-    words = f"basecal import poses {CELL} --robot {robot} {file or f'{robot}.csv'} --format {maker or robot} {more}"
-    return words.strip()
+    command = (
+        f"basecal import poses {CELL} --robot {robot} {file or f'{robot}.csv'} --format {maker or robot} {options}"
+    )
+    return command.strip()
 
 
 def import_images(on: str = "ur", options: str = BOARD_OPTIONS) -> str:
@@ -94,12 +96,12 @@ def import_images(on: str = "ur", options: str = BOARD_OPTIONS) -> str:
 
 
 def ur_rows(positions: Array, turns: Rotation) -> list[str]:
-    """Metres and rotation vectors."""
+    """Rows of positions in metres and rotation vectors."""
     return csv_rows(np.c_[positions, turns.as_rotvec()], 6)
 
 
 def kuka_rows(positions: Array, turns: Rotation) -> list[str]:
-    """Millimetres; A about z, B about the new y, C about the new x, in degrees."""
+    """Rows of positions in millimetres and angles in degrees: A about z, B about the new y, C about the new x."""
     return csv_rows(np.c_[1e3 * positions, turns.as_euler("ZYX", degrees=True)], 4)
 
 
@@ -109,28 +111,30 @@ def matrix_rows(positions: Array, turns: Rotation, is_by_column: bool = False) -
 
 
 def matrices(positions: Array, turns: Rotation) -> Array:
-    """(n, 4, 4)."""
-    made = np.tile(np.eye(4), (len(positions), 1, 1))
-    made[:, :3, :3], made[:, :3, 3] = turns.as_matrix(), positions
-    return made
+    """Poses as matrices, (n, 4, 4)."""
+    stacked = np.tile(np.eye(4), (len(positions), 1, 1))
+    stacked[:, :3, :3], stacked[:, :3, 3] = turns.as_matrix(), positions
+    return stacked
 
 
 def csv_rows(values: Array | Sequence[Array], digits: int, separator: str = ",") -> list[str]:
-    """Numbers to so many digits behind the point."""
+    """Rows of numbers with this number of decimals."""
     return [separator.join(f"{value:.{digits}f}" for value in row) for row in np.asarray(values)]
 
 
-def moved(poses: tuple[Array, Rotation], numbers: slice, left: SE3 | None, right: SE3 | None) -> tuple[Array, Rotation]:
-    """Poses of which some are in another frame (`left`) or of another tool (`right`)."""
-    made = matrices(*poses)
-    for side, before in ((left, True), (right, False)):
+def change_frames(
+    poses: tuple[Array, Rotation], numbers: slice, left: SE3 | None, right: SE3 | None
+) -> tuple[Array, Rotation]:
+    """Poses of which some are in another base frame (`left`) or of another tool frame (`right`)."""
+    stacked = matrices(*poses)
+    for side, is_left in ((left, True), (right, False)):
         if side is not None:
-            made[numbers] = side.matrix @ made[numbers] if before else made[numbers] @ side.matrix
-    return made[:, :3, 3], Rotation.from_matrix(made[:, :3, :3])
+            stacked[numbers] = side.matrix @ stacked[numbers] if is_left else stacked[numbers] @ side.matrix
+    return stacked[:, :3, 3], Rotation.from_matrix(stacked[:, :3, :3])
 
 
 def edit(old: str, new: str) -> Callable[[Path], None]:
-    """An edit of `cell.yaml`."""
+    """An edit of `cell.yaml` that replaces a text once."""
 
     def change(folder: Path) -> None:
         path = folder / CELL / "cell.yaml"

@@ -1,4 +1,4 @@
-"""Slips in photographs, and in what is said of them."""
+"""Slips in photographs, and in their description."""
 
 from __future__ import annotations
 
@@ -15,44 +15,44 @@ ASIDE = SE3(np.eye(3), np.array([0.17, 0.0, 0.0]))  # a second print beside the 
 
 
 def mirrored(desk: Desk) -> None:
-    """As a webcam's program shows them."""
+    """Mirror the images, as the program of a webcam does."""
     for path in desk.photos:
         _save(path, _read(path)[:, ::-1])
 
 
 def second_board(desk: Desk) -> None:
-    """A second print of the board hangs beside the first."""
+    """Hang a second print of the board beside the first."""
     (camera,), (target,) = desk.made.cell.cameras, desk.made.cell.targets
     for index, path in enumerate(desk.photos):
-        seen = camera_from_target(desk.made, camera, target, index)
-        beside = render(LENS, BOARD, seen @ ASIDE, None, index)
+        pose = camera_from_target(desk.made, camera, target, index)
+        beside = render(LENS, BOARD, pose @ ASIDE, None, index)
         alone = _read(path)
-        _save(path, np.where(_is_board(seen @ ASIDE), beside, alone))
+        _save(path, np.where(_is_board(pose @ ASIDE), beside, alone))
 
 
-def _is_board(seen: SE3) -> Array:
-    """Pixels that a board covers."""
+def _is_board(camera_from_board: SE3) -> Array:
+    """Mask of the pixels that a board covers."""
     width, height = LENS.size_px or (0, 0)
     corners = np.array([[-0.01, -0.01, 0], [0.16, -0.01, 0], [0.16, 0.22, 0], [-0.01, 0.22, 0]])
-    pixels = LENS.project(seen @ corners)
+    pixels = LENS.project(camera_from_board @ corners)
     mask = np.zeros((height, width), np.uint8)
     cv2.fillConvexPoly(mask, np.round(np.nan_to_num(pixels, nan=-1e4)).astype(np.int32), 1)
     return mask.astype(bool)
 
 
 def as_chessboard(desk: Desk) -> None:
-    """Its inner corners counted, its markers overlooked."""
+    """Describe the ChArUco board as a chessboard by its inner corners."""
     desk.steps[2] = import_images(options="--target chessboard --corners 4x6 --square 30mm")
 
 
 def bild(desk: Desk) -> None:
-    """The table names its images, and has its rows in the order in which they were written down."""
+    """Name the images in a column `Bild`, with the rows of one table in another order."""
     rows = [f"{path.name};{row}" for path, row in zip(desk.photos, _semicolons(desk), strict=True)]
-    turned = np.random.default_rng(desk.draw).permutation(len(rows))
+    order = np.random.default_rng(desk.draw).permutation(len(rows))
     desk.write("ur.csv", ["Bild;" + UR_HEADER.replace(",", ";"), *rows])
     kuka = (desk.folder / "kuka.csv").read_text().splitlines()
     named = [f"{path.name},{row}" for path, row in zip(desk.photos, kuka[1:], strict=True)]
-    desk.write("kuka.csv", [f"Bild,{kuka[0]}", *(named[k] for k in turned)])
+    desk.write("kuka.csv", [f"Bild,{kuka[0]}", *(named[k] for k in order)])
 
 
 def _semicolons(desk: Desk) -> list[str]:
@@ -60,7 +60,7 @@ def _semicolons(desk: Desk) -> list[str]:
 
 
 def missing(desk: Desk) -> None:
-    """The seventh was deleted, being blurred."""
+    """Delete the seventh image."""
     desk.photos[6].unlink()
 
 
@@ -69,7 +69,7 @@ def _read(path: object) -> Array:
 
 
 def _save(path: object, image: Array) -> None:
-    """A file of its own: that of other slips stays."""
+    """Write a new file in place of a link, so that the images of other desks stay."""
     from pathlib import Path
 
     Path(str(path)).unlink()

@@ -1,4 +1,4 @@
-"""The slips: what is done wrong, and what has to be said of it."""
+"""The slips, and the messages that each requires."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ class Slip(NamedTuple):
     """A slip.
 
     Attributes:
-        number: Of the list of slips; a letter tells several of one number apart.
-        words: What is done wrong.
-        spoil: How.
-        cause: Pattern of the sentence that names the cause; empty if all has to work.
-        cure: Pattern of what is to be done.
+        number: Number in the list of slips; a letter distinguishes slips with one number.
+        words: Description for users.
+        spoil: Function that applies it to a desk.
+        cause: Pattern of the sentence that names the cause; empty if everything must work.
+        cure: Pattern of the cure.
         fix: Whether `basecal fix` can undo it in the files.
     """
 

@@ -1,4 +1,4 @@
-"""Slips with poses of a tag that another program found."""
+"""Slips with poses of a tag from another detector."""
 
 from __future__ import annotations
 
@@ -21,46 +21,46 @@ from benchmarks.slips.desk import (
 HEADER = "x,y,z,qx,qy,qz,qw"
 DETECTIONS = 10
 TAG_NOISE = np.repeat([3e-4, 1e-3], 3)  # [m, rad] per axis of a detection
-Recorded = tuple[Array, Rotation]
+RecordedPoses = tuple[Array, Rotation]
 
 
 def still_arms(desk: Desk) -> None:
-    """Two sessions of unequal length: each arm moves while the other stands still, in one row."""
+    """Import two sessions of unequal length, in each of which one arm stands still and has one row."""
     ur, kuka, short = desk.ur, desk.kuka, SAMPLES - 3
     desk.write("ur_moves.csv", [UR_HEADER, *ur_rows(*ur)])
     desk.write("kuka_still.csv", [KUKA_HEADER, *kuka_rows(*_rows(kuka, slice(1)))])
-    desk.write("tags_1.csv", [HEADER, *ros_rows(_seen(desk, _poses(ur), _poses(kuka)[0], 0))])
+    desk.write("tags_1.csv", [HEADER, *ros_rows(_detections(desk, _poses(ur), _poses(kuka)[0], 0))])
     desk.write("kuka_moves.csv", [KUKA_HEADER, *kuka_rows(*_rows(kuka, slice(short)))])
     desk.write("ur_still.csv", [UR_HEADER, *ur_rows(*_rows(ur, slice(1)))])
-    desk.write("tags_2.csv", [HEADER, *ros_rows(_seen(desk, _poses(ur)[0], _poses(kuka)[:short], 1))])
+    desk.write("tags_2.csv", [HEADER, *ros_rows(_detections(desk, _poses(ur)[0], _poses(kuka)[:short], 1))])
     desk.steps = [
         import_poses("ur", file="ur_moves.csv"),
-        import_poses("kuka", file="kuka_still.csv", more="--still"),
+        import_poses("kuka", file="kuka_still.csv", options="--still"),
         _import_tags("tags_1.csv"),
-        import_poses("kuka", file="kuka_moves.csv", more="--session"),
-        import_poses("ur", file="ur_still.csv", more="--still"),
+        import_poses("kuka", file="kuka_moves.csv", options="--session"),
+        import_poses("ur", file="ur_still.csv", options="--still"),
         _import_tags("tags_2.csv"),
     ]
 
 
 def second_file(desk: Desk) -> None:
-    """What was recorded on another day, in fewer rows."""
+    """Import a second recording of another day with fewer rows."""
     ur, kuka = _poses(desk.ur), _poses(desk.kuka)
     desk.steps = []
-    for name, part, more in (("monday", slice(9), ""), ("tuesday", slice(9, None), "--session")):
+    for name, part, options in (("monday", slice(9), ""), ("tuesday", slice(9, None), "--session")):
         desk.write(f"ur_{name}.csv", [UR_HEADER, *ur_rows(*_rows(desk.ur, part))])
         desk.write(f"kuka_{name}.csv", [KUKA_HEADER, *kuka_rows(*_rows(desk.kuka, part))])
-        desk.write(f"tags_{name}.csv", [HEADER, *ros_rows(_seen(desk, ur[part], kuka[part], 0))])
+        desk.write(f"tags_{name}.csv", [HEADER, *ros_rows(_detections(desk, ur[part], kuka[part], 0))])
         desk.steps += [
-            import_poses("ur", file=f"ur_{name}.csv", more=more),
+            import_poses("ur", file=f"ur_{name}.csv", options=options),
             import_poses("kuka", file=f"kuka_{name}.csv"),
             _import_tags(f"tags_{name}.csv"),
         ]
 
 
 def ten_detections(desk: Desk) -> None:
-    """Of one stop, under the number of its sample."""
-    each = [_seen(desk, _poses(desk.ur), _poses(desk.kuka), k) for k in range(DETECTIONS)]
+    """Import ten detections of each stop under the number of its sample."""
+    each = [_detections(desk, _poses(desk.ur), _poses(desk.kuka), k) for k in range(DETECTIONS)]
     rows = [ros_rows(poses) for poses in each]
     lines = [f"{sample},{rows[k][sample]}" for sample in range(SAMPLES) for k in range(DETECTIONS)]
     desk.write("tags.csv", [f"sample,{HEADER}", *lines])
@@ -68,7 +68,7 @@ def ten_detections(desk: Desk) -> None:
 
 
 def ros_rows(poses: SE3) -> list[str]:
-    """Metres and quaternions with w last."""
+    """Rows of positions in metres and quaternions with w last."""
     return csv_rows(np.c_[poses.translation, Rotation.from_matrix(poses.rotation).as_quat()], 7)
 
 
@@ -76,16 +76,16 @@ def _import_tags(file: str) -> str:
     return f"basecal import poses {CELL} {file} --camera wrist --target tag --on ur --target-on kuka --format ros"
 
 
-def _rows(recorded: Recorded, part: slice) -> Recorded:
+def _rows(recorded: RecordedPoses, part: slice) -> RecordedPoses:
     return recorded[0][part], recorded[1][part]
 
 
-def _poses(recorded: Recorded) -> SE3:
+def _poses(recorded: RecordedPoses) -> SE3:
     return SE3(recorded[1].as_matrix(), recorded[0])
 
 
-def _seen(desk: Desk, ur: SE3, kuka: SE3, session: int) -> SE3:
-    """camera_from_tag as detected; what arms recorded is close enough to where they were."""
+def _detections(desk: Desk, ur: SE3, kuka: SE3, session: int) -> SE3:
+    """Detected camera_from_tag, with noise; recorded poses of the arms are close enough to the true ones."""
     rng = np.random.default_rng([desk.draw, session, 7])
     truth = desk.made.truth
     eye = ur @ truth[desk.made.cell.mount_name(next(iter(desk.made.cell.cameras)))]

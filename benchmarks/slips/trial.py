@@ -1,4 +1,4 @@
-"""One slip played, and all of them summed up."""
+"""Trials of slips, and their summary."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from basecal.cell.files import latest_run, read_calibration
 from basecal.cli import main as basecal
 from basecal.errors import BasecalError
 from benchmarks.common import Kept, on_one_core, table, write
-from benchmarks.slips.desk import CELL, Desk, laid_out
+from benchmarks.slips.desk import CELL, Desk, prepare_desk
 from benchmarks.slips.table import SLIPS, Slip
 
-DRAWS, HOLD, NAMED = 3, 0.99, 0.95
+DRAWS, HOLD, LEAST_NAMED = 3, 0.99, 0.95
 BY_NUMBER = {slip.number: slip for slip in SLIPS}
 
 
-def played(slip: Slip, draw: int) -> dict[str, Any]:
-    """What was said, whether that names cause and cure, and whether a wrong answer passed for good."""
-    here = Path.cwd()
+def trial(slip: Slip, draw: int) -> dict[str, Any]:
+    """Output of the commands, whether it names cause and cure, and whether a wrong answer is called good."""
+    previous_folder = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
-        desk = laid_out(Path(folder), draw)
+        desk = prepare_desk(Path(folder), draw)
         slip.spoil(desk)
         os.chdir(folder)
         try:
-            said, verdict, square = _typed(desk)
-            fixed = _fixed(desk, slip) if slip.fix else {}
+            text, verdict, square = _run_steps(desk)
+            fix_result = _run_fix(desk, slip) if slip.fix else {}
         finally:
-            os.chdir(here)
+            os.chdir(previous_folder)
     is_right = bool(verdict == "good" and square < chi2.ppf(HOLD, 6))
-    named = {part: _is_said(pattern, said) for part, pattern in (("cause", slip.cause), ("cure", slip.cure))}
+    named = {part: _matches(pattern, text) for part, pattern in (("cause", slip.cause), ("cure", slip.cure))}
     is_named = all(named.values()) if slip.cause else is_right
     is_silent = verdict == "good" and not is_right and not is_named
     return {
@@ -50,13 +50,13 @@ def played(slip: Slip, draw: int) -> dict[str, Any]:
         "silent": is_silent,
         "verdict": verdict,
         "square": square,
-        "said": said,
-        **fixed,
+        "said": text,
+        **fix_result,
     }
 
 
-def _typed(desk: Desk) -> tuple[str, str, float]:
-    """All that is printed until a command fails, the verdict, and the largest squared error in sigmas."""
+def _run_steps(desk: Desk) -> tuple[str, str, float]:
+    """Output until a command fails, the verdict, and the largest squared error in sigmas."""
     text, code = "", 0
     for step in [*desk.steps, f"basecal calibrate {CELL}"]:
         if callable(step):
@@ -77,39 +77,39 @@ def _run(command: str) -> tuple[str, int]:
 
 
 def _answer(desk: Desk) -> tuple[str, float]:
-    place = desk.folder / CELL
-    run = latest_run(place) if place.is_dir() else None
+    cell_folder = desk.folder / CELL
+    run = latest_run(cell_folder) if cell_folder.is_dir() else None
     if run is None:
         return "none", 0.0
-    found = read_calibration(run)
-    known = [name for name in desk.truth if name in found.transforms]
-    squares = [squared_error(place, name, desk.truth[name]) for name in known]
-    return found.verdict, max(squares, default=float("inf"))
+    calibration = read_calibration(run)
+    names = [name for name in desk.truth if name in calibration.transforms]
+    squares = [squared_error(cell_folder, name, desk.truth[name]) for name in names]
+    return calibration.verdict, max(squares, default=float("inf"))
 
 
-def _fixed(desk: Desk, slip: Slip) -> dict[str, Any]:
-    """What one command of `basecal fix` makes of it."""
+def _run_fix(desk: Desk, slip: Slip) -> dict[str, Any]:
+    """Result of one `basecal fix`."""
     try:
-        said, _ = _run(f"basecal fix {CELL} --yes")
+        text, _ = _run(f"basecal fix {CELL} --yes")
     except BasecalError as error:
-        said = str(error)
+        text = str(error)
     verdict, square = _answer(desk)
-    is_mended = bool(verdict == "good" and square < chi2.ppf(HOLD, 6))
-    return {"mended": is_mended, "fix_verdict": verdict, "fix_square": square, "fix_said": " ".join(said.split())}
+    is_fixed = bool(verdict == "good" and square < chi2.ppf(HOLD, 6))
+    return {"mended": is_fixed, "fix_verdict": verdict, "fix_square": square, "fix_said": " ".join(text.split())}
 
 
-def _is_said(pattern: str, said: str) -> bool:
-    return re.search(pattern, said, re.IGNORECASE) is not None
+def _matches(pattern: str, text: str) -> bool:
+    return re.search(pattern, text, re.IGNORECASE) is not None
 
 
 def summary(trials: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """A row for each slip."""
     rows = []
     for number in dict.fromkeys(each["slip"] for each in trials):
-        of = [each for each in trials if each["slip"] == number]
-        mended = [each["mended"] for each in of if "mended" in each]
-        counts = {key: sum(each[key] for each in of) for key in ("named", "silent")}
-        rows.append({"slip": number, "draws": len(of), **counts, "mended": sum(mended) if mended else None})
+        trials_of_slip = [each for each in trials if each["slip"] == number]
+        mended = [each["mended"] for each in trials_of_slip if "mended" in each]
+        counts = {key: sum(each[key] for each in trials_of_slip) for key in ("named", "silent")}
+        rows.append({"slip": number, "draws": len(trials_of_slip), **counts, "mended": sum(mended) if mended else None})
     return rows
 
 
@@ -139,7 +139,7 @@ trials that it can fix: the answer is then good, and within its 99 % ellipsoid."
 
 
 def main(arguments: list[str]) -> None:
-    """Play, print, and write results/slips.json if all are played."""
+    """Run, print, and write results/slips.json if all slips are tried."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.slips")
     parser.add_argument("--draws", type=int, default=DRAWS)
     parser.add_argument("--only", nargs="+", choices=list(BY_NUMBER), default=list(BY_NUMBER))
@@ -150,11 +150,11 @@ def main(arguments: list[str]) -> None:
     kept, trials = Kept(asked.keep), []
     for number in asked.only:
         for draw in range(asked.draws):
-            found = kept.of(f"{number} {draw}", lambda n=number, d=draw: played(BY_NUMBER[n], d))
-            trials.append(found)
-            if asked.show or not found["named"] or not found.get("mended", True):
-                print(*(f"{key}: {value}" for key, value in found.items()), "", sep="\n", flush=True)
-    result = {"asked": NAMED, "rows": summary(trials)}
+            result_of_trial = kept.of(f"{number} {draw}", lambda n=number, d=draw: trial(BY_NUMBER[n], d))
+            trials.append(result_of_trial)
+            if asked.show or not result_of_trial["named"] or not result_of_trial.get("mended", True):
+                print(*(f"{key}: {value}" for key, value in result_of_trial.items()), "", sep="\n", flush=True)
+    result = {"asked": LEAST_NAMED, "rows": summary(trials)}
     print(section(result))
     if len(asked.only) == len(SLIPS) and asked.draws >= DRAWS:
         write("slips", {**result, "trials": trials})

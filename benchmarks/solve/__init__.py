@@ -1,1 +1,1 @@
-"""From a start near the answer to the covariance, beside SciPy, GTSAM and Ceres."""
+"""Time from a start near the answer to the covariance, compared with SciPy, GTSAM and Ceres."""

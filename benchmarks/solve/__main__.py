@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import solve_from
 from basecal.estimation.start.first_state import first_state
-from benchmarks.common import interleaved, on_one_core, table, write
+from benchmarks.common import interleave_times, on_one_core, table, write
 from benchmarks.solve import by_ceres, by_gtsam, by_scipy
 from benchmarks.solve.outcome import Outcome
 from benchmarks.solve.task import Task, make_task
@@ -26,20 +26,20 @@ COST_AGREES, SPREAD_AGREES = 1e-6, 1e-3
 
 def _ours(problem: Problem, start: State) -> Callable[[], Outcome]:
     def work() -> Outcome:
-        found = solve_from(problem, start)
-        return Outcome(found.cost, found.state, found.covariance, 0)
+        solution = solve_from(problem, start)
+        return Outcome(solution.cost, solution.state, solution.covariance, 0)
 
     return work
 
 
 def _works(task: Task) -> dict[str, Callable[[], Outcome]]:
-    given = task.problem, task.start
-    peers = {**by_scipy.solvers(*given), **by_gtsam.solvers(*given), **by_ceres.solvers(*given)}
-    return {OURS: _ours(*given), **peers}
+    arguments = task.problem, task.start
+    peers = {**by_scipy.solvers(*arguments), **by_gtsam.solvers(*arguments), **by_ceres.solvers(*arguments)}
+    return {OURS: _ours(*arguments), **peers}
 
 
 def check(works: dict[str, Callable[[], Outcome]]) -> dict[str, dict[str, float]]:
-    """Assert that all come to the same cost and covariance; by how much they differ from ours."""
+    """Assert that all have the same cost and covariance, and return the differences from ours."""
     ends = {name: work() for name, work in works.items()}
     ours = ends[OURS]
     out = {}
@@ -53,13 +53,13 @@ def check(works: dict[str, Callable[[], Outcome]]) -> dict[str, dict[str, float]
 
 
 def measure(task: Task, repeats: int) -> dict[str, Any]:
-    """Times of all, and the claims made of them."""
+    """Times of all solvers, and ratios to ours."""
     works = _works(task)
     agreement = check(works)
     all_works: dict[str, Callable[[], object]] = dict(works)
     all_works[START] = lambda: first_state(task.problem, task.cell, thorough=False)
     gc.disable()
-    times = interleaved(all_works, repeats)
+    times = interleave_times(all_works, repeats)
     gc.enable()
     medians = {name: 1e3 * median(each) for name, each in times.items()}
     peers = {name: ms for name, ms in medians.items() if name not in (OURS, START)}

@@ -10,7 +10,7 @@ import pyceres
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
 from benchmarks.solve.outcome import Outcome
-from benchmarks.solve.task import moved
+from benchmarks.solve.task import move_start
 from benchmarks.solve.whole import Whole, covariance
 
 TOLERANCE = 1e-6
@@ -26,7 +26,7 @@ class _Cost(pyceres.CostFunction):
         self.set_parameter_block_sizes([width])
 
     def Evaluate(self, parameters: list[Array], residuals: Array, jacobians: list[Array | None] | None) -> bool:
-        """See Ceres."""
+        """Evaluate residuals and, if requested, their Jacobian, as Ceres defines it."""
         residual, jacobian = self.whole.at_step(np.array(parameters[0]))
         residuals[:] = residual
         first = None if jacobians is None else jacobians[0]
@@ -55,7 +55,7 @@ def _solver(
         summary = pyceres.SolverSummary()
         pyceres.solve(options, task, summary)
         spread = _covariance_of(task, step) if own_covariance else covariance(whole.at_step(step)[1])
-        return Outcome(2 * summary.final_cost, moved(start, whole.names, step), spread, whole.calls)
+        return Outcome(2 * summary.final_cost, move_start(start, whole.names, step), spread, whole.calls)
 
     return work
 
@@ -63,14 +63,14 @@ def _solver(
 def _covariance_of(task: pyceres.Problem, step: Array) -> Array:
     options = pyceres.CovarianceOptions()
     options.num_threads = 1
-    found = pyceres.Covariance(options)
-    assert found.compute([(step, step)], task)
-    block: Array = found.get_covariance_block(step, step)
+    covariance_solver = pyceres.Covariance(options)
+    assert covariance_solver.compute([(step, step)], task)
+    block: Array = covariance_solver.get_covariance_block(step, step)
     return block
 
 
 def solvers(problem: Problem, start: State) -> dict[str, Callable[[], Outcome]]:
-    """By linear solver and by who inverts the information."""
+    """Solvers by name, which gives the linear solver and how the information is inverted."""
     kinds = pyceres.LinearSolverType
     return {
         "Ceres dense normal Cholesky": _solver(problem, start, kinds.DENSE_NORMAL_CHOLESKY, True),

@@ -35,7 +35,7 @@ class _Factors:
 
     def _error(self, part: slice) -> Callable[[Any, gtsam.Values, list[Array] | None], Array]:
         def error(_: Any, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
-            residual, blocks = self._at(values)
+            residual, blocks = self._evaluate_once(values)
             if jacobians is not None:
                 for k, block in enumerate(blocks):
                     jacobians[k] = block[part]
@@ -43,31 +43,31 @@ class _Factors:
 
         return error
 
-    def _at(self, values: gtsam.Values) -> tuple[Array, list[Array]]:
+    def _evaluate_once(self, values: gtsam.Values) -> tuple[Array, list[Array]]:
         matrices = np.stack([values.atPose3(k).matrix() for k in self.keys])
         key = matrices.tobytes()
         if key != self._key:
             residual, jacobian = self.whole.evaluate(self.state(matrices))
-            by_columns = np.asfortranarray(jacobian)
-            blocks = [by_columns[:, [6 * k + i for i in _SWAP]] for k in self.keys]
+            column_major = np.asfortranarray(jacobian)
+            blocks = [column_major[:, [6 * k + i for i in _SWAP]] for k in self.keys]
             self._key, self._blocks = key, (residual, [np.asfortranarray(b) for b in blocks])
         return self._blocks
 
     def state(self, matrices: Array) -> State:
-        """From poses as (n, 4, 4) matrices in the order of the keys."""
+        """State with poses given as (n, 4, 4) matrices in the order of the keys."""
         names = self.whole.names
-        found = {n: SE3(m[:3, :3].copy(), m[:3, 3].copy()) for n, m in zip(names, matrices, strict=True)}
-        return replace(self.start, transforms={**self.start.transforms, **found})
+        transforms = {n: SE3(m[:3, :3].copy(), m[:3, 3].copy()) for n, m in zip(names, matrices, strict=True)}
+        return replace(self.start, transforms={**self.start.transforms, **transforms})
 
     def values(self) -> gtsam.Values:
-        """The start."""
+        """Values of the start."""
         values = gtsam.Values()
         for key, name in zip(self.keys, self.whole.names, strict=True):
             values.insert(key, gtsam.Pose3(self.start.transforms[name].matrix))
         return values
 
     def forget(self) -> None:
-        """Start anew."""
+        """Forget evaluations of earlier runs."""
         self.whole.forget()
         self._key = b""
 
@@ -93,7 +93,7 @@ def _solver(problem: Problem, start: State, per_view: bool, damped: bool, qr: bo
 
 
 def solvers(problem: Problem, start: State) -> dict[str, Callable[[], Outcome]]:
-    """By optimiser and by how the residuals are cut into factors."""
+    """Solvers by name, which gives the optimiser and the division of residuals into factors."""
     return {
         "GTSAM Gauss-Newton, one factor": _solver(problem, start, per_view=False, damped=False, qr=False),
         "GTSAM Gauss-Newton, a factor a view": _solver(problem, start, per_view=True, damped=False, qr=False),

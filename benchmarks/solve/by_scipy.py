@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from basecal.estimation.problem.problem import Problem, State
 from benchmarks.solve.outcome import Outcome
-from benchmarks.solve.task import moved
+from benchmarks.solve.task import move_start
 from benchmarks.solve.whole import Whole, covariance
 
 TOLERANCE = 1e-6
@@ -21,7 +21,7 @@ def _solver(problem: Problem, start: State, options: dict[str, Any]) -> Callable
 
     def work() -> Outcome:
         whole.forget()
-        found = least_squares(
+        result = least_squares(
             lambda x: whole.at_step(x)[0].copy(),  # MINPACK writes into both
             np.zeros(problem.width),
             jac=lambda x: whole.at_step(x)[1].copy(),
@@ -30,14 +30,14 @@ def _solver(problem: Problem, start: State, options: dict[str, Any]) -> Callable
             gtol=1e-12,
             **options,
         )
-        end = moved(start, whole.names, found.x)
-        return Outcome(2 * float(found.cost), end, covariance(found.jac), whole.calls)
+        end = move_start(start, whole.names, result.x)
+        return Outcome(2 * float(result.cost), end, covariance(result.jac), whole.calls)
 
     return work
 
 
 def solvers(problem: Problem, start: State) -> dict[str, Callable[[], Outcome]]:
-    """By method."""
+    """Solvers by method."""
     options: dict[str, dict[str, Any]] = {
         "SciPy lm": {"method": "lm"},
         "SciPy trf, exact": {"method": "trf", "tr_solver": "exact"},

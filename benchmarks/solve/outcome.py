@@ -1,4 +1,4 @@
-"""What a solver hands back."""
+"""Result of a solver."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from basecal.geometry import Array
 
 
 class Outcome(NamedTuple):
-    """Cost (sum of squared residuals over sigmas), state, covariance and how often the residuals were linearised.
+    """Cost (sum of squared residuals over sigmas), state, covariance, and number of linearisations.
 
-    The covariance's blocks stand in the order of the problem's columns, tangents as in the package.
+    The blocks of the covariance are in the order of the problem's columns, with the tangents of the package.
     """
 
     cost: float

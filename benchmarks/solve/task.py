@@ -15,12 +15,12 @@ from basecal.simulation import Scenario, simulate
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A packed problem and where to start.
+    """A packed problem and a start.
 
     Attributes:
-        cell: What exists.
+        cell: The simulated cell.
         problem: The packed arrays that all solvers are given.
-        start: A few millimetres and milliradians off the truth.
+        start: State that is a few millimetres and milliradians off the truth.
     """
 
     cell: Cell
@@ -28,16 +28,18 @@ class Task:
     start: State
 
 
-def make_task(samples: int, seed: int, off: float = 2e-3) -> Task:
-    """A dual-arm cell with a 6 x 6 board, 5 distortion terms, 0.2 px; the start is off by `off` [m, rad] an axis."""
-    made = simulate(Scenario(samples=samples, target="chessboard", pixel_px=0.2), seed)
-    problem, _ = build_problem(made.cell, made.recording)
+def make_task(samples: int, seed: int, offset: float = 2e-3) -> Task:
+    """A dual-arm cell with a 6 x 6 board and 5 distortion terms, 0.2 px; the start is off by `offset` [m, rad]."""
+    simulated = simulate(Scenario(samples=samples, target="chessboard", pixel_px=0.2), seed)
+    problem, _ = build_problem(simulated.cell, simulated.recording)
     rng = np.random.default_rng(seed)
-    near = {name: made.truth[name] @ SE3.exp(off * rng.standard_normal(6)) for name in problem.unknowns}
-    return Task(made.cell, problem, State(near, made.cameras, np.zeros((0, 6))))
+    start = {name: simulated.truth[name] @ SE3.exp(offset * rng.standard_normal(6)) for name in problem.unknowns}
+    return Task(simulated.cell, problem, State(start, simulated.cameras, np.zeros((0, 6))))
 
 
-def moved(start: State, names: tuple[str, ...], step: np.ndarray) -> State:
-    """The start moved on the right by (6 n,) tangents of the named transforms."""
-    each = {name: start.transforms[name] @ SE3.exp(xi) for name, xi in zip(names, step.reshape(-1, 6), strict=True)}
-    return replace(start, transforms={**start.transforms, **each})
+def move_start(start: State, names: tuple[str, ...], step: np.ndarray) -> State:
+    """The start changed on the right by (6 n,) tangents of the named transforms."""
+    transforms = {
+        name: start.transforms[name] @ SE3.exp(xi) for name, xi in zip(names, step.reshape(-1, 6), strict=True)
+    }
+    return replace(start, transforms={**start.transforms, **transforms})

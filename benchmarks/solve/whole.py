@@ -1,4 +1,4 @@
-"""All residuals with their Jacobian, as general solvers want them: vectorised, and never computed twice."""
+"""All residuals and their Jacobian for general solvers: vectorised, and never computed twice."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
 from basecal.geometry.se3_jacobians import right_jacobian
-from benchmarks.solve.task import moved
+from benchmarks.solve.task import move_start
 
 
 class Whole:
-    """Residuals (14400,) and Jacobian (14400, 18) to right tangents of the unknowns, kept for the last state asked."""
+    """Residuals (14400,) and Jacobian (14400, 18) by right tangents of the unknowns, cached for the last state."""
 
     def __init__(self, problem: Problem, start: State) -> None:
         (self.group,) = problem.groups
@@ -22,47 +22,43 @@ class Whole:
         self.forget()
 
     def forget(self) -> None:
-        """Start anew."""
+        """Forget evaluations of earlier runs."""
         self.calls = 0
         self._key: bytes = b""
-        self._kept: tuple[Array, Array] = (np.zeros(0), np.zeros((0, 0)))
+        self._evaluation: tuple[Array, Array] = (np.zeros(0), np.zeros((0, 0)))
 
     def at_step(self, step: Array) -> tuple[Array, Array]:
-        """At the start moved by (18,) tangents; the derivative is to these."""
+        """Residuals and Jacobian at the start moved by (18,) tangents, with derivatives by these tangents."""
         key = step.tobytes()
         if key != self._key:
-            residual, jacobian = self.evaluate(moved(self.start, self.names, step))
+            residual, jacobian = self.evaluate(move_start(self.start, self.names, step))
             for k, xi in enumerate(step.reshape(-1, 6)):
                 if np.any(xi):
                     block = jacobian[:, 6 * k : 6 * k + 6]
                     block[:] = block @ right_jacobian(xi)
-            self._key, self._kept = key, (residual, jacobian)
-        return self._kept
-
-    def at_state(self, state: State, key: bytes) -> tuple[Array, Array]:
-        """At a state, which `key` tells from others; the derivative is to its own tangents."""
-        if key != self._key:
-            self._key, self._kept = key, self.evaluate(state)
-        return self._kept
+            self._key, self._evaluation = key, (residual, jacobian)
+        return self._evaluation
 
     def evaluate(self, state: State) -> tuple[Array, Array]:
-        """At a state."""
+        """Residuals and Jacobian at a state."""
         self.calls += 1
-        group, seen = self.group, self.group.measurement
-        assert isinstance(seen, PixelMeasurement)
+        group, measurement = self.group, self.group.measurement
+        assert isinstance(measurement, PixelMeasurement)
         links = chain(group, state, self.problem.stops)
         pose = links.camera_from_target
-        points = seen.points_in_target @ np.swapaxes(pose.rotation, -1, -2) + pose.translation[:, None]
-        pixels, by_point, _ = state.cameras[group.camera].project_with_derivatives(points)
-        by_pose = _by_pose(by_point * seen.weight[..., None, None], pose.rotation, seen.points_in_target)
-        by_step, columns = unknown_jacobian(self.problem, group, links, 6)
-        jacobian = by_pose @ by_step[..., np.argsort(columns)]
-        residual = (pixels - seen.pixels) * seen.weight[..., None]
+        points = measurement.points_in_target @ np.swapaxes(pose.rotation, -1, -2) + pose.translation[:, None]
+        pixels, point_jacobian, _ = state.cameras[group.camera].project_with_derivatives(points)
+        pose_jacobian = _pose_jacobian(
+            point_jacobian * measurement.weight[..., None, None], pose.rotation, measurement.points_in_target
+        )
+        step_jacobian, columns = unknown_jacobian(self.problem, group, links, 6)
+        jacobian = pose_jacobian @ step_jacobian[..., np.argsort(columns)]
+        residual = (pixels - measurement.pixels) * measurement.weight[..., None]
         return residual.reshape(-1), jacobian.reshape(-1, jacobian.shape[-1])
 
 
-def _by_pose(by_point: Array, rotation: Array, points: Array) -> Array:
-    """Derivative of residuals to their views' poses, (n, 2 p, 6)."""
+def _pose_jacobian(by_point: Array, rotation: Array, points: Array) -> Array:
+    """Derivative of residuals by the poses of their views, (n, 2 p, 6)."""
     n, p = by_point.shape[:2]
     rotated = by_point.reshape(n, 2 * p, 3) @ rotation
     x, y, z = np.repeat(points, 2, axis=0).T
@@ -74,6 +70,6 @@ def _by_pose(by_point: Array, rotation: Array, points: Array) -> Array:
 
 
 def covariance(jacobian: Array) -> Array:
-    """Inverse of the information."""
+    """Inverse of the information of a Jacobian."""
     inverse: Array = np.linalg.inv(jacobian.T @ jacobian)
     return inverse

@@ -121,10 +121,14 @@ def test_ros2_over_a_network_that_loses_packets():
 def test_ros2_over_a_network_that_reorders_packets():
     """A tenth of the packets are overtaken: every state and image is whole, with its own stamp, and newer."""
     pytest.importorskip("cyclonedds")
-    from shared.ros2_domain import over
+    from shared.ros2_domain import dds_configuration
 
-    sender = ("shared.ros2_publisher", (101, 100, 15, 640, 480), {"CYCLONEDDS_URI": over(DEVICE, "10.7.0.2")})
-    listener = ("shared.ros2_listener", (101, 30, 640, 480), {"CYCLONEDDS_URI": over(DEVICE, "10.7.0.1")})
+    sender = (
+        "shared.ros2_publisher",
+        (101, 100, 15, 640, 480),
+        {"CYCLONEDDS_URI": dds_configuration(DEVICE, "10.7.0.2")},
+    )
+    listener = ("shared.ros2_listener", (101, 30, 640, 480), {"CYCLONEDDS_URI": dds_configuration(DEVICE, "10.7.0.1")})
     try:
         with wire(0.1, 0.02, sender, listener) as (between, process, watcher):
             assert (process.line(), watcher.line()) == ("ready", "ready")

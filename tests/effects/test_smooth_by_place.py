@@ -7,7 +7,7 @@ import numpy as np
 from basecal.effects.smooth import LENGTH_M
 from basecal.effects.smooth_by_place import errors, kernel
 from basecal.geometry import SE3
-from shared.absorbed_errors import absorbed
+from shared.absorbed_errors import absorb_errors
 
 
 def test_errors_are_equal_at_one_place_however_the_flange_is_turned():
@@ -36,7 +36,7 @@ def test_what_a_base_takes_up_of_such_errors_is_in_its_covariance():
         shift, turn = np.split(weights @ np.sin(4 * pose.translation), 2)
         return SE3(SE3.exp(np.append(0 * turn, turn)).rotation @ pose.rotation, pose.translation + shift)
 
-    names, integrated, alone = absorbed(30, 1, wrong)
+    names, integrated, alone = absorb_errors(30, 1, wrong)
     assert names == ["smooth_by_place"]
     assert integrated < 20
     assert alone > 50

@@ -7,7 +7,7 @@ import numpy as np
 from basecal.effects.smooth import LENGTH_M
 from basecal.effects.smooth_by_reach import errors, kernel
 from basecal.geometry import SE3
-from shared.absorbed_errors import absorbed
+from shared.absorbed_errors import absorb_errors
 
 
 def test_turning_the_arm_about_its_first_axis_changes_nothing_at_the_flange():
@@ -44,7 +44,7 @@ def test_a_long_link_shows_and_its_part_of_the_base_is_in_the_covariance():
         outward = pose.translation * [1, 1, 0] / np.linalg.norm(pose.translation[:2])
         return SE3(pose.rotation, pose.translation + 3e-3 * outward + [0, 0, 2e-3])
 
-    names, integrated, alone = absorbed(24, 1, wrong)
+    names, integrated, alone = absorb_errors(24, 1, wrong)
     assert names == ["smooth_by_reach"]
     assert integrated < 20
     assert alone > 50

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.shared.consistency_trial import ESTIMATED, FREEDOMS, SCENARIOS, band, error_of
+from tests.shared.consistency_trial import ESTIMATED, FREEDOMS, SCENARIOS, band, base_error
 
 from basecal.estimation.settings import RobotNoise
 from basecal.estimation.solve import solve
@@ -24,7 +24,7 @@ CORRELATED = Scenario(samples=20, correlated_px=0.3)
 
 def mean_of(scenario: Scenario, cells: int, robot_noise: RobotNoise | None = None) -> float:
     """Mean of NEES / 6; NaN if any base was not seen."""
-    errors = [error_of(scenario, seed, robot_noise) for seed in range(10_000, 10_000 + cells)]
+    errors = [base_error(scenario, seed, robot_noise) for seed in range(10_000, 10_000 + cells)]
     assert all(error.converged for error in errors)
     return float(np.mean([error.nees for error in errors])) / FREEDOMS
 
@@ -36,7 +36,7 @@ def test_covariance_is_true(name: str) -> None:
     Whitened by the Cramer-Rao bound at the truth in place of the covariance likewise: no estimate could do better.
     """
     low, high = band(50, CHANCE)
-    errors = [error_of(SCENARIOS[name], seed) for seed in range(10_000, 10_050)]
+    errors = [base_error(SCENARIOS[name], seed) for seed in range(10_000, 10_050)]
     assert all(error.converged for error in errors)
     assert low <= np.mean([e.nees for e in errors]) / FREEDOMS <= high
     assert low <= np.mean([e.nees_by_bound for e in errors]) / FREEDOMS <= high
@@ -78,7 +78,7 @@ def test_lenses_as_they_are_sold() -> None:
 @pytest.mark.slow
 def test_one_estimated_factor_inflates_as_an_f() -> None:
     """Ten degrees of freedom make the mean 10 / 8: 600 cells scatter by a twentieth of it (a mean of F(6, 10))."""
-    errors = [error_of(ESTIMATED["light, mounts fixed, 8 samples, pixel sigma"], seed) for seed in range(600)]
+    errors = [base_error(ESTIMATED["light, mounts fixed, 8 samples, pixel sigma"], seed) for seed in range(600)]
     mean = np.mean([e.nees for e in errors]) / FREEDOMS
     assert {e.inflation for e in errors} == {10 / 8}
     # F(6, 10) has the standard deviation 0.95; 0.95 / sqrt(600) = 0.039, and its tail is heavy: five of them.

@@ -11,7 +11,7 @@ from basecal.accuracy.input_screening.repeated_views import repeated_views
 from basecal.accuracy.input_screening.units import impossible_units
 from basecal.cell.files import read_cell, read_recording
 from basecal.simulation import simulate
-from shared.kinds import KINDS, scenario_of
+from shared.kinds import KINDS, kind_scenario
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MIX_UPS = {
@@ -27,7 +27,7 @@ SEEDS = 8  # of each of 25 kinds: 200 cells
 def test_screening_has_no_findings(kind: str) -> None:
     """Of two cells of each kind: no unit is another one, no view stands twice."""
     for seed in (FIRST, FIRST + 1):
-        made = simulate(scenario_of(kind, seed), seed)
+        made = simulate(kind_scenario(kind, seed), seed)
         assert impossible_units(made.cell, made.recording) == []
         assert repeated_views(made.cell, made.recording) == []
 
@@ -46,6 +46,6 @@ def test_nothing_is_said_of_the_examples(name: str) -> None:
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_no_mix_up_is_found_where_there_is_none(kind: str, seed: int) -> None:
     """Of 200 cells in order, calibrated whole: 25 kinds, eight seeds each."""
-    made = simulate(scenario_of(kind, seed), seed)
+    made = simulate(kind_scenario(kind, seed), seed)
     found = calibrate(made.cell, made.recording)
     assert [f.code for f in found.findings if f.code in MIX_UPS and f.severity != "info"] == []

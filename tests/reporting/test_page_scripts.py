@@ -134,11 +134,11 @@ def test_units_of_the_answer_are_seen_at_all_widths(written: Path, tmp_path: Pat
 def test_the_scene_is_unpacked_under_the_policy(written: Path, tmp_path: Path) -> None:
     """It takes the place of the still image, and the slider its sample; nothing is fetched, no error is told."""
     with browsing(tmp_path) as tab:
-        tab.go(written.as_uri(), until=".live:not([hidden]) canvas")
+        tab.go(written.as_uri(), selector=".live:not([hidden]) canvas")
         assert tab.value("document.querySelector('.live canvas') !== null && document.querySelector('.still').hidden")
         assert tab.value("document.querySelector('.slider output').textContent").startswith("sample ")
         assert tab.visit.errors == []
-        assert [asked for asked in tab.visit.asked if not asked.startswith(("file:", "data:"))] == []
+        assert [asked for asked in tab.visit.requests if not asked.startswith(("file:", "data:"))] == []
 
 
 def test_the_scene_is_saved_as_gltf(written: Path) -> None:

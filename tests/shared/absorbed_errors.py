@@ -1,4 +1,4 @@
-"""How far a base is off that takes up errors of an arm's poses."""
+"""Distance of a base from the truth if it absorbs errors of recorded poses."""
 
 from __future__ import annotations
 
@@ -17,26 +17,31 @@ from basecal.simulation import Scenario, simulate
 NAME = "eye_base_from_hand_base"
 
 
-def absorbed(samples: int, seed: int, wrong: Callable[[SE3], SE3]) -> tuple[list[str], float, float]:
-    """What the hand's stops share if its recorded poses are wrong, and the squared distance of the base from the truth.
+def absorb_errors(samples: int, seed: int, distort: Callable[[SE3], SE3]) -> tuple[list[str], float, float]:
+    """Random effects of the hand's stops if its recorded poses are distorted, and squared distances of the base.
 
     Args:
-        samples: How many are simulated.
-        seed: Of the simulation.
-        wrong: The recorded pose by the true one.
+        samples: Number of simulated samples.
+        seed: Seed of the simulation.
+        distort: Function from the true to the recorded pose.
 
     Returns:
-        Names of the likeliest random effects, the distance in the integrated covariance, and that without them.
+        Names of the likeliest random effects, the distance from the truth in the integrated covariance, and that
+        without the effects.
     """
     scenario = Scenario(samples=samples, position_m=0.15, state_robot_noise=False, robot_noise=(3e-5, 5e-5))
-    made = simulate(scenario, seed)
+    simulated = simulate(scenario, seed)
     recorded = [
-        replace(s, robots={**s.robots, "hand": RobotState(wrong(s.robots["hand"].base_from_flange))})
-        for s in made.recording.samples
+        replace(s, robots={**s.robots, "hand": RobotState(distort(s.robots["hand"].base_from_flange))})
+        for s in simulated.recording.samples
     ]
-    problem, _ = build_problem(made.cell, Recording(tuple(recorded)))
-    used, end, noise = estimate_jointly(problem, State(made.truth, made.cameras, np.zeros((0, 6))), 100)
-    found = integrate_sigmas(used, end.state, noise)
-    base, error = used.columns[NAME], (end.state.transforms[NAME].inverse() @ made.truth[NAME]).log()
-    integrated, alone = (of[base, base] for of in (found.covariance, np.linalg.inv(end.normal.hessian)))
-    return list(found.common), *(float(error @ np.linalg.solve(of, error)) for of in (integrated, alone))
+    problem, _ = build_problem(simulated.cell, Recording(tuple(recorded)))
+    model, end, noise = estimate_jointly(problem, State(simulated.truth, simulated.cameras, np.zeros((0, 6))), 100)
+    integrated_noise = integrate_sigmas(model, end.state, noise)
+    base, error = model.columns[NAME], (end.state.transforms[NAME].inverse() @ simulated.truth[NAME]).log()
+    integrated, alone = (
+        covariance[base, base] for covariance in (integrated_noise.covariance, np.linalg.inv(end.normal.hessian))
+    )
+    return list(integrated_noise.common), *(
+        float(error @ np.linalg.solve(covariance, error)) for covariance in (integrated, alone)
+    )

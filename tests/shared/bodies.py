@@ -1,4 +1,4 @@
-"""An arm whose links have bodies, as a URDF with meshes beside it."""
+"""An arm whose links have bodies, as a URDF with meshes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def obj(triangles):
 
 
 def arm_with_bodies(folder, bodies=BODIES):
-    """Path of the six-axis arm with bodies, in a folder that has the name of its package, the meshes beside it."""
+    """Write the six-axis arm with bodies and its meshes into a folder named like its package, and return the path."""
     folder = folder / "arm_description"
     rng = np.random.default_rng(5)
     (folder / "meshes").mkdir(parents=True, exist_ok=True)

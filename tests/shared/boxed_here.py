@@ -1,4 +1,4 @@
-"""Readers of untrusted files in this process: to start their own takes longer than most of what they read in tests."""
+"""Readers of untrusted files that run in this process: in tests, starting a process takes longer than reading."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from basecal.exchange.importers import lerobot as lerobot_importer
 def _frames_here(
     module: str, words: Sequence[str], size: int, ending_s: float = 0.0, silence_s: float = math.inf
 ) -> Iterator[box.Frame]:
-    """As `box.frames`, by the same bytes, without limits."""
+    """The same bytes as from `box.frames`, without limits."""
     stream = io.BytesIO()
     with warnings.catch_warnings(), patch.dict(os.environ), patch.object(box, "limit", lambda *given: None):
         warnings.simplefilter("ignore")
@@ -32,7 +32,7 @@ def _frames_here(
 
 @contextmanager
 def boxed_here(*modules: ModuleType) -> Iterator[None]:
-    """What these modules read, or those of bags and datasets, is read in this process."""
+    """Within the context these modules, or those of bags and datasets, read files in this process."""
     with ExitStack() as patches:
         for module in modules or (bag, lerobot, lerobot_importer):
             patches.enter_context(patch.object(module, "frames", _frames_here))

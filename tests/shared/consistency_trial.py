@@ -1,4 +1,4 @@
-"""Scenarios, and the error of the base in one cell beside its covariance and the bound."""
+"""Scenarios, and the error of the base in one cell, compared with its covariance and the bound."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from basecal.simulation.scenario import SimulatedCell
 BASE = "eye_base_from_hand_base"
 FREEDOMS = 6
 CHANCE = 4.65e-4
-BEYOND = 0.99
+FAR_QUANTILE = 0.99
 ROBOTS = (3e-4, 5e-4)
-ROBOTS_BY_LIGHT = (1e-4, 1e-4)
+ROBOTS_WITH_LED = (1e-4, 1e-4)
 _CORNERS = [[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]
 SMALL_M, SMALL_RAD = 0.01, 0.01
 TAG_M = 0.12
@@ -82,13 +82,13 @@ PIXEL_NOISE: dict[str, Scenario] = {
 
 
 def _with_robot_noise(scenario: Scenario) -> Scenario:
-    return replace(scenario, robot_noise=ROBOTS_BY_LIGHT if scenario.target == "led" else ROBOTS)
+    return replace(scenario, robot_noise=ROBOTS_WITH_LED if scenario.target == "led" else ROBOTS)
 
 
 SCENARIOS = PIXEL_NOISE | {f"{name}, robot noise": _with_robot_noise(s) for name, s in PIXEL_NOISE.items()}
 
 
-# Sigmas that are not told: of pixels, with few and with more degrees of freedom; of robots, with pixels told or not.
+# Unstated sigmas: of pixels, with few and with more degrees of freedom; of robots, with pixels stated or not.
 _NOISY = replace(_BOARD, robot_noise=ROBOTS, state_robot_noise=False)
 ESTIMATED: dict[str, Scenario] = {
     "light, mounts fixed, 8 samples, pixel sigma": replace(
@@ -109,9 +109,9 @@ ESTIMATED: dict[str, Scenario] = {
 class Error(NamedTuple):
     """One cell.
 
-    `nees` of its base, and the same by the bound in place of the covariance; whether the descent ended at an optimum;
-    seconds of the solution; squares of the base's error and the bound's own, of (shift [m], turn [rad]); the bound's
-    largest sigmas; what theory makes of estimated sigmas; and the robots' sigmas where they are estimated.
+    `nees` of its base, and the same in the bound instead of the covariance; whether the descent converged; seconds of
+    the solution; squares of the base's error and of the bound, for (shift [m], turn [rad]); the largest sigmas of the
+    bound; the expected inflation by estimated sigmas; and the robots' sigmas if they are estimated.
     """
 
     nees: float
@@ -125,27 +125,27 @@ class Error(NamedTuple):
     robots: tuple[float, float] | None
 
 
-def error_of(scenario: Scenario, seed: int, robot_noise: RobotNoise | None = None) -> Error:
+def base_error(scenario: Scenario, seed: int, robot_noise: RobotNoise | None = None) -> Error:
     """Solve one cell from the truth; `benchmarks.starts` shows that other starts end there as well."""
-    made = simulate(scenario, seed)
-    problem, _ = build_problem(made.cell, made.recording)
-    truth = State(made.truth, made.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
+    simulated = simulate(scenario, seed)
+    problem, _ = build_problem(simulated.cell, simulated.recording)
+    truth = State(simulated.truth, simulated.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
     settings = Settings(robot_noise=robot_noise or ("stated" if scenario.state_robot_noise else "estimated"))
     began = time.perf_counter()
-    found = solve_from(problem, truth, settings)
+    solution = solve_from(problem, truth, settings)
     took = time.perf_counter() - began
-    estimate = found.transforms[BASE]
-    xi = (estimate.mean.inverse() @ made.truth[BASE]).log()
-    seen = BASE not in found.observability.unobservable
-    bound = bound_of(scenario, made, problem)
-    # Sigmas that are integrated over are in the covariance; one common factor makes it that of an F.
-    factor = found.noise.covariance is None and found.noise.estimated
-    freedoms = float(degrees_of_freedom(found.problem)) if factor else float("inf")
-    sigma = next(iter(found.noise.robots.values()), None)
+    estimate = solution.transforms[BASE]
+    xi = (estimate.mean.inverse() @ simulated.truth[BASE]).log()
+    is_observable = BASE not in solution.observability.unobservable
+    bound = base_bound(scenario, simulated, problem)
+    # Integrated sigmas are in the covariance; with one common factor its statistic has an F distribution.
+    has_common_factor = solution.noise.covariance is None and solution.noise.estimated
+    freedoms = float(degrees_of_freedom(solution.problem)) if has_common_factor else float("inf")
+    sigma = next(iter(solution.noise.robots.values()), None)
     return Error(
-        float(xi @ np.linalg.solve(estimate.covariance, xi)) if seen else float("nan"),
+        float(xi @ np.linalg.solve(estimate.covariance, xi)) if is_observable else float("nan"),
         float(xi @ np.linalg.solve(bound, xi)),
-        found.converged,
+        solution.converged,
         took,
         (float(xi[:3] @ xi[:3]), float(xi[3:] @ xi[3:])),
         (float(np.trace(bound[:3, :3])), float(np.trace(bound[3:, 3:]))),
@@ -155,34 +155,34 @@ def error_of(scenario: Scenario, seed: int, robot_noise: RobotNoise | None = Non
     )
 
 
-def bound_of(scenario: Scenario, made: SimulatedCell, problem: Problem) -> Array:
-    """The least covariance of the base, (6, 6): the inverse of the information at the truth with the true sigmas."""
-    true = np.repeat(scenario.robot_noise, 3)
-    if np.any(true) and not scenario.state_robot_noise:
-        problem = with_robot_noise(problem, dict.fromkeys(made.cell.robots, true))
+def base_bound(scenario: Scenario, simulated: SimulatedCell, problem: Problem) -> Array:
+    """The Cramer-Rao bound of the base, (6, 6): the inverse information at the truth, with the true sigmas."""
+    true_sigmas = np.repeat(scenario.robot_noise, 3)
+    if np.any(true_sigmas) and not scenario.state_robot_noise:
+        problem = with_robot_noise(problem, dict.fromkeys(simulated.cell.robots, true_sigmas))
     problem = problem.with_noise(Noise(pixel_px=scenario.pixel_px))
-    lenses = made.cameras if problem.lenses else {}
-    state = State(made.truth, lenses, _true_errors(made, problem))
-    where = problem.columns[BASE]
-    bound: Array = np.linalg.inv(linearise(problem, state).hessian)[where, where]
+    lenses = simulated.cameras if problem.lenses else {}
+    state = State(simulated.truth, lenses, _true_errors(simulated, problem))
+    columns = problem.columns[BASE]
+    bound: Array = np.linalg.inv(linearise(problem, state).hessian)[columns, columns]
     return bound
 
 
-def _true_errors(made: SimulatedCell, problem: Problem) -> Array:
-    """The errors of the stops that were drawn, (k, 6) in sigmas."""
+def _true_errors(simulated: SimulatedCell, problem: Problem) -> Array:
+    """The true errors of the stops, (k, 6) in sigmas."""
     errors = np.zeros((len(problem.stops), 6))
-    row = {sample.sample: k for k, sample in enumerate(made.recording.samples)}
+    row = {sample.sample: k for k, sample in enumerate(simulated.recording.samples)}
     for group in problem.groups:
         rows = [row[int(number)] for number in group.sample]
         for end in group.ends:
             if end.robot is not None and end.has_noise:
-                off = (end.flange_from_base @ made.true_base_from_flange[end.robot][rows]).log()
-                errors[end.stop] = off / problem.stops.sigma[end.stop]
+                error = (end.flange_from_base @ simulated.true_base_from_flange[end.robot][rows]).log()
+                errors[end.stop] = error / problem.stops.sigma[end.stop]
     return errors
 
 
 def band(cells: int, chance: float = CHANCE) -> tuple[float, float]:
-    """Where the mean of NEES / 6 over `cells` lies, but for a `chance`."""
+    """The interval of the mean of NEES / 6 over `cells`, with probability 1 - `chance`."""
     freedoms = FREEDOMS * cells
     low, high = chi2.ppf([chance / 2, 1 - chance / 2], freedoms) / freedoms
     return float(low), float(high)

@@ -1,4 +1,4 @@
-"""Cells made to deceive the certificate, and what random starts find in them."""
+"""Adversarial cells for the certificate, and the results of random starts in them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from tests.shared.random_starts import Trio, least_cost, least_value, random_rot
 POSITION_M = 2e-3
 ADVERSARIES = ("bad start", "narrow", "outliers", "few", "one axis", "loud", "far out of scale")
 NAMES = {"x": "eye_flange_from_camera", "y": "eye_base_from_hand_base", "z": "hand_flange_from_target"}
-BETTER = 1e-6
+COST_GAIN = 1e-6
 STARTS = 1000
 
 
 def _poses(rng: np.random.Generator, count: int, spread: float, axis: bool) -> SE3:
-    """Flange poses turned by up to `spread` [rad], about one axis or all."""
+    """Flange poses with rotations up to `spread` [rad], about one axis or all."""
     turns = draw_in_ball(rng, count, spread)
     if axis:
         turns = turns[:, :1] * np.array([0.0, 0.0, 1.0]) + 1e-3 * rng.standard_normal((count, 3))
@@ -40,7 +40,7 @@ def _noisy(pose: SE3, rng: np.random.Generator, sigma: tuple[float, float]) -> S
 
 
 def adversarial(kind: str, seed: int) -> tuple[Problem, State, Loop, Array]:
-    """A cell made to deceive, a start for it, its loop and weights.
+    """An adversarial cell, a start for it, its loop and weights.
 
     The arms' noise is not stated; the sigmas of the poses are stated, and often wrong.
     """
@@ -69,10 +69,10 @@ def adversarial(kind: str, seed: int) -> tuple[Problem, State, Loop, Array]:
 
 
 def _with_outliers(b: SE3, rng: np.random.Generator) -> SE3:
-    """Some poses anywhere, or all of them turned alike."""
+    """Some poses at random, or all of these with the same rotation."""
     wrong = rng.random(len(b)) < rng.uniform(0.05, 0.5)
-    turned = random_rotations(rng, 1) if rng.random() < 0.5 else random_rotations(rng, len(b))
-    rotation = np.where(wrong[:, None, None], b.rotation @ turned, b.rotation)
+    rotations = random_rotations(rng, 1) if rng.random() < 0.5 else random_rotations(rng, len(b))
+    rotation = np.where(wrong[:, None, None], b.rotation @ rotations, b.rotation)
     return SE3(rotation, b.translation + wrong[:, None] * draw_in_ball(rng, len(b), 0.3))
 
 
@@ -88,7 +88,7 @@ def _problem(a: SE3, b: SE3, c: SE3, weight: Array, dual: bool) -> Problem:
 
 
 class Verdict(NamedTuple):
-    """One adversarial cell: what was claimed, and what random starts found."""
+    """One adversarial cell: the claim, and the results of random starts."""
 
     kind: str
     seed: int
@@ -99,27 +99,27 @@ class Verdict(NamedTuple):
     false: bool
 
 
-def tried(kind: str, seed: int) -> Verdict:
-    """Solve and certify an adversarial cell; hold a thousand random starts against a claim."""
+def trial(kind: str, seed: int) -> Verdict:
+    """Solve and certify an adversarial cell, and test a claim by a thousand random starts."""
     problem, start, loop, weight = adversarial(kind, seed)
     solution = solve_from(problem, start)
-    found = certify(solution)
-    if found.better is not None:
+    result = certify(solution)
+    if result.better is not None:
         first = solution.cost
-        solution = solve_from(problem, found.better)
-        found = certify(solution)
+        solution = solve_from(problem, result.better)
+        result = certify(solution)
         if not solution.cost < first:
             return Verdict(kind, seed, "worse", solution.cost, 0, first, True)
-    if not found.certificate.is_global:
+    if not result.certificate.is_global:
         return Verdict(kind, seed, "none", solution.cost, 0, np.nan, False)
     rng = np.random.default_rng([seed, 99])
     least = least_cost(loop, weight, random_trio(loop, rng, STARTS), solution.cost)
-    false = least < solution.cost * (1 - BETTER) or _rotations_undercut(solution, rng)
+    false = least < solution.cost * (1 - COST_GAIN) or _rotations_undercut(solution, rng)
     return Verdict(kind, seed, "global", solution.cost, STARTS, least, bool(false))
 
 
 def _rotations_undercut(solution: Solution, rng: np.random.Generator) -> bool:
-    """Whether a thousand random starts of the rotations alone end below what is proven of them."""
+    """Whether random starts of the rotations alone end below their proven bound."""
     proven = proven_loops(solution)[0][0]
     if proven is None:
         return True

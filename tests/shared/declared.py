@@ -1,4 +1,4 @@
-"""A cell and its recording as they are read if they are as declared."""
+"""The reading of a cell and its recording as declared."""
 
 from basecal.accuracy.readings.reading import Reading, declared_reading
 from basecal.cell import Cell, Recording

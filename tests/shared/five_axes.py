@@ -1,7 +1,7 @@
-"""Two hobby arms of five axes, such as SO-101, with a camera on the one wrist and a small dotted board on the other.
+"""Two hobby arms of five axes, such as SO-101, with a camera on one wrist and a small dotted board on the other.
 
-Lengths are about those of the SO-101. Such an arm reaches hardly any pose of six freedoms, and looks from nearer than
-0.2 m. The zeros of its joints are off by degrees, and joints stop within 0.1 deg of where they are sent.
+Lengths are about those of the SO-101. Such an arm reaches hardly any pose with six degrees of freedom, and looks from
+less than 0.2 m. The joint offsets are some degrees, and joints stop within 0.1 deg of their commanded positions.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NEAREST_M, FARTHEST_M = 0.12, 0.3
 
 
 def five_axis_arm() -> SerialChain:
-    """Pan, lift, elbow and wrist, then a roll about the forearm."""
+    """An arm with pan, lift, elbow and wrist joints, then a roll about the forearm."""
     names = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
     places = np.array([[0.039, 0, 0.062], [0.030, 0, 0.054], [0.028, 0, 0.113], [0.135, 0, 0.005], [0.061, 0, 0]])
     axes = np.array([[0, 0, 1.0], [0, 1, 0], [0, 1, 0], [0, 1, 0], [1, 0, 0]])
@@ -38,35 +38,35 @@ ARM = five_axis_arm()
 
 
 def write_five_axis_cell(folder: Path, seed: int, samples: int = 30) -> SE3:
-    """Write a cell and its recording, with priors on the joints' zeros; the true base of the right arm."""
+    """Write a cell and its recording, with priors on joint offsets, and return the true base of the right arm."""
     rng = np.random.default_rng([seed, 5])
     base = SE3.from_rpy((0, 0, np.pi * 0.9 + rng.uniform(-0.3, 0.3)), np.array([0.5, 0.05, 0]) + rng.normal(0, 0.02, 3))
-    recorded = _looking(base, samples, rng)
+    recorded = _facing_joints(base, samples, rng)
     true = [q + np.radians(rng.normal(0, OFFSET_DEG, 5) + rng.normal(0, STOP_DEG, q.shape)) for q in recorded]
-    seen = _pixels(base, *true) + rng.normal(0, PIXEL_PX, (samples, len(BOARD_M), 2))
+    image_points = _pixels(base, *true) + rng.normal(0, PIXEL_PX, (samples, len(BOARD_M), 2))
     lines = [
         {"robots": _states(left=left, right=right), "observations": [_view("wrist", pixels)]}
-        for left, right, pixels in zip(*recorded, seen, strict=True)
+        for left, right, pixels in zip(*recorded, image_points, strict=True)
     ]
     _write(folder, {"wrist": "left"}, "right", lines)
     return base
 
 
 def write_board_between(folder: Path, seed: int, samples: int = 20) -> SE3:
-    """Write a cell with a camera on each wrist and the board on the table, each arm by itself; the true base."""
+    """Write a cell with a camera on each wrist and a board on the table, and return the true base."""
     rng = np.random.default_rng([seed, 6])
     base = SE3.from_rpy((0, 0, rng.uniform(-0.2, 0.2)), (0, -0.4, 0))
     world_from_board = SE3.from_rpy((0, 0, 0.3), (0.25, -0.2, 0))
     lines = list[dict[str, object]]()
-    for name, at in (("left", SE3.identity()), ("right", base)):
-        board_in_base = at.inverse() @ world_from_board
-        recorded = _over(board_in_base, samples, rng)
-        stands = recorded + np.radians(rng.normal(0, OFFSET_DEG, 5) + rng.normal(0, STOP_DEG, recorded.shape))
-        seen = _project((ARM.forward(stands) @ LEFT_FLANGE_FROM_WRIST).inverse() @ board_in_base)
-        seen += rng.normal(0, PIXEL_PX, seen.shape)
+    for name, arm_base in (("left", SE3.identity()), ("right", base)):
+        board_in_base = arm_base.inverse() @ world_from_board
+        recorded = _joints_over_board(board_in_base, samples, rng)
+        true_joints = recorded + np.radians(rng.normal(0, OFFSET_DEG, 5) + rng.normal(0, STOP_DEG, recorded.shape))
+        image_points = _project((ARM.forward(true_joints) @ LEFT_FLANGE_FROM_WRIST).inverse() @ board_in_base)
+        image_points += rng.normal(0, PIXEL_PX, image_points.shape)
         lines += [
             {"robots": _states(**{name: q}), "observations": [_view(f"{name}_wrist", px)]}
-            for q, px in zip(recorded, seen, strict=True)
+            for q, px in zip(recorded, image_points, strict=True)
         ]
     _write(folder, {"left_wrist": "left", "right_wrist": "right"}, "world", lines)
     return base
@@ -87,8 +87,8 @@ def _write(folder: Path, cameras: dict[str, str], board_on: str, lines: list[dic
         "targets": {"board": {"on": board_on, "kind": "points", "points_m": BOARD_M.tolist()}},
     }
     (folder / "cell.yaml").write_text(json.dumps(cell))
-    written = (json.dumps({"sample": number, **line}) for number, line in enumerate(lines))
-    (folder / "recording/samples.jsonl").write_text("".join(f"{line}\n" for line in written))
+    rows = (json.dumps({"sample": number, **line}) for number, line in enumerate(lines))
+    (folder / "recording/samples.jsonl").write_text("".join(f"{line}\n" for line in rows))
 
 
 def _states(**joints: Array) -> dict[str, object]:
@@ -99,32 +99,36 @@ def _view(camera: str, pixels: Array) -> dict[str, object]:
     return {"camera": camera, "target": "board", "ids": list(range(len(BOARD_M))), "pixels": pixels.tolist()}
 
 
-def _over(base_from_board: SE3, samples: int, rng: np.random.Generator) -> Array:
+def _joints_over_board(base_from_board: SE3, samples: int, rng: np.random.Generator) -> Array:
     """Joints of an arm whose camera has the whole board in the image, (samples, 5)."""
-    found = np.zeros((0, 5))
-    while len(found) < samples:
+    chosen = np.zeros((0, 5))
+    while len(chosen) < samples:
         drawn = rng.uniform(0.9 * ARM.lower, 0.9 * ARM.upper, (4000, 5))
         eye = ARM.forward(drawn) @ LEFT_FLANGE_FROM_WRIST
-        away = np.einsum("nji,nj->ni", eye.rotation, base_from_board.translation - eye.translation)
-        drawn = drawn[(away[:, 2] > NEAREST_M) & (away[:, 2] < 2 * FARTHEST_M) & (eye.translation[:, 2] > 0.03)]
+        board_in_camera = np.einsum("nji,nj->ni", eye.rotation, base_from_board.translation - eye.translation)
+        drawn = drawn[
+            (board_in_camera[:, 2] > NEAREST_M)
+            & (board_in_camera[:, 2] < 2 * FARTHEST_M)
+            & (eye.translation[:, 2] > 0.03)
+        ]
         pixels = _project((ARM.forward(drawn) @ LEFT_FLANGE_FROM_WRIST).inverse() @ base_from_board)
         inside = ((pixels > 5) & (pixels < SIZE_PX - 5)).all((1, 2))
-        found = np.concatenate([found, drawn[inside]])
-    return found[:samples]
+        chosen = np.concatenate([chosen, drawn[inside]])
+    return chosen[:samples]
 
 
-def _looking(base: SE3, samples: int, rng: np.random.Generator) -> tuple[Array, Array]:
+def _facing_joints(base: SE3, samples: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Joints of both arms with the whole board in the image, (samples, 5) each."""
     found: list[tuple[Array, Array]] = []
     while len(found) < samples:
         left, right = rng.uniform(0.9 * ARM.lower, 0.9 * ARM.upper, (2, 1000, 5))
         eye = ARM.forward(left) @ LEFT_FLANGE_FROM_WRIST
         board = base @ ARM.forward(right) @ RIGHT_FLANGE_FROM_BOARD
-        away = board.translation - eye.translation[:, None]
-        far = np.linalg.norm(away, axis=-1)
-        ahead = np.einsum("ijk,ik->ij", away, eye.rotation[..., 2]) / far
-        facing = np.abs(np.einsum("ijk,jk->ij", away, board.rotation[..., 2])) / far
-        near = (far > NEAREST_M) & (far < FARTHEST_M) & (ahead > 0.93) & (facing > 0.5)
+        offsets = board.translation - eye.translation[:, None]
+        distance = np.linalg.norm(offsets, axis=-1)
+        ahead = np.einsum("ijk,ik->ij", offsets, eye.rotation[..., 2]) / distance
+        facing = np.abs(np.einsum("ijk,jk->ij", offsets, board.rotation[..., 2])) / distance
+        near = (distance > NEAREST_M) & (distance < FARTHEST_M) & (ahead > 0.93) & (facing > 0.5)
         for row, column in {row: (row, column) for row, column in np.argwhere(near)}.values():
             pixels = _pixels(base, left[row, None], right[column, None])
             if ((pixels > 5) & (pixels < SIZE_PX - 5)).all():
@@ -134,7 +138,7 @@ def _looking(base: SE3, samples: int, rng: np.random.Generator) -> tuple[Array, 
 
 
 def _pixels(base: SE3, left: Array, right: Array) -> Array:
-    """Where the board's points are in the images, (n, points, 2)."""
+    """Pixels of the board's points, (n, points, 2)."""
     eye = ARM.forward(left) @ LEFT_FLANGE_FROM_WRIST
     camera_from_board = eye.inverse() @ base @ ARM.forward(right) @ RIGHT_FLANGE_FROM_BOARD
     return _project(camera_from_board)

@@ -1,7 +1,7 @@
-"""Cameras that hold images back, for `pose_trial`: every image shows where the arm was at its exposure.
+"""Cameras that delay images, for `pose_trial`: every image shows the arm at the time of its exposure.
 
-An arm slides along two axes before a board; what the camera sees of it is the board's image, shifted. The path is in
-memory that processes share, and all processes read one monotonic clock.
+An arm slides along two axes in front of a board; the camera sees the image of the board, shifted. The path is in shared
+memory, and all processes read one monotonic clock.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ PROCESSES = multiprocessing.get_context("spawn")  # a fork of a process whose th
 Bytes = NDArray[np.uint8]
 
 
-class Path2:
-    """Where the arm is [m], at any time: begin, duration, from and to, in memory that processes share."""
+class ArmPath:
+    """Position of the arm [m] at any time: begin, duration, start and goal, in shared memory."""
 
     def __init__(self) -> None:
         self.memory = PROCESSES.Array("d", 6)
@@ -44,39 +44,39 @@ class Path2:
     def go(self, to: NDArray[np.float64], seconds: float) -> None:
         """Begin a motion."""
         now_s = time.monotonic()
-        here = self.at(now_s)
+        here = self.position(now_s)
         with self.memory:
             self.memory[:] = [now_s, seconds, *here, *to]
 
-    def at(self, when_s: float) -> NDArray[np.float64]:
-        """The place at a time [m]."""
+    def position(self, time_s: float) -> NDArray[np.float64]:
+        """The position at a time [m]."""
         with self.memory:
             begin, seconds, *ends = self.memory[:]
-        share = np.clip((when_s - begin) / max(seconds, 1e-9), 0.0, 1.0)
+        share = np.clip((time_s - begin) / max(seconds, 1e-9), 0.0, 1.0)
         eased = 0.5 - 0.5 * np.cos(np.pi * share)
         return np.array(ends[:2]) + eased * (np.array(ends[2:]) - np.array(ends[:2]))
 
 
 class Scene:
-    """Images of a board by where the arm is.
+    """Images of a board by the position of the arm.
 
     Args:
-        board: (h, w) image from the origin.
-        pixels_m: How far the board moves in the image as the arm moves by a metre [px].
-        path: Where the arm is.
-        seed: Of the noise.
+        board: (h, w) image at the origin.
+        px_per_m: Shift of the board in the image for a metre of the arm [px].
+        path: Path of the arm.
+        seed: Seed of the noise.
     """
 
-    def __init__(self, board: Bytes, pixels_m: float, path: Path2, seed: int) -> None:
-        self.board, self.pixels_m, self.path = board, pixels_m, path
+    def __init__(self, board: Bytes, px_per_m: float, path: ArmPath, seed: int) -> None:
+        self.board, self.px_per_m, self.path = board, px_per_m, path
         self._rng = np.random.default_rng(seed)
         self._noise = self._rng.normal(0, NOISE_LEVELS, (2 * board.shape[0], 2 * board.shape[1])).astype(np.float32)
 
     def image(self, exposed_s: float) -> Bytes:
         """The image of an instant, with fresh noise."""
-        u, v = -self.pixels_m * self.path.at(exposed_s)
+        u, v = -self.px_per_m * self.path.position(exposed_s)
         height, width = self.board.shape
-        moved = cv2.warpAffine(
+        shifted = cv2.warpAffine(
             self.board.astype(np.float32),
             np.array([[1, 0, u], [0, 1, v]]),
             (width, height),
@@ -84,38 +84,38 @@ class Scene:
             borderMode=cv2.BORDER_REPLICATE,
         )
         row, column = self._rng.integers(height), self._rng.integers(width)
-        noisy = moved + self._noise[row : row + height, column : column + width]
+        noisy = shifted + self._noise[row : row + height, column : column + width]
         return np.clip(noisy, 0, 255).astype(np.uint8)
 
 
 class Arm:
-    """An arm that goes along the path."""
+    """An arm that moves along the path."""
 
     is_live = True
 
-    def __init__(self, path: Path2) -> None:
+    def __init__(self, path: ArmPath) -> None:
         self._path = path
 
     def state(self) -> Reading:
-        """Its next state, 125 a second."""
+        """The next state, at 125 Hz."""
         time.sleep(TICK_S)
         now_s = time.monotonic()
-        return Reading(now_s, RobotState(SE3(np.eye(3), np.array([*self._path.at(now_s), 0.0]))))
+        return Reading(now_s, RobotState(SE3(np.eye(3), np.array([*self._path.position(now_s), 0.0]))))
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
-        """Begin to go there."""
+        """Begin a motion."""
         assert to.base_from_flange is not None
         self._path.go(to.base_from_flange.translation[:2], MOVE_S)
 
     def stop(self) -> None:
-        """It comes to rest by itself."""
+        """Do nothing: the arm comes to rest at its goal."""
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing."""
 
 
 def ticks(hz: float, is_over: Callable[[], bool]) -> Iterator[float]:
-    """Instants of exposure, as long as it is not over; those that are missed are left out."""
+    """Instants of exposure until it is over; missed ones are left out."""
     due_s = time.monotonic()
     while not is_over():
         time.sleep(max(0.0, due_s - time.monotonic()))
@@ -124,13 +124,13 @@ def ticks(hz: float, is_over: Callable[[], bool]) -> Iterator[float]:
 
 
 class Delay:
-    """What went in so many images ago; where `frames` grows, the oldest comes again meanwhile."""
+    """A queue that delays images by a number of frames; while the number grows, the oldest image repeats."""
 
     def __init__(self, frames: Callable[[], int]) -> None:
         self._frames, self._held = frames, deque[Any]()
 
-    def through(self, image: Any) -> Any:
-        """Put one in, and take one out."""
+    def pass_image(self, image: Any) -> Any:
+        """Append an image, and return the delayed one."""
         self._held.append(image)
         while len(self._held) > self._frames() + 1:
             self._held.popleft()
@@ -138,11 +138,11 @@ class Delay:
 
 
 class BufferingCapture:
-    """As `cv2.VideoCapture` of a device: a driver fills its buffers, and drops images while all of them are full.
+    """A stand-in for `cv2.VideoCapture` of a device, whose driver fills buffers and drops images while all are full.
 
     Attributes:
-        scene: What is before the camera.
-        buffers: How many images wait until they are read.
+        scene: The scene of the camera.
+        buffers: Number of images that wait until they are read.
         delay: Images by which the camera itself is late.
         backend: `V4L2`, whose images have the time of their exposure, or another.
     """
@@ -161,26 +161,26 @@ class BufferingCapture:
     def _fill(self) -> None:
         delay = Delay(lambda: self.delay)
         for exposed_s in ticks(IMAGES_HZ, self._is_over.is_set):
-            given = delay.through((exposed_s, self.scene.image(exposed_s)))
+            image = delay.pass_image((exposed_s, self.scene.image(exposed_s)))
             if not self._filled.full():
-                self._filled.put(given)
+                self._filled.put(image)
 
     def open(self, *source: Any) -> bool:
-        """It is open."""
+        """Always true."""
         return True
 
     isOpened = open
 
     def getBackendName(self) -> str:
-        """What gives the images."""
+        """Name of the backend."""
         return self.backend
 
-    def get(self, of: int) -> float:
+    def get(self, property_id: int) -> float:
         """The time of the last image [ms]."""
         return 1e3 * self._stamp_s
 
     def read(self) -> tuple[bool, Bytes | None]:
-        """The oldest image that waits."""
+        """The oldest waiting image."""
         try:
             self._stamp_s, image = self._filled.get(timeout=2.0)
         except Empty:
@@ -188,7 +188,7 @@ class BufferingCapture:
         return True, image
 
     def release(self) -> None:
-        """No more images."""
+        """Stop the images."""
         self._is_over.set()
 
 
@@ -201,7 +201,7 @@ def _serve(scene: Scene, delay: Any, port: Any) -> None:
             held = Delay(lambda: int(delay.value))
             try:
                 for exposed_s in ticks(IMAGES_HZ, lambda: False):
-                    file = held.through(cv2.imencode(".jpg", scene.image(exposed_s))[1].tobytes())
+                    file = held.pass_image(cv2.imencode(".jpg", scene.image(exposed_s))[1].tobytes())
                     head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(file)}\r\n\r\n"
                     self.wfile.write(head.encode() + file + b"\r\n")
             except OSError:
@@ -218,7 +218,7 @@ def _serve(scene: Scene, delay: Any, port: Any) -> None:
 
 @contextmanager
 def mjpeg_server(scene: Scene, delay: Any) -> Iterator[str]:
-    """The address of an MJPEG stream from a process of its own; `delay` [images] may change while it runs."""
+    """The address of an MJPEG stream of another process; `delay` [images] may change meanwhile."""
     port = PROCESSES.Value("i", 0)
     process = PROCESSES.Process(target=_serve, args=(scene, delay, port), daemon=True)
     process.start()
@@ -232,7 +232,7 @@ def mjpeg_server(scene: Scene, delay: Any) -> Iterator[str]:
 
 
 def _save(scene: Scene, folder: Path, way: str, seed: int) -> None:
-    """Save images without pause: `at once`, by a program that is `slow`, or `shuffled` by a line that keeps times."""
+    """Save images continuously: `at once`, `slow`ly, or `shuffled` by a transfer that keeps file times."""
     cv2.setNumThreads(1)
     rng, waiting = np.random.default_rng(seed), list[tuple[float, float, Bytes]]()
     wall_s = time.time() - time.monotonic()
@@ -250,7 +250,7 @@ def _save(scene: Scene, folder: Path, way: str, seed: int) -> None:
 
 @contextmanager
 def saving(scene: Scene, folder: Path, way: str, seed: int) -> Iterator[None]:
-    """A process that saves images into a folder while this lasts."""
+    """Run a process that saves images into a folder within the context."""
     folder.mkdir(parents=True)
     process = PROCESSES.Process(target=_save, args=(scene, folder, way, seed), daemon=True)
     process.start()

@@ -1,4 +1,4 @@
-"""Captures that are killed at random instants, and what is left of them."""
+"""Captures that are killed at random instants, and their remains."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from basecal.planning import poses
 from basecal.planning.sketch import sketch_cell
 from tests.shared.running_cell import home, running
 
-TOLD = re.compile(r"sample (\d+): taken")
+TAKEN = re.compile(r"sample (\d+): taken")
 LONGEST_S = 300.0
 _DIGITS = 12  # [rad]: means of twelve joints round at 1e-16
-_SHARE = 0.3  # of the time an unbroken capture takes, within which one is killed: machines are busy now and then
+_KILL_SHARE = 0.3  # of the time of a whole capture, within which one is killed: the machine may be busy
 
 
 @dataclass(frozen=True)
 class KillTrial:
-    """What came of a capture that was killed again and again.
+    """Result of a capture that was killed repeatedly.
 
     Attributes:
         kills: How often it was killed before its end.
-        lost: Samples that it had told were taken, and that were not in a journal that could be read then.
-        twice: Samples that it told of more than once.
-        is_equal: Whether the journal has in the end the samples and states of a capture that nobody killed.
-        other_noise: Images whose noise is another: of a stop where another number of them was looked at.
+        lost: Samples that were reported as taken, and were not in a readable journal then.
+        twice: Samples that were reported more than once.
+        is_equal: Whether the journal finally has the samples and states of a capture that was not killed.
+        other_noise: Images with other noise: at these stops another number of images was taken.
     """
 
     kills: int
@@ -44,8 +44,8 @@ class KillTrial:
 
 
 def kill_trial(folder: Path, samples: int, kills: int, seed: int) -> KillTrial:
-    """A capture killed up to so often, resumed each time, beside one that nobody killed."""
-    rng, done, lost, told = np.random.default_rng(seed), 0, 0, list[int]()
+    """Kill a capture up to this often, resume it each time, and compare it with one that was not killed."""
+    rng, kill_count, lost, reported = np.random.default_rng(seed), 0, 0, list[int]()
     with running(folder / "whole") as world:
         sketch = sketch_cell(world.cell)
         write_plan(
@@ -54,24 +54,24 @@ def kill_trial(folder: Path, samples: int, kills: int, seed: int) -> KillTrial:
             folder,
         )
         began = time.monotonic()
-        _run(_words(folder, "whole"), LONGEST_S)
+        _run(_command(folder, "whole"), LONGEST_S)
         whole_s = time.monotonic() - began
     with running(folder / "killed"):
         while True:
-            wait_s = rng.uniform(0.0, _SHARE * whole_s) if done < kills else LONGEST_S
-            said, was_killed = _run(_words(folder, "killed"), wait_s)
-            told += said
-            lost += len(set(told) - _in_journal(folder / "killed"))
+            wait_s = rng.uniform(0.0, _KILL_SHARE * whole_s) if kill_count < kills else LONGEST_S
+            numbers, was_killed = _run(_command(folder, "killed"), wait_s)
+            reported += numbers
+            lost += len(set(reported) - _journal_numbers(folder / "killed"))
             if not was_killed:
                 break
-            done += 1
+            kill_count += 1
     ends = [_contents(folder / name) for name in ("killed", "whole")]
-    same = [sample[:2] for sample in ends[0]] == [sample[:2] for sample in ends[1]]
-    other = sum(one[2] != two[2] for one, two in zip(*ends, strict=False))
-    return KillTrial(done, lost, len(told) - len(set(told)), same, other)
+    is_equal = [sample[:2] for sample in ends[0]] == [sample[:2] for sample in ends[1]]
+    other_noise = sum(one[2] != two[2] for one, two in zip(*ends, strict=False))
+    return KillTrial(kill_count, lost, len(reported) - len(set(reported)), is_equal, other_noise)
 
 
-def _words(folder: Path, cell: str) -> list[str]:
+def _command(folder: Path, cell: str) -> list[str]:
     plan = str(folder / "plan.jsonl")
     return [
         sys.executable,
@@ -87,28 +87,28 @@ def _words(folder: Path, cell: str) -> list[str]:
     ]
 
 
-def _run(words: list[str], wait_s: float) -> tuple[list[int], bool]:
-    """Numbers of the samples that a capture told were taken, and whether it was killed before it ended."""
-    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=dict(os.environ)) as process:
-        until = time.monotonic() + wait_s
-        while process.poll() is None and time.monotonic() < until:
+def _run(command: list[str], wait_s: float) -> tuple[list[int], bool]:
+    """Numbers of the samples that a capture reported as taken, and whether it was killed before its end."""
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ)) as process:
+        end_s = time.monotonic() + wait_s
+        while process.poll() is None and time.monotonic() < end_s:
             time.sleep(0.005)
         was_killed = process.poll() is None
         process.kill()
-        told = process.stdout.read()
-    return [int(number) for number in TOLD.findall(told)], was_killed
+        output = process.stdout.read()
+    return [int(number) for number in TAKEN.findall(output)], was_killed
 
 
 def _recording(folder: Path) -> Recording:
     return read_recording(folder) if (folder / "recording" / "samples.jsonl").exists() else Recording()
 
 
-def _in_journal(folder: Path) -> set[int]:
+def _journal_numbers(folder: Path) -> set[int]:
     return {sample.sample for sample in _recording(folder).samples}
 
 
 def _contents(folder: Path) -> list[tuple[object, ...]]:
-    """Of every sample its number, its states but for the rounding of a mean, and its images."""
+    """Number, states without the rounding of a mean, and images of every sample."""
     return [
         (
             sample.sample,

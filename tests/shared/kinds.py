@@ -1,4 +1,4 @@
-"""Kinds of cells that the solver must start in without a guess."""
+"""Kinds of cells that the solver must solve without a guess."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ KINDS: dict[str, Scenario] = {
     "hand-eye, lens free": Scenario(layout="eye_in_hand", intrinsics="free"),
     "dual, fisheye": Scenario(lens="fisheye"),
 }
-FEWEST, MOST = 15, 30
+FEWEST_SAMPLES, MOST_SAMPLES = 15, 30
 
 
-def scenario_of(kind: str, seed: int) -> Scenario:
-    """The kind with 15 to 30 samples for each pair of camera and target that is recorded after another."""
-    samples = int(np.random.default_rng([seed, 1]).integers(FEWEST, MOST + 1))
-    kept = KINDS[kind]
-    return replace(kept, samples=samples * (kept.robots if kept.layout == "chain" else 1))
+def kind_scenario(kind: str, seed: int) -> Scenario:
+    """The kind with 15 to 30 samples for each pair of camera and target that is recorded separately."""
+    samples = int(np.random.default_rng([seed, 1]).integers(FEWEST_SAMPLES, MOST_SAMPLES + 1))
+    scenario = KINDS[kind]
+    return replace(scenario, samples=samples * (scenario.robots if scenario.layout == "chain" else 1))

@@ -1,7 +1,7 @@
-"""Mix-ups done to recordings, on the lines of `samples.jsonl` and with nothing of the library's own readings of them.
+"""Mix-ups of recordings, applied to the lines of `samples.jsonl` without the library's own readings of them.
 
-Each says of which data it can be told (`named`), with which other mix-ups it is exactly exchangeable (`partners`), or
-that another reading fits as well and nothing decides (`ambiguous`). docs/conventions_test.md gives the reasons.
+Each states the finding that must name it, and the mix-ups with which it is exactly exchangeable (`partners`).
+docs/conventions_test.md gives the reasons.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ class Mutation:
     """One mix-up.
 
     Attributes:
-        name: What was done.
+        name: Description.
         row: Its line in the table of mutations and kinds of data.
-        code: The finding that names it.
+        code: Code of the finding that names it.
         about: Names that the finding must hold.
-        partners: Findings of mix-ups that the same data cannot tell from it.
-        lines: What it does to the lines of the recording.
-        cell: The cell as told then.
+        partners: Codes of mix-ups that the same data cannot distinguish from it.
+        lines: Function that changes the lines of the recording.
+        cell: The cell as it is stated then.
     """
 
     name: str
@@ -51,14 +51,14 @@ class Mutation:
 
 
 def lines_of(recording: Recording) -> Lines:
-    """A recording as the data of its lines."""
+    """The lines of a recording as data."""
     with TemporaryDirectory() as folder:
         path = write_recording(recording, folder)
         return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 def recording_of(lines: Lines, cell: Cell) -> Recording:
-    """The recording that such lines tell of a cell."""
+    """Read lines as the recording of a cell."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "recording" / "samples.jsonl"
         path.parent.mkdir()
@@ -67,7 +67,7 @@ def recording_of(lines: Lines, cell: Cell) -> Recording:
 
 
 def _poses(lines: Lines, names: tuple[str, ...]) -> Iterator[dict[str, Any]]:
-    """Every pose of these robots, to be changed where it stands; of the observed targets for the name ''."""
+    """Every pose of these robots, to be changed in place; for the name '' those of observed targets."""
     for line in lines:
         for name in names:
             if name:
@@ -76,13 +76,13 @@ def _poses(lines: Lines, names: tuple[str, ...]) -> Iterator[dict[str, Any]]:
                 yield from (o["camera_from_target"] for o in line["observations"])
 
 
-def _copied(change: Callable[[Lines], object]) -> Change:
-    def of(lines: Lines) -> Lines:
+def _on_copy(change: Callable[[Lines], object]) -> Change:
+    def apply(lines: Lines) -> Lines:
         copy = json.loads(json.dumps(lines))
         change(copy)
         return list(copy)
 
-    return of
+    return apply
 
 
 def _matrix(pose: dict[str, Any]) -> Any:
@@ -97,7 +97,7 @@ def _matrix(pose: dict[str, Any]) -> Any:
     return out
 
 
-def _put(pose: dict[str, Any], matrix: Any) -> None:
+def _set_matrix(pose: dict[str, Any], matrix: Any) -> None:
     for key in ("q_xyzw", "t_m"):
         del pose[key]
     pose["matrix"] = matrix.tolist()
@@ -106,9 +106,9 @@ def _put(pose: dict[str, Any], matrix: Any) -> None:
 def _invert(names: tuple[str, ...]) -> Change:
     def change(lines: Lines) -> None:
         for pose in _poses(lines, names):
-            _put(pose, np.linalg.inv(_matrix(pose)))
+            _set_matrix(pose, np.linalg.inv(_matrix(pose)))
 
-    return _copied(change)
+    return _on_copy(change)
 
 
 def _stretch(names: tuple[str, ...], factor: float) -> Change:
@@ -116,37 +116,37 @@ def _stretch(names: tuple[str, ...], factor: float) -> Change:
         for pose in _poses(lines, names):
             pose["t_m"] = [factor * v for v in pose["t_m"]]
 
-    return _copied(change)
+    return _on_copy(change)
 
 
 def _stretch_points(factor: float) -> Change:
     def change(lines: Lines) -> None:
         for line in lines:
-            for seen in line["observations"]:
-                points = np.array(seen["points_in_camera_m"])
-                seen["points_in_camera_m"] = (factor * points).tolist()
+            for observation in line["observations"]:
+                points = np.array(observation["points_in_camera_m"])
+                observation["points_in_camera_m"] = (factor * points).tolist()
 
-    return _copied(change)
+    return _on_copy(change)
 
 
-def _both(*changes: Change) -> Change:
-    def of(lines: Lines) -> Lines:
+def _chain(*changes: Change) -> Change:
+    def apply(lines: Lines) -> Lines:
         for change in changes:
             lines = change(lines)
         return lines
 
-    return of
+    return apply
 
 
-def _roll(names: tuple[str, ...], first: bool) -> Change:
-    """Scalar written first though the field has it last; or taken for first though it was last."""
+def _roll_quaternions(names: tuple[str, ...], scalar_first: bool) -> Change:
+    """Rotate the components of quaternions: scalar-last ones become scalar-first, or the reverse."""
 
     def change(lines: Lines) -> None:
         for pose in _poses(lines, names):
             x, y, z, w = pose["q_xyzw"]
-            pose["q_xyzw"] = [w, x, y, z] if first else [y, z, w, x]
+            pose["q_xyzw"] = [w, x, y, z] if scalar_first else [y, z, w, x]
 
-    return _copied(change)
+    return _on_copy(change)
 
 
 def _swap(first: str, second: str) -> Change:
@@ -155,17 +155,17 @@ def _swap(first: str, second: str) -> Change:
             robots = line["robots"]
             robots[first], robots[second] = robots[second], robots[first]
 
-    return _copied(change)
+    return _on_copy(change)
 
 
-def _pair_late(stream: str, by: int, start: int = 0) -> Change:
-    """From `start` on, line i holds what stream recorded at line i + by; the ends that lack a partner go."""
+def _pair_late(stream: str, shift: int, start: int = 0) -> Change:
+    """From `start` on, line i gets the stream of line i + `shift`; lines without a partner are removed."""
 
-    def of(lines: Lines) -> Lines:
+    def apply(lines: Lines) -> Lines:
         copy = json.loads(json.dumps(lines))
         out = copy[:start]
         for i in range(start, len(lines)):
-            j = i + by
+            j = i + shift
             if start <= j < len(lines):
                 line = copy[i]
                 if stream:
@@ -175,87 +175,91 @@ def _pair_late(stream: str, by: int, start: int = 0) -> Change:
                 out.append(line)
         return list(out)
 
-    return of
+    return apply
 
 
-def _degrees(robot: str, back: bool) -> Change:
+def _change_angle_unit(robot: str, to_radians: bool) -> Change:
     def change(lines: Lines) -> None:
         for line in lines:
             state = line["robots"][robot]
-            convert = np.radians if back else np.degrees
+            convert = np.radians if to_radians else np.degrees
             state["joints_rad"] = convert(state["joints_rad"]).tolist()
 
-    return _copied(change)
+    return _on_copy(change)
 
 
-def _behind(lines: Lines) -> None:
+def _mirror_views(lines: Lines) -> None:
     for pose in _poses(lines, ("",)):
         m = _matrix(pose)
         m[:3, :2] *= -1
         m[:3, 3] *= -1
-        _put(pose, m)
+        _set_matrix(pose, m)
 
 
-def _upside_down(width: float, height: float, share: float, rng: np.random.Generator) -> Change:
-    """The grid read from its other end in a share of the views."""
+def _turn_grids(width: float, height: float, share: float, rng: np.random.Generator) -> Change:
+    """Read the grid from its other end in a share of the views."""
     turn = np.diag([-1.0, -1.0, 1.0, 1.0])
     turn[:2, 3] = width, height
 
     def change(lines: Lines) -> None:
         poses = list(_poses(lines, ("",)))
         for k in rng.permutation(len(poses))[: int(share * len(poses))]:
-            _put(poses[k], _matrix(poses[k]) @ turn)
+            _set_matrix(poses[k], _matrix(poses[k]) @ turn)
 
-    return _copied(change)
+    return _on_copy(change)
 
 
-def _same(lines: Lines) -> Lines:
+def _keep(lines: Lines) -> Lines:
     return lines
 
 
-def _rebuilt(cell: Cell, factor: float) -> Cell:
-    """The cell with its targets stated so many times larger."""
-    found = {}
-    for name, of in cell.targets.items():
-        shape = of.target
+def _with_target_sizes(cell: Cell, factor: float) -> Cell:
+    """The cell with its targets stated larger by a factor."""
+    targets = {}
+    for name, entry in cell.targets.items():
+        shape = entry.target
         assert shape is not None
-        told = dict(shape.options)
+        options = dict(shape.options)
         if shape.kind == "charuco":
-            told["square_m"], told["marker_m"] = told["square_m"] * factor, told["marker_m"] * factor
-            made = charuco_target(**told)
+            options["square_m"], options["marker_m"] = options["square_m"] * factor, options["marker_m"] * factor
+            target = charuco_target(**options)
         elif shape.kind == "chessboard":
-            made = chessboard_target(told["corners"], told["square_m"] * factor)
+            target = chessboard_target(options["corners"], options["square_m"] * factor)
         else:
-            made = points_target([[factor * v for v in p] for p in shape.points.tolist()])
-        found[name] = replace(of, target=made)
-    return replace(cell, targets=found)
+            target = points_target([[factor * v for v in p] for p in shape.points.tolist()])
+        targets[name] = replace(entry, target=target)
+    return replace(cell, targets=targets)
 
 
-def _other_lens(cell: Cell, factor: float) -> Cell:
-    """The cell with lenses stated as fixed whose focal lengths are not so."""
-    found = {}
+def _with_focal_error(cell: Cell, factor: float) -> Cell:
+    """The cell with focal lengths wrong by a factor, in lenses stated as fixed."""
+    cameras = {}
     for name, camera in cell.cameras.items():
         assert camera.intrinsics is not None
         lens = camera.intrinsics.camera
         assert lens is not None
         wrong = lens.with_parameters(lens.parameters * np.array([factor, factor, *[1.0] * (len(lens.parameters) - 2)]))
-        found[name] = replace(camera, intrinsics=replace(camera.intrinsics, camera=wrong, exact=False))
-    return replace(cell, cameras=found)
+        cameras[name] = replace(camera, intrinsics=replace(camera.intrinsics, camera=wrong, exact=False))
+    return replace(cell, cameras=cameras)
 
 
 def mutations(cell: Cell, lines: Lines, seed: int) -> Iterator[Mutation]:
-    """All mix-ups that such data can suffer, with their numbers drawn by `seed`."""
+    """All mix-ups that apply to such data, with numbers drawn by `seed`."""
     rng = np.random.default_rng([seed, 77])
     first = lines[0]
-    seen = first["observations"][0]
-    by_pose = [name for name, state in first["robots"].items() if "base_from_flange" in state]
-    poses, points, pixels = ("camera_from_target" in seen, "points_in_camera_m" in seen, "pixels" in seen)
-    yield from _robots(cell, by_pose, poses)
-    yield from _lengths(cell, by_pose, len(first["robots"]), poses, points)
+    observation = first["observations"][0]
+    pose_robots = [name for name, state in first["robots"].items() if "base_from_flange" in state]
+    poses, points, pixels = (
+        "camera_from_target" in observation,
+        "points_in_camera_m" in observation,
+        "pixels" in observation,
+    )
+    yield from _robots(cell, pose_robots, poses)
+    yield from _lengths(cell, pose_robots, len(first["robots"]), poses, points)
     yield from _pairs(cell, list(first["robots"]), len(lines), rng)
-    yield from _joints(cell, [name for name in first["robots"] if name not in by_pose])
+    yield from _joints(cell, [name for name in first["robots"] if name not in pose_robots])
     if poses:
-        yield from _observed(cell, by_pose, rng)
+        yield from _observed_poses(cell, pose_robots, rng)
     yield from _sizes(cell, pixels, points, rng)
 
 
@@ -267,12 +271,22 @@ def _robots(cell: Cell, by_pose: list[str], poses: bool) -> Iterator[Mutation]:
         row = "poses of one robot inverted" if len(names) == 1 else "poses of all robots inverted"
         yield Mutation(f"{who} inverted", row, "robot-pose-inverted", names, _invert(names), cell, alone)
         yield Mutation(
-            f"{who} w x y z", "quaternion order of robots", "quaternion-order", names, _roll(names, True), cell
+            f"{who} w x y z",
+            "quaternion order of robots",
+            "quaternion-order",
+            names,
+            _roll_quaternions(names, True),
+            cell,
         )
     if by_pose:
         names = (by_pose[-1],)
         yield Mutation(
-            f"{names[0]} y z w x", "quaternion order of robots", "quaternion-order", names, _roll(names, False), cell
+            f"{names[0]} y z w x",
+            "quaternion order of robots",
+            "quaternion-order",
+            names,
+            _roll_quaternions(names, False),
+            cell,
         )
     if several:
         a, b = by_pose[:2]
@@ -294,8 +308,8 @@ def _lengths(cell: Cell, by_pose: list[str], robots: int, poses: bool, points: b
         yield Mutation("robots in mm", "all robots in mm", "length-unit", tuple(by_pose), every, cell, size)
         shapes = [t.target for t in cell.targets.values()]
         observed = [_stretch(("",), 1e3)] if poses else [_stretch_points(1e3)] if points else []
-        told = cell if poses or any(s is None or s.is_point for s in shapes) else _rebuilt(cell, 1e3)
-        yield Mutation("everything in mm", "everything in mm", "length-unit", (), _both(every, *observed), told)
+        stated = cell if poses or any(s is None or s.is_point for s in shapes) else _with_target_sizes(cell, 1e3)
+        yield Mutation("everything in mm", "everything in mm", "length-unit", (), _chain(every, *observed), stated)
     if poses:
         yield Mutation("targets in mm", "observed poses in mm", "length-unit", (), _stretch(("",), 1e3), cell, size)
     if points:
@@ -322,23 +336,23 @@ def _pairs(cell: Cell, robots: list[str], count: int, rng: np.random.Generator) 
 def _joints(cell: Cell, robots: list[str]) -> Iterator[Mutation]:
     for name in robots:
         row = "joints in degrees, or radians turned twice"
-        yield Mutation(f"{name} in degrees", row, "angle-unit", (name,), _degrees(name, False), cell)
-        yield Mutation(f"{name} turned twice", row, "angle-unit", (name,), _degrees(name, True), cell)
+        yield Mutation(f"{name} in degrees", row, "angle-unit", (name,), _change_angle_unit(name, False), cell)
+        yield Mutation(f"{name} turned twice", row, "angle-unit", (name,), _change_angle_unit(name, True), cell)
 
 
-def _observed(cell: Cell, by_pose: list[str], rng: np.random.Generator) -> Iterator[Mutation]:
-    """What is done to observed poses; inverted they are the same data as robots exchanged, or the one inverted."""
+def _observed_poses(cell: Cell, by_pose: list[str], rng: np.random.Generator) -> Iterator[Mutation]:
+    """Mix-ups of observed poses; inverted ones equal exchanged robots, or the only robot inverted."""
     partners = ("robots-swapped",) if len(by_pose) > 1 else ("robot-pose-inverted",)
     code, row = "quaternion-order", "quaternion order of observed poses"
     yield Mutation(
         "target inverted", "observed poses inverted", "target-pose-inverted", (), _invert(("",)), cell, partners
     )
-    yield Mutation("target w x y z", row, code, (), _roll(("",), True), cell)
-    yield Mutation("target mirrored", "observed poses mirrored", "mirrored", (), _copied(_behind), cell)
-    for name, of in cell.targets.items():
-        if of.target is not None and of.target.kind == "chessboard":
-            (columns, rows), square = of.target.options["corners"], of.target.options["square_m"]
-            change = _upside_down((columns - 1) * square, (rows - 1) * square, 0.3, rng)
+    yield Mutation("target w x y z", row, code, (), _roll_quaternions(("",), True), cell)
+    yield Mutation("target mirrored", "observed poses mirrored", "mirrored", (), _on_copy(_mirror_views), cell)
+    for name, entry in cell.targets.items():
+        if entry.target is not None and entry.target.kind == "chessboard":
+            (columns, rows), square = entry.target.options["corners"], entry.target.options["square_m"]
+            change = _turn_grids((columns - 1) * square, (rows - 1) * square, 0.3, rng)
             yield Mutation("half turns", "half turn of a grid in some poses", "board-symmetry", (name,), change, cell)
 
 
@@ -348,12 +362,18 @@ def _sizes(cell: Cell, pixels: bool, points: bool, rng: np.random.Generator) -> 
     factor = float(rng.choice([0.8, 0.9, 0.95, 1.05, 1.1, 1.25]))
     if solid and (pixels or points):
         code = "board-size"
-        yield Mutation(f"target times {factor}", "target's size off", code, (), _same, _rebuilt(cell, factor))
-        told = _rebuilt(cell, 1e3)
-        yield Mutation("target in mm", "target's size in mm", code, (), _same, told, ("length-unit",))
+        yield Mutation(f"target times {factor}", "target's size off", code, (), _keep, _with_target_sizes(cell, factor))
+        stated = _with_target_sizes(cell, 1e3)
+        yield Mutation("target in mm", "target's size in mm", code, (), _keep, stated, ("length-unit",))
     lenses = [c.intrinsics for c in cell.cameras.values()]
     if pixels and all(lens is not None and lens.status == "fixed" for lens in lenses):
         row = "lens stated wrongly as fixed"
         yield Mutation(
-            f"focal length times {factor}", row, "intrinsics", (), _same, _other_lens(cell, factor), ("board-size",)
+            f"focal length times {factor}",
+            row,
+            "intrinsics",
+            (),
+            _keep,
+            _with_focal_error(cell, factor),
+            ("board-size",),
         )

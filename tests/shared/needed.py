@@ -1,4 +1,4 @@
-"""What the tests of a module need, looked for without importing it: collecting takes every worker as long."""
+"""Requirements of test modules, checked without importing packages: collection by every worker would take as long."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ import pytest
 
 
 def needed(package: str, extra: str) -> None:
-    """Skip the module that says so where a package of an extra is not installed."""
+    """Skip the calling module if a package of an extra is not installed."""
     if find_spec(package) is None:
         pytest.skip(f"{package} is not installed: pip install 'basecal[{extra}]'", allow_module_level=True)

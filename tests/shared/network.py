@@ -1,6 +1,6 @@
-"""A network between a driver and what it talks to, with faults: a proxy of one TCP port.
+"""A network between a driver and its peer, with faults: a proxy of one TCP port.
 
-As a process of its own: `python -m shared.network HOST PORT AT_HOST AT_PORT`, faults being lines on the standard input.
+As a separate process: `python -m shared.network HOST PORT AT_HOST AT_PORT`, with faults as lines of the standard input.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 
 
 class Network:
-    """What passes a port: late by `delay_s`, or not at all while it is `silent`; `cut` ends all lines."""
+    """A proxy that delays data by `delay_s`, holds it while `silent`, or rejects connections while `refuses`."""
 
     def __init__(self, server, host, port):
         self.server, self.to = server, (host, port)
@@ -21,7 +21,7 @@ class Network:
         self.lines = []
 
     def cut(self):
-        """End every line, as a switch that is switched off does once its timeouts are over."""
+        """Close every connection, as after the timeouts of a switch that is off."""
         lines, self.lines = self.lines, []
         for line in lines:
             with suppress(OSError):
@@ -36,26 +36,26 @@ class Network:
             if self.refuses:
                 line.close()
                 continue
-            other = socket.create_connection(self.to)
-            self.lines += [line, other]
-            for one, two in ((line, other), (other, line)):
-                threading.Thread(target=self._pass, args=(one, two), daemon=True).start()
+            peer = socket.create_connection(self.to)
+            self.lines += [line, peer]
+            for source, sink in ((line, peer), (peer, line)):
+                threading.Thread(target=self._pass, args=(source, sink), daemon=True).start()
 
-    def _pass(self, one, two):
-        with one, suppress(OSError):
-            while data := one.recv(65536):
+    def _pass(self, source, sink):
+        with source, suppress(OSError):
+            while data := source.recv(65536):
                 if self.delay_s:
                     time.sleep(self.delay_s)
                 while self.silent:
                     time.sleep(0.01)
-                two.sendall(data)
-            two.shutdown(socket.SHUT_RDWR)
+                sink.sendall(data)
+            sink.shutdown(socket.SHUT_RDWR)
 
 
 @contextmanager
-def network(host, port, at=("127.0.0.1", 0)):
-    """A network before a host's port, and the port at which it is reached."""
-    with socket.create_server(at) as server:
+def network(host, port, address=("127.0.0.1", 0)):
+    """A proxy of a port of a host, and the port of the proxy."""
+    with socket.create_server(address) as server:
         net = Network(server, host, port)
         thread = threading.Thread(target=net.run, daemon=True)
         thread.start()
@@ -68,7 +68,7 @@ def network(host, port, at=("127.0.0.1", 0)):
 
 
 def main(host, port, at_host, at_port):
-    """A network in a process of its own: some clients hold Python while they wait for an answer."""
+    """Run the proxy in a separate process: some clients hold the interpreter while they wait for an answer."""
     with network(host, int(port), (at_host, int(at_port))) as (net, _):
         print("ready", flush=True)
         for line in sys.stdin:

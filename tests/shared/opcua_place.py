@@ -1,4 +1,4 @@
-"""A robot that answers OPC UA in a process of its own, and where it is in a cell."""
+"""A robot that answers OPC UA in a separate process, and its place in a cell."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CELL = facing_arms("led").cell
 
 
 def free_port():
-    """A port of this computer at which nothing listens."""
+    """A free port of this computer."""
     with socket.socket() as line:
         line.bind(("127.0.0.1", 0))
         return line.getsockname()[1]
@@ -22,7 +22,7 @@ def free_port():
 
 @contextmanager
 def opcua_robot():
-    """A server; its `port`, and `place` of its robot in a cell with URDFs."""
+    """A server with its `port`, and the `place` of its robot in a cell with URDFs."""
     port = free_port()
     url = f"opc.tcp://127.0.0.1:{port}/robot"
     with second_process("shared.opcua_robot", port) as process:

@@ -1,6 +1,6 @@
-"""A robot that answers OPC UA as the Robotics companion specification says: `python -m shared.opcua_robot PORT`.
+"""A robot that answers OPC UA as in the Robotics companion specification: `python -m shared.opcua_robot PORT`.
 
-Anybody may read, and the user `cell` with the password `secret`, but no other. Lines on the standard input change it.
+Anonymous users may read, and the user `cell` with the password `secret`. Lines on the standard input change the state.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ from asyncua.crypto.permission_rules import User, UserRole
 from asyncua.server.user_managers import UserManager
 
 DEGREE = ua.EUInformation(UnitId=17476, DisplayName=ua.LocalizedText("deg"))
-ORDER = ("A10", "A2", "A3", "A4", "A5", "A1")  # as a server may list them
+AXIS_ORDER = ("A10", "A2", "A3", "A4", "A5", "A1")  # as a server may list them
 DEGREES = {"A1": 10.0, "A2": -90.0, "A3": 90.0, "A4": 0.0, "A5": 30.0, "A10": 5.0}
 
 
 class OneUser(UserManager):
-    """Anybody without a name, and one with."""
+    """Anonymous users, and one user with a password."""
 
     def get_user(self, iserver, username=None, password=None, certificate=None):
         return User(role=UserRole.User) if username is None or (username, password) == ("cell", "secret") else None
 
 
 async def build(server):
-    """The nodes of the axes by name, one node with a pose, and one of joints that says no unit."""
+    """The nodes of the axes by name, a node with a pose, and a node of joints without a unit."""
     index = await server.register_namespace("http://opcfoundation.org/UA/Robotics/")
     devices = await server.nodes.objects.add_folder(index, "DeviceSet")
     system = await devices.add_object(index, "System")
     device = await (await system.add_folder(index, "MotionDevices")).add_object(index, "arm")
     axes = await device.add_folder(index, "Axes")
     positions = {}
-    for name in ORDER:
+    for name in AXIS_ORDER:
         parameters = await (await axes.add_object(index, name)).add_object(index, "ParameterSet")
         positions[name] = await parameters.add_variable(index, "ActualPosition", DEGREES[name])
         await positions[name].add_property(0, "EngineeringUnits", DEGREE)
@@ -62,8 +62,8 @@ async def serve(port):
             if word == "reset":
                 await array.write_value([0.1] * 6)
             if word in ("turn", "reset"):
-                for name, at in DEGREES.items():
-                    value = ua.DataValue(ua.Variant(at + sum(map(float, rest))), SourceTimestamp=datetime.now(UTC))
+                for name, degrees in DEGREES.items():
+                    value = ua.DataValue(ua.Variant(degrees + sum(map(float, rest))), SourceTimestamp=datetime.now(UTC))
                     await positions[name].write_value(value)
             elif word == "turn_unstamped":
                 for k, name in enumerate(DEGREES):

@@ -1,4 +1,4 @@
-"""What is wrong with a page as a browser shows it: text that is cut, and what axe-core finds where it is at hand."""
+"""Faults of a page in a browser: cut text, and violations that axe-core finds, if it is available."""
 
 from __future__ import annotations
 
@@ -47,20 +47,20 @@ _RUN_AXE = """axe.run(document, { resultTypes: ["violations"] }).then((found) =>
   (each) => `axe ${each.id}: ${each.help}: ${each.nodes.map((node) => node.target.join(" ")).join(", ")}`))"""
 
 
-def shown_sizes(tab: Tab, address: str, until: str = "body") -> Iterator[str]:
-    """Load a page at each size, light and dark; a name for each."""
+def shown_sizes(tab: Tab, address: str, selector: str = "body") -> Iterator[str]:
+    """Load a page at each size, light and dark, and yield a name for each."""
     for width, height in SIZES:
         for scheme in SCHEMES:
             tab.resize(width, height, scheme)
-            tab.go(address, until)
+            tab.go(address, selector)
             yield f"{width}_{scheme}"
 
 
 def faults(tab: Tab, axe: Path | None = None) -> Sequence[str]:
-    """What is wrong with the page that a tab shows; `axe` is the file of axe-core."""
-    found = [*tab.value(_CUT), *(f"console: {error}" for error in tab.visit.errors)]
-    found += [f"asks for {one}" for one in tab.visit.asked if one.startswith("http") and "127.0.0.1" not in one]
+    """Faults of the page in a tab; `axe` is the file of axe-core."""
+    messages = [*tab.value(_CUT), *(f"console: {error}" for error in tab.visit.errors)]
+    messages += [f"asks for {one}" for one in tab.visit.requests if one.startswith("http") and "127.0.0.1" not in one]
     if axe is not None:
         tab.value(axe.read_text(encoding="utf-8"))
-        found += tab.value(_RUN_AXE)
-    return found
+        messages += tab.value(_RUN_AXE)
+    return messages

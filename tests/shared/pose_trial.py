@@ -1,6 +1,6 @@
-"""Samples of cameras that hold images back: whether each image shows the pose beside it.
+"""Samples of cameras that delay images: whether each image shows the pose beside it.
 
-Arms, cameras, threads and clocks are real in time; a move takes 0.3 s. What an image shows says when it was exposed.
+Arms, cameras, threads and clocks run in real time; a move takes 0.3 s. An image shows the time of its exposure.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from basecal.geometry import SE3, Camera
 from basecal.planning.sketch import sketch_cell
 from basecal.vision.detectors import find_target
 from basecal.vision.draw.render import RenderSettings, render
-from tests.shared.image_sources import PROCESSES, Arm, BufferingCapture, Path2, Scene, mjpeg_server, saving
+from tests.shared.image_sources import PROCESSES, Arm, ArmPath, BufferingCapture, Scene, mjpeg_server, saving
 
 FOCAL_PX, AWAY_M, REACH_M = 600.0, 0.5, 0.05
 SIZE_PX = (640, 480)
@@ -40,12 +40,12 @@ PAUSES_S = (0.0, 0.0, 0.5)  # before a move, as while a plan is made
 
 @dataclass(frozen=True)
 class Source:
-    """A camera that is tried.
+    """A camera to be tested.
 
     Attributes:
-        kind: Of the driver.
-        way: Of a folder, how files come; of a device, its backend; empty for a stream.
-        held: Images that wait in buffers or in the server; of a stream that falls behind, the first and last.
+        kind: Kind of the driver.
+        way: For a folder, how files arrive; for a device, its backend; empty for a stream.
+        held: Number of images that wait in buffers or in the server; for a growing delay, the first and the last.
         late: Images by which a device itself is late.
     """
 
@@ -56,7 +56,7 @@ class Source:
 
     @property
     def name(self) -> str:
-        """What it is, in words."""
+        """Description of the source."""
         if self.kind == "folder":
             return {"at once": "folder, saved at once", "slow": "folder, saved 0.25 s late"}.get(
                 self.way, "folder, late and out of order"
@@ -71,7 +71,7 @@ class Source:
 
 
 def sources() -> list[Source]:
-    """All that are tried: buffers of 1 to 10 images in the driver, in the camera, and in a server."""
+    """All sources: buffers of 1 to 10 images in the driver, in the camera, and in a server."""
     devices = [
         Source("opencv", way, (held,), late)
         for held in range(1, 11)
@@ -85,8 +85,8 @@ def sources() -> list[Source]:
 def _board(texture: float) -> tuple[Cell, np.ndarray[Any, Any]]:
     lens = Camera("pinhole", np.array([FOCAL_PX, FOCAL_PX, 319.5, 239.5]), SIZE_PX)
     shape = charuco_target((5, 4), 0.03, 0.022, "DICT_4X4_50")
-    at = SE3(np.eye(3), np.array([0.0, 0.0, AWAY_M]) - shape.points.mean(0))
-    image = render(lens, shape, at, RenderSettings(noise=0.0, texture=texture), 0)
+    camera_from_board = SE3(np.eye(3), np.array([0.0, 0.0, AWAY_M]) - shape.points.mean(0))
+    image = render(lens, shape, camera_from_board, RenderSettings(noise=0.0, texture=texture), 0)
     cell = Cell(
         "eye",
         {"eye": Robot("eye", driver=Driver("trial"))},
@@ -100,73 +100,72 @@ def _board(texture: float) -> tuple[Cell, np.ndarray[Any, Any]]:
                 Intrinsics("fixed", lens, exact=True),
             )
         },
-        targets={"board": CellTarget("board", "world", Unknown("fixed", at), shape)},
+        targets={"board": CellTarget("board", "world", Unknown("fixed", camera_from_board), shape)},
     )
     return cell, image
 
 
 @contextmanager
-def _opened(source: Source, cell: Cell, scene: Scene, folder: Path, seed: int) -> Iterator[tuple[Rig, Any]]:
-    """The rig of a source, and how many images its server is behind."""
-    behind = PROCESSES.Value("i", source.held[0])
+def _open_source(source: Source, cell: Cell, scene: Scene, folder: Path, seed: int) -> Iterator[tuple[Rig, Any]]:
+    """The rig of a source, and the number of images by which its server is late."""
+    delay = PROCESSES.Value("i", source.held[0])
     options: dict[str, Any] = {"source": 0}
     with ExitStack() as held:
         if source.kind == "folder":
             held.enter_context(saving(scene, folder / "images", source.way, seed))
             options = {"path": "images", "wait_s": 10.0}
         elif source.way:
-            given = {"scene": scene, "buffers": source.held[0], "delay": source.late, "backend": source.way}
-            before = cv2.VideoCapture
-            cv2.VideoCapture = type("Device", (BufferingCapture,), given)
-            held.callback(setattr, cv2, "VideoCapture", before)
+            attributes = {"scene": scene, "buffers": source.held[0], "delay": source.late, "backend": source.way}
+            original = cv2.VideoCapture
+            cv2.VideoCapture = type("Device", (BufferingCapture,), attributes)
+            held.callback(setattr, cv2, "VideoCapture", original)
         else:
-            options = {"source": held.enter_context(mjpeg_server(scene, behind))}
+            options = {"source": held.enter_context(mjpeg_server(scene, delay))}
         camera = replace(cell.cameras["wrist"], driver=Driver(source.kind, options))
-        trial = DriverKind(lambda place: Arm(scene.path), needs_own_process=False)
-        held.enter_context(_known("trial", trial))
-        yield held.enter_context(open_rig(replace(cell, cameras={"wrist": camera}), folder)), behind
+        kind = DriverKind(lambda place: Arm(scene.path), needs_own_process=False)
+        held.enter_context(_with_driver("trial", kind))
+        yield held.enter_context(open_rig(replace(cell, cameras={"wrist": camera}), folder)), delay
 
 
 @contextmanager
-def _known(name: str, kind: DriverKind) -> Iterator[None]:
-    """A driver of this name, while this lasts."""
-    before = rig_module.driver_kind
-    rig_module.driver_kind = lambda wanted: kind if wanted == name else before(wanted)
+def _with_driver(name: str, kind: DriverKind) -> Iterator[None]:
+    """Register a driver of this name within the context."""
+    original = rig_module.driver_kind
+    rig_module.driver_kind = lambda requested: kind if requested == name else original(requested)
     try:
         yield
     finally:
-        rig_module.driver_kind = before
+        rig_module.driver_kind = original
 
 
 def sigma_px(cell: Cell, scene: Scene) -> float:
-    """Sigma of a point found in images of an arm that stands, per axis [px]."""
+    """Sigma of a point found in images of a still arm, per axis [px]."""
     rng, errors = np.random.default_rng(0), []
     for _ in range(STILLS):
         scene.path.go(rng.uniform(-REACH_M, REACH_M, 2), 0.0)
         file = cv2.imencode(".jpg", scene.image(time.monotonic()))[1]
-        found = find_target(cv2.imdecode(file, cv2.IMREAD_GRAYSCALE), cell.targets["board"].target)
-        errors.append(found.pixels - _expected(cell, scene.path.at(time.monotonic()), found.ids))
+        detection = find_target(cv2.imdecode(file, cv2.IMREAD_GRAYSCALE), cell.targets["board"].target)
+        errors.append(detection.pixels - _expected_pixels(cell, scene.path.position(time.monotonic()), detection.ids))
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
-def _expected(cell: Cell, at_m: np.ndarray[Any, Any], ids: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def _expected_pixels(cell: Cell, position_m: np.ndarray[Any, Any], ids: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     target, lens = cell.targets["board"], cell.cameras["wrist"].intrinsics.camera
     points = target.mount.mean @ target.target.points[ids]
-    return lens.project(points - [*at_m, 0.0])
+    return lens.project(points - [*position_m, 0.0])
 
 
-def tried(source: Source, samples: int, seed: int) -> dict[str, Any]:
-    """Samples of a source: those taken, those whose image is of another pose, and how far that was [px]."""
+def trial(source: Source, samples: int, seed: int) -> dict[str, Any]:
+    """Take samples of a source, and count those whose image is of another pose."""
     cell, board = _board(TEXTURES[seed % len(TEXTURES)])
-    path = Path2()
+    path = ArmPath()
     scene = Scene(board, FOCAL_PX / AWAY_M, path, seed)
     sigma = sigma_px(cell, scene)
-    rng, off, refused, reports = np.random.default_rng(seed), list[float](), list[str](), list[str]()
+    rng, distances_px, refused, reports = np.random.default_rng(seed), list[float](), list[str](), list[str]()
     began_s = time.monotonic()
-    with tempfile.TemporaryDirectory() as name, _opened(source, cell, scene, Path(name), seed) as (rig, behind):
-        by = Taker(rig, sketch_cell(cell), Path(name), CaptureSettings(1.0, 10.0, 6.0))
-        if hasattr(by, "report"):
-            by = replace(by, report=reports.append)
+    with tempfile.TemporaryDirectory() as name, _open_source(source, cell, scene, Path(name), seed) as (rig, behind):
+        settings = CaptureSettings(1.0, 10.0, 6.0)
+        taker = Taker(rig, sketch_cell(cell), Path(name), settings, report=reports.append)
         for number in range(samples):
             if number == samples // 2:
                 behind.value = source.held[-1]
@@ -174,19 +173,19 @@ def tried(source: Source, samples: int, seed: int) -> dict[str, Any]:
             place = rng.uniform(-REACH_M, REACH_M, 2)
             goal = RobotState(SE3(np.eye(3), np.array([*place, 0.0])))
             try:
-                seen = by.take(Sample(number, robots={"eye": goal}), [])
+                sample = taker.take(Sample(number, robots={"eye": goal}), [])
             except Unfit as why:
                 refused.append(str(why))
                 continue
-            (view,) = (each for each in seen.observations if isinstance(each, PixelObservation))
-            off.append(float(np.linalg.norm((view.pixels - _expected(cell, place, view.ids)).mean(0))))
-    wrong = [each for each in off if each > SIGMAS * sigma]
+            (view,) = (each for each in sample.observations if isinstance(each, PixelObservation))
+            distances_px.append(float(np.linalg.norm((view.pixels - _expected_pixels(cell, place, view.ids)).mean(0))))
+    wrong = [each for each in distances_px if each > SIGMAS * sigma]
     return {
         "source": source.name,
         "samples": samples,
-        "taken": len(off),
+        "taken": len(distances_px),
         "wrong": len(wrong),
-        "most_px": max(off, default=0.0),
+        "most_px": max(distances_px, default=0.0),
         "sigma_px": sigma,
         "refused": refused,
         "reports": [each for each in reports if "after exposure" in each][:3],

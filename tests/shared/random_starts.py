@@ -1,4 +1,4 @@
-"""Descents from many random starts side by side, of one camera and target whose views are poses."""
+"""Batched descents from many random starts, for one camera and target whose views are poses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import rotation_from_quaternion
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
 
-_SETTLED = 1e-7
+_CONVERGED_GAIN = 1e-7
 _FIRST_DAMPING = 1e-4
 _LARGEST_DAMPING = 1e8
 
@@ -24,7 +24,7 @@ class Trio(NamedTuple):
     z: SE3
 
     def take(self, rows: Array) -> Trio:
-        """Those at these rows."""
+        """Values at these rows."""
         return Trio(self.x[rows], self.y[rows], self.z[rows])
 
 
@@ -35,57 +35,57 @@ def random_rotations(rng: np.random.Generator, count: int) -> Array:
 
 
 def random_trio(loop: Loop, rng: np.random.Generator, count: int) -> Trio:
-    """Random rotations of what is unknown, with the translations that fit them best."""
-    found = []
+    """Random rotations of the unknowns, with the translations that fit them best."""
+    triples = []
     for _ in range(count):
         x, y, z = (
             random_rotations(rng, 1)[0] if known is None else known.rotation for known in (loop.x, loop.y, loop.z)
         )
-        found.append(solve_translations(loop, Rotations(x, y, z, True)))
-    return Trio(*(SE3.stack(list(each)) for each in zip(*found, strict=True)))
+        triples.append(solve_translations(loop, Rotations(x, y, z, True)))
+    return Trio(*(SE3.stack(list(each)) for each in zip(*triples, strict=True)))
 
 
-def _batched(pose: SE3) -> SE3:
+def _with_batch_axis(pose: SE3) -> SE3:
     return SE3(pose.rotation[:, None], pose.translation[:, None])
 
 
 def _errors(loop: Loop, trio: Trio, weight: Array) -> tuple[Array, SE3, SE3]:
     """Residuals over sigmas (m, n, 6), `camera_from_target` and C Z, (m, n)."""
-    cz = loop.c @ _batched(trio.z)
-    predicted = (loop.a @ _batched(trio.x)).inverse() @ (_batched(trio.y) @ cz)
+    cz = loop.c @ _with_batch_axis(trio.z)
+    predicted = (loop.a @ _with_batch_axis(trio.x)).inverse() @ (_with_batch_axis(trio.y) @ cz)
     return (loop.b.inverse() @ predicted).log() * weight, predicted, cz
 
 
 def _normal(loop: Loop, trio: Trio, weight: Array) -> tuple[Array, Array, Array]:
-    """Costs (m,), gradients (m, k) and Hessians (m, k, k) of what is unknown."""
+    """Costs (m,), gradients (m, k) and Hessians (m, k, k) of the unknowns."""
     error, predicted, cz = _errors(loop, trio, weight)
     inner = right_jacobian_inverse(error / weight) * weight[..., None]
-    by = {"x": lambda: -inner @ predicted.inverse().adjoint(), "y": lambda: inner @ cz.inverse().adjoint()}
-    jacobian = np.concatenate([by[u]() if u in by else inner for u in loop.unknown], -1)
+    jacobians = {"x": lambda: -inner @ predicted.inverse().adjoint(), "y": lambda: inner @ cz.inverse().adjoint()}
+    jacobian = np.concatenate([jacobians[u]() if u in jacobians else inner for u in loop.unknown], -1)
     m = len(error)
     flat, residual = jacobian.reshape(m, -1, jacobian.shape[-1]), error.reshape(m, -1, 1)
-    turned = np.swapaxes(flat, -1, -2)
-    return np.sum(residual[..., 0] ** 2, -1), (turned @ residual)[..., 0], turned @ flat
+    transposed = np.swapaxes(flat, -1, -2)
+    return np.sum(residual[..., 0] ** 2, -1), (transposed @ residual)[..., 0], transposed @ flat
 
 
-def _moved(loop: Loop, trio: Trio, step: Array) -> Trio:
+def _retract(loop: Loop, trio: Trio, step: Array) -> Trio:
     values = trio._asdict()
     for i, name in enumerate(loop.unknown):
         values[name] = values[name] @ SE3.exp(step[:, 6 * i : 6 * i + 6])
     return Trio(**values)
 
 
-def least_cost(loop: Loop, weight: Array, start: Trio, above: float, iterations: int = 60) -> float:
+def least_cost(loop: Loop, weight: Array, start: Trio, limit: float, iterations: int = 60) -> float:
     """The least sum of squares that any start leads to.
 
-    A start is given up when its cost stands still: it is an optimum, good or bad.
+    A start ends when its cost no longer decreases: it is at an optimum, good or bad.
 
     Args:
-        loop: A, B, C and what is known.
+        loop: A, B, C and the known transforms.
         weight: (n, 6) 1 / sigma.
         start: m starts.
-        above: The cost to be undercut: what stands still above twice of it is left at once.
-        iterations: At most.
+        limit: The cost to be undercut; starts that slow down above twice this cost end early.
+        iterations: Largest number of iterations.
     """
     least, damping = np.inf, np.full(len(start.x), _FIRST_DAMPING)
     trio = start
@@ -93,7 +93,7 @@ def least_cost(loop: Loop, weight: Array, start: Trio, above: float, iterations:
     for _ in range(iterations):
         scale = np.maximum(np.diagonal(hessian, axis1=-2, axis2=-1), 1e-9)
         matrix = hessian + np.eye(hessian.shape[-1]) * (damping[:, None] * scale)[:, None]
-        candidate = _moved(loop, trio, -np.linalg.solve(matrix, gradient[..., None])[..., 0])
+        candidate = _retract(loop, trio, -np.linalg.solve(matrix, gradient[..., None])[..., 0])
         new_cost, new_gradient, new_hessian = _normal(loop, candidate, weight)
         better = new_cost <= cost
         gain = np.where(better, cost - new_cost, 0.0)
@@ -104,8 +104,8 @@ def least_cost(loop: Loop, weight: Array, start: Trio, above: float, iterations:
         cost = np.where(better, new_cost, cost)
         damping = np.where(better, damping * 0.2, damping * 8)
         least = min(least, float(cost.min()))
-        settled = better & (gain < np.where(cost > 2 * above, 1e-3, _SETTLED) * cost)
-        active = np.flatnonzero(~settled & (damping < _LARGEST_DAMPING))
+        converged = better & (gain < np.where(cost > 2 * limit, 1e-3, _CONVERGED_GAIN) * cost)
+        active = np.flatnonzero(~converged & (damping < _LARGEST_DAMPING))
         if not len(active):
             break
         trio, damping = trio.take(active), damping[active]
@@ -122,7 +122,7 @@ def _pairs(old: Trio, new: Trio) -> list[tuple[Array, Array]]:
 
 
 def least_value(form: Array, count: int, rng: np.random.Generator, starts: int, sweeps: int = 30) -> float:
-    """The least value of a form on products of `count` unit quaternions that random starts lead to."""
+    """The least value of a form on products of `count` unit quaternions, over random starts."""
     factors = rng.standard_normal((count, starts, 4))
     factors /= np.linalg.norm(factors, axis=-1, keepdims=True)
     tensor = form.reshape((4,) * (2 * count))
@@ -135,10 +135,10 @@ def least_value(form: Array, count: int, rng: np.random.Generator, starts: int, 
     for _ in range(sweeps):
         for j in range(count):
             rest = [factors[i] for i in range(count) if i != j]
-            whole = np.ones((starts, 1))
+            product = np.ones((starts, 1))
             for factor in rest:
-                whole = (whole[:, :, None] * factor[:, None, :]).reshape(starts, -1)
-            pairs = (whole[:, :, None] * whole[:, None, :]).reshape(starts, -1)
+                product = (product[:, :, None] * factor[:, None, :]).reshape(starts, -1)
+            pairs = (product[:, :, None] * product[:, None, :]).reshape(starts, -1)
             values, vectors = np.linalg.eigh((pairs @ flat[j].T).reshape(starts, 4, 4))
             factors[j], least = vectors[:, :, 0], values[:, 0]
     return float(least.min())

@@ -1,7 +1,7 @@
-"""Real recordings: what the project asks of each, beside what is measured.
+"""Real recordings: requirements of the project for each, and measured values.
 
-The two that ship are read from `examples/`; the others, whose licences keep them out or which are no example, from
-the folder that BASECAL_DATA names, or from `../shared/data` beside the project.
+The two that ship are read from `examples/`. The others do not ship because of their licences, or because they are no
+examples. They are read from the folder BASECAL_DATA, or from `../shared/data` beside the project.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ LIGHT_NEAR_MM_DEG = 15.0, 0.5
 
 
 class Figure(NamedTuple):
-    """One demand and what was measured; `sense` is `at most` or `at least`."""
+    """A requirement and the measured value; `sense` is `at most` or `at least`."""
 
     recording: str
     what: str
@@ -56,20 +56,20 @@ class Figure(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the demand is met."""
+        """Whether the requirement is met."""
         return self.measured <= self.required if self.sense == "at most" else self.measured >= self.required
 
 
 def data_folder() -> Path:
-    """Where the recordings are that do not ship."""
+    """The folder of the recordings that do not ship."""
     return Path(os.environ.get("BASECAL_DATA", ROOT.parent / "shared" / "data"))
 
 
-def _published(name: str) -> Path:
+def _published_file(name: str) -> Path:
     folder = data_folder()
     path = folder / name
     if not path.exists():
-        raise DatasetError(str(path), "is not there: set BASECAL_DATA to the folder of the published recordings")
+        raise DatasetError(str(path), "does not exist: set BASECAL_DATA to the folder of the published recordings")
     return path
 
 
@@ -79,14 +79,14 @@ def example(name: str) -> tuple[Cell, Recording]:
     return cell, read_recording(EXAMPLES / name, cell)
 
 
-def _off(estimate: SE3, reference: SE3) -> tuple[float, float]:
+def _distance(estimate: SE3, reference: SE3) -> tuple[float, float]:
     """Length [mm] and angle [deg] between two transforms."""
     xi = (estimate.inverse() @ reference).log()
     return 1e3 * float(np.linalg.norm(xi[:3])), float(np.degrees(np.linalg.norm(xi[3:])))
 
 
-def _loop(name: str, found: Calibration, most_mm: float, most_deg: float) -> list[Figure]:
-    fit = found.residuals
+def _loop(name: str, calibration: Calibration, most_mm: float, most_deg: float) -> list[Figure]:
+    fit = calibration.residuals
     assert fit.loop_rms_m is not None
     assert fit.loop_rms_rad is not None
     return [
@@ -96,45 +96,52 @@ def _loop(name: str, found: Calibration, most_mm: float, most_deg: float) -> lis
 
 
 def ur5e() -> list[Figure]:
-    """Two UR5e, ten views of a board; nothing known but the board."""
-    found = calibrate(*example("ur5e_dual"))
-    assert found.residuals.rms_px is not None
-    millimetres, degrees = _off(found[BASE].mean, PUBLISHED_UR5E_BASE)
+    """Two UR5e, ten views of a board; only the board is known."""
+    calibration = calibrate(*example("ur5e_dual"))
+    assert calibration.residuals.rms_px is not None
+    millimetres, degrees = _distance(calibration[BASE].mean, PUBLISHED_UR5E_BASE)
     name = "UR5e, board, lens free"
     return [
         Figure(name, "base from the published one [mm]", millimetres, "at most", 10.0),
-        # Its own error is not told. It is what robots taken for exact give (`solve` is 0.4 mm and 0.01 deg from it), of
-        # which cross-validation says 3.1 mm and 0.55 deg; with the robots' noise estimated it says 1.7 mm and 0.43 deg.
+        # Its own error is not stated. It is the result of robots assumed exact, 0.4 mm and 0.01 deg from `solve`. The
+        # cross-validated error of that is 3.1 mm and 0.55 deg; with the robots' noise estimated, 1.7 mm and 0.43 deg.
         Figure(name, "base from the published one [deg]", degrees, "at most", 0.3),
-        Figure(name, "residuals, rms [px]", found.residuals.rms_px, "at most", 0.52),
+        Figure(name, "residuals, rms [px]", calibration.residuals.rms_px, "at most", 0.52),
     ]
 
 
-def _without_strays(shipped: Recording, own: Recording) -> Recording:
-    """The shipped corners but for those half a pixel and more from where they are found here."""
+def _without_strays(shipped: Recording, detected_recording: Recording) -> Recording:
+    """The shipped corners without those that are half a pixel or more from the detected ones."""
     samples = []
-    for theirs, ours in zip(shipped.samples, own.samples, strict=True):
-        (seen,), (found,) = theirs.observations, ours.observations
-        assert isinstance(seen, PixelObservation)
-        assert isinstance(found, PixelObservation)
-        at = dict(zip(found.ids.tolist(), found.pixels, strict=True))
-        off = np.array(
-            [np.abs(p - at.get(i, np.inf)).max() for i, p in zip(seen.ids.tolist(), seen.pixels, strict=True)]
+    for theirs, ours in zip(shipped.samples, detected_recording.samples, strict=True):
+        (observation,), (detection,) = theirs.observations, ours.observations
+        assert isinstance(observation, PixelObservation)
+        assert isinstance(detection, PixelObservation)
+        detected = dict(zip(detection.ids.tolist(), detection.pixels, strict=True))
+        distance_px = np.array(
+            [
+                np.abs(p - detected.get(i, np.inf)).max()
+                for i, p in zip(observation.ids.tolist(), observation.pixels, strict=True)
+            ]
         )
-        near = off < STRAY_PX
-        samples.append(replace(theirs, observations=(replace(seen, ids=seen.ids[near], pixels=seen.pixels[near]),)))
+        near = distance_px < STRAY_PX
+        samples.append(
+            replace(
+                theirs, observations=(replace(observation, ids=observation.ids[near], pixels=observation.pixels[near]),)
+            )
+        )
     return replace(shipped, samples=tuple(samples))
 
 
 def ur5e_images() -> list[Figure]:
-    """The same ten views from their photographs, beside the shipped corners: all, and but for the stray ones."""
+    """The same ten views from their photographs, compared with all shipped corners and with those without strays."""
     cell, recording = example("ur5e_images")
     own = detect(cell, recording)
-    found = calibrate(cell, own)[BASE].mean
+    base = calibrate(cell, own)[BASE].mean
     _, shipped = example("ur5e_dual")
     name = "UR5e, from photographs"
-    all_mm, all_deg = _off(found, calibrate(cell, shipped)[BASE].mean)
-    near_mm, near_deg = _off(found, calibrate(cell, _without_strays(shipped, own))[BASE].mean)
+    all_mm, all_deg = _distance(base, calibrate(cell, shipped)[BASE].mean)
+    near_mm, near_deg = _distance(base, calibrate(cell, _without_strays(shipped, own))[BASE].mean)
     return [
         Figure(name, "base from that of all shipped corners [mm]", all_mm, "at most", 1.0),
         Figure(name, "base from that of all shipped corners [deg]", all_deg, "at most", 0.03),
@@ -144,42 +151,42 @@ def ur5e_images() -> list[Figure]:
 
 
 def _one_corner(sample: Sample, corner: int) -> Sample:
-    """The sample as if that corner of its board were a light."""
-    (seen,) = sample.observations
-    assert isinstance(seen, PixelObservation)
-    row = np.flatnonzero(seen.ids == corner)
-    light = replace(seen, target="light", ids=np.zeros(len(row), dtype=np.int64), pixels=seen.pixels[row])
+    """The sample with one corner of its board as an LED."""
+    (observation,) = sample.observations
+    assert isinstance(observation, PixelObservation)
+    row = np.flatnonzero(observation.ids == corner)
+    light = replace(observation, target="light", ids=np.zeros(len(row), dtype=np.int64), pixels=observation.pixels[row])
     return replace(sample, observations=(light,))
 
 
-def lights_off(corners: Iterable[int]) -> Array:
-    """By corner: how far the base found from it alone is from that of the whole board, (n, 2) [mm, deg].
+def led_distances(corners: Iterable[int]) -> Array:
+    """Distances of the base from one corner alone to that from the whole board, (n, 2) [mm, deg].
 
-    The lens is that of the whole solution; nothing else is known. NaN where the base is refused.
+    The lens is that of the whole solution; nothing else is known. NaN if the base is refused.
     """
     cell, recording = example("ur5e_dual")
-    whole = calibrate(cell, recording)
+    reference = calibrate(cell, recording)
     ((name, camera),) = cell.cameras.items()
-    lens = Intrinsics("fixed", whole.cameras[name][0], exact=True)
+    lens = Intrinsics("fixed", reference.cameras[name][0], exact=True)
     light = {"light": CellTarget("light", "hand", target=led_target())}
-    alone = replace(cell, cameras={name: replace(camera, intrinsics=lens)}, targets=light)
+    led_cell = replace(cell, cameras={name: replace(camera, intrinsics=lens)}, targets=light)
     out = []
     for corner in corners:
-        found = calibrate(alone, Recording(tuple(_one_corner(s, corner) for s in recording.samples)))
-        seen = BASE in found.transforms
-        out.append(_off(found[BASE].mean, whole[BASE].mean) if seen else (np.nan, np.nan))
+        calibration = calibrate(led_cell, Recording(tuple(_one_corner(s, corner) for s in recording.samples)))
+        is_known = BASE in calibration.transforms
+        out.append(_distance(calibration[BASE].mean, reference[BASE].mean) if is_known else (np.nan, np.nan))
     return np.array(out)
 
 
 def lights() -> list[Figure]:
-    """The same ten views, each corner in turn as if it were a light."""
-    off = lights_off(CORNERS)
-    found = np.where(np.isfinite(off), off, np.inf)
-    median = np.median(found, axis=0)
-    near = int(np.all(found <= LIGHT_NEAR_MM_DEG, axis=1).sum())
+    """The same ten views, with each corner in turn as an LED."""
+    distances = led_distances(CORNERS)
+    finite = np.where(np.isfinite(distances), distances, np.inf)
+    median = np.median(finite, axis=0)
+    near = int(np.all(finite <= LIGHT_NEAR_MM_DEG, axis=1).sum())
     name = "UR5e, one corner as a light"
-    # Ten views of one point are 20 equations for 15 unknowns: the sigmas told are 6 to 28 mm, and the squared
-    # Mahalanobis distances from the whole board's base 3.4 in the median, of 5.3 that true covariances would have.
+    # Ten views of one point are 20 equations for 15 unknowns. The sigmas are 6 to 28 mm. The median squared Mahalanobis
+    # distance from the base of the whole board is 3.4; true covariances would have 5.3.
     return [
         Figure(name, "base from the board's, median of 24 [mm]", float(median[0]), "at most", 10.0),
         Figure(name, "base from the board's, median of 24 [deg]", float(median[1]), "at most", 0.4),
@@ -188,18 +195,18 @@ def lights() -> list[Figure]:
 
 
 def rct() -> list[Figure]:
-    """A camera beside a robot, fifteen views of a board; nothing known but the board."""
-    found = calibrate(*example("rct_charuco"))
-    angles = [view.loop_rad for view in found.residuals.per_sample if view.loop_rad is not None]
+    """A camera beside a robot, fifteen views of a board; only the board is known."""
+    calibration = calibrate(*example("rct_charuco"))
+    angles = [view.loop_rad for view in calibration.residuals.per_sample if view.loop_rad is not None]
     assert len(angles) == 15
     name = "RCT, board, lens free"
     median = Figure(name, "loop, median [deg]", float(np.degrees(np.median(angles))), "at most", 0.26)
-    return [*_loop(name, found, 3.6, 0.33), median]
+    return [*_loop(name, calibration, 3.6, 0.33), median]
 
 
 def nao_cell() -> tuple[Cell, Recording]:
     """Two NAO humanoids, 298 poses of a tag."""
-    path = _published("nao_dual_axbycz/abc.npz")
+    path = _published_file("nao_dual_axbycz/abc.npz")
     robots = {"eye": read_poses(f"{path}:A", "m"), "hand": read_poses(f"{path}:C", "m")}
     cell = Cell(
         "eye",
@@ -220,9 +227,9 @@ def nao() -> list[Figure]:
 
 def moveit_cell() -> tuple[Cell, Recording]:
     """The fifty pairs of poses of MoveIt's tests: a camera beside a robot."""
-    path = _published("moveit_pose_samples/pose_samples.json")
+    path = _published_file("moveit_pose_samples/pose_samples.json")
     pairs = np.array(json.loads(path.read_text(encoding="utf-8")))
-    robot, seen = (PoseStream(str(path), SE3.stack([SE3.from_matrix(m) for m in pairs[:, k]])) for k in (0, 1))
+    robot, views = (PoseStream(str(path), SE3.stack([SE3.from_matrix(m) for m in pairs[:, k]])) for k in (0, 1))
     cell = Cell(
         "arm",
         robots={"arm": Robot("arm")},
@@ -230,7 +237,7 @@ def moveit_cell() -> tuple[Cell, Recording]:
         cameras={"camera": CellCamera("camera", "world")},
         targets={"object": CellTarget("object", "arm")},
     )
-    return cell, recording_from_streams({"arm": robot}, "camera", "object", seen)
+    return cell, recording_from_streams({"arm": robot}, "camera", "object", views)
 
 
 def moveit() -> list[Figure]:

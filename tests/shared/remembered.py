@@ -1,4 +1,4 @@
-"""Functions that compute once for equal arguments: commands of one test file often request the same."""
+"""Cached functions: commands of one test file often compute the same."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 
 class _ArgumentPickler(pickle.Pickler):
-    """Pickles arguments; functions among them, which are told the progress, by their names."""
+    """Pickles arguments; functions among them, which receive the progress, by their names."""
 
     def reducer_override(self, value: Any) -> Any:
         if isinstance(value, FunctionType | MethodType):
@@ -28,7 +28,7 @@ def _argument_key(*arguments: Any) -> bytes:
 
 
 def remember(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, which keeps its results by the pickles of their arguments."""
+    """The function with a cache of results by the pickles of their arguments."""
     results: dict[bytes, Any] = {}
 
     @wraps(function)
@@ -42,7 +42,7 @@ def remember(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def remembering(module: ModuleType, name: str) -> Any:
-    """A fixture of a test file, in which a module's function is called once for equal arguments."""
+    """A fixture of a test file that caches the results of a module's function."""
 
     @pytest.fixture(scope="module", autouse=True)
     def remembered() -> Iterator[None]:

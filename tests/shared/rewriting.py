@@ -1,4 +1,4 @@
-"""A recording with a mix-up, sample by sample: what readings must undo, and are compared with."""
+"""Recordings with a mix-up, sample by sample, which readings must undo."""
 
 from __future__ import annotations
 
@@ -34,32 +34,32 @@ def scaled(factor: float) -> PoseMap:
 
 
 def reordered(order: tuple[int, int, int, int]) -> PoseMap:
-    """Rotations whose quaternion's components are taken in another order; a sign does not matter."""
+    """Rotations with the components of their quaternions in another order; a sign does not matter."""
     return lambda poses: SE3.from_quaternion(poses.quaternion[..., list(order)], poses.translation)
 
 
 def degrees(poses: SE3) -> SE3:
-    """Rotations whose vectors are turned from radians into degrees: those of radians that were read as degrees."""
+    """Rotation vectors converted from radians into degrees: those that were read in the wrong unit."""
     return SE3.from_rotvec(np.degrees(poses.rotvec), poses.translation)
 
 
 def degrees_of_rpy(poses: SE3) -> SE3:
-    """The same of roll, pitch and yaw about fixed axes."""
+    """The same for roll, pitch and yaw about fixed axes."""
     return SE3.from_rpy(np.degrees(poses.rpy), poses.translation)
 
 
 def through_the_camera(poses: SE3) -> SE3:
-    """The other pose from which a plane's points lie on the same lines: behind the camera where this is before it."""
+    """The other pose from which a plane's points are on the same rays: behind the camera if this one is in front."""
     return SE3(poses.rotation * np.array([-1.0, -1.0, 1.0]), -poses.translation)
 
 
 def with_robots(recording: Recording, maps: Mapping[str, PoseMap]) -> Recording:
-    """The recording with the poses of robots mapped; joints stay as they are."""
+    """The recording with the poses of robots mapped; joints stay unchanged."""
     samples = list(recording.samples)
-    for robot, of in maps.items():
+    for robot, pose_map in maps.items():
         having = [(i, s.robots[robot].base_from_flange) for i, s in enumerate(samples) if robot in s.robots]
         poses = {i: pose for i, pose in having if pose is not None}
-        mapped = of(SE3.stack(list(poses.values())))
+        mapped = pose_map(SE3.stack(list(poses.values())))
         for k, i in enumerate(poses):
             samples[i] = replace(samples[i], robots={**samples[i].robots, robot: RobotState(mapped[k])})
     return replace(recording, samples=tuple(samples))
@@ -68,12 +68,12 @@ def with_robots(recording: Recording, maps: Mapping[str, PoseMap]) -> Recording:
 def with_joints(recording: Recording, robot: str, factor: float) -> Recording:
     """The recording with a robot's joints times `factor`."""
 
-    def of(state: RobotState) -> RobotState:
-        """A state with its joints, where it has some, times the factor."""
+    def scale_joints(state: RobotState) -> RobotState:
+        """The state with its joints, if any, times the factor."""
         return state if state.joints_rad is None else RobotState(joints_rad=state.joints_rad * factor)
 
     samples = (
-        replace(s, robots={name: of(state) if name == robot else state for name, state in s.robots.items()})
+        replace(s, robots={name: scale_joints(state) if name == robot else state for name, state in s.robots.items()})
         for s in recording.samples
     )
     return replace(recording, samples=tuple(samples))
@@ -91,21 +91,21 @@ def exchanged(recording: Recording, first: str, second: str) -> Recording:
 
 def with_targets(recording: Recording, pose_map: PoseMap) -> Recording:
     """The recording with every observed pose mapped."""
-    seen = [
+    poses = [
         (i, j, o)
         for i, s in enumerate(recording.samples)
         for j, o in enumerate(s.observations)
         if isinstance(o, PoseObservation)
     ]
-    mapped = pose_map(SE3.stack([o.camera_from_target for _, _, o in seen]))
+    mapped = pose_map(SE3.stack([o.camera_from_target for _, _, o in poses]))
     samples: list[list[Observation]] = [list(s.observations) for s in recording.samples]
-    for k, (i, j, observation) in enumerate(seen):
+    for k, (i, j, observation) in enumerate(poses):
         samples[i][j] = replace(observation, camera_from_target=mapped[k])
     return _with_observations(recording, samples)
 
 
 def with_points(recording: Recording, factor: float) -> Recording:
-    """The recording with observed 3-D points times `factor`, their stated sigmas as they are."""
+    """The recording with observed 3-D points times `factor`; stated sigmas stay unchanged."""
     samples: list[list[Observation]] = [
         [
             replace(o, points_in_camera=o.points_in_camera * factor) if isinstance(o, PointObservation) else o
@@ -121,9 +121,9 @@ def with_pixels(recording: Recording, pixel_map: Callable[[Array], Array]) -> Re
     samples: list[list[Observation]] = [
         [
             replace(o, pixels=pixel_map(o.pixels)) if isinstance(o, PixelObservation | CandidateObservation) else o
-            for o in seen
+            for o in observations
         ]
-        for seen in (s.observations for s in recording.samples)
+        for observations in (s.observations for s in recording.samples)
     ]
     return _with_observations(recording, samples)
 
@@ -134,16 +134,16 @@ def _with_observations(recording: Recording, observations: list[list[Observation
 
 
 def shifted(recording: Recording, stream: str | None, by: int, start: int = 0) -> Recording:
-    """The recording with one stream paired anew: what stands at position i - `by` moves to position i.
+    """The recording with one stream shifted: position i gets the stream of position i - `by`.
 
     Args:
-        recording: Its samples in the order of time.
-        stream: A robot's name, or None for what the cameras saw.
-        by: By how many samples.
-        start: The position from which on; earlier samples stay.
+        recording: Samples in the order of time.
+        stream: Name of a robot, or None for the observations.
+        by: Number of samples.
+        start: First shifted position; earlier samples stay unchanged.
 
     Returns:
-        The recording, without the samples that nothing is left for.
+        The recording, without samples that have no partner.
     """
     old = recording.samples
     out = []
@@ -151,31 +151,31 @@ def shifted(recording: Recording, stream: str | None, by: int, start: int = 0) -
         source = i if i < start else i - by
         if source >= len(old) or (i >= start and source < start):
             continue
-        paired = _paired(sample, old[source], stream)
+        paired = _pair(sample, old[source], stream)
         if paired is not None:
             out.append(paired)
     return replace(recording, samples=tuple(out))
 
 
 def turned_round(recording: Recording, stream: str | None) -> Recording:
-    """The recording with one stream in reverse order; without the samples that nothing is left for."""
+    """The recording with one stream in reverse order, without samples that have no partner."""
     old = recording.samples
-    paired = (_paired(sample, source, stream) for sample, source in zip(old, reversed(old), strict=True))
+    paired = (_pair(sample, source, stream) for sample, source in zip(old, reversed(old), strict=True))
     return replace(recording, samples=tuple(sample for sample in paired if sample is not None))
 
 
-def _paired(sample: Sample, source: Sample, stream: str | None) -> Sample | None:
-    robots, seen = sample.robots, source.observations
+def _pair(sample: Sample, source: Sample, stream: str | None) -> Sample | None:
+    robots, observations = sample.robots, source.observations
     if stream is not None:
         if stream not in source.robots:
             return None
-        robots, seen = {**robots, stream: source.robots[stream]}, sample.observations
+        robots, observations = {**robots, stream: source.robots[stream]}, sample.observations
     # `dataclasses.replace` takes four times as long, which of ten thousand samples a dozen times over is a second.
-    return Sample(sample.sample, sample.stamp_s, robots, seen, sample.images, sample.background)
+    return Sample(sample.sample, sample.stamp_s, robots, observations, sample.images, sample.background)
 
 
 def resized(cell: Cell, factors: Mapping[str, float]) -> Cell:
-    """The cell with the points of targets times a factor, by the target's name."""
+    """The cell with the points of targets times a factor, by the name of the target."""
     targets = dict(cell.targets)
     for name, factor in factors.items():
         shape = targets[name].target

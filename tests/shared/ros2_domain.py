@@ -1,4 +1,4 @@
-"""A domain of DDS on this computer alone, and in it a second process that sends what drivers of ROS 2 send."""
+"""A DDS domain on this computer alone, and a second process in it that sends as drivers of ROS 2 do."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from shared.facing_arms import facing_arms
 from shared.second_process import second_process
 
 
-def over(device, peer, most_bytes=1400):
-    """A configuration of Cyclone DDS: one device, one peer, and packets of so many bytes."""
+def dds_configuration(device, peer, most_bytes=1400):
+    """A configuration of Cyclone DDS: one device, one peer, and the size of packets."""
     return (
         f"<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='{device}' multicast='false'/></Interfaces>"
         f"<AllowMulticast>false</AllowMulticast><MaxMessageSize>{most_bytes}B</MaxMessageSize></General>"
@@ -23,18 +23,18 @@ def over(device, peer, most_bytes=1400):
     )
 
 
-LOOPBACK = over("lo", "127.0.0.1", 65500)
+LOOPBACK = dds_configuration("lo", "127.0.0.1", 65500)
 DOMAIN = 1 + os.getpid() % 60
-"""Of tests without a second process. Those to 99 are free beside it, nobody sends in 100, second processes do above."""
+"""Domain of tests without a second process; 100 stays silent, and second processes have domains above it."""
 _COUNT = itertools.count(17 * os.getpid())
 CELL = facing_arms("led").cell
 
 
 @contextmanager
 def ros2(*words, cell=CELL, **environment):
-    """The process, and where a robot or camera of it is in a cell; words are rates and sizes as it takes them."""
+    """The process, with the place of its robot or camera in a cell; words are its rates and sizes."""
     os.environ["CYCLONEDDS_URI"] = LOOPBACK
-    domain = 101 + next(_COUNT) % 100  # its own: what an earlier process sent may still be on its way
+    domain = 101 + next(_COUNT) % 100  # a new one, since messages of an earlier process may still arrive
     with second_process("shared.ros2_publisher", domain, *words, **environment) as process:
         process.domain = domain
         process.place = lambda name, **options: Place(

@@ -1,6 +1,6 @@
-"""Who listens to `shared.ros2_publisher` from another host: `python -m shared.ros2_listener DOMAIN NUMBER W H`.
+"""A listener to `shared.ros2_publisher` on another host: `python -m shared.ros2_listener DOMAIN NUMBER W H`.
 
-It takes a number of states and images by the drivers of ROS 2, and prints as one line of JSON what became of each.
+It takes a number of states and images by the drivers of ROS 2, and prints the result of each as one line of JSON.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from basecal.acquisition.drivers.ros2 import open_camera, open_robot
 from shared.ros2_domain import watching
 
 
-def of_state(reading):
-    """Its stamp, and the one that its joints say [s]."""
+def read_state(reading):
+    """Stamp of a state, and the stamp that its joints contain [s]."""
     joints = reading.state.joints_rad
     return reading.stamp_s, joints[:4] @ [1e8, 1e5, 100, 0.01]
 
 
-def of_image(image):
-    """Its stamp, the one that is drawn into it [s], and whether all other pixels are as they were sent."""
+def read_image(image):
+    """Stamp of an image, the stamp that its pixels contain [s], and whether all other pixels are unchanged."""
     drawn = int.from_bytes(image.grey[0, :8].tobytes(), "big") * 1e-9
     ground = np.arange(image.grey.size) % 251
     return image.stamp_s, drawn, bool(np.array_equal(image.grey.ravel()[8:], ground[8:]))
@@ -36,7 +36,7 @@ def main(domain, number, width, height):
     camera = open_camera(Place("wrist", cell, Path("."), {**options, "topic": "/wrist/image_raw"}))
     print("ready", flush=True)
     sys.stdin.readline()
-    pairs = [(of_state(robot.state()), of_image(camera.image())) for _ in range(int(number))]
+    pairs = [(read_state(robot.state()), read_image(camera.image())) for _ in range(int(number))]
     states, images = zip(*pairs, strict=True)
     print(json.dumps({"states": states, "images": images}), flush=True)
 

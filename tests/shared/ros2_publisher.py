@@ -1,8 +1,8 @@
-"""What drivers of ROS 2 send, in a process of its own: `python -m shared.ros2_publisher DOMAIN [HZ HZ W H]`.
+"""Messages of ROS 2 drivers, from a separate process: `python -m shared.ros2_publisher DOMAIN [HZ HZ W H]`.
 
-The rates are of joint states and of images, which have W x H pixels. Joint states hold their own stamp as positions,
-images as the values of their first pixels, so that whoever reads them can tell whether a stamp and what it stands at
-belong together. Lines on the standard input are faults.
+The rates are those of joint states and of images of W x H pixels. Joint states contain their own stamp as positions,
+images as the values of their first pixels. A reader can thus check that each message has its own stamp. Lines on the
+standard input are faults.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def header(stamp_ns, frame_id=""):
 
 
 def positions(stamp_ns):
-    """Joints within 1000 rad that say their own stamp: units of 1e8, 1e5, 100 and 0.01 seconds."""
+    """Joints within 1000 rad that contain their own stamp, in units of 1e8, 1e5, 100 and 0.01 seconds."""
     sec, nanosec = divmod(stamp_ns, 10**9)
     return np.array([sec // 10**8, sec // 10**5 % 1000, sec % 10**5 / 100, nanosec * 1e-7, 0.5, 1.0])
 
@@ -46,7 +46,7 @@ def joint_state(stamp_ns, names=JOINTS):
 
 
 def image(stamp_ns, width, height, ground):
-    """Grey, the first eight pixels being its stamp."""
+    """A grey image whose first eight pixels contain its stamp."""
     data = ground.copy()
     data[:8] = np.frombuffer(stamp_ns.to_bytes(8, "big"), np.uint8)
     return Message(
@@ -88,24 +88,24 @@ class Publisher:
         self.tf = TopicPublisher(domain, "/tf", "tf2_msgs/msg/TFMessage", depth=50, **plain)
         self.images = TopicPublisher(domain, "/wrist/image_raw", "sensor_msgs/msg/Image", **plain)
         self.infos = TopicPublisher(domain, "/wrist/camera_info", "sensor_msgs/msg/CameraInfo", **plain)
-        self.still = TopicPublisher(domain, "/tf_static", "tf2_msgs/msg/TFMessage", **latched)
-        hangs = [transform(1, "link", "tool0", 0.25, HALF_TURN), transform(1, "tool0", "wrist", 0.1)]
-        self.still.send(Message(transforms=hangs))
-        self.described = TopicPublisher(domain, "/robot_description", "std_msgs/msg/String", **latched)
-        self.described.send(Message(data=chain_urdf(CHAIN, "base_link", "tool0")))
+        self.static = TopicPublisher(domain, "/tf_static", "tf2_msgs/msg/TFMessage", **latched)
+        static_transforms = [transform(1, "link", "tool0", 0.25, HALF_TURN), transform(1, "tool0", "wrist", 0.1)]
+        self.static.send(Message(transforms=static_transforms))
+        self.description = TopicPublisher(domain, "/robot_description", "std_msgs/msg/String", **latched)
+        self.description.send(Message(data=chain_urdf(CHAIN, "base_link", "tool0")))
         self.stopped_ns = time.time_ns()
 
-    def time_s(self):
+    def now_ns(self):
         return self.stopped_ns if self.frozen else time.time_ns()
 
     def send_joints(self):
-        stamp_ns = self.time_s()
+        stamp_ns = self.now_ns()
         self.joints.send(joint_state(stamp_ns, JOINTS[:3] if self.partial else JOINTS))
         x = stamp_ns % 10**9 * 1e-9
         self.tf.send(Message(transforms=[transform(stamp_ns, "base_link", "link", x)]))
 
     def send_image(self):
-        stamp_ns = self.time_s()
+        stamp_ns = self.now_ns()
         self.images.send(image(stamp_ns, self.width, self.height, self.ground))
         self.infos.send(camera_info(stamp_ns, self.width, self.height))
 
@@ -120,7 +120,7 @@ class Publisher:
                 self.sent[name] += 1
 
     def obey(self, words):
-        """Do what a line says, and give what is to be answered."""
+        """Obey a line, and return the answer."""
         word, *rest = words
         if word == "sent":
             return f"{self.sent['joints']} {self.sent['images']}"

@@ -1,4 +1,4 @@
-"""A cell that runs inside the test's own process, reached as one in a process of its own is."""
+"""A running cell in the test's own process, reached as one in a separate process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.shared.facing_arms import facing_arms
 
 @contextmanager
 def running(folder, *faults, target="charuco", seed=0):
-    """The world of a cell that runs while this lasts, as its folder says; its time goes on as somebody waits."""
+    """The world of a cell that runs within the context, as its folder says; its time advances while a client waits."""
     world = facing_arms(target, seed, read_faults(faults))
     write_world(world, folder)
     with CellServer(Plant(world, Clock(0)), "token") as server:
@@ -32,5 +32,5 @@ def running(folder, *faults, target="charuco", seed=0):
 
 
 def home(world):
-    """Where the arms of a world begin, as states."""
+    """Initial states of the arms of a world."""
     return {name: RobotState(joints_rad=joints) for name, joints in world.home.items()}

@@ -1,4 +1,4 @@
-"""A module of the tests that runs as a process of its own, as a robot's controller or another computer would."""
+"""A module of the tests that runs in a separate process, like a robot's controller or another computer."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ _COUNT = itertools.count(1)
 
 
 class SecondProcess:
-    """One that obeys lines on its standard input, and answers each with a line."""
+    """A process that obeys lines on its standard input, and answers each with a line."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self.process = process
 
     def tell(self, *words: object) -> str:
-        """What it answers to a line of words."""
+        """Send a line of words, and return the answer."""
         assert self.process.stdin is not None
         self.process.stdin.write(" ".join(map(str, words)) + "\n")
         self.process.stdin.flush()
         return self.line()
 
     def line(self) -> str:
-        """Its next line."""
+        """The next line of its output."""
         assert self.process.stdout is not None
         return self.process.stdout.readline().strip()
 
@@ -37,7 +37,7 @@ class SecondProcess:
 def second_process(
     module: str, *words: object, pass_fds: tuple[int, ...] = (), **environment: str
 ) -> Iterator[SecondProcess]:
-    """The module, once it has said that it is ready; its standard input ends at the end, and so does it."""
+    """Run the module, ready to obey; its standard input ends with the context, and so does the process."""
     command = [sys.executable, "-m", module, *map(str, words)]
     surroundings = {**os.environ, "PYTHONPATH": f"{TESTS.parent / 'src'}:{TESTS.parent}", **environment}
     with subprocess.Popen(
@@ -64,6 +64,6 @@ def second_process(
 
 
 def own_host() -> str:
-    """A number of this computer that no other test uses: protocols that fix their port need one of their own."""
+    """A loopback address that no other test uses, for protocols with a fixed port."""
     process = os.getpid() % 65536
     return f"127.{1 + next(_COUNT) % 250}.{process >> 8}.{1 + process % 250}"

@@ -1,4 +1,4 @@
-"""Calibrations without stages on which nothing depends that a test file asserts: they take most of the time."""
+"""Calibrations without stages that a test file does not need: these take most of the time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LISTS = "SOLVING_STAGES", "JUDGING_STAGES"
 
 @contextmanager
 def skipping(*functions: Callable[[Case], Case]) -> Iterator[None]:
-    """Calibrations within have no such stages."""
+    """Run calibrations without these stages within the context."""
     stages = {name: getattr(calibrating, name) for name in _LISTS}
     missing = set(functions) - {stage.run for each in stages.values() for stage in each}
     assert not missing, f"no stage of a calibration: {missing}"
@@ -27,11 +27,11 @@ def skipping(*functions: Callable[[Case], Case]) -> Iterator[None]:
 
 
 def without_stages(*functions: Callable[[Case], Case]) -> Any:
-    """A fixture of a test file, or of all files of a folder, whose calibrations have no such stages."""
+    """A fixture of a test file, or of a folder, that runs calibrations without these stages."""
 
     @pytest.fixture(scope="module", autouse=True)
-    def shortened() -> Iterator[None]:
+    def skip_stages() -> Iterator[None]:
         with skipping(*functions):
             yield
 
-    return shortened
+    return skip_stages

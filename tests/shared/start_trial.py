@@ -11,7 +11,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import Solution, solve_from, solve_problem
 from basecal.simulation import simulate
-from tests.shared.kinds import scenario_of
+from tests.shared.kinds import kind_scenario
 
 SAME_M_RAD = 1e-6
 SAME_COST = 1e-9
@@ -30,7 +30,7 @@ class Trial(NamedTuple):
     seconds: float
 
 
-def _off(a: Solution, b: Solution) -> float:
+def _largest_difference(a: Solution, b: Solution) -> float:
     """Largest difference of a transform's tangent between two solutions [m, rad]."""
     names = set(a.state.transforms)
     return max(float(np.abs((a.state.transforms[n].inverse() @ b.state.transforms[n]).log()).max()) for n in names)
@@ -38,16 +38,16 @@ def _off(a: Solution, b: Solution) -> float:
 
 def trial(kind: str, seed: int) -> Trial:
     """Solve one cell twice."""
-    scenario = scenario_of(kind, seed)
-    made = simulate(scenario, seed)
-    problem, _ = build_problem(made.cell, made.recording)
-    truth = State(made.truth, made.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
+    scenario = kind_scenario(kind, seed)
+    simulated = simulate(scenario, seed)
+    problem, _ = build_problem(simulated.cell, simulated.recording)
+    truth = State(simulated.truth, simulated.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
     best = solve_from(problem, truth)
     began = time.perf_counter()
-    found = solve_problem(problem, made.cell)
+    solution = solve_problem(problem, simulated.cell)
     took = time.perf_counter() - began
-    off = _off(found, best)
-    settled = found.converged and best.converged and np.isfinite(found.cost)
-    same = settled and (off < SAME_M_RAD or found.cost <= best.cost * (1 + SAME_COST))
+    off = _largest_difference(solution, best)
+    converged = solution.converged and best.converged and np.isfinite(solution.cost)
+    same = converged and (off < SAME_M_RAD or solution.cost <= best.cost * (1 + SAME_COST))
     verdict = "unseen" if best.observability.null_space else "same" if same else "other"
-    return Trial(kind, seed, scenario.samples, verdict, found.cost, best.cost, off, took)
+    return Trial(kind, seed, scenario.samples, verdict, solution.cost, best.cost, off, took)

@@ -1,4 +1,4 @@
-"""The defaults that docs/studies.md states of the fields of a study."""
+"""Defaults of the fields of a study, as docs/studies.md states them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "studies.md"
 
 
 def documented_defaults() -> dict[str, object]:
-    """Default by field; of fields that share a row, and a single default, it is that of each."""
+    """Defaults by field; fields that share a row and a single default all have it."""
     table = DOCUMENT.read_text(encoding="utf-8").partition("| field | by default |")[2].partition("\n\n")[0]
-    found: dict[str, object] = {}
+    defaults: dict[str, object] = {}
     for row in table.splitlines()[2:]:
         _, fields, stated, *_ = row.split("|")
         names, values = re.findall(r"`(\w+)`", fields), [each.strip(" `") for each in stated.split(",")]
         if " or " in fields:
             names = names[:1]
         for name, value in zip(names, values * (len(names) if len(values) == 1 else 1), strict=True):
-            found[name] = _read(value)
-    return found
+            defaults[name] = _read(value)
+    return defaults
 
 
 def _read(text: str) -> object:

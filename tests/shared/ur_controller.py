@@ -1,8 +1,8 @@
-"""A UR controller, as far as its published interfaces go, as a process: `python -m shared.ur_controller HOST`.
+"""A UR controller with its published interfaces, as a process: `python -m shared.ur_controller HOST`.
 
-RTDE (port 30004, protocol version 2) and the dashboard (29999) are as their guides say. What is sent to port 30003 as a
-program is not run: once one has come whole, the controller says that a program runs, and does what ur-rtde's program
-does with the registers of its commands. Lines on the standard input are faults; each is answered by a line.
+RTDE (port 30004, protocol version 2) and the dashboard (29999) follow their guides. A program sent to port 30003 is not
+run. Once it is complete, the controller reports a running program, and obeys the command registers as ur-rtde's program
+does. Lines on the standard input are faults; each is answered by a line.
 
 Source: Universal Robots, Real-Time Data Exchange Guide; Dashboard Server e-Series.
 """
@@ -44,14 +44,14 @@ SAFETY_BITS = {
     "violation": 8,
     "fault": 9,
 }
-WATCHDOG_PERIODS = 2  # without an input, after which the program stops, as URSim does
+WATCHDOG_PERIODS = 2  # without an input until the program stops, as in URSim
 LAYOUT = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I", "UINT64": "Q", "UINT8": "B"}
 VECTORS = ("actual_q", "actual_qd", "target_q", "actual_TCP_pose")
 WORDS = ("robot_status_bits", "safety_status_bits", "runtime_state")
 
 
-def kind_of(name: str) -> str:
-    """The type of a variable, by its name; NOT_FOUND where the guide has none of it, or this controller lacks it."""
+def variable_type(name: str) -> str:
+    """Type of a variable by its name; NOT_FOUND if the guide or this controller does not have it."""
     if name in VECTORS:
         return "VECTOR6D"
     if name in WORDS:
@@ -65,7 +65,7 @@ def kind_of(name: str) -> str:
 
 @dataclass
 class Arm:
-    """Six joints that turn at no more than the speed asked, and what the controller knows of itself."""
+    """Six joints that move with limited speed, and the state of the controller."""
 
     q: list[float] = field(default_factory=lambda: list(HOME))
     goal: list[float] = field(default_factory=lambda: list(HOME))
@@ -88,35 +88,35 @@ class Arm:
     heard_s: float = 0.0
     log: list[str] = field(default_factory=list)
 
-    def note(self, what: str) -> None:
-        """Write down what happened, with the system's clock, and whether the arm moved then."""
-        self.log.append(f"{time.monotonic():.4f}:{what}:{'moving' if self.q != self.goal else 'still'}")
+    def note(self, event: str) -> None:
+        """Log an event with the monotonic time, and whether the arm was moving."""
+        self.log.append(f"{time.monotonic():.4f}:{event}:{'moving' if self.q != self.goal else 'still'}")
 
-    def halt(self, why: str) -> None:
-        """Stand still."""
-        self.note(why)
+    def halt(self, event: str) -> None:
+        """Stop the joints, and log the event."""
+        self.note(event)
         self.goal, self.speed = list(self.q), 0.0
 
     def tick(self) -> None:
-        """Go on by two milliseconds."""
+        """Advance by two milliseconds."""
         if self.playing and self.watchdog_hz and time.monotonic() - self.heard_s > WATCHDOG_PERIODS / self.watchdog_hz:
             self.halt("watchdog")
             self.playing = False
         if not self.frozen:
             self.timestamp = 1000.0 + time.monotonic() - self.began_s
         before = list(self.q)
-        longest = max(abs(goal - at) for goal, at in zip(self.goal, self.q, strict=True))
+        longest = max(abs(goal - angle) for goal, angle in zip(self.goal, self.q, strict=True))
         if longest > 0 and self.speed > 0:
             share = min(1.0, self.speed * TICK_S / longest)
-            self.q = [at + share * (goal - at) for goal, at in zip(self.goal, self.q, strict=True)]
+            self.q = [angle + share * (goal - angle) for goal, angle in zip(self.goal, self.q, strict=True)]
         if self.spins:
             self.q = [*self.q[:5], self.timestamp]
-        turned = max(abs(now - then) for now, then in zip(self.q, before, strict=True))
-        self.fastest = max(self.fastest, turned / TICK_S)
+        rotation = max(abs(now - then) for now, then in zip(self.q, before, strict=True))
+        self.fastest = max(self.fastest, rotation / TICK_S)
         self.obey()
 
     def obey(self) -> None:
-        """Do what the registers ask for, as ur-rtde's program would."""
+        """Execute the command in the registers, as ur-rtde's program would."""
         if not self.playing:
             return
         command = int(self.registers.get("input_int_register_0", 0))
@@ -146,12 +146,12 @@ class Arm:
             self.registers["output_int_register_0"] = DONE
 
     def value(self, name: str) -> tuple[float, ...]:
-        """What a variable is now."""
+        """Current value of a variable."""
         if name in ("actual_q", "target_q"):
             return (float("nan"),) * 6 if self.sends_nan else tuple(self.q)
         if name == "actual_TCP_pose":
             return (0.1, 0.2, 0.3, 0.0, 0.0, self.q[5])
-        known = {
+        values = {
             "timestamp": self.timestamp,
             "robot_status_bits": 1 | (2 if self.playing else 0),
             "safety_status_bits": self.safety_bits,
@@ -160,9 +160,9 @@ class Arm:
             "safety_mode": 1,
             "speed_scaling": 1.0,
         }
-        if kind_of(name) == "VECTOR6D":
+        if variable_type(name) == "VECTOR6D":
             return (0.0,) * 6
-        return (known.get(name, self.registers.get(name, 0)),)
+        return (values.get(name, self.registers.get(name, 0)),)
 
 
 @dataclass(eq=False)
@@ -189,33 +189,33 @@ class Session:
         elif kind == SETUP_OUTPUTS:
             self.every_s = 1 / struct.unpack(">d", payload[:8])[0]
             self.outputs = [name for name in payload[8:].decode().split(",") if name]
-            self.answer(kind, b"\x01" + ",".join(map(kind_of, self.outputs)).encode())
+            self.answer(kind, b"\x01" + ",".join(map(variable_type, self.outputs)).encode())
         elif kind == SETUP_INPUTS:
             recipe = len(self.inputs) + 1
             self.inputs[recipe] = [name for name in payload.decode().split(",") if name]
-            self.answer(kind, bytes([recipe]) + ",".join(map(kind_of, self.inputs[recipe])).encode())
+            self.answer(kind, bytes([recipe]) + ",".join(map(variable_type, self.inputs[recipe])).encode())
         elif kind in (START, PAUSE):
             self.answer(kind, b"\x01")
             self.start = kind == START
         elif kind == DATA:
             self.arm.heard_s = time.monotonic()
             names = self.inputs[payload[0]]
-            layout = ">" + "".join(LAYOUT[kind_of(name)] for name in names)
+            layout = ">" + "".join(LAYOUT[variable_type(name)] for name in names)
             values = struct.unpack(layout, payload[1 : 1 + struct.calcsize(layout)])
             if len(values) == len(names):
                 self.arm.registers.update(zip(names, values, strict=True))
 
     def tick(self, now_s: float) -> None:
-        """Send the state where it is time for it."""
+        """Send the state if it is due."""
         if self.start and now_s >= self.next_s and not self.arm.link_frozen:
             self.next_s = max(self.next_s + max(self.every_s, self.arm.least_wait_s), now_s)
-            layout = ">" + "".join(LAYOUT[kind_of(name)] for name in self.outputs)
+            layout = ">" + "".join(LAYOUT[variable_type(name)] for name in self.outputs)
             values = [value for name in self.outputs for value in self.arm.value(name)]
             self.answer(DATA, b"\x01" + struct.pack(layout, *values))
 
 
 async def serve(host: str, switched_on_s: float) -> None:
-    """Answer until the standard input ends; the controller was switched on so long ago."""
+    """Answer until the standard input ends; the controller was switched on this long ago."""
     arm = Arm(began_s=time.monotonic() - switched_on_s)
     sessions: set[Session] = set()
 
@@ -279,7 +279,7 @@ async def serve(host: str, switched_on_s: float) -> None:
 
 
 async def obey_faults(stdin: asyncio.StreamReader, arm: Arm, sessions: set[Session]) -> None:
-    """Faults, a line each: what is asked of the controller by the test."""
+    """Apply faults, one a line."""
     while line := (await stdin.readline()).decode().split():
         word, *rest = line
         answer = "ok"

@@ -1,4 +1,4 @@
-"""A UR controller in a process of its own, and where its robot is in a cell."""
+"""A UR controller in a separate process, and the place of its robot in a cell."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CELL = facing_arms("led").cell
 
 @contextmanager
 def controller(*words):
-    """A controller, and where its robot is in a cell with URDFs."""
+    """A controller, and a function for the place of its robot in a cell with URDFs."""
     host = own_host()
     with second_process("shared.ur_controller", host, *words) as process:
         yield process, lambda **options: Place("eye", CELL, Path("."), {"host": host, "reconnect_s": 1.0, **options})

@@ -1,4 +1,4 @@
-"""A capture as a page watches it."""
+"""A capture as watched by a page."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ BOARD = charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50")
 
 
 def cell_with_a_board() -> Cell:
-    """Two arms that face one another, a camera on one and a board on the other."""
-    made = facing_arms().cell
-    (board,) = made.targets.values()
-    return replace(made, targets={board.name: replace(board, target=BOARD)})
+    """Two arms that face each other, a camera on one and a board on the other."""
+    cell = facing_arms().cell
+    (board,) = cell.targets.values()
+    return replace(cell, targets={board.name: replace(board, target=BOARD)})
 
 
 def captured(cell: Cell) -> Watch:
-    """A capture after three samples, with an image of a board."""
+    """The watch of a capture after three samples, with an image of a board."""
     watch, cells = Watch(), np.zeros(COVERAGE_GRID, dtype=bool)
     cells[1, 2:4] = True
     for k in range(3):
-        turned = {"eye": np.full(3, 0.4), "hand": np.array([0.4, 0.1, 0.4])}
-        watch.note(Step(k, "", 5 + k, 25, Coverage(cells, turned), (1e-3 / (k + 1), 1e-3)))
+        rotations = {"eye": np.full(3, 0.4), "hand": np.array([0.4, 0.1, 0.4])}
+        watch.note(Step(k, "", 5 + k, 25, Coverage(cells, rotations), (1e-3 / (k + 1), 1e-3)))
     watch.note_image(next(iter(cell.cameras)), render(LENS, BOARD, SE3(np.eye(3), np.array([-0.1, -0.14, 0.6]))))
     for robot, joints in facing_arms().home.items():
         watch.note_state(robot, RobotState(joints_rad=joints))
     watch.note_goal("hand", RobotState(joints_rad=facing_arms().home["hand"] + 0.1))
-    watch.note(Step(3, "target not seen by wrist", 7, 25, Coverage(cells, turned), None))
+    watch.note(Step(3, "target not seen by wrist", 7, 25, Coverage(cells, rotations), None))
     watch.note_error(5e-4, 8e-4)
     watch.notify("sample 4: arms move")
     return watch

@@ -1,7 +1,7 @@
-"""A wire between two hosts, each a process with a network of its own, that brings packets late and out of order.
+"""A wire between two hosts, each a process with its own network, that delays and reorders packets.
 
-What is sent over UDP chooses its own ports, so that no proxy of one port can stand between. Here each host has a
-network namespace with one device (TUN), whose packets this process carries over. As a process of its own:
+UDP peers choose their own ports, so that a proxy of one port cannot be used. Here each host has a network namespace
+with one device (TUN), whose packets this process transfers. As a separate process:
 `python -m shared.wire SOCKET ADDRESS MODULE WORDS`, which sends its device over the socket, and runs the module.
 """
 
@@ -30,7 +30,7 @@ DEVICE = "wire0"
 
 
 class Wire:
-    """What passes between two devices: a share of the packets waits, and others pass them meanwhile."""
+    """A carrier between two devices: a share of the packets waits, and others overtake them."""
 
     def __init__(self, devices, late, most_s, seed=0):
         self.devices, self.late, self.most_s = devices, late, most_s
@@ -38,18 +38,18 @@ class Wire:
         self.sent, self.overtaken, self.running = 0, 0, True
 
     def run(self):
-        others = dict(zip(self.devices, reversed(self.devices), strict=True))
+        opposite = dict(zip(self.devices, reversed(self.devices), strict=True))
         with selectors.DefaultSelector() as selector:
             for device in self.devices:
                 selector.register(device, selectors.EVENT_READ)
             while self.running:
                 for key, _ in selector.select(timeout=0.001):
-                    self._take(os.read(key.fd, 65536), others[key.fd])
+                    self._take(os.read(key.fd, 65536), opposite[key.fd])
                 self._deliver()
 
-    def _take(self, packet, to):
+    def _take(self, packet, device):
         wait_s = self.random.uniform(0, self.most_s) if self.random.random() < self.late else 0.0
-        heapq.heappush(self.waiting, (time.monotonic() + wait_s, self.sent, to, packet))
+        heapq.heappush(self.waiting, (time.monotonic() + wait_s, self.sent, device, packet))
         self.sent += 1
 
     def _deliver(self):
@@ -61,10 +61,10 @@ class Wire:
 
 @contextmanager
 def wire(late, most_s, *hosts):
-    """Two processes, each `(module, words, environment)`, at `10.7.0.1` and `10.7.0.2`, and the wire between.
+    """Two processes, `(module, words, environment)` each, at `10.7.0.1` and `10.7.0.2`, and the wire between them.
 
-    A share `late` of the packets waits, at most for `most_s`. A PermissionError says that this computer lets no process
-    have a network of its own.
+    A share `late` of the packets waits for at most `most_s`. A PermissionError means that processes of this computer
+    may not have their own network.
     """
     with ExitStack() as stack:
         processes, devices = [], []
@@ -92,25 +92,25 @@ def wire(late, most_s, *hosts):
 
 
 def own_network(address):
-    """A network of this process alone, its only device being given: a file that its packets are read from."""
+    """Move this process into its own network, and return the file of its only device."""
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.unshare(CLONE_NEWNET if os.geteuid() == 0 else CLONE_NEWUSER | CLONE_NEWNET):
         raise PermissionError(f"no network namespace: {os.strerror(ctypes.get_errno())}")
     device = os.open("/dev/net/tun", os.O_RDWR)
     fcntl.ioctl(device, TUNSETIFF, struct.pack("16sH22x", DEVICE.encode(), IFF_TUN | IFF_NO_PI))
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
         for request, number in ((SIOCSIFADDR, address), (SIOCSIFNETMASK, "255.255.255.0")):
             inet = struct.pack("16sHH4s8x", DEVICE.encode(), socket.AF_INET, 0, socket.inet_aton(number))
-            fcntl.ioctl(asked, request, inet)
+            fcntl.ioctl(control, request, inet)
         for name in (DEVICE, "lo"):
-            fcntl.ioctl(asked, SIOCSIFFLAGS, struct.pack("16sH22x", name.encode(), IFF_UP))
+            fcntl.ioctl(control, SIOCSIFFLAGS, struct.pack("16sH22x", name.encode(), IFF_UP))
     return device
 
 
-def main(at, address, module, *words):
-    """The module in a network of its own, whose device goes over the socket `at`."""
+def main(descriptor, address, module, *words):
+    """Run the module in its own network, whose device is sent over the socket with this descriptor."""
     print("ready", flush=True)
-    with socket.socket(fileno=int(at)) as parent:
+    with socket.socket(fileno=int(descriptor)) as parent:
         try:
             device = own_network(address)
         except OSError as error:

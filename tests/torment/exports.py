@@ -28,7 +28,7 @@ from basecal.exchange.motions.writers import PLAN_FORMATS
 from basecal.geometry import Camera
 from basecal.kinematics import read_chain
 from export_example import BASE, CALIBRATION, CELL
-from shared.motion_ways import of_joints
+from shared.motion_ways import joint_way
 from torment.damage import HOSTILE_TEXTS
 from torment.outcome import Fell, of_reader
 
@@ -150,7 +150,7 @@ def _exporting(kind: str) -> Trial:
 
 
 def _named(names: tuple[str, ...]) -> RobotPath:
-    way = of_joints()
+    way = joint_way()
     robots = {
         name: replace(robot, chain=None if robot.chain is None else replace(robot.chain, joint_names=names))
         for name, robot in way.robots.items()

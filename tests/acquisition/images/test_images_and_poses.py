@@ -9,7 +9,7 @@ import time
 import cv2
 import numpy as np
 import pytest
-from tests.shared.pose_trial import SIGMAS, Source, tried
+from tests.shared.pose_trial import SIGMAS, Source, trial
 
 from basecal.acquisition.driver import Place
 from basecal.acquisition.drivers.opencv import open_camera
@@ -35,7 +35,7 @@ pytestmark = pytest.mark.timed
 )
 def test_each_image_shows_the_pose_beside_it(source):
     """Two samples are taken, and points in their images are where the recorded poses put them."""
-    outcome = tried(source, 2, seed=1)
+    outcome = trial(source, 2, seed=1)
     assert outcome["refused"] == []
     assert outcome["most_px"] < SIGMAS * outcome["sigma_px"]
 

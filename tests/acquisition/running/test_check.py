@@ -51,7 +51,7 @@ def test_a_image_of_another_pose_leaves_the_estimate_as_it_was():
 def test_a_base_that_moved_is_named_with_its_sample():
     """The second sample after it tells what moved, and since when."""
     cell, samples = recorded()
-    found = reported(cell, with_hand_base_moved(samples, 5e-3, since=7))
+    found = reported(cell, with_hand_base_moved(samples, 5e-3, start=7))
     assert [place for place, _ in found] == [7, 8]
     lasting = found[1][1]
     assert lasting.is_lasting

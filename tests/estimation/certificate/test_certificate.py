@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.shared.deceivers import adversarial, tried
+from tests.shared.deceivers import adversarial, trial
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.stages.judging import prove_solution
@@ -181,14 +181,14 @@ def test_views_with_a_second_pose_in_doubt_do_not_count():
 @pytest.mark.parametrize("kind", ["bad start", "outliers", "far out of scale"])
 def test_no_claim_is_undercut_by_random_starts(kind):
     """Of cells made to deceive none is claimed global where a thousand random starts find better."""
-    assert not any(tried(kind, seed).false for seed in range(100, 101))
+    assert not any(trial(kind, seed).false for seed in range(100, 101))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bad start", "narrow", "outliers", "few", "loud", "far out of scale"])
 def test_no_claim_of_many_is_undercut(kind):
     """As above, forty cells a kind."""
-    assert not any(tried(kind, seed).false for seed in range(200, 240))
+    assert not any(trial(kind, seed).false for seed in range(200, 240))
 
 
 def misled(seed: int):

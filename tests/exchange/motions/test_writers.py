@@ -16,24 +16,24 @@ from basecal.cell import RobotState
 from basecal.errors import InputError
 from basecal.exchange.motions.writers import write_goals, write_joints, write_table, write_ur_script
 from basecal.geometry import SE3
-from shared.motion_ways import HOLD_S, joints_of, of_joints, of_poses
+from shared.motion_ways import HOLD_S, joint_way, planned_joints, pose_way
 
 
 def test_rows_are_samples() -> None:
     """Joints of both arms and poses of their flanges, which agree by the arms' kinematics."""
-    way = of_joints()
+    way = joint_way()
     rows = list(csv.DictReader(io.StringIO(write_table(way))))
     assert [int(row["sample"]) for row in rows] == [20, 21, 22]
     for robot in way.robots:
         joints = np.array([[float(row[f"{robot}_{name}_rad"]) for name in way.joint_names(robot)] for row in rows])
-        assert np.allclose(joints, joints_of(way, robot), atol=1e-8)
+        assert np.allclose(joints, planned_joints(way, robot), atol=1e-8)
         placed = [[float(row[f"{robot}_{axis}_m"]) for axis in "xyz"] for row in rows]
         assert np.allclose(placed, [way.pose(robot, sample).translation for sample in way.samples], atol=1e-8)
 
 
 def test_a_robot_of_poses_has_poses_alone() -> None:
     """No column of joints, and a unit quaternion."""
-    rows = list(csv.DictReader(io.StringIO(write_table(of_poses()))))
+    rows = list(csv.DictReader(io.StringIO(write_table(pose_way()))))
     assert list(rows[0]) == ["sample", *(f"hand_{name}" for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"))]
     quaternion = [float(rows[1][f"hand_q{axis}"]) for axis in "xyzw"]
     assert abs(np.linalg.norm(quaternion) - 1) < 1e-8
@@ -51,24 +51,26 @@ def test_a_robot_with_joints_of_some_samples_has_poses_alone() -> None:
 
 def test_every_digit_is_there() -> None:
     """What is read back is the plan, in the chain's order."""
-    way = of_joints()
+    way = joint_way()
     found = json.loads(write_joints(way))
     assert found["samples"] == [20, 21, 22]
     for robot, of in found["robots"].items():
         assert tuple(of["joint_names"]) == way.joint_names(robot)
-        assert np.array_equal(of["joints_rad"], joints_of(way, robot))
+        assert np.array_equal(of["joints_rad"], planned_joints(way, robot))
 
 
 def test_goals_are_in_step() -> None:
     """A document for each arm with the fields of JointTrajectory; all are at each sample at once, and hold."""
-    way = of_joints()
+    way = joint_way()
     goals = [each["trajectory"] for each in YAML(typ="safe", pure=True).load_all(write_goals(way))]
     assert len(goals) == 2
     times = []
     for robot, goal in zip(way.robots, goals, strict=True):
         assert tuple(goal["joint_names"]) == way.joint_names(robot)
         points = goal["points"]
-        assert np.allclose([p["positions"] for p in points], np.repeat(joints_of(way, robot), 2, axis=0), atol=1e-8)
+        assert np.allclose(
+            [p["positions"] for p in points], np.repeat(planned_joints(way, robot), 2, axis=0), atol=1e-8
+        )
         assert not np.any([p["velocities"] for p in points])
         times.append([p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in points])
     assert times[0] == times[1]
@@ -79,7 +81,7 @@ def test_goals_are_in_step() -> None:
 def test_poses_are_refused() -> None:
     """A trajectory is of joints."""
     with pytest.raises(InputError, match="joints are unknown"):
-        write_goals(of_poses())
+        write_goals(pose_way())
 
 
 def moves(text: str) -> list[tuple[str, list[float]]]:
@@ -90,18 +92,18 @@ def moves(text: str) -> list[tuple[str, list[float]]]:
 
 def test_joints_are_gone_to_in_order() -> None:
     """A move, a rest and a question for each sample; the program is begun, for one arm."""
-    text = write_ur_script(of_joints("eye"))
-    assert np.allclose([numbers for _, numbers in moves(text)], joints_of(of_joints(), "eye"), atol=1e-6)
+    text = write_ur_script(joint_way("eye"))
+    assert np.allclose([numbers for _, numbers in moves(text)], planned_joints(joint_way(), "eye"), atol=1e-6)
     assert text.count("sleep(2)") == text.count("blocking=True") == 3
     assert text.startswith("def basecal_eye():")
     assert text.rstrip().endswith("end\nbasecal_eye()")
     with pytest.raises(InputError, match="--robot"):
-        write_ur_script(of_joints())
+        write_ur_script(joint_way())
 
 
 def test_poses_are_rotation_vectors() -> None:
     """Of the flange in the base, for a tool that is the flange."""
-    way = of_poses()
+    way = pose_way()
     text = write_ur_script(way)
     assert "set_tcp(p[0, 0, 0, 0, 0, 0])" in text
     for (kind, numbers), sample in zip(moves(text), way.samples, strict=True):
@@ -112,6 +114,6 @@ def test_poses_are_rotation_vectors() -> None:
 
 def test_samples_of_a_program_are_counted() -> None:
     """From one, beside their numbers, in the order of the way."""
-    text = write_ur_script(of_joints("hand"))
+    text = write_ur_script(joint_way("hand"))
     assert re.findall(r"textmsg\(.basecal: (.*?).\)", text) == [f"sample {19 + k}, {k} of 3" for k in (1, 2, 3)]
     assert re.findall(r"popup\(.(sample .*?): take", text) == [f"sample {19 + k}, {k} of 3" for k in (1, 2, 3)]

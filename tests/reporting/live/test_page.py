@@ -35,7 +35,7 @@ def cell():
 def test_in_a_browser(cell, tmp_path):
     """Step, advice, sigma, image, points, arms and what failed; no error in the console, nobody else is asked."""
     with page.serve_page(captured(cell), cell, print) as address:
-        came = visit(address, tmp_path, until="body:has(canvas) [data-camera] svg path.found[d]")
+        came = visit(address, tmp_path, selector="body:has(canvas) [data-camera] svg path.found[d]")
     assert came.errors == []
     assert {urlsplit(asked).hostname for asked in came.asked if not asked.startswith("data:")} == {"127.0.0.1"}
     shown = ("Sample 4: arms move", "Turn hand further about y", "sample 2: taken", "7 of 25", "0.80 mm", "to go")
@@ -52,10 +52,10 @@ def test_the_command_after_the_end_can_be_copied(cell, tmp_path):
     selected = f"{button}.click(), String(window.getSelection())"
     said = f"new Promise((done) => setTimeout(() => done({button}.textContent), 100))"
     with page.serve_page(watch, cell, print) as address, browsing(tmp_path) as tab:
-        tab.go(address, until="[data-camera] svg")
+        tab.go(address, selector="[data-camera] svg")
         assert tab.value("document.querySelectorAll('.do button').length") == 0
         watch.end(End("GOOD", "all directions are known", "basecal calibrate 'my cell'"))
-        tab.go(address, until=".verdict .do button")
+        tab.go(address, selector=".verdict .do button")
         assert tab.value(selected) == "basecal calibrate 'my cell'"
         assert tab.value(said) in ("copied", "selected")
     assert tab.visit.errors == []

@@ -68,7 +68,7 @@ def test_strange_choices_are_left_out(viewed: ViewPage) -> None:
 def test_in_a_browser(viewed: ViewPage, tmp_path: Path) -> None:
     """Verdict, answer, bars and the first sample; no error in the console, nobody else is asked."""
     with serve_view(viewed) as address:
-        came = visit(address, tmp_path / "profile", until=".bars .view.chosen")
+        came = visit(address, tmp_path / "profile", selector=".bars .view.chosen")
         assert urlsplit(address).hostname == "127.0.0.1"
     assert came.errors == []
     assert {urlsplit(asked).hostname for asked in came.asked if not asked.startswith("data:")} == {"127.0.0.1"}

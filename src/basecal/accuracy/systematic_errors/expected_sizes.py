@@ -144,7 +144,9 @@ def size_posterior(
         covariance + np.outer(mean - contained, mean - contained),
         -situation.null.inverse @ known.across[0].T,
         list(zip([*fields, *axes], places[:before] + places[after:], strict=True)),
-        float(probabilities(priors[0].probabilities, given.two_log_evidence) @ priors[0].sigmas[:, 0] ** 2) if fields else 0.0,
+        float(probabilities(priors[0].probabilities, given.two_log_evidence) @ priors[0].sigmas[:, 0] ** 2)
+        if fields
+        else 0.0,
     )
 
 
