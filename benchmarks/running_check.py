@@ -158,15 +158,15 @@ class Fault:
         name = FRAMES[self.kind]
         shift = (self.world.transform(name, False).inverse() @ self.world.transform(name, True)).log()
         moves = (
-            (
-                (situation.sample_indices(g) >= self.since)[:, None, None]
-                * (situation.frame_jacobian(k, name) @ shift[:, None])
-            )[:, None]
-            if name in g.frames
-            else None
+            self._moves_of_group(situation, k, name, shift) if name in g.frames else None
             for k, g in enumerate(situation.problem.groups)
         )
         return Candidates("fault", (name,), (None,), "", tuple(moves))
+
+    def _moves_of_group(self, situation: Situation, number: int, name: str, shift: Array) -> Array:
+        """Right tangents of a group's views after the fault, (n, 1, 6, 1)."""
+        is_after = situation.sample_indices(situation.problem.groups[number]) >= self.since
+        return (is_after[:, None, None] * (situation.frame_jacobian(number, name) @ shift[:, None]))[:, None]
 
 
 def draw_fault(kind: str, seed: int) -> Fault:

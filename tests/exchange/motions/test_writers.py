@@ -41,7 +41,7 @@ def test_a_robot_of_poses_has_poses_alone() -> None:
 
 def test_a_robot_with_joints_of_some_samples_has_poses_alone() -> None:
     """Every row has as many numbers as the header."""
-    way = of_joints("hand")
+    way = joint_way("hand")
     first, *others = way.samples
     pose = RobotState(way.pose("hand", first))
     mixed = replace(way, samples=(replace(first, robots={"hand": pose}), *others))

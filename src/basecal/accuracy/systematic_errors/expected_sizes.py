@@ -136,6 +136,7 @@ def size_posterior(
     priors = [fields_prior(sum(each.width for each in fields)), _joint_prior(effects), *[LENGTHS_PRIOR] * len(axes)]
     given = posteriors_by_sigma(scores.gradient[0], scores.information[0], priors)
     _, mean, covariance = mixture(priors[0].probabilities, given)
+    posterior = probabilities(priors[0].probabilities, given.two_log_evidence)
     contained = np.zeros_like(mean)
     for effect, place in zip(effects, places[before:after], strict=True):
         contained[place] = mean[place] if effect.is_contained else 0.0
@@ -144,9 +145,7 @@ def size_posterior(
         covariance + np.outer(mean - contained, mean - contained),
         -situation.null.inverse @ known.across[0].T,
         list(zip([*fields, *axes], places[:before] + places[after:], strict=True)),
-        float(probabilities(priors[0].probabilities, given.two_log_evidence) @ priors[0].sigmas[:, 0] ** 2)
-        if fields
-        else 0.0,
+        float(posterior @ priors[0].sigmas[:, 0] ** 2) if fields else 0.0,
     )
 
 
