@@ -339,22 +339,23 @@ def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", description=__doc__)
     parser.add_argument("--packages", nargs="*", default=list(PACKAGES), metavar="PACKAGE", help="such as cell/journal")
     parser.add_argument("--count", type=int, default=400)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, help="of the draw, 0 by default; of the kept runs to judge, all by default")
     parser.add_argument("--keep", type=Path, help="folder in which verdicts are kept, and from which a run goes on")
-    parser.add_argument("--again", action="store_true", help="judge anew what survived in the runs that are kept")
-    elsewhere = "judge what survived in the run of this seed by the tests of all other folders, for SECONDS each"
+    parser.add_argument("--again", action="store_true", help="judge anew what survived in the kept runs")
+    elsewhere = "judge what survived in the kept runs by the tests of all other folders, for SECONDS each"
     parser.add_argument("--elsewhere", type=float, metavar="SECONDS", help=elsewhere)
     asked = parser.parse_args(arguments)
     os.nice(NICE)
     os.chdir(ROOT)
     load_libraries()
     with Court(asked.keep) as court:
+        kept = [run for run in kept_runs() if asked.seed in {None, run["seed"]}]
         if asked.elsewhere:
-            runs = [judged_elsewhere(run, court, asked.elsewhere) for run in kept_runs() if run["seed"] == asked.seed]
+            runs = [judged_elsewhere(run, court, asked.elsewhere) for run in kept]
         elif asked.again:
-            runs = [judged_again(run, court) for run in kept_runs()]
+            runs = [judged_again(run, court) for run in kept]
         else:
-            runs = [judged_once(asked.packages, asked.count, asked.seed, court, asked.keep)]
+            runs = [judged_once(asked.packages, asked.count, asked.seed or 0, court, asked.keep)]
     for run in runs:
         print(table(HEAD, rows(run)))
         keep(run)
