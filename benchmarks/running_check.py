@@ -201,7 +201,7 @@ def show_fault(fault: Fault, count: int) -> tuple[bool, bool, bool]:
     recording = Recording(tuple(fault.samples[:count]))
     solution = solve(cell, recording, Settings(robot_noise="stated"))
     situation = Situation(solution.problem, solution.state, build_problem(cell, recording)[0], {})
-    score = score_from_sums(situation.linearisation, sums(situation.about, fault.moves(situation)))
+    score = score_from_sums(situation.linearisation, sums(situation.linearisation, fault.moves(situation)))
     gradient, information = float(score.gradient[0, 0]), float(score.information[0, 0, 0])
     if not information > 0:
         return False, False, False
