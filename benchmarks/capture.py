@@ -113,9 +113,9 @@ def capture_cell(seed: int, fault: str = "") -> Outcome:
     if BASE not in calibration.transforms:
         return Outcome(calibration.verdict, None, None, findings, given_up, took)
     estimate = calibration.transforms[BASE]
-    error = (estimate.mean.inverse() @ truth).log()
-    nees = float(error @ np.linalg.solve(estimate.covariance, error))
-    return Outcome(calibration.verdict, nees, 1e3 * float(np.linalg.norm(error[:3])), findings, given_up, took)
+    tangent = (estimate.mean.inverse() @ truth).log()
+    nees = float(tangent @ np.linalg.solve(estimate.covariance, tangent))
+    return Outcome(calibration.verdict, nees, 1e3 * float(np.linalg.norm(tangent[:3])), findings, given_up, took)
 
 
 @cache
@@ -263,9 +263,9 @@ def main(words: Sequence[str] | None = None) -> int:
     print(table(HEAD, rows))
     result = {"samples": SAMPLES, "wanted": {"sound": 200, "each fault": 40, "kills": 200}, "kept_since": since}
     write("capture", {**result, "rows": [dict(zip(HEAD, each, strict=True)) for each in rows], "kills": kills})
-    from benchmarks.report import PAGE, page
+    from benchmarks.report import PAGE, make_page
 
-    PAGE.write_text(page(), encoding="utf-8")
+    PAGE.write_text(make_page(), encoding="utf-8")
     return int(kills is not None and bool(kills["lost"] + kills["twice"] + (not kills["is_equal"])))
 
 

@@ -158,8 +158,8 @@ def speeds(images: int) -> dict[str, Any]:
         "tags, 9": KINDS["tags"][0],
     }
     for name, shape in boards.items():
-        images = [render(CAMERA, shape, pose, RenderSettings(), k) for k, pose in enumerate(_poses(shape, images))]
-        milliseconds[name] = _median_ms(images, shape)
+        rendered = [render(CAMERA, shape, pose, RenderSettings(), k) for k, pose in enumerate(_poses(shape, images))]
+        milliseconds[name] = _median_ms(rendered, shape)
     places = np.column_stack([rng.uniform(-0.4, 0.4, (images, 2)) * (1, 0.5), np.ones(images)])
     on = [render_light(CAMERA, place, LightSettings(), 2 * k) for k, place in enumerate(places)]
     off = [

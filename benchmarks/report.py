@@ -656,11 +656,11 @@ def _section(name: str) -> str:
     return f"## {title}\n\n{command}\n\n{_filled(write(result))}\n\nMeasured on: {_machine(result)}; {when}.\n"
 
 
-def page() -> str:
+def make_page() -> str:
     """The text of docs/benchmarks.md."""
     return "\n".join([INTRODUCTION, *map(_section, SECTIONS)])
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    PAGE.write_text(make_page(), encoding="utf-8")
     print(f"written: {PAGE.name}")

@@ -1,4 +1,4 @@
-"""Bags of ROS written from a recording: arms that go from stop to stop, and what cameras saw at each."""
+"""Bags of ROS written from a recording: arms that go from stop to stop, and views of cameras at each stop."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from basecal.geometry import SE3
 Kind = Literal["ros1", "sqlite3", "mcap"]
 KINDS: tuple[Kind, ...] = ("ros1", "sqlite3", "mcap")
 BEGIN_S = 1_700_000_000.0
-STOP_S, MOVE_S, RATE = 1.0, 0.6, 30.0  # how long arms stand and move, and records a second
+STOP_S, MOVE_S, RATE_HZ = 1.0, 0.6, 30.0  # durations of a stop and of a move, and rate of records
 
 
 @dataclass
-class Wrote:
-    """What writes messages of one kind of bag.
+class BagWriter:
+    """Messages of a bag of one kind, written by `close`.
 
     Attributes:
-        kind: Of the bag.
-        path: Where it is.
+        kind: Kind of the bag.
+        path: Path of the bag.
         messages: (topic, type, time [s], message), in any order.
     """
 
@@ -43,38 +43,40 @@ class Wrote:
                 get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage")
             )
 
-    def make(self, kind: str, *values: Any) -> Any:
-        return self.store.types[kind](*values)
+    def make(self, type_name: str, *values: Any) -> Any:
+        return self.store.types[type_name](*values)
 
     def header(self, time: float, frame: str = "") -> Any:
-        whole, part = divmod(round(time * 1e9), 10**9)
-        stamp = self.make("builtin_interfaces/msg/Time", whole, part)
-        first = (0,) if self.kind == "ros1" else ()
-        return self.make("std_msgs/msg/Header", *first, stamp, frame)
+        seconds, nanoseconds = divmod(round(time * 1e9), 10**9)
+        stamp = self.make("builtin_interfaces/msg/Time", seconds, nanoseconds)
+        sequence = (0,) if self.kind == "ros1" else ()
+        return self.make("std_msgs/msg/Header", *sequence, stamp, frame)
 
-    def add(self, topic: str, kind: str, time: float, message: Any) -> None:
-        self.messages.append((topic, kind, time, message))
+    def add(self, topic: str, type_name: str, time: float, message: Any) -> None:
+        self.messages.append((topic, type_name, time, message))
 
     def pose(self, topic: str, time: float, pose: SE3) -> None:
         point = self.make("geometry_msgs/msg/Point", *map(float, pose.translation))
-        turn = self.make("geometry_msgs/msg/Quaternion", *map(float, pose.quaternion))
+        rotation = self.make("geometry_msgs/msg/Quaternion", *map(float, pose.quaternion))
         kind = "geometry_msgs/msg/PoseStamped"
-        inner = self.make("geometry_msgs/msg/Pose", point, turn)
-        self.add(topic, kind, time, self.make(kind, self.header(time, "camera"), inner))
+        pose_message = self.make("geometry_msgs/msg/Pose", point, rotation)
+        self.add(topic, kind, time, self.make(kind, self.header(time, "camera"), pose_message))
 
-    def transforms(self, topic: str, time: float, each: Mapping[tuple[str, str], SE3]) -> None:
-        found = []
-        for (parent, child), pose in each.items():
-            move = self.make("geometry_msgs/msg/Vector3", *map(float, pose.translation))
-            turn = self.make("geometry_msgs/msg/Quaternion", *map(float, pose.quaternion))
-            inner = self.make("geometry_msgs/msg/Transform", move, turn)
-            found.append(self.make("geometry_msgs/msg/TransformStamped", self.header(time, parent), child, inner))
+    def transforms(self, topic: str, time: float, poses: Mapping[tuple[str, str], SE3]) -> None:
+        messages = []
+        for (parent, child), pose in poses.items():
+            translation = self.make("geometry_msgs/msg/Vector3", *map(float, pose.translation))
+            rotation = self.make("geometry_msgs/msg/Quaternion", *map(float, pose.quaternion))
+            transform = self.make("geometry_msgs/msg/Transform", translation, rotation)
+            messages.append(
+                self.make("geometry_msgs/msg/TransformStamped", self.header(time, parent), child, transform)
+            )
         kind = "tf2_msgs/msg/TFMessage"
-        self.add(topic, kind, time, self.make(kind, found))
+        self.add(topic, kind, time, self.make(kind, messages))
 
     def joints(self, topic: str, time: float, names: list[str], values: np.ndarray) -> None:
-        kind, none = "sensor_msgs/msg/JointState", np.zeros(0)
-        self.add(topic, kind, time, self.make(kind, self.header(time), names, np.asarray(values), none, none))
+        kind, empty = "sensor_msgs/msg/JointState", np.zeros(0)
+        self.add(topic, kind, time, self.make(kind, self.header(time), names, np.asarray(values), empty, empty))
 
     def text(self, topic: str, text: str) -> None:
         self.add(topic, "std_msgs/msg/String", BEGIN_S, self.make("std_msgs/msg/String", text))
@@ -86,22 +88,28 @@ class Wrote:
         parts = (height, width, encoding, 0, data.shape[1], data.ravel())
         self.add(topic, kind, time, self.make(kind, self.header(time, frame), *parts))
 
-    def compressed(self, topic: str, time: float, content: bytes, name: str = "jpeg") -> None:
+    def compressed(self, topic: str, time: float, content: bytes, format_name: str = "jpeg") -> None:
         kind = "sensor_msgs/msg/CompressedImage"
         data = np.frombuffer(content, dtype=np.uint8)
-        self.add(topic, kind, time, self.make(kind, self.header(time), name, data))
+        self.add(topic, kind, time, self.make(kind, self.header(time), format_name, data))
 
     def camera_info(
-        self, topic: str, time: float, size: tuple[int, int], k: np.ndarray, d: np.ndarray, model: str = "plumb_bob"
+        self,
+        topic: str,
+        time: float,
+        size: tuple[int, int],
+        k: np.ndarray,
+        d: np.ndarray,
+        distortion_model: str = "plumb_bob",
     ) -> None:
         kind = "sensor_msgs/msg/CameraInfo"
         roi = self.make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
         p = np.hstack([k.reshape(3, 3), np.zeros((3, 1))]).ravel()
-        parts = (size[1], size[0], model, d, k, np.eye(3).ravel(), p, 0, 0, roi)
+        parts = (size[1], size[0], distortion_model, d, k, np.eye(3).ravel(), p, 0, 0, roi)
         self.add(topic, kind, time, self.make(kind, self.header(time), *parts))
 
     def close(self) -> Path:
-        """Write all messages by their times."""
+        """Write all messages in the order of their times."""
         if self.kind == "ros1":
             writer: Any = Writer1(self.path)
         else:
@@ -109,56 +117,56 @@ class Wrote:
             writer = Writer2(self.path, version=9, storage_plugin=plugin)
         serialize = self.store.serialize_ros1 if self.kind == "ros1" else self.store.serialize_cdr
         with writer:
-            kinds = {topic: kind for topic, kind, *_ in self.messages}
+            types = {topic: kind for topic, kind, *_ in self.messages}
             connections = {
-                name: writer.add_connection(name, kind, typestore=self.store) for name, kind in kinds.items()
+                topic: writer.add_connection(topic, kind, typestore=self.store) for topic, kind in types.items()
             }
             for topic, kind, time, message in sorted(self.messages, key=lambda each: each[2]):
                 writer.write(connections[topic], round(time * 1e9), serialize(message, kind))
         return self.path
 
 
-def new_bag(folder: Path, kind: Kind) -> Wrote:
-    """A bag to be written."""
-    return Wrote(kind, folder / ("bag.bag" if kind == "ros1" else f"bag_{kind}"))
+def new_bag(folder: Path, kind: Kind) -> BagWriter:
+    """Return an empty bag in a folder."""
+    return BagWriter(kind, folder / ("bag.bag" if kind == "ros1" else f"bag_{kind}"))
 
 
 def middles(count: int) -> np.ndarray:
-    """Times [s] at which arms have stood for half a stop."""
+    """Times [s] of the middles of stops."""
     return BEGIN_S + np.arange(count) * (STOP_S + MOVE_S) + STOP_S / 2
 
 
 def journey(count: int) -> Iterator[tuple[float, int, float]]:
-    """Times of records [s], the stop that was left, and the share of the way to the next."""
-    last = count * (STOP_S + MOVE_S) - MOVE_S
-    for k in range(int(last * RATE)):
-        stop, since = divmod(k / RATE, STOP_S + MOVE_S)
-        yield BEGIN_S + k / RATE, int(stop), max(0.0, since - STOP_S) / MOVE_S
+    """Yield for each record its time [s], the last stop, and the share of the way to the next stop."""
+    duration_s = count * (STOP_S + MOVE_S) - MOVE_S
+    for k in range(int(duration_s * RATE_HZ)):
+        stop, since_s = divmod(k / RATE_HZ, STOP_S + MOVE_S)
+        yield BEGIN_S + k / RATE_HZ, int(stop), max(0.0, since_s - STOP_S) / MOVE_S
 
 
 def between(poses: SE3, stop: int, share: float) -> SE3:
-    """A pose between two stops."""
+    """Return the pose at a share of the way from a stop to the next."""
     if share == 0 or stop + 1 >= len(poses):
         return poses[stop]
     return poses[stop] @ SE3.exp(share * (poses[stop].inverse() @ poses[stop + 1]).log())
 
 
-def bag_by_tf(folder: Path, kind: Kind, recording: Recording, seen: bool = True) -> Wrote:
-    """Frames `<robot>_base_link` to `<robot>_tool0` with a link between, and views of a target as PoseStamped."""
+def bag_by_tf(folder: Path, kind: Kind, recording: Recording) -> BagWriter:
+    """Return a bag with frames `<robot>_base_link` to `<robot>_tool0`, a link between, and views as PoseStamped."""
     bag, count = new_bag(folder, kind), len(recording.samples)
     robots = list(recording.samples[0].robots)
     poses = {name: SE3.stack([s.robots[name].base_from_flange for s in recording.samples]) for name in robots}
-    half = SE3.exp(np.array([0.1, 0.0, 0.2, 0.3, 0.0, 0.1]))
-    bag.transforms("/tf_static", BEGIN_S, {(f"{name}_wrist", f"{name}_tool0"): half for name in robots})
+    wrist_from_tool = SE3.exp(np.array([0.1, 0.0, 0.2, 0.3, 0.0, 0.1]))
+    bag.transforms("/tf_static", BEGIN_S, {(f"{name}_wrist", f"{name}_tool0"): wrist_from_tool for name in robots})
     for time, stop, share in journey(count):
-        moved = {
-            (f"{name}_base_link", f"{name}_wrist"): between(poses[name], stop, share) @ half.inverse()
+        transforms = {
+            (f"{name}_base_link", f"{name}_wrist"): between(poses[name], stop, share) @ wrist_from_tool.inverse()
             for name in robots
         }
-        bag.transforms("/tf", time, moved)
+        bag.transforms("/tf", time, transforms)
     for sample, time in zip(recording.samples, middles(count), strict=True):
-        for view in sample.observations if seen else ():
+        for view in sample.observations:
             assert isinstance(view, PoseObservation)
-            for late in (-0.2, 0.0, 0.2):
-                bag.pose(f"/{view.camera}/{view.target}", float(time) + late, view.camera_from_target)
+            for delay_s in (-0.2, 0.0, 0.2):
+                bag.pose(f"/{view.camera}/{view.target}", float(time) + delay_s, view.camera_from_target)
     return bag

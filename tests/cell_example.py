@@ -1,4 +1,4 @@
-"""A cell with one of everything, and its recording."""
+"""A cell with every kind of entry, and its recording."""
 
 from __future__ import annotations
 
@@ -92,5 +92,5 @@ LINES: tuple[dict[str, Any], ...] = (
 
 
 def journal(*lines: Any) -> bytes:
-    """Lines of a journal."""
+    """Return the content of a journal with these lines."""
     return b"".join(json.dumps(line).encode() + b"\n" for line in lines)

@@ -1,4 +1,4 @@
-"""Reconstructions as COLMAP writes them, made from its documentation, "Output Format"."""
+"""Reconstructions in the format of COLMAP, made from "Output Format" of its documentation."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from basecal.geometry import SE3
 
 
 class Image(NamedTuple):
-    """An image, its camera, and its pose up to scale."""
+    """An image with its camera, and its pose up to scale."""
 
     name: str
     camera: int
     camera_from_world: SE3
 
 
-def numbers_of(pose: SE3) -> list[float]:
-    """QW QX QY QZ TX TY TZ."""
+def pose_numbers(pose: SE3) -> list[float]:
+    """Return QW QX QY QZ TX TY TZ of a pose."""
     x, y, z, w = pose.quaternion
     return [float(each) for each in (w, x, y, z, *pose.translation)]
 
 
 def text_images(images: Sequence[Image]) -> str:
-    """`images.txt`, with points beneath every other image, and an empty line beneath the others."""
+    """Text of `images.txt`: a line of points follows every other image, and an empty line the others."""
     lines = [
         "# Image list with two lines of data per image:",
         "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME",
     ]
     for k, image in enumerate(images):
-        pose = " ".join(repr(each) for each in numbers_of(image.camera_from_world))
+        pose = " ".join(repr(each) for each in pose_numbers(image.camera_from_world))
         lines += [
             f"{k + 1} {pose} {image.camera} {image.name}",
             "2362.39 248.498 58396 1784.7 268.254 -1" if k % 2 else "",
@@ -40,16 +40,16 @@ def text_images(images: Sequence[Image]) -> str:
 
 
 def binary_images(images: Sequence[Image]) -> bytes:
-    """`images.bin`, with k points of image k."""
+    """Content of `images.bin`, with k points for image k."""
     parts = [struct.pack("<Q", len(images))]
     for k, image in enumerate(images):
-        parts.append(struct.pack("<I7dI", k + 1, *numbers_of(image.camera_from_world), image.camera))
+        parts.append(struct.pack("<I7dI", k + 1, *pose_numbers(image.camera_from_world), image.camera))
         parts.append(image.name.encode() + b"\0" + struct.pack("<Q", k) + struct.pack("<ddq", 1.0, 2.0, -1) * k)
     return b"".join(parts)
 
 
 def write_reconstruction(folder: Path, images: Sequence[Image]) -> Path:
-    """A folder with the text."""
+    """Write `images.txt` into a folder, and return the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "images.txt").write_text(text_images(images), encoding="utf-8")
     return folder

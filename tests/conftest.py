@@ -1,4 +1,4 @@
-"""Fixtures of all tests; here, so that tests of every folder may `from derivatives import ...`."""
+"""Fixtures of all tests; they stand here so that tests of every folder may `from derivatives import ...`."""
 
 import gc
 import os
@@ -10,26 +10,28 @@ import pytest
 
 from basecal.simulation.arms import six_axis
 
-os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="basecal-tests-")  # what these tests allow, no user did
+os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(
+    prefix="basecal-tests-"
+)  # permissions that tests store stay out of the home of the user
 
-gc.disable()  # until all is collected: nearly all that is made meanwhile stays
+gc.disable()  # until all tests are collected: nearly all objects made meanwhile stay
 
 
 def pytest_collection_finish():
-    """Leave what was imported and collected out of garbage collection: going through it again takes a tenth."""
+    """Leave imported modules and collected tests out of garbage collection, which takes a tenth of the time."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)  # hypothesis counts each collection, and little of what tests make is garbage
+    gc.set_threshold(20_000, 20, 20)  # hypothesis counts each collection, and tests make little garbage
     gc.enable()
 
 
 _TESTS = Path(__file__).parent
-_JOURNEYS = {"journeys", "recipes", "torment"}  # folders whose tests are whole ways of users, or of their damaged files
+_JOURNEYS = {"journeys", "recipes", "torment"}  # folders of tests of whole workflows, or of damaged files
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """What stands in these folders is a journey."""
+    """Mark the tests in the folders of `_JOURNEYS` as journeys."""
     for item in items:
         if item.path.relative_to(_TESTS).parts[0] in _JOURNEYS:
             item.add_marker("journey")
@@ -37,7 +39,7 @@ def pytest_collection_modifyitems(items):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
-    """One worker more than cores: tests of drivers and captures mostly wait."""
+    """One worker more than cores, because tests of drivers and captures mostly wait."""
     return (os.cpu_count() or 1) + 1
 
 
@@ -55,5 +57,5 @@ def arm():
 
 @pytest.fixture
 def joints():
-    """Thirty postures of it, (30, 6) [rad]."""
+    """Thirty postures of the arm, (30, 6) [rad]."""
     return np.random.default_rng(0).uniform(-2, 2, (30, 6))

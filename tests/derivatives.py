@@ -1,4 +1,4 @@
-"""The one check of every derivative."""
+"""Check of analytic derivatives against differences."""
 
 from collections.abc import Callable
 
@@ -10,10 +10,10 @@ _WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 def check_derivative(
     function: Callable[[np.ndarray], np.ndarray], derivative: np.ndarray, step: float = 1e-2, tolerance: float = 1e-9
 ) -> None:
-    """`derivative`, (..., m, n), is that of `function`, (n,) to (..., m), at zero.
+    """Check that `derivative`, (..., m, n), is that of `function`, (n,) to (..., m), at zero.
 
-    By central differences of sixth order: at the step 1e-2 of functions of order 1, truncation and rounding are both
-    below 1e-11. The tolerance is relative to the largest entry of the derivative.
+    The check takes central differences of sixth order. At the step 1e-2, truncation and rounding are both below 1e-11
+    for functions of order 1. The tolerance is relative to the largest entry of the derivative.
     """
     numeric = np.empty_like(derivative)
     for column in range(derivative.shape[-1]):

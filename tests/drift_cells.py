@@ -1,4 +1,4 @@
-"""A calibrated cell, and samples of it that come later, with or without something moved."""
+"""A calibrated cell, and later samples of it, with or without a base moved."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ class Later:
     recording: Recording
 
     def with_base_moved(self, tangent: Array) -> Recording:
-        """The samples with the hand's base moved: its recorded poses are then those of another base."""
-        back = SE3.exp(np.asarray(tangent, dtype=np.float64)).inverse()
+        """The samples after a motion of the hand's base by a right tangent; flange poses are then in the moved base."""
+        moved_from_base = SE3.exp(np.asarray(tangent, dtype=np.float64)).inverse()
         samples = []
         for sample in self.recording.samples:
             pose = sample.robots["hand"].base_from_flange
             assert pose is not None
-            samples.append(replace(sample, robots={**sample.robots, "hand": RobotState(back @ pose)}))
+            samples.append(replace(sample, robots={**sample.robots, "hand": RobotState(moved_from_base @ pose)}))
         return Recording(tuple(samples))
 
     def first(self, count: int) -> Later:
-        """With so many of the samples."""
+        """Keep the first `count` samples."""
         return replace(self, recording=Recording(self.recording.samples[:count]))
 
 
 @cache
-def later(seed: int = 0, samples: int = 25, new: int = 6, **changed: object) -> Later:
-    """A cell of two arms with stated noise, unless changed."""
-    scenario = Scenario(**{"samples": samples + new, "robot_noise": (1e-4, 2e-4), **changed})  # type: ignore[arg-type]
-    made = simulate(scenario, 3000 + seed)
-    taken = made.recording.samples
-    calibration = calibrate(made.cell, Recording(taken[:samples]))
-    return Later(made.cell, calibration, Recording(taken[samples:]))
+def later(seed: int = 0, samples: int = 25, new: int = 6, **changes: object) -> Later:
+    """Simulate two arms with stated noise; calibrate by the first `samples`, and keep the `new` last ones for later."""
+    scenario = Scenario(**{"samples": samples + new, "robot_noise": (1e-4, 2e-4), **changes})  # type: ignore[arg-type]
+    simulated = simulate(scenario, 3000 + seed)
+    all_samples = simulated.recording.samples
+    calibration = calibrate(simulated.cell, Recording(all_samples[:samples]))
+    return Later(simulated.cell, calibration, Recording(all_samples[samples:]))

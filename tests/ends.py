@@ -1,4 +1,4 @@
-"""Groups of views by their ends, made up or changed."""
+"""Groups of views made from their two ends, or with one end changed."""
 
 from __future__ import annotations
 
@@ -25,35 +25,35 @@ def end(
     stand: ArrayLike | None = None,
     joints: Array | None = None,
 ) -> End:
-    """An end of as many views as it has poses, stops, stands or joints; what is not given is none, or the identity."""
-    given = [of for of in (stop, stand, joints) if of is not None]
+    """An end of as many views as there are poses, stops, stands or joints; poses are the identity if not given."""
+    given = [rows for rows in (stop, stand, joints) if rows is not None]
     count = len(base_from_flange) if base_from_flange is not None else len(np.asarray(given[0])) if given else 0
     poses = SE3.identity((count,)) if base_from_flange is None else base_from_flange
-    rows = (np.full(count, -1) if of is None else np.array(of, dtype=np.int64) for of in (stop, stand))
-    return End(robot, mount, base, poses, *rows, joints)
+    indices = (np.full(count, -1) if rows is None else np.array(rows, dtype=np.int64) for rows in (stop, stand))
+    return End(robot, mount, base, poses, *indices, joints)
 
 
 def views(
     eye: End, hand: End, seen: Measurement | None = None, *, camera: str = "camera", target: str = "target"
 ) -> ViewGroup:
-    """Views of these ends, of samples from 0 on; of poses at the identity if nothing is said of what was seen."""
-    count = max(len(of.base_from_flange) for of in (eye, hand))
+    """Views between two ends, of samples from 0 on; measured poses are the identity if `seen` is not given."""
+    count = max(len(each.base_from_flange) for each in (eye, hand))
     weight = np.ones((count, 6))
     seen = PoseMeasurement(SE3.identity((count,)), weight, weight) if seen is None else seen
     return ViewGroup(camera, target, (eye, hand), np.arange(count), seen)
 
 
 def with_eye(group: ViewGroup, **changes: Any) -> ViewGroup:
-    """The same with another end of the camera."""
+    """The group with changes to the camera's end."""
     return replace(group, ends=(replace(group.eye, **changes), group.hand))
 
 
 def with_hand(group: ViewGroup, **changes: Any) -> ViewGroup:
-    """The same with another end of the target."""
+    """The group with changes to the target's end."""
     return replace(group, ends=(group.eye, replace(group.hand, **changes)))
 
 
 def problem_of(*groups: ViewGroup, **others: Any) -> Problem:
-    """A problem of these views, of which nothing else is known."""
-    nothing = Problem("", groups, {}, frozenset(), {}, Stops(np.zeros((0, 6))), {})
-    return replace(nothing, **others)
+    """A problem of these groups without unknowns or stops, except for `others`."""
+    empty = Problem("", groups, {}, frozenset(), {}, Stops(np.zeros((0, 6))), {})
+    return replace(empty, **others)

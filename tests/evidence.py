@@ -1,4 +1,4 @@
-"""Evidence about a solution, as checks take it, with nothing left out and nothing compared."""
+"""Evidence about a solution as checks take it, without outliers."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from basecal.estimation.solve import Solution
 
 
 def evidence_of(cell: Cell, solution: Solution, cross_validation: CrossValidation | None = None) -> Evidence:
+    """Return the evidence about a solution of a cell, with no group left out."""
     problem = solution.problem
     robust = RobustSolution(solution, (), problem.with_groups(()), len(cell.targets), 0)
     return Evidence(cell, Settings(), problem, robust, solution, cross_validation)

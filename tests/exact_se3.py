@@ -1,6 +1,6 @@
 """SE(3) by mpmath to fifty digits, and tangents at its hard points.
 
-Tolerance there: 1e-12 against values of order 1. Double precision rounds at 2e-16, and the closed forms begin at
+The tolerance at these points is 1e-12, for values of order 1. Double precision rounds at 2e-16. Closed forms begin at
 0.5 rad, where the worst of them, (x^3 / 6 - x + sin x) / x^5, loses a factor of 0.5 / (0.5^5 / 120) = 2e3.
 """
 

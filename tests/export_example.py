@@ -1,4 +1,4 @@
-"""A calibration to export: a base, a mount, what is fixed, and a point; frames have other names elsewhere."""
+"""A calibration to export, with a base, a mount, a fixed transform and a point; `frames` name them otherwise."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ CELL = Cell(
 
 
 def wanted(name: str | None = None, calibration: Calibration = CALIBRATION, cell: Cell | None = CELL) -> ExportRequest:
-    """What an exporter is given for a transform, or for those asked for."""
+    """Arguments of an exporter for one transform, or for all transforms if `name` is None."""
     return ExportRequest(
         chosen_transforms(calibration, cell, name), provenance(calibration, "20260102T030405Z"), calibration, cell
     )
 
 
 def all_poses() -> list[str]:
-    """Names that can be exported: both directions of what is no point."""
+    """Names of transforms that can be exported: both directions of each that is not a point."""
     names = [name for name in CALIBRATION.transforms if name != POINT]
     return names + ["_from_".join(reversed(name.split("_from_"))) for name in names]

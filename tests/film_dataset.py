@@ -1,4 +1,4 @@
-"""A dataset of LeRobot with two arms and a film of each wrist, of images and poses: each arm rests at every place."""
+"""A LeRobot dataset of two arms, each with films of wrist cameras, from images and poses: arms rest at each pose."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from basecal.kinematics import SerialChain
 from basecal.simulation.arms import six_axis, solve_joints
 
 RATE_HZ = 10
-_MOVING = 4  # of the frames of a second
+_MOVING = 4  # frames of each second in which the arm moves
 
 
 def long_arm() -> SerialChain:
-    """The made-up arm at twice its size, which reaches a table's far side."""
+    """The simulated six-axis arm at twice its size, so that it reaches the far side of a table."""
     chain = six_axis()
     return replace(chain, origins=SE3(chain.origins.rotation, 2 * chain.origins.translation))
 
@@ -29,9 +29,9 @@ def write_dataset(folder: Path, urdf: Path, arms: Mapping[str, tuple[SE3, Sequen
     """Write the dataset and the URDF of both arms.
 
     Args:
-        folder: Of the dataset, v2.1.
-        urdf: With the links `base` and `tool`.
-        arms: By name poses of its flange (n,), and the images that its wrist sees there.
+        folder: Folder of the dataset, v2.1.
+        urdf: Path of the URDF, whose links are `base` and `tool`.
+        arms: By name the flange poses (n,) of an arm, and the images of its wrist camera at each.
     """
     import pyarrow
     from pyarrow import parquet
@@ -57,28 +57,28 @@ def write_dataset(folder: Path, urdf: Path, arms: Mapping[str, tuple[SE3, Sequen
 
 
 def _joints(chain: SerialChain, poses: SE3) -> Array:
-    """Joints that bring the flange to poses (n,), (n, 6) [rad]."""
-    rng, found = np.random.default_rng(0), np.full((len(poses.translation), chain.n), np.nan)
+    """Joints (n, 6) [rad] that bring the flange to poses (n,)."""
+    rng, solved = np.random.default_rng(0), np.full((len(poses.translation), chain.n), np.nan)
     for _ in range(60):
-        missing = np.flatnonzero(np.isnan(found[:, 0]))
+        missing = np.flatnonzero(np.isnan(solved[:, 0]))
         joints, reached = solve_joints(chain, poses[missing], rng.uniform(-2, 2, (len(missing), chain.n)))
-        found[missing[reached]] = joints[reached]
-        if not np.isnan(found).any():
-            return found
+        solved[missing[reached]] = joints[reached]
+        if not np.isnan(solved).any():
+            return solved
     raise ValueError("the arm does not reach")
 
 
 def _states(joints: Array) -> Array:
-    """Degrees of the motors and a gripper at each frame: they rest, then go on."""
-    after = np.concatenate([joints[1:], joints[-1:]])
+    """Angles of motors [deg] and the gripper at each frame: the arm rests at each pose, then moves to the next."""
+    next_joints = np.concatenate([joints[1:], joints[-1:]])
     share = np.maximum(np.arange(RATE_HZ) - (RATE_HZ - _MOVING), 0)[:, None] / _MOVING
-    moved = joints[:, None] + share * (after - joints)[:, None]
-    degrees = np.degrees(moved.reshape(-1, joints.shape[1]))
+    path = joints[:, None] + share * (next_joints - joints)[:, None]
+    degrees = np.degrees(path.reshape(-1, joints.shape[1]))
     return np.concatenate([degrees, np.full((len(degrees), 1), 40.0)], axis=1)
 
 
 def _write_film(path: Path, images: Sequence[Array]) -> None:
-    """Frames of each image as long as the arm rests, then shifted ones."""
+    """Write a film that shows each image while the arm rests, then shifted images while it moves."""
     height, width = images[0].shape[:2]
     film = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), RATE_HZ, (width, height))
     for image in images:

@@ -1,4 +1,4 @@
-"""Jobs for tests: functions that other processes can import."""
+"""Jobs for tests, as functions that other processes can import."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from pathlib import Path
 
 
 def named(number: int) -> bytes:
-    """The number, as text."""
+    """Return the number as text."""
     return str(number).encode()
 
 
 def slowly(number: int) -> bytes:
-    """As `named`, after a moment."""
+    """Return what `named` returns, after 0.1 s."""
     time.sleep(0.1)
     return named(number)
 
 
 def deadly(number: int) -> bytes:
-    """Kills whoever does it."""
+    """Kill the process that runs it."""
     os.kill(os.getpid(), signal.SIGKILL)
     return b""
 
 
 def deadly_once(mark: str, number: int) -> bytes:
-    """Kills the first that does it."""
+    """Kill the first process that runs it; return what `named` returns after that."""
     if not Path(mark).exists():
         Path(mark).touch()
         os.kill(os.getpid(), signal.SIGKILL)
@@ -35,15 +35,15 @@ def deadly_once(mark: str, number: int) -> bytes:
 
 
 def wrong(number: int) -> bytes:
-    """Is a fault."""
+    """Raise a ZeroDivisionError."""
     raise ZeroDivisionError(f"job {number}")
 
 
 def lacking(number: int) -> bytes:
-    """Needs what is not installed."""
+    """Raise the error of a package that is not installed."""
     raise ModuleNotFoundError(f"No module named 'no_such_package' in job {number}")
 
 
 def of_another_version() -> None:
-    """Whoever calls it says from then on that it has another version of every package."""
+    """Let the calling process report another version of every package from then on."""
     metadata.version = lambda name: "0.0.0"

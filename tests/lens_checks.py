@@ -1,4 +1,4 @@
-"""What holds of every lens: its derivatives, its inverse, where it ends, and that OpenCV agrees."""
+"""Checks that hold for every lens: derivatives, the inverse, its domain, and agreement with OpenCV."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ FOCAL = (700.0, 900.0)
 
 
 def points_before(rng, count=30, widest=0.6):
-    """Points before a camera within a cone, (count, 3) [m], the axis among them."""
+    """Points in a cone in front of a camera, (count, 3) [m]; the first is on the axis."""
     z = rng.uniform(0.3, 3.0, count)
-    ab = rng.uniform(-widest, widest, (count, 2))
-    ab[0] = 0.0
-    return np.column_stack([ab * z[:, None], z])
+    slopes = rng.uniform(-widest, widest, (count, 2))
+    slopes[0] = 0.0
+    return np.column_stack([slopes * z[:, None], z])
 
 
-def check_projection(lens, distortion, points, opencv):
-    """Images are OpenCV's, and their derivatives those of differences, to points and to every term."""
+def check_projection(lens, distortion, points, opencv_project):
+    """Check projections against OpenCV, and derivatives to points and terms against differences."""
     u, v, d_points, d_terms = lens.project_with_derivatives(points, FOCAL, distortion, True)
-    plain = np.stack(lens.project(points, distortion), -1)
-    np.testing.assert_allclose(np.stack([u, v], -1), plain, rtol=0, atol=1e-15)
-    seen, _ = opencv(points.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), np.eye(3), np.array(distortion))
-    np.testing.assert_allclose(plain, seen[:, 0], rtol=0, atol=1e-12)
+    images = np.stack(lens.project(points, distortion), -1)
+    np.testing.assert_allclose(np.stack([u, v], -1), images, rtol=0, atol=1e-15)
+    expected, _ = opencv_project(points.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), np.eye(3), np.array(distortion))
+    np.testing.assert_allclose(images, expected[:, 0], rtol=0, atol=1e-12)
 
-    def pixels(moved, terms):
-        return np.stack(lens.project(moved, terms), -1) * FOCAL
+    def pixels(shifted, terms):
+        return np.stack(lens.project(shifted, terms), -1) * FOCAL
 
     check_derivative(lambda d: pixels(points + d, distortion), d_points, step=3e-3, tolerance=1e-8)
     check_derivative(lambda d: pixels(points, [*(np.array(distortion) + d)]), d_terms)
@@ -35,7 +35,7 @@ def check_projection(lens, distortion, points, opencv):
 
 
 def check_inverse(lens, distortion, points):
-    """Where the lens is one to one, the direction of an image is the point's."""
+    """Check that directions from images are those of the points, where the lens is one to one."""
     assert np.all(lens.domain_mask(points, distortion))
     directions, valid = lens.unproject(*lens.project(points, distortion), distortion)
     assert np.all(valid)

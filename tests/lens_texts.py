@@ -1,4 +1,4 @@
-"""One lens as five programs write it, and whether an import told it."""
+"""One lens in the formats of five programs, and a check that an import reads it."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ COLMAP = struct.pack("<QiiQQ8d", 1, 1, 4, 640, 480, 600, 601, 320.5, 240.5, 0.1,
 OPENCV = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\nK: [600., 0., 320., 0., 601., 240., 0., 0., 1.]\n"
 
 
-def tells_the_lens(folder: Path, kind: str, name: str, content: str | bytes, *words: str) -> bool:
-    """Whether a file of a program makes a cell with that lens of the camera `wrist` on `left`."""
+def reads_lens(folder: Path, kind: str, name: str, content: str | bytes, *words: str) -> bool:
+    """Import a file into a new cell, and return whether the camera `wrist` on `left` has that lens."""
     path = folder / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     cell = folder / "c"
@@ -44,7 +44,7 @@ def tells_the_lens(folder: Path, kind: str, name: str, content: str | bytes, *wo
     camera = read_cell(cell).cameras["wrist"]
     if camera.intrinsics is None or camera.intrinsics.camera is None:
         return False
-    told = camera.intrinsics.camera.parameters[:8]
+    parameters = camera.intrinsics.camera.parameters[:8]
     return (camera.on, camera.size_px) == ("left", (640, 480)) and np.array_equal(
-        told, [600, 601, 320, 240, 0.1, -0.2, 0, 0]
+        parameters, [600, 601, 320, 240, 0.1, -0.2, 0, 0]
     )

@@ -1,10 +1,10 @@
-"""Scores of pages by Lighthouse, as a desktop's browser without a window loads them.
+"""Scores by Lighthouse of pages, loaded by a headless desktop browser.
 
     python -m tests.lighthouse                  a report, a running capture and the viewer of a simulated cell
-    python -m tests.lighthouse site/index.html  pages in files, such as the first of the documents after `make docs`
+    python -m tests.lighthouse site/index.html  pages in files, such as the start page of the site after `make docs`
 
-Lighthouse is fetched by npx. Other work on the machine lowers the score of performance: the browser's own benchmark,
-beside it, was over 1,000 where nothing else ran.
+Lighthouse is fetched by npx. Other work on the machine lowers the score of performance. The browser's own benchmark,
+printed beside it, was over 1,000 on an idle machine.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from basecal.reporting.viewing.page import ViewPage, serve_view
 from basecal.simulation import Scenario
 from tests.shared.browser import CHROMIUM
 from tests.shared.watched_capture import captured, cell_with_a_board
-from tests.situations import solved
+from tests.situations import solve
 
-LEAST = 0.95
+LEAST_SCORE = 0.95
 CATEGORIES = ("performance", "accessibility", "best-practices")
 FIGURES = ("largest-contentful-paint", "total-blocking-time", "cumulative-layout-shift")
 CHROMIUM_FLAGS = "--headless --no-sandbox --disable-gpu --disable-background-networking"
@@ -44,7 +44,7 @@ class _Quiet(SimpleHTTPRequestHandler):
 
 @contextmanager
 def served(folder: Path) -> Iterator[str]:
-    """The address of a folder's files while this lasts."""
+    """Serve the files of a folder, and yield the address."""
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(_Quiet, directory=folder)) as server:
         Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_address[1]}"
@@ -52,61 +52,61 @@ def served(folder: Path) -> Iterator[str]:
 
 
 def own_pages(stack: ExitStack, folder: Path) -> Iterator[tuple[str, str]]:
-    """Names and addresses of a report, a running capture and the viewer, which are served by the stack."""
-    cell, recording, calibration, details = solved(Scenario(samples=15, robot_noise=(1e-4, 2e-4)))
+    """Yield names and addresses of a report, a running capture and the viewer, served until the stack closes."""
+    cell, recording, calibration, details = solve(Scenario(samples=15, robot_noise=(1e-4, 2e-4)))
     (folder / "report.html").write_text(page(cell, recording, calibration, details), encoding="utf-8")
     yield "report", f"{stack.enter_context(served(folder))}/report.html"
-    seen = cell_with_a_board()
-    yield "live", stack.enter_context(serve_page(captured(seen), seen, print))
-    viewed = ViewPage(cell, recording, folder, ("run",), lambda name: calibration)
-    yield "view", stack.enter_context(serve_view(viewed))
+    capture_cell = cell_with_a_board()
+    yield "live", stack.enter_context(serve_page(captured(capture_cell), capture_cell, print))
+    view_page = ViewPage(cell, recording, folder, ("run",), lambda name: calibration)
+    yield "view", stack.enter_context(serve_view(view_page))
 
 
 def score(address: str) -> dict[str, Any]:
-    """Lighthouse's scores of a page and what makes them."""
+    """Run Lighthouse on a page, and return its results."""
     with TemporaryDirectory() as folder:
         result = Path(folder, "result.json")
-        words = ["npx", "--yes", "lighthouse@13", address, "--quiet", "--preset=desktop", "--output=json"]
-        words += [f"--only-categories={','.join(CATEGORIES)}", f"--output-path={result}"]
-        made = subprocess.run(
-            [*words, f"--chrome-flags={CHROMIUM_FLAGS}"],
+        command = ["npx", "--yes", "lighthouse@13", address, "--quiet", "--preset=desktop", "--output=json"]
+        command += [f"--only-categories={','.join(CATEGORIES)}", f"--output-path={result}"]
+        process = subprocess.run(
+            [*command, f"--chrome-flags={CHROMIUM_FLAGS}"],
             env={**os.environ, "CHROME_PATH": str(CHROMIUM)},
             capture_output=True,
             text=True,
             check=False,
         )
         if not result.exists():
-            sys.exit(f"Lighthouse cannot be had or did not run:\n{made.stderr.strip()}")
-        found: dict[str, Any] = json.loads(result.read_text(encoding="utf-8"))
-    return found
+            sys.exit(f"Lighthouse cannot be had or did not run:\n{process.stderr.strip()}")
+        results: dict[str, Any] = json.loads(result.read_text(encoding="utf-8"))
+    return results
 
 
-def line(name: str, found: dict[str, Any]) -> str:
-    """A page's scores of 100, its figures, and the browser's benchmark."""
-    scores = "  ".join(f"{each} {100 * found['categories'][each]['score']:.0f}" for each in CATEGORIES)
-    figures = "  ".join(f"{each} {found['audits'][each].get('displayValue', '?')}" for each in FIGURES)
-    return f"{name}: {scores}  ({figures}; benchmark {found['environment']['benchmarkIndex']:.0f})"
+def line(name: str, results: dict[str, Any]) -> str:
+    """Text of a page's scores out of 100, its figures, and the browser's benchmark."""
+    scores = "  ".join(f"{each} {100 * results['categories'][each]['score']:.0f}" for each in CATEGORIES)
+    figures = "  ".join(f"{each} {results['audits'][each].get('displayValue', '?')}" for each in FIGURES)
+    return f"{name}: {scores}  ({figures}; benchmark {results['environment']['benchmarkIndex']:.0f})"
 
 
 def main(files: list[str]) -> int:
-    """Print a line for each page; 1 if one of them is slower than asked."""
+    """Print a line for each page; return 1 if the performance of one is below LEAST_SCORE."""
     if missing := [file for file in files if not Path(file).is_file()]:
         sys.exit(f"{missing[0]}: no such file; make docs makes those of the documents")
     for program, package in (("npx", "npm"), (CHROMIUM or "chromium", "chromium")):
         if shutil.which(program) is None:
             sys.exit(f"{program} is missing: install it (Debian: apt install {package})")
-    slow = False
+    is_slow = False
     with TemporaryDirectory() as folder, ExitStack() as stack:
-        named = (
+        pages = (
             ((Path(file).name, f"{stack.enter_context(served(Path(file).parent))}/{Path(file).name}") for file in files)
             if files
             else own_pages(stack, Path(folder))
         )
-        for name, address in named:
-            found = score(address)
-            print(line(name, found), flush=True)
-            slow |= found["categories"]["performance"]["score"] < LEAST
-    return int(slow)
+        for name, address in pages:
+            results = score(address)
+            print(line(name, results), flush=True)
+            is_slow |= results["categories"]["performance"]["score"] < LEAST_SCORE
+    return int(is_slow)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""An arm that can be worked out by hand."""
+"""A planar arm whose kinematics can be computed by hand."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from basecal.kinematics import SerialChain
 
 
 def planar(*lengths):
-    """An arm in the plane z = 0: joint, link along x, joint, link along x, ..."""
+    """Return an arm in the plane z = 0: joint, link along x, joint, link along x, ..."""
     n = len(lengths)
     origins = SE3.stack([SE3.from_rotvec([0, 0, 0], [x, 0, 0]) for x in (0.0, *lengths[:-1])])
     tip = SE3.from_rotvec([0, 0, 0], [lengths[-1], 0, 0])

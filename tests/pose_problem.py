@@ -1,6 +1,6 @@
-"""The smallest problem there is: an arm with a camera before a target on the world, seen as poses near the identity.
+"""The smallest problem: an arm with a camera in front of a fixed target, measured as poses near the identity.
 
-With every pose near the identity translations and rotations hardly mix, so that least squares are means and their
+With every pose near the identity, translations and rotations hardly mix. Least squares are then means, and their
 covariances are known in closed form.
 """
 
@@ -30,7 +30,7 @@ SINGLE = ([0], [1])
 def pose_problem(
     errors: Array, sigma: Array | None, prior: Unknown | None = None, stop_sigma: Array | None = None
 ) -> tuple[Problem, State]:
-    """Poses off by `errors`, (n, 6), of a target that is fixed, and the state without errors.
+    """Return a problem whose measured poses have these errors, (n, 6), and the state without errors.
 
     Args:
         errors: Right tangents of the measured poses.
@@ -39,13 +39,13 @@ def pose_problem(
         stop_sigma: (6,) sigmas of the arm's poses, each sample at a stop of its own.
     """
     n = len(errors)
-    at, fixed = SE3.identity((n,)), SE3.identity()
+    poses, fixed = SE3.identity((n,)), SE3.identity()
     stated = np.zeros((n, 6)) if sigma is None else np.tile(1 / sigma, (n, 1))
-    views = PoseMeasurement(at @ SE3.exp(errors), stated, np.where(stated > 0, stated, 1.0))
+    measured = PoseMeasurement(poses @ SE3.exp(errors), stated, np.where(stated > 0, stated, 1.0))
     rows, none = np.arange(n), np.full(n, -1)
     stop = none if stop_sigma is None else rows
-    ends = End("eye", MOUNT, None, at, stop, rows), End(None, TARGET, None, at, none, none)
-    group = ViewGroup("camera", "target", ends, rows, views)
+    ends = End("eye", MOUNT, None, poses, stop, rows), End(None, TARGET, None, poses, none, none)
+    group = ViewGroup("camera", "target", ends, rows, measured)
     stops = Stops(np.zeros((0, 6))) if stop_sigma is None else Stops(np.tile(stop_sigma, (n, 1)), ("eye",) * n)
     unknowns = {MOUNT: prior or Unknown(), TARGET: Unknown("fixed", fixed)}
     problem = Problem("eye", (group,), unknowns, frozenset(), {}, stops, {MOUNT: slice(0, 6)})
@@ -53,12 +53,14 @@ def pose_problem(
 
 
 def two_arm_problem(errors: Array, eye_stop: Sequence[int], hand_stop: Sequence[int]) -> tuple[Problem, State]:
-    """As `pose_problem`, the target on a second arm `hand` whose base is the world, both arms with unit sigmas.
+    """Return a problem as `pose_problem`, with the target on a second arm `hand` whose base is the world.
+
+    Both arms have unit sigmas.
 
     Args:
         errors: (n, 6) right tangents of the measured poses.
-        eye_stop: (n,) the stop of each view, from 0 on; -1 everywhere of an arm that is exact.
-        hand_stop: (n,) likewise, from the last of `eye_stop` on.
+        eye_stop: (n,) the stop of each view, from 0 on; all -1 if the arm is exact.
+        hand_stop: (n,) the same for the hand; its numbers go on after those of `eye_stop`.
     """
     problem, state = pose_problem(errors, None)
     (group,) = problem.groups
@@ -75,8 +77,8 @@ def _stands(stop: IntArray) -> IntArray:
 
 
 def shaken(problem, views, known_s=0.0):
-    """The problem with the camera in motion at all views, its stamps' jitter open, or known."""
+    """Return the problem with the camera in motion at all views, and the motion; jitter is open if not known."""
     (group,) = problem.groups
     motion = np.random.default_rng(9).standard_normal((views, 6))
-    of = {"jitter_s": {"camera": known_s}} if known_s else {"open_jitter": frozenset({"camera"})}
-    return replace(problem.with_groups([replace(group, motion=motion)]), **of), motion
+    jitter = {"jitter_s": {"camera": known_s}} if known_s else {"open_jitter": frozenset({"camera"})}
+    return replace(problem.with_groups([replace(group, motion=motion)]), **jitter), motion

@@ -1,4 +1,4 @@
-"""Which of many parameters of a test the fast tests try; `make test-slow` tries the others."""
+"""Parameters of a test that fast tests try; `make test-slow` tries all."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 
-def quick(values: Iterable[Any], these: Collection[Any]) -> list[Any]:
-    """All values, or tuples of them, those that are not among `these` marked slow."""
-    return [value if value in these else _slow(*value if isinstance(value, tuple) else (value,)) for value in values]
+def quick(values: Iterable[Any], fast: Collection[Any]) -> list[Any]:
+    """All values, or tuples of them; those not in `fast` are marked slow."""
+    return [value if value in fast else _slow(*value if isinstance(value, tuple) else (value,)) for value in values]
 
 
 def _slow(*values: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Images of a made-up scene: features with descriptors in place of rendered images."""
+"""Images of a random scene, as features with descriptors instead of rendered images."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from basecal.vision.tracks.features import DESCRIPTOR_LENGTH, Descriptors, Featu
 from scene_points import LENS, MIDDLE, MOUNT, PIXEL, Scene, made_scene
 
 CLUTTER = 30  # features of each image that show no point
-NOISE = 0.02  # of each number of a descriptor: two of one point are 0.1 apart, squared
+NOISE = 0.02  # of each component of a descriptor: the squared distance between two of one point is about 0.1
 
 
 def unit_rows(rows: Array) -> Descriptors:
@@ -26,52 +26,55 @@ def unit_rows(rows: Array) -> Descriptors:
 
 
 def random_looks(rng: np.random.Generator, count: int) -> Descriptors:
-    """So many descriptors that have nothing to do with one another."""
+    """Draw `count` unrelated descriptors."""
     return unit_rows(rng.standard_normal((count, DESCRIPTOR_LENGTH)))
 
 
 def images_of_scene(scene: Scene, seed: int = 1, looks: tuple[Descriptors, ...] | None = None) -> Images:
-    """A feature for each image point, and clutter.
+    """Make a feature for each image point, and clutter.
 
     Args:
-        scene: Its views and image points.
-        seed: Of descriptors.
-        looks: (p, 128) of the points, by camera; drawn, one for all cameras, if None.
+        scene: A scene with its views and image points.
+        seed: Seed of descriptors.
+        looks: Descriptors (p, 128) of the points by camera; None draws those that all cameras share.
     """
     rng = np.random.default_rng(seed)
-    of_all = random_looks(rng, scene.tracks.count)
-    by_camera = (of_all,) * len(scene.views.cameras) if looks is None else looks
+    common = random_looks(rng, scene.tracks.count)
+    by_camera = (common,) * len(scene.views.cameras) if looks is None else looks
     features = []
     for view in range(len(scene.views)):
-        mine = scene.tracks.view == view
-        own = by_camera[scene.views.camera[view]][scene.tracks.point[mine]]
-        shown = unit_rows(own + NOISE * rng.standard_normal(own.shape))
-        beside = rng.uniform(0, 1, (CLUTTER, 2)) * [1279, 719]
-        pixels = np.concatenate([scene.tracks.pixels[mine], beside])
+        in_view = scene.tracks.view == view
+        own = by_camera[scene.views.camera[view]][scene.tracks.point[in_view]]
+        noisy = unit_rows(own + NOISE * rng.standard_normal(own.shape))
+        clutter_px = rng.uniform(0, 1, (CLUTTER, 2)) * [1279, 719]
+        pixels = np.concatenate([scene.tracks.pixels[in_view], clutter_px])
         order = rng.permutation(len(pixels))
-        descriptors = np.concatenate([shown, random_looks(rng, CLUTTER)])
+        descriptors = np.concatenate([noisy, random_looks(rng, CLUTTER)])
         features.append(Features(pixels[order], descriptors[order]))
     count = len(scene.views.cameras)
     return Images(scene.views, tuple(features), (LENS,) * count, (False,) * count)
 
 
 def with_inverted_poses(views: SceneViews, camera: int) -> SceneViews:
-    """The views, poses of one camera's robot recorded as `flange_from_base`."""
+    """The views, with poses of one camera's robot recorded as `flange_from_base`."""
     poses = [
-        pose.inverse() if of == camera else pose for pose, of in zip(views.base_from_flange, views.camera, strict=True)
+        pose.inverse() if index == camera else pose
+        for pose, index in zip(views.base_from_flange, views.camera, strict=True)
     ]
     return replace(views, base_from_flange=SE3.stack(poses))
 
 
 def solved_camera(scene: Scene, images: Images, camera: int) -> OneCamera:
-    """What a camera's images say if its mount and points are the true ones, without a search."""
+    """The result for a camera's images whose mount and points are the true ones, without a search."""
     views, rows = own_views(scene.views, camera)
-    mine = scene.views.camera[scene.tracks.view] == camera
-    local = scene.tracks.view[mine] - rows[0]
-    own = Tracks(local, scene.tracks.point[mine], scene.tracks.pixels[mine], scene.tracks.feature[mine])
+    is_own = scene.views.camera[scene.tracks.view] == camera
+    local = scene.tracks.view[is_own] - rows[0]
+    own = Tracks(local, scene.tracks.point[is_own], scene.tracks.pixels[is_own], scene.tracks.feature[is_own])
     tracks, old = own.take(np.ones(len(own), dtype=bool))
-    at = [images.features[rows[v]].pixels for v in tracks.view]
-    feature = [int(np.argmin(np.sum((all_px - px) ** 2, 1))) for all_px, px in zip(at, tracks.pixels, strict=True)]
+    image_px = [images.features[rows[v]].pixels for v in tracks.view]
+    feature = [
+        int(np.argmin(np.sum((all_px - px) ** 2, 1))) for all_px, px in zip(image_px, tracks.pixels, strict=True)
+    ]
     tracks = replace(tracks, feature=np.array(feature))
     base = scene.truth.bases[camera]
     state = SceneState(
@@ -81,64 +84,66 @@ def solved_camera(scene: Scene, images: Images, camera: int) -> OneCamera:
         np.zeros((len(rows), 6)),
         base.inverse() @ scene.truth.points[old],
     )
-    nothing = np.zeros(0)
-    fit = SceneFit(views, tracks, PIXEL, np.zeros((len(rows), 6)), (LENS,), state, nothing, nothing, nothing, nothing)
+    empty = np.zeros(0)
+    fit = SceneFit(views, tracks, PIXEL, np.zeros((len(rows), 6)), (LENS,), state, empty, empty, empty, empty)
     start = MountStart(MOUNT, LENS, PIXEL)
     return OneCamera(rows, start, fit, 60)
 
 
 def shown_by(scene: Scene, points: Array, seen_by: tuple[BoolArray, BoolArray], seed: int = 1) -> Scene:
-    """Other points before the cameras of a scene without noise, 70 % of those in view.
+    """The scene with other points, of which each view shows 70 % of those in sight.
 
     Args:
-        scene: Of two arms.
+        scene: A scene of two arms.
         points: (p, 3) in the world [m].
-        seen_by: (p,) by camera, whether anything of it is seen.
-        seed: Of noise and of what is hidden.
+        seen_by: (p,) by camera, whether it can see a point.
+        seed: Seed of noise and of hidden points.
     """
     rng = np.random.default_rng(seed)
     world_from_camera = scene.truth.world_from_camera(scene.views)
     view, point, pixels, number = [], [], [], []
     for index, camera in enumerate(scene.views.camera):
-        at = world_from_camera[index].inverse() @ points
-        visible = np.flatnonzero(LENS.sees(at) & seen_by[camera] & (rng.random(len(points)) < 0.7))
+        in_camera = world_from_camera[index].inverse() @ points
+        visible = np.flatnonzero(LENS.sees(in_camera) & seen_by[camera] & (rng.random(len(points)) < 0.7))
         view += [index] * len(visible)
         point += visible.tolist()
         number += range(len(visible))
-        pixels.append(LENS.project(at[visible]) + PIXEL * rng.standard_normal((len(visible), 2)))
+        pixels.append(LENS.project(in_camera[visible]) + PIXEL * rng.standard_normal((len(visible), 2)))
     tracks = Tracks(np.array(view), np.array(point), np.concatenate(pixels), np.array(number))
     return Scene(scene.views, tracks, scene.truth.with_points(points))
 
 
 def repeated_object(is_seen_apart: bool) -> tuple[Scene, tuple[Descriptors, Descriptors]]:
-    """An object of 80 points that stands twice, and a table that looks otherwise to each arm.
+    """Return a scene of two equal objects of 80 points on a table, and descriptors by camera.
+
+    The table has other descriptors for each arm.
 
     Args:
-        is_seen_apart: Whether each arm sees another one of the two; else both see both.
+        is_seen_apart: Whether each arm sees only one of the objects; else both see both.
     """
     rng = np.random.default_rng(7)
     scene = made_scene(6, arms=2, count=12, points=30, noise=0.0)
-    thing = MIDDLE + rng.uniform(-1, 1, (80, 3)) * [0.12, 0.12, 0.05]
+    object_points = MIDDLE + rng.uniform(-1, 1, (80, 3)) * [0.12, 0.12, 0.05]
     table = MIDDLE + rng.uniform(-0.5, 0.5, (100, 3)) * [1, 1, 0]
-    aside = np.array([0.15, 0.1, 0.0])
-    points = np.concatenate([thing - aside, thing + aside, table])
-    of_thing, of_table = random_looks(rng, 80), [random_looks(rng, 100) for _ in range(2)]
-    looks = tuple(np.concatenate([of_thing, of_thing, own]) for own in of_table)
+    offset = np.array([0.15, 0.1, 0.0])
+    points = np.concatenate([object_points - offset, object_points + offset, table])
+    object_looks, table_looks = random_looks(rng, 80), [random_looks(rng, 100) for _ in range(2)]
+    looks = tuple(np.concatenate([object_looks, object_looks, own]) for own in table_looks)
     is_first, is_second = (np.isin(np.arange(260) // 80, [k, 2, 3]) for k in (0, 1))
-    every = np.ones(260, dtype=bool)
-    seen = (is_first, is_second) if is_seen_apart else (every, every)
-    return shown_by(scene, points, seen), (looks[0], looks[1])
+    everything = np.ones(260, dtype=bool)
+    visible = (is_first, is_second) if is_seen_apart else (everything, everything)
+    return shown_by(scene, points, visible), (looks[0], looks[1])
 
 
 def moved_object() -> tuple[Scene, tuple[Descriptors, Descriptors]]:
-    """A table, and an object of 90 points on it that stood elsewhere when the second arm looked."""
+    """A scene of a table and an object of 90 points that was moved before the second arm saw it, and descriptors."""
     rng = np.random.default_rng(8)
     scene = made_scene(6, arms=2, count=12, points=30, noise=0.0)
-    thing = MIDDLE + rng.uniform(-1, 1, (90, 3)) * [0.06, 0.06, 0.04]
+    object_points = MIDDLE + rng.uniform(-1, 1, (90, 3)) * [0.06, 0.06, 0.04]
     table = MIDDLE + rng.uniform(-0.35, 0.35, (160, 3)) * [1, 1, 0]
-    aside = np.array([0.15, 0.1, 0.0])
-    of_thing, of_table = random_looks(rng, 90), random_looks(rng, 160)
-    looks = np.concatenate([of_thing, of_thing, of_table])
-    of_first, of_second = np.arange(340) < 90, (np.arange(340) >= 90) & (np.arange(340) < 180)
-    points = np.concatenate([thing - aside, thing + aside, table]) + np.array([0.0, 0.0, 0.06])
-    return shown_by(scene, points, (~of_second, ~of_first)), (looks, looks)
+    offset = np.array([0.15, 0.1, 0.0])
+    object_looks, table_looks = random_looks(rng, 90), random_looks(rng, 160)
+    looks = np.concatenate([object_looks, object_looks, table_looks])
+    is_before, is_after = np.arange(340) < 90, (np.arange(340) >= 90) & (np.arange(340) < 180)
+    points = np.concatenate([object_points - offset, object_points + offset, table]) + np.array([0.0, 0.0, 0.06])
+    return shown_by(scene, points, (~is_after, ~is_before)), (looks, looks)

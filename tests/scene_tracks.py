@@ -1,4 +1,4 @@
-"""Tracks of a made-up scene as a cell holds them."""
+"""A folder of a cell with the tracks of a scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CAMERA = {"model": "pinhole", "size_px": list(LENS.size_px or ()), "intrinsics":
 
 
 def write_tracks(folder: Path, scene: Scene) -> None:
-    """A cell, and a line for each view."""
+    """Write a cell, and a line of samples.jsonl for each view."""
     views, tracks = scene.views, scene.tracks
     cameras = {camera.name: {"on": camera.robot, **CAMERA} for camera in views.cameras}
     robots = {name: {} for name in views.robots}
@@ -22,9 +22,9 @@ def write_tracks(folder: Path, scene: Scene) -> None:
     (folder / "cell.yaml").write_text(json.dumps(cell))
     lines = []
     for view in range(len(views)):
-        mine, pose = tracks.view == view, views.base_from_flange[view]
-        seen = {"tracks": tracks.point[mine].tolist(), "pixels": tracks.pixels[mine].tolist()}
+        in_view, pose = tracks.view == view, views.base_from_flange[view]
+        observation = {"tracks": tracks.point[in_view].tolist(), "pixels": tracks.pixels[in_view].tolist()}
         state = {"base_from_flange": {"t_m": pose.translation.tolist(), "q_xyzw": pose.quaternion.tolist()}}
         camera, robot = views.cameras[views.camera[view]].name, views.robots[views.robot[view]]
-        lines.append({"sample": view, "robots": {robot: state}, "observations": [{"camera": camera, **seen}]})
+        lines.append({"sample": view, "robots": {robot: state}, "observations": [{"camera": camera, **observation}]})
     (folder / "recording" / "samples.jsonl").write_text("\n".join(map(json.dumps, lines)) + "\n")

@@ -8,7 +8,7 @@ from basecal.accuracy.residuals.point_residuals import PointResiduals
 
 
 def seen(pixels, off_px, used=None, camera="wrist", target="board"):
-    """Points of sample 0."""
+    """Residuals of the points of sample 0."""
     count = len(pixels)
     return PointResiduals(
         camera,

@@ -8,6 +8,6 @@ from basecal.simulation import Scenario, simulate
 
 
 def simulated_problem(scenario: Scenario, seed: int = 2) -> Problem:
-    """What a scenario's cell and recording of a seed pose."""
+    """Build the problem of a simulated cell and recording."""
     simulated = simulate(scenario, seed)
     return build_problem(simulated.cell, simulated.recording)[0]

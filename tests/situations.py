@@ -1,10 +1,10 @@
-"""Pages of reports in some 24 situations, to be looked at.
+"""Reports in 24 situations, for a look at the pages.
 
-    python -m tests.situations FOLDER             a page each
-    python -m tests.situations FOLDER --images  and images of it at three widths, light and dark, and as paper
-    python -m tests.situations FOLDER --look      and what is wrong with them as a browser shows them
+    python -m tests.situations FOLDER             write a page for each
+    python -m tests.situations FOLDER --images    and images at three widths, light and dark, and a PDF
+    python -m tests.situations FOLDER --look      and list faults that a browser finds
 
-Simulated cells are calibrated; what is found of them besides is put in, with the words of the check that finds it.
+Simulated cells are calibrated. Further findings are put into the result, with the words of their checks.
 """
 
 from __future__ import annotations
@@ -36,45 +36,48 @@ REFUSALS = (
     "clock-offset", "reflection",
 )  # fmt: skip
 
-Made = tuple[Cell, Recording, Calibration, FitDetails]
+ReportInputs = tuple[Cell, Recording, Calibration, FitDetails]
 
 
-def solved(scenario: Scenario, seed: int = 4) -> Made:
-    """A simulated cell with its calibration."""
-    made = simulate(scenario, seed)
-    calibration = calibrate(made.cell, made.recording)
-    return made.cell, made.recording, calibration, fit_details(made.cell, made.recording, calibration)
+def solve(scenario: Scenario, seed: int = 4) -> ReportInputs:
+    """Calibrate a simulated cell."""
+    simulated = simulate(scenario, seed)
+    calibration = calibrate(simulated.cell, simulated.recording)
+    details = fit_details(simulated.cell, simulated.recording, calibration)
+    return simulated.cell, simulated.recording, calibration, details
 
 
-def found(code: str, severity: Severity) -> Finding:
-    """A finding in the words of its check."""
+def make_finding(code: str, severity: Severity) -> Finding:
+    """Make a finding with the words of its check."""
     words = check_words()[code]
     return Finding(code, severity, ("wrist",), f"{words[:1].upper()}{words[1:]}", ("`basecal report CELL --verbose`",))
 
 
-def situations() -> Iterator[tuple[str, Made]]:
-    """Names and what is shown."""
-    cell, recording, calibration, details = solved(Scenario(samples=15, robot_noise=(1e-4, 2e-4), intrinsics="free"))
+def situations() -> Iterator[tuple[str, ReportInputs]]:
+    """Yield the name and the content of each report."""
+    cell, recording, calibration, details = solve(Scenario(samples=15, robot_noise=(1e-4, 2e-4), intrinsics="free"))
     good = replace(calibration, verdict="good", findings=())
     yield "good", (cell, recording, good, details)
-    for name, asked_m in (("pass", 1e-2), ("fail", 1e-4)):
+    for name, tolerance_m in (("pass", 1e-2), ("fail", 1e-4)):
         expected_m = max(each.length_m for each in details.errors)
-        check = Tolerance(asked_m, expected_m, expected_m <= asked_m)
-        told = replace(good, tolerance=check, settings={**good.settings, "tolerance_m": asked_m})
-        yield name, (cell, recording, told, details)
+        check = Tolerance(tolerance_m, expected_m, expected_m <= tolerance_m)
+        changed = replace(good, tolerance=check, settings={**good.settings, "tolerance_m": tolerance_m})
+        yield name, (cell, recording, changed, details)
     for code in DOUBTS:
-        told = replace(good, verdict="doubtful", findings=(found(code, "warning"), found("same-stop", "info")))
-        yield f"doubtful_{code}", (cell, recording, told, details)
+        changed = replace(
+            good, verdict="doubtful", findings=(make_finding(code, "warning"), make_finding("same-stop", "info"))
+        )
+        yield f"doubtful_{code}", (cell, recording, changed, details)
     for code in REFUSALS:
-        told = Calibration("refused", findings=(found(code, "error"),), settings=good.settings)
-        yield f"refused_{code}", (cell, recording, told, FitDetails())
+        changed = Calibration("refused", findings=(make_finding(code, "error"),), settings=good.settings)
+        yield f"refused_{code}", (cell, recording, changed, FitDetails())
     yield "empty", (cell, Recording(), calibrate(cell, Recording()), FitDetails())
-    yield "three_robots", solved(Scenario(samples=20, layout="chain", target="points"))
-    yield "one_arm", solved(Scenario(samples=12, layout="eye_in_hand"))
+    yield "three_robots", solve(Scenario(samples=20, layout="chain", target="points"))
+    yield "one_arm", solve(Scenario(samples=12, layout="eye_in_hand"))
 
 
-def looked_at(paths: Sequence[Path], axe: Path | None, keeps_images: bool) -> Iterator[str]:
-    """What is wrong with pages at each size and scheme; their images, and they as paper, are put beside them."""
+def find_faults(paths: Sequence[Path], axe: Path | None, keeps_images: bool) -> Iterator[str]:
+    """Yield faults of pages at each size and scheme; put images and PDFs beside the pages if `keeps_images`."""
     # A killed browser may write for some milliseconds more.
     with TemporaryDirectory(ignore_cleanup_errors=True) as profile, browsing(Path(profile)) as tab:
         for path in paths:
@@ -87,23 +90,23 @@ def looked_at(paths: Sequence[Path], axe: Path | None, keeps_images: bool) -> It
 
 
 def main() -> None:
-    """Write the pages, and look at them in a browser if it is requested."""
+    """Write the pages; look at them in a browser if it is requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--images", action="store_true", help="and their images, and as paper")
+    parser.add_argument("--images", action="store_true", help="write images and PDFs of the pages too")
     parser.add_argument("--look", action="store_true", help="list text that is cut and errors of the console")
     parser.add_argument("--axe", type=Path, metavar="FILE", help="axe.min.js of axe-core, to list what it finds too")
-    asked = parser.parse_args()
-    asked.folder.mkdir(parents=True, exist_ok=True)
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, (cell, recording, calibration, details) in situations():
-        paths.append(asked.folder.resolve() / f"{name}.html")
+        paths.append(options.folder.resolve() / f"{name}.html")
         paths[-1].write_text(page(cell, recording, calibration, details, title=name), encoding="utf-8")
         print(f"{paths[-1].stat().st_size / 1e3:6.0f} kB  {paths[-1]}")
-    if asked.images or asked.look or asked.axe:
-        found = list(looked_at(paths, asked.axe, asked.images))
-        print(*found, f"{len(found)} faults at {len(SIZES)} sizes, light and dark", sep="\n")
-        sys.exit(bool(found))
+    if options.images or options.look or options.axe:
+        all_faults = list(find_faults(paths, options.axe, options.images))
+        print(*all_faults, f"{len(all_faults)} faults at {len(SIZES)} sizes, light and dark", sep="\n")
+        sys.exit(bool(all_faults))
 
 
 if __name__ == "__main__":

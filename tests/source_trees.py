@@ -1,4 +1,4 @@
-"""The sources as syntax trees, each read and walked once however many tests ask."""
+"""Syntax trees of source files, each parsed and walked once however many tests use it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 
 @cache
 def parsed(path: Path) -> ast.Module:
-    """The tree of a file."""
+    """Return the tree of a file."""
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
 @cache
 def nodes_of(tree: ast.AST) -> tuple[ast.AST, ...]:
-    """All nodes of a tree, itself first."""
+    """Return all nodes of a tree, the root first."""
     return tuple(ast.walk(tree))

@@ -1,4 +1,4 @@
-"""Streams of an arm with a wrist camera that moves smoothly before a tag, each by a clock of its own."""
+"""Streams of an arm with a wrist camera that moves smoothly in front of a tag; each stream has its own clock."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MOUNT = SE3.exp(np.array([0.03, -0.02, 0.08, 0.1, -0.1, 0.4]))  # flange from ca
 TAG = SE3.exp(np.array([0.5, 0.0, 0.02, 0.0, 0.0, 0.3]))  # base from tag
 BOARD = HOME @ MOUNT @ SE3.exp(np.array([0.0, 0.0, 1.0, 0.2, -0.1, 0.1]))  # base from a board before the camera
 SIGMA = np.repeat([5e-4, 1e-3], 3)  # of a measured pose [m, rad]
-RATE, VIEW_RATE = 50.0, 10.0  # records and views a second
+RATE_HZ, VIEW_RATE_HZ = 50.0, 10.0  # of records and views
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +41,8 @@ class Streamed:
     offset_s: float
 
 
-def along(times: Array) -> SE3:
-    """Where the flange is, `base_from_flange`, at instants [s]: no two of its six motions go together."""
+def path_poses(times: Array) -> SE3:
+    """Poses `base_from_flange` at instants [s]: a path whose six coordinates have different periods."""
     amplitude = np.array([0.10, 0.12, 0.08, 0.35, 0.4, 0.45])
     rate = np.array([1.1, 0.7, 1.3, 0.9, 1.2, 0.8])
     phase = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
@@ -57,27 +57,27 @@ def streamed(
     still: bool = False,
     stated: bool = True,
 ) -> Streamed:
-    """Records of the arm in lines of their own, and views whose stamps plus `offset_s` are the arm's time."""
+    """Simulate records of the arm, and views on lines of their own, whose stamps plus `offset_s` are the arm's time."""
     rng = np.random.default_rng(seed)
-    told_s, seen_s = np.arange(0, seconds, 1 / RATE), np.arange(0.5, seconds - 0.5, 1 / VIEW_RATE)
+    record_s, view_s = np.arange(0, seconds, 1 / RATE_HZ), np.arange(0.5, seconds - 0.5, 1 / VIEW_RATE_HZ)
     if still:  # no view while the arm goes from place to place
-        part = 3 * seen_s / seconds
-        seen_s = seen_s[np.abs(part - np.round(part)) < 0.3]
+        phase = 3 * view_s / seconds
+        view_s = view_s[np.abs(phase - np.round(phase)) < 0.3]
 
     def at(times: Array) -> SE3:
-        """The flange: all along its way, or always at the nearest of three places."""
-        return along(np.round(times / (seconds / 3)) * 10.0 if still else times)
+        """Poses of the flange along the path, or at the nearest of three places if `still`."""
+        return path_poses(np.round(times / (seconds / 3)) * 10.0 if still else times)
 
-    poses, seen = (
-        at(told_s),
-        (at(seen_s) @ MOUNT).inverse() @ TAG @ SE3.exp(SIGMA * rng.standard_normal((len(seen_s), 6))),
+    poses, camera_from_tag = (
+        at(record_s),
+        (at(view_s) @ MOUNT).inverse() @ TAG @ SE3.exp(SIGMA * rng.standard_normal((len(view_s), 6))),
     )
     sigma = SIGMA if stated else None
     views = [
-        Sample(k, float(t - offset_s), observations=(PoseObservation("wrist", "tag", seen[k], sigma),))
-        for k, t in enumerate(seen_s)
+        Sample(k, float(t - offset_s), observations=(PoseObservation("wrist", "tag", camera_from_tag[k], sigma),))
+        for k, t in enumerate(view_s)
     ]
-    records = [Sample(1000 + k, float(t), {"arm": RobotState(poses[k])}) for k, t in enumerate(told_s)]
+    records = [Sample(1000 + k, float(t), {"arm": RobotState(poses[k])}) for k, t in enumerate(record_s)]
     cell = Cell(
         "arm",
         {"arm": Robot("arm", noise=np.zeros(6) if stated else None)},
@@ -91,25 +91,25 @@ def streamed(
 def imaged(
     line_s: float, shutter: RollingShutter | None, noise_px: float = 0.1, seconds: float = 8.0, seed: int = 0
 ) -> Streamed:
-    """Records of the arm, and pixels of a board on the table, each where its point was when its row was read."""
+    """Simulate records of the arm, and pixels of a fixed board, each exposed when its image row is read."""
     rng = np.random.default_rng(seed)
     lens = Camera("pinhole", np.array([900.0, 905.0, 640.0, 360.0]), (1280, 720))
     board = grid_of_points()
-    told_s, seen_s = np.arange(0, seconds, 1 / RATE), np.arange(0.5, seconds - 0.5, 1 / VIEW_RATE)
-    pixels = np.zeros((len(seen_s), len(board.points), 2))
+    record_s, view_s = np.arange(0, seconds, 1 / RATE_HZ), np.arange(0.5, seconds - 0.5, 1 / VIEW_RATE_HZ)
+    pixels = np.zeros((len(view_s), len(board.points), 2))
     for _ in range(4):
-        times = seen_s[:, None] + line_s * pixels[..., 1]
-        flange = along(times.ravel())
-        points = np.tile(board.points, (len(seen_s), 1))
+        times = view_s[:, None] + line_s * pixels[..., 1]
+        flange = path_poses(times.ravel())
+        points = np.tile(board.points, (len(view_s), 1))
         pixels = lens.project((flange @ MOUNT).inverse() @ (BOARD @ points)).reshape(pixels.shape)
     pixels += noise_px * rng.standard_normal(pixels.shape)
     sigma = np.full(len(board.points), max(noise_px, 1e-3))
     views = [
         Sample(k, float(t), observations=(PixelObservation("wrist", "board", board.ids, pixels[k], sigma),))
-        for k, t in enumerate(seen_s)
+        for k, t in enumerate(view_s)
     ]
-    poses = along(told_s)
-    records = [Sample(1000 + k, float(t), {"arm": RobotState(poses[k])}) for k, t in enumerate(told_s)]
+    poses = path_poses(record_s)
+    records = [Sample(1000 + k, float(t), {"arm": RobotState(poses[k])}) for k, t in enumerate(record_s)]
     wrist = CellCamera(
         "wrist",
         "arm",
@@ -124,7 +124,7 @@ def imaged(
 
 
 def grid_of_points() -> Target:
-    """Twenty points, a centimetre apart and not quite in a plane."""
-    across, along_y = np.meshgrid(np.arange(5), np.arange(4))
-    places = np.stack([across.ravel(), along_y.ravel(), 0.3 * (across * along_y % 3).ravel()], -1)
+    """A target of twenty points, 2 cm apart and not quite in a plane."""
+    across, down = np.meshgrid(np.arange(5), np.arange(4))
+    places = np.stack([across.ravel(), down.ravel(), 0.3 * (across * down % 3).ravel()], -1)
     return points_target(0.02 * (places - places.mean(0)))

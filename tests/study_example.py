@@ -15,7 +15,7 @@ BOARD = "board: {kind: chessboard, corners: [4, 3], square_m: 0.06}"
 
 
 def study(trials: int = 8, cells: int = 2, hold: str = "", axes: str = "", more: str = "") -> Study:
-    """A study with cells of a few samples; `hold` and `axes` are entries in braces' place."""
+    """A study with cells of a few samples; `hold` and `axes` are entries of these mappings in YAML."""
     text = f"schema: basecal/study/1\ntrials: {trials}\ncells: {cells}\n{more}\nhold: {{{hold}}}\naxes: {{{axes}}}\n"
     return study_from_text(text, "study.yaml")
 
@@ -23,8 +23,8 @@ def study(trials: int = 8, cells: int = 2, hold: str = "", axes: str = "", more:
 SMALL = f"samples: 8, {BOARD}"
 
 
-def numbers(made: Study, folder: Path) -> dict[str, bytes]:
-    """All columns but the time, as bytes."""
-    trials = [result.trials for _, result in results(made, folder)]
+def numbers(small_study: Study, folder: Path) -> dict[str, bytes]:
+    """All columns of a study except the time, as bytes."""
+    trials = [result.trials for _, result in results(small_study, folder)]
     named = {name: np.concatenate([getattr(each, name) for each in trials]) for name in COLUMNS}
     return {name: values.tobytes() for name, values in named.items() if name != "time_s"}

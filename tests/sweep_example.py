@@ -1,4 +1,4 @@
-"""A summary of a study as pages are given it."""
+"""A summary of a study in the form that pages take."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ HOSTILE = "<script>alert(1)</script>"
 
 
 def summary(boards: tuple[str, ...] = ("small", HOSTILE)) -> dict[str, Any]:
-    """Two axes, one of words; the last point has no answer."""
+    """A summary with two axes, one of words; the last point has no solved trial."""
     axes = {"board": list(boards), "samples": [5, 10, 80]}
     points = [_point(dict(zip(axes, at, strict=True)), 1 + k) for k, at in enumerate(product(*axes.values()))]
     none = dict.fromkeys(("error_mm", "error_deg", "sigma_mm", "sigma_deg", "nees", "coverage"))

@@ -11,18 +11,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks import capture, report, scale
+from benchmarks import capture, report, running_check, scale
 from benchmarks.capture import HEAD, Outcome, kept_outcomes, row, size_text
+from benchmarks.capture_images import speeds
 from benchmarks.common import RESULTS, Kept
 from benchmarks.entered import FileOfTests, Judge, telling
 from benchmarks.mutants import Verdict, kept_runs, room_tests, rows, run_of, survivors
 from benchmarks.peers.tables import brief
 from benchmarks.real_errors import reality
-from benchmarks.report import PAGE, page
+from benchmarks.report import PAGE, make_page
 from benchmarks.rescues import RESCUES, locate
 from benchmarks.small_faults import SOURCE, Mutant, mutants_of, replacements
+from benchmarks.solve.task import make_task
+from benchmarks.solve.whole import Whole
 
 from basecal.simulation import Scenario, simulate
+from derivatives import check_derivative
 
 ROOT = Path(__file__).parents[1]
 SVG = "{http://www.w3.org/2000/svg}"
@@ -30,7 +34,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 def test_page_is_made_of_the_results() -> None:
     """docs/benchmarks.md is what `python -m benchmarks.report` makes of benchmarks/results: no number is typed."""
-    assert PAGE.read_text(encoding="utf-8") == page()
+    assert PAGE.read_text(encoding="utf-8") == make_page()
 
 
 def test_scale_is_made_of_the_results() -> None:
@@ -54,7 +58,7 @@ def test_a_run_of_captures_goes_on_or_begins_anew(tmp_path: Path, monkeypatch: p
     words = ["--keep", str(tmp_path / "kept.jsonl"), "--minutes", "0"]
     assert capture.main(words) == 0
     assert (told["capture"]["kept_since"], [each["cells"] for each in told["capture"]["rows"]]) == ("0ld", [1])
-    assert (tmp_path / "page.md").read_text(encoding="utf-8") == page()
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == make_page()
     assert capture.main([*words, "--anew"]) == 0
     assert (told["capture"]["kept_since"], told["capture"]["rows"]) == (capture.commit(), [])
 
@@ -231,3 +235,23 @@ def test_outcomes_outlive_a_run(tmp_path: Path) -> None:
     assert [each.nees for each in kept_outcomes(again, "")] == [7.0]
     assert size_text(again, "sag") == "0.0123 deg"
     assert (size_text(again, "backlash"), again.get("sag#3")) == ("", None)
+
+
+def test_general_solvers_get_the_derivative_of_the_residuals() -> None:
+    """The Jacobian is that of the residuals, away from the start too."""
+    task, step = make_task(4, 0), np.full(18, 1e-2)
+    whole = Whole(task.problem, task.start)
+    _, jacobian = whole.at_step(step)
+    check_derivative(lambda d: whole.at_step(step + d)[0], jacobian, step=1e-3, tolerance=1e-7)
+
+
+def test_speeds_are_measured_of_all_targets() -> None:
+    """The number of images stays the same from target to target."""
+    assert len(speeds(1)["milliseconds"]) == 4
+
+
+@pytest.mark.parametrize("kind", running_check.KINDS)
+def test_faults_are_shown_by_all_samples(kind: str) -> None:
+    """The test of a known fault uses the views linearised at the answer."""
+    fault = running_check.draw_fault(kind, 1)
+    assert running_check.show_fault(fault, len(fault.samples))[0]

@@ -1,4 +1,4 @@
-"""A problem of nothing but the tracks of two arms, beside its scene."""
+"""A problem of the tracks of two arms alone, and its scene."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ FIELDS |= {"distortion": LENS.parameters[4:].tolist(), "status": "free"}
 
 
 def tracks_alone(seed: int, count: int = 6) -> tuple[Scene, SceneFit, Problem, State]:
-    """A scene, its own optimum, and the same as a problem and its state."""
+    """Return a scene, its optimum, and the same as a problem and its state."""
     scene = made_scene(seed, arms=2, count=count, points=80)
     views = scene.views
     noise = np.tile(np.repeat([ARM_M, ARM_RAD], 3), (len(views.stop_robot), 1))
     fit = adjust(Task(views, scene.tracks, PIXEL, noise, (LENS, LENS)), scene.truth)
     cell, recording = _recorded(scene)
     empty = build_problem(cell, recording)[0]
-    seen = {camera.name: views.sample[views.camera == k].tolist() for k, camera in enumerate(views.cameras)}
+    samples = {camera.name: views.sample[views.camera == k].tolist() for k, camera in enumerate(views.cameras)}
     names = {"left_flange_from_left_eye": 0, "right_flange_from_right_eye": 1}
     transforms = {name: fit.state.mounts[k] for name, k in names.items()}
     transforms["left_base_from_right_base"] = fit.state.bases[1]
     cameras = {camera.name: lens for camera, lens in zip(views.cameras, fit.state.lenses, strict=True)}
     state = State(transforms, cameras, fit.state.errors / noise)
-    return scene, fit, with_scene(empty, state, scene_groups(cell, recording, empty, seen), fit, PIXEL), state
+    return scene, fit, with_scene(empty, state, scene_groups(cell, recording, empty, samples), fit, PIXEL), state
 
 
 def _recorded(scene: Scene) -> tuple[Cell, Recording]:

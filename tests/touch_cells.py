@@ -1,4 +1,4 @@
-"""Two arms whose tips touch marks, or one another: cells, and what would be recorded of them."""
+"""Cells of two arms whose tips touch marks or each other, and their recordings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 def touch_data(names: Sequence[str] = tuple(MARKS), **more: Any) -> dict[str, Any]:
-    """Data of a cell of two exact arms with a tip each, and of these marks, of which nothing is known."""
+    """Data of a cell of two exact arms with a tip each, and of marks with unknown positions."""
     exact = {"noise": {"sigma_t_m": 1e-6, "sigma_r_rad": 1e-6, "kind": "total"}}
     tips = {f"{robot}_tip": {"on": robot, "offset": {"status": "free"}} for robot in TIPS}
     robots = dict.fromkeys(TIPS, exact)
@@ -39,14 +39,14 @@ def touch_cell(names: Sequence[str] = tuple(MARKS), **more: Any) -> Cell:
 
 
 def flange_pose(rng: np.random.Generator, robot: str, tip: Array, spread: float = 0.6) -> SE3:
-    """`base_from_flange` of a robot whose tip is at a place in the world, pointing down but for a random rotation."""
+    """`base_from_flange` of a robot whose tip is at a world position and points down, but for a random rotation."""
     rotation = _DOWN @ SE3.from_rotvec(rng.normal(0, spread, 3), np.zeros(3)).rotation
     base = SE3.identity() if robot == "eye" else TRUTH
     return base.inverse() @ SE3(rotation, tip - rotation @ TIPS[robot])
 
 
 def state(pose: SE3) -> dict[str, Any]:
-    """A robot's state as a line of samples.jsonl has it."""
+    """A robot's state in the form of a line of samples.jsonl."""
     return {"base_from_flange": {"t_m": pose.translation.tolist(), "q_xyzw": pose.quaternion.tolist()}}
 
 
@@ -57,21 +57,21 @@ def touch_lines(
     marks: Mapping[str, Array] = MARKS,
     is_stated: bool = False,
 ) -> list[dict[str, Any]]:
-    """Lines in which the arms in turn touch marks in turn, or one another if there are none, with an error per axis."""
+    """Lines in which the arms in turn touch the marks in turn, or each other if there are none, with noise per axis."""
     lines, names = [], list(marks)
     noise = {"sigma_m": sigma_m} if is_stated else {}
     for number in range(count):
         if names:
             robot, mark = list(TIPS)[number % 2], names[number // 2 % len(names)]
-            place = marks[mark] + sigma_m * rng.standard_normal(3)
-            robots = {robot: state(flange_pose(rng, robot, place))}
-            seen = {"touch": mark, "tip": f"{robot}_tip"}
+            position = marks[mark] + sigma_m * rng.standard_normal(3)
+            robots = {robot: state(flange_pose(rng, robot, position))}
+            observation = {"touch": mark, "tip": f"{robot}_tip"}
         else:
-            place = np.array([0.5, 0, 0.4]) + rng.uniform(-0.25, 0.25, 3)
-            met = {"eye": place, "hand": place + sigma_m * rng.standard_normal(3)}
-            robots = {robot: state(flange_pose(rng, robot, at)) for robot, at in met.items()}
-            seen = {"tip": "eye_tip", "tip2": "hand_tip"}
-        lines.append({"sample": number, "robots": robots, "observations": [{**seen, **noise}]})
+            position = np.array([0.5, 0, 0.4]) + rng.uniform(-0.25, 0.25, 3)
+            tips = {"eye": position, "hand": position + sigma_m * rng.standard_normal(3)}
+            robots = {robot: state(flange_pose(rng, robot, tip)) for robot, tip in tips.items()}
+            observation = {"tip": "eye_tip", "tip2": "hand_tip"}
+        lines.append({"sample": number, "robots": robots, "observations": [{**observation, **noise}]})
     return lines
 
 
@@ -85,42 +85,44 @@ SURFACES = {
 def surface_lines(
     rng: np.random.Generator, count: int, sigma_m: float, shapes: Mapping[str, str]
 ) -> list[dict[str, Any]]:
-    """Lines in which the arms in turn touch planes and edges of `SURFACES`, and marks of the shape `point`, in turn."""
-    lines, free = [], {"plane": [1, 1, 0], "edge": [0, 0, 1]}
+    """Lines in which the arms in turn touch planes and edges of `SURFACES`, and marks of shape `point`, in turn."""
+    lines, free_axes = [], {"plane": [1, 1, 0], "edge": [0, 0, 1]}
     for number in range(count):
         robot, name = list(TIPS)[number % 2], list(shapes)[number // 2 % len(shapes)]
-        place = MARKS[name] if name in MARKS else SURFACES[name] @ (free[shapes[name]] * rng.uniform(-0.25, 0.25, 3))
+        place = (
+            MARKS[name] if name in MARKS else SURFACES[name] @ (free_axes[shapes[name]] * rng.uniform(-0.25, 0.25, 3))
+        )
         pose = flange_pose(rng, robot, place + sigma_m * rng.standard_normal(3))
-        seen = {"touch": name, "tip": f"{robot}_tip"}
-        lines.append({"sample": number, "robots": {robot: state(pose)}, "observations": [seen]})
+        observation = {"touch": name, "tip": f"{robot}_tip"}
+        lines.append({"sample": number, "robots": {robot: state(pose)}, "observations": [observation]})
     return lines
 
 
 def surface_cell(shapes: Mapping[str, str]) -> Cell:
-    """The cell of these marks, of whose places nothing is known."""
+    """A cell of marks of these shapes, with unknown positions."""
     return touch_cell((), marks={name: {"shape": shape} for name, shape in shapes.items()})
 
 
 def held_poses(
     rng: np.random.Generator, count: int, sigma_m: float = 1e-4, sigma_rad: float = 1e-3, is_hinge: bool = False
 ) -> list[dict[str, SE3]]:
-    """`base_from_flange` of both arms while they hold a part, whose grip errs in place and direction."""
+    """`base_from_flange` of both arms while they hold a part, with noise in position and rotation of the grip."""
     ends = {robot: SE3.from_rotvec(rng.normal(0, 1.5, 3), tip) for robot, tip in TIPS.items()}
-    out = []
+    poses = []
     for _ in range(count):
         part = SE3.from_rotvec(rng.normal(0, 0.5, 3), np.array([0.5, 0, 0.4]) + rng.uniform(-0.2, 0.2, 3))
         turn = SE3.from_rotvec([0, 0, rng.uniform(-1, 1) if is_hinge else 0.0], np.zeros(3))
         error = SE3.from_rotvec(rng.normal(0, sigma_rad, 3), rng.normal(0, sigma_m, 3))
-        met = {"eye": part, "hand": TRUTH.inverse() @ part @ error @ turn}
-        out.append({robot: at @ ends[robot].inverse() for robot, at in met.items()})
-    return out
+        grips = {"eye": part, "hand": TRUTH.inverse() @ part @ error @ turn}
+        poses.append({robot: grips[robot] @ ends[robot].inverse() for robot in grips})
+    return poses
 
 
 def clamp_lines(poses: Sequence[Mapping[str, SE3]], **sigmas: float) -> list[dict[str, Any]]:
-    """Lines of what `held_poses` gives."""
-    seen = {"clamp": "part", **sigmas}
+    """Lines of the poses of `held_poses`."""
+    observation = {"clamp": "part", **sigmas}
     states = ({robot: state(pose) for robot, pose in each.items()} for each in poses)
-    return [{"sample": k, "robots": robots, "observations": [seen]} for k, robots in enumerate(states)]
+    return [{"sample": k, "robots": robots, "observations": [observation]} for k, robots in enumerate(states)]
 
 
 def clamp_cell(axis: str) -> Cell:
@@ -130,17 +132,17 @@ def clamp_cell(axis: str) -> Cell:
 
 
 def recorded(cell: Cell, lines: Sequence[dict[str, Any]]) -> Recording:
-    """The recording of lines."""
+    """Read lines as a recording."""
     return recording_from_text(lines_text(lines).encode(), ".", cell)
 
 
 def lines_text(lines: Sequence[dict[str, Any]]) -> str:
-    """The text of samples.jsonl."""
+    """Text of samples.jsonl."""
     return "".join(json.dumps(line) + "\n" for line in lines)
 
 
 def write_folder(folder: Path, cell_yaml: str, lines: Sequence[dict[str, Any]]) -> Path:
-    """A folder of a cell with its recording."""
+    """Write a folder of a cell with its recording, and return it."""
     (folder / "recording").mkdir(parents=True)
     (folder / "cell.yaml").write_text(cell_yaml)
     (folder / "recording" / "samples.jsonl").write_text(lines_text(lines))

@@ -39,7 +39,7 @@ TARGETS = {
 
 
 def poses(shape: Target, count: int, rng: np.random.Generator, tilt: float = 0.6) -> list[SE3]:
-    """Where a target about 0.25 m wide may stand before a camera with the field of view of WIDE."""
+    """Draw poses at which a camera like WIDE sees a target about 0.25 m wide."""
     middle = (shape.points.max(axis=0) + shape.points.min(axis=0)) / 2
     return [_pose(middle, rng, tilt) for _ in range(count)]
 
@@ -47,20 +47,20 @@ def poses(shape: Target, count: int, rng: np.random.Generator, tilt: float = 0.6
 def _pose(middle: Array, rng: np.random.Generator, tilt: float) -> SE3:
     rotation = SE3.from_rpy([*rng.uniform(-tilt, tilt, 2), rng.uniform(-3, 3)], np.zeros(3)).rotation
     depth = rng.uniform(0.4, 0.6)
-    place = np.array([*rng.uniform(-0.12, 0.12, 2) * depth, depth])
-    return SE3(rotation.copy(), place - rotation @ middle)
+    position = np.array([*rng.uniform(-0.12, 0.12, 2) * depth, depth])
+    return SE3(rotation.copy(), position - rotation @ middle)
 
 
 @lru_cache(maxsize=32)
 def scene(shape: Target, settings: RenderSettings | None = None, pose: SE3 = STRAIGHT) -> Image:
-    """A target seen half a metre ahead of WIDE, not quite upright; the same image, not to be written, each time."""
+    """Render a target half a metre ahead of WIDE, slightly tilted; the image is cached and read-only."""
     image = render(WIDE, shape, at(shape, pose), settings)
     image.setflags(write=False)
     return image
 
 
 def at(shape: Target, pose: SE3 = STRAIGHT) -> SE3:
-    """Where the middle of a target stands at a pose."""
+    """Return the pose of a target whose middle is at a pose."""
     middle = (shape.points.max(axis=0) + shape.points.min(axis=0)) / 2
     return SE3(pose.rotation, pose.translation - pose.rotation @ middle)
 
@@ -70,24 +70,26 @@ BLURRED = RenderSettings(blur_px=3.0, noise=1.0)
 
 
 def shrunk(image: Image, block: int) -> Image:
-    """An image in which a block of pixels is one."""
+    """Return the image with each block of pixels averaged to one."""
     height, width = (side // block for side in image.shape)
     blocks = image[: height * block, : width * block].reshape(height, block, width, block)
     return np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
 
 
 def errors_of(detection: Detection | None, shape: Target, block: int = 1) -> Array:
-    """Errors of a detection in a `scene`, (n, 2) [px], counted from whichever end of a grid is nearer."""
+    """Errors of a detection in a `scene`, (n, 2) [px]; a symmetric grid is matched in its better order."""
     assert detection is not None
     assert detection.ids is not None
     true = (WIDE.project(at(shape) @ shape.points) + 0.5) / block - 0.5
     rows = shape.rows(detection.ids)
-    both = [detection.pixels - each[rows] for each in ((true, true[::-1]) if shape.has_half_turn_symmetry else (true,))]
-    return min(both, key=lambda each: float(np.abs(each).max()))
+    candidates = [
+        detection.pixels - each[rows] for each in ((true, true[::-1]) if shape.has_half_turn_symmetry else (true,))
+    ]
+    return min(candidates, key=lambda each: float(np.abs(each).max()))
 
 
 def with_exif(jpeg: bytes, orientation: int, order: str = "<") -> bytes:
-    """A JPEG with a segment of EXIF that tells an orientation."""
+    """A JPEG with an EXIF segment that states an orientation."""
     tiff = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(
         order + "IHHHIHHI", 8, 1, 274, 3, 1, orientation, 0, 0
     )
@@ -97,9 +99,9 @@ def with_exif(jpeg: bytes, orientation: int, order: str = "<") -> bytes:
 def check_poor_image(
     detect: Callable[[Image, Target], Detection | None], shape: Target, settings: RenderSettings, block: int, count: int
 ) -> None:
-    """A target is found, with so many points at least, and with sigmas true within a factor of two and a half."""
-    found = detect(shrunk(scene(shape, settings), block), shape)
-    error = errors_of(found, shape, block)
-    assert found is not None
+    """Check that a target is found with at least `count` points, and that sigmas are true within a factor of 2.5."""
+    detection = detect(shrunk(scene(shape, settings), block), shape)
+    error = errors_of(detection, shape, block)
+    assert detection is not None
     assert len(error) >= count
-    assert 0.4 < np.sqrt(np.mean((error / found.sigma_px[:, None]) ** 2)) < 2.5
+    assert 0.4 < np.sqrt(np.mean((error / detection.sigma_px[:, None]) ** 2)) < 2.5

@@ -4,9 +4,9 @@
     python -m tests.words sentences               sentences that are too long, hold a replaced word, or begin badly
     python -m tests.words draw [--draw 30 --seed 1]    docstrings and messages drawn at random
 
-A function is named by a verb with its object or by the noun that it returns, a parameter by a noun, a constant by what
-it counts. A docstring begins with a verb, or with the noun that it is about. A sentence of a message has at most 20
-words, one of a docstring or a document at most 25; a value that is filled in counts as one word.
+A function is named by a verb with its object, or by the noun that it returns. A parameter is named by a noun, a
+constant by what it counts. A docstring begins with a verb, or with the noun that it is about. A sentence of a message
+has at most 20 words, one of a docstring or a document at most 25. A value that is filled in counts as one word.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def is_participle(word: str) -> bool:
 
 
 def fault(name: Name) -> str:
-    """What is wrong with a name; empty if nothing is."""
+    """Return the fault of a name; empty if it has none."""
     bare = name.name.strip("_").lower()
     words = bare.split("_")
     if name.is_fixed or name.name.startswith("__") or not bare:
@@ -248,28 +248,28 @@ def complaints(texts: Iterator[Text]) -> Iterator[tuple[Text, str, str]]:
 
 
 def draw(count: int, seed: int) -> Iterator[Text]:
-    """So many docstrings, and as many messages, drawn at random."""
+    """Draw `count` docstrings and as many messages at random."""
     for texts in (docstrings(), messages()):
         yield from random.Random(seed).sample(list(texts), count)
 
 
 def main() -> None:
-    """Print what is asked."""
+    """Print names, sentences or a random sample of texts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("names", "sentences", "draw"))
     parser.add_argument("--faults", action="store_true", help="only names that are wrong")
     parser.add_argument("--draw", type=int, default=30)
     parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
-    if given.what == "names":
+    arguments = parser.parse_args()
+    if arguments.what == "names":
         for name in names():
-            if (why := fault(name)) or not given.faults:
+            if (why := fault(name)) or not arguments.faults:
                 print(f"{name.path}:{name.line}: {name.kind} {name.name}" + (f": {why}" if why else ""))
-    elif given.what == "sentences":
+    elif arguments.what == "sentences":
         for text, why, sentence in complaints(iter([*docstrings(), *messages(), *documents()])):
             print(f"{text.path}:{text.line}: {text.kind}, {why}: {sentence}")
     else:
-        for text in draw(given.draw, given.seed):
+        for text in draw(arguments.draw, arguments.seed):
             print(f"{text.path}:{text.line}: {text.kind}: {' '.join(text.text.split())}")
 
 

@@ -51,7 +51,7 @@ class Whole:
         pose_jacobian = _pose_jacobian(
             point_jacobian * measurement.weight[..., None, None], pose.rotation, measurement.points_in_target
         )
-        step_jacobian, columns = unknown_jacobian(self.problem, group, links, 6)
+        step_jacobian, columns = unknown_jacobian(self.problem, group, links, state, 6)
         jacobian = pose_jacobian @ step_jacobian[..., np.argsort(columns)]
         residual = (pixels - measurement.pixels) * measurement.weight[..., None]
         return residual.reshape(-1), jacobian.reshape(-1, jacobian.shape[-1])

@@ -164,9 +164,9 @@ def scene(folder: Path) -> None:
 
 def scene_bag(folder: Path, samples: dict[str, list[Sample]]) -> None:
     """A bag of the same: both arms stop for each image at once, and go on."""
-    from tests.bag_of_cell import Wrote, between, journey, middles
+    from tests.bag_of_cell import BagWriter, between, journey, middles
 
-    bag = Wrote("mcap", folder / "recording")
+    bag = BagWriter("mcap", folder / "recording")
     for robot, mine in samples.items():
         poses = SE3.stack([sample.robots[robot].base_from_flange for sample in mine])
         for time, stop, share in journey(len(mine)):

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from tests.shared.browser import browsing
 from tests.shared.page_faults import faults
-from tests.situations import looked_at, situations
+from tests.situations import find_faults, situations
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fit_details import fit_details
@@ -176,7 +176,7 @@ def test_nothing_is_cut_at_any_size(tmp_path: Path) -> None:
     for name, (cell, recording, calibration, details) in shown.items():
         paths.append(tmp_path / f"{name}.html")
         paths[-1].write_text(page(cell, recording, calibration, details, title=name), encoding="utf-8")
-    assert list(looked_at(paths, None, keeps_images=False)) == []
+    assert list(find_faults(paths, None, keeps_images=False)) == []
     with browsing(tmp_path / "profile") as tab:
         tab.go(paths[0].as_uri())
         tab.value("document.querySelector('.note').style = 'position: absolute; left: 99%; white-space: nowrap'")

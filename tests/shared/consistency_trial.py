@@ -107,11 +107,18 @@ ESTIMATED: dict[str, Scenario] = {
 
 
 class Error(NamedTuple):
-    """One cell.
+    """Error of the base in one cell; pairs are for translation [m] and rotation [rad].
 
-    `nees` of its base, and the same in the bound instead of the covariance; whether the descent converged; seconds of
-    the solution; squares of the base's error and of the bound, for (shift [m], turn [rad]); the largest sigmas of the
-    bound; the expected inflation by estimated sigmas; and the robots' sigmas if they are estimated.
+    Attributes:
+        nees: Squared error in units of the covariance.
+        nees_by_bound: Squared error in units of the bound.
+        converged: Whether the descent converged.
+        seconds: Time of the solution.
+        squared: Squared norms of the errors.
+        bound: Expected squared norms by the bound.
+        largest: Largest sigma of an axis by the bound.
+        inflation: Expected factor of `nees` because sigmas are estimated.
+        robots: Sigmas of the robots, if they are estimated.
     """
 
     nees: float

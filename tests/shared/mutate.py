@@ -159,7 +159,7 @@ def _swap(first: str, second: str) -> Change:
 
 
 def _pair_late(stream: str, shift: int, start: int = 0) -> Change:
-    """From `start` on, line i gets the stream of line i + `shift`; lines without a partner are removed."""
+    """Give line i the stream of line i + `shift`, from `start` on; lines without a partner are removed."""
 
     def apply(lines: Lines) -> Lines:
         copy = json.loads(json.dumps(lines))

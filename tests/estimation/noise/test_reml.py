@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWNS, made_up, written
+from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWNS, expand_model, made_up
 from tests.pose_problem import STAR, two_arm_problem
 
 from basecal.effects.faces.shared_errors import SharedErrors
@@ -257,7 +257,7 @@ def of_numbers(request, rng):
 def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
     """Value, means and covariances: columns and errors of blocks by one inverse of all of it."""
     model, parts, sigmas = of_numbers
-    found, expected = posterior(model, np.log(sigmas)), written(model, parts, sigmas)
+    found, expected = posterior(model, np.log(sigmas)), expand_model(model, parts, sigmas)
     assert found.value == pytest.approx(expected.value, rel=1e-8)
     mean, covariance = expected.mean, expected.covariance
     np.testing.assert_allclose(found.mean_columns, mean[:COLUMNS], rtol=1e-6, atol=1e-8)
@@ -280,7 +280,7 @@ def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
 def test_errors_of_stops_are_in_their_units(of_numbers):
     """From blocks and columns, each times its sigma; those in common likewise."""
     model, parts, sigmas = of_numbers
-    expected = written(model, parts, sigmas)
+    expected = expand_model(model, parts, sigmas)
     units = expected.mean * expected.scales
     errors, (_, shared) = units[COLUMNS:].reshape(BLOCKS, ROWS), model.layout.shared[0]["hand"]
     of_stops = np.array([errors[0, :6], units[3:9], errors[1, :6]])
@@ -293,13 +293,14 @@ def test_slope_and_average_information_are_written_out(of_numbers):
     model, parts, sigmas = of_numbers
     found, logs, step = posterior(model, np.log(sigmas)), np.log(sigmas), 1e-5
     slope = [
-        (written(model, parts, np.exp(logs + h)).value - written(model, parts, np.exp(logs - h)).value) / (2 * step)
+        (expand_model(model, parts, np.exp(logs + h)).value - expand_model(model, parts, np.exp(logs - h)).value)
+        / (2 * step)
         for h in step * np.eye(len(logs))
     ]
     np.testing.assert_allclose(found.slope(), slope, rtol=1e-5, atol=1e-5)
     general = replace(found, blocks=replace(found.blocks, lost=np.ones(BLOCKS)))
     np.testing.assert_allclose(general.slope(), found.slope(), rtol=1e-7, atol=1e-7)
-    at, keys = written(model, parts, sigmas), list(model.sigmas.views)
+    at, keys = expand_model(model, parts, sigmas), list(model.sigmas.views)
     mean = at.mean
     v, squares = np.zeros((len(sigmas), len(mean))), np.zeros(len(sigmas))
     for i, key in enumerate(keys):
@@ -321,7 +322,7 @@ def test_errors_that_no_sigma_scales_stand_as_they_are(of_numbers):
     of_errors[0, :6] = -1
     of_columns[3:9] = -1
     model = replace(model, of_errors=of_errors, of_columns=of_columns)
-    found, expected = posterior(model, np.log(sigmas)), written(model, parts, sigmas)
+    found, expected = posterior(model, np.log(sigmas)), expand_model(model, parts, sigmas)
     assert found.value == pytest.approx(expected.value, rel=1e-8)
     step = 1e-5 * np.eye(len(sigmas))
     slope = [
@@ -362,7 +363,7 @@ def test_what_would_be_rounded_away_does_not_break_the_sums(rng):
     sigmas[[2, 3, 6]] = 3e6  # shifts, turns and jitter of the first block
     found = posterior(model, np.log(sigmas))
     assert found.blocks.lost[0] > 0.0 == found.blocks.lost[1]
-    expected = written(model, parts, sigmas)
+    expected = expand_model(model, parts, sigmas)
     np.testing.assert_allclose(found.mean_columns, expected.mean[:COLUMNS], rtol=1e-2, atol=1e-3)
     assert found.value == pytest.approx(expected.value, rel=1e-2)
 
@@ -382,4 +383,4 @@ def test_unknowns_that_cannot_be_told_apart_are_held_beside_what_each_had(rng):
     sigmas = np.ones(11)
     diagonal = np.diag(prior) + sum(np.diag(of.fixed_fixed) for of in moments.values())
     held = replace(model, prior=prior + 1e-11 * np.diag(diagonal))
-    assert posterior(model, np.log(sigmas)).value == pytest.approx(written(held, alike, sigmas).value, abs=1e-2)
+    assert posterior(model, np.log(sigmas)).value == pytest.approx(expand_model(held, alike, sigmas).value, abs=1e-2)

@@ -19,7 +19,7 @@ from basecal.estimation.streams.jitter import with_jitter, with_passing_times
 from basecal.estimation.streams.rolling_shutter import Known
 from basecal.estimation.streams.streams import recording_streams, synchronise
 from basecal.geometry import SE3
-from stream_cells import MOUNT, TAG, Streamed, along, streamed
+from stream_cells import MOUNT, TAG, Streamed, path_poses, streamed
 
 answers_alone = without_stages(screen_conventions, find_error_at_task)
 
@@ -51,7 +51,7 @@ def test_views_move_as_targets_do_before_cameras() -> None:
     (group,) = problem.groups
     assert group.motion is not None
     times = np.array([s.stamp_s for s in of.recording.samples])
-    seen = [(along(times + shift) @ MOUNT).inverse() @ TAG for shift in (-1e-4, 1e-4)]
+    seen = [(path_poses(times + shift) @ MOUNT).inverse() @ TAG for shift in (-1e-4, 1e-4)]
     np.testing.assert_allclose(group.motion, (seen[0].inverse() @ seen[1]).log() / 2e-4, atol=2e-3)
     np.testing.assert_array_equal(problem.jitter_motion(group), 2e-3 * group.motion)
     assert problem.open_jitter == frozenset()
@@ -88,7 +88,7 @@ def bent(made: Streamed, seed: int) -> Streamed:
     """Views of a mount and a lens that yield to gravity as much as every answer expects of them."""
     rng = np.random.default_rng(200 + seed)
     seen = [s for s in made.recording.samples if s.observations]
-    flange = along(np.array([s.stamp_s for s in seen]) + made.offset_s)
+    flange = path_poses(np.array([s.stamp_s for s in seen]) + made.offset_s)
     down = np.array([0.0, 0.0, -1.0]) @ flange.rotation
     down -= down.mean(0)  # the mean is the mount's
     moves = {

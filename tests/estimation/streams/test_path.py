@@ -7,17 +7,17 @@ from scipy.interpolate import CubicHermiteSpline
 from basecal.estimation.streams.path import LARGEST_GAP_S, Path
 from basecal.geometry import SE3
 from planar_arm import planar
-from stream_cells import along
+from stream_cells import path_poses
 
 
 def off(path: Path, times: np.ndarray) -> float:
     """The largest difference from where the flange truly is, in any coordinate."""
-    return float(np.abs((along(times).inverse() @ path.evaluate(times).base_from_flange).log()).max())
+    return float(np.abs((path_poses(times).inverse() @ path.evaluate(times).base_from_flange).log()).max())
 
 
 def recorded(rate: float) -> Path:
     times = np.arange(0.0, 4.0, 1 / rate)
-    return Path(times, along(times))
+    return Path(times, path_poses(times))
 
 
 def test_it_goes_through_what_was_recorded() -> None:
@@ -41,29 +41,29 @@ def test_its_velocity_is_its_derivative() -> None:
 
 def test_records_at_unequal_times_are_followed_as_well() -> None:
     times = np.sort(np.random.default_rng(3).uniform(0.0, 4.0, 200))
-    assert off(Path(times, along(times)), np.linspace(0.5, 3.5, 99)) < 2e-3
+    assert off(Path(times, path_poses(times)), np.linspace(0.5, 3.5, 99)) < 2e-3
 
 
 def test_a_gap_is_not_followed() -> None:
     times = np.concatenate([np.arange(0.0, 1.0, 0.05), np.arange(2.0, 3.0, 0.05)])
-    path = Path(times, along(times))
+    path = Path(times, path_poses(times))
     np.testing.assert_array_equal(path.known_mask(np.array([-0.1, 0.5, 1.2, 1.5, 2.5, 3.5])), [0, 1, 0, 0, 1, 0])
 
 
 def test_beside_a_gap_slopes_are_of_their_own_side() -> None:
     times = np.concatenate([np.arange(0.0, 1.0, 0.05), np.arange(2.0, 3.0, 0.05)])
     near = np.array([0.93, 2.02])
-    assert off(Path(times, along(times)), near) < 1e-3
+    assert off(Path(times, path_poses(times)), near) < 1e-3
 
 
 def test_a_record_alone_is_of_a_robot_that_stands() -> None:
     times = np.array([0.0, 5.0, 10.0])
-    path = Path(times, along(times))
+    path = Path(times, path_poses(times))
     asked = np.array([4.9, 5.2, 10.1, 6.0])
     np.testing.assert_array_equal(path.known_mask(asked), [1, 1, 1, 0])
     there = path.evaluate(asked[:3])
     np.testing.assert_array_equal(there.velocity, 0.0)
-    np.testing.assert_allclose(there.base_from_flange.matrix, along(times[[1, 1, 2]]).matrix, atol=1e-12)
+    np.testing.assert_allclose(there.base_from_flange.matrix, path_poses(times[[1, 1, 2]]).matrix, atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [0, 1])
@@ -126,6 +126,6 @@ def test_a_quarter_of_a_second_is_followed_and_more_is_not() -> None:
 def test_a_robot_stands_at_the_nearer_record() -> None:
     """Just before the middle at the first, just after it at the second."""
     times = np.array([0.0, 0.4, 0.8])
-    path = Path(times, along(times))
+    path = Path(times, path_poses(times))
     there = path.evaluate(np.array([0.19, 0.21, 0.61, 1.0])).base_from_flange
-    np.testing.assert_allclose(there.matrix, along(times[[0, 1, 2, 2]]).matrix, atol=1e-12)
+    np.testing.assert_allclose(there.matrix, path_poses(times[[0, 1, 2, 2]]).matrix, atol=1e-12)

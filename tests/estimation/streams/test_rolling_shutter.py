@@ -23,7 +23,7 @@ from basecal.cell.targets.points import points_target
 from basecal.estimation.streams.rolling_shutter import Known, Moving, correct_rolling_shutter, line_time_name, mean_row
 from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous
 from basecal.geometry import SE3, Camera, PoseEstimate
-from stream_cells import BOARD, MOUNT, Streamed, along, imaged
+from stream_cells import BOARD, MOUNT, Streamed, imaged, path_poses
 
 LINE_S = 3e-5
 TRUE = {"arm_flange_from_wrist": MOUNT, "arm_base_from_board": BOARD}
@@ -40,7 +40,7 @@ def seen_at_once(recording: Recording, made: Streamed) -> np.ndarray:
     """Pixels less where they are at the instants of the samples, (n, p, 2)."""
     shape, lens = made.cell.targets["board"].target, known(made).lenses["wrist"]
     assert shape is not None
-    poses = (along(np.array([s.stamp_s for s in recording.samples])) @ MOUNT).inverse() @ BOARD
+    poses = (path_poses(np.array([s.stamp_s for s in recording.samples])) @ MOUNT).inverse() @ BOARD
     return np.stack([s.observations[0].pixels for s in recording.samples]) - lens.project(poses[:, None] @ shape.points)
 
 
@@ -67,7 +67,7 @@ def test_a_calibration_mends_what_is_read_with_it() -> None:
 def test_the_velocity_of_a_target_is_that_of_differences() -> None:
     made = imaged(LINE_S, None)
     step = 1e-6
-    here, later = along(np.array([2.0, 2.0 + step]))
+    here, later = path_poses(np.array([2.0, 2.0 + step]))
     moving = {"arm": Moving(here, (here.inverse() @ later).log() / step)}
     pose, velocity = known(made).camera_from_target("wrist", "board", moving) or (None, None)
     assert pose is not None

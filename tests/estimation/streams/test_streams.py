@@ -29,7 +29,7 @@ from basecal.estimation.streams.rolling_shutter import line_time_name
 from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous
 from basecal.geometry import SE3
 from planar_arm import planar
-from stream_cells import MOUNT, along, imaged, streamed
+from stream_cells import MOUNT, imaged, path_poses, streamed
 
 
 def test_samples_by_one_clock_are_no_streams() -> None:
@@ -96,7 +96,7 @@ def test_robots_stand_where_they_were_at_the_instant_of_the_view() -> None:
     times = np.array([s.stamp_s for s in samples])
     np.testing.assert_allclose(times, np.arange(0.5, 7.5, 0.1), atol=1e-9)
     found = SE3.stack([s.robots["arm"].base_from_flange for s in samples])
-    assert np.abs((along(times).inverse() @ found).log()).max() < 1e-5
+    assert np.abs((path_poses(times).inverse() @ found).log()).max() < 1e-5
 
 
 def test_the_offset_of_a_robot_counts_the_other_way() -> None:
@@ -229,7 +229,7 @@ def test_of_two_records_at_one_stamp_the_first_counts() -> None:
     path = streams.paths["arm"]
     assert len(path.times) == 400
     assert np.all(np.diff(path.times) > 0)
-    np.testing.assert_allclose(path.base_from_flange.matrix, along(path.times).matrix, atol=1e-12)
+    np.testing.assert_allclose(path.base_from_flange.matrix, path_poses(path.times).matrix, atol=1e-12)
 
 
 @pytest.mark.parametrize(("shift", "shares"), [(7.49, False), (7.47, True), (-7.39, True), (-7.41, False)])

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from rosbags.typesys import get_types_from_msg
-from tests.bag_of_cell import BEGIN_S, KINDS, Kind, Wrote, new_bag
+from tests.bag_of_cell import BEGIN_S, KINDS, BagWriter, Kind, new_bag
 
 from basecal.cell import Cell, PixelObservation, PoseObservation
 from basecal.cell.files import cell_from_dict
@@ -98,7 +98,7 @@ def test_what_is_no_tag_of_the_target(found: SimpleNamespace) -> None:
     assert tag_corners(found, TAGS_OF_BOARD) is None
 
 
-def add_tags(bag: Wrote, time: float, *found: SimpleNamespace) -> None:
+def add_tags(bag: BagWriter, time: float, *found: SimpleNamespace) -> None:
     point = bag.store.types["apriltag_msgs/msg/Point"]
     made = [
         bag.make("apriltag_msgs/msg/AprilTagDetection", "tag36h11", each.id, 0, 0.0, 50.0, point(0.0, 0.0),
@@ -169,7 +169,7 @@ def as_published(camera_from_target: SE3, number: int, half_m: float) -> SE3:
     return SE3(cv2.Rodrigues(turn)[0], move.ravel())
 
 
-def tag_detection(bag: Wrote, package: str, numbers: list[int], pose: SE3) -> Any:
+def tag_detection(bag: BagWriter, package: str, numbers: list[int], pose: SE3) -> Any:
     point = bag.make("geometry_msgs/msg/Point", *map(float, pose.translation))
     turn = bag.make("geometry_msgs/msg/Quaternion", *map(float, pose.quaternion))
     inner = bag.make(

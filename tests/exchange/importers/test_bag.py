@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from tests.bag_of_cell import BEGIN_S, KINDS, RATE, Kind, bag_by_tf, between, journey, middles, new_bag
+from tests.bag_of_cell import BEGIN_S, KINDS, RATE_HZ, Kind, bag_by_tf, between, journey, middles, new_bag
 from tests.stream_cells import streamed
 
 from basecal.accuracy.calibrate import calibrate
@@ -252,7 +252,7 @@ def test_a_image_between_stops_is_left_out(tmp_path: Path) -> None:
     assert len(samples) == 3
     for stop, (sample, middle) in enumerate(zip(samples, middles(3), strict=True)):
         assert cv2.imread(str(tmp_path / "c" / sample.images["cam"]), cv2.IMREAD_UNCHANGED).max() == stop
-        assert sample.stamp_s == pytest.approx(middle, abs=6 / RATE)
+        assert sample.stamp_s == pytest.approx(middle, abs=6 / RATE_HZ)
 
 
 def test_a_target_is_described_with_the_bag(tmp_path: Path) -> None:

@@ -10,12 +10,12 @@ import pytest
 
 from basecal.cell.files import read_cell
 from basecal.cli import main
-from lens_texts import CAMERA_INFO, tells_the_lens
+from lens_texts import CAMERA_INFO, reads_lens
 
 
 def test_the_lens(tmp_path: Path) -> None:
     """A camera of a new cell has it."""
-    assert tells_the_lens(tmp_path, "camera-info", "a.yaml", CAMERA_INFO.format(width=640))
+    assert reads_lens(tmp_path, "camera-info", "a.yaml", CAMERA_INFO.format(width=640))
 
 
 def test_camera_info_into_a_cell_with_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

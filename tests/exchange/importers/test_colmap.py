@@ -16,13 +16,13 @@ from basecal.errors import DatasetError
 from basecal.exchange.importers.colmap import read_colmap_images
 from basecal.geometry import SE3
 from colmap_files import IMAGES, Image, binary_images, text_images, write_reconstruction
-from lens_texts import COLMAP, tells_the_lens
+from lens_texts import COLMAP, reads_lens
 from stream_cells import MOUNT, streamed
 
 
 def test_the_lens(tmp_path: Path) -> None:
     """A camera of a new cell has it, half a pixel off as COLMAP counts."""
-    assert tells_the_lens(tmp_path, "colmap", "cameras.bin", COLMAP)
+    assert reads_lens(tmp_path, "colmap", "cameras.bin", COLMAP)
 
 
 def test_one_of_several(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

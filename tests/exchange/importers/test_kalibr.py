@@ -11,7 +11,7 @@ from basecal.cell.files import read_cell
 from basecal.cli import main
 from basecal.errors import DatasetError
 from basecal.exchange.importers.kalibr import is_target, read_camchain, read_target
-from lens_texts import KALIBR, tells_the_lens
+from lens_texts import KALIBR, reads_lens
 
 CHAIN = """\
 cam0:
@@ -54,7 +54,7 @@ tagSpacing: 0.3          #ratio of space between tags to tagSize
 
 def test_the_lens(tmp_path: Path) -> None:
     """A camera of a new cell has it."""
-    assert tells_the_lens(tmp_path, "kalibr", "a.yaml", KALIBR.format(name="cam0"))
+    assert reads_lens(tmp_path, "kalibr", "a.yaml", KALIBR.format(name="cam0"))
 
 
 def test_kalibrs_choices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ from basecal.cell.files import read_cell
 from basecal.cli import main
 from basecal.errors import DatasetError
 from basecal.exchange.importers.mrcal import read_cameramodel
-from lens_texts import CAMERAMODEL, tells_the_lens
+from lens_texts import CAMERAMODEL, reads_lens
 
 TEXT = """\
 # generated on 2026-01-02 with ./calibrate
@@ -44,12 +44,12 @@ POINTS = np.array([[1.0, 2.0, 10.0], [-1.1, 0.3, 1.0], [-0.9, -1.5, 1.0]])
 
 def test_the_lens(tmp_path: Path) -> None:
     """A camera of a new cell has it."""
-    assert tells_the_lens(tmp_path, "mrcal", "a.cameramodel", CAMERAMODEL)
+    assert reads_lens(tmp_path, "mrcal", "a.cameramodel", CAMERAMODEL)
 
 
 def test_a_start_and_a_lens_without_an_equal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`--status free` leaves the lens to be estimated; a splined model is refused, and nothing is made."""
-    assert tells_the_lens(tmp_path, "mrcal", "a.cameramodel", CAMERAMODEL, "--status", "free")
+    assert reads_lens(tmp_path, "mrcal", "a.cameramodel", CAMERAMODEL, "--status", "free")
     intrinsics = read_cell(tmp_path / "c").cameras["wrist"].intrinsics
     assert intrinsics is not None
     assert intrinsics.status == "free"

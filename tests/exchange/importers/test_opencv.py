@@ -12,7 +12,7 @@ from basecal.cell.files import read_cell
 from basecal.cli import main
 from basecal.errors import DatasetError
 from basecal.exchange.importers.opencv import read_opencv_lens
-from lens_texts import OPENCV, tells_the_lens
+from lens_texts import OPENCV, reads_lens
 
 MATRIX = np.array([[766.5, 0, 640.9], [0, 765.4, 358.8], [0, 0, 1]])
 TERMS = np.array([[-0.35, 0.179, 0.001, -0.002, 0.03]])
@@ -21,7 +21,7 @@ EXPECTED = [766.5, 765.4, 640.9, 358.8, *TERMS[0]]
 
 def test_the_lens(tmp_path: Path) -> None:
     """A camera of a new cell has it."""
-    assert tells_the_lens(tmp_path, "opencv", "a.yml", OPENCV + "D: [0.1, -0.2, 0., 0.]\n")
+    assert reads_lens(tmp_path, "opencv", "a.yml", OPENCV + "D: [0.1, -0.2, 0., 0.]\n")
 
 
 def test_opencvs_size_by_option(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
