@@ -135,7 +135,7 @@ def test_second_moments_are_those_of_all_likely_sigmas() -> None:
 def test_second_moments_are_finite_for_overwhelming_evidence() -> None:
     """Stated noise far below the true errors gives an evidence beyond the range of its exponential."""
     response = Response(np.array([-1e3]), np.array([[100.0]]), np.zeros((1, 1)))
-    prior = SimpleNamespace(sigmas=np.array([0.0, 1.0]), shares=np.array([0.5, 0.5]))
+    prior = SimpleNamespace(sigmas=np.array([0.0, 1.0]), probabilities=np.array([0.5, 0.5]))
     moment, square = _second_moment(response, prior)
     (mean,), ((variance,),) = response.posterior(np.ones(1))
     np.testing.assert_allclose(moment, [[variance + mean**2]])

@@ -36,7 +36,7 @@ def test_the_truth_of_each_fault_is_written(tmp_path, name):
     assert written["faults"] == [
         {
             "name": name,
-            "size": pytest.approx(kind.usual),
+            "size": pytest.approx(kind.default_size),
             "unit": kind.unit,
             **({"after_moves": 12} if kind.is_sudden else {}),
         }
