@@ -63,7 +63,7 @@ class FileOfTests(NamedTuple):
 
 def first_line(function: ast.FunctionDef) -> int:
     """The line of a function, or of its first decorator."""
-    return min(each.lineno for each in (function, *function.decorator_list))
+    return min([function.lineno, *(each.lineno for each in function.decorator_list)])
 
 
 def telling(text: str, file: str) -> str:

@@ -269,7 +269,7 @@ def measure_without(
     worse: dict[str, list[str]] = {kind: [] for kind in MEASURES}
     with replace_function(rescue, rescue.replacement):
         for job in acted:
-            after = kept.get((name, *job), lambda job=job: measure(job))  # type: ignore[misc]
+            after = kept.get((name, *job), lambda job=job: measure(job))
             if is_worse(job[0], before[job][0], after):
                 worse[job[0]].append(f"{job[1]} {job[2]}" if job[0] in ("start", "outliers") else job[1])
     return {"acted": {kind: sum(job[0] == kind for job in acted) for kind in MEASURES}, "worse": worse}
