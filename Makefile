@@ -55,7 +55,7 @@ dist: $(VENV)/.dist
 	$(BIN)/python -m build --quiet --no-isolation  # the wheel then holds the manual page and completions
 	$(BIN)/twine check --strict dist/*
 
-lint: $(VENV)/.lint
+lint: $(VENV)/.test $(VENV)/.lint
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
