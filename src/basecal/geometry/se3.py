@@ -262,7 +262,7 @@ class SE3:
         """Shape of the batch; () for a single transform."""
         return self.translation.shape[:-1]
 
-    def spread(self) -> SE3:
+    def add_axis(self) -> SE3:
         """Add a last batch axis of length 1 for broadcasting, (..., 1)."""
         return SE3.adopt(self.rotation[..., None, :, :], self.translation[..., None, :])
 

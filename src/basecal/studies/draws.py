@@ -145,7 +145,7 @@ def _exact_pixels(simulation: SimulatedCell, group: ViewGroup, errors: Mapping[s
     true_points = settings["board_scale"] * group_pixels(group).points_in_target
     lens = simulation.cameras[group.camera]
     scale = np.concatenate([np.full(2, settings["focal_scale"]), np.ones(len(lens.parameters) - 2)])
-    return lens.with_parameters(scale * lens.parameters).project(camera_from_target.spread() @ true_points)
+    return lens.with_parameters(scale * lens.parameters).project(camera_from_target.add_axis() @ true_points)
 
 
 def _place_flange(simulation: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:

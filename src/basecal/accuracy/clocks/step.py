@@ -66,18 +66,24 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
         solution: The solution, with its noise.
     """
     situation = situate(solution)
-    moves = tuple(_clock_jacobian(situation, k, streams.open, samples) for k in range(len(situation.groups)))
+    moves = tuple(
+        _clock_jacobian(situation, k, streams.estimated_clocks, samples) for k in range(len(situation.groups))
+    )
     about = situation.linearisation
     every = Candidates("clock-offset", ("",), (None,), "s", moves)
     of_views = score(about, every)
-    known = [streams.clocks[name] for name in streams.open]
+    known = [streams.clocks[name] for name in streams.estimated_clocks]
     sigma = np.array([np.inf if clock.sigma_s is None else clock.sigma_s for clock in known])
-    pull = np.array([offsets_s[name] - clock.offset_s for name, clock in zip(streams.open, known, strict=True)])
+    pull = np.array(
+        [offsets_s[name] - clock.offset_s for name, clock in zip(streams.estimated_clocks, known, strict=True)]
+    )
     information = of_views.information[0] + np.diag(sigma**-2)
     covariance = spectrum(information).inverse
     variance = np.diagonal(covariance)
     lines = {line_time_name(camera) for camera in streams.cell.cameras}
-    most = np.array([_UNOBSERVABLE_LINE_SIGMA_S if name in lines else _UNOBSERVABLE_SIGMA_S for name in streams.open])
+    most = np.array(
+        [_UNOBSERVABLE_LINE_SIGMA_S if name in lines else _UNOBSERVABLE_SIGMA_S for name in streams.estimated_clocks]
+    )
     seen = (variance > 0) & (variance < most**2)
     step = np.where(seen, -covariance @ (of_views.gradient[0] + pull / sigma**2), 0.0)
     _, across, _ = sums(about, every)
@@ -86,7 +92,9 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
     wide = np.minimum(np.hypot(sigma, pull + step), most)
     present = np.where(np.isinf(sigma), 0.0, pull / wide)
     offsets = OpenOffsets(tuple(of[:, 0][..., seen] for of in moves), wide[seen], present[seen])
-    return ClockStep(streams.open, step, covariance * np.outer(seen, seen), by_offsets * seen, seen, offsets)
+    return ClockStep(
+        streams.estimated_clocks, step, covariance * np.outer(seen, seen), by_offsets * seen, seen, offsets
+    )
 
 
 def _clock_jacobian(situation: Situation, k: int, clocks: tuple[str, ...], samples: Synchronised) -> Array:

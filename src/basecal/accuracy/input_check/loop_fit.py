@@ -26,7 +26,7 @@ from basecal.estimation.start.rotation_search import (
     settled_rotations,
 )
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.view_pose import KnownPoses, view_poses
+from basecal.estimation.view.view_pose import PoseCache, view_poses
 from basecal.geometry import Array, Camera, IntArray
 from basecal.geometry.rotation import lengths
 
@@ -80,7 +80,7 @@ class ReadyViews:
 
     lenses: Lenses
     known: dict[tuple[str, str, int, bytes], PairViews] = field(default_factory=dict)
-    poses: KnownPoses = field(default_factory=KnownPoses)
+    poses: PoseCache = field(default_factory=PoseCache)
 
     def take(self, group: ViewGroup, views: int) -> PairViews:
         """Prepare at most `views` views of a group, from the cache if possible."""

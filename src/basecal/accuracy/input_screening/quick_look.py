@@ -20,7 +20,7 @@ from basecal.accuracy.readings.scales import convert_units, estimate_units
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError, sentence
 from basecal.estimation.outliers.left_out import LeftOut
-from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
+from basecal.estimation.outliers.noise_and_outliers import has_plausible_noise, with_noise
 from basecal.estimation.outliers.robust_solve import solve_robustly
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT, STATED
@@ -148,7 +148,7 @@ def _judge(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
     if views < _FEWEST_SAMPLES:
         return QuickLook(views, untold=f"{_FEWEST_SAMPLES} with the robots' poses are needed")
     plain = solve_problem(problem, cell, STATED)
-    explained = is_as_of_arms(with_noise(plain, DEFAULT))
+    explained = has_plausible_noise(with_noise(plain, DEFAULT))
     said = check_conventions(cell, recording, problem, plain, STATED, explained)
     if found := tuple(f for f in said if f.severity == "error" or (is_whole and f.severity == "warning")):
         return QuickLook(views, found)

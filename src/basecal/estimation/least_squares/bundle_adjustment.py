@@ -105,7 +105,7 @@ def bundle_adjust(
     """
     stop = Stop(iterations, dof, sigmas, _least_damping(problem))
     if not is_sparse(problem):
-        only = take(_optimise(problem, state.spread(problem, 1), weights, stop), 0)
+        only = take(_optimise(problem, state.repeat(problem, 1), weights, stop), 0)
         normal = replace(only.about, cost=only.cost)
         return Optimum(only.state, float(only.cost), bool(only.converged), int(only.iterations), normal)
     optima = sparse_adjust(problem, state, stop, weights)
@@ -150,7 +150,7 @@ def bundle_adjust_batch(
 
 def batch_states(problem: Problem, states: Sequence[State]) -> State:
     """Stack several states of one problem into a batch."""
-    return concatenate([state.spread(problem, 1) for state in states])
+    return concatenate([state.repeat(problem, 1) for state in states])
 
 
 def _optimise(

@@ -64,13 +64,15 @@ def _spread(end: Consensus) -> float:
     return end.judgement.view_scale.variance * unit
 
 
-def is_answer(end: Consensus, plain: Solution) -> bool:
+def is_acceptable(end: Consensus, plain: Solution) -> bool:
     """Whether a candidate uses at least half of the views, fits them, converged, and loses no observability."""
     sees = end.solution.observability.unobservable <= plain.observability.unobservable
-    return sees and end.solution.converged and fits(end.solution) and _inlier_share(end) >= _LEAST_KEPT
+    return (
+        sees and end.solution.converged and has_plausible_residuals(end.solution) and _inlier_share(end) >= _LEAST_KEPT
+    )
 
 
-def fits(solution: Solution) -> bool:
+def has_plausible_residuals(solution: Solution) -> bool:
     """Whether the residuals are consistent with the stated noise, or plausible for a detector."""
     ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
     pixels = [g.measurement for g in solution.problem.groups if isinstance(g.measurement, PixelMeasurement)]
@@ -80,7 +82,7 @@ def fits(solution: Solution) -> bool:
     return ratio < max(CONTRADICTED, PLAUSIBLE_PX * float(np.median(np.concatenate(weights))))
 
 
-def implausible(plain: Solution, judgement: Classification) -> bool:
+def may_hide_outliers(plain: Solution, judgement: Classification) -> bool:
     """Whether the scales are large enough to hide gross outliers."""
     if is_stated(plain.problem):
         return max(judgement.view_scale.variance, judgement.point_scale.variance) > CONTRADICTED**2
@@ -89,9 +91,14 @@ def implausible(plain: Solution, judgement: Classification) -> bool:
     return plain.noise.noise.pixel_px > UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
 
 
-def convincing(end: Consensus | None) -> TypeGuard[Consensus]:
+def is_convincing(end: Consensus | None) -> TypeGuard[Consensus]:
     """Whether most views of a candidate agree, within the stated noise or within that of a plausible detector."""
-    return end is not None and _inlier_share(end) >= _CLEAR_SHARE and fits(end.solution) and _is_within_noise(end)
+    return (
+        end is not None
+        and _inlier_share(end) >= _CLEAR_SHARE
+        and has_plausible_residuals(end.solution)
+        and _is_within_noise(end)
+    )
 
 
 def _is_within_noise(end: Consensus) -> bool:

@@ -39,7 +39,7 @@ def with_noise(solution: Solution, settings: Settings, guess: Solution | None = 
     return replace(found, disputed=solution.disputed)
 
 
-def is_as_of_arms(solution: Solution) -> bool:
+def has_plausible_noise(solution: Solution) -> bool:
     """Whether a solution converged with estimated noise of robots and stamps that is plausible for real devices."""
     sigmas, jitter = list(solution.noise.robots.values()), list(solution.noise.jitter_s.values())
     as_usual = all(max(s[0], s[3]) < _ARM for s in sigmas) and all(s < _STAMP_S for s in jitter)
@@ -75,7 +75,7 @@ def solve_with_noise(
         solution = with_noise(robust.solution, settings, solution)
     held = replace(solution.problem, held=True)
     # If plausible noise of arms does not explain the views, samples that agree under exact robots are more reliable.
-    agreeing = robust.agreeing if is_as_of_arms(solution) or exact is None else robust.agreeing or exact.agreeing
+    agreeing = robust.agreeing if has_plausible_noise(solution) or exact is None else robust.agreeing or exact.agreeing
     found = replace(solution, problem=held, disputed=robust.solution.disputed)
     return replace(robust, solution=found, agreeing=agreeing)
 

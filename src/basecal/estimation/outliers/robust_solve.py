@@ -25,10 +25,10 @@ from basecal.estimation.outliers.consensus import (
     Consensus,
     agreeing_samples,
     best_consensus,
-    convincing,
-    fits,
-    implausible,
-    is_answer,
+    has_plausible_residuals,
+    is_acceptable,
+    is_convincing,
+    may_hide_outliers,
 )
 from basecal.estimation.outliers.inlier_mask import (
     InlierMask,
@@ -96,9 +96,9 @@ def solve_robustly(
     whole = all_inliers(plain.problem)
     judgement = classify_inliers(plain.problem, plain.state, whole)
     agreeing: tuple[int, ...] = ()
-    if not judgement.kept.same_as(whole) or implausible(plain, judgement):
+    if not judgement.kept.same_as(whole) or may_hide_outliers(plain, judgement):
         ends, states = _find_candidates(plain, whole, judgement, cell, settings)
-        best = best_consensus([e for e in ends if is_answer(e, plain)])
+        best = best_consensus([e for e in ends if is_acceptable(e, plain)])
         if best is not None and not best.kept.same_as(whole):
             return _make_result(cell, problem, best)
         agreeing = () if best is not None else agreeing_samples(plain.problem, states)
@@ -123,7 +123,7 @@ def judge_again(
         return None
     end = _find_consensus(noisy.noise.hold_sigmas(rest.problem), rest.kept, noisy.state, settings)
     sees = rest.solution.observability.unobservable
-    convinces = convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
+    convinces = is_convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
     return _make_result(cell, recorded_problem, end) if end is not None and convinces else None
 
 
@@ -154,7 +154,7 @@ def leave_out_suspects(
     except (BasecalError, np.linalg.LinAlgError):
         return None
     end = Consensus(problem, kept, solution, judgement)
-    return _make_result(cell, recorded_problem, end) if is_answer(end, robust.solution) else None
+    return _make_result(cell, recorded_problem, end) if is_acceptable(end, robust.solution) else None
 
 
 def _find_candidates(
@@ -165,13 +165,13 @@ def _find_candidates(
     ends = [_find_consensus(full, kept, state, settings)]
     states: list[State] = []
     least = np.inf
-    for start in () if convincing(ends[0]) else subset_states(without_points(full, kept.points), cell, state):
+    for start in () if is_convincing(ends[0]) else subset_states(without_points(full, kept.points), cell, state):
         cost = _cost(full, kept, start)
         if cost < least:
             least = cost
             states.append(start)
             ends.append(_find_consensus(full, kept, start, settings))
-            if convincing(ends[-1]):
+            if is_convincing(ends[-1]):
                 break
     return [e for e in ends if e is not None], states
 
@@ -193,7 +193,7 @@ def _drop_contradicted_points(
     """
     suspects = []  # views with enough points, some of which contradict the others
     for group, points in zip(plain.problem.groups, judgement.points, strict=True):
-        beyond = judgement.point_scale.gross_mask(points).any(-1) | implausible(plain, judgement)
+        beyond = judgement.point_scale.gross_mask(points).any(-1) | may_hide_outliers(plain, judgement)
         suspects.append(np.flatnonzero(judged_by_view(group.measurement) & beyond))
     within = agreeing_points(plain.problem, plain.state, suspects, cell)
     kept = InlierMask(full_mask.views, within)
@@ -202,7 +202,7 @@ def _drop_contradicted_points(
     cleaned = without_points(plain.problem, within).with_noise(Noise())
     try:
         again = solve_from(cleaned, plain.state, settings)
-        if not (again.converged and fits(again)):
+        if not (again.converged and has_plausible_residuals(again)):
             again = solve_problem(cleaned, cell, settings)
     except (BasecalError, np.linalg.LinAlgError):
         return plain.problem, full_mask, plain.state

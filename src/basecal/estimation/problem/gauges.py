@@ -24,7 +24,7 @@ from basecal.numerics.spectral import Spectrum, principal_axes, scaled_spectrum
 
 # RMS motion of the flange per radian of a parameter [rad], below which it may be due to noise of the recorded poses:
 # real arms have some milliradians.
-LEAST_RMS = 3e-3
+LEAST_RMS_RAD = 3e-3
 LENGTH_M = 0.5  # length equivalent to one radian: a typical lever arm of an arm's flange [m]
 MOVE_SCALE = np.array([LENGTH_M] * 3 + [1.0] * 3)
 _SHARE_DECIMALS = 6  # decimals of a joint's share in a gauge: rounding errors must not decide between equal shares
@@ -50,8 +50,8 @@ def independent_moves(moves: Array, other_moves: Array) -> Spectrum:
         other_moves: (m, 6, j) right tangents per unit of each other parameter [m, rad].
     """
     flat, by_others = _flatten_moves(moves), _flatten_moves(other_moves)
-    across = scaled_spectrum(by_others.T @ by_others, LEAST_RMS**2).inverse_root.T @ (by_others.T @ flat)
-    return scaled_spectrum(flat.T @ flat - across.T @ across, LEAST_RMS**2)
+    across = scaled_spectrum(by_others.T @ by_others, LEAST_RMS_RAD**2).inverse_root.T @ (by_others.T @ flat)
+    return scaled_spectrum(flat.T @ flat - across.T @ across, LEAST_RMS_RAD**2)
 
 
 def _flatten_moves(moves: Array) -> Array:

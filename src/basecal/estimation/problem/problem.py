@@ -200,7 +200,7 @@ class State:
         """Shape of the batch; () for a single state."""
         return self.stop_errors.shape[:-2]
 
-    def spread(self, problem: Problem, count: int) -> State:
+    def repeat(self, problem: Problem, count: int) -> State:
         """Repeat a single state `count` times as a batch; lenses that are not estimated are shared."""
         transforms = {name: transform.repeat(count) for name, transform in self.transforms.items()}
         cameras = dict(self.cameras)
@@ -210,7 +210,7 @@ class State:
         errors = np.broadcast_to(self.stop_errors, (count, *self.stop_errors.shape))
         models = {name: model for name in problem.models if (model := problem.robot_model(name)) is not None}
         robots = {**self.robots, **{name: self.kinematics(model) for name, model in models.items()}}
-        spread = {name: kinematics.spread(models.get(name), count) for name, kinematics in robots.items()}
+        spread = {name: kinematics.repeat(models.get(name), count) for name, kinematics in robots.items()}
         return State(transforms, cameras, errors, spread)
 
     def view_transform(self, name: str) -> SE3:
@@ -218,7 +218,7 @@ class State:
         if name == SCENE:
             return SE3.identity()
         transform = self.transforms[name]
-        return transform.spread() if transform.shape else transform
+        return transform.add_axis() if transform.shape else transform
 
     def kinematics(self, model: RobotModel) -> Kinematics:
         """Current kinematics of a robot; the stated kinematics if the state has none of its own."""

@@ -86,7 +86,7 @@ class Kinematics:
             chain = ROBOT_PARAMETERS[kind].moved(chain, values)
         return chain
 
-    def spread(self, model: RobotModel | None, count: int) -> Kinematics:
+    def repeat(self, model: RobotModel | None, count: int) -> Kinematics:
         """Repeat a single entry `count` times as a batch, with values of all kinds that a model estimates."""
         kinds = {**self.values, **({} if model is None else {kind: self.kind_values(kind) for kind in model.columns})}
         return replace(self, values={kind: np.broadcast_to(of, (count, *of.shape)) for kind, of in kinds.items()})

@@ -90,7 +90,7 @@ def pair_views(
         camera: The lens; None if poses or 3-D points were measured.
         views: Maximum number of views.
         points: Approximate maximum number of points per view.
-        estimate_poses: Function that estimates the poses of views, such as `KnownPoses`.
+        estimate_poses: Function that estimates the poses of views, such as `PoseCache`.
     """
     total = len(group)
     count = min(total, views)
@@ -100,7 +100,7 @@ def pair_views(
     measurement = few.measurement
     if isinstance(measurement, PoseMeasurement):
         pose = measurement.measured_camera_from_target
-        return PairViews(few, pose.spread()[:, [0, 0]], np.ones(len(few)), total)
+        return PairViews(few, pose.add_axis()[:, [0, 0]], np.ones(len(few)), total)
     if isinstance(measurement, PointMeasurement):
         return _point_views(few, measurement, total)
     assert isinstance(measurement, PixelMeasurement)
@@ -174,7 +174,7 @@ def _point_views(group: ViewGroup, measurement: PointMeasurement, total: int) ->
     enough = np.flatnonzero(_whole_views(measurement))
     few = measurement.take(enough)
     pose = umeyama(few.points_in_target, few.points_in_camera, few.seen.astype(np.float64))
-    return PairViews(group.take(enough), pose.spread()[:, [0, 0]], np.ones(len(enough)), total)
+    return PairViews(group.take(enough), pose.add_axis()[:, [0, 0]], np.ones(len(enough)), total)
 
 
 def umeyama(p_in_a: Array, p_in_b: Array, weight: Array) -> SE3:

@@ -68,7 +68,7 @@ def corner_covariances(camera_from_target: SE3, half_size_m: float) -> Array:
 
 
 def _points_in_camera(camera_from_target: SE3, half_size_m: float) -> tuple[Array, Array, Array]:
-    points = camera_from_target.spread() @ (half_size_m * _CORNERS)
+    points = camera_from_target.add_axis() @ (half_size_m * _CORNERS)
     x, y, z = np.moveaxis(points, -1, 0)
     return x, y, np.maximum(z, _NEAREST * half_size_m)
 

@@ -189,7 +189,7 @@ def refine_poses(views: Views, start: SE3, camera: Camera | None = None, iterati
 
 
 @dataclass(frozen=True, eq=False)
-class KnownPoses:
+class PoseCache:
     """`view_poses` with a cache of results per view.
 
     Attributes:
