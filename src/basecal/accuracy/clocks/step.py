@@ -119,7 +119,7 @@ def _mean_row(situation: Situation, k: int) -> Array:
     group, at = situation.problem.groups[k], situation.links[k].camera_from_target
     if not isinstance(group.measurement, PixelMeasurement):
         return np.zeros((len(group), 6, 6))
-    of = point_jacobians(group.measurement, at, situation.state.cameras[group.camera], lens=False)
+    of = point_jacobians(group.measurement, at, situation.state.cameras[group.camera], with_lens=False)
     transposed = np.moveaxis(of.jacobian, -1, 1).reshape(len(group), 6, -1)
     row = np.repeat(group.measurement.pixels[..., 1], 2, axis=1)
     information = transposed @ transposed.mT

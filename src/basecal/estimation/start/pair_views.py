@@ -90,7 +90,7 @@ def pair_views(
         camera: The lens; None if poses or 3-D points were measured.
         views: Maximum number of views.
         points: Approximate maximum number of points per view.
-        estimate_poses: Function that estimates the poses of views, such as `PoseCache`.
+        estimate_poses: Function that estimates the poses of views, such as a `PoseCache`.
     """
     total = len(group)
     count = min(total, views)

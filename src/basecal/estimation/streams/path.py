@@ -67,9 +67,7 @@ class Path:
         if len(self.times) < 2:
             return np.zeros(len(times), dtype=bool)
         inside = (times >= self.times[0]) & (times <= self.times[-1])
-        return np.asarray(
-            (inside & self.steady_intervals[self._interval_starts(times)]) | self._nearest_rest(times)[1]
-        )
+        return np.asarray((inside & self.steady_intervals[self._interval_starts(times)]) | self._nearest_rest(times)[1])
 
     def evaluate(self, times: Array) -> PathPoints:
         """Evaluate the path at times (m,) at which it is known."""
