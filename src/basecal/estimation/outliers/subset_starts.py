@@ -20,7 +20,7 @@ from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.outliers.inlier_mask import select_samples
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State, sequential_columns
-from basecal.estimation.start.first_state import first_states, lenses, light_states
+from basecal.estimation.start.first_state import first_states, led_states, lenses
 from basecal.geometry import Camera, IntArray
 from basecal.numerics.batch import take
 
@@ -28,7 +28,7 @@ _BLOCKS = (2, 3)  # halves and thirds, since a bump affects all later samples
 _DRAWS = 24  # random subsets: with four samples each and a third of bad samples, one is clean with 99 % probability
 # Number of subsets that are processed as a batch: one of the first may already be convincing.
 _BATCH_SUBSETS = 8
-_LIGHT_STARTS = 40  # starts of an LED among reflections; validated by benchmarks.outliers
+_LED_STARTS = 40  # starts of an LED among reflections; validated by benchmarks.outliers
 _RESERVE_RATIO = 1.3  # ratio of the size of a subset to the number of samples that could determine every unknown
 _CONCENTRATIONS = 3  # rounds of concentration; Rousseeuw & Van Driessen continue with the best states alone
 _CONCENTRATED_SHARE = 0.5  # share of views in a concentration: at least half are inliers
@@ -44,7 +44,7 @@ def subset_states(problem: Problem, cell: Cell, first: State) -> Iterator[State]
     """Yield states from `first`, from the starts of a single LED, and from subsets of the samples, in this order."""
     problem = _with_lenses(problem, lenses(problem, cell))
     yield from _process_batch(lambda states: _concentrate(problem, states), [first])
-    yield from light_states(problem, cell, _LIGHT_STARTS)
+    yield from led_states(problem, cell, _LED_STARTS)
     numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
     subsets = _subsets(problem, numbers)
     # Each is fitted to its own samples and then refitted to the views that it explains best.
