@@ -22,7 +22,7 @@ from basecal.estimation.least_squares.studentized_residuals import MahalanobisSq
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start import first_state as module
 from basecal.estimation.start.first_state import (
-    _Known,
+    _Knowledge,
     _loop,
     _mount_of_points,
     _search,
@@ -85,7 +85,7 @@ def test_what_is_unknown_of_a_pair_is_what_its_loop_lacks(layout: str) -> None:
     names = sorted(problem.unknowns)
     for count in range(len(names) + 1):
         for chosen in combinations(names, count):
-            known = _Known({name: made.truth[name] for name in chosen})
+            known = _Knowledge({name: made.truth[name] for name in chosen})
             assert _unknown_letters(sight, known) == _loop(sight, known).unknown
 
 
@@ -187,7 +187,7 @@ def test_bases_are_placed_from_wherever_a_chain_begins(order):
 def test_bases_are_placed_as_relations_lead_to_them(rng):
     """In whatever order they come and whichever end is known: none before it hangs together with the world."""
     at = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in "abcd"} | {None: SE3.identity()}
-    known = _Known()
+    known = _Knowledge()
     for first, second in (("a", "b"), ("c", "b"), ("d", "c")):
         known.add_relation(first, second, at[first].inverse() @ at[second])
         assert known.transforms == {}
@@ -261,7 +261,7 @@ def hand_made(rng, swapped=()):
 def test_closed_forms_choose_the_better_of_each_views_poses(rng, swapped):
     """Until the choice settles: exact, where a few views had their poses the other way round."""
     sight, triple = hand_made(rng, swapped)
-    for found, true in zip(_solve_closed_form(sight, _Known()), triple, strict=True):
+    for found, true in zip(_solve_closed_form(sight, _Knowledge()), triple, strict=True):
         np.testing.assert_allclose(found.matrix, true.matrix, atol=1e-7)
 
 
@@ -297,7 +297,7 @@ def test_a_light_is_refined_from_more_starts_the_more_rotations_are_unknown(monk
     """Its mount stands where the light is; a target's known mount stays, an unknown one is placed by its points."""
     sight, (x, y, z) = hand_made(np.random.default_rng(0))
     chords = SimpleNamespace(points_in_target=np.array([[9.0, 9.0, 9.0], [0.1, 0.2, 0.3]]))
-    monkeypatch.setattr(module, "most_visible_point", lambda measurement: (chords, 1))
+    monkeypatch.setattr(module, "led_point", lambda measurement: (chords, 1))
     asked = []
     monkeypatch.setattr(module, "led_search", lambda sight, loop, most: asked.append(most) or (sight, loop, []))
     monkeypatch.setattr(module, "_mount_of_points", lambda sight, x, y, at: "by its points")

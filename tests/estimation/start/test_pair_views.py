@@ -16,7 +16,7 @@ from basecal.estimation.start import pair_views as module
 from basecal.estimation.start.pair_views import (
     _descend_readings,
     half_turn_mask,
-    most_visible_point,
+    led_point,
     pair_views,
     umeyama,
 )
@@ -175,7 +175,7 @@ def test_a_light_of_several_points_is_the_one_most_views_see():
     """Of three points the one with the most weights."""
     weight = np.array([[0.1, 0.2, 0.0], [0.0, 0.3, 0.1]])
     measurement = BearingMeasurement(np.zeros((3, 3)), np.zeros((2, 3, 3)), weight)
-    assert most_visible_point(measurement) == (measurement, 1)
+    assert led_point(measurement) == (measurement, 1)
 
 
 def test_views_that_show_a_part_of_the_target_keep_enough_of_it():

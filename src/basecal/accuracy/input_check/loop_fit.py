@@ -16,7 +16,7 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations, Triple, solve_rotations, solve_translations
 from basecal.estimation.start.led_search import led_search
-from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, most_visible_point, pair_views
+from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, led_point, pair_views
 from basecal.estimation.start.refinement import Refinement, refine_jointly
 from basecal.estimation.start.rotation_search import (
     HOPELESS_RAD,
@@ -153,7 +153,7 @@ def loop_errors(sight: PairViews, triple: Triple) -> Array:
     predicted = sight.group.close_loop(*triple)
     if sight.candidates is None:
         # Chords of the point that most views see, whose position is `z`; NaN in views that do not see it.
-        chords, point = most_visible_point(sight.group.measurement)
+        chords, point = led_point(sight.group.measurement)
         unit = predicted.translation / np.maximum(lengths(predicted.translation), 1e-12)[:, None]
         off = lengths(unit - chords.bearings_in_camera[:, point])
         return np.where(chords.weight[:, point] > 0, off, np.nan)

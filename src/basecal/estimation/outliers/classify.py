@@ -79,11 +79,8 @@ def classify_inliers(problem: Problem, state: State, inliers: InlierMask) -> Cla
         inliers: The inliers that the state was fitted to.
     """
     linearisation = leave_one_out(without_points(problem, inliers.points), state, inliers.weights)
-    views, stops, points = (
-        studentized_views(linearisation),
-        studentized_stops(linearisation),
-        studentized_points(linearisation),
-    )
+    views, stops = studentized_views(linearisation), studentized_stops(linearisation)
+    points = studentized_points(linearisation)
     # A higher false alarm rate is accepted if outliers are common: a large deviation is then more likely an outlier.
     was_inlier = np.concatenate(inliers.views)
     chance = _CHANCE_AMONG_OUTLIERS if len(was_inlier) and was_inlier.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW

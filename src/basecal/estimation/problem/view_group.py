@@ -42,8 +42,8 @@ class End:
     @classmethod
     def still(cls, mount: str, count: int, base: str | None = None) -> End:
         """Make the end of a camera or target on `world`, or on a plate, for `count` views."""
-        nowhere = np.full(count, -1, dtype=np.int64)
-        return cls(None, mount, base, SE3.identity((count,)), nowhere, nowhere)
+        no_stop = np.full(count, -1, dtype=np.int64)
+        return cls(None, mount, base, SE3.identity((count,)), no_stop, no_stop)
 
     @cached_property
     def flange_from_base(self) -> SE3:
@@ -106,8 +106,8 @@ class ViewGroup:
     @cached_property
     def reach_m(self) -> float:
         """Median distance of the flange from its base, of the arm with the longer reach [m]; 1 without robots."""
-        places = [lengths(end.base_from_flange.translation) for end in self.ends if end.robot is not None]
-        return max((float(np.median(of)) for of in places if of.size), default=1.0)
+        reaches = [lengths(end.base_from_flange.translation) for end in self.ends if end.robot is not None]
+        return max((float(np.median(reach)) for reach in reaches if reach.size), default=1.0)
 
     @property
     def frames(self) -> tuple[str, ...]:

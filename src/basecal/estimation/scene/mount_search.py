@@ -106,14 +106,10 @@ def _score_rotations(pairs: PointPairs, base_from_flange: SE3, lens: Camera, rot
     first_pose, second_pose = (base_from_flange[each.view] for each in pairs)
     ray = np.einsum("nab,rbc,nc->rna", first_pose.rotation, rotations, first, optimize=True)
     normal = np.cross(ray, np.einsum("nab,rbc,nc->rna", second_pose.rotation, rotations, second, optimize=True))
-    rotation_change, translation_change = (
-        second_pose.rotation - first_pose.rotation,
-        second_pose.translation - first_pose.translation,
-    )
-    rows, right = (
-        np.einsum("rna,nab->rnb", normal, rotation_change),
-        -np.einsum("rna,na->rn", normal, translation_change),
-    )
+    rotation_change = second_pose.rotation - first_pose.rotation
+    translation_change = second_pose.translation - first_pose.translation
+    rows = np.einsum("rna,nab->rnb", normal, rotation_change)
+    right = -np.einsum("rna,na->rn", normal, translation_change)
     weight = np.ones(right.shape)
     for _ in range(_REFINEMENTS):
         information = np.einsum("rn,rna,rnb->rab", weight, rows, rows, optimize=True) + 1e-9 * np.eye(3)
@@ -219,10 +215,8 @@ def are_in_front(
     """Whether the rays of each pair meet in front of both cameras, (n,); see `sampson_px`."""
     base_from_camera = base_from_flange @ flange_from_camera
     first_pose, second_pose = (base_from_camera[each.view] for each in pairs)
-    first, second = (
-        (first_pose.rotation @ rays[0][..., None])[..., 0],
-        (second_pose.rotation @ rays[1][..., None])[..., 0],
-    )
+    first = (first_pose.rotation @ rays[0][..., None])[..., 0]
+    second = (second_pose.rotation @ rays[1][..., None])[..., 0]
     normal, baseline = np.cross(first, second), second_pose.translation - first_pose.translation
     depths = [np.vecdot(np.cross(baseline, ray), normal) for ray in (second, first)]
     return np.asarray((depths[0] > 0) & (depths[1] > 0))

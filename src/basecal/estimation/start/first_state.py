@@ -25,7 +25,7 @@ from basecal.estimation.start.contacts import place_contacts, rigid_ends, rotate
 from basecal.estimation.start.led_search import led_search
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.metric_points import has_metric_start, place_by_points
-from basecal.estimation.start.pair_views import PairViews, most_visible_point, pair_views, umeyama
+from basecal.estimation.start.pair_views import PairViews, led_point, pair_views, umeyama
 from basecal.estimation.start.refinement import Refinement, pair_problem, refine_jointly
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
@@ -50,7 +50,7 @@ _SCALE_SHARE = 0.6  # quantile of the views that is the scale: up to 30 % of the
 
 
 @dataclass
-class _Known:
+class _Knowledge:
     """Transforms known so far: by name, and relations between bases."""
 
     transforms: dict[str, SE3] = field(default_factory=dict)
@@ -111,28 +111,28 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     view_and_point_counts = _MANY_VIEWS_POINTS if thorough else _FEW_VIEWS_POINTS
     # Refined poses of views do not shorten the descent, so they are used in a thorough search only.
     estimate_poses = view_poses if thorough else partial(view_poses, iterations=0)
-    known, point_problem = _Known(known_transforms(problem) | rigid_ends(problem)), without_contacts(problem)
+    knowledge, point_problem = _Knowledge(known_transforms(problem) | rigid_ends(problem)), without_contacts(problem)
     groups = [g for g in point_problem.groups if g.measurement.equations().any()]
-    metric = [g for g in groups if has_metric_start(g, known.transforms)]
+    metric = [g for g in groups if has_metric_start(g, knowledge.transforms)]
     waiting = [
         pair_views(g, cameras.get(g.camera), *view_and_point_counts, estimate_poses) for g in groups if g not in metric
     ]
     pairs = tuple(waiting)
     failed_at: dict[int, str] = {}  # unknowns of each pair at its last failed attempt
     while waiting:
-        unknowns = {id(pair): _unknown_letters(pair, known) for pair in waiting}
+        unknowns = {id(pair): _unknown_letters(pair, knowledge) for pair in waiting}
         waiting.sort(key=lambda s: (len(unknowns[id(s)]), s.candidates is None, -s.total))
         for pair in waiting:
             if failed_at.get(id(pair)) == unknowns[id(pair)]:
                 continue
-            if (yield from _solve_pair(pair, known, problem, thorough, is_forced=False)):
+            if (yield from _solve_pair(pair, knowledge, problem, thorough, is_forced=False)):
                 break
             failed_at[id(pair)] = unknowns[id(pair)]
         else:
             pair = waiting[0]
-            yield from _solve_pair(pair, known, problem, thorough, is_forced=True)
+            yield from _solve_pair(pair, knowledge, problem, thorough, is_forced=True)
         waiting.remove(pair)
-    found = {**known.transforms, **place_by_points(point_problem, metric, known.transforms)}
+    found = {**knowledge.transforms, **place_by_points(point_problem, metric, knowledge.transforms)}
     transforms = {name: found.get(name) or _mean_or_identity(u) for name, u in problem.unknowns.items()}
     transforms |= place_by_pairs(problem, pairs, transforms, known_transforms(problem))
     stated = known_transforms(problem)
@@ -180,25 +180,27 @@ def _mean_or_identity(unknown: Unknown) -> SE3:
     return unknown.mean or SE3.identity()
 
 
-def _loop(pair: PairViews, known: _Known, choice: IntArray | None = None) -> Loop:
+def _loop(pair: PairViews, knowledge: _Knowledge, choice: IntArray | None = None) -> Loop:
     group = pair.group
     pose_indices = np.zeros(len(group), dtype=np.int64) if choice is None else choice
-    x, z = (known.transforms.get(end.mount) for end in group.ends)
-    return pair.loop(x, known.relation(group.eye.base, group.hand.base), z, pose_indices)
+    x, z = (knowledge.transforms.get(end.mount) for end in group.ends)
+    return pair.loop(x, knowledge.relation(group.eye.base, group.hand.base), z, pose_indices)
 
 
-def _unknown_letters(pair: PairViews, known: _Known) -> str:
+def _unknown_letters(pair: PairViews, knowledge: _Knowledge) -> str:
     """Letters of the unknowns of a pair, as in `Loop.unknown`."""
     group = pair.group
-    has_relation = (group.eye.base, group.hand.base) in known.relations
-    has_y = has_relation or all(end.base is None or end.base in known.transforms for end in group.ends)
-    is_known = {"x": group.eye.mount in known.transforms, "y": has_y, "z": group.hand.mount in known.transforms}
+    has_relation = (group.eye.base, group.hand.base) in knowledge.relations
+    has_y = has_relation or all(end.base is None or end.base in knowledge.transforms for end in group.ends)
+    is_known = {"x": group.eye.mount in knowledge.transforms, "y": has_y, "z": group.hand.mount in knowledge.transforms}
     return "".join(name for name, is_there in is_known.items() if not is_there)
 
 
-def _solve_pair(pair: PairViews, known: _Known, problem: Problem, thorough: bool, is_forced: bool) -> _Search[bool]:
+def _solve_pair(
+    pair: PairViews, knowledge: _Knowledge, problem: Problem, thorough: bool, is_forced: bool
+) -> _Search[bool]:
     """Solve one pair if the data determine it, or in any case if `is_forced`; return whether it was solved."""
-    loop = _loop(pair, known)
+    loop = _loop(pair, knowledge)
     triple: Triple | None = None
     if not loop.unknown:
         return True
@@ -206,24 +208,24 @@ def _solve_pair(pair: PairViews, known: _Known, problem: Problem, thorough: bool
     if pair.candidates is None:
         triple = (yield from _solve_as_led(pair, loop, is_point)) if is_forced else None
     else:
-        triple = _solve_closed_form(pair, known)
+        triple = _solve_closed_form(pair, knowledge)
         if (triple is None and is_forced) or (triple is not None and thorough):
             # Refine the best starts of a grid of rotations and, if available, of the closed form.
             triple = yield Refinement(pair, loop, [] if triple is None else [triple], is_point, searched=True)
     if triple is None:
         return False
     group = pair.group
-    known.transforms[group.eye.mount], known.transforms[group.hand.mount] = triple[0], triple[2]
+    knowledge.transforms[group.eye.mount], knowledge.transforms[group.hand.mount] = triple[0], triple[2]
     if loop.y is None:
-        known.add_relation(group.eye.base, group.hand.base, triple[1])
+        knowledge.add_relation(group.eye.base, group.hand.base, triple[1])
     return True
 
 
-def _solve_closed_form(pair: PairViews, known: _Known) -> Triple | None:
+def _solve_closed_form(pair: PairViews, knowledge: _Knowledge) -> Triple | None:
     """Solve in closed form, iterating the choice between each view's two poses; None if it is not unique."""
     chosen = np.zeros(len(pair.group), dtype=np.int64)
     for _ in range(4):
-        loop = _loop(pair, known, chosen)
+        loop = _loop(pair, knowledge, chosen)
         rotations = solve_rotations(loop)
         if not rotations.clear:
             return None
@@ -245,13 +247,13 @@ def led_states(problem: Problem, cell: Cell, max_count: int) -> Iterator[State]:
         cell: The cell.
         max_count: Maximum number of starts.
     """
-    cameras, known = lenses(problem, cell), _Known(known_transforms(problem))
+    cameras, knowledge = lenses(problem, cell), _Knowledge(known_transforms(problem))
     if len(problem.groups) != 1 or problem.groups[0].hand.mount not in problem.point_mounts:
         return
-    if has_metric_start(problem.groups[0], known.transforms):
+    if has_metric_start(problem.groups[0], knowledge.transforms):
         return
     pair = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY_VIEWS_POINTS)
-    point_pair, led_loop, starts = led_search(pair, _loop(pair, known), max_count)
+    point_pair, led_loop, starts = led_search(pair, _loop(pair, knowledge), max_count)
     group = pair.group
     fixed = {name: _mean_or_identity(unknown) for name, unknown in problem.unknowns.items()}
     led_problem = pair_problem(point_pair, led_loop, True)
@@ -270,7 +272,7 @@ def led_states(problem: Problem, cell: Cell, max_count: int) -> Iterator[State]:
 
 def _solve_as_led(pair: PairViews, loop: Loop, is_point: bool) -> _Search[Triple]:
     """Solve a pair as for a single LED; the target's other points are placed afterwards."""
-    bearings, point = most_visible_point(pair.group.measurement)
+    bearings, point = led_point(pair.group.measurement)
     rotation_count = (loop.x is None) + (loop.y is None)
     point_pair, led_loop, starts = led_search(pair, loop, _LED_STARTS[rotation_count])
     x, y, led_mount = yield Refinement(point_pair, led_loop, starts, True)
@@ -283,7 +285,7 @@ def _solve_as_led(pair: PairViews, loop: Loop, is_point: bool) -> _Search[Triple
 
 def _mount_of_points(pair: PairViews, x: SE3, y: SE3, led_mount: SE3) -> SE3:
     """Find `hand_flange_from_target` by triangulation of the target's points in the flange frame."""
-    measured, _ = most_visible_point(pair.group.measurement)
+    measured, _ = led_point(pair.group.measurement)
     group = pair.group
     camera_from_flange = (group.eye.base_from_flange @ x).inverse() @ y @ group.hand.base_from_flange
     bearings = (camera_from_flange.rotation.mT[:, None] @ measured.bearings_in_camera[..., None])[..., 0]

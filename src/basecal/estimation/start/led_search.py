@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.estimation.start.closed_form import Loop, Rotations, Triple, complete_loop
-from basecal.estimation.start.pair_views import PairViews, most_visible_point
+from basecal.estimation.start.pair_views import PairViews, led_point
 from basecal.estimation.start.rotation_search import icosahedral_rotations
 from basecal.geometry import SE3, Array
 
@@ -29,7 +29,7 @@ def led_search(pair: PairViews, loop: Loop, max_count: int) -> tuple[PairViews, 
         loop: The known transforms among X, Y and Z.
         max_count: Maximum number of starts.
     """
-    bearings, point = most_visible_point(pair.group.measurement)
+    bearings, point = led_point(pair.group.measurement)
     views = np.flatnonzero(bearings.weight[:, point] > 0)
     group = pair.group.take(views)
     single = replace(bearings.take(views), points_in_target=np.zeros((1, 3)))

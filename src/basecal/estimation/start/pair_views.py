@@ -191,7 +191,7 @@ def umeyama(p_in_a: Array, p_in_b: Array, weight: Array) -> SE3:
     return SE3(rotation, centre_b - (rotation @ centre_a[..., None])[..., 0])
 
 
-def most_visible_point(measurement: Measurement) -> tuple[BearingMeasurement, int]:
+def led_point(measurement: Measurement) -> tuple[BearingMeasurement, int]:
     """Return the directions of views, and the index of the point that most views see."""
     assert isinstance(measurement, BearingMeasurement)
     return measurement, int(np.argmax((measurement.weight > 0).sum(0)))
