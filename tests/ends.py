@@ -22,14 +22,14 @@ def end(
     mount: str = "mount",
     base: str | None = None,
     stop: ArrayLike | None = None,
-    stand: ArrayLike | None = None,
+    stop_number: ArrayLike | None = None,
     joints: Array | None = None,
 ) -> End:
-    """An end of as many views as it has poses, stops, stands or joints; what is not given is none, or the identity."""
-    given = [of for of in (stop, stand, joints) if of is not None]
+    """An end of as many views as it has poses, stops or joints; what is not given is none, or the identity."""
+    given = [of for of in (stop, stop_number, joints) if of is not None]
     count = len(base_from_flange) if base_from_flange is not None else len(np.asarray(given[0])) if given else 0
     poses = SE3.identity((count,)) if base_from_flange is None else base_from_flange
-    rows = (np.full(count, -1) if of is None else np.array(of, dtype=np.int64) for of in (stop, stand))
+    rows = (np.full(count, -1) if of is None else np.array(of, dtype=np.int64) for of in (stop, stop_number))
     return End(robot, mount, base, poses, *rows, joints)
 
 

@@ -106,9 +106,9 @@ def _robot_errors(problem: Problem, settings: Settings, seed: np.random.SeedSequ
     sigma = np.repeat([settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"]], 3)
     if not sigma.any():
         return {}
-    each = zip(sorted(problem.stands), seed.spawn(len(problem.stands)), strict=True)
+    each = zip(sorted(problem.stop_counts), seed.spawn(len(problem.stop_counts)), strict=True)
     return {
-        name: SE3.exp(sigma * np.random.default_rng(own).standard_normal((count, problem.stands[name], 6)))
+        name: SE3.exp(sigma * np.random.default_rng(own).standard_normal((count, problem.stop_counts[name], 6)))
         for name, own in each
     }
 
@@ -152,5 +152,5 @@ def _place_flange(simulation: SimulatedCell, end: End, errors: Mapping[str, SE3]
     """Pose in the world of the camera or target at an end, (n,), or (count, n) if its robot has errors."""
     world_from_flange = end.world_from_base(simulation.truth) @ end.base_from_flange
     errors_of_robot = errors.get(end.robot or "")
-    error = SE3.identity() if errors_of_robot is None else errors_of_robot[:, end.stand]
+    error = SE3.identity() if errors_of_robot is None else errors_of_robot[:, end.stop_number]
     return world_from_flange @ error @ simulation.truth[end.mount]

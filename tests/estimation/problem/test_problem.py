@@ -51,7 +51,7 @@ def per_view(group):
         if isinstance(value, np.ndarray):
             found[f.name] = value
     for k, of in enumerate(group.ends):
-        found |= {f"{k} poses": of.base_from_flange.matrix, f"{k} stop": of.stop, f"{k} stand": of.stand}
+        found |= {f"{k} poses": of.base_from_flange.matrix, f"{k} stop": of.stop, f"{k} stand": of.stop_number}
         found[f"{k} joints"] = of.joints
     found |= {f"reading {k}": r.pixels for k, r in enumerate(group.readings)}
     return found | {"pixels": group.measurement.pixels, "weight": group.measurement.weight}

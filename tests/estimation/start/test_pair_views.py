@@ -406,7 +406,7 @@ def group_by_stops(eye_stand, hand_stand, eye, hand):
     """Views of two arms by the stops that each stood in, their flanges turned so."""
     n = len(eye_stand)
     a, c = (SE3(np.broadcast_to(turn, (n, 3, 3)), np.zeros((n, 3))) for turn in (eye, hand))
-    return views(end("eye", a, stand=eye_stand), end("hand", c, stand=hand_stand))
+    return views(end("eye", a, stop_number=eye_stand), end("hand", c, stop_number=hand_stand))
 
 
 def about(angle_rad, axis=(0.6, 0.0, 0.8)):

@@ -36,14 +36,14 @@ class Track:
         seen: Whether a sample has a state of the robot, (m,).
         pose: base_from_flange, (m,); a sample without a state has the pose of another sample.
         joints: Joint positions, (m, k) [rad]; None if poses were recorded.
-        stand: Number of the stop, (m,); -1 for a sample without a state.
+        stop_number: Number of the stop, (m,); -1 for a sample without a state.
         by_pose: Whether every state was recorded as a pose.
     """
 
     seen: BoolArray
     pose: SE3
     joints: Array | None
-    stand: IntArray
+    stop_number: IntArray
     by_pose: bool
 
     def take(self, rows: IntArray) -> Track:
@@ -54,7 +54,7 @@ class Track:
             seen=(rows >= 0) & self.seen[rows],
             pose=self.pose[rows],
             joints=joints,
-            stand=np.where(rows >= 0, self.stand[rows], -1),
+            stop_number=np.where(rows >= 0, self.stop_number[rows], -1),
         )
 
     def with_states(self, rows: IntArray, track: Track, sources: IntArray) -> Track:
@@ -66,7 +66,9 @@ class Track:
             np.concatenate([self.seen, track.seen]),
             SE3(*(np.concatenate([getattr(t.pose, of) for t in (self, track)]) for of in ("rotation", "translation"))),
             None if own_joints is None or joints is None else np.concatenate([own_joints, joints]),
-            np.concatenate([self.stand, np.where(track.seen, track.stand + self.stand.max() + 1, -1)]),
+            np.concatenate(
+                [self.stop_number, np.where(track.seen, track.stop_number + self.stop_number.max() + 1, -1)]
+            ),
             self.by_pose,
         )
         return both.take(chosen)
@@ -79,7 +81,7 @@ class Track:
     @property
     def moves(self) -> bool:
         """Whether the robot has more than one stop."""
-        return len(np.unique(self.stand[self.seen])) > 1
+        return len(np.unique(self.stop_number[self.seen])) > 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +233,8 @@ class Reading:
         tracks = {**self.tracks, **tracks}
         stops, first = _stops(self.problem.stops, tracks)
         groups = (self._carry_group(group, tracks, first) for group in self.problem.groups)
-        stands = {name: len(np.unique(track.stand[track.seen])) for name, track in tracks.items()}
-        problem = replace(self.problem, groups=tuple(g for g in groups if len(g)), stops=stops, stands=stands)
+        stands = {name: len(np.unique(track.stop_number[track.seen])) for name, track in tracks.items()}
+        problem = replace(self.problem, groups=tuple(g for g in groups if len(g)), stops=stops, stop_counts=stands)
         return replace(self, problem=problem, tracks=tracks)
 
     def _carry_group(self, group: ViewGroup, tracks: Mapping[str, Track], first: Mapping[str, int]) -> ViewGroup:
@@ -316,14 +318,14 @@ def _track(cell: Cell, robot: str, states: list[RobotState | None]) -> Track:
     found = recorded_states(cell, robot, having)
     joints = None if found.joints is None else found.joints[rows]
     by_pose = all(state.base_from_flange is not None for state in having)
-    return Track(seen, found.base_from_flange[rows], joints, np.where(seen, found.stand[rows], -1), by_pose)
+    return Track(seen, found.base_from_flange[rows], joints, np.where(seen, found.stop_number[rows], -1), by_pose)
 
 
 def _stops(stops: Stops, tracks: Mapping[str, Track]) -> tuple[Stops, dict[str, int]]:
     """Stops of the tracks of robots with noise, and the index of each robot's first stop."""
     known = zip(stops.robot, stops.sigma, strict=True)
     sigmas = {name: sigma for name, sigma in known if name in tracks}
-    counts = {name: int(tracks[name].stand.max(initial=-1)) + 1 for name in sigmas}
+    counts = {name: int(tracks[name].stop_number.max(initial=-1)) + 1 for name in sigmas}
     names = [name for name, count in counts.items() for _ in range(count)]
     first = dict(zip(counts, np.cumsum([0, *counts.values()]).tolist(), strict=False))
     return Stops(np.array([sigmas[name] for name in names]).reshape(-1, 6), tuple(names)), first
@@ -334,8 +336,8 @@ def _carry_end(end: End, tracks: Mapping[str, Track], rows: IntArray, first: Map
     if end.robot is None:
         return end
     of = tracks[end.robot].take(rows)
-    stop = first[end.robot] + of.stand if end.robot in first else np.full(len(rows), -1, dtype=np.int64)
-    return replace(end, base_from_flange=of.pose, joints=of.joints, stand=of.stand, stop=stop)
+    stop = first[end.robot] + of.stop_number if end.robot in first else np.full(len(rows), -1, dtype=np.int64)
+    return replace(end, base_from_flange=of.pose, joints=of.joints, stop_number=of.stop_number, stop=stop)
 
 
 def _change_views(group: ViewGroup, kind: type[M], change: Callable[[M], M]) -> ViewGroup:

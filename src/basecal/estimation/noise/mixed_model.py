@@ -178,7 +178,7 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
         present += (by_error @ state.stop_errors[stop][..., None])[..., 0]
         _place(fixed, errors, block, stop, by_error, layout)
         for where, by_stop in layout.shared_columns(end.robot or ""):
-            fixed[:, :, where] += by_error @ by_stop[end.stand]
+            fixed[:, :, where] += by_error @ by_stop[end.stop_number]
     _place_jitter(errors, block, problem, number, layout)
     carried = (view.information[..., :rows] @ present[..., None])[..., 0]
     gradient = view.gradient - carried
@@ -197,7 +197,7 @@ def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Lay
         for where, shared in layout.shared_columns((group.eye.has_noise and group.eye.robot) or ""):
             stop, first = np.unique(group.eye.stop, return_index=True)
             by_error = about.by_errors.reshape(len(fixed), -1, 6)[:, np.searchsorted(scene.stops, stop)]
-            moved = np.einsum("qkc,kcs->qs", by_error, shared[group.eye.stand[first]])
+            moved = np.einsum("qkc,kcs->qs", by_error, shared[group.eye.stop_number[first]])
             fixed[:, where] += moved
     present = about.by_errors @ state.stop_errors[scene.stops].ravel()
     carried = about.information @ present

@@ -99,7 +99,7 @@ def passed_times(problem: Problem, robot: str) -> Array:
     out = np.full(len(stands(problem, robot)[1]), np.nan)
     for end in problem.robot_ends(robot):
         if end.passed_s is not None:
-            out[end.stand] = end.passed_s
+            out[end.stop_number] = end.passed_s
     return out
 
 
@@ -114,6 +114,6 @@ def posture_at_stops(problem: Problem, robot: str) -> Posture | None:
     seen = stands(problem, robot)[1]
     joints = np.zeros((len(seen), chain.n))
     for end in problem.robot_ends(robot):
-        joints[end.stand] = end.joints
+        joints[end.stop_number] = end.joints
     joints[~seen] = joints[seen].mean(0)
     return Posture(chain, joints, chain.posture(joints))

@@ -47,13 +47,13 @@ class RecordedStates(NamedTuple):
     """States of one robot, (n,) each: poses, stop numbers, and joints (n, k) [rad] if all states have joints."""
 
     base_from_flange: SE3
-    stand: IntArray
+    stop_number: IntArray
     joints: Array | None
 
     @property
-    def stands(self) -> int:
+    def stop_count(self) -> int:
         """Number of stops."""
-        return int(self.stand.max(initial=-1)) + 1
+        return int(self.stop_number.max(initial=-1)) + 1
 
 
 class _Poses(NamedTuple):
@@ -78,8 +78,8 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, stops, key, views[key]) for key in sorted(views))
     unstated = frozenset(name for name, robot in cell.robots.items() if robot.noise is None)
-    stop_counts = {name: recorded.states.stands for name, recorded in poses.items()}
-    problem = replace(_problem(cell, groups, stops), unstated=unstated, stands=stop_counts)
+    stop_counts = {name: recorded.states.stop_count for name, recorded in poses.items()}
+    problem = replace(_problem(cell, groups, stops), unstated=unstated, stop_counts=stop_counts)
     return problem.with_models(_models(cell, problem)), findings
 
 
@@ -107,7 +107,9 @@ def scene_groups(
 
 def restate(cell: Cell, problem: Problem) -> Problem:
     """Make the problem of the same views in a cell with other transforms, lenses and robot parameters."""
-    restated = replace(_problem(cell, problem.groups, problem.stops), unstated=problem.unstated, stands=problem.stands)
+    restated = replace(
+        _problem(cell, problem.groups, problem.stops), unstated=problem.unstated, stop_counts=problem.stop_counts
+    )
     return restated.with_models(_models(cell, restated))
 
 
@@ -207,8 +209,8 @@ def _number_stops(cell: Cell, poses: Mapping[str, _Poses]) -> Stops:
     for name, recorded in poses.items():
         noise = cell.robots[name].noise
         if noise is not None and np.any(noise):
-            names += [name] * recorded.states.stands
-            sigmas.append(np.broadcast_to(noise, (recorded.states.stands, 6)))
+            names += [name] * recorded.states.stop_count
+            sigmas.append(np.broadcast_to(noise, (recorded.states.stop_count, 6)))
     return Stops(np.concatenate(sigmas), tuple(names))
 
 
@@ -229,7 +231,7 @@ def _views(
             elif isinstance(observation, CandidateObservation) and (shape is None or not shape.is_point):
                 samples_by_reason["candidates for several LEDs, which cannot be distinguished"].append(sample.sample)
             else:
-                stops = [int(poses[r].states.stand[poses[r].row[i]]) for r in needed if r in cell.robots]
+                stops = [int(poses[r].states.stop_number[poses[r].row[i]]) for r in needed if r in cell.robots]
                 content = view_content(observation, stops)
                 if content in seen_contents:
                     repeated.append(sample.sample)
@@ -284,7 +286,7 @@ def _end(cell: Cell, poses: Mapping[str, _Poses], stops: Stops, body: str, index
         return End.still(mount, len(index), cell.plate_name(carrier) if carrier in cell.plates else None)
     states, rows = poses[carrier].states, np.array([poses[carrier].row[i] for i in index])
     base = None if carrier == cell.reference else cell.base_name(carrier)
-    joints, stop_number = None if states.joints is None else states.joints[rows], states.stand[rows]
+    joints, stop_number = None if states.joints is None else states.joints[rows], states.stop_number[rows]
     stop_row = stop_number + stops.first[carrier] if carrier in stops.first else np.full(len(rows), -1, dtype=np.int64)
     return End(carrier, mount, base, states.base_from_flange[rows], stop_row, stop_number, joints)
 

@@ -57,7 +57,7 @@ class Problem:
         models: Estimated parameters of the robots' kinematics, by robot.
         chains: Stated kinematics, by robot, of the robots that have any.
         unstated: Names of the robots without stated noise.
-        stands: Number of stops of each robot, by robot, including stops without views.
+        stop_counts: Number of stops of each robot, by robot, including stops without views.
         held: Whether unstated sigmas are held at their present values.
         exact_targets: Names of the targets whose stated shape is exact.
         shapes: Estimated shapes of targets, by name; see `effects.target_shape`.
@@ -78,7 +78,7 @@ class Problem:
     unstated: frozenset[str] = frozenset()
     models: Mapping[str, RobotModel] = field(default_factory=dict)
     chains: Mapping[str, SerialChain] = field(default_factory=dict)
-    stands: Mapping[str, int] = field(default_factory=dict)
+    stop_counts: Mapping[str, int] = field(default_factory=dict)
     held: bool = False
     exact_targets: frozenset[str] = frozenset()
     shapes: Mapping[str, Array] = field(default_factory=dict)

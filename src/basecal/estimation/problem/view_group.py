@@ -25,7 +25,7 @@ class End:
         base: Name of the transform of the robot's base, or of the plate; None for the reference, and on `world`.
         base_from_flange: (n,) recorded poses; identity on `world`.
         stop: (n,) rows of the stops' errors; -1 if the robot's noise is not stated.
-        stand: (n,) number of the stop among all stops of the robot, with or without stated noise; -1 on `world`.
+        stop_number: (n,) number of the stop among all stops of the robot, with or without stated noise; -1 on `world`.
         joints: (n, joints) recorded joints [rad]; None if poses are recorded.
         passed_s: (n,) times of views during motion [s], NaN for views at rest; None if the robot never moved.
     """
@@ -35,7 +35,7 @@ class End:
     base: str | None
     base_from_flange: SE3
     stop: IntArray
-    stand: IntArray
+    stop_number: IntArray
     joints: Array | None = None
     passed_s: Array | None = None
 

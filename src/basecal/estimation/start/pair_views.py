@@ -207,7 +207,9 @@ def half_turn_mask(group: ViewGroup, read: Array, reversed_read: Array) -> BoolA
     agreement = np.einsum("nij,ij->n", read, read[0])
     is_reversed = np.einsum("nij,ij->n", reversed_read, read[0]) > agreement
     # If only one robot moved between two views, the rotation angle of the target is known.
-    is_eye_still, is_hand_still = (stand[:, None] == stand[None] for stand in (group.eye.stand, group.hand.stand))
+    is_eye_still, is_hand_still = (
+        number[:, None] == number[None] for number in (group.eye.stop_number, group.hand.stop_number)
+    )
     is_known = np.asarray((is_eye_still != is_hand_still) & ~np.eye(len(group), dtype=bool))
     if not is_known.any():
         return np.asarray(is_reversed)
