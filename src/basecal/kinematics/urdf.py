@@ -169,7 +169,8 @@ def _joint_path(
     turning = sum(joint.kind in _TURNING_TYPES for joint in joints)
     if not 0 < turning <= _MOST_JOINTS:
         place = f"between {base_link!r} and {flange_link!r}"
-        raise DatasetError(path, f"{turning or 'no'} revolute joint {place}; arms have up to {_MOST_JOINTS}")
+        count = f"{turning} revolute joints" if turning else "no revolute joint"
+        raise DatasetError(path, f"{count} {place}; arms have up to {_MOST_JOINTS}")
     return joints[::-1], parents, list(links.values())
 
 

@@ -110,6 +110,8 @@ def test_samples_go_by_time_and_of_two_with_a_number_the_first_stays():
     assert [x.sample for x in canonical_order((Sample(2), Sample(1, stamp_s=9.0), Sample(0)))] == [0, 1, 2]
     first, second = Sample(4, stamp_s=None), Sample(4, images={"a": "b"})
     assert canonical_order((first, second)) == (first,)
+    early, middle, late = Sample(5, stamp_s=0.0), Sample(6, stamp_s=1.0), Sample(5, stamp_s=2.0)
+    assert canonical_order((late, early, middle)) == (early, middle)
 
 
 def test_one_camera_may_see_pixels_and_points_of_one_target():

@@ -151,6 +151,9 @@ def test_poses_of_a_still_arm_that_are_missing_are_named() -> None:
     samples = tuple(replace(sample, stamp_s=None) for sample in made.recording.samples)
     with pytest.raises(InputError, match=r"sample 0 has no pose of arm, and 69 more have none: .* --still"):
         recording_streams(made.cell, Recording(samples))
+    single = (samples[0], *(sample for sample in samples if not sample.observations))
+    with pytest.raises(InputError, match=r"sample 0 has no pose of arm: .* --still"):
+        recording_streams(made.cell, Recording(single))
 
 
 def test_clocks_that_share_no_time_are_an_error() -> None:

@@ -159,7 +159,10 @@ def canonical_order(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
     """Sort samples by time, or by number if any has no time; keep the first of those with equal numbers."""
     has_times = all(s.stamp_s is not None for s in samples)
     ordered = sorted(samples, key=lambda s: (s.stamp_s if has_times and s.stamp_s is not None else 0.0, s.sample))
-    return tuple({s.sample: s for s in reversed(ordered)}.values())[::-1]
+    first: dict[int, Sample] = {}
+    for sample in ordered:
+        first.setdefault(sample.sample, sample)
+    return tuple(first.values())
 
 
 def _poses(cell: Cell, samples: tuple[Sample, ...]) -> dict[str, _Poses]:

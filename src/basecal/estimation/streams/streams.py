@@ -117,7 +117,7 @@ def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
         return None
     unstamped = next((s.sample for s in recording.samples if s.stamp_s is None), None)
     if unstamped is not None and not any(stated.values()) and all(s.stamp_s is None for s in recording.samples):
-        raise InputError(_missing_robots(cell, recording))
+        raise InputError(_missing_poses_message(cell, recording))
     if unstamped is not None:
         why = "clocks are stated" if any(stated.values()) else "robots and views are recorded in separate lines"
         raise InputError(f"sample {unstamped} has no stamp_s, which every line needs: {why}")
@@ -205,13 +205,14 @@ def _pixel_cameras(recording: Recording) -> set[str]:
     return {o.camera for o in seen if isinstance(o, PixelObservation | CandidateObservation)}
 
 
-def _missing_robots(cell: Cell, recording: Recording) -> str:
+def _missing_poses_message(cell: Cell, recording: Recording) -> str:
     """Message about the robot whose poses most views lack, and how to import them."""
     lacks = [(s.sample, name) for s in recording.samples for name in _carrying_robots(cell, s) - s.robots.keys()]
     robot = Counter(name for _, name in lacks).most_common(1)[0][0]
     numbers = [sample for sample, name in lacks if name == robot]
-    where = f"sample {numbers[0]} has no pose of {robot}, and {len(numbers) - 1} more have none"
-    return f"{where}: import its poses; of an arm that stood still one row, basecal import poses ... --still"
+    others = f", and {len(numbers) - 1} more have none" if len(numbers) > 1 else ""
+    lack = f"sample {numbers[0]} has no pose of {robot}{others}"
+    return f"{lack}: import its poses; of an arm that stood still one row, basecal import poses ... --still"
 
 
 def _has_rolling_shutter(cell: Cell, recording: Recording) -> bool:
