@@ -78,17 +78,17 @@ def _repeat_start(_measurement: Any, subsets: Any, _camera: Any, start: Any) -> 
 
 
 RESCUES: dict[str, Rescue] = {
-    "all pairs of a long ring at once": Rescue(_START + "first_state", "placed_by_pairs", lambda *_: {}, bool),
+    "all pairs of a long ring at once": Rescue(_START + "first_state", "place_by_pairs", lambda *_: {}, bool),
     "pairs of a ring restarted alone": Rescue(_START + "all_pairs", "_restart_pairs", lambda wishes: wishes),
     "another start where the first is implausible": Rescue(
         "basecal.estimation.solve", "_is_plausible", lambda *_: True, lambda found: not found
     ),
-    "grids read from their other end": Rescue(_START + "pair_views", "turned_views", _no_flips, np.any),
+    "grids read from their other end": Rescue(_START + "pair_views", "half_turn_mask", _no_flips, np.any),
     "both poses of ambiguous views": Rescue(
         _START + "pair_views", "PairViews.ambiguous_loop", lambda *_: None, lambda found: found is not None
     ),
-    "rotations settled by the better poses": Rescue(_START + "refinement", "settled_rotations", lambda *_: [], bool),
-    "bases turned about their contacts": Rescue(_START + "first_state", "turned_starts", lambda *_: ()),
+    "rotations settled by the better poses": Rescue(_START + "refinement", "refine_rotations", lambda *_: [], bool),
+    "bases turned about their contacts": Rescue(_START + "first_state", "rotated_base_states", lambda *_: ()),
     "points judged by their view": Rescue(
         _OUTLIERS + "robust_solve",
         "agreeing_points",
@@ -110,7 +110,7 @@ RESCUES: dict[str, Rescue] = {
     "subsets of samples": Rescue(_OUTLIERS + "robust_solve", "subset_states", lambda *_: ()),
     "random subsets of samples": Rescue(_OUTLIERS + "subset_starts", "_subsets", lambda *_: iter(())),
     "subsets drawn on": Rescue(_OUTLIERS + "subset_starts", "_concentrate", lambda _, states: states),
-    "all starts of a light": Rescue(_OUTLIERS + "subset_starts", "light_states", lambda *_: ()),
+    "all starts of a light": Rescue(_OUTLIERS + "subset_starts", "led_states", lambda *_: ()),
     "samples that alone agree": Rescue(_OUTLIERS + "robust_solve", "agreeing_samples", lambda *_: (), bool),
     "judged again by other sigmas": Rescue(_OUTLIERS + "noise_and_outliers", "judge_again", lambda *_: None),
     "stated lenses widened": Rescue(_STAGES + "solving", "with_likely_lenses", lambda robust, *_: robust),

@@ -22,14 +22,14 @@ def end(
     mount: str = "mount",
     base: str | None = None,
     stop: ArrayLike | None = None,
-    stand: ArrayLike | None = None,
+    stop_number: ArrayLike | None = None,
     joints: Array | None = None,
 ) -> End:
-    """An end of as many views as there are poses, stops, stands or joints; poses are the identity if not given."""
-    given = [rows for rows in (stop, stand, joints) if rows is not None]
+    """An end of as many views as there are poses, stops or joints; poses are the identity if not given."""
+    given = [rows for rows in (stop, stop_number, joints) if rows is not None]
     count = len(base_from_flange) if base_from_flange is not None else len(np.asarray(given[0])) if given else 0
     poses = SE3.identity((count,)) if base_from_flange is None else base_from_flange
-    indices = (np.full(count, -1) if rows is None else np.array(rows, dtype=np.int64) for rows in (stop, stand))
+    indices = (np.full(count, -1) if rows is None else np.array(rows, dtype=np.int64) for rows in (stop, stop_number))
     return End(robot, mount, base, poses, *indices, joints)
 
 

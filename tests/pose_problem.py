@@ -67,7 +67,9 @@ def two_arm_problem(errors: Array, eye_stop: Sequence[int], hand_stop: Sequence[
     eye, hand = np.array(eye_stop), np.array(hand_stop)
     count = eye.max() + 1
     robots = ("eye",) * count + ("hand",) * max(hand.max() + 1 - count, 0)
-    group = with_hand(with_eye(group, stop=eye, stand=_stands(eye)), robot="hand", stop=hand, stand=_stands(hand))
+    group = with_hand(
+        with_eye(group, stop=eye, stop_number=_stands(eye)), robot="hand", stop=hand, stop_number=_stands(hand)
+    )
     stops = Stops(np.ones((len(robots), 6)), robots)
     return replace(problem, groups=(group,), stops=stops), replace(state, stop_errors=np.zeros((len(stops), 6)))
 

@@ -8,7 +8,7 @@ from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.schema.cell_file import cell_from_dict
 from basecal.estimation.problem.build import build_problem, scene_groups
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.scene.adjust import SceneFit, Task, adjust
+from basecal.estimation.scene.adjust import SceneFit, SceneProblem, adjust
 from basecal.estimation.scene.tie import with_scene
 from scene_points import ARM_M, ARM_RAD, LENS, PIXEL, Scene, made_scene
 
@@ -21,7 +21,7 @@ def tracks_alone(seed: int, count: int = 6) -> tuple[Scene, SceneFit, Problem, S
     scene = made_scene(seed, arms=2, count=count, points=80)
     views = scene.views
     noise = np.tile(np.repeat([ARM_M, ARM_RAD], 3), (len(views.stop_robot), 1))
-    fit = adjust(Task(views, scene.tracks, PIXEL, noise, (LENS, LENS)), scene.truth)
+    fit = adjust(SceneProblem(views, scene.tracks, PIXEL, noise, (LENS, LENS)), scene.truth)
     cell, recording = _recorded(scene)
     empty = build_problem(cell, recording)[0]
     samples = {camera.name: views.sample[views.camera == k].tolist() for k, camera in enumerate(views.cameras)}

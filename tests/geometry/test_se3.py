@@ -343,10 +343,10 @@ def test_a_spread_batch_acts_on_a_further_axis():
     """Each transform on all points of its row."""
     rng = np.random.default_rng(0)
     poses, points = SE3.exp(rng.standard_normal((4, 6))), rng.standard_normal((4, 5, 3))
-    assert poses.spread().shape == (4, 1)
+    assert poses.add_axis().shape == (4, 1)
     rows = [pose @ row for pose, row in zip(poses, points, strict=True)]
     np.testing.assert_allclose(
-        (poses.spread() @ SE3(np.broadcast_to(np.eye(3), (4, 5, 3, 3)), points)).translation, rows
+        (poses.add_axis() @ SE3(np.broadcast_to(np.eye(3), (4, 5, 3, 3)), points)).translation, rows
     )
 
 

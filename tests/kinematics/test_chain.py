@@ -6,7 +6,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.kinematics import Masses, SerialChain
-from basecal.kinematics.chain import LIMIT_EXCESS_RAD, TURN_RAD
+from basecal.kinematics.chain import LARGEST_JOINT_RAD, LIMIT_EXCESS_RAD
 from derivatives import check_derivative
 from planar_arm import planar
 
@@ -211,5 +211,5 @@ def test_axes_have_the_length_of_rounding(length, taken):
 
 def test_joints_turn_by_little_more_than_a_revolution():
     """What is larger is a wrist without end, or in degrees."""
-    assert 2 * np.pi < TURN_RAD < 3 * np.pi
+    assert 2 * np.pi < LARGEST_JOINT_RAD < 3 * np.pi
     assert 0.02 < LIMIT_EXCESS_RAD < 0.2

@@ -184,7 +184,7 @@ def test_an_arm_has_no_hundred_joints():
     links = "".join(f'<link name="l{k}"/>' for k in range(101))
     turning = '<joint name="j{0}" type="continuous"><parent link="l{0}"/><child link="l{1}"/></joint>'
     text = robot(links, "".join(turning.format(k, k + 1) for k in range(100)))
-    with pytest.raises(DatasetError, match="100 revolute joint between 'l0' and 'l100'; arms have up to 64"):
+    with pytest.raises(DatasetError, match="100 revolute joints between 'l0' and 'l100'; arms have up to 64"):
         parse_chain(text, "l0", "l100")
     with pytest.raises(FrameNotFound, match=r"l18, l19 and 81 more$"):
         parse_chain(text, "l0", "tool")

@@ -150,7 +150,7 @@ class _Projected(NamedTuple):
 
 
 def _project(measurement: PixelMeasurement, poses: SE3, camera: Camera) -> _Projected:
-    off, by_pose, by_lens = measurement.tangent_rows(poses, camera, lens=True)
+    off, by_pose, by_lens = measurement.tangent_rows(poses, camera, with_lens=True)
     assert by_lens is not None
     weight = np.where(np.isnan(off).any(-1), 0.0, measurement.weight)
     by_terms = np.where(weight[..., None, None] > 0, _term_derivatives(camera, measurement.camera_points(poses)), 0.0)

@@ -182,7 +182,7 @@ def calibrate_folder(
     from basecal.cell.results.versions import used_versions
     from basecal.estimation.settings import Settings
     from basecal.estimation.stages import Stages
-    from basecal.estimation.streams.streams import synchronous
+    from basecal.estimation.streams.streams import synchronous_recording
     from basecal.reporting.text import text_report
 
     inputs = input_hashes(folder, cell)
@@ -194,7 +194,7 @@ def calibrate_folder(
         calibration = replace(calibration, settings=used, inputs=inputs, versions=used_versions())
         stored = calibration_from_dict(calibration_to_dict(calibration))  # with the same digits as `report` reads
         with stages.stage("report"):
-            recording = synchronous(cell, recording, stored)
+            recording = synchronous_recording(cell, recording, stored)
             shown = add_stored_scene(cell, recording, stored, calibration.scene)
             details = fit_details(*shown, stored)
             calibration = replace(calibration, tolerance=check_tolerance(cell, stored, details.errors))

@@ -49,12 +49,12 @@ def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) ->
     from basecal.cell import Recording
     from basecal.cell.files import input_hashes
     from basecal.cell.results.fingerprint_file import read_fingerprint
-    from basecal.estimation.streams.streams import synchronous
+    from basecal.estimation.streams.streams import synchronous_recording
 
     hashes = input_hashes(folder, cell)
     changed = tuple(name for name, stored_hash in calibration.inputs.items() if hashes.get(name) != stored_hash)
     if not changed:
-        recording = synchronous(cell, detected_recording(folder, cell), calibration)
+        recording = synchronous_recording(cell, detected_recording(folder, cell), calibration)
         shown = add_stored_scene(cell, recording, calibration, read_fingerprint(run))
         return StoredRun(run, recording, shown, fit_details(*shown, calibration))
     try:

@@ -112,10 +112,10 @@ def cell_page(cell: Cell, recording: Recording, calibration: Calibration, title:
     """The page of a cell of a fleet, as from `basecal calibrate`."""
     from basecal.accuracy.fit_details import fit_details
     from basecal.cli.page import add_stored_scene
-    from basecal.estimation.streams.streams import synchronous
+    from basecal.estimation.streams.streams import synchronous_recording
     from basecal.reporting.page import page
 
-    shown = add_stored_scene(cell, synchronous(cell, recording, calibration), calibration, calibration.scene)
+    shown = add_stored_scene(cell, synchronous_recording(cell, recording, calibration), calibration, calibration.scene)
     return page(*shown, calibration, fit_details(*shown, calibration), title=title)
 
 

@@ -29,12 +29,12 @@ def view(cell: Path, /, *, port: Port = 0) -> int:
         port: Port of the page; 0 selects a free one.
     """
     from basecal.cell.files import read_calibration, read_cell, run_folder, run_names
-    from basecal.estimation.streams.streams import synchronous
+    from basecal.estimation.streams.streams import synchronous_recording
     from basecal.reporting.viewing.page import ViewPage, serve_view
 
     described = read_cell(cell)
     latest = read_calibration(find_run(cell))
-    recording = synchronous(described, detected_recording(cell, described), latest)
+    recording = synchronous_recording(described, detected_recording(cell, described), latest)
     page = ViewPage(described, recording, cell, run_names(cell), lambda name: read_calibration(run_folder(cell, name)))
     with serve_view(page, port) as address:
         say(f"{address}\nopen this in a browser; Ctrl-C ends it")

@@ -28,7 +28,7 @@ from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import STATED, Settings
 from basecal.estimation.start.first_state import first_state, guessed_state, lenses
-from basecal.estimation.streams.streams import synchronous
+from basecal.estimation.streams.streams import synchronous_recording
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.numerics.spectral import spectrum
@@ -124,7 +124,7 @@ def solve(cell: Cell, recording: Recording, settings: Settings = STATED) -> Solu
     check_type("cell", cell, Cell)
     check_type("recording", recording, Recording)
     check_type("settings", settings, Settings)
-    problem, findings = build_problem(cell, synchronous(cell, recording))
+    problem, findings = build_problem(cell, synchronous_recording(cell, recording))
     return solve_problem(problem, cell, settings, tuple(findings))
 
 

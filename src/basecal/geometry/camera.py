@@ -80,9 +80,9 @@ class Camera:
 
     def __getitem__(self, index: Any) -> Camera:
         """Select lenses of the batch."""
-        made = object.__new__(Camera)  # parts of checked parameters need no check
-        made.__dict__.update(model=self.model, parameters=self.parameters[index], size_px=self.size_px)
-        return made
+        selected = object.__new__(Camera)  # parts of checked parameters need no check
+        selected.__dict__.update(model=self.model, parameters=self.parameters[index], size_px=self.size_px)
+        return selected
 
     def with_parameters(self, parameters: ArrayLike) -> Camera:
         """Return a camera of the same model and size with other `parameters`, (..., 4 + k).
@@ -109,8 +109,8 @@ class Camera:
         """
         points = with_last_axis(points_in_camera, 3, "points_in_camera")
         with np.errstate(all="ignore"):
-            beside = _broadcast_parameters(self.parameters, points)
-            return _pixels(*self._lens.project(points, beside[4:]), beside)
+            parameters = _broadcast_parameters(self.parameters, points)
+            return _pixels(*self._lens.project(points, parameters[4:]), parameters)
 
     def project_with_derivatives(
         self, points_in_camera: Array, intrinsics: bool = False
@@ -133,20 +133,22 @@ class Camera:
         by_parameters = None if image.by_terms is None else _parameter_derivative(image.u, image.v, image.by_terms)
         return pixels, image.by_points, by_parameters
 
-    def image(self, points_in_camera: Array, terms: bool) -> tuple[Array, Projection]:
+    def image(self, points_in_camera: Array, with_terms: bool) -> tuple[Array, Projection]:
         """Project points to pixels, (..., 2) [px], as `project`, and to the plane at unit distance.
 
-        The projection includes the derivatives of the pixels, also by the distortion terms if `terms`. The derivatives
-        by fx and fy are u and v, by cx and cy 1.
+        The projection includes the derivatives of the pixels, also by the distortion terms if `with_terms`. The
+        derivatives by fx and fy are u and v, by cx and cy 1.
 
         Raises:
             InputError: if the last axis is not 3.
         """
         points = with_last_axis(points_in_camera, 3, "points_in_camera")
-        beside = _broadcast_parameters(self.parameters, points)
+        parameters = _broadcast_parameters(self.parameters, points)
         with np.errstate(all="ignore"):
-            image = self._lens.project_with_derivatives(points, (beside[0], beside[1]), beside[4:], terms)
-            return _pixels(image.u, image.v, beside), image
+            image = self._lens.project_with_derivatives(
+                points, (parameters[0], parameters[1]), parameters[4:], with_terms
+            )
+            return _pixels(image.u, image.v, parameters), image
 
     def undistort(self, pixels: Array) -> tuple[Array, BoolArray]:
         """Back-project pixels of a single lens to directions.
@@ -188,23 +190,23 @@ def _broadcast_parameters(parameters: Array, points: Array) -> list[Number]:
     if parameters.ndim == 1:
         numbers: list[Number] = parameters.tolist()
         return numbers
-    more = (1,) * (points.ndim - parameters.ndim)
-    return [each.reshape(each.shape + more) for each in to_front(parameters, -1)]
+    trailing = (1,) * (points.ndim - parameters.ndim)
+    return [each.reshape(each.shape + trailing) for each in to_front(parameters, -1)]
 
 
-def _pixels(u: Array, v: Array, points: list[Number]) -> Array:
-    fx, fy, cx, cy = points[:4]
+def _pixels(u: Array, v: Array, parameters: list[Number]) -> Array:
+    fx, fy, cx, cy = parameters[:4]
     out = np.empty((2, *u.shape))
     np.add(fx * u, cx, out=out[0, ...])
     np.add(fy * v, cy, out=out[1, ...])
     return to_back(out)
 
 
-def _parameter_derivative(u: Array, v: Array, d_terms: Array) -> Array:
+def _parameter_derivative(u: Array, v: Array, term_derivative: Array) -> Array:
     """Derivative of the pixels with respect to fx, fy, cx, cy and the distortion terms, (..., 2, 4 + k)."""
-    out = to_back(np.empty((2, 4 + d_terms.shape[-1], *u.shape)), 2)
-    for row, at in enumerate((u, v)):
-        out[..., row, row], out[..., row, 1 - row] = at, 0.0
+    out = to_back(np.empty((2, 4 + term_derivative.shape[-1], *u.shape)), 2)
+    for row, coordinate in enumerate((u, v)):
+        out[..., row, row], out[..., row, 1 - row] = coordinate, 0.0
         out[..., row, 2 + row], out[..., row, 3 - row] = 1.0, 0.0
-    out[..., 4:] = d_terms
+    out[..., 4:] = term_derivative
     return out

@@ -42,7 +42,7 @@ class Projection(NamedTuple):
     by_terms: Array | None
 
 
-Mapped = Callable[[Array, Array], Image]
+LensMap = Callable[[Array, Array], Image]
 
 # Most Newton steps: convergence is quadratic, but slower near the fold; after these steps there is none.
 _MOST_STEPS = 60
@@ -78,12 +78,12 @@ class Lens(Protocol):
         """Draw distortion terms for a simulation, (USUAL_TERMS,)."""
 
     def project(self, points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
-        """Image u and v, (...,) each, of points (..., 3); NaN where the lens is not defined."""
+        """Image u and v, (...,) each, of points (..., 3); NaN if the lens does not map the point."""
 
     def project_with_derivatives(
-        self, points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
+        self, points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], with_terms: bool
     ) -> Projection:
-        """Image of points, (..., 3), with derivatives of the pixels, also by the distortion terms if `terms`."""
+        """Image of points, (..., 3), with derivatives of the pixels, also by the distortion terms if `with_terms`."""
 
     def domain_mask(self, points: Array, distortion: list[float]) -> BoolArray:
         """Whether points are in the domain where the model is injective, (...,)."""
@@ -92,7 +92,7 @@ class Lens(Protocol):
         """Directions of any length, (..., 3), with the image (u, v), and whether each is in the domain, (...,)."""
 
 
-def invert_map(mapping: Mapped, u: Array, v: Array, limit: float) -> tuple[Array, BoolArray]:
+def invert_map(mapping: LensMap, u: Array, v: Array, limit: float) -> tuple[Array, BoolArray]:
     """Invert a lens map: directions (a, b, 1), (..., 3), with the image (u, v), and whether each is valid, (...,).
 
     Newton's method, with the image as the initial guess and steps clipped to the limit. A direction is valid if the
@@ -107,21 +107,21 @@ def invert_map(mapping: Mapped, u: Array, v: Array, limit: float) -> tuple[Array
     a, b = _clip_direction(u, v, limit)
     size = _TOLERANCE * (1 + np.sqrt(u * u + v * v))
     for _ in range(_MOST_STEPS):
-        at = mapping(a, b)
-        here, miss_u, miss_v = (a, b), u - at.u, v - at.v
-        determinant = at.du_da * at.dv_db - at.du_db * at.dv_da
+        image = mapping(a, b)
+        solution, miss_u, miss_v = (a, b), u - image.u, v - image.v
+        determinant = image.du_da * image.dv_db - image.du_db * image.dv_da
         square = miss_u * miss_u + miss_v * miss_v
-        near = square <= size * size
-        if not np.any(np.isfinite(determinant) & ~near):
+        converged = square <= size * size
+        if not np.any(np.isfinite(determinant) & ~converged):
             break
-        step_a = (at.dv_db * miss_u - at.du_db * miss_v) / determinant
-        step_b = (at.du_da * miss_v - at.dv_da * miss_u) / determinant
+        step_a = (image.dv_db * miss_u - image.du_db * miss_v) / determinant
+        step_b = (image.du_da * miss_v - image.dv_da * miss_u) / determinant
         a, b = _clip_direction(a + step_a, b + step_b, limit)
         if not np.any((square > _LAST_STEP**2) | (determinant < _LEAST_DETERMINANT)):  # NaN stays NaN
-            here, near = (a, b), np.isfinite(determinant)
+            solution, converged = (a, b), np.isfinite(determinant)
             break
-    valid = near & (determinant > 0) & (at.du_da + at.dv_db > 0)
-    return np.stack([*here, np.ones_like(here[0])], -1), valid
+    valid = converged & (determinant > 0) & (image.du_da + image.dv_db > 0)
+    return np.stack([*solution, np.ones_like(solution[0])], -1), valid
 
 
 def _clip_direction(a: Array, b: Array, limit: float) -> tuple[Array, Array]:
@@ -133,18 +133,18 @@ def _clip_direction(a: Array, b: Array, limit: float) -> tuple[Array, Array]:
     return a * shrink, b * shrink
 
 
-def first_root(rising: Array) -> float:
+def first_root(coefficients: Array) -> float:
     """Smallest positive root of 1 + c1 s + c2 s^2 + ..., or infinity.
 
     The equivalent polynomial in 1 / s is monic, so that small coefficients cannot cause an overflow.
     """
-    degree = int(np.flatnonzero(rising)[-1])
+    degree = int(np.flatnonzero(coefficients)[-1])
     if not degree:
         return float("inf")
     companion = np.eye(degree, k=-1)
-    companion[0] = -rising[1 : degree + 1]
-    mirrored = np.linalg.eigvals(companion)
-    real = mirrored.real[np.abs(mirrored.imag) <= _IMAGINARY_SHARE * np.abs(mirrored)]
+    companion[0] = -coefficients[1 : degree + 1]
+    reciprocals = np.linalg.eigvals(companion)
+    real = reciprocals.real[np.abs(reciprocals.imag) <= _IMAGINARY_SHARE * np.abs(reciprocals)]
     largest = float(real.max(initial=0.0))
     return 1.0 / largest if largest > 0 else float("inf")
 

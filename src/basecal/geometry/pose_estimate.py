@@ -30,7 +30,7 @@ class PoseEstimate:
 
     mean: SE3
     covariance: Array
-    __array_ufunc__: ClassVar[None] = None  # as of `SE3`
+    __array_ufunc__: ClassVar[None] = None  # see `SE3`
 
     def __post_init__(self) -> None:
         check_type("mean", self.mean, SE3)
@@ -48,11 +48,11 @@ class PoseEstimate:
     def words(self) -> str:
         """Format translation [mm] and rotation vector [deg], each with its sigma per axis."""
         mean = self.mean
-        halves = (
+        parts = (
             (mean.translation * 1e3, self.sigma_t * 1e3, "mm"),
             (np.degrees(mean.rotvec), np.degrees(self.sigma_r), "deg"),
         )
-        return ", ".join(f"{_row(values)} ± {_row(sigmas)} {unit}" for values, sigmas, unit in halves)
+        return ", ".join(f"{_row(values)} ± {_row(sigmas)} {unit}" for values, sigmas, unit in parts)
 
     def __repr__(self) -> str:
         """Summary in one line."""

@@ -74,8 +74,8 @@ def cross(left: Array, right: Array) -> Array:
 
 def lengths(vectors: Array) -> Array:
     """Euclidean norms of vectors, (..., k) to (...,): twice as fast as `np.linalg.norm`."""
-    found: Array = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
-    return found
+    norms: Array = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    return norms
 
 
 def with_identity(matrix: Array, share: Array) -> Array:
@@ -89,9 +89,9 @@ def rotation_exp(w: Array) -> Array:
     """Rotation matrices of rotation vectors, (..., 3) [rad] to (..., 3, 3)."""
     angle = lengths(w)
     a, b = exp_coefficients(angle, 2)
-    # The square of hat(w) is w w' - w'w I.
-    turned = cross_matrix(a[..., None] * w) + (b[..., None] * w)[..., :, None] * w[..., None, :]
-    return with_identity(turned, 1 - b * (angle * angle))
+    # The square of the cross-product matrix of w is w w' - w'w I.
+    rotation = cross_matrix(a[..., None] * w) + (b[..., None] * w)[..., :, None] * w[..., None, :]
+    return with_identity(rotation, 1 - b * (angle * angle))
 
 
 def rotation_log(rotation: Array) -> Array:

@@ -38,12 +38,12 @@ def _product(left: Array, right: Array) -> Array:
         return (left.reshape(-1, 3) @ right).reshape(left.shape)
     if right.ndim > 2 and right.shape[-3] == 1 and left.ndim > 2:
         *batch, count, _, _ = left.shape
-        of_many: Array = left.reshape(*batch, 3 * count, 3) @ right[..., 0, :, :]
-        return of_many.reshape(*of_many.shape[:-2], count, 3, 3)
+        stacked: Array = left.reshape(*batch, 3 * count, 3) @ right[..., 0, :, :]
+        return stacked.reshape(*stacked.shape[:-2], count, 3, 3)
     if left.ndim > 2 and left.shape[-3] == 1 and right.ndim > 2:
         *batch, count, _, _ = right.shape
-        side_by_side = left[..., 0, :, :] @ np.swapaxes(right, -3, -2).reshape(*batch, 3, 3 * count)
-        return np.swapaxes(side_by_side.reshape(*side_by_side.shape[:-1], count, 3), -3, -2)
+        stacked_columns = left[..., 0, :, :] @ np.swapaxes(right, -3, -2).reshape(*batch, 3, 3 * count)
+        return np.swapaxes(stacked_columns.reshape(*stacked_columns.shape[:-1], count, 3), -3, -2)
     product: Array = left @ right
     return product
 
@@ -54,8 +54,8 @@ def _rotate(rotation: Array, vectors: Array) -> Array:
         return np.asarray(vectors @ rotation.T, dtype=np.float64)
     if rotation.shape[-3] == 1 and vectors.ndim > 1:
         return np.asarray(vectors @ rotation[..., 0, :, :].mT, dtype=np.float64)
-    turned: Array = (rotation @ vectors[..., None])[..., 0]
-    return turned
+    rotated: Array = (rotation @ vectors[..., None])[..., 0]
+    return rotated
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -96,9 +96,9 @@ class SE3:
         """
         rotation.setflags(write=False)
         translation.setflags(write=False)
-        made = object.__new__(cls)
-        made.__dict__.update(rotation=rotation, translation=translation)
-        return made
+        transform = object.__new__(cls)
+        transform.__dict__.update(rotation=rotation, translation=translation)
+        return transform
 
     @classmethod
     def identity(cls, shape: tuple[int, ...] = ()) -> SE3:
@@ -262,7 +262,7 @@ class SE3:
         """Shape of the batch; () for a single transform."""
         return self.translation.shape[:-1]
 
-    def spread(self) -> SE3:
+    def add_axis(self) -> SE3:
         """Add a last batch axis of length 1 for broadcasting, (..., 1)."""
         return SE3.adopt(self.rotation[..., None, :, :], self.translation[..., None, :])
 

@@ -14,21 +14,21 @@ from basecal.geometry.rotation import cross_matrix, exp_coefficients, lengths, w
 def right_jacobian(xi: Array) -> Array:
     """Right Jacobian d log(exp(xi)^-1 exp(xi + d)) / dd at d = 0, (..., 6) to (..., 6, 6).
 
-    This is Barfoot's (7.86) at -xi, with expanded products of cross-product matrices: hat(a) hat(b) = b a' - a'b I and
-    hat(a) hat(b) hat(a) = -a'b hat(a).
+    This is Barfoot's (7.86) at -xi, with expanded products of the cross-product matrices hat(a) and hat(b). They are
+    hat(a) hat(b) = b a' - a'b I and hat(a) hat(b) hat(a) = -a'b hat(a).
     """
     v, w = xi[..., :3], xi[..., 3:]
     angle = lengths(w)
     _, c2, c3, c4, c5 = exp_coefficients(angle, 5)
     square, along = angle * angle, np.einsum("...i,...i->...", v, w)
     outer, mixed = w[..., :, None] * w[..., None, :], v[..., :, None] * w[..., None, :]
-    of_rotation = c3[..., None, None] * outer - cross_matrix(c2[..., None] * w)
-    far = along * (c4 - 3 * c5)
-    coupling = c3[..., None, None] * (mixed + mixed.mT) - far[..., None, None] * outer
-    coupling -= cross_matrix((0.5 - c4 * square)[..., None] * v + ((2 * c4 - c3) * along)[..., None] * w)
+    diagonal_block = c3[..., None, None] * outer - cross_matrix(c2[..., None] * w)
+    coefficient = along * (c4 - 3 * c5)
+    off_diagonal_block = c3[..., None, None] * (mixed + mixed.mT) - coefficient[..., None, None] * outer
+    off_diagonal_block -= cross_matrix((0.5 - c4 * square)[..., None] * v + ((2 * c4 - c3) * along)[..., None] * w)
     out = np.zeros((*xi.shape[:-1], 6, 6))
-    out[..., :3, :3] = out[..., 3:, 3:] = with_identity(of_rotation, 1 - c3 * square)
-    out[..., :3, 3:] = with_identity(coupling, far * square - 2 * c3 * along)
+    out[..., :3, :3] = out[..., 3:, 3:] = with_identity(diagonal_block, 1 - c3 * square)
+    out[..., :3, 3:] = with_identity(off_diagonal_block, coefficient * square - 2 * c3 * along)
     return out
 
 

@@ -12,7 +12,7 @@ from basecal.geometry import SE3, Array, read_only
 from basecal.geometry.rotation import cross_matrix
 from basecal.kinematics.collision import Collision
 
-TURN_RAD = 2.2 * np.pi
+LARGEST_JOINT_RAD = 2.2 * np.pi
 """Largest plausible joint angle [rad]: 1.1 revolutions. Larger values are continuous wrists, or degrees."""
 
 LIMIT_EXCESS_RAD = 0.1
@@ -101,22 +101,25 @@ class SerialChain:
             raise InputError(f"joints have shape {q.shape}, expected (..., {self.n}): {', '.join(self.joint_names)}")
         if self.batch:
             q = np.broadcast_to(q, (*np.broadcast_shapes((*self.batch, 1), q.shape[:-1]), self.n))
-        turns = self._turns(np.moveaxis(q, -1, 0))
-        behind, place = self._origins(turns.ndim)
-        behind = behind @ turns
-        rotation, translation = np.empty(behind.shape), np.empty(behind.shape[:-1])
+        joint_rotations = self._joint_rotations(np.moveaxis(q, -1, 0))
+        link_rotations, link_translations = self._origins(joint_rotations.ndim)
+        link_rotations = link_rotations @ joint_rotations
+        rotation, translation = np.empty(link_rotations.shape), np.empty(link_rotations.shape[:-1])
         rotation[-1], translation[-1] = (
             self._broadcast_tip(each) for each in (self.tip.rotation, self.tip.translation)
         )
         for i in range(self.n - 1, 0, -1):  # joint i - 1 to flange: origin and rotation of joint i, then the rest
-            rotation[i - 1] = behind[i] @ rotation[i]
-            translation[i - 1] = (behind[i] @ translation[i][..., None])[..., 0] + place[i]
-        first = (behind[0] @ translation[0][..., None])[..., 0] + place[0]
+            rotation[i - 1] = link_rotations[i] @ rotation[i]
+            translation[i - 1] = (link_rotations[i] @ translation[i][..., None])[..., 0] + link_translations[i]
+        flange_translation = (link_rotations[0] @ translation[0][..., None])[..., 0] + link_translations[0]
         return ChainPosture(
-            self.axes, SE3.adopt(behind[0] @ rotation[0], first), turns, SE3.adopt(rotation, translation)
+            self.axes,
+            SE3.adopt(link_rotations[0] @ rotation[0], flange_translation),
+            joint_rotations,
+            SE3.adopt(rotation, translation),
         )
 
-    def _turns(self, angles: Array) -> Array:
+    def _joint_rotations(self, angles: Array) -> Array:
         """Rotations about the joint axes by angles (n, ...), (n, ..., 3, 3). Source: Rodrigues 1840."""
         across, squared = self._axis_matrices
         shape = (self.n, *[1] * (angles.ndim - 1), 3, 3)
@@ -148,8 +151,8 @@ class SerialChain:
         tangents = np.asarray(link_tangents, dtype=np.float64)
         if tangents.shape[-2:] != (self.n + 1, 6):
             raise InputError(f"link_tangents have shape {tangents.shape}, expected (..., {self.n + 1}, 6)")
-        of_origins, of_tip = SE3.exp(tangents[..., :-1, :]), SE3.exp(tangents[..., -1, :])
-        return replace(self, origins=self.origins @ of_origins, tip=self.tip @ of_tip)
+        origin_motion, tip_motion = SE3.exp(tangents[..., :-1, :]), SE3.exp(tangents[..., -1, :])
+        return replace(self, origins=self.origins @ origin_motion, tip=self.tip @ tip_motion)
 
     def joint_frames(self, joints: Array) -> SE3:
         """Poses `base_from_joint` of the joints' own frames, which rotate with the joints, (n, ...).
@@ -168,13 +171,13 @@ class ChainPosture:
     Attributes:
         axes: (n, 3) axes of the joints in their own frames.
         base_from_flange: (...) flange poses.
-        turns: (n, ..., 3, 3) rotation of each joint about its axis.
+        joint_rotations: (n, ..., 3, 3) rotation of each joint about its axis.
         joint_from_flange: (n, ...) flange poses in the frames that rotate with the joints.
     """
 
     axes: Array
     base_from_flange: SE3
-    turns: Array
+    joint_rotations: Array
     joint_from_flange: SE3
 
     @cached_property
@@ -187,9 +190,9 @@ class ChainPosture:
         axes = self.axes.reshape(len(self.axes), *[1] * len(self.base_from_flange.shape), 3)
         columns = np.empty((*self.joint_from_flange.shape, 3, 2))
         columns[..., 0], columns[..., 1] = np.cross(axes, self.joint_from_flange.translation), axes
-        turned = self.joint_from_flange.rotation.mT @ columns
-        over_joints = np.concatenate([turned[..., 0], turned[..., 1]], -1)
-        return np.ascontiguousarray(np.moveaxis(over_joints, 0, -1))
+        rotated = self.joint_from_flange.rotation.mT @ columns
+        by_joint = np.concatenate([rotated[..., 0], rotated[..., 1]], -1)
+        return np.ascontiguousarray(np.moveaxis(by_joint, 0, -1))
 
     @cached_property
     def link_derivative(self) -> Array:
@@ -198,9 +201,12 @@ class ChainPosture:
         Right tangents: `perturb_links(d).forward(q) == forward(q) @ SE3.exp(link_derivative @ d.ravel())` to first
         order in d.
         """
-        tail = self.joint_from_flange
-        behind = SE3.adopt(self.turns @ tail.rotation, (self.turns @ tail.translation[..., None])[..., 0])
-        blocks, batch = behind.inverse().adjoint(), self.base_from_flange.shape
+        joint_from_flange = self.joint_from_flange
+        origin_from_flange = SE3.adopt(
+            self.joint_rotations @ joint_from_flange.rotation,
+            (self.joint_rotations @ joint_from_flange.translation[..., None])[..., 0],
+        )
+        blocks, batch = origin_from_flange.inverse().adjoint(), self.base_from_flange.shape
         with_tip = np.concatenate([blocks, np.broadcast_to(np.eye(6), (1, *batch, 6, 6))])
         return np.moveaxis(with_tip, 0, -2).reshape(*batch, 6, 6 * (len(self.axes) + 1))
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 
-_ROD_M, _MOST_RODS = 0.08, 8  # largest width of a box per capsule [m]; most capsules across a box
+_CAPSULE_WIDTH_M, _MOST_CAPSULES = 0.08, 8  # largest width of a box per capsule [m]; most capsules across a box
 _LARGEST_VALUE = 1e3  # largest valid number [m, rad]
 
 
@@ -68,7 +68,7 @@ def box_capsules(frame: int, pose: SE3, bounds: Array, padding_m: float = 0.0) -
         padding_m: Amount by which the body may be larger than the box [m].
     """
     size = bounds[1] - bounds[0]
-    counts = np.clip(np.ceil(size / _ROD_M), 1, _MOST_RODS)
+    counts = np.clip(np.ceil(size / _CAPSULE_WIDTH_M), 1, _MOST_CAPSULES)
     counts[np.argmax(size)] = 1
     half = 0.5 * size / counts
     cells = np.stack(np.meshgrid(*(np.arange(count) for count in counts), indexing="ij"), -1).reshape(-1, 3)
@@ -90,7 +90,7 @@ def body_capsules(body: Collision) -> Capsules:
     Raises:
         InputError: if the body cannot be read, or its mesh is outside the cell's folder.
     """
-    pose, shape = placed_shape(body)
+    pose, shape = shape_with_pose(body)
     if shape.tag == "mesh":
         bounds = mesh_bounds(mesh_file(shape, body))
         return box_capsules(body.frame, pose, np.sort(bounds * shape_numbers(shape.get("scale", "1 1 1"), 3), axis=0))
@@ -102,7 +102,7 @@ def body_capsules(body: Collision) -> Capsules:
     return Capsules(np.array([body.frame]), ends[None], radius, np.zeros(1))
 
 
-def placed_shape(body: Collision) -> tuple[SE3, Element]:
+def shape_with_pose(body: Collision) -> tuple[SE3, Element]:
     """Pose of a body's shape in its frame, and the element of the shape.
 
     Raises:
@@ -124,7 +124,7 @@ def shape_numbers(text: str, count: int) -> Array:
     """
     numbers = numbers_in_text(text, count, _LARGEST_VALUE)
     if numbers is None:
-        raise InputError(f"<collision> has {text!r}, expected finite numbers: {count}")
+        raise InputError(f"<collision> has {text!r}, expected finite numbers: {count} within {_LARGEST_VALUE:g}")
     return numbers
 
 
@@ -144,9 +144,9 @@ def mesh_file(shape: Element, body: Collision) -> Path:
         InputError: if there is no such file inside the cell's folder.
     """
     name = shape.get("filename", "")
-    whole = Path(name.removeprefix("package://").removeprefix("file://"))
+    relative = Path(name.removeprefix("package://").removeprefix("file://"))
     for folder in body.urdf.resolve().parents:
-        for part in (whole, Path(*whole.parts[1:])):
+        for part in (relative, Path(*relative.parts[1:])):
             path = (folder / part).resolve()
             if isfile(path) and path.is_relative_to(body.folder.resolve()):
                 return path

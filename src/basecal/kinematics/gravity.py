@@ -31,8 +31,8 @@ def gravity_torques(chain: SerialChain, joints: Array) -> Array:
     centres = places + np.einsum("...nij,nj->...ni", rotation, chain.masses.centres)
     axes = np.einsum("...nij,nj->...ni", rotation, chain.axes)
     moments = (chain.masses.kg[:, None] * centres)[..., ::-1, :]
-    beyond = np.cumsum(moments, axis=-2)[..., ::-1, :]
-    total = np.cumsum(chain.masses.kg[::-1])[::-1, None]
-    lever = beyond - total * places
+    moment_beyond = np.cumsum(moments, axis=-2)[..., ::-1, :]
+    mass_beyond = np.cumsum(chain.masses.kg[::-1])[::-1, None]
+    lever = moment_beyond - mass_beyond * places
     torque: Array = STANDARD_GRAVITY * np.einsum("...i,...i->...", axes, np.cross(lever, chain.masses.down))
     return np.where(np.abs(torque) < _LEAST_TORQUE_NM, 0.0, torque)

@@ -12,7 +12,7 @@ from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.kinematics.chain import SerialChain
 from basecal.numerics.levenberg_marquardt import Criteria, Quadratic, levenberg_marquardt
 
-_LARGEST_STEP = 1.0  # [rad]; with larger steps the linear model moves the arm through singular poses
+_LARGEST_STEP_RAD = 1.0  # with larger steps the linear model moves the arm through singular poses
 
 
 def inverse(
@@ -40,12 +40,12 @@ def inverse(
     poses = base_from_flange if base_from_flange.shape else SE3.stack([base_from_flange])
     q = np.broadcast_to(start, (len(poses), chain.n)).clip(chain.lower, chain.upper)
     arm = _Arm(chain, poses)
-    if np.abs(left := arm.remaining_tangent(q)).max(initial=0.0) > tolerance:
+    if np.abs(remaining := arm.remaining_tangent(q)).max(initial=0.0) > tolerance:
         q = levenberg_marquardt(arm, q, Criteria(iterations)).state
-        left = arm.remaining_tangent(q)
-    if np.abs(left).max(initial=0.0) <= tolerance:
+        remaining = arm.remaining_tangent(q)
+    if np.abs(remaining).max(initial=0.0) <= tolerance:
         return q.reshape(shape)
-    farthest = left[np.abs(left).max(axis=1).argmax()]
+    farthest = remaining[np.abs(remaining).max(axis=1).argmax()]
     millimetres, degrees = 1e3 * np.linalg.norm(farthest[:3]), np.degrees(np.linalg.norm(farthest[3:]))
     message = (
         f"the flange stays {millimetres:.3g} mm and {degrees:.3g} deg away; give a nearer start or check the reach"
@@ -66,22 +66,22 @@ class _Arm:
 
     def linearise(self, q: Array) -> Quadratic:
         """See `System`; joints at a limit that would exceed it are held."""
-        at = self.chain.posture(q)
-        reached, by_joints = at.base_from_flange, at.joint_derivative
-        left = (reached.inverse() @ self.base_from_flange).log()
-        # d left = -J_l(left)^-1 J dq, and J_l(x) == J_r(-x).
-        jacobian = right_jacobian_inverse(-left) @ by_joints
-        uphill = -(jacobian.mT @ left[..., None])[..., 0]
-        held = ((q <= self.chain.lower) & (uphill > 0)) | ((q >= self.chain.upper) & (uphill < 0))
+        posture = self.chain.posture(q)
+        reached, by_joints = posture.base_from_flange, posture.joint_derivative
+        remaining = (reached.inverse() @ self.base_from_flange).log()
+        # d remaining = -J_l(remaining)^-1 J dq, and J_l(x) == J_r(-x).
+        jacobian = right_jacobian_inverse(-remaining) @ by_joints
+        gradient = -(jacobian.mT @ remaining[..., None])[..., 0]
+        held = ((q <= self.chain.lower) & (gradient > 0)) | ((q >= self.chain.upper) & (gradient < 0))
         jacobian = np.where(held[:, None], 0.0, jacobian)
         hessian = jacobian.mT @ jacobian
-        return Quadratic((left**2).sum(axis=1), np.where(held, 0.0, uphill), hessian)
+        return Quadratic((remaining**2).sum(axis=1), np.where(held, 0.0, gradient), hessian)
 
     def retract(self, q: Array, model: Quadratic, step: Array) -> Array:
         """See `System`; steps are limited in length and clipped to the joint limits."""
-        share = _LARGEST_STEP / np.maximum(np.abs(step).max(axis=1, keepdims=True), _LARGEST_STEP)
-        there: Array = (q + share * step).clip(self.chain.lower, self.chain.upper)
-        return there
+        share = _LARGEST_STEP_RAD / np.maximum(np.abs(step).max(axis=1, keepdims=True), _LARGEST_STEP_RAD)
+        joints: Array = (q + share * step).clip(self.chain.lower, self.chain.upper)
+        return joints
 
     def take(self, rows: IntArray) -> _Arm:
         """See `System`."""

@@ -21,7 +21,7 @@ _KEPT_SECTIONS = frozenset({"compiler", "default", "worldbody"})  # sections tha
 _DROPPED_ELEMENTS = frozenset({"geom", "mesh", "material", "camera", "light", "composite", "flexcomp", "plugin"})
 _FILE_ELEMENTS = frozenset({"include", "attach", "model"})  # elements that refer to other files
 # Least mass and inertia of a moving body that MuJoCo accepts; used for bodies without a mass in the file.
-_LEAST_MASS, _LEAST_INERTIA = 1e-9, 1e-12
+_LEAST_MASS_KG, _LEAST_INERTIA_KG_M2 = 1e-9, 1e-12
 _WORLD_BODY = 0
 
 
@@ -43,14 +43,14 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
     Source: https://mujoco.readthedocs.io/en/stable/XMLreference.html.
     """
     model = _compile_model(root, path)
-    way, last_from_flange = _body_path(model, base, flange, path)
+    bodies, last_from_flange = _body_path(model, base, flange, path)
     names: list[str] = []
     origins: list[SE3] = []
     axes: list[Array] = []
     limits: list[Array] = []
     carriers: dict[int, tuple[int, SE3]] = {}  # by body: index of the joint that carries it, and its pose in the joint
     since_last = SE3.identity()
-    for body in way:
+    for body in bodies:
         since_last = since_last @ _pose(model.body_pos[body], model.body_quat[body])
         first = int(model.body_jntadr[body])
         for joint in range(first, first + int(model.body_jntnum[body])):
@@ -84,9 +84,11 @@ def _compile_model(root: Element, path: str) -> Any:
         import mujoco
     except ImportError:
         raise MissingExtra("sim", "an MJCF") from None
-    named = next((element.tag for element in root.iter() if element.tag in _FILE_ELEMENTS), None)
-    if named is not None:
-        raise DatasetError(path, f"has an element {named!r}: write all into one file, MuJoCo does with mj_saveLastXML")
+    foreign = next((element.tag for element in root.iter() if element.tag in _FILE_ELEMENTS), None)
+    if foreign is not None:
+        raise DatasetError(
+            path, f"has an element {foreign!r}: write all into one file, MuJoCo does with mj_saveLastXML"
+        )
     for section in list(root):
         if section.tag not in _KEPT_SECTIONS:
             root.remove(section)
@@ -98,7 +100,7 @@ def _compile_model(root: Element, path: str) -> Any:
     for compiler in root.findall("compiler"):
         compiler.attrib.pop("inertiafromgeom", None)
         compiler.attrib.pop("settotalmass", None)
-    least = {"boundmass": repr(_LEAST_MASS), "boundinertia": repr(_LEAST_INERTIA)}
+    least = {"boundmass": repr(_LEAST_MASS_KG), "boundinertia": repr(_LEAST_INERTIA_KG_M2)}
     SubElement(root, "compiler", least)
     try:
         return mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
@@ -117,13 +119,13 @@ def _body_path(model: Any, base: str, flange: str, path: str) -> tuple[list[int]
     is_site = flange not in bodies
     body = int(model.site_bodyid[sites[flange]]) if is_site else bodies[flange]
     tip = _pose(model.site_pos[sites[flange]], model.site_quat[sites[flange]]) if is_site else SE3.identity()
-    way: list[int] = []
+    path_bodies: list[int] = []
     while body != bodies[base]:
         if body == _WORLD_BODY:
             raise DatasetError(path, f"{flange!r} is not below {base!r}")
-        way.append(body)
+        path_bodies.append(body)
         body = int(model.body_parentid[body])
-    return way[::-1], tip
+    return path_bodies[::-1], tip
 
 
 def _is_hinge(model: Any, joint: int) -> bool:
@@ -132,8 +134,10 @@ def _is_hinge(model: Any, joint: int) -> bool:
     return int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_HINGE)
 
 
-def _pose(place: Array, wxyz: Array) -> SE3:
-    return SE3.from_quaternion(np.roll(np.asarray(wxyz, dtype=np.float64), -1), np.asarray(place, dtype=np.float64))
+def _pose(translation: Array, wxyz: Array) -> SE3:
+    return SE3.from_quaternion(
+        np.roll(np.asarray(wxyz, dtype=np.float64), -1), np.asarray(translation, dtype=np.float64)
+    )
 
 
 def _gravity_direction(model: Any, base: str) -> Array:
@@ -148,18 +152,18 @@ def _gravity_direction(model: Any, base: str) -> Array:
 
 def _masses(model: Any, carriers: dict[int, tuple[int, SE3]], count: int, gravity: Array) -> Masses | None:
     """Masses carried by each joint, with other joints at rest; None if a joint of the chain carries no stated mass."""
-    kg, moments, of_body = np.zeros(count), np.zeros((count, 3)), dict(carriers)
+    kg, moments, carrier_of_body = np.zeros(count), np.zeros((count, 3)), dict(carriers)
     for body in range(1, model.nbody):
-        if body not in of_body:
-            above = int(model.body_parentid[body])
-            if above not in of_body:
+        if body not in carrier_of_body:
+            parent = int(model.body_parentid[body])
+            if parent not in carrier_of_body:
                 continue
-            joint, joint_from_above = of_body[above]
-            of_body[body] = joint, joint_from_above @ _pose(model.body_pos[body], model.body_quat[body])
-        joint, joint_from_body = of_body[body]
+            joint, joint_from_parent = carrier_of_body[parent]
+            carrier_of_body[body] = joint, joint_from_parent @ _pose(model.body_pos[body], model.body_quat[body])
+        joint, joint_from_body = carrier_of_body[body]
         kg[joint] += float(model.body_mass[body])
         moments[joint] += float(model.body_mass[body]) * (joint_from_body @ np.array(model.body_ipos[body]))
     carrying = [joint for joint, _ in carriers.values()]
-    if np.any(kg[carrying] <= model.nbody * _LEAST_MASS):
+    if np.any(kg[carrying] <= model.nbody * _LEAST_MASS_KG):
         return None
     return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None], gravity)

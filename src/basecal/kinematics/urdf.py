@@ -26,6 +26,7 @@ LARGEST_BYTES = 2**25
 _MOST_JOINTS = 64  # most turning joints from base to flange: arms have six or seven, snake robots thirty
 _LARGEST_VALUE = 1e6  # largest valid number [m, rad]: the same as in the files of a cell, far from overflow
 _TURNING_TYPES = ("revolute", "continuous")
+_NO_PATH = "<text>"  # path in errors of a text that was not read from a file
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def read_chain(path: str | Path, base_link: str, flange_link: str, folder: str |
 
 
 def parse_chain(
-    text: str | bytes, base_link: str, flange_link: str, path: str = "<text>", folder: Path | None = None
+    text: str | bytes, base_link: str, flange_link: str, path: str = _NO_PATH, folder: Path | None = None
 ) -> SerialChain:
     """Parse the chain of revolute joints from `base_link` to `flange_link` of a URDF's text.
 
@@ -86,11 +87,11 @@ def parse_chain(
         DatasetError: as in `read_chain`, with `path` in the message.
         FrameNotFound: if a link does not exist.
     """
-    way, above, links = _joint_path(text, base_link, flange_link, path)
+    joints, parents, links = _joint_path(text, base_link, flange_link, path)
     turning: list[_Joint] = []
     origins: list[SE3] = []
     since_last = SE3.identity()
-    for joint in way:
+    for joint in joints:
         since_last = since_last @ _origin(joint)
         if joint.kind in _TURNING_TYPES:
             turning.append(joint)
@@ -102,8 +103,8 @@ def parse_chain(
     axes = np.array([_axis(joint) for joint in turning])
     names = tuple(joint.name for joint in turning)
     chain = SerialChain(names, SE3.stack(origins), axes, since_last, limits[:, 0], limits[:, 1])
-    bodies = () if folder is None else _collisions(chain.joint_names, above, links, base_link, (Path(path), folder))
-    masses = _masses(chain.joint_names, above, links, _gravity_direction(above, base_link), path)
+    bodies = () if folder is None else _collisions(chain.joint_names, parents, links, base_link, (Path(path), folder))
+    masses = _masses(chain.joint_names, parents, links, _gravity_direction(parents, base_link), path)
     return replace(chain, masses=masses, collisions=bodies)
 
 
@@ -126,7 +127,7 @@ class JointOrigin:
     parent_from_child: SE3
 
 
-def joint_origins(text: str | bytes, path: str = "<text>") -> dict[str, JointOrigin]:
+def joint_origins(text: str | bytes, path: str = _NO_PATH) -> dict[str, JointOrigin]:
     """Parent joint of each link except the root, by name of the link.
 
     Raises:
@@ -139,37 +140,38 @@ def joint_origins(text: str | bytes, path: str = "<text>") -> dict[str, JointOri
     }
 
 
-def path_joint_names(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> tuple[str, ...]:
+def path_joint_names(text: str | bytes, base_link: str, flange_link: str) -> tuple[str, ...]:
     """Names of all joints from `base_link` to `flange_link`, including fixed joints.
 
     Raises:
-        DatasetError: as in `read_chain`, with `path` in the message.
+        DatasetError: as in `read_chain`.
         FrameNotFound: if a link does not exist.
     """
-    return tuple(joint.name for joint in _joint_path(text, base_link, flange_link, path)[0])
+    return tuple(joint.name for joint in _joint_path(text, base_link, flange_link, _NO_PATH)[0])
 
 
 def _joint_path(
     text: str | bytes, base_link: str, flange_link: str, path: str
 ) -> tuple[list[_Joint], dict[str, _Joint], list[Element]]:
     """Joints from `base_link` to `flange_link`, parent joint of each link by name, and elements of all links."""
-    above, links = _tree(text, path)
+    parents, links = _tree(text, path)
     for link in (base_link, flange_link):
         if link not in links:
             raise FrameNotFound(link, [*links])
-    way = _joints_up_to(above, flange_link, base_link)
-    if way is None:
+    joints = _joints_up_to(parents, flange_link, base_link)
+    if joints is None:
         highest = flange_link  # becomes the root of its tree
-        for _ in above:
-            highest = above[highest].parent if highest in above else highest
-        exchanged = _joints_up_to(above, base_link, flange_link) is not None
-        where = "above it: exchange base_link and flange_link" if exchanged else f"below {highest!r}"
-        raise DatasetError(path, f"{flange_link!r} is not below {base_link!r}, but {where}")
-    turning = sum(joint.kind in _TURNING_TYPES for joint in way)
+        for _ in parents:
+            highest = parents[highest].parent if highest in parents else highest
+        is_exchanged = _joints_up_to(parents, base_link, flange_link) is not None
+        place = "above it: exchange base_link and flange_link" if is_exchanged else f"below {highest!r}"
+        raise DatasetError(path, f"{flange_link!r} is not below {base_link!r}, but {place}")
+    turning = sum(joint.kind in _TURNING_TYPES for joint in joints)
     if not 0 < turning <= _MOST_JOINTS:
-        where = f"between {base_link!r} and {flange_link!r}"
-        raise DatasetError(path, f"{turning or 'no'} revolute joint {where}; arms have up to {_MOST_JOINTS}")
-    return way[::-1], above, list(links.values())
+        place = f"between {base_link!r} and {flange_link!r}"
+        count = f"{turning} revolute joints" if turning else "no revolute joint"
+        raise DatasetError(path, f"{count} {place}; arms have up to {_MOST_JOINTS}")
+    return joints[::-1], parents, list(links.values())
 
 
 def _xml(text: str | bytes, path: str) -> Element:
@@ -194,9 +196,9 @@ def _attribute(path: str, element: Element, key: str, label: str = "") -> str:
 
 
 def _unique(names: list[str], kind: str, path: str) -> list[str]:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise DatasetError(path, "given twice, names are unique", field=f"{kind} {twice[0]!r}")
+    repeated = [name for name, count in Counter(names).items() if count > 1]
+    if repeated:
+        raise DatasetError(path, "given twice, names are unique", field=f"{kind} {repeated[0]!r}")
     return names
 
 
@@ -225,21 +227,21 @@ def _tree(text: str | bytes, path: str) -> tuple[dict[str, _Joint], dict[str, El
     links = _unique([_attribute(path, element, "name") for element in elements], "link", path)
     joints = [_joint(path, element) for element in root.findall("joint")]
     _unique([joint.name for joint in joints], "joint", path)
-    above: dict[str, _Joint] = {}
+    parents: dict[str, _Joint] = {}
     known = frozenset(links)
     for joint in joints:
         for link in (joint.parent, joint.child):
             if link not in known:
                 raise joint.error("", f"names the link {link!r}, which does not exist")
-        if joint.child in above:
+        if joint.child in parents:
             raise joint.error(
-                "child", f"{joint.child!r} already has the parent joint {above[joint.child].name!r}: not a tree"
+                "child", f"{joint.child!r} already has the parent joint {parents[joint.child].name!r}: not a tree"
             )
-        above[joint.child] = joint
-    roots = [link for link in links if link not in above]
+        parents[joint.child] = joint
+    roots = [link for link in links if link not in parents]
     if len(roots) != 1:
         raise DatasetError(path, f"not a tree: the links without a parent are {list_names(roots)}, expected one")
-    return above, dict(zip(links, elements, strict=True))
+    return parents, dict(zip(links, elements, strict=True))
 
 
 def _numbers(joint: _Joint, tag: str, key: str, default: str, count: int) -> Array:
@@ -301,14 +303,14 @@ def _masses(
     None if no joint of the chain carries a mass.
     """
     n, carriers = len(turning), {name: number for number, name in enumerate(turning)}
-    of_link: dict[str, _Carrier] = {}
+    known_carriers: dict[str, _Carrier] = {}
     kg, moments = np.zeros(n), np.zeros((n, 3))
     for link in links:
         inertial = link.find("inertial")
         if inertial is None:
             continue
         mass, centre = _inertial(inertial, path, str(link.get("name")))
-        joint, joint_from_link = _carrying_joint(str(link.get("name")), carriers, parents, of_link)
+        joint, joint_from_link = _carrying_joint(str(link.get("name")), carriers, parents, known_carriers)
         if joint is not None:
             kg[joint] += mass
             moments[joint] += mass * (joint_from_link @ centre)
@@ -320,16 +322,16 @@ def _collisions(
 ) -> tuple[Collision, ...]:
     """Collision bodies fixed to the base or to a turning joint of the chain, and all bodies below the last joint."""
     carriers, found = {name: number for number, name in enumerate(turning)}, list[Collision]()
-    fixed = {link: joint for link, joint in parents.items() if joint.kind == "fixed" or joint.name in carriers}
-    held: dict[str, _Carrier] = {base_link: _Carrier(-1, SE3.identity())}
-    carried: dict[str, _Carrier] = {}
+    rigid_parents = {link: joint for link, joint in parents.items() if joint.kind == "fixed" or joint.name in carriers}
+    rigid_carriers: dict[str, _Carrier] = {base_link: _Carrier(-1, SE3.identity())}
+    moving_carriers: dict[str, _Carrier] = {}
     for link in links:
         name, bodies = str(link.get("name")), link.findall("collision")
         if not bodies:
             continue
-        carrier = _carrying_joint(name, carriers, fixed, held)
+        carrier = _carrying_joint(name, carriers, rigid_parents, rigid_carriers)
         if carrier.joint is None:
-            carrier = _carrying_joint(name, carriers, parents, carried)
+            carrier = _carrying_joint(name, carriers, parents, moving_carriers)
             if carrier.joint != len(turning) - 1:
                 continue
         found += [Collision(name, carrier.joint + 1, carrier.joint_from_link, body, *files) for body in bodies]
@@ -343,19 +345,19 @@ def _carrying_joint(
 
     `carriers` is a cache of the results by link, so that each joint of a tree is visited once.
     """
-    way: list[str] = []
+    visited: list[str] = []
     while link not in carriers:
-        way.append(link)
+        visited.append(link)
         if link not in parents:
             carriers[link] = _Carrier(None, SE3.identity())
         elif parents[link].name in turning:
             carriers[link] = _Carrier(turning[parents[link].name], SE3.identity())
         else:
             link = parents[link].parent
-    for child in reversed([name for name in way if name not in carriers]):
+    for child in reversed([name for name in visited if name not in carriers]):
         parent = carriers[parents[child].parent]
         carriers[child] = _Carrier(parent.joint, parent.joint_from_link @ _origin(parents[child]))
-    return carriers[way[0] if way else link]
+    return carriers[visited[0] if visited else link]
 
 
 def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
@@ -376,10 +378,10 @@ def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
 
 def _joints_up_to(parents: dict[str, _Joint], link: str, end: str) -> list[_Joint] | None:
     """Joints from a link up to another link; None if the other link is not above it."""
-    way: list[_Joint] = []
+    joints: list[_Joint] = []
     while link != end:
-        if link not in parents or len(way) > len(parents):
+        if link not in parents or len(joints) > len(parents):
             return None
-        way.append(parents[link])
-        link = way[-1].parent
-    return way
+        joints.append(parents[link])
+        link = joints[-1].parent
+    return joints

@@ -18,7 +18,7 @@ from basecal.cell import BudgetEntry, Calibration, Cell, MeetingError, Recording
 from basecal.cell.work_error import PlaceKind
 from basecal.errors import InputError, check_integer
 from basecal.estimation.solve import Solution
-from basecal.estimation.streams.streams import synchronous
+from basecal.estimation.streams.streams import synchronous_recording
 from basecal.geometry import Array
 from basecal.geometry.array import read_only
 from basecal.numerics.threads import limit_threads
@@ -178,7 +178,7 @@ def plan_for_task(
     for name, value, least in (("count", count or 0, 0), ("seed", seed, 0), ("group_size", group_size, 1)):
         check_integer(name, value, least)
     base_transforms(cell)
-    cell_sketches, recording = sketches(cell, calibration), synchronous(cell, recording, calibration)
+    cell_sketches, recording = sketches(cell, calibration), synchronous_recording(cell, recording, calibration)
     if offers is not None and not offers:
         raise InputError("offers is empty, expected candidates or None")
     offers = draw_offers(cell_sketches, recording, CANDIDATES, seed) if offers is None else offers
@@ -266,7 +266,7 @@ def outlook(
         InputError: if the cell has no base to calibrate, no pose is taught, or no candidate is feasible.
     """
     cell_sketches = sketches(cell, calibration)
-    recording = synchronous(cell, recording, calibration)
+    recording = synchronous_recording(cell, recording, calibration)
     prospect = prospects(cell, recording, calibration, draw_offers(cell_sketches, recording, OUTLOOK_CANDIDATES))
     goal = _make_goal(prospect, cell, calibration, points_m)
     steps = greedy(prospect.roots, prospect.covariance, goal.weight)

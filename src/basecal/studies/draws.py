@@ -108,9 +108,9 @@ def _robot_errors(problem: Problem, settings: Settings, seed: np.random.SeedSequ
     sigma = np.repeat([settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"]], 3)
     if not sigma.any():
         return {}
-    each = zip(sorted(problem.stands), seed.spawn(len(problem.stands)), strict=True)
+    each = zip(sorted(problem.stop_counts), seed.spawn(len(problem.stop_counts)), strict=True)
     return {
-        name: SE3.exp(sigma * np.random.default_rng(own).standard_normal((count, problem.stands[name], 6)))
+        name: SE3.exp(sigma * np.random.default_rng(own).standard_normal((count, problem.stop_counts[name], 6)))
         for name, own in each
     }
 
@@ -147,12 +147,12 @@ def _exact_pixels(simulation: SimulatedCell, group: ViewGroup, errors: Mapping[s
     true_points = settings["board_scale"] * group_pixels(group).points_in_target
     lens = simulation.cameras[group.camera]
     scale = np.concatenate([np.full(2, settings["focal_scale"]), np.ones(len(lens.parameters) - 2)])
-    return lens.with_parameters(scale * lens.parameters).project(camera_from_target.spread() @ true_points)
+    return lens.with_parameters(scale * lens.parameters).project(camera_from_target.add_axis() @ true_points)
 
 
 def _world_from_body(simulation: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:
     """Pose in the world of the camera or target at an end, (n,), or (count, n) if its robot has errors."""
     world_from_flange = end.world_from_base(simulation.truth) @ end.base_from_flange
     errors_of_robot = errors.get(end.robot or "")
-    error = SE3.identity() if errors_of_robot is None else errors_of_robot[:, end.stand]
+    error = SE3.identity() if errors_of_robot is None else errors_of_robot[:, end.stop_number]
     return world_from_flange @ error @ simulation.truth[end.mount]

@@ -145,8 +145,8 @@ def stepped(monkeypatch: pytest.MonkeyPatch, steps, solution=None, names=("a",),
     monkeypatch.setattr(search, "_solve_at_offsets", solve_once)
     monkeypatch.setattr(search, "clock_step", step)
     monkeypatch.setattr(search, "is_hopeless", lambda problem, state: problem)
-    monkeypatch.setattr(search, "is_as_of_arms", lambda last: last.of_arms)
-    return search._step_offsets(SimpleNamespace(open=names), {"a": 1.0, "b": 2.0}, Settings()), near
+    monkeypatch.setattr(search, "has_plausible_noise", lambda last: last.of_arms)
+    return search._step_offsets(SimpleNamespace(estimated_clocks=names), {"a": 1.0, "b": 2.0}, Settings()), near
 
 
 @pytest.mark.parametrize(
@@ -209,7 +209,7 @@ def stepwise(monkeypatch: pytest.MonkeyPatch, explained: bool, views: int) -> tu
         return SimpleNamespace(**{**vars(streams), "instants": range(min(count, views)), "views": count})
 
     streams = SimpleNamespace(
-        stated_offsets={"a": 0.0}, cell=SimpleNamespace(cameras=["wrist"]), open=("a", "wrist line", "b"),
+        stated_offsets={"a": 0.0}, cell=SimpleNamespace(cameras=["wrist"]), estimated_clocks=("a", "wrist line", "b"),
         instants=range(views), thin=thinned, views="all",
     )  # fmt: skip
 

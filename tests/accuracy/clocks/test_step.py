@@ -12,7 +12,7 @@ from basecal.accuracy.clocks.step import ClockStep, clock_step
 from basecal.cell import Clock, RollingShutter
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import Solution, solve_problem
-from basecal.estimation.streams.rolling_shutter import Known
+from basecal.estimation.streams.rolling_shutter import KnownGeometry
 from basecal.estimation.streams.streams import Synchronised, recording_streams, synchronise
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -87,7 +87,7 @@ def test_a_step_leads_to_the_true_line_time(away_s: float) -> None:
     of, solution = synchronise(streams, streams.stated_offsets), None
     for _ in range(2):  # as the line time stands, pixels are mended by the first solution
         solution = solve_problem(build_problem(made.cell, of.recording)[0], made.cell)
-        known = Known(made.cell, solution.state.transforms, solution.state.cameras)
+        known = KnownGeometry(made.cell, solution.state.transforms, solution.state.cameras)
         of = synchronise(streams, streams.stated_offsets).correct_rows(known, streams.stated_offsets)
     assert solution is not None
     found = clock_step(streams, of, streams.stated_offsets, solution)
@@ -118,7 +118,7 @@ def stepped_by(monkeypatch, information, gradient, across, hessian, clocks, offs
     of_views = SimpleNamespace(information=information[None], gradient=gradient[None])
     monkeypatch.setattr(step, "score", lambda about, every: of_views)
     monkeypatch.setattr(step, "sums", lambda about, every: (None, across, None))
-    streams = SimpleNamespace(clocks=clocks, open=tuple(clocks), cell=SimpleNamespace(cameras=["wrist"]))
+    streams = SimpleNamespace(clocks=clocks, estimated_clocks=tuple(clocks), cell=SimpleNamespace(cameras=["wrist"]))
     return clock_step(streams, None, offsets, None)
 
 

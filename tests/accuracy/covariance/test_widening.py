@@ -181,7 +181,7 @@ def test_states_are_best_across_what_is_held() -> None:
     states = widening._best_states(SOLUTION, sigmas, steps)
     assert states is not None
     off = linearise(problem, states).gradient @ steps
-    start = SOLUTION.state.spread(problem, 2)
+    start = SOLUTION.state.repeat(problem, 2)
     straight = retract(problem, start, linearise(problem, SOLUTION.state), sigmas @ steps.T)
     before = linearise(problem, straight).gradient @ steps
     free = sigmas == 0

@@ -115,8 +115,8 @@ def test_parts_have_no_place_in_common():
 def test_ways_to_split_go_from_all_robots_to_none():
     """What stands in one place of any robot, of the robot with fewest places, of the other, and in one of all."""
     eye, hand = [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3], [0, 1, 2, 3, 4, 5, 0, 1, 2, 3, 4, 4]
-    group = views(end("eye", stand=eye), end("hand", stand=hand))
-    still = views(end("still", stand=np.zeros(12)), end(stand=np.full(12, -1)))
+    group = views(end("eye", stop_number=eye), end("hand", stop_number=hand))
+    still = views(end("still", stop_number=np.zeros(12)), end(stop_number=np.full(12, -1)))
     found = list(splits(problem_of(group, still)))
     by_eye = [frozenset(range(3 * k, 3 * k + 3)) for k in range(4)]
     by_hand = [frozenset(np.flatnonzero(np.equal(hand, k)).tolist()) for k in range(6)]
@@ -126,9 +126,9 @@ def test_ways_to_split_go_from_all_robots_to_none():
 
 def test_places_are_of_robots_that_move():
     """Between two places and more, in views of one group or of several; each sample's is its stop."""
-    one = replace(views(end("eye", stand=[0, 1]), end("hand", stand=[7, 7])), sample=np.array([4, 5]))
-    two = replace(views(end("eye", stand=[0]), end("other", stand=[3])), sample=np.array([6]))
-    world = replace(views(end(stand=[-1]), end("hand", stand=[7])), sample=np.array([7]))
+    one = replace(views(end("eye", stop_number=[0, 1]), end("hand", stop_number=[7, 7])), sample=np.array([4, 5]))
+    two = replace(views(end("eye", stop_number=[0]), end("other", stop_number=[3])), sample=np.array([6]))
+    world = replace(views(end(stop_number=[-1]), end("hand", stop_number=[7])), sample=np.array([7]))
     assert _places(problem_of(one, two, world)) == {"eye": {4: 0, 5: 1, 6: 0}}
-    world = with_hand(world, stand=np.array([8]))
+    world = with_hand(world, stop_number=np.array([8]))
     assert _places(problem_of(one, two, world))["hand"] == {4: 7, 5: 7, 7: 8}

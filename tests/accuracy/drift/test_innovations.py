@@ -64,7 +64,7 @@ def test_views_of_one_stop_share_the_error_of_the_arm() -> None:
     made = later(robot_noise=(1e-3, 1e-3))
     apart = innovations(made.cell, made.calibration, made.recording)
     number = apart.situation.problem.groups[0]
-    assert len(set(number.hand.stand.tolist())) == len(number)
+    assert len(set(number.hand.stop_number.tolist())) == len(number)
     one, other = made.recording.samples[:2]
     same = Recording((one, other.__class__(**{**vars(other), "robots": one.robots})))
     of = innovations(made.cell, made.calibration, same)

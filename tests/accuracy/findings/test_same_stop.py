@@ -34,8 +34,8 @@ def test_jitter_within_stops_is_told(jitter_m):
 def stops_of(*moves, stands):
     """Poses of a robot that carries a target, off by these tangents, at such stops, after one group of the camera's."""
     recorded = SE3.exp(np.array(moves, dtype=float))
-    first = views(end("arm", recorded[:1], stand=stands[:1]), end())
-    others = views(end(), end("arm", recorded[1:], stand=stands[1:]))
+    first = views(end("arm", recorded[:1], stop_number=stands[:1]), end())
+    others = views(end(), end("arm", recorded[1:], stop_number=stands[1:]))
     return same_stop(Input(problem_of(first, others), ()))
 
 

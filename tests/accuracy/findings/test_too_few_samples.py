@@ -46,7 +46,7 @@ def test_a_second_view_from_one_place_checks_nothing():
     free = replace(free, unknowns={MOUNT: Unknown(), TARGET: Unknown()})
     group = free.groups[0]
     assert messages(free) == messages(free.with_groups([group, group.take(np.zeros(0, dtype=np.int64))])) == []
-    revisited = group.with_ends(lambda end: replace(end, stand=np.minimum(end.stand, 1)))
+    revisited = group.with_ends(lambda end: replace(end, stop_number=np.minimum(end.stop_number, 1)))
     told = messages(free.with_groups([revisited]))
     assert told[0].startswith("3 samples at 2 places give 12 equations for 12 unknowns")
 

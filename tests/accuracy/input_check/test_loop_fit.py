@@ -202,7 +202,7 @@ def test_the_second_pose_of_a_plane_is_taken_where_it_closes_the_loop():
 def test_a_light_is_searched_from_more_starts_the_more_is_unknown(monkeypatch, known, count):
     """By the rotations that its directions depend on, those of X and Y; it is refined as a point."""
     asked = []
-    monkeypatch.setattr(loop_fit, "light_search", lambda sight, loop, most: asked.append((loop, most)) or (1, 2, [3]))
+    monkeypatch.setattr(loop_fit, "led_search", lambda sight, loop, most: asked.append((loop, most)) or (1, 2, [3]))
     loop = SimpleNamespace(**{k: SE3.identity() if k in known else None for k in "xyz"})
     monkeypatch.setattr(loop_fit, "_loop", lambda sight, problem, chosen: loop)
     found = loop_fit._led_refinement(SimpleNamespace(group=range(4)), None)
@@ -232,7 +232,7 @@ def test_only_what_the_closed_form_leaves_open_is_searched(monkeypatch):
         searched.append([len(loop.a) for loop in loops])
         return [Rotations(np.eye(3), np.eye(3), np.eye(3), True) for _ in loops]
 
-    monkeypatch.setattr(loop_fit, "settled_rotations", settle)
+    monkeypatch.setattr(loop_fit, "refine_rotations", settle)
     monkeypatch.setattr(loop_fit, "search_rotations", search)
     cases = [drawn_loop("", 14), drawn_loop("x"), drawn_loop("", 14, seed=1), drawn_loop("xyz"), drawn_loop("xz")]
     still, _ = drawn_loop("z", 3, spread=1e-9)

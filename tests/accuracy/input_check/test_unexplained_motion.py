@@ -143,7 +143,7 @@ def test_residuals_of_fifty_pixels_are_hopeless(off_px, lost):
 def looks(off, moved, in_pixels=True, stands=None):
     """A group of views, each of a stop of its own unless told."""
     rows = range(len(off)) if stands is None else stands
-    ends = [end(stand=stand) for stand in (np.array(rows), np.array(rows) % 2)]
+    ends = [end(stop_number=stand) for stand in (np.array(rows), np.array(rows) % 2)]
     return Group(ends, np.array(off), np.array(moved), in_pixels)
 
 
@@ -160,7 +160,7 @@ class Group:
         return len(self.off)
 
     def take(self, rows):
-        ends = [replace(of, stand=of.stand[rows]) for of in self.ends]
+        ends = [replace(of, stop_number=of.stop_number[rows]) for of in self.ends]
         return Group(ends, self.off[rows], self.moved[rows], self.in_pixels)
 
 

@@ -127,7 +127,7 @@ def looked(monkeypatch, is_whole=None, said=(), hopeless_finding=False, fit="goo
     for name, value in {
         "solve_problem": lambda *_: plain,
         "with_noise": lambda *_: plain,
-        "is_as_of_arms": lambda *_: True,
+        "has_plausible_noise": lambda *_: True,
         "check_conventions": lambda *_: said,
         "is_hopeless": lambda *_: hopeless_finding,
         "hopeless_finding": lambda *_: HOPELESS,

@@ -63,10 +63,10 @@ def assert_same(reading, cell, recording):
         np.testing.assert_array_equal(one.sample, other.sample)
         for mine, theirs in zip(one.ends, other.ends, strict=True):
             np.testing.assert_allclose(mine.base_from_flange.matrix, theirs.base_from_flange.matrix, atol=1e-12)
-            np.testing.assert_array_equal(alike(mine.stand), alike(theirs.stand))
+            np.testing.assert_array_equal(alike(mine.stop_number), alike(theirs.stop_number))
             np.testing.assert_array_equal(alike(mine.stop), alike(theirs.stop))
             np.testing.assert_array_equal(np.minimum(mine.stop, 0), np.minimum(theirs.stop, 0))
-            np.testing.assert_array_equal(np.minimum(mine.stand, 0), np.minimum(theirs.stand, 0))
+            np.testing.assert_array_equal(np.minimum(mine.stop_number, 0), np.minimum(theirs.stop_number, 0))
             sigmas = [of.stops.sigma[end.stop[end.stop >= 0]] for of, end in ((moved, mine), (packed, theirs))]
             np.testing.assert_array_equal(*sigmas)
             assert (mine.robot, mine.base, mine.mount) == (theirs.robot, theirs.base, theirs.mount)
@@ -119,7 +119,9 @@ def test_states_of_some_samples_are_exchanged():
     swapped = rewriting.exchanged(made.recording, "eye", "hand").samples
     wrong = replace(made.recording, samples=(*samples[:6], *swapped[6:]))
     assert_same(given.exchange_states({"eye": second, "hand": second}), made.cell, wrong)
-    still = ("eye", "hand") if given.tracks["eye"].stand[0] == given.tracks["eye"].stand[5] else ("hand", "eye")
+    still = (
+        ("eye", "hand") if given.tracks["eye"].stop_number[0] == given.tracks["eye"].stop_number[5] else ("hand", "eye")
+    )
     places = {still[0]: samples[0].robots[still[0]], still[1]: samples[6].robots[still[1]]}
     moved = [
         replace(each, robots={**each.robots, still[k // 6]: places[still[1 - k // 6]]})
@@ -182,7 +184,7 @@ def test_samples_are_thinned_evenly(kind, most):
     assert reading.order.tolist() == rows.tolist()
     assert_same(reading, made.cell, few)
     for robot, track in reading.tracks.items():
-        assert reading.problem.stands[robot] == len(np.unique(track.stand))
+        assert reading.problem.stop_counts[robot] == len(np.unique(track.stop_number))
 
 
 def test_samples_go_by_time():
@@ -225,7 +227,7 @@ def test_rows_of_a_track_are_its_states():
     joints = np.arange(8.0).reshape(4, 2)
     found = track([0, 0, -1, 1], joints).take(np.array([3, -1, 2, 0]))
     assert found.seen.tolist() == [True, False, False, True]
-    assert found.stand.tolist() == [1, -1, -1, 0]
+    assert found.stop_number.tolist() == [1, -1, -1, 0]
     np.testing.assert_array_equal(found.pose.translation[[0, 3], 0], [3, 0])
     np.testing.assert_array_equal(found.joints[[0, 3]], joints[[3, 0]])
     assert (found.joint_count, track([0]).joint_count) == (2, 0)
@@ -237,7 +239,7 @@ def test_states_of_another_track_are_at_stops_of_their_own():
     own, other = track([0, 1, 1, 2], joints), track([-1, 0, 0, 1], 10 + joints)
     found = own.with_states(np.array([0, 2, 3]), other, np.array([1, 0]))
     assert found.seen.tolist() == [True, True, False, True]
-    assert found.stand.tolist() == [3, 1, -1, 3]
+    assert found.stop_number.tolist() == [3, 1, -1, 3]
     np.testing.assert_array_equal(found.pose.translation[:, 0], [1, 1, 0, 1])
     np.testing.assert_array_equal(found.joints, [[12, 13], [2, 3], [10, 11], [12, 13]])
     assert found.has_only_poses is own.has_only_poses
@@ -262,12 +264,12 @@ def test_a_robot_without_states_has_no_stops():
     reading = declared(cell, made.recording)
     idle = reading.tracks["idle"]
     assert not idle.seen.any()
-    assert (idle.stand == -1).all()
+    assert (idle.stop_number == -1).all()
     assert not idle.moves
     assert (reading.pose_robots, reading.joint_robots) == ([arm], [])
     hand = declared(MADE["board"].cell, lacking(MADE["board"].recording)).tracks["hand"]
     assert hand.seen.tolist() == [k != 3 for k in range(12)]
-    assert np.flatnonzero(hand.stand == -1).tolist() == [3]
+    assert np.flatnonzero(hand.stop_number == -1).tolist() == [3]
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -278,5 +280,5 @@ def test_stops_with_noise_are_those_recorded(whole):
     reading = declared(made.cell, recording)
     moved, packed = reading.exchange("eye", "hand"), build_problem(made.cell, recording)[0]
     assert sorted(reading.with_poses(("eye",), SE3.inverse).problem.stops.robot) == sorted(packed.stops.robot)
-    counts = {name: len(np.unique(each.stand[each.seen])) for name, each in moved.tracks.items()}
+    counts = {name: len(np.unique(each.stop_number[each.seen])) for name, each in moved.tracks.items()}
     assert {name: moved.problem.stops.robot.count(name) for name in counts} == counts

@@ -293,7 +293,7 @@ def test_tracks_are_linearised_twice(monkeypatch, logs) -> None:
     Samples count for the camera that took them.
     """
     told: list[object] = []
-    monkeypatch.setattr(room, "widening", lambda fit: 3.0)
+    monkeypatch.setattr(room, "widening_factor", lambda fit: 3.0)
     monkeypatch.setattr(room, "_first_state", lambda cell, last, fit: "start")
     monkeypatch.setattr(room, "scene_groups", lambda cell, recording, problem, seen: told.append(seen) or "groups")
 

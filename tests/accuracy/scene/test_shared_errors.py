@@ -19,7 +19,7 @@ from basecal.accuracy.scene.shared_errors import (
     shared_covariance,
     shared_errors,
 )
-from basecal.estimation.scene.adjust import SceneFit, Task, scene_fit
+from basecal.estimation.scene.adjust import SceneFit, SceneProblem, scene_fit
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
 from basecal.estimation.scene.state import take_step
@@ -114,7 +114,7 @@ def test_a_descent_that_ends_early_is_no_motion() -> None:
     base = columns.bases[1]
     assert base is not None
     step[base.start] = 2e-5
-    task = Task(fit.views, fit.tracks, fit.sigma_px, fit.stop_sigma, fit.guesses, tail=fit.tail)
+    task = SceneProblem(fit.views, fit.tracks, fit.sigma_px, fit.stop_sigma, fit.guesses, tail=fit.tail)
     assert scene_motion(scene_fit(task, take_step(fit.state, columns, step))).chance > 1e-3
 
 

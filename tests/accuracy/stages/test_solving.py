@@ -43,7 +43,7 @@ def test_noise_is_estimated_unless_the_stated_one_is_asked_for(monkeypatch, robo
 def test_conventions_are_told_whether_noise_explains_the_views(monkeypatch, noisy, of_arms, explained):
     """Noise as arms have it."""
     given = []
-    monkeypatch.setattr(solving, "is_as_of_arms", lambda solution: of_arms)
+    monkeypatch.setattr(solving, "has_plausible_noise", lambda solution: of_arms)
     monkeypatch.setattr(
         solving, "check_conventions", lambda *words, is_explained: given.append(is_explained) or (WARNING,)
     )
@@ -80,7 +80,7 @@ def test_robots_are_exact_where_no_noise_of_arms_explains_the_views(monkeypatch,
     for kind in kinds if noisy == "open" else [{}]:
         noise = SimpleNamespace(**{"estimated": (), "robots": (), "jitter_s": {}} | kind)
         exact = SimpleNamespace(solution=SOLVED)
-        monkeypatch.setattr(solving, "is_as_of_arms", lambda solution: of_arms)
+        monkeypatch.setattr(solving, "has_plausible_noise", lambda solution: of_arms)
         monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: not explained)
         monkeypatch.setattr(solving, "solve_robustly", lambda *given, exact=exact: exact)
         monkeypatch.setattr(

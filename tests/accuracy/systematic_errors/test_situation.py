@@ -77,7 +77,7 @@ def test_no_velocity_off_a_path():
 def seen(samples, arm=None, stands=None, eye=None):
     """Views of these samples, with a target on an arm whose flange was at these poses."""
     world = end(None, SE3.identity((len(samples),)))
-    hand = world if arm is None else end("arm", arm, stand=samples if stands is None else stands)
+    hand = world if arm is None else end("arm", arm, stop_number=samples if stands is None else stands)
     return replace(views(eye or world, hand), sample=np.array(samples))
 
 
@@ -103,7 +103,7 @@ def test_samples_in_their_order_in_time():
 def test_robots_that_stood_in_two_places_whichever_views_tell():
     """In views of one group or of two; an arm that never moved, and the world, are none."""
     pose = SE3.identity((2,))
-    eye = end("still", stand=[4, 4])
+    eye = end("still", stop_number=[4, 4])
     assert recorded(seen([0, 1], pose, [2, 2], eye)).robots == ()
     assert recorded(seen([0, 1], pose, [2, 3], eye)).robots == ("arm",)
     assert recorded(seen([0, 1], pose, [2, 2]), seen([2, 3], pose, [5, 5])).robots == ("arm",)

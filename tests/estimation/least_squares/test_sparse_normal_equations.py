@@ -49,7 +49,7 @@ def test_equations_and_steps_are_the_same(name: str, weighted: bool) -> None:
     rng = np.random.default_rng(0)
     weights = [rng.choice([0.0, 0.5, 1.0], len(g)) for g in problem.groups] if weighted else None
     dense, bundle = linearise(problem, state, weights), sparse_bundle(problem, weights)
-    spread = state.spread(problem, 1)
+    spread = state.repeat(problem, 1)
     sparse = bundle.linearise(spread)
     assert sparse.cost[0] == pytest.approx(dense.cost, rel=1e-12)
     size = np.abs(dense.hessian).max()

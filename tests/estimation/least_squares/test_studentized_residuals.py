@@ -276,7 +276,7 @@ def test_a_view_is_off_from_a_state_by_its_own_sigmas(batch):
     problem, state = pose_problem(errors, sigma)
     problem.groups[0].measurement.weight[2] = np.inf
     with np.errstate(invalid="ignore"):
-        (found,) = view_misfits(problem, state.spread(problem, 2) if batch else state)
+        (found,) = view_misfits(problem, state.repeat(problem, 2) if batch else state)
     np.testing.assert_allclose(found.value, np.broadcast_to([14.0, 2.0, np.inf], (*batch, 3)), rtol=1e-5)
     np.testing.assert_array_equal(found.freedoms, np.full((*batch, 3), 6))
 

@@ -311,7 +311,7 @@ def test_reach_is_of_places_where_something_was_seen():
     """The root of the mean square of the distance of flange and base."""
     problem, _ = pose_problem(np.zeros((3, 6)), None)
     poses = SE3.from_rotvec(np.zeros((3, 3)), [[3.0, 0, 4.0], [0, 1.0, 0], [0, 0, 2.0]])
-    moved = with_eye(problem.groups[0], base_from_flange=poses, stand=np.array([4, 0, 2]))
+    moved = with_eye(problem.groups[0], base_from_flange=poses, stop_number=np.array([4, 0, 2]))
     assert joint_estimate._reach(problem.with_groups([moved]), "eye") == pytest.approx(np.sqrt(30.0 / 3))
 
 

@@ -90,7 +90,7 @@ def derivative(problem, layout, view, motion, common):
     columns, errors = np.zeros((6, layout.width)), np.zeros((6, layout.rows))
     columns[:, : problem.width] = -np.eye(6, problem.width)
     for sign, end in zip((-1, 1), group.ends, strict=True):
-        stop, stand, robot = end.stop[view], end.stand[view], end.robot
+        stop, stand, robot = end.stop[view], end.stop_number[view], end.robot
         if stop < 0:
             continue
         in_columns = layout.block[stop] < 0

@@ -32,8 +32,8 @@ def test_the_chain_stands_where_the_stops_are():
     np.testing.assert_allclose(at.chain.forward(at.recorded).matrix, poses.matrix, atol=1e-12)
     (group,) = problem.groups
     some = problem.with_groups([group.take(np.arange(1, len(group)))])
-    unseen = posture_at_stops(some, "hand").recorded[group.hand.stand[0]]
-    np.testing.assert_allclose(unseen, np.delete(at.recorded, group.hand.stand[0], axis=0).mean(0))
+    unseen = posture_at_stops(some, "hand").recorded[group.hand.stop_number[0]]
+    np.testing.assert_allclose(unseen, np.delete(at.recorded, group.hand.stop_number[0], axis=0).mean(0))
 
 
 def test_arms_that_record_poses_and_few_stops_have_none():
@@ -45,7 +45,7 @@ def test_arms_that_record_poses_and_few_stops_have_none():
 def problem_with(name, samples):
     """Of arms that may have an effect: some have it by poses alone, some in motion, here of ten samples a second."""
     problem = simulated_problem(replace(SCENARIO, joints=not RANDOM_EFFECTS[name].is_of_poses_alone, samples=samples))
-    return problem.with_ends(lambda end: replace(end, passed_s=0.1 * end.stand))
+    return problem.with_ends(lambda end: replace(end, passed_s=0.1 * end.stop_number))
 
 
 def test_arms_that_record_joints_have_errors_of_joints_and_links_instead():

@@ -98,9 +98,11 @@ def test_poses_of_stops_are_those_recorded_there(made, count):
     problem, _ = two_arm_problem(np.zeros((2, 6)), [0, 1], [2, 3])
     (group,) = problem.groups
     poses = SE3.exp(0.1 * np.arange(24.0).reshape(4, 6))
-    first = with_hand(group, base_from_flange=poses[:2], stand=np.array([3, 1]))
-    second = with_hand(with_eye(group, robot="hand", base_from_flange=poses[2:3], stand=np.array([0])), robot=None)
-    two = replace(problem.with_groups([first, second.take(np.array([0]))]), stands={"hand": made, "eye": 9})
+    first = with_hand(group, base_from_flange=poses[:2], stop_number=np.array([3, 1]))
+    second = with_hand(
+        with_eye(group, robot="hand", base_from_flange=poses[2:3], stop_number=np.array([0])), robot=None
+    )
+    two = replace(problem.with_groups([first, second.take(np.array([0]))]), stop_counts={"hand": made, "eye": 9})
     found, seen = stop_poses(two, "hand")
     assert seen.tolist() == [True, True, False, True, False][:count]
     for stand, pose in ((3, poses[0]), (1, poses[1]), (0, poses[2])):
@@ -113,7 +115,7 @@ def test_one_stop_is_one_whoever_stands_there():
     """Of eye and hand alike; the rows of views without noise stay -1."""
     problem, _ = two_arm_problem(np.zeros((2, 6)), [-1, -1], [0, 1])
     (group,) = problem.groups
-    still = with_hand(with_eye(group, stand=np.zeros(2, dtype=int)), stand=np.zeros(2, dtype=int))
+    still = with_hand(with_eye(group, stop_number=np.zeros(2, dtype=int)), stop_number=np.zeros(2, dtype=int))
     of_eye = with_robot_noise(problem.with_groups([still]), {"eye": SIGMA})
     assert of_eye.stops.robot == ("hand", "hand", "eye")
     assert (of_eye.groups[0].eye.stop.tolist(), of_eye.groups[0].hand.stop.tolist()) == ([2, 2], [0, 1])
@@ -168,13 +170,13 @@ def test_recorded_alone_places_have_their_views(arms):
     (before,), (after,) = problem.groups, few.groups
     assert len(state.stop_errors) == len(few.stops)
     for robot, was, now in (
-        ("eye", before.eye.stand[::3], after.eye.stand),
-        ("hand", before.hand.stand[::3], after.hand.stand),
+        ("eye", before.eye.stop_number[::3], after.eye.stop_number),
+        ("hand", before.hand.stop_number[::3], after.hand.stop_number),
     ):
-        assert set(now) == set(range(few.stands[robot]))
-        assert len(set(zip(was.tolist(), now.tolist(), strict=True))) == few.stands[robot]
+        assert set(now) == set(range(few.stop_counts[robot]))
+        assert len(set(zip(was.tolist(), now.tolist(), strict=True))) == few.stop_counts[robot]
     noisy = with_robot_noise(few, {"eye": np.ones(6)})
-    assert list(noisy.stops.robot).count("eye") == few.stands["eye"]
+    assert list(noisy.stops.robot).count("eye") == few.stop_counts["eye"]
 
 
 def test_sigmas_are_those_of_all_views(monkeypatch):

@@ -35,7 +35,7 @@ from basecal.estimation.observability.motions import (
     null_directions,
 )
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.gauges import LEAST_RMS, MOVE_SCALE
+from basecal.estimation.problem.gauges import LEAST_RMS_RAD, MOVE_SCALE
 from basecal.estimation.problem.problem import State, Stops
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -234,7 +234,7 @@ def test_motion_counts_from_five_sigmas_of_a_robots_noise():
     sigma = np.array([[2e-3, 1e-3, 0, 0, 1e-3, 0], [9, 9, 9, 9, 9, 9], [0, 0, 0, 2e-3, 3e-3, 1e-3], [1e-5] * 6])
     noisy = replace(problem, stops=Stops(sigma, ("a", "a", "b", "c")))
     found = _least_motion(noisy)
-    assert found == {"a": pytest.approx(5 * 2e-3 / MOVE_SCALE[0]), "b": pytest.approx(5 * 3e-3), "c": LEAST_RMS}
+    assert found == {"a": pytest.approx(5 * 2e-3 / MOVE_SCALE[0]), "b": pytest.approx(5 * 3e-3), "c": LEAST_RMS_RAD}
 
 
 def test_nothing_loose_is_no_direction():

@@ -15,10 +15,10 @@ from basecal.estimation.outliers.consensus import (
     _split_at_gap,
     agreeing_samples,
     best_consensus,
-    convincing,
-    fits,
-    implausible,
-    is_answer,
+    has_plausible_residuals,
+    is_acceptable,
+    is_convincing,
+    may_hide_outliers,
 )
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, inlier_problem
 from basecal.estimation.problem.build import build_problem
@@ -47,21 +47,21 @@ def end_of(plain, views=10, variance=1.0):
 
 def test_six_of_ten_views_convince_within_their_noise(plain):
     """Fewer do not, nor do views that scatter by 1.5 sigmas or residuals that no noise explains."""
-    assert convincing(end_of(plain, 6))
-    assert not convincing(end_of(plain, 5))
-    assert not convincing(end_of(plain, 6, variance=1.6**2))
-    assert not convincing(replace(end_of(plain), solution=replace(plain, cost=1e6 * plain.cost)))
-    assert not convincing(None)
+    assert is_convincing(end_of(plain, 6))
+    assert not is_convincing(end_of(plain, 5))
+    assert not is_convincing(end_of(plain, 6, variance=1.6**2))
+    assert not is_convincing(replace(end_of(plain), solution=replace(plain, cost=1e6 * plain.cost)))
+    assert not is_convincing(None)
 
 
 def test_an_answer_rests_on_half_of_the_views(plain):
     """And is an optimum that sees what all views see."""
-    assert is_answer(end_of(plain, 5), plain)
-    assert not is_answer(end_of(plain, 4), plain)
+    assert is_acceptable(end_of(plain, 5), plain)
+    assert not is_acceptable(end_of(plain, 4), plain)
     end = end_of(plain)
-    assert not is_answer(replace(end, solution=replace(plain, converged=False)), plain)
+    assert not is_acceptable(replace(end, solution=replace(plain, converged=False)), plain)
     blind = replace(plain.observability, unobservable=frozenset({"eye_flange_from_wrist"}))
-    assert not is_answer(replace(end, solution=replace(plain, observability=blind)), plain)
+    assert not is_acceptable(replace(end, solution=replace(plain, observability=blind)), plain)
 
 
 def test_of_quiet_ends_the_one_that_rests_on_most(plain):
@@ -86,24 +86,24 @@ def test_ends_within_stated_noise_go_first(plain):
 
 def test_residuals_that_stated_noise_does_not_explain_are_no_fit(plain):
     """Of ten times their sigma, and clean ones are."""
-    assert fits(plain)
-    assert not fits(replace(plain, cost=1e4 * plain.cost))
+    assert has_plausible_residuals(plain)
+    assert not has_plausible_residuals(replace(plain, cost=1e4 * plain.cost))
 
 
 def test_views_that_scatter_beyond_what_is_stated_are_implausible(plain):
     """By whole views or by points; within it nothing hides."""
-    assert not implausible(plain, end_of(plain).judgement)
-    assert implausible(plain, end_of(plain, variance=1.6**2).judgement)
+    assert not may_hide_outliers(plain, end_of(plain).judgement)
+    assert may_hide_outliers(plain, end_of(plain, variance=1.6**2).judgement)
 
 
 def test_views_that_scatter_beyond_estimated_noise_are_implausible_too():
     """Where nothing was stated: by whole views, or by a noise of points that no detector has."""
     made = simulate(Scenario(samples=10, state_pixel_noise=False), 0)
     plain = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
-    assert not implausible(plain, end_of(plain).judgement)
-    assert implausible(plain, end_of(plain, variance=1.6**2).judgement)
+    assert not may_hide_outliers(plain, end_of(plain).judgement)
+    assert may_hide_outliers(plain, end_of(plain, variance=1.6**2).judgement)
     noise = replace(plain.noise, noise=plain.noise.noise._replace(pixel_px=30.0))
-    assert implausible(replace(plain, noise=noise), end_of(plain).judgement)
+    assert may_hide_outliers(replace(plain, noise=noise), end_of(plain).judgement)
 
 
 def fitting(solution, ratio):
@@ -116,13 +116,13 @@ def test_how_large_residuals_may_be():
     for pixel_px, most in ((0.2, 15.0), (6.0, 1.5)):
         made = simulate(Scenario(samples=6, pixel_px=pixel_px), 0)
         solution = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
-        assert fits(fitting(solution, 0.99 * most))
-        assert not fits(fitting(solution, 1.01 * most))
+        assert has_plausible_residuals(fitting(solution, 0.99 * most))
+        assert not has_plausible_residuals(fitting(solution, 1.01 * most))
     for stated in (True, False):
         made = simulate(Scenario(samples=6, target="pose", state_observation_noise=stated), 0)
         solution = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
-        assert fits(fitting(solution, 9.9))
-        assert fits(fitting(solution, 10.1)) != stated
+        assert has_plausible_residuals(fitting(solution, 9.9))
+        assert has_plausible_residuals(fitting(solution, 10.1)) != stated
 
 
 def test_a_pixel_of_noise_that_was_estimated_hides_outliers():
@@ -132,7 +132,7 @@ def test_a_pixel_of_noise_that_was_estimated_hides_outliers():
 
     def hides(pixel_px, names=("pixel_px",)):
         noise = replace(plain.noise, noise=plain.noise.noise._replace(pixel_px=pixel_px), estimated=names)
-        return implausible(replace(plain, noise=noise), end_of(plain).judgement)
+        return may_hide_outliers(replace(plain, noise=noise), end_of(plain).judgement)
 
     assert (hides(0.99), hides(1.01), hides(1.01, ("pose_m",)), hides(1.01, ())) == (False, True, False, False)
 
@@ -142,8 +142,8 @@ def test_points_that_scatter_beyond_what_is_stated_are_implausible(plain):
     judgement = end_of(plain).judgement
     for sigmas, hides in ((1.49, False), (1.51, True)):
         scale = replace(judgement.point_scale, variance=sigmas**2)
-        assert implausible(plain, replace(judgement, point_scale=scale)) == hides
-        assert convincing(end_of(plain, variance=sigmas**2)) != hides
+        assert may_hide_outliers(plain, replace(judgement, point_scale=scale)) == hides
+        assert is_convincing(end_of(plain, variance=sigmas**2)) != hides
 
 
 SIGMA = np.full(6, 1e-4)

@@ -13,7 +13,7 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.stages.concluding import find_error_at_task
 from basecal.accuracy.stages.solving import integrate_noise, screen_conventions
 from basecal.estimation.outliers import noise_and_outliers
-from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
+from basecal.estimation.outliers.noise_and_outliers import has_plausible_noise, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -32,7 +32,7 @@ def test_one_bumped_arm_is_left_out_and_noise_is_that_of_the_others():
     plain = solve(s.cell, replace(s.recording, samples=tuple(samples)))
     found = solve_with_noise(s.cell, settings, plain, with_noise(plain, settings))
     assert {o.sample for o in found.outliers} == {samples[5].sample}
-    assert is_as_of_arms(found.solution)
+    assert has_plausible_noise(found.solution)
     assert np.all(found.solution.noise.robots["eye"] < 1.5e-3)
 
 
@@ -66,7 +66,7 @@ def test_samples_that_agree_as_if_robots_were_exact_are_told_where_noise_explain
     settings = Settings(robot_noise="estimated")
     plain = solve(s.cell, s.recording)
     exact = RobustSolution(plain, (), plain.problem.with_groups(()), 8, 0, (2, 5)) if given else None
-    monkeypatch.setattr(noise_and_outliers, "is_as_of_arms", lambda solution: as_of_arms)
+    monkeypatch.setattr(noise_and_outliers, "has_plausible_noise", lambda solution: as_of_arms)
     monkeypatch.setattr(noise_and_outliers, "with_noise", lambda solution, *given: solution)
     monkeypatch.setattr(
         noise_and_outliers,
@@ -93,4 +93,4 @@ def test_noise_such_as_arms_have(robots, jitter_s, converged, usual):
     """Up to 12 mm, 12 mrad and 20 ms of each; where none was estimated there is none."""
     sigmas = {name: np.repeat(of, 3) for name, of in robots.items()}
     noise = SimpleNamespace(robots=sigmas, jitter_s=jitter_s)
-    assert is_as_of_arms(SimpleNamespace(noise=noise, converged=converged)) == usual
+    assert has_plausible_noise(SimpleNamespace(noise=noise, converged=converged)) == usual

@@ -267,7 +267,7 @@ def test_what_was_left_out_is_judged_again_by_other_sigmas(monkeypatch):
     end = robust.consensus
     seen = end.solution.observability
     blind = replace(end.solution, observability=replace(seen, unobservable=frozenset({BASE})))
-    for solution, is_answer in (
+    for solution, is_acceptable in (
         (end.solution, True),
         (replace(end.solution, converged=False), False),
         (blind, False),
@@ -275,7 +275,7 @@ def test_what_was_left_out_is_judged_again_by_other_sigmas(monkeypatch):
     ):
         monkeypatch.setattr(robust_solve, "_find_consensus", lambda *given, to=solution: replace(end, solution=to))
         found = judge_again(robust, robust.solution, problem, s.cell)
-        assert (found is not None) == is_answer
+        assert (found is not None) == is_acceptable
     monkeypatch.setattr(robust_solve, "_find_consensus", lambda *given: replace(end, solution=blind))
     before = replace(robust, consensus=replace(end, solution=blind))
     assert judge_again(before, robust.solution, problem, s.cell) is not None

@@ -13,7 +13,7 @@ from tests.pose_problem import pose_problem
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared
 from basecal.estimation.outliers import subset_starts
-from basecal.estimation.outliers.subset_starts import _size, score, subset_states
+from basecal.estimation.outliers.subset_starts import _subset_size, score, subset_states
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
@@ -52,7 +52,7 @@ def test_subsets_do_not_know_of_one_another(scenario, monkeypatch):
     problem, cell, first = bumped(scenario, 1)
     monkeypatch.setattr(subset_starts, "_DRAWS", 4)
     together = list(subset_states(problem, cell, first))
-    monkeypatch.setattr(subset_starts, "_AT_ONCE", 1)
+    monkeypatch.setattr(subset_starts, "_BATCH_SUBSETS", 1)
     alone = list(subset_states(problem, cell, first))
     assert len(together) == len(alone) >= 8
     apart = [
@@ -106,7 +106,7 @@ def test_a_subset_holds_every_unknown_and_few_others(target):
     made = simulate(Scenario(samples=40, target=target), 0)
     problem, _ = build_problem(made.cell, made.recording)
     assert problem.width == 18
-    assert 3 <= _size(problem, np.arange(40)) <= 10
+    assert 3 <= _subset_size(problem, np.arange(40)) <= 10
 
 
 def test_subsets_are_halves_thirds_and_draws_of_a_few():
@@ -119,7 +119,7 @@ def test_subsets_are_halves_thirds_and_draws_of_a_few():
     draws = found[5:]
     assert len(draws) == 24
     for draw in draws:
-        assert len(draw) == _size(problem, numbers) == 4
+        assert len(draw) == _subset_size(problem, numbers) == 4
         assert sorted(set(draw)) == draw
         assert set(draw) <= set(numbers.tolist())
     assert len({tuple(draw) for draw in draws}) > 20
@@ -145,10 +145,10 @@ def test_where_numbers_end_for_one_the_others_go_on():
             raise np.linalg.LinAlgError
         return [10 * item for item in items]
 
-    assert subset_starts._side_by_side(work, [1, 2, 3, 4, 5]) == [10, 20, 40, 50]
-    assert subset_starts._side_by_side(work, [3, 4]) == [40]
-    assert subset_starts._side_by_side(work, [3]) == []
-    assert subset_starts._side_by_side(work, []) == []
+    assert subset_starts._process_batch(work, [1, 2, 3, 4, 5]) == [10, 20, 40, 50]
+    assert subset_starts._process_batch(work, [3, 4]) == [40]
+    assert subset_starts._process_batch(work, [3]) == []
+    assert subset_starts._process_batch(work, []) == []
 
 
 def test_one_freedom_more_or_less_is_told_to_each_subset():
@@ -175,7 +175,7 @@ def test_views_that_nothing_checks_do_not_count(monkeypatch):
 def test_three_samples_at_least(views, size):
     """Or all that there are, though one could hold the mount."""
     problem, _ = pose_problem(np.zeros((views, 6)), np.ones(6))
-    assert _size(problem, np.arange(views)) == size
+    assert _subset_size(problem, np.arange(views)) == size
 
 
 def test_states_are_drawn_on_to_the_better_half(monkeypatch):

@@ -203,7 +203,7 @@ def test_the_cheaper_of_two_counts():
     one = explain_views(of, SE3.exp(np.array([[0.0] * 6, [0.1] * 6, [0.0] * 6])), None, 40.0)
     two = explain_views(of, SE3.exp(np.array([[0.1] * 6, [0.0] * 6, [0.0] * 6])), None, 40.0)
     two = replace(two, points=~two.points)
-    better = one.cheaper(two)
+    better = one.better(two)
     np.testing.assert_array_equal(better.cost, np.minimum(one.cost, two.cost))
     np.testing.assert_allclose(better.camera_from_target.translation, 0.0)
     np.testing.assert_allclose(better.camera_from_target.rotation, np.tile(np.eye(3), (3, 1, 1)))
@@ -269,6 +269,6 @@ def test_views_are_fitted_until_none_of_their_points_changes_sides():
     thrown = rng.uniform(size=pixels.shape[:2]) < 0.3
     pixels = pixels + np.where(thrown[..., None], rng.normal(0, 1.5, pixels.shape), 0.0)
     views = PointViews(replace(problem.groups[0].measurement, pixels=pixels), state.cameras["wrist"])
-    found = views._settle(true @ SE3.exp(rng.uniform(-2e-3, 2e-3, (30, 6))), LIMIT)
-    again = views.agreement(views.fit(found.camera_from_target, found.points, 6), LIMIT).cheaper(found)
+    found = views._refit(true @ SE3.exp(rng.uniform(-2e-3, 2e-3, (30, 6))), LIMIT)
+    again = views.agreement(views.fit(found.camera_from_target, found.points, 6), LIMIT).better(found)
     np.testing.assert_array_equal(again.points, found.points)

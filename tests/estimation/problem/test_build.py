@@ -110,6 +110,8 @@ def test_samples_go_by_time_and_of_two_with_a_number_the_first_stays():
     assert [x.sample for x in canonical_order((Sample(2), Sample(1, stamp_s=9.0), Sample(0)))] == [0, 1, 2]
     first, second = Sample(4, stamp_s=None), Sample(4, images={"a": "b"})
     assert canonical_order((first, second)) == (first,)
+    early, middle, late = Sample(5, stamp_s=0.0), Sample(6, stamp_s=1.0), Sample(5, stamp_s=2.0)
+    assert canonical_order((late, early, middle)) == (early, middle)
 
 
 def test_one_camera_may_see_pixels_and_points_of_one_target():
@@ -249,8 +251,8 @@ def test_only_robots_with_noise_have_stops():
         expected = [robots[name].noise for name in problem.stops.robot]
         np.testing.assert_array_equal(problem.stops.sigma, np.reshape(expected, (-1, 6)))
         assert problem.unstated == ({"hand"} if hand_noise is None else set())
-        assert problem.stands == {"eye": 3, "hand": 3}
-        assert sorted(group.eye.stand) == sorted(group.hand.stand) == [0, 1, 2]
+        assert problem.stop_counts == {"eye": 3, "hand": 3}
+        assert sorted(group.eye.stop_number) == sorted(group.hand.stop_number) == [0, 1, 2]
 
 
 def test_columns_follow_one_another():
@@ -275,8 +277,8 @@ def test_what_no_robot_carries_stays_where_it_is():
         *[None] * 4,
     )
     np.testing.assert_array_equal(group.hand.base_from_flange.matrix, np.broadcast_to(np.eye(4), (4, 4, 4)))
-    assert group.hand.stop.tolist() == group.hand.stand.tolist() == [-1] * 4
-    assert sorted(group.eye.stop) == sorted(group.eye.stand) == [0, 1, 2, 3]
+    assert group.hand.stop.tolist() == group.hand.stop_number.tolist() == [-1] * 4
+    assert sorted(group.eye.stop) == sorted(group.eye.stop_number) == [0, 1, 2, 3]
 
 
 def test_joints_at_which_a_robot_was_seen_are_each_there_once():
@@ -312,7 +314,7 @@ def test_a_robot_that_was_never_recorded_made_no_stop():
     for noise in (None, np.full(6, 1e-3)):
         robots = {**cell.robots, "idle": Robot("idle", noise=noise)}
         problem, _ = build_problem(replace(cell, robots=robots), recording)
-        assert problem.stands == {"eye": 3, "hand": 3, "idle": 0}
+        assert problem.stop_counts == {"eye": 3, "hand": 3, "idle": 0}
         assert set(problem.chains) == {"hand"}
         assert "idle" not in problem.stops.robot
 

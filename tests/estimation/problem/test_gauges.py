@@ -15,7 +15,7 @@ from basecal.effects import deflection, joint_offsets, link_parameters
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.gauges import (
-    LEAST_RMS,
+    LEAST_RMS_RAD,
     determined_directions,
     determined_joints,
     end_moves,
@@ -73,7 +73,7 @@ def test_of_joints_in_one_gauge_the_first_is_held():
 def test_motions_as_small_as_noise_tell_nothing(size, told):
     """Twice and half the rms below which a motion counts for none; half a metre counts as a radian."""
     moves = np.zeros((4, 6, 1))
-    moves[:, 0, 0] = 0.5 * size * LEAST_RMS
+    moves[:, 0, 0] = 0.5 * size * LEAST_RMS_RAD
     assert determined_directions(moves, np.zeros((4, 6, 0))).shape == (1, told)
 
 
@@ -144,7 +144,7 @@ def test_others_as_small_as_noise_take_up_nothing(size, left, count):
     """Half and twice the rms below which their motion counts for none, along the very same way."""
     moves = np.zeros((count, 6, 1))
     moves[:, 4, 0] = 1.0
-    found = independent_moves(moves, size * LEAST_RMS * moves)
+    found = independent_moves(moves, size * LEAST_RMS_RAD * moves)
     np.testing.assert_allclose(found.values, [left], atol=1e-9)
 
 

@@ -51,7 +51,7 @@ def per_view(group):
         if isinstance(value, np.ndarray):
             found[f.name] = value
     for k, of in enumerate(group.ends):
-        found |= {f"{k} poses": of.base_from_flange.matrix, f"{k} stop": of.stop, f"{k} stand": of.stand}
+        found |= {f"{k} poses": of.base_from_flange.matrix, f"{k} stop": of.stop, f"{k} stand": of.stop_number}
         found[f"{k} joints"] = of.joints
     found |= {f"reading {k}": r.pixels for k, r in enumerate(group.readings)}
     return found | {"pixels": group.measurement.pixels, "weight": group.measurement.weight}
@@ -192,7 +192,7 @@ def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made,
 
 def test_a_state_spread_out_is_itself_many_times(problem, state):
     """Transforms, errors and lenses that are estimated get a batch axis, one that is known serves all."""
-    many = state.spread(problem, 3)
+    many = state.repeat(problem, 3)
     assert (state.batch, many.batch) == ((), (3,))
     for name, transform in many.transforms.items():
         np.testing.assert_array_equal(transform.matrix, np.stack([state.transforms[name].matrix] * 3))
@@ -201,18 +201,18 @@ def test_a_state_spread_out_is_itself_many_times(problem, state):
     np.testing.assert_array_equal(many.stop_errors, np.stack([state.stop_errors] * 3))
     assert many.cameras["wrist"].parameters.shape == (3, 9)
     known = replace(problem, columns={n: c for n, c in problem.columns.items() if n != "wrist"})
-    assert state.spread(known, 3).cameras["wrist"] is state.cameras["wrist"]
+    assert state.repeat(known, 3).cameras["wrist"] is state.cameras["wrist"]
 
 
 def test_a_state_spread_out_has_the_kinematics_that_are_estimated(problem, state, joints):
     """As stated where they were not moved; those of a robot without columns only if they were."""
     offsets = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
     modelled = problem.with_models({"hand": robot_model("hand", six_axis(), offsets, joints)})
-    assert set(state.spread(modelled, 2).robots) == {"hand"}
-    np.testing.assert_array_equal(state.spread(modelled, 2).robots["hand"].values["joint_offsets"], np.zeros((2, 6)))
-    assert state.spread(replace(modelled, columns=problem.columns), 2).robots == {}
+    assert set(state.repeat(modelled, 2).robots) == {"hand"}
+    np.testing.assert_array_equal(state.repeat(modelled, 2).robots["hand"].values["joint_offsets"], np.zeros((2, 6)))
+    assert state.repeat(replace(modelled, columns=problem.columns), 2).robots == {}
     moved = replace(state, robots={"eye": Kinematics(six_axis(), {"joint_offsets": np.arange(6.0)})})
-    spread = moved.spread(modelled, 2).robots
+    spread = moved.repeat(modelled, 2).robots
     assert set(spread) == {"eye", "hand"}
     np.testing.assert_array_equal(spread["eye"].values["joint_offsets"], [np.arange(6.0)] * 2)
 

@@ -120,7 +120,7 @@ def test_a_batch_of_kinematics_is_each_by_itself(arm, joints):
 def test_one_spread_out_has_values_of_all_that_is_estimated(arm, joints):
     """Those of kinds that are not there are zero."""
     model = robot_model("hand", arm, {"link_parameters": link_parameters.Stated(status="free")}, joints)
-    spread = Kinematics(arm, {"joint_offsets": np.arange(6.0)}).spread(model, 2)
+    spread = Kinematics(arm, {"joint_offsets": np.arange(6.0)}).repeat(model, 2)
     np.testing.assert_array_equal(spread.values["joint_offsets"], [np.arange(6.0)] * 2)
     np.testing.assert_array_equal(spread.values["link_parameters"], np.zeros((2, 7, 6)))
 
@@ -131,7 +131,7 @@ def test_solved_together_robots_are_as_solved_by_themselves():
     problem, _ = build_problem(made.cell, made.recording)
     solution = solve(made.cell, made.recording)
     rng, dof = np.random.default_rng(0), solution.dof
-    states = solution.state.spread(problem, 3)
+    states = solution.state.repeat(problem, 3)
     normal = linearise(problem, states)
     starts = retract(problem, states, normal, 1e-3 * rng.standard_normal((3, problem.width)) * np.arange(3)[:, None])
     together = bundle_adjust_batch(problem, starts, dof)

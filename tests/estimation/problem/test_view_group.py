@@ -15,8 +15,8 @@ PLACES = {name: SE3.exp(RNG.standard_normal(6)) for name in ("eye base", "hand b
 def group_of(eye_base=None, hand_base="hand base"):
     """Three views of two arms whose bases have these names."""
     poses = [SE3.exp(RNG.standard_normal((3, 6))) for _ in range(2)]
-    eye = end("eye", poses[0], mount="camera mount", base=eye_base, stop=[0, 1, 1], stand=[0, 1, 1])
-    return views(eye, end("hand", poses[1], mount="target mount", base=hand_base, stand=[4, 3, 2]))
+    eye = end("eye", poses[0], mount="camera mount", base=eye_base, stop=[0, 1, 1], stop_number=[0, 1, 1])
+    return views(eye, end("hand", poses[1], mount="target mount", base=hand_base, stop_number=[4, 3, 2]))
 
 
 def test_robots_and_frames_are_those_of_both_ends():
@@ -60,5 +60,5 @@ def test_without_stops_robots_are_exact():
     """Where they stood is kept."""
     exact = group_of().without_stops()
     assert [of.stop.tolist() for of in exact.ends] == [[-1] * 3] * 2
-    assert [of.stand.tolist() for of in exact.ends] == [[0, 1, 1], [4, 3, 2]]
+    assert [of.stop_number.tolist() for of in exact.ends] == [[0, 1, 1], [4, 3, 2]]
     assert not exact.eye.has_noise

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.cell import Intrinsics, Unknown
-from basecal.estimation.scene.adjust import Task, adjust, prior_information, residuals_px, scene_fit
+from basecal.estimation.scene.adjust import SceneProblem, adjust, prior_information, residuals_px, scene_fit
 from basecal.estimation.scene.state import take_step
 from basecal.geometry import SE3
 from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, started
@@ -21,7 +21,7 @@ def test_without_noise_the_truth_is_found():
     scene = made_scene(3, arms=2, noise=0.0)
     state = replace(started(scene, 1e-3), points=scene.truth.points)
     noise = np.tile(NOISE, (len(scene.views.stop_robot), 1))
-    found = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS, LENS)), state).state
+    found = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, noise, (LENS, LENS)), state).state
     assert np.linalg.norm((BASE.inverse() @ found.bases[1]).log()) < 1e-5
     assert np.linalg.norm((MOUNT.inverse() @ found.mounts[0]).log()) < 1e-5
 
@@ -30,7 +30,9 @@ def test_what_pixels_say_is_told_apart_at_a_sigma_of_one_pixel():
     """The same whatever their sigma is; with it, and with what poses say, it makes the whole."""
     scene = made_scene(5)
     noise = np.tile(NOISE, (len(scene.views.stop_robot), 1))
-    one, other = (scene_fit(Task(scene.views, scene.tracks, px, noise, (LENS,)), scene.truth) for px in (0.5, 2.0))
+    one, other = (
+        scene_fit(SceneProblem(scene.views, scene.tracks, px, noise, (LENS,)), scene.truth) for px in (0.5, 2.0)
+    )
     for name in ("gradient", "information"):
         by_pixels, whole = getattr(one, f"pixel_{name}"), getattr(one, name)
         close = {"rtol": 0, "atol": 1e-9 * np.abs(whole).max()}
@@ -57,7 +59,7 @@ def test_a_tail_keeps_gross_errors_from_the_mount():
     tracks = replace(scene.tracks, pixels=pixels)
     noise = np.tile(NOISE, (len(scene.views.stop_robot), 1))
     sound, plain, robust = (
-        adjust(Task(scene.views, each, PIXEL, noise, (LENS,), tail=tail), scene.truth).state.mounts[0]
+        adjust(SceneProblem(scene.views, each, PIXEL, noise, (LENS,), tail=tail), scene.truth).state.mounts[0]
         for each, tail in ((scene.tracks, np.inf), (tracks, np.inf), (tracks, 2.0))
     )
 
@@ -76,7 +78,7 @@ def test_gradients_are_differences_of_costs():
     first = replace(scene.views.cameras[0], mount=known, lens=stated)
     views = replace(scene.views, cameras=(first, scene.views.cameras[1]))
     sigmas = np.full((6, 6), 1e-3)
-    task = Task(views, scene.tracks, PIXEL, sigmas, (LENS, LENS))
+    task = SceneProblem(views, scene.tracks, PIXEL, sigmas, (LENS, LENS))
     columns = task.columns
     rng = np.random.default_rng(0)
     state = take_step(scene.truth, columns, rng.normal(0, 1e-3, columns.errors.stop))
@@ -92,7 +94,7 @@ def test_a_prior_at_its_middle_costs_nothing():
     scene = made_scene(2, count=3)
     first = replace(scene.views.cameras[0], mount=Unknown("prior", MOUNT, np.full(6, 0.01)))
     views = replace(scene.views, cameras=(replace(first, lens=Intrinsics("prior", LENS, np.full(9, 0.5))),))
-    task = Task(views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (LENS,))
+    task = SceneProblem(views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (LENS,))
     about = prior_information(task, scene.truth)
     assert about.cost == pytest.approx(0.0, abs=1e-12)
     off = replace(scene.truth, mounts=SE3.stack([MOUNT @ SE3.exp([0.01, 0, 0, 0, 0, 0])]))
@@ -106,7 +108,7 @@ def test_a_free_lens_is_near_its_guess(parameter, off):
     """A sigma costs one: 10 % of the focal length, 0.1 % of the aspect, 3 % of the image, terms of real lenses."""
     scene = made_scene(2, count=3)
     guess = LENS.with_parameters(np.array([900.0, 900.0, 639.5, 359.5, 0.0, 0, 0, 0, 0]))
-    task = Task(scene.views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (guess,))
+    task = SceneProblem(scene.views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (guess,))
 
     def cost(parameters):
         """Of a lens."""
@@ -123,7 +125,7 @@ def test_lenses_of_no_size_are_as_wide_as_twice_their_focal_length():
     """Three hundredths of it are the sigma of the principal point, either way."""
     scene = made_scene(2, count=3)
     guess = replace(LENS, size_px=None)
-    task = Task(scene.views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (guess,))
+    task = SceneProblem(scene.views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (guess,))
     start = float(prior_information(task, scene.truth).cost)
     for k in (2, 3):
         moved = LENS.parameters.copy()
@@ -138,7 +140,9 @@ def test_the_cost_is_that_of_a_cauchy_loss(tail):
     scene = made_scene(3, count=4, points=30)
     pixels = scene.tracks.pixels.copy()
     pixels[::7] += 20 * PIXEL
-    task = Task(scene.views, replace(scene.tracks, pixels=pixels), PIXEL, np.full((4, 6), 1e-3), (LENS,), tail=tail)
+    task = SceneProblem(
+        scene.views, replace(scene.tracks, pixels=pixels), PIXEL, np.full((4, 6), 1e-3), (LENS,), tail=tail
+    )
     squares = np.sum(residuals_px(task.views, task.tracks, scene.truth) ** 2, 1) / PIXEL**2
     expected = squares.sum() if tail == np.inf else np.sum(tail**2 * np.log1p(squares / tail**2))
     about = task.linearise(scene.truth)[0]
@@ -157,7 +161,7 @@ def test_priors_of_stops_and_the_rest_add_up():
     scene = made_scene(2, count=3)
     sigmas = np.full((3, 6), 1e-3)
     sigmas[1] = 2e-3
-    task = Task(scene.views, scene.tracks, PIXEL, sigmas, (LENS,))
+    task = SceneProblem(scene.views, scene.tracks, PIXEL, sigmas, (LENS,))
     errors = np.zeros((3, 6))
     errors[1, 4] = 2e-3
     about, plain = (prior_information(task, replace(scene.truth, errors=each)) for each in (errors, 0 * errors))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.estimation.scene.alignment import alignments, are_one, project_points, refine_transform
+from basecal.estimation.scene.alignment import alignments, are_equal, project_points, refine_transform
 from basecal.geometry import SE3
 from basecal.numerics.batch import take
 from scene_points import BASE, LENS, made_scene
@@ -116,8 +116,8 @@ def test_eight_pairs_make_a_transform(count):
 def test_transforms_are_one_by_what_they_do_to_the_median_point(step, is_one):
     """Its distance, and the angle between them; a point far away counts for one of many."""
     points = np.array([[0.0, 0, 0], [0.1, 0.1, 0.1], [-0.1, -0.1, -0.1], [50.0, 50.0, 50.0], [-50.0, 9.0, 0.0]])
-    assert are_one(BASE, BASE @ SE3.exp(step), points, 0.05) == is_one
-    assert are_one(BASE @ SE3.exp(step), BASE, points, 0.05) == is_one
+    assert are_equal(BASE, BASE @ SE3.exp(step), points, 0.05) == is_one
+    assert are_equal(BASE @ SE3.exp(step), BASE, points, 0.05) == is_one
 
 
 def test_points_are_projected_to_each_view():

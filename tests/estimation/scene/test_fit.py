@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.estimation.scene import fit as module
-from basecal.estimation.scene.adjust import Task, adjust, residuals_px
+from basecal.estimation.scene.adjust import SceneProblem, adjust, residuals_px
 from basecal.estimation.scene.equations import pixel_equations, point_information
 from basecal.estimation.scene.fit import fit_scene, triangulate
 from basecal.estimation.scene.spread import scene_covariance
@@ -79,7 +79,7 @@ def test_points_have_more_equations_than_there_are_unknowns(more):
 def test_points_are_kept_if_their_depth_is_known_to_a_fifth():
     """By sigmas of image points, at which a point's own is just below or above a fifth of its distances."""
     scene = made_scene(1)
-    fit = adjust(Task(scene.views, scene.tracks, PIXEL, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
+    fit = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
     first = np.flatnonzero(fit.tracks.point == 0)
     centres = fit.state.world_from_camera(fit.views).translation[fit.tracks.view[first]]
     distances_m = np.linalg.norm(fit.state.points[0] - centres, axis=1)

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from basecal.estimation.scene.adjust import Task, adjust
+from basecal.estimation.scene.adjust import SceneProblem, adjust
 from basecal.estimation.scene.sigmas import _Likelihood, estimate_sigmas
 from scene_points import ARM_M, ARM_RAD, LENS, PIXEL, made_scene
 
@@ -19,7 +19,7 @@ def test_sigmas_of_pixels_and_arm_are_found():
     """Of 25 views the pixels' within 5 %, the arm's within a factor of 1.8, which its six numbers a view tell."""
     scene = made_scene(1, count=25)
     noise = np.tile(NOISE, (25, 1))
-    fit = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS,)), scene.truth)
+    fit = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, noise, (LENS,)), scene.truth)
     sigma_px, stop_sigma = estimate_sigmas(fit, (None,))
     assert sigma_px == pytest.approx(PIXEL, rel=0.05)
     assert ARM_RAD / 1.8 < stop_sigma[0, 3] < 1.8 * ARM_RAD
@@ -28,7 +28,7 @@ def test_sigmas_of_pixels_and_arm_are_found():
 def test_stated_noise_stays():
     """The sigmas of a robot that states them are these, and pixels' are found beside."""
     scene = made_scene(2)
-    fit = adjust(Task(scene.views, scene.tracks, 1.0, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
+    fit = adjust(SceneProblem(scene.views, scene.tracks, 1.0, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
     sigma_px, stop_sigma = estimate_sigmas(fit, (NOISE,))
     assert np.array_equal(stop_sigma, np.tile(NOISE, (15, 1)))
     assert sigma_px == pytest.approx(PIXEL, rel=0.1)
@@ -38,7 +38,7 @@ def test_stated_noise_stays():
 def test_gradient_of_the_likelihood(stated):
     """It agrees with central differences, of pixels and of arms, stated or not."""
     scene = made_scene(2)
-    fit = adjust(Task(scene.views, scene.tracks, PIXEL, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
+    fit = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
     of = _Likelihood.expand(fit, (stated,))
     logs = np.log([1.3 * PIXEL, *([] if stated is not None else [2 * ARM_M, 0.5 * ARM_RAD])])
     value, gradient = of.negative_log_likelihood(logs)
@@ -52,7 +52,7 @@ def test_the_sigma_of_pixels_may_be_held():
     """With a gross point, the squares of all would make it large; the arm's sigmas are found beside the given one."""
     scene = made_scene(1, count=25)
     noise = np.tile(NOISE, (25, 1))
-    fit = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS,)), scene.truth)
+    fit = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, noise, (LENS,)), scene.truth)
     _, expected = estimate_sigmas(fit, (None,), holds_pixels=True)
     pixels = fit.tracks.pixels.copy()
     pixels[0] += 1e3
@@ -69,7 +69,7 @@ def likelihood(arms=1, stated=(None,)):
     """The likelihood of a scene about its truth, as `estimate_sigmas` makes it."""
     scene = made_scene(1, arms=arms)
     noise = np.tile(NOISE, (15 * arms, 1))
-    fit = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS,) * arms), scene.truth)
+    fit = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, noise, (LENS,) * arms), scene.truth)
     prior = np.zeros_like(fit.information)
     noises = tuple(None if each is None else NOISE for each in stated)
     return _Likelihood(fit, noises, prior, fit.pixel_gradient, 100.0)

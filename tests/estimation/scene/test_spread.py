@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.estimation.scene import spread
-from basecal.estimation.scene.adjust import SceneFit, Task, adjust
+from basecal.estimation.scene.adjust import SceneFit, SceneProblem, adjust
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
 from basecal.numerics.batch import take
@@ -26,7 +26,7 @@ def fitted(pull_px: float) -> SceneFit:
     is_left = scene.truth.points[scene.tracks.point, 1] > 0
     pixels[is_left, 0] += pull_px * np.sin(scene.tracks.view[is_left])
     tracks = replace(scene.tracks, pixels=pixels)
-    return adjust(Task(scene.views, tracks, PIXEL, np.tile(NOISE, (12, 1)), (LENS,)), scene.truth)
+    return adjust(SceneProblem(scene.views, tracks, PIXEL, np.tile(NOISE, (12, 1)), (LENS,)), scene.truth)
 
 
 @cache
@@ -118,6 +118,6 @@ def test_sigmas_are_widened_by_the_mean_of_all():
     own = len(covariance)
     root = np.linalg.cholesky(np.linalg.inv(fit.information)[:own, :own])
     whitened = np.linalg.solve(root, np.linalg.solve(root, covariance).T)
-    factor = spread.widening(fit)
+    factor = spread.widening_factor(fit)
     assert factor == pytest.approx(np.sqrt(np.mean(np.diag(whitened))))
     assert factor > 1.0

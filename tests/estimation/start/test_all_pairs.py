@@ -11,7 +11,7 @@ from tests.ends import end, views, with_eye
 
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start import all_pairs
-from basecal.estimation.start.all_pairs import place_bases, placed_by_pairs
+from basecal.estimation.start.all_pairs import place_bases, place_by_pairs
 from basecal.estimation.start.first_state import first_state
 from basecal.estimation.start.pair_views import PairViews, pair_views
 from basecal.estimation.start.refinement import refine_jointly
@@ -48,7 +48,7 @@ def test_pairs_that_start_wrong_spoil_no_others(made) -> None:
     wrong = dict(made.truth)
     for name in ("r1_base_from_r4_base", "r6_flange_from_camera6"):
         wrong[name] = wrong[name] @ SE3.exp([0.5, -2.0, 1.0, 1.5, -1.0, 0.5])
-    found = placed_by_pairs(problem, sights(made, problem), wrong, ())
+    found = place_by_pairs(problem, sights(made, problem), wrong, ())
     assert set(found) == set(made.truth)
     assert farthest(made, found) < 0.02
 
@@ -64,7 +64,7 @@ def test_pairs_that_drifted_need_no_search(made, monkeypatch, rng) -> None:
     monkeypatch.setattr(all_pairs, "refine_jointly", watched)
     problem, _ = build_problem(made.cell, made.recording)
     drifted = {name: pose @ SE3.exp(rng.normal(0, 0.3, 6)) for name, pose in made.truth.items()}
-    assert farthest(made, placed_by_pairs(problem, sights(made, problem), drifted, ())) < 0.02
+    assert farthest(made, place_by_pairs(problem, sights(made, problem), drifted, ())) < 0.02
     assert len(wished) == len(problem.groups)
     assert not any(wish.searched for wish in wished)
 
@@ -72,10 +72,10 @@ def test_pairs_that_drifted_need_no_search(made, monkeypatch, rng) -> None:
 def test_few_bases_and_known_ones_are_left(made) -> None:
     """To whoever placed them."""
     problem, _ = build_problem(made.cell, made.recording)
-    assert placed_by_pairs(problem, sights(made, problem), made.truth, ("r1_base_from_r4_base",)) == {}
+    assert place_by_pairs(problem, sights(made, problem), made.truth, ("r1_base_from_r4_base",)) == {}
     few = simulate(Scenario(layout="ring", robots=4, samples=80), 1)
     problem, _ = build_problem(few.cell, few.recording)
-    assert placed_by_pairs(problem, sights(few, problem), few.truth, ()) == {}
+    assert place_by_pairs(problem, sights(few, problem), few.truth, ()) == {}
 
 
 def test_bases_that_no_right_pair_reaches_are_left(made, rng) -> None:
@@ -88,7 +88,7 @@ def test_bases_that_no_right_pair_reaches_are_left(made, rng) -> None:
         return replace(sight, group=with_eye(sight.group, base_from_flange=poses))
 
     seen = [spoilt(s) if "r5" in (s.group.eye.robot, s.group.hand.robot) else s for s in sights(made, problem)]
-    assert placed_by_pairs(problem, seen, made.truth, ()) == {}
+    assert place_by_pairs(problem, seen, made.truth, ()) == {}
 
 
 NAMES = [None, *(f"b{k}" for k in range(8))]
@@ -122,7 +122,7 @@ def placed(monkeypatch, pairs, given=()):
     monkeypatch.setattr(all_pairs, "_restart_pairs", lambda seen: seen)
     monkeypatch.setattr(all_pairs, "refine_jointly", lambda seen: [dict(found)[id(sight)] for sight in seen])
     found = [(id(sight), triple) for sight, triple in pairs]
-    return placed_by_pairs(None, [sight for sight, _ in pairs], {}, given)
+    return place_by_pairs(None, [sight for sight, _ in pairs], {}, given)
 
 
 def test_bases_stand_where_pairs_agree_and_mounts_where_the_best_has_them(ring, rng, monkeypatch) -> None:

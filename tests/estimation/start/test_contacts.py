@@ -21,7 +21,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve
 from basecal.estimation.start import contacts
-from basecal.estimation.start.contacts import place_contacts, rigid_ends, turned_starts, without_contacts
+from basecal.estimation.start.contacts import place_contacts, rigid_ends, rotated_base_states, without_contacts
 from basecal.estimation.start.first_state import first_state
 from basecal.estimation.start.rotation_search import icosahedral_rotations
 from basecal.estimation.view.poses import PoseMeasurement
@@ -92,7 +92,7 @@ def test_bases_are_turned_about_the_middle_of_their_flanges():
     """By every rotation of the icosahedron, surfaces with them; what is known stays, and known bases are not turned."""
     problem, transforms = touched({"floor": "plane", "wall": "plane"})
     state = State({**transforms, **place_contacts(problem, transforms)}, {}, np.zeros((len(problem.stops), 6)))
-    starts = list(turned_starts(problem, state, {"eye_base_from_wall"}))
+    starts = list(rotated_base_states(problem, state, {"eye_base_from_wall"}))
     assert len(starts) == len(list(icosahedral_rotations())) == 60
     flanges = np.concatenate([(TRUTH @ g.eye.base_from_flange).translation for g in problem.groups if g.eye.base])
     for start in starts:
@@ -104,7 +104,7 @@ def test_bases_are_turned_about_the_middle_of_their_flanges():
     assert any(np.allclose(start.transforms[BASE].matrix, TRUTH.matrix) for start in starts)
     turns = {tuple(np.round(start.transforms[BASE].rotation.ravel(), 6)) for start in starts}
     assert len(turns) == 60
-    assert list(turned_starts(problem, state, {BASE})) == []
+    assert list(rotated_base_states(problem, state, {BASE})) == []
 
 
 def held(axis):

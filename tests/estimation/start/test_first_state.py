@@ -22,19 +22,19 @@ from basecal.estimation.least_squares.studentized_residuals import MahalanobisSq
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start import first_state as module
 from basecal.estimation.start.first_state import (
-    _Known,
-    _light,
+    _Knowledge,
     _loop,
     _mount_of_points,
     _search,
+    _solve_as_led,
     _solve_closed_form,
-    _unknown,
+    _unknown_letters,
     cauchy_irls,
     first_state,
     first_states,
     guessed_state,
     known_transforms,
-    light_states,
+    led_states,
 )
 from basecal.estimation.start.pair_views import PairViews, pair_views
 from basecal.estimation.view.poses import PoseMeasurement
@@ -65,14 +65,14 @@ def test_ends_of_a_search_for_a_light() -> None:
     """The best of clean ones is where the start without a guess ends; a board, which has a closed form, has none."""
     made = simulate(Scenario(samples=25, target="led"), 2)
     problem, _ = build_problem(made.cell, made.recording)
-    states = list(light_states(problem, made.cell, 12))
+    states = list(led_states(problem, made.cell, 12))
     costs = np.array([linearise(problem, state).cost for state in states])
     first = bundle_adjust(problem, first_state(problem, made.cell, thorough=False), 1).cost
     best = bundle_adjust(problem, states[int(np.argmin(costs))], 1).cost
     assert best == pytest.approx(first, rel=1e-6)
     assert len(states) == 12
     board = simulate(Scenario(samples=10), 0)
-    assert list(light_states(build_problem(board.cell, board.recording)[0], board.cell, 12)) == []
+    assert list(led_states(build_problem(board.cell, board.recording)[0], board.cell, 12)) == []
 
 
 @pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
@@ -85,8 +85,8 @@ def test_what_is_unknown_of_a_pair_is_what_its_loop_lacks(layout: str) -> None:
     names = sorted(problem.unknowns)
     for count in range(len(names) + 1):
         for chosen in combinations(names, count):
-            known = _Known({name: made.truth[name] for name in chosen})
-            assert _unknown(sight, known) == _loop(sight, known).unknown
+            known = _Knowledge({name: made.truth[name] for name in chosen})
+            assert _unknown_letters(sight, known) == _loop(sight, known).unknown
 
 
 def _points_seen(samples: int, each: int):
@@ -187,7 +187,7 @@ def test_bases_are_placed_from_wherever_a_chain_begins(order):
 def test_bases_are_placed_as_relations_lead_to_them(rng):
     """In whatever order they come and whichever end is known: none before it hangs together with the world."""
     at = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in "abcd"} | {None: SE3.identity()}
-    known = _Known()
+    known = _Knowledge()
     for first, second in (("a", "b"), ("c", "b"), ("d", "c")):
         known.add_relation(first, second, at[first].inverse() @ at[second])
         assert known.transforms == {}
@@ -261,7 +261,7 @@ def hand_made(rng, swapped=()):
 def test_closed_forms_choose_the_better_of_each_views_poses(rng, swapped):
     """Until the choice settles: exact, where a few views had their poses the other way round."""
     sight, triple = hand_made(rng, swapped)
-    for found, true in zip(_solve_closed_form(sight, _Known()), triple, strict=True):
+    for found, true in zip(_solve_closed_form(sight, _Knowledge()), triple, strict=True):
         np.testing.assert_allclose(found.matrix, true.matrix, atol=1e-7)
 
 
@@ -297,12 +297,12 @@ def test_a_light_is_refined_from_more_starts_the_more_rotations_are_unknown(monk
     """Its mount stands where the light is; a target's known mount stays, an unknown one is placed by its points."""
     sight, (x, y, z) = hand_made(np.random.default_rng(0))
     chords = SimpleNamespace(points_in_target=np.array([[9.0, 9.0, 9.0], [0.1, 0.2, 0.3]]))
-    monkeypatch.setattr(module, "as_light", lambda measurement: (chords, 1))
+    monkeypatch.setattr(module, "led_point", lambda measurement: (chords, 1))
     asked = []
-    monkeypatch.setattr(module, "light_search", lambda sight, loop, most: asked.append(most) or (sight, loop, []))
+    monkeypatch.setattr(module, "led_search", lambda sight, loop, most: asked.append(most) or (sight, loop, []))
     monkeypatch.setattr(module, "_mount_of_points", lambda sight, x, y, at: "by its points")
     loop = sight.loop(*(of if k in known else None for k, of in zip("xyz", (x, y, z), strict=True)), np.zeros(20, int))
-    search = _light(sight, loop, is_point)
+    search = _solve_as_led(sight, loop, is_point)
     wish = next(search)
     assert wish.is_point
     assert asked == [{2: 40, 1: 12, 0: 1}[2 - len(set(known) & {"x", "y"})]]
@@ -346,9 +346,9 @@ def test_pairs_with_poses_and_many_views_go_first(monkeypatch, is_clear):
         return is_clear or is_forced
         yield
 
-    monkeypatch.setattr(module, "_start", start)
+    monkeypatch.setattr(module, "_solve_pair", start)
     monkeypatch.setattr(module, "lenses", lambda problem, cell: {})
-    monkeypatch.setattr(module, "placed_by_pairs", lambda *_: {})
+    monkeypatch.setattr(module, "place_by_pairs", lambda *_: {})
     monkeypatch.setattr(
         module, "pair_views", lambda group, *_: PairViews(group, given[group.target][0], None, given[group.target][1])
     )

@@ -13,10 +13,10 @@ from basecal.cell.cell import Intrinsics, Unknown
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start.lens import (
+    _BoardViews,
     _Lenses,
     _poses,
     _thin_points,
-    _Views,
     guessed_lens,
     lens_from_views,
 )
@@ -127,7 +127,7 @@ def test_poses_are_eliminated_from_what_views_say_of_lenses(rng):
     lenses = [guessed_lens(ASKED, 0.7), lens(900.0)]
     state = stack([_Lenses(each, tuple(_poses(each, m) for m in boards)) for each in lenses])
     free = np.array([0, 2, 4])
-    system = _Views(boards, free)
+    system = _BoardViews(boards, free)
     found = system.linearise(state)
     step = 1e-3 * rng.standard_normal((2, 3))
     after = system.retract(state, found, step)

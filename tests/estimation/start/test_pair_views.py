@@ -13,7 +13,13 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import half_turn_views
 from basecal.estimation.problem.problem import State
 from basecal.estimation.start import pair_views as module
-from basecal.estimation.start.pair_views import _descend_readings, as_light, pair_views, turned_views, umeyama
+from basecal.estimation.start.pair_views import (
+    _descend_readings,
+    half_turn_mask,
+    led_point,
+    pair_views,
+    umeyama,
+)
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
@@ -169,7 +175,7 @@ def test_a_light_of_several_points_is_the_one_most_views_see():
     """Of three points the one with the most weights."""
     weight = np.array([[0.1, 0.2, 0.0], [0.0, 0.3, 0.1]])
     measurement = BearingMeasurement(np.zeros((3, 3)), np.zeros((2, 3, 3)), weight)
-    assert as_light(measurement) == (measurement, 1)
+    assert led_point(measurement) == (measurement, 1)
 
 
 def test_views_that_show_a_part_of_the_target_keep_enough_of_it():
@@ -323,11 +329,11 @@ def test_views_read_from_the_other_end_are_turned_with_all_that_is_theirs(monkey
     target_from_turned = SE3(np.diag([-1.0, -1.0, 1.0]), np.array([0.2, 0.1, 0.0]))
     asked = []
 
-    def turned_views(group, read, turned):
+    def half_turn_mask(group, read, turned):
         asked.append((read, turned))
         return np.array(flip)
 
-    monkeypatch.setattr(module, "turned_views", turned_views)
+    monkeypatch.setattr(module, "half_turn_mask", half_turn_mask)
     measurement, poses_of = pixels_of(np.arange(6) < np.array([[6], [5], [4]])), poses_with([[0.0, 30.0]] * 3)
     group = replace(group_of(measurement, 3), half_turn=target_from_turned)
     found, plain = (
@@ -388,7 +394,7 @@ def test_views_read_from_the_other_end_are_found_however_far_the_arm_turned(coun
     read = np.swapaxes(mount, -1, -2) @ wide @ mount @ rotation_exp(5e-3 * rng.standard_normal((count, 3)))
     flipped = rng.random(count) < 0.5
     seen = np.where(flipped[:, None, None], read @ HALF_TURN, read)
-    found = turned_views(turned_group, seen, seen @ HALF_TURN)
+    found = half_turn_mask(turned_group, seen, seen @ HALF_TURN)
     assert np.array_equal(found, flipped) or np.array_equal(found, ~flipped)
 
 
@@ -400,7 +406,7 @@ def group_by_stops(eye_stand, hand_stand, eye, hand):
     """Views of two arms by the stops that each stood in, their flanges turned so."""
     n = len(eye_stand)
     a, c = (SE3(np.broadcast_to(turn, (n, 3, 3)), np.zeros((n, 3))) for turn in (eye, hand))
-    return views(end("eye", a, stand=eye_stand), end("hand", c, stand=hand_stand))
+    return views(end("eye", a, stop_number=eye_stand), end("hand", c, stop_number=hand_stand))
 
 
 def about(angle_rad, axis=(0.6, 0.0, 0.8)):
@@ -411,7 +417,7 @@ def about(angle_rad, axis=(0.6, 0.0, 0.8)):
 def test_where_no_robot_moved_alone_views_turn_least_against_the_first(stands):
     """Both moved between any two views, or neither: nothing tells by how much the target turned."""
     wide = about([0.0, 1.0, 1.7, 3.0], (0.0, 0.0, 1.0))
-    found = turned_views(group_by_stops(*stands, wide, about([0.0, 0.1, 0.2, 0.3])), wide, wide @ HALF_TURN)
+    found = half_turn_mask(group_by_stops(*stands, wide, about([0.0, 0.1, 0.2, 0.3])), wide, wide @ HALF_TURN)
     assert found.tolist() == [False, False, True, True]
 
 
@@ -424,11 +430,11 @@ def test_the_arm_that_moved_alone_tells_how_far_the_target_turned(still):
     seen = moved if still == "eye" else moved.mT
     if still == "hand":
         stands, turns = stands[::-1], turns[::-1]
-    found = turned_views(group_by_stops(*stands, *turns), seen, seen @ HALF_TURN)
+    found = half_turn_mask(group_by_stops(*stands, *turns), seen, seen @ HALF_TURN)
     assert found.tolist() in ([False] * 5, [True] * 5)
     flipped = np.array([False, True, False, True, True])
     mixed = np.where(flipped[:, None, None], seen @ HALF_TURN, seen)
-    found = turned_views(group_by_stops(*stands, *turns), mixed, mixed @ HALF_TURN)
+    found = half_turn_mask(group_by_stops(*stands, *turns), mixed, mixed @ HALF_TURN)
     assert found.tolist() in (flipped.tolist(), (~flipped).tolist())
 
 

@@ -14,9 +14,9 @@ from basecal.estimation.start.rotation_search import (
     _trimmed_rms,
     icosahedral_rotations,
     pose_starts,
+    refine_rotations,
     rotation_angle,
     search_rotations,
-    settled_rotations,
 )
 from basecal.geometry import SE3
 from basecal.geometry.rotation import nearest_rotation, rotation_exp, rotation_log
@@ -71,7 +71,7 @@ def test_rotations_settle_where_samples_lead(unknown):
         Rotations(*(truth[k].rotation @ turn.get(k, np.eye(3)) for k in "xyz"))
         for truth, turn in zip(truths, turns, strict=True)
     ]
-    found = settled_rotations([loop(truth, unknown, 20, k) for k, truth in enumerate(truths)], near)
+    found = refine_rotations([loop(truth, unknown, 20, k) for k, truth in enumerate(truths)], near)
     assert all(rotations.clear for rotations in found)
     for at, begun, truth in zip(found, near, truths, strict=True):
         off = max(rotation_angle(getattr(at, k), truth[k].rotation) for k in "xyz")
@@ -135,7 +135,7 @@ def test_one_rotation_settles_at_the_mean_of_the_samples(unknown):
     """Each by the square of its weight, as the closed form of one unknown has it."""
     loops = [loop(drawn(k), unknown, 9 + k, k, noise=0.3) for k in range(2)]
     near = [Rotations(*(np.eye(3) if at is None else at.rotation for at in (of.x, of.y, of.z))) for of in loops]
-    for of, found in zip(loops, settled_rotations(loops, near), strict=True):
+    for of, found in zip(loops, refine_rotations(loops, near), strict=True):
         np.testing.assert_allclose(getattr(found, unknown), getattr(solve_rotations(of), unknown), atol=1e-9)
 
 
@@ -146,12 +146,12 @@ def test_rotations_that_have_settled_go_no_further(monkeypatch, unknown):
     monkeypatch.setattr(rotation_search, "nearest_rotation", lambda of: counted.append(len(of)) or nearest(of))
     truth = drawn(1)
     exact, right = loop(truth, unknown, 20, 1), Rotations(*(truth[k].rotation for k in "xyz"))
-    settled_rotations([exact], [right])
+    refine_rotations([exact], [right])
     assert counted == [1] * len(unknown)
     counted.clear()
     turned = getattr(right, unknown[0]) @ rotation_exp(np.array([0.0, 0.0, 1e-2]))
     off = right._replace(**{unknown[0]: turned})
-    settled_rotations([exact, loop(truth, unknown, 12, 2)], [off, right])
+    refine_rotations([exact, loop(truth, unknown, 12, 2)], [off, right])
     assert counted[: len(unknown) + 1] == [2] * len(unknown) + [1]
 
 

@@ -16,7 +16,7 @@ from basecal.effects import lens_sag, mount_bend, mount_play
 from basecal.effects.registry import CONTAINED, EFFECTS
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.streams.jitter import with_jitter, with_passing_times
-from basecal.estimation.streams.rolling_shutter import Known
+from basecal.estimation.streams.rolling_shutter import KnownGeometry
 from basecal.estimation.streams.streams import recording_streams, synchronise
 from basecal.geometry import SE3
 from stream_cells import MOUNT, TAG, Streamed, path_poses, streamed
@@ -46,7 +46,7 @@ def test_views_move_as_targets_do_before_cameras() -> None:
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     of = synchronise(streams, streams.stated_offsets)
-    known = Known(made.cell, {NAME: MOUNT, "arm_base_from_tag": TAG}, {})
+    known = KnownGeometry(made.cell, {NAME: MOUNT, "arm_base_from_tag": TAG}, {})
     problem = with_jitter(build_problem(made.cell, of.recording)[0], known, of.robots, streams.clocks)
     (group,) = problem.groups
     assert group.motion is not None

@@ -20,8 +20,14 @@ from basecal.cell import (
 )
 from basecal.cell.calibration import Calibration, LineTime
 from basecal.cell.targets.points import points_target
-from basecal.estimation.streams.rolling_shutter import Known, Moving, correct_rolling_shutter, line_time_name, mean_row
-from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous
+from basecal.estimation.streams.rolling_shutter import (
+    KnownGeometry,
+    RobotMotion,
+    correct_rolling_shutter,
+    line_time_name,
+    mean_row,
+)
+from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous_recording
 from basecal.geometry import SE3, Camera, PoseEstimate
 from stream_cells import BOARD, MOUNT, Streamed, imaged, path_poses
 
@@ -29,11 +35,11 @@ LINE_S = 3e-5
 TRUE = {"arm_flange_from_wrist": MOUNT, "arm_base_from_board": BOARD}
 
 
-def known(made: Streamed) -> Known:
+def known(made: Streamed) -> KnownGeometry:
     lens = made.cell.cameras["wrist"].intrinsics
     assert lens is not None
     assert lens.camera is not None
-    return Known(made.cell, TRUE, {"wrist": lens.camera})
+    return KnownGeometry(made.cell, TRUE, {"wrist": lens.camera})
 
 
 def seen_at_once(recording: Recording, made: Streamed) -> np.ndarray:
@@ -61,14 +67,14 @@ def test_a_calibration_mends_what_is_read_with_it() -> None:
     made = imaged(LINE_S, RollingShutter("free"), noise_px=0.0)
     transforms = {name: PoseEstimate(mean, np.zeros((6, 6))) for name, mean in TRUE.items()}
     found = Calibration("good", transforms=transforms, line_times={"wrist": LineTime(LINE_S, 1e-7)})
-    assert np.abs(seen_at_once(synchronous(made.cell, made.recording, found), made)).max() < 0.03
+    assert np.abs(seen_at_once(synchronous_recording(made.cell, made.recording, found), made)).max() < 0.03
 
 
 def test_the_velocity_of_a_target_is_that_of_differences() -> None:
     made = imaged(LINE_S, None)
     step = 1e-6
     here, later = path_poses(np.array([2.0, 2.0 + step]))
-    moving = {"arm": Moving(here, (here.inverse() @ later).log() / step)}
+    moving = {"arm": RobotMotion(here, (here.inverse() @ later).log() / step)}
     pose, velocity = known(made).camera_from_target("wrist", "board", moving) or (None, None)
     assert pose is not None
     np.testing.assert_allclose(pose.matrix, ((here @ MOUNT).inverse() @ BOARD).matrix, atol=1e-12)
@@ -90,7 +96,7 @@ def test_what_is_not_known_yet_mends_nothing() -> None:
 def test_arms_that_stand_have_no_rows() -> None:
     """Samples a second apart and samples without stamps are by one clock, whatever the shutter."""
     made = imaged(LINE_S, RollingShutter("fixed", LINE_S))
-    together = synchronous(replace(made.cell, cameras={}), Recording(made.recording.samples[:0]))
+    together = synchronous_recording(replace(made.cell, cameras={}), Recording(made.recording.samples[:0]))
     assert together.samples == ()
     slow = tuple(replace(s, stamp_s=float(k)) for k, s in enumerate(_beside(made)))
     assert recording_streams(_clockless(made), Recording(slow)) is None
@@ -104,7 +110,7 @@ def _clockless(made: Streamed):
 
 def _beside(made: Streamed) -> tuple[Sample, ...]:
     """Views with the arm beside them, as one clock records."""
-    return synchronous(made.cell, made.recording).samples
+    return synchronous_recording(made.cell, made.recording).samples
 
 
 @pytest.mark.parametrize("rows", [[10.0, 20.0, 60.0], []])
@@ -138,13 +144,13 @@ def test_poses_and_velocities_of_any_pair_are_those_of_differences(camera_on: st
         camera = in_world[camera_on] @ transforms[names["camera"]]
         return camera.inverse() @ in_world[target_on] @ transforms[names["target"]]
 
-    moving = {name: Moving(flanges[name], velocities[name]) for name in flanges}
-    pose, velocity = Known(cell, transforms, {}).camera_from_target("wrist", "tag", moving) or (None, None)
+    moving = {name: RobotMotion(flanges[name], velocities[name]) for name in flanges}
+    pose, velocity = KnownGeometry(cell, transforms, {}).camera_from_target("wrist", "tag", moving) or (None, None)
     assert pose is not None
     np.testing.assert_allclose(pose.matrix, seen(0.0).matrix, atol=1e-12)
     np.testing.assert_allclose(velocity, (seen(-step).inverse() @ seen(step)).log() / (2 * step), atol=1e-8)
     for missing in names.values():
-        fewer = Known(cell, {n: t for n, t in transforms.items() if n != missing}, {})
+        fewer = KnownGeometry(cell, {n: t for n, t in transforms.items() if n != missing}, {})
         unneeded = missing == names["base"] and "hand" not in (camera_on, target_on)
         assert (fewer.camera_from_target("wrist", "tag", moving) is None) != unneeded
 
@@ -182,7 +188,7 @@ def test_each_pixel_is_mended_by_the_rows_since_the_mean_one() -> None:
         assert same.samples[0].observations == (some, candidates)
 
 
-def moving_light(velocity: np.ndarray) -> tuple[Known, dict[str, Moving]]:
+def moving_light(velocity: np.ndarray) -> tuple[KnownGeometry, dict[str, RobotMotion]]:
     """A camera on an arm, a tag of two points on another, 1 m before it, that goes by a velocity; and these arms."""
     lens = Camera("pinhole", np.array([800.0, 800.0, 640.0, 360.0]), (1280, 720))
     tag = points_target(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]))
@@ -195,8 +201,8 @@ def moving_light(velocity: np.ndarray) -> tuple[Known, dict[str, Moving]]:
     )
     transforms = {cell.mount_name("wrist"): SE3.identity(), cell.mount_name("tag"): SE3.identity()}
     transforms[cell.base_name("hand")] = SE3.from_rotvec([0, 0, 0], [0, 0, 1.0])
-    arms = {"eye": Moving(SE3.identity(), np.zeros(6)), "hand": Moving(SE3.identity(), velocity)}
-    return Known(cell, transforms, {"wrist": lens}), arms
+    arms = {"eye": RobotMotion(SE3.identity(), np.zeros(6)), "hand": RobotMotion(SE3.identity(), velocity)}
+    return KnownGeometry(cell, transforms, {"wrist": lens}), arms
 
 
 def test_what_moved_until_a_row_is_taken_off_its_pixels() -> None:
@@ -207,7 +213,7 @@ def test_what_moved_until_a_row_is_taken_off_its_pixels() -> None:
     sample = Sample(3, stamp_s=0.0, observations=(PixelObservation("wrist", "tag", ids, pixels),))
     robots = {name: {3: of} for name, of in arms.items()}
 
-    def mended(line_s: float, known: Known = known, sample: Sample = sample) -> np.ndarray:
+    def mended(line_s: float, known: KnownGeometry = known, sample: Sample = sample) -> np.ndarray:
         """Pixels of the sample as if they had been seen at once."""
         (found,) = correct_rolling_shutter(Recording((sample,)), known, {"wrist": line_s}, robots).samples
         assert found.stamp_s == sample.stamp_s

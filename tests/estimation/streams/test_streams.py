@@ -26,7 +26,7 @@ from basecal.errors import InputError
 from basecal.estimation.solve import solve
 from basecal.estimation.streams import streams
 from basecal.estimation.streams.rolling_shutter import line_time_name
-from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous
+from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous_recording
 from basecal.geometry import SE3
 from planar_arm import planar
 from stream_cells import MOUNT, imaged, path_poses, streamed
@@ -34,18 +34,18 @@ from stream_cells import MOUNT, imaged, path_poses, streamed
 
 def test_samples_by_one_clock_are_no_streams() -> None:
     made = streamed()
-    together = synchronous(
+    together = synchronous_recording(
         made.cell, made.recording, Calibration("good", clocks={"wrist": ClockOffset(made.offset_s, 0.0)})
     )
     assert recording_streams(made.cell, together) is None
-    assert synchronous(made.cell, together) is together
+    assert synchronous_recording(made.cell, together) is together
 
 
 def test_the_clock_of_a_camera_whose_views_stand_alone_is_free() -> None:
     made = streamed()
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    assert streams.open == ("wrist",)
+    assert streams.estimated_clocks == ("wrist",)
     assert streams.stated_offsets == {"arm": 0.0, "wrist": 0.0}
 
 
@@ -59,7 +59,9 @@ def test_rows_of_streams_may_be_seen_one_after_another() -> None:
     streams = recording_streams(stated.cell, stated.recording)
     assert streams is not None
     assert streams.clocks[name] == Clock("fixed", 0.0)
-    together = synchronous(made.cell, made.recording, Calibration("good", clocks={"wrist": ClockOffset(0.0, 0.0)}))
+    together = synchronous_recording(
+        made.cell, made.recording, Calibration("good", clocks={"wrist": ClockOffset(0.0, 0.0)})
+    )
     assert recording_streams(replace_clock(made.cell), together) is None
 
 
@@ -75,7 +77,7 @@ def test_what_is_stated_of_a_clock_holds() -> None:
     assert streams.clocks["wrist"] == Clock("prior", 0.02, 0.01)
     fixed = recording_streams(*(lambda m: (m.cell, m.recording))(streamed(clock=Clock(offset_s=0.03))))
     assert fixed is not None
-    assert fixed.open == ()
+    assert fixed.estimated_clocks == ()
 
 
 def test_where_all_clocks_are_free_that_of_the_reference_is_held() -> None:
@@ -83,7 +85,7 @@ def test_where_all_clocks_are_free_that_of_the_reference_is_held() -> None:
     robots = {"arm": replace(made.cell.robots["arm"], clock=Clock("free", 1.0))}
     streams = recording_streams(replace(made.cell, robots=robots), made.recording)
     assert streams is not None
-    assert streams.open == ("wrist",)
+    assert streams.estimated_clocks == ("wrist",)
     assert streams.clocks["arm"] == Clock("fixed", 1.0)
 
 
@@ -112,7 +114,7 @@ def test_the_offset_of_a_robot_counts_the_other_way() -> None:
 def test_views_that_no_record_surrounds_are_left_out_and_said() -> None:
     made = streamed()
     holed = tuple(s for s in made.recording.samples if not (s.robots and 3.0 < s.stamp_s < 4.0))
-    found = synchronous(
+    found = synchronous_recording(
         made.cell, Recording(holed), Calibration("good", clocks={"wrist": ClockOffset(made.offset_s, 0.0)})
     )
     assert len(found.samples) == 60
@@ -149,6 +151,9 @@ def test_poses_of_a_still_arm_that_are_missing_are_named() -> None:
     samples = tuple(replace(sample, stamp_s=None) for sample in made.recording.samples)
     with pytest.raises(InputError, match=r"sample 0 has no pose of arm, and 69 more have none: .* --still"):
         recording_streams(made.cell, Recording(samples))
+    single = (samples[0], *(sample for sample in samples if not sample.observations))
+    with pytest.raises(InputError, match=r"sample 0 has no pose of arm: .* --still"):
+        recording_streams(made.cell, Recording(single))
 
 
 def test_clocks_that_share_no_time_are_an_error() -> None:
@@ -211,7 +216,7 @@ def test_ten_of_the_views_left_out_are_named(gone: int, shown: str) -> None:
     made = streamed(clock=Clock(offset_s=0.03))
     late = tuple(s for s in made.recording.samples if s.observations or s.stamp_s > 0.5 + 0.1 * (gone - 1) + 1e-3)
     assert min(s.stamp_s for s in late if s.robots) < 0.5 + 0.1 * gone + 1e-3
-    (finding,) = synchronous(made.cell, Recording(late)).findings
+    (finding,) = synchronous_recording(made.cell, Recording(late)).findings
     numbers = ", ".join(map(str, range(8)))
     why = "no robot was recorded within 0.25 s before and after"
     expected = f"{gone} view(s) are not used, of sample {numbers}, {shown}: {why}."

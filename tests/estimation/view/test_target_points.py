@@ -77,7 +77,7 @@ def test_points_turned_and_then_moved_are_in_the_camera():
     """Turned, they stand about the target's origin; a shift brings them to the camera, batch or not."""
     poses = SE3.exp(np.random.default_rng(1).normal(size=(2, 3, 6)))
     whole = bearings(3)
-    turned = whole.turn(poses)
+    turned = whole.rotate_points(poses)
     np.testing.assert_allclose(turned, np.moveaxis(POINTS @ poses.rotation.mT, -1, 0), rtol=0, atol=1e-15)
     np.testing.assert_array_equal(whole.translate(poses, turned), whole.camera_points(poses))
 

@@ -8,7 +8,7 @@ import pytest
 from basecal.estimation.view import view_pose
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.view_pose import KnownPoses, ViewPoses, refine_poses, view_poses
+from basecal.estimation.view.view_pose import PoseCache, ViewPoses, refine_poses, view_poses
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_exp
 
@@ -181,7 +181,7 @@ def of(poses, measurement: BearingMeasurement):
 
 def test_known_poses_are_those_found_anew(monkeypatch):
     """Views asked for again, in another order and beside new ones: as of all at once; only new ones are sought."""
-    all_views, known, sought = views(6), KnownPoses(), []
+    all_views, known, sought = views(6), PoseCache(), []
 
     def counted(points, bearings, seen, measurement):
         sought.append(len(bearings))
@@ -200,7 +200,7 @@ def test_known_poses_are_those_found_anew(monkeypatch):
 @pytest.mark.parametrize("change", ["weight", "points_in_target"])
 def test_other_views_are_not_taken_for_known_ones(change):
     """Of other weights, or of another target, a view is found anew."""
-    first, known = views(2), KnownPoses()
+    first, known = views(2), PoseCache()
     of(known, first)
     other = BearingMeasurement(**{**vars(first), change: 2.0 * getattr(first, change)})
     np.testing.assert_allclose(

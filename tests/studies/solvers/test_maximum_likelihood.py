@@ -107,7 +107,7 @@ def test_trials_are_solved_again_above_four_sigmas(monkeypatch: pytest.MonkeyPat
     """Of the root of the cost, relative to the median of the trials."""
     draws, asked = drawn("pixel_px: 0.2"), []
     first = maximum_likelihood._solve_trial(draws, 0)
-    batch = maximum_likelihood.solve_batch(draws.problem, first.state.spread(draws.problem, 4))
+    batch = maximum_likelihood.solve_batch(draws.problem, first.state.repeat(draws.problem, 4))
     monkeypatch.setattr(maximum_likelihood, "_solve_trial", lambda of, k: asked.append(k) or first)
     for above in (15.9, 16.1):
         found = replace(batch, cost=np.array([1.0, above, 1.0, 0.5]))

@@ -16,13 +16,13 @@ from basecal.accuracy.readings.scales import convert_units, estimate_units
 from basecal.cell import Recording
 from basecal.errors import InputError, NotObservable
 from basecal.estimation.noise.estimate import residual_counts
-from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
+from basecal.estimation.outliers.noise_and_outliers import has_plausible_noise, with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_problem
 from basecal.estimation.streams.jitter import with_jitter, with_passing_times
-from basecal.estimation.streams.rolling_shutter import Known, line_time_name
+from basecal.estimation.streams.rolling_shutter import KnownGeometry, line_time_name
 from basecal.estimation.streams.streams import Streams, Synchronised, synchronise
 
 # Tried offsets [s]; for computers without synchronisation, a guess has to be stated. Steps converge from twice the
@@ -73,7 +73,7 @@ def search_offsets(streams: Streams, settings: Settings) -> ClockedRecording:
     stepped, last, explained = _step_offsets(many, offsets, settings)
     if not explained:
         few = streams.thin(_TRIED_VIEWS)
-        for name in streams.open:
+        for name in streams.estimated_clocks:
             if name not in lines:
                 offsets = _best_offset(few, offsets, name, settings)
         stepped, last, _ = _step_offsets(many, offsets, settings)
@@ -123,8 +123,8 @@ def _step_offsets(
         except (NotObservable, np.linalg.LinAlgError):
             return offsets, last, False
         none_estimated = not (last.noise.robots or last.noise.jitter_s)
-        explained = not is_hopeless(last.problem, last.state) and (none_estimated or is_as_of_arms(last))
-        if streams.open:
+        explained = not is_hopeless(last.problem, last.state) and (none_estimated or has_plausible_noise(last))
+        if streams.estimated_clocks:
             step = clock_step(streams, samples, offsets, last)
             offsets = _apply_step(offsets, step)
             is_converged &= bool(
@@ -150,8 +150,8 @@ def _synchronise(streams: Streams, offsets: dict[str, float], guess: Solution | 
     return samples.correct_rows(_known_motion(streams, guess), offsets)
 
 
-def _known_motion(streams: Streams, guess: Solution) -> Known:
-    return Known(streams.cell, guess.state.transforms, guess.state.cameras)
+def _known_motion(streams: Streams, guess: Solution) -> KnownGeometry:
+    return KnownGeometry(streams.cell, guess.state.transforms, guess.state.cameras)
 
 
 def _add_jitter(problem: Problem, streams: Streams, samples: Synchronised, guess: Solution | None) -> Problem:

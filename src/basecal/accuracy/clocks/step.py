@@ -66,18 +66,24 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
         solution: The solution, with its noise.
     """
     situation = situate(solution)
-    moves = tuple(_clock_jacobian(situation, k, streams.open, samples) for k in range(len(situation.groups)))
+    moves = tuple(
+        _clock_jacobian(situation, k, streams.estimated_clocks, samples) for k in range(len(situation.groups))
+    )
     model = situation.linearisation
     candidates = Candidates("clock-offset", ("",), (None,), "s", moves)
     scores = score(model, candidates)
-    known = [streams.clocks[name] for name in streams.open]
+    known = [streams.clocks[name] for name in streams.estimated_clocks]
     sigma = np.array([np.inf if clock.sigma_s is None else clock.sigma_s for clock in known])
-    deviation = np.array([offsets_s[name] - clock.offset_s for name, clock in zip(streams.open, known, strict=True)])
+    deviation = np.array(
+        [offsets_s[name] - clock.offset_s for name, clock in zip(streams.estimated_clocks, known, strict=True)]
+    )
     information = scores.information[0] + np.diag(sigma**-2)
     covariance = spectrum(information).inverse
     variance = np.diagonal(covariance)
     lines = {line_time_name(camera) for camera in streams.cell.cameras}
-    limits = np.array([_UNOBSERVABLE_LINE_SIGMA_S if name in lines else _UNOBSERVABLE_SIGMA_S for name in streams.open])
+    limits = np.array(
+        [_UNOBSERVABLE_LINE_SIGMA_S if name in lines else _UNOBSERVABLE_SIGMA_S for name in streams.estimated_clocks]
+    )
     is_observable = (variance > 0) & (variance < limits**2)
     step = np.where(is_observable, -covariance @ (scores.gradient[0] + deviation / sigma**2), 0.0)
     _, across, _ = sums(model, candidates)
@@ -89,7 +95,7 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
         tuple(of[:, 0][..., is_observable] for of in moves), widened[is_observable], values[is_observable]
     )
     return ClockStep(
-        streams.open,
+        streams.estimated_clocks,
         step,
         covariance * np.outer(is_observable, is_observable),
         by_offsets * is_observable,
@@ -120,7 +126,7 @@ def _mean_row(situation: Situation, k: int) -> Array:
     group, poses = situation.problem.groups[k], situation.links[k].camera_from_target
     if not isinstance(group.measurement, PixelMeasurement):
         return np.zeros((len(group), 6, 6))
-    jacobians = point_jacobians(group.measurement, poses, situation.state.cameras[group.camera], lens=False)
+    jacobians = point_jacobians(group.measurement, poses, situation.state.cameras[group.camera], with_lens=False)
     transposed = np.moveaxis(jacobians.jacobian, -1, 1).reshape(len(group), 6, -1)
     row = np.repeat(group.measurement.pixels[..., 1], 2, axis=1)
     information = transposed @ transposed.mT

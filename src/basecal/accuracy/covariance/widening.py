@@ -128,7 +128,7 @@ def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State | Non
         The states, or None if one is not finite.
     """
     problem, unit = solution.noise.hold_sigmas(solution.problem), np.eye(steps.shape[1])
-    start, row, ends = solution.state.spread(problem, len(sigmas)), np.arange(len(sigmas)), []
+    start, row, ends = solution.state.repeat(problem, len(sigmas)), np.arange(len(sigmas)), []
     state = retract(problem, start, linearise(problem, solution.state), sigmas @ steps.T)
     for _ in range(_MAX_STEPS):
         normal, is_free = linearise(problem, state), sigmas[row] == 0

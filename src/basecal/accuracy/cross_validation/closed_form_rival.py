@@ -175,7 +175,7 @@ def _parts(solution: Solution) -> Iterator[_Part]:
 
 def _still_views(group: ViewGroup, moving: int, still: int, free: BoolArray) -> Iterator[IntArray]:
     """Yield rows of views in which one end does not move, and the other end has more than `FEWEST_FITTED` stops."""
-    places, stops = group.ends[still].stand, group.ends[moving].stand
+    places, stops = group.ends[still].stop_number, group.ends[moving].stop_number
     for place in np.unique(places[free]):
         rows = np.flatnonzero(free & (places == place))
         if len(np.unique(stops[rows])) > FEWEST_FITTED:

@@ -102,7 +102,7 @@ def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
     for group in problem.groups:
         for end in group.ends:
             if end.robot is not None:
-                places[end.robot].update(zip(map(int, group.sample), map(int, end.stand), strict=True))
+                places[end.robot].update(zip(map(int, group.sample), map(int, end.stop_number), strict=True))
     return {robot: stops for robot, stops in places.items() if len(set(stops.values())) > 1}
 
 

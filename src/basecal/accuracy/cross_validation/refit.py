@@ -80,7 +80,7 @@ def refit_folds(
             for k in range(len(held))
         ]
     else:
-        states = with_known_stops(state.spread(problem, len(held)), np.stack(known))
+        states = with_known_stops(state.repeat(problem, len(held)), np.stack(known))
         batch = bundle_adjust_batch(problem, states, dof, iterations, weights, _CONVERGED_SIGMAS)
         ends = [(take(batch, k), None) for k in range(len(held))]
     # The errors of stops of held-out views alone were fitted to these views at zero weight: reset them.

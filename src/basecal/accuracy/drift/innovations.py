@@ -115,7 +115,7 @@ class Innovations:
         groups = self.situation.problem.groups
         poses = [self.situation.recorded_pose(k, robot) for k in range(len(groups))]
         ends = [(group, group.robot_end(robot)) for group in groups]
-        stops = [np.full(len(group), -1) if end is None else end.stand for group, end in ends]
+        stops = [np.full(len(group), -1) if end is None else end.stop_number for group, end in ends]
         return concatenate(poses), np.concatenate(stops)
 
     def drop_sample(self, sample: int) -> Innovations:

@@ -14,7 +14,7 @@ from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joi
 from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL, equally_likely
 from basecal.cell import Calibration, Cell, Recording
 from basecal.errors import InputError, check_type, list_names
-from basecal.estimation.streams.streams import synchronous
+from basecal.estimation.streams.streams import synchronous_recording
 from basecal.geometry import Array
 from basecal.numerics.spectral import scaled_spectrum, spectrum
 from basecal.numerics.threads import limit_threads
@@ -79,7 +79,7 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
     free = [name for name, target in cell.targets.items() if target.has_free_scale]
     if free:
         raise InputError(f"poses of {list_names(free)} are up to scale: verify needs a target whose size is known")
-    observed = innovations(cell, calibration, synchronous(cell, recording, calibration))
+    observed = innovations(cell, calibration, synchronous_recording(cell, recording, calibration))
     found = _verify(cell, observed)
     if found.shift is not None and len(found.samples) >= FEWEST_FOR_SCATTER:
         observed = with_shared_errors(observed, found.shift)

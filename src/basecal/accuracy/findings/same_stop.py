@@ -17,7 +17,10 @@ def same_stop(inputs: Input) -> list[Finding]:
     findings = []
     for robot in inputs.problem.robots:
         ends = inputs.problem.robot_ends(robot)
-        stand, poses = np.concatenate([end.stand for end in ends]), concatenate([end.base_from_flange for end in ends])
+        stand, poses = (
+            np.concatenate([end.stop_number for end in ends]),
+            concatenate([end.base_from_flange for end in ends]),
+        )
         first = np.unique(stand, return_index=True)[1]
         off = (poses[first[np.searchsorted(stand[first], stand)]].inverse() @ poses).log()
         far_m, far_rad = (float(np.linalg.norm(half, axis=1).max()) for half in (off[:, :3], off[:, 3:]))

@@ -44,7 +44,7 @@ def _search_advice(image_count: int) -> Finding:
 
 def _equations_by_place(group: ViewGroup) -> Array:
     """Equations of each place of a group's views, (k,): a second view from the same place only shows noise."""
-    places = np.stack([group.eye.stand, group.hand.stand], axis=1)
+    places = np.stack([group.eye.stop_number, group.hand.stop_number], axis=1)
     of_place = np.unique(places, axis=0, return_inverse=True)[1].ravel()
     equations = np.zeros(int(of_place.max(initial=-1)) + 1)
     np.maximum.at(equations, of_place, group.measurement.equations())

@@ -15,18 +15,18 @@ import numpy as np
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations, Triple, solve_rotations, solve_translations
-from basecal.estimation.start.light_search import light_search
-from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, as_light, pair_views
+from basecal.estimation.start.led_search import led_search
+from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, led_point, pair_views
 from basecal.estimation.start.refinement import Refinement, refine_jointly
 from basecal.estimation.start.rotation_search import (
     HOPELESS_RAD,
     KEPT_SHARE,
+    refine_rotations,
     rotation_angle,
     search_rotations,
-    settled_rotations,
 )
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.view_pose import KnownPoses, view_poses
+from basecal.estimation.view.view_pose import PoseCache, view_poses
 from basecal.geometry import Array, Camera, IntArray
 from basecal.geometry.rotation import lengths
 
@@ -82,7 +82,7 @@ class ViewCache:
 
     lenses: Lenses
     prepared: dict[tuple[str, str, int, bytes], PairViews] = field(default_factory=dict)
-    poses: KnownPoses = field(default_factory=KnownPoses)
+    poses: PoseCache = field(default_factory=PoseCache)
 
     def prepare(self, group: ViewGroup, max_count: int) -> PairViews:
         """Prepare at most `max_count` views of a group, from the cache if possible."""
@@ -155,7 +155,7 @@ def loop_errors(sight: PairViews, triple: Triple) -> Array:
     predicted = sight.group.close_loop(*triple)
     if sight.candidates is None:
         # Chords of the point that most views see, whose position is `z`; NaN in views that do not see it.
-        chords, point = as_light(sight.group.measurement)
+        chords, point = led_point(sight.group.measurement)
         unit = predicted.translation / np.maximum(lengths(predicted.translation), 1e-12)[:, None]
         off = lengths(unit - chords.bearings_in_camera[:, point])
         return np.where(chords.weight[:, point] > 0, off, np.nan)
@@ -183,7 +183,7 @@ def _triples(loops: Sequence[Loop]) -> list[Triple | None]:
             rows_by_kind.setdefault((loops[k].unknown, rotations.clear), []).append(k)
     for (_, clear), rows in rows_by_kind.items():
         same = [loops[k] for k in rows]
-        better = settled_rotations(same, [found[k] for k in rows]) if clear else search_rotations(same)
+        better = refine_rotations(same, [found[k] for k in rows]) if clear else search_rotations(same)
         found.update(zip(rows, better, strict=True))
     return [_triple(loop, found.get(k)) for k, loop in enumerate(loops)]
 
@@ -211,7 +211,7 @@ def _led_refinement(sight: PairViews, problem: Problem) -> Refinement | None:
     """Refinement to run for the point that most views see, from the best rotations of a grid; None if it fails."""
     try:
         loop = _loop(sight, problem, np.zeros(len(sight.group), dtype=np.int64))
-        as_led, led_loop, starts = light_search(sight, loop, _LED_STARTS[(loop.x is None) + (loop.y is None)])
+        as_led, led_loop, starts = led_search(sight, loop, _LED_STARTS[(loop.x is None) + (loop.y is None)])
     except np.linalg.LinAlgError:
         return None
     return Refinement(as_led, led_loop, starts, is_point=True)

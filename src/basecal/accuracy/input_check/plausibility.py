@@ -24,7 +24,7 @@ from basecal.estimation.view.points import PointMeasurement, is_touch
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths
-from basecal.kinematics.chain import LIMIT_EXCESS_RAD, TURN_RAD
+from basecal.kinematics.chain import LARGEST_JOINT_RAD, LIMIT_EXCESS_RAD
 
 # Wide enough for any robot, cell and target that is calibrated; no such cell is still plausible after a factor of 1000.
 _REACH_M = 0.02, 5.0  # [m] of the farthest flange from its base
@@ -102,7 +102,7 @@ def _joint_faults(robot: Robot, joints: Array) -> list[str]:
     name, chain = robot.name, robot.chain
     if chain is None or not len(joints):
         return []
-    if float(np.abs(joints).max()) > TURN_RAD:
+    if float(np.abs(joints).max()) > LARGEST_JOINT_RAD:
         return [f"a joint of {name} at {np.abs(joints).max():.3g} rad"]
     beyond = float(np.maximum(chain.lower - joints, joints - chain.upper).max())
     return [f"a joint of {name} {beyond:.2g} rad beyond its limit"] if beyond > LIMIT_EXCESS_RAD else []

@@ -197,7 +197,7 @@ def _exchange_hypothesis(
 
 def _still_runs(order: IntArray, track: Track) -> list[IntArray]:
     """Sample numbers of each session with a robot at rest at one stop; empty if it never moved."""
-    runs = np.split(np.arange(len(order)), np.flatnonzero(np.diff(track.stand)) + 1)
+    runs = np.split(np.arange(len(order)), np.flatnonzero(np.diff(track.stop_number)) + 1)
     fewest = max(_FEWEST_STILL, len(order) // 10)
     return [order[run] for run in runs if fewest <= len(run) < len(order) and track.seen[run[0]]]
 

@@ -91,7 +91,7 @@ def _residual_px(problem: Problem, state: State) -> float:
 
 def _stop_rows(group: ViewGroup) -> IntArray:
     """Rows of the first view of each pair of stops: many views of one would resemble a target that hardly moves."""
-    stops = np.column_stack([end.stand for end in group.ends])
+    stops = np.column_stack([end.stop_number for end in group.ends])
     return np.sort(np.unique(stops, axis=0, return_index=True)[1]).astype(np.int64)
 
 

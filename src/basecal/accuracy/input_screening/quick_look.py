@@ -20,7 +20,7 @@ from basecal.accuracy.readings.scales import convert_units, estimate_units
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError, sentence
 from basecal.estimation.outliers.left_out import LeftOut
-from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
+from basecal.estimation.outliers.noise_and_outliers import has_plausible_noise, with_noise
 from basecal.estimation.outliers.robust_solve import solve_robustly
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT, STATED
@@ -148,7 +148,7 @@ def _check_samples(cell: Cell, recording: Recording, is_whole: bool) -> QuickLoo
     if views < _FEWEST_SAMPLES:
         return QuickLook(views, undetermined=f"{_FEWEST_SAMPLES} with the robots' poses are needed")
     solution = solve_problem(problem, cell, STATED)
-    is_explained = is_as_of_arms(with_noise(solution, DEFAULT))
+    is_explained = has_plausible_noise(with_noise(solution, DEFAULT))
     findings = check_conventions(cell, recording, problem, solution, STATED, is_explained)
     if grave := tuple(f for f in findings if f.severity == "error" or (is_whole and f.severity == "warning")):
         return QuickLook(views, grave)

@@ -14,7 +14,7 @@ from basecal.accuracy.input_check.plausibility import FARTHEST_M, likely_unit
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Cell, Finding, PixelObservation, PointObservation, PoseObservation, Recording, Robot
 from basecal.geometry import Array
-from basecal.kinematics.chain import LIMIT_EXCESS_RAD, TURN_RAD
+from basecal.kinematics.chain import LARGEST_JOINT_RAD, LIMIT_EXCESS_RAD
 from basecal.numerics.spectral import ROUNDING
 
 # Larger than the reach of any robot and the size of any target, but smaller than a thousand times it.
@@ -53,7 +53,7 @@ def _is_in_degrees(robot: Robot, recording: Recording) -> bool:
     if robot.chain is None or not len(joints):
         return False
     most = np.abs(joints).max(axis=0)
-    beyond = int(np.sum(most > TURN_RAD))
+    beyond = int(np.sum(most > LARGEST_JOINT_RAD))
     in_radians = np.radians(joints)
     within = np.all(in_radians >= robot.chain.lower - LIMIT_EXCESS_RAD) and np.all(
         in_radians <= robot.chain.upper + LIMIT_EXCESS_RAD

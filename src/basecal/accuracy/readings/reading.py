@@ -37,14 +37,14 @@ class Track:
         seen: Whether a sample has a state of the robot, (m,).
         pose: base_from_flange, (m,); a sample without a state has the pose of another sample.
         joints: Joint positions, (m, k) [rad]; None if poses were recorded.
-        stand: Number of the stop, (m,); -1 for a sample without a state.
+        stop_number: Number of the stop, (m,); -1 for a sample without a state.
         has_only_poses: Whether every state was recorded as a pose.
     """
 
     seen: BoolArray
     pose: SE3
     joints: Array | None
-    stand: IntArray
+    stop_number: IntArray
     has_only_poses: bool
 
     def take(self, rows: IntArray) -> Track:
@@ -55,7 +55,7 @@ class Track:
             seen=(rows >= 0) & self.seen[rows],
             pose=self.pose[rows],
             joints=joints,
-            stand=np.where(rows >= 0, self.stand[rows], -1),
+            stop_number=np.where(rows >= 0, self.stop_number[rows], -1),
         )
 
     def with_states(self, rows: IntArray, track: Track, sources: IntArray) -> Track:
@@ -67,7 +67,9 @@ class Track:
             np.concatenate([self.seen, track.seen]),
             concatenate([self.pose, track.pose]),
             None if own_joints is None or joints is None else np.concatenate([own_joints, joints]),
-            np.concatenate([self.stand, np.where(track.seen, track.stand + self.stand.max() + 1, -1)]),
+            np.concatenate(
+                [self.stop_number, np.where(track.seen, track.stop_number + self.stop_number.max() + 1, -1)]
+            ),
             self.has_only_poses,
         )
         return joined.take(chosen)
@@ -80,7 +82,7 @@ class Track:
     @property
     def moves(self) -> bool:
         """Whether the robot has more than one stop."""
-        return len(np.unique(self.stand[self.seen])) > 1
+        return len(np.unique(self.stop_number[self.seen])) > 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,8 +236,8 @@ class Reading:
         tracks = {**self.tracks, **tracks}
         stops, first_stops = _stops(self.problem.stops, tracks)
         groups = (self._carry_group(group, tracks, first_stops) for group in self.problem.groups)
-        stands = {name: len(np.unique(track.stand[track.seen])) for name, track in tracks.items()}
-        problem = replace(self.problem, groups=tuple(g for g in groups if len(g)), stops=stops, stands=stands)
+        stands = {name: len(np.unique(track.stop_number[track.seen])) for name, track in tracks.items()}
+        problem = replace(self.problem, groups=tuple(g for g in groups if len(g)), stops=stops, stop_counts=stands)
         return replace(self, problem=problem, tracks=tracks)
 
     def _carry_group(self, group: ViewGroup, tracks: Mapping[str, Track], first_stops: Mapping[str, int]) -> ViewGroup:
@@ -320,14 +322,14 @@ def _track(cell: Cell, robot: str, states: list[RobotState | None]) -> Track:
     found = recorded_states(cell, robot, known_states)
     joints = None if found.joints is None else found.joints[rows]
     has_only_poses = all(state.base_from_flange is not None for state in known_states)
-    return Track(seen, found.base_from_flange[rows], joints, np.where(seen, found.stand[rows], -1), has_only_poses)
+    return Track(seen, found.base_from_flange[rows], joints, np.where(seen, found.stop_number[rows], -1), has_only_poses)
 
 
 def _stops(stops: Stops, tracks: Mapping[str, Track]) -> tuple[Stops, dict[str, int]]:
     """Stops of the tracks of robots with noise, and the index of each robot's first stop."""
     known = zip(stops.robot, stops.sigma, strict=True)
     sigmas = {name: sigma for name, sigma in known if name in tracks}
-    counts = {name: int(tracks[name].stand.max(initial=-1)) + 1 for name in sigmas}
+    counts = {name: int(tracks[name].stop_number.max(initial=-1)) + 1 for name in sigmas}
     names = [name for name, count in counts.items() for _ in range(count)]
     first = dict(zip(counts, np.cumsum([0, *counts.values()]).tolist(), strict=False))
     return Stops(np.array([sigmas[name] for name in names]).reshape(-1, 6), tuple(names)), first
@@ -338,8 +340,8 @@ def _carry_end(end: End, tracks: Mapping[str, Track], rows: IntArray, first_stop
     if end.robot is None:
         return end
     track, first = tracks[end.robot].take(rows), first_stops.get(end.robot)
-    stop = np.full(len(rows), -1, dtype=np.int64) if first is None else first + track.stand
-    return replace(end, base_from_flange=track.pose, joints=track.joints, stand=track.stand, stop=stop)
+    stop = np.full(len(rows), -1, dtype=np.int64) if first is None else first + track.stop_number
+    return replace(end, base_from_flange=track.pose, joints=track.joints, stop_number=track.stop_number, stop=stop)
 
 
 def _change_views(group: ViewGroup, kind: type[M], change: Callable[[M], M]) -> ViewGroup:

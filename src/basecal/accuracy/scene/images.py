@@ -189,6 +189,6 @@ def _robot_states(
         mine = np.flatnonzero(robot == index)
         found = recorded_states(cell, name, [samples[k].robots[name] for k in mine.tolist()])
         rotation[mine], translation[mine] = found.base_from_flange.rotation, found.base_from_flange.translation
-        stop[mine] = found.stand + len(owner)
-        owner += [index] * (int(found.stand.max(initial=-1)) + 1)
+        stop[mine] = found.stop_number + len(owner)
+        owner += [index] * (int(found.stop_number.max(initial=-1)) + 1)
     return SE3(rotation, translation), stop, np.array(owner, dtype=np.int64)

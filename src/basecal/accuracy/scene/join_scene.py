@@ -23,7 +23,7 @@ from basecal.cell.fingerprint import Fingerprint
 from basecal.estimation.problem.build import scene_groups
 from basecal.estimation.problem.problem import State
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.spread import scene_covariance, widening
+from basecal.estimation.scene.spread import scene_covariance, widening_factor
 from basecal.estimation.scene.tie import with_scene
 from basecal.estimation.scene.views import AT_WORLD
 from basecal.estimation.settings import Settings
@@ -136,7 +136,7 @@ def _solve_jointly(cell: Cell, recording: Recording, last: Solution, fit: SceneF
     groups = scene_groups(cell, recording, last.problem, seen)
     settings = settings if last.noise.logs is not None else replace(settings, robot_noise="stated")
     problem, state = last.problem, _first_state(cell, last, fit)
-    sigma_px = fit.sigma_px * widening(fit)
+    sigma_px = fit.sigma_px * widening_factor(fit)
     for _ in range(_LINEARISATIONS):
         problem = with_scene(problem, state, groups, fit, sigma_px)
         last = solve_at_mode(problem, state, settings, last.findings, last.noise)

@@ -16,7 +16,7 @@ import numpy as np
 from basecal.accuracy.scene.images import Images
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.alignment import alignments, are_one, project_points, refine_transform
+from basecal.estimation.scene.alignment import alignments, are_equal, project_points, refine_transform
 from basecal.estimation.scene.views import FEWEST_VIEWS, SceneViews, Tracks
 from basecal.geometry import SE3, Array, IntArray
 from basecal.numerics.batch import concatenate, take
@@ -71,7 +71,7 @@ def find_join(images: Images, first: OneCamera, second: OneCamera) -> Join | Non
         return None
     best, *others = sorted(tried, key=lambda each: -each.score)
     transform = best.second_from_first
-    rivals = [each for each in others if not are_one(each.second_from_first, transform, one, _SAME_M_RAD)]
+    rivals = [each for each in others if not are_equal(each.second_from_first, transform, one, _SAME_M_RAD)]
     return replace(best, rival=max((_evidence_share(each, best) for each in rivals), default=0.0))
 
 

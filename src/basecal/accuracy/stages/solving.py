@@ -14,7 +14,7 @@ from basecal.accuracy.phrases.changed_frame import changed_frame
 from basecal.accuracy.stages.case import Case
 from basecal.cell import Finding
 from basecal.estimation.outliers.likely_lenses import with_likely_lenses
-from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
+from basecal.estimation.outliers.noise_and_outliers import has_plausible_noise, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import solve_robustly
 from basecal.estimation.solve import Solution, integrate_solution, solve_problem
 
@@ -28,7 +28,7 @@ def solve_all(case: Case) -> Case:
 
 def screen_conventions(case: Case) -> Case:
     """Refuse input that another convention explains better."""
-    explained = case.noisy is not None and is_as_of_arms(case.noisy)
+    explained = case.noisy is not None and has_plausible_noise(case.noisy)
     misread = check_conventions(
         case.cell, case.recording, case.problem, case.solution, case.stated_settings, is_explained=explained
     )
@@ -40,7 +40,7 @@ def leave_outliers_out(case: Case) -> Case:
     """Solve without outliers; robots are assumed exact if no plausible robot noise explains the views."""
     assert case.plain is not None
     noisy = case.noisy
-    if noisy is not None and is_as_of_arms(noisy):
+    if noisy is not None and has_plausible_noise(noisy):
         return replace(case, robust=solve_with_noise(case.cell, case.settings, case.plain, noisy))
     with case.settings.stage("outliers"):
         exact = solve_robustly(case.plain.problem, case.cell, case.stated_settings, case.plain)

@@ -171,7 +171,9 @@ class Situation:
     @cached_property
     def robots(self) -> tuple[str, ...]:
         """Names of the robots with more than one recorded stop."""
-        stands = {r: np.concatenate([end.stand for end in self.problem.robot_ends(r)]) for r in self.problem.robots}
+        stands = {
+            r: np.concatenate([end.stop_number for end in self.problem.robot_ends(r)]) for r in self.problem.robots
+        }
         return tuple(robot for robot, seen in stands.items() if len(np.unique(seen)) > 1)
 
     @cached_property
@@ -317,7 +319,7 @@ def _effect_moves(
         for robot, unit in units.items():
             end = group.robot_end(robot)
             still = np.zeros((len(group), 6, unit.shape[-1]))
-            parts.append(still if end is None else flange_jacobian(k, robot) @ unit[end.stand])
+            parts.append(still if end is None else flange_jacobian(k, robot) @ unit[end.stop_number])
         moves.append(np.concatenate(parts, axis=-1) if parts else None)
     return tuple(moves)
 

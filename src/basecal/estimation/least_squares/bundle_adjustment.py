@@ -105,7 +105,7 @@ def bundle_adjust(
     """
     criteria = Criteria(iterations, dof, tolerance, _least_damping(problem))
     if not is_sparse(problem):
-        single = take(_optimise(problem, state.spread(problem, 1), weights, criteria), 0)
+        single = take(_optimise(problem, state.repeat(problem, 1), weights, criteria), 0)
         normal = replace(single.linearisation, cost=single.cost)
         return Optimum(single.state, float(single.cost), bool(single.converged), int(single.iterations), normal)
     optima = sparse_adjust(problem, state, criteria, weights)
@@ -150,7 +150,7 @@ def bundle_adjust_batch(
 
 def batch_states(problem: Problem, states: Sequence[State]) -> State:
     """Stack several states of one problem into a batch."""
-    return concatenate([state.spread(problem, 1) for state in states])
+    return concatenate([state.repeat(problem, 1) for state in states])
 
 
 def _optimise(

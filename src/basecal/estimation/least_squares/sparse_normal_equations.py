@@ -92,7 +92,7 @@ def sparse_adjust(
     problem: Problem, state: State, criteria: Criteria, weights: Sequence[Array] | None
 ) -> Optima[State, SparseNormalEquations]:
     """Minimise the cost from a state, as a batch of one; see `bundle_adjust`."""
-    return levenberg_marquardt(sparse_bundle(problem, weights), state.spread(problem, 1), criteria)
+    return levenberg_marquardt(sparse_bundle(problem, weights), state.repeat(problem, 1), criteria)
 
 
 def sparse_bundle(problem: Problem, weights: Sequence[Array] | None = None) -> SparseBundle:

@@ -178,7 +178,7 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
         displacement += (by_error @ state.stop_errors[stop][..., None])[..., 0]
         _place_stop_errors(fixed, errors, block, stop, by_error, layout)
         for shared_columns, by_stop in layout.shared_columns(end.robot or ""):
-            fixed[:, :, shared_columns] += by_error @ by_stop[end.stand]
+            fixed[:, :, shared_columns] += by_error @ by_stop[end.stop_number]
     _place_jitter(errors, block, problem, number, layout)
     weighted = (view.information[..., :rows] @ displacement[..., None])[..., 0]
     gradient = view.gradient - weighted
@@ -197,7 +197,7 @@ def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Lay
         for shared_columns, shared in layout.shared_columns((group.eye.has_noise and group.eye.robot) or ""):
             stop, first = np.unique(group.eye.stop, return_index=True)
             by_error = equations.by_errors.reshape(len(fixed), -1, 6)[:, np.searchsorted(scene.stops, stop)]
-            jacobian = np.einsum("qkc,kcs->qs", by_error, shared[group.eye.stand[first]])
+            jacobian = np.einsum("qkc,kcs->qs", by_error, shared[group.eye.stop_number[first]])
             fixed[:, shared_columns] += jacobian
     displacement = equations.by_errors @ state.stop_errors[scene.stops].ravel()
     weighted = equations.information @ displacement

@@ -102,7 +102,7 @@ def passed_times(problem: Problem, robot: str) -> Array:
     times = np.full(len(stop_poses(problem, robot)[1]), np.nan)
     for end in problem.robot_ends(robot):
         if end.passed_s is not None:
-            times[end.stand] = end.passed_s
+            times[end.stop_number] = end.passed_s
     return times
 
 
@@ -117,6 +117,6 @@ def posture_at_stops(problem: Problem, robot: str) -> Posture | None:
     seen = stop_poses(problem, robot)[1]
     joints = np.zeros((len(seen), chain.n))
     for end in problem.robot_ends(robot):
-        joints[end.stand] = end.joints
+        joints[end.stop_number] = end.joints
     joints[~seen] = joints[seen].mean(0)
     return Posture(chain, joints, chain.posture(joints))

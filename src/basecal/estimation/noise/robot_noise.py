@@ -14,7 +14,7 @@ from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 def count_stops(problem: Problem, robot: str) -> int:
     """Number of a robot's stops with views."""
-    stands = [end.stand for end in problem.robot_ends(robot)]
+    stands = [end.stop_number for end in problem.robot_ends(robot)]
     return len(np.unique(np.concatenate(stands))) if stands else 0
 
 
@@ -24,8 +24,11 @@ def stop_poses(problem: Problem, robot: str) -> tuple[SE3, BoolArray]:
     rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     seen = np.zeros(count, dtype=bool)
     for end in problem.robot_ends(robot):
-        rotation[end.stand], translation[end.stand] = end.base_from_flange.rotation, end.base_from_flange.translation
-        seen[end.stand] = True
+        rotation[end.stop_number], translation[end.stop_number] = (
+            end.base_from_flange.rotation,
+            end.base_from_flange.translation,
+        )
+        seen[end.stop_number] = True
     return SE3(rotation, translation), seen
 
 
@@ -56,14 +59,14 @@ def without_errors(problem: Problem, state: State) -> State:
 
 
 def _highest_stand(problem: Problem, robot: str) -> int:
-    highest = [int(end.stand.max(initial=-1)) for end in problem.robot_ends(robot)]
-    return max((*highest, problem.stands.get(robot, 0) - 1))
+    highest = [int(end.stop_number.max(initial=-1)) for end in problem.robot_ends(robot)]
+    return max((*highest, problem.stop_counts.get(robot, 0) - 1))
 
 
 def _renumber(end: End, numbers: IntArray, first: Mapping[str, int]) -> End:
     """Return an end with renumbered rows of its stops' errors."""
     if end.robot is not None and end.robot in first:
-        return replace(end, stop=end.stand + first[end.robot])
+        return replace(end, stop=end.stop_number + first[end.robot])
     return replace(end, stop=np.append(numbers, -1)[end.stop])
 
 
@@ -89,13 +92,15 @@ def some_views(problem: Problem, state: State, max_count: int) -> tuple[Problem,
 def recorded_subset(problem: Problem, state: State, max_count: int) -> tuple[Problem, State]:
     """Return the subset of `some_views`, with the robots' stops numbered as if only these views were recorded."""
     few, state = some_views(problem, state, max_count)
-    recorded = {r: np.unique(np.concatenate([end.stand for end in few.robot_ends(r)])) for r in few.robots}
+    recorded = {r: np.unique(np.concatenate([end.stop_number for end in few.robot_ends(r)])) for r in few.robots}
 
     def renumber(end: End) -> End:
         """Renumber the stops of an end among its robot's stops in these views."""
-        return end if end.robot is None else replace(end, stand=np.searchsorted(recorded[end.robot], end.stand))
+        return (
+            end if end.robot is None else replace(end, stop_number=np.searchsorted(recorded[end.robot], end.stop_number))
+        )
 
     renumbered = (group.with_ends(renumber) for group in few.groups)
     return replace(
-        few.with_groups(renumbered), stands={robot: len(stands) for robot, stands in recorded.items()}
+        few.with_groups(renumbered), stop_counts={robot: len(stands) for robot, stands in recorded.items()}
     ), state

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.estimation.problem.gauges import LEAST_RMS, MOVE_SCALE
+from basecal.estimation.problem.gauges import LEAST_RMS_RAD, MOVE_SCALE
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import SE3, Array
 from basecal.numerics.batch import concatenate
@@ -68,7 +68,7 @@ def motions(problem: Problem) -> dict[str, Motion]:
         extents = np.abs(rotvecs @ axes).max(axis=0)
         order = np.argsort(-extents)
         travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
-        twists = _indistinct_twists(base_from_flange, least.get(robot, LEAST_RMS))[0]
+        twists = _indistinct_twists(base_from_flange, least.get(robot, LEAST_RMS_RAD))[0]
         count = len({int(n) for g in problem.all_groups if g.robot_end(robot) for n in g.sample})
         by_robot[robot] = Motion(robot, count, travel, extents[order], axes[:, order], _orientations(rotvecs), twists)
     return by_robot
@@ -96,7 +96,7 @@ def _orientations(rotvecs: Array) -> int:
 def _least_motion(problem: Problem) -> dict[str, float]:
     """Least significant RMS motion of each robot with stated noise [rad]: 3e-3, or five sigmas if that is more."""
     noise = {name: float((problem.stops.sigma[k] / MOVE_SCALE).max()) for name, k in problem.stops.first.items()}
-    return {name: max(LEAST_RMS, _NOISE_SIGMAS * largest) for name, largest in noise.items()}
+    return {name: max(LEAST_RMS_RAD, _NOISE_SIGMAS * largest) for name, largest in noise.items()}
 
 
 def _indistinct_twists(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
@@ -122,7 +122,7 @@ def null_directions(problem: Problem, state: State) -> Array:
     """
     directions, least = [], _least_motion(problem)
     for robot, poses in _poses(problem).items():
-        at_base, at_flange = _indistinct_twists(poses, least.get(robot, LEAST_RMS))
+        at_base, at_flange = _indistinct_twists(poses, least.get(robot, LEAST_RMS_RAD))
         directions += [_direction(problem, state, robot, *pair) for pair in zip(at_base, at_flange, strict=True)]
     free = [direction for direction in directions if direction is not None]
     return np.stack(free, axis=1) if free else np.zeros((problem.width, 0))

@@ -78,41 +78,46 @@ def classify_inliers(problem: Problem, state: State, inliers: InlierMask) -> Cla
         state: The state.
         inliers: The inliers that the state was fitted to.
     """
-    about = leave_one_out(without_points(problem, inliers.points), state, inliers.weights)
-    views, stops, points = studentized_views(about), studentized_stops(about), studentized_points(about)
+    linearisation = leave_one_out(without_points(problem, inliers.points), state, inliers.weights)
+    views, stops = studentized_views(linearisation), studentized_stops(linearisation)
+    points = studentized_points(linearisation)
     # A higher false alarm rate is accepted if outliers are common: a large deviation is then more likely an outlier.
-    before = np.concatenate(inliers.views)
-    chance = _CHANCE_AMONG_OUTLIERS if len(before) and before.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW
+    was_inlier = np.concatenate(inliers.views)
+    chance = _CHANCE_AMONG_OUTLIERS if len(was_inlier) and was_inlier.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW
     scale = view_scale(problem, [take(s, v) for s, v in zip(views, inliers.views, strict=True)], chance)
-    own = [judged_by_view(g.measurement) for g in about.problem.groups]
-    by_view = _point_scale(problem, points, inliers, own)
-    by_state = _point_scale(problem, points, inliers, [~o for o in own])
-    bad_stop = scale.gross_mask(stops)
+    is_judged_by_view = [judged_by_view(g.measurement) for g in linearisation.problem.groups]
+    scale_by_view = _point_scale(problem, points, inliers, is_judged_by_view)
+    scale_by_state = _point_scale(problem, points, inliers, [~o for o in is_judged_by_view])
+    is_bad_stop = scale.gross_mask(stops)
     use_views, use_points = [], []
-    for k, group in enumerate(about.problem.groups):
-        bad = np.where(own[k][:, None], by_view.gross_mask(points[k]), by_state.gross_mask(points[k]))
-        stray = bad & own[k][:, None]
-        used = ~scale.gross_mask(views[k]) & ~_stop_mask(group, bad_stop) & ~(bad & ~stray).any(1)
-        use_views.append(used & _has_enough(problem.groups[k], inliers.points[k] & ~stray))
-        use_points.append(inliers.points[k] & ~stray)
-    now = _readmit(about, problem, InlierMask(tuple(use_views), tuple(use_points)), scale, by_view, bad_stop)
-    return Classification(now, views, points, stops, scale, by_view)
+    for k, group in enumerate(linearisation.problem.groups):
+        is_gross = np.where(
+            is_judged_by_view[k][:, None], scale_by_view.gross_mask(points[k]), scale_by_state.gross_mask(points[k])
+        )
+        is_stray = is_gross & is_judged_by_view[k][:, None]
+        is_used = ~scale.gross_mask(views[k]) & ~_stop_mask(group, is_bad_stop) & ~(is_gross & ~is_stray).any(1)
+        use_views.append(is_used & _has_enough(problem.groups[k], inliers.points[k] & ~is_stray))
+        use_points.append(inliers.points[k] & ~is_stray)
+    readmitted = _readmit(
+        linearisation, problem, InlierMask(tuple(use_views), tuple(use_points)), scale, scale_by_view, is_bad_stop
+    )
+    return Classification(readmitted, views, points, stops, scale, scale_by_view)
 
 
 def _point_scale(
     problem: Problem, points: Sequence[MahalanobisSquared], inliers: InlierMask, masks: list[BoolArray]
 ) -> Scale:
-    rows = [w & v for w, v in zip(masks, inliers.views, strict=True)]
-    squares = [take(s, r) for s, r in zip(points, rows, strict=True)]
+    rows = [mask & used for mask, used in zip(masks, inliers.views, strict=True)]
+    squares = [take(square, row) for square, row in zip(points, rows, strict=True)]
     return robust_scale(squares, 0, is_stated(problem), CHANCE_OF_POINT)
 
 
-def _stop_mask(group: ViewGroup, bad: BoolArray) -> BoolArray:
+def _stop_mask(group: ViewGroup, is_bad_stop: BoolArray) -> BoolArray:
     """Mask of the views at a bad stop, (n,)."""
-    out = np.zeros(len(group), dtype=bool)
+    mask = np.zeros(len(group), dtype=bool)
     for stop in (end.stop for end in group.ends):
-        out |= (stop >= 0) & (bad[stop] if len(bad) else False)
-    return out
+        mask |= (stop >= 0) & (is_bad_stop[stop] if len(is_bad_stop) else False)
+    return mask
 
 
 def _has_enough(group: ViewGroup, points: BoolArray) -> BoolArray:
@@ -120,12 +125,17 @@ def _has_enough(group: ViewGroup, points: BoolArray) -> BoolArray:
     if not isinstance(group.measurement, SeenPoints):
         return np.ones(len(group), dtype=bool)
     seen = group.measurement.seen
-    left: BoolArray = (seen & points).sum(1) >= _LEAST_SHARE * seen.sum(1)
-    return left & (seen & points).any(1)
+    enough: BoolArray = (seen & points).sum(1) >= _LEAST_SHARE * seen.sum(1)
+    return enough & (seen & points).any(1)
 
 
 def _readmit(
-    model: LeaveOneOut, problem: Problem, inliers: InlierMask, scale: Scale, of_points: Scale, bad_stop: BoolArray
+    linearisation: LeaveOneOut,
+    problem: Problem,
+    inliers: InlierMask,
+    scale: Scale,
+    point_scale: Scale,
+    is_bad_stop: BoolArray,
 ) -> InlierMask:
     """Readmit outlying views with few points if most of their points agree with the prediction of all other views."""
     views, points = list(inliers.views), list(inliers.points)
@@ -133,23 +143,29 @@ def _readmit(
         measurement = group.measurement
         if not isinstance(measurement, SeenPoints) or measurement.seen.shape[1] < 2:
             continue
-        some = np.flatnonzero(~inliers.views[k] & ~judged_by_view(measurement) & ~_stop_mask(group, bad_stop))
-        if not len(some):
+        rows = np.flatnonzero(~inliers.views[k] & ~judged_by_view(measurement) & ~_stop_mask(group, is_bad_stop))
+        if not len(rows):
             continue
-        prior = _prior(model, k, some, scale.variance)
-        few = measurement.take(some)
-        camera = model.state.cameras.get(group.camera)
-        limit = float(of_points.limit(np.array(measurement.coordinates)))
-        of_few = PointViews(few, camera, prior)
-        found = of_few.largest_agreement(of_few.subset_fits(prior.camera_from_target), limit)
-        tension = prior.tension(found.camera_from_target)[0] * scale.variance
-        left, all_points = found.points.sum(1), few.seen.sum(1)
-        strays = (left >= _LEAST_STRAYED * all_points) & (left > 1) & ~_agrees_with_itself(few, found, camera, limit)
-        agrees = (tension <= scale.limit(np.array(6))) & ((left >= _LEAST_SHARE * all_points) | strays)
+        prior = _prior(linearisation, k, rows, scale.variance)
+        sparse_views = measurement.take(rows)
+        camera = linearisation.state.cameras.get(group.camera)
+        limit = float(point_scale.limit(np.array(measurement.coordinates)))
+        point_views = PointViews(sparse_views, camera, prior)
+        agreement = point_views.largest_agreement(point_views.subset_fits(prior.camera_from_target), limit)
+        tension = prior.tension(agreement.camera_from_target)[0] * scale.variance
+        inlier_counts, seen_counts = agreement.points.sum(1), sparse_views.seen.sum(1)
+        has_strays = (
+            (inlier_counts >= _LEAST_STRAYED * seen_counts)
+            & (inlier_counts > 1)
+            & ~_agrees_with_itself(sparse_views, agreement, camera, limit)
+        )
+        is_readmitted = (tension <= scale.limit(np.array(6))) & (
+            (inlier_counts >= _LEAST_SHARE * seen_counts) | has_strays
+        )
         views[k] = views[k].copy()
-        views[k][some] = agrees
+        views[k][rows] = is_readmitted
         points[k] = points[k].copy()
-        points[k][some] = np.where(agrees[:, None], found.points | ~few.seen, points[k][some])
+        points[k][rows] = np.where(is_readmitted[:, None], agreement.points | ~sparse_views.seen, points[k][rows])
     return InlierMask(tuple(views), tuple(points))
 
 
@@ -158,18 +174,20 @@ def _agrees_with_itself(
 ) -> BoolArray:
     """Whether all points of each view agree on one pose, (n,): the error is then of the view, not of points."""
     poses = refine_poses(sparse_views, agreement.camera_from_target, camera).camera_from_target
-    alone = PointViews(sparse_views, camera).agreement(poses, limit)
-    return np.asarray(alone.points.sum(1) == sparse_views.seen.sum(1))
+    self_agreement = PointViews(sparse_views, camera).agreement(poses, limit)
+    return np.asarray(self_agreement.points.sum(1) == sparse_views.seen.sum(1))
 
 
-def _prior(model: LeaveOneOut, k: int, rows: IntArray, variance: float) -> Prior:
+def _prior(linearisation: LeaveOneOut, k: int, rows: IntArray, variance: float) -> Prior:
     """Predicted poses of views that are not part of the fit, with unknown errors of their private stops."""
-    of, group = model.normal.views[k], model.problem.groups[k]
-    spread = model.spread[k].copy()
-    errors = model.state.stop_errors.copy()
-    for part in of.private:
+    view, group = linearisation.normal.views[k], linearisation.problem.groups[k]
+    spread = linearisation.spread[k].copy()
+    errors = linearisation.state.stop_errors.copy()
+    for part in view.private:
         spread[part.view] += part.by_error @ part.by_error.mT
         errors[part.stop] = 0.0
-    predicted = replace(model.state, stop_errors=errors).camera_from_target(group, model.problem.stops)
+    camera_from_target = replace(linearisation.state, stop_errors=errors).camera_from_target(
+        group, linearisation.problem.stops
+    )
     pose_spread = spread[rows][:, :6, :6] * variance + _EXACT * np.eye(6)
-    return Prior(predicted[rows], np.asarray(np.linalg.inv(pose_spread), dtype=np.float64))
+    return Prior(camera_from_target[rows], np.asarray(np.linalg.inv(pose_spread), dtype=np.float64))

@@ -40,37 +40,42 @@ class Consensus:
     judgement: Classification
 
 
-def best_consensus(ends: Sequence[Consensus]) -> Consensus | None:
+def best_consensus(candidates: Sequence[Consensus]) -> Consensus | None:
     """Select the candidate with most inlier residuals among those with a small variance; None without candidates.
 
     Unstated noise is equal in all views. Deviations whose removal reduces the variance of most views to a quarter are
     therefore outliers. If all noise is stated, candidates consistent with it come first.
     """
-    clear = [_spread(e) for e in ends if _inlier_share(e) >= _CLEAR_SHARE]
-    limit = _QUIETER * min(clear, default=np.inf)
+    clear_variances = [_view_variance(e) for e in candidates if _inlier_share(e) >= _CLEAR_SHARE]
+    limit = _QUIETER * min(clear_variances, default=np.inf)
 
-    def merit(end: Consensus) -> tuple[bool, bool, int]:
+    def sort_key(candidate: Consensus) -> tuple[bool, bool, int]:
         """Sort key: whether it fits fully stated noise, whether its variance is small, and its number of residuals."""
-        stated = is_stated(end.problem) and not end.problem.unstated and _is_within_noise(end)
-        used = sum(sum(g.measurement.counts().values()) for g in end.solution.problem.groups)
-        return stated, _spread(end) <= limit, used
+        is_consistent = is_stated(candidate.problem) and not candidate.problem.unstated and _is_within_noise(candidate)
+        residual_count = sum(sum(g.measurement.counts().values()) for g in candidate.solution.problem.groups)
+        return is_consistent, _view_variance(candidate) <= limit, residual_count
 
-    return max(ends, key=merit, default=None)
+    return max(candidates, key=sort_key, default=None)
 
 
-def _spread(end: Consensus) -> float:
+def _view_variance(candidate: Consensus) -> float:
     """Variance of whole views: relative to stated noise, or in squared pixels for unstated noise."""
-    unit = 1.0 if is_stated(end.problem) else end.solution.noise.noise.pixel_px**2
-    return end.judgement.view_scale.variance * unit
+    unit = 1.0 if is_stated(candidate.problem) else candidate.solution.noise.noise.pixel_px**2
+    return candidate.judgement.view_scale.variance * unit
 
 
-def is_answer(end: Consensus, plain: Solution) -> bool:
+def is_acceptable(candidate: Consensus, plain: Solution) -> bool:
     """Whether a candidate uses at least half of the views, fits them, converged, and loses no observability."""
-    sees = end.solution.observability.unobservable <= plain.observability.unobservable
-    return sees and end.solution.converged and fits(end.solution) and _inlier_share(end) >= _LEAST_KEPT
+    is_as_observable = candidate.solution.observability.unobservable <= plain.observability.unobservable
+    return (
+        is_as_observable
+        and candidate.solution.converged
+        and has_plausible_residuals(candidate.solution)
+        and _inlier_share(candidate) >= _LEAST_KEPT
+    )
 
 
-def fits(solution: Solution) -> bool:
+def has_plausible_residuals(solution: Solution) -> bool:
     """Whether the residuals are consistent with the stated noise, or plausible for a detector."""
     ratio = float(np.sqrt(solution.cost / max(solution.dof, 1)))
     pixels = [g.measurement for g in solution.problem.groups if isinstance(g.measurement, PixelMeasurement)]
@@ -80,7 +85,7 @@ def fits(solution: Solution) -> bool:
     return ratio < max(CONTRADICTED, PLAUSIBLE_PX * float(np.median(np.concatenate(weights))))
 
 
-def implausible(plain: Solution, judgement: Classification) -> bool:
+def may_hide_outliers(plain: Solution, judgement: Classification) -> bool:
     """Whether the scales are large enough to hide gross outliers."""
     if is_stated(plain.problem):
         return max(judgement.view_scale.variance, judgement.point_scale.variance) > CONTRADICTED**2
@@ -89,19 +94,24 @@ def implausible(plain: Solution, judgement: Classification) -> bool:
     return plain.noise.noise.pixel_px > UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
 
 
-def convincing(end: Consensus | None) -> TypeGuard[Consensus]:
+def is_convincing(candidate: Consensus | None) -> TypeGuard[Consensus]:
     """Whether most views of a candidate agree, within the stated noise or within that of a plausible detector."""
-    return end is not None and _inlier_share(end) >= _CLEAR_SHARE and fits(end.solution) and _is_within_noise(end)
+    return (
+        candidate is not None
+        and _inlier_share(candidate) >= _CLEAR_SHARE
+        and has_plausible_residuals(candidate.solution)
+        and _is_within_noise(candidate)
+    )
 
 
-def _is_within_noise(end: Consensus) -> bool:
+def _is_within_noise(candidate: Consensus) -> bool:
     """Whether the scatter of whole views is consistent with the noise in use."""
-    return end.judgement.view_scale.variance <= CONTRADICTED**2
+    return candidate.judgement.view_scale.variance <= CONTRADICTED**2
 
 
-def _inlier_share(end: Consensus) -> float:
-    views = np.concatenate(end.kept.views)
-    return float(views.mean()) if len(views) else 0.0
+def _inlier_share(candidate: Consensus) -> float:
+    is_inlier = np.concatenate(candidate.kept.views)
+    return float(is_inlier.mean()) if len(is_inlier) else 0.0
 
 
 def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ...]:
@@ -110,15 +120,15 @@ def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ..
     Between the last of these samples and the first of the rest, the deviations in sigmas grow by a factor of at least
     five. The result is empty if no state has such a gap between 30 % and 80 % of the samples.
     """
-    found: tuple[float, tuple[int, ...]] = (np.inf, ())
-    numbers, row = np.unique(np.concatenate([g.sample for g in problem.groups]), return_inverse=True)
+    best: tuple[float, tuple[int, ...]] = (np.inf, ())
+    numbers, sample_rows = np.unique(np.concatenate([g.sample for g in problem.groups]), return_inverse=True)
     for state in states:
-        squares = view_misfits(problem, state)
-        sigmas = np.sqrt(np.concatenate([s.value / np.maximum(s.freedoms, 1) for s in squares]))
+        by_group = view_misfits(problem, state)
+        sigmas = np.sqrt(np.concatenate([s.value / np.maximum(s.freedoms, 1) for s in by_group]))
         worst = np.zeros(len(numbers))  # view of each sample
-        np.maximum.at(worst, row, sigmas)
-        found = min(found, _split_at_gap(numbers, worst), key=lambda f: f[0])
-    return found[1]
+        np.maximum.at(worst, sample_rows, sigmas)
+        best = min(best, _split_at_gap(numbers, worst), key=lambda f: f[0])
+    return best[1]
 
 
 def _split_at_gap(numbers: IntArray, sigmas: Array) -> tuple[float, tuple[int, ...]]:

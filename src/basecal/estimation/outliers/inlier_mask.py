@@ -65,20 +65,20 @@ def without_points(problem: Problem, points: Sequence[BoolArray]) -> Problem:
 
 def inlier_problem(problem: Problem, inliers: InlierMask) -> Problem:
     """Return the problem of the inliers alone, with fixed correspondences and default values of unstated sigmas."""
-    fewer = without_points(problem, inliers.points).groups
-    taken = (
-        replace(g, readings=()).take(np.flatnonzero(v)) for g, v in zip(fewer, inliers.views, strict=True) if v.any()
+    masked = without_points(problem, inliers.points).groups
+    inlier_groups = (
+        replace(g, readings=()).take(np.flatnonzero(v)) for g, v in zip(masked, inliers.views, strict=True) if v.any()
     )
-    return problem.with_groups(taken).with_noise(Noise())
+    return problem.with_groups(inlier_groups).with_noise(Noise())
 
 
 def without_unseen_stops(problem: Problem, state: State) -> State:
     """Return the state with zero errors for stops without views in the problem."""
-    used = np.zeros(len(problem.stops), dtype=bool)
+    has_views = np.zeros(len(problem.stops), dtype=bool)
     for group in problem.groups:
         for stop in (end.stop for end in group.ends):
-            used[stop[stop >= 0]] = True
-    return replace(state, stop_errors=np.where(used[:, None], state.stop_errors, 0.0))
+            has_views[stop[stop >= 0]] = True
+    return replace(state, stop_errors=np.where(has_views[:, None], state.stop_errors, 0.0))
 
 
 def select_samples(problem: Problem, numbers: ArrayLike) -> Problem:

@@ -64,80 +64,88 @@ def measure_left_out_items(
         inliers: The inliers.
         judgement: Deviations of all views and points.
     """
-    found = []
+    items = []
     for k, group in enumerate(problem.groups):
         expected = without_errors(problem, state).camera_from_target(group, problem.stops)
         sigmas = np.sqrt(judgement.views[k].value / judgement.view_scale.variance)
         for view in np.flatnonzero(~inliers.views[k]):
-            found.append(_left_out_view(group, state, expected, int(view), float(sigmas[view])))
+            items.append(_left_out_view(group, state, expected, int(view), float(sigmas[view])))
         shape = cell.targets[group.target].target
         if shape is None or not isinstance(group.measurement, SeenPoints):
             continue
-        lost = group.measurement.seen & ~inliers.points[k] & inliers.views[k][:, None]
-        rows = np.flatnonzero(lost.any(-1))
+        excluded = group.measurement.seen & ~inliers.points[k] & inliers.views[k][:, None]
+        rows = np.flatnonzero(excluded.any(-1))
         if len(rows):
-            predicted = state.camera_from_target(group, problem.stops)[rows]
-            kept, lens = inliers.points[k][rows], state.cameras.get(group.camera)
-            distances = _distances(group.measurement.take(rows), kept, predicted, lens)
+            predicted_poses = state.camera_from_target(group, problem.stops)[rows]
+            inlier_points, lens = inliers.points[k][rows], state.cameras.get(group.camera)
+            distances = _distances(group.measurement.take(rows), inlier_points, predicted_poses, lens)
             ids = _ids_by_view(shape.ids, recorded_problem.groups[k], group)[rows]
             sigma = float(np.sqrt(judgement.point_scale.variance))
-            found += _left_out_points(group.take(rows), lost[rows], ids, distances, sigma)
-    return tuple(sorted(found, key=lambda o: (o.sample, o.camera, o.target)))
+            items += _left_out_points(group.take(rows), excluded[rows], ids, distances, sigma)
+    return tuple(sorted(items, key=lambda o: (o.sample, o.camera, o.target)))
 
 
 def _left_out_view(group: ViewGroup, state: State, predicted_pose: SE3, view: int, sigmas: float) -> LeftOut:
-    one, near = group.take(np.array([view])), predicted_pose[np.array([view])]
-    place = int(group.sample[view]), group.camera, group.target
-    pose = _single_view_pose(one, state, near)
+    single, predicted = group.take(np.array([view])), predicted_pose[np.array([view])]
+    key = int(group.sample[view]), group.camera, group.target
+    pose = _single_view_pose(single, state, predicted)
     if pose is None:
-        if isinstance(one.measurement, PointMeasurement) and one.measurement.noise_field.endswith("_m"):
-            points_off = lengths(one.measurement.residuals(near, None))[one.measurement.seen]
-            return LeftOut(*place, (), sigmas, off_m=float(points_off.max(initial=0.0)))
-        if not isinstance(one.measurement, PixelMeasurement):
-            return LeftOut(*place, (), sigmas, off_px=np.nan)
-        pixels_off = np.linalg.norm(one.measurement.residual_px(near, state.cameras[one.camera]), axis=-1)
-        worst = float(np.nanmax(pixels_off)) if np.isfinite(pixels_off).any() else np.nan
-        return LeftOut(*place, (), sigmas, off_px=worst)
-    off = pose.inverse() @ predicted_pose[view]
-    off_m, off_rad = float(np.linalg.norm(off.translation)), float(np.linalg.norm(off.rotvec))
-    return LeftOut(*place, (), sigmas, off_m, off_rad)
+        if isinstance(single.measurement, PointMeasurement) and single.measurement.noise_field.endswith("_m"):
+            distances_m = lengths(single.measurement.residuals(predicted, None))[single.measurement.seen]
+            return LeftOut(*key, (), sigmas, off_m=float(distances_m.max(initial=0.0)))
+        if not isinstance(single.measurement, PixelMeasurement):
+            return LeftOut(*key, (), sigmas, off_px=np.nan)
+        distances_px = np.linalg.norm(single.measurement.residual_px(predicted, state.cameras[single.camera]), axis=-1)
+        worst = float(np.nanmax(distances_px)) if np.isfinite(distances_px).any() else np.nan
+        return LeftOut(*key, (), sigmas, off_px=worst)
+    difference = pose.inverse() @ predicted_pose[view]
+    off_m, off_rad = float(np.linalg.norm(difference.translation)), float(np.linalg.norm(difference.rotvec))
+    return LeftOut(*key, (), sigmas, off_m, off_rad)
 
 
-def _single_view_pose(one: ViewGroup, state: State, start: SE3) -> SE3 | None:
+def _single_view_pose(view: ViewGroup, state: State, start: SE3) -> SE3 | None:
     """Pose of the target from a single view; None if it has too few points."""
-    measurement = one.measurement
+    measurement = view.measurement
     if isinstance(measurement, PoseMeasurement):
         return measurement.measured_camera_from_target[0]
     fewest = FEWEST_POINTS if isinstance(measurement, PixelMeasurement) else FEWEST_3D_POINTS
     if measurement.point_counts().sum() < fewest:
         return None
-    return refine_poses(measurement, start, state.cameras.get(one.camera)).camera_from_target[0]
+    return refine_poses(measurement, start, state.cameras.get(view.camera)).camera_from_target[0]
 
 
 def _left_out_points(group: ViewGroup, mask: BoolArray, ids: IntArray, distances: Array, sigma: float) -> list[LeftOut]:
     """Describe the points of a mask (n, p), given ids (n, p), distances (n, p) [px or m] and the scale of points."""
-    found = []
+    items = []
     assert isinstance(group.measurement, SeenPoints)
-    for sample, mine, numbers, away, weight in zip(
+    for sample, excluded, view_ids, view_distances, weight in zip(
         group.sample.tolist(), mask, ids, distances, group.measurement.weight, strict=True
     ):
-        off, sigmas = away[mine], away[mine] * weight[mine] / sigma
+        excluded_distances, sigmas = view_distances[excluded], view_distances[excluded] * weight[excluded] / sigma
         worst = int(np.argmax(sigmas))
         in_pixels = isinstance(group.measurement, PixelMeasurement)
-        off_m, off_px = (None, float(off[worst])) if in_pixels else (float(off[worst]), None)
-        which = tuple(sorted(numbers[mine].tolist()))
-        found.append(LeftOut(sample, group.camera, group.target, which, float(sigmas[worst]), off_m, None, off_px))
-    return found
+        off_m, off_px = (
+            (None, float(excluded_distances[worst])) if in_pixels else (float(excluded_distances[worst]), None)
+        )
+        excluded_ids = tuple(sorted(view_ids[excluded].tolist()))
+        items.append(
+            LeftOut(sample, group.camera, group.target, excluded_ids, float(sigmas[worst]), off_m, None, off_px)
+        )
+    return items
 
 
 def _ids_by_view(ids: IntArray, recorded_group: ViewGroup, group: ViewGroup) -> IntArray:
     """Ids of each view's points, (n, p); their order is reversed in views whose grid is read with a half turn."""
-    first, now = recorded_group.measurement, group.measurement
-    every = np.broadcast_to(ids, (len(group), len(ids)))
-    if group.half_turn is None or not isinstance(first, PixelMeasurement) or not isinstance(now, PixelMeasurement):
-        return every
-    as_recorded = np.all(first.pixels == now.pixels, axis=(1, 2))
-    return np.where(as_recorded[:, None], every, every[:, ::-1])
+    recorded, current = recorded_group.measurement, group.measurement
+    all_ids = np.broadcast_to(ids, (len(group), len(ids)))
+    if (
+        group.half_turn is None
+        or not isinstance(recorded, PixelMeasurement)
+        or not isinstance(current, PixelMeasurement)
+    ):
+        return all_ids
+    as_recorded = np.all(recorded.pixels == current.pixels, axis=(1, 2))
+    return np.where(as_recorded[:, None], all_ids, all_ids[:, ::-1])
 
 
 def _distances(measurement: SeenPoints, mask: BoolArray, predicted_pose: SE3, lens: Camera | None) -> Array:
@@ -145,9 +153,11 @@ def _distances(measurement: SeenPoints, mask: BoolArray, predicted_pose: SE3, le
 
     The prediction is the pose fitted to the points of each view in the mask, or `predicted_pose` with too few points.
     """
-    left = measurement.mask_points(mask)
+    masked = measurement.mask_points(mask)
     pose = (
-        refine_poses(left, predicted_pose, lens).camera_from_target if (left.equations() >= 6).all() else predicted_pose
+        refine_poses(masked, predicted_pose, lens).camera_from_target
+        if (masked.equations() >= 6).all()
+        else predicted_pose
     )
     rows = point_jacobians(measurement, pose, lens, False)
     weight = np.where(measurement.weight > 0, measurement.weight, 1.0)

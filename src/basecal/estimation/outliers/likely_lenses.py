@@ -30,25 +30,25 @@ def with_likely_lenses(robust: RobustSolution, cell: Cell, settings: Settings) -
         wider = _wider_lenses(solution, cell)
         if not solution.converged or not wider:
             break
-        solution = _solved_again(solution, {**solution.problem.lenses, **wider}, settings)
+        solution = _solve_again(solution, {**solution.problem.lenses, **wider}, settings)
     return replace(robust, solution=replace(solution, disputed=robust.solution.disputed))
 
 
 def _wider_lenses(solution: Solution, cell: Cell) -> dict[str, Intrinsics]:
     """Lenses with sigmas increased to match their errors, by camera; only lenses whose sigmas were too small."""
     wider = {}
-    for name, used in solution.problem.lenses.items():
-        if not is_stated(cell.cameras[name].intrinsics) or used.sigma is None:
+    for name, lens in solution.problem.lenses.items():
+        if not is_stated(cell.cameras[name].intrinsics) or lens.sigma is None:
             continue
-        sigmas = likely_sigmas(used, solution.state.cameras[name], solution.lens_covariance(name))
-        if np.any(sigmas > _SETTLED_FACTOR * used.sigma):
-            wider[name] = replace(used, sigma=np.maximum(sigmas, used.sigma))
+        sigmas = likely_sigmas(lens, solution.state.cameras[name], solution.lens_covariance(name))
+        if np.any(sigmas > _SETTLED_FACTOR * lens.sigma):
+            wider[name] = replace(lens, sigma=np.maximum(sigmas, lens.sigma))
     return wider
 
 
-def _solved_again(solution: Solution, lenses: dict[str, Intrinsics], settings: Settings) -> Solution:
-    opened = replace(solution.problem, lenses=lenses, held=False)
+def _solve_again(solution: Solution, lenses: dict[str, Intrinsics], settings: Settings) -> Solution:
+    reopened = replace(solution.problem, lenses=lenses, held=False)
     if settings.robot_noise == "stated":
-        return solve_from(opened, solution.state, settings, solution.findings)
-    found = with_noise(replace(solution, problem=opened), settings, guess=solution)
-    return replace(found, problem=replace(found.problem, held=True))
+        return solve_from(reopened, solution.state, settings, solution.findings)
+    solved = with_noise(replace(solution, problem=reopened), settings, guess=solution)
+    return replace(solved, problem=replace(solved.problem, held=True))

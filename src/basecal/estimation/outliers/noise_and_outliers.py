@@ -18,8 +18,8 @@ from basecal.estimation.view.measurement import Noise
 
 _JUDGING_PASSES = 3
 # Largest plausible noise of an arm: up to 9 mm and 7 mrad are reported for faulty arms (belts, links, a loose base).
-_ARM = 1.2e-2  # [m, rad]
-_STAMP_S = 2e-2  # largest plausible jitter of stamps on arrival: with more, stamps do not belong to the images
+_MOST_ROBOT_NOISE = 1.2e-2  # [m, rad]
+_MOST_JITTER_S = 2e-2  # largest plausible jitter of stamps on arrival: with more, stamps do not belong to the images
 
 
 def with_noise(solution: Solution, settings: Settings, guess: Solution | None = None) -> Solution:
@@ -33,17 +33,17 @@ def with_noise(solution: Solution, settings: Settings, guess: Solution | None = 
     estimated = replace(settings, robot_noise="estimated")
     try:
         sigmas = None if guess is None else guess.noise
-        found = solve_at_mode(solution.problem, solution.state, estimated, solution.findings, sigmas)
+        solved = solve_at_mode(solution.problem, solution.state, estimated, solution.findings, sigmas)
     except np.linalg.LinAlgError:
         return solution
-    return replace(found, disputed=solution.disputed)
+    return replace(solved, disputed=solution.disputed)
 
 
-def is_as_of_arms(solution: Solution) -> bool:
+def has_plausible_noise(solution: Solution) -> bool:
     """Whether a solution converged with estimated noise of robots and stamps that is plausible for real devices."""
     sigmas, jitter = list(solution.noise.robots.values()), list(solution.noise.jitter_s.values())
-    as_usual = all(max(s[0], s[3]) < _ARM for s in sigmas) and all(s < _STAMP_S for s in jitter)
-    return solution.converged and as_usual and bool(sigmas or jitter)
+    is_plausible = all(max(s[0], s[3]) < _MOST_ROBOT_NOISE for s in sigmas) and all(s < _MOST_JITTER_S for s in jitter)
+    return solution.converged and is_plausible and bool(sigmas or jitter)
 
 
 def solve_with_noise(
@@ -63,38 +63,38 @@ def solve_with_noise(
         exact: Solution of the inliers under exact robots, if the noise from all views is implausible; else None.
     """
     stated = replace(settings, robot_noise="stated")
-    solution, before = noisy if exact is None else with_noise(exact.solution, settings), exact
+    solution, previous = noisy if exact is None else with_noise(exact.solution, settings), exact
     for judging_pass in range(_JUDGING_PASSES):
         with settings.stage("outliers"):
-            robust = _judge(cell, stated, plain, solution, before)
+            robust = _judge(cell, stated, plain, solution, previous)
             if not judging_pass and not robust.outliers:
                 robust = leave_out_suspects(robust, plain.problem, cell, stated) or robust
-        if _places(robust) == _places(before):
+        if _outlier_views(robust) == _outlier_views(previous):
             break
-        before = robust
+        previous = robust
         solution = with_noise(robust.solution, settings, solution)
-    held = replace(solution.problem, held=True)
+    held_problem = replace(solution.problem, held=True)
     # If plausible noise of arms does not explain the views, samples that agree under exact robots are more reliable.
-    agreeing = robust.agreeing if is_as_of_arms(solution) or exact is None else robust.agreeing or exact.agreeing
-    found = replace(solution, problem=held, disputed=robust.solution.disputed)
-    return replace(robust, solution=found, agreeing=agreeing)
+    agreeing = robust.agreeing if has_plausible_noise(solution) or exact is None else robust.agreeing or exact.agreeing
+    final = replace(solution, problem=held_problem, disputed=robust.solution.disputed)
+    return replace(robust, solution=final, agreeing=agreeing)
 
 
 def _judge(
     cell: Cell, settings: Settings, plain: Solution, solution: Solution, previous: RobustSolution | None
 ) -> RobustSolution:
     """Solve for the inliers under the sigmas of `solution`, starting from the previous inliers."""
-    again = None if previous is None else judge_again(previous, solution, plain.problem, cell, settings)
-    if again is not None:
-        return again
-    held = solution.noise.hold_sigmas(plain.problem)
+    judged = None if previous is None else judge_again(previous, solution, plain.problem, cell, settings)
+    if judged is not None:
+        return judged
+    held_problem = solution.noise.hold_sigmas(plain.problem)
     if previous is None:  # the noise was estimated from all views, and the optimum under it is known
-        whole = replace(solution, problem=held, noise=NoiseEstimate(Noise(), 1.0, (), True))
+        whole = replace(solution, problem=held_problem, noise=NoiseEstimate(Noise(), 1.0, (), True))
     else:
-        whole = solve_from(held, solution.state, settings, plain.findings)
-    return solve_robustly(held, cell, settings, replace(whole, disputed=plain.disputed))
+        whole = solve_from(held_problem, solution.state, settings, plain.findings)
+    return solve_robustly(held_problem, cell, settings, replace(whole, disputed=plain.disputed))
 
 
-def _places(robust: RobustSolution | None) -> list[tuple[int, str, str]]:
+def _outlier_views(robust: RobustSolution | None) -> list[tuple[int, str, str]]:
     """Sample, camera and target of each view that has outliers."""
     return [] if robust is None else [(o.sample, o.camera, o.target) for o in robust.outliers]

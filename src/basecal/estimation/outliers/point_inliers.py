@@ -39,12 +39,12 @@ def agreeing_points(problem: Problem, state: State, suspects: list[IntArray], ce
     """
     if not any(map(len, suspects)):
         return all_inliers(problem).points
-    found = [_scale_and_points(problem, state, suspects)]
-    unsuspected = CONTRADICTED**2 if is_stated(problem) else UNSUSPECTED_PX**2
-    if found[0][0] > unsuspected and not problem.columns.keys().isdisjoint(problem.lenses):
-        alone = replace(state, cameras=lenses(problem, cell))
-        found.append(_scale_and_points(problem, alone, suspects))
-    return min(found, key=lambda f: f[0])[1]
+    candidates = [_scale_and_points(problem, state, suspects)]
+    usual_variance = CONTRADICTED**2 if is_stated(problem) else UNSUSPECTED_PX**2
+    if candidates[0][0] > usual_variance and not problem.columns.keys().isdisjoint(problem.lenses):
+        view_state = replace(state, cameras=lenses(problem, cell))
+        candidates.append(_scale_and_points(problem, view_state, suspects))
+    return min(candidates, key=lambda f: f[0])[1]
 
 
 def readmit_points(problem: Problem, state: State, inliers: InlierMask, scale: Scale) -> InlierMask:
@@ -61,16 +61,16 @@ def readmit_points(problem: Problem, state: State, inliers: InlierMask, scale: S
         measurement = group.measurement
         if not isinstance(measurement, SeenPoints):
             continue
-        rest, lost = measurement.mask_points(points[k]), measurement.seen & ~points[k]
-        views = np.flatnonzero(judged_by_view(rest) & lost.any(1))
+        rest, excluded = measurement.mask_points(points[k]), measurement.seen & ~points[k]
+        views = np.flatnonzero(judged_by_view(rest) & excluded.any(1))
         if not len(views):
             continue
-        lens, near = state.cameras.get(group.camera), state.camera_from_target(group, problem.stops)[views]
-        poses = refine_poses(rest.take(views), near, lens).camera_from_target
+        lens, start = state.cameras.get(group.camera), state.camera_from_target(group, problem.stops)[views]
+        poses = refine_poses(rest.take(views), start, lens).camera_from_target
         limit = float(scale.limit(np.array(measurement.coordinates)))
-        found = PointViews(measurement.take(views), lens).agreement(poses, limit)
+        agreement = PointViews(measurement.take(views), lens).agreement(poses, limit)
         points[k] = points[k].copy()
-        points[k][views] |= found.points
+        points[k][views] |= agreement.points
     return replace(inliers, points=tuple(points))
 
 
@@ -91,17 +91,19 @@ def _scale_and_points(problem: Problem, state: State, suspects: list[IntArray]) 
     Random subsets of points are sampled only for views that the fit to all their points does not explain.
     """
     fits = PointViews.near_fits
-    poses = [_hypotheses(g, of, problem, state, fits) for g, of in zip(problem.groups, suspects, strict=True)]
-    scale, kept = _choose_points(problem, state, poses)
-    unclear = [_unclear(g, k, of) for g, k, of in zip(problem.groups, kept, suspects, strict=True)]
+    hypotheses = [
+        _hypotheses(g, views, problem, state, fits) for g, views in zip(problem.groups, suspects, strict=True)
+    ]
+    scale, kept = _choose_points(problem, state, hypotheses)
+    unclear = [_unclear(g, k, views) for g, k, views in zip(problem.groups, kept, suspects, strict=True)]
     if any(map(len, unclear)):
         for k, group in enumerate(problem.groups):
-            clear = np.setdiff1d(suspects[k], unclear[k])
-            poses[k] = [
-                *_hypotheses(group, clear, problem, state, fits),
+            clear_views = np.setdiff1d(suspects[k], unclear[k])
+            hypotheses[k] = [
+                *_hypotheses(group, clear_views, problem, state, fits),
                 *_hypotheses(group, unclear[k], problem, state, PointViews.subset_fits),
             ]
-        scale, kept = _choose_points(problem, state, poses)
+        scale, kept = _choose_points(problem, state, hypotheses)
     return scale.variance, kept
 
 
@@ -117,22 +119,22 @@ def _unclear(group: ViewGroup, inliers: BoolArray, suspects: IntArray) -> IntArr
 
 
 def _choose_points(
-    problem: Problem, state: State, poses: Sequence[Sequence[_Hypotheses]]
+    problem: Problem, state: State, hypotheses: Sequence[Sequence[_Hypotheses]]
 ) -> tuple[Scale, tuple[BoolArray, ...]]:
     """Alternate between the scale of squared residuals and the inliers at each view's best pose, until convergence."""
     kept = list(all_inliers(problem).points)
     stated = is_stated(problem)
     # Largest plausible variance of a pixel in units of the variance in use.
-    seen = [g.measurement for g in problem.groups if isinstance(g.measurement, PixelMeasurement)]
-    unit = float(max((of.weight.max(initial=0.0) for of in seen), default=1.0)) ** 2 * PLAUSIBLE_PX**2
+    pixel_measurements = [g.measurement for g in problem.groups if isinstance(g.measurement, PixelMeasurement)]
+    unit = float(max((m.weight.max(initial=0.0) for m in pixel_measurements), default=1.0)) ** 2 * PLAUSIBLE_PX**2
     scale = Scale(1.0 if stated else unit, np.inf, np.inf, CHANCE_OF_POINT)
     for _ in range(_SCALE_ROUNDS):
         squares = []
         for k, group in enumerate(problem.groups):
-            kept[k], of = _agreeing_points(group, poses[k], state, scale)
-            squares.append(of)
-        before, scale = scale, robust_scale(squares, 0, stated, CHANCE_OF_POINT)
-        if 1 / CONTRADICTED < scale.variance / before.variance < CONTRADICTED:
+            kept[k], group_squares = _agreeing_points(group, hypotheses[k], state, scale)
+            squares.append(group_squares)
+        previous, scale = scale, robust_scale(squares, 0, stated, CHANCE_OF_POINT)
+        if 1 / CONTRADICTED < scale.variance / previous.variance < CONTRADICTED:
             break
     return scale, tuple(kept)
 
@@ -148,8 +150,8 @@ def _hypotheses(
     measurement = group.measurement
     if not len(views) or not isinstance(measurement, SeenPoints):
         return []
-    near = state.camera_from_target(group, problem.stops)[views]
-    return [_Hypotheses(views, fits(PointViews(measurement.take(views), state.cameras.get(group.camera)), near))]
+    start = state.camera_from_target(group, problem.stops)[views]
+    return [_Hypotheses(views, fits(PointViews(measurement.take(views), state.cameras.get(group.camera)), start))]
 
 
 def _agreeing_points(
@@ -162,11 +164,11 @@ def _agreeing_points(
         return kept, MahalanobisSquared(np.zeros(0), np.zeros(0, dtype=np.int64))
     limit = float(scale.limit(np.array(measurement.coordinates)))
     squares = [np.zeros(0)]
-    for of in hypotheses:
-        few = measurement.take(of.views)
-        found = PointViews(few, state.cameras.get(group.camera)).largest_agreement(of.poses, limit)
-        kept[of.views] = found.points | ~few.seen
+    for hypothesis in hypotheses:
+        sparse_views = measurement.take(hypothesis.views)
+        agreement = PointViews(sparse_views, state.cameras.get(group.camera)).largest_agreement(hypothesis.poses, limit)
+        kept[hypothesis.views] = agreement.points | ~sparse_views.seen
         # Use all points, not only those within the limit, so that too tight a limit cannot confirm itself.
-        squares.append(found.squares[few.seen])
-    every = np.concatenate(squares)
-    return kept, MahalanobisSquared(every, np.full(len(every), measurement.coordinates))
+        squares.append(agreement.squares[sparse_views.seen])
+    all_squares = np.concatenate(squares)
+    return kept, MahalanobisSquared(all_squares, np.full(len(all_squares), measurement.coordinates))

@@ -54,21 +54,21 @@ class Scale:
     def limit(self, freedoms: IntArray) -> Array:
         """Limits of squared deviations, by their degrees of freedom, that inliers exceed with probability `chance`."""
         counts = np.bincount(freedoms.ravel(), minlength=1)
-        table, kinds = np.full(len(counts), np.inf), np.flatnonzero(counts[1:]) + 1
-        shared = np.isfinite(self.freedoms)
-        table[kinds] = self._shared_limits(kinds) if shared else self.variance * chdtri(kinds, self.chance)
+        table, present = np.full(len(counts), np.inf), np.flatnonzero(counts[1:]) + 1
+        is_estimated = np.isfinite(self.freedoms)
+        table[present] = self._shared_limits(present) if is_estimated else self.variance * chdtri(present, self.chance)
         limits: Array = table[freedoms]
         return limits
 
     def _shared_limits(self, freedoms: IntArray) -> Array:
         """Limits with an estimated scale, (n,): the weighted tail probability of all shapes equals `chance`."""
-        alike = np.minimum(freedoms[:, None], np.atleast_1d(self.shape))
-        of_scale = max(self.freedoms, 1.0)
-        over_median = alike * fdtri(alike, of_scale, 1 - self.chance) / chdtri(alike, 0.5)
+        effective = np.minimum(freedoms[:, None], np.atleast_1d(self.shape))
+        scale_freedoms = max(self.freedoms, 1.0)
+        over_median = effective * fdtri(effective, scale_freedoms, 1 - self.chance) / chdtri(effective, 0.5)
         low, high = over_median.min(1), over_median.max(1)
         for _ in range(_HALVINGS if np.any(low < high) else 0):
             middle = (low + high) / 2
-            tails = fdtrc(alike, of_scale, middle[:, None] * chdtri(alike, 0.5) / alike)
+            tails = fdtrc(effective, scale_freedoms, middle[:, None] * chdtri(effective, 0.5) / effective)
             is_low = (tails * self.weight).sum(1) > self.chance
             low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
         limits: Array = self.variance * chdtri(freedoms, 0.5) * high
@@ -98,20 +98,20 @@ def robust_scale(squares: list[MahalanobisSquared], unknowns: int, is_stated: bo
     ratio = value / chdtri(np.arange(1, int(freedoms.max()) + 1), 0.5)[freedoms - 1]
     if is_stated and np.median(ratio) < CONTRADICTED**2:
         return as_stated
-    within = np.ones(len(value), dtype=bool)
+    is_inlier = np.ones(len(value), dtype=bool)
     for _ in range(_SCALE_ROUNDS):
-        variance = max(float(np.median(ratio[within])), 1e-300)
-        left = _EFFICIENCY * max(float(freedoms[within].sum()) - unknowns, 1.0)
-        low, high = np.quantile(ratio[within], (0.2, 0.5))
+        variance = max(float(np.median(ratio[is_inlier])), 1e-300)
+        scale_freedoms = _EFFICIENCY * max(float(freedoms[is_inlier].sum()) - unknowns, 1.0)
+        low, high = np.quantile(ratio[is_inlier], (0.2, 0.5))
         shape = float(np.interp(-high / max(low, 1e-300), -_RATIOS, _SHAPES))
-        scale = Scale(variance, left, shape, chance)
-        now = value <= scale.limit(freedoms)
-        if not now.any() or np.array_equal(now, within):
+        scale = Scale(variance, scale_freedoms, shape, chance)
+        selected = value <= scale.limit(freedoms)
+        if not selected.any() or np.array_equal(selected, is_inlier):
             break
-        within = now
+        is_inlier = selected
     if is_stated and scale.variance < CONTRADICTED**2:
         return as_stated
-    shapes, weights = _likely_shapes(value[within], freedoms[within])
+    shapes, weights = _likely_shapes(value[is_inlier], freedoms[is_inlier])
     return replace(scale, shape=shapes, weight=weights)
 
 
@@ -124,7 +124,7 @@ def _likely_shapes(value: Array, freedoms: IntArray) -> tuple[Array, Array]:
     half = np.minimum(np.arange(freedoms.max() + 1)[:, None], shapes) / 2
     half[0] = 0.5  # unused: each deviation has at least one degree of freedom
     mean = np.maximum(value / freedoms, 1e-300)
-    counts, sums, logs = (np.bincount(freedoms, by)[:, None] for by in (np.ones(len(mean)), mean, np.log(mean)))
+    counts, sums, logs = (np.bincount(freedoms, weight)[:, None] for weight in (np.ones(len(mean)), mean, np.log(mean)))
     total = (counts * half).sum(0)
     log_likelihood = (counts * (half * np.log(half) - gammaln(half)) + (half - 1) * logs).sum(0)
     log_likelihood += gammaln(total) - total * np.log((half * sums).sum(0))

@@ -25,10 +25,10 @@ from basecal.estimation.outliers.consensus import (
     Consensus,
     agreeing_samples,
     best_consensus,
-    convincing,
-    fits,
-    implausible,
-    is_answer,
+    has_plausible_residuals,
+    is_acceptable,
+    is_convincing,
+    may_hide_outliers,
 )
 from basecal.estimation.outliers.inlier_mask import (
     InlierMask,
@@ -93,17 +93,17 @@ def solve_robustly(
         InputError: if the cell contradicts the recording.
     """
     plain = plain or solve_problem(problem, cell, settings)
-    whole = all_inliers(plain.problem)
-    judgement = classify_inliers(plain.problem, plain.state, whole)
+    all_items = all_inliers(plain.problem)
+    judgement = classify_inliers(plain.problem, plain.state, all_items)
     agreeing: tuple[int, ...] = ()
-    if not judgement.kept.same_as(whole) or implausible(plain, judgement):
-        ends, states = _find_candidates(plain, whole, judgement, cell, settings)
-        best = best_consensus([e for e in ends if is_answer(e, plain)])
-        if best is not None and not best.kept.same_as(whole):
+    if not judgement.kept.same_as(all_items) or may_hide_outliers(plain, judgement):
+        candidates, states = _find_candidates(plain, all_items, judgement, cell, settings)
+        best = best_consensus([e for e in candidates if is_acceptable(e, plain)])
+        if best is not None and not best.kept.same_as(all_items):
             return _make_result(cell, problem, best)
         agreeing = () if best is not None else agreeing_samples(plain.problem, states)
-    nothing = plain.problem.with_groups(())
-    return RobustSolution(plain, (), nothing, _sample_count(problem), _point_count(problem), agreeing)
+    no_views = plain.problem.with_groups(())
+    return RobustSolution(plain, (), no_views, _sample_count(problem), _point_count(problem), agreeing)
 
 
 def judge_again(
@@ -118,17 +118,21 @@ def judge_again(
         cell: The cell.
         settings: Settings of the solver.
     """
-    rest = previous.consensus
-    if rest is None:
+    consensus = previous.consensus
+    if consensus is None:
         return None
-    end = _find_consensus(noisy.noise.hold_sigmas(rest.problem), rest.kept, noisy.state, settings)
-    sees = rest.solution.observability.unobservable
-    convinces = convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
-    return _make_result(cell, recorded_problem, end) if end is not None and convinces else None
+    candidate = _find_consensus(noisy.noise.hold_sigmas(consensus.problem), consensus.kept, noisy.state, settings)
+    unobservable = consensus.solution.observability.unobservable
+    is_accepted = (
+        is_convincing(candidate)
+        and candidate.solution.converged
+        and candidate.solution.observability.unobservable <= unobservable
+    )
+    return _make_result(cell, recorded_problem, candidate) if candidate is not None and is_accepted else None
 
 
 def leave_out_suspects(
-    robust: RobustSolution, recorded_problem: Problem, cell: Cell, settings: Settings = STATED
+    robust: RobustSolution, recorded_problem: Problem, cell: Cell, settings: Settings
 ) -> RobustSolution | None:
     """Exclude suspect views, whose deviations are large but not gross; None without any, or if no solution is accepted.
 
@@ -142,19 +146,19 @@ def leave_out_suspects(
         settings: Settings of the solver.
     """
     problem, state = robust.solution.problem, robust.solution.state
-    every = all_inliers(problem)
-    judgement = classify_inliers(problem, state, every)
+    all_items = all_inliers(problem)
+    judgement = classify_inliers(problem, state, all_items)
     suspect = judgement.view_scale.suspect_scale()
-    kept = replace(every, views=tuple(~suspect.gross_mask(squares) for squares in judgement.views))
-    left = inlier_problem(problem, kept)
-    if kept.same_as(every) or not _is_overdetermined(left):
+    kept = replace(all_items, views=tuple(~suspect.gross_mask(squares) for squares in judgement.views))
+    remaining = inlier_problem(problem, kept)
+    if kept.same_as(all_items) or not _is_overdetermined(remaining):
         return None
     try:
-        solution = solve_from(left, without_unseen_stops(left, state), settings)
+        solution = solve_from(remaining, without_unseen_stops(remaining, state), settings)
     except (BasecalError, np.linalg.LinAlgError):
         return None
-    end = Consensus(problem, kept, solution, judgement)
-    return _make_result(cell, recorded_problem, end) if is_answer(end, robust.solution) else None
+    candidate = Consensus(problem, kept, solution, judgement)
+    return _make_result(cell, recorded_problem, candidate) if is_acceptable(candidate, robust.solution) else None
 
 
 def _find_candidates(
@@ -162,24 +166,24 @@ def _find_candidates(
 ) -> tuple[list[Consensus], list[State]]:
     """Candidates from the plain state and, if it is not convincing, from subsets of samples; the latter's states."""
     full, kept, state = _drop_contradicted_points(plain, full_mask, judgement, cell, settings)
-    ends = [_find_consensus(full, kept, state, settings)]
+    candidates = [_find_consensus(full, kept, state, settings)]
     states: list[State] = []
-    least = np.inf
-    for start in () if convincing(ends[0]) else subset_states(without_points(full, kept.points), cell, state):
+    least_cost = np.inf
+    for start in () if is_convincing(candidates[0]) else subset_states(without_points(full, kept.points), cell, state):
         cost = _cost(full, kept, start)
-        if cost < least:
-            least = cost
+        if cost < least_cost:
+            least_cost = cost
             states.append(start)
-            ends.append(_find_consensus(full, kept, start, settings))
-            if convincing(ends[-1]):
+            candidates.append(_find_consensus(full, kept, start, settings))
+            if is_convincing(candidates[-1]):
                 break
-    return [e for e in ends if e is not None], states
+    return [e for e in candidates if e is not None], states
 
 
 def _cost(full: Problem, inliers: InlierMask, state: State) -> float:
-    problem, now = _reread_views(full, inliers, state)
+    problem, reread = _reread_views(full, inliers, state)
     try:
-        return score(without_points(problem, now.points), state, is_stated(full))
+        return score(without_points(problem, reread.points), state, is_stated(full))
     except np.linalg.LinAlgError:
         return np.inf
 
@@ -193,21 +197,21 @@ def _drop_contradicted_points(
     """
     suspects = []  # views with enough points, some of which contradict the others
     for group, points in zip(plain.problem.groups, judgement.points, strict=True):
-        beyond = judgement.point_scale.gross_mask(points).any(-1) | implausible(plain, judgement)
-        suspects.append(np.flatnonzero(judged_by_view(group.measurement) & beyond))
-    within = agreeing_points(plain.problem, plain.state, suspects, cell)
-    kept = InlierMask(full_mask.views, within)
-    if kept.same_as(full_mask) or not any(points.any() for points in within):
+        is_suspect = judgement.point_scale.gross_mask(points).any(-1) | may_hide_outliers(plain, judgement)
+        suspects.append(np.flatnonzero(judged_by_view(group.measurement) & is_suspect))
+    agreeing = agreeing_points(plain.problem, plain.state, suspects, cell)
+    kept = InlierMask(full_mask.views, agreeing)
+    if kept.same_as(full_mask) or not any(points.any() for points in agreeing):
         return plain.problem, full_mask, plain.state
-    cleaned = without_points(plain.problem, within).with_noise(Noise())
+    cleaned = without_points(plain.problem, agreeing).with_noise(Noise())
     try:
-        again = solve_from(cleaned, plain.state, settings)
-        if not (again.converged and fits(again)):
-            again = solve_problem(cleaned, cell, settings)
+        solution = solve_from(cleaned, plain.state, settings)
+        if not (solution.converged and has_plausible_residuals(solution)):
+            solution = solve_problem(cleaned, cell, settings)
     except (BasecalError, np.linalg.LinAlgError):
         return plain.problem, full_mask, plain.state
-    full, kept = _reread_views(plain.problem.with_noise(again.noise.noise), kept, again.state)
-    return full, kept, again.state
+    full, kept = _reread_views(plain.problem.with_noise(solution.noise.noise), kept, solution.state)
+    return full, kept, solution.state
 
 
 def _find_consensus(full: Problem, inliers: InlierMask, state: State, settings: Settings) -> Consensus | None:
@@ -220,14 +224,14 @@ def _find_consensus(full: Problem, inliers: InlierMask, state: State, settings: 
         return None
     scale = view_scale(masked, squares)
     inliers = InlierMask(tuple(~scale.gross_mask(s) for s in squares), inliers.points)
-    before: list[InlierMask] = []
-    free = True
+    earlier: list[InlierMask] = []
+    may_readmit = True
     for k in range(_SELECTION_ROUNDS):
-        left = inlier_problem(full, inliers)
-        if not _is_overdetermined(left):
+        remaining = inlier_problem(full, inliers)
+        if not _is_overdetermined(remaining):
             return None
         try:
-            solution = solve_from(left, without_unseen_stops(left, state), settings)
+            solution = solve_from(remaining, without_unseen_stops(remaining, state), settings)
         except (BasecalError, np.linalg.LinAlgError):
             return None
         if not np.isfinite(solution.cost):
@@ -236,14 +240,14 @@ def _find_consensus(full: Problem, inliers: InlierMask, state: State, settings: 
         state = solution.state
         judgement = classify_inliers(full, state, inliers)
         # A repeated selection means a cycle; views are then only excluded.
-        free &= k < _FREE_ROUNDS and not any(map(judgement.kept.same_as, before))
-        now = judgement.kept if free else judgement.kept.intersection(inliers)
-        if free and now.same_as(inliers):
-            now = readmit_points(full, state, inliers, judgement.point_scale)
-        if now.same_as(inliers):
+        may_readmit &= k < _FREE_ROUNDS and not any(map(judgement.kept.same_as, earlier))
+        selected = judgement.kept if may_readmit else judgement.kept.intersection(inliers)
+        if may_readmit and selected.same_as(inliers):
+            selected = readmit_points(full, state, inliers, judgement.point_scale)
+        if selected.same_as(inliers):
             break
-        before.append(inliers)
-        inliers = now
+        earlier.append(inliers)
+        inliers = selected
     return Consensus(full, inliers, solution, judgement)
 
 
@@ -254,26 +258,28 @@ def _is_overdetermined(problem: Problem) -> bool:
 
 def _reread_views(full: Problem, inliers: InlierMask, state: State) -> tuple[Problem, InlierMask]:
     """Choose the correspondence of each view that the state predicts best, and reorder the point masks accordingly."""
-    after, changed = choose_correspondence(full, state)
+    reread, changed = choose_correspondence(full, state)
     if not changed:
         return full, inliers
     points = list(inliers.points)
-    for k, (old, new) in enumerate(zip(full.groups, after.groups, strict=True)):
+    for k, (old, new) in enumerate(zip(full.groups, reread.groups, strict=True)):
         if new.half_turn is not None:
             assert isinstance(old.measurement, PixelMeasurement)
             assert isinstance(new.measurement, PixelMeasurement)
-            turned = np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2))
-            points[k] = np.where(turned[:, None], points[k][:, ::-1], points[k])
-    return after, replace(inliers, points=tuple(points))
+            is_reversed = np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2))
+            points[k] = np.where(is_reversed[:, None], points[k][:, ::-1], points[k])
+    return reread, replace(inliers, points=tuple(points))
 
 
-def _make_result(cell: Cell, problem: Problem, end: Consensus) -> RobustSolution:
-    rows = [np.flatnonzero(~v) for v in end.kept.views]
-    groups = (replace(g, readings=()).take(r) for g, r in zip(end.problem.groups, rows, strict=True) if len(r))
-    found = measure_left_out_items(cell, problem, end.problem, end.solution.state, end.kept, end.judgement)
-    left_out = end.problem.with_groups(groups)
-    points = _point_count(end.solution.problem)
-    return RobustSolution(end.solution, found, left_out, _sample_count(problem), points, consensus=end)
+def _make_result(cell: Cell, problem: Problem, consensus: Consensus) -> RobustSolution:
+    rows = [np.flatnonzero(~v) for v in consensus.kept.views]
+    groups = (replace(g, readings=()).take(r) for g, r in zip(consensus.problem.groups, rows, strict=True) if len(r))
+    outliers = measure_left_out_items(
+        cell, problem, consensus.problem, consensus.solution.state, consensus.kept, consensus.judgement
+    )
+    left_out = consensus.problem.with_groups(groups)
+    points = _point_count(consensus.solution.problem)
+    return RobustSolution(consensus.solution, outliers, left_out, _sample_count(problem), points, consensus=consensus)
 
 
 def _sample_count(problem: Problem) -> int:

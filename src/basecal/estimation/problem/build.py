@@ -47,13 +47,13 @@ class RecordedStates(NamedTuple):
     """States of one robot, (n,) each: poses, stop numbers, and joints (n, k) [rad] if all states have joints."""
 
     base_from_flange: SE3
-    stand: IntArray
+    stop_number: IntArray
     joints: Array | None
 
     @property
-    def stands(self) -> int:
+    def stop_count(self) -> int:
         """Number of stops."""
-        return int(self.stand.max(initial=-1)) + 1
+        return int(self.stop_number.max(initial=-1)) + 1
 
 
 class _Poses(NamedTuple):
@@ -78,8 +78,8 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, stops, key, views[key]) for key in sorted(views))
     unstated = frozenset(name for name, robot in cell.robots.items() if robot.noise is None)
-    stands = {name: of.states.stands for name, of in poses.items()}
-    problem = replace(_problem(cell, groups, stops), unstated=unstated, stands=stands)
+    stop_counts = {name: recorded.states.stop_count for name, recorded in poses.items()}
+    problem = replace(_problem(cell, groups, stops), unstated=unstated, stop_counts=stop_counts)
     return problem.with_models(_models(cell, problem)), findings
 
 
@@ -99,31 +99,33 @@ def scene_groups(
     groups = []
     for camera, numbers in sample_numbers.items():
         eye = _end(cell, poses, problem.stops, camera, [index[number] for number in numbers])
-        nothing = PoseMeasurement(SE3.identity((len(numbers),)), *np.zeros((2, len(numbers), 6)))
+        unmeasured = PoseMeasurement(SE3.identity((len(numbers),)), *np.zeros((2, len(numbers), 6)))
         ends = eye, End.still(SCENE, len(numbers))
-        groups.append(ViewGroup(camera, SCENE, ends, np.array(numbers, dtype=np.int64), nothing))
+        groups.append(ViewGroup(camera, SCENE, ends, np.array(numbers, dtype=np.int64), unmeasured))
     return tuple(groups)
 
 
 def restate(cell: Cell, problem: Problem) -> Problem:
     """Make the problem of the same views in a cell with other transforms, lenses and robot parameters."""
-    other = replace(_problem(cell, problem.groups, problem.stops), unstated=problem.unstated, stands=problem.stands)
-    return other.with_models(_models(cell, other))
+    restated = replace(
+        _problem(cell, problem.groups, problem.stops), unstated=problem.unstated, stop_counts=problem.stop_counts
+    )
+    return restated.with_models(_models(cell, restated))
 
 
 def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
     """Kinematic models of the robots that have views and parameters to estimate, by name."""
     models = {}
     for name, robot in cell.robots.items():
-        asked = [kind for kind, known in robot.parameters.items() if known.status != "fixed"]
-        if name in problem.robots and asked:
+        requested = [kind for kind, stated in robot.parameters.items() if stated.status != "fixed"]
+        if name in problem.robots and requested:
             if robot.chain is None or not recorded_by_joints(problem, name):
                 raise InputError(
-                    f"robot {name!r}: to estimate {' and '.join(asked)}, its urdf and joints_rad in every sample are "
-                    "needed. Set the status to fixed if poses are recorded"
+                    f"robot {name!r}: to estimate {' and '.join(requested)}, its urdf and joints_rad in every sample "
+                    "are needed. Set the status to fixed if poses are recorded"
                 )
-            recorded = recorded_joints(problem, name)
-            models[name] = robot_model(name, robot.chain, robot.parameters, recorded, free_ends(problem, name))
+            joints = recorded_joints(problem, name)
+            models[name] = robot_model(name, robot.chain, robot.parameters, joints, free_ends(problem, name))
     return models
 
 
@@ -149,24 +151,27 @@ def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
         placed = [end.base for group in problem.groups for end in group.ends if end.base]
         placed += [end.mount for end in problem.robot_ends(None) if end.base is None]
     carried = [end.mount for end in ends]
-    base, flange = (all(problem.unknowns[name].status == "free" for name in each) for each in (placed, carried))
+    base, flange = (all(problem.unknowns[name].status == "free" for name in names) for names in (placed, carried))
     return base, flange
 
 
 def canonical_order(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
     """Sort samples by time, or by number if any has no time; keep the first of those with equal numbers."""
-    timed = all(s.stamp_s is not None for s in samples)
-    ordered = sorted(samples, key=lambda s: (s.stamp_s if timed and s.stamp_s is not None else 0.0, s.sample))
-    return tuple({s.sample: s for s in reversed(ordered)}.values())[::-1]
+    has_times = all(s.stamp_s is not None for s in samples)
+    ordered = sorted(samples, key=lambda s: (s.stamp_s if has_times and s.stamp_s is not None else 0.0, s.sample))
+    first: dict[int, Sample] = {}
+    for sample in ordered:
+        first.setdefault(sample.sample, sample)
+    return tuple(first.values())
 
 
 def _poses(cell: Cell, samples: tuple[Sample, ...]) -> dict[str, _Poses]:
     """Recorded states of all robots, by name."""
     poses = {}
     for name in cell.robots:
-        having = [i for i, sample in enumerate(samples) if name in sample.robots]
-        states = recorded_states(cell, name, [samples[i].robots[name] for i in having])
-        poses[name] = _Poses({i: row for row, i in enumerate(having)}, states)
+        rows_with_state = [i for i, sample in enumerate(samples) if name in sample.robots]
+        states = recorded_states(cell, name, [samples[i].robots[name] for i in rows_with_state])
+        poses[name] = _Poses({i: row for row, i in enumerate(rows_with_state)}, states)
     return poses
 
 
@@ -204,11 +209,11 @@ def _number_stops(cell: Cell, poses: Mapping[str, _Poses]) -> Stops:
     """Stops of all robots with stated noise, one row per stop."""
     sigmas: list[Array] = [np.zeros((0, 6))]
     names: list[str] = []
-    for name, of in poses.items():
+    for name, recorded in poses.items():
         noise = cell.robots[name].noise
         if noise is not None and np.any(noise):
-            names += [name] * of.states.stands
-            sigmas.append(np.broadcast_to(noise, (of.states.stands, 6)))
+            names += [name] * recorded.states.stop_count
+            sigmas.append(np.broadcast_to(noise, (recorded.states.stop_count, 6)))
     return Stops(np.concatenate(sigmas), tuple(names))
 
 
@@ -216,8 +221,8 @@ def _views(
     cell: Cell, samples: tuple[Sample, ...], poses: Mapping[str, _Poses], findings: list[Finding]
 ) -> dict[tuple[str, str, str], Views]:
     views: dict[tuple[str, str, str], Views] = defaultdict(list)
-    lacking: dict[str, list[int]] = defaultdict(list)
-    known: set[Hashable] = set()
+    samples_by_reason: dict[str, list[int]] = defaultdict(list)
+    seen_contents: set[Hashable] = set()
     repeated: list[int] = []
     for i, sample in enumerate(samples):
         for observation in sample.observations:
@@ -225,20 +230,20 @@ def _views(
             needed, shape = [cell.cameras[camera].on, cell.targets[target].on], cell.targets[target].target
             missing = [r for r in needed if r in cell.robots and i not in poses[r].row]
             if missing:
-                lacking[f"no pose of {missing[0]} in the same sample"].append(sample.sample)
+                samples_by_reason[f"no pose of {missing[0]} in the same sample"].append(sample.sample)
             elif isinstance(observation, CandidateObservation) and (shape is None or not shape.is_point):
-                lacking["candidates for several LEDs, which cannot be distinguished"].append(sample.sample)
+                samples_by_reason["candidates for several LEDs, which cannot be distinguished"].append(sample.sample)
             else:
-                stops = [int(poses[r].states.stand[poses[r].row[i]]) for r in needed if r in cell.robots]
+                stops = [int(poses[r].states.stop_number[poses[r].row[i]]) for r in needed if r in cell.robots]
                 content = view_content(observation, stops)
-                if content in known:
+                if content in seen_contents:
                     repeated.append(sample.sample)
                 else:
-                    known.add(content)
+                    seen_contents.add(content)
                     for kind in _kinds(observation):
                         views[camera, target, kind].append((i, observation))
     findings += repeated_views(repeated)
-    findings += [dropped_samples(numbers, why) for why, numbers in lacking.items()]
+    findings += [dropped_samples(numbers, reason) for reason, numbers in samples_by_reason.items()]
     for camera, target, _ in views:
         check_carriers(cell, camera, target)
     return views
@@ -284,18 +289,18 @@ def _end(cell: Cell, poses: Mapping[str, _Poses], stops: Stops, body: str, index
         return End.still(mount, len(index), cell.plate_name(carrier) if carrier in cell.plates else None)
     states, rows = poses[carrier].states, np.array([poses[carrier].row[i] for i in index])
     base = None if carrier == cell.reference else cell.base_name(carrier)
-    joints, stand = None if states.joints is None else states.joints[rows], states.stand[rows]
-    stop = stand + stops.first[carrier] if carrier in stops.first else np.full(len(rows), -1, dtype=np.int64)
-    return End(carrier, mount, base, states.base_from_flange[rows], stop, stand, joints)
+    joints, stop_number = None if states.joints is None else states.joints[rows], states.stop_number[rows]
+    stop_row = stop_number + stops.first[carrier] if carrier in stops.first else np.full(len(rows), -1, dtype=np.int64)
+    return End(carrier, mount, base, states.base_from_flange[rows], stop_row, stop_number, joints)
 
 
 def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:
     unknowns = cell.transforms
-    points = point_mounts(cell, groups)
-    with_pixels = sorted({g.camera for g in groups if isinstance(g.measurement, PixelMeasurement)})
+    point_names = point_mounts(cell, groups)
+    pixel_cameras = sorted({g.camera for g in groups if isinstance(g.measurement, PixelMeasurement)})
     lenses: dict[str, Intrinsics] = {}
-    widths = {name: 3 if name in points else 6 for name, u in unknowns.items() if u.status != "fixed"}
-    for name in with_pixels:
+    widths = {name: 3 if name in point_names else 6 for name, unknown in unknowns.items() if unknown.status != "fixed"}
+    for name in pixel_cameras:
         intrinsics = cell.cameras[name].intrinsics
         assert intrinsics is not None
         lenses[name] = intrinsics = with_usual_error(intrinsics)
@@ -306,17 +311,17 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
         for name, robot in cell.robots.items()
         if robot.chain is not None
     }
-    exact = frozenset(name for name, target in cell.targets.items() if target.size_sigma == 0)
+    exact_targets = frozenset(name for name, target in cell.targets.items() if target.size_sigma == 0)
     return Problem(
         cell.reference,
         groups,
         unknowns,
-        points,
+        point_names,
         lenses,
         stops,
         sequential_columns(widths),
         chains=chains,
-        exact_targets=exact,
+        exact_targets=exact_targets,
         gauges=held_gauges(cell, groups),
     )
 
@@ -339,10 +344,10 @@ def repeated_views(numbers: Sequence[int]) -> list[Finding]:
     """Make a finding about samples, by number, whose views repeat earlier ones; empty if there are none."""
     if not numbers:
         return []
-    shown, one = _list_samples(numbers), len(numbers) == 1
-    which = f"The view of sample {shown} repeats" if one else f"{len(numbers)} views, of sample {shown}, repeat"
-    what = f"{which} that of an earlier sample to the last bit."
-    why = f"No camera does that; {'it' if one else 'each'} counts once."
+    shown, is_single = _list_samples(numbers), len(numbers) == 1
+    subject = f"The view of sample {shown} repeats" if is_single else f"{len(numbers)} views, of sample {shown}, repeat"
+    what = f"{subject} that of an earlier sample to the last bit."
+    why = f"No camera does that; {'it' if is_single else 'each'} counts once."
     do = ("Look for rows that were copied, and remove them.",)
     return [Finding("duplicate-samples", "info", tuple(map(str, numbers)), what, do, why)]
 

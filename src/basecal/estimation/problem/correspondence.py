@@ -22,9 +22,9 @@ def half_turn(target: Target) -> SE3 | None:
     """Transform `target_from_turned` of a target that looks the same rotated by 180 deg; None for other targets."""
     if not target.has_half_turn_symmetry:
         return None
-    middle = target.points.mean(0)
+    centre = target.points.mean(0)
     rotation = np.diag([-1.0, -1.0, 1.0])
-    return SE3(rotation, middle - rotation @ middle)
+    return SE3(rotation, centre - rotation @ centre)
 
 
 def half_turn_views(measurement: PixelMeasurement) -> PixelMeasurement:
@@ -54,16 +54,16 @@ def choose_correspondence(problem: Problem, state: State) -> tuple[Problem, bool
 
 def _select_readings(readings: tuple[PixelMeasurement, ...], best: IntArray) -> PixelMeasurement:
     """Merge readings: view by view the reading of index `best`, ([b,] n)."""
-    chosen = readings[0]
+    merged = readings[0]
     for k, reading in enumerate(readings[1:], start=1):
-        take = (best == k)[..., None]
-        both = None if chosen.relative is None or reading.relative is None else (reading.relative, chosen.relative)
-        chosen = replace(
-            chosen,
-            pixels=np.where(take[..., None], reading.pixels, chosen.pixels),
-            seen=np.where(take, reading.seen, chosen.seen),
-            stated=np.where(take, reading.stated, chosen.stated),
-            weight=np.where(take, reading.weight, chosen.weight),
-            relative=None if both is None else np.where(take, *both),
+        is_best = (best == k)[..., None]
+        relatives = None if merged.relative is None or reading.relative is None else (reading.relative, merged.relative)
+        merged = replace(
+            merged,
+            pixels=np.where(is_best[..., None], reading.pixels, merged.pixels),
+            seen=np.where(is_best, reading.seen, merged.seen),
+            stated=np.where(is_best, reading.stated, merged.stated),
+            weight=np.where(is_best, reading.weight, merged.weight),
+            relative=None if relatives is None else np.where(is_best, *relatives),
         )
-    return chosen
+    return merged

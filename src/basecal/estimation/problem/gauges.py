@@ -24,7 +24,7 @@ from basecal.numerics.spectral import Spectrum, principal_axes, scaled_spectrum
 
 # RMS motion of the flange per radian of a parameter [rad], below which it may be due to noise of the recorded poses:
 # real arms have some milliradians.
-LEAST_RMS = 3e-3
+LEAST_RMS_RAD = 3e-3
 LENGTH_M = 0.5  # length equivalent to one radian: a typical lever arm of an arm's flange [m]
 MOVE_SCALE = np.array([LENGTH_M] * 3 + [1.0] * 3)
 _SHARE_DECIMALS = 6  # decimals of a joint's share in a gauge: rounding errors must not decide between equal shares
@@ -38,7 +38,7 @@ def end_moves(base_from_flange: SE3, free_ends: tuple[bool, bool]) -> Array:
         free_ends: Whether the base is free, and whether everything on the flange is free.
     """
     at_base, at_flange = base_from_flange.inverse().adjoint(), np.broadcast_to(np.eye(6), (len(base_from_flange), 6, 6))
-    ends = [each * MOVE_SCALE for each, free in zip((at_base, at_flange), free_ends, strict=True) if free]
+    ends = [adjoint * MOVE_SCALE for adjoint, free in zip((at_base, at_flange), free_ends, strict=True) if free]
     return np.concatenate([np.zeros((len(base_from_flange), 6, 0)), *ends], axis=-1)
 
 
@@ -49,9 +49,9 @@ def independent_moves(moves: Array, other_moves: Array) -> Spectrum:
         moves: (m, 6, k) right tangents per unit of each parameter [m, rad].
         other_moves: (m, 6, j) right tangents per unit of each other parameter [m, rad].
     """
-    flat, by_others = _flatten_moves(moves), _flatten_moves(other_moves)
-    across = scaled_spectrum(by_others.T @ by_others, LEAST_RMS**2).inverse_root.T @ (by_others.T @ flat)
-    return scaled_spectrum(flat.T @ flat - across.T @ across, LEAST_RMS**2)
+    rows, other_rows = _flatten_moves(moves), _flatten_moves(other_moves)
+    absorbed = scaled_spectrum(other_rows.T @ other_rows, LEAST_RMS_RAD**2).inverse_root.T @ (other_rows.T @ rows)
+    return scaled_spectrum(rows.T @ rows - absorbed.T @ absorbed, LEAST_RMS_RAD**2)
 
 
 def _flatten_moves(moves: Array) -> Array:
@@ -62,8 +62,8 @@ def _flatten_moves(moves: Array) -> Array:
 
 def determined_directions(moves: Array, other_moves: Array) -> Array:
     """Orthonormal basis, (k, r), of the moves that other moves cannot absorb; see `independent_moves`."""
-    left = independent_moves(moves, other_moves)
-    return np.asarray(left.vectors[:, left.is_informative])
+    spectrum = independent_moves(moves, other_moves)
+    return np.asarray(spectrum.vectors[:, spectrum.is_informative])
 
 
 def determined_joints(moves: Array, other_moves: Array) -> IntArray:
@@ -71,34 +71,34 @@ def determined_joints(moves: Array, other_moves: Array) -> IntArray:
 
     `moves` has one column per joint. If joints have equal shares in a gauge, the first is held.
     """
-    of = independent_moves(moves, other_moves)
-    left, held = of.vectors[:, ~of.is_informative], list[int]()
-    for _ in range(left.shape[1]):
-        share = np.round(np.linalg.norm(left, axis=-1), _SHARE_DECIMALS)
+    spectrum = independent_moves(moves, other_moves)
+    gauges, held = spectrum.vectors[:, ~spectrum.is_informative], list[int]()
+    for _ in range(gauges.shape[1]):
+        share = np.round(np.linalg.norm(gauges, axis=-1), _SHARE_DECIMALS)
         held.append(int(np.argmax(share)))
-        along = left[held[-1]] / np.linalg.norm(left[held[-1]])
-        left = left - np.outer(left @ along, along)
+        direction = gauges[held[-1]] / np.linalg.norm(gauges[held[-1]])
+        gauges = gauges - np.outer(gauges @ direction, direction)
     return np.setdiff1d(np.arange(moves.shape[-1]), np.array(held, dtype=np.int64))
 
 
 def held_gauges(cell: Cell, groups: Sequence[ViewGroup]) -> dict[str, Array]:
     """Held tangent directions of transforms that are not fixed, by name, (6,): 1 if held, else 0."""
-    found = {cell.plate_name(plate): _line_rotation(cell, plate) for plate in cell.plates}
+    gauges = {cell.plate_name(plate): _line_rotation(cell, plate) for plate in cell.plates}
     for group in groups:
         if isinstance(group.measurement, ContactMeasurement):
-            found[group.eye.mount] = np.array(group.measurement.camera_gauge, dtype=np.float64)
-            found[group.hand.mount] = np.array(group.measurement.target_gauge, dtype=np.float64)
+            gauges[group.eye.mount] = np.array(group.measurement.camera_gauge, dtype=np.float64)
+            gauges[group.hand.mount] = np.array(group.measurement.target_gauge, dtype=np.float64)
     unknowns = cell.transforms
-    return {name: of for name, of in found.items() if of.any() and unknowns[name].status != "fixed"}
+    return {name: gauge for name, gauge in gauges.items() if gauge.any() and unknowns[name].status != "fixed"}
 
 
 def _line_rotation(cell: Cell, plate: str) -> Array:
     """Held directions of a plate, (6,): the rotation about the line of its marks; zero if the marks span a plane."""
-    places = [target.mount.mean for target in cell.targets.values() if target.on == plate]
-    points = np.array([at.translation for at in places if at is not None])
-    of, held = principal_axes(points - points.mean(0)), np.zeros(6)
-    if of.dimension == 1:
-        held[3 + int(np.argmax(np.abs(of.axes[:, 0])))] = 1.0
+    marks = [target.mount.mean for target in cell.targets.values() if target.on == plate]
+    points = np.array([mark.translation for mark in marks if mark is not None])
+    principal, held = principal_axes(points - points.mean(0)), np.zeros(6)
+    if principal.dimension == 1:
+        held[3 + int(np.argmax(np.abs(principal.axes[:, 0])))] = 1.0
     return held
 
 
@@ -109,16 +109,16 @@ def point_mounts(cell: Cell, groups: Sequence[ViewGroup]) -> frozenset[str]:
         InputError: if a point that was measured as poses is also observed as a point, or its mount is not free.
     """
     points = {t.name for t in cell.targets.values() if t.target is not None and t.target.is_point}
-    posed = {g.target for g in groups if isinstance(g.measurement, PoseMeasurement)} & points
-    seen = {g.target for g in groups if not isinstance(g.measurement, PoseMeasurement)}
-    for target in sorted(posed):
-        if target in seen or cell.targets[target].mount.status != "free":
+    observed_as_poses = {g.target for g in groups if isinstance(g.measurement, PoseMeasurement)} & points
+    observed_as_points = {g.target for g in groups if not isinstance(g.measurement, PoseMeasurement)}
+    for target in sorted(observed_as_poses):
+        if target in observed_as_points or cell.targets[target].mount.status != "free":
             raise InputError(
                 f"target {target!r} is one point, which has no orientation, and is observed by `camera_from_target`. "
                 "Leave out its `kind` and state its mount with a rotation. Views of the point itself are of another "
                 "target"
             )
-    return frozenset(map(cell.mount_name, (points - posed) | _tips(groups)))
+    return frozenset(map(cell.mount_name, (points - observed_as_poses) | _tips(groups)))
 
 
 def _tips(groups: Sequence[ViewGroup]) -> set[str]:

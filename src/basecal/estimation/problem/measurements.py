@@ -54,16 +54,16 @@ def make_measurement(cell: Cell, camera: str, target: str, kind: str, observatio
         touches = [o for o in observations if isinstance(o, TouchObservation)]
         sigmas = [o.sigma_rad if is_grip else o.sigma_m for o in touches]
         stated = np.array([[0.0 if sigma is None else 1 / sigma] for sigma in sigmas])
-        seen, at = np.ones((len(touches), 1), dtype=bool), np.zeros((len(touches), 1, 3))
-        noun = (GRIPS if is_grip else TOUCHES)[contact]
-        return noun(np.zeros((1, 3)), at, seen, stated, stated).with_noise(Noise())
+        seen, origins = np.ones((len(touches), 1), dtype=bool), np.zeros((len(touches), 1, 3))
+        measurement_type = (GRIPS if is_grip else TOUCHES)[contact]
+        return measurement_type(np.zeros((1, 3)), origins, seen, stated, stated).with_noise(Noise())
     if shape is None:
         raise InputError(f"target {target!r} is seen as points and has no `kind`")
     if kind == "PointObservation":
         points = [o for o in observations if isinstance(o, PointObservation)]
         inverse = [np.zeros(len(o.ids)) if o.sigma_m is None else 1 / o.sigma_m for o in points]
-        values = _scatter(shape, [o.ids for o in points], [o.points_in_camera for o in points], inverse)
-        return PointMeasurement(shape.points, *values, weight=values[2]).with_noise(Noise())
+        arrays = _scatter(shape, [o.ids for o in points], [o.points_in_camera for o in points], inverse)
+        return PointMeasurement(shape.points, *arrays, weight=arrays[2]).with_noise(Noise())
     if cell.cameras[camera].intrinsics is None:
         raise InputError(
             f"camera {camera!r} gives pixels and has no `intrinsics`; `intrinsics: {{status: free}}` estimates them"
@@ -99,16 +99,16 @@ def alternative_readings(
 def _select_spot(measurement: PixelMeasurement, observations: list[Observation], number: int) -> PixelMeasurement:
     """Read the LED as spot `number` of each view, with its sigma; as the first spot if there are fewer."""
     pixels = measurement.pixels.copy()
-    share, of_detector = np.ones((2, len(observations), 1))  # 1 / sigma over that of the first spot
+    ratio, detector_ratio = np.ones((2, len(observations), 1))  # 1 / sigma over that of the first spot
     for view, observation in enumerate(observations):
         if isinstance(observation, CandidateObservation):
             first, spot = _as_pixels(observation), _as_pixels(observation, number)
             pixels[view] = spot.pixels
             if first.sigma_px is not None and spot.sigma_px is not None:
-                share[view] = first.sigma_px / spot.sigma_px
-                of_detector[view] = share[view] if observation.detected else 1.0
-    relative = None if measurement.relative is None else measurement.relative * of_detector
-    stated, weight = measurement.stated * share, measurement.weight * share
+                ratio[view] = first.sigma_px / spot.sigma_px
+                detector_ratio[view] = ratio[view] if observation.detected else 1.0
+    relative = None if measurement.relative is None else measurement.relative * detector_ratio
+    stated, weight = measurement.stated * ratio, measurement.weight * ratio
     return replace(measurement, pixels=pixels, stated=stated, weight=weight, relative=relative)
 
 
@@ -133,16 +133,16 @@ def _pixel_measurement(
     default = 0.0 if pixel_px is None else 1 / pixel_px
     # 1 / sigma of each point from its detector, relative to the median point; 1 if the detector reports no sigma.
     sigmas = [o.sigma_px if o.detected else None for o in observations]
-    claimed = [sigma for sigma in sigmas if sigma is not None]
-    middle = float(np.median(np.concatenate(claimed))) if claimed else 1.0
+    reported = [sigma for sigma in sigmas if sigma is not None]
+    median = float(np.median(np.concatenate(reported))) if reported else 1.0
     relative = [
-        np.ones(len(o.ids)) if sigma is None else middle / sigma for o, sigma in zip(observations, sigmas, strict=True)
+        np.ones(len(o.ids)) if sigma is None else median / sigma for o, sigma in zip(observations, sigmas, strict=True)
     ]
     inverse = [
         default * share if o.sigma_px is None or o.detected else 1 / o.sigma_px
         for o, share in zip(observations, relative, strict=True)
     ]
     ids, pixels = [o.ids for o in observations], [o.pixels for o in observations]
-    values = _scatter(target, ids, pixels, inverse)
-    shares = _scatter(target, ids, pixels, relative)[2] if any(o.detected for o in observations) else None
-    return PixelMeasurement(target.points, *values, weight=values[2], relative=shares).with_noise(Noise())
+    arrays = _scatter(target, ids, pixels, inverse)
+    relative_weights = _scatter(target, ids, pixels, relative)[2] if any(o.detected for o in observations) else None
+    return PixelMeasurement(target.points, *arrays, weight=arrays[2], relative=relative_weights).with_noise(Noise())

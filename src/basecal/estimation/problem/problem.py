@@ -57,7 +57,7 @@ class Problem:
         models: Estimated parameters of the robots' kinematics, by robot.
         chains: Stated kinematics, by robot, of the robots that have any.
         unstated: Names of the robots without stated noise.
-        stands: Number of stops of each robot, by robot, including stops without views.
+        stop_counts: Number of stops of each robot, by robot, including stops without views.
         held: Whether unstated sigmas are held at their present values.
         exact_targets: Names of the targets whose stated shape is exact.
         shapes: Estimated shapes of targets, by name; see `effects.target_shape`.
@@ -78,7 +78,7 @@ class Problem:
     unstated: frozenset[str] = frozenset()
     models: Mapping[str, RobotModel] = field(default_factory=dict)
     chains: Mapping[str, SerialChain] = field(default_factory=dict)
-    stands: Mapping[str, int] = field(default_factory=dict)
+    stop_counts: Mapping[str, int] = field(default_factory=dict)
     held: bool = False
     exact_targets: frozenset[str] = frozenset()
     shapes: Mapping[str, Array] = field(default_factory=dict)
@@ -95,20 +95,22 @@ class Problem:
 
     def column_width(self, name: str) -> int:
         """Number of columns of an unknown; 0 if it is fixed."""
-        where = self.columns.get(name)
-        return 0 if where is None else where.stop - where.start
+        columns = self.columns.get(name)
+        return 0 if columns is None else columns.stop - columns.start
 
     def fixed_factors(self, group: ViewGroup) -> tuple[SE3 | None, SE3 | None, SE3 | None]:
         """Fixed transforms X, Y and Z of a group's loop equation; None for each that is not fixed."""
-        known = {None: SE3.identity()} | {name: of.mean for name, of in self.unknowns.items() if of.status == "fixed"}
-        x, z = (known.get(end.mount) for end in group.ends)
-        eye, hand = (known.get(end.base) for end in group.ends)
+        fixed = {None: SE3.identity()} | {
+            name: unknown.mean for name, unknown in self.unknowns.items() if unknown.status == "fixed"
+        }
+        x, z = (fixed.get(end.mount) for end in group.ends)
+        eye, hand = (fixed.get(end.base) for end in group.ends)
         return x, None if eye is None or hand is None else eye.inverse() @ hand, z
 
     def column_indices(self, names: Iterable[str]) -> IntArray:
         """Concatenated column indices of named unknowns."""
-        places = (self.columns[name] for name in names)
-        return np.array([k for place in places for k in range(place.start, place.stop)], dtype=np.int64)
+        slices = (self.columns[name] for name in names)
+        return np.array([k for part in slices for k in range(part.start, part.stop)], dtype=np.int64)
 
     @property
     def all_groups(self) -> tuple[ViewGroup, ...]:
@@ -122,8 +124,8 @@ class Problem:
 
     def robot_ends(self, robot: str | None) -> list[End]:
         """Ends of views that belong to a robot, or to the world if `robot` is None."""
-        seen = [end for group in self.all_groups for end in group.ends if end.mount != SCENE]
-        return [end for end in seen if end.robot == robot]
+        ends = [end for group in self.all_groups for end in group.ends if end.mount != SCENE]
+        return [end for end in ends if end.robot == robot]
 
     @cached_property
     def shared_stops(self) -> IntArray:
@@ -132,10 +134,10 @@ class Problem:
         for group in self.groups if len(count) else ():
             for end in group.ends:
                 count += np.bincount(end.stop[end.stop >= 0], minlength=len(count))
-        several = count > 1
+        is_shared = count > 1
         if self.tied is not None:
-            several[self.tied.stops] = True
-        return np.where(several, np.cumsum(several) - 1, -1)
+            is_shared[self.tied.stops] = True
+        return np.where(is_shared, np.cumsum(is_shared) - 1, -1)
 
     def jitter_motion(self, group: ViewGroup) -> Array | None:
         """Motion of views during one sigma of timing jitter, (n, 6) [m, rad]; None without jitter or motion."""
@@ -170,12 +172,12 @@ class Problem:
     def with_models(self, models: Mapping[str, RobotModel]) -> Problem:
         """Return a copy with the given kinematic models; their columns follow all other columns."""
         replaced = {name for model in self.models.values() for name in model.widths}
-        columns = {name: where for name, where in self.columns.items() if name not in replaced}
-        at = max((c.stop for c in columns.values()), default=0)
+        columns = {name: part for name, part in self.columns.items() if name not in replaced}
+        first = max((c.stop for c in columns.values()), default=0)
         for model in models.values():
             for name, width in model.widths.items():
-                columns[name] = slice(at, at + width)
-                at += width
+                columns[name] = slice(first, first + width)
+                first += width
         return replace(self, columns=columns, models=models)
 
 
@@ -200,7 +202,7 @@ class State:
         """Shape of the batch; () for a single state."""
         return self.stop_errors.shape[:-2]
 
-    def spread(self, problem: Problem, count: int) -> State:
+    def repeat(self, problem: Problem, count: int) -> State:
         """Repeat a single state `count` times as a batch; lenses that are not estimated are shared."""
         transforms = {name: transform.repeat(count) for name, transform in self.transforms.items()}
         cameras = dict(self.cameras)
@@ -210,15 +212,15 @@ class State:
         errors = np.broadcast_to(self.stop_errors, (count, *self.stop_errors.shape))
         models = {name: model for name in problem.models if (model := problem.robot_model(name)) is not None}
         robots = {**self.robots, **{name: self.kinematics(model) for name, model in models.items()}}
-        spread = {name: kinematics.spread(models.get(name), count) for name, kinematics in robots.items()}
-        return State(transforms, cameras, errors, spread)
+        repeated = {name: kinematics.repeat(models.get(name), count) for name, kinematics in robots.items()}
+        return State(transforms, cameras, errors, repeated)
 
     def view_transform(self, name: str) -> SE3:
         """A transform that broadcasts against views: (..., 1) for a batch."""
         if name == SCENE:
             return SE3.identity()
         transform = self.transforms[name]
-        return transform.spread() if transform.shape else transform
+        return transform.add_axis() if transform.shape else transform
 
     def kinematics(self, model: RobotModel) -> Kinematics:
         """Current kinematics of a robot; the stated kinematics if the state has none of its own."""
@@ -346,12 +348,12 @@ def check_carriers(cell: Cell, camera: str, target: str) -> None:
     Raises:
         InputError: if both are on the same body.
     """
-    on = cell.cameras[camera].on
-    if on == cell.targets[target].on:
+    carrier = cell.cameras[camera].on
+    if carrier == cell.targets[target].on:
         carriers = {c.on for c in cell.cameras.values()} | {t.on for t in cell.targets.values()}
-        idle = set(cell.robots) - carriers
-        right = f" (on: {idle.pop()}?)" if len(idle) == 1 else ""
+        unused = set(cell.robots) - carriers
+        suggestion = f" (on: {unused.pop()}?)" if len(unused) == 1 else ""
         raise InputError(
-            f"camera {camera!r} and target {target!r} are both on {on!r}: no robot moves one against the other. "
-            f"Set the `on` of one of them to what carries it{right}"
+            f"camera {camera!r} and target {target!r} are both on {carrier!r}: no robot moves one against the other. "
+            f"Set the `on` of one of them to what carries it{suggestion}"
         )

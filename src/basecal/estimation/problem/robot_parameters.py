@@ -58,9 +58,13 @@ class RobotModel:
     def select_joint(self, kind: str, joint: int) -> RobotModel:
         """Return a copy in which a per-joint kind keeps only the columns of one joint."""
         basis, sigma = self.columns[kind]
-        own = np.flatnonzero(basis[joint])
+        own_columns = np.flatnonzero(basis[joint])
         return replace(
-            self, columns={**self.columns, kind: Columns(basis[:, own], None if sigma is None else sigma[own])}
+            self,
+            columns={
+                **self.columns,
+                kind: Columns(basis[:, own_columns], None if sigma is None else sigma[own_columns]),
+            },
         )
 
 
@@ -86,10 +90,12 @@ class Kinematics:
             chain = ROBOT_PARAMETERS[kind].move_chain(chain, values)
         return chain
 
-    def spread(self, model: RobotModel | None, count: int) -> Kinematics:
+    def repeat(self, model: RobotModel | None, count: int) -> Kinematics:
         """Repeat a single entry `count` times as a batch, with values of all kinds that a model estimates."""
-        kinds = {**self.values, **({} if model is None else {kind: self.kind_values(kind) for kind in model.columns})}
-        return replace(self, values={kind: np.broadcast_to(of, (count, *of.shape)) for kind, of in kinds.items()})
+        values = {**self.values, **({} if model is None else {kind: self.kind_values(kind) for kind in model.columns})}
+        return replace(
+            self, values={kind: np.broadcast_to(value, (count, *value.shape)) for kind, value in values.items()}
+        )
 
     def kind_values(self, kind: str) -> Array:
         """Values of a kind of parameter; zeros if there are none."""
@@ -132,32 +138,36 @@ def robot_model(
     Raises:
         InputError: if the robot lacks what a kind needs.
     """
-    asked = {
+    requested = {
         kind: parameters[kind] for kind in ROBOT_PARAMETERS if kind in parameters and parameters[kind].status != "fixed"
     }
-    at = Posture(chain, joints, chain.posture(joints))
-    others = end_moves(at.true.base_from_flange, free_ends)
+    posture = Posture(chain, joints, chain.posture(joints))
+    others = end_moves(posture.true.base_from_flange, free_ends)
     columns = {}
-    for name, known in asked.items():
+    for name, stated in requested.items():
         kind = ROBOT_PARAMETERS[name]
         try:
-            of = kind.columns(chain, known)
+            kind_columns = kind.columns(chain, stated)
         except InputError as error:
             raise InputError(f"robot {robot!r}: {name} {error}") from None
-        derivative = kind.derivative(at, known, kind.zero(chain.n))
-        if of.sigma is None:
-            moves = kind.scale * derivative @ of.basis
-            told = (
-                of.basis[:, determined_joints(moves, others)]
+        derivative = kind.derivative(posture, stated, kind.zero(chain.n))
+        if kind_columns.sigma is None:
+            moves = kind.scale * derivative @ kind_columns.basis
+            basis = (
+                kind_columns.basis[:, determined_joints(moves, others)]
                 if kind.is_by_joint
-                else of.basis @ determined_directions(moves, others)
+                else kind_columns.basis @ determined_directions(moves, others)
             )
-            of = Columns(told, None)
-        columns[name] = of
-        others = np.concatenate([others, kind.scale * derivative @ of.basis], axis=-1)
+            kind_columns = Columns(basis, None)
+        columns[name] = kind_columns
+        others = np.concatenate([others, kind.scale * derivative @ kind_columns.basis], axis=-1)
     # Per-joint kinds are kept even if no joint has a column.
-    kept = {name: of for name, of in columns.items() if of.basis.shape[1] or ROBOT_PARAMETERS[name].is_by_joint}
-    return RobotModel(robot, chain, asked, kept)
+    columns_in_use = {
+        name: kind_columns
+        for name, kind_columns in columns.items()
+        if kind_columns.basis.shape[1] or ROBOT_PARAMETERS[name].is_by_joint
+    }
+    return RobotModel(robot, chain, requested, columns_in_use)
 
 
 def column_derivative(model: RobotModel, kinematics: Kinematics, joints: Array) -> Array:
@@ -168,10 +178,10 @@ def column_derivative(model: RobotModel, kinematics: Kinematics, joints: Array) 
         kinematics: Parameter values at which to linearise.
         joints: (..., m, n) recorded joints [rad].
     """
-    at = Posture(model.chain, joints, kinematics.moved_chain.posture(kinematics.true_joints(joints)))
-    parts = [at.true.joint_derivative[..., :0]]
+    posture = Posture(model.chain, joints, kinematics.moved_chain.posture(kinematics.true_joints(joints)))
+    parts = [posture.true.joint_derivative[..., :0]]
     for kind, columns in model.columns.items():
-        derivative = ROBOT_PARAMETERS[kind].derivative(at, model.stated[kind], kinematics.kind_values(kind))
+        derivative = ROBOT_PARAMETERS[kind].derivative(posture, model.stated[kind], kinematics.kind_values(kind))
         parts.append(derivative @ columns.basis)
     return np.concatenate(parts, -1)
 
@@ -180,18 +190,18 @@ def apply_step(model: RobotModel, kinematics: Kinematics, step: Mapping[str, Arr
     """Return the kinematics after a step, given as (..., k) by name of the columns."""
     values = dict(kinematics.values)
     for name, kind in model.names.items():
-        before = kinematics.kind_values(kind)
-        moved = step[name] @ model.columns[kind].basis.T
-        values[kind] = before + moved.reshape(*moved.shape[:-1], *ROBOT_PARAMETERS[kind].zero(model.chain.n).shape)
+        previous = kinematics.kind_values(kind)
+        change = step[name] @ model.columns[kind].basis.T
+        values[kind] = previous + change.reshape(*change.shape[:-1], *ROBOT_PARAMETERS[kind].zero(model.chain.n).shape)
     return replace(kinematics, values=values)
 
 
 def column_values(model: RobotModel, kinematics: Kinematics) -> dict[str, Array]:
     """Values of the columns with a prior, (..., k), by name."""
-    found = {}
+    by_name = {}
     for name, kind in model.names.items():
         basis, sigma = model.columns[kind]
         if sigma is not None:
             values, zero = kinematics.kind_values(kind), ROBOT_PARAMETERS[kind].zero(model.chain.n)
-            found[name] = values.reshape(*values.shape[: values.ndim - zero.ndim], -1) @ basis
-    return found
+            by_name[name] = values.reshape(*values.shape[: values.ndim - zero.ndim], -1) @ basis
+    return by_name

@@ -31,8 +31,8 @@ def stop_numbers(base_from_flange: SE3, joints: Array | None, noise: Array | Non
     is_angle = np.arange(coordinates.shape[1]) >= 3
     stated = np.zeros(6) if noise is None else noise
     limit = np.maximum(READ_BACK, np.where(is_angle, stated[3:].min(), stated[:3].min()))
-    starts, of_start = np.unique(_runs(coordinates / limit), return_inverse=True)
-    first = _first_visits(coordinates[starts] / READ_BACK)[of_start]
+    starts, start_of_pose = np.unique(_runs(coordinates / limit), return_inverse=True)
+    first = _first_visits(coordinates[starts] / READ_BACK)[start_of_pose]
     return np.unique(first, return_inverse=True)[1].astype(np.int64)
 
 
@@ -41,15 +41,15 @@ def _first_visits(places: Array) -> IntArray:
 
     A row that is assigned to an earlier one cannot have others assigned to itself.
     """
-    _, at, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(at)
-    first, distinct = at[order], places[at[order]]  # as they first appear
+    _, first_index, distinct_row = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first_index)
+    first, distinct = first_index[order], places[first_index[order]]  # as they first appear
     owner = np.arange(len(distinct))
-    near = _near_pairs(distinct)
-    for early, late in near[np.lexsort((near[:, 0], near[:, 1]))]:
+    near_pairs = _near_pairs(distinct)
+    for early, late in near_pairs[np.lexsort((near_pairs[:, 0], near_pairs[:, 1]))]:
         if owner[early] == early and owner[late] == late:
             owner[late] = early
-    return np.asarray(first[owner[np.argsort(order)[same.ravel()]]], dtype=np.int64)
+    return np.asarray(first[owner[np.argsort(order)[distinct_row.ravel()]]], dtype=np.int64)
 
 
 def _near_pairs(places: Array) -> IntArray:
@@ -57,20 +57,20 @@ def _near_pairs(places: Array) -> IntArray:
 
     Candidates are neighbours within 1 in the coordinate of the largest spread, in which neighbours are few.
     """
-    along = places[:, np.argmax(np.ptp(places, axis=0))]
-    order = np.argsort(along)
-    behind = np.searchsorted(along[order], along[order] + 1, side="right") - np.arange(len(order)) - 1
-    one = np.repeat(np.arange(len(order)), behind)
-    other = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(behind) - behind, behind)
-    pairs = np.sort(order[np.stack([one, other], axis=1)], axis=1)
+    coordinate = places[:, np.argmax(np.ptp(places, axis=0))]
+    order = np.argsort(coordinate)
+    near_count = np.searchsorted(coordinate[order], coordinate[order] + 1, side="right") - np.arange(len(order)) - 1
+    first_row = np.repeat(np.arange(len(order)), near_count)
+    second_row = first_row + 1 + np.arange(len(first_row)) - np.repeat(np.cumsum(near_count) - near_count, near_count)
+    pairs = np.sort(order[np.stack([first_row, second_row], axis=1)], axis=1)
     return np.asarray(pairs[np.all(np.abs(places[pairs[:, 0]] - places[pairs[:, 1]]) <= 1, axis=1)], dtype=np.int64)
 
 
 def _runs(places: Array) -> IntArray:
     """First row of the run of each row, (n,): rows (n, k) of a run are within 1 of its first in every coordinate."""
     first = np.arange(len(places))
-    near = np.all(np.abs(places[1:] - places[:-1]) <= 2, axis=-1)  # any larger difference ends a run
-    for row in np.flatnonzero(near) + 1:
+    may_continue = np.all(np.abs(places[1:] - places[:-1]) <= 2, axis=-1)  # any larger difference ends a run
+    for row in np.flatnonzero(may_continue) + 1:
         if np.all(np.abs(places[row] - places[first[row - 1]]) <= 1):
             first[row] = first[row - 1]
     return first.astype(np.int64)

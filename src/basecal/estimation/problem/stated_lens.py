@@ -50,13 +50,14 @@ def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
     assert lens.camera is not None
     assert lens.sigma is not None
     usual = usual_sigmas(lens.camera)
-    off, known = (camera.parameters - lens.camera.parameters) / usual, covariance / np.outer(usual, usual)
-    used = (lens.sigma / usual) ** 2
-    variances = used
+    errors = (camera.parameters - lens.camera.parameters) / usual
+    relative_covariance = covariance / np.outer(usual, usual)
+    used_variances = (lens.sigma / usual) ** 2
+    variances = used_variances
     for _ in range(_MOST_ROUNDS):
-        gain = np.linalg.inv(np.eye(len(off)) + known * (1 / variances - 1 / used))
-        before, variances = variances, _expected_variances((gain @ off) ** 2 + np.diag(gain @ known))
-        if np.allclose(variances, before, rtol=_CONVERGED_CHANGE):
+        gain = np.linalg.inv(np.eye(len(errors)) + relative_covariance * (1 / variances - 1 / used_variances))
+        previous, variances = variances, _expected_variances((gain @ errors) ** 2 + np.diag(gain @ relative_covariance))
+        if np.allclose(variances, previous, rtol=_CONVERGED_CHANGE):
             break
     return np.asarray(usual * np.sqrt(variances))
 
@@ -65,8 +66,8 @@ def _expected_variances(squares: Array) -> Array:
     """Expected variances of the errors, relative to the squared typical sigmas, (4 + k,); at least 1."""
     ratios = []
     for part in LENS_PARAMETERS.values():
-        of = squares[part.indices]
-        of = of if part.is_each_alone else np.full(len(of), of.mean())
-        freedoms = 1 if part.is_each_alone else len(of)
-        ratios.append((_STUDENT_FREEDOMS + freedoms * of) / (_STUDENT_FREEDOMS + freedoms))
+        block = squares[part.indices]
+        block = block if part.is_each_alone else np.full(len(block), block.mean())
+        freedoms = 1 if part.is_each_alone else len(block)
+        ratios.append((_STUDENT_FREEDOMS + freedoms * block) / (_STUDENT_FREEDOMS + freedoms))
     return np.asarray(np.maximum(np.concatenate(ratios), 1.0))

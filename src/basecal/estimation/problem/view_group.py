@@ -25,7 +25,7 @@ class End:
         base: Name of the transform of the robot's base, or of the plate; None for the reference, and on `world`.
         base_from_flange: (n,) recorded poses; identity on `world`.
         stop: (n,) rows of the stops' errors; -1 if the robot's noise is not stated.
-        stand: (n,) number of the stop among all stops of the robot, with or without stated noise; -1 on `world`.
+        stop_number: (n,) number of the stop among all stops of the robot, with or without stated noise; -1 on `world`.
         joints: (n, joints) recorded joints [rad]; None if poses are recorded.
         passed_s: (n,) times of views during motion [s], NaN for views at rest; None if the robot never moved.
     """
@@ -35,15 +35,15 @@ class End:
     base: str | None
     base_from_flange: SE3
     stop: IntArray
-    stand: IntArray
+    stop_number: IntArray
     joints: Array | None = None
     passed_s: Array | None = None
 
     @classmethod
     def still(cls, mount: str, count: int, base: str | None = None) -> End:
         """Make the end of a camera or target on `world`, or on a plate, for `count` views."""
-        nowhere = np.full(count, -1, dtype=np.int64)
-        return cls(None, mount, base, SE3.identity((count,)), nowhere, nowhere)
+        no_stop = np.full(count, -1, dtype=np.int64)
+        return cls(None, mount, base, SE3.identity((count,)), no_stop, no_stop)
 
     @cached_property
     def flange_from_base(self) -> SE3:
@@ -106,8 +106,8 @@ class ViewGroup:
     @cached_property
     def reach_m(self) -> float:
         """Median distance of the flange from its base, of the arm with the longer reach [m]; 1 without robots."""
-        places = [lengths(end.base_from_flange.translation) for end in self.ends if end.robot is not None]
-        return max((float(np.median(of)) for of in places if of.size), default=1.0)
+        reaches = [lengths(end.base_from_flange.translation) for end in self.ends if end.robot is not None]
+        return max((float(np.median(reach)) for reach in reaches if reach.size), default=1.0)
 
     @property
     def frames(self) -> tuple[str, ...]:

@@ -24,11 +24,11 @@ _POINT_STEPS = 2  # Gauss-Newton steps of the points after each step of the came
 FOCAL_SHARE = 0.1  # [1] sigma of a free focal length about its guess; assumed
 _CENTER_SHARE = 0.03  # [1] of the image size, sigma of a free principal point; assumed
 _ASPECT_SHARE = 1e-3  # [1] sigma of fy / fx: pixels of today's sensors are square; assumed
-_TERM = 1.0  # [1] sigma of a distortion term without a prior; assumed
+_TERM_SIGMA = 1.0  # [1] sigma of a distortion term without a prior; assumed
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class SceneProblem:
     """Input of a bundle adjustment: views, image points, sigmas, and guesses of free lenses.
 
     Attributes:
@@ -58,8 +58,8 @@ class Task:
 
 
 @dataclass(frozen=True, eq=False)
-class SceneFit(Task):
-    """Optimum of a task.
+class SceneFit(SceneProblem):
+    """Optimum of a problem.
 
     Attributes:
         state: The optimum.
@@ -76,23 +76,23 @@ class SceneFit(Task):
     pixel_gradient: Array
 
 
-def adjust(task: Task, state: SceneState) -> SceneFit:
-    """Optimise a task from an initial state."""
-    optima = levenberg_marquardt(_System(task), stack([state]), Criteria(_MOST_STEPS, tolerance=_SHARE_LEFT))
-    return scene_fit(task, take(optima.state, 0))
+def adjust(problem: SceneProblem, state: SceneState) -> SceneFit:
+    """Optimise a problem from an initial state."""
+    optima = levenberg_marquardt(_System(problem), stack([state]), Criteria(_MOST_STEPS, tolerance=_SHARE_LEFT))
+    return scene_fit(problem, take(optima.state, 0))
 
 
-def scene_fit(task: Task, state: SceneState) -> SceneFit:
-    """Make the `SceneFit` of a task from its final state."""
-    pixels, prior = task.linearise(state)
-    square, every = task.sigma_px**2, pixels.hessian + prior.hessian
+def scene_fit(problem: SceneProblem, state: SceneState) -> SceneFit:
+    """Make the `SceneFit` of a problem from its final state."""
+    pixels, prior = problem.linearise(state)
+    variance, information = problem.sigma_px**2, pixels.hessian + prior.hessian
     return SceneFit(
-        **vars(task),
+        **vars(problem),
         state=state,
-        information=every,
+        information=information,
         gradient=pixels.gradient + prior.gradient,
-        pixel_information=pixels.hessian * square,
-        pixel_gradient=pixels.gradient * square,
+        pixel_information=pixels.hessian * variance,
+        pixel_gradient=pixels.gradient * variance,
     )
 
 
@@ -100,19 +100,21 @@ def scene_fit(task: Task, state: SceneState) -> SceneFit:
 class _System:
     """A scene as a `System` for Levenberg-Marquardt, a batch of one; see `numerics.levenberg_marquardt`."""
 
-    task: Task
+    problem: SceneProblem
 
     def linearise(self, state: SceneState) -> Quadratic:
         """See `System`."""
-        pixels, prior = self.task.linearise(take(state, 0))
-        return Quadratic(*(one[None] + other for one, other in zip(pixels[:3], prior[:3], strict=True)))
+        pixels, prior = self.problem.linearise(take(state, 0))
+        return Quadratic(*(left[None] + right for left, right in zip(pixels[:3], prior[:3], strict=True)))
 
     def retract(self, state: SceneState, model: Quadratic, step: Array) -> SceneState:
         """See `System`; the points are optimised for the cameras after the step."""
-        alone = take(state, 0)
-        after = take_step(alone, self.task.columns, step[0])
+        single = take(state, 0)
+        after = take_step(single, self.problem.columns, step[0])
         for _ in range(_POINT_STEPS):
-            after = after.with_points(after.points + point_steps(self.task.tracks, _weigh_equations(self.task, after)))
+            after = after.with_points(
+                after.points + point_steps(self.problem.tracks, _weigh_equations(self.problem, after))
+            )
         return stack([after])
 
     def take(self, rows: IntArray) -> _System:
@@ -120,20 +122,20 @@ class _System:
         return self
 
 
-def _reduce_equations(task: Task, state: SceneState) -> Quadratic:
+def _reduce_equations(problem: SceneProblem, state: SceneState) -> Quadratic:
     """Normal equations of image points in all columns.
 
     A point behind its camera costs as much as a residual of ten times `tail`, with `tail` at most 10.
     """
-    equations, columns = _weigh_equations(task, state), task.columns
-    gradient, information = reduced_equations(task.views.camera, task.tracks, equations, columns.lens_widths)
-    moves = column_jacobian(task.views, state, columns)
+    equations, columns = _weigh_equations(problem, state), problem.columns
+    gradient, information = reduced_equations(problem.views.camera, problem.tracks, equations, columns.lens_widths)
+    moves = column_jacobian(problem.views, state, columns)
     squares = np.sum(equations.residual**2, 1)
-    if np.isfinite(task.tail):
+    if np.isfinite(problem.tail):
         # Weighted squares w e^2 with w = 1 / (1 + e^2 / c^2) hold e^2 = s / (1 - s / c^2).
-        share = np.minimum(squares / task.tail**2, 1 - 1e-12)
-        squares = -(task.tail**2) * np.log1p(-share)
-    worst = np.log1p(100.0) * min(task.tail, 10.0) ** 2
+        share = np.minimum(squares / problem.tail**2, 1 - 1e-12)
+        squares = -(problem.tail**2) * np.log1p(-share)
+    worst = np.log1p(100.0) * min(problem.tail, 10.0) ** 2
     cost = np.array(squares.sum() + worst * np.count_nonzero(~equations.seen))
     return Quadratic(cost, moves.T @ gradient, moves.T @ information @ moves)
 
@@ -144,41 +146,43 @@ def residuals_px(views: SceneViews, tracks: Tracks, state: SceneState) -> Array:
     return np.where(equations.seen[:, None], equations.residual, np.inf)
 
 
-def _weigh_equations(task: Task, state: SceneState) -> PixelEquations:
+def _weigh_equations(problem: SceneProblem, state: SceneState) -> PixelEquations:
     """Equations of the image points, with Cauchy weights."""
-    equations = pixel_equations(task.views, task.tracks, state, 1 / task.sigma_px)
-    share = 1 / np.sqrt(1 + np.sum(equations.residual**2, 1, keepdims=True) / task.tail**2)
+    equations = pixel_equations(problem.views, problem.tracks, state, 1 / problem.sigma_px)
+    share = 1 / np.sqrt(1 + np.sum(equations.residual**2, 1, keepdims=True) / problem.tail**2)
     return equations.scale(share)
 
 
-def prior_information(task: Task, state: SceneState) -> Quadratic:
+def prior_information(problem: SceneProblem, state: SceneState) -> Quadratic:
     """Prior cost, gradient and information of mounts, bases, lenses and stop errors."""
-    columns, sigmas = task.columns, task.stop_sigma
+    columns, sigmas = problem.columns, problem.stop_sigma
     width = columns.errors.stop
     gradient, information, cost = np.zeros(width), np.zeros((width, width)), 0.0
-    for residual, jacobian, where in _residuals(task, state):
-        gradient[where] += jacobian.T @ residual
-        information[where, where] += jacobian.T @ jacobian
+    for residual, jacobian, part in _residuals(problem, state):
+        gradient[part] += jacobian.T @ residual
+        information[part, part] += jacobian.T @ jacobian
         cost += float(residual @ residual)
-    scaled = (state.errors / sigmas**2).ravel()
-    gradient[columns.errors] = scaled
-    at = np.arange(columns.errors.start, columns.errors.stop)
-    information[at, at] = (1 / sigmas**2).ravel()
-    return Quadratic(np.array(cost + scaled @ state.errors.ravel()), gradient, information)
+    error_gradient = (state.errors / sigmas**2).ravel()
+    gradient[columns.errors] = error_gradient
+    diagonal = np.arange(columns.errors.start, columns.errors.stop)
+    information[diagonal, diagonal] = (1 / sigmas**2).ravel()
+    return Quadratic(np.array(cost + error_gradient @ state.errors.ravel()), gradient, information)
 
 
-def _residuals(task: Task, state: SceneState) -> list[tuple[Array, Array, slice]]:
+def _residuals(problem: SceneProblem, state: SceneState) -> list[tuple[Array, Array, slice]]:
     """Prior residuals in sigmas with their Jacobians and columns, without those of stop errors."""
-    found, views, columns = [], task.views, task.columns
+    found, views, columns = [], problem.views, problem.columns
     mounts = tuple(camera.mount for camera in views.cameras)
     stacks = (mounts, state.mounts, columns.mounts), (views.bases, state.bases, columns.bases)
-    places = [(known, values[k], where[k]) for all_known, values, where in stacks for k, known in enumerate(all_known)]
-    for known, value, where in places:
-        if where is not None and known.status == "prior":
-            found.append((*prior_residual(known, value), where))
-    for camera, lens, guess, where in zip(views.cameras, state.lenses, task.guesses, columns.lenses, strict=True):
-        if where is not None:
-            found.append((*_lens_residual(camera.lens, lens, guess), where))
+    unknowns = [
+        (stated, values[k], part[k]) for all_stated, values, part in stacks for k, stated in enumerate(all_stated)
+    ]
+    for stated, value, part in unknowns:
+        if part is not None and stated.status == "prior":
+            found.append((*prior_residual(stated, value), part))
+    for camera, lens, guess, part in zip(views.cameras, state.lenses, problem.guesses, columns.lenses, strict=True):
+        if part is not None:
+            found.append((*_lens_residual(camera.lens, lens, guess), part))
     return found
 
 
@@ -189,7 +193,7 @@ def _lens_residual(intrinsics: Intrinsics, value: Camera, guess: Camera) -> tupl
     count = len(value.parameters)
     focal = float(guess.focal.mean())
     width, height = guess.size_px or (2 * focal, 2 * focal)
-    terms = np.where(np.isfinite(guess.term_sigmas), guess.term_sigmas, _TERM)
+    terms = np.where(np.isfinite(guess.term_sigmas), guess.term_sigmas, _TERM_SIGMA)
     rows = np.eye(count)
     rows[0] *= 1 / (FOCAL_SHARE * focal)
     rows[1] = (rows[1] - np.eye(count)[0]) / (_ASPECT_SHARE * focal)

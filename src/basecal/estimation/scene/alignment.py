@@ -15,7 +15,7 @@ from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.numerics.robust_step import STEP, robust_step
 
 _TRIPLES = 4000  # samples of three pairs: an inlier sample is found with 10 % probability at 97 % outliers
-_AT_ONCE = 500
+_BATCH_TRIPLES = 500
 _REFINEMENTS = 4  # rounds of refinement on the inliers
 _FEWEST_PAIRS = 8  # fewest inliers, five more than the three that define a transform
 _SAME_M_RAD = 0.05  # [m, rad] within which two transforms are one hypothesis
@@ -37,47 +37,47 @@ def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) 
         return []
     triples = np.random.default_rng(_SEED).integers(len(first), size=(_TRIPLES, 3))
     triples = triples[(np.diff(np.sort(triples, axis=1)) > 0).all(1)]
-    every = umeyama(first[triples], second[triples], np.ones(triples.shape))
-    parts = [slice(at, at + _AT_ONCE) for at in range(0, len(triples), _AT_ONCE)]
-    agrees = np.concatenate([_agreeing(every[some], first, second, tolerance_m) for some in parts])
+    transforms = umeyama(first[triples], second[triples], np.ones(triples.shape))
+    batches = [slice(start, start + _BATCH_TRIPLES) for start in range(0, len(triples), _BATCH_TRIPLES)]
+    inliers = np.concatenate([_inlier_mask(transforms[batch], first, second, tolerance_m) for batch in batches])
     is_left = np.ones(len(first), dtype=bool)
     found: list[tuple[SE3, BoolArray]] = []
     while len(found) < max_count:
         # Transforms with fewer inliers, such as the right one beside repeated objects, are found among the other pairs.
-        best = int(np.argmax(agrees @ is_left.astype(np.int64)))
-        at, mine = _refine(every[best], agrees[best], first, second, tolerance_m)
-        if mine.sum() < _FEWEST_PAIRS or not np.any(mine & is_left):
+        best = int(np.argmax(inliers @ is_left.astype(np.int64)))
+        transform, own_inliers = _refine(transforms[best], inliers[best], first, second, tolerance_m)
+        if own_inliers.sum() < _FEWEST_PAIRS or not np.any(own_inliers & is_left):
             break
-        if not any(are_one(at, other, first, _SAME_M_RAD) for other, _ in found):
-            found.append((at, mine))
-        is_left &= ~mine
+        if not any(are_equal(transform, other, first, _SAME_M_RAD) for other, _ in found):
+            found.append((transform, own_inliers))
+        is_left &= ~own_inliers
     return sorted(found, key=lambda each: -int(each[1].sum()))
 
 
-def _agreeing(transforms: SE3, first: Array, second: Array, tolerance_m: Array) -> BoolArray:
+def _inlier_mask(transforms: SE3, first: Array, second: Array, tolerance_m: Array) -> BoolArray:
     """Inlier mask of the pairs for each transform, (..., n)."""
     moved = first @ transforms.rotation.mT + transforms.translation[..., None, :]
-    agrees: BoolArray = np.sum((moved - second) ** 2, -1) < tolerance_m**2
-    return agrees
+    inliers: BoolArray = np.sum((moved - second) ** 2, -1) < tolerance_m**2
+    return inliers
 
 
 def _refine(
-    transform: SE3, agrees: BoolArray, first: Array, second: Array, tolerance_m: Array
+    transform: SE3, inliers: BoolArray, first: Array, second: Array, tolerance_m: Array
 ) -> tuple[SE3, BoolArray]:
     """Fit the transform to its inliers repeatedly; return it and its inlier mask, unchanged if inliers are too few."""
     for _ in range(_REFINEMENTS):
-        if agrees.sum() < _FEWEST_PAIRS:
+        if inliers.sum() < _FEWEST_PAIRS:
             break
-        transform = umeyama(first[agrees], second[None, agrees], 1 / tolerance_m[None, agrees] ** 2)[0]
-        agrees = _agreeing(transform, first, second, tolerance_m)
-    return transform, agrees
+        transform = umeyama(first[inliers], second[None, inliers], 1 / tolerance_m[None, inliers] ** 2)[0]
+        inliers = _inlier_mask(transform, first, second, tolerance_m)
+    return transform, inliers
 
 
-def are_one(first: SE3, second: SE3, points: Array, limit: float) -> bool:
+def are_equal(first: SE3, second: SE3, points: Array, limit: float) -> bool:
     """Whether two transforms are equal within `limit`: their rotation [rad], and the moved median point [m]."""
-    middle = np.median(points, axis=0)
-    apart = np.linalg.norm(first @ middle - second @ middle)
-    return bool(apart < limit and np.linalg.norm((first.inverse() @ second).rotvec) < limit)
+    median = np.median(points, axis=0)
+    distance = np.linalg.norm(first @ median - second @ median)
+    return bool(distance < limit and np.linalg.norm((first.inverse() @ second).rotvec) < limit)
 
 
 def project_points(points: Array, camera_from_first: SE3, lens: Camera) -> Array:
@@ -88,8 +88,10 @@ def project_points(points: Array, camera_from_first: SE3, lens: Camera) -> Array
         camera_from_first: (v,) poses of the points' frame in the camera.
         lens: The lens.
     """
-    at = np.einsum("vab,pb->vpa", camera_from_first.rotation, points) + camera_from_first.translation[:, None]
-    return np.asarray(np.where(lens.sees(at)[..., None], lens.project(at), np.nan))
+    points_in_camera = (
+        np.einsum("vab,pb->vpa", camera_from_first.rotation, points) + camera_from_first.translation[:, None]
+    )
+    return np.asarray(np.where(lens.sees(points_in_camera)[..., None], lens.project(points_in_camera), np.nan))
 
 
 def refine_transform(
@@ -104,13 +106,13 @@ def refine_transform(
         second_from_first: Initial transform.
         lens: Lens of the views.
     """
-    own = points[sightings.point]
-    camera = camera_from_second[sightings.view]
+    points_in_first = points[sightings.point]
+    camera_poses = camera_from_second[sightings.view]
 
     def residuals(step: Array) -> Array:
         """Residuals after a step, (n, 2) [px]."""
-        moved = camera @ (second_from_first @ SE3.exp(step))
-        place = (moved.rotation @ own[..., None])[..., 0] + moved.translation
+        moved = camera_poses @ (second_from_first @ SE3.exp(step))
+        place = (moved.rotation @ points_in_first[..., None])[..., 0] + moved.translation
         return np.asarray(np.nan_to_num(lens.project(place) - sightings.pixels, nan=1e3))
 
     for _ in range(_MOST_STEPS):

@@ -64,18 +64,18 @@ def equations_of_points(
         weight: 1 / sigma [1/px].
     """
     rotation = camera_from_world.rotation[tracks.view]
-    at = (rotation @ points[tracks.point][..., None])[..., 0] + camera_from_world.translation[tracks.view]
+    points_in_camera = (rotation @ points[tracks.point][..., None])[..., 0] + camera_from_world.translation[tracks.view]
     n, longest = len(tracks), max(len(lens.parameters) for lens in lenses)
-    pixels, by_place, by_view = np.zeros((n, 2)), np.zeros((n, 2, 3)), np.zeros((n, 2, 6 + longest))
+    pixels, by_camera_point, by_view = np.zeros((n, 2)), np.zeros((n, 2, 3)), np.zeros((n, 2, 6 + longest))
     camera = camera[tracks.view]
     for index, lens in enumerate(lenses):
-        mine = np.flatnonzero(camera == index)
-        pixels[mine], by_place[mine], of_lens = lens.project_with_derivatives(at[mine], True)
-        assert of_lens is not None
-        by_view[mine, :, 6 : 6 + of_lens.shape[-1]] = of_lens
-    by_view[..., :6] = np.concatenate([-by_place, by_place @ cross_matrix(at)], -1)
-    residual, by_point = pixels - tracks.pixels, by_place @ rotation
-    seen = np.isfinite(residual).all(1) & (at[:, 2] > 0)
+        rows = np.flatnonzero(camera == index)
+        pixels[rows], by_camera_point[rows], by_lens = lens.project_with_derivatives(points_in_camera[rows], True)
+        assert by_lens is not None
+        by_view[rows, :, 6 : 6 + by_lens.shape[-1]] = by_lens
+    by_view[..., :6] = np.concatenate([-by_camera_point, by_camera_point @ cross_matrix(points_in_camera)], -1)
+    residual, by_point = pixels - tracks.pixels, by_camera_point @ rotation
+    seen = np.isfinite(residual).all(1) & (points_in_camera[:, 2] > 0)
     for each in (residual, by_view, by_point):
         each[~seen] = 0.0
     return PixelEquations(residual, by_view, by_point, seen).scale(np.full((n, 1), weight))
@@ -94,31 +94,31 @@ def reduced_equations(
         equations: Equations of the image points.
         lens_widths: Number of estimated lens parameters of each camera, 0 or all.
     """
-    whole, force = _point_blocks(tracks, equations)
-    root = np.linalg.inv(np.linalg.cholesky(whole))
-    tie = equations.by_view.mT @ equations.by_point @ root[tracks.point].mT
+    information_of_points, gradient_of_points = _point_blocks(tracks, equations)
+    root = np.linalg.inv(np.linalg.cholesky(information_of_points))
+    coupling = equations.by_view.mT @ equations.by_point @ root[tracks.point].mT
     ends = np.cumsum([6 * len(camera), *lens_widths])
     width, own = int(ends[-1]), equations.by_view.shape[-1]
     # Columns of fixed lenses are placed last and cut off.
-    lens_at = np.where(np.diff(ends) > 0, ends[:-1], width)
+    lens_columns = np.where(np.diff(ends) > 0, ends[:-1], width)
     gradient, information = np.zeros(width + own), np.zeros((width + own, width + own))
-    ties = np.zeros((width + own, tracks.count, 3))
+    couplings = np.zeros((width + own, tracks.count, 3))
     for view, index in enumerate(camera):
-        mine = np.flatnonzero(tracks.view == view)
-        columns = np.r_[6 * view : 6 * view + 6, lens_at[index] : lens_at[index] + own - 6]
-        of = equations.by_view[mine].reshape(-1, own)
-        gradient[columns] += of.T @ equations.residual[mine].ravel()
-        information[columns[:, None], columns] += of.T @ of
-        ties[columns[:, None], tracks.point[mine]] += np.swapaxes(tie[mine], 0, 1)
-    flat = ties.reshape(-1, 3 * tracks.count)[:width]
-    solved = (root @ force[..., None]).ravel()
-    return gradient[:width] - flat @ solved, information[:width, :width] - flat @ flat.T
+        rows = np.flatnonzero(tracks.view == view)
+        columns = np.r_[6 * view : 6 * view + 6, lens_columns[index] : lens_columns[index] + own - 6]
+        jacobian = equations.by_view[rows].reshape(-1, own)
+        gradient[columns] += jacobian.T @ equations.residual[rows].ravel()
+        information[columns[:, None], columns] += jacobian.T @ jacobian
+        couplings[columns[:, None], tracks.point[rows]] += np.swapaxes(coupling[rows], 0, 1)
+    whitened = couplings.reshape(-1, 3 * tracks.count)[:width]
+    whitened_gradient = (root @ gradient_of_points[..., None]).ravel()
+    return gradient[:width] - whitened @ whitened_gradient, information[:width, :width] - whitened @ whitened.T
 
 
 def point_steps(tracks: Tracks, equations: PixelEquations) -> Array:
     """Gauss-Newton steps of the points for fixed cameras, (p, 3) [m]."""
-    whole, force = _point_blocks(tracks, equations)
-    return np.asarray(-np.linalg.solve(whole, force[..., None])[..., 0])
+    information, gradient = _point_blocks(tracks, equations)
+    return np.asarray(-np.linalg.solve(information, gradient[..., None])[..., 0])
 
 
 def point_information(tracks: Tracks, equations: PixelEquations) -> Array:
@@ -135,6 +135,6 @@ def sums(index: IntArray, count: int, values: Array) -> Array:
 
 def _point_blocks(tracks: Tracks, equations: PixelEquations) -> tuple[Array, Array]:
     """Information (p, 3, 3) and gradient (p, 3) of the points, for known cameras."""
-    of = equations.by_point
-    whole = sums(tracks.point, tracks.count, of.mT @ of) + _RIDGE * np.eye(3)
-    return whole, sums(tracks.point, tracks.count, (of.mT @ equations.residual[..., None])[..., 0])
+    by_point = equations.by_point
+    information = sums(tracks.point, tracks.count, by_point.mT @ by_point) + _RIDGE * np.eye(3)
+    return information, sums(tracks.point, tracks.count, (by_point.mT @ equations.residual[..., None])[..., 0])

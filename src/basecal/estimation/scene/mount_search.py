@@ -24,7 +24,7 @@ from basecal.numerics.robust_step import STEP, robust_step
 _ROTATIONS = 1000  # rotations of the grid, 25 degrees apart: basins of attraction are 20 to 30 degrees wide
 _REFINED = 8  # best rotations of the grid that are refined
 _RANKED = 500  # pairs used to rank the grid
-_AT_ONCE = 100  # rotations of the grid that are tried as one batch
+_BATCH_ROTATIONS = 100  # rotations of the grid that are tried as one batch
 _REFINEMENTS = 5  # rounds of reweighting, each of which halves the effect of outliers or more
 _TAILS_PX = (10.0, 3.0, 2.0)  # [px] scales of the Cauchy loss, in sequence
 _MOST_STEPS = 8  # most steps for each scale
@@ -78,15 +78,16 @@ def find_mount(
         return _refine(pairs, base_from_flange, guess, lens, is_free)
     ranked = take(pairs, np.unique(np.linspace(0, len(pairs[0]) - 1, _RANKED).astype(np.int64)))
     rotations = rotation_grid(_ROTATIONS)
-    scored = [
-        _score_rotations(ranked, base_from_flange, lens, some) for some in np.split(rotations, _ROTATIONS // _AT_ONCE)
+    scored_batches = [
+        _score_rotations(ranked, base_from_flange, lens, batch)
+        for batch in np.split(rotations, _ROTATIONS // _BATCH_ROTATIONS)
     ]
-    positions, scores = (np.concatenate([each[k] for each in scored]) for k in (0, 1))
+    positions, scores = (np.concatenate([each[k] for each in scored_batches]) for k in (0, 1))
     best = np.argsort(scores)[:_REFINED]
-    ends = [
+    refined = [
         _refine(ranked, base_from_flange, SE3(rotations[k], positions[k]), lens, is_free, _TAILS_PX[:1]) for k in best
     ]
-    first = min(ends, key=lambda end: end.misfit)
+    first = min(refined, key=lambda start: start.misfit)
     return _refine(pairs, base_from_flange, first.flange_from_camera, first.lens, is_free, _TAILS_PX[1:])
 
 
@@ -102,20 +103,24 @@ def rotation_grid(count: int) -> Array:
 def _score_rotations(pairs: PointPairs, base_from_flange: SE3, lens: Camera, rotations: Array) -> tuple[Array, Array]:
     """Best position of the camera for each rotation, (r, 3) [m], and the median sine of the epipolar error, (r,)."""
     first, second = directions(pairs, lens)
-    one, other = (base_from_flange[each.view] for each in pairs)
-    ray = np.einsum("nab,rbc,nc->rna", one.rotation, rotations, first, optimize=True)
-    normal = np.cross(ray, np.einsum("nab,rbc,nc->rna", other.rotation, rotations, second, optimize=True))
-    turned, moved = other.rotation - one.rotation, other.translation - one.translation
-    rows, right = np.einsum("rna,nab->rnb", normal, turned), -np.einsum("rna,na->rn", normal, moved)
+    first_pose, second_pose = (base_from_flange[each.view] for each in pairs)
+    ray = np.einsum("nab,rbc,nc->rna", first_pose.rotation, rotations, first, optimize=True)
+    normal = np.cross(ray, np.einsum("nab,rbc,nc->rna", second_pose.rotation, rotations, second, optimize=True))
+    rotation_change = second_pose.rotation - first_pose.rotation
+    translation_change = second_pose.translation - first_pose.translation
+    rows = np.einsum("rna,nab->rnb", normal, rotation_change)
+    right = -np.einsum("rna,na->rn", normal, translation_change)
     weight = np.ones(right.shape)
     for _ in range(_REFINEMENTS):
         information = np.einsum("rn,rna,rnb->rab", weight, rows, rows, optimize=True) + 1e-9 * np.eye(3)
         position = np.linalg.solve(
             information, np.einsum("rn,rna,rn->ra", weight, rows, right, optimize=True)[..., None]
         )
-        left = np.abs((rows @ position)[..., 0] - right)
-        baseline = np.linalg.norm(moved + np.einsum("nab,rb->rna", turned, position[..., 0]), axis=-1)
-        sine = left / np.maximum(baseline, _SHORTEST_M)
+        residual = np.abs((rows @ position)[..., 0] - right)
+        baseline = np.linalg.norm(
+            translation_change + np.einsum("nab,rb->rna", rotation_change, position[..., 0]), axis=-1
+        )
+        sine = residual / np.maximum(baseline, _SHORTEST_M)
         median = np.median(sine, axis=1, keepdims=True)
         weight = 1 / (1 + (sine / (1.5 * median + 1e-12)) ** 2) / np.maximum(baseline, _SHORTEST_M) ** 2
     return position[..., 0], median[:, 0]
@@ -135,14 +140,14 @@ def _refine(
     def distances(step: Array) -> Array:
         """Distances after a step of the mount, and of the logarithm of a free focal length, (n, 1) [px]."""
         scaled = scale_focal(lens, np.exp(logarithm + step[6:].sum()))
-        seen = directions(pairs, scaled) if step[6:].any() else rays
-        at = mount @ SE3.exp(step[:6])
-        return sampson_px(pairs, seen, base_from_flange, at, float(scaled.focal.mean()))[:, None]
+        step_rays = directions(pairs, scaled) if step[6:].any() else rays
+        moved_mount = mount @ SE3.exp(step[:6])
+        return sampson_px(pairs, step_rays, base_from_flange, moved_mount, float(scaled.focal.mean()))[:, None]
 
-    held = np.diag([0.0] * 6 + [1 / FOCAL_SHARE**2] * is_free)
+    prior = np.diag([0.0] * 6 + [1 / FOCAL_SHARE**2] * is_free)
     for tail_px in tails_px:
         for _ in range(_MOST_STEPS):
-            step = robust_step(distances, len(held), tail_px, held, held[:, -1] * logarithm)
+            step = robust_step(distances, len(prior), tail_px, prior, prior[:, -1] * logarithm)
             mount = mount @ SE3.exp(step[:6])
             if is_free:
                 logarithm += float(step[6])
@@ -176,9 +181,11 @@ def point_pairs(tracks: Tracks, max_count: int) -> PointPairs:
     """Select at most `max_count` pairs of image points of a camera, from views that are mostly not consecutive."""
     factor, modulus = _MIXING
     order = np.lexsort((tracks.view * factor % modulus, tracks.point))
-    found = np.flatnonzero(tracks.point[order[1:]] == tracks.point[order[:-1]])
-    few = found[np.unique(np.linspace(0, max(len(found) - 1, 0), min(max_count, len(found))).astype(np.int64))]
-    return take(tracks, order[few]), take(tracks, order[few + 1])
+    neighbours = np.flatnonzero(tracks.point[order[1:]] == tracks.point[order[:-1]])
+    selected = neighbours[
+        np.unique(np.linspace(0, max(len(neighbours) - 1, 0), min(max_count, len(neighbours))).astype(np.int64))
+    ]
+    return take(tracks, order[selected]), take(tracks, order[selected + 1])
 
 
 def sampson_px(
@@ -207,8 +214,9 @@ def are_in_front(
 ) -> BoolArray:
     """Whether the rays of each pair meet in front of both cameras, (n,); see `sampson_px`."""
     base_from_camera = base_from_flange @ flange_from_camera
-    one, other = (base_from_camera[each.view] for each in pairs)
-    first, second = (one.rotation @ rays[0][..., None])[..., 0], (other.rotation @ rays[1][..., None])[..., 0]
-    normal, baseline = np.cross(first, second), other.translation - one.translation
+    first_pose, second_pose = (base_from_camera[each.view] for each in pairs)
+    first = (first_pose.rotation @ rays[0][..., None])[..., 0]
+    second = (second_pose.rotation @ rays[1][..., None])[..., 0]
+    normal, baseline = np.cross(first, second), second_pose.translation - first_pose.translation
     depths = [np.vecdot(np.cross(baseline, ray), normal) for ray in (second, first)]
     return np.asarray((depths[0] > 0) & (depths[1] > 0))

@@ -19,10 +19,10 @@ from basecal.estimation.scene.adjust import SceneFit, residuals_px
 from basecal.estimation.scene.views import SceneViews
 from basecal.geometry import Array
 
-_PIXELS = (1e-3, 1e2)  # [px] bounds of the sigma of image points
-_ROBOTS = (1e-7, 0.1)  # [m, rad] bounds of the sigmas of robots
+_PIXEL_BOUNDS_PX = (1e-3, 1e2)  # [px] bounds of the sigma of image points
+_ROBOT_BOUNDS = (1e-7, 0.1)  # [m, rad] bounds of the sigmas of robots
 _RELATIVE_DECREASE = 1e-6  # relative change of the likelihood at convergence
-_IMPOSSIBLE = 1e12  # cost of sigmas for which the information is not positive definite
+_INDEFINITE_COST = 1e12  # cost of sigmas for which the information is not positive definite
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,41 +46,41 @@ class _Likelihood:
     @classmethod
     def expand(cls, fit: SceneFit, stop_noise: Sequence[Array | None]) -> _Likelihood:
         """Expand about an optimum."""
-        own = fit.columns.errors
+        error_columns = fit.columns.errors
         prior = fit.information - fit.pixel_information / fit.sigma_px**2
-        prior[own, own] = 0.0
-        errors = np.zeros(own.stop)
-        errors[own] = fit.state.errors.ravel()
-        carried = fit.pixel_information @ errors
+        prior[error_columns, error_columns] = 0.0
+        errors = np.zeros(error_columns.stop)
+        errors[error_columns] = fit.state.errors.ravel()
+        error_force = fit.pixel_information @ errors
         residuals = residuals_px(fit.views, fit.tracks, fit.state)
         residuals = residuals[np.isfinite(residuals)]  # points behind a camera are rejected in the next round
-        squares = float(np.sum(residuals**2) - 2 * fit.pixel_gradient @ errors + errors @ carried)
-        return cls(fit, stop_noise, prior, fit.pixel_gradient - carried, squares)
+        squares = float(np.sum(residuals**2) - 2 * fit.pixel_gradient @ errors + errors @ error_force)
+        return cls(fit, stop_noise, prior, fit.pixel_gradient - error_force, squares)
 
     def sigmas(self, logs: Array) -> tuple[float, Array]:
         """Sigmas from logarithms: image points, then translation and rotation of each robot without stated noise."""
-        left = iter(np.exp(np.repeat(logs[1:].reshape(-1, 2), 3, axis=1)))
-        by_robot = [next(left) if noise is None else noise for noise in self.stated]
+        estimated = iter(np.exp(np.repeat(logs[1:].reshape(-1, 2), 3, axis=1)))
+        by_robot = [next(estimated) if noise is None else noise for noise in self.stated]
         return float(np.exp(logs[0])), sigmas_by_stop(self.fit.views, by_robot)
 
     def negative_log_likelihood(self, logs: Array) -> tuple[float, Array]:
         """Minus twice the log likelihood, plus the prior cost of the sigmas, and its gradient in the logarithms."""
         sigma_px, stop_sigma = self.sigmas(logs)
-        pixels, of_stops = self.fit.pixel_information / sigma_px**2, 1 / stop_sigma.ravel() ** 2
+        pixels, stop_information = self.fit.pixel_information / sigma_px**2, 1 / stop_sigma.ravel() ** 2
         information = pixels + self.prior
         diagonal = np.einsum("ii->i", information)  # a view
-        diagonal[-len(of_stops) :] += of_stops
+        diagonal[-len(stop_information) :] += stop_information
         try:
             root = np.linalg.inv(np.linalg.cholesky(information))
         except np.linalg.LinAlgError:
-            return _IMPOSSIBLE, np.zeros(len(logs))
+            return _INDEFINITE_COST, np.zeros(len(logs))
         inverse, force = root.T @ root, self.gradient / sigma_px**2
         step = inverse @ force
         freedoms = 2 * len(self.fit.tracks) - 3 * self.fit.tracks.count
         log_dets = 2 * np.log(stop_sigma).sum() - 2 * np.log(np.diag(root)).sum()
         squares = self.squares / sigma_px**2
         by_pixels = freedoms - np.vdot(inverse, pixels) - squares + step @ (2 * force - pixels @ step)
-        by_stops = 1 - of_stops * (np.diag(inverse) + step**2)[-len(of_stops) :]
+        by_stops = 1 - stop_information * (np.diag(inverse) + step**2)[-len(stop_information) :]
         prior, slope = self._prior_cost(logs)
         value = 2 * freedoms * logs[0] + log_dets + squares - force @ step + prior
         return float(value), 2 * np.append(by_pixels, self._sum_by_sigma(by_stops)) + slope
@@ -94,12 +94,14 @@ class _Likelihood:
     def _prior_cost(self, logs: Array) -> tuple[float, Array]:
         """Prior cost of the logarithms of robots' sigmas, and its gradient."""
         mean, factor = np.log(ROBOT_RAD)
-        shift, turn = logs[1:].reshape(-1, 2).T
+        translation, rotation = logs[1:].reshape(-1, 2).T
         reach_m = self.fit.views.reach_m[[noise is None for noise in self.stated]]
-        tied = (shift - turn - np.log(np.maximum(reach_m, 0.1))) / np.log(TIE)
-        off = (turn - mean) / factor
-        slope = 2 * np.column_stack([tied / np.log(TIE), off / factor - tied / np.log(TIE)])
-        return float(np.sum(off**2 + tied**2)), np.append(0.0, slope)
+        lever_residual = (translation - rotation - np.log(np.maximum(reach_m, 0.1))) / np.log(TIE)
+        rotation_residual = (rotation - mean) / factor
+        slope = 2 * np.column_stack(
+            [lever_residual / np.log(TIE), rotation_residual / factor - lever_residual / np.log(TIE)]
+        )
+        return float(np.sum(rotation_residual**2 + lever_residual**2)), np.append(0.0, slope)
 
 
 def sigmas_by_stop(views: SceneViews, by_robot: Sequence[Array]) -> Array:
@@ -120,9 +122,11 @@ def estimate_sigmas(
     likelihood = _Likelihood.expand(fit, stop_noise)
     if holds_pixels:  # a large constant would end the search early
         likelihood = replace(likelihood, squares=0.0)
-    now = [fit.stop_sigma[fit.views.stop_robot == k][0, ::3] for k, noise in enumerate(stop_noise) if noise is None]
-    start = np.log(np.concatenate([[fit.sigma_px], *now]))
-    of_pixels = (fit.sigma_px, fit.sigma_px) if holds_pixels else _PIXELS
-    bounds, options = np.log([of_pixels] + [_ROBOTS] * (len(start) - 1)), {"ftol": _RELATIVE_DECREASE}
+    stop_sigmas = [
+        fit.stop_sigma[fit.views.stop_robot == k][0, ::3] for k, noise in enumerate(stop_noise) if noise is None
+    ]
+    start = np.log(np.concatenate([[fit.sigma_px], *stop_sigmas]))
+    pixel_bounds = (fit.sigma_px, fit.sigma_px) if holds_pixels else _PIXEL_BOUNDS_PX
+    bounds, options = np.log([pixel_bounds] + [_ROBOT_BOUNDS] * (len(start) - 1)), {"ftol": _RELATIVE_DECREASE}
     cost = likelihood.negative_log_likelihood
     return likelihood.sigmas(minimize(cost, start, method="L-BFGS-B", jac=True, bounds=bounds, options=options).x)

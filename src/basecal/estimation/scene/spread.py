@@ -23,21 +23,21 @@ _SEED = 1  # any seed works
 
 def scene_covariance(fit: SceneFit) -> Array:
     """Covariance of all columns except stop errors, (q, q)."""
-    own = fit.columns.errors.start
-    of_model = np.linalg.inv(fit.information)[:own, :own]
-    root = np.linalg.cholesky(of_model)
+    width = fit.columns.errors.start
+    model_covariance = np.linalg.inv(fit.information)[:width, :width]
+    root = np.linalg.cholesky(model_covariance)
     for parts in (_point_clusters(fit), _view_folds(fit)):
-        moves = np.linalg.solve(root, np.array([_jackknife_step(fit, part)[:own] for part in parts]).T)
+        moves = np.linalg.solve(root, np.array([_jackknife_step(fit, part)[:width] for part in parts]).T)
         share, axes = np.linalg.eigh(_jackknife(moves.T))
         root = root @ axes * np.sqrt(np.maximum(share, 1.0))
     return np.asarray(root @ root.T)
 
 
-def widening(fit: SceneFit) -> float:
+def widening_factor(fit: SceneFit) -> float:
     """Factor by which to increase the sigma of image points, so that the mean variance equals `scene_covariance`."""
-    own = fit.columns.errors.start
-    of_model = np.linalg.inv(fit.information)[:own, :own]
-    return float(np.sqrt(np.trace(np.linalg.solve(of_model, scene_covariance(fit))) / own))
+    width = fit.columns.errors.start
+    model_covariance = np.linalg.inv(fit.information)[:width, :width]
+    return float(np.sqrt(np.trace(np.linalg.solve(model_covariance, scene_covariance(fit))) / width))
 
 
 def _point_clusters(fit: SceneFit) -> list[BoolArray]:
@@ -55,8 +55,8 @@ def _view_folds(fit: SceneFit) -> list[BoolArray]:
 
 def _jackknife_step(fit: SceneFit, left_out: BoolArray) -> Array:
     """Change of the optimum if some image points are left out, to first order, (m,)."""
-    rest, old = fit.tracks.take(~left_out, min_views=2)
-    pixels, prior = replace(fit, tracks=rest).linearise(fit.state.with_points(fit.state.points[old]))
+    rest, kept_points = fit.tracks.take(~left_out, min_views=2)
+    pixels, prior = replace(fit, tracks=rest).linearise(fit.state.with_points(fit.state.points[kept_points]))
     return np.asarray(-np.linalg.solve(pixels.hessian + prior.hessian, pixels.gradient + prior.gradient))
 
 
@@ -66,9 +66,9 @@ def _jackknife(moves: Array) -> Array:
     Row i of `moves` is the change of q unknowns if part i of n is left out.
     """
     count, width = moves.shape
-    about = (moves - moves.mean(0)) * np.sqrt(count - 1)
-    found = about.T @ about / count
-    equal = np.trace(found) / width * np.eye(width)
-    by_chance = np.mean(np.sum(about**2, 1) ** 2) / count - np.sum(found**2) / count
-    share = min(by_chance / max(np.sum((found - equal) ** 2), 1e-300), 1.0)
-    return np.asarray(share * equal + (1 - share) * found)
+    deviations = (moves - moves.mean(0)) * np.sqrt(count - 1)
+    covariance = deviations.T @ deviations / count
+    target = np.trace(covariance) / width * np.eye(width)
+    sampling_variance = np.mean(np.sum(deviations**2, 1) ** 2) / count - np.sum(covariance**2) / count
+    share = min(sampling_variance / max(np.sum((covariance - target) ** 2), 1e-300), 1.0)
+    return np.asarray(share * target + (1 - share) * covariance)

@@ -83,21 +83,21 @@ class Columns:
 
 def scene_columns(views: SceneViews, lenses: tuple[Camera, ...]) -> Columns:
     """Assign columns to all unknowns that are not fixed."""
-    at = 0
+    end = 0
 
     def next_columns(width: int) -> slice:
         """Allocate the next `width` columns."""
-        nonlocal at
-        at += width
-        return slice(at - width, at)
+        nonlocal end
+        end += width
+        return slice(end - width, end)
 
     mounts = tuple(None if c.mount.status == "fixed" else next_columns(6) for c in views.cameras)
     bases = tuple(None if base.status == "fixed" else next_columns(6) for base in views.bases)
     widths = [
         0 if c.lens.status == "fixed" else len(lens.parameters) for c, lens in zip(views.cameras, lenses, strict=True)
     ]
-    of_lenses = tuple(next_columns(width) if width else None for width in widths)
-    return Columns(mounts, bases, of_lenses, next_columns(6 * len(views.stop_robot)))
+    lens_columns = tuple(next_columns(width) if width else None for width in widths)
+    return Columns(mounts, bases, lens_columns, next_columns(6 * len(views.stop_robot)))
 
 
 def column_jacobian(views: SceneViews, state: SceneState, columns: Columns) -> Array:
@@ -124,8 +124,8 @@ def column_jacobian(views: SceneViews, state: SceneState, columns: Columns) -> A
         if mount is not None:
             moves[rows, mount] = np.eye(6)
         if views.robot[view] >= 0:
-            at = columns.errors.start + 6 * views.stop[view]
-            moves[rows, at : at + 6] = by_flange[view]
+            first = columns.errors.start + 6 * views.stop[view]
+            moves[rows, first : first + 6] = by_flange[view]
             base = columns.bases[views.robot[view]]
             if base is not None:
                 moves[rows, base] = by_flange[view] @ by_base[view]
@@ -135,14 +135,14 @@ def column_jacobian(views: SceneViews, state: SceneState, columns: Columns) -> A
 def take_step(state: SceneState, columns: Columns, step: Array) -> SceneState:
     """Return the state after a step, with unchanged points."""
 
-    def move(transforms: SE3, places: tuple[slice | None, ...]) -> SE3:
+    def move(transforms: SE3, slices: tuple[slice | None, ...]) -> SE3:
         """Apply the step to transforms."""
-        tangents = np.array([np.zeros(6) if where is None else step[where] for where in places]).reshape(-1, 6)
+        tangents = np.array([np.zeros(6) if part is None else step[part] for part in slices]).reshape(-1, 6)
         return transforms @ SE3.exp(tangents)
 
     lenses = tuple(
-        lens if where is None else retract_lens(lens, step[where])
-        for lens, where in zip(state.lenses, columns.lenses, strict=True)
+        lens if part is None else retract_lens(lens, step[part])
+        for lens, part in zip(state.lenses, columns.lenses, strict=True)
     )
     errors = state.errors + step[columns.errors].reshape(-1, 6)
     return SceneState(

@@ -32,10 +32,10 @@ def with_scene(problem: Problem, state: State, groups: Sequence[ViewGroup], fit:
     columns, width = dict(problem.columns), problem.width
     for name, lens in lenses.items():
         if name not in columns and lens.status != "fixed":
-            more = len(state.cameras[name].parameters)
-            columns[name], width = slice(width, width + more), width + more
-    joined = replace(problem, lenses={**lenses, **problem.lenses}, columns=columns)
-    return replace(joined, tied=_eliminate_points(joined, state, groups, fit, sigma_px))
+            count = len(state.cameras[name].parameters)
+            columns[name], width = slice(width, width + count), width + count
+    extended = replace(problem, lenses={**lenses, **problem.lenses}, columns=columns)
+    return replace(extended, tied=_eliminate_points(extended, state, groups, fit, sigma_px))
 
 
 def _eliminate_points(
@@ -45,24 +45,24 @@ def _eliminate_points(
     tracks = replace(fit.tracks, view=np.argsort(order)[fit.tracks.view])
     camera = fit.views.camera[order]
     camera_from_world = concatenate([state.camera_from_target(group, problem.stops) for group in groups])
-    own = tuple(state.cameras[group.camera] for group in groups)
+    lenses = tuple(state.cameras[group.camera] for group in groups)
     points = fit.state.points
     for _ in range(_POINT_STEPS):
-        equations = equations_of_points(tracks, camera, camera_from_world, own, points, 1 / sigma_px)
+        equations = equations_of_points(tracks, camera, camera_from_world, lenses, points, 1 / sigma_px)
         points = points + point_steps(tracks, equations)
-    equations = equations_of_points(tracks, camera, camera_from_world, own, points, 1 / sigma_px)
-    free = {group.camera: lens for group, lens in zip(groups, own, strict=True) if group.camera in problem.columns}
-    widths = [len(lens.parameters) if group.camera in free else 0 for group, lens in zip(groups, own, strict=True)]
+    equations = equations_of_points(tracks, camera, camera_from_world, lenses, points, 1 / sigma_px)
+    free = {group.camera: lens for group, lens in zip(groups, lenses, strict=True) if group.camera in problem.columns}
+    widths = [len(lens.parameters) if group.camera in free else 0 for group, lens in zip(groups, lenses, strict=True)]
     gradient, information = reduced_equations(camera, tracks, equations, widths)
     # Right tangents of `world_from_camera` to those of `camera_from_world`: minus the adjoint.
-    turn = block_diag(*-camera_from_world.adjoint(), np.eye(sum(widths)))
+    tangent_map = block_diag(*-camera_from_world.adjoint(), np.eye(sum(widths)))
     return TiedViews(
         tuple(groups),
         camera_from_world,
         free,
         float(np.sum(equations.residual**2)),
-        turn.T @ gradient,
-        turn.T @ information @ turn,
+        tangent_map.T @ gradient,
+        tangent_map.T @ information @ tangent_map,
         2 * len(tracks) - 3 * tracks.count,
         points,
     )

@@ -49,10 +49,10 @@ class Tracks:
         Returns:
             The selected image points with renumbered scene points, and the old indices of the scene points.
         """
-        left = np.bincount(self.point[keep], minlength=self.count)
-        chosen = take(self, np.flatnonzero(keep & (left[self.point] >= min_views)))
-        old, point = np.unique(chosen.point, return_inverse=True)
-        return replace(chosen, point=point.astype(np.int64)), old.astype(np.int64)
+        view_counts = np.bincount(self.point[keep], minlength=self.count)
+        selected = take(self, np.flatnonzero(keep & (view_counts[self.point] >= min_views)))
+        kept_points, point = np.unique(selected.point, return_inverse=True)
+        return replace(selected, point=point.astype(np.int64)), kept_points.astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class SceneViews:
         unit, valid = np.zeros((len(tracks), 3)), np.zeros(len(tracks), dtype=bool)
         camera = self.camera[tracks.view]
         for index, lens in enumerate(lenses):
-            mine = np.flatnonzero(camera == index)
-            if len(mine):
-                unit[mine], valid[mine] = lens.undistort(tracks.pixels[mine])
+            rows = np.flatnonzero(camera == index)
+            if len(rows):
+                unit[rows], valid[rows] = lens.undistort(tracks.pixels[rows])
         return np.where(valid[:, None], unit, 0.0), valid

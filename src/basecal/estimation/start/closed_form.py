@@ -76,7 +76,7 @@ def _choose_sign(values: Array, matrix: Array) -> Array:
 
 def solve_rotations(loop: Loop) -> Rotations:
     """Solve for the unknown rotations among X, Y and Z; known ones are returned unchanged."""
-    eye = np.broadcast_to(np.eye(3), loop.a.rotation.shape)
+    identity = np.broadcast_to(np.eye(3), loop.a.rotation.shape)
     a, b, c, w = loop.a.rotation, loop.b.rotation, loop.c.rotation, loop.weight
     x, y, z = (None if t is None else t.rotation for t in (loop.x, loop.y, loop.z))
     if x is not None and y is not None:
@@ -86,13 +86,13 @@ def solve_rotations(loop: Loop) -> Rotations:
     if y is not None and z is not None:
         return Rotations(mean_rotation(a.mT @ y @ c @ z @ b.mT, w), y, z)
     if y is not None:
-        p, q, clear = _solve_two(kron(b.mT, a), kron(eye, y @ c), w)
+        p, q, clear = _solve_two(kron(b.mT, a), kron(identity, y @ c), w)
         return Rotations(p, y, q, clear)
     if z is not None:
-        p, q, clear = _solve_two(kron(b.mT, a), kron((c @ z).mT, eye), w)
+        p, q, clear = _solve_two(kron(b.mT, a), kron((c @ z).mT, identity), w)
         return Rotations(p, q, z, clear)
     if x is not None:
-        p, q, clear = _solve_two(kron((a @ x @ b).mT, eye), kron(eye, c), w)
+        p, q, clear = _solve_two(kron((a @ x @ b).mT, identity), kron(identity, c), w)
         return Rotations(x, p.T, q, clear)
     return _solve_three(a, b, c, w)
 
@@ -114,14 +114,14 @@ def _three_squares(a: Array, b: Array, c: Array, weight: Array) -> Array:
 
     The block of the left part is kron(vec(A) vec(A)', I), the mixed block is -kron(vec(A), kron(B, C)).
     """
-    n, share = len(a), weight**2
-    of_a = a.mT.reshape(n, 9)
-    weighted = (share[:, None] * of_a).T
+    n, squared_weight = len(a), weight**2
+    vec_a = a.mT.reshape(n, 9)
+    weighted = (squared_weight[:, None] * vec_a).T
     mixed = (weighted @ kron(b, c).reshape(n, 81)).reshape(81, 9)
     squares = np.zeros((90, 90))
-    squares[:81, :81] = kron(weighted @ of_a, np.eye(9))
+    squares[:81, :81] = kron(weighted @ vec_a, np.eye(9))
     squares[:81, 81:], squares[81:, :81] = -mixed, -mixed.T
-    np.einsum("ii->i", squares)[81:] = share.sum()
+    np.einsum("ii->i", squares)[81:] = squared_weight.sum()
     return squares
 
 
@@ -142,18 +142,18 @@ def solve_translations(loop: Loop, rotations: Rotations) -> Triple:
     for name in "xyz":
         if name not in loop.unknown:
             right = right - (columns[name] @ getattr(loop, name).translation[:, None])[..., 0]
-    free = loop.unknown
-    w = loop.weight[:, None, None]
-    rows = np.concatenate([columns[name] for name in free], -1) * w
-    solution = least_norm(rows.reshape(-1, 3 * len(free)), (right * w[..., 0]).reshape(-1))
+    unknown = loop.unknown
+    weight = loop.weight[:, None, None]
+    rows = np.concatenate([columns[name] for name in unknown], -1) * weight
+    solution = least_norm(rows.reshape(-1, 3 * len(unknown)), (right * weight[..., 0]).reshape(-1))
     return complete_loop(loop, rotations, solution)
 
 
 def complete_loop(loop: Loop, rotations: Rotations, translations: Array) -> Triple:
     """Assemble X, Y and Z from known transforms, rotations, and the translations of the k unknowns, (3 k,)."""
-    at = dict(zip(loop.unknown, translations.reshape(-1, 3), strict=True))
+    by_letter = dict(zip(loop.unknown, translations.reshape(-1, 3), strict=True))
     x, y, z = (
-        SE3.adopt(getattr(rotations, name).copy(), at[name].copy()) if name in at else getattr(loop, name)
+        SE3.adopt(getattr(rotations, name).copy(), by_letter[name].copy()) if name in by_letter else getattr(loop, name)
         for name in "xyz"
     )
     return x, y, z

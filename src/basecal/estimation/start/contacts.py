@@ -51,24 +51,22 @@ def place_contacts(problem: Problem, transforms: Mapping[str, SE3]) -> dict[str,
     placed: dict[str, SE3] = {}
     for group in problem.groups:
         if isinstance(group.measurement, HingeMeasurement):
-            placed |= _hinge(group, transforms)
+            placed |= _hinge_mounts(group, transforms)
         elif isinstance(group.measurement, GripMeasurement):
-            placed |= _part_ends(group, transforms)
+            placed |= _part_mounts(group, transforms)
     groups = [g for g in problem.groups if _is_surface(g)]
     for name in {g.hand.mount: None for g in groups}:
         touching = [g for g in groups if g.hand.mount == name]
         # Prefer contacts of the reference, whose base is known; the bases of others are approximate.
-        by_reference = [g for g in touching if g.eye.base is None] or touching
-        points = np.concatenate(
-            [_flanges(g.eye, transforms) @ transforms[g.eye.mount].translation for g in by_reference]
-        )
+        preferred = [g for g in touching if g.eye.base is None] or touching
+        points = np.concatenate([_flanges(g.eye, transforms) @ transforms[g.eye.mount].translation for g in preferred])
         is_plane = isinstance(touching[0].measurement, PlaneMeasurement)
-        across = principal_axes(points - points.mean(0)).axes
-        placed[name] = SE3(_z_rotation(across[:, 2 if is_plane else 0]), points.mean(0))
+        axes = principal_axes(points - points.mean(0)).axes
+        placed[name] = SE3(_z_rotation(axes[:, 2 if is_plane else 0]), points.mean(0))
     return placed
 
 
-def turned_starts(problem: Problem, state: State, known_names: Collection[str]) -> Iterator[State]:
+def rotated_base_states(problem: Problem, state: State, known_names: Collection[str]) -> Iterator[State]:
     """Yield states with each base that touches planes or edges rotated about its contacts, including the given state.
 
     The rotations are those of `icosahedral_rotations`.
@@ -76,11 +74,13 @@ def turned_starts(problem: Problem, state: State, known_names: Collection[str]) 
     touching = [g for g in problem.groups if _is_surface(g)]
     for base in sorted({g.eye.base for g in touching if g.eye.base is not None} - set(known_names)):
         flanges = [_flanges(g.eye, state.transforms).translation for g in touching if g.eye.base == base]
-        middle = np.concatenate(flanges).mean(0)
+        centre = np.concatenate(flanges).mean(0)
         for rotation in icosahedral_rotations():
-            turned = SE3(rotation, middle - rotation @ middle) @ state.transforms[base]
-            transforms = {**state.transforms, base: turned}
-            placed = {name: at for name, at in place_contacts(problem, transforms).items() if name not in known_names}
+            rotated = SE3(rotation, centre - rotation @ centre) @ state.transforms[base]
+            transforms = {**state.transforms, base: rotated}
+            placed = {
+                name: mount for name, mount in place_contacts(problem, transforms).items() if name not in known_names
+            }
             yield replace(state, transforms={**transforms, **placed})
 
 
@@ -88,7 +88,7 @@ def _is_surface(group: ViewGroup) -> bool:
     return isinstance(group.measurement, ContactMeasurement) and group.hand.robot is None
 
 
-def _hinge(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
+def _hinge_mounts(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
     """Mounts of both ends of a hinge, with z along the directions in the flanges that stay parallel."""
     eye, hand = group.ends
     rows = np.concatenate([_flanges(eye, transforms).rotation, -_flanges(hand, transforms).rotation], -1)
@@ -100,7 +100,7 @@ def _hinge(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
     }
 
 
-def _part_ends(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
+def _part_mounts(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
     """Mounts of both ends of a rigid part, halfway between the flanges to decorrelate translation and rotation."""
     hand_flange_from_eye_flange = transforms[group.hand.mount]
     half = SE3(np.eye(3), hand_flange_from_eye_flange.inverse().translation / 2)

@@ -19,13 +19,13 @@ from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust_batch
 from basecal.estimation.least_squares.studentized_residuals import view_misfits
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.start.all_pairs import place_bases, placed_by_pairs
+from basecal.estimation.start.all_pairs import place_bases, place_by_pairs
 from basecal.estimation.start.closed_form import Loop, Triple, solve_rotations, solve_translations
-from basecal.estimation.start.contacts import place_contacts, rigid_ends, turned_starts, without_contacts
+from basecal.estimation.start.contacts import place_contacts, rigid_ends, rotated_base_states, without_contacts
+from basecal.estimation.start.led_search import led_search
 from basecal.estimation.start.lens import lens_from_views
-from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.metric_points import has_metric_start, place_by_points
-from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
+from basecal.estimation.start.pair_views import PairViews, led_point, pair_views, umeyama
 from basecal.estimation.start.refinement import Refinement, pair_problem, refine_jointly
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
@@ -39,18 +39,18 @@ Failure = BasecalError | np.linalg.LinAlgError
 
 _FEW_VIEWS_POINTS = (20, 16)  # views and points of a start: 320 points overdetermine 18 unknowns more than tenfold
 _MANY_VIEWS_POINTS = (400, 1000)  # views and points of a thorough start
-_LIGHT_STARTS = {0: 1, 1: 12, 2: 40}  # by number of unknown rotations; validated by benchmarks.starts
+_LED_STARTS = {0: 1, 1: 12, 2: 40}  # by number of unknown rotations; validated by benchmarks.starts
 _BATCH_STARTS = 5  # starts of an LED in a batch: one of the first may already be convincing
 _RIDGE = 1e-9  # information of the approximate mount, which sets the depth of a point if its rays are parallel
 _TIGHT_RAD = 0.3  # [rad] a prior with a smaller sigma is a start value
-_TURNED_STEPS = 30  # steps of descents from bases rotated about their contacts: the best is refined again
-_HEAVY_ROUNDS = 25  # maximum number of reweighting rounds
+_ROTATED_STEPS = 30  # steps of descents from bases rotated about their contacts: the best is refined again
+_REWEIGHTING_ROUNDS = 25  # maximum number of reweighting rounds
 _FIRST_STEPS = 3  # steps before the first weights, since the start is rough
 _SCALE_SHARE = 0.6  # quantile of the views that is the scale: up to 30 % of the views may be reflections
 
 
 @dataclass
-class _Known:
+class _Knowledge:
     """Transforms known so far: by name, and relations between bases."""
 
     transforms: dict[str, SE3] = field(default_factory=dict)
@@ -84,10 +84,10 @@ def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
     Raises:
         BasecalError: if there is no start.
     """
-    found = first_states([problem], cell, thorough)[0]
-    if isinstance(found, Exception):
-        raise found
-    return found
+    result = first_states([problem], cell, thorough)[0]
+    if isinstance(result, Exception):
+        raise result
+    return result
 
 
 def first_states(problems: Sequence[Problem], cell: Cell, thorough: bool) -> list[State | Failure]:
@@ -108,60 +108,62 @@ def _try_search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State |
 def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     """Search pair by pair; yields starts of a pair for refinement and receives the best."""
     cameras = lenses(problem, cell)
-    most = _MANY_VIEWS_POINTS if thorough else _FEW_VIEWS_POINTS
+    view_and_point_counts = _MANY_VIEWS_POINTS if thorough else _FEW_VIEWS_POINTS
     # Refined poses of views do not shorten the descent, so they are used in a thorough search only.
-    poses_of = view_poses if thorough else partial(view_poses, iterations=0)
-    known, simple = _Known(known_transforms(problem) | rigid_ends(problem)), without_contacts(problem)
-    seen = [g for g in simple.groups if g.measurement.equations().any()]
-    metric = [g for g in seen if has_metric_start(g, known.transforms)]
-    waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in seen if g not in metric]
-    sights = tuple(waiting)
-    in_vain: dict[int, str] = {}  # unknowns of each pair at its last failed attempt
+    estimate_poses = view_poses if thorough else partial(view_poses, iterations=0)
+    knowledge, point_problem = _Knowledge(known_transforms(problem) | rigid_ends(problem)), without_contacts(problem)
+    groups = [g for g in point_problem.groups if g.measurement.equations().any()]
+    metric = [g for g in groups if has_metric_start(g, knowledge.transforms)]
+    waiting = [
+        pair_views(g, cameras.get(g.camera), *view_and_point_counts, estimate_poses) for g in groups if g not in metric
+    ]
+    pairs = tuple(waiting)
+    failed_at: dict[int, str] = {}  # unknowns of each pair at its last failed attempt
     while waiting:
-        unknown = {id(sight): _unknown(sight, known) for sight in waiting}
-        waiting.sort(key=lambda s: (len(unknown[id(s)]), s.candidates is None, -s.total))
-        for sight in waiting:
-            if in_vain.get(id(sight)) == unknown[id(sight)]:
+        unknowns = {id(pair): _unknown_letters(pair, knowledge) for pair in waiting}
+        waiting.sort(key=lambda s: (len(unknowns[id(s)]), s.candidates is None, -s.total))
+        for pair in waiting:
+            if failed_at.get(id(pair)) == unknowns[id(pair)]:
                 continue
-            if (yield from _start(sight, known, problem, thorough, is_forced=False)):
+            if (yield from _solve_pair(pair, knowledge, problem, thorough, is_forced=False)):
                 break
-            in_vain[id(sight)] = unknown[id(sight)]
+            failed_at[id(pair)] = unknowns[id(pair)]
         else:
-            sight = waiting[0]
-            yield from _start(sight, known, problem, thorough, is_forced=True)
-        waiting.remove(sight)
-    found = {**known.transforms, **place_by_points(simple, metric, known.transforms)}
-    transforms = {name: found.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
-    transforms |= placed_by_pairs(problem, sights, transforms, known_transforms(problem))
+            pair = waiting[0]
+            yield from _solve_pair(pair, knowledge, problem, thorough, is_forced=True)
+        waiting.remove(pair)
+    found = {**knowledge.transforms, **place_by_points(point_problem, metric, knowledge.transforms)}
+    transforms = {name: found.get(name) or _mean_or_identity(u) for name, u in problem.unknowns.items()}
+    transforms |= place_by_pairs(problem, pairs, transforms, known_transforms(problem))
     stated = known_transforms(problem)
-    transforms |= {name: at for name, at in place_contacts(problem, transforms).items() if name not in stated}
+    transforms |= {name: mount for name, mount in place_contacts(problem, transforms).items() if name not in stated}
     state = State(transforms, cameras, np.zeros((len(problem.stops), 6)))
-    turned = list(turned_starts(problem, state, stated)) if thorough else []
-    return _lowest_end(problem, turned) if turned else state
+    rotated = list(rotated_base_states(problem, state, stated)) if thorough else []
+    return _lowest_cost_state(problem, rotated) if rotated else state
 
 
-def _lowest_end(problem: Problem, states: Sequence[State]) -> State:
+def _lowest_cost_state(problem: Problem, states: Sequence[State]) -> State:
     """Return the state with the lowest cost after short descents from several states."""
-    ends = bundle_adjust_batch(problem, batch_states(problem, states), dof=1, iterations=_TURNED_STEPS)
-    return take(ends.state, int(np.nanargmin(ends.cost)))
+    fits = bundle_adjust_batch(problem, batch_states(problem, states), dof=1, iterations=_ROTATED_STEPS)
+    return take(fits.state, int(np.nanargmin(fits.cost)))
 
 
 def guessed_state(problem: Problem, cell: Cell) -> State | None:
     """State of the guesses in the cell; None if an unknown has no guess."""
     if any(u.mean is None for u in problem.unknowns.values()):
         return None
-    transforms = {name: _fallback(u) for name, u in problem.unknowns.items()}
+    transforms = {name: _mean_or_identity(u) for name, u in problem.unknowns.items()}
     return State(transforms, lenses(problem, cell), np.zeros((len(problem.stops), 6)))
 
 
 def lenses(problem: Problem, cell: Cell) -> dict[str, Camera]:
     """Start values of the lenses: the stated lens, or an estimate from views of boards."""
-    found = {}
+    cameras = {}
     for name, intrinsics in problem.lenses.items():
         views = [g.measurement for g in problem.groups if g.camera == name]
         pixels = [m for m in views if isinstance(m, PixelMeasurement)]
-        found[name] = intrinsics.camera or lens_from_views(cell.cameras[name], pixels)
-    return found
+        cameras[name] = intrinsics.camera or lens_from_views(cell.cameras[name], pixels)
+    return cameras
 
 
 def known_transforms(problem: Problem) -> dict[str, SE3]:
@@ -174,66 +176,68 @@ def known_transforms(problem: Problem) -> dict[str, SE3]:
     }
 
 
-def _fallback(unknown: Unknown) -> SE3:
+def _mean_or_identity(unknown: Unknown) -> SE3:
     return unknown.mean or SE3.identity()
 
 
-def _loop(sight: PairViews, knowns: _Known, choice: IntArray | None = None) -> Loop:
-    g = sight.group
-    pick = np.zeros(len(g), dtype=np.int64) if choice is None else choice
-    x, z = (knowns.transforms.get(end.mount) for end in g.ends)
-    return sight.loop(x, knowns.relation(g.eye.base, g.hand.base), z, pick)
+def _loop(pair: PairViews, knowledge: _Knowledge, choice: IntArray | None = None) -> Loop:
+    group = pair.group
+    pose_indices = np.zeros(len(group), dtype=np.int64) if choice is None else choice
+    x, z = (knowledge.transforms.get(end.mount) for end in group.ends)
+    return pair.loop(x, knowledge.relation(group.eye.base, group.hand.base), z, pose_indices)
 
 
-def _unknown(sight: PairViews, knowns: _Known) -> str:
+def _unknown_letters(pair: PairViews, knowledge: _Knowledge) -> str:
     """Letters of the unknowns of a pair, as in `Loop.unknown`."""
-    g = sight.group
-    related = (g.eye.base, g.hand.base) in knowns.relations
-    has_y = related or all(end.base is None or end.base in knowns.transforms for end in g.ends)
-    has = {"x": g.eye.mount in knowns.transforms, "y": has_y, "z": g.hand.mount in knowns.transforms}
-    return "".join(name for name, there in has.items() if not there)
+    group = pair.group
+    has_relation = (group.eye.base, group.hand.base) in knowledge.relations
+    has_y = has_relation or all(end.base is None or end.base in knowledge.transforms for end in group.ends)
+    is_known = {"x": group.eye.mount in knowledge.transforms, "y": has_y, "z": group.hand.mount in knowledge.transforms}
+    return "".join(name for name, is_there in is_known.items() if not is_there)
 
 
-def _start(sight: PairViews, knowns: _Known, problem: Problem, thorough: bool, is_forced: bool) -> _Search[bool]:
+def _solve_pair(
+    pair: PairViews, knowledge: _Knowledge, problem: Problem, thorough: bool, is_forced: bool
+) -> _Search[bool]:
     """Solve one pair if the data determine it, or in any case if `is_forced`; return whether it was solved."""
-    loop = _loop(sight, knowns)
-    found: Triple | None = None
+    loop = _loop(pair, knowledge)
+    triple: Triple | None = None
     if not loop.unknown:
         return True
-    is_point = sight.group.hand.mount in problem.point_mounts
-    if sight.candidates is None:
-        found = (yield from _light(sight, loop, is_point)) if is_forced else None
+    is_point = pair.group.hand.mount in problem.point_mounts
+    if pair.candidates is None:
+        triple = (yield from _solve_as_led(pair, loop, is_point)) if is_forced else None
     else:
-        found = _solve_closed_form(sight, knowns)
-        if (found is None and is_forced) or (found is not None and thorough):
+        triple = _solve_closed_form(pair, knowledge)
+        if (triple is None and is_forced) or (triple is not None and thorough):
             # Refine the best starts of a grid of rotations and, if available, of the closed form.
-            found = yield Refinement(sight, loop, [] if found is None else [found], is_point, searched=True)
-    if found is None:
+            triple = yield Refinement(pair, loop, [] if triple is None else [triple], is_point, searched=True)
+    if triple is None:
         return False
-    g = sight.group
-    knowns.transforms[g.eye.mount], knowns.transforms[g.hand.mount] = found[0], found[2]
+    group = pair.group
+    knowledge.transforms[group.eye.mount], knowledge.transforms[group.hand.mount] = triple[0], triple[2]
     if loop.y is None:
-        knowns.add_relation(g.eye.base, g.hand.base, found[1])
+        knowledge.add_relation(group.eye.base, group.hand.base, triple[1])
     return True
 
 
-def _solve_closed_form(sight: PairViews, knowns: _Known) -> Triple | None:
+def _solve_closed_form(pair: PairViews, knowledge: _Knowledge) -> Triple | None:
     """Solve in closed form, iterating the choice between each view's two poses; None if it is not unique."""
-    chosen = np.zeros(len(sight.group), dtype=np.int64)
+    chosen = np.zeros(len(pair.group), dtype=np.int64)
     for _ in range(4):
-        loop = _loop(sight, knowns, chosen)
-        found = solve_rotations(loop)
-        if not found.clear:
+        loop = _loop(pair, knowledge, chosen)
+        rotations = solve_rotations(loop)
+        if not rotations.clear:
             return None
-        triple = solve_translations(loop, found)
-        better = sight.closest_pose(triple)
-        if np.array_equal(better, chosen):
+        triple = solve_translations(loop, rotations)
+        closest = pair.closest_pose(triple)
+        if np.array_equal(closest, chosen):
             break
-        chosen = better
+        chosen = closest
     return triple
 
 
-def light_states(problem: Problem, cell: Cell, max_count: int) -> Iterator[State]:
+def led_states(problem: Problem, cell: Cell, max_count: int) -> Iterator[State]:
     """Yield robustly fitted states of a single LED, one for each start of its search.
 
     The state with the lowest cost over all views may be wrong if some views are.
@@ -243,51 +247,54 @@ def light_states(problem: Problem, cell: Cell, max_count: int) -> Iterator[State
         cell: The cell.
         max_count: Maximum number of starts.
     """
-    cameras, known = lenses(problem, cell), _Known(known_transforms(problem))
+    cameras, knowledge = lenses(problem, cell), _Knowledge(known_transforms(problem))
     if len(problem.groups) != 1 or problem.groups[0].hand.mount not in problem.point_mounts:
         return
-    if has_metric_start(problem.groups[0], known.transforms):
+    if has_metric_start(problem.groups[0], knowledge.transforms):
         return
-    sight = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY_VIEWS_POINTS)
-    as_point, light, starts = light_search(sight, _loop(sight, known), max_count)
-    g = sight.group
-    fixed = {name: _fallback(unknown) for name, unknown in problem.unknowns.items()}
-    pair = pair_problem(as_point, light, True)
-    for at in range(0, len(starts), _BATCH_STARTS):
-        some = starts[at : at + _BATCH_STARTS]
-        begun = {name: SE3.stack(list(of)) for name, of in zip("xyz", zip(*some, strict=True), strict=True)}
-        ends = cauchy_irls(pair, State(begun, {}, np.zeros((len(some), 0, 6)))).transforms
-        for k in range(len(some)):
-            x, y, z = (ends[name][k] for name in "xyz")
-            moved = {g.eye.mount: x, g.hand.mount: z} | g.placed_base(y, fixed, fixed)
-            yield State({**fixed, **moved}, cameras, np.zeros((len(problem.stops), 6)))
+    pair = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY_VIEWS_POINTS)
+    point_pair, led_loop, starts = led_search(pair, _loop(pair, knowledge), max_count)
+    group = pair.group
+    fixed = {name: _mean_or_identity(unknown) for name, unknown in problem.unknowns.items()}
+    led_problem = pair_problem(point_pair, led_loop, True)
+    for first in range(0, len(starts), _BATCH_STARTS):
+        batch = starts[first : first + _BATCH_STARTS]
+        transforms = {
+            name: SE3.stack(list(letter_starts))
+            for name, letter_starts in zip("xyz", zip(*batch, strict=True), strict=True)
+        }
+        fitted = cauchy_irls(led_problem, State(transforms, {}, np.zeros((len(batch), 0, 6)))).transforms
+        for k in range(len(batch)):
+            x, y, z = (fitted[name][k] for name in "xyz")
+            solved = {group.eye.mount: x, group.hand.mount: z} | group.placed_base(y, fixed, fixed)
+            yield State({**fixed, **solved}, cameras, np.zeros((len(problem.stops), 6)))
 
 
-def _light(sight: PairViews, loop: Loop, is_point: bool) -> _Search[Triple]:
+def _solve_as_led(pair: PairViews, loop: Loop, is_point: bool) -> _Search[Triple]:
     """Solve a pair as for a single LED; the target's other points are placed afterwards."""
-    chords, point = as_light(sight.group.measurement)
-    turns = (loop.x is None) + (loop.y is None)
-    as_point, light, starts = light_search(sight, loop, _LIGHT_STARTS[turns])
-    x, y, at = yield Refinement(as_point, light, starts, True)
+    bearings, point = led_point(pair.group.measurement)
+    rotation_count = (loop.x is None) + (loop.y is None)
+    point_pair, led_loop, starts = led_search(pair, loop, _LED_STARTS[rotation_count])
+    x, y, led_mount = yield Refinement(point_pair, led_loop, starts, True)
     if is_point or loop.z is not None:
-        shift = SE3(np.eye(3), at.translation - chords.points_in_target[point]) if is_point else loop.z
-        assert shift is not None
-        return x, y, shift
-    return x, y, _mount_of_points(sight, x, y, at)
+        mount = SE3(np.eye(3), led_mount.translation - bearings.points_in_target[point]) if is_point else loop.z
+        assert mount is not None
+        return x, y, mount
+    return x, y, _mount_of_points(pair, x, y, led_mount)
 
 
-def _mount_of_points(sight: PairViews, x: SE3, y: SE3, places: SE3) -> SE3:
+def _mount_of_points(pair: PairViews, x: SE3, y: SE3, led_mount: SE3) -> SE3:
     """Find `hand_flange_from_target` by triangulation of the target's points in the flange frame."""
-    chords, _ = as_light(sight.group.measurement)
-    g = sight.group
-    camera_from_flange = (g.eye.base_from_flange @ x).inverse() @ y @ g.hand.base_from_flange
-    bearings = (camera_from_flange.rotation.mT[:, None] @ chords.bearings_in_camera[..., None])[..., 0]
+    measured, _ = led_point(pair.group.measurement)
+    group = pair.group
+    camera_from_flange = (group.eye.base_from_flange @ x).inverse() @ y @ group.hand.base_from_flange
+    bearings = (camera_from_flange.rotation.mT[:, None] @ measured.bearings_in_camera[..., None])[..., 0]
     origin_in_flange = camera_from_flange.inverse().translation
-    across = (np.eye(3) - bearings[..., :, None] * bearings[..., None, :]) * (chords.weight > 0)[..., None, None]
-    total = across.sum(0) + _RIDGE * np.eye(3)
-    right = (across @ origin_in_flange[:, None, :, None]).sum(0) + _RIDGE * places.translation[:, None]
-    points_in_flange = np.linalg.solve(total, right)[..., 0]
-    return umeyama(chords.points_in_target, points_in_flange[None], np.ones((1, len(points_in_flange))))[0]
+    projections = (np.eye(3) - bearings[..., :, None] * bearings[..., None, :]) * (measured.weight > 0)[..., None, None]
+    information = projections.sum(0) + _RIDGE * np.eye(3)
+    right = (projections @ origin_in_flange[:, None, :, None]).sum(0) + _RIDGE * led_mount.translation[:, None]
+    points_in_flange = np.linalg.solve(information, right)[..., 0]
+    return umeyama(measured.points_in_target, points_in_flange[None], np.ones((1, len(points_in_flange))))[0]
 
 
 def cauchy_irls(problem: Problem, states: State) -> State:
@@ -297,7 +304,7 @@ def cauchy_irls(problem: Problem, states: State) -> State:
     fails, the last states are returned. Source: Holland & Welsch 1977.
     """
     weights: list[Array] | None = None
-    for _ in range(_HEAVY_ROUNDS):
+    for _ in range(_REWEIGHTING_ROUNDS):
         try:
             states = bundle_adjust_batch(problem, states, 1, _FIRST_STEPS if weights is None else 1, weights).state
             ratios = [np.minimum(s.value, 1e30) / np.maximum(s.freedoms, 1) for s in view_misfits(problem, states)]

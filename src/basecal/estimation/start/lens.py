@@ -63,37 +63,39 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
     guesses = [guessed_lens(camera, focal) for focal in _FOCAL_GUESSES]
     start = stack([_Lenses(lens, tuple(_poses(lens, m) for m in usable)) for lens in guesses])
     terms = np.arange(start.camera.parameters.shape[-1])
-    rough = _refine_lenses(start, usable, 8, terms[:2])
+    undistorted = _refine_lenses(start, usable, 8, terms[:2])
     # With strong distortion, the best fit without distortion has a wrong focal length.
-    bent = _refine_lenses(rough.state, usable, 12, terms[:5])
-    best = take(bent.state, np.array([np.nan_to_num(bent.cost, nan=np.inf).argmin()]))
+    distorted = _refine_lenses(undistorted.state, usable, 12, terms[:5])
+    best = take(distorted.state, np.array([np.nan_to_num(distorted.cost, nan=np.inf).argmin()]))
     return take(_refine_lenses(best, usable, 12, terms).state.camera, 0)
 
 
 def _thin_points(measurement: PixelMeasurement) -> PixelMeasurement:
-    enough = np.flatnonzero(measurement.seen.sum(-1) >= FEWEST_POINTS)
-    step = max(1, -(-len(enough) // _MOST_VIEWS))
-    few = measurement.take(enough[::step]).thin(_MOST_POINTS)
-    return PixelMeasurement(few.points_in_target, few.pixels, few.seen, few.stated, few.seen.astype(np.float64))
+    rows = np.flatnonzero(measurement.seen.sum(-1) >= FEWEST_POINTS)
+    step = max(1, -(-len(rows) // _MOST_VIEWS))
+    thinned = measurement.take(rows[::step]).thin(_MOST_POINTS)
+    return PixelMeasurement(
+        thinned.points_in_target, thinned.pixels, thinned.seen, thinned.stated, thinned.seen.astype(np.float64)
+    )
 
 
 def _poses(lens: Camera, measurement: PixelMeasurement) -> SE3:
     bearings, valid = lens.undistort(measurement.pixels)
     weight = measurement.weight * valid * float(lens.focal[0])
-    chords = BearingMeasurement(measurement.points_in_target, np.where(valid[..., None], bearings, 0.0), weight)
-    found = view_poses(chords.points_in_target, chords.bearings_in_camera, measurement.seen & valid, chords)
-    return found.camera_from_target[:, 0]
+    weighted = BearingMeasurement(measurement.points_in_target, np.where(valid[..., None], bearings, 0.0), weight)
+    poses = view_poses(weighted.points_in_target, weighted.bearings_in_camera, measurement.seen & valid, weighted)
+    return poses.camera_from_target[:, 0]
 
 
 def _refine_lenses(
     start: _Lenses, measurements: Sequence[PixelMeasurement], iterations: int, free: NDArray[np.intp]
-) -> Optima[_Lenses, _About]:
+) -> Optima[_Lenses, _LensExpansion]:
     """Optimise the poses of all views and the free terms of the lenses."""
-    return levenberg_marquardt(_Views(measurements, free), start, Criteria(iterations, tolerance=_CONVERGED_SHARE))
+    return levenberg_marquardt(_BoardViews(measurements, free), start, Criteria(iterations, tolerance=_CONVERGED_SHARE))
 
 
 @dataclass(frozen=True, eq=False)
-class _About:
+class _LensExpansion:
     """Second-order expansion in the k free terms of the lenses, with the views' poses eliminated.
 
     Attributes:
@@ -113,13 +115,13 @@ class _About:
 
 
 @dataclass(frozen=True, eq=False)
-class _Views:
+class _BoardViews:
     """Views of boards and indices of the lens's free terms; implements `System` for Levenberg-Marquardt."""
 
     measurements: Sequence[PixelMeasurement]
     kept: NDArray[np.intp]
 
-    def linearise(self, state: _Lenses) -> _About:
+    def linearise(self, state: _Lenses) -> _LensExpansion:
         """See `System`."""
         views = [m.linearise(p, state.camera, True) for m, p in zip(self.measurements, state.poses, strict=True)]
         columns, b, k = 6 + self.kept, len(state.camera.parameters), len(self.kept)
@@ -128,21 +130,21 @@ class _Views:
             mixed = view.information[..., :6, columns]
             right = np.concatenate([mixed, view.gradient[..., :6, None]], -1)
             back.append(np.linalg.solve(view.information[..., :6, :6] + _RIDGE * np.eye(6), right))
-            carried = mixed.mT @ back[-1]
-            hessian += (view.information[..., columns[:, None], columns] - carried[..., :-1]).sum(1)
-            gradient += (view.gradient[..., columns] - carried[..., -1]).sum(1)
+            eliminated_part = mixed.mT @ back[-1]
+            hessian += (view.information[..., columns[:, None], columns] - eliminated_part[..., :-1]).sum(1)
+            gradient += (view.gradient[..., columns] - eliminated_part[..., -1]).sum(1)
             eliminated += np.sum(view.gradient[..., :6] * back[-1][..., -1], axis=(1, 2))
         cost = np.sum([view.cost.sum(-1) for view in views], axis=0)
-        return _About(cost, gradient, hessian, eliminated, tuple(back))
+        return _LensExpansion(cost, gradient, hessian, eliminated, tuple(back))
 
-    def retract(self, state: _Lenses, model: _About, step: Array) -> _Lenses:
+    def retract(self, state: _Lenses, model: _LensExpansion, step: Array) -> _Lenses:
         """See `System`."""
-        of_lens = np.zeros(state.camera.parameters.shape)
-        of_lens[:, self.kept] = step
+        lens_step = np.zeros(state.camera.parameters.shape)
+        lens_step[:, self.kept] = step
         steps = [-(back[..., -1] + (back[..., :-1] @ step[:, None, :, None])[..., 0]) for back in model.back]
-        poses = tuple(pose @ SE3.exp(each) for pose, each in zip(state.poses, steps, strict=True))
-        return _Lenses(retract_lens(state.camera, of_lens), poses)
+        poses = tuple(pose @ SE3.exp(tangent) for pose, tangent in zip(state.poses, steps, strict=True))
+        return _Lenses(retract_lens(state.camera, lens_step), poses)
 
-    def take(self, rows: IntArray) -> _Views:
+    def take(self, rows: IntArray) -> _BoardViews:
         """See `System`; all lenses share the same views."""
         return self

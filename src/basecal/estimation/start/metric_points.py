@@ -75,13 +75,21 @@ def place_by_points(problem: Problem, groups: Sequence[ViewGroup], transforms: M
     placed.update({name: transforms[name] for name in names if name in transforms})
     local = {body: _local_points(meetings, body) for body in (None, *names)}
     while waiting := [name for name in names if name not in placed]:
-        marks = {key: at @ point for body, at in placed.items() for key, point in local[body].items()}
+        marks = {key: pose @ point for body, pose in placed.items() for key, point in local[body].items()}
         pairs = {body: _pairs(meetings, local, placed, marks, body) for body in waiting}
         body = max(pairs, key=lambda name: len(pairs[name][0]))
         placed[body] = _align_points(*pairs[body])
-    points = {key: placed[body] @ at for body, of in local.items() for key, at in of.items() if _is_mark(meetings, key)}
-    points = {**{key: at for of in local.values() for key, at in of.items()}, **points}
-    bodies = {name: at for name, at in placed.items() if name is not None and name not in transforms}
+    points = {
+        key: placed[body] @ position
+        for body, points_of_body in local.items()
+        for key, position in points_of_body.items()
+        if _is_mark(meetings, key)
+    }
+    points = {
+        **{key: position for points_of_body in local.values() for key, position in points_of_body.items()},
+        **points,
+    }
+    bodies = {name: pose for name, pose in placed.items() if name is not None and name not in transforms}
     return {**bodies, **_mounts(groups, points, transforms)}
 
 
@@ -126,8 +134,8 @@ def _local_points(meetings: Sequence[_Meeting], body: str | None) -> dict[Key, A
         by_points = np.zeros((len(a.offset), 3, 3 * len(keys)))
         for side, sign in ((a, 1.0), (b, -1.0)):
             if side.key is not None:
-                at = 3 * keys.index(side.key)
-                by_points[:, :, at : at + 3] += sign * side.rotation
+                column = 3 * keys.index(side.key)
+                by_points[:, :, column : column + 3] += sign * side.rotation
         information += np.einsum("nij,nik->jk", by_points, by_points)
         right -= np.einsum("nij,ni->j", by_points, a.offset - b.offset)
     return dict(zip(keys, np.linalg.solve(information, right).reshape(-1, 3), strict=True))
@@ -172,6 +180,6 @@ def _mounts(groups: Sequence[ViewGroup], points: Mapping[Key, Array], transforms
         for name, shape in shapes.items():
             rows = [row for row in range(len(shape)) if (name, row) in points]
             if rows and name not in transforms:
-                at = np.array([points[name, row] for row in rows])
-                found[name] = SE3(np.eye(3), at[0]) if len(shape) == 1 else _align_points(shape[rows], at)
+                positions = np.array([points[name, row] for row in rows])
+                found[name] = SE3(np.eye(3), positions[0]) if len(shape) == 1 else _align_points(shape[rows], positions)
     return found

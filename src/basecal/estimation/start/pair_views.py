@@ -26,7 +26,7 @@ from basecal.numerics.spectral import dimension, floored_inverse
 
 _AMBIGUOUS_CHI2 = 25.0  # five sigmas: below this difference, the second pose of a plane fits equally well
 _AMBIGUOUS_WEIGHT = 0.2  # weight of an ambiguous view
-_UNSURE_RAD = 0.02  # [rad] sigma of a view's rotation that halves its weight
+_HALF_WEIGHT_RAD = 0.02  # [rad] sigma of a view's rotation that halves its weight
 _FEWEST_POSES = 3  # minimum number of poses: fewer contain less information than all views treated as of an LED
 _RIDGE = 1e-9  # [1/m^2, 1/rad^2] information of views without a pose: a small positive weight
 _START_SIGMA_PX = 0.5  # [px] sigma of a pixel if it is unstated
@@ -69,10 +69,10 @@ class PairViews:
     def closest_pose(self, triple: Triple) -> IntArray:
         """Index of each view's candidate whose rotation is closest to the prediction of X, Y and Z, (n,)."""
         assert self.candidates is not None
-        x, y, z = (of.rotation for of in triple)
-        g = self.group
-        to_target = y @ g.hand.base_from_flange.rotation @ z
-        predicted = (g.eye.base_from_flange.rotation @ x).mT @ to_target
+        x, y, z = (transform.rotation for transform in triple)
+        group = self.group
+        to_target = y @ group.hand.base_from_flange.rotation @ z
+        predicted = (group.eye.base_from_flange.rotation @ x).mT @ to_target
         agreement = np.einsum("nij,nkij->nk", predicted, self.candidates.rotation)
         return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
 
@@ -90,25 +90,25 @@ def pair_views(
         camera: The lens; None if poses or 3-D points were measured.
         views: Maximum number of views.
         points: Approximate maximum number of points per view.
-        estimate_poses: Function that estimates the poses of views, such as `KnownPoses`.
+        estimate_poses: Function that estimates the poses of views, such as a `PoseCache`.
     """
     total = len(group)
     count = min(total, views)
-    few = replace(group, readings=()).take(
+    selected = replace(group, readings=()).take(
         (np.arange(count) * ((total - 1) / max(count - 1, 1))).round().astype(np.int64)
     )
-    measurement = few.measurement
+    measurement = selected.measurement
     if isinstance(measurement, PoseMeasurement):
         pose = measurement.measured_camera_from_target
-        return PairViews(few, pose.spread()[:, [0, 0]], np.ones(len(few)), total)
+        return PairViews(selected, pose.add_axis()[:, [0, 0]], np.ones(len(selected)), total)
     if isinstance(measurement, PointMeasurement):
-        return _point_views(few, measurement, total)
+        return _point_views(selected, measurement, total)
     assert isinstance(measurement, PixelMeasurement)
     assert camera is not None
     # If views show only parts of the target, such as of a 3-D body, more of its points are retained.
-    shown = 1.0 if measurement.seen.all() else max(float(np.median(measurement.seen.mean(-1))), 1e-3)
-    measurement = measurement.thin(int(np.ceil(points / shown)), is_paired=few.half_turn is not None)
-    return _pixel_views(few, measurement, camera, total, estimate_poses)
+    seen_share = 1.0 if measurement.seen.all() else max(float(np.median(measurement.seen.mean(-1))), 1e-3)
+    measurement = measurement.thin(int(np.ceil(points / seen_share)), is_paired=selected.half_turn is not None)
+    return _pixel_views(selected, measurement, camera, total, estimate_poses)
 
 
 def _pixel_views(
@@ -117,43 +117,45 @@ def _pixel_views(
     bearings, valid = camera.undistort(measurement.pixels)
     seen = measurement.seen & valid
     weight = np.where(seen, np.where(measurement.stated > 0, measurement.stated, 1 / _START_SIGMA_PX), 0.0)
-    chords = BearingMeasurement(
+    directions = BearingMeasurement(
         measurement.points_in_target, np.where(seen[..., None], bearings, 0.0), weight * float(camera.focal.mean())
     )
-    group = replace(group, measurement=chords)
+    group = replace(group, measurement=directions)
     if len(measurement.points_in_target) < 4:
         return PairViews(group, None, np.ones(len(group)), total)
-    poses = estimate_poses(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
-    found = np.flatnonzero(poses.has_pose)
-    if len(found) < min(_FEWEST_POSES, len(group)):
+    poses = estimate_poses(measurement.points_in_target, directions.bearings_in_camera, seen, directions)
+    rows = np.flatnonzero(poses.has_pose)
+    if len(rows) < min(_FEWEST_POSES, len(group)):
         return PairViews(group, None, np.ones(len(group)), total)
     # With collinear points, the inverse of the sum with a ridge may be singular or indefinite by rounding.
-    if len(found) < len(group):
-        group, poses = group.take(found), take(poses, found)
-    spread = floored_inverse(poses.information, _RIDGE)
-    sigma = np.sqrt(np.trace(spread[:, 3:, 3:], axis1=-2, axis2=-1))
-    alike = poses.cost[:, 1] - poses.cost[:, 0] < _AMBIGUOUS_CHI2
-    weight = 1 / (1 + sigma / _UNSURE_RAD) * np.where(alike, _AMBIGUOUS_WEIGHT, 1.0)
-    sight = PairViews(group, poses.camera_from_target, weight, total, alike if alike.any() else None)
-    return sight if group.half_turn is None else _with_half_turns(sight, group.half_turn)
+    if len(rows) < len(group):
+        group, poses = group.take(rows), take(poses, rows)
+    covariance = floored_inverse(poses.information, _RIDGE)
+    sigma = np.sqrt(np.trace(covariance[:, 3:, 3:], axis1=-2, axis2=-1))
+    is_ambiguous = poses.cost[:, 1] - poses.cost[:, 0] < _AMBIGUOUS_CHI2
+    weight = 1 / (1 + sigma / _HALF_WEIGHT_RAD) * np.where(is_ambiguous, _AMBIGUOUS_WEIGHT, 1.0)
+    pair = PairViews(group, poses.camera_from_target, weight, total, is_ambiguous if is_ambiguous.any() else None)
+    return pair if group.half_turn is None else _with_half_turns(pair, group.half_turn)
 
 
-def _with_half_turns(sight: PairViews, target_from_turned: SE3) -> PairViews:
+def _with_half_turns(pair: PairViews, target_from_turned: SE3) -> PairViews:
     """Choose the half-turn reading of each view that fits the robots' motions; keep the other one's poses, too."""
-    assert sight.candidates is not None
-    measurement = sight.group.measurement
+    assert pair.candidates is not None
+    measurement = pair.group.measurement
     assert isinstance(measurement, BearingMeasurement)
-    own, other = sight.candidates, sight.candidates @ target_from_turned
-    flip = turned_views(sight.group, own.rotation[:, 0], other.rotation[:, 0])
-    first, second = choose_entries(flip, other, own), choose_entries(flip, own, other)
+    read, reversed_read = pair.candidates, pair.candidates @ target_from_turned
+    is_reversed = half_turn_mask(pair.group, read.rotation[:, 0], reversed_read.rotation[:, 0])
+    first, second = choose_entries(is_reversed, reversed_read, read), choose_entries(is_reversed, read, reversed_read)
     rotation = np.concatenate([first.rotation, second.rotation], 1)
     candidates = SE3.adopt(rotation, np.concatenate([first.translation, second.translation], 1))
-    if not flip.any():
-        return replace(sight, candidates=candidates)
-    bearings = np.where(flip[:, None, None], measurement.bearings_in_camera[:, ::-1], measurement.bearings_in_camera)
-    weight = np.where(flip[:, None], measurement.weight[:, ::-1], measurement.weight)
-    group = replace(sight.group, measurement=replace(measurement, bearings_in_camera=bearings, weight=weight))
-    return replace(sight, group=group, candidates=candidates)
+    if not is_reversed.any():
+        return replace(pair, candidates=candidates)
+    bearings = np.where(
+        is_reversed[:, None, None], measurement.bearings_in_camera[:, ::-1], measurement.bearings_in_camera
+    )
+    weight = np.where(is_reversed[:, None], measurement.weight[:, ::-1], measurement.weight)
+    group = replace(pair.group, measurement=replace(measurement, bearings_in_camera=bearings, weight=weight))
+    return replace(pair, group=group, candidates=candidates)
 
 
 def holds_poses(measurement: PointMeasurement) -> bool:
@@ -169,12 +171,12 @@ def _point_views(group: ViewGroup, measurement: PointMeasurement, total: int) ->
     if not holds_poses(measurement):
         p = measurement.points_in_camera
         unit = p / np.maximum(np.linalg.norm(p, axis=-1, keepdims=True), 1e-12)
-        chords = BearingMeasurement(measurement.points_in_target, unit, measurement.seen / 1e-3)
-        return PairViews(replace(group, measurement=chords), None, np.ones(len(group)), total)
-    enough = np.flatnonzero(_whole_views(measurement))
-    few = measurement.take(enough)
-    pose = umeyama(few.points_in_target, few.points_in_camera, few.seen.astype(np.float64))
-    return PairViews(group.take(enough), pose.spread()[:, [0, 0]], np.ones(len(enough)), total)
+        directions = BearingMeasurement(measurement.points_in_target, unit, measurement.seen / 1e-3)
+        return PairViews(replace(group, measurement=directions), None, np.ones(len(group)), total)
+    rows = np.flatnonzero(_whole_views(measurement))
+    complete = measurement.take(rows)
+    pose = umeyama(complete.points_in_target, complete.points_in_camera, complete.seen.astype(np.float64))
+    return PairViews(group.take(rows), pose.add_axis()[:, [0, 0]], np.ones(len(rows)), total)
 
 
 def umeyama(p_in_a: Array, p_in_b: Array, weight: Array) -> SE3:
@@ -184,52 +186,54 @@ def umeyama(p_in_a: Array, p_in_b: Array, weight: Array) -> SE3:
     """
     share = weight / weight.sum(-1, keepdims=True)
     centre_a, centre_b = ((share[:, None] @ points)[:, 0] for points in (p_in_a, p_in_b))
-    spread = np.einsum("np,npi,npj->nij", share, p_in_b - centre_b[:, None], p_in_a - centre_a[:, None])
-    rotation = nearest_rotation(spread)
+    covariance = np.einsum("np,npi,npj->nij", share, p_in_b - centre_b[:, None], p_in_a - centre_a[:, None])
+    rotation = nearest_rotation(covariance)
     return SE3(rotation, centre_b - (rotation @ centre_a[..., None])[..., 0])
 
 
-def as_light(measurement: Measurement) -> tuple[BearingMeasurement, int]:
+def led_point(measurement: Measurement) -> tuple[BearingMeasurement, int]:
     """Return the directions of views, and the index of the point that most views see."""
     assert isinstance(measurement, BearingMeasurement)
     return measurement, int(np.argmax((measurement.weight > 0).sum(0)))
 
 
-def turned_views(group: ViewGroup, read: Array, mask: Array) -> BoolArray:
+def half_turn_mask(group: ViewGroup, read: Array, reversed_read: Array) -> BoolArray:
     """Mask of views to read with a half turn, (n,), given the target's rotations in both readings, (n, 3, 3) each.
 
     If only one robot moved between two views, it and the target rotated by the same angle, whatever the mounts are.
     The readings are chosen such that angles agree over all such pairs. Without such pairs, each view has the reading
     with the smaller rotation relative to the first view.
     """
-    alike = np.einsum("nij,ij->n", read, read[0])
-    turn = np.einsum("nij,ij->n", mask, read[0]) > alike
+    agreement = np.einsum("nij,ij->n", read, read[0])
+    is_reversed = np.einsum("nij,ij->n", reversed_read, read[0]) > agreement
     # If only one robot moved between two views, the rotation angle of the target is known.
-    eye_still, hand_still = (stand[:, None] == stand[None] for stand in (group.eye.stand, group.hand.stand))
-    told = np.asarray((eye_still != hand_still) & ~np.eye(len(group), dtype=bool))
-    if not told.any():
-        return np.asarray(turn)
+    is_eye_still, is_hand_still = (
+        number[:, None] == number[None] for number in (group.eye.stop_number, group.hand.stop_number)
+    )
+    is_known = np.asarray((is_eye_still != is_hand_still) & ~np.eye(len(group), dtype=bool))
+    if not is_known.any():
+        return np.asarray(is_reversed)
     eye, hand = group.eye.base_from_flange.rotation, group.hand.base_from_flange.rotation
-    of_eye, of_hand = (rotation_angle(r[:, None], r) for r in (eye, hand))
-    angle = np.where(hand_still, of_eye, of_hand)
+    eye_angle, hand_angle = (rotation_angle(r[:, None], r) for r in (eye, hand))
+    angle = np.where(is_hand_still, eye_angle, hand_angle)
     # Error of the angle between view i in reading s and view j in reading t, (i, s, j, t) [rad].
-    both = np.stack([read, mask], 1)
-    between = rotation_angle(both[:, :, None, None], both)
-    misfit = np.minimum(np.abs(between - angle[:, None, :, None]), HOPELESS_RAD) * told[:, None, :, None]
-    turn = _descend_readings(misfit, turn.astype(np.int64))
-    first = _descend_readings(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
-    rows = np.arange(len(turn))
-    return min((turn, first), key=lambda t: float(misfit[rows, t][:, rows, t].sum())).astype(bool)
+    readings = np.stack([read, reversed_read], 1)
+    between = rotation_angle(readings[:, :, None, None], readings)
+    misfit = np.minimum(np.abs(between - angle[:, None, :, None]), HOPELESS_RAD) * is_known[:, None, :, None]
+    is_reversed = _descend_readings(misfit, is_reversed.astype(np.int64))
+    from_first = _descend_readings(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
+    rows = np.arange(len(is_reversed))
+    return min((is_reversed, from_first), key=lambda t: float(misfit[rows, t][:, rows, t].sum())).astype(bool)
 
 
-def _descend_readings(misfit: Array, turn: Array) -> Array:
+def _descend_readings(misfit: Array, reading: Array) -> Array:
     """Coordinate descent on the readings, (n,), until no change of a single view reduces the error."""
-    turn, rows = turn.copy(), np.arange(len(turn))
-    for _ in range(_DESCENT_ROUNDS * len(turn)):
-        both = misfit[:, :, rows, turn].sum(-1)
-        gain = both[rows, turn] - both.min(-1)
-        most = int(np.argmax(gain))
-        if gain[most] < _LEAST_GAIN_RAD:
+    reading, rows = reading.copy(), np.arange(len(reading))
+    for _ in range(_DESCENT_ROUNDS * len(reading)):
+        misfits = misfit[:, :, rows, reading].sum(-1)
+        gain = misfits[rows, reading] - misfits.min(-1)
+        best = int(np.argmax(gain))
+        if gain[best] < _LEAST_GAIN_RAD:
             break
-        turn[most] = 1 - turn[most]
-    return turn
+        reading[best] = 1 - reading[best]
+    return reading

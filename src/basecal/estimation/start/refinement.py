@@ -15,7 +15,7 @@ from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_bat
 from basecal.estimation.problem.problem import Problem, State, Stops, sequential_columns
 from basecal.estimation.start.closed_form import Loop, Rotations, Triple, solve_translations
 from basecal.estimation.start.pair_views import PairViews
-from basecal.estimation.start.rotation_search import pose_starts, settled_rotations
+from basecal.estimation.start.rotation_search import pose_starts, refine_rotations
 from basecal.geometry import SE3
 from basecal.numerics.batch import stack
 
@@ -50,46 +50,56 @@ class Refinement:
         return *kind, self.loop.unknown, self.is_point, self.searched
 
 
-def refine_jointly(wishes: Sequence[Refinement], iterations: int = _REFINEMENT_STEPS) -> list[Triple]:
+def refine_jointly(requests: Sequence[Refinement], iterations: int = _REFINEMENT_STEPS) -> list[Triple]:
     """Refine the starts of all requests in batches, and return the best of each request."""
     best: dict[int, Triple] = {}
-    for structure in dict.fromkeys(wish.structure for wish in wishes):
-        numbers = [k for k, wish in enumerate(wishes) if wish.structure == structure]
-        best |= dict(zip(numbers, _refine([wishes[k] for k in numbers], iterations), strict=True))
-    return [best[k] for k in range(len(wishes))]
+    for structure in dict.fromkeys(request.structure for request in requests):
+        rows = [k for k, request in enumerate(requests) if request.structure == structure]
+        best |= dict(zip(rows, _refine([requests[k] for k in rows], iterations), strict=True))
+    return [best[k] for k in range(len(requests))]
 
 
-def _refine(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
+def _refine(requests: Sequence[Refinement], iterations: int) -> list[Triple]:
     """Refine requests of one structure as a batch; requests with fewer views are padded with zero-weight views."""
-    if wishes[0].searched:
-        wishes = [replace(w, starts=[*w.starts, *of]) for w, of in zip(wishes, _search_starts(wishes), strict=True)]
-    most = max(len(wish.views.group) for wish in wishes)
-    problems = [pair_problem(wish.views, wish.loop, wish.is_point) for wish in wishes]
-    rows = [np.minimum(np.arange(most), len(wish.views.group) - 1) for wish in wishes]
+    if requests[0].searched:
+        requests = [
+            replace(request, starts=[*request.starts, *found])
+            for request, found in zip(requests, _search_starts(requests), strict=True)
+        ]
+    view_count = max(len(request.views.group) for request in requests)
+    problems = [pair_problem(request.views, request.loop, request.is_point) for request in requests]
+    rows = [np.minimum(np.arange(view_count), len(request.views.group) - 1) for request in requests]
     group = stack([p.groups[0].take(r) for p, r in zip(problems, rows, strict=True)])
-    weight = np.stack([(np.arange(most) < len(wish.views.group)).astype(np.float64) for wish in wishes])
-    owner = np.repeat(np.arange(len(wishes)), [len(wish.starts) for wish in wishes])
-    starts = [dict(zip("xyz", start, strict=True)) for wish in wishes for start in wish.starts]
+    weight = np.stack([(np.arange(view_count) < len(request.views.group)).astype(np.float64) for request in requests])
+    owner = np.repeat(np.arange(len(requests)), [len(request.starts) for request in requests])
+    starts = [dict(zip("xyz", start, strict=True)) for request in requests for start in request.starts]
     states = State({k: SE3.stack([start[k] for start in starts]) for k in "xyz"}, {}, np.zeros((len(starts), 0, 6)))
-    together = problems[0].with_groups([group.take_batch(owner)])
-    ends = bundle_adjust_batch(together, states, dof=1, iterations=iterations, weights=[weight[owner]])
-    cost, of = np.where(np.isnan(ends.cost), np.inf, ends.cost), ends.state.transforms
-    own = (np.flatnonzero(owner == k) for k in range(len(wishes)))
-    best = [rows[np.argmin(cost[rows])] for rows in own]
-    return [(of["x"][k], of["y"][k], of["z"][k]) for k in best]
+    problem = problems[0].with_groups([group.take_batch(owner)])
+    fits = bundle_adjust_batch(problem, states, dof=1, iterations=iterations, weights=[weight[owner]])
+    cost, found = np.where(np.isnan(fits.cost), np.inf, fits.cost), fits.state.transforms
+    own_rows = (np.flatnonzero(owner == k) for k in range(len(requests)))
+    best = [rows[np.argmin(cost[rows])] for rows in own_rows]
+    return [(found["x"][k], found["y"][k], found["z"][k]) for k in best]
 
 
-def _search_starts(wishes: Sequence[Refinement]) -> list[list[Triple]]:
+def _search_starts(requests: Sequence[Refinement]) -> list[list[Triple]]:
     """Starts by a search over rotations, with the best pose of each view, and with both poses of ambiguous views."""
-    both = {k: loop for k, wish in enumerate(wishes) if (loop := wish.views.ambiguous_loop(wish.loop)) is not None}
-    found = pose_starts([*(wish.loop for wish in wishes), *both.values()], _GRID_CELLS)
-    starts = [[solve_translations(wish.loop, turn) for turn in of] for wish, of in zip(wishes, found, strict=False)]
-    for k, of in zip(both, found[len(wishes) :], strict=True):
-        views, loop = wishes[k].views, wishes[k].loop
-        chosen = [_choose_poses(views, loop, turn) for turn in of]
-        starts[k] += [solve_translations(*each) for each in zip(chosen, of, strict=True)]
-        settled = settled_rotations(chosen, of)
-        starts[k] += [solve_translations(_choose_poses(views, loop, each), each) for each in settled]
+    ambiguous = {
+        k: loop
+        for k, request in enumerate(requests)
+        if (loop := request.views.ambiguous_loop(request.loop)) is not None
+    }
+    found = pose_starts([*(request.loop for request in requests), *ambiguous.values()], _GRID_CELLS)
+    starts = [
+        [solve_translations(request.loop, rotations) for rotations in candidates]
+        for request, candidates in zip(requests, found, strict=False)
+    ]
+    for k, candidates in zip(ambiguous, found[len(requests) :], strict=True):
+        views, loop = requests[k].views, requests[k].loop
+        chosen = [_choose_poses(views, loop, rotations) for rotations in candidates]
+        starts[k] += [solve_translations(*each) for each in zip(chosen, candidates, strict=True)]
+        settled = refine_rotations(chosen, candidates)
+        starts[k] += [solve_translations(_choose_poses(views, loop, rotations), rotations) for rotations in settled]
     return starts
 
 

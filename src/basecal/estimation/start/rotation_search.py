@@ -41,7 +41,7 @@ KEPT_SHARE = 0.7
 HOPELESS_RAD = 0.5
 """Error beyond which rotations are wrong and not refined further [rad]; validated by `benchmarks.starts`."""
 
-Turns = Mapping[str, Array]
+RotationsByLetter = Mapping[str, Array]
 """Rotations of h loops, m candidates each, (h, m, 3, 3), by letter of X, Y and Z."""
 
 
@@ -79,24 +79,25 @@ class _Loops:
     c: Array
     weight: Array
     count: IntArray
-    known: Turns
+    known: RotationsByLetter
     unknown: str
     moments: Array
 
-    def means(self, letter: str, turns: Turns, count: bool = False) -> Array:
+    def means(self, letter: str, rotations: RotationsByLetter, all_pairs: bool = False) -> Array:
         """Weighted means whose nearest rotation is the best one of `letter`, (h, m, 3, 3).
 
         Args:
             letter: Letter of X, Y or Z.
-            turns: Candidates of the other two letters, paired by index.
-            count: Whether to combine all p candidates of the first letter with all q of the second: (h, p, q, 3, 3).
+            rotations: Candidates of the other two letters, paired by index.
+            all_pairs: Whether to combine all p candidates of the first letter with all q of the second, to
+                (h, p, q, 3, 3).
         """
         first, second = (other for other in "xyz" if other != letter)
         h = len(self.moments)
-        by = np.moveaxis(self.moments, 1 + "xyz".index(letter), -1).reshape(h, 9, 81)
-        p, q = (turns[other].reshape(*turns[other].shape[:2], 9) for other in (first, second))
-        half = (p @ by).reshape(h, p.shape[1], 9, 9)
-        if count:
+        moments = np.moveaxis(self.moments, 1 + "xyz".index(letter), -1).reshape(h, 9, 81)
+        p, q = (rotations[other].reshape(*rotations[other].shape[:2], 9) for other in (first, second))
+        half = (p @ moments).reshape(h, p.shape[1], 9, 9)
+        if all_pairs:
             return np.asarray((q[:, None] @ half).reshape(h, p.shape[1], q.shape[1], 3, 3))
         return np.asarray((q[:, :, None] @ half).reshape(h, p.shape[1], 3, 3))
 
@@ -110,55 +111,56 @@ def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[Rotations]]:
         loops: Loops with the same unknowns.
         max_count: Number of cells of the grid.
     """
-    every = _loops(loops)
-    at = _alternate(every, _grid_starts(every, max_count), _START_ROUNDS)
-    count = at[every.unknown[0]].shape[1]
-    turns = {k: np.broadcast_to(turn, (len(loops), count, 3, 3)) for k, turn in at.items()}
-    off = np.max([rotation_angle(turns[k][:, :, None], turns[k][:, None]) for k in every.unknown], axis=0)
+    batch = _loops(loops)
+    refined = _alternate(batch, _grid_starts(batch, max_count), _START_ROUNDS)
+    count = refined[batch.unknown[0]].shape[1]
+    rotations = {k: np.broadcast_to(rotation, (len(loops), count, 3, 3)) for k, rotation in refined.items()}
+    angles = np.max([rotation_angle(rotations[k][:, :, None], rotations[k][:, None]) for k in batch.unknown], axis=0)
     return [
-        [Rotations(*(turns[k][h, i] for k in "xyz")) for i in _distinct_rotations(off[h])] for h in range(len(loops))
+        [Rotations(*(rotations[k][h, i] for k in "xyz")) for i in _distinct_rotations(angles[h])]
+        for h in range(len(loops))
     ]
 
 
-def settled_rotations(loops: Sequence[Loop], starts: Sequence[Rotations]) -> list[Rotations]:
+def refine_rotations(loops: Sequence[Loop], starts: Sequence[Rotations]) -> list[Rotations]:
     """Refine start rotations of loops with the same unknowns by alternation, each loop with its own samples."""
-    every = _loops(loops)
-    begun = {k: np.stack([getattr(turns, k)[None] for turns in starts]) for k in every.unknown}
-    at = _alternate(every, {**every.known, **begun}, _SETTLING_ROUNDS)
-    return [Rotations(*(at[k][h, 0] for k in "xyz")) for h in range(len(loops))]
+    batch = _loops(loops)
+    unknown_starts = {k: np.stack([getattr(start, k)[None] for start in starts]) for k in batch.unknown}
+    refined = _alternate(batch, {**batch.known, **unknown_starts}, _SETTLING_ROUNDS)
+    return [Rotations(*(refined[k][h, 0] for k in "xyz")) for h in range(len(loops))]
 
 
 def _distinct_rotations(angles: Array) -> list[int]:
     """Indices of rotations that differ from all previously selected ones, given their angles (m, m) [rad]."""
-    apart: list[int] = []
+    distinct: list[int] = []
     for i in range(len(angles)):
-        if np.all(angles[i, apart] > _EQUAL_ANGLE_RAD):
-            apart.append(i)
-    return apart
+        if np.all(angles[i, distinct] > _EQUAL_ANGLE_RAD):
+            distinct.append(i)
+    return distinct
 
 
 def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
     """Find the rotations that close most samples of each loop; loops have the same two or three unknowns."""
-    every = _loops(loops)
-    at = _grid_starts(every, _GRID_CELLS)
-    found = {k: turn[:, 0].copy() for k, turn in at.items()}
-    going = np.arange(len(loops))
+    batch = _loops(loops)
+    candidates = _grid_starts(batch, _GRID_CELLS)
+    found = {k: rotation[:, 0].copy() for k, rotation in candidates.items()}
+    active = np.arange(len(loops))
     for rounds, best in _ALTERNATION_SCHEDULE:
-        some = take(every, going)
-        at, angle = _rank_rotations(some, _alternate(some, at, rounds), best)
-        for letter, turn in at.items():
-            found[letter][going] = turn[:, 0]
-        near = angle[:, 0] < HOPELESS_RAD
-        going, at = going[near], take(at, near)
-        if not len(going):
+        active_loops = take(batch, active)
+        candidates, angle = _rank_rotations(active_loops, _alternate(active_loops, candidates, rounds), best)
+        for letter, rotation in candidates.items():
+            found[letter][active] = rotation[:, 0]
+        is_close = angle[:, 0] < HOPELESS_RAD
+        active, candidates = active[is_close], take(candidates, is_close)
+        if not len(active):
             break
     return [Rotations(*triple) for triple in zip(found["x"], found["y"], found["z"], strict=True)]
 
 
 def rotation_angle(first: Array, second: Array) -> Array:
     """Angles between rotations (..., 3, 3), (...,) [rad]; exact near zero, accurate to 1e-8 near half a turn."""
-    off = first - second
-    chord = np.sqrt(np.einsum("...ij,...ij->...", off, off) / 8)
+    difference = first - second
+    chord = np.sqrt(np.einsum("...ij,...ij->...", difference, difference) / 8)
     angle: Array = 2 * np.arcsin(np.minimum(chord, 1.0))
     return angle
 
@@ -200,23 +202,23 @@ def _grid_starts(loops: _Loops, max_count: int) -> dict[str, Array]:
 def _best_of_grid(loops: _Loops, max_count: int) -> dict[str, Array]:
     h = len(loops.moments)
     averaged, grid = loops.unknown[-1], icosahedral_rotations()
-    tried = {
+    candidates = {
         k: np.broadcast_to(grid, (h, len(grid), 3, 3)) if k in loops.unknown else loops.known[k]
         for k in "xyz"
         if k != averaged
     }
-    first, second = tried
-    means = loops.means(averaged, tried, count=True)
+    first, second = candidates
+    means = loops.means(averaged, candidates, all_pairs=True)
     score = _sum_of_singular_values(means).reshape(h, -1)
     max_count = min(max_count, score.shape[1])
     best = np.argpartition(-score, max_count - 1, axis=-1)[:, :max_count]
     row = np.arange(h)[:, None]
     best = best[row, np.argsort(-score[row, best], axis=-1, kind="stable")]
-    at_first, at_second = np.unravel_index(best, means.shape[1:3])
+    first_index, second_index = np.unravel_index(best, means.shape[1:3])
     return {
-        first: tried[first][row, at_first],
-        second: tried[second][row, at_second],
-        averaged: nearest_rotation(means[row, at_first, at_second]),
+        first: candidates[first][row, first_index],
+        second: candidates[second][row, second_index],
+        averaged: nearest_rotation(means[row, first_index, second_index]),
     }
 
 
@@ -237,39 +239,39 @@ def _sum_of_singular_values(matrix: Array) -> Array:
     return total
 
 
-def _alternate(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
+def _alternate(loops: _Loops, rotations: RotationsByLetter, rounds: int) -> dict[str, Array]:
     """Replace each unknown rotation in turn by the mean that follows from the others, until a loop converges."""
-    found = {k: turn.copy() for k, turn in turns.items()}
+    found = {k: rotation.copy() for k, rotation in rotations.items()}
     moving = np.arange(len(loops.moments))
     for _ in range(rounds):
         if not len(moving):
             break
-        some, now = take(loops, moving), take(found, moving)
+        moving_loops, current = take(loops, moving), take(found, moving)
         for letter in loops.unknown:
-            now[letter] = nearest_rotation(some.means(letter, now))
-        change = [np.abs(now[k] - found[k][moving]).max((1, 2, 3)) for k in loops.unknown]
+            current[letter] = nearest_rotation(moving_loops.means(letter, current))
+        change = [np.abs(current[k] - found[k][moving]).max((1, 2, 3)) for k in loops.unknown]
         for letter in loops.unknown:
-            found[letter][moving] = now[letter]
+            found[letter][moving] = current[letter]
         moving = moving[np.max(change, axis=0) > _CONVERGED_ANGLE_RAD]
     return found
 
 
-def _rank_rotations(loops: _Loops, turns: Turns, max_count: int) -> tuple[dict[str, Array], Array]:
+def _rank_rotations(loops: _Loops, rotations: RotationsByLetter, max_count: int) -> tuple[dict[str, Array], Array]:
     """Best rotations of each loop, (h, max_count, 3, 3) by letter, and their errors, (h, max_count) [rad]."""
-    x, y, z = (turns[k][:, :, None] for k in "xyz")
-    seen = loops.a[:, None] @ x @ loops.b[:, None]
-    told = y @ loops.c[:, None] @ z
-    angle = _trimmed_rms(rotation_angle(told, seen), loops.count)
+    x, y, z = (rotations[k][:, :, None] for k in "xyz")
+    measured = loops.a[:, None] @ x @ loops.b[:, None]
+    predicted = y @ loops.c[:, None] @ z
+    angle = _trimmed_rms(rotation_angle(predicted, measured), loops.count)
     best = np.argsort(angle, axis=-1, kind="stable")[:, :max_count]
     row = np.arange(len(best))[:, None]
-    return {k: turn[row, best] for k, turn in turns.items()}, angle[row, best]
+    return {k: rotation[row, best] for k, rotation in rotations.items()}, angle[row, best]
 
 
 def _trimmed_rms(angle: Array, count: IntArray) -> Array:
     """Trimmed rms, (h, m), of the smallest 70 % of the first `count` values of angles (h, m, n)."""
-    among = np.arange(angle.shape[-1]) < count[:, None]
-    ordered = np.sort(np.where(among[:, None], angle, np.inf), axis=-1)
+    is_sample = np.arange(angle.shape[-1]) < count[:, None]
+    ordered = np.sort(np.where(is_sample[:, None], angle, np.inf), axis=-1)
     kept = np.maximum(1, np.ceil(KEPT_SHARE * count).astype(np.int64))
-    used = np.arange(angle.shape[-1]) < kept[:, None]
-    total: Array = np.sqrt(np.sum(np.where(used[:, None], ordered, 0.0) ** 2, -1) / kept[:, None])
-    return total
+    is_kept = np.arange(angle.shape[-1]) < kept[:, None]
+    rms: Array = np.sqrt(np.sum(np.where(is_kept[:, None], ordered, 0.0) ** 2, -1) / kept[:, None])
+    return rms

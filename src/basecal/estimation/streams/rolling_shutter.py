@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,15 +33,22 @@ def mean_row(sample: Sample) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Moving:
+class RobotMotion:
     """State of a moving robot: `base_from_flange`, and its velocity in the flange's axes, (6,) [m/s, rad/s]."""
 
     base_from_flange: SE3
     velocity: Array
 
 
+class _BodyMotion(NamedTuple):
+    """Pose of a camera or target in the world, and its velocity in its own axes, (6,) [m/s, rad/s]."""
+
+    world_from_body: SE3
+    velocity: Array
+
+
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownGeometry:
     """Known transforms and lenses, from which pixels are corrected.
 
     Attributes:
@@ -53,65 +61,76 @@ class Known:
     transforms: Mapping[str, SE3]
     lenses: Mapping[str, Camera]
 
-    def camera_from_target(self, camera: str, target: str, robots: Mapping[str, Moving]) -> tuple[SE3, Array] | None:
+    def camera_from_target(
+        self, camera: str, target: str, robots: Mapping[str, RobotMotion]
+    ) -> tuple[SE3, Array] | None:
         """Pose of a target in a camera, and its velocity in the target's axes, (6,) [m/s, rad/s]; None if unknown."""
         eye, hand = self._moving_body(camera, robots), self._moving_body(target, robots)
         if eye is None or hand is None:
             return None
-        pose = eye.base_from_flange.inverse() @ hand.base_from_flange
+        pose = eye.world_from_body.inverse() @ hand.world_from_body
         return pose, hand.velocity - pose.inverse().adjoint() @ eye.velocity
 
-    def _moving_body(self, name: str, robots: Mapping[str, Moving]) -> Moving | None:
+    def _moving_body(self, name: str, robots: Mapping[str, RobotMotion]) -> _BodyMotion | None:
         """Pose of a camera or target in the world, and its velocity in its own axes; None if unknown."""
-        thing = self.cell.cameras[name] if name in self.cell.cameras else self.cell.targets[name]
-        on, mount = thing.on, self.transforms.get(self.cell.mount_name(name))
-        if mount is None or on == WORLD:
-            return None if mount is None else Moving(mount, _NO_VELOCITY)
-        base = SE3.identity() if on == self.cell.reference else self.transforms.get(self.cell.base_name(on))
+        body = self.cell.cameras[name] if name in self.cell.cameras else self.cell.targets[name]
+        carrier, mount = body.on, self.transforms.get(self.cell.mount_name(name))
+        if mount is None or carrier == WORLD:
+            return None if mount is None else _BodyMotion(mount, _NO_VELOCITY)
+        base = SE3.identity() if carrier == self.cell.reference else self.transforms.get(self.cell.base_name(carrier))
         if base is None:
             return None
-        return Moving(base @ robots[on].base_from_flange @ mount, mount.inverse().adjoint() @ robots[on].velocity)
+        return _BodyMotion(
+            base @ robots[carrier].base_from_flange @ mount, mount.inverse().adjoint() @ robots[carrier].velocity
+        )
 
 
 def correct_rolling_shutter(
-    recording: Recording, motion: Known, line_s: Mapping[str, float], robots: Mapping[str, Mapping[int, Moving]]
+    recording: Recording,
+    geometry: KnownGeometry,
+    line_s: Mapping[str, float],
+    robots: Mapping[str, Mapping[int, RobotMotion]],
 ) -> Recording:
     """Return a recording with pixels as if all rows had been exposed at the time of the mean row.
 
     Args:
         recording: Samples at the times of their mean rows.
-        motion: Known transforms and lenses.
+        geometry: Known transforms and lenses.
         line_s: Line times by camera [s].
         robots: States of moving robots, by name, then by sample.
     """
-    rolling = {camera for camera, line in line_s.items() if line and camera in motion.lenses}
+    rolling = {camera for camera, line in line_s.items() if line and camera in geometry.lenses}
     samples = []
     for sample in recording.samples:
-        here = {name: of[sample.sample] for name, of in robots.items() if sample.sample in of}
-        middle = mean_row(sample)
-        seen = tuple(
-            _correct_rows(o, motion, line_s[o.camera], middle, here) if o.camera in rolling else o
+        motions = {name: by_sample[sample.sample] for name, by_sample in robots.items() if sample.sample in by_sample}
+        middle_row = mean_row(sample)
+        corrected = tuple(
+            _correct_rows(o, geometry, line_s[o.camera], middle_row, motions) if o.camera in rolling else o
             for o in sample.observations
         )
-        samples.append(replace(sample, observations=seen))
+        samples.append(replace(sample, observations=corrected))
     return replace(recording, samples=tuple(samples))
 
 
 def _correct_rows(
-    observation: Observation, motion: Known, line_s: float, middle: float, robots: Mapping[str, Moving]
+    observation: Observation,
+    geometry: KnownGeometry,
+    line_s: float,
+    middle_row: float,
+    robots: Mapping[str, RobotMotion],
 ) -> Observation:
-    target = motion.cell.targets[observation.target].target
+    target = geometry.cell.targets[observation.target].target
     if not isinstance(observation, PixelObservation | CandidateObservation) or target is None:
         return observation
-    placed = motion.camera_from_target(observation.camera, observation.target, robots)
-    if placed is None:
+    pose_and_velocity = geometry.camera_from_target(observation.camera, observation.target, robots)
+    if pose_and_velocity is None:
         return observation
     ids = (
         observation.ids
         if isinstance(observation, PixelObservation)
         else np.repeat(target.ids[:1], len(observation.pixels))
     )
-    points, (pose, velocity) = target.points[target.rows(ids)], placed
-    after_s = (observation.pixels[:, 1] - middle) * line_s
-    moved = row_shift(motion.lenses[observation.camera], pose, velocity, points, after_s)
-    return replace(observation, pixels=observation.pixels - moved)
+    points, (pose, velocity) = target.points[target.rows(ids)], pose_and_velocity
+    delay_s = (observation.pixels[:, 1] - middle_row) * line_s
+    shift_px = row_shift(geometry.lenses[observation.camera], pose, velocity, points, delay_s)
+    return replace(observation, pixels=observation.pixels - shift_px)

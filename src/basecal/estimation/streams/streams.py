@@ -24,13 +24,19 @@ from basecal.cell import (
 from basecal.errors import InputError
 from basecal.estimation.problem.build import dropped_samples
 from basecal.estimation.streams.path import LARGEST_GAP_S, Path
-from basecal.estimation.streams.rolling_shutter import Known, Moving, correct_rolling_shutter, line_time_name, mean_row
+from basecal.estimation.streams.rolling_shutter import (
+    KnownGeometry,
+    RobotMotion,
+    correct_rolling_shutter,
+    line_time_name,
+    mean_row,
+)
 from basecal.geometry import SE3
 
 _FREE_CLOCK = Clock("free")
 _EXACT_CLOCK = Clock()
 # Prior of an unstated line time: rolling shutters take 5 to 70 us per row, global shutters zero.
-_OPEN_SHUTTER = RollingShutter("prior", 0.0, 3e-5)
+_UNSTATED_SHUTTER = RollingShutter("prior", 0.0, 3e-5)
 # Share of views without robots in the same line, above which a recording is asynchronous: the majority; assumed.
 _STREAM_SHARE = 0.5
 
@@ -54,7 +60,7 @@ class Streams:
     clocks: Mapping[str, Clock]
 
     @property
-    def open(self) -> tuple[str, ...]:
+    def estimated_clocks(self) -> tuple[str, ...]:
         """Names of the devices whose clocks, and of the cameras whose line times, are to be estimated."""
         return tuple(name for name, clock in self.clocks.items() if clock.status != "fixed")
 
@@ -79,17 +85,17 @@ class Synchronised:
     """
 
     recording: Recording
-    robots: Mapping[str, Mapping[int, Moving]]
+    robots: Mapping[str, Mapping[int, RobotMotion]]
 
-    def correct_rows(self, motion: Known, offsets_s: Mapping[str, float]) -> Synchronised:
+    def correct_rows(self, geometry: KnownGeometry, offsets_s: Mapping[str, float]) -> Synchronised:
         """Return a copy with rolling shutter corrected; `offsets_s` as in `synchronise`."""
         lines = {
             camera: offsets_s[line_time_name(camera)]
-            for camera in motion.cell.cameras
+            for camera in geometry.cell.cameras
             if line_time_name(camera) in offsets_s
         }
         return (
-            replace(self, recording=correct_rolling_shutter(self.recording, motion, lines, self.robots))
+            replace(self, recording=correct_rolling_shutter(self.recording, geometry, lines, self.robots))
             if lines
             else self
         )
@@ -104,14 +110,14 @@ def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
     Raises:
         InputError: if a clock is stated or the recording is asynchronous, and a line has no stamp.
     """
-    asynchronous = _asynchronous(cell, recording)
+    asynchronous = _is_asynchronous(cell, recording)
     stated = {name: robot.clock for name, robot in cell.robots.items()}
     stated |= {name: camera.clock for name, camera in cell.cameras.items()}
     if not asynchronous and not any(stated.values()) and not _has_rolling_shutter(cell, recording):
         return None
     unstamped = next((s.sample for s in recording.samples if s.stamp_s is None), None)
     if unstamped is not None and not any(stated.values()) and all(s.stamp_s is None for s in recording.samples):
-        raise InputError(_missing_robots(cell, recording))
+        raise InputError(_missing_poses_message(cell, recording))
     if unstamped is not None:
         why = "clocks are stated" if any(stated.values()) else "robots and views are recorded in separate lines"
         raise InputError(f"sample {unstamped} has no stamp_s, which every line needs: {why}")
@@ -121,7 +127,7 @@ def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
     }
     if all(clock.status == "free" for clock in clocks.values()):
         clocks[cell.reference] = Clock("fixed", clocks[cell.reference].offset_s)
-    shutters = dict.fromkeys(_pixel_cameras(recording) if asynchronous else (), _OPEN_SHUTTER)
+    shutters = dict.fromkeys(_pixel_cameras(recording) if asynchronous else (), _UNSTATED_SHUTTER)
     shutters |= {name: c.rolling_shutter for name, c in cell.cameras.items() if c.rolling_shutter is not None}
     clocks |= {line_time_name(name): Clock(s.status, s.line_time_s, s.sigma_s) for name, s in shutters.items()}
     paths = {name: _path(cell, name, recording.samples) for name in cell.robots}
@@ -139,30 +145,32 @@ def synchronise(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronise
     times = np.array([s.stamp_s + _stamp_delay(s, offsets_s) for s in streams.instants if s.stamp_s is not None])
     seen = np.ones(len(times), dtype=bool)
     for robot, path in streams.paths.items():
-        wanted = np.array([robot in names for names in needed], dtype=bool)
-        seen &= ~wanted | path.known_mask(times - offsets_s[robot])
+        is_needed = np.array([robot in names for names in needed], dtype=bool)
+        seen &= ~is_needed | path.known_mask(times - offsets_s[robot])
     rows = np.flatnonzero(seen)
     states: list[dict[str, RobotState]] = [{} for _ in rows]
-    robots: dict[str, dict[int, Moving]] = {}
+    robots: dict[str, dict[int, RobotMotion]] = {}
     for robot, path in streams.paths.items():
-        mine = [k for k, row in enumerate(rows) if robot in needed[row]]
-        points = path.evaluate(times[rows[mine]] - offsets_s[robot]) if mine else None
+        own_rows = [k for k, row in enumerate(rows) if robot in needed[row]]
+        points = path.evaluate(times[rows[own_rows]] - offsets_s[robot]) if own_rows else None
         robots[robot] = {}
-        for j, k in enumerate(mine):
+        for j, k in enumerate(own_rows):
             assert points is not None
             joints = None if points.joints is None else points.joints[j]
             states[k][robot] = RobotState(points.base_from_flange[j] if joints is None else None, joints)
-            robots[robot][streams.instants[rows[k]].sample] = Moving(points.base_from_flange[j], points.velocity[j])
+            robots[robot][streams.instants[rows[k]].sample] = RobotMotion(
+                points.base_from_flange[j], points.velocity[j]
+            )
     samples = tuple(
         replace(streams.instants[row], stamp_s=float(times[row]), robots=state)
         for row, state in zip(rows, states, strict=True)
     )
-    left = [streams.instants[row].sample for row in np.flatnonzero(~seen)]
-    findings = (*streams.recording.findings, *_gap_findings(left))
+    skipped = [streams.instants[row].sample for row in np.flatnonzero(~seen)]
+    findings = (*streams.recording.findings, *_gap_findings(skipped))
     return Synchronised(replace(streams.recording, samples=samples, findings=findings), robots)
 
 
-def synchronous(cell: Cell, recording: Recording, calibration: Calibration | None = None) -> Recording:
+def synchronous_recording(cell: Cell, recording: Recording, calibration: Calibration | None = None) -> Recording:
     """Return a recording with robots interpolated at the times of the views.
 
     Args:
@@ -179,16 +187,16 @@ def synchronous(cell: Cell, recording: Recording, calibration: Calibration | Non
     offsets |= {line_time_name(name): line.line_time_s for name, line in calibration.line_times.items()}
     stated = {n: c.intrinsics.camera for n, c in cell.cameras.items() if c.intrinsics and c.intrinsics.camera}
     lenses = stated | {name: lens for name, (lens, _) in calibration.cameras.items()}
-    known = Known(cell, calibration.known_transforms(cell), lenses)
-    return synchronise(streams, offsets).correct_rows(known, offsets).recording
+    geometry = KnownGeometry(cell, calibration.known_transforms(cell), lenses)
+    return synchronise(streams, offsets).correct_rows(geometry, offsets).recording
 
 
-def _asynchronous(cell: Cell, recording: Recording) -> bool:
+def _is_asynchronous(cell: Cell, recording: Recording) -> bool:
     """Whether most views lack the state of a robot that they need and that is recorded in other lines."""
     recorded = {robot for s in recording.samples for robot in s.robots}
     views = [s for s in recording.samples if s.observations]
-    alone = sum(bool(_carrying_robots(cell, s) & recorded - s.robots.keys()) for s in views)
-    return alone > _STREAM_SHARE * len(views)
+    lacking = sum(bool(_carrying_robots(cell, s) & recorded - s.robots.keys()) for s in views)
+    return lacking > _STREAM_SHARE * len(views)
 
 
 def _pixel_cameras(recording: Recording) -> set[str]:
@@ -197,13 +205,14 @@ def _pixel_cameras(recording: Recording) -> set[str]:
     return {o.camera for o in seen if isinstance(o, PixelObservation | CandidateObservation)}
 
 
-def _missing_robots(cell: Cell, recording: Recording) -> str:
+def _missing_poses_message(cell: Cell, recording: Recording) -> str:
     """Message about the robot whose poses most views lack, and how to import them."""
     lacks = [(s.sample, name) for s in recording.samples for name in _carrying_robots(cell, s) - s.robots.keys()]
     robot = Counter(name for _, name in lacks).most_common(1)[0][0]
     numbers = [sample for sample, name in lacks if name == robot]
-    where = f"sample {numbers[0]} has no pose of {robot}, and {len(numbers) - 1} more have none"
-    return f"{where}: import its poses; of an arm that stood still one row, basecal import poses ... --still"
+    others = f", and {len(numbers) - 1} more have none" if len(numbers) > 1 else ""
+    lack = f"sample {numbers[0]} has no pose of {robot}{others}"
+    return f"{lack}: import its poses; of an arm that stood still one row, basecal import poses ... --still"
 
 
 def _has_rolling_shutter(cell: Cell, recording: Recording) -> bool:

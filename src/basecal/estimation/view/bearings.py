@@ -33,7 +33,7 @@ class BearingMeasurement(MeasuredPoints):
     coordinates = 2
     axes = MappingProxyType({"bearings_in_camera": 3, "weight": 2})
 
-    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, with_lens: bool) -> ViewInformation:
         """See `Measurement`; the residual is the chord between seen and predicted unit vectors."""
         axes = to_front(self.camera_points(camera_from_target), -1)
         norm = np.maximum(np.sqrt(np.einsum("i...,i...->...", axes, axes)), 1e-12)

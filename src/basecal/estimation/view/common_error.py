@@ -26,11 +26,11 @@ def without_common_shift(
     """
     cost, gradient, information = view
     force = np.einsum("...ip,...p->...i", residual, weight)
-    share = 1 / (common_px**-2 + np.einsum("...p,...p->...", weight, weight))
+    factor = 1 / (common_px**-2 + np.einsum("...p,...p->...", weight, weight))
     return (
-        cost - share * np.einsum("...i,...i->...", force, force),
-        gradient - share[..., None] * (by_shift @ force[..., None])[..., 0],
-        information - share[..., None, None] * by_shift @ by_shift.mT,
+        cost - factor * np.einsum("...i,...i->...", force, force),
+        gradient - factor[..., None] * (by_shift @ force[..., None])[..., 0],
+        information - factor[..., None, None] * by_shift @ by_shift.mT,
     )
 
 
@@ -45,11 +45,11 @@ def without_motion(cost: Array, gradient: Array, information: Array, motion: Arr
         information: (..., n, 6 + k, 6 + k) information without the error.
         motion: (..., n, 6) right tangent of a unit error [m, rad].
     """
-    carried = (information[..., :6] @ motion[..., None])[..., 0]
-    along = np.einsum("...i,...i->...", gradient[..., :6], motion)
-    share = 1 / (1 + np.einsum("...i,...i->...", carried[..., :6], motion))
+    information_along = (information[..., :6] @ motion[..., None])[..., 0]
+    gradient_along = np.einsum("...i,...i->...", gradient[..., :6], motion)
+    factor = 1 / (1 + np.einsum("...i,...i->...", information_along[..., :6], motion))
     return (
-        cost - share * along**2,
-        gradient - (share * along)[..., None] * carried,
-        information - share[..., None, None] * carried[..., :, None] * carried[..., None, :],
+        cost - factor * gradient_along**2,
+        gradient - (factor * gradient_along)[..., None] * information_along,
+        information - factor[..., None, None] * information_along[..., :, None] * information_along[..., None, :],
     )

@@ -33,24 +33,24 @@ class ContactMeasurement(TouchMeasurement):
 
     def residuals(self, camera_from_target: SE3, camera: Camera | None) -> Array:
         """See `SeenPoints`."""
-        at, z, x = _axes(camera_from_target)
-        return np.concatenate([at, z[..., :2], x[..., 1:2]], -1)[..., None, self.rows]
+        origin, z, x = _axes(camera_from_target)
+        return np.concatenate([origin, z[..., :2], x[..., 1:2]], -1)[..., None, self.rows]
 
     def tangent_rows(
-        self, camera_from_target: SE3, camera: Camera | None, lens: bool
+        self, camera_from_target: SE3, camera: Camera | None, with_lens: bool
     ) -> tuple[Array, Array, Array | None]:
         """See `SeenPoints`."""
-        at, z, x = map(cross_matrix, _axes(camera_from_target))
-        rotations = np.concatenate([at, z[..., :2, :], x[..., 1:2, :]], -2)
-        shifts = np.broadcast_to(-np.eye(6, 3), rotations.shape)
-        jacobian = np.concatenate([shifts, rotations], -1)[..., None, self.rows, :]
+        origin, z, x = map(cross_matrix, _axes(camera_from_target))
+        rotations = np.concatenate([origin, z[..., :2, :], x[..., 1:2, :]], -2)
+        translations = np.broadcast_to(-np.eye(6, 3), rotations.shape)
+        jacobian = np.concatenate([translations, rotations], -1)[..., None, self.rows, :]
         return self.residuals(camera_from_target, camera), jacobian, None
 
-    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, with_lens: bool) -> ViewInformation:
         """See `Measurement`."""
-        off, jacobian, _ = self.tangent_rows(camera_from_target, camera, lens)
+        residuals, jacobian, _ = self.tangent_rows(camera_from_target, camera, with_lens)
         weight = self.weight[..., None]
-        return make_information((off * weight)[..., 0, :], (jacobian * weight[..., None])[..., 0, :, :].mT)
+        return make_information((residuals * weight)[..., 0, :], (jacobian * weight[..., None])[..., 0, :, :].mT)
 
 
 def _axes(camera_from_target: SE3) -> tuple[Array, Array, Array]:

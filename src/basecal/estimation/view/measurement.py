@@ -50,8 +50,8 @@ class Measurement(Protocol):
     Measured values, poses and the lens may have a leading batch axis; entries of the batch correspond.
     """
 
-    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
-        """Linearise the views at `camera_from_target`, (..., n); with columns of the lens if `lens`."""
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, with_lens: bool) -> ViewInformation:
+        """Linearise the views at `camera_from_target`, (..., n); with columns of the lens if `with_lens`."""
         ...
 
     def take_batch(self, rows: Rows) -> Measurement:

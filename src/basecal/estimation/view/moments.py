@@ -1,8 +1,9 @@
 """Gradient and information of views from moments of the target's points, without a Jacobian of each point.
 
 The Jacobian of the residual of a point p is J = P R [I, -hat(p)]. P is the derivative with respect to the point in the
-camera, R the rotation of `camera_from_target`. J'J is therefore linear in R'P'PR and quadratic in h = (1, x, y, z) of
-the point. J'r is linear in both R'P'r and h. Only the sums over points of (P'P)_ij h_a h_b and (P'r)_i h_a are needed.
+camera, R the rotation of `camera_from_target`, and hat(p) the cross-product matrix of p. J'J is therefore linear in
+R'P'PR and quadratic in h = (1, x, y, z) of the point. J'r is linear in both R'P'r and h. Only the sums over points of
+(P'P)_ij h_a h_b and (P'r)_i h_a are needed.
 These are products with matrices that depend on the target alone; the rotation is applied once per view.
 """
 
@@ -18,7 +19,7 @@ import numpy as np
 from basecal.geometry import Array
 
 # Cache size: targets of one calibration, whole and thinned; assumed: a larger cache only costs memory.
-_TARGETS = 32
+_CACHED_TARGETS = 32
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _MONOMIALS = tuple(combinations_with_replacement(range(4), 2))
 _FIRST, _SECOND = np.array(_MONOMIALS).T
@@ -55,7 +56,7 @@ class Monomials:
         return cls(values[:, kept], linear, to_gradient, _TO_INFORMATION[:, kept].reshape(6 * len(kept), 36))
 
 
-@lru_cache(maxsize=_TARGETS)
+@lru_cache(maxsize=_CACHED_TARGETS)
 def _monomials(points: bytes) -> Monomials:
     return Monomials._from_points(np.frombuffer(points).reshape(-1, 3))
 
@@ -69,7 +70,7 @@ def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
 
 
 def gradient_and_information(
-    forces: Iterable[Array], squares: Iterable[Array], rotation: Array, of_points: Monomials
+    forces: Iterable[Array], squares: Iterable[Array], rotation: Array, monomials: Monomials
 ) -> tuple[Array, Array]:
     """J'r, (..., 6), and J'J, (..., 6, 6), of views.
 
@@ -77,33 +78,33 @@ def gradient_and_information(
         forces: P'r, three arrays (..., p), or one (3, ..., p).
         squares: The upper half of P'P by rows, six arrays (..., p), or one (6, ..., p), see `UPPER`.
         rotation: Rotation of camera_from_target, (..., 3, 3).
-        of_points: Monomials of the points.
+        monomials: Monomials of the points.
     """
     shape, flat = rotation.shape[:-2], rotation.reshape(-1, 3, 3)
-    first = flat.mT @ _moments(forces, of_points.values[:, : of_points.linear])
+    first_moments = flat.mT @ _moments(forces, monomials.values[:, : monomials.linear])
     # Matrices that map the upper half of a symmetric M to the upper half of R'MR, (n, 6, 6).
     entries = flat.reshape(len(flat), 9)
-    carried = entries[:, _LEFT] * entries[:, _RIGHT]
-    carried += entries[:, _LEFT_SWAPPED] * entries[:, _RIGHT_SWAPPED]
-    carried *= _SYMMETRY_WEIGHTS
-    second = carried.reshape(len(flat), 6, 6) @ _moments(squares, of_points.values)
-    gradient = first.reshape(len(flat), len(of_points.to_gradient)) @ of_points.to_gradient
-    information = second.reshape(len(flat), len(of_points.to_information)) @ of_points.to_information
+    congruences = entries[:, _LEFT] * entries[:, _RIGHT]
+    congruences += entries[:, _LEFT_SWAPPED] * entries[:, _RIGHT_SWAPPED]
+    congruences *= _SYMMETRY_WEIGHTS
+    second_moments = congruences.reshape(len(flat), 6, 6) @ _moments(squares, monomials.values)
+    gradient = first_moments.reshape(len(flat), len(monomials.to_gradient)) @ monomials.to_gradient
+    information = second_moments.reshape(len(flat), len(monomials.to_information)) @ monomials.to_information
     return gradient.reshape(*shape, 6), information.reshape(*shape, 6, 6)
 
 
-def _moments(planes: Iterable[Array], of_points: Array) -> Array:
+def _moments(planes: Iterable[Array], monomials: Array) -> Array:
     """Sums over points of k arrays (..., p), n views in all, times (p, m): (n, k, m).
 
     For few views, one array and one product are fastest. For many views, planes that are made and used one after
     another are faster.
     """
     if isinstance(planes, np.ndarray):
-        return np.asarray((planes.reshape(len(planes), -1, len(of_points)) @ of_points).swapaxes(0, 1))
-    return np.stack([plane.reshape(-1, len(of_points)) @ of_points for plane in planes], 1)
+        return np.asarray((planes.reshape(len(planes), -1, len(monomials)) @ monomials).swapaxes(0, 1))
+    return np.stack([plane.reshape(-1, len(monomials)) @ monomials for plane in planes], 1)
 
 
-def _motion() -> Array:
+def _tangent_coefficients() -> Array:
     """Coefficients (4, 3, 6) of [I, -hat(p)], the derivative of a point with respect to the tangent, in h."""
     out = np.zeros((4, 3, 6))
     out[0, :, :3] = np.eye(3)
@@ -123,7 +124,7 @@ def _to_information() -> Array:
     return out.reshape(len(UPPER), len(_MONOMIALS), 36)
 
 
-_TO_GRADIENT = _motion()
+_TO_GRADIENT = _tangent_coefficients()
 _TO_INFORMATION = _to_information()
 # (R'MR)_ij is the sum of M_ab R_ai R_bj and, off the diagonal, M_ab R_bi R_aj.
 _TERMS = [(i, j, a, b) for i, j in UPPER for a, b in UPPER]

@@ -54,13 +54,13 @@ class PixelMeasurement(SeenPoints):
         return require_camera(camera).project(self.camera_points(camera_from_target)) - self.pixels
 
     def with_derivatives(
-        self, points_in_camera: Array, camera: Camera | None, lens: bool
+        self, points_in_camera: Array, camera: Camera | None, with_lens: bool
     ) -> tuple[Array, Array, Array | None]:
         """See `SeenPoints`."""
-        pixels, by_point, by_lens = require_camera(camera).project_with_derivatives(points_in_camera, lens)
+        pixels, by_point, by_lens = require_camera(camera).project_with_derivatives(points_in_camera, with_lens)
         return pixels - self.pixels, by_point, by_lens
 
-    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, with_lens: bool) -> ViewInformation:
         """See `Measurement`; the cost of a view is infinite if a seen point is behind the camera.
 
         Many views are processed in chunks that fit the processor's cache, which halves the time.
@@ -68,78 +68,80 @@ class PixelMeasurement(SeenPoints):
         camera = require_camera(camera)
         *batch, count = camera_from_target.shape
         if batch == [1]:
-            one = camera if camera.parameters.ndim == 1 else camera[0]
-            alone = self.take_batch(0).linearise(camera_from_target[0], one, lens)
-            return ViewInformation(*(of[None] for of in alone))
+            single_camera = camera if camera.parameters.ndim == 1 else camera[0]
+            single = self.take_batch(0).linearise(camera_from_target[0], single_camera, with_lens)
+            return ViewInformation(*(field[None] for field in single))
         points = len(self.points_in_target) * (count if batch else 1)
-        size = max(1, (_CHUNK_LENS_POINTS if lens else _CHUNK_POINTS) // max(points, 1))
+        size = max(1, (_CHUNK_LENS_POINTS if with_lens else _CHUNK_POINTS) // max(points, 1))
         if camera_from_target.shape[0] <= 1.5 * size:
-            return self._linearise(camera_from_target, camera, lens)
+            return self._linearise(camera_from_target, camera, with_lens)
         chunks = [slice(at, at + size) for at in range(0, camera_from_target.shape[0], size)]
         if batch:
             lenses = [camera[c] if camera.parameters.ndim > 1 else camera for c in chunks]
-            of_chunks = [self.take_batch(c) for c in chunks]
+            measurements = [self.take_batch(c) for c in chunks]
         else:
-            lenses, of_chunks = [camera] * len(chunks), [self.take(c) for c in chunks]
+            lenses, measurements = [camera] * len(chunks), [self.take(c) for c in chunks]
         parts = [
-            of._linearise(camera_from_target[c], one, lens)
-            for of, c, one in zip(of_chunks, chunks, lenses, strict=True)
+            part._linearise(camera_from_target[c], lens, with_lens)
+            for part, c, lens in zip(measurements, chunks, lenses, strict=True)
         ]
         return ViewInformation(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
-    def _linearise(self, camera_from_target: SE3, camera: Camera, lens: bool) -> ViewInformation:
-        turned = self.turn(camera_from_target)
-        pixels, image = camera.image(self.translate(camera_from_target, turned), lens)
-        if lens or self.common_px:
-            return self._with_jacobian(camera_from_target.rotation, turned, pixels, image)
+    def _linearise(self, camera_from_target: SE3, camera: Camera, with_lens: bool) -> ViewInformation:
+        rotated_points = self.rotate_points(camera_from_target)
+        pixels, image = camera.image(self.translate(camera_from_target, rotated_points), with_lens)
+        if with_lens or self.common_px:
+            return self._with_jacobian(camera_from_target.rotation, rotated_points, pixels, image)
         by_point = image.by_points
         residual = [(pixels[..., i] - self.pixels[..., i]) * self.weight for i in range(2)]
         cost = sums_of_squares(residual)
         if not np.all(np.isfinite(cost)):
-            return self._with_jacobian(camera_from_target.rotation, turned, pixels, image)
+            return self._with_jacobian(camera_from_target.rotation, rotated_points, pixels, image)
         columns = [[by_point[..., i, j] * self.weight for i in range(2)] for j in range(3)]
         forces = (dot(column, residual) for column in columns)
         squares = (dot(columns[i], columns[j]) for i, j in UPPER)
         return self.information(cost, forces, squares, camera_from_target.rotation)
 
     def linearise_shape(
-        self, camera_from_target: SE3, camera: Camera | None, lens: bool, by_shape: Array
+        self, camera_from_target: SE3, camera: Camera | None, with_lens: bool, by_shape: Array
     ) -> ViewInformation:
         """Same as `linearise`, with additional columns for the target's shape, after those of the lens.
 
         Args:
             camera_from_target: (..., n) poses.
             camera: The lens.
-            lens: Whether to include columns of the lens.
+            with_lens: Whether to include columns of the lens.
             by_shape: (p, 3, k) derivative of points with respect to k shape parameters [m].
         """
-        turned = self.turn(camera_from_target)
-        pixels, image = require_camera(camera).image(self.translate(camera_from_target, turned), lens)
+        rotated_points = self.rotate_points(camera_from_target)
+        pixels, image = require_camera(camera).image(self.translate(camera_from_target, rotated_points), with_lens)
         by_more = image.by_points @ (camera_from_target.rotation[..., None, :, :] @ by_shape)
-        return self._with_jacobian(camera_from_target.rotation, turned, pixels, image, by_more)
+        return self._with_jacobian(camera_from_target.rotation, rotated_points, pixels, image, by_more)
 
     def _with_jacobian(
-        self, rotation: Array, turned_points: Array, pixels: Array, image: Projection, by_more: Array | None = None
+        self, rotation: Array, rotated_points: Array, pixels: Array, image: Projection, by_more: Array | None = None
     ) -> ViewInformation:
         """Information of views from Jacobians: for a free lens, a shared shift, and points without a pixel."""
-        rows, lost = self._weighted_rows(pixels, image, by_more, turned_points), np.zeros(1, dtype=bool)
+        rows, is_lost = self._weighted_rows(pixels, image, by_more, rotated_points), np.zeros(1, dtype=bool)
         # Usually every point has a pixel, for which the sum is a fast test.
         if not np.isfinite(pixels.sum()):
-            lost = np.asarray(np.isnan(pixels).any(-1))
-            rows[..., lost] = 0.0
+            is_lost = np.asarray(np.isnan(pixels).any(-1))
+            rows[..., is_lost] = 0.0
             np.nan_to_num(rows, copy=False)
         view = _information_of_rows(rows, rotation)
         if self.common_px:
             by_shift = _rotate_columns(
-                to_back(np.einsum("ki...p,...p->ki...", rows[1:], self.weight * ~lost), 2), rotation
+                to_back(np.einsum("ki...p,...p->ki...", rows[1:], self.weight * ~is_lost), 2), rotation
             )
-            off = np.moveaxis(rows[0], 0, -2)
-            view = ViewInformation(*without_common_shift(view, off, self.weight * ~lost, by_shift, self.common_px))
-        if not lost.any():
+            residual = np.moveaxis(rows[0], 0, -2)
+            view = ViewInformation(
+                *without_common_shift(view, residual, self.weight * ~is_lost, by_shift, self.common_px)
+            )
+        if not is_lost.any():
             return view
-        return view._replace(cost=np.where((lost & self.seen).any(-1), np.inf, view.cost))
+        return view._replace(cost=np.where((is_lost & self.seen).any(-1), np.inf, view.cost))
 
-    def _weighted_rows(self, pixels: Array, image: Projection, by_more: Array | None, turned_points: Array) -> Array:
+    def _weighted_rows(self, pixels: Array, image: Projection, by_more: Array | None, rotated_points: Array) -> Array:
         """Residuals in sigmas, and their derivatives by pose, lens and more, (1 + 6 + k, 2, ..., n, p).
 
         Derivatives with respect to the pose are those of a translation and a rotation about the target's origin, in the
@@ -149,11 +151,11 @@ class PixelMeasurement(SeenPoints):
             pixels: Predicted pixels, (..., n, p, 2) [px].
             image: Projection of the points; if it has derivatives of the terms, all lens parameters have columns.
             by_more: Derivative with respect to further unknowns, (..., n, p, 2, k), or None.
-            turned_points: Points relative to the target's origin in the camera's axes, (3, ..., n, p) [m].
+            rotated_points: Points relative to the target's origin in the camera's axes, (3, ..., n, p) [m].
         """
-        parts = [_planes(of) for of in (image.by_terms, by_more) if of is not None]
-        at = 7 if image.by_terms is None else 11
-        out = np.empty((at + sum(map(len, parts)), 2, *pixels.shape[:-1]))
+        parts = [_planes(derivative) for derivative in (image.by_terms, by_more) if derivative is not None]
+        column = 7 if image.by_terms is None else 11
+        out = np.empty((column + sum(map(len, parts)), 2, *pixels.shape[:-1]))
         for i in range(2):
             np.subtract(pixels[..., i], self.pixels[..., i], out=out[0, i])
         out[0] *= self.weight
@@ -161,17 +163,17 @@ class PixelMeasurement(SeenPoints):
         product = np.empty(out.shape[1:])
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
-            np.multiply(turned_points[j], out[1 + k], out=out[4 + i])
-            np.multiply(turned_points[k], out[1 + j], out=product)
+            np.multiply(rotated_points[j], out[1 + k], out=out[4 + i])
+            np.multiply(rotated_points[k], out[1 + j], out=product)
             out[4 + i] -= product
         if image.by_terms is not None:
-            out[7:at] = 0.0
-            for i, of in enumerate((image.u, image.v)):
-                np.multiply(of, self.weight, out=out[7 + i, i])
+            out[7:column] = 0.0
+            for i, derivative in enumerate((image.u, image.v)):
+                np.multiply(derivative, self.weight, out=out[7 + i, i])
                 out[9 + i, i] = self.weight
         for part in parts:
-            np.multiply(part, self.weight, out=out[at : at + len(part)])
-            at += len(part)
+            np.multiply(part, self.weight, out=out[column : column + len(part)])
+            column += len(part)
         return out
 
     def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
@@ -234,6 +236,6 @@ def _rotate_columns(columns: Array, rotation: Array) -> Array:
     """Rotate the six pose rows of (..., 6 + k, m) from the camera's axes to the target's axes, in place."""
     pose = columns[..., :6, :]
     *shape, _, m = pose.shape
-    turned = rotation.mT[..., None, :, :] @ pose.reshape(*shape, 2, 3, m)
-    pose[...] = turned.reshape(pose.shape)
+    rotated = rotation.mT[..., None, :, :] @ pose.reshape(*shape, 2, 3, m)
+    pose[...] = rotated.reshape(pose.shape)
     return columns

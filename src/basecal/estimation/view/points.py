@@ -38,12 +38,12 @@ class PointMeasurement(SeenPoints):
         return self.camera_points(camera_from_target) - self.points_in_camera
 
     def with_derivatives(
-        self, points_in_camera: Array, camera: Camera | None, lens: bool
+        self, points_in_camera: Array, camera: Camera | None, with_lens: bool
     ) -> tuple[Array, Array, Array | None]:
         """See `SeenPoints`."""
         return points_in_camera - self.points_in_camera, np.broadcast_to(np.eye(3), (*points_in_camera.shape, 3)), None
 
-    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, with_lens: bool) -> ViewInformation:
         """See `Measurement`."""
         error = self.residuals(camera_from_target, camera)
         residual = [error[..., i] * self.weight for i in range(3)]

@@ -18,7 +18,7 @@ from basecal.geometry.rotation import cross_matrix
 
 _CORNERS = np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
 _BLOCK_FREEDOMS = 3  # degrees of freedom of a translation, and of a rotation
-_NEAREST = 0.1  # least depth, relative to half a side: depths of trial poses are clipped to it; assumed
+_LEAST_DEPTH_SHARE = 0.1  # least depth, relative to half a side: depths of trial poses are clipped to it; assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class CornerErrors:
     def differences(self, measured_camera_from_target: SE3, camera_from_target: SE3) -> Array:
         """Whitened differences of poses, (..., n), from measured poses, (..., n, 6) [m, rad]."""
         poses = camera_from_target, measured_camera_from_target
-        corners, measured_corners = (_corners(each, self.half_size_m) for each in poses)
+        corners, measured_corners = (_project_corners(each, self.half_size_m) for each in poses)
         return np.asarray((self.whitening @ (corners - measured_corners)[..., None])[..., 0])
 
     def jacobian(self, camera_from_target: SE3) -> Array:
@@ -67,26 +67,26 @@ def corner_covariances(camera_from_target: SE3, half_size_m: float) -> Array:
     return np.asarray(np.linalg.inv(jacobian.mT @ jacobian), dtype=np.float64)
 
 
-def _points_in_camera(camera_from_target: SE3, half_size_m: float) -> tuple[Array, Array, Array]:
-    points = camera_from_target.spread() @ (half_size_m * _CORNERS)
+def _corners_in_camera(camera_from_target: SE3, half_size_m: float) -> tuple[Array, Array, Array]:
+    points = camera_from_target.add_axis() @ (half_size_m * _CORNERS)
     x, y, z = np.moveaxis(points, -1, 0)
-    return x, y, np.maximum(z, _NEAREST * half_size_m)
+    return x, y, np.maximum(z, _LEAST_DEPTH_SHARE * half_size_m)
 
 
-def _corners(camera_from_target: SE3, half_size_m: float) -> Array:
+def _project_corners(camera_from_target: SE3, half_size_m: float) -> Array:
     """Pinhole projection of the corners of a square, (..., 8) [focal lengths]."""
-    x, y, z = _points_in_camera(camera_from_target, half_size_m)
-    seen = np.stack([x / z, y / z], -1)
-    return seen.reshape(*seen.shape[:-2], -1)
+    x, y, z = _corners_in_camera(camera_from_target, half_size_m)
+    image = np.stack([x / z, y / z], -1)
+    return image.reshape(*image.shape[:-2], -1)
 
 
 def _corner_jacobian(camera_from_target: SE3, half_size_m: float) -> Array:
     """Derivative of the projected corners with respect to a right tangent of the pose, (..., 8, 6)."""
-    moved = np.concatenate([np.broadcast_to(np.eye(3), (4, 3, 3)), -cross_matrix(half_size_m * _CORNERS)], axis=-1)
-    x, y, z = _points_in_camera(camera_from_target, half_size_m)
+    by_tangent = np.concatenate([np.broadcast_to(np.eye(3), (4, 3, 3)), -cross_matrix(half_size_m * _CORNERS)], axis=-1)
+    x, y, z = _corners_in_camera(camera_from_target, half_size_m)
     one, zero = np.ones_like(z), np.zeros_like(z)
-    seen = np.stack([np.stack([one, zero, -x / z], -1), np.stack([zero, one, -y / z], -1)], -2) / z[..., None, None]
-    jacobian = seen @ camera_from_target.rotation[..., None, :, :] @ moved
+    by_point = np.stack([np.stack([one, zero, -x / z], -1), np.stack([zero, one, -y / z], -1)], -2) / z[..., None, None]
+    jacobian = by_point @ camera_from_target.rotation[..., None, :, :] @ by_tangent
     return np.asarray(jacobian.reshape(*jacobian.shape[:-3], -1, 6))
 
 
@@ -96,17 +96,17 @@ def whitening_matrix(covariance: Array) -> Array:
     The mean logarithm of the variances over all views is unchanged. Conditional translations, given the rotation, and
     rotations therefore keep their units and their typical size.
     """
-    of_t, of_r = covariance[:, :3, :3], covariance[:, 3:, 3:]
-    lever = covariance[:, :3, 3:] @ np.linalg.inv(of_r)
-    out = np.zeros_like(covariance)
-    out[:, :3, :3] = _unit_root(of_t - lever @ covariance[:, 3:, :3])
-    out[:, 3:, 3:] = _unit_root(of_r)
-    out[:, :3, 3:] = -out[:, :3, :3] @ lever
-    return out
+    translation_block, rotation_block = covariance[:, :3, :3], covariance[:, 3:, 3:]
+    lever = covariance[:, :3, 3:] @ np.linalg.inv(rotation_block)
+    matrix = np.zeros_like(covariance)
+    matrix[:, :3, :3] = _unit_root(translation_block - lever @ covariance[:, 3:, :3])
+    matrix[:, 3:, 3:] = _unit_root(rotation_block)
+    matrix[:, :3, 3:] = -matrix[:, :3, :3] @ lever
+    return matrix
 
 
 def _unit_root(covariance: Array) -> Array:
     """Inverse square roots (n, 3, 3) of covariances, scaled to a geometric mean determinant of 1."""
     root = np.linalg.inv(np.linalg.cholesky(covariance))
-    log = np.linalg.slogdet(root)[1].mean() / _BLOCK_FREEDOMS
-    return np.asarray(root / np.exp(log))
+    log_scale = np.linalg.slogdet(root)[1].mean() / _BLOCK_FREEDOMS
+    return np.asarray(root / np.exp(log_scale))

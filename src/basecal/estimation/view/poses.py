@@ -40,7 +40,7 @@ class PoseMeasurement:
             return self.corners.differences(self.measured_camera_from_target, camera_from_target)
         return (self.measured_camera_from_target.inverse() @ camera_from_target).log()
 
-    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, with_lens: bool) -> ViewInformation:
         """See `Measurement`."""
         error = self._error(camera_from_target)
         by_pose = right_jacobian_inverse(error) if self.corners is None else self.corners.jacobian(camera_from_target)
@@ -100,6 +100,6 @@ class PoseMeasurement:
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`."""
-        free = self.stated == 0
-        t, r = int(np.count_nonzero(free[:, :3])), int(np.count_nonzero(free[:, 3:]))
-        return {"stated": free.size - t - r, "pose_m": t, "pose_rad": r}
+        is_unstated = self.stated == 0
+        t, r = int(np.count_nonzero(is_unstated[:, :3])), int(np.count_nonzero(is_unstated[:, 3:]))
+        return {"stated": is_unstated.size - t - r, "pose_m": t, "pose_rad": r}

@@ -21,7 +21,7 @@ from basecal.numerics.spectral import dimension
 
 @dataclass(frozen=True, eq=False)
 class TargetPoints:
-    """Points of one target, with their poses in the camera.
+    """Points of one target, and their positions in the camera at given poses.
 
     Attributes:
         points_in_target: (p, 3) points in the target's frame [m].
@@ -31,15 +31,15 @@ class TargetPoints:
 
     def camera_points(self, camera_from_target: SE3) -> Array:
         """Points in the camera, (..., n, p, 3) [m], with each coordinate contiguous in memory."""
-        return self.translate(camera_from_target, self.turn(camera_from_target))
+        return self.translate(camera_from_target, self.rotate_points(camera_from_target))
 
-    def turn(self, camera_from_target: SE3) -> Array:
+    def rotate_points(self, camera_from_target: SE3) -> Array:
         """Points relative to the target's origin in the camera's axes, (3, ..., n, p) [m]."""
         return to_front(camera_from_target.rotation, -2) @ self.points_in_target.T
 
-    def translate(self, camera_from_target: SE3, turned_points: Array) -> Array:
-        """Points in the camera, (..., n, p, 3) [m], from the result of `turn`."""
-        return to_back(turned_points + to_front(camera_from_target.translation, -1)[..., None])
+    def translate(self, camera_from_target: SE3, rotated_points: Array) -> Array:
+        """Points in the camera, (..., n, p, 3) [m], from the result of `rotate_points`."""
+        return to_back(rotated_points + to_front(camera_from_target.translation, -1)[..., None])
 
     def information(
         self, cost: Array, forces: Iterable[Array], squares: Iterable[Array], rotation: Array
@@ -62,14 +62,14 @@ def spread_rows(points: Array, max_count: int) -> IntArray:
     Every k-th point is taken if these span as many dimensions as all points. Otherwise, such as for every eleventh
     point of a grid with eleven columns, farthest-point sampling is used.
     """
-    every = np.arange(0, len(points), -(-len(points) // max_count))
-    if dimension(points[every]) == dimension(points):
-        return every
+    regular = np.arange(0, len(points), -(-len(points) // max_count))
+    if dimension(points[regular]) == dimension(points):
+        return regular
     rows = [int(np.argmax(np.sum((points - points.mean(0)) ** 2, -1)))]
-    apart = np.full(len(points), np.inf)
+    distances = np.full(len(points), np.inf)
     while len(rows) < max_count:
-        apart = np.minimum(apart, np.sum((points - points[rows[-1]]) ** 2, -1))
-        rows.append(int(np.argmax(apart)))
+        distances = np.minimum(distances, np.sum((points - points[rows[-1]]) ** 2, -1))
+        rows.append(int(np.argmax(distances)))
     return np.sort(np.array(rows))
 
 
@@ -146,7 +146,7 @@ class SeenPoints(MeasuredPoints):
     noise_field: ClassVar[str]
 
     @abstractmethod
-    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, with_lens: bool) -> ViewInformation:
         """See `Measurement`."""
 
     @abstractmethod
@@ -162,24 +162,28 @@ class SeenPoints(MeasuredPoints):
 
     @abstractmethod
     def with_derivatives(
-        self, points_in_camera: Array, camera: Camera | None, lens: bool
+        self, points_in_camera: Array, camera: Camera | None, with_lens: bool
     ) -> tuple[Array, Array, Array | None]:
-        """Residuals of points (n, p, 3), with derivatives by points, (n, p, d, 3), and by the lens if `lens`."""
+        """Residuals of points (n, p, 3), with derivatives by points, (n, p, d, 3), and by the lens if `with_lens`."""
 
     def tangent_rows(
-        self, camera_from_target: SE3, camera: Camera | None, lens: bool
+        self, camera_from_target: SE3, camera: Camera | None, with_lens: bool
     ) -> tuple[Array, Array, Array | None]:
-        """Residuals at poses (n,), with derivatives by right tangents, (n, p, d, 6), and by the lens if `lens`."""
-        off, by_point, by_lens = self.with_derivatives(self.camera_points(camera_from_target), camera, lens)
+        """Residuals at poses (n,), with derivatives by right tangents, (n, p, d, 6), and by the lens if `with_lens`."""
+        residuals, by_point, by_lens = self.with_derivatives(self.camera_points(camera_from_target), camera, with_lens)
         # Derivative of f(camera_from_target @ p) from df/dp, (n, p, d, 3).
-        shift = by_point @ camera_from_target.rotation[:, None]
-        return off, np.concatenate([shift, np.cross(self.points_in_target[:, None], shift)], -1), by_lens
+        by_translation = by_point @ camera_from_target.rotation[:, None]
+        return (
+            residuals,
+            np.concatenate([by_translation, np.cross(self.points_in_target[:, None], by_translation)], -1),
+            by_lens,
+        )
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`."""
         unstated = self.weight * (self.stated == 0)
-        off = np.nan_to_num(self.residuals(camera_from_target, camera)) * unstated[..., None]
-        return {self.noise_field: float(np.sum(off**2))}
+        residuals = np.nan_to_num(self.residuals(camera_from_target, camera)) * unstated[..., None]
+        return {self.noise_field: float(np.sum(residuals**2))}
 
     def mask_points(self, points: BoolArray) -> Self:
         """See `Measurement`."""
@@ -218,11 +222,11 @@ class PointJacobians:
 
 
 def point_jacobians(
-    measurement: SeenPoints, camera_from_target: SE3, camera: Camera | None, lens: bool
+    measurement: SeenPoints, camera_from_target: SE3, camera: Camera | None, with_lens: bool
 ) -> PointJacobians:
     """Linearise each point of views at `camera_from_target`, (n,)."""
-    off, by_pose, by_lens = measurement.tangent_rows(camera_from_target, camera, lens)
-    seen = measurement.seen & (measurement.weight > 0) & np.isfinite(off).all(-1)
+    residuals, by_pose, by_lens = measurement.tangent_rows(camera_from_target, camera, with_lens)
+    seen = measurement.seen & (measurement.weight > 0) & np.isfinite(residuals).all(-1)
     weight = np.where(seen, measurement.weight, 0.0)[..., None]
     jacobian = by_pose if by_lens is None else np.concatenate([by_pose, by_lens], -1)
-    return PointJacobians(np.nan_to_num(off) * weight, np.nan_to_num(jacobian) * weight[..., None], seen)
+    return PointJacobians(np.nan_to_num(residuals) * weight, np.nan_to_num(jacobian) * weight[..., None], seen)

@@ -24,7 +24,7 @@ FEWEST_POINTS = 4  # points that determine the pose of a plane, up to two soluti
 _FEWEST_IN_SPACE = 6  # points needed by the direct linear transform
 _REFINEMENT_STEPS = 2
 _MOST_STEPS = 20  # most steps of one view: bounds the time of a pose that does not converge; assumed
-_SETTLED_GAIN = 1e-3  # relative to the residual norm: a step with a gain below a millionth of the cost is the last
+_CONVERGED_GAIN = 1e-3  # relative to the residual norm: a step with a gain below a millionth of the cost is the last
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,48 +68,48 @@ def view_poses(
     """
     centre = points_in_target.mean(0)
     centred = points_in_target - centre
-    of = principal_axes(centred)
-    flat, size = of.dimension < 3, float(np.sqrt(np.mean(np.sum(centred**2, -1))))
+    principal = principal_axes(centred)
+    is_flat, size = principal.dimension < 3, float(np.sqrt(np.mean(np.sum(centred**2, -1))))
     # A rotation, with z normal to the plane of a flat target.
-    axes = of.axes * np.array([1.0, 1.0, np.linalg.det(of.axes)])
+    axes = principal.axes * np.array([1.0, 1.0, np.linalg.det(principal.axes)])
     plane_from_target = SE3.adopt(axes, centre).inverse()
     local = centred @ axes / size
-    guess = _direct_linear(local, bearings_in_camera, is_visible, flat)
+    guess = _direct_linear(local, bearings_in_camera, is_visible, is_flat)
     guess = SE3.adopt(guess.rotation, guess.translation * size)
-    guesses = concatenate([guess, _mirror_normal(guess)]) if flat else guess
+    guesses = concatenate([guess, _mirror_normal(guess)]) if is_flat else guess
     n = len(guess)
-    twice = measurement.take(np.arange(len(guesses)) % n)
-    poses = refine_poses(twice, guesses @ plane_from_target, iterations=iterations)
-    enough = is_visible.sum(-1) >= (FEWEST_POINTS if flat else _FEWEST_IN_SPACE)
+    both_measurements = measurement.take(np.arange(len(guesses)) % n)
+    poses = refine_poses(both_measurements, guesses @ plane_from_target, iterations=iterations)
+    has_enough = is_visible.sum(-1) >= (FEWEST_POINTS if is_flat else _FEWEST_IN_SPACE)
     first, second = take(poses, slice(0, n)), take(poses, slice(len(guesses) - n, None))
-    swapped = ~(first.cost <= second.cost) & ~np.isnan(second.cost)
-    best, next_best = choose_entries(swapped, second, first), choose_entries(swapped, first, second)
+    is_swapped = ~(first.cost <= second.cost) & ~np.isnan(second.cost)
+    best, next_best = choose_entries(is_swapped, second, first), choose_entries(is_swapped, first, second)
     cost = np.stack([best.cost, next_best.cost], -1)
-    cost = np.where(enough[:, None] & np.isfinite(cost), cost, np.inf)
-    pair = [best.camera_from_target, next_best.camera_from_target]
-    both = SE3.adopt(np.stack([p.rotation for p in pair], 1), np.stack([p.translation for p in pair], 1))
-    return ViewPoses(both, cost, best.information)
+    cost = np.where(has_enough[:, None] & np.isfinite(cost), cost, np.inf)
+    best_two = [best.camera_from_target, next_best.camera_from_target]
+    stacked = SE3.adopt(np.stack([p.rotation for p in best_two], 1), np.stack([p.translation for p in best_two], 1))
+    return ViewPoses(stacked, cost, best.information)
 
 
-def _direct_linear(local: Array, bearings_in_camera: Array, is_visible: BoolArray, flat: bool) -> SE3:
+def _direct_linear(local: Array, bearings_in_camera: Array, is_visible: BoolArray, is_flat: bool) -> SE3:
     """Poses by the direct linear transform, (n,); for a plane by its homography, with the third axis as a normal."""
-    places = local[:, :2] if flat else local
-    homogeneous = np.column_stack([places, np.ones(len(places))])
+    coordinates = local[:, :2] if is_flat else local
+    homogeneous = np.column_stack([coordinates, np.ones(len(coordinates))])
     bearings = bearings_in_camera * is_visible[..., None]
-    matrix = smallest_vectors(_squared_misses(bearings, homogeneous)).reshape(len(bearings), 3, -1)
+    matrix = smallest_vectors(_squared_distances(bearings, homogeneous)).reshape(len(bearings), 3, -1)
     # Points are in the direction of the bearings, not opposite.
-    along = np.einsum("nia,nia->n", matrix, bearings.mT @ homogeneous)
-    matrix[along < 0] = -matrix[along < 0]
+    sign = np.einsum("nia,nia->n", matrix, bearings.mT @ homogeneous)
+    matrix[sign < 0] = -matrix[sign < 0]
     axes = matrix[:, :, :-1]
-    scale = lengths(axes.mT).mean(-1) if flat else np.cbrt(np.abs(np.linalg.det(axes)))
+    scale = lengths(axes.mT).mean(-1) if is_flat else np.cbrt(np.abs(np.linalg.det(axes)))
     matrix = matrix / np.maximum(scale, 1e-12)[:, None, None]
     axes = matrix[:, :, :-1]
-    if flat:
+    if is_flat:
         axes = np.concatenate([axes, cross(axes[:, :, 0], axes[:, :, 1])[..., None]], -1)
     return SE3.adopt(nearest_rotation(axes), matrix[:, :, -1].copy())
 
 
-def _squared_misses(bearings: Array, homogeneous: Array) -> Array:
+def _squared_distances(bearings: Array, homogeneous: Array) -> Array:
     """Quadratic form in the entries of M, by rows, whose value is the sum of |b x (M h)|^2, (n, 3 k, 3 k).
 
     The quadratic form is the sum of (b'b I - b b') (x) h h'.
@@ -119,10 +119,10 @@ def _squared_misses(bearings: Array, homogeneous: Array) -> Array:
         homogeneous: Homogeneous coordinates h, (p, k).
     """
     n, (p, k) = len(bearings), homogeneous.shape
-    across = -bearings[..., :, None] * bearings[..., None, :]
-    across = with_identity(across, np.einsum("npi,npi->np", bearings, bearings))
-    of_points = (homogeneous[:, :, None] * homogeneous[:, None, :]).reshape(p, k * k)
-    total = across.reshape(n, p, 9).mT @ of_points
+    blocks = -bearings[..., :, None] * bearings[..., None, :]
+    blocks = with_identity(blocks, np.einsum("npi,npi->np", bearings, bearings))
+    products = (homogeneous[:, :, None] * homogeneous[:, None, :]).reshape(p, k * k)
+    total = blocks.reshape(n, p, 9).mT @ products
     return np.asarray(total.reshape(n, 3, 3, k, k).swapaxes(2, 3).reshape(n, 3 * k, 3 * k))
 
 
@@ -132,16 +132,16 @@ def _mirror_normal(camera_from_plane: SE3) -> SE3:
     The plane is rotated by 180 deg about the normal n, then by 180 deg about the line of sight s. The rotation matrix
     is (2 s s' - I) (2 n n' - I). A plane at the camera's centre has no line of sight: its pose is kept.
     """
-    normal, at = camera_from_plane.rotation[..., 2], camera_from_plane.translation
-    length = lengths(at)[..., None]
-    sight = np.divide(at, length, out=normal.copy(), where=length > 1e-12)
-    away = 2 * np.einsum("...i,...i->...", normal, sight)[..., None] * sight - normal
-    turn = 2 * (away[..., :, None] * normal[..., None, :] - sight[..., :, None] * sight[..., None, :])
-    return SE3.adopt(with_identity(turn, np.ones(len(turn))) @ camera_from_plane.rotation, at)
+    normal, origin = camera_from_plane.rotation[..., 2], camera_from_plane.translation
+    length = lengths(origin)[..., None]
+    sight = np.divide(origin, length, out=normal.copy(), where=length > 1e-12)
+    mirrored = 2 * np.einsum("...i,...i->...", normal, sight)[..., None] * sight - normal
+    rotation = 2 * (mirrored[..., :, None] * normal[..., None, :] - sight[..., :, None] * sight[..., None, :])
+    return SE3.adopt(with_identity(rotation, np.ones(len(rotation))) @ camera_from_plane.rotation, origin)
 
 
 @dataclass(frozen=True, eq=False)
-class _Refined:
+class _RefinedPoses:
     camera_from_target: SE3
     cost: Array
     information: Array
@@ -150,7 +150,7 @@ class _Refined:
 class Views(Protocol):
     """Views that can be linearised at poses; see `Measurement`."""
 
-    def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
+    def linearise(self, camera_from_target: SE3, camera: Camera | None, with_lens: bool) -> ViewInformation:
         """See `Measurement`."""
         ...
 
@@ -160,7 +160,7 @@ class Views(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class _Poses:
+class _PoseProblem:
     """Poses of views as a `System` for Levenberg-Marquardt; each view is a separate problem of the batch."""
 
     views: Views
@@ -174,22 +174,24 @@ class _Poses:
         """See `System`."""
         return camera_from_target @ SE3.exp(step)
 
-    def take(self, rows: IntArray) -> _Poses:
+    def take(self, rows: IntArray) -> _PoseProblem:
         """See `System`."""
-        return _Poses(self.views.take(rows), self.camera)
+        return _PoseProblem(self.views.take(rows), self.camera)
 
 
-def refine_poses(views: Views, start: SE3, camera: Camera | None = None, iterations: int = _MOST_STEPS) -> _Refined:
+def refine_poses(
+    views: Views, start: SE3, camera: Camera | None = None, iterations: int = _MOST_STEPS
+) -> _RefinedPoses:
     """Refine the pose of each view separately, from initial poses (n,); see `numerics.levenberg_marquardt`."""
     if not iterations:
-        at = views.linearise(start, camera, False)
-        return _Refined(start, at.cost, at.information)
-    optima = levenberg_marquardt(_Poses(views, camera), start, Criteria(iterations, tolerance=_SETTLED_GAIN))
-    return _Refined(optima.state, optima.cost, optima.linearisation.information)
+        view = views.linearise(start, camera, False)
+        return _RefinedPoses(start, view.cost, view.information)
+    optima = levenberg_marquardt(_PoseProblem(views, camera), start, Criteria(iterations, tolerance=_CONVERGED_GAIN))
+    return _RefinedPoses(optima.state, optima.cost, optima.linearisation.information)
 
 
 @dataclass(frozen=True, eq=False)
-class KnownPoses:
+class PoseCache:
     """`view_poses` with a cache of results per view.
 
     Attributes:
@@ -203,8 +205,8 @@ class KnownPoses:
     ) -> ViewPoses:
         """See `view_poses`."""
         target = points_in_target.tobytes()
-        of_views = zip(bearings_in_camera, is_visible, measurement.weight, strict=True)
-        keys = [target + b.tobytes() + s.tobytes() + w.tobytes() for b, s, w in of_views]
+        views = zip(bearings_in_camera, is_visible, measurement.weight, strict=True)
+        keys = [target + b.tobytes() + s.tobytes() + w.tobytes() for b, s, w in views]
         rows = np.array([row for row, key in enumerate(keys) if key not in self.known], dtype=np.int64)
         if len(rows):
             found = view_poses(points_in_target, bearings_in_camera[rows], is_visible[rows], measurement.take(rows))

@@ -53,7 +53,7 @@ def _distance(angle: Array, distortion: Sequence[Number]) -> Array:
     return distance
 
 
-def _radius_derivative(angle: Array, distortion: Sequence[Number]) -> Array:
+def _distance_derivative(angle: Array, distortion: Sequence[Number]) -> Array:
     """Derivative of the image's distance from the centre with respect to the angle."""
     k1, k2, k3, k4 = distortion
     s = angle * angle
@@ -69,11 +69,11 @@ def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
 
 
 def project_with_derivatives(
-    points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
+    points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], with_terms: bool
 ) -> Projection:
     """See `Lens`."""
     r, cosine, sine, angle = _polar(points)
-    distance, growth = _distance(angle, distortion), _radius_derivative(angle, distortion)
+    distance, growth = _distance(angle, distortion), _distance_derivative(angle, distortion)
     z = points[..., 2]
     square = r * r + z * z
     outward = growth * z / square
@@ -86,7 +86,7 @@ def project_with_derivatives(
     d_points[..., 1, 1] = focal[1] * (sine * sine * outward + cosine * cosine * around)
     d_points[..., 0, 2], d_points[..., 1, 2] = focal[0] * cosine * forward, focal[1] * sine * forward
     d_terms = None
-    if terms:
+    if with_terms:
         powers = angle[..., None] ** np.array([3, 5, 7, 9])
         d_terms = np.stack([(focal[0] * cosine)[..., None] * powers, (focal[1] * sine)[..., None] * powers], -2)
     return Projection(cosine * distance, sine * distance, d_points, d_terms)
@@ -108,22 +108,22 @@ def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolA
 
     Newton's method on the angle, with bisection if a step would leave the bracket.
     """
-    wanted = np.hypot(u, v)
-    low, high = np.zeros_like(wanted), np.full_like(wanted, fold(distortion))
-    valid = wanted < _distance(high, distortion)
-    angle = np.minimum(wanted, 0.5 * high)
+    distance = np.hypot(u, v)
+    low, high = np.zeros_like(distance), np.full_like(distance, fold(distortion))
+    valid = distance < _distance(high, distortion)
+    angle = np.minimum(distance, 0.5 * high)
     for _ in range(_MOST_STEPS):
-        miss = wanted - _distance(angle, distortion)
-        low, high = np.where(miss > 0, angle, low), np.where(miss > 0, high, angle)
-        newton = angle + miss / _radius_derivative(angle, distortion)
-        moved = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        settled = np.abs(moved - angle) <= _TOLERANCE
-        angle = moved
-        if np.all(settled | ~valid):
+        residual = distance - _distance(angle, distortion)
+        low, high = np.where(residual > 0, angle, low), np.where(residual > 0, high, angle)
+        newton = angle + residual / _distance_derivative(angle, distortion)
+        next_angle = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
+        converged = np.abs(next_angle - angle) <= _TOLERANCE
+        angle = next_angle
+        if np.all(converged | ~valid):
             break
-    safe = np.where(wanted > 0, wanted, 1.0)
-    sideways = np.sin(angle) / safe
-    return np.stack([u * sideways, v * sideways, np.cos(angle)], -1), valid
+    safe = np.where(distance > 0, distance, 1.0)
+    scale = np.sin(angle) / safe
+    return np.stack([u * scale, v * scale, np.cos(angle)], -1), valid
 
 
 def usual_distortion(rng: np.random.Generator) -> Array:

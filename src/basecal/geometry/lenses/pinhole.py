@@ -100,15 +100,15 @@ def _derivative(rays: _Rays, k: Sequence[Number]) -> tuple[Array, Array, Array]:
     mixed *= rays.b
     mixed += (2 * p1) * rays.a
     return (
-        _own_derivative(slope_a, p2, rays.a, rays.stretch),
+        _diagonal_derivative(slope_a, p2, rays.a, rays.stretch),
         mixed,
-        _own_derivative(slope * rays.b, p1, rays.b, rays.stretch),
+        _diagonal_derivative(slope * rays.b, p1, rays.b, rays.stretch),
     )
 
 
-def _own_derivative(slopes: Array, p: Number, coordinate: Array, stretch: Array) -> Array:
+def _diagonal_derivative(slope: Array, p: Number, coordinate: Array, stretch: Array) -> Array:
     """Diagonal entry of the Jacobian: derivative of an image coordinate with respect to its own coordinate."""
-    total = slopes + 4 * p
+    total = slope + 4 * p
     total *= coordinate
     total += stretch
     return total
@@ -124,14 +124,14 @@ def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
 
 
 def project_with_derivatives(
-    points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
+    points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], with_terms: bool
 ) -> Projection:
     """See `Lens`."""
     a, b, inverse = normalise(points)
-    d_points = room(2, 3, points.shape[:-1])
-    if not (any_nonzero(distortion) or (terms and distortion)):
+    d_points = allocate_rows(2, 3, points.shape[:-1])
+    if not (any_nonzero(distortion) or (with_terms and distortion)):
         _undistorted_rows(d_points, a, b, inverse, focal)
-        return Projection(a, b, d_points, np.empty((*points.shape[:-1], 2, 0)) if terms else None)
+        return Projection(a, b, d_points, np.empty((*points.shape[:-1], 2, 0)) if with_terms else None)
     k = _pad_distortion(distortion)
     rays = _rays(a, b, k)
     uu, uv, vv = _derivative(rays, k)
@@ -140,33 +140,35 @@ def project_with_derivatives(
         dx = np.multiply(scale, da, out=d_points[..., row, 0])
         dy = np.multiply(scale, db, out=d_points[..., row, 1])
         np.negative(dx * a + dy * b, out=d_points[..., row, 2])
-    return Projection(*_image(rays, k), d_points, _term_derivative(rays, focal, len(distortion)) if terms else None)
+    return Projection(
+        *_image(rays, k), d_points, _term_derivative(rays, focal, len(distortion)) if with_terms else None
+    )
 
 
-def room(rows: int, columns: int, shape: tuple[int, ...]) -> Array:
+def allocate_rows(rows: int, columns: int, shape: tuple[int, ...]) -> Array:
     """Allocate an array (*shape, rows, columns) in which all values of one entry are contiguous, for fast access."""
     return to_back(np.empty((rows, columns, *shape)), 2)
 
 
 def _undistorted_rows(output: Array, a: Array, b: Array, inverse: Array, focal: tuple[Number, Number]) -> None:
-    for row, (f, at) in enumerate(zip(focal, (a, b), strict=True)):
+    for row, (f, coordinate) in enumerate(zip(focal, (a, b), strict=True)):
         scale = f * inverse
         output[..., row, row] = scale
         output[..., row, 1 - row] = 0.0 * scale  # NaN stays NaN
-        np.multiply(scale, -at, out=output[..., row, 2])
+        np.multiply(scale, -coordinate, out=output[..., row, 2])
 
 
 def _term_derivative(rays: _Rays, focal: tuple[Number, Number], count: int) -> Array:
     """Derivative of the pixels with respect to the first `count` distortion terms, (..., 2, count)."""
-    out = room(2, count, rays.s.shape)
+    out = allocate_rows(2, count, rays.s.shape)
     power = rays.s * rays.inverse_denominator
-    for row, (f, at, other) in enumerate(((focal[0], rays.a, rays.b), (focal[1], rays.b, rays.a))):
-        scaled = f * at
+    for row, (f, coordinate, other) in enumerate(((focal[0], rays.a, rays.b), (focal[1], rays.b, rays.a))):
+        scaled = f * coordinate
         first = np.multiply(scaled, power, out=out[..., row, 0])
         second = np.multiply(first, rays.s, out=out[..., row, 1])
         scaled *= 2
         np.multiply(scaled, other, out=out[..., row, 2 + row])
-        np.add(scaled * at, f * rays.s, out=out[..., row, 3 - row])
+        np.add(scaled * coordinate, f * rays.s, out=out[..., row, 3 - row])
         if count > 4:
             third = np.multiply(second, rays.s, out=out[..., row, 4])
         if count > 5:

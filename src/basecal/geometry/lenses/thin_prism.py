@@ -33,11 +33,11 @@ def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
 
 
 def project_with_derivatives(
-    points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
+    points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], with_terms: bool
 ) -> Projection:
     """See `Lens`."""
     a, b, inverse = pinhole.normalise(points)
-    u, v, d_points, d_terms = pinhole.project_with_derivatives(points, focal, distortion[:_RADIAL_TERMS], terms)
+    u, v, d_points, d_terms = pinhole.project_with_derivatives(points, focal, distortion[:_RADIAL_TERMS], with_terms)
     s1, s2, s3, s4 = distortion[_RADIAL_TERMS:]
     s = a * a + b * b
     for row, (f, first, second) in enumerate(((focal[0], s1, s2), (focal[1], s3, s4))):
@@ -52,7 +52,7 @@ def project_with_derivatives(
 
 def _term_derivative(s: Array, focal: tuple[Number, Number]) -> Array:
     """Derivative of the pixels with respect to the last four terms, (..., 2, 4)."""
-    out = pinhole.room(2, 4, s.shape)
+    out = pinhole.allocate_rows(2, 4, s.shape)
     out[...] = 0.0
     for row in (0, 1):
         out[..., row, 2 * row] = focal[row] * s
@@ -71,11 +71,16 @@ def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolA
 
     def project_direction(a: Array, b: Array) -> Image:
         """Image of a direction and its derivatives: those of the pinhole plus those of the prism terms."""
-        at, s = pinhole.project_direction(a, b, distortion[:_RADIAL_TERMS]), a * a + b * b
+        image, s = pinhole.project_direction(a, b, distortion[:_RADIAL_TERMS]), a * a + b * b
         for_u, for_v = 2 * (s1 + 2 * s2 * s), 2 * (s3 + 2 * s4 * s)
-        moved_u, moved_v = at.u + s * (s1 + s2 * s), at.v + s * (s3 + s4 * s)
+        image_u, image_v = image.u + s * (s1 + s2 * s), image.v + s * (s3 + s4 * s)
         return Image(
-            moved_u, moved_v, at.du_da + for_u * a, at.du_db + for_u * b, at.dv_da + for_v * a, at.dv_db + for_v * b
+            image_u,
+            image_v,
+            image.du_da + for_u * a,
+            image.du_db + for_u * b,
+            image.dv_da + for_v * a,
+            image.dv_db + for_v * b,
         )
 
     return invert_map(project_direction, u, v, pinhole.fold(distortion[:_RADIAL_TERMS]))

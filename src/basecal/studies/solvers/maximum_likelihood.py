@@ -32,7 +32,7 @@ def solve(draws: Draws) -> Answers:
     if first.observability.unobservable:  # the batch inverts the whole information matrix
         return _solve_trials(draws)
     try:
-        found = solve_batch(draws.problem, first.state.spread(draws.problem, draws.count))
+        found = solve_batch(draws.problem, first.state.repeat(draws.problem, draws.count))
     except np.linalg.LinAlgError:  # the information matrix of one trial is singular
         return _solve_trials(draws)
     where = draws.problem.columns[draws.transform]

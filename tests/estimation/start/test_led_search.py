@@ -9,7 +9,7 @@ import pytest
 
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start.closed_form import Loop
-from basecal.estimation.start.light_search import light_search, light_starts
+from basecal.estimation.start.led_search import led_search, led_starts
 from basecal.estimation.start.pair_views import pair_views
 from basecal.estimation.start.refinement import Refinement, refine_jointly
 from basecal.estimation.start.rotation_search import icosahedral_rotations
@@ -33,7 +33,7 @@ def partial_views():
 def test_the_point_that_most_views_see_is_the_light():
     """Views without it are left out, and where its mount is known the light stands at the point."""
     pair, loop, truth = partial_views()
-    one, light, starts = light_search(pair, loop, 3)
+    one, light, starts = led_search(pair, loop, 3)
     assert one.group.measurement.points_in_target.shape == (1, 3)
     assert (len(one.group), len(pair.group)) == (10, 12)
     point = pair.group.measurement.points_in_target[1]
@@ -44,7 +44,7 @@ def test_the_point_that_most_views_see_is_the_light():
 def test_refined_the_best_start_is_the_truth():
     """With camera and light known, the starts of the grid lead to the base, to a milliradian."""
     pair, loop, truth = partial_views()
-    (found,) = refine_jointly([Refinement(*light_search(pair, loop, 3), is_point=True)])
+    (found,) = refine_jointly([Refinement(*led_search(pair, loop, 3), is_point=True)])
     assert np.linalg.norm((found[1].inverse() @ truth[1]).rotvec) < 1e-3
 
 
@@ -52,7 +52,7 @@ def test_views_count_however_little_they_weigh():
     """What has no weight alone is not seen."""
     pair, loop, _ = partial_views()
     faint = replace(pair.group.measurement, weight=1e-9 * pair.group.measurement.weight)
-    one, _, _ = light_search(replace(pair, group=replace(pair.group, measurement=faint)), loop, 1)
+    one, _, _ = led_search(replace(pair, group=replace(pair.group, measurement=faint)), loop, 1)
     assert len(one.group) == 10
 
 
@@ -92,7 +92,7 @@ def _light(views, known=(), turned=None):
 def test_with_rotations_of_the_grid_a_light_is_placed(known):
     """What is known stays; of the others the best come first, and one of them is within 60 degrees of the truth."""
     loop, bearings, true = _light(12, known)
-    starts = light_starts(loop, bearings, 6)
+    starts = led_starts(loop, bearings, 6)
     assert len(starts) == 6
     for start in starts:
         for name, found in zip("xyz", start, strict=True):
@@ -108,7 +108,7 @@ def test_with_rotations_of_the_grid_a_light_is_placed(known):
 def test_where_rotations_are_known_the_light_is_exact():
     """The translations are those by which every view meets its point."""
     loop, bearings, true = _light(12, "xy")
-    ((x, y, z),) = light_starts(loop, bearings, 3)
+    ((x, y, z),) = led_starts(loop, bearings, 3)
     np.testing.assert_allclose(z.translation, true["z"].translation, atol=1e-6)
     assert (x, y) == (loop.x, loop.y)
 
@@ -118,7 +118,7 @@ def test_of_many_views_evenly_spread_ones_rank_the_grid(views, step):
     """Forty at most: as if the others were not there."""
     loop, bearings, _ = _light(views, "x")
     fewer = loop._replace(a=loop.a[::step], c=loop.c[::step])
-    for found, same in zip(light_starts(loop, bearings, 2), light_starts(fewer, bearings[::step], 2), strict=True):
+    for found, same in zip(led_starts(loop, bearings, 2), led_starts(fewer, bearings[::step], 2), strict=True):
         for one, other in zip(found, same, strict=True):
             np.testing.assert_array_equal(one.matrix, other.matrix)
 
@@ -135,7 +135,7 @@ def test_the_grid_carries_an_icosahedron_onto_itself():
 def test_a_light_whose_rotations_are_of_the_grid_comes_first(known, count):
     """Exactly where it is, however far from the camera: directions alone count. Of one rotation of X eight go on."""
     loop, bearings, true = _light(9, known, icosahedral_rotations()[[13, 42]])
-    starts = light_starts(loop, bearings, 20)
+    starts = led_starts(loop, bearings, 20)
     assert len(starts) == count
     for name, found in zip("xyz", starts[0], strict=True):
         np.testing.assert_allclose(found.matrix, true[name].matrix, atol=1e-4)
