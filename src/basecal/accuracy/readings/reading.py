@@ -322,7 +322,9 @@ def _track(cell: Cell, robot: str, states: list[RobotState | None]) -> Track:
     found = recorded_states(cell, robot, known_states)
     joints = None if found.joints is None else found.joints[rows]
     has_only_poses = all(state.base_from_flange is not None for state in known_states)
-    return Track(seen, found.base_from_flange[rows], joints, np.where(seen, found.stop_number[rows], -1), has_only_poses)
+    return Track(
+        seen, found.base_from_flange[rows], joints, np.where(seen, found.stop_number[rows], -1), has_only_poses
+    )
 
 
 def _stops(stops: Stops, tracks: Mapping[str, Track]) -> tuple[Stops, dict[str, int]]:

@@ -96,9 +96,9 @@ def recorded_subset(problem: Problem, state: State, max_count: int) -> tuple[Pro
 
     def renumber(end: End) -> End:
         """Renumber the stops of an end among its robot's stops in these views."""
-        return (
-            end if end.robot is None else replace(end, stop_number=np.searchsorted(recorded[end.robot], end.stop_number))
-        )
+        if end.robot is None:
+            return end
+        return replace(end, stop_number=np.searchsorted(recorded[end.robot], end.stop_number))
 
     renumbered = (group.with_ends(renumber) for group in few.groups)
     return replace(
