@@ -155,9 +155,9 @@ def check_rotation(rotation: Array, name: str = "rotation") -> None:
     Raises:
         InputError: if a matrix is scaled, sheared or a reflection.
     """
-    off = np.abs(rotation.mT @ rotation - np.eye(3)).max(initial=0.0)  # NaN if a state is not finite
-    if off > 2 * ROTATION_TOLERANCE:
-        raise InputError(f"{name} is not a rotation: R' R is off the identity by {off:.2g}")
+    deviation = np.abs(rotation.mT @ rotation - np.eye(3)).max(initial=0.0)  # NaN if a state is not finite
+    if deviation > 2 * ROTATION_TOLERANCE:
+        raise InputError(f"{name} is not a rotation: R' R is off the identity by {deviation:.2g}")
     if np.any(np.einsum("...i,...i->...", cross(rotation[..., 0], rotation[..., 1]), rotation[..., 2]) < 0):
         raise InputError(f"{name} is a reflection: its determinant is -1, its axes are left-handed")
 
@@ -169,7 +169,9 @@ def checked_rotation(rotation: Array, name: str = "rotation") -> Array:
         InputError: if a matrix is farther from a rotation, or a reflection.
     """
     nearest = nearest_rotation(rotation)
-    off = np.abs(nearest - rotation).max(initial=0.0)
-    if off > ROTATION_TOLERANCE:
-        raise InputError(f"{name} is not a rotation: off by {off:.2g}, at most {ROTATION_TOLERANCE:g} is projected")
+    deviation = np.abs(nearest - rotation).max(initial=0.0)
+    if deviation > ROTATION_TOLERANCE:
+        raise InputError(
+            f"{name} is not a rotation: off by {deviation:.2g}, at most {ROTATION_TOLERANCE:g} is projected"
+        )
     return nearest

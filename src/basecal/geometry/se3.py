@@ -164,9 +164,9 @@ class SE3:
         a, b, c = exp_coefficients(lengths(w))[..., None, None]
         cross, column = cross_matrix(w), x[..., :3, None]
         square = cross @ cross
-        moved = c * (square @ column)
-        moved += b * (cross @ column)
-        translation = v + moved[..., 0]
+        product = c * (square @ column)
+        product += b * (cross @ column)
+        translation = v + product[..., 0]
         square *= b
         cross *= a
         square += cross
@@ -193,8 +193,8 @@ class SE3:
         w = rotation_log(self.rotation)
         _, b, c = exp_coefficients(np.linalg.norm(w, axis=-1))
         k = cross_matrix(w)
-        left = np.eye(3) + b[..., None, None] * k + c[..., None, None] * (k @ k)
-        v = np.linalg.solve(left, self.translation[..., None])[..., 0]
+        left_jacobian = np.eye(3) + b[..., None, None] * k + c[..., None, None] * (k @ k)
+        v = np.linalg.solve(left_jacobian, self.translation[..., None])[..., 0]
         return np.concatenate([v, w], axis=-1)
 
     def inverse(self) -> SE3:

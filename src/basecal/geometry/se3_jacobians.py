@@ -20,15 +20,15 @@ def right_jacobian(xi: Array) -> Array:
     v, w = xi[..., :3], xi[..., 3:]
     angle = lengths(w)
     _, c2, c3, c4, c5 = exp_coefficients(angle, 5)
-    square, along = angle * angle, np.einsum("...i,...i->...", v, w)
+    square, dot = angle * angle, np.einsum("...i,...i->...", v, w)
     outer, mixed = w[..., :, None] * w[..., None, :], v[..., :, None] * w[..., None, :]
     diagonal_block = c3[..., None, None] * outer - cross_matrix(c2[..., None] * w)
-    coefficient = along * (c4 - 3 * c5)
+    coefficient = dot * (c4 - 3 * c5)
     off_diagonal_block = c3[..., None, None] * (mixed + mixed.mT) - coefficient[..., None, None] * outer
-    off_diagonal_block -= cross_matrix((0.5 - c4 * square)[..., None] * v + ((2 * c4 - c3) * along)[..., None] * w)
+    off_diagonal_block -= cross_matrix((0.5 - c4 * square)[..., None] * v + ((2 * c4 - c3) * dot)[..., None] * w)
     out = np.zeros((*xi.shape[:-1], 6, 6))
     out[..., :3, :3] = out[..., 3:, 3:] = with_identity(diagonal_block, 1 - c3 * square)
-    out[..., :3, 3:] = with_identity(off_diagonal_block, coefficient * square - 2 * c3 * along)
+    out[..., :3, 3:] = with_identity(off_diagonal_block, coefficient * square - 2 * c3 * dot)
     return out
 
 

@@ -121,16 +121,16 @@ class SerialChain:
 
     def _joint_rotations(self, angles: Array) -> Array:
         """Rotations about the joint axes by angles (n, ...), (n, ..., 3, 3). Source: Rodrigues 1840."""
-        across, squared = self._axis_matrices
+        crosses, squared = self._axis_matrices
         shape = (self.n, *[1] * (angles.ndim - 1), 3, 3)
-        sine, rest = np.sin(angles)[..., None, None], (1 - np.cos(angles))[..., None, None]
-        return np.asarray(np.eye(3) + sine * across.reshape(shape) + rest * squared.reshape(shape))
+        sine, versine = np.sin(angles)[..., None, None], (1 - np.cos(angles))[..., None, None]
+        return np.asarray(np.eye(3) + sine * crosses.reshape(shape) + versine * squared.reshape(shape))
 
     @cached_property
     def _axis_matrices(self) -> tuple[Array, Array]:
         """Cross-product matrix of each axis, and its square, (n, 3, 3) each."""
-        across = cross_matrix(self.axes)
-        return across, across @ across
+        crosses = cross_matrix(self.axes)
+        return crosses, crosses @ crosses
 
     def _origins(self, dimensions: int) -> tuple[Array, Array]:
         """Rotations and translations of the origins, joints first, to broadcast against arrays of `dimensions` axes."""

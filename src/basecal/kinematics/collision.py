@@ -72,10 +72,10 @@ def box_capsules(frame: int, pose: SE3, bounds: Array, padding_m: float = 0.0) -
     counts[np.argmax(size)] = 1
     half = 0.5 * size / counts
     cells = np.stack(np.meshgrid(*(np.arange(count) for count in counts), indexing="ij"), -1).reshape(-1, 3)
-    along = np.where(np.arange(3) == np.argmax(size), half, 0.0)
+    half_axis = np.where(np.arange(3) == np.argmax(size), half, 0.0)
     middles = bounds[0] + (2 * cells + 1) * half
-    ends = pose @ np.stack([middles - along, middles + along], axis=1)
-    radius, padding = (np.full(len(ends), value) for value in (np.linalg.norm(half - along), padding_m))
+    ends = pose @ np.stack([middles - half_axis, middles + half_axis], axis=1)
+    radius, padding = (np.full(len(ends), value) for value in (np.linalg.norm(half - half_axis), padding_m))
     return Capsules(np.full(len(ends), frame), ends, radius, padding)
 
 

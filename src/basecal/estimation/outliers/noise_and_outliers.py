@@ -89,10 +89,10 @@ def _judge(
         return judged
     held_problem = solution.noise.hold_sigmas(plain.problem)
     if previous is None:  # the noise was estimated from all views, and the optimum under it is known
-        whole = replace(solution, problem=held_problem, noise=NoiseEstimate(Noise(), 1.0, (), True))
+        all_views = replace(solution, problem=held_problem, noise=NoiseEstimate(Noise(), 1.0, (), True))
     else:
-        whole = solve_from(held_problem, solution.state, settings, plain.findings)
-    return solve_robustly(held_problem, cell, settings, replace(whole, disputed=plain.disputed))
+        all_views = solve_from(held_problem, solution.state, settings, plain.findings)
+    return solve_robustly(held_problem, cell, settings, replace(all_views, disputed=plain.disputed))
 
 
 def _outlier_views(robust: RobustSolution | None) -> list[tuple[int, str, str]]:

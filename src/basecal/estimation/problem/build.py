@@ -146,12 +146,12 @@ def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
     The reference's base is the world: it counts as free if everything else that is placed in the world is free.
     """
     ends = problem.robot_ends(robot)
-    placed = [end.base for end in ends if end.base]
-    if len(placed) < len(ends):
-        placed = [end.base for group in problem.groups for end in group.ends if end.base]
-        placed += [end.mount for end in problem.robot_ends(None) if end.base is None]
-    carried = [end.mount for end in ends]
-    base, flange = (all(problem.unknowns[name].status == "free" for name in names) for names in (placed, carried))
+    bases = [end.base for end in ends if end.base]
+    if len(bases) < len(ends):
+        bases = [end.base for group in problem.groups for end in group.ends if end.base]
+        bases += [end.mount for end in problem.robot_ends(None) if end.base is None]
+    mounts = [end.mount for end in ends]
+    base, flange = (all(problem.unknowns[name].status == "free" for name in names) for names in (bases, mounts))
     return base, flange
 
 

@@ -92,8 +92,8 @@ def alternative_readings(
     if half_turn(shape) is not None:
         return measurement, half_turn_views(measurement)
     candidates = [o for o in observations if isinstance(o, CandidateObservation)]
-    most = min(max((len(o.pixels) for o in candidates), default=1), MOST_CANDIDATES)
-    return tuple(_select_spot(measurement, observations, k) for k in range(most if most > 1 else 0))
+    count = min(max((len(o.pixels) for o in candidates), default=1), MOST_CANDIDATES)
+    return tuple(_select_spot(measurement, observations, k) for k in range(count if count > 1 else 0))
 
 
 def _select_spot(measurement: PixelMeasurement, observations: list[Observation], number: int) -> PixelMeasurement:

@@ -78,7 +78,7 @@ class Columns:
     @property
     def lens_widths(self) -> list[int]:
         """Number of columns of each lens; 0 if it is fixed."""
-        return [0 if where is None else where.stop - where.start for where in self.lenses]
+        return [0 if part is None else part.stop - part.start for part in self.lenses]
 
 
 def scene_columns(views: SceneViews, lenses: tuple[Camera, ...]) -> Columns:

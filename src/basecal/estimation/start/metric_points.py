@@ -127,7 +127,12 @@ def _side(
 
 def _local_points(meetings: Sequence[_Meeting], body: str | None) -> dict[Key, Array]:
     """Unknown points and marks in a body's frame, (3,) each, from the views of this body alone."""
-    own = [(a, b) for one, other in meetings for a, b in ((one, other), (other, one)) if a.body == body and b.is_mark]
+    own = [
+        (a, b)
+        for first, second in meetings
+        for a, b in ((first, second), (second, first))
+        if a.body == body and b.is_mark
+    ]
     keys = list(dict.fromkeys(side.key for pair in own for side in pair if side.key is not None))
     information, right = _RIDGE * np.eye(3 * len(keys)), np.zeros(3 * len(keys))
     for a, b in own:
@@ -151,8 +156,8 @@ def _pairs(
     """Corresponding points in the frame of a body and, from the placed bodies, in the world, (n, 3) each."""
     shared = [key for key in local[body] if key in marks]
     own, world = [local[body][key] for key in shared], [marks[key] for key in shared]
-    for one, other in meetings:
-        for a, b in ((one, other), (other, one)):
+    for first, second in meetings:
+        for a, b in ((first, second), (second, first)):
             if a.body == body and b.body in bodies and not b.is_mark:
                 own += list(a.points(local[body]))
                 world += list(bodies[b.body] @ b.points(local[b.body]))

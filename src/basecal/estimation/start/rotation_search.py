@@ -194,7 +194,8 @@ def _grid_starts(loops: _Loops, max_count: int) -> dict[str, Array]:
     """Best rotations of the grid, (h, m, 3, 3) by letter, best first; in chunks of loops that fit into the cache."""
     count = len(loops.moments)
     parts = [
-        _best_of_grid(take(loops, slice(at, at + _CHUNK_LOOPS)), max_count) for at in range(0, count, _CHUNK_LOOPS)
+        _best_of_grid(take(loops, slice(start, start + _CHUNK_LOOPS)), max_count)
+        for start in range(0, count, _CHUNK_LOOPS)
     ]
     return concatenate(parts)
 
@@ -232,7 +233,7 @@ def _sum_of_singular_values(matrix: Array) -> Array:
     rows = np.moveaxis(matrix, -2, 0)
     cofactors = np.cross(rows[[1, 2, 0]], rows[[2, 0, 1]])
     twice_determinant = 2 * np.abs(np.vecdot(rows[0], cofactors[0]))
-    squares, squared_products = (np.vecdot(of, of).sum(0) for of in (rows, cofactors))
+    squares, squared_products = (np.vecdot(vectors, vectors).sum(0) for vectors in (rows, cofactors))
     total: Array = np.sqrt(3 * squares)
     for _ in range(_SUM_ROUNDS):
         total = np.sqrt(squares + 2 * np.sqrt(squared_products + twice_determinant * total))

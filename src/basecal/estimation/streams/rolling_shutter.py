@@ -28,8 +28,8 @@ def line_time_name(camera: str) -> str:
 def mean_row(sample: Sample) -> float:
     """Mean row of all pixels of a sample [px]; 0 if there are none."""
     rows = [o.pixels[:, 1] for o in sample.observations if isinstance(o, PixelObservation | CandidateObservation)]
-    every = np.concatenate([*rows, np.zeros(0)])
-    return float(every.mean()) if len(every) else 0.0
+    all_rows = np.concatenate([*rows, np.zeros(0)])
+    return float(all_rows.mean()) if len(all_rows) else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -143,11 +143,11 @@ def synchronise(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronise
     """
     needed = [_carrying_robots(streams.cell, sample) for sample in streams.instants]
     times = np.array([s.stamp_s + _stamp_delay(s, offsets_s) for s in streams.instants if s.stamp_s is not None])
-    seen = np.ones(len(times), dtype=bool)
+    is_usable = np.ones(len(times), dtype=bool)
     for robot, path in streams.paths.items():
         is_needed = np.array([robot in names for names in needed], dtype=bool)
-        seen &= ~is_needed | path.known_mask(times - offsets_s[robot])
-    rows = np.flatnonzero(seen)
+        is_usable &= ~is_needed | path.known_mask(times - offsets_s[robot])
+    rows = np.flatnonzero(is_usable)
     states: list[dict[str, RobotState]] = [{} for _ in rows]
     robots: dict[str, dict[int, RobotMotion]] = {}
     for robot, path in streams.paths.items():
@@ -165,7 +165,7 @@ def synchronise(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronise
         replace(streams.instants[row], stamp_s=float(times[row]), robots=state)
         for row, state in zip(rows, states, strict=True)
     )
-    skipped = [streams.instants[row].sample for row in np.flatnonzero(~seen)]
+    skipped = [streams.instants[row].sample for row in np.flatnonzero(~is_usable)]
     findings = (*streams.recording.findings, *_gap_findings(skipped))
     return Synchronised(replace(streams.recording, samples=samples, findings=findings), robots)
 
@@ -247,9 +247,11 @@ def _instants(samples: Sequence[Sample]) -> Iterator[Sample]:
         by_camera = defaultdict(list)
         for observation in sample.observations:
             by_camera[observation.camera].append(observation)
-        for k, seen in enumerate(by_camera.values()):
+        for k, observations in enumerate(by_camera.values()):
             number += k > 0
-            yield replace(sample, sample=sample.sample if k == 0 else number, robots={}, observations=tuple(seen))
+            yield replace(
+                sample, sample=sample.sample if k == 0 else number, robots={}, observations=tuple(observations)
+            )
 
 
 def _path(cell: Cell, robot: str, samples: Sequence[Sample]) -> Path:
@@ -285,9 +287,11 @@ def _check_overlap(streams: Streams) -> None:
     """
     for robot, path in streams.paths.items():
         for camera in streams.cell.cameras:
-            seen = [s for s in streams.instants if _camera(s) == camera and robot in _carrying_robots(streams.cell, s)]
+            instants = [
+                s for s in streams.instants if _camera(s) == camera and robot in _carrying_robots(streams.cell, s)
+            ]
             shift = streams.clocks[camera].offset_s - streams.clocks[robot].offset_s
-            stamps = [s.stamp_s + shift for s in seen if s.stamp_s is not None]
+            stamps = [s.stamp_s + shift for s in instants if s.stamp_s is not None]
             if stamps and len(path.times) and (max(stamps) < path.times[0] or min(stamps) > path.times[-1]):
                 raise InputError(
                     f"stamps of {camera} and of {robot} do not overlap: {min(stamps):.3f} to {max(stamps):.3f} s and "

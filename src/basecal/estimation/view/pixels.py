@@ -75,7 +75,7 @@ class PixelMeasurement(SeenPoints):
         size = max(1, (_CHUNK_LENS_POINTS if with_lens else _CHUNK_POINTS) // max(points, 1))
         if camera_from_target.shape[0] <= 1.5 * size:
             return self._linearise(camera_from_target, camera, with_lens)
-        chunks = [slice(at, at + size) for at in range(0, camera_from_target.shape[0], size)]
+        chunks = [slice(start, start + size) for start in range(0, camera_from_target.shape[0], size)]
         if batch:
             lenses = [camera[c] if camera.parameters.ndim > 1 else camera for c in chunks]
             measurements = [self.take_batch(c) for c in chunks]

@@ -100,13 +100,15 @@ class MeasuredPoints(TargetPoints):
     def take_batch(self, rows: Rows | int) -> Self:
         """See `Measurement`."""
         arrays = {name: getattr(self, name) for name in self.axes}
-        batched = {name: of[rows] for name, of in arrays.items() if of is not None and of.ndim > self.axes[name]}
+        batched = {
+            name: array[rows] for name, array in arrays.items() if array is not None and array.ndim > self.axes[name]
+        }
         return self._with(**batched)
 
     def take_points(self, rows: Rows) -> Self:
         """Return a copy with the measured values at these indices of points; `points_in_target` stays unchanged."""
         arrays = {name: getattr(self, name) for name in self.axes}
-        return self._with(**{name: of[:, rows] for name, of in arrays.items() if of is not None})
+        return self._with(**{name: array[:, rows] for name, array in arrays.items() if array is not None})
 
     def noisier(self, factor: float) -> Self:
         """See `Measurement`."""
@@ -189,7 +191,7 @@ class SeenPoints(MeasuredPoints):
         """See `Measurement`."""
         if points.all():
             return self
-        stated, weight = (np.where(points, of, 0.0) for of in (self.stated, self.weight))
+        stated, weight = (np.where(points, array, 0.0) for array in (self.stated, self.weight))
         return self._with(seen=self.seen & points, stated=stated, weight=weight)
 
     def without_sigmas(self) -> Self:

@@ -40,10 +40,10 @@ def _polar(points: Array) -> _Polar:
     """Polar coordinates of points (..., 3); the angle is NaN on the axis if z <= 0."""
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     r = np.hypot(x, y)
-    off = r > 0
-    safe = np.where(off, r, 1.0)
-    angle = np.where(off | (z > 0), np.arctan2(r, z), np.nan)
-    return _Polar(r, np.where(off, x / safe, 1.0), y / safe, angle)
+    is_off_axis = r > 0
+    safe = np.where(is_off_axis, r, 1.0)
+    angle = np.where(is_off_axis | (z > 0), np.arctan2(r, z), np.nan)
+    return _Polar(r, np.where(is_off_axis, x / safe, 1.0), y / safe, angle)
 
 
 def _distance(angle: Array, distortion: Sequence[Number]) -> Array:

@@ -162,12 +162,12 @@ def _term_derivative(rays: _Rays, focal: tuple[Number, Number], count: int) -> A
     """Derivative of the pixels with respect to the first `count` distortion terms, (..., 2, count)."""
     out = allocate_rows(2, count, rays.s.shape)
     power = rays.s * rays.inverse_denominator
-    for row, (f, coordinate, other) in enumerate(((focal[0], rays.a, rays.b), (focal[1], rays.b, rays.a))):
+    for row, (f, coordinate, other_coordinate) in enumerate(((focal[0], rays.a, rays.b), (focal[1], rays.b, rays.a))):
         scaled = f * coordinate
         first = np.multiply(scaled, power, out=out[..., row, 0])
         second = np.multiply(first, rays.s, out=out[..., row, 1])
         scaled *= 2
-        np.multiply(scaled, other, out=out[..., row, 2 + row])
+        np.multiply(scaled, other_coordinate, out=out[..., row, 2 + row])
         np.add(scaled * coordinate, f * rays.s, out=out[..., row, 3 - row])
         if count > 4:
             third = np.multiply(second, rays.s, out=out[..., row, 4])
