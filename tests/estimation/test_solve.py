@@ -258,9 +258,12 @@ def test_other_starts_are_tried_where_residuals_are_no_noise():
         assert not _is_plausible(problem, 8.0**2 * dof)
 
 
-@pytest.mark.parametrize(("costs", "disputed"), [((8.0, 8.0 + 4e-6), False), ((8.0, 8.001), True), ((9.0, 8.0), True)])
+@pytest.mark.parametrize(
+    ("costs", "disputed"),
+    [((8.0, 8.0 + 4e-6), False), ((8.0, 8.001), True), ((9.0, 8.0), True), ((np.nan, 8.0), True)],
+)
 def test_starts_that_end_apart_are_disputed(monkeypatch, costs, disputed):
-    """By more than a millionth of the cost; the lowest end is taken."""
+    """By more than a millionth of the cost; the lowest end is taken, never one without a cost."""
     ends = iter([("problem", cost, cost) for cost in costs])
     module = sys.modules["basecal.estimation.solve"]
     monkeypatch.setattr(module, "first_state", lambda *given, **options: "state")
@@ -268,7 +271,7 @@ def test_starts_that_end_apart_are_disputed(monkeypatch, costs, disputed):
     monkeypatch.setattr(module, "joint_state", lambda *given: None)
     monkeypatch.setattr(module, "_is_plausible", lambda problem, cost: False)
     monkeypatch.setattr(module, "_choose_readings", lambda *given: next(ends))
-    assert module._start("problem", "cell", Settings()) == ("problem", min(costs), disputed)
+    assert module._start("problem", "cell", Settings()) == ("problem", np.nanmin(costs), disputed)
 
 
 def test_a_solution_is_one_line():

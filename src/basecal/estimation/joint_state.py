@@ -50,7 +50,7 @@ def joint_state(problem: Problem, cell: Cell) -> State | None:
     ends = bundle_adjust_batch(
         pose_problem, State(starts, {}, np.zeros((count, 0, 6))), dof=1, tolerance=_CONVERGED_SIGMAS
     )
-    best = take(ends.state, int(np.nanargmin(ends.cost)))
+    best = take(ends.state, int(np.argmin(np.nan_to_num(ends.cost, nan=np.inf))))
     return State(dict(best.transforms), cameras, np.zeros((len(problem.stops), 6)))
 
 

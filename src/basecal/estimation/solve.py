@@ -228,8 +228,8 @@ def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, S
         return *first[:2], False
     others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell), joint_state(problem, cell)]
     ends = [first, *(_choose_readings(problem, state, settings) for state in others if state is not None)]
-    costs = [end[2] for end in ends]
-    return *min(ends, key=lambda end: end[2])[:2], max(costs) > min(costs) * (1 + SAME_COST)
+    costs = np.array([np.inf if np.isnan(end[2]) else end[2] for end in ends])
+    return *ends[int(np.argmin(costs))][:2], bool(costs.max() > costs.min() * (1 + SAME_COST))
 
 
 def _choose_readings(problem: Problem, state: State, settings: Settings) -> tuple[Problem, State, float]:

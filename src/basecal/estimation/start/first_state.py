@@ -145,7 +145,7 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
 def _lowest_cost_state(problem: Problem, states: Sequence[State]) -> State:
     """Return the state with the lowest cost after short descents from several states."""
     fits = bundle_adjust_batch(problem, batch_states(problem, states), dof=1, iterations=_ROTATED_STEPS)
-    return take(fits.state, int(np.nanargmin(fits.cost)))
+    return take(fits.state, int(np.argmin(np.nan_to_num(fits.cost, nan=np.inf))))
 
 
 def guessed_state(problem: Problem, cell: Cell) -> State | None:
