@@ -37,7 +37,7 @@ def test_in_a_browser(cell, tmp_path):
     with page.serve_page(captured(cell), cell, print) as address:
         came = visit(address, tmp_path, selector="body:has(canvas) [data-camera] svg path.found[d]")
     assert came.errors == []
-    assert {urlsplit(asked).hostname for asked in came.asked if not asked.startswith("data:")} == {"127.0.0.1"}
+    assert {urlsplit(request).hostname for request in came.requests if not request.startswith("data:")} == {"127.0.0.1"}
     shown = ("Sample 4: arms move", "Turn hand further about y", "sample 2: taken", "7 of 25", "0.80 mm", "to go")
     for words in (*shown, "tolerance 0.5 mm", "sample 3: target not seen by wrist", "Stop all arms"):
         assert words in came.words

@@ -71,7 +71,7 @@ def test_in_a_browser(viewed: ViewPage, tmp_path: Path) -> None:
         came = visit(address, tmp_path / "profile", selector=".bars .view.chosen")
         assert urlsplit(address).hostname == "127.0.0.1"
     assert came.errors == []
-    assert {urlsplit(asked).hostname for asked in came.asked if not asked.startswith("data:")} == {"127.0.0.1"}
+    assert {urlsplit(request).hostname for request in came.requests if not request.startswith("data:")} == {"127.0.0.1"}
     for words in ("GOOD", f"run {RUN}", "eye_base_from_hand_base", "Included samples", "board seen by wrist"):
         assert words in came.words
 
