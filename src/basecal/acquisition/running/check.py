@@ -110,9 +110,9 @@ class RunningCheck:
         cause = None if error is None or not error.is_certain else cause_of_error(error)
         if error is None or cause is None or previous != self._suspected:
             return ()
-        kind = ("moved",) if error.since is not None else previous
-        last = self._agreeing[-1].sample
-        return self._report_new(kind, Doubt(error.since or last, cause, is_lasting=True))
+        if error.since is None:
+            return self._report_new(previous, Doubt(self._agreeing[-1].sample, cause, is_lasting=True))
+        return self._report_new(("moved",), Doubt(error.since, cause, is_lasting=True))
 
     def _report_new(self, kind: tuple[str, ...], doubt: Doubt) -> tuple[Doubt, ...]:
         if kind in self._reported:
