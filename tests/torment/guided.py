@@ -12,7 +12,7 @@ import sys
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from random import Random
@@ -138,13 +138,21 @@ class Reached:
         return self._step
 
 
-def guided(kind: str, seconds: float, chance: Random, is_guided: bool = True) -> tuple[Counter[str], Reached]:
+def during(seconds: float) -> Iterator[None]:
+    """As many trials as begin within so many seconds."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        yield
+
+
+def guided(
+    kind: str, trials: Iterable[object], chance: Random, is_guided: bool = True
+) -> tuple[Counter[str], Reached]:
     """What came of trials of a kind, and what they reached; without guidance every row is new."""
     came, reached, kept = Counter[str](), Reached(), list[list[int]]()
     with TemporaryDirectory(prefix="torment-") as folder, suppress(Fell):
         KINDS[kind](Random(0), Path(folder))  # what is made once is no reader's
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    for _ in trials:
         is_fresh = not is_guided or not kept or chance.random() < _FRESH
         words = Words([] if is_fresh else _changed(chance.choice(kept), chance), chance.getrandbits(32))
         with TemporaryDirectory(prefix="torment-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
@@ -183,7 +191,7 @@ def _rows(
     kinds: Sequence[str], seconds: float, seed: int, is_guided: bool, path: Path | None
 ) -> Iterator[tuple[object, ...]]:
     for kind in kinds:
-        came, reached = guided(kind, seconds / len(kinds), Random(f"{kind} {seed}"), is_guided)
+        came, reached = guided(kind, during(seconds / len(kinds)), Random(f"{kind} {seed}"), is_guided)
         if path:
             _record(kind, came, path)
         lines = len(reached.lines & reached.possible)
