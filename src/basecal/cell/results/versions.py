@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 _PACKAGES = ("basecal", "numpy", "scipy", "opencv-python-headless")
@@ -10,15 +11,19 @@ _PACKAGES = ("basecal", "numpy", "scipy", "opencv-python-headless")
 
 def used_versions() -> dict[str, str]:
     """Versions of basecal, Python and the numerical packages by name; packages not installed are left out."""
-    versions = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return versions
+    versions = {package: _version(package) for package in _PACKAGES}
+    return {"python": platform.python_version()} | {name: v for name, v in versions.items() if v is not None}
+
+
+@cache
+def _version(package: str) -> str | None:
+    """Version of a package; None if it is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def program_version() -> str:
     """Version of basecal; `unknown` if it is not installed as a package."""
-    return used_versions().get("basecal", "unknown")
+    return _version("basecal") or "unknown"
