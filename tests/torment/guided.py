@@ -145,9 +145,7 @@ def during(seconds: float) -> Iterator[None]:
         yield
 
 
-def guided(
-    kind: str, trials: Iterable[object], chance: Random, is_guided: bool = True
-) -> tuple[Counter[str], Reached]:
+def guided(kind: str, trials: Iterable[object], chance: Random, is_guided: bool = True) -> tuple[Counter[str], Reached]:
     """What came of trials of a kind, and what they reached; without guidance every row is new."""
     came, reached, kept = Counter[str](), Reached(), list[list[int]]()
     with TemporaryDirectory(prefix="torment-") as folder, suppress(Fell):

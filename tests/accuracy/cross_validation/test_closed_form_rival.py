@@ -10,6 +10,7 @@ import pytest
 
 from basecal.accuracy.cross_validation.closed_form_rival import (
     _error_ratio,
+    _rival,
     _squared_errors,
     closed_form_rival,
     opencv_rivals,
@@ -173,3 +174,11 @@ def test_one_arm_has_seven_rivals() -> None:
 def test_two_moving_arms_have_none() -> None:
     """No method of OpenCV takes two arms of which both move in every view."""
     assert rivals_of(layout="dual") == ()
+
+
+def test_translations_and_rotations_have_their_own_rms():
+    """Each over all folds, of the norm of three components; a method that fails in one fold has none."""
+    one, two = np.diag([1.0, 2.0, 2.0, 3.0, 4.0, 12.0]), np.zeros((2, 6))
+    rival = _rival("park", [one, two])
+    np.testing.assert_allclose((rival.target_m, rival.target_rad), (np.sqrt(9 / 8), np.sqrt(169 / 8)))
+    assert _rival("park", [one, None]) == Rival("park")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from types import SimpleNamespace
 
@@ -46,6 +47,18 @@ def test_a_topic_is_offered_as_ros_does():
     assert time.monotonic() - began >= 0.2
     plain.send(SimpleNamespace(data="after"))
     assert said(late.messages(2.0)) == ["after"]
+
+
+def test_a_topic_is_waited_for():
+    """One that is published later is found; one that is not is waited for until the timeout."""
+    offers, publishers = Discovery(DOMAIN), []
+    later = threading.Timer(0.3, lambda: publishers.append(Publisher(DOMAIN, "/later", TEXT, is_latched=False)))
+    later.start()
+    assert offers.wait_for_topic("/later", 10.0).name == "/later"
+    later.join()
+    began = time.monotonic()
+    assert offers.wait_for_topic("/never", 0.2) is None
+    assert time.monotonic() - began >= 0.2
 
 
 def test_only_the_newest_are_kept():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ def test_whoever_comes_later_gets_them():
     os.environ["CYCLONEDDS_URI"] = LOOPBACK
     domain = (DOMAIN + 23) % 200
     pose = SE3(rotation_exp(np.array([0.1, -0.2, 0.3])), np.array([1.0, 2.0, 3.0]))
+    before_s = time.time()
     sender = send_static(domain, [("left_base", "right_base", pose), ("left_base", "camera", pose.inverse())])
     offer = Discovery(domain).wait_for_topic(STATIC_TOPIC, 5.0)
     assert offer.is_latched
@@ -31,4 +33,6 @@ def test_whoever_comes_later_gets_them():
     }
     assert {child: parent for child, (parent, _) in found.items()} == {"right_base": "left_base", "camera": "left_base"}
     np.testing.assert_allclose(pose_from_values(found["right_base"][1], "").matrix, pose.matrix, atol=1e-12)
+    stamp = message.transforms[0].header.stamp
+    assert before_s - 1e-6 <= stamp.sec + 1e-9 * stamp.nanosec <= time.time()
     del sender

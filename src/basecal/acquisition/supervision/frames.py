@@ -6,7 +6,7 @@ import os
 import struct
 import threading
 from contextlib import suppress
-from enum import IntEnum
+from enum import IntEnum, unique
 from typing import NamedTuple
 
 _HEADER = struct.Struct(">BBI")  # kind, number of the arm, length of the payload
@@ -14,6 +14,7 @@ _CHUNK_BYTES = 2**16
 _FULL_BUFFER_BYTES = 2**22  # unsent bytes above which the other process counts as hung
 
 
+@unique
 class Kind(IntEnum):
     """The kind of a frame."""
 
