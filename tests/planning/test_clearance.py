@@ -207,6 +207,15 @@ def test_no_point_of_a_body_moves_farther_than_the_path_length(tmp_path):
     assert 0.7 < max(fastest) < 1
 
 
+def test_a_sphere_that_spins_goes_its_radius(tmp_path):
+    """And its centre, 20 and 30 mm off the last joint's axis, goes round it; with a fiftieth for the arc."""
+    sketch = two_arms(arm_with_bodies(tmp_path, {"wrist_3": '<sphere radius="0.2"/>'}))
+    begin, end = np.zeros(6), np.append(np.zeros(5), 0.3)
+    assert path_m_per_rad(sketch, at(begin, begin), at(begin, end), "two") == pytest.approx(
+        (0.2 + np.hypot(0.02, 0.03)) * 1.02, rel=1e-3
+    )
+
+
 def rods(*ends_and_radius):
     """Capsules, (n, 7), from their ends and radii."""
     return np.array(ends_and_radius, dtype=float)

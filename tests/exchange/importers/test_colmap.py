@@ -32,6 +32,8 @@ def test_one_of_several(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     words = ["import", "colmap", str(tmp_path / "c"), str(tmp_path), "--camera", "wrist", "--on", "left"]
     assert main(words) == 3
     assert "has cameras 1, 7: choose one with --camera-id" in capsys.readouterr().err
+    assert main([*words, "--camera-id", "2"]) == 3
+    assert "has cameras 1, 7: choose one with --camera-id" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
     assert main([*words, "--camera-id", "7"]) == 0
     assert "650" in (tmp_path / "c" / "cell.yaml").read_text()
