@@ -14,6 +14,7 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 from basecal.vision.draw.render import (
     RenderSettings,
+    _window,
     background,
     blur_image,
     coverage,
@@ -247,3 +248,12 @@ def test_usual_ink_and_paper() -> None:
     assert levels.min() == pytest.approx(30, abs=0.01)
     assert levels.max() == pytest.approx(200, abs=0.01)
     assert levels[0, -1] == pytest.approx(110, abs=0.01)
+
+
+def test_the_window_of_edges_ends_with_the_image() -> None:
+    """From the first row and column that edges touch to the last; edges outside have none."""
+    edges = np.array([[[-3.0, 2.5], [4.2, 9.0]]])
+    assert _window(edges, (8, 20)) == (slice(2, 8), slice(0, 6))
+    assert _window(edges + 5, (20, 20)) == (slice(7, 15), slice(2, 11))
+    assert _window(edges - 10, (20, 20)) is None
+    assert _window(edges[:0], (20, 20)) is None
