@@ -87,14 +87,14 @@ def recorded(*groups, stamps=()):
 
 
 def test_samples_in_their_order_in_time():
-    """Each once, whichever groups have it; those without a stamp as if taken at 0 s, in the order of their numbers."""
+    """Each once, whichever groups have it; by their numbers if one has no stamp."""
     groups = seen([7, 3, 5]), seen([5, 9, 3])
     of = recorded(*groups, stamps={7: 0.0, 3: 2.0, 5: 1.0, 9: 3.0})
     assert of.samples.tolist() == [7, 5, 3, 9]
     assert of.times.tolist() == [0.0, 1.0, 2.0, 3.0]
     assert [of.sample_indices(group).tolist() for group in groups] == [[0, 2, 1], [1, 3, 2]]
     partly = recorded(*groups, stamps={7: 0.5, 9: -1.0})
-    assert partly.samples.tolist() == [9, 3, 5, 7]
+    assert partly.samples.tolist() == [3, 5, 7, 9]
     assert not partly.has_times
     assert not recorded(*groups, stamps=dict.fromkeys((3, 5, 7, 9), 4.0)).has_times
     assert recorded(*groups, stamps={3: 4.0, 5: 4.0, 7: 4.0, 9: 4.1}).has_times

@@ -104,9 +104,11 @@ class Situation:
 
     @cached_property
     def samples(self) -> IntArray:
-        """Numbers of all recorded samples, ordered by time."""
+        """Numbers of all recorded samples, ordered by time, or by number if any has no time."""
         numbers = np.unique(np.concatenate([g.sample for g in self.recorded.groups]))
-        return numbers[np.argsort([self.stamps.get(int(n), 0.0) for n in numbers], kind="stable")]
+        if not all(int(n) in self.stamps for n in numbers):
+            return numbers
+        return numbers[np.argsort([self.stamps[int(n)] for n in numbers], kind="stable")]
 
     @cached_property
     def has_times(self) -> bool:
