@@ -60,6 +60,17 @@ def test_a_half_that_stands_still_is_not_held_out_whole():
     assert max(map(len, next(splits(packed(Scenario(arms="halves")))).folds)) <= 6
 
 
+def test_samples_without_a_robot_stay_with_no_stop_of_it():
+    """The numbers of samples that lack a robot are not taken for its stops: other numbers give the same splits."""
+    made = simulate(Scenario(samples=8, layout="chain", robots=3), 0)
+    parts = []
+    for first in (0, 1000):
+        samples = (replace(s, sample=first + s.sample) for s in made.recording.samples)
+        problem = build_problem(made.cell, Recording(tuple(samples)))[0]
+        parts.append([[sorted(n - first for n in part) for part in way.parts] for way in splits(problem)])
+    assert parts[0] == parts[1]
+
+
 def test_few_samples_are_held_out_one_by_one():
     """Four samples make four folds; two make none."""
     assert next(splits(packed(Scenario(samples=4)))).folds == tuple(frozenset({k}) for k in range(4))

@@ -54,7 +54,8 @@ def _partitions(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashab
     """Yield the parts of each split lazily: with many robots, hardly more than the first is requested."""
     yield _join_parts(samples, places)
     for robot in sorted(places, key=lambda robot: (len(set(places[robot].values())), robot)):
-        yield _split_by_label(samples, {n: places[robot].get(n, n) for n in samples})
+        # A sample without the robot is a part of its own: its number in a tuple equals no stop.
+        yield _split_by_label(samples, {n: places[robot].get(n, (n,)) for n in samples})
     yield _instants(samples, places)
 
 
