@@ -22,6 +22,7 @@ from basecal.accuracy.cross_validation.validation import (
     _Fold,
     _fold,
     _group_errors,
+    _group_key,
     _SingleViewPoses,
     _spread,
     _whitening,
@@ -201,6 +202,17 @@ def test_no_answer_is_not_validated():
     assert codes == set()
 
 
+def test_views_of_two_kinds_are_predicted():
+    """Poses in place of the pixels of some samples: each view is compared with its own pose."""
+    in_pixels, as_poses = (simulate(replace(NOISY, target=target), 0) for target in ("charuco", "pose"))
+    pairs = zip(in_pixels.recording.samples, as_poses.recording.samples, strict=True)
+    mixed = Recording(tuple(pair[sample % 3 == 0] for sample, pair in enumerate(pairs)))
+    found, alarms = checked(in_pixels.cell, mixed)
+    assert not alarms
+    assert found.rms_px < 1.5
+    assert found.target_m < 4e-3
+
+
 def test_everything_fixed_is_predicted_all_the_same():
     """A cell that states every transform: pixels are predicted by the noise, and no answer can move."""
     scenario = Scenario(base="fixed", camera_mount="fixed", target_mount="fixed")
@@ -319,7 +331,7 @@ def test_errors_of_poses_are_those_of_what_is_predicted():
     off = errors[[1, 4]]
     for alone in (
         {},
-        {("camera", "target"): _SingleViewPoses(group.sample, group.measurement.measured_camera_from_target, ODD)},
+        {_group_key(group): _SingleViewPoses(group.sample, group.measurement.measured_camera_from_target, ODD)},
     ):
         found = _group_errors(problem, some, state, alone)
         kept = off if not alone else off[:1]

@@ -30,6 +30,7 @@ from basecal.estimation.problem.problem import Problem, State, Stops, chain
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution
+from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.numerics.spectral import scaled_spectrum, spectrum
@@ -182,11 +183,11 @@ def _fold(solution: Solution, transform_names: Sequence[str], column_indices: In
 def _errors(solution: Solution, folds: Sequence[_Fold]) -> tuple[HeldOutErrors, HeldOutErrors]:
     """Errors of the held-out views by the full solution, and by the folds that predict them."""
     problem, state = solution.problem, solution.state
-    alone: dict[tuple[str, str], _SingleViewPoses] = {}
+    alone: dict[_GroupKey, _SingleViewPoses] = {}
     for group in problem.groups:
         if group.camera not in problem.columns:  # whose lens is known
             poses = single_view_pose(state, group, state.camera_from_target(group, problem.stops))
-            alone[group.camera, group.target] = _SingleViewPoses(group.sample, *poses)
+            alone[_group_key(group)] = _SingleViewPoses(group.sample, *poses)
     fitted, predicted = HeldOutErrors(), HeldOutErrors()
     for fold in folds:
         full, views = with_known_stops(state, fold.fit.known), fold.fit.views
@@ -217,6 +218,14 @@ def _expected_cost(fold: _Fold, factor: float) -> float:
     return total
 
 
+_GroupKey = tuple[str, str, type[Measurement]]
+
+
+def _group_key(group: ViewGroup) -> _GroupKey:
+    """Key of a group: a camera may observe a target by several kinds of measurement."""
+    return group.camera, group.target, type(group.measurement)
+
+
 @dataclass(frozen=True, eq=False)
 class _SingleViewPoses:
     """Poses of all views of a group by `single_view_pose`, with sample numbers; equal for all folds of a fixed lens."""
@@ -227,7 +236,7 @@ class _SingleViewPoses:
 
 
 def _group_errors(
-    views: Problem, group: ViewGroup, state: State, single_views: Mapping[tuple[str, str], _SingleViewPoses] | None
+    views: Problem, group: ViewGroup, state: State, single_views: Mapping[_GroupKey, _SingleViewPoses] | None
 ) -> HeldOutErrors:
     """Errors of a group's views; without errors of target poses if `single_views` is None."""
     predicted = state.camera_from_target(group, views.stops)
@@ -238,7 +247,7 @@ def _group_errors(
         square_px, count_px = float(np.sum(off_px**2)), off_px.size
     if single_views is None:
         return HeldOutErrors(cost, square_px, count_px)
-    known = single_views.get((group.camera, group.target))
+    known = single_views.get(_group_key(group))
     if known is None:
         pose, enough = single_view_pose(state, group, predicted)
     else:
