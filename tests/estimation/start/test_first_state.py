@@ -14,7 +14,7 @@ from tests.pose_problem import MOUNT, pose_problem
 from tests.shared.kinds import KINDS
 from tests.shared.start_trial import trial
 
-from basecal.cell import Intrinsics, Unknown
+from basecal.cell import Intrinsics, Robot, Unknown
 from basecal.errors import InputError
 from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
@@ -203,6 +203,17 @@ def test_bases_are_placed_as_relations_lead_to_them(rng):
     placed = dict(known.transforms)
     known.add_relation("a", "b", SE3.identity())
     assert known.transforms == placed
+
+
+def test_bases_that_nothing_relates_to_the_reference_are_related_to_each_other():
+    """A third robot that no view shows is the reference: both others start as they are to each other."""
+    made = simulate(Scenario(samples=12, pixel_px=0.0), 0)
+    robots = {**made.cell.robots, "third": Robot("third")}
+    cell = replace(made.cell, robots=robots, reference="third", bases={})
+    found = first_state(build_problem(cell, made.recording)[0], cell, thorough=False).transforms
+    relation = found["third_base_from_eye_base"].inverse() @ found["third_base_from_hand_base"]
+    off = (relation.inverse() @ made.truth["eye_base_from_hand_base"]).log()
+    np.testing.assert_allclose(off, 0, atol=1e-5)
 
 
 def test_what_is_given_is_fixed_or_has_a_narrow_prior():

@@ -7,7 +7,7 @@ of rotations are refined. The search is deterministic. The thresholds are valida
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeVar
@@ -72,6 +72,13 @@ class _Knowledge:
         self.relations[eye_base, hand_base] = relation
         self.transforms = place_bases(self.transforms, self.relations)
 
+    def place_others(self, unknowns: Mapping[str, Unknown]) -> None:
+        """Place the bases that no relation connects to the reference: of each connected part, the first at its mean."""
+        for base in dict.fromkeys(name for pair in self.relations for name in pair if name is not None):
+            if base not in self.transforms:
+                first = {base: _mean_or_identity(unknowns[base])}
+                self.transforms = place_bases(self.transforms | first, self.relations)
+
 
 def first_state(problem: Problem, cell: Cell, thorough: bool) -> State:
     """Find a start for the descent.
@@ -132,6 +139,7 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
             pair = waiting[0]
             yield from _solve_pair(pair, knowledge, problem, thorough, is_forced=True)
         waiting.remove(pair)
+    knowledge.place_others(problem.unknowns)
     found = {**knowledge.transforms, **place_by_points(point_problem, metric, knowledge.transforms)}
     transforms = {name: found.get(name) or _mean_or_identity(u) for name, u in problem.unknowns.items()}
     transforms |= place_by_pairs(problem, pairs, transforms, known_transforms(problem))
