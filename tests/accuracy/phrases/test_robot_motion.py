@@ -16,6 +16,7 @@ from basecal.accuracy.phrases.robot_motion import (
     describe_poor_motions,
     has_little_rotation,
 )
+from basecal.cell import Recording, Robot, Target
 from basecal.estimation.observability.motions import Motion, motions
 from basecal.estimation.problem.build import build_problem
 from basecal.simulation import Scenario, simulate
@@ -123,6 +124,38 @@ def test_causes_are_the_poor_motions_of_what_is_not_seen(made, problem):
     assert cause([BOARD, BASE], eye, poor) == one
     assert cause([CAMERA], good, poor)[1].startswith("The views are too few or too similar")
     assert cause([BASE], good, moved(0.9, 0.9))[1].startswith("The views are too few or too similar")
+
+
+def test_no_view_is_the_cause_where_there_is_none(made):
+    """Of a robot that no view concerns, and of bases that no view relates to the reference."""
+    third = {**made.cell.robots, "third": Robot("third")}
+
+    def cause(cell, *names):
+        return advise_observability(cell, build_problem(cell, made.recording)[0], {}, names)
+
+    unseen = "eye_base_from_third_base"
+    do, why = cause(replace(made.cell, robots=third), unseen)
+    assert why == f"No view depends on {unseen}."
+    assert do == ("Record views that depend on it, or state it as fixed.",)
+    bases = "third_base_from_eye_base", "third_base_from_hand_base"
+    do, why = cause(replace(made.cell, robots=third, reference="third", bases={}), *bases)
+    assert why == "No view relates eye_base and hand_base to third_base."
+    assert do == (f"Record views that relate them to third_base, or state {bases[0]} as a prior or fixed.",)
+
+
+@pytest.mark.parametrize(("points", "is_cause"), [(1, False), (2, True), (4, True), (5, False)])
+def test_points_on_a_line_are_the_cause_of_a_rotation(points, is_cause):
+    """Of a board of which a single row was seen; more samples show no more."""
+    shape = Target("points", np.arange(5), 0.05 * np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [0, 1, 0]]))
+    seen = simulate(Scenario(samples=5, target="points", board=shape), 0)
+    samples = (
+        replace(s, observations=tuple(replace(o, ids=o.ids[:points], pixels=o.pixels[:points]) for o in s.observations))
+        for s in seen.recording.samples
+    )
+    problem = build_problem(seen.cell, Recording(tuple(samples)))[0]
+    do, why = advise_observability(seen.cell, problem, {}, (BOARD,))
+    assert (why == "All observed points of board are on one line.") is is_cause
+    assert do[0].startswith("Add a point beside the line") is is_cause
 
 
 def test_poor_motions_of_a_recording():

@@ -10,7 +10,8 @@ from basecal.cell import Cell
 from basecal.errors import sentence
 from basecal.estimation.observability.motions import STILL_RAD, Motion, base_names, motions, mount_names
 from basecal.estimation.problem.problem import Problem
-from basecal.numerics.spectral import principal_axes
+from basecal.estimation.view.target_points import SeenPoints
+from basecal.numerics.spectral import dimension, principal_axes
 
 # [rad] of rotation about a second axis, below which a robot counts as hardly rotated about it; assumed.
 _LITTLE_ROTATION_RAD = 0.15
@@ -28,6 +29,9 @@ def advise_observability(
         motions: Motion of each robot, by name.
         names: Names of the unknowns.
     """
+    apart = _advise_connection(problem, names) or _advise_points(problem, names)
+    if apart is not None:
+        return apart
     concerned = [
         m for robot, m in motions.items() if set(names) & {*mount_names(problem, robot), *base_names(problem, robot)}
     ]
@@ -45,6 +49,32 @@ def advise_observability(
         )
     do = "Add samples in which every arm is rotated about two axes that are not parallel, or state what is known."
     return (do,), "The views are too few or too similar."
+
+
+def _advise_connection(problem: Problem, names: Sequence[str]) -> tuple[tuple[str, ...], str] | None:
+    """Advice and reason if no view depends on the unknowns, or none relates these bases to others; else None."""
+    groups = [group for group in problem.all_groups if set(names).intersection(group.frames)]
+    it = "it" if len(names) == 1 else "them"
+    if not groups:
+        return (
+            f"Record views that depend on {it}, or state {it} as fixed.",
+        ), f"No view depends on {' and '.join(names)}."
+    if not all(end.base in names for group in groups for end in group.ends):
+        return None
+    bases, reference = " and ".join(name.rpartition("_from_")[2] for name in names), f"{problem.reference}_base"
+    do = f"Record views that relate {it} to {reference}, or state {names[0]} as a prior or fixed."
+    return (do,), f"No view relates {bases} to {reference}."
+
+
+def _advise_points(problem: Problem, names: Sequence[str]) -> tuple[tuple[str, ...], str] | None:
+    """Advice and reason if the unknown is the mount of a target whose observed points are on one line; else None."""
+    groups = [group for group in problem.groups if [group.hand.mount] == list(names)]
+    seen = [m.points_in_target[m.seen.any(0)] for g in groups if isinstance(m := g.measurement, SeenPoints)]
+    if not seen or len(seen) < len(groups) or dimension(np.concatenate(seen)) != 1:
+        return None
+    target = groups[0].target
+    do = f"Add a point beside the line, or state {names[0]} as a prior or fixed."
+    return (do,), f"All observed points of {target} are on one line."
 
 
 def has_little_rotation(motion: Motion) -> bool:
