@@ -30,15 +30,24 @@ def test_robots_in_one_frame_are_named() -> None:
     assert near_bases(replace(near, cell=stated)) == []
 
 
-def named(places_m: dict[str, float], fixed: tuple[str, ...] = (), stated: tuple[str, ...] = ("b", "c")) -> list[str]:
-    """Pairs named of robots a (the reference), b and c with bases along x."""
+def named(
+    places_m: dict[str, float],
+    fixed: tuple[str, ...] = (),
+    stated: tuple[str, ...] = ("b", "c"),
+    hidden: tuple[str, ...] = (),
+) -> list[str]:
+    """Pairs named of robots a (the reference), b and c with bases along x, of which those hidden are unobservable."""
     cell = SimpleNamespace(
         reference="a",
         base_name=lambda name: name,
         bases={name: SimpleNamespace(status="fixed" if name in fixed else "free") for name in stated},
     )
     at = {name: SE3.from_rotvec([0, 0, 0], [x, 0, 0]) for name, x in places_m.items() if name != "a"}
-    solution = SimpleNamespace(state=SimpleNamespace(transforms=at), problem=SimpleNamespace(robots=(*places_m,)))
+    solution = SimpleNamespace(
+        state=SimpleNamespace(transforms=at),
+        problem=SimpleNamespace(robots=(*places_m,)),
+        observability=SimpleNamespace(unobservable=frozenset(hidden)),
+    )
     found = near_bases(SimpleNamespace(cell=cell, solution=solution))
     return ["".join(each.about) for each in found]
 
@@ -52,3 +61,4 @@ def test_feet_are_a_decimetre_wide() -> None:
     assert named({"a": 0.0, "b": 0.05, "c": -0.04}, fixed=("b",)) == ["ac", "bc"]
     assert named({"a": 0.0, "b": 0.05, "c": -0.04}, fixed=("b", "c")) == []
     assert named({"a": 0.0, "b": 0.05}, stated=()) == []
+    assert named({"a": 0.0, "b": 0.05, "c": -0.04}, hidden=("b",)) == ["ac"]

@@ -15,10 +15,11 @@ _LEAST_DISTANCE_M = 0.1  # [m] less than the width of the foot of a small robot:
 
 def near_bases(evidence: Evidence) -> list[Finding]:
     """An info about each pair of robots whose estimated bases are closer together than their feet allow."""
-    cell, found = evidence.cell, evidence.solution.state.transforms
-    origin = SE3.identity()
-    placed = [name for name in evidence.solution.problem.robots if name == cell.reference or name in cell.bases]
-    world_from_base = {name: found.get(cell.base_name(name), origin) for name in placed}
+    cell, solution, origin = evidence.cell, evidence.solution, SE3.identity()
+    found, hidden = solution.state.transforms, solution.observability.unobservable
+    bases = {name: cell.base_name(name) for name in solution.problem.robots}
+    placed = [name for name in bases if name == cell.reference or (name in cell.bases and bases[name] not in hidden)]
+    world_from_base = {name: found.get(bases[name], origin) for name in placed}
     findings = []
     for first, second in combinations(world_from_base, 2):
         apart_m = float(np.linalg.norm(world_from_base[first].translation - world_from_base[second].translation))
