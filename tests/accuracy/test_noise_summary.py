@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.noise_summary import _camera_noise, noise_summary
+from basecal.accuracy.noise_summary import _camera_noise, _rms_of_cameras, noise_summary
 from basecal.cell import Recording
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
 from basecal.estimation.settings import Settings
@@ -49,6 +49,25 @@ def test_an_estimated_sigma_is_compared_with_what_the_detector_claims():
     assert of["factor"] == pytest.approx(of["pixel_px"] / 0.05)
     assert of["views_count"] == 14
     assert noise_summary(BARE.cell, BARE.recording, solution)["cameras"]["wrist"]["factor"] is None
+
+
+@pytest.mark.parametrize("by_poses", ["left_camera", "right_camera"])
+def test_a_sigma_of_views_is_that_of_the_cameras_that_have_it(by_poses):
+    """Of a camera with poses and one with pixels, in either order; and the root mean square of two with pixels."""
+    bare = Scenario(samples=12, layout="two_cameras", state_pixel_noise=False, state_observation_noise=False)
+    pixels, poses = (simulate(replace(bare, target=target), 1) for target in ("charuco", "pose"))
+    samples = (
+        replace(s, observations=tuple(o if o.camera != by_poses else p for o, p in zip(*pair, strict=True)))
+        for s, t in zip(pixels.recording.samples, poses.recording.samples, strict=True)
+        for pair in [(s.observations, t.observations)]
+    )
+    mixed = Recording(tuple(samples))
+    found = noise_summary(pixels.cell, mixed, solve(pixels.cell, mixed, Settings(robot_noise="estimated")))
+    other = ({"left_camera", "right_camera"} - {by_poses}).pop()
+    assert found["pixel_px"] == found["cameras"][other]["pixel_px"]
+    assert found["pose_m"] == found["cameras"][by_poses]["pose_m"]
+    of_two = {"a": {"pixel_px": 0.3}, "b": {"pixel_px": 0.4}, "c": {}}
+    assert _rms_of_cameras(of_two, "pixel_px", 1.0) == pytest.approx(0.125**0.5)
 
 
 def test_smooth_errors_have_their_length():

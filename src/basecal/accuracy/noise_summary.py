@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,8 @@ from basecal.estimation.solve import Solution
 def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[str, Any]:
     """Sigmas by name, with those of `cameras` whose noise was estimated, and of `robots`, stated or estimated.
 
-    `factor` of a camera is its sigma over the median of its detector's sigmas, or null if the detector has none.
+    An estimated sigma of views is the RMS over the cameras. `factor` of a camera is its sigma over the median of its
+    detector's sigmas, or null if the detector has none.
     `targets` contains the coefficients of estimated target shapes, in sigmas, see `noise.target_shape`.
     `freedoms` of a robot are the degrees of freedom of its estimated sigmas. `rms_factor` is the RMS over the
     distribution of the sigmas, divided by the estimate. Errors that a robot's stops share are listed by their effect,
@@ -25,13 +27,14 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     are added. Its figures are added, too.
     """
     noise = solution.noise
-    used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}
+    cameras = _camera_noise(recording, solution) if noise.estimated else {}
+    used: dict[str, Any] = {f: _rms_of_cameras(cameras, f, getattr(noise.noise, f)) for f in noise.estimated}
     if cell.pixel_px is not None and "pixel_px" not in used:
         used["pixel_px"] = cell.pixel_px
     if cell.correlated_px is not None:
         used["correlated_px"] = cell.correlated_px
     if noise.estimated:
-        used["cameras"] = _camera_noise(recording, solution)
+        used["cameras"] = cameras
     stated = {name: robot.noise for name, robot in cell.robots.items() if robot.noise is not None}
     used["robots"] = {
         name: {"sigma_t_m": sigma[:3].tolist(), "sigma_r_rad": sigma[3:].tolist()}
@@ -54,6 +57,12 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
             by_kind = {} if effect.is_by_coordinate else {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])}
             used["robots"][name][key] = {"sigma": left.flange_sigmas(sigma).tolist(), **by_kind, **effect.figures}
     return used
+
+
+def _rms_of_cameras(cameras: Mapping[str, Mapping[str, Any]], field: str, default: float) -> float:
+    """RMS over the cameras with a sigma; `default` if none has it."""
+    sigmas = [entry[field] for entry in cameras.values() if field in entry] or [default]
+    return float(np.sqrt(np.mean(np.square(sigmas))))
 
 
 def _freedoms(solution: Solution) -> float:
