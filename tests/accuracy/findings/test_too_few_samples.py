@@ -49,6 +49,8 @@ def test_a_second_view_from_one_place_checks_nothing():
     revisited = group.with_ends(lambda end: replace(end, stop_number=np.minimum(end.stop_number, 1)))
     told = messages(free.with_groups([revisited]))
     assert told[0].startswith("3 samples at 2 places give 12 equations for 12 unknowns")
+    at_rest = group.with_ends(lambda end: replace(end, stop_number=np.zeros_like(end.stop_number)))
+    assert messages(free.with_groups([at_rest]))[0].startswith("3 samples at one place give 6 equations")
 
 
 def test_one_sample_is_too_few():

@@ -31,7 +31,8 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     if equations.sum() - equations.max() >= unknowns:
         return []
     views = sum(len(group) for group in problem.groups)
-    many = f"{count} samples" + (f" at {len(equations)} places" if len(equations) < views else "")
+    places = "one place" if len(equations) == 1 else f"{len(equations)} places"
+    many = f"{count} samples" + (f" at {places}" if len(equations) < views else "")
     found = f"{many} give {int(equations.sum())} equations for {unknowns} unknowns: none is left to check them"
     return [_finding(found, describe_poor_motions(problem))]
 
