@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from tests.pose_problem import MOUNT, TARGET, pose_problem
 
+from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.findings.too_few_samples import too_few_samples
 from basecal.cell import Finding, Unknown
 from basecal.geometry import SE3
 
 
-def messages(problem):
-    found = too_few_samples(SimpleNamespace(problem=problem, findings=(), image_count=0))
+def messages(problem, unit_count=0):
+    found = too_few_samples(Input(problem, (), unit_count=unit_count))
     assert {f.severity for f in found} <= {"error"}
     return [f.message for f in found]
 
@@ -37,6 +38,15 @@ def test_two_unknown_poses_need_three(views, found):
     assert not found or told[0].startswith("2 samples give 12 equations for 12 unknowns: none is left to check them")
     held = {MOUNT: Unknown(), TARGET: Unknown("prior", SE3.identity(), np.ones(6))}
     assert messages(replace(free, unknowns=held)) == []
+
+
+def test_a_unit_is_an_unknown():
+    """Three views of two poses are checked by none if their length unit is unknown."""
+    problem, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
+    columns = {MOUNT: slice(0, 6), TARGET: slice(6, 12)}
+    free = replace(problem, columns=columns, unknowns={MOUNT: Unknown(), TARGET: Unknown()})
+    assert messages(free) == []
+    assert messages(free, unit_count=1)[0].startswith("3 samples give 18 equations for 13 unknowns")
 
 
 def test_a_second_view_from_one_place_checks_nothing():

@@ -29,12 +29,14 @@ class Input:
         findings: Findings from reading them.
         on_paths: Whether robot poses are interpolated at the instants of views, instead of recorded at stops.
         image_count: Number of recorded images in which a target can be searched.
+        unit_count: Number of targets whose length unit was estimated from the same views.
     """
 
     problem: Problem
     findings: tuple[Finding, ...]
     on_paths: bool = False
     image_count: int = 0
+    unit_count: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,9 +23,9 @@ def too_few_samples(inputs: Input) -> list[Finding]:
         found = "no sample shows" if count == 0 else "a single sample shows"
         return [_finding(f"{found} a target to a camera with every robot's pose")]
     equations = np.concatenate([_equations_by_place(group) for group in problem.groups])
-    # Scalar unknowns without a prior: of transforms and lenses, and of the robots' kinematics.
+    # Scalar unknowns without a prior: of transforms and lenses, of the robots' kinematics, and units of poses.
     free = [n for n in problem.columns if n in problem.unknowns and problem.unknowns[n].status == "free"]
-    unknowns = len(problem.column_indices(free))
+    unknowns = len(problem.column_indices(free)) + inputs.unit_count
     models = problem.models.values()
     unknowns += sum(width for m in models for name, width in m.widths.items() if m.sigmas[name] is None)
     if equations.sum() - equations.max() >= unknowns:

@@ -78,7 +78,8 @@ def pack_problem(case: Case) -> Case:
 def check_input(case: Case) -> Case:
     """Refuse insufficient input, and report suspicious input."""
     image_count = count_searchable_images(case.cell, case.recording)
-    given = Input(case.problem, case.findings, on_paths=case.clocked is not None, image_count=image_count)
+    on_paths = case.clocked is not None
+    given = Input(case.problem, case.findings, on_paths, image_count, len(case.units_m))
     case = case.with_findings(finding for check in INPUT_CHECKS for finding in check(given))
     return case.refuse() if case.is_refused else case
 
