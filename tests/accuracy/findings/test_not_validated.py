@@ -15,6 +15,10 @@ def test_samples_without_which_nothing_is_observable(evidence):
     assert (found.severity, found.about) == ("info", ("2", "11"))
     assert found.message.startswith("Samples 2, 11 could not be held out")
     assert "Without them base is unobservable" in found.message
+    both = evidence(cross_validation=SimpleNamespace(skipped=(11, 2), summary="any"))
+    both.cell.requested_transforms = ["base", "mount"]
+    both.solution.problem.columns = dict.fromkeys(both.cell.requested_transforms)
+    assert "Without them base and mount are unobservable. Record more of their kind." in not_validated(both)[0].message
 
 
 @pytest.mark.parametrize(("count", "ending"), [(10, "16, 18 could"), (11, "16, 18, ... could")])
@@ -38,6 +42,5 @@ def test_only_what_is_estimated_can_be_unobservable(evidence):
     made.cell.requested_transforms = ["base", "fixed"]
     (found,) = not_validated(made)
     assert found.message == (
-        "Sample 4 could not be held out in cross-validation. Without them base is unobservable. Record more of their "
-        "kind."
+        "Sample 4 could not be held out in cross-validation. Without it base is unobservable. Record more of its kind."
     )

@@ -19,9 +19,9 @@ def not_validated(evidence: Evidence) -> list[Finding]:
         what = "There is no cross-validation: the samples cannot be split into folds."
         return [Finding("not-validated", "info", (), what, ("Record more samples.",))]
     numbers = tuple(map(str, sorted(found.skipped)))
-    names = " and ".join(
-        name for name in evidence.cell.requested_transforms if name in evidence.solution.problem.columns
-    )
+    names = [name for name in evidence.cell.requested_transforms if name in evidence.solution.problem.columns]
     shown = list_samples(sorted(found.skipped)).capitalize()
-    what, why = f"{shown} could not be held out in cross-validation.", f"Without them {names} is unobservable."
-    return [Finding("not-validated", "info", numbers, what, ("Record more of their kind.",), why)]
+    verb, (them, their) = "is" if len(names) == 1 else "are", ("it", "its") if len(numbers) == 1 else ("them", "their")
+    what = f"{shown} could not be held out in cross-validation."
+    why = f"Without {them} {' and '.join(names)} {verb} unobservable."
+    return [Finding("not-validated", "info", numbers, what, (f"Record more of {their} kind.",), why)]
