@@ -72,7 +72,7 @@ class _Knowledge:
         self.relations[eye_base, hand_base] = relation
         self.transforms = place_bases(self.transforms, self.relations)
 
-    def place_others(self, unknowns: Mapping[str, Unknown]) -> None:
+    def place_unrelated_bases(self, unknowns: Mapping[str, Unknown]) -> None:
         """Place the bases that no relation connects to the reference: of each connected part, the first at its mean."""
         for base in dict.fromkeys(name for pair in self.relations for name in pair if name is not None):
             if base not in self.transforms:
@@ -139,7 +139,7 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
             pair = waiting[0]
             yield from _solve_pair(pair, knowledge, problem, thorough, is_forced=True)
         waiting.remove(pair)
-    knowledge.place_others(problem.unknowns)
+    knowledge.place_unrelated_bases(problem.unknowns)
     found = {**knowledge.transforms, **place_by_points(point_problem, metric, knowledge.transforms)}
     transforms = {name: found.get(name) or _mean_or_identity(u) for name, u in problem.unknowns.items()}
     transforms |= place_by_pairs(problem, pairs, transforms, known_transforms(problem))
