@@ -46,15 +46,16 @@ def test_unusable_images_count(tmp_path: Path) -> None:
     """Images that cannot be used are lost as well, each reason is told once, and nothing is said of light."""
     images = [*searched(2, 0), *(SearchedImage(k, "wrist", f"{k}.png", unusable="is missing") for k in (2, 3))]
     few, dropped = image_findings(images, {"board": TARGETS["charuco"]}, tmp_path)
-    assert few.message == ("2 of 4 images of 'wrist' show no target. Each of them, such as 2.png, is missing.")
+    assert few.why == "Each of them, such as 2.png, is missing."
+    assert few.do == ("Replace these images, or remove them from the recording.",)
     assert dropped.about == ("2", "3", "wrist")
-    assert dropped.message == "each of samples 2, 3, such as 2.png, is missing. They are left out for 'wrist'."
+    assert dropped.message == "Each of samples 2, 3, such as 2.png, is missing. They are left out for 'wrist'."
 
 
 def test_one_unusable_image_is_told_by_itself(tmp_path: Path) -> None:
     """With its path."""
     (told,) = image_findings([*searched(9, 0), SearchedImage(9, "wrist", "9.png", unusable="is empty")], {}, tmp_path)
-    assert told.message == "sample 9: 9.png is empty. It is left out for 'wrist'."
+    assert told.message == "Sample 9: 9.png is empty. It is left out for 'wrist'."
 
 
 def test_why_there_is_nothing(tmp_path: Path) -> None:
@@ -91,7 +92,7 @@ def test_many_turned_images(tmp_path: Path) -> None:
 def test_ten_samples_are_listed(count: int, end: str, tmp_path: Path) -> None:
     """Of eleven the first ten."""
     (told,) = image_findings(searched(count, 0, turned=True), {}, tmp_path)
-    assert told.what.startswith(f"EXIF of {count} images of 'wrist'")
+    assert told.what.startswith(f"EXIF rotates {count} images of 'wrist'")
     assert told.what.endswith(end)
 
 
@@ -134,6 +135,16 @@ def test_images_are_surveyed_if_more_than_half_are_lost(
     first, *_ = image_findings(searched(found, 10 - found), {"board": TARGETS["charuco"]}, tmp_path)
     assert first.code == "few-images"
     assert (first.do == ("'board': another board.",)) == hinted
+
+
+def test_unusable_images_are_a_cause_and_no_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A single image is one image."""
+    monkeypatch.setattr(losses, "_read_images", lambda *_: [])
+    unusable = SearchedImage(5, "wrist", "5.png", unusable="is empty")
+    few, _ = image_findings([unusable], {"board": TARGETS["charuco"]}, tmp_path)
+    assert (few.code, few.why) == ("few-images", "Sample 5: 5.png is empty.")
+    (turned,) = image_findings([SearchedImage(5, "wrist", "5.png", found=("board",), turned=True)], {}, tmp_path)
+    assert turned.what == "EXIF rotates 1 image of 'wrist' for display: sample 5."
 
 
 def test_nothing_is_explained_if_an_image_shows_a_target(tmp_path: Path) -> None:

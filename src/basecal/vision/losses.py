@@ -8,7 +8,7 @@ from pathlib import Path
 
 from basecal.cell.calibration import Finding
 from basecal.cell.target import Target
-from basecal.errors import sentence
+from basecal.errors import count_text, sentence
 from basecal.vision.detection import eight_bit
 from basecal.vision.detectors import describe_other_targets
 from basecal.vision.image_file import grey_image, read_bytes
@@ -19,6 +19,7 @@ _MANY_SHARE = 1 / 3  # of a camera's images without any target: targets rarely l
 _MOST_SHARE = 1 / 2  # of a camera's images: above, the images may show another target than the stated one
 _SURVEYED_IMAGES = 3  # images that are searched for other targets, spread over the recording
 _ADVICE = "look at light, focus and distance, and whether cell.yaml describes the target as it is printed"
+_REPLACEMENT = "replace these images, or remove them from the recording"
 _SHOWN_SAMPLES = 10  # samples listed in a sentence
 
 
@@ -61,12 +62,12 @@ def image_findings(searches: Sequence[SearchedImage], targets: Mapping[str, Targ
     for camera, images in by_camera.items():
         for reason, selection in _group_by_reason(images).items():
             about = (*(str(image.sample) for image in selection), camera)
-            what = f"{_sample_phrase(selection, images)} {reason}."
+            what = sentence(f"{_sample_phrase(selection, images)} {reason}")
             subject = "It is" if len(selection) == 1 else "They are"
             yield Finding("dropped-sample", "info", about, what, why=f"{subject} left out for {camera!r}.")
         if turned := [image.sample for image in images if image.turned]:
             what = (
-                f"EXIF of {len(turned)} images of {camera!r} rotates them for display: samples {_list_samples(turned)}."
+                f"EXIF rotates {count_text(len(turned), 'image')} of {camera!r} for display: {_list_samples(turned)}."
             )
             why = "They are searched as the sensor gave them."
             do = ("State the lens of images as the sensor gives them.",)
@@ -74,7 +75,7 @@ def image_findings(searches: Sequence[SearchedImage], targets: Mapping[str, Targ
         for name in dict.fromkeys(name for image in images for name in image.missed):
             missing = [image for image in images if name in image.missed]
             samples = _list_samples([image.sample for image in missing])
-            what = f"{name!r} is not found in {len(missing)} images of {camera!r}: samples {samples}."
+            what = f"{name!r} is not found in {count_text(len(missing), 'image')} of {camera!r}: {samples}."
             print_error = describe_print_error(_read_images(missing[:_SURVEYED_IMAGES], folder), targets[name])
             if print_error is None:
                 yield Finding("dropped-sample", "info", (camera, name), what)
@@ -96,13 +97,11 @@ def _few_images(
     empty = [image for image in images if not image.found]
     if len(empty) <= _MANY_SHARE * len(images):
         return
-    why = _reasons(empty)
-    if len(empty) > _MOST_SHARE * len(images):
-        why += _hints(empty, targets, folder)
     what = f"{len(empty)} of {len(images)} images of {camera!r} show no target."
-    yield Finding(
-        "few-images", "warning", (camera,), what, tuple(f"{each[0].upper()}{each[1:]}." for each in why or [_ADVICE])
-    )
+    why = " ".join(map(sentence, _reasons(empty)))
+    hints = _hints(empty, targets, folder) if len(empty) > _MOST_SHARE * len(images) else []
+    do = hints or [_REPLACEMENT if why else _ADVICE]
+    yield Finding("few-images", "warning", (camera,), what, tuple(map(sentence, do)), why)
 
 
 def _reasons(images: Sequence[SearchedImage]) -> list[str]:
@@ -125,9 +124,7 @@ def _sample_phrase(selection: Sequence[SearchedImage], images: Sequence[Searched
     if len(selection) == 1:
         return f"sample {selection[0].sample}: {selection[0].path}"
     which = (
-        "each of them"
-        if len(selection) == len(images)
-        else f"each of samples {_list_samples([i.sample for i in selection])}"
+        "each of them" if len(selection) == len(images) else f"each of {_list_samples([i.sample for i in selection])}"
     )
     return f"{which}, such as {selection[0].path},"
 
@@ -150,4 +147,5 @@ def _read_images(images: Sequence[SearchedImage], folder: Path) -> list[Grey]:
 
 
 def _list_samples(samples: Sequence[int]) -> str:
-    return ", ".join(map(str, samples[:_SHOWN_SAMPLES])) + (", ..." if len(samples) > _SHOWN_SAMPLES else "")
+    shown = ", ".join(map(str, samples[:_SHOWN_SAMPLES])) + (", ..." if len(samples) > _SHOWN_SAMPLES else "")
+    return f"sample {shown}" if len(samples) == 1 else f"samples {shown}"
