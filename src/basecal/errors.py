@@ -26,6 +26,11 @@ def list_names(names: Sequence[str]) -> str:
     return ", ".join(map(str, names[:_SHOWN_NAMES])) + more or "none"
 
 
+def count_text(count: int, noun: str) -> str:
+    """A number with its noun, which takes an s unless the number is one."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def sentence(clause: str, names: Iterable[str] = ()) -> str:
     """Convert a clause to a sentence; a leading name from `names` is not capitalised."""
     is_name = clause.partition(" ")[0] in set(names)

@@ -42,7 +42,7 @@ def test_what_moved_is_named_with_its_size() -> None:
     assert text.startswith("MOVED: 2 samples are not explained (p = 1e-07)")
     assert "most likely hand_base, by 5.000 ± 0.060 mm and 0.50 ± 0.10 deg" in text
     assert "as likely, or nearly: joint 3 of hand;" in text
-    assert "a shift of 0.40 mm would be seen with 95% chance" in text
+    assert "a shift of 0.40 mm would be detected with a probability of 95 %" in text
 
 
 def test_as_json() -> None:
@@ -62,6 +62,9 @@ def test_nothing_moved_names_nothing() -> None:
     text = verification_text(still)
     assert text.splitlines()[0] == "NOT MOVED: 2 samples agree with the calibration"
     assert "sample 41 disagrees with the others and was left out" in text
+    single = replace(still, samples=(40,))
+    assert verification_text(single).splitlines()[0] == "NOT MOVED: 1 sample agrees with the calibration"
+    assert verification_text(replace(MOVED, samples=(40,))).startswith("MOVED: 1 sample is not explained")
 
 
 def test_what_cannot_be_told_says_what_to_do() -> None:
@@ -106,7 +109,7 @@ def test_a_single_sample_is_one() -> None:
         MOVED, samples=(40,), alternatives=(), shift=replace(JOINT, covariance=np.radians(0.05) ** 2 * np.eye(1))
     )
     first, *others = verification_text(one).splitlines()
-    assert first.startswith("MOVED: 1 sample are not explained")
+    assert first.startswith("MOVED: 1 sample is not explained")
     assert first.endswith("most likely the offset of joint 3 of hand, by 0.200 ± 0.050 deg")
     assert others[0] == "check what was bumped or loosened there, and calibrate again"
 

@@ -16,7 +16,7 @@ from basecal.accuracy.fixing.offers import is_fixable
 from basecal.accuracy.input_screening.importing import import_into
 from basecal.cli.next_step import fill_in_command, next_step
 from basecal.cli.terminal import counting, progress, quote_path, say
-from basecal.errors import BasecalError, list_names
+from basecal.errors import BasecalError, count_text, list_names
 from basecal.exchange.importers.registry import IMPORTERS
 from basecal.exchange.importing.bring_in import ImportResult
 from basecal.exchange.importing.imported import Imported, OneOf
@@ -148,7 +148,7 @@ def _pairing_lines(import_result: ImportResult) -> list[str]:
     lines = []
     paired_count = sum(number is not None for number in pairing.numbers) - import_result.made
     if paired_count:
-        lines.append(f"paired with {paired_count} samples {_PAIRING_WORDS[pairing.by]}")
+        lines.append(f"paired with {count_text(paired_count, 'sample')} {_PAIRING_WORDS[pairing.by]}")
     if pairing.unpaired_rows:
         lines.append(f"not paired, and left out: {list_names(pairing.unpaired_rows)}")
     if pairing.unpaired_samples:

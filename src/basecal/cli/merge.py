@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import CycloptsError, Parameter
 
 from basecal.cli.terminal import quote_path, say, say_next
+from basecal.errors import count_text
 
 _FEWEST_PARTS = 2
 
@@ -36,9 +37,9 @@ def merge(*cells: Path, output: Annotated[Path, Parameter(alias="-o")]) -> int:
     for source, first in zip(merged.parts, merged.first_numbers, strict=True):
         samples = source.recording.samples
         robots = ", ".join(dict.fromkeys(name for sample in samples for name in sample.robots)) or "no robot"
-        say(f"{source.folder}: {len(samples)} samples of {robots}, from number {first} on")
+        say(f"{source.folder}: {count_text(len(samples), 'sample')} of {robots}, from number {first} on")
         for finding in source.recording.findings:
             say(f"left out: {finding.message}")
-    say(f"{len(merged.recording.samples)} samples written to {output}")
+    say(f"{count_text(len(merged.recording.samples), 'sample')} written to {output}")
     say_next(f"basecal calibrate {quote_path(output)}")
     return 0

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from basecal.cli.option_types import Box, Point, task_points
-from basecal.errors import UsageError
+from basecal.errors import UsageError, count_text
 from basecal.fields.typed_length import length_m
 
 if TYPE_CHECKING:
@@ -122,8 +122,8 @@ class Replanner:
         if self.is_reached:
             return f"{goal} reached: 95 % of errors are expected below {1e3 * (self._latest.expected_m or 0):.2g} mm"
         if self._latest.reachable:
-            return f"{goal} needs {self._latest.needed} samples more"
-        cause = f": {self._latest.budget[0].source} forbids it" if self._latest.budget else ""
+            return f"{goal} needs {count_text(self._latest.needed or 0, 'more sample')}"
+        cause = f"; the largest part of the error is {self._latest.budget[0].source}" if self._latest.budget else ""
         return f"{goal} cannot be reached{cause}"
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from basecal.cli.option_types import Port, Seed, number_range
 from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import counting, print_json, progress, quote_path, say
-from basecal.errors import InputError
+from basecal.errors import InputError, count_text
 from basecal.simulation.scenario import ObservedKind, Scenario
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool)
     if json:
         print_json({"cell": str(cell), "samples": samples, "seed": seed})
     else:
-        say(f"wrote {samples} samples to {cell}, the truth to {cell / 'truth.yaml'}")
+        say(f"wrote {count_text(samples, 'sample')} to {cell}, the truth to {cell / 'truth.yaml'}")
         say(f"next: basecal calibrate {quote_path(cell)}")
     return 0
 

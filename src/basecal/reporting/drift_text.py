@@ -15,6 +15,7 @@ from basecal.accuracy.drift.verify import POWER, Verification
 from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL
 from basecal.cell import PastVerification
 from basecal.effects.faces.effect import format_tangent, format_with_sigma
+from basecal.errors import count_text
 from basecal.reporting.statement.verdict import error_text, two_digits
 
 _TIME_FORMAT = "%Y-%m-%d %H:%M"
@@ -46,25 +47,26 @@ def _mm(length_m: float | None) -> float | None:
 
 def verification_text(verification: Verification) -> str:
     """Lines joined by newlines: whether something moved, what, by how much, and the smallest detectable shift."""
-    count = f"{len(verification.samples)} sample{'s' if len(verification.samples) > 1 else ''}"
+    count = count_text(len(verification.samples), "sample")
+    is_single = len(verification.samples) == 1
     if verification.moved is None or verification.shift is None:
         lines = [
             "UNDECIDED: these samples do not show whether anything moved. Take more samples of the calibrated "
             "targets, with both arms rotated, or calibrate from more samples first."
         ]
     elif not verification.moved:
-        lines = [f"NOT MOVED: {count} agree with the calibration"]
+        lines = [f"NOT MOVED: {count} {'agrees' if is_single else 'agree'} with the calibration"]
     else:
         likeliest = _shift_sentence(verification.shift)
-        lines = [f"MOVED: {count} are not explained (p = {verification.chance:.2g}); most likely {likeliest}"]
+        verb = "is" if is_single else "are"
+        lines = [f"MOVED: {count} {verb} not explained (p = {verification.chance:.2g}); most likely {likeliest}"]
         if verification.alternatives:
             others = ", ".join(_frame_or_joint(other) for other in verification.alternatives)
             lines.append(f"as likely, or nearly: {others}; samples with other rotations of both arms distinguish them")
         lines.append("check what was bumped or loosened there, and calibrate again")
     if verification.detectable_m is not None:
-        lines.append(
-            f"a shift of {two_digits(1e3 * verification.detectable_m)} mm would be seen with {POWER:.0%} chance"
-        )
+        probability = f"with a probability of {100 * POWER:.0f} %"
+        lines.append(f"a shift of {two_digits(1e3 * verification.detectable_m)} mm would be detected {probability}")
     lines += [
         f"sample {number} disagrees with the others and was left out"
         for number in verification.outliers[:_SHOWN_SAMPLES]

@@ -117,9 +117,9 @@ def test_poor_images_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str
     (folder / "5.heic").write_bytes(b"x")
     assert main(["import", "images", str(tmp_path / "c"), str(folder), "--camera", "cam", "--on", "arm"]) == 0
     said = capsys.readouterr().err
-    assert "1 of 4 images cannot be read, and will not be used: 2.png" in said
-    assert "1 images have another size than the rest, and will not be used: 4.png (32 x 24)" in said
-    assert "1 files of other kinds are left out: 5.heic" in said
+    assert "left out, as they cannot be read: 2.png" in said
+    assert "left out, as most images have another size: 4.png (32 x 24)" in said
+    assert "left out, as they are no images: 5.heic" in said
     assert len(read_recording(tmp_path / "c").samples) == 4
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
+from basecal.errors import count_text
 from basecal.estimation.noise.robot_noise import count_stops
 from basecal.estimation.problem.problem import Problem
 
@@ -27,7 +28,7 @@ def noise_not_identifiable(evidence: Evidence) -> list[Finding]:
         return list(evidence.solution.findings)
     findings = []
     if few := robots_with_few_stops(evidence.recorded):
-        counts = " and ".join(f"{count} stops of {name}" for name, count in few.items())
+        counts = " and ".join(f"{count_text(count, 'stop')} of {name}" for name, count in few.items())
         what = f"{counts} are too few to estimate unstated noise."
         why = "Typical values of robot arms count as much; the covariance is wider."
         do = (f"Record at least {FEWEST_STOPS} stops, or state `noise` in cell.yaml.",)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from basecal.errors import DatasetError, InputError, list_names
+from basecal.errors import DatasetError, InputError, count_text, list_names
 from basecal.exchange.fields import read_fields
 from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
@@ -118,7 +118,7 @@ def record_of_arrays(
     for name, pose in zip(names[:-1], poses[:-1], strict=True):
         if np.array_equal(pose.matrix, poses[-1].matrix):
             raise InputError(f"{source}: {name} and {names[-1]} are the same poses: one was given for both")
-    what = f"{len(poses[0])} samples under OpenCV's names: {list_names(_keys(names))}"
+    what = f"{count_text(len(poses[0]), 'sample')} under OpenCV's names: {list_names(_keys(names))}"
     if names == BASE_TO_BASE:
         return HandEyeRecord(source, what, True, poses[0], poses[2], hand_base_from_flange=poses[1])
     base_from_flange = poses[0].inverse() if names == ROBOT_WORLD else poses[0]

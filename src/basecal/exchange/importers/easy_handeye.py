@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from basecal.errors import DatasetError, list_names
+from basecal.errors import DatasetError, count_text, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
@@ -108,7 +108,7 @@ def read_easy_handeye_record(path: str | Path, camera_on_robot: bool | None = No
         return replace(record, camera_mount=mount.pose())
     robot, tracking = _samples(root)
     inverted = "" if arrangement.on_robot else ", written as flange_from_base and turned back here"
-    what = f"{len(robot)} samples of easy_handeye (m): base_from_flange{inverted}, and camera_from_target"
+    what = f"{count_text(len(robot), 'sample')} of easy_handeye (m): base_from_flange{inverted}, and camera_from_target"
     return HandEyeRecord(
         str(path),
         f"{what}; {'camera on the robot' if arrangement.on_robot else 'target on the robot'} ({arrangement.source})",

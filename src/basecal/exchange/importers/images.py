@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from basecal.cell.targets.registry import TargetKindName
-from basecal.errors import InputError, UsageError, list_names
+from basecal.errors import InputError, UsageError, count_text, list_names
 from basecal.exchange.images import list_images, missing_numbers, read_time, unreadable_images, usual_size
 from basecal.exchange.importing.described_target import UNSTATED_SHAPE, Shape, target_entry
 from basecal.exchange.importing.imported import (
@@ -107,7 +107,8 @@ def _describe(
     carried = "" if carrier is None else f", on {carrier!r}"
     advice = " (if it is beside the robot, correct `on: world` in cell.yaml)" if carried else ""
     described = [f"; target {name!r}, {each['kind']} on {each['on']!r}" for name, each in targets.items()]
-    return f"{count} images of {camera!r}{carried}, {size_px[0]} x {size_px[1]} px{advice}{''.join(described)}"
+    size = f"{size_px[0]} x {size_px[1]} px"
+    return f"{count_text(count, 'image')} of {camera!r}{carried}, {size}{advice}{''.join(described)}"
 
 
 @dataclass(frozen=True)
@@ -141,11 +142,11 @@ def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int,
     size_px = usual_size(list(sizes.values()))
     odd = [f"{name} ({size[0]} x {size[1]})" for name, size in sizes.items() if size != size_px]
     others = unreadable_images(folder)
-    damaged_text = f"{len(damaged)} of {len(files)} images cannot be read, and will not be used: {list_names(damaged)}"
-    odd_text = f"{len(odd)} images have another size than the rest, and will not be used: {list_names(odd)}"
+    damaged_text = f"left out, as they cannot be read: {list_names(damaged)}"
+    odd_text = f"left out, as most images have another size: {list_names(odd)}"
     gaps = missing_numbers([path.name for path in files])
-    gaps_text = f"images {list_names(gaps)} are missing in the numbering: do the tables of poses have them?"
-    others_text = f"{len(others)} files of other kinds are left out: {list_names(others)}"
+    gaps_text = f"missing in the numbering of the images, check the tables of poses: {list_names(gaps)}"
+    others_text = f"left out, as they are no images: {list_names(others)}"
     texts = ((damaged, damaged_text), (odd, odd_text), (others, others_text), (gaps, gaps_text))
     return _ImageSizes(size_px, tuple(f"{folder}: {text}" for names, text in texts if names))
 

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from basecal.cell import RobotState
-from basecal.errors import InputError, list_names
+from basecal.errors import InputError, count_text, list_names
 from basecal.exchange.fields import read_fields
 from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported, KnownCell, Row, known_cell
@@ -100,8 +100,8 @@ def read_moveit_record(path: str | Path, camera_on_robot: bool | None) -> HandEy
     arrangement = "camera on the robot" if camera_on_robot else "target on the robot"
     return HandEyeRecord(
         str(path),
-        f"{len(pairs)} samples of MoveIt (m): effector_wrt_world is base_from_flange, object_wrt_sensor is "
-        f"camera_from_target; {arrangement}, as stated",
+        f"{count_text(len(pairs), 'sample')} of MoveIt (m): effector_wrt_world is base_from_flange, "
+        f"object_wrt_sensor is camera_from_target; {arrangement}, as stated",
         camera_on_robot,
         SE3.stack([base_from_flange for base_from_flange, _ in pairs]),
         SE3.stack([camera_from_target for _, camera_from_target in pairs]),

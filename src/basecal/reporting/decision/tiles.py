@@ -12,6 +12,7 @@ from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.sample_use import sample_use
 from basecal.cell import Calibration, Cell, Recording
+from basecal.errors import count_text
 from basecal.reporting.statement.verdict import error_text, requested_estimates, two_digits
 
 _SEVERITY_NAMES = {"error": "error", "warning": "warning", "info": "note"}
@@ -92,7 +93,7 @@ def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> I
     """Sentences below the verdict: number of findings, largest source of error, and effect of more samples."""
     count = Counter(_SEVERITY_NAMES[finding.severity] for finding in calibration.findings)
     names = (name for name in _SEVERITY_NAMES.values() if count[name])
-    counted = [f"{count[name]} {name}{'' if count[name] == 1 else 's'}" for name in names]
+    counted = [count_text(count[name], name) for name in names]
     if counted:
         yield f"{', '.join(counted)}."
     for entry in (calibration.budget or ())[:1]:

@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from basecal.accuracy.residuals.lens_uncertainty import lens_sigmas
 from basecal.accuracy.residuals.point_residuals import PointResiduals
+from basecal.errors import count_text
 from basecal.geometry import Array, Camera, IntArray
 from basecal.reporting.charts import fitted_scale
 from basecal.reporting.contours import contours
@@ -114,7 +115,7 @@ def image_coverage(size_px: tuple[int, int] | None, points: PointResiduals) -> F
     grid = image_grid(size_px, points.pixels)
     most = int(grid.count.max())
     squares = {
-        square: (float(np.sqrt(number / most)), f"{number} point{'s' if number > 1 else ''}")
+        square: (float(np.sqrt(number / most)), count_text(number, "point"))
         for square, number in enumerate(grid.count.tolist())
         if number
     }

@@ -9,7 +9,7 @@ from typing import Any
 from numpy import degrees
 
 from basecal.cell import Calibration, Cell, Sample, TouchObservation
-from basecal.errors import BasecalError
+from basecal.errors import BasecalError, count_text
 from basecal.planning.plan import Plan
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch
@@ -44,7 +44,7 @@ def plan_page(
     with suppress(BasecalError):  # a cell without cameras is not drawn
         sketch = sketches(with_marks(cell, plan.marks), calibration)[0]
         drawn = scene_values(stated_scene(sketch, plan.samples))
-        drawn["head"] = ["sample", *(f"{robot} goes" for robot in sketch.movers)]
+        drawn["head"] = ["sample", *(f"motion of {robot}" for robot in sketch.movers)]
         drawn["ways"] = list(_motion_rows(sketch, plan.samples))
     first = plan_headline(plan, tolerance_m)
     return fill_page(
@@ -92,17 +92,20 @@ def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:
         source = f" The largest part of the error is {plan.budget[0].source}." if plan.budget else ""
         return Headline("FAIL", f"{needed} cannot be reached.{source}")
     if plan.needed == 0:
-        with_recorded = f"{expected} with {plan.recorded} samples"
+        with_recorded = f"{expected} with {count_text(plan.recorded, 'sample')}"
         return Headline("PASS", f"{needed} is already reached (95 %: {with_recorded}).")
     if plan.needed is not None and plan.needed > len(plan.samples):
-        return Headline("DOUBTFUL", f"{needed} takes {plan.needed} samples, of which {len(plan.samples)} are planned.")
-    return Headline("PASS", f"{needed}: {plan.needed} samples reach it.")
+        return Headline(
+            "DOUBTFUL", f"{needed} takes {count_text(plan.needed, 'sample')}, of which {len(plan.samples)} are planned."
+        )
+    verb = "reaches" if plan.needed == 1 else "reach"
+    return Headline("PASS", f"{needed}: {count_text(plan.needed or 0, 'sample')} {verb} it.")
 
 
 def outcome(plan: Plan) -> str:
     """Sentence with the expected error after the planned samples."""
     count = len(plan.samples)
-    many = f"{count} more samples" if plan.recorded else f"{count} samples"
+    many = count_text(count, "more sample" if plan.recorded else "sample")
     return f"Expected error with {many}: {_error_words(plan)} (95 %) {PLACE_WORDS[plan.place]}."
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from basecal.cell import Calibration, Cell, Finding, Tolerance, Validation
 from basecal.cell.work_error import PlaceKind
+from basecal.errors import count_text
 from basecal.geometry import Array, PoseEstimate
 
 Word = Literal["PASS", "FAIL", "GOOD", "DOUBTFUL", "REFUSED"]
@@ -218,7 +219,7 @@ def _first_reason(findings: Iterable[Finding]) -> str:
     if len(messages) < 2:
         return "".join(messages)
     others = len(messages) - 1
-    return f"{messages[0].rstrip('.')} (and {others} more finding{'s' if others > 1 else ''})"
+    return f"{messages[0].rstrip('.')} (and {count_text(others, 'more finding')})"
 
 
 def shown_decimals(sigmas: Array) -> int:

@@ -12,7 +12,7 @@ from typing import Any
 from basecal.accuracy.residuals.point_residuals import PointResiduals, point_residuals
 from basecal.accuracy.residuals.without_samples import WithoutSamples, without_samples
 from basecal.cell import Calibration, Cell, Recording, SampleResidual
-from basecal.errors import BasecalError
+from basecal.errors import BasecalError, count_text
 from basecal.reporting.cell_view.sample_labels import view_words
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
 from basecal.reporting.figures.thumbnails import sample_pictures
@@ -76,7 +76,7 @@ class ViewPage:
             views = sorted([*kept, *(each for each in views if each.sample in excluded)], key=lambda each: each.sample)
         left_out = [each for each in views if each.sample in excluded]
         figures = [bar_figure(views, quantity, _MOST_BARS, left_out) for quantity in QUANTITIES]
-        some = f"without {len(excluded)} sample{'s' if len(excluded) > 1 else ''}"
+        some = f"without {count_text(len(excluded), 'sample')}"
         return {
             "run": run,
             "first": first,
