@@ -78,7 +78,7 @@ def test_estimated_links_leave_no_random_effect():
 def test_links_that_the_noise_shows_are_told_by_the_largest_sigma():
     """Of all robots, each number by itself."""
     words = of.likely({"eye": np.array([5e-4, np.radians(0.1)]), "hand": np.array([2e-4, np.radians(0.3)])})
-    assert words.what == "Links of eye and hand likely differ from the URDF by 0.5 mm and 0.3 deg (1 sigma)."
+    assert words.what == "Links of eye and hand likely differ from the URDF by 0.50 mm and 0.30 deg (1 sigma)."
     assert words.do[0].endswith("at eye and hand.")
 
 

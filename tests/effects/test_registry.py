@@ -130,7 +130,7 @@ def test_a_lens_that_is_drawn_is_off_by_its_size(name):
     changed = np.flatnonzero(true.parameters != LENS.parameters)
     assert set(changed) <= set(np.arange(9)[part.indices])
     words = part.words(LENS, true, np.full(9, 1e-3))
-    shown = {"focal_length": "-2.0000", "principal_point": "-1.4142", "distortion": "2 px"}[name]
+    shown = {"focal_length": "-2.0000", "principal_point": "-1.4142", "distortion": "2.0 px"}[name]
     assert shown in words
     assert part.typical_sigmas(LENS).shape == np.arange(9)[part.indices].shape
 

@@ -17,6 +17,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.start.first_state import lenses
+from basecal.fields.digits import two_digits
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.geometry.rotation import lengths
 
@@ -122,8 +123,8 @@ def _depth_findings(random: Array, systematic: Array) -> list[Finding]:
     sigma = np.sqrt(np.diag(random))
     if np.all(np.abs(systematic) <= _SYSTEMATIC_SIGMAS * sigma):
         return []
-    shift, turn = 1e3 * np.linalg.norm(systematic[:3]), np.degrees(np.linalg.norm(systematic[3:]))
-    what = f"The closed form moves the base by about {shift:.2g} mm and {turn:.2g} deg."
+    shift, turn = 1e3 * float(np.linalg.norm(systematic[:3])), np.degrees(np.linalg.norm(systematic[3:]))
+    what = f"The closed form moves the base by about {two_digits(shift)} mm and {two_digits(turn)} deg."
     why = "It neglects how the shifts change the LED's depth."
     do = ("Use shorter shifts, shifts to both sides, or the general solver.",)
     return [Finding("neglected-depth", "warning", (), what, do, why)]

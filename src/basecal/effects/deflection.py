@@ -38,6 +38,7 @@ from basecal.effects.faces.robot_parameter import (
 )
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
 from basecal.errors import InputError
+from basecal.fields.digits import two_digits
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma, Vector
 from basecal.geometry import Array
@@ -120,7 +121,8 @@ def shared_errors(posture: Posture) -> SharedErrors | None:
 def likely(sigmas: Mapping[str, Array]) -> Words:
     """Describe compliances that the estimated noise indicates."""
     robots, turn = " and ".join(sigmas), max(float(turn) for _, turn in sigmas.values())
-    what = f"Joints of {robots} likely yield to the weight of the links by {np.degrees(turn):.2g} deg (1 sigma)."
+    angle = two_digits(np.degrees(turn))
+    what = f"Joints of {robots} likely yield to the weight of the links by {angle} deg (1 sigma)."
     return Words("deflection", what, (f"To estimate it, write {entry(np.zeros(0))} at {robots}.",))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.effects.faces.effect import NOT_OF_LENSES, ONE, Effect, LensParameter, SimulatedFault
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array, Camera
 
 _USUAL = 1e-3  # shift of the farthest corner by each term, as a share of the image's width
@@ -36,7 +37,7 @@ def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
     corner = farthest_corner(stated_lens)
     bent = stated_lens.with_parameters(np.append(stated_lens.parameters[:4], estimated_lens.parameters[4:]))
     corner_px = float(np.linalg.norm(bent.project(corner) - stated_lens.project(corner)))
-    return f"the distortion by {corner_px:.2g} px at the corner"
+    return f"the distortion by {two_digits(corner_px)} px at the corner"
 
 
 def faulty_lens(size: float, camera: Camera) -> Camera:

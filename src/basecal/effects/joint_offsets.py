@@ -35,6 +35,7 @@ from basecal.effects.faces.robot_parameter import (
     unestimated_chains,
 )
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
+from basecal.fields.digits import two_digits
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma
 from basecal.geometry import Array, read_only
@@ -126,7 +127,7 @@ def shared_errors(posture: Posture) -> SharedErrors:
 def likely(sigmas: Mapping[str, Array]) -> Words:
     """Describe offsets that the estimated noise indicates."""
     robots, turns = " and ".join(sigmas), np.array([turn for _, turn in sigmas.values()])
-    what = f"Joints of {robots} likely have offsets of {_DEG * turns.max():.2g} deg (1 sigma)."
+    what = f"Joints of {robots} likely have offsets of {two_digits(_DEG * float(turns.max()))} deg (1 sigma)."
     return Words("robot-model", what, (f"To estimate them, write {entry(turns)} at {robots}.",))
 
 

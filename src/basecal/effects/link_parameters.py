@@ -10,6 +10,7 @@ import numpy as np
 from basecal.effects.faces.effect import MILLI, Effect, RandomEffect, SimulatedFault, Words
 from basecal.effects.faces.robot_parameter import Columns, Posture, RobotParameter, RobotParameters
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
+from basecal.fields.digits import two_digits
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma
 from basecal.geometry import Array, read_only
@@ -98,7 +99,7 @@ def shared_errors(posture: Posture) -> SharedErrors:
 def likely(sigmas: Mapping[str, Array]) -> Words:
     """Describe link errors that the estimated noise indicates."""
     robots, (shift, turn) = " and ".join(sigmas), np.max(list(sigmas.values()), axis=0)
-    size = f"{1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg (1 sigma)"
+    size = f"{two_digits(1e3 * shift)} mm and {two_digits(np.degrees(turn))} deg (1 sigma)"
     do = f"To estimate them, write {entry(np.zeros(0))} at {robots}."
     return Words("robot-model", f"Links of {robots} likely differ from the URDF by {size}.", (do,))
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.effects.faces.effect import Effect, TargetParameter, Words
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix
 from basecal.numerics.spectral import dimension, least_norm, principal_axes
@@ -107,7 +108,7 @@ def words(target: str, points_in_target: Array, shape: Array) -> Words | None:
         do = "Measure the points, and state them."
     if size_m < _LEAST_M and sigmas < _MOST_SIGMAS:
         return None
-    what = what.format(f"up to {1e3 * size_m:.2g} mm")
+    what = what.format(f"up to {two_digits(1e3 * size_m)} mm")
     if sigmas <= _MOST_SIGMAS:
         return Words("board-shape", what, (do,), "The answer contains the shape.", "info")
     do = "Check the stated points, the lens model and the target's size."

@@ -16,7 +16,8 @@ from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL
 from basecal.cell import PastVerification
 from basecal.effects.faces.effect import format_tangent, format_with_sigma
 from basecal.errors import count_text
-from basecal.reporting.statement.verdict import error_text, two_digits
+from basecal.fields.digits import two_digits
+from basecal.reporting.statement.verdict import error_text
 
 _TIME_FORMAT = "%Y-%m-%d %H:%M"
 _SHOWN_SAMPLES = 6  # left-out samples that are listed

@@ -15,6 +15,7 @@ from basecal.accuracy.sample_use import outlier_views
 from basecal.cell import Calibration, Cell, PastVerification, Recording, SampleResidual
 from basecal.exchange.exporters.exporter import pasteable
 from basecal.exchange.urdf import numbers
+from basecal.fields.digits import two_digits
 from basecal.reporting.cell_view.sample_labels import misfit
 from basecal.reporting.cell_view.scene import scene
 from basecal.reporting.cell_view.stage import scene_values
@@ -37,7 +38,6 @@ from basecal.reporting.statement.verdict import (
     sort_by_severity,
     tangent_text,
     task_options,
-    two_digits,
 )
 from basecal.reporting.svg import Figure
 from basecal.reporting.templates.environment import fill_page

@@ -17,6 +17,7 @@ from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.exports.digits import format_decimals
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array, Camera, PoseEstimate
 from basecal.geometry.lenses.registry import find_lens
 from basecal.reporting.cell_view.sample_labels import is_measured, misfit
@@ -28,7 +29,6 @@ from basecal.reporting.statement.verdict import (
     requested_estimates,
     shown_decimals,
     sort_by_severity,
-    two_digits,
 )
 
 _INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")

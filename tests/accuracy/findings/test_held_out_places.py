@@ -16,7 +16,7 @@ def test_the_worst_mark_is_named_if_it_is_beyond_chance(ratio, marks):
     errors = (PlaceError("a", 2e-4, 1.0, 90.0), PlaceError("b", 2.8e-4, ratio, 90.0))
     found = held_out_places(SimpleNamespace(held_out_places=errors))
     assert tuple(each.about[0] for each in found) == marks
-    assert all("off by 0.28 mm; 0.2 mm is expected" in each.what for each in found)
+    assert all("off by 0.28 mm; 0.20 mm is expected" in each.what for each in found)
 
 
 def test_nothing_is_said_of_no_places():
@@ -32,4 +32,4 @@ def test_few_touches_scatter_more_by_chance(freedoms, named):
     assert len(found) == named
     for each in found:
         assert (each.code, each.severity, each.about) == ("held-out-places", "info", ("a",))
-        assert "0.39 mm; 0.3 mm is expected" in each.what
+        assert "0.39 mm; 0.30 mm is expected" in each.what

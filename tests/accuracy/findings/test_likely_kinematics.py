@@ -29,7 +29,7 @@ OF = "of eye and hand"
     ("term", "code", "what", "entry"),
     [
         ("joint_offsets", "robot-model", f"Joints {OF} likely have offsets of 0.11 deg", "joint_offsets: {status: pr"),
-        ("link_parameters", "robot-model", f"Links {OF} likely differ from the URDF by 0.5 mm", "link_parameters: {s"),
+        ("link_parameters", "robot-model", f"Links {OF} likely differ from the URDF by 0.50 mm", "link_parameters: {s"),
         ("deflection", "deflection", f"Joints {OF} likely yield to the weight of the links by 0.11", "deflection: {st"),
     ],
 )

@@ -50,7 +50,9 @@ def test_too_few_samples_to_decide():
     """A better model that is not sure is an info about its robots."""
     (found,) = robot_model_findings(choice(NONE, candidate("joint", joint=2, error_m=1e-3)))
     assert (found.severity, found.about) == ("info", ("arm",))
-    words = "Freeing joint 3 of arm may lower the cross-validation error from 4 to 1 mm rms. There are too few samples"
+    words = (
+        "Freeing joint 3 of arm may lower the cross-validation error from 4.0 to 1.0 mm rms. There are too few samples"
+    )
     assert found.message.startswith(words)
 
 
@@ -59,7 +61,9 @@ def test_offsets_that_help():
     (found,) = robot_model_findings(choice(candidate("offsets", ("arm", "hand"), error_m=2e-3)))
     assert (found.severity, found.about) == ("warning", ("arm", "hand"))
     gain, entry = f"{found.what} {found.why}", *found.do
-    assert gain.startswith("Freeing the joint offsets of arm and hand lowers the cross-validation error from 4 to 2 mm")
+    assert gain.startswith(
+        "Freeing the joint offsets of arm and hand lowers the cross-validation error from 4.0 to 2.0 mm"
+    )
     assert gain.endswith("The clearest offset, of joint 2 of hand, is -0.57 ± 0.11 deg.")
     assert entry == "Write `joint_offsets: {status: prior, sigma_rad: 0.02}` at arm and hand in cell.yaml."
 
@@ -67,7 +71,7 @@ def test_offsets_that_help():
 def test_a_single_joint(offsets):
     """Its offset is told as such; where none is seen, that."""
     (found,) = robot_model_findings(choice(candidate("joint", joint=1), none=candidate(rms=2.5)))
-    assert "from 2.5 to 1 sigmas rms. Its offset is -0.57 ± 0.11 deg" in found.message
+    assert "from 2.5 to 1.0 sigmas rms. Its offset is -0.57 ± 0.11 deg" in found.message
     for each in offsets.values():
         each.seen[:] = False
     (found,) = robot_model_findings(choice(candidate("joint", joint=1)))
@@ -80,7 +84,7 @@ def test_links_that_help():
     links[1], links[2] = [3e-3, 4e-3, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0.01]
     robots = [SimpleNamespace(kind_values={"link_parameters": each}.get) for each in (np.zeros((2, 6)), links)]
     (found,) = robot_model_findings(choice(candidate("links"), candidate("offsets", ("hand",)), robots=robots))
-    assert "Links are off by up to 5 mm and 0.57 deg" in found.message
+    assert "Links are off by up to 5.0 mm and 0.57 deg" in found.message
     assert "Whether freeing the joint offsets of hand helps more is undecided" in found.message
     assert "and `link_parameters: {status: prior, sigma_rad: 0.002, sigma_m: 0.001}` at arm in" in found.message
 

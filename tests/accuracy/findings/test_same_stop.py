@@ -43,11 +43,11 @@ PLACE = [0.5, 0.2, 0.1, 0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize(("off", "told"), [
-    ([3e-5, 4e-5, 0, 0, 0, 0], "0.05 mm and 0 mrad"),
-    ([0, 0, 0, 0, 6e-4, -8e-4], "0 mm and 1 mrad"),
+    ([3e-5, 4e-5, 0, 0, 0, 0], "0.050 mm and 0 mrad"),
+    ([0, 0, 0, 0, 6e-4, -8e-4], "0 mm and 1.0 mrad"),
     ([9e-10, 0, 0, 0, 0, 0], None),
     ([0, 0, 0, 0, 0, 9e-10], None),
-    ([1.1e-9, 0, 0, 0, 0, 0], "1.1e-06 mm and 0 mrad"),
+    ([1.1e-9, 0, 0, 0, 0, 0], "0.000001 mm and 0 mrad"),
 ])  # fmt: skip
 def test_the_farthest_from_the_first_of_a_stop_is_told(off, told):
     """Shift and turn by themselves, whichever group has seen it; other stops are other places, rounding is none."""

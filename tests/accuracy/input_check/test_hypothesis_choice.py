@@ -115,7 +115,7 @@ def test_what_explains_the_data_better_is_an_error_with_both_errors():
     """Its words, how well it predicts and how well what is declared does, and what to do."""
     (found,) = findings_about(predicted(1e-3), predicted(0.5e-3, moved=5))
     assert (found.severity, found.about) == ("error", ("eye", "hand0"))
-    errors = "0.5 mm a metre (or mrad) instead of 1 mm a metre (or mrad)"
+    errors = "0.50 mm/m (mrad) instead of 1.0 mm/m (mrad)"
     assert found.message == f"Words 0. Under this hypothesis the cross-validation error is {errors}. Fix. {FIX}"
 
 
@@ -146,8 +146,8 @@ def test_ambiguous_readings_are_one_finding():
     """With how far each moves what is asked, all that they are about once, and how to tell them apart once."""
     (found,) = findings_about(predicted(1e-3), predicted(1e-3, moved=5), predicted(1.05e-3, moved=7), predicted(1e-3))
     assert (found.code, found.severity, found.about) == ("ambiguous-convention", "warning", ("eye", "hand0", "hand1"))
-    assert f"words 0 (inverted: 1 mm a metre (or mrad), {ASKED} 5 mm away) or words 1" in found.message
-    assert f"{ASKED} 7 mm away" in found.message
+    assert f"words 0 (inverted: 1.0 mm/m (mrad), {ASKED} 5.0 mm away) or words 1" in found.message
+    assert f"{ASKED} 7.0 mm away" in found.message
     assert found.message.endswith("Check which is true. Tell.")
 
 
@@ -180,7 +180,7 @@ def test_a_target_on_another_carrier_has_another_mount():
     rival.solution.state.transforms["b_from_c"] = rival.solution.state.transforms.pop(ASKED)
     (found,) = findings_about(predicted(1e-3), rival, code="wrong-carrier")
     assert (found.code, found.severity) == ("ambiguous-convention", "warning")
-    assert "if words 0 (wrong-carrier: 1 mm a metre (or mrad))." in found.what
+    assert "if words 0 (wrong-carrier: 1.0 mm/m (mrad))." in found.what
 
 
 @pytest.mark.parametrize(

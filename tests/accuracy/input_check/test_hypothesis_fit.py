@@ -39,8 +39,8 @@ def test_core_and_whole():
 
 def test_errors_in_words():
     """Pixels, or a length a metre; nothing finite is nothing predicted."""
-    assert fit(1.234e-3, True).error_in_words() == "1.23 px"
-    assert fit(1.234e-3).error_in_words() == "1.23 mm a metre (or mrad)"
+    assert fit(1.234e-3, True).error_in_words() == "1.2 px"
+    assert fit(1.234e-3).error_in_words() == "1.2 mm/m (mrad)"
     assert fit(np.inf).error_in_words() == "not at all"
 
 

@@ -105,7 +105,7 @@ def test_streams():
     look = quick_look(made.cell, few)
     assert look.findings == ()
     assert look.error is not None
-    assert look.error.endswith("mm a metre (or mrad)")
+    assert look.error.endswith("mm/m (mrad)")
 
 
 def test_streams_by_an_unknown_lens():

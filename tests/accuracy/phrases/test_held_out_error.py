@@ -7,6 +7,7 @@ import pytest
 
 from basecal.accuracy.phrases.held_out_error import explain_held_out_error
 from basecal.cell import Calibration, Residuals, Validation
+from basecal.fields.digits import two_digits
 
 NOISE = {"robots": {"eye": {"sigma_t_m": [2e-4] * 3, "sigma_r_rad": [4e-4] * 3}}}
 
@@ -20,7 +21,7 @@ def told(rms_px, held_out_px, noise):
 def test_both_figures_and_the_noise_that_absorbs_are_named():
     """The sentence has the residual, the held-out error and the sigmas of the robot."""
     sentence = told(0.12, 1.06, NOISE)
-    assert all(part in sentence for part in ("1.1 px", "0.12 px", "eye 0.2 mm and 0.4 mrad"))
+    assert all(part in sentence for part in ("1.1 px", "0.12 px", "eye 0.20 mm and 0.40 mrad"))
 
 
 @pytest.mark.parametrize(
@@ -50,8 +51,9 @@ def test_a_robot_that_only_shifts_or_only_turns_absorbs_too(length_m, angle_rad)
     arm = {"sigma_t_m": [length_m * np.sqrt(3), 0.0, 0.0], "sigma_r_rad": [0.0, angle_rad * np.sqrt(3), 0.0]}
     noise = {"robots": {"still": {"sigma_t_m": [0.0] * 3, "sigma_r_rad": [0.0] * 3}, "arm": arm, **NOISE["robots"]}}
     assert told(0.1, 0.149, noise) is None
+    arm = f"arm {two_digits(1e3 * length_m)} mm and {two_digits(1e3 * angle_rad)} mrad"
     assert told(0.1, 0.151, noise) == (
-        "Held-out views are off by 0.15 px and residuals are 0.1 px. Each stop in use has its own estimated pose "
-        f"error (arm {1e3 * length_m:.2g} mm and {1e3 * angle_rad:.2g} mrad; eye 0.2 mm and 0.4 mrad; 1 sigma per "
+        "Held-out views are off by 0.15 px and residuals are 0.10 px. Each stop in use has its own estimated pose "
+        f"error ({arm}; eye 0.20 mm and 0.40 mrad; 1 sigma per "
         "axis). The pose error of a held-out stop is unknown. Expect the larger figure at a new pose."
     )

@@ -144,7 +144,7 @@ def test_poses_that_scatter_are_named_as_a_cause() -> None:
     loose = np.tile(np.repeat([2.1e-3, 1e-3], 3), (12, 1))
     assert describe_scatter(replace(fit, stop_sigma=loose)) == "Poses of left scatter by 2.1 mm and 0.057 deg."
     scatter = describe_scatter(replace(fit, stop_sigma=np.tile(np.repeat([1e-3, 8e-3], 3), (12, 1))))
-    assert scatter == "Poses of left scatter by 1 mm and 0.46 deg."
+    assert scatter == "Poses of left scatter by 1.0 mm and 0.46 deg."
     (found,) = direction_findings("mount", np.diag(np.full(6, 1e-3)), scatter)
     assert found.why == scatter
     assert "joint offsets" in found.do[0]

@@ -53,7 +53,12 @@ def test_an_expected_size_is_within_two_deviations_either_way():
 
 @pytest.mark.parametrize(
     ("value", "sigma", "text"),
-    [(0.12345, 0.0123, "0.123 ± 0.012"), (12.3, 4.0, "12.3 ± 4.0"), (5.0, 0.0, "5.000000000 ± 0.000000000")],
+    [
+        (0.12345, 0.0123, "0.123 ± 0.012"),
+        (12.3, 4.0, "12.3 ± 4.0"),
+        (5.0, 0.0996, "5.00 ± 0.10"),
+        (5.0, 0.0, "5.000000000 ± 0.000000000"),
+    ],
 )
 def test_two_digits_of_sigma(value, sigma, text):
     """As many of the value."""
@@ -121,7 +126,7 @@ def test_faces_are_those_of_the_parts(parts, faces):
     ("sigma", "text"),
     [
         (0.0123, "0.120 ± 0.012"),
-        (0.0999, "0.120 ± 0.100"),
+        (0.0999, "0.12 ± 0.10"),
         (0.101, "0.12 ± 0.10"),
         (1.0, "0.1 ± 1.0"),
         (9.6, "0.1 ± 9.6"),

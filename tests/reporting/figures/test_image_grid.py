@@ -12,9 +12,9 @@ from tests.drawings import check_labels, labels, rectangles, view
 from tests.seen_points import seen
 
 from basecal.accuracy.residuals.lens_uncertainty import lens_sigmas
+from basecal.fields.digits import two_digits
 from basecal.geometry import Camera
 from basecal.reporting.figures.image_grid import image_coverage, image_grid, lens_uncertainty
-from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import Figure
 
 CAMERA = Camera("pinhole", np.array([900.0, 910.0, 630.0, 360.0, -0.1, 0.05, 1e-3, -1e-3, 0.01]), (1280, 720))

@@ -32,7 +32,6 @@ from basecal.reporting.statement.verdict import (
     shown_decimals,
     sort_by_severity,
     tangent_text,
-    two_digits,
 )
 from basecal.reporting.summary import summary
 from basecal.reporting.text import text_report
@@ -143,14 +142,6 @@ def test_a_calibration_is_repeated_as_it_was_made(settings: dict[str, object], s
 def test_the_smallest_sigma_shows_two_digits(sigma: float, decimals: int) -> None:
     """Whatever larger ones stand beside it; six decimals at most, four of what is exact."""
     assert shown_decimals(np.array([sigma, 100 * sigma, 0.0])) == decimals
-
-
-@pytest.mark.parametrize(
-    ("value", "shown"), [(0.0, "0"), (3.41, "3.4"), (0.0987, "0.099"), (-0.5, "-0.50"), (123.4, "123"), (np.inf, "inf")]
-)
-def test_two_digits(value: float, shown: str) -> None:
-    """Without an exponent; the whole part is never cut."""
-    assert two_digits(value) == shown
 
 
 def test_errors_of_held_out_samples_are_at_the_target_and_in_the_image() -> None:

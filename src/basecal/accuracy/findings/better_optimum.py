@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
+from basecal.fields.digits import two_digits
 
 
 def guess_finding() -> Finding:
@@ -21,7 +22,8 @@ def better_optimum(evidence: Evidence) -> list[Finding]:
         found.append(Finding("better-optimum", "info", (), what, why=why))
     rival = None if evidence.cross_validation is None else evidence.cross_validation.rival
     if rival is not None:
-        what = f"A closed form of single views predicts held-out views {rival.ratio:.2g} times better than the answer."
+        ratio = two_digits(rival.ratio)
+        what = f"A closed form of single views predicts held-out views {ratio} times better than the answer."
         why = "The answer weighs the views by their noise. The covariance covers both."
         do = ("Check stated sigmas and priors, what is fixed, and outliers.",)
         found.append(Finding("better-optimum", "warning", (), what, do, why))

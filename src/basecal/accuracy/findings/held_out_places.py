@@ -5,6 +5,7 @@ from __future__ import annotations
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.stated_sigmas import judge_sigma
 from basecal.cell import Finding
+from basecal.fields.digits import two_digits
 
 
 def held_out_places(evidence: Evidence) -> list[Finding]:
@@ -15,8 +16,8 @@ def held_out_places(evidence: Evidence) -> list[Finding]:
     judged = judge_sigma(worst.mark, False, worst.ratio**2 * worst.freedoms, worst.freedoms)
     if judged is None or not judged.is_too_small:
         return []
-    error, noise = 1e3 * worst.error_m, 1e3 * worst.error_m / worst.ratio
-    what = f"Touches of {worst.mark}, held out with their place, are off by {error:.2g} mm; {noise:.2g} mm is expected."
+    error, noise = two_digits(1e3 * worst.error_m), two_digits(1e3 * worst.error_m / worst.ratio)
+    what = f"Touches of {worst.mark}, held out with their place, are off by {error} mm; {noise} mm is expected."
     why = "The arm has an error there that its model does not contain."
     do = ("Touch marks at more places where the arm will work.",)
     return [Finding("held-out-places", "info", (worst.mark,), what, do, why)]

@@ -7,6 +7,7 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.lens_structure import LensStructure
 from basecal.cell import Finding
+from basecal.fields.digits import two_digits
 
 # Sigmas by which a requested transform has to shift for a warning: less is within its uncertainty; assumed.
 _RELEVANT_SIGMAS = 1.0
@@ -22,7 +23,7 @@ def lens_model(evidence: Evidence) -> list[Finding]:
             if name in evidence.solution.problem.columns
         ]
         worst = max(shifts, default=0.0)
-        what = f"Residuals of {found.camera} depend on their position in the image: {found.rms_px:.2g} px rms."
+        what = f"Residuals of {found.camera} depend on their position in the image: {two_digits(found.rms_px)} px rms."
         moved = f"which moves the answer by {worst:.1f} sigma"
         why = f"Its lens model cannot represent them (chance {found.chance:.0e}), {moved}. The covariance covers it."
         do = "Try another lens model or more distortion terms.", "Fill the images to their corners."

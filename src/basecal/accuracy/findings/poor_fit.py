@@ -9,6 +9,7 @@ from basecal.accuracy.findings.touch_noise import is_touch_noise
 from basecal.accuracy.stated_sigmas import ContradictedSigma, is_implausibly_small
 from basecal.cell import Finding
 from basecal.estimation.noise.estimate import PLAUSIBLE_PX
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array
 
 # Ratio of true to stated sigma without a warning: the covariance is estimated, and the answer hardly changes; assumed.
@@ -55,7 +56,7 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
         do = (f"State noise of {_noise_text(estimated)}: sigma_t_m is in metres, sigma_r_rad in radians.",)
         return Finding("poor-fit", "warning", about, what, do, "The answer uses the noise that the data show.")
     if not sigma.is_too_small:
-        what = f"Noise of {whose} is {sigma.ratio:.2g} times the stated noise."
+        what = f"Noise of {whose} is {two_digits(sigma.ratio)} times the stated noise."
         why = "The covariance is wider than necessary."
         return Finding("poor-fit", "info", about, what, ("State the smaller sigmas.",), why)
     what = f"Residuals of {whose} are {sigma.ratio:.2f} times what the stated sigmas explain."
@@ -80,4 +81,4 @@ def _robots_in_doubt(sigma: ContradictedSigma, evidence: Evidence) -> tuple[str,
 
 def _noise_text(sigma: Array) -> str:
     """Mean sigmas of a robot, (6,) [m, rad], as text."""
-    return f"{1e3 * float(np.mean(sigma[:3])):.3g} mm and {1e3 * float(np.mean(sigma[3:])):.3g} mrad"
+    return f"{two_digits(1e3 * float(np.mean(sigma[:3])))} mm and {two_digits(1e3 * float(np.mean(sigma[3:])))} mrad"

@@ -16,6 +16,7 @@ from basecal.cell import Finding
 from basecal.effects import joint_offsets, link_parameters
 from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import ROBOT_PARAMETERS
+from basecal.fields.digits import two_digits
 
 
 def robot_model(evidence: Evidence) -> list[Finding]:
@@ -63,8 +64,9 @@ def _parameter_phrase(candidate: Candidate) -> str:
 
 def _error_change(baseline: Candidate, candidate: Candidate) -> str:
     if baseline.error_m is not None and candidate.error_m is not None:
-        return f"the cross-validation error from {1e3 * baseline.error_m:.2g} to {1e3 * candidate.error_m:.2g} mm rms"
-    return f"the cross-validation error from {baseline.rms:.2g} to {candidate.rms:.2g} sigmas rms"
+        before, after = two_digits(1e3 * baseline.error_m), two_digits(1e3 * candidate.error_m)
+        return f"the cross-validation error from {before} to {after} mm rms"
+    return f"the cross-validation error from {two_digits(baseline.rms)} to {two_digits(candidate.rms)} sigmas rms"
 
 
 def _largest_deviation(choice: RobotModelChoice) -> str:
@@ -72,7 +74,7 @@ def _largest_deviation(choice: RobotModelChoice) -> str:
     if choice.chosen.kind == "links":
         tangents = np.concatenate([each.kind_values(LINKS) for each in choice.solution.state.robots.values()])
         off_m, off_rad = (float(np.linalg.norm(half, axis=1).max()) for half in np.split(tangents, 2, axis=1))
-        return f"Links are off by up to {1e3 * off_m:.2g} mm and {np.degrees(off_rad):.2g} deg."
+        return f"Links are off by up to {two_digits(1e3 * off_m)} mm and {two_digits(np.degrees(off_rad))} deg."
     found = robot_parameters(choice.solution).get(OFFSETS, {})
     seen = [(abs(o.values[j]) / o.sigma[j], r, int(j)) for r, o in found.items() for j in np.flatnonzero(o.seen)]
     if not seen:

@@ -6,7 +6,9 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
+from basecal.errors import count_text
 from basecal.estimation.noise.estimate import ROUNDING
+from basecal.fields.digits import two_digits
 from basecal.numerics.batch import concatenate
 
 
@@ -27,8 +29,8 @@ def same_stop(inputs: Input) -> list[Finding]:
         # Rotations that were recorded as quaternions differ by rounding alone.
         if far_m < ROUNDING and far_rad < ROUNDING:
             continue
-        far = f"{1e3 * far_m:.2g} mm and {1e3 * far_rad:.2g} mrad"
-        what = f"Poses within one stop of {robot} differ by up to {far}, at {len(first)} stops."
+        far = f"{two_digits(1e3 * far_m)} mm and {two_digits(1e3 * far_rad)} mrad"
+        what = f"Poses within one stop of {robot} differ by up to {far}, at {count_text(len(first), 'stop')}."
         why = "They are treated as one stop with one pose error."
         findings.append(Finding("same-stop", "info", (robot,), what, why=why))
     return findings

@@ -9,6 +9,7 @@ from basecal.accuracy.stated_sigmas import ContradictedSigma, judge_sigma
 from basecal.cell import Finding
 from basecal.estimation.noise.estimate import PLAUSIBLE_TOUCH_M
 from basecal.estimation.view.points import TouchMeasurement
+from basecal.fields.digits import two_digits
 
 
 def touch_noise(evidence: Evidence) -> list[Finding]:
@@ -59,7 +60,7 @@ def _sigma_with_arm(tip: str, evidence: Evidence) -> ContradictedSigma | None:
 
 def _finding(sigma: ContradictedSigma, evidence: Evidence, reason: str) -> Finding:
     stated_m = _stated_sigma(sigma.about, evidence)
-    found = f"{1e3 * sigma.ratio * stated_m:.2g}"
-    what = f"Touches by {sigma.about} scatter by {found} mm per axis, {1e3 * stated_m:.2g} mm is stated."
+    found = two_digits(1e3 * sigma.ratio * stated_m)
+    what = f"Touches by {sigma.about} scatter by {found} mm per axis, {1e3 * stated_m:g} mm is stated."
     do = f"State `sigma_m: {sigma.ratio * stated_m:.2g}` of these touches, or state none."
     return Finding("touch-noise", "info", (sigma.about,), what, (do,), reason)

@@ -19,6 +19,7 @@ from basecal.accuracy.systematic_errors.situation import Situation, situate
 from basecal.cell import Finding
 from basecal.effects.faces.candidates import one_candidate
 from basecal.estimation.solve import Solution
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array, IntArray
 from basecal.numerics.group_sums import GroupSums
 from basecal.numerics.spectral import principal_axes, spectrum
@@ -78,7 +79,7 @@ def two_mounts(evidence: Evidence) -> list[Finding]:
     if not _is_significant(evidence.solution, best.mount, minority, majority):
         return []
     apart_mm = 1e3 * float(np.linalg.norm(minority.mean() - majority.mean()))
-    what = f"{best.mount} differs by {apart_mm:.2g} mm at {list_samples(sorted(minority.samples.tolist()))}."
+    what = f"{best.mount} differs by {two_digits(apart_mm)} mm at {list_samples(sorted(minority.samples.tolist()))}."
     do = "Check whether the controller's tool frame was changed between samples.", "Calibrate both sets separately."
     return [Finding("two-mounts", "warning", (best.mount,), what, do, "The estimated noise contains the difference.")]
 

@@ -25,6 +25,7 @@ from basecal.estimation.noise.view_estimates import STATED, view_estimates
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
 from basecal.estimation.view.points import PointMeasurement
+from basecal.fields.digits import two_digits
 from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 
@@ -207,7 +208,7 @@ def _distance_clause(baseline: TriedHypothesis, trial: TriedHypothesis, name: st
     if name not in trial.fit.solution.state.transforms:
         return ""
     shift_m = np.linalg.norm(_difference(baseline.fit, trial.fit, name).translation)
-    return f", {name} {1e3 * float(shift_m):.3g} mm away"
+    return f", {name} {two_digits(1e3 * float(shift_m))} mm away"
 
 
 def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | None:

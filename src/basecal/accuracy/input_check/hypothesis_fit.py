@@ -23,6 +23,7 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from, solve_problem
 from basecal.estimation.start.rotation_search import KEPT_SHARE
 from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array, IntArray
 
 FOLDS = 3  # few, since each needs a fit of every hypothesis
@@ -75,8 +76,8 @@ class HypothesisFit:
         if not np.isfinite(self.trimmed_rms):
             return "not at all"
         if self.in_pixels:
-            return f"{self.trimmed_rms / PIXEL_SCALE:.3g} px"
-        return f"{1e3 * self.trimmed_rms:.3g} mm a metre (or mrad)"
+            return f"{two_digits(self.trimmed_rms / PIXEL_SCALE)} px"
+        return f"{two_digits(1e3 * self.trimmed_rms)} mm/m (mrad)"
 
 
 def is_plausible(fit: HypothesisFit) -> bool:

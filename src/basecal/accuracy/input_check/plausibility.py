@@ -142,7 +142,12 @@ def _position_faults(p_in_camera: Array) -> list[str]:
 
 def _limit_faults(quantity: str, value: float, limits: tuple[float, float]) -> list[str]:
     low, high = limits
-    return [] if low <= value <= high else [f"{quantity} {value:.3g} m"]
+    return [] if low <= value <= high else [f"{quantity} {_metres(value)}"]
+
+
+def _metres(length: float) -> str:
+    """A length with three digits and no exponent."""
+    return f"{float(f'{length:.3g}'):g} m"
 
 
 def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
@@ -157,7 +162,7 @@ def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
             # In a long row of robots the last is far from the first, but near to the previous one.
             others = [_length(transforms[name].inverse() @ transforms[other]) for other in bases if other != name]
             if far < nearest or min(far, *others, np.inf) > _BASES_M[1]:
-                found.append(f"{name} {far:.3g} m")
+                found.append(f"{name} {_metres(far)}")
     devices: list[CellCamera | CellTarget] = [*cell.cameras.values(), *cell.targets.values()]
     for device in devices:
         most = _BASES_M[1] if device.on == WORLD else _MOUNT_M

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.cell import Calibration
+from basecal.fields.digits import two_digits
 
 _CLEAR_RATIO = 1.5  # ratio of the two errors, below which the choice of views may explain the difference; assumed
 
@@ -19,11 +20,12 @@ def explain_held_out_error(calibration: Calibration) -> str | None:
         sigmas = np.array([noise["sigma_t_m"], noise["sigma_r_rad"]], dtype=np.float64)
         length, angle = np.sqrt(np.mean(sigmas**2, axis=1)).tolist()
         if length > 0 or angle > 0:
-            robots.append(f"{name} {1e3 * length:.2g} mm and {1e3 * angle:.2g} mrad")
+            robots.append(f"{name} {two_digits(1e3 * length)} mm and {two_digits(1e3 * angle)} mrad")
     if not robots or validation.rms_px < _CLEAR_RATIO * residuals.rms_px:
         return None
     return (
-        f"Held-out views are off by {validation.rms_px:.2g} px and residuals are {residuals.rms_px:.2g} px. "
-        f"Each stop in use has its own estimated pose error ({'; '.join(robots)}; 1 sigma per axis). The pose "
-        "error of a held-out stop is unknown. Expect the larger figure at a new pose."
+        f"Held-out views are off by {two_digits(validation.rms_px)} px and residuals are "
+        f"{two_digits(residuals.rms_px)} px. Each stop in use has its own estimated pose error "
+        f"({'; '.join(robots)}; 1 sigma per axis). The pose error of a held-out stop is unknown. "
+        "Expect the larger figure at a new pose."
     )

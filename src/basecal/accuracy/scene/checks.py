@@ -19,6 +19,7 @@ from basecal.accuracy.scene.one_camera import MOST_EPIPOLAR_PX, OneCamera
 from basecal.accuracy.scene.shared_errors import SceneMotion
 from basecal.cell import Cell, Finding
 from basecal.estimation.scene.adjust import SceneFit
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array
 
 FEWEST_VIEWS = 8  # of a camera
@@ -78,7 +79,7 @@ def camera_findings(name: str, one: OneCamera, joint_robots: Sequence[str] = ())
         off = (
             "the scene would lie behind the camera"
             if one.start.is_behind
-            else f"features are {one.start.median_px:.2g} px off"
+            else f"features are {two_digits(one.start.median_px)} px off"
         )
         what = f"The poses of {name} do not explain its images: {off}."
         recorded = "joints" if joint_robots else "poses"
@@ -133,7 +134,8 @@ def base_findings(name: str, offset: Array | None, covariance: Array) -> Iterato
     """
     apart = 0.0 if offset is None else float(offset @ np.linalg.solve(covariance, offset))
     if offset is not None and compare_nested_models(apart, 3).is_taken:
-        what = f"The scene and the other evidence disagree about {name} by {1e3 * np.linalg.norm(offset):.3g} mm."
+        distance = two_digits(1e3 * float(np.linalg.norm(offset)))
+        what = f"The scene and the other evidence disagree about {name} by {distance} mm."
         yield Finding("scene-rival", "error", (name,), what, (_TWO_PLACES,), _MISTAKEN)
     elif offset is None or not compare_places(offset, covariance).is_taken:
         what = f"{name} depends on objects that two cameras see, and on no other evidence."
@@ -155,7 +157,7 @@ def motion_findings(motion: SceneMotion) -> Iterator[Finding]:
         when = (
             "from the first sample to the last" if motion.first_sample is None else f"at sample {motion.first_sample}"
         )
-        what = f"The scene or the robots moved by {1e3 * motion.length_m:.2g} mm {when}."
+        what = f"The scene or the robots moved by {two_digits(1e3 * motion.length_m)} mm {when}."
         do = ("Keep the scene still until the last image is taken.", "Fasten the bases, and let the robots warm up.")
         yield Finding("scene-moved", "warning", (), what, do, "The pose errors change with time.")
 
@@ -169,7 +171,7 @@ def direction_findings(name: str, covariance: Array, scatter: str) -> Iterator[F
         scatter: A possible cause in the poses, as a sentence of `describe_scatter`; empty if none.
     """
     shift, turn = (float(np.sqrt(np.linalg.eigvalsh(covariance[part, part])[-1])) for part in (slice(3), slice(3, 6)))
-    how = f"{1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg along an axis (1 sigma)"
+    how = f"{two_digits(1e3 * shift)} mm and {two_digits(np.degrees(turn))} deg along an axis (1 sigma)"
     severity: Literal["error", "warning"]
     if shift > _OPEN_M or turn > _OPEN_RAD:
         code, severity = "unobservable-direction", "error"
@@ -187,7 +189,9 @@ def describe_scatter(fit: SceneFit) -> str:
     for k, robot in enumerate(fit.views.robots):
         shift, turn = fit.stop_sigma[fit.views.stop_robot == k][0, ::3]
         if shift > _LOOSE_M or turn > _LOOSE_RAD:
-            found.append(f"Poses of {robot} scatter by {1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg.")
+            found.append(
+                f"Poses of {robot} scatter by {two_digits(1e3 * shift)} mm and {two_digits(np.degrees(turn))} deg."
+            )
     return " ".join(found)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from basecal.effects.faces.candidates import Candidates, Views
 from basecal.effects.faces.robot_parameter import Posture, RobotParameter
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
+from basecal.fields.digits import two_digit_decimals
 from basecal.geometry import SE3, Array, Camera
 from basecal.numerics.spectral import scaled_spectrum
 
@@ -296,7 +297,7 @@ class Effect:
 
 def format_with_sigma(value: float, sigma: float) -> str:
     """Text of a value and its sigma, with two digits of the sigma."""
-    digits = int(np.clip(1 - np.floor(np.log10(max(sigma, 1e-9))), 0, 9))
+    digits = two_digit_decimals(max(sigma, 1e-9), most=9)
     return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
 

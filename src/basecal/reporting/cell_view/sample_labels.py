@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from basecal.accuracy.sample_use import outlier_views
 from basecal.cell import Calibration, SampleResidual
-from basecal.reporting.statement.verdict import error_text, two_digits
+from basecal.fields.digits import two_digits
+from basecal.reporting.statement.verdict import error_text
 
 
 def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]:

@@ -11,11 +11,11 @@ import numpy as np
 
 from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, ErrorMap, Robot, RobotState, Sample, Target
 from basecal.errors import BasecalError
+from basecal.fields.digits import two_digits
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.kinematics.surface import body_surface
 from basecal.planning.sketch import target_points
 from basecal.reporting.cell_view.sample_labels import sample_labels, worst_sample
-from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import nice_ceiling
 
 _MOST_SAMPLES = 400

@@ -10,10 +10,10 @@ import numpy as np
 from markupsafe import Markup
 
 from basecal.cell import Calibration, Sample, Unknown
+from basecal.fields.digits import two_digits
 from basecal.planning.sketch import Sketch
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import Scene, scene, scene_data
-from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import three_digits
 
 

@@ -7,10 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from basecal.cell import ErrorMap
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array, PoseEstimate
 from basecal.reporting.contours import contours
 from basecal.reporting.figures.curves import Band, curves
-from basecal.reporting.statement.verdict import error_text, two_digits
+from basecal.reporting.statement.verdict import error_text
 from basecal.reporting.svg import Figure, drawing, element, path, rectangle, tile
 
 _WIDTH, _ROW, _LEFT, _RIGHT = 420.0, 30.0, 24.0, 100.0

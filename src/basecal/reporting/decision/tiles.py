@@ -13,7 +13,8 @@ from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.sample_use import sample_use
 from basecal.cell import Calibration, Cell, Recording
 from basecal.errors import count_text
-from basecal.reporting.statement.verdict import error_text, requested_estimates, two_digits
+from basecal.fields.digits import two_digits
+from basecal.reporting.statement.verdict import error_text, requested_estimates
 
 _SEVERITY_NAMES = {"error": "error", "warning": "warning", "info": "note"}
 _BAR_ROOM = 1.05  # length of a bar relative to the larger of error and tolerance

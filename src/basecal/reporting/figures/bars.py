@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.cell import SampleResidual
-from basecal.reporting.statement.verdict import two_digits
+from basecal.fields.digits import two_digits
 from basecal.reporting.svg import BAR, HEIGHT, Figure, bar, drawing, nice_ceiling, path
 
 

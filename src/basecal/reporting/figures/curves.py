@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from markupsafe import Markup
 
+from basecal.fields.digits import two_digits
 from basecal.reporting.charts import Scale, fitted_scale, horizontal_rules, value_text
-from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import drawing, element, label_lines, path, wrapped_label
 
 WIDTH, HEIGHT = 640.0, 290.0

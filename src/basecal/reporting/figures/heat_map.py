@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
+from basecal.fields.digits import two_digits
 from basecal.reporting.charts import value_text
-from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import Figure, drawing, label_lines, rectangle, tile, wrapped_label
 
 _TILE_WIDTH, _TILE_HEIGHT = 84.0, 34.0

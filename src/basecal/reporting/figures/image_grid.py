@@ -12,10 +12,10 @@ from markupsafe import Markup
 from basecal.accuracy.residuals.lens_uncertainty import lens_sigmas
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.errors import count_text
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array, Camera, IntArray
 from basecal.reporting.charts import fitted_scale
 from basecal.reporting.contours import contours
-from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import Figure, drawing, element, rectangle, tile
 
 IMAGE_WIDTH = 640.0

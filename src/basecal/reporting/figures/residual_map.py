@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.residuals.point_residuals import PointResiduals
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array
 from basecal.reporting.figures.image_grid import image_grid
-from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import Figure, element, nice_ceiling, path, segments, three_digits
 
 _ARROW_SHARE = 0.8  # of a square, for an arrow with the length of the ruler

@@ -9,8 +9,8 @@ from markupsafe import Markup
 
 from basecal.accuracy.fit_details import ViewPoses
 from basecal.accuracy.residuals.point_residuals import PointResiduals
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array
-from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import Figure, dots, drawing, element, nice_ceiling, path, segments
 
 RADIUS = 150.0

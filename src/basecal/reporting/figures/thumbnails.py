@@ -11,9 +11,9 @@ from markupsafe import Markup
 
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.cell import Calibration, Cell, Recording, Sample
+from basecal.fields.digits import two_digits
 from basecal.geometry import Array, BoolArray
 from basecal.reporting.figures.camera_points import points_by_camera, some_points
-from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import dots, drawing, element, nice_ceiling, path, segments
 
 _MOST_USED, _MOST_LEFT_OUT = 18, 6  # thumbnails of used views and of left-out views

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from basecal.reporting.statement.verdict import two_digits
+from basecal.fields.digits import two_digits
 from basecal.reporting.summary import wrap_text
 from basecal.reporting.templates.environment import fill_page
 

@@ -10,6 +10,7 @@ from numpy import degrees
 
 from basecal.cell import Calibration, Cell, Sample, TouchObservation
 from basecal.errors import BasecalError, count_text
+from basecal.fields.digits import two_digits
 from basecal.planning.plan import Plan
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch
@@ -17,7 +18,7 @@ from basecal.planning.touches import with_marks
 from basecal.reporting.cell_view.stage import scene_values, stated_scene
 from basecal.reporting.decision.outlook import outlook_figure
 from basecal.reporting.decision.tiles import Tile, error_tile
-from basecal.reporting.statement.verdict import COLOURS, PLACE_WORDS, Headline, tangent_text, two_digits
+from basecal.reporting.statement.verdict import COLOURS, PLACE_WORDS, Headline, tangent_text
 from basecal.reporting.templates.environment import fill_page
 
 

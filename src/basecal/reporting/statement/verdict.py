@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -12,6 +11,7 @@ import numpy as np
 from basecal.cell import Calibration, Cell, Finding, Tolerance, Validation
 from basecal.cell.work_error import PlaceKind
 from basecal.errors import count_text
+from basecal.fields.digits import two_digit_decimals, two_digits
 from basecal.geometry import Array, PoseEstimate
 
 Word = Literal["PASS", "FAIL", "GOOD", "DOUBTFUL", "REFUSED"]
@@ -31,8 +31,7 @@ _SEVERITY_RANK = {"error": 0, "warning": 1, "info": 2}
 _CONSEQUENCE_CODES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged", "too-few-samples")
 # Causes of too few samples are listed before the finding of too few samples.
 _LOSS_CODES = ("few-images", "dropped-sample")
-_SIGNIFICANT = 2  # digits of a sigma: the second is uncertain itself
-_EXACT_DECIMALS, _MOST_DECIMALS = 4, 6  # of mm and deg: for exact values, and at most
+_EXACT_DECIMALS = 4  # of mm and deg, for exact values
 
 
 @dataclass(frozen=True)
@@ -225,15 +224,4 @@ def _first_reason(findings: Iterable[Finding]) -> str:
 def shown_decimals(sigmas: Array) -> int:
     """Decimals with which the smallest sigma has two significant digits; those of an exact value if all are zero."""
     uncertain = sigmas[sigmas > 0]
-    return _EXACT_DECIMALS if len(uncertain) == 0 else _decimals(float(uncertain.min()))
-
-
-def two_digits(value: float) -> str:
-    """A sigma or an error with two significant digits and no exponent."""
-    return "0" if value == 0 else f"{value:.{_decimals(abs(value))}f}"
-
-
-def _decimals(size: float) -> int:
-    if not math.isfinite(size):
-        return 0
-    return min(max(_SIGNIFICANT - 1 - math.floor(math.log10(size)), 0), _MOST_DECIMALS)
+    return _EXACT_DECIMALS if len(uncertain) == 0 else two_digit_decimals(float(uncertain.min()))

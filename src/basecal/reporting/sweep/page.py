@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations, islice
 from typing import Any
 
+from basecal.fields.digits import two_digits
 from basecal.reporting.figures.curves import COLOURS, Band, curves
 from basecal.reporting.figures.heat_map import heat_map
-from basecal.reporting.statement.verdict import two_digits
 from basecal.reporting.svg import Figure
 from basecal.reporting.templates.environment import fill_page
 

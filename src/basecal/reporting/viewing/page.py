@@ -13,11 +13,12 @@ from basecal.accuracy.residuals.point_residuals import PointResiduals, point_res
 from basecal.accuracy.residuals.without_samples import WithoutSamples, without_samples
 from basecal.cell import Calibration, Cell, Recording, SampleResidual
 from basecal.errors import BasecalError, count_text
+from basecal.fields.digits import two_digits
 from basecal.reporting.cell_view.sample_labels import view_words
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
 from basecal.reporting.figures.thumbnails import sample_pictures
 from basecal.reporting.live.serving import Answer, serving
-from basecal.reporting.statement.verdict import COLOURS, error_text, headline, tangent_text, two_digits
+from basecal.reporting.statement.verdict import COLOURS, error_text, headline, tangent_text
 from basecal.reporting.templates.environment import fill_page, fill_part
 
 _MOST_BARS = 600

@@ -1,0 +1,22 @@
+"""Digits of sigmas and errors in text."""
+
+from __future__ import annotations
+
+import math
+
+_SIGNIFICANT = 2  # digits of a sigma: the second is uncertain itself
+_MOST_DECIMALS = 6
+
+
+def two_digits(value: float) -> str:
+    """A sigma or an error with two significant digits and no exponent."""
+    text = f"{value:.{two_digit_decimals(abs(value))}f}"
+    return "0" if float(text) == 0 else text
+
+
+def two_digit_decimals(size: float, most: int = _MOST_DECIMALS) -> int:
+    """Number of decimals with which a positive number has two significant digits; at most `most`."""
+    if size == 0 or not math.isfinite(size):
+        return 0
+    exponent = int(f"{size:.{_SIGNIFICANT - 1}e}".partition("e")[2])  # after rounding: 0.0996 is 0.10
+    return min(max(_SIGNIFICANT - 1 - exponent, 0), most)
