@@ -177,3 +177,17 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main(importing) == 3
     assert "is recorded already" in capsys.readouterr().err
     assert len(read_recording(folder).samples) == count
+
+
+@pytest.mark.parametrize(("verb", "name"), [("driver", "check"), ("study", "paper")])
+def test_a_list_of_one_command_says_what_it_does(verb: str, name: str) -> None:
+    """The line is the beginning of the first sentence of the command's own help."""
+    (line,) = re.findall(rf"^│ {name} +(.*?) +│$", help_of(verb), re.MULTILINE)
+    assert line
+    assert help_of(f"{verb} {name}").split("\n\n")[1].startswith(line)
+
+
+@pytest.mark.parametrize("verb", ["new", "import images", "merge"])
+def test_an_option_without_a_default_shows_none(verb: str) -> None:
+    """An empty tuple and None are no values that can be typed."""
+    assert re.findall(r"\[default:\s(?:\(\)|None)", help_of(verb)) == []

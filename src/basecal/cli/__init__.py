@@ -34,6 +34,8 @@ _VERBS = {
 """Verbs, with the first sentence of their help, so that no module is imported to list them."""
 _END_CHARACTERS = 1000  # kept at both ends of a longer message
 _IMPORT = "Make a cell and its recording from other programs' files, or add to existing ones."
+_CHECK = "Measure whether the driver of a robot or camera does what it promises."
+_PAPER = "Reproduce the simulations of the paper that introduced the axis-shift method."
 _HELP = """Estimate the poses of robot bases relative to each other, with covariance,
 from camera views of targets.
 
@@ -57,7 +59,7 @@ def build_app(words: Sequence[str] = ()) -> App:
         help_format="plaintext",
         result_action="return_value",
         version=_version,
-        default_parameter=Parameter(negative=()),
+        default_parameter=Parameter(negative=(), show_default=_default_text),
         suppress_keyboard_interrupt=False,
     )
     first = next(iter(words), "")
@@ -68,13 +70,20 @@ def build_app(words: Sequence[str] = ()) -> App:
     app.command("basecal.cli.importing:app", name="import", help=import_help, sort_key=position)
     summary = "Measure what drivers of robots and cameras promise."
     drivers = App(name="driver", help=summary, help_format="plaintext", sort_key=len(_VERBS))
-    drivers.command("basecal.cli.driver_check:driver_check", name="check")
+    check_help = None if list(words[:2]) == ["driver", "check"] else _CHECK
+    drivers.command("basecal.cli.driver_check:driver_check", name="check", help=check_help)
     app.command(drivers)
     studies = App(name="study", help_format="plaintext", sort_key=len(_VERBS) + 1)
     studies.default(study)
-    studies.command("basecal.cli.study_paper:study_paper", name="paper")
+    paper_help = None if list(words[:2]) == ["study", "paper"] else _PAPER
+    studies.command("basecal.cli.study_paper:study_paper", name="paper", help=paper_help)
     app.command(studies)
     return app
+
+
+def _default_text(value: object) -> str | None:
+    """Text of an option's default in the help; None if there is nothing to show."""
+    return None if value is None or value == () else str(value)
 
 
 def _version() -> str:
