@@ -76,7 +76,13 @@ def test_what_cannot_be_told_says_what_to_do() -> None:
 
 def test_comparisons() -> None:
     differing = {"a_from_b": Difference(2e-3, np.radians(0.1), 4.5, 1e-6), "b_from_c": Difference(0.0, 0.0, None, None)}
-    found = Comparison(differing, {"c_from_d": 1}, ("cell.yaml",), {"start": ("closed", "guess")}, False)
+    found = Comparison(
+        differing,
+        {"c_from_d": 1},
+        ("cell.yaml",),
+        {"start": ("closed", "guess"), "task_point": (None, [0.6, 0.2, 0.4])},
+        False,
+    )
     data = json.loads(json.dumps(comparison_dict(["one", "two"], [found]), allow_nan=False))
     assert data["agree"] is False
     assert data["runs"] == ["one", "two"]
@@ -89,8 +95,9 @@ def test_comparisons() -> None:
         "  a_from_b  2.0 mm and 0.10 deg  4.5 sigma (p = 1e-06)",
         "  b_from_c  0 mm and 0 deg",
         "  c_from_d is only in two",
-        "  other cell.yaml",
-        "  start: closed there, guess here",
+        "  cell.yaml differs",
+        "  start: closed in one, guess in two",
+        "  task_point: not set in one, [0.6, 0.2, 0.4] in two",
     ]
     alike = replace(found, agree=True)
     assert comparison_dict(["one", "two", "three"], [alike, found])["agree"] is False

@@ -180,6 +180,8 @@ def comparison_text(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
         lines += [
             f"  {transform} is only in {names[0] if which == 0 else name}" for transform, which in each.only.items()
         ]
-        lines += [f"  other {file}" for file in each.inputs]
-        lines += [f"  {key}: {a} there, {b} here" for key, (a, b) in each.settings.items()]
+        lines += [f"  {file} differs" for file in each.inputs]
+        for key, values in each.settings.items():
+            first, this = ("not set" if value is None else value for value in values)
+            lines.append(f"  {key}: {first} in {names[0]}, {this} in {name}")
     return "\n".join(lines)
