@@ -14,21 +14,24 @@ from basecal.estimation.outliers.left_out import LeftOut
 @pytest.mark.parametrize(
     ("of", "words"),
     [
-        (LeftOut(3, "wrist", "board", (), 12.3, 0.0161, 0.05), "disagree by 12 sigma, 16.1 mm and 2.86 deg: a robot"),
+        (LeftOut(3, "wrist", "board", (), 12.3, 0.0161, 0.05), "disagree by 12 sigma, 16 mm and 2.9 deg: a robot"),
         (
             LeftOut(3, "wrist", "led", (), 2e4, off_px=40.4),
-            "seen 40 px from where the rest predicts it by more than 1000",
+            "led is 40 px (more than 1000",
         ),
         (
             LeftOut(3, "depth", "light", (), 12.3, off_m=0.0104),
-            "light is 10.4 mm from where the rest predicts it by 12 sigma: another point, or one that moved",
+            "light is 10 mm (12 sigma) from its prediction: another point, or one that moved",
         ),
-        (LeftOut(3, "wrist", "led", (), math.nan, off_px=math.nan), "seen far from where the rest predicts it: a"),
-        (LeftOut(3, "wrist", "board", (4,), 7.2, off_px=1.994), "a point is 1.99 px (7 sigma) from where"),
-        (LeftOut(3, "wrist", "board", (4, 5), 7.2, off_m=0.0123), "2 points are up to 12.3 mm (7 sigma) from where"),
+        (LeftOut(3, "wrist", "led", (), math.nan, off_px=math.nan), "led is far from its prediction: a"),
+        (LeftOut(3, "wrist", "board", (4,), 7.2, off_px=1.994), "a point is 2.0 px (7 sigma) from its prediction"),
+        (
+            LeftOut(3, "wrist", "board", (4, 5), 7.2, off_m=0.0123),
+            "2 points are up to 12 mm (7 sigma) from their predictions",
+        ),
         (
             LeftOut(3, "wrist", "board", (4,), math.inf, off_px=math.inf),
-            "a point is far from where the rest predicts it: a",
+            "a point is far from its prediction: a",
         ),
     ],
 )
@@ -60,9 +63,9 @@ def test_each_outlier_that_is_listed_has_its_size():
         LeftOut(5, "wrist", "board", (1,), math.nan, off_px=math.nan),
     )
     told = list_outliers((view, *others), {(3, "wrist"): "images/a.png", (5, "wrist"): "images/c.png"})
-    assert told.startswith("At sample 3 (a.png), the robots' poses and the view disagree by 12 sigma, 16.1 mm")
-    assert told.endswith(". Sample 4: 2 points, up to 1.99 px (7 sigma). Sample 5 (c.png): far.")
-    assert "Sample 4: 16.1 mm and 2.86 deg (12 sigma)." in list_outliers((view, replace(view, sample=4)), {})
+    assert told.startswith("At sample 3 (a.png), the robots' poses and the view disagree by 12 sigma, 16 mm")
+    assert told.endswith(". Sample 4: 2 points, up to 2.0 px (7 sigma). Sample 5 (c.png): far.")
+    assert "Sample 4: 16 mm and 2.9 deg (12 sigma)." in list_outliers((view, replace(view, sample=4)), {})
     many = list_outliers([replace(view, sample=k) for k in range(6)], {})
     assert "Sample 4: " in many
     assert "Sample 5" not in many
@@ -74,14 +77,14 @@ def test_from_a_thousand_sigmas_on_the_number_says_no_more():
     assert "disagree by 1000 sigma, " in outlier_reason(LeftOut(3, "a", "b", (), 1000.0, 0.1, 0.1))
     assert "disagree by more than 1000 sigma, " in outlier_reason(LeftOut(3, "a", "b", (), 1000.1, 0.1, 0.1))
     assert outlier_reason(LeftOut(3, "a", "b", (), math.nan)) == (
-        "seen far from where the rest predicts it: a reflection, or a robot bumped or not settled"
+        "b is far from its prediction: a reflection, or a robot bumped or not settled"
     )
     assert outlier_reason(LeftOut(3, "a", "b", (), math.nan, 0.01, 0.02)) == (
-        "the robots' poses and the view disagree, 10.0 mm and 1.15 deg: a robot bumped or not settled, or poses and "
+        "the robots' poses and the view disagree, 10 mm and 1.1 deg: a robot bumped or not settled, or poses and "
         "view of different instants"
     )
     assert outlier_reason(LeftOut(3, "a", "b", (1,), math.nan)) == (
-        "a point is far from where the rest predicts it: a reflection, a wrong id or occluded"
+        "a point is far from its prediction: a reflection, a wrong id or occlusion"
     )
 
 

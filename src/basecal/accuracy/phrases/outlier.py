@@ -9,9 +9,11 @@ import numpy as np
 
 from basecal.cell import Outlier
 from basecal.estimation.outliers.left_out import LeftOut
+from basecal.fields.digits import two_digits
 
 _LARGEST_SIGMAS = 1000.0  # sigmas above which the exact number is not shown; assumed
 _SHOWN_OUTLIERS = 5  # outliers that a finding lists, the first with its cause; assumed
+_WRONG_POINT = "a reflection, a wrong id or occlusion"
 
 Images = Mapping[tuple[int, str], str]
 
@@ -40,36 +42,36 @@ def list_outliers(outliers: Sequence[LeftOut], images: Images) -> str:
 
 def outlier_reason(outlier: LeftOut) -> str:
     """Describe the distance of an outlier from its prediction, and the likely cause."""
+    cause = "a robot bumped or not settled"
+    size = _sigmas(outlier.sigmas) if np.isfinite(outlier.sigmas) else ""
+    off = _distance(outlier) + (f" ({size})" if size else "")
+    if len(outlier.ids) == 1:
+        return f"a point is {off} from its prediction: {_WRONG_POINT}"
     if outlier.ids:
-        which = "a point is" if len(outlier.ids) == 1 else f"{len(outlier.ids)} points are up to"
-        cause = "a reflection, a wrong id or occluded"
-        beyond = f" ({_sigmas(outlier.sigmas)})" if np.isfinite(outlier.sigmas) else ""
-        return f"{which} {_distance(outlier, 3)}{beyond} from where the rest predicts it: {cause}"
-    excess = f" by {_sigmas(outlier.sigmas)}" if np.isfinite(outlier.sigmas) else ""
+        return f"{len(outlier.ids)} points are up to {off} from their predictions: {_WRONG_POINT}"
     if outlier.off_m is not None and outlier.off_rad is not None:
-        off = f"{1e3 * outlier.off_m:.1f} mm and {np.degrees(outlier.off_rad):.2f} deg"
-        cause = "a robot bumped or not settled, or poses and view of different instants"
-        return f"the robots' poses and the view disagree{excess}, {off}: {cause}"
+        excess = f" by {size}" if size else ""
+        apart = f"{two_digits(1e3 * outlier.off_m)} mm and {two_digits(np.degrees(outlier.off_rad))} deg"
+        words = f"the robots' poses and the view disagree{excess}, {apart}"
+        return f"{words}: {cause}, or poses and view of different instants"
     if outlier.off_m is not None:
-        cause = "another point, or one that moved; or a robot bumped or not settled"
-        return f"{outlier.target} is {_distance(outlier, 3)} from where the rest predicts it{excess}: {cause}"
-    place = f"seen {_distance(outlier, 0)} from where the rest predicts it{excess}"
-    return f"{place}: a reflection, or a robot bumped or not settled"
+        return f"{outlier.target} is {off} from its prediction: another point, or one that moved; or {cause}"
+    return f"{outlier.target} is {off} from its prediction: a reflection, or {cause}"
 
 
 def _size(outlier: LeftOut) -> str:
     """Describe the distance of an outlier from its prediction, without the cause."""
     count = f"{len(outlier.ids)} points, up to " if len(outlier.ids) > 1 else ""
-    angle = "" if outlier.off_rad is None else f" and {np.degrees(outlier.off_rad):.2f} deg"
+    angle = "" if outlier.off_rad is None else f" and {two_digits(np.degrees(outlier.off_rad))} deg"
     beyond = f" ({_sigmas(outlier.sigmas)})" if np.isfinite(outlier.sigmas) else ""
-    return f"{count}{_distance(outlier, 3)}{angle}{beyond}"
+    return f"{count}{_distance(outlier)}{angle}{beyond}"
 
 
-def _distance(outlier: LeftOut, digits: int) -> str:
+def _distance(outlier: LeftOut) -> str:
     value, unit = (outlier.off_px, "px") if outlier.off_m is None else (1e3 * outlier.off_m, "mm")
     if value is None or not np.isfinite(value):
         return "far"
-    return f"{value:.{digits}g} {unit}" if digits else f"{value:.0f} {unit}"
+    return f"{two_digits(value)} {unit}"
 
 
 def _sigmas(sigmas: float) -> str:
