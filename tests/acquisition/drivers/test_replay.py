@@ -65,7 +65,7 @@ def test_the_light_is_off_where_that_was_recorded(made):
     assert wrist.image().grey[0, 0] == 10
     for name, robot in (("eye", eye), ("hand", hand)):
         robot.move(made[1].recording.samples[2].robots[name], 1.0)
-    with pytest.raises(DriverError, match="no image without the light in sample 2"):
+    with pytest.raises(DriverError, match="no image with the LED off in sample 2"):
         wrist.image()
 
 

@@ -128,7 +128,7 @@ class ReplayCamera:
         sample = self._playback.current_sample(lambda each: self._name in each.images, self._name)
         paths = sample.images if self._lit else sample.background
         if self._name not in paths:
-            raise DriverError(f"{self._name}: the recording has no image without the light in sample {sample.sample}")
+            raise DriverError(f"{self._name}: the recording has no image with the LED off in sample {sample.sample}")
         return CameraImage(self._playback.tick(), self._read(paths[self._name]))
 
     def _read(self, path: str) -> Grey:

@@ -50,7 +50,7 @@ KIND = TargetKind(
     entry_index=has_several_points,
     description=KindDescription("as `points`; without it one point", "index", "as listed; the one point"),
     template="""\
-    kind: led                        # one light at the target's origin; several: points_m: [[0, 0, 0], ...]
+    kind: led                        # one LED at the target's origin; several: points_m: [[0, 0, 0], ...]
 """,
     usual=lambda _: led_target(),
     printed=lambda _: {},

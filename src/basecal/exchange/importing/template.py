@@ -97,7 +97,7 @@ def _camera(name: str, carrier: str, reference: str, kind: Kind) -> str:
     if not TARGETS[kind].usual(np.random.default_rng(0)).is_point:
         return text + "    intrinsics: {status: free}       # or fixed / prior with fx, fy, cx, cy, distortion\n"
     known = "{status: fixed, fx: 1000, fy: 1000, cx: 639.5, cy: 359.5, distortion: [0, 0, 0, 0, 0]}"
-    advice = "# Put your camera's numbers here: a single light does not determine them."
+    advice = "# Put your camera's numbers here: a single LED does not determine them."
     return text + f"    {advice}\n    intrinsics: {known}\n"
 
 

@@ -42,7 +42,7 @@ def detect(image: Image, target: Target, background: Image | None = None) -> Det
     """
     check_image(image)
     if background is not None and (background.shape, background.dtype) != (image.shape, image.dtype):
-        raise InputError("the image with the light off differs in size or bits from the one with the light on")
+        raise InputError("the image with the LED off differs in size or bits from the one with the LED on")
     if not target.is_point:
         return None
     full = full_scale(image)
