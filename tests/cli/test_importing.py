@@ -47,7 +47,7 @@ def test_it_says_what_was_read_and_what_comes_next(tmp_path: Path, capsys: pytes
     assert finish_import(tmp_path, poses("right", 3)) == 0
     assert capsys.readouterr().out.splitlines()[1:3] == [
         "paired with 3 samples in order",
-        "written into cell.yaml: robots.right",
+        "written to cell.yaml: robots.right",
     ]
 
 

@@ -74,5 +74,5 @@ def test_values_of_the_right_type_are_not_copied():
 def test_what_is_no_number_is_refused():
     """Text, and rows of unequal length."""
     for values in ("abc", [[1, 2], [3]], {}):
-        with pytest.raises(InputError, match=r"^array is no array of numbers, expected \(..., 3\)$"):
+        with pytest.raises(InputError, match=r"^array is not an array of numbers, expected \(..., 3\)$"):
             read_only(values, (3,))

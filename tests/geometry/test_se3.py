@@ -154,10 +154,10 @@ def test_transforms_leave_the_callers_arrays_alone():
         (lambda: SE3.from_rotvec([0, 0, 0], [0, 0]), r"translation has shape \(2,\)"),
         (lambda: SE3.from_rpy([0, 0], [0, 0, 0]), r"rpy has shape \(2,\)"),
         (lambda: SE3.exp([0, 0, 0]), r"xi has shape \(3,\), expected \(..., 6\)"),
-        (lambda: SE3("a", "b"), r"^rotation is no array of numbers, expected \(..., 3, 3\)$"),
-        (lambda: SE3.from_matrix("abc"), r"^matrix is no array of numbers, expected \(..., 4, 4\)$"),
-        (lambda: SE3.from_matrix([[1, 2], [3]]), r"^matrix is no array of numbers, expected \(..., 4, 4\)$"),
-        (lambda: SE3.from_quaternion("abc", [0, 0, 0]), r"^q_xyzw is no array of numbers$"),
+        (lambda: SE3("a", "b"), r"^rotation is not an array of numbers, expected \(..., 3, 3\)$"),
+        (lambda: SE3.from_matrix("abc"), r"^matrix is not an array of numbers, expected \(..., 4, 4\)$"),
+        (lambda: SE3.from_matrix([[1, 2], [3]]), r"^matrix is not an array of numbers, expected \(..., 4, 4\)$"),
+        (lambda: SE3.from_quaternion("abc", [0, 0, 0]), r"^q_xyzw is not an array of numbers$"),
     ],
 )
 def test_wrong_shapes_are_refused(make, message):
@@ -201,7 +201,7 @@ def test_points_may_be_lists(rng):
         (np.ones(4), r"^points have shape \(4,\), expected"),
         (np.array(1.0), r"^points have shape \(\), expected"),
         (np.ones((5, 3)), r"^points have shape \(5, 3\), expected"),
-        ("abc", "^points is no array of numbers$"),
+        ("abc", "^points is not an array of numbers$"),
         (SE3.identity((5,)), r"^batches of \(2,\) and \(5,\) transforms do not match$"),
     ],
 )
@@ -327,7 +327,7 @@ def test_one_line_names_a_transform():
 def test_what_is_no_tangent_or_transform_is_refused():
     """In one line that says what was expected, for `exp`, `stack` and `Camera.project` as for all others."""
     for values, message in (
-        ("x", r"^xi is no array of numbers, expected \(\.\.\., 6\)$"),
+        ("x", r"^xi is not an array of numbers, expected \(\.\.\., 6\)$"),
         ([[1, 2], [3]], "^xi is no array"),
         (np.zeros(5), r"^xi has shape \(5,\), expected"),
     ):

@@ -120,7 +120,7 @@ def finish_import(
     for line in (f"read {imports.source}: {imports.what}", *_pairing_lines(brought)):
         say(line)
     if brought.changed and not brought.is_new_cell:
-        say(f"written into cell.yaml: {list_names(brought.changed)}")
+        say(f"written to cell.yaml: {list_names(brought.changed)}")
     missing = next_step(brought.cell, brought.recording, folder, importer=importer)
     next_words = missing or f"next: basecal calibrate {quote_path(folder)}"
     if missing is None and (wrong_conventions := say_conventions(folder, brought.cell, brought.recording)):

@@ -29,7 +29,7 @@ def read_only(values: ArrayLike, shape: tuple[int | None, ...] | None = None, na
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"{name} is no array of numbers{_shape_clause(shape)}") from None
+        raise InputError(f"{name} is not an array of numbers{_shape_clause(shape)}") from None
     if shape is not None:
         tail = array.shape[array.ndim - len(shape) :] if array.ndim >= len(shape) else None
         if tail is None or any(want is not None and want != got for want, got in zip(shape, tail, strict=True)):
@@ -47,7 +47,7 @@ def with_last_axis(values: ArrayLike, length: int, name: str) -> Array:
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"{name} is no array of numbers, expected (..., {length})") from None
+        raise InputError(f"{name} is not an array of numbers, expected (..., {length})") from None
     if array.shape[-1:] != (length,):
         raise InputError(f"{name} has shape {array.shape}, expected (..., {length})")
     return array

@@ -30,4 +30,4 @@ def test_guesses_that_led_astray_are_an_info():
     """The answer did not start from them."""
     found = guess_finding()
     assert (found.code, found.severity, found.about) == ("better-optimum", "info", ())
-    assert "The answer starts without them." in found.message
+    assert "The answer was found without the guesses." in found.message

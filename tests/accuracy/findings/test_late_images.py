@@ -1,4 +1,4 @@
-"""Images that were not taken when their stamps say."""
+"""Images that were not taken at the times of their stamps."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -44,7 +44,10 @@ def test_late_triggers_are_named_with_their_delay():
     views = {s.sample: s for s in made.recording.samples if s.observations}
     (finding,) = said(made, {21: late(views[21], 0.06), 44: late(views[44], -0.08)})
     assert (finding.severity, finding.about) == ("info", ("wrist", "21", "44"))
-    assert "2 images of wrist were not taken when their stamps say, and are left out: samples 21, 44" in finding.message
+    assert (
+        "2 images of wrist were not taken at the times of their stamps, and are left out: samples 21, 44"
+        in finding.message
+    )
     delays = [
         float(word) for word in finding.message.split("(")[1].split(")")[0].replace("ms", "").split() if word.isdigit()
     ]
@@ -69,10 +72,10 @@ def test_many_are_a_warning():
 @pytest.mark.parametrize(
     ("count", "words"),
     [
-        (1, "An image of wrist was not taken when its stamp says, and is left out: sample 10 (30 ms late)."),
+        (1, "An image of wrist was not taken at the time of its stamp, and is left out: sample 10 (30 ms late)."),
         (
             5,
-            "stamps say, and are left out: samples 10 to 14 (30 ms late, 10 ms late, ",
+            "their stamps, and are left out: samples 10 to 14 (30 ms late, 10 ms late, ",
         ),
         (6, ", 10 ms early, 30 ms early, 50 ms early, ...)."),
     ],
@@ -115,7 +118,8 @@ def test_a_delay_is_how_far_along_its_way_a_view_is() -> None:
     (finding,) = seen_late(0.06, -0.08, 0.04)
     assert (finding.code, finding.about) == ("clock-offset", ("camera", "0", "1", "2"))
     assert (
-        "3 images of camera were not taken when their stamps say, and are left out: samples 0 to 2" in finding.message
+        "3 images of camera were not taken at the times of their stamps, and are left out: samples 0 to 2"
+        in finding.message
     )
     assert "(60 ms late, 80 ms early, 40 ms late)" in finding.message
     assert finding.severity == "info"  # three of a hundred are not more than 3 %
@@ -137,7 +141,8 @@ def test_an_image_of_two_targets_is_named_once() -> None:
     (finding,) = late_images(evidence)
     assert (finding.severity, finding.about) == ("warning", ("camera", "0"))
     assert (
-        "An image of camera was not taken when its stamp says, and is left out: sample 0 (50 ms late)" in finding.what
+        "An image of camera was not taken at the time of its stamp, and is left out: sample 0 (50 ms late)"
+        in finding.what
     )
 
 

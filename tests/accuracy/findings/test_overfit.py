@@ -52,14 +52,14 @@ def test_without_cross_validation_nothing_is_said(evidence):
 def test_what_cannot_be_compared_in_pixels_or_lengths_is_told_by_its_ratio(evidence, used, predicted):
     """Where one of them has none."""
     (made,) = overfit(evidence(cross_validation=compared(errors(*used), errors(*predicted))))
-    assert "is 5.0 times what is expected of it. The covariance" in made.message
+    assert "is 5.0 times its expected value. The covariance" in made.message
 
 
 def test_the_ratio_is_of_both_costs(evidence):
     """A fit that costs little is overfitted where one that costs more is not, by the same held-out error."""
     assert overfit(evidence(cross_validation=compared(errors(4.0), errors(60.0)))) == []
     (made,) = overfit(evidence(cross_validation=compared(errors(0.25), errors(60.0))))
-    assert "is 15.5 times what is expected" in made.message
+    assert "is 15.5 times its expected value" in made.message
 
 
 def test_what_the_covariance_expects_is_no_overfit(evidence):

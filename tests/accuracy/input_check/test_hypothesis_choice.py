@@ -123,7 +123,8 @@ def test_what_cannot_be_is_said():
     """Where a reading only fits as well, but the declared one contradicts facts."""
     (found,) = findings_about(predicted(1e-3), predicted(1e-3), impossible=("a reach of 9 m", "a board in a wall"))
     assert found.message == (
-        "Words 0. As declared it fits as well, but a reach of 9 m and a board in a wall are implausible. Fix. "
+        "Words 0. The declared convention fits equally well, but gives an implausible answer: a reach of 9 m and "
+        "a board in a wall. Fix. "
         "Or let `basecal fix CELL` do so."
     )
     assert found.severity == "error"

@@ -125,7 +125,7 @@ def test_what_listens_is_reached():
     [
         (ConnectionRefusedError, "eye: nothing listens at there:7: is a clock running there, and is the port right?"),
         (socket.gaierror, "eye: there is no host 'there': look at its address in cell.yaml"),
-        (PermissionError, "eye: this computer may not connect to there:7"),
+        (PermissionError, "eye: this computer is not allowed to connect to there:7"),
         (TimeoutError, "eye: there:7 is not reachable: is it on, and in the same network?"),
         (OSError, "eye: there:7 is not reachable"),
     ],

@@ -137,7 +137,7 @@ def test_slips_of_the_hand_have_their_line_and_fix(text: str, line: int, words: 
         ("while scanning a quoted scalar", "found unexpected end of stream", "found unexpected end of stream"),
         (None, "expected ',' or ']', but got it", "expected ',' or ']', but got it"),
         (None, "but found ']'", "a closing bracket ] has no opening bracket: remove it"),
-        (None, "found character '@' that cannot start any token", "a value cannot start with '@': put it into quotes"),
+        (None, "found character '@' that cannot start any token", "a value cannot start with '@': put it in quotes"),
     ],
 )
 def test_faults_without_a_place_are_told_in_the_parsers_words(context, problem, reason):

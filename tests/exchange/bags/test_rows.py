@@ -190,7 +190,7 @@ def test_a_recording_is_full(monkeypatch: pytest.MonkeyPatch, most: int) -> None
     if most == 22:
         assert len(stream_instants(both, "x")) == 22
     else:
-        with pytest.raises(InputError, match="22 lines, expected at most 21: cut it"):
+        with pytest.raises(InputError, match="22 lines, expected at most 21: shorten it"):
             stream_instants(both, "x")
 
 

@@ -33,7 +33,7 @@ def test_camera_info_into_a_cell_with_images(tmp_path: Path, capsys: pytest.Capt
     told = capsys.readouterr().err
     assert "1280.yaml is of 1280 x 480 px, recording/images/wrist/0.png has 640 x 480" in told
     assert main(["import", "camera-info", str(cell), str(tmp_path / "640.yaml"), "--camera", "wrist"]) == 0
-    assert "written into cell.yaml: cameras.wrist.model" in capsys.readouterr().out
+    assert "written to cell.yaml: cameras.wrist.model" in capsys.readouterr().out
     lens = read_cell(cell).cameras["wrist"].intrinsics
     assert lens is not None
     assert lens.camera is not None

@@ -51,7 +51,7 @@ def test_easy_handeye_asks_what_nothing_tells(tmp_path: Path, capsys: pytest.Cap
     assert "give --camera-on robot or --camera-on world" in capsys.readouterr().err
     assert not (tmp_path / "cell").exists()
     assert main([*words, "--camera-on", "world"]) == 0
-    assert "turned back here" in capsys.readouterr().out
+    assert "inverted here" in capsys.readouterr().out
 
 
 @pytest.mark.slow  # a calibration with all its checks
@@ -165,7 +165,7 @@ def test_eye_on_base_robot_poses_are_turned_back(tmp_path: Path) -> None:
     record = read_easy_handeye_record(write(tmp_path, "a.samples", text))
     assert not record.camera_on_robot
     np.testing.assert_allclose(record.base_from_flange.matrix, BASE_FROM_FLANGE.matrix, atol=1e-14)
-    assert "written as flange_from_base and turned back here" in record.what
+    assert "written as flange_from_base and inverted here" in record.what
     assert "calibration_type is eye_on_base" in record.what
 
 

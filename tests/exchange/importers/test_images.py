@@ -119,7 +119,7 @@ def test_poor_images_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str
     said = capsys.readouterr().err
     assert "left out, as they cannot be read: 2.png" in said
     assert "left out, as most images have another size: 4.png (32 x 24)" in said
-    assert "left out, as they are no images: 5.heic" in said
+    assert "left out, as they are not images: 5.heic" in said
     assert len(read_recording(tmp_path / "c").samples) == 4
 
 

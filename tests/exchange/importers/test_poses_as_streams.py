@@ -70,7 +70,7 @@ def test_two_clocks_by_two_commands(tmp_path: Path, header: bool, capsys: pytest
         (["--robot", "arm", "A", "--format", "ros", "--streams", "--on", "arm"], 2, "--on and --target-on belong to"),
         (["A", "--camera", "w", "--target", "t", "--format", "ros", "--streams"], 3, "give its carrier with --on"),
         (["A", "--format", "ros", "--streams"], 2, "--robot is missing"),
-        (["--streams", "--length-unit", "m", "--camera-from-target", "A"], 2, "--streams belongs to a table"),
+        (["--streams", "--length-unit", "m", "--camera-from-target", "A"], 2, "--streams needs a table"),
         (["--robot", "arm", "N", "--format", "ur", "--streams"], 3, "a column stamp_s"),
         (
             ["A", "--camera", "w", "--target", "t", "--on", "a", "--invert", "hand-base-from-flange"],

@@ -118,7 +118,7 @@ def test_no_cell_is_told(tmp_path) -> None:
     """Of a folder without any, and of a path that is no folder."""
     with pytest.raises(InputError, match="holds no cell"):
         find_cells(tmp_path)
-    with pytest.raises(InputError, match="is no folder"):
+    with pytest.raises(InputError, match="is not a folder"):
         find_cells(tmp_path / "none")
 
 

@@ -10,7 +10,8 @@ from basecal.fields.digits import two_digits
 def guess_finding() -> Finding:
     """An info that the answer does not start from the stated guesses, because these led to an implausible one."""
     what = "The guesses of the cell led to an answer in which the recorded poses do not explain the views."
-    return Finding("better-optimum", "info", (), what, why="The answer starts without them.")
+    do = ("Correct the guesses in cell.yaml, or remove them.",)
+    return Finding("better-optimum", "info", (), what, do, "The answer was found without the guesses.")
 
 
 def better_optimum(evidence: Evidence) -> list[Finding]:

@@ -76,6 +76,6 @@ def _problem_sentence(camera: str, late: list[_Late]) -> str:
     )
     more = ", ..." if len(late) > _SHOWN_IMAGES else ""
     images = "An image" if is_single else f"{len(late)} images"
-    stamps = "was not taken when its stamp says" if is_single else "were not taken when their stamps say"
+    stamps = "was not taken at the time of its stamp" if is_single else "were not taken at the times of their stamps"
     listed = f"{list_samples([each.sample for each in late])} ({delays}{more})"
     return f"{images} of {camera} {stamps}, and {'is' if is_single else 'are'} left out: {listed}."

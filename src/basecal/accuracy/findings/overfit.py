@@ -27,7 +27,7 @@ def overfit(evidence: Evidence) -> list[Finding]:
     if is_expected or predicted.cost <= _ROUNDING * max(predicted.count_px, predicted.count_poses):
         return []
     compared = _comparison(used, predicted)
-    what = f"The cross-validation error is {ratio:.1f} times what is expected of it{compared}."
+    what = f"The cross-validation error is {ratio:.1f} times its expected value{compared}."
     do = ("Record more, or state what is known as a prior.",)
     return [Finding("overfit", "warning", (), what, do, "The covariance is too small for it.")]
 

@@ -170,8 +170,8 @@ def _make_finding(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis,
         errors = f"{trial.fit.error_in_words()} instead of {baseline.fit.error_in_words()}"
         why = f"Under this hypothesis the cross-validation error is {errors}."
     else:
-        verb = "is" if len(baseline.impossible) == 1 else "are"
-        why = f"As declared it fits as well, but {' and '.join(baseline.impossible)} {verb} implausible."
+        faults = " and ".join(baseline.impossible)
+        why = f"The declared convention fits equally well, but gives an implausible answer: {faults}."
     what = sentence(hypothesis.words, hypothesis.about)
     do: tuple[str, ...] = (sentence(hypothesis.fix), FIX)
     if hypothesis.code == fixed_transform.CODE:

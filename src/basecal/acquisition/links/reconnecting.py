@@ -172,7 +172,9 @@ def connect(name: str, host: str, port: int, device: str) -> socket.socket:
     except ConnectionRefusedError:
         problem = f"nothing listens at {host}:{port}: is {device} running there, and is the port right?"
     except PermissionError:
-        problem = f"this computer may not connect to {host}:{port}: a firewall or a rule of the system forbids it"
+        problem = (
+            f"this computer is not allowed to connect to {host}:{port}: a firewall or a rule of the system forbids it"
+        )
     except OSError:
         problem = f"{host}:{port} is not reachable: is it on, and in the same network?"
     raise DriverError(f"{name}: {problem}")

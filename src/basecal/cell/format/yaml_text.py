@@ -222,7 +222,7 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
     if match := _UNEXPECTED_BRACKET.search(message):
         return Fault(f"a closing bracket {match[1]} has no opening bracket: remove it", line)
     if match := _NO_TOKEN.search(message):
-        return Fault(f"a value cannot start with {match[1]!r}: put it into quotes", line)
+        return Fault(f"a value cannot start with {match[1]!r}: put it in quotes", line)
     return Fault(" ".join(message.split()), line)
 
 
@@ -235,7 +235,7 @@ def _key_fault(lines: list[str], line: int) -> Fault:
     if above is not None and ":" not in _content(lines[above - 1]):
         return Fault("expected `key: value`, there is no colon", above)
     if _content(lines[line - 1]).count(": ") > 1:
-        return Fault("two colons: put a value that holds one into quotes", line)
+        return Fault("two colons: put a value that holds one in quotes", line)
     return Fault("this line is indented under a line that already has a value: indent it like that line", line)
 
 

@@ -118,7 +118,7 @@ def _check_files(path: Path) -> None:
     if path.is_dir() and not (path / _METADATA).exists():
         bags = sorted(each.name for each in path.iterdir() if each.suffix in (_BAG1, *_BAG2))
         content = (
-            f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is no bag"
+            f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is not a bag"
         )
         raise DatasetError(path, f"{content}; {_EXPECTED}")
     for each in _files(path):

@@ -57,7 +57,7 @@ def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
     found += [Instant(entry.stamp_s, {}, (entry,)) for entry in collect_entries(tracks)]
     if len(found) > MOST_SAMPLES:
         raise InputError(
-            f"{path}: {len(found)} lines, expected at most {MOST_SAMPLES}: cut it, as by `ros2 bag convert`"
+            f"{path}: {len(found)} lines, expected at most {MOST_SAMPLES}: shorten it, as by `ros2 bag convert`"
         )
     return tuple(sorted(found, key=lambda instant: instant.stamp_s))
 

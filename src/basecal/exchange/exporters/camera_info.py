@@ -25,7 +25,7 @@ def export_text(request: ExportRequest) -> str:
     name = choose_camera(request)
     camera = exported_camera(request, name)
     if camera.size_px is None:
-        raise InputError(f"the image size of {name!r} is not known: write `size_px: [width, height]` into cell.yaml")
+        raise InputError(f"the image size of {name!r} is not known: write `size_px: [width, height]` in cell.yaml")
     model, distortion = ros_lens(camera)
     lines = [
         *comments(request.remarks, "#"),

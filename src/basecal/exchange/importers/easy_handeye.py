@@ -107,7 +107,7 @@ def read_easy_handeye_record(path: str | Path, camera_on_robot: bool | None = No
         record = HandEyeRecord(str(path), what, arrangement.on_robot, frames=frames, camera_frame=camera_frame)
         return replace(record, camera_mount=mount.pose())
     robot, tracking = _samples(root)
-    inverted = "" if arrangement.on_robot else ", written as flange_from_base and turned back here"
+    inverted = "" if arrangement.on_robot else ", written as flange_from_base and inverted here"
     what = f"{count_text(len(robot), 'sample')} of easy_handeye (m): base_from_flange{inverted}, and camera_from_target"
     return HandEyeRecord(
         str(path),

@@ -146,7 +146,7 @@ def _read_images(folder: Path, files: tuple[Path, ...], progress: Callable[[int,
     odd_text = f"left out, as most images have another size: {list_names(odd)}"
     gaps = missing_numbers([path.name for path in files])
     gaps_text = f"missing in the numbering of the images, check the tables of poses: {list_names(gaps)}"
-    others_text = f"left out, as they are no images: {list_names(others)}"
+    others_text = f"left out, as they are not images: {list_names(others)}"
     texts = ((damaged, damaged_text), (odd, odd_text), (others, others_text), (gaps, gaps_text))
     return _ImageSizes(size_px, tuple(f"{folder}: {text}" for names, text in texts if names))
 

@@ -122,7 +122,7 @@ def read_poses(
         imported = _robot_poses(robot, path, reading, streams, invert, frames)
         return replace(imported, is_still=still)
     if streams:
-        raise UsageError("--streams belongs to a table: CELL --robot NAME FILE, one after the other")
+        raise UsageError("--streams needs a table of one robot: CELL --robot NAME FILE; import one robot at a time")
     if camera_from_target is None or length_unit is None:
         raise UsageError(f"--camera-from-target and --length-unit are missing; {_ONE_ROBOT}")
     files = Streams(eye_base_from_flange, hand_base_from_flange, camera_from_target, length_unit, invert)

@@ -138,7 +138,7 @@ def find_cells(folder: Path) -> tuple[str, ...]:
         InputError: if there is no cell, or a folder cannot be read.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder} is no folder: give the one whose cells are to be calibrated")
+        raise InputError(f"{folder} is not a folder: give the one whose cells are to be calibrated")
     found = sorted(path.relative_to(folder).as_posix() for path in _cells(folder))
     if not found:
         raise InputError(f"{folder} holds no cell: its folders, or theirs, should have a cell.yaml")
