@@ -8,9 +8,11 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import basecal
+from basecal.reporting.statement.verdict import error_text
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -35,6 +37,9 @@ def test_python_of_imported_images(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     names: dict[str, Any] = {"basecal": basecal}
     exec(block[1], names)
     assert names["calibration"].verdict == "good"
+    estimate = names["calibration"]["eye_base_from_hand_base"]
+    size = error_text(float(np.linalg.norm(estimate.sigma_t)), float(np.linalg.norm(estimate.sigma_r)))
+    assert f"to {size} (1 sigma, 3-D norm)" in (EXAMPLES / "ur5e_images" / "README.md").read_text(encoding="utf-8")
     refused = basecal.calibrate(names["cell"], basecal.read_recording("mycell"))
     assert refused.verdict == "refused"
     assert "basecal.detect(cell, recording)" in refused.findings[0].message
