@@ -392,4 +392,5 @@ def test_a_task_has_what_more_samples_bring(made: tuple[Cell, Recording, Calibra
     assert "10 more samples would leave 0.12 mm (95 %)." in html
     assert "--samples 10 --task-point 0.5 0.1 0.3 -o plan.jsonl" in html
     assert "over the workspace 95 % of errors" in html
+    assert "<td>0.10</td><td>100.0</td><td>0.050</td>" in html  # the budget, in two digits
     assert "more: " not in page(cell, recording, at_task)

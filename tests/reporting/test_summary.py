@@ -128,7 +128,8 @@ def test_the_task_has_a_line() -> None:
     )
     told = summary(a_cell("eye", "hand"), replace(good(), budget=budget))
     assert (
-        "error at the task 5.5 mm rms, of its variance source 0 83 %, source 1 13 %, source 2 3 %" in told.splitlines()
+        "error at the task 5.5 mm rms; shares of its variance: source 0 83 %, source 1 13 %, source 2 3 %"
+        in told.splitlines()
     )
 
 

@@ -388,9 +388,11 @@ def test_the_error_at_the_task_is_the_root_of_squares() -> None:
         )
     )
     first, *others = task_rows(replace(a_calibration(), budget=budget))
-    assert first == ("error at the task 5.0 mm rms, of its variance noise of eye 64 %, noise of hand 36 %, pixels 0 %")
+    assert first == (
+        "error at the task 5.0 mm rms; shares of its variance: noise of eye 64 %, noise of hand 36 %, pixels 0 %"
+    )
     assert len(others) == 4
-    assert " ".join(others[0].split()) == "4.0000 mm 64.0 % noise of eye; in all 3.6 mm with half of it"
+    assert " ".join(others[0].split()) == "4.0 mm 64.0 % noise of eye; total 3.6 mm if halved"
     assert task_sentence(a_calibration()) == ""
 
 

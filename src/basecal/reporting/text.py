@@ -255,7 +255,7 @@ def task_sentence(calibration: Calibration) -> str:
         return ""
     total_mm = 1e3 * sum(entry.rms_m**2 for entry in calibration.budget) ** 0.5
     largest = [f"{entry.source} {100 * entry.share:.0f} %" for entry in calibration.budget[:_SHOWN_SOURCES]]
-    return f"error at the task {two_digits(total_mm)} mm rms, of its variance {', '.join(largest)}"
+    return f"error at the task {two_digits(total_mm)} mm rms; shares of its variance: {', '.join(largest)}"
 
 
 def task_rows(calibration: Calibration) -> Iterator[str]:
@@ -263,8 +263,8 @@ def task_rows(calibration: Calibration) -> Iterator[str]:
     if calibration.budget:
         yield task_sentence(calibration)
         for entry in calibration.budget:
-            halved = f"{two_digits(1e3 * entry.halved_rms_m)} mm with half of it"
-            yield f"  {1e3 * entry.rms_m:8.4f} mm {100 * entry.share:5.1f} %  {entry.source}; in all {halved}"
+            halved = f"total {two_digits(1e3 * entry.halved_rms_m)} mm if halved"
+            yield f"  {two_digits(1e3 * entry.rms_m):>8} mm {100 * entry.share:5.1f} %  {entry.source}; {halved}"
     if calibration.error_map is not None:
         lengths, angles = 1e3 * calibration.error_map.length_95_m, np.degrees(calibration.error_map.angle_95_rad)
         spread = f"{two_digits(lengths.min())} to {two_digits(lengths.max())} mm and {two_digits(angles.max())} deg"

@@ -90,7 +90,7 @@ def test_lines_are_said_once() -> None:
     """What the samples lead to, then the error by source; nothing of samples where none is planned."""
     _, second, third = plan_lines(plan(3, True), 5e-4)
     assert second == "Expected error with 3 more samples: 0.40 mm (95 %) where the arms worked."
-    assert third == "   90.0 % of the variance: views of wrist; 0.10 mm rms in all with half of it"
+    assert third == "   90.0 % of the variance: views of wrist; total 0.10 mm rms if halved"
     assert len(list(plan_lines(plan(None, None), None))) == 2
     assert len(list(plan_lines(plan(0, True, count=0), 5e-4))) == 2
 

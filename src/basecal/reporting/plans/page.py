@@ -118,7 +118,7 @@ def plan_lines(plan: Plan, tolerance_m: float | None) -> Iterator[str]:
         yield outcome(plan)
     yield from touch_lines(plan)
     for entry in plan.budget:
-        halved = f"{two_digits(1e3 * entry.halved_rms_m)} mm rms in all with half of it"
+        halved = f"total {two_digits(1e3 * entry.halved_rms_m)} mm rms if halved"
         yield f"  {100 * entry.share:5.1f} % of the variance: {entry.source}; {halved}"
 
 

@@ -17,6 +17,8 @@ from jinja2 import Environment, FileSystemBytecodeCache, FunctionLoader, StrictU
 from jinja2.bccache import Bucket
 from markupsafe import Markup, escape
 
+from basecal.fields.digits import two_digits
+
 _FOLDER = files("basecal.reporting")
 _COMPRESSION = 6  # level: half a percent larger than the highest, in two thirds of its time
 _SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
@@ -56,6 +58,7 @@ def environment() -> Environment:
     )
     result.filters["words"] = _mark_code
     result.filters["sentence"] = _begin_sentence
+    result.filters["two_digits"] = two_digits
     result.filters["breakable"] = lambda name: escape(name).replace("_", Markup("_<wbr>"))
     return result
 
