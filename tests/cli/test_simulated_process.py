@@ -45,7 +45,7 @@ def test_who_insists_is_refused(
 @pytest.mark.parametrize("target", ["pose", "points3d"])
 def test_a_running_cell_needs_a_target_in_images(tmp_path: Path, target: str) -> None:
     """One that is seen only as poses or points in space is refused, and nothing is written."""
-    with pytest.raises(InputError, match=f"a running cell gives images; '{target}' is not seen in them"):
+    with pytest.raises(InputError, match=f"a running cell gives images, which show no '{target}'"):
         _open_world(tmp_path / "c", target, 0, ())
     assert not (tmp_path / "c").exists()
 

@@ -98,7 +98,7 @@ def _open_world(folder: Path, target: ObservedKind, seed: int, faults: Faults) -
         write_world_truth(world, folder)
         return world
     if target == "pose" or target == "points3d":
-        raise InputError(f"a running cell gives images; {target!r} is not seen in them: choose a target that is")
+        raise InputError(f"a running cell gives images, which show no {target!r}: choose another --target")
     world = two_arms(target, seed, faults)
     write_world(world, folder)
     return world

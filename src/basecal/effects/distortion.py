@@ -57,7 +57,7 @@ EFFECT = Effect(
         is_each_alone=True,  # a lens that is stated without distortion lacks its first term most
     ),
     fault=SimulatedFault(
-        "distortion", "px", ONE, 3.0, "the lens bends the image's corner by more", true_lens=faulty_lens
+        "distortion", "px", ONE, 3.0, "larger distortion at the corner of the image", true_lens=faulty_lens
     ),
     absent=NOT_OF_LENSES,
 )

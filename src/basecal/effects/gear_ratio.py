@@ -41,7 +41,7 @@ class Stated(Parameters):
 def unobserved_reason(case: Unobserved) -> str:
     """Explain why the data do not determine the gear ratios of some joints."""
     how = "known from their prior alone" if case.by_prior else "that are unobservable"
-    return f"gear ratios {how}: {case.joints}: these joints hardly move in these samples, or as a base or mount does"
+    return f"gear ratios {how}: {case.joints}: they hardly move, or act as a base or a mount does"
 
 
 def report(robot: str, effect: RobotParameters) -> list[str]:

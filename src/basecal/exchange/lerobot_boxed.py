@@ -61,6 +61,6 @@ def _numbers(batch: pa.RecordBatch, name: str) -> Array:
     widths = pc.unique(pc.list_value_length(column)).to_pylist() if is_list else [1]
     values = column.flatten() if is_list else column
     if len(widths) != 1 or not widths[0] or values.null_count:
-        raise pa.ArrowInvalid(f"{name}: rows of {widths} numbers, {values.null_count} of them none")
+        raise pa.ArrowInvalid(f"{name}: rows of {widths} numbers, {values.null_count} of them missing")
     numbers: Array = values.cast(pa.float64()).to_numpy(zero_copy_only=False)
     return numbers.reshape(len(column), -1)

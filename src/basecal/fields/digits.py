@@ -14,9 +14,9 @@ def two_digits(value: float) -> str:
     return "0" if float(text) == 0 else text
 
 
-def two_digit_decimals(size: float, most: int = _MOST_DECIMALS) -> int:
-    """Number of decimals with which a positive number has two significant digits; at most `most`."""
+def two_digit_decimals(size: float, limit: int = _MOST_DECIMALS) -> int:
+    """Number of decimals with which a positive number has two significant digits; at most `limit`."""
     if size == 0 or not math.isfinite(size):
         return 0
     exponent = int(f"{size:.{_SIGNIFICANT - 1}e}".partition("e")[2])  # after rounding: 0.0996 is 0.10
-    return min(max(_SIGNIFICANT - 1 - exponent, 0), most)
+    return min(max(_SIGNIFICANT - 1 - exponent, 0), limit)

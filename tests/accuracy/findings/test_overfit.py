@@ -25,13 +25,13 @@ def test_four_times_worse(evidence, ratio, found):
     made = overfit(evidence(cross_validation=validated))
     assert [f.severity for f in made] == (["warning"] if found else [])
     assert not found or f"is {ratio:.1f} times" in made[0].message
-    assert not found or "(1.00 px against 0.25 px)" in made[0].message
+    assert not found or "(1.0 px against 0.25 px)" in made[0].message
 
 
 def test_lengths_where_there_are_no_pixels(evidence):
     """Then the errors are told in millimetres."""
     (made,) = overfit(evidence(cross_validation=compared(errors(1.0, metres=1e-3), errors(25.0, metres=5e-3))))
-    assert "(5.00 mm against 1.00 mm)" in made.message
+    assert "(5.0 mm against 1.0 mm)" in made.message
 
 
 def test_rounding_is_no_error(evidence):

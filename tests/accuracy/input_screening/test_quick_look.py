@@ -86,7 +86,7 @@ def test_too_little_to_tell():
         "5 with the robots' poses"
     )
     still = simulate(Scenario(samples=10, target="pose", arms="hand_still"), 4)
-    assert "turn every arm about two axes" in quick_look(still.cell, still.recording).undetermined
+    assert "rotate every arm about two axes" in quick_look(still.cell, still.recording).undetermined
     assert quick_look(made().cell, Recording()).views == 0
     board = replace(made().cell.targets["board"], on="eye")
     both_on_one = quick_look(replace(made().cell, targets={"board": board}), made().recording)
@@ -156,7 +156,7 @@ def test_what_is_left_untold(monkeypatch):
     assert looked(monkeypatch, hopeless_finding=True).findings == (HOPELESS,)
     assert (
         looked(monkeypatch, fit=None).undetermined
-        == "the requested transforms are not determined; turn every arm about two axes or more"
+        == "the requested transforms are not determined; rotate every arm about two axes or more"
     )
     name = made().cell.requested_transforms[0]
     assert looked(monkeypatch, unobservable=[name]).undetermined.startswith(

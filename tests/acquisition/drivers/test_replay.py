@@ -73,7 +73,7 @@ def test_a_robot_without_any_state(made):
     """A robot that is in the cell and in no sample is an error that names no sample."""
     samples = tuple(replace(sample, robots={}) for sample in made[1].recording.samples)
     robot = ReplayRobot("eye", Playback(made[1].cell, replace(made[1].recording, samples=samples)))
-    with pytest.raises(DriverError, match=r"eye: the recording has no data of it$"):
+    with pytest.raises(DriverError, match=r"eye: the recording has no data of this device$"):
         robot.state()
 
 

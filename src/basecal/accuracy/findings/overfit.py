@@ -8,6 +8,7 @@ from basecal.accuracy.cross_validation.validation import HeldOutErrors, root_mea
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.cell import Finding
+from basecal.fields.digits import two_digits
 
 _ROUNDING = 1e-12  # cost of a view whose residuals are rounding errors: synthetic cells without noise
 
@@ -29,13 +30,15 @@ def overfit(evidence: Evidence) -> list[Finding]:
     compared = _comparison(used, predicted)
     what = f"The cross-validation error is {ratio:.1f} times its expected value{compared}."
     do = ("Record more, or state what is known as a prior.",)
-    return [Finding("overfit", "warning", (), what, do, "The covariance is too small for it.")]
+    return [Finding("overfit", "warning", (), what, do, "The covariance is too small to explain this error.")]
 
 
 def _comparison(errors: HeldOutErrors, held_out: HeldOutErrors) -> str:
     """Both errors in pixels or mm, as text; empty if neither is known."""
     inside, outside = (root_mean_square(e.square_px, e.count_px) for e in (errors, held_out))
     if inside is not None and outside is not None:
-        return f" ({outside:.2f} px against {inside:.2f} px)"
+        return f" ({two_digits(outside)} px against {two_digits(inside)} px)"
     inside, outside = (root_mean_square(e.square_m, e.count_poses) for e in (errors, held_out))
-    return "" if inside is None or outside is None else f" ({1e3 * outside:.2f} mm against {1e3 * inside:.2f} mm)"
+    if inside is None or outside is None:
+        return ""
+    return f" ({two_digits(1e3 * outside)} mm against {two_digits(1e3 * inside)} mm)"

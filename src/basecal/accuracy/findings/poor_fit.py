@@ -60,7 +60,8 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
         why = "The covariance is wider than necessary."
         return Finding("poor-fit", "info", about, what, ("State the smaller sigmas.",), why)
     what = f"Residuals of {whose} are {sigma.ratio:.2f} times what the stated sigmas explain."
-    why = f"That is not chance ({sigma.chance:.0e}); the covariance is that of the estimated noise."
+    chance = f"The probability of this by chance is {sigma.chance:.0e}."
+    why = f"{chance} The covariance is that of the estimated noise."
     do = ("Check units, directions, the lens and the target's size, or state larger sigmas.",)
     return Finding("poor-fit", "warning" if sigma.ratio > _LITTLE_RATIO else "info", about, what, do, why)
 

@@ -138,7 +138,7 @@ def _direction_hypotheses(cell: Cell, robots: list[str], has_poses: bool) -> Ite
             (),
             "the poses of the target are inverted (target_from_camera)",
             "write camera_from_target, or invert the observed poses",
-            "turn every arm further about two axes between samples",
+            "rotate every arm further about two axes between samples",
             map_poses((), SE3.inverse),
         )
 
@@ -246,7 +246,7 @@ def _exchange_hypotheses(baseline: Reading, robots: list[str], quantity: str) ->
             (first, second),
             f"the {quantity} of {first} and {second} are exchanged",
             f"exchange them, or what cell.yaml says is `on` {first} and on {second}",
-            "turn every arm further about two axes between samples",
+            "rotate every arm further about two axes between samples",
             partial(Reading.exchange, first=first, second=second),
         )
 
@@ -310,7 +310,7 @@ def _mirror_hypotheses(has_poses: bool, has_points: bool) -> Iterator[Convention
                 (),
                 f"{who} are mirrored through the camera's centre",
                 "take the solution before the camera, z > 0",
-                "turn every arm further about two axes between samples",
+                "rotate every arm further about two axes between samples",
                 reread,
             )
 

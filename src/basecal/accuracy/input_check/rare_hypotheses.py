@@ -126,7 +126,7 @@ def _stated_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
             (name,),
             f"{name} is stated inverted ({start}_from_{end})",
             f"invert what cell.yaml states of {name}",
-            "turn every arm further about two axes between samples",
+            "rotate every arm further about two axes between samples",
             partial(Reading.restate, cell=inverted),
         )
 
@@ -159,7 +159,7 @@ def _carrier_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
                     (target,),
                     f"{target} is on {carrier}, not on {stated}",
                     f"write on: {carrier} of {target} in cell.yaml",
-                    "turn every arm further about two axes between samples",
+                    "rotate every arm further about two axes between samples",
                     partial(Reading.with_carrier, target=target, carrier=carrier),
                 )
 
@@ -190,7 +190,7 @@ def _exchange_hypothesis(
         (first, second),
         words,
         f"import {subject} again, each file with the other --robot",
-        "turn every arm further about two axes between samples",
+        "rotate every arm further about two axes between samples",
         partial(Reading.exchange_states, numbers=dict(zip((first, second), numbers, strict=True))),
     )
 
@@ -281,7 +281,7 @@ def _axis_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[Conventio
             names,
             f"the positions of {subject} have {words}",
             "correct the order and the signs of x, y and z: axes are right-handed",
-            "turn every arm further between samples",
+            "rotate every arm further between samples",
             map_poses(names, _with_axes(axes)),
         )
 

@@ -169,5 +169,5 @@ def _describe_ambiguity(cell: Cell, fit: HypothesisFit | None) -> str:
     """Text on undetermined transforms; free joint offsets couple with a base whatever the robots do."""
     fitted = "" if fit is None else f"as declared the views fit with an error of {fit.error_in_words()}, but "
     has_parameters = any(robot.parameters for robot in cell.robots.values())
-    what = "without the priors of its robots" if has_parameters else "; turn every arm about two axes or more"
+    what = "without the priors of its robots" if has_parameters else "; rotate every arm about two axes or more"
     return f"{fitted}the requested transforms are not determined{' ' if has_parameters else ''}{what}"

@@ -65,7 +65,7 @@ class Playback:
             self.selected = next((sample for sample in self.samples if is_suitable(sample)), None)
         if self.selected is None or not is_suitable(self.selected):
             where = "" if self.selected is None else f" in sample {self.selected.sample}"
-            raise DriverError(f"{name}: the recording has no data of it{where}")
+            raise DriverError(f"{name}: the recording has no data of this device{where}")
         return self.selected
 
     def _distance(self, sample: Sample) -> float:

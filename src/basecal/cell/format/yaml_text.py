@@ -96,7 +96,7 @@ class _PlainParser(Parser):
         event = super().get_event()
         self._depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
         if self._depth > _DEEPEST:
-            raise _NotPlain(f"nested deeper than {_DEEPEST} levels; nothing in a cell is", event)
+            raise _NotPlain(f"nested deeper than {_DEEPEST} levels, which no cell needs", event)
         if isinstance(event, AliasEvent) or getattr(event, "anchor", None) is not None:
             raise _NotPlain("aliases and anchors (* and &) are not allowed; write the value out", event)
         # The event of a document's start has a `tags` dictionary; only a text is a tag.

@@ -297,7 +297,7 @@ class Effect:
 
 def format_with_sigma(value: float, sigma: float) -> str:
     """Text of a value and its sigma, with two digits of the sigma."""
-    digits = two_digit_decimals(max(sigma, 1e-9), most=9)
+    digits = two_digit_decimals(max(sigma, 1e-9), limit=9)
     return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
 
