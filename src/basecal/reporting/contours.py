@@ -14,7 +14,7 @@ from basecal.reporting.svg import element, path, segments
 
 _FINER = 8  # parts that each step of the grid is divided into
 _HALVES = slice(None, -1), slice(1, None)
-_LABEL_DISTANCE = 34.0  # of the drawing, between two labels
+_LETTER = np.array([12.0, 22.0])  # largest width and height of a letter of a label, of the drawing
 
 
 def contours(values: Array, pitch: float) -> list[Markup]:
@@ -27,23 +27,25 @@ def contours(values: Array, pitch: float) -> list[Markup]:
     if min(values.shape) < 2 or not np.ptp(values) > 0:
         return []
     fine = refine(refine(values).T).T
-    lines, labels, centres = "", list[Markup](), list[Array]()
+    lines, labels, boxes = "", list[Markup](), list[tuple[Array, Array]]()
     scale = fitted_scale(values.ravel().tolist(), 0.0, 1.0)
     for level in [tick for tick in scale.ticks() if values.min() < tick < values.max()]:
         ends = pitch * (level_segments(fine, level) / _FINER + 0.5)
         lines += segments(ends)
         middles = ends.mean(1)
-        free = [middle for middle in middles if _is_apart(middle, centres)]
+        text = f"{level:.6g}"
+        half = 0.5 * _LETTER * [len(text), 1]
+        free = [middle for middle in middles if _is_apart(middle, half, boxes)]
         if free:
             x, y = centre = free[len(free) // 2]
-            centres.append(centre)
-            labels.append(element("text", f"{level:.6g}", class_="contour-label", x=x, y=y + 4, text_anchor="middle"))
+            boxes.append((centre, half))
+            labels.append(element("text", text, class_="contour-label", x=x, y=y + 4, text_anchor="middle"))
     return [path("contour", lines), *labels]
 
 
-def _is_apart(point: Array, centres: Sequence[Array]) -> bool:
-    """Whether a label at a point leaves room to the other labels."""
-    return all(np.linalg.norm(point - centre) > _LABEL_DISTANCE for centre in centres)
+def _is_apart(point: Array, half: Array, boxes: Sequence[tuple[Array, Array]]) -> bool:
+    """Whether a label at a point, with half its width and height, overlaps none of the other labels."""
+    return all(np.any(np.abs(point - centre) > half + other) for centre, other in boxes)
 
 
 def refine(values: Array) -> Array:
