@@ -146,7 +146,7 @@ FIGURES = (
     ),
     Figure(
         "semi_synthetic",
-        "ten real recordings' poses with their own errors dealt out anew about a known truth, 300 draws of each "
+        "ten real recordings' poses with their own errors drawn again about a known truth, 300 draws of each "
         "kind of error: within the 95 % ellipsoid",
         _semi_synthetic,
     ),
@@ -301,9 +301,9 @@ def sentences() -> str:
         f"that the truth leads to{_command_text('starts')}",
         f"**Mix-ups are named.** Of mix-ups of conventions that move the answer, {named} are named right. Called good: "
         f"{passed}{_command_text('mutations')}",
-        f"**Outliers go.** Of gross outliers in up to 30 % of samples, {found} are found, and {lost} of clean samples "
+        f"**Outliers are found.** Of gross outliers in up to 30 % of samples, {found} are found, and {lost} of clean samples "
         f"are lost{_command_text('outliers')}",
-        f"**It notices a push.** `verify` sees {seen} of shifts of the length that it calls detectable, with {alarms} "
+        f"**Motions are detected.** `verify` detects {seen} of shifts of the length that it calls detectable, with {alarms} "
         f"false alarms on 1,000 cells{_command_text('verify')}",
     )
     return "".join(f"- {line}\n" for line in lines)
