@@ -13,6 +13,7 @@ def printed(tmp_path, capsys, *words):
     """The exit code, and the target that the lines for cell.yaml describe; None where there are none."""
     code = main(["target", str(tmp_path / "board.svg"), *words])
     out = capsys.readouterr().out
+    assert "measure both rulers" in out
     lines = out.partition("under targets:\n")[2]
     if not lines:
         return code, None

@@ -15,7 +15,7 @@ from basecal.errors import BasecalError, DatasetError, describe_fault
 
 _VERBS = {
     "new": "Write a working cell.yaml to fill in, and an empty recording.",
-    "target": "Print a target at true scale, with a ruler to check the print.",
+    "target": "Print a target at true scale, with rulers to check the print.",
     "simulate": "Simulate a cell and a recording with known truth, or run such a cell.",
     "demo": "Run two simulated arms, capture, calibrate, and compare with the truth.",
     "capture": "Record samples: move the arms, wait until they are at rest, and take images.",

@@ -41,7 +41,7 @@ def target(
     tag: int = 0,
     field: Annotated[tuple[str, ...], Parameter(name="--set", negative=())] = (),
 ) -> int:
-    """Print a target at true scale, with a ruler to check the print.
+    """Print a target at true scale, with rulers to check the print.
 
     Writes OUT, a .pdf or .svg, and prints the lines for cell.yaml that describe
     it. The sheet also has two rulers, dimensions to check, the target's axes at
@@ -83,7 +83,7 @@ def target(
         title = ", ".join([kind, *option_words(fields)])
     pages = printed_pages(shape, title, None if paper is None else _PAPER_NAMES[paper])
     for path in write_pages(pages, out):
-        say(f"wrote {path} ({pages[0].paper}): print at 100 % and measure the ruler")
+        say(f"wrote {path} ({pages[0].paper}): print at 100 % and measure both rulers")
     if cell is None:
         say(f"\nfor cell.yaml, under targets:\n  board:\n    on: hand\n    mount: {{status: free}}\n    kind: {kind}")
         for key, value in fields.items():
