@@ -301,10 +301,10 @@ def sentences() -> str:
         f"that the truth leads to{_command_text('starts')}",
         f"**Mix-ups are named.** Of mix-ups of conventions that move the answer, {named} are named right. Called good: "
         f"{passed}{_command_text('mutations')}",
-        f"**Outliers are found.** Of gross outliers in up to 30 % of samples, {found} are found, and {lost} of clean samples "
-        f"are lost{_command_text('outliers')}",
-        f"**Motions are detected.** `verify` detects {seen} of shifts of the length that it calls detectable, with {alarms} "
-        f"false alarms on 1,000 cells{_command_text('verify')}",
+        f"**Outliers are found.** Of gross outliers in up to 30 % of samples, {found} are found, and {lost} of clean "
+        f"samples are lost{_command_text('outliers')}",
+        f"**Motions are detected.** `verify` detects {seen} of shifts of the length that it calls detectable, with "
+        f"{alarms} false alarms on 1,000 cells{_command_text('verify')}",
     )
     return "".join(f"- {line}\n" for line in lines)
 

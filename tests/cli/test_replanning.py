@@ -83,8 +83,8 @@ def test_samples_are_planned_up_to_their_most(made: Making) -> None:
 @pytest.mark.parametrize(("latest", "reached", "words"), [
     (plan(0), True, "reached: 95 % of errors are expected below 0.25 mm"),
     (plan(0, expected_m=None), True, "reached: 95 % of errors are expected below 0 mm"),
-    (plan(4), False, "needs 4 samples more"),
-    (plan(4, reachable=False, budget=[SimpleNamespace(source="noise")]), False, "cannot be reached: noise forbids it"),
+    (plan(4), False, "needs 4 more samples"),
+    (plan(4, reachable=False, budget=[SimpleNamespace(source="noise")]), False, "largest part of the error is noise"),
     (plan(0, reachable=False), False, "cannot be reached"),
 ])  # fmt: skip
 def test_a_tolerance_is_reached(made: Making, latest: SimpleNamespace, reached: bool, words: str) -> None:

@@ -118,7 +118,7 @@ class Replanner:
         """The state as text."""
         from basecal.reporting.statement.verdict import PLACE_WORDS
 
-        goal = f"{1e3 * self.tolerance_m:.3g} mm {PLACE_WORDS[self._latest.place]}"
+        goal = f"{1e3 * self.tolerance_m:g} mm {PLACE_WORDS[self._latest.place]}"
         if self.is_reached:
             return f"{goal} reached: 95 % of errors are expected below {1e3 * (self._latest.expected_m or 0):.2g} mm"
         if self._latest.reachable:

@@ -67,6 +67,7 @@ def plan(needed, reachable, recorded=12, count=3, place="recorded places"):
     [
         (plan(3, True), 5e-4, "PASS: 0.5 mm where the arms worked: 3 samples reach it."),
         (plan(1, True), 5e-4, "PASS: 0.5 mm where the arms worked: 1 sample reaches it."),
+        (plan(2, True), 1.5, "PASS: 1500 mm where the arms worked: 2 samples reach it."),
         (plan(4, True), 5e-4, "DOUBTFUL: 0.5 mm where the arms worked takes 4 samples, of which 3 are planned."),
         (
             plan(0, True, place="task box"),

@@ -122,7 +122,7 @@ def far_stops(evidence: Evidence) -> list[Finding]:
     if not samples or evidence.robust.agreeing or any(not o.ids for o in evidence.robust.outliers):
         return []
     what = f"A robot's pose was off by up to {errors.max():.0f} of its sigmas at {list_samples(samples)}."
-    why, do = "It was taken before the arm settled, or bumped.", ("Leave these samples out, or state a larger noise.",)
+    why, do = "The arm had not settled, or was bumped.", ("Leave these samples out, or state a larger noise.",)
     return [Finding("outlier-samples", "warning", tuple(map(str, samples)), what, do, why)]
 
 

@@ -287,7 +287,7 @@ def _symmetry_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
             yield ConventionHypothesis(
                 "board-symmetry",
                 (name,),
-                f"the observed poses of {name} are turned by half a turn: the grid was read from its other end",
+                f"the observed poses of {name} are rotated by half a turn: the grid was read from its other end",
                 f"let the origin of {name} be its other end, or use a target without symmetry",
                 "use a target without symmetry",
                 partial(_turn_target, name=name, target_from_turned=turn),

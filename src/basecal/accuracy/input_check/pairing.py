@@ -161,7 +161,7 @@ def _half_turn_hypothesis(group: ViewGroup, turn: SE3, mask: BoolArray) -> Conve
     return ConventionHypothesis(
         "board-symmetry",
         (name, *map(str, numbers)),
-        f"the observed poses of {name} are turned by half a turn at sample {shown}: read from the grid's other end",
+        f"the observed poses of {name} are rotated by half a turn at sample {shown}: read from the grid's other end",
         "turn these poses, or use a target without symmetry",
         "use a target without symmetry",
         lambda reading: reading.map_groups(turn_group),

@@ -84,7 +84,7 @@ def error_tile(expected_m: float, tolerance_m: float | None, is_final: bool = Tr
     value, name = f"{two_digits(1e3 * expected_m)} mm", "expected error, 95 %"
     if tolerance_m is None:
         return Tile(value, name)
-    limit = f"{1e3 * tolerance_m:.3g} mm"
+    limit = f"{1e3 * tolerance_m:g} mm"
     kind = "within" if expected_m <= tolerance_m else "beyond" if is_final else "open"
     most = _BAR_ROOM * max(expected_m, tolerance_m)
     return Tile(value, f"{name}; tolerance {limit}", limit, (expected_m / most, tolerance_m / most), kind)

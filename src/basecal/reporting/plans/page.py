@@ -88,7 +88,7 @@ def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:
     expected = _error_words(plan)
     if tolerance_m is None:
         return Headline("GOOD", outcome(plan))
-    needed = f"{1e3 * tolerance_m:.3g} mm {PLACE_WORDS[plan.place]}"
+    needed = f"{1e3 * tolerance_m:g} mm {PLACE_WORDS[plan.place]}"
     if plan.reachable is False:
         source = f" The largest part of the error is {plan.budget[0].source}." if plan.budget else ""
         return Headline("FAIL", f"{needed} cannot be reached.{source}")

@@ -103,7 +103,7 @@ def calibrate_command(cell: Cell, calibration: Calibration, quoted_folder: str) 
 
 
 def _tolerance_text(tolerance_m: float) -> str:
-    return f"{1e3 * tolerance_m:.3g}mm"
+    return f"{1e3 * tolerance_m:g}mm"
 
 
 def headline(cell: Cell, calibration: Calibration) -> Headline:
@@ -120,7 +120,7 @@ def headline(cell: Cell, calibration: Calibration) -> Headline:
 
 def tolerance_sentence(check: Tolerance) -> str:
     """Sentence with the expected error and the tolerance."""
-    needed = f"tolerance {1e3 * check.asked_m:.3g} mm"
+    needed = f"tolerance {1e3 * check.asked_m:g} mm"
     if check.expected_95_m is None:
         return f"a requested transform is unknown, {needed}"
     return f"expected error {two_digits(1e3 * check.expected_95_m)} mm (95 %), {needed}"
