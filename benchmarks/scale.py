@@ -93,8 +93,8 @@ def page() -> str:
 # Scale
 
 This page estimates the cost of a million cells or a thousand robots from what [benchmarks](benchmarks.md) measured.
-`python -m benchmarks.scale` computes it from their results. A core hour is assumed to cost {CORE_HOUR:g} US dollars: put
-in your own price.
+`python -m benchmarks.scale` computes it from their results. A core hour is assumed to cost {CORE_HOUR:g} US dollars:
+put in your own price.
 
 {costs}
 
