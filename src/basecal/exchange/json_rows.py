@@ -29,7 +29,7 @@ def json_rows(text: str) -> str:
     lines = csv.writer(table, lineterminator="\n")
     if isinstance(data[0], dict):
         lines.writerow(records[0])
-    lines.writerows(each.values() for each in records)
+    lines.writerows([each[key] for key in records[0]] for each in records)
     return table.getvalue()
 
 
