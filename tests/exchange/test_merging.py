@@ -29,11 +29,11 @@ def cell(folder: Path, text: str, numbers: range = range(3), stamps: float | Non
     return folder
 
 
-def with_images(folder: Path, content: bytes) -> Path:
+def with_images(folder: Path, content: bytes, name: str = "0.png", number: int = 90) -> Path:
     images = folder / "recording" / "images" / "cam"
-    images.mkdir(parents=True)
-    (images / "0.png").write_bytes(b"\x89PNG\r\n\x1a\n" + content)
-    append_samples(folder, [Sample(90, None, {}, (), {"cam": "recording/images/cam/0.png"})])
+    images.mkdir(parents=True, exist_ok=True)
+    (images / name).write_bytes(b"\x89PNG\r\n\x1a\n" + content)
+    append_samples(folder, [Sample(number, None, {}, (), {"cam": f"recording/images/cam/{name}"})])
     return folder
 
 
@@ -71,6 +71,15 @@ def test_images_of_one_name_both_come_along(tmp_path: Path) -> None:
     paths = [s.images["cam"] for s in read_recording(tmp_path / "c").samples if s.images]
     assert [(tmp_path / "c" / path).read_bytes() for path in paths] == [b"\x89PNG\r\n\x1a\na", b"\x89PNG\r\n\x1a\nb"]
     assert Path(paths[1]).name == f"{last.sample:06d}_0.png"
+
+
+def test_a_numbered_image_is_not_taken_for_another(tmp_path: Path) -> None:
+    """A path that gets a number may be taken too, as in cells that were merged before."""
+    first = with_images(cell(tmp_path / "a", BASE + CAMERA, range(0)), b"a", number=0)
+    second = with_images(cell(tmp_path / "b", BASE + CAMERA, range(0)), b"b", "000002_0.png", 0)
+    merge_cells([first, with_images(second, b"c", number=1)], tmp_path / "c")
+    paths = [sample.images["cam"] for sample in read_recording(tmp_path / "c").samples]
+    assert [(tmp_path / "c" / path).read_bytes()[8:] for path in paths] == [b"a", b"b", b"c"]
 
 
 def test_three_at_once(tmp_path: Path) -> None:

@@ -231,7 +231,6 @@ def _image(part: Part, path: str, number: int, files: dict[str, Path]) -> str:
     source = part.folder / path
     if not source.is_file():
         return path
-    if files.setdefault(path, source) != source:
+    while files.setdefault(path, source) != source:
         path = numbered_path(path, number)
-        files[path] = source
     return path

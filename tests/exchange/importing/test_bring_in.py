@@ -135,6 +135,17 @@ def test_images_of_two_days_have_one_name(tmp_path: Path) -> None:
     assert pose.translation[1] == 0
 
 
+def test_images_of_one_name_in_two_folders(tmp_path: Path) -> None:
+    """Each sample has its own image, and a path of an earlier session is not taken again."""
+    (first,), (second,) = (images(tmp_path / name, ["IMG.png"]).rows for name in "ab")
+    (tmp_path / "b" / "IMG.png").write_bytes(b"\x89PNG\r\n\x1a\nsecond")
+    cell = {"robots": {"left": {}}, "cameras": {"cam": {"on": "left"}}}
+    add_to_cell(tmp_path / "c", Imported("list", "pictures", (first, second), cell), fine)
+    paths = [sample.images["cam"] for sample in read_recording(tmp_path / "c").samples]
+    assert [(tmp_path / "c" / path).read_bytes()[8:] for path in paths] == [b"IMG.png", b"second"]
+    assert Path(paths[1]).name == "000001_IMG.png"
+
+
 def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
     """What was recorded before is not held against what comes now."""
     add_to_cell(tmp_path, poses("left", 2), fine)

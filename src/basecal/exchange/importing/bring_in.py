@@ -213,14 +213,16 @@ def _additions(
     rows: tuple[Row, ...], pairing: Pairing, samples_by_path: Mapping[str, int]
 ) -> tuple[list[Sample], dict[str, Path]]:
     """Additions to each sample, and the new images by unique path in the cell."""
-    samples, image_files = [], {}
+    samples: list[Sample] = []
+    image_files: dict[str, Path] = {}
     for row, number in zip(rows, pairing.numbers, strict=True):
         if number is None:
             continue
         images: dict[str, Any] = {}
         for camera, source in row.images.items():
             path = f"{_FOLDER}/images/{camera}/{source.name}"
-            images[camera] = numbered_path(path, number) if samples_by_path.get(path, number) != number else path
-            image_files[images[camera]] = source
+            while samples_by_path.get(path, number) != number or image_files.get(path, source) != source:
+                path = numbered_path(path, number)
+            images[camera], image_files[path] = path, source
         samples.append(Sample(number, row.stamp_s, row.robots, row.observations, images))
     return samples, image_files
