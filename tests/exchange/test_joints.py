@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,6 +51,45 @@ def test_in_order_by_name_and_by_number(tmp_path: Path, limited: SerialChain) ->
         "".join(f"[{row}]\n" for row in lines(ROWS).splitlines()),
     ):
         np.testing.assert_allclose(read(tmp_path, text, limited), ROWS, atol=1e-10)
+
+
+def test_other_numbered_columns_are_left_out(tmp_path: Path, limited: SerialChain) -> None:
+    """A quaternion q1 to q4 beside the joints j1 to j6, as in logs of ABB."""
+    header = ",".join([*(f"j{i}" for i in range(1, 7)), "x", *(f"q{i}" for i in range(1, 5))])
+    text = f"{header}\n" + "".join(f"{row},0.4,1,0,0,0\n" for row in lines(ROWS).splitlines())
+    np.testing.assert_allclose(read(tmp_path, text, limited), ROWS, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        lambda names: [*names, *names],
+        lambda names: [f"{name}.{kind}" for kind in ("position", "velocity") for name in names],
+        lambda names: [f"{letter}{i}" for letter in "jq" for i in range(6)],
+        lambda names: [f"j{i}" for _ in range(2) for i in range(6)],
+    ],
+)
+def test_joints_with_two_columns_are_refused(
+    tmp_path: Path, limited: SerialChain, columns: Callable[[tuple[str, ...]], list[str]]
+) -> None:
+    """Of two arms, of velocities or of torques: the last ones were taken."""
+    header = columns(limited.joint_names)
+    text = ",".join(header) + "\n" + "".join(f"{row},0,0,0,0,0,0\n" for row in lines(ROWS).splitlines())
+    expected = f"names the joint '{limited.joint_names[0]}' twice, {header[0]}, {header[6]}: keep one"
+    with pytest.raises(DatasetError, match=expected):
+        read(tmp_path, text, limited)
+
+
+@pytest.mark.parametrize("column", ["j{}_{}", "j{} [{}]", "j{}({})", "j{}.{}"])
+def test_units_of_the_header_hold(tmp_path: Path, limited: SerialChain, column: str) -> None:
+    """They agree with --deg, or what to do is said."""
+    header = {unit: ",".join(column.format(i, unit) for i in range(1, 7)) + "\n" for unit in ("deg", "rad")}
+    np.testing.assert_allclose(read(tmp_path, header["rad"] + lines(ROWS), limited), ROWS, atol=1e-10)
+    np.testing.assert_allclose(read(tmp_path, header["deg"] + lines(np.degrees(ROWS)), limited, True), ROWS, atol=1e-10)
+    with pytest.raises(DatasetError, match=r"j1.*the unit is deg, but another is read: give --deg"):
+        read(tmp_path, header["deg"] + lines(ROWS / 10), limited)
+    with pytest.raises(DatasetError, match=r"j1.*the unit is rad, but another is read: remove --deg"):
+        read(tmp_path, header["rad"] + lines(ROWS), limited, True)
 
 
 def test_degrees_where_they_are_said(tmp_path: Path, limited: SerialChain) -> None:

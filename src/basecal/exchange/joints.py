@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain as joined
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from basecal.cell import RobotState
-from basecal.errors import DatasetError, InputError, UsageError
+from basecal.errors import DatasetError, InputError, UsageError, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import keyed_rows
 from basecal.exchange.importing.imported import Row, known_cell
@@ -24,7 +26,8 @@ _UNLIMITED_RAD = 2.2 * math.pi  # largest angle of a joint without limits: a bit
 _FEWEST_ROWS = 3  # rows with small angles needed to conclude a wrong unit
 _DEGREE = math.radians(1)
 # How controllers number joints: j1, q1, a1 (KUKA), joint_1, theta1; from 0 or from 1.
-_NUMBERED = re.compile(r"(?:joint|axis|theta|j|q|a)[_ ]?(\d+)(?:[_. ]?(?:deg|rad|pos))?", re.IGNORECASE)
+_NUMBERED = re.compile(r"(joint|axis|theta|j|q|a)[_ ]?(\d+)(?:[_. ]?pos)?", re.IGNORECASE)
+_UNIT = re.compile(r"[\s\[(_.]+(deg|rad|°)[\])]?$", re.IGNORECASE)
 _WIDEST_DEG = 45.0  # largest sigma of a joint offset: a larger one is no information
 
 
@@ -39,12 +42,12 @@ def read_joints(path: str, robot: str, chain: SerialChain, in_degrees: bool) -> 
         in_degrees: Whether values are in degrees; if False, in radians.
 
     Raises:
-        DatasetError: with file and line, if the content is invalid or a joint exceeds its limits. It is also raised if
-            values stated in degrees look like radians.
+        DatasetError: with file and line, if the content is invalid, columns are ambiguous or in another unit, or a
+            joint exceeds its limits. It is also raised if values stated in degrees look like radians.
     """
     text = read_table_text(path, "a table of joints")
     table = select_robot(read_text_table(text, path, chain.joint_names), robot)
-    values = np.array(list(rows_of_numbers(table, _columns(table, chain))))
+    values = np.array(list(rows_of_numbers(table, _columns(table, chain, in_degrees))))
     joints = values * _DEGREE if in_degrees else values
     _check_limits(table, values, joints, chain, in_degrees)
     return tuple(
@@ -52,21 +55,41 @@ def read_joints(path: str, robot: str, chain: SerialChain, in_degrees: bool) -> 
     )
 
 
-def _columns(table: TextTable, chain: SerialChain) -> list[str]:
+def _columns(table: TextTable, chain: SerialChain, in_degrees: bool) -> list[str]:
     """Names of the columns of the chain's joints, in the chain's order."""
-    names = chain.joint_names
-    if table.header is None or all(name in table.header for name in names):
+    names, path = chain.joint_names, table.path
+    if table.header is None:
         return list(names)
+    found = _find_columns(table.header, names)
+    if not found:
+        present = ", ".join(table.header)
+        expected = f"expected {', '.join(names)}, or {len(names)} numbered ones such as j1, q1 or A1"
+        raise DatasetError(path, f"has columns {present}; {expected}")
+    for name, columns in zip(names, found, strict=True):
+        if len(columns) > 1:
+            raise DatasetError(path, f"names the joint {name!r} twice, {list_names(columns)}: keep one")
+        unit = None if columns[0] == name else _UNIT.search(columns[0])
+        if unit is not None and (unit[1].lower() != "rad") != in_degrees:
+            do = "remove --deg" if in_degrees else "give --deg"
+            raise DatasetError(path, f"the unit is {unit[1]}, but another is read: {do}", field=columns[0])
+    return [columns[0] for columns in found]
+
+
+def _find_columns(header: Sequence[str], names: Sequence[str]) -> list[list[str]]:
+    """Columns of each joint, by the first way of naming that has all joints; empty if none has."""
+    plain = {column: _UNIT.sub("", column.strip()) for column in header}
     # LeRobot and others write `shoulder_pan.pos`.
-    by_stem = {column.rpartition(".")[0] or column: column for column in table.header}
-    if all(name in by_stem for name in names):
-        return [by_stem[name] for name in names]
-    numbered = {int(found[1]): column for column in table.header if (found := _NUMBERED.fullmatch(column.strip()))}
-    if len(numbered) == len(names):
-        return [numbered[number] for number in sorted(numbered)]
-    present = ", ".join(table.header)
-    expected = f"expected {', '.join(names)}, or {len(names)} numbered ones such as j1, q1 or A1"
-    raise DatasetError(table.path, f"has columns {present}; {expected}")
+    stems = {column: name.rpartition(".")[0] or name for column, name in plain.items()}
+    for naming in ({column: column for column in header}, plain, stems):
+        found = [[column for column in header if naming[column] == name] for name in names]
+        if all(found):
+            return found
+    families: dict[str, dict[int, list[str]]] = {}
+    for column in header:
+        if numbered := _NUMBERED.fullmatch(plain[column]):
+            families.setdefault(numbered[1].lower(), {}).setdefault(int(numbered[2]), []).append(column)
+    whole = [[family[k] for k in sorted(family)] for family in families.values() if len(family) == len(names)]
+    return [[*joined.from_iterable(columns)] for columns in zip(*whole, strict=True)]
 
 
 def radians_finding(values: Array) -> str:
