@@ -49,6 +49,11 @@ def values(text: str) -> list[list[float]]:
         '"x","y","z"\n"0.1","2","-30"\n',
         "! a comment\n; another\n// and one more\n\n0.1 2 -30\n",
         "[[0.1, 2, -30], [1, 0, 0, 0], [0, 0, 0, 0]]\n",
+        "; z x y\n-30 0.1 2\n",
+        "// z, x, y, note [1]\n-30, 0.1, 2, good\n",
+        "; z; x; y\n-30; 0,1; 2\n",
+        ";z;x;y\n0;-30;0.1;2\n",
+        "// x was low\n// z y x\n-30 2 0.1\n",
     ],
 )
 def test_one_row_however_it_is_written(text: str) -> None:
@@ -303,3 +308,21 @@ def test_a_title_has_one_cell(title: str) -> None:
     assert read_text_table(f"{title}\nx;y;z\n1;2;3\n", "t.csv", NAMES).header == ("x", "y", "z")
     table = read_text_table("Hall;Monday;late\nx;y;z\n1;2;3\n", "t.csv", NAMES)
     assert table.header == ("Hall", "Monday", "late")
+
+
+def test_a_comma_beside_points_is_no_decimal_sign() -> None:
+    """It separates thousands, which would be read a thousand times too small."""
+    assert values("x;y;z;note\n1,234;500,5;7;a.b\n") == [[1.234, 500.5, 7]]
+    with pytest.raises(DatasetError, match=r"t.csv:3: x: '1,234' has a comma, '500.5' a point: remove the thousands"):
+        values("x;y;z\n1;500.5;7\n1,234;501;7\n")
+
+
+def test_a_comment_of_any_mark_is_the_header() -> None:
+    """With units, and in capitals."""
+    assert read_text_table("; Z X_mm Y\n1 2 3\n", "t.csv", NAMES).header == ("Z", "X_mm", "Y")
+    assert read_text_table("// Z [mm], X [mm], Y [mm]\n1, 2, 3\n", "t.csv", NAMES).header == (
+        "Z [mm]",
+        "X [mm]",
+        "Y [mm]",
+    )
+    assert read_text_table("; as of Monday\n1 2 3\n", "t.csv", NAMES).header is None

@@ -98,7 +98,7 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
     if poses := tuple(_bracket_rows(content, names, path)):
         return TextTable(path, None, poses)
     content = list(_omit_titles(content))
-    separator, header = _heading(lines, content)
+    separator, header = _heading(lines, content, names)
     if content and _header(content[0][1]):
         content = content[1:]
     if header is not None and content and (units := _units(content[0][1], separator, len(header))):
@@ -138,7 +138,7 @@ def _check_summaries(rows: Sequence[TextRow], path: str) -> None:
 
 
 def _heading(
-    lines: Sequence[tuple[int, str]], content: Sequence[tuple[int, str]]
+    lines: Sequence[tuple[int, str]], content: Sequence[tuple[int, str]], names: Sequence[str]
 ) -> tuple[str | None, tuple[str, ...] | None]:
     """Separator and header: the first line if none of its cells is a number, or a comment with as many cells."""
     if not content:
@@ -147,9 +147,17 @@ def _heading(
     if found := _header(first):
         return found
     for _, line in lines:
-        if line.startswith(_COMMENTS) and (found := _header(line)) and len(_split(first, found[0])) == len(found[1]):
-            return found
+        for found in (_named_header(line, names), _header(line)) if line.startswith(_COMMENTS) else ():
+            if found and len(_split(first, found[0])) == len(found[1]):
+                return found
     return _separator(first), None
+
+
+def _named_header(line: str, names: Sequence[str]) -> tuple[str | None, tuple[str, ...]] | None:
+    """Header in a comment of any mark, if several cells are expected names; None for remarks."""
+    found = _header(line.lstrip("#!;/ "))
+    words = {word.lower() for cell in (found[1] if found else ()) for word in (cell, re.split(r"[_\s\[(]", cell)[0])}
+    return found if len(words & set(map(str.lower, names))) > 1 else None
 
 
 def as_name(text: str) -> str:
@@ -358,7 +366,19 @@ def rows_of_numbers(table: TextTable, columns: Sequence[str]) -> Iterator[list[f
     """Parse the numbers of each row in the given columns.
 
     Raises:
-        DatasetError: if a cell is not a number, or a row lacks a column.
+        DatasetError: if a cell is not a number, a row lacks a column, or numbers have different decimal signs.
     """
+    _check_decimal_signs(table, columns)
     for row in table.rows:
         yield [parse_number(table.cell(row, name), table.path, row.line, name) for name in columns]
+
+
+def _check_decimal_signs(table: TextTable, columns: Sequence[str]) -> None:
+    """Check that no number has a decimal comma if others have a point: the comma may separate thousands."""
+    cells = [(row.line, name, row.cells.get(name, "").strip("\"' ")) for row in table.rows for name in columns]
+    comma = next((cell for cell in cells if "," in cell[2] and _DECIMAL_COMMA.fullmatch(cell[2])), None)
+    point = next((text for _, _, text in cells if "." in text), None) if comma else None
+    if comma is not None and point is not None:
+        line, name, text = comma
+        what = f"{shorten(text)} has a comma, {shorten(point)} a point: remove the thousands separators"
+        raise DatasetError(table.path, f"{what}, or write one decimal sign", line, name)
