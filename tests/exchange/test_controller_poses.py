@@ -296,6 +296,42 @@ def test_keys_say_where_rows_belong() -> None:
     assert (row.image, row.line) == ("IMG_7", 2)
 
 
+@pytest.mark.parametrize(
+    ("header", "cell"),
+    [
+        ("time [s],x", "12.5"),
+        ("Timestamp (s),x", "12.5"),
+        ("time_s,x", "12.5"),
+        ("t [ms],x", "12500"),
+        ("stamp_us,x", "12500000"),
+        ("#timestamp [ns],x [m]", "12500000000"),
+        ("time,x\nms,mm", "12500"),
+        ("t_mm,time,x", "3,12.5"),
+    ],
+)
+def test_times_have_the_unit_of_their_header(header: str, cell: str) -> None:
+    """A time with a unit was left out, and rows were paired in order."""
+    table = read_text_table(f"{header}\n{cell},1\n", "t.csv", ("x",))
+    assert [row.stamp_s for row in keyed_rows(table)] == [pytest.approx(12.5)]
+
+
+def test_times_of_this_year_in_nanoseconds_need_their_unit() -> None:
+    """It is named where to look; with the unit they are seconds since 1970."""
+    text = "timestamp,x\n1700000000500000000,1\n"
+    with pytest.raises(
+        DatasetError, match=r"t.csv:2: timestamp: '1700000000500000000' is .*, or beyond 1e\+12: check its"
+    ):
+        keyed_rows(read_text_table(text, "t.csv", ("x",)))
+    (row,) = keyed_rows(read_text_table(text.replace("stamp", "stamp_ns"), "t.csv", ("x",)))
+    assert row.stamp_s == pytest.approx(1700000000.5, abs=1e-6)
+
+
+def test_two_columns_of_one_key_are_refused() -> None:
+    """The last one was taken."""
+    with pytest.raises(DatasetError, match=r"t.csv: names the column 'time' twice: keep one"):
+        keyed_rows(read_text_table("time,x,time\n1,2,3\n", "t.csv", ("x",)))
+
+
 def test_stacked_matrices_of_a_real_recording() -> None:
     """Ten poses of a UR5e, 4x4 one below the other: each a rotation, within the arm's reach."""
     file = data_folder() / "ur5e_dual_charuco_2023" / "r1_tf.txt"

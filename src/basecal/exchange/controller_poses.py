@@ -51,7 +51,7 @@ _KEYS = {
         *("image_name", "image_file", "image name", "image file", "bildname", "bilddatei", "dateiname"),
     ),
     "sample": ("sample",),
-    _STAMP: ("stamp_s", "stamp", "timestamp", "time_s", "time", "t"),
+    _STAMP: ("stamp", "timestamp", "time", "t"),
 }
 _POSITION = r"(?:.*[ ._/])?(?:pos|position|trans|translation)"
 _ROTATION = r"(?:.*[ ._/])?(?:rot|rotation|orientation|quat|quaternion)"
@@ -64,10 +64,11 @@ _ALIASES = {
     **{axis: rf"{_ROTATION}[ ._/]*{axis}" for axis in ("a", "b", "c", "w", "p", "r")},
 }
 _JOINT = re.compile(r"(?:joint|axis|theta|j|q|a|actual_q)[_ ]?\d")
-_UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(/]\s*|\s+in\s+)(mm|m|inch|in|deg|rad|°)[\])]?$")
+_UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(/]\s*|\s+in\s+)(mm|m|inch|in|deg|rad|°|s|ms|us|µs|ns)[\])]?$")
 _LENGTHS: dict[str, _Unit] = {name: _Unit(size, f"--length-unit {name}") for name, size in METRES.items()}
 _LENGTHS["in"] = _LENGTHS["inch"]
 _ANGLES = {"deg": _Unit(DEGREE, "--deg"), "°": _Unit(DEGREE, "--deg"), "rad": _Unit(RADIAN, "--rad")}
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _FULL_TURN = 2 * np.pi  # [rad]
 _SMALL_TURN = np.pi  # [deg]: in a calibration some angle always exceeds it
 _SHORT_MATRIX = 12  # numbers of a matrix without its last row
@@ -357,23 +358,26 @@ def _other_controllers(numbers: Array, convention: AnyConvention, reading: Readi
 
 
 def keyed_rows(table: TextTable) -> list[Row]:
-    """Convert a table to rows with the keys of its columns `image`, `sample` and `stamp_s`.
+    """Convert a table to rows with the keys of its columns `image`, `sample` and `stamp_s`, or a time with its unit.
 
     Raises:
         DatasetError: if a sample is not a whole number, or a time is not a number.
     """
-    columns = {plain_column(column): column for column in table.rows[0].cells}
+    units = {column: _UNIT.match(column.strip().lower()) for column in table.rows[0].cells}
+    columns = {plain_column(column): column for column, unit in units.items() if unit is None or unit[2] in _SECONDS}
     image, sample, stamp = (next((columns[n] for n in names if n in columns), None) for names in _KEYS.values())
     if image is None:
         cells = table.rows[0].cells
         image = next((name for name in cells if all(is_image(row.cells.get(name, "")) for row in table.rows)), None)
+    unit = units.get(stamp or "")
+    unit_s = 1.0 if unit is None else _SECONDS[unit[2]]
     rows = []
     for row in table.rows:
         name = None if image is None else row.cells[image].strip("\"' ")
         number = None if sample is None else parse_number(table.cell(row, sample), table.path, row.line, sample)
         if sample is not None and number is not None and (number != int(number) or number < 0):
             raise DatasetError(table.path, f"{table.cell(row, sample)} is not a whole number from 0", row.line, sample)
-        stamp_s = None if stamp is None else parse_time(table.cell(row, stamp), table.path, row.line, stamp)
+        stamp_s = None if stamp is None else parse_time(table.cell(row, stamp), table.path, row.line, stamp, unit_s)
         sample_number = None if number is None else int(number)
         rows.append(Row(image=name, sample=sample_number, stamp_s=stamp_s, line=row.line))
     return rows

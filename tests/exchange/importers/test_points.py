@@ -94,6 +94,14 @@ def test_two_units_are_an_error(tmp_path):
         PointTable.read(str(tmp_path / "a.txt"), None)
 
 
+@pytest.mark.parametrize("header", ["x_mm y_mm z_mm x_in", "X_mm Y_mm Z_mm x_mm", "x_mm y_mm z_mm x_mm"])
+def test_two_columns_of_one_coordinate_are_an_error(tmp_path: Path, header: str) -> None:
+    """Such as a nominal and a measured one, of which the last was read."""
+    (tmp_path / "a.txt").write_text(f"{header}\n1 2 3 4\n")
+    with pytest.raises(DatasetError, match=r"has two columns of one coordinate, [xX]_mm, x_(in|mm): keep one"):
+        PointTable.read(str(tmp_path / "a.txt"), None)
+
+
 @pytest.mark.parametrize(("column", "numbers", "joined"), [
     ("sample", "0 0 3 1", [[0, 1], [2], [3]]), ("stamp_s", "2.5 2.5 3 1", [[0, 1], [2], [3]]),
     ("note", "0 0 3 1", [[0], [1], [2], [3]]),

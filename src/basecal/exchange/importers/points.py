@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.cell import PointObservation
-from basecal.errors import DatasetError, UsageError
+from basecal.errors import DatasetError, UsageError, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import column_unit, keyed_rows, plain_column
 from basecal.exchange.importing.imported import Imported, Row, known_cell
@@ -124,10 +124,12 @@ class PointTable:
             DatasetError: if x, y or z is missing, or the unit of lengths is missing or ambiguous.
         """
         table = read_text_table(read_table_text(path, "a table of points"), path, _AXES)
-        by_name = {plain_column(column): column for column in table.header or ()}
-        if not by_name.keys() >= set(_AXES):
+        found = [[column for column in table.header or () if plain_column(column) == axis] for axis in _AXES]
+        if not all(found):
             raise DatasetError(path, f"has columns {', '.join(table.header or ()) or 'without names'}; {_ACCEPTED}")
-        columns = [by_name[axis] for axis in _AXES]
+        if double := next((each for each in found if len(each) > 1), None):
+            raise DatasetError(path, f"has two columns of one coordinate, {list_names(double)}: keep one")
+        columns = [column for (column,) in found]
         name, size = _unit(path, columns, length_m)
         points = np.array(list(rows_of_numbers(table, columns))) * size
         targets = table.names("target", "reflector", "point", "marker", "name") or ()

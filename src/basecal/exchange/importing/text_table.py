@@ -31,7 +31,7 @@ _URSCRIPT_POSE = re.compile(r"\bp\[")  # without the p it is a list of joints
 # Lines that must hold a pose: they start with a bracket or have a keyword of URScript, RAPID or KRL.
 _POSE_CLAIM = re.compile(r"^[\[({]|\bp\[|\brobtarget\b.*:=|\b(?:E6POS|POS|FRAME)\b.*=", re.IGNORECASE)
 _BRACKETED = re.compile(r"\[[^\[\](){}]*\]|\{[^\[\](){}]*\}|\([^\[\](){}]*\)")  # without nested brackets
-_UNIT_CELL = re.compile(r"(?:mm|m|inch|in|deg|rad|°|s|)")
+_UNIT_CELL = re.compile(r"(?:mm|m|inch|in|deg|rad|°|s|ms|us|µs|ns|)")
 _SUMMARY = re.compile(
     r"(?:mittel(?:wert)?|average|mean|avg|sum|total|summe|min|max|std|stdev|median|standardabweichung)\W*",
     re.IGNORECASE,
@@ -66,8 +66,10 @@ class TextTable:
         """Return the text of a row's cell.
 
         Raises:
-            DatasetError: if the row has no such column, or the cell is empty.
+            DatasetError: if the row has no such column or two of them, or the cell is empty.
         """
+        if (self.header or ()).count(column) > 1:
+            raise DatasetError(self.path, f"names the column {column!r} twice: keep one")
         if column not in row.cells:
             raise DatasetError(self.path, f"has no {column} but {', '.join(row.cells)}", row.line)
         if not row.cells[column].strip("\"' "):
@@ -182,33 +184,40 @@ def select_robot(table: TextTable, robot: str) -> TextTable:
     return replace(table, rows=rows)
 
 
-def parse_number(cell: str, path: str, line: int, name: str) -> float:
-    """Parse the number in a cell, with a decimal point or comma.
+def parse_number(cell: str, path: str, line: int, name: str, unit: float = 1.0) -> float:
+    """Parse the number in a cell, with a decimal point or comma, and multiply it by its unit.
 
     Raises:
         DatasetError: if the text is not a number, or the number is not finite or too large.
     """
     text = cell.strip().strip("\"'").rstrip(",")
     try:
-        value = parse_float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
+        value = parse_float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text) * unit
     except ValueError:
         cause = ": remove the thousands separators" if _THOUSANDS.fullmatch(text) else ""
         cause = ": write its unit in the header" if _WITH_UNIT.fullmatch(text) else cause
         raise DatasetError(path, f"{shorten(text)} is not a number{cause}", line, name) from None
     if not abs(value) <= _LARGEST:
-        raise DatasetError(path, f"{shorten(text)} is not finite, or beyond {_LARGEST:g}", line, name)
+        raise DatasetError(path, f"{shorten(text)} is not finite, or beyond {_LARGEST:g}: check its unit", line, name)
     return value
 
 
-def parse_time(cell: str, path: str, line: int, name: str) -> float:
+def parse_time(cell: str, path: str, line: int, name: str, unit_s: float = 1.0) -> float:
     """Parse the time in a cell [s]: a number, or an ISO 8601 date and time, in UTC if it has no zone.
+
+    Args:
+        cell: Text of the cell.
+        path: Name of the table in errors.
+        line: Number of its line.
+        name: Name of its column.
+        unit_s: Unit of a number [s].
 
     Raises:
         DatasetError: if the text is neither.
     """
     text = cell.strip().strip("\"'")
     if _is_number(text) or not any(map(str.isdigit, text)):
-        return parse_number(cell, path, line, name)
+        return parse_number(cell, path, line, name, unit_s)
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
