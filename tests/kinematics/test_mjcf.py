@@ -59,6 +59,14 @@ def own_model():
     )
 
 
+def test_joints_without_names_differ(tmp_path) -> None:
+    """Two of one body, and of bodies without a name, are not taken for one joint in a table."""
+    text = """<mujoco><worldbody><body name="base"><body name="a"><joint/><joint axis="1 0 0"/><geom size="1"/>
+    <body><joint/><geom size="1"/><body><joint/><geom size="1"/><body name="flange"/></body></body></body></body>
+    </worldbody></mujoco>"""
+    assert chain_of(tmp_path, text).joint_names == ("a_joint", "a_joint_2", "_joint", "_joint_4")
+
+
 def test_flanges_are_where_mujoco_has_them(tmp_path) -> None:
     """At any joints the flange stands in the base as MuJoCo's own kinematics say."""
     chain, model = chain_of(tmp_path, ARM), own_model()

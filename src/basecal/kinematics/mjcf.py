@@ -55,6 +55,7 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
         first = int(model.body_jntadr[body])
         for joint in range(first, first + int(model.body_jntnum[body])):
             name = model.joint(joint).name or f"{model.body(body).name}_joint"
+            name = f"{name}_{len(names) + 1}" if name in names else name
             if not _is_hinge(model, joint):
                 raise DatasetError(
                     path, "is not a hinge, the only type supported between base and flange", field=f"joint {name!r}"
