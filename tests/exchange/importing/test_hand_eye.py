@@ -65,6 +65,17 @@ def test_a_new_cell(tmp_path: Path, on_robot: bool, robot: str) -> None:
     np.testing.assert_allclose(seen.camera_from_target.matrix, SEEN[1].matrix, atol=1e-12)
 
 
+@pytest.mark.parametrize("on_robot", [True, False])
+def test_a_guess_in_frames_of_the_files_robot_is_of_no_other(on_robot: bool) -> None:
+    """A target in the file's base is not the same pose in the flange of a second robot, nor is a camera."""
+    record, names = recorded(on_robot, camera_mount=POSES[0], target_mount=POSES[1]), Names("arm", "camera", "target")
+    carried, other = ("camera", "target") if on_robot else ("target", "camera")
+    for carrier, is_guessed in (("world", True), ("right", False)):
+        cell = imported_hand_eye(NO_CELL, record, names, carriers=Carriers(carrier, carrier)).cell
+        assert "guess" in cell[f"{carried}s"][carried]["mount"]
+        assert ("guess" in cell[f"{other}s"][other]["mount"]) == is_guessed
+
+
 def test_a_cell_that_is_there_tells_names_and_arrangement(tmp_path: Path) -> None:
     """The only camera and target, and the robot that carries the one that is carried; its mount stays as stated."""
     mount = {"status": "fixed", "t_m": [0, 0, 0.1], "q_xyzw": [0, 0, 0, 1]}

@@ -144,14 +144,20 @@ def imported_hand_eye(
     camera_on, target_on = _carriers(cell, record, names, carriers)
     is_world_base = isinstance(cell, NoCell) or cell.reference == names.robot
     # An estimated mount is a pose in the frames of the file's robot.
-    has_guess = camera_on == names.robot or (camera_on == WORLD and is_world_base)
+    known_frames = (names.robot, WORLD) if is_world_base else (names.robot,)
     camera: dict[str, Any] = {
         "on": camera_on,
-        **_mount(None if known_camera is None else known_camera.mount, record.camera_mount if has_guess else None),
+        **_mount(
+            None if known_camera is None else known_camera.mount,
+            record.camera_mount if camera_on in known_frames else None,
+        ),
     }
     target: dict[str, Any] = {
         "on": target_on,
-        **_mount(None if known_target is None else known_target.mount, record.target_mount),
+        **_mount(
+            None if known_target is None else known_target.mount,
+            record.target_mount if target_on in known_frames else None,
+        ),
     }
     if known_camera is None or known_camera.intrinsics is None:
         camera |= record.lens
