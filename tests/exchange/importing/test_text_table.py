@@ -313,6 +313,7 @@ def test_a_title_has_one_cell(title: str) -> None:
 def test_a_comma_beside_points_is_no_decimal_sign() -> None:
     """It separates thousands, which would be read a thousand times too small."""
     assert values("x;y;z;note\n1,234;500,5;7;a.b\n") == [[1.234, 500.5, 7]]
+    assert values("x;y;z\n1,2;0,125;7.5\n") == [[1.2, 0.125, 7.5]]
     with pytest.raises(DatasetError, match=r"t.csv:3: x: '1,234' has a comma, '500.5' a point: remove the thousands"):
         values("x;y;z\n1;500.5;7\n1,234;501;7\n")
 

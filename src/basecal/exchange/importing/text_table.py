@@ -21,6 +21,7 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _WITH_UNIT = re.compile(rf"(?:{_NUMBER.pattern}|{_DECIMAL_COMMA.pattern}) *(?:mm|cm|m|inch|in|deg|rad|°)")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:[,.' ]\d{3})+[.,]\d+")
+_PERHAPS_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 _NAMED_NUMBER = re.compile(r"([A-Za-z]\w*)(?:\s*[:=]\s*|\s+)([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _IMAGE = re.compile(r"\.(?:png|jpe?g|tiff?|bmp|webp|pgm|ppm)$", re.IGNORECASE)
 _LISTED_NUMBER = re.compile(rf"(?<![\w.]){_NUMBER.pattern}")
@@ -375,7 +376,7 @@ def rows_of_numbers(table: TextTable, columns: Sequence[str]) -> Iterator[list[f
     """Parse the numbers of each row in the given columns.
 
     Raises:
-        DatasetError: if a cell is not a number, a row lacks a column, or numbers have different decimal signs.
+        DatasetError: if a cell is not a number, a row lacks a column, or a comma may separate thousands.
     """
     _check_decimal_signs(table, columns)
     for row in table.rows:
@@ -383,9 +384,9 @@ def rows_of_numbers(table: TextTable, columns: Sequence[str]) -> Iterator[list[f
 
 
 def _check_decimal_signs(table: TextTable, columns: Sequence[str]) -> None:
-    """Check that no number has a decimal comma if others have a point: the comma may separate thousands."""
+    """Check that no number such as 1,234 stands beside others with a point: its comma may separate thousands."""
     cells = [(row.line, name, row.cells.get(name, "").strip("\"' ")) for row in table.rows for name in columns]
-    comma = next((cell for cell in cells if "," in cell[2] and _DECIMAL_COMMA.fullmatch(cell[2])), None)
+    comma = next((cell for cell in cells if "," in cell[2] and _PERHAPS_THOUSANDS.fullmatch(cell[2])), None)
     point = next((text for _, _, text in cells if "." in text), None) if comma else None
     if comma is not None and point is not None:
         line, name, text = comma
