@@ -132,6 +132,29 @@ def test_the_sheet_of_the_lowest_number_is_the_first() -> None:
     assert workbook_text(data, "w.xlsx") == "2\n"
 
 
+@pytest.mark.parametrize(
+    ("target", "state"), [("worksheets/sheet2.xml", "visible"), ("/xl/worksheets/data.xml", "hidden")]
+)
+def test_the_first_tab_is_the_first_sheet(target: str, state: str) -> None:
+    """Tabs may have been moved, files may have other names, and hidden sheets are left out."""
+    office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+    tabs = [("Notes", "visible", "r1"), ("Poses", "visible", "r2")]
+    tabs = [("Old", "hidden", "r1"), tabs[1]] if state == "hidden" else tabs[::-1]
+    sheets = "".join(f'<sheet name="{name}" sheetId="9" state="{shown}" r:id="{key}"/>' for name, shown, key in tabs)
+    places = {"r1": "worksheets/sheet1.xml", "r2": target}
+    links = "".join(f'<Relationship Id="{key}" Target="{place}"/>' for key, place in places.items())
+    body = f"<worksheet {MAIN}><sheetData><row><c><v>{{}}</v></c></row></sheetData></worksheet>"
+    parts = {
+        "xl__workbook": f'<workbook {MAIN} xmlns:r="{office}"><sheets>{sheets}</sheets></workbook>',
+        "xl__worksheets__sheet1": body.format(1),
+        f"xl__worksheets__{Path(target).stem}": body.format(2),
+    }
+    data = BytesIO(workbook([], **parts))
+    with ZipFile(data, "a") as archive:
+        archive.writestr("xl/_rels/workbook.xml.rels", f"<Relationships>{links}</Relationships>")
+    assert workbook_text(data.getvalue(), "w.xlsx") == "2\n"
+
+
 def test_a_string_that_is_not_there_is_damage() -> None:
     """A number beyond the shared strings."""
     with pytest.raises(DatasetError, match="is a damaged Excel workbook"):

@@ -1,6 +1,6 @@
 """Conversion of the first sheet of an Excel workbook (.xlsx) to comma-separated text.
 
-Source: ECMA-376, part 1, SpreadsheetML: `sheetData`, `row`, `c`, `v`, `is` and `sst`.
+Source: ECMA-376, part 1, SpreadsheetML: `sheets`, `sheetData`, `row`, `c`, `v`, `is` and `sst`.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import re
 import zlib
 from collections.abc import Iterator
 from io import BytesIO, StringIO
+from posixpath import join, normpath
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
@@ -17,6 +18,7 @@ from basecal.errors import DatasetError
 
 _SHEET = re.compile(r"xl/worksheets/sheet(\d+)\.xml")
 _STRINGS = "xl/sharedStrings.xml"
+_BOOK, _PARTS_OF_BOOK = "xl/workbook.xml", "xl/_rels/workbook.xml.rels"
 _REFERENCE = re.compile(r"([A-Z]{1,3})\d+")
 _LARGEST_BYTES = 2**25  # size limit of an unpacked part: a hundred thousand poses
 _MOST_COLUMNS = 256
@@ -37,11 +39,11 @@ def workbook_text(data: bytes, path: str) -> str:
 
     try:
         with ZipFile(BytesIO(data)) as archive:
-            numbers = {int(found[1]): found[0] for name in archive.namelist() if (found := _SHEET.fullmatch(name))}
-            if not numbers:
+            name = _first_sheet(archive, path)
+            if not name:
                 raise DatasetError(path, "holds no sheet of an Excel workbook: save it as CSV, and import that")
             strings = [_text(each) for each in _part(archive, _STRINGS, path)] if _STRINGS in archive.namelist() else []
-            sheet = _part(archive, numbers[min(numbers)], path)
+            sheet = _part(archive, name, path)
             rows = list(_rows(sheet, strings))
     except (BadZipFile, SyntaxError, DefusedXmlException, LookupError, ValueError, zlib.error, RuntimeError) as error:
         if isinstance(error, DatasetError):
@@ -50,6 +52,21 @@ def workbook_text(data: bytes, path: str) -> str:
     text = StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
+
+
+def _first_sheet(archive: ZipFile, path: str) -> str:
+    """Name of the part of the first visible sheet, else of the sheet with the lowest number; empty if there is none."""
+    names = archive.namelist()
+    if {_BOOK, _PARTS_OF_BOOK} <= {*names}:
+        targets = {each.get("Id"): each.get("Target", "") for each in _part(archive, _PARTS_OF_BOOK, path)}
+        sheets = [each for each in _part(archive, _BOOK, path).iter() if _tag(each) == "sheet"]
+        for sheet in (each for each in sheets if each.get("state", "visible") == "visible"):
+            place = next((value for key, value in sheet.items() if key.endswith("}id")), "")
+            name = normpath(join("/xl", targets.get(place, ""))).lstrip("/")
+            if name in names:
+                return name
+    numbers = {int(found[1]): found[0] for name in names if (found := _SHEET.fullmatch(name))}
+    return numbers[min(numbers)] if numbers else ""
 
 
 def _part(archive: ZipFile, name: str, path: str) -> Any:
