@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.exchange.exporters.mujoco import export_text
-from export_example import BASE, FIXED, MOUNT, all_poses, wanted
+from export_example import BASE, CELL, FIXED, MOUNT, all_poses, wanted
 
 
 def pose_in(data, model, child):
@@ -41,3 +41,13 @@ def test_several_transforms_are_one_model():
 def test_comments_keep_xml_whole():
     """Two hyphens, which XML forbids there, are parted."""
     mujoco.MjModel.from_xml_string(export_text(replace(wanted(), remarks=("a -- b --- c-",))))
+
+
+@pytest.mark.parametrize("robot", ["eye", "hand"])
+def test_a_frame_called_world_has_its_name_in_the_cell(robot: str) -> None:
+    """MuJoCo has a body of that name already."""
+    named = replace(CELL, robots={**CELL.robots, robot: replace(CELL.robots[robot], frames={"base": "world"})})
+    (one,) = wanted(BASE, cell=named).transforms
+    assert "world" in (one.parent, one.child)
+    model = mujoco.MjModel.from_xml_string(export_text(wanted(BASE, cell=named)))
+    assert f"{robot}_base" in [model.body(k).name for k in range(model.nbody)]

@@ -10,7 +10,7 @@ import pytest
 
 from basecal.errors import MissingExtra
 from basecal.exchange.exporters.usd import export_text
-from export_example import BASE, MOUNT, all_poses, wanted
+from export_example import BASE, CELL, MOUNT, all_poses, wanted
 
 
 def stage_of(text):
@@ -40,6 +40,14 @@ def test_frames_have_valid_names():
     """What USD cannot say in a name is an underscore."""
     stage = stage_of(export_text(wanted(BASE)))
     assert [prim.GetName() for prim in stage.Traverse()] == ["left_base_s", "right_base"]
+
+
+def test_names_that_become_equal_are_those_of_the_cell():
+    """Two frames that differ in what is an underscore in USD were one prim."""
+    names = {"eye": {"base": "left/base"}, "hand": {"base": "left_base"}}
+    robots = {name: replace(robot, frames=names[name]) for name, robot in CELL.robots.items()}
+    stage = stage_of(export_text(wanted(BASE, cell=replace(CELL, robots=robots))))
+    assert [prim.GetName() for prim in stage.Traverse()] == ["eye_base", "hand_base"]
 
 
 def test_several_transforms_are_one_stage():

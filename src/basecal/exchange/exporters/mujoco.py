@@ -10,6 +10,8 @@ from basecal.exchange.exports.exporter import Exporter, ExportRequest, comments,
 from basecal.exchange.exports.tree import FrameNode, frame_trees
 from basecal.exchange.urdf import exact_text
 
+_WORLD = "world"  # MuJoCo's name of `worldbody`
+
 
 def export_text(request: ExportRequest) -> str:
     """Format a model with one body per frame, nested in its parent frame; root frames are at the origin.
@@ -22,7 +24,7 @@ def export_text(request: ExportRequest) -> str:
     ):
         model.append(xml_comment(line))
     world = SubElement(model, "worldbody")
-    for node in frame_trees(request.transforms):
+    for node in frame_trees(request.transforms, lambda name: "" if name == _WORLD else name):
         _add(world, node)
     indent(model)
     return tostring(model, encoding="unicode") + "\n"

@@ -18,7 +18,7 @@ def export_text(request: ExportRequest) -> str:
     Source: openusd.org, UsdGeomXformable: a prim's `xformOp:translate`, then `xformOp:orient` on its right.
     """
     try:
-        from pxr import Sdf, Usd, UsdGeom
+        from pxr import Sdf, Tf, Usd, UsdGeom
     except ImportError:
         raise MissingExtra("usd", "a file of USD") from None
     stage = Usd.Stage.CreateInMemory()
@@ -28,7 +28,8 @@ def export_text(request: ExportRequest) -> str:
         [*request.remarks, *(describe_transform(transform, "m") for transform in request.transforms)], ""
     )
     stage.GetRootLayer().documentation = "\n".join(remarks)
-    roots = [_define(stage, node, Sdf.Path.absoluteRootPath) for node in frame_trees(request.transforms)]
+    trees = frame_trees(request.transforms, Tf.MakeValidIdentifier)
+    roots = [_define(stage, node, Sdf.Path.absoluteRootPath) for node in trees]
     stage.SetDefaultPrim(roots[0])
     text: str = stage.GetRootLayer().ExportToString()
     return text
@@ -36,9 +37,9 @@ def export_text(request: ExportRequest) -> str:
 
 def _define(stage: Any, node: FrameNode, parents: Any) -> Any:
     """Define the prims of a frame and its descendants, and return the frame's prim."""
-    from pxr import Gf, Tf, UsdGeom
+    from pxr import Gf, UsdGeom
 
-    prim = UsdGeom.Xform.Define(stage, parents.AppendChild(Tf.MakeValidIdentifier(node.name)))
+    prim = UsdGeom.Xform.Define(stage, parents.AppendChild(node.name))
     if node.parent_from_frame is not None:
         x, y, z, w = node.parent_from_frame.quaternion.tolist()
         prim.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*node.parent_from_frame.translation.tolist()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from basecal.exchange.exports.exporter import NamedTransform
@@ -25,17 +25,22 @@ class FrameNode:
     children: tuple[FrameNode, ...]
 
 
-def frame_trees(transforms: Sequence[NamedTransform]) -> tuple[FrameNode, ...]:
-    """Build trees from transforms, and return their roots: frames that are not a child of any other."""
+def frame_trees(transforms: Sequence[NamedTransform], valid_name: Callable[[str], str] = str) -> tuple[FrameNode, ...]:
+    """Build trees from transforms, and return their roots: frames that are not a child of any other.
+
+    Args:
+        transforms: The transforms.
+        valid_name: Function from a name to a name that the program allows; empty if it reserves the name.
+    """
     pairs = [transform.own_frames for transform in transforms]
     children = {child for _, child in pairs}
     roots = dict.fromkeys(parent for parent, _ in pairs if parent not in children)
-    # Names of frames in other programs, or in the cell if two of these names are equal.
+    # Names of frames in other programs, or in the cell if two of these names are equal, or one is reserved.
     external: dict[str, str] = {}
     for transform in transforms:
-        external |= zip(transform.own_frames, (transform.parent, transform.child), strict=True)
+        external |= zip(transform.own_frames, map(valid_name, (transform.parent, transform.child)), strict=True)
     counts = Counter(external.values())
-    names = {frame: name if counts[name] == 1 else frame for frame, name in external.items()}
+    names = {frame: name if name and counts[name] == 1 else frame for frame, name in external.items()}
     return tuple(_frame_node(root, None, transforms, names) for root in roots)
 
 
