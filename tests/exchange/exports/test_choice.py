@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration, Robot
+from basecal.cell import Calibration, Robot, Unknown
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exports.choice import both_directions, chosen_transforms, frame_names
 from basecal.geometry import PoseEstimate
@@ -45,6 +45,20 @@ def test_frames_with_transforms_between_them_are_chosen():
     assert (one.parent, one.child, one.status) == ("third_base", "right_base", "free")
     exact = replace(found, order=(), joint_covariance=None)
     assert chosen_transforms(exact, CELL, "third_base_from_hand_base")[0].status == "fixed"
+
+
+def test_frames_of_one_name_elsewhere_have_those_of_the_cell():
+    """Two bases base_link in one frame would be one frame of tf in two places; alone each keeps its name."""
+    third = "eye_base_from_third_base"
+    found = replace(CALIBRATION, transforms={**CALIBRATION.transforms, third: CALIBRATION[BASE]})
+    robots = {**CELL.robots, "third": Robot("third", frames={"base": "right_base"})}
+    cell = replace(CELL, robots=robots, bases={**CELL.bases, "third": Unknown()})
+    chosen = chosen_transforms(found, cell)
+    assert [(one.name, one.parent, one.child) for one in chosen] == [
+        (BASE, "left base's", "hand_base"),
+        (third, "left base's", "third_base"),
+    ]
+    assert chosen_transforms(found, cell, third)[0].child == "right_base"
 
 
 def test_both_directions_of_what_has_a_rotation():

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from basecal.cell import Calibration, Cell
@@ -14,6 +18,8 @@ def chosen_transforms(
     calibration: Calibration, cell: Cell | None = None, name: str | None = None
 ) -> tuple[NamedTransform, ...]:
     """Choose a transform by name in either direction, or without a name all requested transforms.
+
+    Several frames of one name in other programs have their names in the cell.
 
     Args:
         calibration: The calibration.
@@ -39,7 +45,25 @@ def chosen_transforms(
     if not names:
         known = ", ".join(calibration.transforms) or "none"
         raise InputError(f"no transform was estimated that could be exported; name one of: {known}")
-    return tuple(_find_transform(calibration, cell, each) for each in names)
+    found = [_find_transform(calibration, cell, each) for each in names]
+    distinct = distinct_names(found)
+    return tuple(
+        replace(each, parent=distinct[own[0]], child=distinct[own[1]]) for each in found for own in [each.own_frames]
+    )
+
+
+def distinct_names(transforms: Sequence[NamedTransform], valid_name: Callable[[str], str] = str) -> dict[str, str]:
+    """Names of frames in other programs, by their names in the cell, which replace those of several frames.
+
+    Args:
+        transforms: The transforms between the frames.
+        valid_name: Function from a name to a name that the program allows; empty if it reserves the name.
+    """
+    external: dict[str, str] = {}
+    for transform in transforms:
+        external |= zip(transform.own_frames, map(valid_name, (transform.parent, transform.child)), strict=True)
+    counts = Counter(external.values())
+    return {frame: name if name and counts[name] == 1 else frame for frame, name in external.items()}
 
 
 def both_directions(calibration: Calibration, cell: Cell | None = None) -> tuple[NamedTransform, ...]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from basecal.exchange.exports.choice import distinct_names
 from basecal.exchange.exports.exporter import NamedTransform
 from basecal.geometry import SE3
 
@@ -35,12 +35,7 @@ def frame_trees(transforms: Sequence[NamedTransform], valid_name: Callable[[str]
     pairs = [transform.own_frames for transform in transforms]
     children = {child for _, child in pairs}
     roots = dict.fromkeys(parent for parent, _ in pairs if parent not in children)
-    # Names of frames in other programs, or in the cell if two of these names are equal, or one is reserved.
-    external: dict[str, str] = {}
-    for transform in transforms:
-        external |= zip(transform.own_frames, map(valid_name, (transform.parent, transform.child)), strict=True)
-    counts = Counter(external.values())
-    names = {frame: name if name and counts[name] == 1 else frame for frame, name in external.items()}
+    names = distinct_names(transforms, valid_name)
     return tuple(_frame_node(root, None, transforms, names) for root in roots)
 
 
