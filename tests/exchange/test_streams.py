@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -163,6 +164,30 @@ def test_bad_archives(tmp_path: Path) -> None:
     ]:
         with pytest.raises(DatasetError, match=said):
             read_pixels(tmp_path / name)
+
+
+def test_points_of_many_samples_are_sorted_once(tmp_path: Path) -> None:
+    """Of fifty thousand images, in any order; this took minutes. An archive of no points has no samples."""
+    rng = np.random.default_rng(3)
+    columns = {key: each.ravel() for key, each in zip(("sample", "id"), np.mgrid[:50_000, :4], strict=True)}
+    mixed = {key: each[order] for order in [rng.permutation(200_000)] for key, each in columns.items()}
+    np.savez(tmp_path / "a.npz", **mixed, u=4.0 * mixed["sample"] + mixed["id"], v=np.zeros(200_000))
+    views = read_pixels(tmp_path / "a.npz")
+    assert list(views) == list(range(50_000))
+    np.testing.assert_array_equal([ids for ids, _ in views.values()], np.tile(np.arange(4), (50_000, 1)))
+    np.testing.assert_array_equal(np.concatenate([pixels[:, 0] for _, pixels in views.values()]), np.arange(200_000))
+    np.savez(tmp_path / "none.npz", **{key: np.zeros(0) for key in ("sample", "id", "u", "v")})
+    assert read_pixels(tmp_path / "none.npz") == {}
+
+
+@pytest.mark.parametrize("number", [1e300, 2.0**63, -1.0, 0.5])
+def test_numbers_that_count_nothing_are_refused_alone(tmp_path: Path, number: float) -> None:
+    """Without a warning of NumPy beside the error."""
+    np.savez(tmp_path / "a.npz", sample=np.array([0, number]), id=np.zeros(2), u=np.zeros(2), v=np.zeros(2))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(DatasetError, match=r"sample: row 1 is .*, expected a whole number from 0"):
+            read_pixels(tmp_path / "a.npz")
 
 
 def stream(name: str, count: int, seed: int) -> PoseStream:

@@ -33,6 +33,7 @@ from basecal.geometry import Array, IntArray
 Item = TypeVar("Item")
 Inverted = Literal["base-from-flange", "eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
 _ALIASES = {"sample": ("samples",), "id": ("ids",), "u": ("u_px",), "v": ("v_px",)}
+_LARGEST_INTEGER = 2.0**63
 _EXPECTED = "expected sample, id, u, v (one row per point; in an archive also pixels, (n, 2), for u and v)"
 
 
@@ -178,25 +179,23 @@ def read_pixels(path: str | Path) -> dict[int, tuple[IntArray, Array]]:
         raise DatasetError(name, f"has no {', '.join(missing)} but {', '.join(columns) or 'nothing'}; {_EXPECTED}")
     samples, ids = _whole_numbers(name, columns, "sample"), _whole_numbers(name, columns, "id")
     pixels = np.stack([columns["u"], columns["v"]], -1)
-    views = {}
-    for sample in np.unique(samples).tolist():
-        rows = np.flatnonzero(samples == sample)
-        rows = rows[np.argsort(ids[rows], kind="stable")]
-        repeated = ids[rows][1:][np.diff(ids[rows]) == 0]
-        if len(repeated):
-            raise DatasetError(name, f"sample {sample} has id {repeated[0]} twice")
-        views[sample] = ids[rows], pixels[rows]
-    return views
+    order = np.lexsort((ids, samples))
+    samples, ids, pixels = samples[order], ids[order], pixels[order]
+    is_first = np.diff(samples, prepend=-1) != 0
+    repeated = np.flatnonzero(~is_first & (np.diff(ids, prepend=-1) == 0))
+    if len(repeated):
+        raise DatasetError(name, f"sample {samples[repeated[0]]} has id {ids[repeated[0]]} twice")
+    firsts = np.flatnonzero(is_first)
+    parts = zip(np.split(ids, firsts)[1:], np.split(pixels, firsts)[1:], strict=True)
+    return dict(zip(samples[firsts].tolist(), parts, strict=True))
 
 
 def _whole_numbers(path: str, columns: Mapping[str, Array], key: str) -> IntArray:
-    integers = np.round(columns[key]).astype(np.int64)
-    wrong = np.flatnonzero((columns[key] != integers) | (integers < 0))
+    numbers = columns[key]
+    wrong = np.flatnonzero((numbers != np.round(numbers)) | (numbers < 0) | (numbers >= _LARGEST_INTEGER))
     if len(wrong):
-        raise DatasetError(
-            path, f"row {wrong[0]} is {columns[key][wrong[0]]:g}, expected a whole number from 0", field=key
-        )
-    return integers
+        raise DatasetError(path, f"row {wrong[0]} is {numbers[wrong[0]]:g}, expected a whole number from 0", field=key)
+    return numbers.astype(np.int64)
 
 
 def _from_archive(path: str) -> dict[str, Array]:
