@@ -71,6 +71,14 @@ def test_texts_of_windows(tmp_path, encoding):
     assert list(read_columns(path, ALIASES).values) == ["x", "a [°]", "gerät"]
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_lines_end_as_systems_end_them(tmp_path, end):
+    """Also with a carriage return alone, as Excel's CSV for Macintosh: it was one line."""
+    path = tmp_path / "a.csv"
+    path.write_bytes(end.join(["x,y", "1,2", "3,4", ""]).encode())
+    assert read_table_text(str(path), "a table") == "x,y\n1,2\n3,4\n"
+
+
 @pytest.mark.parametrize("sign", ["", "-", "\u2212"])
 def test_numbers_reach_to_a_million_millions(tmp_path, sign):
     """Either sign, also as word processors write it."""

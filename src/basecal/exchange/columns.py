@@ -44,7 +44,7 @@ _ARCHIVE, _OLD_SHEET = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes of .xls
 
 
 def read_table_text(path: str, content: str) -> str:
-    """Read the text of a file in UTF-8, UTF-16 or cp1252, or the first sheet of an Excel workbook.
+    """Read the text of a file in UTF-8, UTF-16 or cp1252, or the first sheet of an Excel workbook, with line feeds.
 
     Raises:
         DatasetError: if the file cannot be read, is too large or is not text; the message names the expected `content`.
@@ -60,7 +60,7 @@ def read_table_text(path: str, content: str) -> str:
         raise DatasetError(path, f"not text, expected {content}") from None
     if _BINARY.search(text):
         raise DatasetError(path, f"not text, expected {content}")
-    return text.replace(_MINUS, "-")
+    return text.replace(_MINUS, "-").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _eight_bit_text(data: bytes) -> str:

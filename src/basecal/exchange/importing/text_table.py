@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -199,7 +200,8 @@ def parse_number(cell: str, path: str, line: int, name: str, unit: float = 1.0) 
         cause = ": write its unit in the header" if _WITH_UNIT.fullmatch(text) else cause
         raise DatasetError(path, f"{shorten(text)} is not a number{cause}", line, name) from None
     if not abs(value) <= _LARGEST:
-        raise DatasetError(path, f"{shorten(text)} is not finite, or beyond {_LARGEST:g}: check its unit", line, name)
+        do = ": check its unit" if abs(value) < math.inf else ""
+        raise DatasetError(path, f"{shorten(text)} is not finite, or beyond {_LARGEST:g}{do}", line, name)
     return value
 
 
