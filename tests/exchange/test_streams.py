@@ -142,6 +142,7 @@ def test_archives_give_the_same(tmp_path: Path) -> None:
         ("sample,id,u,v\n-1,0,1,1\n", "whole number"),
         ("sample,id,u,v\n0,4,1,1\n0,4,2,2\n", "sample 0 has id 4 twice"),
         ("sample,id,u,v\n0,4,nan,1\n", "not finite"),
+        ("sample,id,u,v\n0,4,5,1\n0,5,1,1e7\n", r"a.csv: u, v: row 1 is beyond 1e\+06 px"),
     ],
 )
 def test_bad_csv(tmp_path: Path, text: str, said: str) -> None:

@@ -136,11 +136,12 @@ def _written_files(folder: Path, import_result: ImportResult) -> str:
     if not import_result.pairing.numbers:
         return f"wrote {folder / 'cell.yaml'}"
     count = len(import_result.recording.samples)
-    text = f"wrote {count} samples" if import_result.made == count else f"completed the {count} samples"
+    is_new = import_result.made >= count  # samples that will not be used do not count
+    text = f"wrote {count} samples" if is_new else f"completed the {count} samples"
     if 0 < import_result.made < count:
         text += f", {import_result.made} of them new,"
     and_cell = " and cell.yaml" if import_result.is_new_cell else ""
-    return f"{text}{and_cell} {'to' if import_result.made == count else 'of'} {folder}"
+    return f"{text}{and_cell} {'to' if is_new else 'of'} {folder}"
 
 
 def _pairing_lines(import_result: ImportResult) -> list[str]:

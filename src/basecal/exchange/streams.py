@@ -28,6 +28,7 @@ from basecal.exchange.importing.imported import Imported, NoCell, Row, choose_na
 from basecal.exchange.importing.template import cell_text
 from basecal.exchange.npz import read_arrays
 from basecal.exchange.poses import LengthUnit
+from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import Array, IntArray
 
 Item = TypeVar("Item")
@@ -179,6 +180,8 @@ def read_pixels(path: str | Path) -> dict[int, tuple[IntArray, Array]]:
         raise DatasetError(name, f"has no {', '.join(missing)} but {', '.join(columns) or 'nothing'}; {_EXPECTED}")
     samples, ids = _whole_numbers(name, columns, "sample"), _whole_numbers(name, columns, "id")
     pixels = np.stack([columns["u"], columns["v"]], -1)
+    if np.any(far := np.abs(pixels).max(axis=-1) > LARGEST_VALUE):
+        raise DatasetError(name, f"row {np.argmax(far)} is beyond {LARGEST_VALUE:g} px: correct it", field="u, v")
     order = np.lexsort((ids, samples))
     samples, ids, pixels = samples[order], ids[order], pixels[order]
     is_first = np.diff(samples, prepend=-1) != 0

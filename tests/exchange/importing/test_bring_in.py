@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.cell import Cell, PoseObservation, Recording, RobotState
+from basecal.cell import Cell, PixelObservation, PoseObservation, Recording, RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.importing.bring_in import _locations, _omit_defaults, add_to_cell
@@ -66,6 +66,21 @@ def test_further_views_of_a_sample_are_samples_of_their_own(tmp_path: Path) -> N
     assert [(each.sample, len(each.observations)) for each in samples] == [(0, 0), (1, 1), (2, 1), (3, 1)]
     stands = [each.robots["left"].base_from_flange for each in samples]
     np.testing.assert_allclose(stands[3].translation, stands[1].translation)
+
+
+def test_samples_that_will_not_be_used_are_reported(tmp_path: Path) -> None:
+    """Such as those with a point that their target does not have; those of earlier imports are not repeated."""
+    add_to_cell(tmp_path / "c", poses("left", 3), fine)
+    target = {"on": "world", "kind": "points", "points_m": [[0, 0, 0], [1, 0, 0]]}
+    camera = {"on": "left", "size_px": [64, 48], "intrinsics": {"status": "free"}}
+    cell = {"cameras": {"cam": camera}, "targets": {"board": target}}
+    views = [PixelObservation("cam", "board", np.array([k, 7 - k]), np.ones((2, 2))) for k in (6, 0)]
+    rows = tuple(Row(observations=(view,), sample=k) for k, view in enumerate(views))
+    done = add_to_cell(tmp_path / "c", Imported("points.csv", "points", rows, cell), fine)
+    assert len(done.doubts) == 1
+    assert "sample 0 and 1 more are dropped: id 6 is not on 'board'" in done.doubts[0]
+    assert len(done.recording.samples) == 1
+    assert add_to_cell(tmp_path / "c", poses("right", 1), fine).doubts == ()
 
 
 @pytest.mark.parametrize("first", ["poses", "pictures"])

@@ -44,7 +44,8 @@ class ImportResult:
         made: Number of new samples.
         changed: Names of the new or changed fields of `cell.yaml`.
         is_new_cell: Whether the cell is new.
-        doubts: Implausible parts of the input, one line each; they were imported nevertheless.
+        doubts: Implausible parts of the input, and samples that will not be used, one line each; they were imported
+            nevertheless.
     """
 
     cell: Cell
@@ -95,7 +96,8 @@ def add_to_cell(
         samples, image_files = _additions(imports.rows, pairing, samples_by_path)
         journal = completed_recording_text(folder, samples, replace) if samples else ""
         recording = recording_from_text(journal.encode(), folder, cell) if samples else recorded
-        doubts = check(cell, Recording(tuple(samples)))
+        dropped = [finding.message for finding in recording.findings if finding not in recorded.findings]
+        doubts = (*check(cell, Recording(tuple(samples))), *dropped)
         with place_files(image_files, folder, imports.is_linked):
             if replace and old is not None:
                 keep_originals(folder, (path, journal_path), {"done": f"import --replace of {imports.source}"})
