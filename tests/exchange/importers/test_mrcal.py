@@ -113,6 +113,7 @@ def test_older_names_are_known(tmp_path: Path) -> None:
         ("[ 1000, 700,]", "open('/etc/passwd')", "not a Python dictionary of plain values"),
         ("-0.012", "float('nan')", "not a Python dictionary of plain values"),
         ("-0.012", "1e999", "is inf, expected a number"),
+        ("'imagersize'", "'lensmodel': 'LENSMODEL_OPENCV4', 'imagersize'", "lensmodel: is given twice: keep one"),
         ("'intrinsics': [", "'intrinsics': (", "not a Python dictionary of plain values"),
     ],
 )

@@ -109,6 +109,10 @@ def test_nested_in_a_mapping(tmp_path: Path) -> None:
         ("mtx: [500, 0, 0, 0, 500, 0, 320, 240, 1]\n", ":1: mtx: is not a camera matrix.*is it transposed"),
         ("mtx: [500, 0, 320, 0, 500, 240, 0, 0, 1]\ndist: [1, 2, 3]\n", ":2: dist: has 3 distortion terms, expected 0"),
         ("mtx: [500, 0, 320, 0, 500, 240, 0, 0, 1]\ndist: [1, x, 3, 4]\n", r"dist\[1\]: is 'x', expected a number"),
+        (
+            "mtx: [500, 0, 320, 0, 500, 240, 0, 0, 1]\ndist: {rows: 1, cols: 5, data: [0.1, 0, 0, 0]}\n",
+            ":2: dist: has 4 numbers, its rows and cols state 1 x 5: is it cut off",
+        ),
         ("camera_matrix: [1]\ndistortion_model: equidistant\n", "basecal import camera-info"),
     ],
 )

@@ -114,6 +114,8 @@ def test_the_binary_says_the_same(tmp_path: Path) -> None:
         ("1 PINHOLE 640 480 five 500 320 240", "has a word that is not a number"),
         ("1 PINHOLE 640 480 nan 500 320 240", "is nan, expected a number"),
         ("1 PINHOLE 640 480 -500 500 320 240", "the focal lengths are -500 and 500 px"),
+        ("1 PINHOLE 640 480 5_00 500 320 240", "has a word that is not a number"),
+        ("1 PINHOLE 640 480 500 500 320 240\n1 PINHOLE 640 480 600 600 320 240", ":2: camera 1 is given twice"),
         ("# nothing", "holds no camera"),
     ],
 )

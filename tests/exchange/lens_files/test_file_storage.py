@@ -42,6 +42,7 @@ def test_what_opencv_writes_is_read(tmp_path: Path, suffix: str) -> None:
         ('<!DOCTYPE a [<!ENTITY x "y">]><opencv_storage>&x;</opencv_storage>', "not XML"),
         ("<a>" * 5000, "not XML"),
         ("<a>" * 100 + "</a>" * 100, "nested deeper than 32 levels"),
+        ("<opencv_storage><a>1</a><b>2</b><a>3</a></opencv_storage>", "storage: a: is given twice: keep one"),
         ("%YAML:1.0\n---\na: [1, 2\n", "not YAML"),
         ('{"a": [1, 2', "not YAML"),
     ],

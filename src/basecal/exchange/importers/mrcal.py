@@ -95,6 +95,8 @@ def _literal(path: str) -> Field:
             lines_before = text[: len(text) - len(text.lstrip())].count("\n")
             for key, value in zip(tree.keys, tree.values, strict=True):
                 name = str(ast.literal_eval(key or value))
+                if name in data:
+                    raise DatasetError(path, "is given twice: keep one", lines_before + value.lineno, name)
                 data[name] = _as_lists(ast.literal_eval(value))
                 lines[(name,)] = lines_before + value.lineno
     except DatasetError:

@@ -109,7 +109,7 @@ def read_opencv_lens(path: str | Path, model: str | None = None, number: int | N
     suffix = "" if number is None else str(number)
     matrix = _first_matrix(named, (f"{each}{suffix}" for each in _MATRIX), _MATRIX_SIZE)
     terms = _first_matrix(named, (f"{each}{suffix}" for each in _TERMS))
-    values = [] if terms is None else terms.matrix()
+    values = [] if terms is None else _whole_matrix(terms)
     if matrix is not None:
         what, parameters = f"OpenCV's {matrix.loc[-1]}", matrix_parameters(matrix, matrix.matrix(_MATRIX_SIZE))
     elif all(name in named for name in _FOCAL_AND_CENTRE):
@@ -126,6 +126,19 @@ def read_opencv_lens(path: str | Path, model: str | None = None, number: int | N
         f"{what}, {lens} of {len(distortion)} distortion terms"
         f"{'' if size is None else f', {size[0]} x {size[1]} px'}, the centre of the top-left pixel is (0, 0)",
     )
+
+
+def _whole_matrix(field: Field) -> list[float]:
+    """Numbers of a matrix, as many as its fields `rows` and `cols` state.
+
+    Raises:
+        DatasetError: if there are more or fewer.
+    """
+    values, sides = field.matrix(), [field.first("rows"), field.first("cols")]
+    rows, columns = (1 if side is None else side.integer(0) for side in sides)
+    if None not in sides and rows * columns != len(values):
+        raise field.error(f"has {len(values)} numbers, its rows and cols state {rows} x {columns}: is it cut off?")
+    return values
 
 
 def _scalars(fields: dict[str, Field], names: Sequence[str]) -> list[float]:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, list_names, spelling_hint
 from basecal.exchange.columns import read_table_text
-from basecal.exchange.fields import Field
+from basecal.exchange.fields import Field, parse_float
 from basecal.exchange.importing.lens import StatedLens, make_camera
 from basecal.fields.problems import shorten
 
@@ -86,7 +86,12 @@ def read_colmap_lenses(path: str | Path) -> dict[int, StatedLens]:
     entries = list(_binary(file) if file.suffix.lower() == ".bin" else _text(file))
     if not entries:
         raise DatasetError(file, "holds no camera, expected lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`")
-    return {entry.number: _lens(entry) for entry in entries}
+    lenses: dict[int, StatedLens] = {}
+    for entry in entries:
+        if entry.number in lenses:
+            raise entry.location.error(f"camera {entry.number} is given twice: keep one")
+        lenses[entry.number] = _lens(entry)
+    return lenses
 
 
 def reconstruction_file(path: str | Path, name: str) -> Path:
@@ -116,7 +121,7 @@ def _text(path: Path) -> Iterator[_Entry]:
             raise location.error(f"{len(words)} words, expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
         try:
             sides = (int(words[2]), int(words[3]))
-            yield _Entry(int(words[0]), words[1], sides, [float(word) for word in words[4:]], location)
+            yield _Entry(int(words[0]), words[1], sides, [parse_float(word) for word in words[4:]], location)
         except ValueError:
             raise location.error(f"{shorten(line)} has a word that is not a number, behind the model's name") from None
 

@@ -59,7 +59,12 @@ def _plain(element: Element, path: str, depth: int) -> Any:
         raise DatasetError(path, f"nested deeper than {_DEEPEST} levels; nothing of OpenCV's is")
     inner = list(element)
     if any(child.tag != "_" for child in inner):
-        return {child.tag: _plain(child, path, depth + 1) for child in inner}
+        fields: dict[str, Any] = {}
+        for child in inner:
+            if child.tag in fields:
+                raise DatasetError(path, "is given twice: keep one", field=child.tag)
+            fields[child.tag] = _plain(child, path, depth + 1)
+        return fields
     if inner:
         return [_plain(child, path, depth + 1) for child in inner]
     words = [_word(word) for word in (element.text or "").split()]
