@@ -1,4 +1,4 @@
-"""JSON lists of poses as rows."""
+"""JSON poses as rows."""
 
 from __future__ import annotations
 
@@ -6,39 +6,83 @@ import json
 
 import pytest
 
-from basecal.exchange.json_rows import json_rows
+from basecal.errors import DatasetError
+from basecal.exchange import json_rows as module
+from basecal.exchange.json_rows import json_records, json_rows
+
+Records = list[tuple[int, dict[str, str]]]
 
 
 @pytest.mark.parametrize(
     ("data", "rows"),
     [
-        ([[1, 2.5], [3, 4]], ["1,2.5", "3,4"]),
-        ([[[1, 2], [3, 4]]], ["1,2,3,4"]),
-        ([{"x": 1, "y": 2}, {"x": 3, "y": 4}], ["x,y", "1,2", "3,4"]),
-        ([{"x": 1, "y": 2}, {"y": 4, "x": 3}], ["x,y", "1,2", "3,4"]),
-        ({"poses": [{"p": {"x": 1}, "q": {"w": 2}}]}, ["p.x,q.w", "1,2"]),
+        ([[1, 2.5], [3, 4]], "1,2.5\n3,4\n"),
+        ([[[1, 2], [3, 4]]], "1,2,3,4\n"),
+        ({"poses": [[1, 2]], "count": 1}, "1,2\n"),
     ],
 )
-def test_a_row_for_each_record(data: object, rows: list[str]) -> None:
-    """Numbers in order; those of objects under their names, however they are indented."""
-    assert json_rows(json.dumps(data)).splitlines() == rows
-    assert json_rows(json.dumps(data, indent=2)).splitlines() == rows
+def test_a_row_for_each_list(data: object, rows: str) -> None:
+    """Numbers in order, however they are indented."""
+    assert json_rows(json.dumps(data)) == json_rows(json.dumps(data, indent=2)) == rows
+    assert json_records(json.dumps(data), "a.json") == []
 
 
-@pytest.mark.parametrize("text", ["x,y\n1,2\n", "[1, 2], [3, 4]", "[1, 2]", "[[1, 2], [3]]", '{"a": 1}', "[" * 9999])
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("x,y\n1,2\n", "[1, 2], [3, 4]", "[1, 2]", "[[1, 2], [3]]", "[" * 9999, "[[], []]", "[]", "[[1], 2]", "3"),
+        *("{X 1, Y 2}", "p[1, 2]", "[[1], [2]", "{}"),
+    ],
+)
 def test_other_texts_are_none(text: str) -> None:
-    """Tables, lists of numbers, records that differ, and what is no JSON."""
-    assert json_rows(text) == ""
+    """Tables, poses of controllers, lists of numbers, rows that differ, and what is no JSON."""
+    assert (json_rows(text), json_records(text, "a.json")) == ("", [])
 
 
-@pytest.mark.parametrize(("data", "rows"), [
-    ({"poses": [[1, 2]], "count": 1}, "1,2\n"),
-    ({"poses": [[1, 2]], "times": [3]}, ""),
-    ([{"a": [{"b": 1}, 2]}], "a.0.b,a.1\n1,2\n"),
-    ([{"a": "x, y", "b": None}], 'a,b\n"x, y",\n'),
-    ([[], []], ""), ([{}], ""), ([], ""), ([[1], {"a": 1}], ""), ([{"a": 1}, {"b": 1}], ""), (3, ""),
-])  # fmt: skip
-def test_one_list_of_records_alike(data: object, rows: str) -> None:
-    """Of an object with a single list, of any depth, with text in quotes; empty records are none."""
-    assert json_rows(json.dumps(data)) == rows
-    assert json_rows(f"\n  {json.dumps(data)}") == rows
+@pytest.mark.parametrize(
+    ("text", "records"),
+    [
+        ('[{"x": 1, "y": 2}, {"x": 3, "y": 4}]', [(1, {"x": "1", "y": "2"}), (1, {"x": "3", "y": "4"})]),
+        ('[\n{"x": 1, "y": 2},\n\n{"y": 4, "x": 3}]', [(2, {"x": "1", "y": "2"}), (4, {"x": "3", "y": "4"})]),
+        ('{"x": 1}\n\n{"x": 2}\n', [(1, {"x": "1"}), (3, {"x": "2"})]),
+        ('{"x": 1}', [(1, {"x": "1"})]),
+        ('{\n"x": 1,\n"y": {"z": 2}}', [(1, {"x": "1", "y.z": "2"})]),
+        ('{"of": "poses", "poses": [\n{"p": {"x": 1}, "q": {"w": 2}}]}', [(2, {"p.x": "1", "q.w": "2"})]),
+        ('[{"a": [{"b": 1}, 2]}]', [(1, {"a.0.b": "1", "a.1": "2"})]),
+        ('[{"a": "x, y", "b": null}, {"c": 1e-5}]', [
+            (1, {"a": "x, y", "b": "", "c": ""}), (1, {"a": "", "b": "", "c": "1e-05"}),
+        ]),
+    ],
+)  # fmt: skip
+def test_a_record_for_each_object(text: str, records: Records) -> None:
+    """Cells under their names in any order, with the line on which an object begins; missing ones are empty."""
+    assert json_records(text, "a.json") == records
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[{"x": 1},\n{"x": 2}', "a.json:2: not JSON: Expecting ',' delimiter; expected objects of numbers by name"),
+        ('{"x": 1}\n{"x": 2', "a.json:2: not JSON"),
+        ("{'x': 1}\n{'x': 2}", "a.json:1: not JSON: Expecting property name"),
+        ('[{"x": 1, "y": 2, "x": 3}]', "a.json: an object has the name 'x' twice: keep one"),
+        ('{"poses": [[1, 2]], "times": [3]}', "a.json: holds the lists 'poses', 'times': expected one list of poses"),
+        ('[{"x": 1},\n[2]]', "a.json:2: a list of 1 is among objects: expected numbers by name"),
+        ('{"x": 1}\n3', "a.json:2: 3 is among objects"),
+        ('{"a": ' * 9999, "a.json: not JSON: nested too deeply"),
+        ('[{"x": ' + "9" * 5000 + "}]", "a.json: not JSON: nested too deeply, or a number of thousands of digits"),
+    ],
+)
+def test_damaged_objects_are_no_lists_of_numbers(text: str, said: str) -> None:
+    """They were read as numbers in the order in which they stand, whatever their names."""
+    with pytest.raises(DatasetError) as caught:
+        json_records(text, "a.json")
+    assert str(caught.value).startswith(said)
+
+
+def test_many_names_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each object would have a cell of every name."""
+    monkeypatch.setattr(module, "_MOST_NAMES", 2)
+    assert len(json_records('[{"x": 1}, {"y": 2}]', "a.json")) == 2
+    with pytest.raises(DatasetError, match=r"a.json: 2 objects of 3 names, expected at most 200000 of 2 names"):
+        json_records('[{"x": 1}, {"y": 2, "z": 3}]', "a.json")

@@ -147,6 +147,9 @@ def test_records_of_json_are_rows() -> None:
     """Lists and objects, on one line or on many."""
     assert values("[[1, 2, 3], [4, 5, 6]]") == [[1, 2, 3], [4, 5, 6]]
     assert values('[\n {"z": 3,\n  "x": 1,\n  "y": 2}]') == [[1, 2, 3]]
+    assert values('{"z": 3, "x": 1, "y": 2}\n{"z": 6, "x": 4, "y": 5, "note": "a"}\n') == [[1, 2, 3], [4, 5, 6]]
+    with pytest.raises(DatasetError, match=r"t.csv:3: y: is empty in this row"):
+        values('[\n{"z": 3, "x": 1, "y": 2},\n{"z": 6, "x": 4}]')
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from io import StringIO
 from basecal.cell.journal.recording_file import MOST_SAMPLES
 from basecal.errors import DatasetError, list_names
 from basecal.exchange.fields import parse_float
-from basecal.exchange.json_rows import json_rows
+from basecal.exchange.json_rows import json_records, json_rows
 from basecal.fields.problems import shorten
 
 _SEPARATORS = (";", "\t", ",", None)  # None: white space
@@ -96,6 +96,9 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
     Raises:
         DatasetError: if a row has the wrong number of cells, or there are too many rows.
     """
+    if records := json_records(text, path):
+        rows = tuple(TextRow(line, cells) for line, cells in records)
+        return TextTable(path, tuple(rows[0].cells), rows)
     text = json_rows(text) or text
     lines = [(number, line.strip()) for number, line in enumerate(StringIO(text), start=1) if line.strip()]
     content = [(number, line) for number, line in lines if not line.startswith(_COMMENTS)]
