@@ -330,3 +330,19 @@ def test_a_comment_of_any_mark_is_the_header() -> None:
         "Y [mm]",
     )
     assert read_text_table("; as of Monday\n1 2 3\n", "t.csv", NAMES).header is None
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "{roll: 1, pitch: 2, x: 3}",
+        "- {a: 1, b: 2, c: 3}",
+        "Pose(yaw=1, x=2, y=3)",
+        "[b=1, c=2, d=3]",
+        "{A 1, B 2, C 3}",
+    ],
+)
+def test_named_numbers_are_no_list(line: str) -> None:
+    """Their names are others than those expected, and their order is not known."""
+    with pytest.raises(DatasetError):
+        values(f"{line}\n" * 3)

@@ -28,7 +28,7 @@ _IMAGE = re.compile(r"\.(?:png|jpe?g|tiff?|bmp|webp|pgm|ppm)$", re.IGNORECASE)
 _LISTED_NUMBER = re.compile(rf"(?<![\w.]){_NUMBER.pattern}")
 # Lines of programs whose numbers look like a pose but define a tool, a work object or a load.
 _SETTING = re.compile(r"^\$?(?:BASE|TOOL|LOAD)(?:_DATA)?\b.*=|:=\s*\[\s*(?:TRUE|FALSE)\b|^set_tcp\b", re.IGNORECASE)
-_KRL_FIELDS = re.compile(r"\{\s*[A-Za-z]\w*\s")  # named numbers, such as those of axes
+_NAMED_FIELDS = re.compile(r"\{\s*[A-Za-z]\w*\s|[\[({]\s*[A-Za-z]\w*\s*[:=]")  # named numbers, such as those of axes
 _URSCRIPT_POSE = re.compile(r"\bp\[")  # without the p it is a list of joints
 # Lines that must hold a pose: they start with a bracket or have a keyword of URScript, RAPID or KRL.
 _POSE_CLAIM = re.compile(r"^[\[({]|\bp\[|\brobtarget\b.*:=|\b(?:E6POS|POS|FRAME)\b.*=", re.IGNORECASE)
@@ -97,8 +97,7 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
         DatasetError: if a row has the wrong number of cells, or there are too many rows.
     """
     if records := json_records(text, path):
-        rows = tuple(TextRow(line, cells) for line, cells in records)
-        return TextTable(path, tuple(rows[0].cells), rows)
+        return TextTable(path, tuple(records[0][1]), tuple(TextRow(line, cells) for line, cells in records))
     text = json_rows(text) or text
     lines = [(number, line.strip()) for number, line in enumerate(StringIO(text), start=1) if line.strip()]
     content = [(number, line) for number, line in lines if not line.startswith(_COMMENTS)]
@@ -304,7 +303,7 @@ def _listed_values(text: str, names: Sequence[str]) -> list[str] | None:
     such as ABB's joint targets, give None.
     """
     values: list[str] = []
-    if _KRL_FIELDS.search(text):
+    if _NAMED_FIELDS.search(text):
         return None
     lists = _bracketed_lists(text)
     if list(map(len, lists)) == [1, len(names)]:
