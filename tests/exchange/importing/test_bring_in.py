@@ -161,6 +161,15 @@ def test_images_of_one_name_in_two_folders(tmp_path: Path) -> None:
     assert Path(paths[1]).name == "000001_IMG.png"
 
 
+def test_what_cannot_be_recorded_is_named_by_its_source(tmp_path: Path) -> None:
+    """Not by the line of a recording that is not written."""
+    rows = images(tmp_path / "photos", ["a\\b.png"])
+    cell = {**rows.cell, "robots": {"left": {}}}
+    with pytest.raises(DatasetError, match=rf"^{tmp_path}/photos: images.cam: .* is not a relative path"):
+        add_to_cell(tmp_path / "c", replace(rows, cell=cell), fine)
+    assert not (tmp_path / "c").exists()
+
+
 def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
     """What was recorded before is not held against what comes now."""
     add_to_cell(tmp_path, poses("left", 2), fine)

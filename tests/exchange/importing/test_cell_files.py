@@ -18,6 +18,15 @@ def source(tmp_path: Path) -> Path:
     return path
 
 
+def test_a_link_is_no_file_of_the_cell(tmp_path: Path, source: Path) -> None:
+    """The file that it names is linked; the link itself would lead out of the cell, which no reader follows."""
+    (tmp_path / "named.png").symlink_to(source)
+    with place_files({"recording/images/cam/a.png": tmp_path / "named.png"}, tmp_path / "cell", True):
+        there = tmp_path / "cell" / "recording" / "images" / "cam" / "a.png"
+    assert os.path.samefile(there, source)
+    assert not there.is_symlink()
+
+
 @pytest.mark.parametrize("link", [False, True])
 def test_files_are_copied_or_linked(tmp_path: Path, source: Path, link: bool) -> None:
     """A file is in the cell, as the same file where linked; a second time nothing changes."""

@@ -95,7 +95,7 @@ def add_to_cell(
         samples_by_path = {path: sample.sample for sample in recorded.samples for path in sample.images.values()}
         samples, image_files = _additions(imports.rows, pairing, samples_by_path)
         journal = completed_recording_text(folder, samples, replace) if samples else ""
-        recording = recording_from_text(journal.encode(), folder, cell) if samples else recorded
+        recording = _checked_recording(journal, folder, cell, imports.source) if samples else recorded
         dropped = [finding.message for finding in recording.findings if finding not in recorded.findings]
         doubts = (*check(cell, Recording(tuple(samples))), *dropped)
         with place_files(image_files, folder, imports.is_linked):
@@ -110,6 +110,14 @@ def add_to_cell(
                 write_atomically(journal_path, journal, base_folder=folder)
     made = len({sample.sample for sample in samples} - {sample.sample for sample in recorded.samples})
     return ImportResult(cell, recording, pairing, made, changed, old is None, doubts)
+
+
+def _checked_recording(journal: str, folder: Path, cell: Cell, source: str) -> Recording:
+    """Recording of a journal before it is written; errors are about the source of what is added."""
+    try:
+        return recording_from_text(journal.encode(), folder, cell)
+    except DatasetError as error:
+        raise DatasetError(source, error.reason, field=error.field) from None
 
 
 def _reference_entry(cell: Mapping[str, Any]) -> dict[str, Any]:

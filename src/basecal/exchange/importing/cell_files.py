@@ -77,7 +77,7 @@ def numbered_path(path: str, number: int) -> str:
 def _place_file(source: Path, target: Path, link: bool) -> None:
     if link:
         try:
-            os.link(source, target)
+            os.link(source.resolve(), target)  # not the link that a source may be
         except OSError as error:
             why = f"{source} cannot be linked into {target.parent} ({error.strerror})"
             raise InputError(f"{why}: hard links need one disk; omit --link to copy") from None
