@@ -78,6 +78,18 @@ def test_goals_are_in_step() -> None:
     assert np.all(np.diff(times[0]) > 0)
 
 
+@pytest.mark.parametrize("hold_s", [0.0, 2.0])
+def test_times_of_goals_increase(hold_s: float) -> None:
+    """Without a rest, and where no arm moves: controllers refuse a trajectory with two points at one time."""
+    way = joint_way()
+    path = replace(way, samples=(*way.samples, way.samples[-1]), hold_s=hold_s)
+    for goal in (each["trajectory"] for each in YAML(typ="safe", pure=True).load_all(write_goals(path))):
+        times = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in goal["points"]]
+        assert np.all(np.diff(times) > 0)
+        assert times[-1] == pytest.approx(path.arrivals_s[-1] + hold_s)
+        assert len(times) == (len(way.samples) if hold_s == 0 else 2 * len(path.samples) - 1)
+
+
 def test_poses_are_refused() -> None:
     """A trajectory is of joints."""
     with pytest.raises(InputError, match="joints are unknown"):

@@ -62,11 +62,15 @@ def write_goals(path: RobotPath) -> str:
 def _goal(path: RobotPath, robot: str) -> str:
     names = path.joint_names(robot)
     lines = ["trajectory:", f"  joint_names: [{', '.join(map(yaml_word, names))}]", "  points:"]
-    still = ", ".join(["0.0"] * len(names))
+    still, last_ns = ", ".join(["0.0"] * len(names)), -1
     for number, joints, arrival_s in zip(path.numbers, path.joints(robot), path.arrivals_s, strict=True):
         positions = ", ".join(f"{float(joint):.9g}" for joint in joints)
         for at_s in (arrival_s, arrival_s + path.hold_s):
-            seconds, nanoseconds = divmod(round(1e9 * at_s), 1_000_000_000)
+            at_ns = round(1e9 * at_s)
+            if at_ns <= last_ns:  # controllers refuse times that do not increase
+                continue
+            last_ns = at_ns
+            seconds, nanoseconds = divmod(at_ns, 1_000_000_000)
             lines += [
                 f"  - positions: [{positions}] # sample {number}",
                 f"    velocities: [{still}]",
