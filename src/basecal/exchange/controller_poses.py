@@ -257,7 +257,7 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
         if len(chosen) > 1:
             raise DatasetError(table.path, f"names the column {name!r} twice: {list_names(chosen)}")
         if not chosen:
-            what = f"has no column {name!r} but {', '.join(table.header)}; {reading.name} writes {', '.join(names)}"
+            what = f"has no column {name!r} but {list_names(table.header)}; {reading.name} writes {', '.join(names)}"
             raise DatasetError(table.path, what + _column_hint(set(by_name)))
         found += chosen
     _check_units(table.path, found, reading)
@@ -363,17 +363,18 @@ def keyed_rows(table: TextTable) -> list[Row]:
     Raises:
         DatasetError: if a sample is not a whole number, or a time is not a number.
     """
-    units = {column: _UNIT.match(column.strip().lower()) for column in table.rows[0].cells}
+    units = {column: _UNIT.match(column.strip().lower()) for column in table.columns}
     columns = {plain_column(column): column for column, unit in units.items() if unit is None or unit[2] in _SECONDS}
     image, sample, stamp = (next((columns[n] for n in names if n in columns), None) for names in _KEYS.values())
     if image is None:
-        cells = table.rows[0].cells
-        image = next((name for name in cells if all(is_image(row.cells.get(name, "")) for row in table.rows)), None)
+        image = next(
+            (name for name in table.columns if all(is_image(row.cells.get(name, "")) for row in table.rows)), None
+        )
     unit = units.get(stamp or "")
     unit_s = 1.0 if unit is None else _SECONDS[unit[2]]
     rows = []
     for row in table.rows:
-        name = None if image is None else row.cells[image].strip("\"' ")
+        name = None if image is None else row.cells.get(image, "").strip("\"' ")
         number = None if sample is None else parse_number(table.cell(row, sample), table.path, row.line, sample)
         if sample is not None and number is not None and (number != int(number) or number < 0):
             raise DatasetError(table.path, f"{table.cell(row, sample)} is not a whole number from 0", row.line, sample)

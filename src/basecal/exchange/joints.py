@@ -62,7 +62,7 @@ def _columns(table: TextTable, chain: SerialChain, in_degrees: bool) -> list[str
         return list(names)
     found = _find_columns(table.header, names)
     if not found:
-        present = ", ".join(table.header)
+        present = list_names(table.header)
         expected = f"expected {', '.join(names)}, or {len(names)} numbered ones such as j1, q1 or A1"
         raise DatasetError(path, f"has columns {present}; {expected}")
     for name, columns in zip(names, found, strict=True):

@@ -16,7 +16,6 @@ from basecal.fields.problems import shorten
 
 _SEPARATOR = "."  # between the names of nested objects
 _OBJECTS = re.compile(r"\s*\[?\s*\{\s*[\"']")  # start of objects, which no controller's program has
-_MOST_NAMES = 256
 _BETWEEN = re.compile(r"[\s,]*")
 
 
@@ -43,11 +42,11 @@ def json_rows(text: str) -> str:
 def json_records(text: str, path: str) -> list[tuple[int, dict[str, str]]]:
     """Line and cells by name of each object of a JSON list, or of an object on each line; empty for any other text.
 
-    The list may be the only one in an object. Names of nested objects are joined; cells of missing names are empty.
+    The list may be the only one in an object. Names of nested objects are joined.
 
     Raises:
         DatasetError: if the text starts with an object and is not JSON, a name is given twice, the list is ambiguous,
-            or there are too many objects or names.
+            or there are too many objects.
     """
     if not _OBJECTS.match(text):
         return []
@@ -64,16 +63,9 @@ def json_records(text: str, path: str) -> list[tuple[int, dict[str, str]]]:
     for line, record in records:
         if not isinstance(record, dict):
             raise DatasetError(path, f"{shorten(record)} is among objects: expected numbers by name", line)
-    found = [(line, dict(_leaves(record))) for line, record in records]
-    names = dict.fromkeys(name for _, cells in found for name in cells)
-    if len(found) > MOST_SAMPLES or len(names) > _MOST_NAMES:
-        limits = f"at most {MOST_SAMPLES} of {_MOST_NAMES} names"
-        raise DatasetError(path, f"{len(found)} objects of {len(names)} names, expected {limits}")
-    return [(line, {name: _cell(cells.get(name)) for name in names}) for line, cells in found]
-
-
-def _cell(value: Any) -> str:
-    return "" if value is None else str(value)
+    if len(records) > MOST_SAMPLES:
+        raise DatasetError(path, f"{len(records)} objects, expected at most {MOST_SAMPLES}")
+    return [(line, {name: "" if each is None else str(each) for name, each in _leaves(item)}) for line, item in records]
 
 
 def _records(text: str, path: str) -> list[tuple[int, Any]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from basecal.errors import DatasetError
+from basecal.exchange.controller_poses import keyed_rows
 from basecal.exchange.importing import text_table
 from basecal.exchange.importing.text_table import (
     TextTable,
@@ -346,3 +347,22 @@ def test_named_numbers_are_no_list(line: str) -> None:
     """Their names are others than those expected, and their order is not known."""
     with pytest.raises(DatasetError):
         values(f"{line}\n" * 3)
+
+
+def test_short_rows_take_no_memory_for_cells_that_they_lack() -> None:
+    """A header of many columns above many short rows filled gigabytes."""
+    header = ",".join(["x", "y", "z", *(f"c{k}" for k in range(20_000))])
+    table = read_text_table(header + "\n" + "1,2,3\n" * 2_000, "t.csv", NAMES)
+    assert {len(row.cells) for row in table.rows} == {3}
+    assert list(rows_of_numbers(table, NAMES)) == [[1, 2, 3]] * 2_000
+    with pytest.raises(DatasetError, match=r"t.csv:2: c5: is empty in this row"):
+        table.cell(table.rows[0], "c5")
+    with pytest.raises(DatasetError, match=r"t.csv:2: has no w but x, y, z, c0, .* and 19983 more"):
+        table.cell(table.rows[0], "w")
+
+
+def test_keys_may_be_missing_in_the_first_row() -> None:
+    """The header has them; a row that ends before its time is an error."""
+    text = "x,y,z,time\n1,2,3\n4,5,6,7\n"
+    with pytest.raises(DatasetError, match=r"t.csv:2: time: is empty in this row"):
+        keyed_rows(read_text_table(text, "t.csv", NAMES))

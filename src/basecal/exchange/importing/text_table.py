@@ -5,10 +5,12 @@ from __future__ import annotations
 import csv
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cached_property
 from io import StringIO
 
 from basecal.cell.journal.recording_file import MOST_SAMPLES
@@ -57,12 +59,22 @@ class TextTable:
     Attributes:
         path: Path of the file.
         header: Names of the columns; None if the file has no header.
-        rows: Rows in the order of the file.
+        rows: Rows in the order of the file; a row may lack cells at its end.
     """
 
     path: str
     header: tuple[str, ...] | None
     rows: tuple[TextRow, ...]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns, of the header or of rows without header."""
+        return tuple(self.rows[0].cells) if self.header is None else self.header
+
+    @cached_property
+    def _repeated(self) -> frozenset[str]:
+        """Names of several columns."""
+        return frozenset(name for name, count in Counter(self.columns).items() if count > 1)
 
     def cell(self, row: TextRow, column: str) -> str:
         """Return the text of a row's cell.
@@ -70,13 +82,14 @@ class TextTable:
         Raises:
             DatasetError: if the row has no such column or two of them, or the cell is empty.
         """
-        if (self.header or ()).count(column) > 1:
+        if column in self._repeated:
             raise DatasetError(self.path, f"names the column {column!r} twice: keep one")
-        if column not in row.cells:
-            raise DatasetError(self.path, f"has no {column} but {', '.join(row.cells)}", row.line)
-        if not row.cells[column].strip("\"' "):
+        text = row.cells.get(column, "")
+        if not text and column not in self.columns:
+            raise DatasetError(self.path, f"has no {column} but {list_names(self.columns)}", row.line)
+        if not text.strip("\"' "):
             raise DatasetError(self.path, "is empty in this row", row.line, column)
-        return row.cells[column]
+        return text
 
     def names(self, *columns: str) -> list[str] | None:
         """Return the cells of the first existing column, converted by `as_name`; None if no column exists."""
@@ -96,8 +109,8 @@ def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
     Raises:
         DatasetError: if a row has the wrong number of cells, or there are too many rows.
     """
-    if records := json_records(text, path):
-        return TextTable(path, tuple(records[0][1]), tuple(TextRow(line, cells) for line, cells in records))
+    if records := [TextRow(line, cells) for line, cells in json_records(text, path)]:
+        return TextTable(path, tuple(dict.fromkeys(name for row in records for name in row.cells)), tuple(records))
     text = json_rows(text) or text
     lines = [(number, line.strip()) for number, line in enumerate(StringIO(text), start=1) if line.strip()]
     content = [(number, line) for number, line in lines if not line.startswith(_COMMENTS)]
@@ -202,20 +215,13 @@ def parse_number(cell: str, path: str, line: int, name: str, unit: float = 1.0) 
         cause = ": write its unit in the header" if _WITH_UNIT.fullmatch(text) else cause
         raise DatasetError(path, f"{shorten(text)} is not a number{cause}", line, name) from None
     if not abs(value) <= _LARGEST:
-        do = ": check its unit" if abs(value) < math.inf else ""
+        do = ": check its unit" if math.isfinite(value) else ""
         raise DatasetError(path, f"{shorten(text)} is not finite, or beyond {_LARGEST:g}{do}", line, name)
     return value
 
 
 def parse_time(cell: str, path: str, line: int, name: str, unit_s: float = 1.0) -> float:
-    """Parse the time in a cell [s]: a number, or an ISO 8601 date and time, in UTC if it has no zone.
-
-    Args:
-        cell: Text of the cell.
-        path: Name of the table in errors.
-        line: Number of its line.
-        name: Name of its column.
-        unit_s: Unit of a number [s].
+    """Parse the time in a cell [s]: a number of `unit_s`, or an ISO 8601 date and time, in UTC if it has no zone.
 
     Raises:
         DatasetError: if the text is neither.
@@ -353,11 +359,9 @@ def _cells(
         cells.pop()
     if header is None and len(cells) == len(names) + 1 and is_image(cells[0]):
         return dict(zip(("image", *names), cells, strict=True))
-    if header is not None:
-        cells += [""] * (len(header) - len(cells))
-    if len(cells) != len(expected):
+    if len(cells) > len(expected) or (header is None and len(cells) < len(expected)):
         raise DatasetError(path, _count_message(cells, expected, separator, header is None), number)
-    return dict(zip(expected, cells, strict=True))
+    return dict(zip(expected, cells, strict=False))  # cells at the end of a row may be missing
 
 
 def _leading_image(line: str, pose_text: str) -> dict[str, str]:
@@ -368,10 +372,8 @@ def _leading_image(line: str, pose_text: str) -> dict[str, str]:
 
 def _count_message(cells: Sequence[str], columns: Sequence[str], separator: str | None, is_bare: bool) -> str:
     if separator == "," and len(columns) < len(cells) <= 2 * len(columns) and not any("." in c for c in cells):
-        return (
-            f"{len(cells)} cells for {len(columns)} columns: decimal commas need another separator than a comma, "
-            "such as a semicolon"
-        )
+        what = f"{len(cells)} cells for {len(columns)} columns"
+        return f"{what}: decimal commas need another separator than a comma, such as a semicolon"
     expected = f"expected {', '.join(columns)}" if is_bare else f"the header has {len(columns)}"
     return f"{len(cells)} columns, {expected}"
 
@@ -392,7 +394,6 @@ def _check_decimal_signs(table: TextTable, columns: Sequence[str]) -> None:
     cells = [(row.line, name, row.cells.get(name, "").strip("\"' ")) for row in table.rows for name in columns]
     comma = next((cell for cell in cells if "," in cell[2] and _PERHAPS_THOUSANDS.fullmatch(cell[2])), None)
     point = next((text for _, _, text in cells if "." in text), None) if comma else None
-    if comma is not None and point is not None:
-        line, name, text = comma
-        what = f"{shorten(text)} has a comma, {shorten(point)} a point: remove the thousands separators"
-        raise DatasetError(table.path, f"{what}, or write one decimal sign", line, name)
+    if comma and point:
+        what = f"{shorten(comma[2])} has a comma, {shorten(point)} a point: remove the thousands separators"
+        raise DatasetError(table.path, f"{what}, or write one decimal sign", *comma[:2])
