@@ -16,7 +16,7 @@ from basecal.fields.problems import shorten
 
 _SEPARATOR = "."  # between the names of nested objects
 _OBJECTS = re.compile(r"\s*\[?\s*\{\s*[\"']")  # start of objects, which no controller's program has
-_BETWEEN = re.compile(r"[\s,]*")
+_GAP = re.compile(r"[\s,]*")
 
 
 def json_rows(text: str) -> str:
@@ -45,8 +45,8 @@ def json_records(text: str, path: str) -> list[tuple[int, dict[str, str]]]:
     The list may be the only one in an object. Names of nested objects are joined.
 
     Raises:
-        DatasetError: if the text starts with an object and is not JSON, a name is given twice, the list is ambiguous,
-            or there are too many objects.
+        DatasetError: if the text starts with an object and is not JSON. It is also raised if a name is given twice, the
+            list is ambiguous, or there are too many objects.
     """
     if not _OBJECTS.match(text):
         return []
@@ -115,7 +115,7 @@ def _lines(decoder: json.JSONDecoder, text: str, start: int, count: int) -> Iter
     """Line of each entry of a list that starts at a position."""
     line, position, end = 1, 0, start + 1
     for _ in range(count):
-        at = _BETWEEN.match(text, end)
+        at = _GAP.match(text, end)
         assert at is not None
         line += text.count("\n", position, at.end())
         position = at.end()

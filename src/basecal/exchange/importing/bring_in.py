@@ -96,8 +96,7 @@ def add_to_cell(
         samples, image_files = _additions(imports.rows, pairing, samples_by_path)
         journal = completed_recording_text(folder, samples, replace) if samples else ""
         recording = _checked_recording(journal, folder, cell, imports.source) if samples else recorded
-        dropped = [finding.message for finding in recording.findings if finding not in recorded.findings]
-        doubts = (*check(cell, Recording(tuple(samples))), *dropped)
+        doubts = (*check(cell, Recording(tuple(samples))), *_new_findings(recording, recorded))
         with place_files(image_files, folder, imports.is_linked):
             if replace and old is not None:
                 keep_originals(folder, (path, journal_path), {"done": f"import --replace of {imports.source}"})
@@ -118,6 +117,11 @@ def _checked_recording(journal: str, folder: Path, cell: Cell, source: str) -> R
         return recording_from_text(journal.encode(), folder, cell)
     except DatasetError as error:
         raise DatasetError(source, error.reason, field=error.field) from None
+
+
+def _new_findings(recording: Recording, earlier: Recording) -> list[str]:
+    """Messages about samples of a recording that will not be used."""
+    return [finding.message for finding in recording.findings if finding not in earlier.findings]
 
 
 def _reference_entry(cell: Mapping[str, Any]) -> dict[str, Any]:

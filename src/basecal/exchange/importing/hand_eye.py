@@ -145,19 +145,15 @@ def imported_hand_eye(
     is_world_base = isinstance(cell, NoCell) or cell.reference == names.robot
     # An estimated mount is a pose in the frames of the file's robot.
     known_frames = (names.robot, WORLD) if is_world_base else (names.robot,)
+    camera_guess = record.camera_mount if camera_on in known_frames else None
+    target_guess = record.target_mount if target_on in known_frames else None
     camera: dict[str, Any] = {
         "on": camera_on,
-        **_mount(
-            None if known_camera is None else known_camera.mount,
-            record.camera_mount if camera_on in known_frames else None,
-        ),
+        **_mount(None if known_camera is None else known_camera.mount, camera_guess),
     }
     target: dict[str, Any] = {
         "on": target_on,
-        **_mount(
-            None if known_target is None else known_target.mount,
-            record.target_mount if target_on in known_frames else None,
-        ),
+        **_mount(None if known_target is None else known_target.mount, target_guess),
     }
     if known_camera is None or known_camera.intrinsics is None:
         camera |= record.lens

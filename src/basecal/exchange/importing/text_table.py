@@ -72,7 +72,7 @@ class TextTable:
         return tuple(self.rows[0].cells) if self.header is None else self.header
 
     @cached_property
-    def _repeated(self) -> frozenset[str]:
+    def _duplicates(self) -> frozenset[str]:
         """Names of several columns."""
         return frozenset(name for name, count in Counter(self.columns).items() if count > 1)
 
@@ -82,7 +82,7 @@ class TextTable:
         Raises:
             DatasetError: if the row has no such column or two of them, or the cell is empty.
         """
-        if column in self._repeated:
+        if column in self._duplicates:
             raise DatasetError(self.path, f"names the column {column!r} twice: keep one")
         text = row.cells.get(column, "")
         if not text and column not in self.columns:
