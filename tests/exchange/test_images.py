@@ -79,9 +79,9 @@ def test_times_that_are_names(name: str, stamp: float) -> None:
     assert read_time(Path(name)) == pytest.approx(stamp, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ["000012.png", "img12.5.png", "12345678901.png"])
+@pytest.mark.parametrize("name", ["000012.png", "img12.5.png", "12345678901.png", "20260501_123000.png", "3_12.png"])
 def test_numbers_are_no_times(name: str) -> None:
-    """The message has a name that is one."""
+    """The message has a name that is one; a date was seconds, and image 12 of view 3 was earlier than image 5."""
     with pytest.raises(InputError, match=re.escape(f"{name}: the name is not a time, expected a name such as 16825")):
         read_time(Path(name))
 

@@ -93,7 +93,7 @@ def read_time(path: Path) -> float:
     """Parse the time [s] in an image's name, such as 1682512345.123.png or 1682512345123456789.png.
 
     Ten digits before the point are seconds since 1970, 13 milliseconds, 16 microseconds and 19 nanoseconds. Fewer than
-    ten, with a point, are seconds from an arbitrary origin.
+    ten, with a point, are seconds from an arbitrary origin; with an underscore they may be a date or a number.
 
     Raises:
         InputError: if the name is not a time.
@@ -102,7 +102,7 @@ def read_time(path: Path) -> float:
         whole, _, part = path.stem.replace("_", ".").partition(".")
         if len(whole) in _SINCE_1970:
             return float(f"{whole}.{part or 0}") * _SINCE_1970[len(whole)]
-        if part and len(whole) < min(_SINCE_1970):
+        if "." in path.stem and len(whole) < min(_SINCE_1970):
             return float(f"{whole}.{part}")
     raise InputError(f"{path}: the name is not a time, expected a name such as 1682512345.123.png")
 

@@ -89,7 +89,7 @@ def _join_rows(table: PointTable, names: Sequence[str], camera: str, sigma_m: fl
         key = row.sample if row.sample is not None else row.stamp_s if row.stamp_s is not None else k
         joined = found.get(key, row)
         if any(o.target == name for o in joined.observations):
-            raise DatasetError(table.path, f"{name!r} is measured twice in one sample; keep one")
+            raise DatasetError(table.path, f"{name!r} is measured twice in one sample; keep one", row.line)
         found[key] = replace(joined, observations=(*joined.observations, view))
     return tuple(found.values())
 
