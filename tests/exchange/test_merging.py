@@ -9,6 +9,7 @@ import pytest
 from basecal.cell import Cell, Recording, Robot, RobotState, Sample
 from basecal.cell.files import append_samples, read_cell, read_recording
 from basecal.errors import InputError
+from basecal.exchange.importing.image_names import read_image_names, write_image_names
 from basecal.exchange.merging import Part, _add_models, _check_times, merge_cells
 from basecal.geometry import SE3
 from cell_example import URDF
@@ -80,6 +81,23 @@ def test_a_numbered_image_is_not_taken_for_another(tmp_path: Path) -> None:
     merge_cells([first, with_images(second, b"c", number=1)], tmp_path / "c")
     paths = [sample.images["cam"] for sample in read_recording(tmp_path / "c").samples]
     assert [(tmp_path / "c" / path).read_bytes()[8:] for path in paths] == [b"a", b"b", b"c"]
+
+
+def test_names_of_images_that_are_to_come_stay_with_their_samples(tmp_path: Path) -> None:
+    """A table may name images before they are imported; two cells that expect one image are not merged."""
+    parts = [cell(tmp_path / n, BASE, range(2)) for n in "ab"]
+    for part, names in zip(parts, ({"y": 0, "x": 1}, {"w": 0, "v": 1}), strict=True):
+        write_image_names(part, names)
+    merge_cells(parts, tmp_path / "c")
+    assert read_image_names(tmp_path / "c") == {"y": 0, "x": 1, "w": 2, "v": 3}
+    write_image_names(parts[1], {"x": 0})
+    with pytest.raises(
+        InputError, match=r"b: its tables name image 'x', as those of another cell do. Import the images"
+    ):
+        merge_cells(parts, tmp_path / "d")
+    write_image_names(with_images(cell(tmp_path / "e", BASE + CAMERA, range(1)), b"e", "x.png"), {"x": 90})
+    merge_cells([parts[0], tmp_path / "e"], tmp_path / "f")
+    assert read_image_names(tmp_path / "f") == {"y": 0, "x": 1}
 
 
 def test_three_at_once(tmp_path: Path) -> None:

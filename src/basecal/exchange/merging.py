@@ -22,6 +22,8 @@ from basecal.cell.format.writing import stage_folder, write_new
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import InputError
 from basecal.exchange.importing.cell_files import numbered_path, place_files
+from basecal.exchange.importing.image_names import read_image_names, write_image_names
+from basecal.exchange.importing.pairing import plain_name
 
 _LABELS = ("controller", "frames")  # fields of a robot that may be missing without a conflict
 _SECTIONS = ("robots", "bases", "cameras", "targets")
@@ -73,12 +75,14 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
     files: dict[str, Path] = {}
     samples: list[Sample] = []
     first_numbers = []
+    names: dict[str, int] = {}
     for part in parts:
         _add_models(files, part)
         first = min((sample.sample for sample in part.recording.samples), default=None)
         # Numbers continue after those of the parts before.
         shift = max(sample.sample for sample in samples) + 1 - first if samples and first is not None else 0
         samples += _renumber_samples(part, shift, files)
+        _add_image_names(names, part, shift)
         first_numbers.append(0 if first is None else first + shift)
     recording = Recording(tuple(samples), folder=str(output))
     with stage_folder(output) as staged:
@@ -86,6 +90,8 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
             cell = cell_from_dict(parse_yaml(text, str(output / "cell.yaml")).data, str(output / "cell.yaml"), staged)
             write_new(staged / "cell.yaml", text)
             write_recording(recording, staged)
+            if names:
+                write_image_names(staged, names)
         _check_absent(staged, output)
     return Merged(cell, recording, tuple(parts), tuple(first_numbers))
 
@@ -224,6 +230,24 @@ def _renumber_samples(part: Part, shift: int, files: dict[str, Path]) -> list[Sa
         )
         renumbered.append(replace(sample, sample=number, images=images, background=background))
     return renumbered
+
+
+def _add_image_names(names: dict[str, int], part: Part, shift: int) -> None:
+    """Add the new sample numbers of the images that a part's tables name and that are not recorded yet.
+
+    Raises:
+        InputError: if an image of this name is expected for a sample of another part.
+    """
+    recorded = {plain_name(path) for sample in part.recording.samples for path in sample.images.values()}
+    for name, number in read_image_names(part.folder).items():
+        if name in recorded:
+            continue
+        if name in names:
+            raise InputError(
+                f"{part.folder}: its tables name image {name!r}, as those of another cell do. Import the images "
+                "into each cell before the merge"
+            )
+        names[name] = number + shift
 
 
 def _image(part: Part, path: str, number: int, files: dict[str, Path]) -> str:

@@ -178,19 +178,6 @@ def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
     assert [sorted(sample.robots) for sample in told[0].samples] == [["right"]] * 2
 
 
-@pytest.mark.parametrize(
-    "text", ['{"samples_by_image": {"a": Infinity}}', '{"samples_by_image": 1}', "[" * 100_000, ""]
-)
-def test_damaged_names_of_images_are_said(text: str, tmp_path: Path) -> None:
-    """Names of an earlier table that are not as they were written are an error that says what to remove."""
-    add_to_cell(tmp_path, poses("left", 2, names=True), fine)
-    path = tmp_path / "recording" / "image_names.json"
-    assert path.exists()
-    path.write_text(text)
-    with pytest.raises(DatasetError, match=r"image_names\.json: expected .* remove it and import the table again"):
-        add_to_cell(tmp_path, poses("right", 2), fine)
-
-
 def test_the_controller_of_a_robot_is_that_of_its_poses(tmp_path: Path) -> None:
     """What `cell.yaml` states stays, with its frames, until the poses are replaced."""
     folder, place = tmp_path / "c", frozenset({("robots", "left", "controller")})

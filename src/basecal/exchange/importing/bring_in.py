@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import replace as dataclass_replace
@@ -23,14 +22,13 @@ from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.importing.cell_files import numbered_path, place_files
+from basecal.exchange.importing.image_names import read_image_names, write_image_names
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.pairing import Pairing, is_same_state, pair, plain_name, samples_without_content
 from basecal.fields.problems import Loc
 
 _CELL, _FOLDER = "cell.yaml", "recording"
-_NAMES = f"{_FOLDER}/image_names.json"
 _REST_TOLERANCE = 2e-3  # [m, rad] largest spread of poses of an arm at rest, with the rounding of `tf2_echo`
-_LARGEST_NAMES = 2**24  # bytes: 200,000 names
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +88,7 @@ def add_to_cell(
         imports = _separate_repeated_views(imports, recorded)
         if not (replace or imports.by) and recorded.samples and len(imports.rows) != len(recorded.samples):
             imports = dataclass_replace(imports, is_session=imports.is_session or _is_whole(imports.rows, cell))
-        names = _read_sample_names(folder)
+        names = read_image_names(folder)
         pairing = pair(imports, recorded.samples, names, replace) if imports.rows else Pairing("order", ())
         samples_by_path = {path: sample.sample for sample in recorded.samples for path in sample.images.values()}
         samples, image_files = _additions(imports.rows, pairing, samples_by_path)
@@ -104,7 +102,7 @@ def add_to_cell(
                 write_atomically(path, text)
             named = {**names, **_named_samples(imports.rows, pairing, samples)}
             if named != names:
-                write_atomically(folder / _NAMES, json.dumps({"samples_by_image": named}) + "\n", base_folder=folder)
+                write_image_names(folder, named)
             if samples:
                 write_atomically(journal_path, journal, base_folder=folder)
     made = len({sample.sample for sample in samples} - {sample.sample for sample in recorded.samples})
@@ -194,23 +192,6 @@ def _locations(data: Mapping[str, Any], parent: Loc = ()) -> Iterator[Loc]:
             yield from ((*parent, key, inner) for inner in value)
         else:
             yield (*parent, key)
-
-
-def _read_sample_names(folder: Path) -> dict[str, int]:
-    """Read the sample numbers by image name that earlier tables defined.
-
-    Raises:
-        DatasetError: if the file is invalid.
-    """
-    path = folder / _NAMES
-    if not path.exists():
-        return {}
-    try:
-        data = json.loads(read_text(path, "", _LARGEST_NAMES))["samples_by_image"]
-        return {str(name): int(number) for name, number in data.items()}
-    except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
-        expected = 'expected {"samples_by_image": {"name": 0}}; remove it and import the table again'
-        raise DatasetError(path, expected) from None
 
 
 def _named_samples(rows: tuple[Row, ...], pairing: Pairing, samples: Sequence[Sample]) -> Mapping[str, int]:
