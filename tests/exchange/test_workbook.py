@@ -170,3 +170,35 @@ def test_rows_have_their_numbers(numbers: str, text: str) -> None:
     places = {n: "" if n == "-" else f' r="{n}"' for n in numbers.split()}
     rows = (f'<row{place}><c t="inlineStr"><is><t>{n}</t></is></c></row>' for n, place in places.items())
     assert sheet("".join(rows)) == text
+
+
+@pytest.mark.parametrize(
+    ("code", "is_date"),
+    [
+        ("yyyy\\-mm\\-dd hh:mm:ss.000", True),
+        ("[h]:mm:ss", True),
+        ("0.000", False),
+        ('0.0 "mm"', False),
+        ("[Red]0.0", False),
+    ],
+)
+def test_dates_are_dates(code: str, is_date: bool) -> None:
+    """Excel counts them in days, which were read as seconds."""
+    styles = (
+        f"<styleSheet {MAIN}><numFmts><numFmt numFmtId=\"164\" formatCode='{code}'/></numFmts>"
+        '<cellStyleXfs><xf numFmtId="14"/></cellStyleXfs>'
+        '<cellXfs><xf numFmtId="0"/><xf numFmtId="22"/><xf numFmtId="164"/></cellXfs></styleSheet>'
+    )
+    cells = '<c s="0"><v>46143.5</v></c><c s="1"><v>46143.5</v></c><c s="2"><v>46143.520833333336</v></c>'
+    text = f"<worksheet {MAIN}><sheetData><row>{cells}</row></sheetData></worksheet>"
+    found = workbook_text(workbook([], xl__worksheets__sheet1=text, xl__styles=styles), "w.xlsx").strip().split(",")
+    assert found[:2] == ["46143.5", "2026-05-01T12:00:00"]
+    assert found[2] == ("2026-05-01T12:30:00" if is_date else "46143.520833333336")
+
+
+def test_a_date_beyond_all_years_is_damage() -> None:
+    """One line, as of any other damage."""
+    styles = f'<styleSheet {MAIN}><cellXfs><xf numFmtId="22"/></cellXfs></styleSheet>'
+    text = f'<worksheet {MAIN}><sheetData><row><c s="0"><v>1e300</v></c></row></sheetData></worksheet>'
+    with pytest.raises(DatasetError, match="is a damaged Excel workbook"):
+        workbook_text(workbook([], xl__worksheets__sheet1=text, xl__styles=styles), "w.xlsx")

@@ -9,6 +9,7 @@ import csv
 import re
 import zlib
 from collections.abc import Iterator
+from datetime import datetime, timedelta
 from io import BytesIO, StringIO
 from posixpath import join, normpath
 from typing import Any
@@ -17,8 +18,12 @@ from zipfile import BadZipFile, ZipFile
 from basecal.errors import DatasetError
 
 _SHEET = re.compile(r"xl/worksheets/sheet(\d+)\.xml")
-_STRINGS = "xl/sharedStrings.xml"
+_STRINGS, _STYLES = "xl/sharedStrings.xml", "xl/styles.xml"
 _BOOK, _PARTS_OF_BOOK = "xl/workbook.xml", "xl/_rels/workbook.xml.rels"
+_DATE_FORMATS = frozenset(map(str, (*range(14, 23), *range(45, 48))))  # numbers of built-in formats of dates and times
+_LITERALS = re.compile(r'"[^"]*"|\[[^\]]*\]|\\.')  # text, colours and conditions in the code of a format
+_DATE_CODE = re.compile(r"[ymdhs]", re.IGNORECASE)
+_DAY_ZERO = datetime(1899, 12, 30)  # of Excel's count of days, for dates since March 1900
 _REFERENCE = re.compile(r"([A-Z]{1,3})\d+")
 _LARGEST_BYTES = 2**25  # size limit of an unpacked part: a hundred thousand poses
 _MOST_COLUMNS = 256
@@ -44,8 +49,17 @@ def workbook_text(data: bytes, path: str) -> str:
                 raise DatasetError(path, "holds no sheet of an Excel workbook: save it as CSV, and import that")
             strings = [_text(each) for each in _part(archive, _STRINGS, path)] if _STRINGS in archive.namelist() else []
             sheet = _part(archive, name, path)
-            rows = list(_rows(sheet, strings))
-    except (BadZipFile, SyntaxError, DefusedXmlException, LookupError, ValueError, zlib.error, RuntimeError) as error:
+            rows = list(_rows(sheet, strings, _date_styles(archive, path)))
+    except (
+        BadZipFile,
+        SyntaxError,
+        DefusedXmlException,
+        LookupError,
+        ValueError,
+        OverflowError,
+        zlib.error,
+        RuntimeError,
+    ) as error:
         if isinstance(error, DatasetError):
             raise
         raise DatasetError(path, "is a damaged Excel workbook: save it as CSV, and import that") from None
@@ -80,23 +94,37 @@ def _part(archive: ZipFile, name: str, path: str) -> Any:
     return fromstring(data)
 
 
-def _rows(sheet: Any, strings: list[str]) -> Iterator[list[str]]:
+def _date_styles(archive: ZipFile, path: str) -> frozenset[str]:
+    """Numbers of the cell styles that show a number as a date or a time."""
+    if _STYLES not in archive.namelist():
+        return frozenset()
+    styles = _part(archive, _STYLES, path)
+    codes = {each.get("numFmtId"): each.get("formatCode", "") for each in styles.iter() if _tag(each) == "numFmt"}
+    custom = {number for number, code in codes.items() if _DATE_CODE.search(_LITERALS.sub("", code))}
+    cell_styles = next((each for each in styles if _tag(each) == "cellXfs"), ())
+    dates = _DATE_FORMATS | custom
+    return frozenset(str(index) for index, each in enumerate(cell_styles) if each.get("numFmtId") in dates)
+
+
+def _rows(sheet: Any, strings: list[str], date_styles: frozenset[str]) -> Iterator[list[str]]:
     """Cells of all rows from the first row and column on; rows and cells missing in the workbook are empty."""
     count = 0
     for row in (each for each in sheet.iter() if _tag(each) == "row"):
         number = min(int(row.get("r", count + 1)), _MOST_ROWS)
         yield from ([] for _ in range(count + 1, number))
         count = max(number, count + 1)
-        found = dict(_text_cells(row, strings))
+        found = dict(_text_cells(row, strings, date_styles))
         yield [found.get(column, "") for column in range(max(found, default=-1) + 1)]
 
 
-def _text_cells(row: Any, strings: list[str]) -> Iterator[tuple[int, str]]:
+def _text_cells(row: Any, strings: list[str], date_styles: frozenset[str]) -> Iterator[tuple[int, str]]:
     """Column and text of each non-empty cell."""
     for count, cell in enumerate(each for each in row if _tag(each) == "c"):
         reference = _REFERENCE.fullmatch(cell.get("r", ""))
         column = count if reference is None else _column(reference[1])
         value = next((each.text or "" for each in cell if _tag(each) == "v"), "")
+        if value and cell.get("s") in date_styles and cell.get("t", "n") == "n":
+            value = (_DAY_ZERO + timedelta(days=float(value))).isoformat()
         text = strings[int(value)] if cell.get("t") == "s" else _text(cell) if cell.get("t") == "inlineStr" else value
         if text and column < _MOST_COLUMNS:
             yield column, " ".join(text.split())
