@@ -105,6 +105,17 @@ def test_a_chain_of_cameras_gives_a_guess(tmp_path: Path) -> None:
     assert mount_by_chain(NO_CELL, (first, second), "cam1") is None
 
 
+@pytest.mark.parametrize(("stated", "on", "is_guessed"), [(None, "world", True), ("arm", "arm", False)])
+def test_a_guess_is_in_the_frame_of_its_carrier(tmp_path: Path, stated: str | None, on: str, is_guessed: bool) -> None:
+    """A camera of a chain on the world is on the world, too; on the arm its pose in the world is none."""
+    cell_in(tmp_path)
+    imported = lens_of_file(tmp_path, LENS, "a.yaml", "cam1", stated, "fixed", SE3.identity(), "world")
+    camera = brought(tmp_path, imported).cameras["cam1"]
+    assert (camera.on, camera.mount.mean is not None) == (on, is_guessed)
+    again = lens_of_file(tmp_path, LENS, "a.yaml", "cam1", None, "fixed", SE3.identity(), "eye")
+    assert "mount" not in again.cell["cameras"]["cam1"]
+
+
 def test_targets(tmp_path: Path) -> None:
     """A description completes the only target, or makes one where it is told what carries it."""
     board = {"kind": "chessboard", "corners": [6, 7], "square_m": 0.06}

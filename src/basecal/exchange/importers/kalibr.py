@@ -23,6 +23,7 @@ from basecal.exchange.importing.lens import (
     lens_of_file,
     make_camera,
     mount_by_chain,
+    previous_camera,
 )
 
 _PROJECTION = "pinhole"  # the supported projection of Kalibr
@@ -74,8 +75,10 @@ def read_kalibr(
     chosen = camera if chosen is None and camera in lenses else chosen
     if chosen is None or chosen not in lenses:
         raise InputError(f"{file} has {list_names(list(lenses))}: choose one with --camera-of-file")
-    mount = mount_by_chain(known, tuple(lenses.values()), chosen)
-    return lens_of_file(cell, lenses[chosen], file, camera, on, status, mount)
+    chain = tuple(lenses.values())
+    mount, previous = mount_by_chain(known, chain, chosen), previous_camera(known, chain, chosen)
+    carrier = None if previous is None else previous.on
+    return lens_of_file(cell, lenses[chosen], file, camera, on, status, mount, carrier)
 
 
 def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from basecal.cell import CellCamera
 from basecal.cell.format.plain import numbers, pose_dict
 from basecal.errors import InputError
 from basecal.exchange.fields import Field
@@ -40,6 +41,7 @@ def lens_of_file(
     carrier: str | None,
     status: LensStatus,
     mount: SE3 | None = None,
+    mount_carrier: str | None = None,
 ) -> Imported:
     """Import a lens; its model, size and intrinsics replace those of the camera in the cell.
 
@@ -51,6 +53,7 @@ def lens_of_file(
         carrier: The robot that carries the camera, or `world`; from the cell if None.
         status: `fixed`, or `free` for an initial guess of estimated intrinsics.
         mount: Initial guess of the camera's pose in its carrier; None if unknown.
+        mount_carrier: Carrier of the guess, by default also of a new camera; a camera on another one gets no guess.
 
     Raises:
         InputError: if the camera or its carrier is ambiguous, or its images have another size.
@@ -61,13 +64,15 @@ def lens_of_file(
     entry: dict[str, Any] = camera_entry(lens.camera, status)
     data: dict[str, Any] = {"cameras": {name: entry}}
     if known is None:
-        stated = carrier or (None if cell.robots else "eye")
+        stated = carrier or mount_carrier or (None if cell.robots else "eye")
         camera_on = choose_carrier(cell, "camera", name, stated, may_be_world=False)
         check_robot(cell, camera_on)
         data = carried_entry("cameras", name, camera_on, **entry)
     else:
+        camera_on = known.on
         _check_size(Path(folder), cell, name, lens.camera.size_px, source)
-    if mount is not None and (known is None or (known.mount.status == "free" and known.mount.mean is None)):
+    is_open = known is None or (known.mount.status == "free" and known.mount.mean is None)
+    if mount is not None and is_open and mount_carrier in (None, camera_on):
         data["cameras"][name]["mount"] = {"status": "free", "guess": pose_dict(mount)}
     replaced = frozenset({("cameras", name, "model"), ("cameras", name, "intrinsics")})
     what = f"{lens.what}; written as {status} intrinsics of camera {name!r}"
@@ -89,20 +94,24 @@ def _check_size(folder: Path, cell: KnownCell, camera: str, size_px: tuple[int, 
 
 
 def mount_by_chain(cell: KnownCell, lenses: Sequence[StatedLens], name: str) -> SE3 | None:
-    """Pose of a camera of a chain in its carrier; None if the pose of the previous camera is unknown.
+    """Pose of a camera of a chain in the carrier of the previous camera; None if that camera's pose is unknown.
 
     Args:
         cell: The cell, whose cameras have the names of the chain's.
         lenses: Lenses of the chain.
         name: Name of the camera in the chain.
     """
-    names = [lens.name for lens in lenses]
-    index = names.index(name)
-    previous = None if index == 0 else cell.cameras.get(str(names[index - 1]))
-    camera_from_previous = lenses[index].camera_from_previous
+    previous = previous_camera(cell, lenses, name)
+    camera_from_previous = next(lens.camera_from_previous for lens in lenses if lens.name == name)
     if previous is None or previous.mount.mean is None or camera_from_previous is None:
         return None
     return previous.mount.mean @ camera_from_previous.inverse()
+
+
+def previous_camera(cell: KnownCell, lenses: Sequence[StatedLens], name: str) -> CellCamera | None:
+    """Camera of the cell that is before a camera of a chain; None if there is none."""
+    index = [lens.name for lens in lenses].index(name)
+    return None if index == 0 else cell.cameras.get(str(lenses[index - 1].name))
 
 
 def imported_target(
