@@ -195,3 +195,21 @@ def test_an_answer_that_cannot_be_sent_is_an_error(served):
     assert [number for number, _, _ in answers] == [0, 1]
     assert answers[0][2][1].startswith("left: its driver failed (TypeError: cannot pickle")
     assert answers[1][1:] == ("too far", None)
+
+
+def test_a_motion_that_is_sent_during_a_stop_is_stopped(served):
+    """The stop may reach the controller before a request that was in progress; then it is sent again."""
+    process, robot, heard = served
+    orders = []
+
+    def move(to, speed_rad_s):
+        process._stop()
+        until = time.monotonic() + 2
+        while not orders and time.monotonic() < until:
+            time.sleep(0.01)
+        orders.append("move")
+
+    robot.move, robot.stop = move, lambda: orders.append("stop")
+    process._call_driver(robot, "move", (GOAL, 1.0))
+    assert orders == ["stop", "move", "stop"]
+    assert Kind.STOPPED in [frame.kind for frame in heard.receive()]

@@ -223,7 +223,11 @@ class ArmProcess:
                 self._path, self._goal = (self._values, arguments[0].joints_rad), arguments[0]
         if method == "freedrive":
             self._is_in_freedrive, self._path = arguments[0], (None, None)
-        return getattr(robot, method)(*arguments)
+        try:
+            return getattr(robot, method)(*arguments)
+        finally:
+            if self._must_stop:  # the controller may have received the stop before this request
+                self._stop_robot()
 
     def _send_heartbeats(self, robot: HasWatchdog) -> None:
         """Send heartbeats to the watchdog as long as the supervisor runs and states arrive."""
