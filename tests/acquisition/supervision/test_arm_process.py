@@ -213,3 +213,28 @@ def test_a_motion_that_is_sent_during_a_stop_is_stopped(served):
     process._call_driver(robot, "move", (GOAL, 1.0))
     assert orders == ["stop", "move", "stop"]
     assert Kind.STOPPED in [frame.kind for frame in heard.receive()]
+
+
+def test_an_arm_whose_freedrive_does_not_end_still_moves(served):
+    """Its freedrive is ended again at a stop."""
+    process, _, heard = served
+    orders = []
+
+    class Guided:
+        is_live = True
+
+        def freedrive(self, on):
+            orders.append(on)
+            if orders.count(False) == 1 and not on:
+                raise DriverError("left: the controller did not end freedrive")
+
+    process._robot = robot = Guided()
+    process._call_driver(robot, "freedrive", (True,))
+    with pytest.raises(DriverError, match="did not end freedrive"):
+        process._call_driver(robot, "freedrive", (False,))
+    assert process._is_moving
+    process._stop_robot()
+    assert orders == [True, False, False]
+    assert [frame.kind for frame in heard.receive()] == [Kind.STOPPED]
+    process._call_driver(robot, "freedrive", (False,))
+    assert not process._is_moving

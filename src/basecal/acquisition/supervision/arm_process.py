@@ -222,12 +222,15 @@ class ArmProcess:
                 self._states_at_goal, self._changed_s = 0, time.monotonic()
                 self._path, self._goal = (self._values, arguments[0].joints_rad), arguments[0]
         if method == "freedrive":
-            self._is_in_freedrive, self._path = arguments[0], (None, None)
+            self._is_in_freedrive, self._path = True, (None, None)
         try:
-            return getattr(robot, method)(*arguments)
+            result = getattr(robot, method)(*arguments)
         finally:
             if self._must_stop:  # the controller may have received the stop before this request
                 self._stop_robot()
+        if method == "freedrive":
+            self._is_in_freedrive = arguments[0]
+        return result
 
     def _send_heartbeats(self, robot: HasWatchdog) -> None:
         """Send heartbeats to the watchdog as long as the supervisor runs and states arrive."""
