@@ -102,6 +102,23 @@ def test_states_that_come_late_count_while_it_moves(served):
         read(process, HOME, lag_s=1.1 * STALE_S)
 
 
+def test_a_slow_clock_of_a_controller_is_not_a_slow_link(served):
+    """By 100 ppm its stamps fall behind by a second in three hours; a state that is late is still reported then."""
+    process, robot, _ = served
+    begin_s = time.monotonic()
+
+    def read_after(elapsed_s, late_s=0.0):
+        process._read_s = begin_s + elapsed_s
+        process._check_lag(Reading(1000 + elapsed_s * (1 - 1e-4) - late_s, HOME))
+
+    for hour in np.arange(0, 3, 0.01):
+        read_after(3600 * hour)
+    process._call_driver(robot, "move", (GOAL, 1.0))
+    read_after(3 * 3600)
+    with pytest.raises(DriverError, match=r"left: its states came 0\.5 s late while it moved"):
+        read_after(3 * 3600 + 1, late_s=0.5)
+
+
 def test_an_arm_beside_its_way_is_reported(served):
     """A joint may overshoot by a degree; beyond the range between start and goal by three it ends the capture."""
     process, robot, _ = served

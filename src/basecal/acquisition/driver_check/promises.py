@@ -22,14 +22,13 @@ from basecal.acquisition.driver import (
     check_reading,
 )
 from basecal.acquisition.freshness import LEAST_HZ
-from basecal.acquisition.supervision.limits import STALE_S
+from basecal.acquisition.supervision.limits import MOST_CLOCK_DRIFT, STALE_S
 from basecal.cell import RobotState
 from basecal.errors import DriverError
 from basecal.geometry import Array
 
 _MEASURED_S = 5.0
 _PAUSE_S = 2.0
-_MOST_CLOCK_DRIFT = 0.01
 _MOVE_RAD, _SPEED_RAD_S = np.radians(3.0), np.radians(5.0)
 _STOPPED_S = 0.5  # after a stop, or after the last heartbeat of a watchdog
 _GAP_S = 0.5  # time without states that counts as an outage
@@ -76,7 +75,7 @@ def _stream_promises(arrivals: Arrivals, least_hz: float) -> Iterator[Promise]:
     yield Promise("stamps advance", f"{arrivals.repeats} were repeated", arrivals.repeats == 0)
     drift = arrivals.drift
     yield Promise(
-        f"clock within {_MOST_CLOCK_DRIFT:.0%} of this machine's", f"{drift:+.2%}", abs(drift) < _MOST_CLOCK_DRIFT
+        f"clock within {MOST_CLOCK_DRIFT:.0%} of this machine's", f"{drift:+.2%}", abs(drift) < MOST_CLOCK_DRIFT
     )
 
 

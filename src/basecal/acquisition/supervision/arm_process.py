@@ -43,6 +43,7 @@ from basecal.acquisition.supervision.limits import (
     HANG_LIMIT_S,
     HEARTBEAT_S,
     HOLD_S,
+    MOST_CLOCK_DRIFT,
     RECONNECT_S,
     REST_STALE_MARGIN_S,
     STALE_S,
@@ -70,9 +71,9 @@ class ArmProcess:
         self._requests: queue.SimpleQueue[tuple[int, str, tuple[Any, ...]]] = queue.SimpleQueue()
         self._goal: RobotState | None = None
         self._states_at_goal, self._is_in_freedrive = 0, False
-        self._least_lag_s = float("inf")
         now = time.monotonic()
         self._read_s = self._changed_s = self._supervisor_s = self._heartbeat_s = now
+        self._least_lag_s, self._least_lag_read_s = float("inf"), now
         self._values: Array | None = None
         self._path: tuple[Array | None, Array | None] = None, None
         # For goal and path: an arrival must not end a motion that starts at the same time.
@@ -168,10 +169,12 @@ class ArmProcess:
             DriverError: if the state is late while the arm moves.
         """
         lag_s = self._read_s - reading.stamp_s
-        self._least_lag_s = min(self._least_lag_s, lag_s)
-        if self._is_moving and lag_s - self._least_lag_s > STALE_S:
+        late_s = lag_s - self._least_lag_s - MOST_CLOCK_DRIFT * (self._read_s - self._least_lag_read_s)
+        if late_s <= 0:
+            self._least_lag_s, self._least_lag_read_s = lag_s, self._read_s
+        if self._is_moving and late_s > STALE_S:
             raise DriverError(
-                f"{self._name}: its states came {lag_s - self._least_lag_s:.1f} s late while it moved: "
+                f"{self._name}: its states came {late_s:.1f} s late while it moved: "
                 f"the link is too slow, or its clock went back"
             )
 

@@ -21,6 +21,9 @@ START_S = 10.0
 STALE_S = 0.45
 """Time without a new state after which a link counts as lost while any arm moves."""
 
+MOST_CLOCK_DRIFT = 0.01
+"""Largest accepted drift of a controller's clock against the clock of this machine [s/s]."""
+
 RECONNECT_S = 10.0
 """Default of a driver's option `reconnect_s`: time for reconnecting a lost link while all arms are at rest."""
 
