@@ -253,6 +253,7 @@ async def serve(host: str, switched_on_s: float) -> None:
                 "PolyscopeVersion": lambda: "URSoftware 5.11.0.1 (Jan 01 2022)",
                 "get serial number": lambda: "20225500001",
                 "is in remote control": lambda: str(arm.remote).lower(),
+                "stop": lambda: "Stopped",
                 "running": lambda: f"Program running: {str(arm.playing).lower()}",
             }
             if line == "stop":

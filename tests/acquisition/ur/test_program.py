@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import socket
+import threading
 import time
 
 import pytest
 
+from basecal.acquisition.ur import program as ur_program
 from basecal.acquisition.ur.options import UrOptions
 from basecal.acquisition.ur.program import Program
 from basecal.errors import DriverError
@@ -77,6 +80,30 @@ def test_its_watchdog_stops_the_arm_when_this_computer_is_silent(there):
     assert float(at_s) - silent_s < 0.5
     with pytest.raises(DriverError, match="stopped"):
         asked.ask(lambda line: line.isProgramRunning())
+
+
+@pytest.mark.parametrize(("reply", "refusal"), [(b"Stopped\n", None), (b"Failed to execute: stop\n", "Failed")])
+def test_a_dashboard_that_refuses_a_stop_has_not_stopped_the_arm(monkeypatch, reply, refusal):
+    """While another call holds the connection, a stop goes to the dashboard; its reply says whether it was taken."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        monkeypatch.setattr(ur_program, "_DASHBOARD_PORT", server.getsockname()[1])
+
+        def serve():
+            connection, _ = server.accept()
+            with connection:
+                connection.sendall(b"Connected: Universal Robots Dashboard Server\n")
+                assert connection.recv(64) == b"stop\n"
+                connection.sendall(reply)
+
+        threading.Thread(target=serve, daemon=True).start()
+        asked = Program("eye", UrOptions(host="127.0.0.1"))
+        asked._interface = object()
+        with asked._lock:
+            if refusal is None:
+                asked.stop()
+            else:
+                with pytest.raises(DriverError, match=rf"^eye: its dashboard did not take the stop \({refusal}"):
+                    asked.stop()
 
 
 def test_no_permission_to_move(there):

@@ -18,6 +18,8 @@ _WATCHDOG_HZ = 6.0  # URSim stops a program after about two periods of silence: 
 _BUSY_TIMEOUT_S = 0.1  # for a stop to wait until another call releases the connection
 _STOP_RAD_S2 = 2.0  # deceleration of each joint in a stop: from 30 deg/s it takes a quarter of a second
 _DASHBOARD_TIMEOUT_S = 0.2  # for the dashboard to accept a command
+_LONGEST_LINE = 256  # bytes of a line of the dashboard
+_STOPPED = "Stopped"  # reply to `stop` if it succeeded; Source: Universal Robots, Dashboard Server e-Series
 
 Reply = TypeVar("Reply")
 
@@ -104,14 +106,19 @@ class Program:
             self._stop_by_dashboard()
 
     def _stop_by_dashboard(self) -> None:
+        address = self._options.host, _DASHBOARD_PORT
         try:
-            with socket.create_connection(
-                (self._options.host, _DASHBOARD_PORT), timeout=_DASHBOARD_TIMEOUT_S
-            ) as connection:
+            with (
+                socket.create_connection(address, timeout=_DASHBOARD_TIMEOUT_S) as connection,
+                connection.makefile("rb") as lines,
+            ):
                 connection.sendall(b"stop\n")
-                connection.recv(256)
+                _, reply = lines.readline(_LONGEST_LINE), lines.readline(_LONGEST_LINE)  # the first line is a greeting
+                answer = reply.decode(errors="replace").strip()
         except OSError as error:
-            raise DriverError(f"{self._name}: its dashboard did not take the stop ({error})") from None
+            answer = str(error)
+        if answer != _STOPPED:
+            raise DriverError(f"{self._name}: its dashboard did not take the stop ({answer})")
 
     def close(self) -> None:
         """End the program on the controller, and close the connection."""
