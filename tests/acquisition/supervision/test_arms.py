@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,6 +71,20 @@ def test_an_arm_that_confirms_no_stop_is_named(frail, caplog):
     with pytest.raises(ValueError, match=r"^first$"), open_rig(Cell("left", {**frail, "left": deaf}), Path(".")):
         raise ValueError("first")
     assert caplog.messages == ["left did not confirm a stop: look at the arm"]
+
+
+def test_a_request_after_an_interrupt_does_not_hide_it(frail):
+    """What still asks an arm at the end, such as the end of freedrive, raises no other error than Ctrl-C did."""
+
+    def wait_for_interrupt(robot):
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(5)
+        finally:
+            robot.goal_refusal(RobotState(joints_rad=np.zeros(6)))
+
+    with pytest.raises(KeyboardInterrupt), open_rig(Cell("left", frail), Path(".")) as rig:
+        wait_for_interrupt(rig.robots["left"])
 
 
 def test_a_reason_names_who_was_told():

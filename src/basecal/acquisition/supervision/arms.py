@@ -51,7 +51,7 @@ class Arms:
         self._opened: dict[int, Any] = {}
         self._requests = 0
         self._reason = ""
-        self._is_ending = False
+        self._is_ending = self._is_interrupted = False
         self._unreported: list[str] = []  # arms that did not confirm a stop, not reported yet
         command = [sys.executable, "-m", _SUPERVISOR_MODULE, str(signals_fd), *self._names]
         self._process = subprocess.Popen(
@@ -165,8 +165,14 @@ class Arms:
             self._changed.wait(_POLL_S)
 
     def _check(self) -> None:
+        """Check that no arm was stopped.
+
+        Raises:
+            KeyboardInterrupt: if a signal stopped all arms: an error of a cleanup would hide that of the signal.
+            DriverError: if all arms were stopped for another reason.
+        """
         if self._reason:
-            raise DriverError(self._reason)
+            raise KeyboardInterrupt(self._reason) if self._is_interrupted else DriverError(self._reason)
 
     def _listen(self) -> None:
         """Receive frames of the supervisor until it ends, and send heartbeats to it."""
@@ -195,7 +201,8 @@ class Arms:
     def _handle(self, frame: Frame) -> None:
         if frame.kind == Kind.EVENT:
             event = json.loads(frame.payload)
-            self._is_ending = self._is_ending or event["by_signal"]  # the main thread receives the signal itself
+            self._is_interrupted = event["by_signal"]  # the main thread receives the signal itself
+            self._is_ending = self._is_ending or self._is_interrupted
             self._set_stop_reason(event["reason"], event["unconfirmed"])
         elif frame.kind != Kind.ALIVE:
             content = pickle.loads(frame.payload)
