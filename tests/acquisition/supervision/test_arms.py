@@ -87,6 +87,23 @@ def test_a_request_after_an_interrupt_does_not_hide_it(frail):
         wait_for_interrupt(rig.robots["left"])
 
 
+def test_a_state_from_before_a_silence_is_not_given(frail):
+    """Of an arm whose link fell silent at rest there is no state: no motion begins from an old one."""
+    with second_process("safety.frail_controllers") as controllers:
+        options = {"port": json.loads(controllers.tell("ports"))["left"], "reconnect_s": 0.5}
+        left = {"left": replace(frail["left"], driver=Driver("frail", options))}
+
+        def fall_silent(robot):
+            robot.state()
+            time.sleep(0.3)
+            controllers.tell("fail", "left", "freeze")
+            time.sleep(1.0)
+            robot.state()
+
+        with pytest.raises(DriverError, match="left: no state came"), open_rig(Cell("left", left), Path(".")) as rig:
+            fall_silent(rig.robots["left"])
+
+
 def test_a_reason_names_who_was_told():
     """The cause comes first, then who was told to stop and who was not, then what to do."""
     words = stop_report("right: its link is lost", ["left", "right"], ["right"])

@@ -20,6 +20,7 @@ from basecal.acquisition.supervision.limits import (
     CLOSE_S,
     HEARTBEAT_S,
     PARENT_HANG_LIMIT_S,
+    STALE_S,
     START_S,
     STOP_S,
     TICK_S,
@@ -46,7 +47,7 @@ class Arms:
         """
         self._names = list(places)
         self._changed = threading.Condition()
-        self._readings: dict[int, tuple[int, Reading]] = {}
+        self._readings: dict[int, tuple[int, Reading, float]] = {}  # number, latest state, its arrival [s]
         self._answers: dict[int, tuple[Any, Any]] = {}
         self._opened: dict[int, Any] = {}
         self._requests = 0
@@ -93,7 +94,9 @@ class Arms:
         return {name: _proxy(self, number, self._opened[number]) for number, name in enumerate(self._names)}
 
     def wait_for_newer(self, arm: int, count: int) -> tuple[int, Reading]:
-        """Wait until an arm has sent more than `count` states; their number, and the latest state.
+        """Wait until an arm has sent more than `count` states; their number, and the latest state, which is recent.
+
+        A motion must not begin from a state that arrived before the link fell silent.
 
         Raises:
             DriverError: if all arms were stopped.
@@ -101,9 +104,9 @@ class Arms:
         with self._changed:
             while True:
                 self._check()
-                latest = self._readings.get(arm)
-                if latest is not None and latest[0] > count:
-                    return latest
+                number, reading, arrived_s = self._readings.get(arm, (count, None, 0.0))
+                if reading is not None and number > count and time.monotonic() - arrived_s < STALE_S:
+                    return number, reading
                 self._changed.wait(_POLL_S)
 
     def ask(self, arm: int, method: str, *arguments: Any, timeout_s: float = _ANSWER_TIMEOUT_S) -> Any:
@@ -208,8 +211,8 @@ class Arms:
             content = pickle.loads(frame.payload)
             with self._changed:
                 if frame.kind == Kind.READING:
-                    count, _ = self._readings.get(frame.arm, (0, None))
-                    self._readings[frame.arm] = (count + 1, content)
+                    count, *_ = self._readings.get(frame.arm, (0,))
+                    self._readings[frame.arm] = (count + 1, content, time.monotonic())
                 elif frame.kind == Kind.ANSWER:
                     self._answers[content[0]] = content[1:]
                 else:
