@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from basecal.accuracy.drift.shifts import SIZE_KIND, Shift
 from basecal.acquisition.running.check import RunningCheck, cause_of_error, cause_of_shifts
+from basecal.acquisition.running.estimate import RunningEstimate
 from basecal.effects.faces.effect import FoundEffect
 from shared.running_samples import recorded, with_hand_base_moved, with_joint_off, with_views_of
 
@@ -24,6 +26,21 @@ def reported(cell, samples):
 def test_samples_in_order_are_not_reported():
     """Nothing is reported where nothing is wrong."""
     assert reported(*recorded()) == []
+
+
+def estimate_count():
+    """Number of estimates in memory."""
+    gc.collect()
+    return sum(isinstance(each, RunningEstimate) for each in gc.get_objects())
+
+
+def test_estimates_of_long_ago_are_not_kept():
+    """Each holds all samples before it: kept, they would fill the memory of a long capture."""
+    cell, samples = recorded()
+    before, check = estimate_count(), RunningCheck(cell)
+    for sample in samples:
+        check.add(sample)
+    assert 1 <= estimate_count() - before <= 4
 
 
 def test_a_image_of_another_pose_is_named():

@@ -7,6 +7,7 @@ such as a joint offset, are reported if two consecutive checks find them.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -55,7 +56,7 @@ class RunningCheck:
         self._cell = cell
         self._agreeing: list[Sample] = []
         self._pending: list[Sample] = []
-        self._earlier_estimates: list[RunningEstimate | None] = []
+        self._earlier_estimates: deque[RunningEstimate | None] = deque(maxlen=_WINDOW_SAMPLES)
         self._suspected: tuple[str, ...] = ()
         self._reported: set[tuple[str, ...]] = set()
 
