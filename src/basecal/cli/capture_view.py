@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -132,7 +133,9 @@ def pressed_keys() -> Iterator[Callable[[], str]]:
     descriptor = stream.fileno()
     attributes = termios.tcgetattr(descriptor)
     tty.setcbreak(descriptor)
-    try:
-        yield lambda: stream.read(1) if select.select([stream], [], [], 0)[0] else ""
+    try:  # the stream itself would buffer further keys, which `select` does not see
+        yield (
+            lambda: os.read(descriptor, 1).decode(errors="replace") if select.select([descriptor], [], [], 0)[0] else ""
+        )
     finally:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, attributes)
