@@ -14,6 +14,7 @@ import pytest
 
 from basecal.acquisition.driver import ChecksGoals, Freedrives, Moves
 from basecal.acquisition.rig import open_rig
+from basecal.acquisition.supervision import arms
 from basecal.acquisition.supervision.arms import stop_report
 from basecal.cell import Cell, Driver, Robot, RobotState
 from basecal.errors import DatasetError, DriverError
@@ -63,6 +64,28 @@ def test_what_a_driver_raises_when_it_opens_is_raised_here(frail, tmp_path):
     nobody = {"left": Robot("left", driver=Driver("frail", {"port": 1}))}
     with pytest.raises(DriverError, match="ConnectionRefusedError"), open_rig(Cell("left", nobody), tmp_path):
         pass
+
+
+def test_a_driver_that_does_not_open_is_named(tmp_path, monkeypatch):
+    """It has as long as it may reconnect, and more; it does not hide the error of another driver."""
+    module = tmp_path / "slow.py"
+    module.write_text(
+        "import time\nfrom basecal.errors import DriverError\ndef open_robot(place):\n"
+        "    if place.options.get('fails'):\n        raise DriverError('nobody there')\n    time.sleep(60)\n"
+    )
+    monkeypatch.setattr(arms, "_OPEN_TIMEOUT_S", 2.0)
+    with installed_driver(tmp_path / "packages", "slow", module):
+        right = Robot("right", driver=Driver("slow", {"reconnect_s": 0.5}))
+        cell = Cell("right", {"right": right})
+        with (
+            pytest.raises(DriverError, match=r"^right: its driver did not open within 2\.5 s$"),
+            open_rig(cell, tmp_path),
+        ):
+            pass
+        left = Robot("left", driver=Driver("slow", {"fails": True}))
+        cell = Cell("right", {"right": right, "left": left})
+        with pytest.raises(DriverError, match="nobody there"), open_rig(cell, tmp_path):
+            pass
 
 
 def test_an_arm_that_confirms_no_stop_is_named(frail, caplog):

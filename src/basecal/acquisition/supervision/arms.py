@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from basecal.acquisition.driver import Place, Reading, Robot
@@ -46,6 +47,7 @@ class Arms:
             signals_fd: Read end of the pipe into which the system writes signal numbers.
         """
         self._names = list(places)
+        self._open_timeouts_s = [_open_timeout_s(place) for place in places.values()]
         self._changed = threading.Condition()
         self._readings: dict[int, tuple[int, Reading, float]] = {}  # number, latest state, its arrival [s]
         self._answers: dict[int, tuple[Any, Any]] = {}
@@ -87,11 +89,15 @@ class Arms:
             BasecalError: the error of the first driver that failed to open.
         """
         with self._changed:
-            self._wait(lambda: len(self._opened) == len(self._names), _OPEN_TIMEOUT_S, "a driver did not open")
+            for number, (name, timeout_s) in enumerate(zip(self._names, self._open_timeouts_s, strict=True)):
+                self._wait(partial(self._is_open, number), timeout_s, f"{name}: its driver did not open")
+        return {name: _proxy(self, number, self._opened[number]) for number, name in enumerate(self._names)}
+
+    def _is_open(self, arm: int) -> bool:
         for outcome in self._opened.values():
             if not isinstance(outcome, dict):
                 raise _error(*outcome)
-        return {name: _proxy(self, number, self._opened[number]) for number, name in enumerate(self._names)}
+        return arm in self._opened
 
     def wait_for_newer(self, arm: int, count: int) -> tuple[int, Reading]:
         """Wait until an arm has sent more than `count` states; their number, and the latest state, which is recent.
@@ -229,6 +235,12 @@ class Arms:
             self._changed.notify_all()
         if not self._is_ending:
             interrupt_main_thread()
+
+
+def _open_timeout_s(place: Place) -> float:
+    """Timeout for a driver to open; some wait for their topic as long as they would reconnect."""
+    reconnect_s = place.options.get("reconnect_s", 0)
+    return _OPEN_TIMEOUT_S + (reconnect_s if isinstance(reconnect_s, int | float) else 0)  # its process refuses others
 
 
 def stop_report(reason: str, names: list[str], unconfirmed_names: list[str]) -> str:
