@@ -166,6 +166,20 @@ def test_a_slow_way_is_waited_for(tmp_path):
     assert module._joint_travel_rad(RobotState(SE3.identity()), RobotState(SE3.identity())) == np.pi
 
 
+def test_no_arm_is_sent_while_it_moves(tmp_path):
+    """An arm far slower than planned, as by a speed slider, ends the capture; one that comes to rest does not."""
+
+    class Slow(Asked):
+        def state(self):
+            self.joints = self.joints + 1e-3
+            return super().state()
+
+    sketch, settings = sketch_cell(WORLD.cell), CaptureSettings(1.0, 10.0, 0.02)
+    arm = Slow("eye", np.zeros(6), [])
+    with pytest.raises(DriverError, match=r"^arm still moving: eye .*\. No arm is sent while one moves\. "):
+        Taker(Rig({"eye": arm}, {}), sketch, tmp_path, settings).take(Sample(0), [])
+
+
 class Frozen:
     """A camera that gives one image for ever, each time with a newer stamp."""
 

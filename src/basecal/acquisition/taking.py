@@ -136,7 +136,7 @@ class Taker:
 
         Raises:
             Unfit: if the sample is not usable.
-            DriverError: if a robot or camera does not answer.
+            DriverError: if a robot or camera does not answer, or an arm that was sent does not come to rest.
         """
         patience_s = self.settings.patience_s + _send_arms(self, goal)
         for _ in range(_REST_ATTEMPTS - 1):
@@ -144,7 +144,11 @@ class Taker:
                 return _take_sample(self, goal, samples, patience_s)
             except Moving as why:
                 self.notify(f"{why}; once more")
-        return _take_sample(self, goal, samples, patience_s)
+        try:
+            return _take_sample(self, goal, samples, patience_s)
+        except Moving:
+            _wait_for_rest(self.rig, patience_s)
+            raise
 
 
 def _send_arms(taker: Taker, goal: Sample) -> float:
@@ -172,6 +176,20 @@ def _send_arms(taker: Taker, goal: Sample) -> float:
     return max(
         _joint_travel_rad(here[path.robot], goal.robots[path.robot]) / path.joint_rad_s for path in plan_check.paths
     )
+
+
+def _wait_for_rest(rig: Rig, patience_s: float) -> None:
+    """Wait until no arm that is sent by program moves, because the check of the next path assumes a start from rest.
+
+    Raises:
+        DriverError: if an arm is still moving at the timeout [s].
+    """
+    try:
+        wait_for_arms({name: rig.robots[name] for name in movers(rig)}, {}, patience_s, rig.arms.note)
+    except Moving as why:
+        raise DriverError(
+            f"{why}. No arm is sent while one moves. Look for a low speed slider, or what shakes the arm"
+        ) from None
 
 
 def _joint_travel_rad(start: RobotState, end: RobotState) -> float:
