@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Freedrives, Moves, Place
+from basecal.acquisition.driver_check.promises import measure_stop
 from basecal.acquisition.drivers.ur import open_robot
 from basecal.acquisition.rig import open_rig
 from basecal.cell import Cell, Driver, Robot, RobotState
@@ -64,6 +65,18 @@ def test_it_stops_on_its_way(there):
     joints = [robot.state().state.joints_rad[0] for _ in range(10)]
     assert 0.01 < joints[-1] < 0.5
     assert joints[-1] == joints[5]
+    robot.close()
+
+
+def test_a_driver_check_measures_its_watchdog(there):
+    """The stop is seen in the states: without heartbeats a program that ended is no error."""
+    _, place = there
+    robot = open_robot(place())
+    stop = measure_stop("eye", robot, np.radians(3), np.radians(5), "silence")
+    assert 0.1 < stop.time_s < 0.5
+    robot.keep_alive()
+    with pytest.raises(DriverError, match="the program on the controller was stopped"):
+        robot.state()
     robot.close()
 
 

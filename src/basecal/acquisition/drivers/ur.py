@@ -7,6 +7,8 @@ and with it any motion, if this computer is silent for a third of a second.
 
 from __future__ import annotations
 
+import time
+
 from basecal.acquisition.driver import Place, Reading, StopGuarantee, checked_options
 from basecal.acquisition.ur.options import UrOptions
 from basecal.acquisition.ur.program import Program
@@ -21,6 +23,7 @@ _JOINTS = 6
 _FASTEST_RAD_S = 3.14  # largest joint speed that ur-rtde accepts
 _BEYOND_LIMITS = "the goal is beyond the safety limits of the controller"
 _STOPPED_STATES = 10  # consecutive states without a running program after which it counts as stopped
+_SILENCE_S = 0.1  # without heartbeats, after which a stop by the watchdog is intended; they are sent every 20 ms
 
 
 class UrWatched:
@@ -56,17 +59,18 @@ class _WithProgram(UrWatched):
         super().__init__(receiver)
         self._name, self._program = name, program
         self._stopped_states = 0
+        self._heartbeat_s = float("-inf")
 
     def state(self) -> Reading:
         """Return the robot's next state, as `UrWatched.state` does.
 
         Raises:
-            DriverError: also if the program on the controller was stopped.
+            DriverError: also if the program on the controller was stopped although heartbeats are sent.
         """
         was_sent = self._program.was_sent
         reading = self._receiver.state()
         self._stopped_states = self._stopped_states + 1 if was_sent and not self._receiver.is_program_running else 0
-        if self._stopped_states >= _STOPPED_STATES:
+        if self._stopped_states >= _STOPPED_STATES and time.monotonic() - self._heartbeat_s < _SILENCE_S:
             raise DriverError(
                 f"{self._name}: the program on the controller was stopped, by a person or by its watchdog"
             )
@@ -74,7 +78,11 @@ class _WithProgram(UrWatched):
 
     def keep_alive(self) -> None:
         """Send a heartbeat to the controller's watchdog."""
-        self._program.keep_alive()
+        self._heartbeat_s = float("inf")  # a call that hangs is no silence
+        try:
+            self._program.keep_alive()
+        finally:
+            self._heartbeat_s = time.monotonic()
 
     def close(self) -> None:
         """End the program, and close the connection."""
