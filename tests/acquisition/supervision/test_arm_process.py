@@ -160,16 +160,16 @@ def test_a_library_that_fails_is_named_as_a_link_or_driver():
     assert _error_text("left", BrokenPipeError(32, "Broken pipe")) == "left: its connection was closed (Broken pipe)"
 
 
-def test_a_closed_connection_and_a_silent_supervisor_stop_it(served):
-    """A connection that is closed while it moves is reported; where the supervisor is silent, the arm stops itself."""
+def test_a_closed_connection_stops_it(served, monkeypatch):
+    """It is reported, the arm stops, and the process ends: a library might connect again, and send its program."""
     process, robot, heard = served
+    ended = threading.Event()
+    monkeypatch.setattr(arm_process.os, "_exit", lambda code: ended.set())
     process._call_driver(robot, "move", (GOAL, 1.0))
     robot.is_connected = False
     process._check_timeouts(time.monotonic())
     assert troubles(heard) == ["left: its connection was closed while it moved"]
-    until = time.monotonic() + 2
-    while not robot.stops and time.monotonic() < until:
-        time.sleep(0.01)
+    assert ended.wait(2)
     assert robot.stops == 1
     assert process._call_driver(robot, "move", (GOAL, 1.0)) is None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -50,17 +51,27 @@ def test_it_is_not_sent_again_by_itself(there):
 class Gone:
     """The line of ur-rtde to a controller that hung up."""
 
+    def isConnected(self):
+        return False
+
     def kickWatchdog(self):
-        raise RuntimeError("End of file")
+        raise AssertionError("it would connect again, and send its program")
+
+    stopJ = stopScript = kickWatchdog
+    disconnect = print
 
 
 def test_a_line_that_is_gone_is_a_closed_connection():
-    """The words of the library stand in brackets, and the next call is not kept waiting."""
+    """Nothing is asked of the library after it, even if it connects again; a stop goes to the dashboard."""
     asked = Program("eye", UrOptions(host="127.0.0.1"))
     asked._interface = Gone()
     for _ in range(2):
         with pytest.raises(DriverError, match=r"^eye: its connection was closed \(End of file\)$"):
             asked.keep_alive()
+        asked._interface.isConnected = lambda: True
+    with pytest.raises(DriverError, match="eye: its dashboard did not take the stop"):
+        asked.stop()
+    asked.close()
 
 
 def test_its_watchdog_stops_the_arm_when_this_computer_is_silent(there):
@@ -97,7 +108,7 @@ def test_a_dashboard_that_refuses_a_stop_has_not_stopped_the_arm(monkeypatch, re
 
         threading.Thread(target=serve, daemon=True).start()
         asked = Program("eye", UrOptions(host="127.0.0.1"))
-        asked._interface = object()
+        asked._interface = SimpleNamespace(isConnected=lambda: True)
         with asked._lock:
             if refusal is None:
                 asked.stop()
@@ -118,6 +129,9 @@ def test_a_watchdog_whose_line_is_gone_says_so(monkeypatch):
     """Whatever the client's error is called: at a hang-up it may be `ok`."""
 
     class Line:
+        def isConnected(self):
+            return True
+
         def kickWatchdog(self):
             raise RuntimeError("ok")
 

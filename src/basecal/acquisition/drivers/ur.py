@@ -61,6 +61,11 @@ class _WithProgram(UrWatched):
         self._stopped_states = 0
         self._heartbeat_s = float("-inf")
 
+    @property
+    def is_connected(self) -> bool:
+        """Whether the connection for states is open, and that of the program was never lost."""
+        return self._receiver.is_connected and self._program.is_connected
+
     def state(self) -> Reading:
         """Return the robot's next state, as `UrWatched.state` does.
 
@@ -139,7 +144,7 @@ class UrMoved(_WithProgram):
         Raises:
             DriverError: if the controller does not accept the stop.
         """
-        self._program.stop()
+        self._program.stop(self._receiver.is_connected)
 
 
 class UrHandGuided(_WithProgram):

@@ -260,6 +260,8 @@ class ArmProcess:
             elif isinstance(robot, Freedrives) and self._is_in_freedrive:
                 robot.freedrive(False)
             self._channel.send(Kind.STOPPED)
+            if not getattr(robot, "is_connected", True):  # its library might connect again, and send its program
+                self._leave()
 
     def _end(self) -> None:
         """Stop the arm if it moves, close the driver, and exit; each step has a timeout."""
@@ -270,6 +272,9 @@ class ArmProcess:
             self._must_stop = True
             _start_thread(self._stop_robot).join(STOP_S)
         _start_thread(self._close).join(CLOSE_S - STOP_S)
+        self._leave()
+
+    def _leave(self) -> None:
         self._channel.flush()
         os._exit(0)
 

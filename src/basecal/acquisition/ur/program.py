@@ -30,12 +30,19 @@ class Program:
     def __init__(self, name: str, options: UrOptions) -> None:
         self._name, self._options = name, options
         self._interface: Any = None
+        self._is_lost = False
         self._lock = threading.Lock()
 
     @property
     def was_sent(self) -> bool:
         """Whether the program was sent."""
         return self._interface is not None
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the connection was never lost: after a loss, each call of ur-rtde would send its program again."""
+        self._is_lost = self._is_lost or (self.was_sent and not self._interface.isConnected())
+        return not self._is_lost
 
     def ask(self, request: Callable[[Any], Reply]) -> Reply:
         """Call ur-rtde's `RTDEControlInterface`, and start the program if necessary.
@@ -50,7 +57,7 @@ class Program:
             try:
                 if self._interface is None:
                     self._interface = self._start()
-                elif not (self._interface.isConnected() and self._interface.isProgramRunning()):
+                elif not (self.is_connected and self._interface.isProgramRunning()):
                     raise DriverError(
                         f"{self._name}: the program on the controller was stopped. It is not sent again automatically: "
                         f"find out who stopped it, then start again."
@@ -81,21 +88,26 @@ class Program:
         """
         if self._interface is not None and self._lock.acquire(blocking=False):
             try:
+                if not self.is_connected:
+                    raise RuntimeError("End of file")
                 self._interface.kickWatchdog()
             except (RuntimeError, ValueError) as error:
                 raise DriverError(f"{self._name}: its connection was closed ({error_words(error)})") from None
             finally:
                 self._lock.release()
 
-    def stop(self) -> None:
-        """Decelerate all joints; if another call blocks the connection, stop the program through the dashboard.
+    def stop(self, is_connected: bool = True) -> None:
+        """Decelerate all joints; if the connection is lost or blocked, stop the program through the dashboard.
+
+        Args:
+            is_connected: Whether the controller is reachable by its other connection.
 
         Raises:
             DriverError: if the stop fails.
         """
         if not self.was_sent:
             return
-        if self._lock.acquire(timeout=_BUSY_TIMEOUT_S):
+        if is_connected and self.is_connected and self._lock.acquire(timeout=_BUSY_TIMEOUT_S):
             try:
                 self._interface.stopJ(_STOP_RAD_S2, True)
             except (RuntimeError, ValueError) as error:
@@ -124,5 +136,6 @@ class Program:
         """End the program on the controller, and close the connection."""
         if self._interface is not None:
             with suppress(RuntimeError), self._lock:
-                self._interface.stopScript()
+                if self.is_connected:
+                    self._interface.stopScript()
                 self._interface.disconnect()
