@@ -148,6 +148,16 @@ def test_two_turns_on_one_path_are_the_most(turns, refused):
         )
 
 
+def test_a_robot_without_a_goal_is_where_it_was_sent_before():
+    """Beside it another arm passes as if its goal were stated again, and its next way begins there."""
+    first, second = turned("eye", 0, 0.5), turned("hand", 0, 0.1, 2).robots["hand"]
+    full = [first, Sample(2, robots={**first.robots, "hand": second}), Sample(3, robots={"eye": first.robots["eye"]})]
+    brief = [first, Sample(2, robots={"hand": second}), full[2]]
+    ways, brief_ways = (check_plan(SKETCH, HOME, plan, LIMITS, WILLING).paths for plan in (full, brief))
+    assert [way for way in ways if way.robot == "hand"] == [way for way in brief_ways if way.robot == "hand"]
+    assert brief_ways[-1].tool_m_s == 0.0
+
+
 @pytest.mark.parametrize(("over_rad", "refused"), [(0.0, False), (0.9e-9, False), (1e-8, True)])
 def test_a_joint_at_its_limit_is_within_it(over_rad, refused):
     """But for rounding, at either end."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -88,22 +88,25 @@ def check_plan(
         goal_checks: Functions that ask the controllers of moving robots, by name; other robots do not move.
     """
     paths, refusals = list[RobotPath](), list[Refusal]()
-    stops = [Sample(0, robots=dict(home)), *plan]
-    for start, goal in pairwise(stops):
-        full_start = Sample(start.sample, robots={**home, **start.robots})
-        end = Sample(goal.sample, robots={**full_start.robots, **goal.robots})
+    stops = accumulate(plan, _next_stop, initial=Sample(0, robots=dict(home)))
+    for goal, (start, end) in zip(plan, pairwise(stops), strict=True):
         moving = [name for name in goal.robots if name in goal_checks]
         state_refusals = [
             refusal
             for name in moving
-            for refusal in _state_refusals(sketch, full_start.robots[name], end, name, goal_checks[name])
+            for refusal in _state_refusals(sketch, start.robots[name], end, name, goal_checks[name])
         ]
         refusals += state_refusals
         if not state_refusals:
-            gaps = list(clearances(sketch, full_start, end, moving))
+            gaps = list(clearances(sketch, start, end, moving))
             refusals += _path_refusals(end, gaps)
-            paths += [timed_path(sketch, full_start, end, name, limits, gaps) for name in moving]
+            paths += [timed_path(sketch, start, end, name, limits, gaps) for name in moving]
     return PlanCheck(tuple(paths), tuple(refusals))
+
+
+def _next_stop(stop: Sample, goal: Sample) -> Sample:
+    """The states of all robots at the next sample; a robot without a goal stays where it is."""
+    return Sample(goal.sample, robots={**stop.robots, **goal.robots})
 
 
 def timed_path(
