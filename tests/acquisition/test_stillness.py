@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -113,6 +114,20 @@ def test_an_image_that_moves_is_given_up_after_the_patience():
     with pytest.raises(Unfit, match="image still moving"):
         wait_for_image(film, [], 0.4)
     assert film.t == pytest.approx(1 / 30 + 13 / 30)
+
+
+def test_an_image_that_moves_is_given_up_by_a_camera_without_a_clock():
+    """By the time of this machine, if all its stamps are equal."""
+    film = Film(50.0)
+
+    class Timeless:
+        is_live = True
+
+        def image(self):
+            return replace(film.image(), stamp_s=0.0)
+
+    with pytest.raises(Unfit, match="image still moving"):
+        wait_for_image(Timeless(), [], 0.1)
 
 
 class Delayed:

@@ -157,7 +157,7 @@ def wait_for_image(
     Args:
         camera: The camera.
         targets: Targets in view; an LED covers few pixels and is tracked separately.
-        patience_s: Timeout [s], by the images' timestamps.
+        patience_s: Timeout [s], by the images' timestamps; by this machine's clock while these do not advance.
         after_s: Time after which all three images are exposed [s], by `time.monotonic()`.
         show: Receives each image.
 
@@ -175,12 +175,13 @@ def wait_for_image(
     looks = [look()]
     if not camera.is_live:
         return looks[0].image
-    begin_s, still_count = looks[0].image.stamp_s, 0
+    patience, still_count = Patience(patience_s), 0
+    patience.is_over(looks[0].image.stamp_s)  # it begins with the first image
     while still_count < _STILL_IMAGES - 1:
         looks = [*looks[1 - _STILL_IMAGES :], look()]
         moves = any(_has_moved(before, looks[-1]) for before in looks[:-1])
         still_count = 0 if moves else still_count + 1
-        if moves and looks[-1].image.stamp_s - begin_s > patience_s:
+        if patience.is_over(looks[-1].image.stamp_s) and moves:
             raise Moving("image still moving: something shakes, or somebody walks through the image")
     return looks[-1].image
 
