@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import RobotState, Sample
 from basecal.cell.files import read_recording
+from basecal.errors import DriverError
 from basecal.planning import poses, shifts
 from basecal.planning.sketch import sketch_cell
 from basecal.vision.edge_width import EdgeWidth
@@ -75,6 +78,29 @@ def test_it_goes_on_where_it_was_and_asks_nothing_twice(tmp_path):
             assert [step.sample for step in capture(Taker(rig, sketch, tmp_path, FAST), left)] == [1]
     assert journal(tmp_path)[:1] == before
     assert [sample.sample for sample in read_recording(tmp_path).samples] == [0, 1]
+
+
+class Frozen:
+    """A camera that gives one image for ever, each time with a newer stamp."""
+
+    is_live = is_on_demand = True
+
+    def __init__(self, image):
+        self._image = image
+
+    def image(self):
+        return replace(self._image, stamp_s=time.monotonic())
+
+
+def test_an_image_of_the_capture_before_is_not_taken_again(tmp_path):
+    """A camera that froze before an interruption gives no sample after it."""
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        sketch, plan = planned(world, tmp_path, 2)
+        frozen = Rig(rig.robots, {"wrist": Frozen(rig.cameras["wrist"].image())})
+        next(capture(Taker(frozen, sketch, tmp_path, FAST), [replace(plan[0], robots={})]))
+        with pytest.raises(DriverError, match=r"^wrist: its image at sample 1 repeats that of sample 0, though arms"):
+            next(capture(Taker(frozen, sketch, tmp_path, FAST), plan[1:]))
+    assert len(journal(tmp_path)) == 1
 
 
 class LedArm:

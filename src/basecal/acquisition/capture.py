@@ -198,6 +198,7 @@ def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> 
     check_cameras(taker.rig)
     recording = Recording(recorded_samples(taker.folder, taker.sketch.cell), folder=str(taker.folder))
     planned_count += len(recording.samples)
+    taker.remember(recording.samples)
     if taker.scene is not None:
         taker.scene.check_carriers(taker.rig.cameras, taker.rig.robots)
         for sample in recording.samples:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from basecal.planning.sketch import Sketch
 from basecal.vision.detect import detect
 from basecal.vision.detectors import LIGHT
 from basecal.vision.edge_width import EdgeWidth, edge_width
-from basecal.vision.image_file import png_bytes, size_fault
+from basecal.vision.image_file import png_bytes, read_bytes, size_fault
 
 _WIDTH_RATIO = 1.25  # of widest to narrowest edges, above which motion is likely: lens and print blur all directions
 _MOTION_PX = 3.0  # motion blur that is accepted in addition to the width of edges in the sharpest view
@@ -106,7 +107,7 @@ class Taker:
         show_goal: Receives each goal, with the robot's name.
         sharpness: Sharpness of the views so far.
         scene: Images of the scene so far; None if the cell has targets.
-        digests: Sample number of each image so far, by camera and digest of its pixels.
+        digests: Sample number of each image so far, by camera and digest of its file.
     """
 
     rig: Rig
@@ -126,6 +127,14 @@ class Taker:
         if self.scene is None:
             return measure_coverage(self.sketch, samples)
         return Coverage(self.scene.cells.copy(), rotation_ranges(self.sketch, samples))
+
+    def remember(self, samples: Sequence[Sample]) -> None:
+        """Remember the images of earlier samples, none of which may be repeated."""
+        for sample in samples:
+            for camera, path in sample.images.items():
+                content = read_bytes(self.folder / path)
+                if isinstance(content, bytes):
+                    self.digests.setdefault((camera, sha256(content).digest()), sample.sample)
 
     def take(self, goal: Sample, samples: Sequence[Sample]) -> Sample:
         """Take a sample, write its images to the disk, and detect the targets in them.
@@ -239,6 +248,11 @@ class _Shot:
     grey: Grey
     background: Grey | None
 
+    @cached_property
+    def png(self) -> bytes:
+        """The image as it is on the disk."""
+        return png_bytes(self.grey)
+
 
 def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
     camera, targets, patience_s = (
@@ -275,7 +289,7 @@ def _check_repeats(taker: Taker, sample: Sample, shots: Mapping[str, _Shot], sam
     """
     others = {other.sample: other for other in samples}
     for name, shot in shots.items():
-        key = (name, sha256(shot.grey.tobytes()).digest())
+        key = (name, sha256(shot.png).digest())
         other = others.get(taker.digests.get(key, -1))
         if other is None:
             taker.digests[key] = sample.sample
@@ -307,7 +321,7 @@ def _write_shots(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple
     for camera, shot in shots.items():
         stem = f"recording/images/{camera}/{number:06d}"
         images[camera] = f"{stem}.png"
-        write_atomically(folder / images[camera], png_bytes(shot.grey), base_folder=folder)
+        write_atomically(folder / images[camera], shot.png, base_folder=folder)
         if shot.background is not None:
             background[camera] = f"{stem}_off.png"
             write_atomically(folder / background[camera], png_bytes(shot.background), base_folder=folder)
