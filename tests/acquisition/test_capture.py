@@ -64,7 +64,7 @@ def test_a_light_is_seen_on_and_off(tmp_path):
 
 
 def test_it_goes_on_where_it_was_and_asks_nothing_twice(tmp_path):
-    """A capture that ended after one of two samples takes the other, under the number it had."""
+    """A capture that ended after one of two samples takes the other, and says that a line was cut off."""
     with running(tmp_path) as world:
         with open_rig(world.cell, tmp_path) as rig:
             sketch, plan = planned(world, tmp_path, 2)
@@ -72,10 +72,15 @@ def test_it_goes_on_where_it_was_and_asks_nothing_twice(tmp_path):
                 if step.taken == 1:
                     break
         before = journal(tmp_path)
-        left = remaining_samples(tmp_path, world.cell)
+        (tmp_path / "recording" / "samples.jsonl").write_text(f'{before[0]}\n{{"sample": 1, "st')
+        left, reports = remaining_samples(tmp_path, world.cell), []
         assert [sample.sample for sample in left] == [1]
         with open_rig(world.cell, tmp_path) as rig:
-            assert [step.sample for step in capture(Taker(rig, sketch, tmp_path, FAST), left)] == [1]
+            taker = Taker(rig, sketch, tmp_path, FAST, report=reports.append)
+            assert [step.sample for step in capture(taker, left)] == [1]
+    assert [words.partition(" The ")[0].rpartition("/")[2] for words in reports] == [
+        "samples.jsonl:2: the last line was cut off while it was written."
+    ]
     assert journal(tmp_path)[:1] == before
     assert [sample.sample for sample in read_recording(tmp_path).samples] == [0, 1]
 

@@ -114,7 +114,7 @@ def capture(taker: Taker, plan: Sequence[Sample], replan: Replan | None = None) 
                 line = {**sample_to_dict(planned, ""), "why": reason}
                 append_durably(taker.folder / ABANDONED_FILE, json.dumps(line) + "\n", base_folder=taker.folder)
             else:
-                append_sample(taker.folder, replace(sample, observations=()))
+                _store(taker, sample)
                 progress.add(sample)
             if replan is not None:
                 taker.notify("planning again")
@@ -150,7 +150,7 @@ def capture_by_hand(taker: Taker, samples: int, key: Key) -> Iterator[Step]:
             except Unfit as why:
                 yield progress.step(number, str(why))
                 continue
-            append_sample(taker.folder, replace(sample, observations=()))
+            _store(taker, sample)
             progress.add(sample)
             yield progress.step(number, is_last=number + 1 == end)
             number += 1
@@ -192,6 +192,12 @@ class _Progress:
         self._doubted |= doubtful
         self.planned += len(repeated)
         return [*(replace(sample, sample=number + k) for k, sample in enumerate(repeated)), *remaining_samples]
+
+
+def _store(taker: Taker, sample: Sample) -> None:
+    """Append a sample to the journal, without what was detected; report a repair of the journal."""
+    if repair := append_sample(taker.folder, replace(sample, observations=())):
+        taker.report(repair.message)
 
 
 def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> _Progress:

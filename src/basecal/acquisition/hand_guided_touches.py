@@ -57,7 +57,8 @@ def take_touches(rig: Rig, cell: Cell, folder: Path, read_line: ReadLine, report
             continue
         last = [mark, tip]
         sample = Sample(number, robots={robot: state}, observations=(TouchObservation(tip, mark),))
-        append_sample(folder, sample)
+        if repair := append_sample(folder, sample):
+            report(repair.message)
         yield sample
         number += 1
 
