@@ -88,6 +88,25 @@ def test_a_driver_that_does_not_open_is_named(tmp_path, monkeypatch):
             pass
 
 
+def test_a_state_that_cannot_be_read_here_ends_the_capture(tmp_path):
+    """Its numbers may be of a class of a library that only the driver finds: nobody waits for them without end."""
+    library = tmp_path / "library"
+    library.mkdir()
+    (library / "maker.py").write_text("class Stamp(float):\n    pass\n")
+    module = tmp_path / "strange.py"
+    module.write_text(
+        "import sys, time\nimport numpy as np\nfrom basecal.acquisition.driver import Reading\n"
+        "from basecal.cell import RobotState\nclass Arm:\n    is_live = True\n    def state(self):\n"
+        f"        sys.path.append({str(library)!r})\n        import maker\n        time.sleep(0.01)\n"
+        "        return Reading(maker.Stamp(time.monotonic()), RobotState(joints_rad=np.zeros(6)))\n"
+        "    def close(self):\n        pass\ndef open_robot(place):\n    return Arm()\n"
+    )
+    with installed_driver(tmp_path / "packages", "strange", module):
+        cell = Cell("left", {"left": Robot("left", driver=Driver("strange", {}))})
+        with pytest.raises(DriverError, match=r"cannot be read .*maker"), open_rig(cell, tmp_path) as rig:
+            rig.robots["left"].state()
+
+
 def test_an_arm_that_confirms_no_stop_is_named(frail, caplog):
     """It is reported beside the error that ends the capture; the other arm, which stopped, is not."""
     deaf = replace(frail["left"], driver=Driver("frail", {**frail["left"].driver.options, "is_deaf": True}))

@@ -192,14 +192,16 @@ class Arms:
             now = time.monotonic()
             try:
                 frames = self._channel.receive()
-            except (EOFError, ValueError):
-                self._set_stop_reason("the process that supervises the arms ended", self._names)
-                return
-            heard_s = now if frames else heard_s
-            for frame in frames:
-                self._handle(frame)
-            if now - heard_s > PARENT_HANG_LIMIT_S:
-                self._set_stop_reason("the process that supervises the arms hangs", self._names)
+                for frame in frames:
+                    self._handle(frame)
+                heard_s = now if frames else heard_s
+                problem = "the process that supervises the arms hangs" if now - heard_s > PARENT_HANG_LIMIT_S else ""
+            except EOFError:
+                problem = "the process that supervises the arms ended"
+            except Exception as error:  # such as of a class that only the driver's process finds
+                problem = f"what a driver sent cannot be read ({type(error).__name__}: {error})"
+            if problem:
+                self._set_stop_reason(problem, self._names)
                 self._process.kill()
                 return
             if now - heartbeat_s > HEARTBEAT_S:
