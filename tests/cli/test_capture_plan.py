@@ -229,7 +229,7 @@ def test_what_a_capture_will_do_is_said(
     """What is continued, what moves, who leads, and what is lacking before it goes."""
     robots = {name: SimpleNamespace(is_live=name != "typed") for name in ("left", "right", "typed")}
     rig = SimpleNamespace(robots=robots, cameras={"eye": None} if cameras else {})
-    sketch = SimpleNamespace(view=("eye", "board"))
+    sketch = SimpleNamespace()
     still = SimpleNamespace(paths=[], refusals=[])
     say_plan(rig, sketch, [None, None], is_new, still, go, None)  # type: ignore[arg-type,list-item]
     lines = capsys.readouterr().out.splitlines()
@@ -237,7 +237,7 @@ def test_what_a_capture_will_do_is_said(
     assert lines.pop(1) == led
     assert len(lines) == len(said)
     assert all(line.startswith(start) for line, start in zip(lines, said, strict=True))
-    assert "with board in view of eye at every stop; the motions are not checked" in lines[0]
+    assert lines[0].endswith("samples; no robot will move; the motions are not checked")
 
 
 @pytest.mark.parametrize(("recorded", "is_continued", "added"), [(None, False, 0), (None, True, 0), (7, True, 7)])

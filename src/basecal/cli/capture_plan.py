@@ -162,11 +162,10 @@ def say_plan(
         return
     moving = list(movers(rig))
     guided = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
-    camera, target = sketch.view
     prefix = "" if is_new else "continues the interrupted plan: "
     say(
-        f"{prefix}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move{_speed_text(plan_check)}, "
-        f"with {target} in view of {camera} at every stop; {_clearance_text(plan_check)}"
+        f"{prefix}{len(plan)} sample{'' if len(plan) == 1 else 's'}; {' and '.join(moving) or 'no robot'} will move"
+        f"{_speed_text(plan_check)}; {_clearance_text(plan_check)}"
     )
     for name in {way.robot for way in plan_check.paths if way.gaps}:
         for problem in robot_capsules(sketch, name)[1]:
