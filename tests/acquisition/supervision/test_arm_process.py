@@ -186,6 +186,20 @@ def test_a_silent_supervisor_stops_it(served):
     assert robot.stops == 1
 
 
+@pytest.mark.parametrize("is_ordered_before", [True, False])
+def test_it_is_stopped_before_it_is_closed(served, monkeypatch, is_ordered_before):
+    """The orders to stop and to close come together if the capture ended; a closed driver could not stop the arm."""
+    process, robot, _ = served
+    orders = []
+    monkeypatch.setattr(arm_process.os, "_exit", lambda code: orders.append("exit"))
+    robot.stop, robot.close = lambda: (time.sleep(0.1), orders.append("stop")), lambda: orders.append("close")
+    process._call_driver(robot, "move", (GOAL, 1.0))
+    if is_ordered_before:
+        process._stop()
+    process._end()
+    assert orders == ["stop", "close", "exit"]
+
+
 def test_an_option_that_is_no_number_is_an_error(served, monkeypatch):
     """The arm does not open, and the reason goes to whoever waits for it."""
     process, robot, heard = served

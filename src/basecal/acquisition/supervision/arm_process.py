@@ -79,6 +79,7 @@ class ArmProcess:
         # For goal and path: an arrival must not end a motion that starts at the same time.
         self._motion_lock = threading.Lock()
         self._must_stop = self._is_over = False
+        self._stop_thread: threading.Thread | None = None
         self._patience_s = REST_STALE_MARGIN_S + RECONNECT_S
 
     def run(self) -> None:
@@ -249,7 +250,7 @@ class ArmProcess:
     def _stop(self) -> None:
         if not self._must_stop:
             self._must_stop = True
-            _start_thread(self._stop_robot)
+            self._stop_thread = _start_thread(self._stop_robot)
 
     def _stop_robot(self) -> None:
         """Stop the arm, and confirm the stop if the driver succeeds; else the supervisor kills this process."""
@@ -268,9 +269,10 @@ class ArmProcess:
         if self._is_over:
             return
         self._is_over = True
-        if self._is_moving and not self._must_stop:
-            self._must_stop = True
-            _start_thread(self._stop_robot).join(STOP_S)
+        if self._is_moving:
+            self._stop()
+        if self._stop_thread is not None:  # also of an earlier order: a driver that is closed cannot send it any more
+            self._stop_thread.join(STOP_S)
         _start_thread(self._close).join(CLOSE_S - STOP_S)
         self._leave()
 
