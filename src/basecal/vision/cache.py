@@ -16,7 +16,7 @@ from basecal.errors import InputError
 from basecal.geometry import read_only, read_only_ids
 from basecal.vision.detection import Detection
 
-VERSION = 5
+VERSION = 6
 """Version of the detectors: increase it whenever their results change."""
 
 _FOLDER = Path("derived", "detections")

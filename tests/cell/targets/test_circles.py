@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from basecal.cell.targets.circles import circles_target
 
@@ -25,4 +26,12 @@ def test_every_second_row_of_an_asymmetric_grid_is_shifted():
         grid.points[[0, 1, 3, 4, 6]], 0.1 * np.array([[0, 0, 0], [2, 0, 0], [1, 1, 0], [3, 1, 0], [0, 2, 0]])
     )
     np.testing.assert_allclose(grid.sheets[0].paper, [-0.1, -0.1, 0.6, 0.4])
-    assert not grid.has_half_turn_symmetry
+
+
+@pytest.mark.parametrize("asymmetric", [False, True])
+@pytest.mark.parametrize("circles", [(3, 4), (4, 3), (4, 11), (5, 6)])
+def test_the_half_turn_symmetry_is_that_of_the_points(circles: tuple[int, int], asymmetric: bool):
+    """Point k becomes point n - 1 - k: asymmetric grids have that symmetry if their number of rows is even."""
+    grid = circles_target(circles, 0.1, asymmetric)
+    turned = 2 * grid.points.mean(0) - grid.points[::-1]
+    assert grid.has_half_turn_symmetry == np.allclose(turned, grid.points)

@@ -54,6 +54,27 @@ def test_bright_circles(bits: int) -> None:
     np.testing.assert_allclose(bright.sigma_px, dark.sigma_px, rtol=1e-2)
 
 
+@pytest.mark.parametrize("circles", [(4, 6), (5, 6), (4, 11)])
+@pytest.mark.parametrize("turn_deg", [0, 60, 180, 270])
+def test_asymmetric_grids_at_any_rotation(circles: tuple[int, int], turn_deg: float) -> None:
+    """Each disc has its own id, counted from either end if the number of rows is even, and no other pixel."""
+    shape = circles_target(circles, 0.02, asymmetric=True)
+    pose = at(shape, SE3.from_rpy((0.2, 0.1, np.radians(turn_deg)), (0.0, 0.0, 0.5)))
+    found = detect(render(WIDE, shape, pose), shape)
+    assert found is not None
+    assert len(found.pixels) == len(shape.ids)
+    true = WIDE.project(pose @ shape.points)
+    ends = (true, true[::-1]) if circles[1] % 2 == 0 else (true,)
+    assert min(np.abs(found.pixels - each).max() for each in ends) < 0.05
+
+
+def test_mirrored_grids_are_not_found() -> None:
+    """The mirror image of an asymmetric grid with an even number of rows is another grid."""
+    shape = circles_target((4, 6), 0.02, asymmetric=True)
+    assert detect(scene(shape), shape) is not None
+    assert detect(np.fliplr(scene(shape)), shape) is None
+
+
 def test_sigmas_are_true() -> None:
     """Of 160 coordinates, to a tenth."""
     images = [render(WIDE, SHAPE, at(SHAPE), RenderSettings(), seed) for seed in range(2)]

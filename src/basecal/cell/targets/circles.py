@@ -1,4 +1,4 @@
-"""Grids of dark circles; a symmetric grid looks the same after a rotation of 180 deg."""
+"""Grids of circles; all but asymmetric ones with an odd number of rows look the same after a rotation of 180 deg."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def circles_target(circles: Sequence[int], spacing_m: float, asymmetric: bool = 
         {"circles": [columns, rows], "spacing_m": spacing_m, "asymmetric": asymmetric},
         sheets=(Sheet(np.concatenate([low, high]), spacing_m, discs=discs),),
         found_by="circles",
-        has_half_turn_symmetry=not asymmetric,
+        has_half_turn_symmetry=not asymmetric or rows % 2 == 0,
     )
 
 

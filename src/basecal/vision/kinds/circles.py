@@ -42,6 +42,7 @@ _LEAST_CONTRAST = 3.0  # of a disc to the paper, in sigmas of a pixel's noise
 # Residual beyond noise, as a share of the print's contrast: 0.02 for discs, 0.15 and more for squares.
 _MOST_SHARED_RESIDUAL = 0.1
 _DARK_BRIGHT_PERCENT = (3, 97)  # levels of print and paper in a window, excluding one or two outlying pixels
+_RESIDUAL_DECIMALS = 6  # [px] of equal residuals of an order and its reverse
 _FEWEST_WHOLE_DISCS = 2  # of a row inside the image: a single dark spot is no evidence
 _DISC_SHARE = 0.8  # share of a row's positions with a disc: one may be covered
 
@@ -64,11 +65,10 @@ def _detect_dark(image: Image, target: Target) -> Detection | None:
     if centres is None:
         return None
     plane, spacing = target.points[:, :2], float(target.options["spacing_m"])
-    from_front = np.median(np.linalg.det(local_axes(plane, plane, centres, spacing))) > 0
-    if not from_front:  # a print is not visible from behind: its rows were found in reverse order
-        columns, rows = target.options["circles"]
-        centres = centres.reshape(rows, columns, 2)[::-1].reshape(-1, 2)
-    outlines = _fit_outlines(image, target, centres)
+    ordered = _order_centres(target, centres)
+    if ordered is None:
+        return None
+    outlines = _fit_outlines(image, target, ordered)
     kept, shape = outlines.trusted, outlines.shape[outlines.trusted]
     if kept.sum() < _FEWEST_DISCS or np.median(outlines.shared_residual) > _MOST_SHARED_RESIDUAL:
         return None
@@ -103,6 +103,27 @@ def _centres(target: Target, image: Grey, preprocessing: Preprocessing) -> Array
     grid = np.reshape(centres, (rows, columns, 2)) if is_found else np.zeros((0, 0, 2))
     is_part = is_found and not target.options["asymmetric"] and has_further_row(image, grid.astype(np.float64))
     return preprocessing.original_pixels(centres if is_found and not is_part else ())
+
+
+def _order_centres(target: Target, centres: Array) -> Array | None:
+    """Order OpenCV's centres, (n, 2) [px], as in a print viewed from its front; None if they are a mirror image.
+
+    OpenCV may return the rows in reverse order. In an asymmetric grid with an even number of rows, it may exchange each
+    row with the next. The order that fits a linear map of the print best is taken.
+    """
+    columns, rows = target.options["circles"]
+    grid = centres.reshape(rows, columns, 2)
+    orders = [grid, grid[::-1]]
+    if target.options["asymmetric"] and rows % 2 == 0:
+        exchanged = grid.reshape(-1, 2, columns, 2)[:, ::-1].reshape(grid.shape)
+        orders += [exchanged, exchanged[::-1]]
+    plane = target.points[:, :2] - target.points[:, :2].mean(0)
+    pixels = np.stack(orders).reshape(len(orders), -1, 2)
+    maps = np.linalg.pinv(plane) @ pixels
+    residuals = np.linalg.norm(pixels - pixels.mean(1, keepdims=True) - plane @ maps, axis=(1, 2))
+    mirrored = np.linalg.det(maps) <= 0
+    best = np.lexsort((mirrored, np.round(residuals, _RESIDUAL_DECIMALS)))[0]  # the front first of equal fits
+    return None if mirrored[best] else np.asarray(pixels[best])
 
 
 class _Outlines(NamedTuple):
