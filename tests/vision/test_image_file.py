@@ -233,6 +233,30 @@ def test_as_the_sensor_gave_it(orientation: int) -> None:
     assert is_turned(data) == (orientation != 1)
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_tiff_as_the_sensor_gave_it(orientation: int, kind: type) -> None:
+    """OpenCV rotates and mirrors a TIFF by its orientation; its pixels are given as they are stored."""
+    stored = np.random.default_rng(0).integers(0, 255, (48, 64)).astype(kind)
+    size = stored.itemsize
+    tags = [(256, 64), (257, 48), (258, 8 * size), (259, 1), (262, 1), (273, 200), (274, orientation), (277, 1)]
+    tags += [(278, 48), (279, stored.nbytes)]
+    entries = b"".join(struct.pack("<HHII", tag, 4 if tag in (273, 279) else 3, 1, value) for tag, value in tags)
+    start = b"II*\0" + struct.pack("<IH", 8, len(tags)) + entries
+    data = start.ljust(200, b"\0") + stored.tobytes()
+    np.testing.assert_array_equal(grey_image(data, SIZE), stored)
+    assert is_turned(data) == (orientation != 1)
+
+
+@pytest.mark.parametrize("exif", [b"", b"II*\0\xff\xff\xff\xff", b"no directory"])
+def test_broken_exif_is_no_broken_image(exif: bytes) -> None:
+    """Its pixels are whole, and no orientation is known."""
+    jpeg = encoded(".jpg")
+    data = jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 8) + b"Exif\0\0" + exif + jpeg[2:]
+    np.testing.assert_array_equal(grey_image(data, SIZE), grey_image(jpeg, SIZE))
+    assert not is_turned(data)
+
+
 TO_DO = "use these images, or state size_px and the lens of the recorded images"
 
 

@@ -15,6 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from basecal.vision.image_header import with_stored_order
+
 _STDERR = 2
 _MOST_COMPLAINT_BYTES = 2**16  # [bytes] of a decoder's messages that are read
 _STDERR_LOCK = threading.Lock()
@@ -40,11 +42,12 @@ class Decoded(NamedTuple):
 
 
 def decode(data: bytes) -> Decoded:
-    """Decode an image without applying the EXIF orientation, and report damage."""
+    """Decode an image without applying the orientation for display, and report damage."""
     complaints: list[str] = []
     with _capture_complaints(complaints, data):
         try:
-            pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+            stored = np.frombuffer(with_stored_order(data), dtype=np.uint8)
+            pixels = cv2.imdecode(stored, cv2.IMREAD_UNCHANGED)
         except cv2.error:
             pixels = None
         has_unused_end = pixels is not None and data.startswith(b"RIFF") and _has_unused_end(data, pixels)

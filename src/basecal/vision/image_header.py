@@ -13,6 +13,7 @@ _MOST_SEGMENTS = 10_000  # of a JPEG: cameras write ten
 _MOST_CHUNKS = 2**17  # of a PNG: four times those of the largest file, 256 MB in chunks of 8 kB
 _MOST_TAGS = 500  # of one directory of a TIFF: cameras write fifty
 _WIDTH, _HEIGHT, _BITS, _ORIENTATION, _SAMPLES = 256, 257, 258, 274, 277  # tags of a TIFF
+_TIFF_STARTS = (b"II*\0", b"MM\0*")
 _WHOLE_NUMBER_TYPES = {3: "H", 4: "I"}  # integer types of a TIFF
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 4, 4: 4, 6: 4}  # decoded channels for each colour type
 _NETPBM = re.compile(rb"P[2356]\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s")
@@ -49,7 +50,7 @@ def read_header(data: bytes) -> Header | None:
 def _png(data: bytes) -> Header:
     width, height, bits, kind = struct.unpack_from(">IIBB", data, 16)
     exif = next((data[start:end] for name, start, end in png_chunks(data) if name == b"eXIf"), None)
-    orientation = 1 if exif is None else _tiff_tags(exif).get(_ORIENTATION, 1)
+    orientation = 1 if exif is None else _exif_orientation(exif)
     return Header((width, height), orientation, _PNG_CHANNELS.get(kind, 4) * (1 + (bits > 8)))
 
 
@@ -77,7 +78,7 @@ def _jpeg(data: bytes) -> Header:
     orientation = 1
     for marker, at in _segments(data):
         if marker == 0xE1 and data[at + 2 : at + 8] == b"Exif\0\0":
-            orientation = _tiff_tags(data[at + 8 : at + struct.unpack_from(">H", data, at)[0]]).get(_ORIENTATION, 1)
+            orientation = _exif_orientation(data[at + 8 : at + struct.unpack_from(">H", data, at)[0]])
         if marker in _FRAME_MARKERS:
             height, width = struct.unpack_from(">HH", data, at + 3)
             return Header((width, height), orientation)
@@ -104,12 +105,38 @@ def _tiff(data: bytes) -> Header:
     return Header(size_px, tags.get(_ORIENTATION, 1), tags.get(_SAMPLES, 1) * -(-tags.get(_BITS, 1) // 8))
 
 
+def with_stored_order(data: bytes) -> bytes:
+    """Return a TIFF with orientation 1, since OpenCV applies it; other data, and a broken TIFF, are returned as is."""
+    if not data.startswith(_TIFF_STARTS):
+        return data
+    changed = bytearray(data)
+    try:
+        for tag, position, kind in _tiff_entries(data):
+            if tag == _ORIENTATION:
+                struct.pack_into(kind, changed, position, 1)
+    except struct.error:
+        return data
+    return bytes(changed)
+
+
+def _exif_orientation(exif: bytes) -> int:
+    """Orientation in EXIF data; 1 if it states none or is broken, which does not affect the pixels."""
+    try:
+        return _tiff_tags(exif).get(_ORIENTATION, 1)
+    except struct.error:
+        return 1
+
+
 def _tiff_tags(data: bytes) -> dict[int, int]:
     """Integer values of the first directory of a TIFF, by tag; the first value of a list."""
+    return {tag: struct.unpack_from(kind, data, position)[0] for tag, position, kind in _tiff_entries(data)}
+
+
+def _tiff_entries(data: bytes) -> Iterator[tuple[int, int, str]]:
+    """Integer entries of the first directory of a TIFF: tag, position of the first value, and its format."""
     order = "<" if data[:2] == b"II" else ">"
     (directory,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, directory)
-    tags = {}
     for k in range(min(count, _MOST_TAGS)):
         tag, kind, values = struct.unpack_from(order + "HHI", data, directory + 2 + 12 * k)
         if kind in _WHOLE_NUMBER_TYPES:
@@ -117,8 +144,7 @@ def _tiff_tags(data: bytes) -> dict[int, int]:
             position = directory + 10 + 12 * k
             if not is_inline:
                 position = struct.unpack_from(order + "I", data, position)[0]
-            tags[tag] = struct.unpack_from(order + _WHOLE_NUMBER_TYPES[kind], data, position)[0]
-    return tags
+            yield tag, position, order + _WHOLE_NUMBER_TYPES[kind]
 
 
 def _webp(data: bytes) -> Header:
@@ -145,8 +171,7 @@ def _netpbm(data: bytes) -> Header:
 _HEADER_READERS: dict[bytes, Callable[[bytes], Header]] = {
     b"\x89PNG\r\n\x1a\n": _png,
     b"\xff\xd8\xff": _jpeg,
-    b"II*\0": _tiff,
-    b"MM\0*": _tiff,
+    **dict.fromkeys(_TIFF_STARTS, _tiff),
     b"BM": _bmp,
     b"RIFF": _webp,
     **dict.fromkeys((b"P2", b"P3", b"P5", b"P6"), _netpbm),
