@@ -31,3 +31,10 @@ def test_simulated_noise_is_stated(tmp_path: Path) -> None:
     cell = read_cell(tmp_path)
     np.testing.assert_allclose(cell.robots["eye"].noise, [3e-4] * 3 + [5e-4] * 3)
     assert cell.pixel_px == 0.4
+
+
+def test_faults_need_a_running_cell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A fault of a recorded cell is refused, not left out."""
+    assert main(["simulate", str(tmp_path / "cell"), "--fault", "backlash"]) == 2
+    assert "--fault needs --process" in capsys.readouterr().err
+    assert not (tmp_path / "cell").exists()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from basecal.cli.option_types import Port, Seed, number_range
 from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import counting, print_json, progress, quote_path, say
-from basecal.errors import InputError, count_text
+from basecal.errors import InputError, UsageError, count_text
 from basecal.simulation.scenario import ObservedKind, Scenario
 
 if TYPE_CHECKING:
@@ -83,6 +83,8 @@ def simulate(
     """
     if process:
         return run_process(cell, target, seed, port, speed, fault, renderer, until_eof, json)
+    if fault:
+        raise UsageError("--fault needs --process: only a running cell has faults")
     scenario = Scenario(
         samples=samples,
         target=target,
