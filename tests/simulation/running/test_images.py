@@ -40,6 +40,17 @@ def test_the_table_shows_it_again():
     assert more / light == pytest.approx(0.4, abs=0.15)  # noise of 900 pixels twice: 0.04
 
 
+def test_a_reflection_moves_without_the_light():
+    """Both arms may move rigidly: the camera then sees the same light, and another mirror image."""
+    view = CameraView(LENS, 0.4)
+    first, second = (
+        view.image(lambda at, y=y: replace(LIGHT, reflected=np.array([[0.0, y, 1.0]])), 0.0, 0.01, True, 1)
+        for y in (0.1, -0.1)
+    )
+    assert int(first[165:175].max()) > 30 > int(first[65:75].max())
+    assert int(second[65:75].max()) > 30 > int(second[165:175].max())
+
+
 def test_a_moving_light_is_smeared():
     """One that goes 10 mm while the shutter is open, 5 px, is wider along its way, and in the middle of it."""
 

@@ -136,4 +136,5 @@ def _is_equal(scene: CameraScene, other_scene: CameraScene) -> bool:
     """Whether two scenes are exactly equal, so that the cached image depends only on the poses."""
     if scene.body_poses is not None:
         return scene.body_poses == other_scene.body_poses
-    return np.array_equal(scene.camera_from_target.matrix, other_scene.camera_from_target.matrix)
+    is_same_view = np.array_equal(scene.camera_from_target.matrix, other_scene.camera_from_target.matrix)
+    return is_same_view and np.array_equal(scene.reflected, other_scene.reflected)
