@@ -80,6 +80,12 @@ def test_units_are_told_before_anything_is_solved():
     ]
 
 
+def test_views_count_samples_with_a_view():
+    """Neighbours of a part, taken for their robot states alone, are not counted if a unit ends the check."""
+    wrong = with_robots(made().recording, dict.fromkeys(("eye", "hand"), scaled(1e3)))
+    assert quick_look(made().cell, preview_samples(wrong)).views == 18
+
+
 def test_too_little_to_tell():
     """Few views, arms that do not turn, and poses of nothing: it is said why."""
     assert quick_look(made().cell, Recording(made().recording.samples[:4])).undetermined.startswith(

@@ -88,14 +88,14 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
         if streams is not None and any(lens.status == "free" for lens in lenses):
             return QuickLook(0, undetermined="basecal calibrate determines clocks and an unknown lens jointly")
         samples = recording if streams is None else search_offsets(streams, DEFAULT).recording
+        views = sum(bool(sample.observations) for sample in samples.samples)
         units_m, unit_findings = estimate_units(cell, samples)
         if unit_findings:
-            count = len(samples.samples)
-            is_certain = is_whole and count >= _FEWEST_SAMPLES
-            return QuickLook(count, tuple(unit_findings) if is_certain else (), undetermined=unit_findings[0].what)
+            is_certain = is_whole and views >= _FEWEST_SAMPLES
+            return QuickLook(views, tuple(unit_findings) if is_certain else (), undetermined=unit_findings[0].what)
         samples = convert_units(samples, units_m)
         if unit_errors := impossible_units(cell, samples):
-            return QuickLook(len(samples.samples), tuple(unit_errors))
+            return QuickLook(views, tuple(unit_errors))
         return _check_robustly(cell, samples, is_whole)
     except (BasecalError, np.linalg.LinAlgError) as error:
         return QuickLook(0, undetermined=str(error))
