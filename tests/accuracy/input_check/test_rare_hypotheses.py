@@ -387,6 +387,12 @@ def test_a_target_on_the_world_is_put_on_its_arm():
     )
 
 
+def test_a_target_is_on_no_carrier_of_a_camera_that_sees_it():
+    """Of two cameras, neither of the arms that carry them is proposed."""
+    made = simulate(Scenario(samples=8, layout="two_cameras"), 1)
+    assert not hypotheses(made, "wrong-carrier")
+
+
 def test_inches_that_were_read_as_millimetres():
     """Poses that are 25.4 times too small are undone."""
     small = with_robots(MADE.recording, {"hand": lambda p: SE3(p.rotation, p.translation / 25.4)})

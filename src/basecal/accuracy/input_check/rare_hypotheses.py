@@ -146,14 +146,16 @@ def _inch_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
 
 
 def _carrier_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
-    """A target that is on a moving robot or the world other than stated."""
+    """A target that is on a moving robot or the world other than stated, without a camera that sees the target."""
     cell = baseline.cell
     moving = [name for name, track in baseline.tracks.items() if track.moves]
-    eyes = {group.target: group.eye.robot for group in baseline.problem.groups}
-    for target, eye in eyes.items():
+    eyes: dict[str, set[str]] = {}
+    for group in baseline.problem.groups:
+        eyes.setdefault(group.target, set()).add(group.eye.robot or WORLD)
+    for target, camera_carriers in eyes.items():
         stated = cell.targets[target].on
         for carrier in (WORLD, *moving):
-            if carrier not in (stated, eye) and (carrier != WORLD or eye is not None):
+            if carrier != stated and carrier not in camera_carriers:
                 yield ConventionHypothesis(
                     "wrong-carrier",
                     (target,),
