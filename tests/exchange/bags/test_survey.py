@@ -48,16 +48,17 @@ def test_a_topic_that_holds_less_than_it_says() -> None:
 
 
 def test_frames_move_if_tf_says_so(tmp_path: Path) -> None:
-    """A frame of /tf_static that /tf moves is timed from then on; what /tf_static alone changes stands still."""
+    """A frame of /tf_static that is in /tf too has times, moved or not; what /tf_static alone changes stands still."""
     writer = new_bag(tmp_path, "ros1")
     here, there = SE3.identity(), SE3.exp(np.full(6, 0.1))
     for k, pose in enumerate((here, there)):
         writer.transforms("/tf_static", BEGIN_S + k, {("base", "plate"): pose})
-    writer.transforms("/tf_static", BEGIN_S, {("base", "tool"): here})
+    writer.transforms("/tf_static", BEGIN_S, {("base", "tool"): here, ("base", "stand"): here})
     for k, pose in enumerate((there, here)):
-        writer.transforms("/tf", BEGIN_S + 2 + k, {("base", "tool"): pose})
+        writer.transforms("/tf", BEGIN_S + 2 + k, {("base", "tool"): pose, ("base", "stand"): here})
     with open_bag(writer.close()) as bag:
         transforms = survey_bag(bag).tree.transforms
     assert (transforms["plate"].is_fixed, transforms["plate"].is_timed) == (True, False)
     assert (transforms["tool"].is_fixed, transforms["tool"].is_timed) == (False, True)
+    assert (transforms["stand"].is_fixed, transforms["stand"].is_timed) == (True, True)
     np.testing.assert_array_equal(transforms["tool"].values, [0, 0, 0, 0, 0, 0, 1])

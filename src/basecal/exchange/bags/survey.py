@@ -73,8 +73,9 @@ def _tree(bag: Bag) -> Tree:
             known = transforms.get(child)
             if known is None:
                 transforms[child] = FrameTransform(parent, transform_values(each.transform), True, is_timed)
-            elif known.is_fixed and is_timed and not np.array_equal(transform_values(each.transform), known.values):
-                transforms[child] = known._replace(is_fixed=False, is_timed=True)
+            elif known.is_fixed and is_timed:
+                is_fixed = np.array_equal(transform_values(each.transform), known.values)
+                transforms[child] = known._replace(is_fixed=is_fixed, is_timed=True)
     return Tree(transforms)
 
 
