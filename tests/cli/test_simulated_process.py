@@ -42,7 +42,7 @@ def test_who_insists_is_refused(
     assert capsys.readouterr().err.strip() == "basecal: error: nothing to draw with"
 
 
-@pytest.mark.parametrize("target", ["pose", "points3d"])
+@pytest.mark.parametrize("target", ["pose", "points3d", "points"])
 def test_a_running_cell_needs_a_target_in_images(tmp_path: Path, target: str) -> None:
     """One that is seen only as poses or points in space is refused, and nothing is written."""
     with pytest.raises(InputError, match=f"a running cell gives images, which show no '{target}'"):

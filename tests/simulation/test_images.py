@@ -11,6 +11,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.simulation import Scenario, simulate
 from basecal.simulation.images import camera_from_target, render_recording
+from basecal.simulation.scenario import ObservedKind
 
 
 def test_an_image_a_view_and_no_detections(tmp_path: Path):
@@ -47,7 +48,9 @@ def test_a_light_is_imaged_on_and_off(tmp_path: Path):
     np.testing.assert_allclose(brightest[::-1], s.recording.samples[0].observations[0].pixels[0], atol=1.5)
 
 
-def test_poses_have_no_images(tmp_path: Path):
-    """A camera that gives poses is refused in one sentence."""
+@pytest.mark.parametrize("target", ["pose", "points3d", "points"])
+def test_what_no_detector_finds_has_no_images(tmp_path: Path, target: ObservedKind):
+    """A camera that gives poses, and points that look alike, are refused in one sentence."""
     with pytest.raises(InputError, match="has no images"):
-        render_recording(simulate(Scenario(samples=1, target="pose"), seed=0), tmp_path)
+        render_recording(simulate(Scenario(samples=1, target=target), seed=0), tmp_path)
+    assert not [*tmp_path.iterdir()]

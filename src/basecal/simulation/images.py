@@ -33,7 +33,7 @@ def render_recording(
         progress: Receives the number of finished samples and the total number.
 
     Raises:
-        InputError: if a camera observes poses or 3-D points, which have no images.
+        InputError: if a camera observes poses or 3-D points, or a target that is not found in images.
     """
     samples = simulation.recording.samples
     rendered = []
@@ -56,7 +56,7 @@ def _render_sample(
         name = f"recording/images/{observation.camera}/{sample.sample:06d}"
         target = simulation.cell.targets[observation.target].target
         camera = simulation.cameras[observation.camera]
-        if target is None or camera.size_px is None:
+        if target is None or target.found_by is None or camera.size_px is None:
             raise InputError(f"{observation.camera} has no images of {observation.target}: simulate pixels instead")
         pose = camera_from_target(simulation, observation.camera, observation.target, index)
         if not target.sheets:
