@@ -61,6 +61,17 @@ def test_a_cell_that_moved_ends_with_1(cell: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().out.startswith("MOVED: 6 samples")
 
 
+def test_samples_that_are_not_used_are_listed(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A line that was cut is left out of the check, and the check says so."""
+    (tmp_path / "cut.jsonl").write_text((cell / "new.jsonl").read_text()[:-300])
+    assert main(["verify", str(cell), str(tmp_path / "cut.jsonl")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("NOT MOVED: 5 samples")
+    assert lines[-1].startswith("info: dropped-sample: ")
+    assert main(["verify", str(cell), str(tmp_path / "cut.jsonl"), "--json"]) == 0
+    assert [each["code"] for each in json.loads(capsys.readouterr().out)["findings"]] == ["dropped-sample"]
+
+
 def test_what_was_verified_is_told(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each verification is a line of the cell's history, with what was measured; the page has its chart."""
     (cell / "verifications.jsonl").unlink(missing_ok=True)

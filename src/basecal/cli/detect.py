@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.next_step import cameras_without_lens, next_step
-from basecal.cli.terminal import counting, print_json, quote_path, say
+from basecal.cli.terminal import counting, finding_line, print_json, quote_path, say
 
 if TYPE_CHECKING:
     from basecal.cell import Cell, Recording
@@ -83,4 +83,4 @@ def _print_summary(recording: Recording, lensless: Collection[str]) -> None:
     if not detected and not recorded and (images or not lensless):
         say(f"nothing found in {sum(images.values())} images")
     for finding in recording.findings:
-        say(f"{finding.severity}: {finding.code}: {finding.message}")
+        say(finding_line(finding))

@@ -14,6 +14,10 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from basecal.errors import UsageError, printable
 
+if TYPE_CHECKING:
+    from basecal.cell import Finding
+    from basecal.estimation.stages import StageName
+
 _COLOURS = {"good": 32, "doubtful": 33, "refused": 31}  # codes of terminals, by verdict
 
 
@@ -30,6 +34,11 @@ def say(text: str, to: TextIO | None = None) -> None:
         raise OSError(errno.EBADF, "cannot be written to, it is closed", "stdout" if to is None else "stderr")
     encoding = stream.encoding or "utf-8"
     print(printable(text).encode(encoding, "backslashreplace").decode(encoding), file=stream, flush=True)
+
+
+def finding_line(finding: Finding) -> str:
+    """A finding as a line of text: severity, code and message."""
+    return f"{finding.severity}: {finding.code}: {finding.message}"
 
 
 def say_next(words: str) -> None:
@@ -103,9 +112,6 @@ def print_stages(seconds: Mapping[str, float]) -> None:
         say(f"{duration:8.3f} s  {name}", sys.stderr)
     say(f"{sum(seconds.values()):8.3f} s  all stages", sys.stderr)
 
-
-if TYPE_CHECKING:
-    from basecal.estimation.stages import StageName
 
 # Run time of each stage relative to 100 for the solution and all its tests, in order. These are means over cells of 30
 # to 300 samples, whose stages differ from them by a factor of three. Stages that are not listed count as 0.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from basecal.cli.next_step import capture_command, has_drivers
 from basecal.cli.page import add_stored_scene, find_run
-from basecal.cli.terminal import counting, print_json, quote_path, say_next, say_verdict
+from basecal.cli.terminal import counting, finding_line, print_json, quote_path, say_next, say_verdict
 from basecal.errors import DatasetError, UsageError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def verify(
         history: Report all verifications and drifts; with SAMPLES after verifying them.
         json: Print one JSON object instead of text.
     """
-    from basecal.cell.files import read_cell
+    from basecal.cell.files import finding_to_dict, read_cell
     from basecal.reporting.drift_text import verification_dict, verification_text
 
     if samples is None and (recalibrate or against is not None or not history):
@@ -67,7 +67,8 @@ def verify(
     else:
         run, new = find_run(cell) if against is None else against, _new_samples(cell, described, samples)
         verification = _verify(cell, described, run, new)
-        data, text = verification_dict(verification), [verification_text(verification)]
+        data = {**verification_dict(verification), "findings": [finding_to_dict(each) for each in new.findings]}
+        text = [verification_text(verification), *map(finding_line, new.findings)]
         code = int(verification.moved is not False)
         if recalibrate:
             data["recalibration"], code = _recalibrate(cell, described, run, new, verification)
