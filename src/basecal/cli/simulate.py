@@ -83,8 +83,7 @@ def simulate(
     """
     if process:
         return run_process(cell, target, seed, port, speed, fault, renderer, until_eof, json)
-    if fault:
-        raise UsageError("--fault needs --process: only a running cell has faults")
+    _refuse_faults(fault)
     scenario = Scenario(
         samples=samples,
         target=target,
@@ -99,6 +98,16 @@ def simulate(
         joint_offset_rad=joint_offset_deg * pi / 180,
     )
     return _record(cell, scenario, seed, images, json)
+
+
+def _refuse_faults(fault: tuple[str, ...]) -> None:
+    """Refuse faults of a recorded cell.
+
+    Raises:
+        UsageError: if there are any.
+    """
+    if fault:
+        raise UsageError("--fault needs --process: only a running cell has faults")
 
 
 def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool) -> int:

@@ -120,7 +120,7 @@ def with_stored_order(data: bytes) -> bytes:
 
 
 def _exif_orientation(exif: bytes) -> int:
-    """Orientation in EXIF data; 1 if it states none or is broken, which does not affect the pixels."""
+    """Orientation in EXIF data; 1 without one, and if the data are broken, which does not affect the pixels."""
     try:
         return _tiff_tags(exif).get(_ORIENTATION, 1)
     except struct.error:
