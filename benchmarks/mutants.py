@@ -202,7 +202,13 @@ class Court:
         if (tests, marks) not in self._files:
             key = hashlib.sha256(self._about + tests.read_bytes() + marks.encode()).hexdigest()[:16]
             kept = self._kept / f"{tests.stem}_{key}"
-            self._files[tests, marks] = measured(self._sources, self._telling, tests, kept, marks)
+            try:
+                self._files[tests, marks] = measured(self._sources, self._telling, tests, kept, marks)
+            except SystemExit as error:
+                if marks == IN_ROOM:
+                    raise
+                print(f"judges nothing elsewhere: {error}", file=sys.stderr, flush=True)
+                self._files[tests, marks] = FileOfTests((), frozenset())
         return self._files[tests, marks]
 
     def _judged(self, mutant: Mutant, tests: Sequence[Judge], marks: str) -> str:
