@@ -97,8 +97,8 @@ def _open_world(folder: Path, target: ObservedKind, seed: int, faults: Faults) -
         world = read_world(folder, faults)
         write_world_truth(world, folder)
         return world
-    if target == "pose" or target == "points3d" or target == "points":
-        raise InputError(f"a running cell gives images, which show no {target!r}: choose another --target")
+    if target == "pose" or target == "points3d":
+        raise InputError(f"a running cell gives images, which show no {target!r}: choose another target")
     world = two_arms(target, seed, faults)
     write_world(world, folder)
     return world

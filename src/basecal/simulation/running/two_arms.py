@@ -43,10 +43,12 @@ def two_arms(target: TargetKindName = "charuco", seed: int = 0, faults: Faults |
         faults: Faults of the cell; None for no faults.
 
     Raises:
-        InputError: if the arms do not reach their home poses.
+        InputError: if the target is not found in images, or the arms do not reach their home poses.
     """
     rng = np.random.default_rng([seed, 5])
     shape = TARGETS[target].usual(np.random.default_rng(0))
+    if shape.found_by is None:
+        raise InputError(f"a running cell gives images, which show no {target!r}: choose another target")
     name = _TARGET_NAMES[shape.is_point]
     eye_base_from_hand_base = SE3.from_rotvec([0, 0, np.pi], [_BASE_DISTANCE_M, 0, 0]) @ _draw_pose(rng, _TRUTH_SIGMA)
     flange_from_camera = _FLANGE_FROM_CAMERA @ _draw_pose(rng, (0.01, 0.03))
