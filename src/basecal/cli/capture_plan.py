@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.terminal import say
-from basecal.errors import InputError, UsageError
+from basecal.errors import InputError, UsageError, count_text
 from basecal.planning.patterns import PATTERNS
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def say_plan(
     guided = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
     prefix = "" if is_new else "continues the interrupted plan: "
     say(
-        f"{prefix}{len(plan)} sample{'' if len(plan) == 1 else 's'}; {' and '.join(moving) or 'no robot'} will move"
+        f"{prefix}{count_text(len(plan), 'sample')}; {' and '.join(moving) or 'no robot'} will move"
         f"{_speed_text(plan_check)}; {_clearance_text(plan_check)}"
     )
     for name in {way.robot for way in plan_check.paths if way.gaps}:
