@@ -328,7 +328,7 @@ def test_what_is_no_tangent_or_transform_is_refused():
     """In one line that says what was expected, for `exp`, `stack` and `Camera.project` as for all others."""
     for values, message in (
         ("x", r"^xi is not an array of numbers, expected \(\.\.\., 6\)$"),
-        ([[1, 2], [3]], "^xi is no array"),
+        ([[1, 2], [3]], "^xi is not an array"),
         (np.zeros(5), r"^xi has shape \(5,\), expected"),
     ):
         with pytest.raises(InputError, match=message):

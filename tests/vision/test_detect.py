@@ -71,7 +71,7 @@ def test_every_view_keeps_its_sample(tmp_path: Path) -> None:
             assert np.all((each.sigma_px > 0.001) & (each.sigma_px < 0.1))
     (finding,) = found.findings
     assert (finding.code, finding.severity, finding.about) == ("dropped-sample", "info", ("wrist", "tag"))
-    assert "samples 1" in finding.message
+    assert "sample 1" in finding.message
 
 
 BAD = {
@@ -226,7 +226,7 @@ def test_damaged_images_are_dropped(tmp_path: Path, capfd: pytest.CaptureFixture
     assert [len(sample.observations) for sample in found.samples] == [1, 0, 1, 1]
     (finding,) = found.findings
     assert finding.code == "dropped-sample"
-    assert "sample 1: 1.png is damaged (premature end of data segment)" in finding.message
+    assert "Sample 1: 1.png is damaged (premature end of data segment)" in finding.message
     assert capfd.readouterr() == ("", "")
 
 
@@ -239,7 +239,7 @@ def test_turned_images_are_named(tmp_path: Path) -> None:
         assert [ids_of(sample) for sample in found.samples] == [[[8, 9, 10, 11]]] * 2
         (finding,) = found.findings
         assert (finding.code, finding.severity, finding.about) == ("turned-images", "info", ("wrist",))
-        assert "EXIF of 1 images of 'wrist'" in finding.message
+        assert "EXIF rotates 1 image of 'wrist'" in finding.message
 
 
 def test_the_others_are_not_searched_where_the_first_tell_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
