@@ -78,22 +78,22 @@ class Outcome(NamedTuple):
 
 
 @cache
-def plan_samples(seed: int, is_light: bool) -> tuple[Sample, ...]:
+def plan_samples(seed: int, is_led: bool) -> tuple[Sample, ...]:
     """Poses to which the arms of a cell are sent, whatever its fault."""
-    world = two_arms("led" if is_light else "charuco", seed)
-    sketch, pattern = sketch_cell(world.cell), shifts if is_light else poses
+    world = two_arms("led" if is_led else "charuco", seed)
+    sketch, pattern = sketch_cell(world.cell), shifts if is_led else poses
     return tuple(pattern.plan(sketch, home(world), SAMPLES, seed))
 
 
 def record_cell(seed: int, fault: str = "") -> tuple[Cell, SE3, Recording, int]:
     """Capture a cell: the cell as stated, its true base, its detected recording, and the number of samples given up."""
-    is_light = fault.startswith("reflection")
-    world = two_arms("led" if is_light else "charuco", seed, read_faults((fault,) if fault else ()))
+    is_led = fault.startswith("reflection")
+    world = two_arms("led" if is_led else "charuco", seed, read_faults((fault,) if fault else ()))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_world(world, folder)
         rig = direct_rig(Plant(world, Clock(0)), tuple(world.home))
-        plan = store_plan(folder, world.cell, plan_samples(seed, is_light))
+        plan = store_plan(folder, world.cell, plan_samples(seed, is_led))
         taker = Taker(rig, sketch_cell(world.cell), folder, CaptureSettings(SPEED_RAD_S, 10.0))
         steps = list(capture(taker, plan))
         recording = detect(world.cell, read_recording(folder, world.cell))

@@ -36,7 +36,7 @@ from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.vision.detection import Detection, Image
 from basecal.vision.detectors import find_target
-from basecal.vision.draw.light import LightSettings, render_light
+from basecal.vision.draw.led import LedSettings, render_led
 from basecal.vision.draw.render import RenderSettings, render
 from benchmarks.common import Kept, label, table, write
 from benchmarks.detectors import CAMERA, KINDS, Light, _poses, lights
@@ -161,10 +161,8 @@ def speeds(images: int) -> dict[str, Any]:
         rendered = [render(CAMERA, shape, pose, RenderSettings(), k) for k, pose in enumerate(_poses(shape, images))]
         milliseconds[name] = _median_ms(rendered, shape)
     places = np.column_stack([rng.uniform(-0.4, 0.4, (images, 2)) * (1, 0.5), np.ones(images)])
-    on = [render_light(CAMERA, place, LightSettings(), 2 * k) for k, place in enumerate(places)]
-    off = [
-        render_light(CAMERA, place, replace(LightSettings(), photons=0.0), 2 * k + 1) for k, place in enumerate(places)
-    ]
+    on = [render_led(CAMERA, place, LedSettings(), 2 * k) for k, place in enumerate(places)]
+    off = [render_led(CAMERA, place, replace(LedSettings(), photons=0.0), 2 * k + 1) for k, place in enumerate(places)]
     milliseconds["light"] = _median_ms(on, led_target())
     milliseconds["light, with an image without it"] = _median_ms(on, led_target(), off)
     return {"milliseconds": milliseconds, "load": os.getloadavg()[0]}

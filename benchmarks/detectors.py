@@ -21,7 +21,7 @@ from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detection import Image
 from basecal.vision.detectors import find_target
-from basecal.vision.draw.light import LightSettings, light_levels, render_light
+from basecal.vision.draw.led import LedSettings, led_levels, render_led
 from basecal.vision.draw.render import RenderSettings, render
 from basecal.vision.kinds import led
 from basecal.vision.kinds.preprocessing import charuco_board, dictionary
@@ -206,15 +206,15 @@ class Light(NamedTuple):
 
 def lights(photons: float, spot: float, pair: bool, count: int) -> Light:
     """Our detector of LEDs beside the blob detector of OpenCV with settings for bright spots."""
-    settings = LightSettings(photons, spot, photons / (2 * np.pi * (spot**2 + 1 / 12) * 160))
+    settings = LedSettings(photons, spot, photons / (2 * np.pi * (spot**2 + 1 / 12) * 160))
     rng, blobs = np.random.default_rng(1), _blob_detector()
     error, ratio, blob_error = [], [], []
     spent: list[tuple[float, float]] = []
     for seed in range(count):
         place = np.array([*rng.uniform(-0.4, 0.4, 2) * (1, 0.5), 1.0])
         true = CAMERA.project(place)
-        on = render_light(CAMERA, place, settings, 2 * seed)
-        off = render_light(CAMERA, place, replace(settings, photons=0.0), 2 * seed + 1) if pair else None
+        on = render_led(CAMERA, place, settings, 2 * seed)
+        off = render_led(CAMERA, place, replace(settings, photons=0.0), 2 * seed + 1) if pair else None
         began = time.process_time()
         found = led.detect(on, led_target(), off)
         middle = time.process_time()
@@ -249,7 +249,7 @@ def _blob_detector() -> Any:
     return cv2.SimpleBlobDetector.create(params)
 
 
-def _bound(settings: LightSettings, pair: bool) -> float:
+def _bound(settings: LedSettings, pair: bool) -> float:
     """Cramer-Rao bound per coordinate [px], the mean over subpixel positions.
 
     Width, brightness and background are unknown too.
@@ -260,11 +260,11 @@ def _bound(settings: LightSettings, pair: bool) -> float:
     return float(np.sqrt(np.mean(each)))
 
 
-def _squared_bound(settings: LightSettings, pair: bool, camera: Camera, place: Array) -> float:
+def _squared_bound(settings: LedSettings, pair: bool, camera: Camera, place: Array) -> float:
     step = 1e-4
     shifts = [np.zeros(3), np.array([step, 0, 0]), np.array([0, step, 0])]
-    levels, right, down = (light_levels(camera, place + shift, settings).ravel() for shift in shifts)
-    wider = light_levels(camera, place, replace(settings, spot_px=settings.spot_px + step)).ravel()
+    levels, right, down = (led_levels(camera, place + shift, settings).ravel() for shift in shifts)
+    wider = led_levels(camera, place, replace(settings, spot_px=settings.spot_px + step)).ravel()
     derivatives = [(right - levels) / (500 * step), (down - levels) / (500 * step), (wider - levels) / step]
     jacobian = np.stack([*derivatives, levels - settings.background, np.ones_like(levels)], axis=1)
     variance = settings.read_noise**2 + 1 / 12 + levels / settings.photons_per_level

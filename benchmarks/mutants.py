@@ -30,7 +30,7 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import accumulate
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 from typing import Any, NamedTuple
 
 import pytest
@@ -149,10 +149,10 @@ class Court:
     """
 
     def __init__(self, kept: Path | None = None) -> None:
-        self._folder = TemporaryDirectory()
-        self._sources = Path(self._folder.name) / "src"
-        self._telling = Path(self._folder.name) / "telling"
-        self._kept = Path(self._folder.name) / "entered" if kept is None else kept / "entered"
+        self._folder = Path(mkdtemp())  # without the finalizer of a context: a test's own fork would run it
+        self._sources = self._folder / "src"
+        self._telling = self._folder / "telling"
+        self._kept = self._folder / "entered" if kept is None else kept / "entered"
         self._about = b""
         self._files: dict[tuple[Path, str], FileOfTests] = {}
 
@@ -169,7 +169,7 @@ class Court:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._folder.cleanup()
+        shutil.rmtree(self._folder)
 
     def verdict(self, mutant: Mutant) -> str:
         """How a mutant ends: the tests under its own name first, the others of its room if it survives these."""

@@ -130,7 +130,7 @@ def _units(result: Result) -> str:
 
 
 _BOUNDS = ("", "shift_", "turn_")  # of all six components, of translations, of rotations
-_BOARD, _LIGHT = "UR5e, board, lens free", "UR5e, one corner as a light"
+_BOARD, _LED = "UR5e, board, lens free", "UR5e, one corner as a light"
 FIGURES = (
     Figure(
         "held_out",
@@ -164,8 +164,8 @@ FIGURES = (
     ),
     Figure(
         "real",
-        "the same, each corner alone as a light: median of 24",
-        _real(_LIGHT, "base from the board's, median of 24 [mm]", "base from the board's, median of 24 [deg]"),
+        "the same, each corner alone as an LED: median of 24",
+        _real(_LED, "base from the board's, median of 24 [mm]", "base from the board's, median of 24 [deg]"),
     ),
     Figure(
         "two_arms",

@@ -105,7 +105,7 @@ def test_every_station_is_told():
     of = [f for f in found.findings if f.code == "axis-shift-station"]
     assert [f.about for f in of] == [tuple(str(int(n)) for n in s.samples) for s in stations(simulated)]
     base = stations(simulated)[1].base()
-    light = (base @ stations(simulated)[1].hand_base_from_light).translation
+    light = (base @ stations(simulated)[1].hand_base_from_led).translation
     assert f"LED at ({', '.join(f'{1e3 * v:.1f}' for v in light)}) mm" in of[1].message
     assert f"base at ({', '.join(f'{1e3 * v:.1f}' for v in base.translation)}) mm" in of[1].message
 
@@ -114,7 +114,7 @@ def test_without_a_task_stations_count_by_shift_over_depth():
     """The mean of all bases, weighted by the square of how far the light moved over how far it was."""
     simulated = made(stations=3)
     of = stations(simulated)
-    weights = [(s.rms_shift_m / np.linalg.norm(s.camera_from_light().translation)) ** 2 for s in of]
+    weights = [(s.rms_shift_m / np.linalg.norm(s.camera_from_led().translation)) ** 2 for s in of]
     wanted = fuse_bases([s.base() for s in of], weights)
     np.testing.assert_allclose(calibrated(simulated)[NAME].mean.matrix, wanted.matrix, atol=1e-12)
 
@@ -124,7 +124,7 @@ def test_a_task_chooses_its_station(choice):
     """At a station's own light its base is the answer, alone or with all the weight, and so is its covariance."""
     simulated = made(stations=3)
     of = stations(simulated)[1]
-    task = (of.base() @ of.hand_base_from_light).translation
+    task = (of.base() @ of.hand_base_from_led).translation
     settings = Settings(method="axis-shift", task_point=tuple(task), station_choice=choice)
     found = calibrated(simulated, settings)
     np.testing.assert_allclose(found[NAME].mean.matrix, of.base().matrix, atol=1e-6)
@@ -137,7 +137,7 @@ def test_beside_a_light_the_nearest_station_answers_alone():
     """By weights all of them have a part."""
     simulated = made(stations=3)
     of = stations(simulated)[1]
-    task = (of.base() @ of.hand_base_from_light).translation + np.array([0.01, 0.0, 0.0])
+    task = (of.base() @ of.hand_base_from_led).translation + np.array([0.01, 0.0, 0.0])
     for choice, alone in (("nearest", True), ("weighted", False)):
         settings = Settings(method="axis-shift", task_point=tuple(task), station_choice=choice)
         off = (calibrated(simulated, settings)[NAME].mean.inverse() @ of.base()).log()
@@ -155,7 +155,7 @@ def test_stations_share_in_the_covariance_as_in_the_mean():
         with_noise, without = (calibrated(recorded, settings, pixel_px=px)[NAME].covariance for px in (1.0, 1e-9))
         return with_noise - without
 
-    distance = [np.linalg.norm((s.base() @ s.hand_base_from_light).translation - task) for s in of]
+    distance = [np.linalg.norm((s.base() @ s.hand_base_from_led).translation - task) for s in of]
     weights = np.array(distance) ** -2.0 / np.sum(np.array(distance) ** -2.0)
     alone = []
     for station in of:
@@ -228,7 +228,7 @@ def test_with_a_task_point_one_station_is_chosen(shifted):
     """That whose light was nearest to it."""
     plain = compare_closed_form(shifted.cell, shifted.recording, answer(TRUE)).stations
     for place, station in enumerate(plain):
-        beside = compare_closed_form(shifted.cell, shifted.recording, answer(TRUE, task_point=station.light.tolist()))
+        beside = compare_closed_form(shifted.cell, shifted.recording, answer(TRUE, task_point=station.led.tolist()))
         assert [each.weight for each in beside.stations] == [float(k == place) for k in range(STATIONS)]
 
 
@@ -265,5 +265,5 @@ def test_the_other_base_may_be_that_of_the_eye(shifted):
     own = find_pair_stations(build_problem(shifted.cell, shifted.recording)[0], shifted.cell)
     for each, other, station in zip(beside.stations, plain.stations, own, strict=True):
         np.testing.assert_allclose(each.difference, (TRUE @ station.base().inverse()).log(), atol=1e-12)
-        np.testing.assert_allclose(each.light, other.light)
+        np.testing.assert_allclose(each.led, other.led)
         assert (each.samples, each.weight) == (other.samples, pytest.approx(other.weight))

@@ -60,7 +60,7 @@ def numbers(line):
 @pytest.mark.parametrize(
     ("title", "theirs", "ours"),
     [
-        ("noiseless camera_from_light: the paper, ours", 31, 1),
+        ("noiseless camera_from_led: the paper, ours", 31, 1),
         ("noiseless eye_base_from_hand_base: the paper, ours", 32, 2),
         ("table 3, 5%, from table 2 by eq.", 55, 25),
     ],

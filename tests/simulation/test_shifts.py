@@ -14,8 +14,8 @@ EYE_FROM_CAMERA = SE3.stack([SE3.from_rotvec([0.0, 0.1 * k, 0.0], [0.2, 0.1, 0.3
 
 
 def recorded(**options):
-    camera_from_light = SE3.from_rotvec([0.3, 0.2, 0.1], [0.05, -0.04, 0.8])
-    light = EYE_FROM_HAND.inverse() @ EYE_FROM_CAMERA @ camera_from_light
+    camera_from_led = SE3.from_rotvec([0.3, 0.2, 0.1], [0.05, -0.04, 0.8])
+    light = EYE_FROM_HAND.inverse() @ EYE_FROM_CAMERA @ camera_from_led
     return simulate_shifts(EYE_FROM_HAND, EYE_FROM_CAMERA, light, LENS, 0.05, **options)
 
 
@@ -41,8 +41,8 @@ def test_the_light_goes_along_its_own_axes_and_is_seen_there():
         np.testing.assert_allclose(moved.translation, 0.05 * shift_directions(False)[k % 4], atol=1e-12)
         np.testing.assert_allclose(moved.rotation, np.eye(3), atol=1e-12)
         np.testing.assert_array_equal(eye.matrix, EYE_FROM_CAMERA[k // 4].matrix)
-        light_in_camera = (eye.inverse() @ EYE_FROM_HAND @ hand).translation
-        np.testing.assert_allclose(sample.observations[0].pixels[0], LENS.project(light_in_camera), atol=1e-9)
+        led_in_camera = (eye.inverse() @ EYE_FROM_HAND @ hand).translation
+        np.testing.assert_allclose(sample.observations[0].pixels[0], LENS.project(led_in_camera), atol=1e-9)
 
 
 def test_the_cell_states_all_but_the_base():

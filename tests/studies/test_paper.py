@@ -63,11 +63,11 @@ def test_the_study_of_the_noise_is_a_file():
     """
     file, bed = paper_study(), paper_cell(paper_numbers())
     assert (file.trials, file.seed, file.axes["image_noise"]) == (10_000, 0, (0.01, 0.05))
-    exact = bed.image(bed.camera_from_light, bed.shift_m)
+    exact = bed.image(bed.camera_from_led, bed.shift_m)
     for level in (0.01, 0.05):
         noise = 1 + level * np.random.default_rng(1).normal(size=(10_000, *exact.shape))
-        found = bed.closed_form(exact * noise, bed.shift_m).camera_from_light
-        turned = nearest_rotation(np.swapaxes(found.rotation, -1, -2) @ bed.camera_from_light.rotation)
+        found = bed.closed_form(exact * noise, bed.shift_m).camera_from_led
+        turned = nearest_rotation(np.swapaxes(found.rotation, -1, -2) @ bed.camera_from_led.rotation)
         angle = np.degrees(np.median(np.linalg.norm(rotation_log(turned), axis=-1)))
         chunks = [c for c in file.chunks if c.point.at == {"image_noise": level}]
         errors = np.concatenate([compute_chunk(file, chunk).trials.error_deg for chunk in chunks])
@@ -88,17 +88,17 @@ def test_quantiles_are_shares_of_draws_nearer_to_the_truth(study, key, level):
     """Noise multiplies the coordinates; means, deviations and both quantiles are those of its draws."""
     bed, entry = paper_cell(paper_numbers()), study["table1_camera_from_led"][key]
     printed = paper_numbers()["table1_camera_from_led"][key]
-    exact = bed.image(bed.camera_from_light, bed.shift_m)
+    exact = bed.image(bed.camera_from_led, bed.shift_m)
     found = bed.closed_form(
         exact * (1 + level * np.random.default_rng(0).normal(size=(4000, *exact.shape))), bed.shift_m
     )
     np.testing.assert_allclose(entry["R"], found.raw_rotation.mean(0))
-    np.testing.assert_allclose(entry["t_sd"], found.camera_from_light.translation.std(0))
-    true = bed.camera_from_light
-    away = np.linalg.norm(found.camera_from_light.translation - true.translation, axis=1)
+    np.testing.assert_allclose(entry["t_sd"], found.camera_from_led.translation.std(0))
+    true = bed.camera_from_led
+    away = np.linalg.norm(found.camera_from_led.translation - true.translation, axis=1)
     own = np.linalg.norm(np.array(printed["t"]) - true.translation)
     assert entry["paper_quantile"]["translation"] == np.mean(away < own)
-    turned = nearest_rotation(np.swapaxes(found.camera_from_light.rotation, -1, -2) @ true.rotation)
+    turned = nearest_rotation(np.swapaxes(found.camera_from_led.rotation, -1, -2) @ true.rotation)
     angles = np.linalg.norm(rotation_log(turned), axis=1)
     own = np.linalg.norm(rotation_log(nearest_rotation(nearest_rotation(np.array(printed["R"])).T @ true.rotation)))
     assert entry["paper_quantile"]["rotation"] == np.mean(angles < own)

@@ -18,8 +18,8 @@ def test_a_pose_is_as_printed():
 def test_the_closed_form_is_near_without_noise():
     """The base's light is found within the depth that the closed form neglects, a millimetre in 3.6 m."""
     bed = paper_cell(paper_numbers())
-    found = bed.closed_form(bed.image(bed.camera_from_light, bed.shift_m), bed.shift_m).camera_from_light
-    assert np.abs(found.translation - bed.camera_from_light.translation).max() < 2e-3
+    found = bed.closed_form(bed.image(bed.camera_from_led, bed.shift_m), bed.shift_m).camera_from_led
+    assert np.abs(found.translation - bed.camera_from_led.translation).max() < 2e-3
 
 
 def test_a_study_has_the_same_cell():
@@ -27,4 +27,4 @@ def test_a_study_has_the_same_cell():
     bed = paper_cell(paper_numbers())
     made = simulate_cell(paper_study().points[0].settings, 0)
     seen = np.concatenate([sample.observations[0].pixels for sample in made.recording.samples])
-    np.testing.assert_allclose(seen, bed.image(bed.camera_from_light, bed.shift_m), atol=0.05)
+    np.testing.assert_allclose(seen, bed.image(bed.camera_from_led, bed.shift_m), atol=0.05)

@@ -18,7 +18,7 @@ from basecal.cell.targets.led import led_target
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.vision.detect import detect
-from basecal.vision.draw.light import LightSettings, render_light
+from basecal.vision.draw.led import LedSettings, render_led
 from basecal.vision.draw.render import RenderSettings, render
 from vision_scenes import PLAIN, TARGETS, with_exif
 
@@ -127,9 +127,9 @@ def test_camera_without_lens(tmp_path: Path) -> None:
 def test_light_with_background(tmp_path: Path) -> None:
     """A lamp that stays on is a candidate beside the light, unless there is an image with the light off."""
     light, lamp = np.array([0.1, 0.05, 1.0]), np.array([-0.2, 0.1, 1.0])
-    exposed = LightSettings(photons=2e4, spot_px=1.5, photons_per_level=10)
+    exposed = LedSettings(photons=2e4, spot_px=1.5, photons_per_level=10)
     for name, points in (("on", [light, lamp]), ("off", [lamp])):
-        cv2.imwrite(str(tmp_path / f"{name}.png"), render_light(PLAIN, np.array(points), exposed, len(points)))
+        cv2.imwrite(str(tmp_path / f"{name}.png"), render_led(PLAIN, np.array(points), exposed, len(points)))
     images, background = {"wrist": "on.png"}, {"wrist": "off.png"}
     told = Recording((Sample(0, images=images), Sample(1, images=images, background=background)))
     alone, pair = (sample.observations[0] for sample in detect(LIT, told, tmp_path).samples)

@@ -9,7 +9,7 @@ from basecal.cell.target import Target
 from basecal.cell.targets.registry import TARGETS, TargetKindName
 from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detectors import find_target
-from basecal.vision.draw.light import render_light
+from basecal.vision.draw.led import render_led
 from basecal.vision.draw.render import RenderSettings, render
 from vision_scenes import PLAIN, WIDE
 
@@ -32,7 +32,7 @@ def test_found_where_it_is_drawn(kind: TargetKindName) -> None:
     if shape.found_by is None:
         return
     pose = seen_from_the_front(shape)
-    image = render(WIDE, shape, pose) if shape.sheets else render_light(WIDE, pose @ shape.points)
+    image = render(WIDE, shape, pose) if shape.sheets else render_led(WIDE, pose @ shape.points)
     detection = find_target(image, shape)
     assert detection is not None
     np.testing.assert_array_equal(detection.ids, shape.ids)

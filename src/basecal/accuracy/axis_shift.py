@@ -78,13 +78,13 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
 def combine_stations(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]:
     """Combine the bases of stations into the base for the task; return it with the stations' weights, (n,)."""
     bases = [s.base() for s in stations]
-    depth = np.array([np.linalg.norm(s.camera_from_light().translation) for s in stations])
+    depth = np.array([np.linalg.norm(s.camera_from_led().translation) for s in stations])
     weights = (np.array([s.rms_shift_m for s in stations]) / depth) ** 2
     if settings.task_point is None:
         return fuse_bases(bases, list(weights)), weights / weights.sum()
     task = np.array(settings.task_point)
     base = base_for_task(stations, task, is_nearest=settings.station_choice == "nearest")
-    leds = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
+    leds = np.stack([(b @ s.hand_base_from_led).translation for b, s in zip(bases, stations, strict=True)])
     distance = np.maximum(lengths(leds - task), 1e-6)
     nearest = (distance == distance.min()).astype(np.float64)
     weights = nearest if settings.station_choice == "nearest" else 1 / distance**2
@@ -97,9 +97,9 @@ def _errors(stations: Sequence[Station], weights: Array, sigma_px: float) -> tup
     for station, weight in zip(stations, weights, strict=True):
         base = station.base()
         # Derivative of the base's right tangent with respect to the image coordinates, (6, 2 n).
-        count = station.light_px.size
-        nudges = _STEP_PX * np.eye(count).reshape(count, *station.light_px.shape)
-        ahead, behind = station.base(station.light_px + nudges), station.base(station.light_px - nudges)
+        count = station.led_px.size
+        nudges = _STEP_PX * np.eye(count).reshape(count, *station.led_px.shape)
+        ahead, behind = station.base(station.led_px + nudges), station.base(station.led_px - nudges)
         steps = [(base.inverse() @ side).log() for side in (ahead, behind)]
         jacobian = ((steps[0] - steps[1]) / (2 * _STEP_PX)).T
         random += (weight * sigma_px) ** 2 * jacobian @ jacobian.T
@@ -111,10 +111,10 @@ def _station_findings(stations: Sequence[Station]) -> list[Finding]:
     found = []
     for station in stations:
         base = station.base()
-        light = (base @ station.hand_base_from_light).translation
-        light_mm, base_mm = (", ".join(f"{1e3 * v:.1f}" for v in p) for p in (light, base.translation))
+        led = (base @ station.hand_base_from_led).translation
+        led_mm, base_mm = (", ".join(f"{1e3 * v:.1f}" for v in p) for p in (led, base.translation))
         numbers = tuple(str(int(n)) for n in station.samples)
-        what = f"Station at samples {', '.join(numbers)}: LED at ({light_mm}) mm, base at ({base_mm}) mm."
+        what = f"Station at samples {', '.join(numbers)}: LED at ({led_mm}) mm, base at ({base_mm}) mm."
         found.append(Finding("axis-shift-station", "info", numbers, what))
     return found
 
@@ -148,7 +148,7 @@ class StationAnswer:
     """
 
     samples: tuple[int, ...]
-    light: Array
+    led: Array
     difference: Array
     weight: float
 
@@ -205,7 +205,7 @@ def compare_closed_form(cell: Cell, recording: Recording, calibration: Calibrati
     answers = []
     for station, weight in zip(stations, weights, strict=True):
         base = station.base()
-        light = (base @ station.hand_base_from_light).translation
+        led = (base @ station.hand_base_from_led).translation
         step = difference(other.mean, base.inverse() if inverted else base)
-        answers.append(StationAnswer(tuple(int(n) for n in station.samples), light, step, float(weight)))
+        answers.append(StationAnswer(tuple(int(n) for n in station.samples), led, step, float(weight)))
     return ClosedFormComparison(name, estimate, other, tuple(answers))

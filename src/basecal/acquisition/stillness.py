@@ -14,7 +14,7 @@ from basecal.acquisition.freshness import Patience
 from basecal.cell import RobotState
 from basecal.cell.target import Target
 from basecal.geometry import Array
-from basecal.vision.detectors import LIGHT, find_target
+from basecal.vision.detectors import LED, find_target
 from basecal.vision.image_motion import Levels, reduce_image, shift_between
 
 _WINDOW_STATES = 12  # number of compared states: a tenth of a second of most controllers
@@ -168,7 +168,7 @@ def wait_for_image(
     def look() -> _Look:
         """The next image, with the detected LEDs."""
         image = wait_for_image_after(camera, after_s, patience_s, show)
-        found = [find_target(image.grey, target) for target in targets if target.found_by == LIGHT]
+        found = [find_target(image.grey, target) for target in targets if target.found_by == LED]
         leds = tuple(None if each is None else each.pixels[0] for each in found)
         return _Look(image, reduce_image(image.grey), leds)
 

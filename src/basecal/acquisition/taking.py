@@ -23,7 +23,7 @@ from basecal.geometry import Array
 from basecal.planning.plan_check import SpeedLimits, check_plan
 from basecal.planning.sketch import Sketch
 from basecal.vision.detect import detect
-from basecal.vision.detectors import LIGHT
+from basecal.vision.detectors import LED
 from basecal.vision.edge_width import EdgeWidth, edge_width
 from basecal.vision.image_file import png_bytes, read_bytes, size_fault
 
@@ -271,7 +271,7 @@ def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
     height, width = image.grey.shape
     if fault := size_fault((width, height), taker.sketch.cell.cameras[name].size_px):
         raise DriverError(f"{name}: {image.source or 'its image'} {fault}")
-    if not (isinstance(camera, Switches) and any(target.found_by == LIGHT for target in targets)):
+    if not (isinstance(camera, Switches) and any(target.found_by == LED for target in targets)):
         return _Shot(image.stamp_s, image.grey, None)
     camera.light(False)
     try:

@@ -11,7 +11,7 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, IntArray, read_only, read_only_ids
 
-Finder = Literal["charuco", "chessboard", "circles", "tags", "light"]
+Finder = Literal["charuco", "chessboard", "circles", "tags", "led"]
 
 
 @dataclass(frozen=True, eq=False)

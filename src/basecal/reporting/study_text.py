@@ -23,13 +23,9 @@ _STYLE = (
 def paper_text(study: Mapping[str, Any]) -> str:
     """Comparison of the paper's tables with ours, the two orders of orthonormalisation, and the shift lengths."""
     paper = study["paper"]
-    names = {"camera_from_led": "camera_from_light"}
     noiseless, table_3 = "noiseless", "table3_eye_base_from_hand_base"
     blocks = [
-        *(
-            _side_by_side(f"noiseless {names.get(key, key)}", paper[noiseless][key], ours)
-            for key, ours in study[noiseless].items()
-        ),
+        *(_side_by_side(f"noiseless {key}", paper[noiseless][key], ours) for key, ours in study[noiseless].items()),
         *(_table_1(level, paper, study) for level in study["table1_camera_from_led"]),
         *(_table_2(level, paper, study) for level in study["table2_orthonormalised"]),
         *(

@@ -12,7 +12,7 @@ from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.planning.sketch import Sketch
 from basecal.simulation.scenario import SimulatedCell
-from basecal.vision.draw.light import LightSettings, render_light
+from basecal.vision.draw.led import LedSettings, render_led
 from basecal.vision.draw.render import render
 from basecal.vision.image_file import write_png
 
@@ -60,9 +60,9 @@ def _render_sample(
             raise InputError(f"{observation.camera} has no images of {observation.target}: simulate pixels instead")
         pose = camera_from_target(simulation, observation.camera, observation.target, index)
         if not target.sheets:
-            settings, points = LightSettings(), pose @ target.points
-            on = render_light(camera, points, settings, 2 * seed)
-            off = render_light(camera, points, replace(settings, photons=0.0), 2 * seed + 1)
+            settings, points = LedSettings(), pose @ target.points
+            on = render_led(camera, points, settings, 2 * seed)
+            off = render_led(camera, points, replace(settings, photons=0.0), 2 * seed + 1)
             images[observation.camera] = _write(folder, f"{name}.png", on)
             background[observation.camera] = _write(folder, f"{name}_off.png", off)
         else:

@@ -32,7 +32,7 @@ def shift_directions(is_two_sided: bool) -> Array:
 def simulate_shifts(
     eye_base_from_hand_base: SE3,
     eye_base_from_camera: SE3,
-    hand_base_from_light: SE3,
+    hand_base_from_led: SE3,
     camera: Camera,
     shift_m: float,
     is_two_sided: bool = False,
@@ -44,7 +44,7 @@ def simulate_shifts(
     Args:
         eye_base_from_hand_base: The true pose between the bases.
         eye_base_from_camera: Poses of the camera, (stations,).
-        hand_base_from_light: Poses of the LED before its shifts, (stations,).
+        hand_base_from_led: Poses of the LED before its shifts, (stations,).
         camera: The lens.
         shift_m: Length of the shifts [m].
         is_two_sided: Whether the LED is shifted in both directions along each axis.
@@ -53,9 +53,9 @@ def simulate_shifts(
     """
     rng = np.random.default_rng(seed)
     samples, flanges = list[Sample](), list[tuple[SE3, SE3]]()
-    for eye, light in zip(eye_base_from_camera, hand_base_from_light, strict=True):
+    for eye, led in zip(eye_base_from_camera, hand_base_from_led, strict=True):
         for shift in shift_m * shift_directions(is_two_sided):
-            hand = light @ SE3(np.eye(3), shift)
+            hand = led @ SE3(np.eye(3), shift)
             flanges.append((eye, hand))
             position = (eye.inverse() @ eye_base_from_hand_base @ hand).translation
             pixel = camera.project(position) + pixel_px * rng.normal(size=2)

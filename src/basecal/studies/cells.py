@@ -87,11 +87,11 @@ def _shift_station(settings: Settings, seed: int) -> SimulatedCell:
     random_rotations = rotations(rng, 4)
     distance_m = rng.uniform(_NEAR_SHARE, _FAR_SHARE) * settings["distance_m"]
     position = distance_m * np.array([*rng.uniform(-_OFF_AXIS, _OFF_AXIS, 2), 1.0])
-    camera_from_light = SE3(random_rotations[0], position)
+    camera_from_led = SE3(random_rotations[0], position)
     eye_base_from_camera = SE3(random_rotations[1], rng.uniform(-0.5, 0.5, 3))
     eye_base_from_hand_base = SE3(random_rotations[2], _BASE_DISTANCE_M * random_rotations[3][0])
-    hand_base_from_light = eye_base_from_hand_base.inverse() @ eye_base_from_camera @ camera_from_light
-    return _station(settings, eye_base_from_hand_base, eye_base_from_camera, hand_base_from_light, camera)
+    hand_base_from_led = eye_base_from_hand_base.inverse() @ eye_base_from_camera @ camera_from_led
+    return _station(settings, eye_base_from_hand_base, eye_base_from_camera, hand_base_from_led, camera)
 
 
 def _paper_station(settings: Settings) -> SimulatedCell:
@@ -100,20 +100,20 @@ def _paper_station(settings: Settings) -> SimulatedCell:
     base = bed.eye_base_from_hand_base
     eye_base_from_hand_base = SE3(nearest_rotation(base.rotation), base.translation)
     camera = Camera("pinhole", np.array([*bed.focal_px, 0.0, 0.0]))
-    return _station(settings, eye_base_from_hand_base, bed.eye_base_from_camera, bed.hand_base_from_light, camera)
+    return _station(settings, eye_base_from_hand_base, bed.eye_base_from_camera, bed.hand_base_from_led, camera)
 
 
 def _station(
     settings: Settings,
     eye_base_from_hand_base: SE3,
     eye_base_from_camera: SE3,
-    hand_base_from_light: SE3,
+    hand_base_from_led: SE3,
     camera: Camera,
 ) -> SimulatedCell:
     return simulate_shifts(
         eye_base_from_hand_base,
         SE3.stack([eye_base_from_camera]),
-        SE3.stack([hand_base_from_light]),
+        SE3.stack([hand_base_from_led]),
         camera,
         settings["shift_m"],
         pixel_px=settings["pixel_px"] if settings["state_pixel_noise"] else 0.0,

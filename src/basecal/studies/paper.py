@@ -50,13 +50,13 @@ def study_paper(seed: int | None = None, draws: int | None = None, length_draws:
     levels = {f"{share:.0%}": share for share in study.axes["image_noise"]}
     numbers = paper_numbers()
     bed = paper_cell(numbers)
-    closed_form = bed.closed_form(bed.image(bed.camera_from_light, bed.shift_m), bed.shift_m)
-    raw = SE3(closed_form.raw_rotation, closed_form.camera_from_light.translation.copy())
-    base = base_of_station(bed.eye_base_from_camera, raw, bed.hand_base_from_light)
+    closed_form = bed.closed_form(bed.image(bed.camera_from_led, bed.shift_m), bed.shift_m)
+    raw = SE3(closed_form.raw_rotation, closed_form.camera_from_led.translation.copy())
+    base = base_of_station(bed.eye_base_from_camera, raw, bed.hand_base_from_led)
     printed = {k: printed_pose(numbers["table1_camera_from_led"][k]) for k in levels}
     # The paper's Table 1, orthonormalised with the paper's iteration.
     table_2 = {k: SE3(orthonormalise(pose.rotation), pose.translation) for k, pose in printed.items()}
-    table_3 = {k: base_of_station(bed.eye_base_from_camera, table_2[k], bed.hand_base_from_light) for k in levels}
+    table_3 = {k: base_of_station(bed.eye_base_from_camera, table_2[k], bed.hand_base_from_led) for k in levels}
     return {
         "noiseless": {"camera_from_led": _entry(raw), "eye_base_from_hand_base": _entry(base)},
         "table1_camera_from_led": {k: _table_1(bed, s, seed, draws, numbers, k) for k, s in levels.items()},
@@ -75,19 +75,19 @@ def _entry(transform: SE3) -> dict[str, Any]:
 
 def _table_1(bed: Testbed, level: float, seed: int, draws: int, numbers: dict[str, Any], key: str) -> dict[str, Any]:
     """Mean and standard deviation of estimates over draws of the noise, and the quantile of the paper's single draw."""
-    exact = bed.image(bed.camera_from_light, bed.shift_m)
+    exact = bed.image(bed.camera_from_led, bed.shift_m)
     noise = 1 + level * np.random.default_rng(seed).normal(size=(draws, *exact.shape))
     estimates = bed.closed_form(exact * noise, bed.shift_m)
-    t = estimates.camera_from_light.translation
+    t = estimates.camera_from_led.translation
     printed = numbers["table1_camera_from_led"][key]
     difference = np.concatenate(
         [(np.array(printed["R"]) - estimates.raw_rotation.mean(0)).ravel(), printed["t"] - t.mean(0)]
     )
     sd = np.concatenate([estimates.raw_rotation.std(0).ravel(), t.std(0)])
     # The fraction of draws that are nearer to the truth than the paper's orthonormalised draw.
-    true = bed.camera_from_light
-    rotation_error = _angle(estimates.camera_from_light.rotation, true.rotation)
-    translation_error = np.linalg.norm(estimates.camera_from_light.translation - true.translation, axis=-1)
+    true = bed.camera_from_led
+    rotation_error = _angle(estimates.camera_from_led.rotation, true.rotation)
+    translation_error = np.linalg.norm(estimates.camera_from_led.translation - true.translation, axis=-1)
     printed_rotation_error = _angle(nearest_rotation(np.array(printed["R"])), true.rotation)
     printed_translation_error = np.linalg.norm(np.array(printed["t"]) - true.translation)
     return {
@@ -112,8 +112,8 @@ def _orders(bed: Testbed, numbers: dict[str, Any], key: str) -> dict[str, float]
     """Compare orthonormalisation before and after composition: rotations are equal, translations are not."""
     t = np.array(numbers["table1_camera_from_led"][key]["t"])
     raw = np.array(numbers["table1_camera_from_led"][key]["R"])
-    before = base_of_station(bed.eye_base_from_camera, SE3(nearest_rotation(raw), t), bed.hand_base_from_light)
-    after = base_of_station(bed.eye_base_from_camera, SE3.adopt(raw, t.copy()), bed.hand_base_from_light)
+    before = base_of_station(bed.eye_base_from_camera, SE3(nearest_rotation(raw), t), bed.hand_base_from_led)
+    after = base_of_station(bed.eye_base_from_camera, SE3.adopt(raw, t.copy()), bed.hand_base_from_led)
     true = bed.eye_base_from_hand_base.translation
     return {
         "rotations_differ_by": float(np.abs(nearest_rotation(after.rotation) - before.rotation).max()),
@@ -124,11 +124,11 @@ def _orders(bed: Testbed, numbers: dict[str, Any], key: str) -> dict[str, float]
 
 def _length_errors(bed: Testbed, shift_m: float, seed: int, draws: int) -> dict[str, float]:
     """RMS errors over draws of pixel noise at one length of the shifts, and the Cramer-Rao bound."""
-    rotation = nearest_rotation(bed.camera_from_light.rotation)
-    true = SE3(rotation, bed.camera_from_light.translation.copy())
+    rotation = nearest_rotation(bed.camera_from_led.rotation)
+    true = SE3(rotation, bed.camera_from_led.translation.copy())
     image = bed.image(true, shift_m)
     seen = image + SIGMA_PX * np.random.default_rng(seed).normal(size=(draws, *image.shape))
-    closed = bed.closed_form(seen, shift_m).camera_from_light
+    closed = bed.closed_form(seen, shift_m).camera_from_led
     is_visible = np.ones(seen.shape[:2], dtype=bool)
     weight = is_visible / SIGMA_PX
     points = shift_m * shift_directions(is_two_sided=False)

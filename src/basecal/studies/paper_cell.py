@@ -23,27 +23,27 @@ class Testbed:
 
     Attributes:
         eye_base_from_camera: Pose of the camera.
-        hand_base_from_light: Pose of the LED before its shifts.
+        hand_base_from_led: Pose of the LED before its shifts.
         eye_base_from_hand_base: The printed base, whose rotation matrix is rounded.
         focal_px: (2,) focal lengths fu and fv [px].
         shift_m: Length of the shifts [m].
     """
 
     eye_base_from_camera: SE3
-    hand_base_from_light: SE3
+    hand_base_from_led: SE3
     eye_base_from_hand_base: SE3
     focal_px: Array
     shift_m: float
 
     @property
-    def camera_from_light(self) -> SE3:
+    def camera_from_led(self) -> SE3:
         """The printed true pose of the LED, with its rounded rotation matrix."""
-        eye_base_from_light = self.eye_base_from_hand_base @ self.hand_base_from_light
-        return self.eye_base_from_camera.inverse() @ eye_base_from_light
+        eye_base_from_led = self.eye_base_from_hand_base @ self.hand_base_from_led
+        return self.eye_base_from_camera.inverse() @ eye_base_from_led
 
-    def image(self, camera_from_light: SE3, shift_m: float) -> Array:
+    def image(self, camera_from_led: SE3, shift_m: float) -> Array:
         """Image coordinates of the LED about the principal point, before and after its shifts, (4, 2) [px]."""
-        at = camera_from_light @ (shift_m * shift_directions(is_two_sided=False))
+        at = camera_from_led @ (shift_m * shift_directions(is_two_sided=False))
         image: Array = self.focal_px * at[:, :2] / at[:, 2:]
         return image
 

@@ -15,7 +15,7 @@ from basecal.cell.target import Target
 from basecal.errors import InputError, check_type
 from basecal.vision import cache
 from basecal.vision.detection import Detection, Image
-from basecal.vision.detectors import LIGHT, find_target
+from basecal.vision.detectors import LED, find_target
 from basecal.vision.image_file import grey_image, is_turned, read_bytes
 from basecal.vision.losses import SearchedImage, explain_no_target, image_findings
 
@@ -113,10 +113,10 @@ def _search_image(search: _Search, sample: Sample, camera: str) -> _View | None:
     searched = SearchedImage(sample.sample, camera, sample.images[camera])
     try:
         source = _read_source(search, sample.images[camera])
-        needs_dark = camera in sample.background and any(each.found_by == LIGHT for each in missing_targets.values())
+        needs_dark = camera in sample.background and any(each.found_by == LED for each in missing_targets.values())
         dark = _read_source(search, sample.background[camera]) if needs_dark else None
         detections = {
-            name: _detection(search, camera, target, source, dark if target.found_by == LIGHT else None)
+            name: _detection(search, camera, target, source, dark if target.found_by == LED else None)
             for name, target in missing_targets.items()
         }
     except _Unusable as error:

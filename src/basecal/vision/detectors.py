@@ -13,7 +13,7 @@ from basecal.vision.detection import Detection, Image, check_image, eight_bit
 from basecal.vision.kinds import charuco, chessboard, circles, led, tags
 from basecal.vision.kinds.preprocessing import Grey
 
-LIGHT: Finder = "light"
+LED: Finder = "led"
 """The only detector that uses a background image, taken with the LED off."""
 
 _LEAST_SIDE_PX = 16  # side of the smallest image that OpenCV's detectors accept
@@ -26,7 +26,7 @@ DETECTORS: dict[Finder, Detector] = {
     "chessboard": chessboard.detect,
     "circles": circles.detect,
     "tags": tags.detect,
-    LIGHT: led.detect,
+    LED: led.detect,
 }
 """Detectors for each `found_by`; a target without one is not found in images."""
 
@@ -55,7 +55,7 @@ def find_target(image: Image, target: Target, background: Image | None = None) -
         raise InputError(f"a target of kind {target.kind!r} is not found in images")
     if min(image.shape) < _LEAST_SIDE_PX:
         return None
-    if target.found_by == LIGHT:
+    if target.found_by == LED:
         return led.detect(image, target, background)
     return DETECTORS[target.found_by](image, target)
 

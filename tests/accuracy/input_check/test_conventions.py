@@ -573,20 +573,20 @@ def test_a_quick_look_names_the_fits_of_each_hypothesis(monkeypatch):
     assert end.value.value == [{("a", "board"): "A", ("b", "board"): "B"}, {}, {}]
 
 
-@pytest.mark.parametrize("is_light", [True, False])
-def test_of_a_light_fewer_views_are_looked_at(is_light):
+@pytest.mark.parametrize("is_led", [True, False])
+def test_of_a_light_fewer_views_are_looked_at(is_led):
     """Its search is longer; a cell that makes no problem has no pairs."""
     counts = []
 
     def of(group, views):
         """Views without poses of their own where they show a light."""
         counts.append(views)
-        return SimpleNamespace(candidates=None if is_light else 1, views=views)
+        return SimpleNamespace(candidates=None if is_led else 1, views=views)
 
     ((some, problem),) = conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(prepare=of))
-    assert len(counts) == (2 if is_light else 1)
+    assert len(counts) == (2 if is_led else 1)
     assert some.views == counts[-1]
-    assert not is_light or counts[1] < counts[0]
+    assert not is_led or counts[1] < counts[0]
     assert [g.camera for g in problem.groups] == ["wrist"]
 
 

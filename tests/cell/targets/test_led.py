@@ -12,7 +12,7 @@ def test_one_light_is_at_the_origin():
     light = led_target()
     assert light.points.tolist() == [[0, 0, 0]]
     assert light.is_point
-    assert light.found_by == "light"
+    assert light.found_by == "led"
     assert light.options == {"points_m": [[0.0, 0.0, 0.0]]}
 
 

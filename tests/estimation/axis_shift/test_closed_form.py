@@ -31,14 +31,14 @@ def pose(entry) -> SE3:
 
 
 EYE_BASE_FROM_CAMERA = pose(PAPER["testbed"]["eye_base_from_camera"])
-HAND_BASE_FROM_LIGHT = pose(PAPER["testbed"]["hand_base_from_led"])
+HAND_BASE_FROM_LED = pose(PAPER["testbed"]["hand_base_from_led"])
 PRINTED = pose(PAPER["testbed"]["eye_base_from_hand_base_true"])
 TRUE = SE3(nearest_rotation(PRINTED.rotation), PRINTED.translation)
 
 
 def noiseless(shifts):
-    camera_from_light = EYE_BASE_FROM_CAMERA.inverse() @ PRINTED @ HAND_BASE_FROM_LIGHT
-    at = camera_from_light @ np.concatenate([np.zeros((1, 3)), shifts])
+    camera_from_led = EYE_BASE_FROM_CAMERA.inverse() @ PRINTED @ HAND_BASE_FROM_LED
+    at = camera_from_led @ np.concatenate([np.zeros((1, 3)), shifts])
     pixels = FOCAL * at[:, :2] / at[:, 2:]
     return estimate(pixels[0], image_gradient(pixels[1:] - pixels[0], shifts), FOCAL)
 
@@ -55,7 +55,7 @@ def test_noiseless_rotation_is_the_papers():
 
 def test_noiseless_translation_is_the_papers_but_for_its_slip():
     """The paper prints the true depth 3.6084; eq. (9) gives 3.6092."""
-    ours = noiseless(0.01 * np.eye(3)).camera_from_light.translation
+    ours = noiseless(0.01 * np.eye(3)).camera_from_led.translation
     np.testing.assert_allclose(ours[:2], PAPER["noiseless"]["camera_from_led"]["t"][:2], atol=1e-4)
     assert ours[2] == pytest.approx(3.6092, abs=1e-4)
 
@@ -74,7 +74,7 @@ def test_table_3_follows_from_table_2(level):
     """Within 2e-4, but for the entry whose digits the paper swaps."""
     table_2 = np.array(PAPER["table2_orthonormalised"][level])
     translation = np.array(PAPER["table1_camera_from_led"][level]["t"])
-    ours = base_of_station(EYE_BASE_FROM_CAMERA, SE3(table_2, translation), HAND_BASE_FROM_LIGHT)
+    ours = base_of_station(EYE_BASE_FROM_CAMERA, SE3(table_2, translation), HAND_BASE_FROM_LED)
     printed = PAPER["table3_eye_base_from_hand_base"][level]
     rotation = np.array(printed["R"])
     if level == "5%":
@@ -113,24 +113,24 @@ def test_shifts_in_a_plane_are_not_observable():
 def test_stations_and_shifts_are_found_in_the_poses(two_sided):
     """Three stations are told apart by the poses alone, each with its own samples and its shifts measured."""
     simulated = simulate_shifts(
-        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.03, 3, 1), batch(HAND_BASE_FROM_LIGHT, 0.1, 3, 2), CAMERA, 0.05, two_sided
+        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.03, 3, 1), batch(HAND_BASE_FROM_LED, 0.1, 3, 2), CAMERA, 0.05, two_sided
     )
     problem, _ = build_problem(simulated.cell, simulated.recording)
     stations = find_stations(problem, lenses(problem, simulated.cell))
     size = 7 if two_sided else 4
     assert [sorted(s.samples) for s in stations] == [list(range(k * size, (k + 1) * size)) for k in range(3)]
-    np.testing.assert_allclose(stations[0].shifts_in_light[1:4], 0.05 * np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(stations[0].shifts_in_led[1:4], 0.05 * np.eye(3), atol=1e-12)
 
 
 def test_choice_for_a_task_point():
     """The nearest station's base is taken as it is; the weighted mean tends to it as the task comes close."""
     simulated = simulate_shifts(
-        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.03, 3, 1), batch(HAND_BASE_FROM_LIGHT, 0.2, 3, 2), CAMERA, 0.05
+        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.03, 3, 1), batch(HAND_BASE_FROM_LED, 0.2, 3, 2), CAMERA, 0.05
     )
     problem, _ = build_problem(simulated.cell, simulated.recording)
     stations = find_stations(problem, lenses(problem, simulated.cell))
     base = stations[1].base()
-    task = (base @ stations[1].hand_base_from_light).translation
+    task = (base @ stations[1].hand_base_from_led).translation
     np.testing.assert_allclose(base_for_task(stations, task, is_nearest=True).matrix, base.matrix, atol=1e-12)
     np.testing.assert_allclose(base_for_task(stations, task, is_nearest=False).matrix, base.matrix, atol=1e-6)
     mean = fuse_bases([s.base() for s in stations], [1, 1, 1]).translation
@@ -140,7 +140,7 @@ def test_choice_for_a_task_point():
 def test_the_closed_form_calibrates_and_knows_what_it_neglects():
     """The truth lies within four sigmas, of which the neglected depth is a part, and the verdict is doubtful."""
     simulated = simulate_shifts(
-        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.02, 6, 1), batch(HAND_BASE_FROM_LIGHT, 0.05, 6, 2), CAMERA, 0.1,
+        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.02, 6, 1), batch(HAND_BASE_FROM_LED, 0.05, 6, 2), CAMERA, 0.1,
         is_two_sided=True, pixel_px=0.05,
     )  # fmt: skip
     calibration = calibrate(simulated.cell, simulated.recording, Settings(method="axis-shift"))
@@ -156,7 +156,7 @@ def test_the_closed_form_starts_the_general_solver():
     simulated = simulate_shifts(
         TRUE,
         batch(EYE_BASE_FROM_CAMERA, 0.02, 4, 1),
-        batch(HAND_BASE_FROM_LIGHT, 0.05, 4, 2),
+        batch(HAND_BASE_FROM_LED, 0.05, 4, 2),
         CAMERA,
         0.1,
         pixel_px=0.1,
@@ -191,7 +191,7 @@ def test_two_rows_and_what_is_across_them_turn_to_the_nearest_rotation(angle):
     gradient = 100 * np.array([[1.0, 0, 0], [np.cos(angle), np.sin(angle), 0]]) @ turned
     found = estimate(np.zeros((20, 2)), gradient, np.array([800.0, 800.0]))
     expected = nearest_rotation(found.raw_rotation)
-    assert np.abs(found.camera_from_light.rotation - expected).max() < 1e-9
+    assert np.abs(found.camera_from_led.rotation - expected).max() < 1e-9
 
 
 def lagrangian(x, rows):

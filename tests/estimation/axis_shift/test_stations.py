@@ -44,12 +44,12 @@ def test_each_place_of_the_camera_is_a_station():
     found = find_stations(problem, cameras)
     assert [sorted(s.samples.tolist()) for s in found] == [list(range(7)), list(range(7, 14))]
     for station, eye in zip(found, (EYE[0], EYE[1]), strict=True):
-        np.testing.assert_allclose(station.shifts_in_light[0], 0.0)
+        np.testing.assert_allclose(station.shifts_in_led[0], 0.0)
         np.testing.assert_allclose(station.rms_shift_m, 1e-3)
         np.testing.assert_allclose(station.eye_base_from_camera.matrix, eye.matrix, atol=1e-12)
         off = (BASE.inverse() @ station.base()).log()
         assert np.abs(off).max() < 2e-3
-        np.testing.assert_allclose(station.predicted_px(BASE), station.light_px, atol=1e-9)
+        np.testing.assert_allclose(station.predicted_px(BASE), station.led_px, atol=1e-9)
 
 
 @pytest.mark.parametrize(("shift", "views"), [(1.9e-4, [7, 7]), (2.1e-4, [4, 7])])
@@ -107,7 +107,7 @@ def test_the_base_for_a_task():
     problem, cameras = recorded()
     first, second = find_stations(problem, cameras)
     bases = [first.base(), second.base()]
-    lights = [(b @ s.hand_base_from_light).translation for b, s in zip(bases, (first, second), strict=True)]
+    lights = [(b @ s.hand_base_from_led).translation for b, s in zip(bases, (first, second), strict=True)]
     task = lights[1] + [0.0, 0.0, 0.01]
     np.testing.assert_array_equal(base_for_task([first, second], task, is_nearest=True).matrix, bases[1].matrix)
     weights = [np.linalg.norm(light - task) ** -2 for light in lights]
@@ -124,9 +124,9 @@ SHIFTS = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.
 FOCAL = np.array([800.0, 400.0])
 
 
-def station_of(light_px):
+def station_of(led_px):
     """One that saw so much at `SHIFTS`."""
-    return Station("camera", "light", np.arange(4), FOCAL, light_px, SHIFTS, EYE[0], SEEN[1])
+    return Station("camera", "light", np.arange(4), FOCAL, led_px, SHIFTS, EYE[0], SEEN[1])
 
 
 def test_a_station_predicts_what_it_would_see():
@@ -143,9 +143,9 @@ def test_the_closed_form_is_of_how_the_image_shifts():
     pose = SE3.from_rotvec([0.3, -0.2, 0.4], [0.05, -0.1, 0.5])
     first = FOCAL * pose.translation[:2] / 0.5
     px = first + FOCAL * (SHIFTS @ pose.rotation[:2].T) / 0.5
-    found = station_of(px).camera_from_light()
+    found = station_of(px).camera_from_led()
     np.testing.assert_allclose(found.matrix, pose.matrix, atol=1e-12)
-    several = station_of(np.zeros((4, 2))).camera_from_light(np.stack([px, px]))
+    several = station_of(np.zeros((4, 2))).camera_from_led(np.stack([px, px]))
     np.testing.assert_allclose(several.matrix, np.stack([pose.matrix] * 2), atol=1e-12)
     base = EYE[0].matrix @ pose.matrix @ np.linalg.inv(SEEN[1].matrix)
     np.testing.assert_allclose(station_of(px).base().matrix, base, atol=1e-12)
@@ -161,9 +161,9 @@ def test_shifts_start_from_the_view_nearest_to_their_middle():
     found = _station(group, views, px, cameras, lights, FOCAL)
     order = [2, 0, 1, 3, 4, 5, 6]
     assert found.samples.tolist() == group.sample[order].tolist()
-    np.testing.assert_array_equal(found.light_px, px[order])
-    np.testing.assert_allclose(found.shifts_in_light, (shifts - shifts[2])[order] @ turned.rotation, atol=1e-12)
-    assert found.hand_base_from_light.translation.tolist() == lights[2].translation.tolist()
+    np.testing.assert_array_equal(found.led_px, px[order])
+    np.testing.assert_allclose(found.shifts_in_led, (shifts - shifts[2])[order] @ turned.rotation, atol=1e-12)
+    assert found.hand_base_from_led.translation.tolist() == lights[2].translation.tolist()
     for some in (views[:3], np.array([0, 1, 2, 4, 5])):
         assert _station(group, some, px[some], cameras[some], lights[some], FOCAL) is None
     assert _station(group, views[:4], px[:4], cameras[:4], lights[:4], FOCAL) is not None

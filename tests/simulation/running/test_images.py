@@ -10,7 +10,7 @@ import pytest
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
 from basecal.simulation.running.images import CameraScene, CameraView
-from basecal.vision.draw.light import LightSettings
+from basecal.vision.draw.led import LedSettings
 from shared.facing_arms import facing_arms
 
 LENS = Camera("pinhole", np.array([500.0, 500, 159.5, 119.5]), (320, 240))
@@ -36,7 +36,7 @@ def test_the_table_shows_it_again():
         CameraView(LENS, share).image(lambda at: LIGHT, 0.0, 0.01, True, 1).astype(float) for share in (0.0, 0.4)
     )
     more = (mirrored - plain)[155:185, 145:175].sum()
-    light = LightSettings().photons / LightSettings().photons_per_level
+    light = LedSettings().photons / LedSettings().photons_per_level
     assert more / light == pytest.approx(0.4, abs=0.15)  # noise of 900 pixels twice: 0.04
 
 

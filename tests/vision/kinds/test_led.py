@@ -11,7 +11,7 @@ import pytest
 from basecal.cell.targets.led import led_target
 from basecal.errors import InputError
 from basecal.geometry import Array
-from basecal.vision.draw.light import LightSettings, light_levels, render_light
+from basecal.vision.draw.led import LedSettings, led_levels, render_led
 from basecal.vision.fit.spot_fit import Spot
 from basecal.vision.kinds.led import _bright_spots, _fit_rough_spot, _RoughSpot, detect
 from quick import quick
@@ -21,9 +21,9 @@ LIGHT = led_target()
 OFF = {"photons": 0.0}
 
 
-def exposed(photons: float, spot: float) -> LightSettings:
+def exposed(photons: float, spot: float) -> LedSettings:
     """A light whose brightest pixel is at about 170 of 255 levels."""
-    return LightSettings(photons, spot, photons / (2 * np.pi * (spot**2 + 1 / 12) * 160))
+    return LedSettings(photons, spot, photons / (2 * np.pi * (spot**2 + 1 / 12) * 160))
 
 
 def places(count: int, seed: int = 0) -> Array:
@@ -31,12 +31,12 @@ def places(count: int, seed: int = 0) -> Array:
     return np.column_stack([rng.uniform(-0.15, 0.15, count), rng.uniform(-0.1, 0.1, count), np.ones(count)])
 
 
-def bound(settings: LightSettings, place: Array, pair: bool) -> float:
+def bound(settings: LedSettings, place: Array, pair: bool) -> float:
     """Cramer-Rao bound per coordinate [px] where place, width, brightness and background are all unknown."""
     step = 1e-4
     shifts = [np.zeros(3), np.array([step, 0, 0]), np.array([0, step, 0])]
-    at, right, down = (light_levels(PLAIN, place + shift, settings).ravel() for shift in shifts)
-    wider = light_levels(PLAIN, place, replace(settings, spot_px=settings.spot_px + step)).ravel()
+    at, right, down = (led_levels(PLAIN, place + shift, settings).ravel() for shift in shifts)
+    wider = led_levels(PLAIN, place, replace(settings, spot_px=settings.spot_px + step)).ravel()
     moved = [(right - at) / (500 * step), (down - at) / (500 * step), (wider - at) / step]
     columns = [*moved, at - settings.background, np.ones_like(at)]
     variance = settings.read_noise**2 + 1 / 12 + at / settings.photons_per_level
@@ -47,12 +47,12 @@ def bound(settings: LightSettings, place: Array, pair: bool) -> float:
     return float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2))
 
 
-def errors(settings: LightSettings, count: int, pair: bool) -> tuple[Array, Array]:
+def errors(settings: LedSettings, count: int, pair: bool) -> tuple[Array, Array]:
     """Errors, (n, 2), and sigmas, (n,), [px]."""
     error, sigma = [], []
     for index, place in enumerate(places(count)):
-        off = render_light(PLAIN, place, replace(settings, **OFF), 2 * index + 1) if pair else None
-        found = detect(render_light(PLAIN, place, settings, 2 * index), LIGHT, off)
+        off = render_led(PLAIN, place, replace(settings, **OFF), 2 * index + 1) if pair else None
+        found = detect(render_led(PLAIN, place, settings, 2 * index), LIGHT, off)
         assert found is not None
         assert found.ids is not None
         error.append(found.pixels[0] - PLAIN.project(place))
@@ -87,7 +87,7 @@ def test_candidates_brightest_first() -> None:
     """Several bright spots are all given, without ids, the brightest first."""
     spots = places(3, seed=1)
     levels = sum(
-        light_levels(PLAIN, spot, replace(exposed(3e4, 1.5), photons=photons, background=3.0))
+        led_levels(PLAIN, spot, replace(exposed(3e4, 1.5), photons=photons, background=3.0))
         for spot, photons in zip(spots, (1.4e4, 3e4, 2e4), strict=True)
     )
     noisy = levels + np.random.default_rng(0).normal(0, 1, levels.shape)
@@ -100,8 +100,8 @@ def test_candidates_brightest_first() -> None:
 def test_lamp_that_stays_on() -> None:
     """A brighter spot that is there with the light off too is not the light."""
     settings, (light, lamp) = exposed(3e4, 1.5), places(2, seed=2)
-    both = render_light(PLAIN, np.stack([light, lamp]), settings, 1)
-    only_lamp = render_light(PLAIN, lamp, settings, 2)
+    both = render_led(PLAIN, np.stack([light, lamp]), settings, 1)
+    only_lamp = render_led(PLAIN, lamp, settings, 2)
     alone, pair = detect(both, LIGHT), detect(both, LIGHT, only_lamp)
     assert alone is not None
     assert pair is not None
@@ -113,7 +113,7 @@ def test_structured_scene() -> None:
     """A light on a structured scene is found in the difference of on and off."""
     settings = replace(exposed(3e4, 1.2), background=60.0, texture=25.0, photons=1e4)
     place = places(1, seed=3)[0]
-    on, off = (render_light(PLAIN, place, each, seed) for seed, each in enumerate((settings, replace(settings, **OFF))))
+    on, off = (render_led(PLAIN, place, each, seed) for seed, each in enumerate((settings, replace(settings, **OFF))))
     found = detect(on, LIGHT, off)
     assert found is not None
     np.testing.assert_allclose(found.pixels[0], PLAIN.project(place), atol=0.15)
@@ -122,14 +122,14 @@ def test_structured_scene() -> None:
 def test_at_the_border() -> None:
     """A light partly outside the image is placed by what is inside."""
     place = np.array([-0.3184, 0.1, 1.0])  # pixel 0.3
-    found = detect(render_light(PLAIN, place, exposed(1e5, 1.5)), LIGHT)
+    found = detect(render_led(PLAIN, place, exposed(1e5, 1.5)), LIGHT)
     assert found is not None
     np.testing.assert_allclose(found.pixels[0], PLAIN.project(place), atol=0.05)
 
 
 def test_nothing_in_the_dark() -> None:
     """No light is found where there is none: in the dark, in noise, or where on and off are alike."""
-    dark = render_light(PLAIN, places(1)[0], LightSettings(photons=0.0))
+    dark = render_led(PLAIN, places(1)[0], LedSettings(photons=0.0))
     assert detect(np.zeros((100, 100), np.uint8), LIGHT) is None
     assert detect(dark, LIGHT, dark) is None
 
@@ -147,7 +147,7 @@ def test_a_saturated_light_with_a_streak(radius: int, slant: int) -> None:
 def test_several_lights_at_once() -> None:
     """Of several lights at once nothing is detected: which is which is not known."""
     two = led_target([[0, 0, 0], [0.1, 0, 0]])
-    assert detect(render_light(PLAIN, places(2), exposed(3e4, 1.5)), two) is None
+    assert detect(render_led(PLAIN, places(2), exposed(3e4, 1.5)), two) is None
 
 
 def test_background_of_another_size() -> None:

@@ -1,4 +1,4 @@
-"""LEDs: one or several small bright lights on a rigid body."""
+"""One or several LEDs on a rigid body."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _AT_ORIGIN = [[0.0, 0.0, 0.0]]
 def led_target(points_m: Any = _AT_ORIGIN) -> Target:
     """Target of LEDs at points (n, 3) [m]; by default one LED at the origin."""
     points = np.asarray(points_m, dtype=np.float64)
-    return Target("led", np.arange(len(points)), points, {"points_m": numbers(points)}, found_by="light")
+    return Target("led", np.arange(len(points)), points, {"points_m": numbers(points)}, found_by="led")
 
 
 class LedEntry(TargetEntry):

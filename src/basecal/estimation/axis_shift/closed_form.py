@@ -1,6 +1,6 @@
 """The paper's closed form: one robot shifts an LED in front of a camera at rest.
 
-An LED G on the hand robot moves along three directions while the camera C is at rest. `camera_from_light` follows in
+An LED G on the hand robot moves along three directions while the camera C is at rest. `camera_from_led` follows in
 closed form from the shifts of the LED's image, and the base from this and the two robots' poses. Numbers in brackets
 are the paper's equations. Image coordinates are undistorted pixels minus the principal point, v down.
 
@@ -31,34 +31,34 @@ class ShiftEstimate:
     """Estimate of one station.
 
     Attributes:
-        raw_rotation: (..., 3, 3) `camera_from_light` of eq. (8): rows k1, k2 and k3 = k1 x k2, not yet orthonormal.
+        raw_rotation: (..., 3, 3) `camera_from_led` of eq. (8): rows k1, k2 and k3 = k1 x k2, not yet orthonormal.
         camera_from_light: (...,) orthonormalised rotation, with the translation of eq. (9).
     """
 
     raw_rotation: Array
-    camera_from_light: SE3
+    camera_from_led: SE3
 
 
-def image_gradient(image_shifts: Array, shifts_in_light: Array) -> Array:
+def image_gradient(image_shifts: Array, shifts_in_led: Array) -> Array:
     """Derivative of the image point with respect to the LED's position: rows (du/dp, dv/dp), (..., 2, 3) [px/m].
 
     Args:
         image_shifts: (..., n, 2) [px] shifts of the image, n >= 3.
-        shifts_in_light: (n, 3) [m] shifts of the LED along G's axes; least squares if n > 3.
+        shifts_in_led: (n, 3) [m] shifts of the LED along G's axes; least squares if n > 3.
 
     Raises:
         NotObservable: if the shifts lie in a plane.
     """
-    if principal_axes(shifts_in_light, _FLAT_SHARE).dimension < 3:
+    if principal_axes(shifts_in_led, _FLAT_SHARE).dimension < 3:
         raise NotObservable("the shifts of the LED lie in one plane: add a shift out of this plane")
-    return np.asarray(np.swapaxes(pseudo_inverse(shifts_in_light) @ image_shifts, -1, -2))
+    return np.asarray(np.swapaxes(pseudo_inverse(shifts_in_led) @ image_shifts, -1, -2))
 
 
-def estimate(light_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate:
-    """`camera_from_light` in closed form, eqs. (7)-(9).
+def estimate(led_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate:
+    """`camera_from_led` in closed form, eqs. (7)-(9).
 
     Args:
-        light_px: (..., 2) [px] image point of the LED before the shifts.
+        led_px: (..., 2) [px] image point of the LED before the shifts.
         gradient: (..., 2, 3) [px/m] result of `image_gradient`, with rows (u_x, u_y, u_z) / L and (v_x, v_y, v_z) / L.
         focal_px: (2,) fu and fv [px].
 
@@ -69,7 +69,7 @@ def estimate(light_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate
     k1, k2 = gradient[..., 0, :] / per_length[..., :1], gradient[..., 1, :] / per_length[..., 1:]
     raw = np.stack([k1, k2, np.cross(k1, k2)], axis=-2)  # eq. (8)
     depth = np.mean(focal_px / per_length, axis=-1)  # eq. (9), t_z
-    t = np.concatenate([light_px * depth[..., None] / focal_px, depth[..., None]], axis=-1)
+    t = np.concatenate([led_px * depth[..., None] / focal_px, depth[..., None]], axis=-1)
     return ShiftEstimate(raw, SE3(_nearest_rotations(raw), t))
 
 
@@ -89,9 +89,9 @@ def _nearest_rotations(raw: Array) -> Array:
     return np.stack([a + b, a - b, np.cross(a + b, a - b)], axis=-2)
 
 
-def base_of_station(eye_base_from_camera: SE3, camera_from_light: SE3, hand_base_from_light: SE3) -> SE3:
+def base_of_station(eye_base_from_camera: SE3, camera_from_led: SE3, hand_base_from_led: SE3) -> SE3:
     """`eye_base_from_hand_base` of a station, eq. (10)."""
-    return eye_base_from_camera @ camera_from_light @ hand_base_from_light.inverse()
+    return eye_base_from_camera @ camera_from_led @ hand_base_from_led.inverse()
 
 
 def orthonormalise(rows: Array) -> Array:

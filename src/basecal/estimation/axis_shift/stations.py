@@ -36,42 +36,42 @@ class Station:
         target: Name of the LED.
         samples: (n,) sample numbers; the first is the origin of the shifts.
         focal_px: (2,) fu and fv [px].
-        light_px: (n, 2) [px] undistorted image coordinates about the principal point, v down.
-        shifts_in_light: (n, 3) [m] shifts along the LED's axes; the first is zero.
+        led_px: (n, 2) [px] undistorted image coordinates about the principal point, v down.
+        shifts_in_led: (n, 3) [m] shifts along the LED's axes; the first is zero.
         eye_base_from_camera: Pose of the camera.
-        hand_base_from_light: Pose of the LED before the shifts.
+        hand_base_from_led: Pose of the LED before the shifts.
     """
 
     camera: str
     target: str
     samples: IntArray
     focal_px: Array
-    light_px: Array
-    shifts_in_light: Array
+    led_px: Array
+    shifts_in_led: Array
     eye_base_from_camera: SE3
-    hand_base_from_light: SE3
+    hand_base_from_led: SE3
 
-    def camera_from_light(self, light_px: Array | None = None) -> SE3:
-        """Estimate `camera_from_light` in closed form, from the recorded or other image coordinates, (..., n, 2)."""
-        px = self.light_px if light_px is None else light_px
-        gradient = image_gradient(px[..., 1:, :] - px[..., :1, :], self.shifts_in_light[1:])
-        return estimate(px[..., 0, :], gradient, self.focal_px).camera_from_light
+    def camera_from_led(self, led_px: Array | None = None) -> SE3:
+        """Estimate `camera_from_led` in closed form, from the recorded or other image coordinates, (..., n, 2)."""
+        px = self.led_px if led_px is None else led_px
+        gradient = image_gradient(px[..., 1:, :] - px[..., :1, :], self.shifts_in_led[1:])
+        return estimate(px[..., 0, :], gradient, self.focal_px).camera_from_led
 
-    def base(self, light_px: Array | None = None) -> SE3:
+    def base(self, led_px: Array | None = None) -> SE3:
         """Estimate `eye_base_from_hand_base`, eq. (10), from the recorded or other image coordinates, (..., n, 2)."""
-        return base_of_station(self.eye_base_from_camera, self.camera_from_light(light_px), self.hand_base_from_light)
+        return base_of_station(self.eye_base_from_camera, self.camera_from_led(led_px), self.hand_base_from_led)
 
     def predicted_px(self, eye_base_from_hand_base: SE3) -> Array:
         """Predicted image coordinates of the LED, (n, 2) [px], by exact projection instead of the closed form."""
-        eye_base_from_light = eye_base_from_hand_base @ self.hand_base_from_light
-        camera_from_light = self.eye_base_from_camera.inverse() @ eye_base_from_light
-        light_in_camera = camera_from_light @ self.shifts_in_light
-        return self.focal_px * light_in_camera[..., :2] / light_in_camera[..., 2:]
+        eye_base_from_led = eye_base_from_hand_base @ self.hand_base_from_led
+        camera_from_led = self.eye_base_from_camera.inverse() @ eye_base_from_led
+        led_in_camera = camera_from_led @ self.shifts_in_led
+        return self.focal_px * led_in_camera[..., :2] / led_in_camera[..., 2:]
 
     @property
     def rms_shift_m(self) -> float:
         """Root mean square of the shifts [m]."""
-        return float(np.sqrt(np.mean(np.sum(self.shifts_in_light[1:] ** 2, -1))))
+        return float(np.sqrt(np.mean(np.sum(self.shifts_in_led[1:] ** 2, -1))))
 
 
 def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]:
@@ -91,17 +91,15 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
             continue
         camera = cameras[group.camera]
         eye_flange_from_camera = _known_transform(problem, group.eye.mount)
-        hand_flange_from_light = _known_transform(problem, group.hand.mount)
+        hand_flange_from_led = _known_transform(problem, group.hand.mount)
         bearings, valid = camera.undistort(measurement.pixels[:, 0])
         px = camera.focal * bearings[:, :2] / bearings[:, 2:]
         for run in _runs(group):
             views = run[valid[run]]
             eye_base_from_eye_flange, hand_base_from_hand_flange = (end.base_from_flange[views] for end in group.ends)
             eye_base_from_camera = eye_base_from_eye_flange @ eye_flange_from_camera
-            hand_base_from_light = hand_base_from_hand_flange @ hand_flange_from_light
-            candidates.append(
-                _station(group, views, px[views], eye_base_from_camera, hand_base_from_light, camera.focal)
-            )
+            hand_base_from_led = hand_base_from_hand_flange @ hand_flange_from_led
+            candidates.append(_station(group, views, px[views], eye_base_from_camera, hand_base_from_led, camera.focal))
     stations = [station for station in candidates if station is not None]
     if not stations:
         raise NotObservable(
@@ -121,8 +119,8 @@ def fuse_bases(bases: Sequence[SE3], weights: Sequence[float]) -> SE3:
 def base_for_task(stations: Sequence[Station], task_in_eye_base: Array, is_nearest: bool) -> SE3:
     """Base for a task at a point, (3,) [m]: from the nearest station, or the mean weighted by distance^-2."""
     bases = [s.base() for s in stations]
-    lights = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
-    distance = np.linalg.norm(lights - task_in_eye_base, axis=-1)
+    leds = np.stack([(b @ s.hand_base_from_led).translation for b, s in zip(bases, stations, strict=True)])
+    distance = np.linalg.norm(leds - task_in_eye_base, axis=-1)
     if is_nearest:
         return bases[int(np.argmin(distance))]
     return fuse_bases(bases, list(1 / np.maximum(distance, 1e-6) ** 2))
@@ -154,18 +152,18 @@ def _has_rotated(first: SE3, second: SE3) -> bool:
 
 
 def _station(
-    group: ViewGroup, views: IntArray, px: Array, eye_base_from_camera: SE3, hand_base_from_light: SE3, focal: Array
+    group: ViewGroup, views: IntArray, px: Array, eye_base_from_camera: SE3, hand_base_from_led: SE3, focal: Array
 ) -> Station | None:
     if len(views) < _FEWEST_VIEWS:
         return None
-    positions = hand_base_from_light.translation
+    positions = hand_base_from_led.translation
     first = int(np.argmin(np.linalg.norm(positions - positions.mean(0), axis=-1)))
     order = np.concatenate([[first], np.delete(np.arange(len(views)), first)])
-    shifts = (positions[order] - positions[first]) @ hand_base_from_light.rotation[first]
+    shifts = (positions[order] - positions[first]) @ hand_base_from_led.rotation[first]
     if principal_axes(shifts, _LEAST_EXTENT_SHARE).dimension < 3:
         return None
     samples = group.sample[views][order]
     camera_pose = eye_base_from_camera[first]
     return Station(
-        group.camera, group.target, samples, focal, px[order], shifts, camera_pose, hand_base_from_light[first]
+        group.camera, group.target, samples, focal, px[order], shifts, camera_pose, hand_base_from_led[first]
     )

@@ -15,13 +15,13 @@ from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.simulation.surroundings.drawing import BodyPoses, Surroundings
 from basecal.vision.detection import Image
 from basecal.vision.draw.backdrop import print_targets
-from basecal.vision.draw.light import LightSettings, expose_light, light_levels
+from basecal.vision.draw.led import LedSettings, expose_led, led_levels
 from basecal.vision.draw.motion_blur import blur_motion
 from basecal.vision.draw.render import RenderSettings, background, checked_size, expose, radiance
 
 _CLUTTER_LEVELS = 6.0  # amplitude of the background's texture, in grey levels
 _BOARD_SETTINGS = RenderSettings(texture=_CLUTTER_LEVELS)
-_LIGHT_SETTINGS = LightSettings(texture=_CLUTTER_LEVELS / 2)
+_LED_SETTINGS = LedSettings(texture=_CLUTTER_LEVELS / 2)
 _DIM_SHARE = 0.08  # brightness of the surroundings in an exposure that is short enough for an LED
 
 
@@ -66,11 +66,7 @@ class CameraView:
         middle = scene_at(start_s + 0.5 * duration_s)
         shift_px = self._centre(scene_at(start_s + duration_s)) - self._centre(scene_at(start_s))
         levels = blur_motion(self._levels(middle, is_lit), shift_px if np.all(np.isfinite(shift_px)) else np.zeros(2))
-        return (
-            expose(levels, _BOARD_SETTINGS, seed)
-            if middle.shape.sheets
-            else expose_light(levels, _LIGHT_SETTINGS, seed)
-        )
+        return expose(levels, _BOARD_SETTINGS, seed) if middle.shape.sheets else expose_led(levels, _LED_SETTINGS, seed)
 
     def close(self) -> None:
         """Close the renderer."""
@@ -86,7 +82,7 @@ class CameraView:
             previous, was_lit, levels = self._cached
             if was_lit == is_lit and _is_equal(previous, scene):
                 return levels
-        levels = self._board_image(scene) if scene.shape.sheets else self._light_image(scene, is_lit)
+        levels = self._board_image(scene) if scene.shape.sheets else self._led_image(scene, is_lit)
         self._cached = (scene, is_lit, levels)
         return levels
 
@@ -96,16 +92,16 @@ class CameraView:
             return radiance(self._lens, [view], _BOARD_SETTINGS)
         return print_targets(self._lens, [view], self._surroundings.backdrop(scene.body_poses), _BOARD_SETTINGS)
 
-    def _light_image(self, scene: CameraScene, is_lit: bool) -> Array:
+    def _led_image(self, scene: CameraScene, is_lit: bool) -> Array:
         backdrop = self._backdrop(scene)
         if not is_lit:
             return backdrop
         is_visible, is_mirrored = self._visible_points(scene)
-        dark = replace(_LIGHT_SETTINGS, background=0.0, texture=0.0)
-        light = light_levels(self._lens, (scene.camera_from_target @ scene.shape.points)[is_visible], dark)
+        dark = replace(_LED_SETTINGS, background=0.0, texture=0.0)
+        light = led_levels(self._lens, (scene.camera_from_target @ scene.shape.points)[is_visible], dark)
         if self._reflection:
-            reflected_light = replace(dark, photons=self._reflection * dark.photons)
-            light += light_levels(self._lens, scene.reflected[is_mirrored], reflected_light)
+            reflected_led = replace(dark, photons=self._reflection * dark.photons)
+            light += led_levels(self._lens, scene.reflected[is_mirrored], reflected_led)
         return backdrop + light
 
     def _backdrop(self, scene: CameraScene) -> Array:
@@ -117,7 +113,7 @@ class CameraView:
             return self._dim_backdrop[1]
         if self._plain_backdrop is None:
             self._plain_backdrop = background(
-                checked_size(self._lens), _LIGHT_SETTINGS.background, _LIGHT_SETTINGS.texture, 0
+                checked_size(self._lens), _LED_SETTINGS.background, _LED_SETTINGS.texture, 0
             )
         return self._plain_backdrop
 

@@ -120,7 +120,7 @@ def _home_joints(chain: SerialChain, base_from_flange: SE3) -> Array:
     return np.asarray(joints[is_usable][int(dexterity.argmax())])
 
 
-def _stated_unknown(name: str, true: SE3, rng: draw.Generator, is_light: bool) -> Unknown:
+def _stated_unknown(name: str, true: SE3, rng: draw.Generator, is_led: bool) -> Unknown:
     """Stated transform of the cell: a guess; with an LED, as in the paper, mounts are known."""
     guess = true @ _draw_pose(rng, _GUESS_SIGMA)
-    return Unknown("fixed", true) if is_light and "_flange_from_" in name else Unknown("free", guess)
+    return Unknown("fixed", true) if is_led and "_flange_from_" in name else Unknown("free", guess)

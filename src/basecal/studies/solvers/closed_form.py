@@ -22,12 +22,12 @@ def solve(draws: Draws) -> Answers:
     group = draws.problem.groups[0]
     lens = draws.simulated.cameras[group.camera]
     image = draws.measurement().pixels[..., 0, :] - lens.center
-    hand_base_from_light = group.hand.base_from_flange @ draws.simulated.truth[group.hand.mount]
+    hand_base_from_led = group.hand.base_from_flange @ draws.simulated.truth[group.hand.mount]
     eye_base_from_camera = group.eye.base_from_flange[0] @ draws.simulated.truth[group.eye.mount]
-    shifts = (hand_base_from_light[0].inverse() @ hand_base_from_light).translation[1:]
+    shifts = (hand_base_from_led[0].inverse() @ hand_base_from_led).translation[1:]
     gradient = image_gradient(image[..., 1:, :] - image[..., :1, :], shifts)
     found = estimate(image[..., 0, :], gradient, lens.focal)
-    base = base_of_station(eye_base_from_camera, found.camera_from_light, hand_base_from_light[0])
+    base = base_of_station(eye_base_from_camera, found.camera_from_led, hand_base_from_led[0])
     return Answers(base, None, np.ones(draws.count, dtype=bool))
 
 

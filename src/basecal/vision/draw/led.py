@@ -15,7 +15,7 @@ _REACH_SIGMAS = 8.0  # sigmas of a spot, beyond which its levels are below doubl
 
 
 @dataclass(frozen=True)
-class LightSettings(SceneSettings):
+class LedSettings(SceneSettings):
     """Exposure of LEDs and of their scene.
 
     Attributes:
@@ -34,9 +34,7 @@ class LightSettings(SceneSettings):
     scene: int = 0
 
 
-def render_light(
-    camera: Camera, points_in_camera: Array, settings: LightSettings | None = None, seed: int = 0
-) -> Image:
+def render_led(camera: Camera, points_in_camera: Array, settings: LedSettings | None = None, seed: int = 0) -> Image:
     """Render an image of LEDs, (h, w), saturated at the highest level.
 
     Args:
@@ -48,11 +46,11 @@ def render_light(
     Raises:
         InputError: if the camera has no size.
     """
-    exposure = settings or LightSettings()
-    return expose_light(light_levels(camera, points_in_camera, exposure), exposure, seed)
+    exposure = settings or LedSettings()
+    return expose_led(led_levels(camera, points_in_camera, exposure), exposure, seed)
 
 
-def expose_light(levels: Array, settings: LightSettings, seed: int) -> Image:
+def expose_led(levels: Array, settings: LedSettings, seed: int) -> Image:
     """Add photon and read-out noise to mean levels, round, and clip to the range of the image, (h, w)."""
     rng = np.random.default_rng([seed, 3])
     photons = rng.poisson(np.maximum(levels, 0.0) * settings.photons_per_level)
@@ -60,7 +58,7 @@ def expose_light(levels: Array, settings: LightSettings, seed: int) -> Image:
     return quantise(counted, settings.bits)
 
 
-def light_levels(camera: Camera, points_in_camera: Array, settings: LightSettings) -> Array:
+def led_levels(camera: Camera, points_in_camera: Array, settings: LedSettings) -> Array:
     """Mean level of each pixel without noise, (h, w).
 
     Raises:

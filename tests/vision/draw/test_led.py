@@ -7,7 +7,7 @@ import pytest
 
 from basecal.errors import InputError
 from basecal.geometry import Camera
-from basecal.vision.draw.light import LightSettings, light_levels, render_light
+from basecal.vision.draw.led import LedSettings, led_levels, render_led
 from vision_scenes import SMALL
 
 PLACE = np.array([0.0213, -0.017, 1.0])
@@ -15,8 +15,8 @@ PLACE = np.array([0.0213, -0.017, 1.0])
 
 def test_photons_are_where_the_lens_puts_them() -> None:
     """All photons of a light are in the image, and their middle is its projection."""
-    settings = LightSettings(photons=2e4, spot_px=1.5, photons_per_level=10)
-    spot = light_levels(SMALL, PLACE, settings) - settings.background
+    settings = LedSettings(photons=2e4, spot_px=1.5, photons_per_level=10)
+    spot = led_levels(SMALL, PLACE, settings) - settings.background
     rows, columns = np.indices(spot.shape)
     assert spot.sum() == pytest.approx(2000, rel=1e-12)
     middle = [(spot * each).sum() / spot.sum() for each in (columns, rows)]
@@ -25,8 +25,8 @@ def test_photons_are_where_the_lens_puts_them() -> None:
 
 def test_width_of_a_spot() -> None:
     """A spot is as wide as it is set, and its pixels' own square besides."""
-    settings = LightSettings(photons=1e4, spot_px=2.0, photons_per_level=1)
-    spot = light_levels(SMALL, PLACE, settings) - settings.background
+    settings = LedSettings(photons=1e4, spot_px=2.0, photons_per_level=1)
+    spot = led_levels(SMALL, PLACE, settings) - settings.background
     columns = np.arange(spot.shape[1])
     across = spot.sum(axis=0) / spot.sum()
     assert across @ (columns - across @ columns) ** 2 == pytest.approx(2.0**2 + 1 / 12, rel=1e-6)
@@ -34,8 +34,8 @@ def test_width_of_a_spot() -> None:
 
 def test_noise_is_of_photons_and_read_out() -> None:
     """The variance of a level is that of its photons, of the read-out and of rounding."""
-    settings = LightSettings(photons=0.0, background=50.0, photons_per_level=4.0, read_noise=1.5)
-    image = render_light(SMALL, np.zeros((0, 3)), settings).astype(float)
+    settings = LedSettings(photons=0.0, background=50.0, photons_per_level=4.0, read_noise=1.5)
+    image = render_led(SMALL, np.zeros((0, 3)), settings).astype(float)
     # Of 76800 pixels a variance is known within 0.5 %.
     assert image.var() == pytest.approx(50 / 4 + 1.5**2 + 1 / 12, rel=0.03)
     assert image.mean() == pytest.approx(50, abs=0.1)
@@ -43,19 +43,19 @@ def test_noise_is_of_photons_and_read_out() -> None:
 
 def test_behind_and_beside() -> None:
     """Lights behind the camera or beside its image leave it as it is; one too bright stays at the highest level."""
-    settings = LightSettings(read_noise=0.0, background=0.0)
+    settings = LedSettings(read_noise=0.0, background=0.0)
     for point in ([0, 0, -1.0], [5.0, 0, 1.0]):
-        assert not render_light(SMALL, np.array([point]), settings).any()
-    bright = render_light(SMALL, PLACE, LightSettings(photons=1e7))
+        assert not render_led(SMALL, np.array([point]), settings).any()
+    bright = render_led(SMALL, PLACE, LedSettings(photons=1e7))
     assert bright.max() == 255
-    assert np.array_equal(bright, render_light(SMALL, PLACE, LightSettings(photons=1e7)))
-    assert not np.array_equal(bright, render_light(SMALL, PLACE, LightSettings(photons=1e7), seed=1))
+    assert np.array_equal(bright, render_led(SMALL, PLACE, LedSettings(photons=1e7)))
+    assert not np.array_equal(bright, render_led(SMALL, PLACE, LedSettings(photons=1e7), seed=1))
 
 
 def test_camera_without_size() -> None:
     """A camera of no size has no image."""
     with pytest.raises(InputError, match="size"):
-        render_light(Camera("pinhole", SMALL.parameters), PLACE)
+        render_led(Camera("pinhole", SMALL.parameters), PLACE)
 
 
 def at_pixel(u: float, v: float) -> np.ndarray:
@@ -65,24 +65,24 @@ def at_pixel(u: float, v: float) -> np.ndarray:
 
 def test_a_light_of_usual_exposure() -> None:
     """30,000 photons make 1500 levels over a dark background of ten, in a spot of 1.2 px and its pixel."""
-    levels = light_levels(SMALL, PLACE, LightSettings())
+    levels = led_levels(SMALL, PLACE, LedSettings())
     assert levels[0, 0] == 10
     spot = levels - 10
     assert spot.sum() == pytest.approx(1500)
     columns, across = np.arange(spot.shape[1]), spot.sum(axis=0) / spot.sum()
     assert across @ (columns - across @ columns) ** 2 == pytest.approx(1.2**2 + 1 / 12, rel=1e-6)
-    image = render_light(SMALL, np.zeros((0, 3)))
+    image = render_led(SMALL, np.zeros((0, 3)))
     assert image.dtype == np.uint8
     assert image.astype(float).var() == pytest.approx(10 / 20 + 1 + 1 / 12, rel=0.03)
-    np.testing.assert_array_equal(image, render_light(SMALL, np.zeros((0, 3)), LightSettings(), seed=0))
+    np.testing.assert_array_equal(image, render_led(SMALL, np.zeros((0, 3)), LedSettings(), seed=0))
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (1, 0), (0, 1), (1, 1)])
 def test_a_light_on_a_corner_leaves_a_quarter_in_the_image(corner: tuple[int, int]) -> None:
     """The first and the last row and column have their share."""
     u, v = np.array(corner) * SMALL.size_px - 0.5
-    settings = LightSettings(background=0.0)
-    levels = light_levels(SMALL, at_pixel(u, v), settings)
+    settings = LedSettings(background=0.0)
+    levels = led_levels(SMALL, at_pixel(u, v), settings)
     assert levels.sum() == pytest.approx(1500 / 4, rel=1e-6)
     assert np.unravel_index(levels.argmax(), levels.shape) == (
         corner[1] * (SMALL.size_px[1] - 1),
@@ -92,12 +92,12 @@ def test_a_light_on_a_corner_leaves_a_quarter_in_the_image(corner: tuple[int, in
 
 def test_texture_is_of_the_scene() -> None:
     """Images with other noise have the same texture; that of another scene is another."""
-    one, other = (light_levels(SMALL, PLACE, LightSettings(texture=3.0, scene=scene)) for scene in (0, 1))
-    np.testing.assert_array_equal(one, light_levels(SMALL, PLACE, LightSettings(texture=3.0)))
+    one, other = (led_levels(SMALL, PLACE, LedSettings(texture=3.0, scene=scene)) for scene in (0, 1))
+    np.testing.assert_array_equal(one, led_levels(SMALL, PLACE, LedSettings(texture=3.0)))
     assert np.abs(one - other).max() > 1
 
 
 def test_lights_add_up() -> None:
     """Of two at one place the levels are twice as high above the background."""
-    once, twice = (light_levels(SMALL, np.array([PLACE] * count), LightSettings()) for count in (1, 2))
+    once, twice = (led_levels(SMALL, np.array([PLACE] * count), LedSettings()) for count in (1, 2))
     np.testing.assert_allclose(twice - 10, 2 * (once - 10), atol=1e-9)
