@@ -20,7 +20,7 @@ def capture_touches(cell: Path, connecting: ConnectionOptions, json: bool, has_o
     from basecal.cell.files import read_cell
 
     if has_other_options:
-        raise UsageError("--touch only records touches: leave --go, --dry-run, --freedrive and --web out")
+        raise UsageError("--touch only records touches: leave out options of plans, of motion and of the page")
     described, taken = read_cell(cell), list[int]()
     with allowed_rig(described, cell, connecting) as rig:
         for sample in take_touches(rig, described, cell, sys.stdin.readline, lambda words: say(words, sys.stderr)):
