@@ -27,11 +27,11 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import accumulate
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import pytest
 
@@ -79,7 +79,7 @@ def judged(sources: Path, names: Sequence[str], seconds: float, marks: str) -> s
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 10))
         files = dict.fromkeys(name.partition("::")[0] for name in names)
         sys.path.insert(0, str(sources))
-        os._exit(_run(sources, [*files], Chosen(list(names)), marks))
+        _leave(lambda: _run(sources, [*files], Chosen(list(names)), marks))
     end = time.monotonic() + WAITS * seconds
     while time.monotonic() < end:
         ended, status = os.waitpid(child, os.WNOHANG)
@@ -100,16 +100,30 @@ def measured(sources: Path, tells: Path, tests: Path, kept: Path, marks: str) ->
         child = os.fork()
         if child == 0:
             sys.path.insert(0, str(tells))
-            tracer = Tracer(tells / "basecal")
-            ended = _run(sources, [str(tests)], tracer, marks)
-            if ended in {pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED}:
-                keep_found(tracer.found(), kept)
-                ended = 0
-            os._exit(ended)
+            _leave(lambda: _trace(sources, tells, tests, kept, marks))
         _, status = os.waitpid(child, 0)
         if os.waitstatus_to_exitcode(status):
             raise SystemExit(f"{tests} fails without any mutant")
     return kept_found(kept)
+
+
+def _trace(sources: Path, tells: Path, tests: Path, kept: Path, marks: str) -> int:
+    """Keep what the tests of a file enter; return 0 if they pass."""
+    tracer = Tracer(tells / "basecal")
+    ended = _run(sources, [str(tests)], tracer, marks)
+    if ended not in {pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED}:
+        return ended
+    keep_found(tracer.found(), kept)
+    return 0
+
+
+def _leave(act: Callable[[], int]) -> NoReturn:
+    """End this fork with an exit code, whatever is raised: a test may fork in turn, and its fork must end here, too."""
+    code = 1
+    try:
+        code = act()
+    finally:
+        os._exit(code)
 
 
 def _run(sources: Path, tests: Sequence[str], plugin: Any, marks: str) -> int:
