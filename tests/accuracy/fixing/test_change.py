@@ -13,7 +13,7 @@ from basecal.accuracy.input_check.hypotheses import convention_hypotheses, shift
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.target_sizes import size_hypothesis
 from basecal.accuracy.readings.reading import Reading, declared_reading
-from basecal.cell import Cell, PoseObservation, Recording, RobotState, Sample, Unknown
+from basecal.cell import Cell, PixelObservation, PoseObservation, Recording, RobotState, Sample, Unknown
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -143,6 +143,21 @@ def test_pixels_are_of_images() -> None:
     reading = declared(BOARD.cell, BOARD.recording)
     (hypothesis,) = (each for each in rare_hypotheses(reading) if each.code == "pixels-swapped")
     assert change_of_hypothesis(BOARD.recording, reading, hypothesis) is None
+
+
+def test_points_that_are_not_seen_are_equal() -> None:
+    """Poses are changed although a view lacks points of the board."""
+    first = BOARD.recording.samples[0]
+    (view,) = first.observations
+    assert isinstance(view, PixelObservation)
+    partial = replace(first, observations=(replace(view, ids=view.ids[:8], pixels=view.pixels[:8], sigma_px=None),))
+    whole = replace(BOARD.recording, samples=(partial, *BOARD.recording.samples[1:]))
+    slipped = with_poses(whole, "hand", SE3.inverse)
+    reading = declared(BOARD.cell, slipped)
+    (hypothesis,) = (each for each in convention_hypotheses(reading) if "poses of hand are inverted" in each.words)
+    change = change_of_hypothesis(slipped, reading, hypothesis)
+    assert change is not None
+    np.testing.assert_allclose(poses(change.samples, "hand"), poses(whole.samples, "hand"), atol=1e-12)
 
 
 def test_a_target_is_put_on_the_arm_that_carries_it() -> None:
