@@ -65,7 +65,7 @@ def _is_unwritable(old: ViewGroup, new: ViewGroup) -> bool:
     for kind, name in ((PixelMeasurement, "pixels"), (PointMeasurement, "points_in_camera")):
         if isinstance(old.measurement, kind) and isinstance(new.measurement, kind):
             before, after = getattr(old.measurement, name), getattr(new.measurement, name)
-            return not np.array_equal(before, after, equal_nan=True)
+            return not np.array_equal(before, after)
     return False
 
 
