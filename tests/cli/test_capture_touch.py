@@ -45,10 +45,10 @@ def test_touches_are_counted(tmp_path, monkeypatch, capsys, count):
     (tmp_path / "cell.yaml").write_text(yaml_text(touch_data(["corner"])))
     seen = TouchObservation("eye_tip", "corner")
     touched(monkeypatch, [Sample(number, observations=(seen,)) for number in range(3, 3 + count)])
-    assert capture_touches(tmp_path, ConnectionOptions(), json=True, has_other_options=False) == (0 if count else 1)
+    assert capture_touches(tmp_path, ConnectionOptions(), json=True, other_options=()) == (0 if count else 1)
     out, err = capsys.readouterr()
     assert (json.loads(out), err) == ({"cell": str(tmp_path), "captured": list(range(3, 3 + count))}, "")
-    assert capture_touches(tmp_path, ConnectionOptions(), json=False, has_other_options=False) == (0 if count else 1)
+    assert capture_touches(tmp_path, ConnectionOptions(), json=False, other_options=()) == (0 if count else 1)
     out, err = capsys.readouterr()
     assert out.splitlines() == [
         *(f"sample {number}: eye_tip at corner" for number in range(3, 3 + count)), f"{count} touches taken",

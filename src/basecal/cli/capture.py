@@ -163,9 +163,7 @@ def capture(
         json: Print the captured samples as JSON.
     """
     if moving.touch:
-        is_planned = any(option is not None for option in (plan, task_point, task_box, tolerance, samples))
-        is_other = go or dry_run or freedrive or web or more or is_planned or pattern != "poses"
-        return capture_touches(cell, connecting, json, has_other_options=is_other)
+        return capture_touches(cell, connecting, json, (go, dry_run, freedrive, web, more, plan, samples, tolerance))
     task = _check_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
     sketch, count, limits = known_sketch(cell, freedrive), samples or DEFAULT_SAMPLES, moving.limits
     with ExitStack() as contexts, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from basecal.cli.connecting import ConnectionOptions, allowed_rig
@@ -10,16 +11,16 @@ from basecal.cli.terminal import print_json, quote_path, say, say_next
 from basecal.errors import UsageError
 
 
-def capture_touches(cell: Path, connecting: ConnectionOptions, json: bool, has_other_options: bool) -> int:
+def capture_touches(cell: Path, connecting: ConnectionOptions, json: bool, other_options: Sequence[object]) -> int:
     """Record touches until the person ends, and return the exit code.
 
     Raises:
-        UsageError: if options for other ways to take samples are given (`has_other_options`).
+        UsageError: if any of the options for other ways to take samples is given.
     """
     from basecal.acquisition.hand_guided_touches import take_touches
     from basecal.cell.files import read_cell
 
-    if has_other_options:
+    if any(other_options):
         raise UsageError("--touch only records touches: leave out options of plans, of motion and of the page")
     described, taken = read_cell(cell), list[int]()
     with allowed_rig(described, cell, connecting) as rig:
