@@ -137,7 +137,8 @@ def _written_files(folder: Path, import_result: ImportResult) -> str:
         return f"wrote {folder / 'cell.yaml'}"
     count = len(import_result.recording.samples)
     is_new = import_result.made >= count  # samples that will not be used do not count
-    text = f"wrote {count} samples" if is_new else f"completed the {count} samples"
+    samples = count_text(count, "sample")
+    text = f"wrote {samples}" if is_new else f"completed the {samples}"
     if 0 < import_result.made < count:
         text += f", {import_result.made} of them new,"
     and_cell = " and cell.yaml" if import_result.is_new_cell else ""

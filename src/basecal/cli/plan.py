@@ -229,7 +229,7 @@ def _next_steps(
     plan_command = typed_command(f"basecal plan {quoted_folder}", options)
     if not plan_result.samples:
         is_reached = tolerance_m is not None and plan_result.needed == 0
-        command = f"basecal calibrate {quoted_folder} --tolerance {1e3 * (tolerance_m or 0.0):.3g}mm"
+        command = f"basecal calibrate {quoted_folder} --tolerance {1e3 * (tolerance_m or 0.0):g}mm"
         return [Step("to judge what is recorded", command)] if is_reached else []
     if any(sample.observations for sample in plan_result.samples):  # touches: a person guides the tips
         return []

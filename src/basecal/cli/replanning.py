@@ -116,11 +116,13 @@ class Replanner:
 
     def words(self) -> str:
         """The state as text."""
+        from basecal.fields.digits import two_digits
         from basecal.reporting.statement.verdict import PLACE_WORDS
 
         goal = f"{1e3 * self.tolerance_m:g} mm {PLACE_WORDS[self._latest.place]}"
         if self.is_reached:
-            return f"{goal} reached: 95 % of errors are expected below {1e3 * (self._latest.expected_m or 0):.2g} mm"
+            expected = two_digits(1e3 * (self._latest.expected_m or 0))
+            return f"{goal} reached: 95 % of errors are expected below {expected} mm"
         if self._latest.reachable:
             return f"{goal} needs {count_text(self._latest.needed or 0, 'more sample')}"
         cause = f"; the largest part of the error is {self._latest.budget[0].source}" if self._latest.budget else ""

@@ -102,10 +102,13 @@ def shift(frame, transform, joint, size):
     [
         (
             shift("hand_base", "eye_base_from_hand_base", None, TANGENT),
-            "hand_base moved at sample 12 by 5 mm and 1 deg",
+            "hand_base moved at sample 12 by 5.0 mm and 1.0 deg",
         ),
-        (shift("board", "f_from_board", None, TANGENT), "board was remounted or moved at sample 12 by 5 mm and 1 deg"),
-        (shift("eye_flange", "", 1, np.radians([2])), "joint 2 of eye slipped by 2 deg at sample 12"),
+        (
+            shift("board", "f_from_board", None, TANGENT),
+            "board was remounted or moved at sample 12 by 5.0 mm and 1.0 deg",
+        ),
+        (shift("eye_flange", "", 1, np.radians([2])), "joint 2 of eye slipped by 2.0 deg at sample 12"),
         (shift("board", SIZE_KIND, None, [-0.04]), "board is another board since sample 12, 4 % smaller"),
     ],
 )

@@ -83,4 +83,4 @@ def _largest_deviation(choice: RobotModelChoice) -> str:
     offsets = found[robot]
     value, sigma = np.degrees(offsets.values[joint]), np.degrees(offsets.sigma[joint])
     whose = "Its offset" if choice.chosen.kind == "joint" else f"The clearest offset, of joint {joint + 1} of {robot},"
-    return f"{whose} is {value:.2f} ± {sigma:.2g} deg."
+    return f"{whose} is {value:.2f} ± {two_digits(sigma)} deg."

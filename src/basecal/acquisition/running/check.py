@@ -20,6 +20,7 @@ from basecal.acquisition.running.estimate import RunningEstimate, running_estima
 from basecal.cell import Cell, Recording, Sample
 from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import describe_effect
+from basecal.fields.digits import two_digits
 
 _WINDOW_SAMPLES = 3  # samples that are tested together, for effects too small for one sample
 _EXPLAINED = 1e-3  # p-value of the remaining residuals above which a cause explains the samples
@@ -159,14 +160,15 @@ def cause_of_shifts(causes: Sequence[Shift], sample: int) -> str:
 
 
 def _describe_shift(cause: Shift, sample: int) -> str:
+    angle = f"{two_digits(np.degrees(cause.shift_rad))} deg"
     if cause.joint is not None:
         robot = cause.frame.removesuffix("_flange")
-        return f"joint {cause.joint + 1} of {robot} slipped by {np.degrees(cause.shift_rad):.2g} deg at sample {sample}"
+        return f"joint {cause.joint + 1} of {robot} slipped by {angle} at sample {sample}"
     if cause.transform == SIZE_KIND:
         percent = 100 * float(cause.size[0])
         larger = "larger" if percent > 0 else "smaller"
         return f"{cause.frame} is another board since sample {sample}, {abs(percent):.2g} % {larger}"
-    size = f"{1e3 * cause.shift_m:.2g} mm and {np.degrees(cause.shift_rad):.2g} deg"
+    size = f"{two_digits(1e3 * cause.shift_m)} mm and {angle}"
     change = "moved" if cause.frame.endswith("_base") else "was remounted or moved"
     return f"{cause.frame} {change} at sample {sample} by {size}"
 

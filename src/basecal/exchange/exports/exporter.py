@@ -18,6 +18,7 @@ import numpy as np
 from basecal.cell import Calibration, Cell
 from basecal.cell.results.versions import program_version
 from basecal.errors import RefusedCalibration, printable
+from basecal.fields.digits import two_digits
 from basecal.geometry import PoseEstimate
 
 ExportOption = Literal["transform", "robot", "camera", "urdf", "joint"]
@@ -131,8 +132,8 @@ def describe_transform(transform: NamedTransform, units: str) -> str:
     """Description of a transform on one line: direction, units and sigma (3-D norms)."""
     parent, child = transform.own_frames
     estimate = transform.estimate
-    mm, deg = np.linalg.norm(estimate.sigma_t) * 1e3, np.degrees(np.linalg.norm(estimate.sigma_r))
-    known = "fixed" if transform.status == "fixed" else f"1 sigma {mm:.2g} mm and {deg:.2g} deg"
+    mm, deg = 1e3 * float(np.linalg.norm(estimate.sigma_t)), np.degrees(np.linalg.norm(estimate.sigma_r))
+    known = "fixed" if transform.status == "fixed" else f"1 sigma {two_digits(mm)} mm and {two_digits(deg)} deg"
     return f"{transform.name}: the pose of {child} in {parent}, {units}; {known}"
 
 

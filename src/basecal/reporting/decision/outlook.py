@@ -31,7 +31,7 @@ def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: fl
     limit = None if tolerance_m is None else 1e3 * tolerance_m
     bands = [Band(count, (1e3 * length,) * 3) for count, length in points]
     svg = curves(title, "samples", "mm", {title: bands}, limit, logarithmic=False)
-    also = "" if limit is None else f" Dashed: the tolerance, {limit:.3g} mm."
+    also = "" if limit is None else f" Dashed: the tolerance, {limit:g} mm."
     ends_text = ", ".join(f"{two_digits(1e3 * length)} mm with {count}" for count, length in (points[0], *points[-1:]))
     return Figure(f"{title} [mm]", svg, f"{ends_text} samples.{also}")
 
@@ -52,7 +52,7 @@ def component_figure(name: str, estimate: PoseEstimate, tolerance_m: float | Non
         parts.append(path(f"interval {kind}", f"M{middle - reach:.1f} {y - 6}v12m0-6H{middle + reach:.1f}m0-6v12"))
         for x, words in ((6, axis), (_WIDTH - _RIGHT + 12, f"± {two_digits(length)} mm")):
             parts.append(element("text", words, x=x, y=y + 4, class_="tick"))
-    also = "" if limit is None else f" Shaded: the tolerance, {limit:.3g} mm."
+    also = "" if limit is None else f" Shaded: the tolerance, {limit:g} mm."
     caption = f"Intervals that hold 95 % of errors along each axis of {name.partition('_from_')[2]}.{also}"
     svg = drawing(_WIDTH, height, "95 % intervals by axis", *parts)
     return Figure("position by axis, 95 % intervals", svg, caption)
