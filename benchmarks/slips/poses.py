@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from zipfile import ZipFile
-
 import numpy as np
+from openpyxl import Workbook
 from scipy.spatial.transform import Rotation
 
 from basecal.geometry import SE3
@@ -24,7 +23,6 @@ from benchmarks.slips.desk import (
 
 INCH_M = 0.0254
 SHIFT = SE3(Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix(), np.array([0.03, -0.05, 0.12]))
-_SHEET = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
 
 
 def rpy_as_rotvec(desk: Desk) -> None:
@@ -138,17 +136,13 @@ def thousands(desk: Desk) -> None:
 
 
 def excel(desk: Desk) -> None:
-    """Write numbers into the first sheet of a workbook, with inline texts."""
-    rows = [KUKA_HEADER.split(","), *(row.split(",") for row in kuka_rows(*desk.kuka))]
-    lines = "".join(f"<row>{''.join(map(_cell, row))}</row>" for row in rows)
-    with ZipFile(desk.folder / "kuka.xlsx", "w") as archive:
-        sheet = f"<worksheet {_SHEET}><sheetData>{lines}</sheetData></worksheet>"
-        archive.writestr("xl/worksheets/sheet1.xml", sheet)
+    """Write the numbers into the first sheet of a workbook."""
+    book = Workbook()
+    book.worksheets[0].append(KUKA_HEADER.split(","))
+    for row in kuka_rows(*desk.kuka):
+        book.worksheets[0].append([float(cell) for cell in row.split(",")])
+    book.save(desk.folder / "kuka.xlsx")
     desk.steps[1] = import_poses("kuka", "kuka", "kuka.xlsx")
-
-
-def _cell(text: str) -> str:
-    return f'<c t="inlineStr"><is><t>{text}</t></is></c>' if text.isalpha() else f"<c><v>{text}</v></c>"
 
 
 def image_of_matrices(desk: Desk) -> None:

@@ -1,12 +1,18 @@
-"""Workbooks of Excel: parts as ECMA-376 has them, packed by the standard library."""
+"""Workbooks of Excel, written by openpyxl; damaged ones, by the standard library."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from datetime import datetime, time, timedelta
 from io import BytesIO
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import pytest
+from openpyxl import Workbook
+from openpyxl.cell.rich_text import CellRichText
+from openpyxl.styles import Alignment
+from openpyxl.utils.datetime import CALENDAR_MAC_1904
 
 from basecal.cell.files import read_recording
 from basecal.cli import main
@@ -14,55 +20,59 @@ from basecal.errors import DatasetError
 from basecal.exchange.controller_poses import Reading, read_controller_poses
 from basecal.exchange.workbook import workbook_text
 
-MAIN = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
 HEADER = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def workbook(rows: list[tuple[object, ...]], **parts: str) -> bytes:
-    """Texts are shared strings, as Excel writes them; a None is a cell that is left out."""
-    strings = [cell for row in rows for cell in row if isinstance(cell, str)]
-    lines = []
-    for number, row in enumerate(rows, start=1):
-        cells = []
-        for letter, cell in zip("ABCDEFGH", row, strict=False):
-            if isinstance(cell, str):
-                cells.append(f'<c r="{letter}{number}" t="s"><v>{strings.index(cell)}</v></c>')
-            elif cell is not None:
-                cells.append(f'<c r="{letter}{number}"><v>{cell!r}</v></c>')
-        lines.append(f'<row r="{number}">{"".join(cells)}</row>')
-    named = {
-        "xl/worksheets/sheet1.xml": f"<worksheet {MAIN}><sheetData>{''.join(lines)}</sheetData></worksheet>",
-        "xl/sharedStrings.xml": f"<sst {MAIN}>{''.join(f'<si><t>{text}</t></si>' for text in strings)}</sst>",
-        **{name.replace("__", "/") + ".xml": text for name, text in parts.items()},
-    }
+def saved(book: Workbook) -> bytes:
     data = BytesIO()
-    with ZipFile(data, "w", ZIP_DEFLATED) as archive:
-        for name, text in named.items():
-            archive.writestr(name, text)
+    book.save(data)
     return data.getvalue()
 
 
+def workbook(*rows: tuple[object, ...]) -> bytes:
+    book = Workbook()
+    for row in rows:
+        book.worksheets[0].append(row)
+    return saved(book)
+
+
+def changed(data: bytes, name: str, change: Callable[[str], str]) -> bytes:
+    """The same workbook with another text of a part."""
+    result = BytesIO()
+    with ZipFile(BytesIO(data)) as source, ZipFile(result, "w", ZIP_DEFLATED) as archive:
+        for part in source.namelist():
+            text = source.read(part).decode()
+            archive.writestr(part, change(text) if part == name else text)
+    return result.getvalue()
+
+
+def text(**cells: object) -> str:
+    """Text of a workbook whose first sheet has these cells."""
+    book = Workbook()
+    for place, value in cells.items():
+        book.worksheets[0][place] = value
+    return workbook_text(saved(book), "w.xlsx")
+
+
 def test_the_first_sheet_is_rows_of_text() -> None:
-    """Shared and inline strings, numbers, and cells that are left out."""
-    inline = (
-        f'<worksheet {MAIN}><sheetData><row><c t="inlineStr"><is><t>second</t></is></c></row></sheetData></worksheet>'
-    )
-    data = workbook([("a, b", "c"), (1.5, None, -2e-05)], xl__worksheets__sheet2=inline)
-    assert workbook_text(data, "w.xlsx").splitlines() == ['"a, b",c', "1.5,,-2e-05"]
-    assert workbook_text(workbook([], xl__worksheets__sheet1=inline), "w.xlsx") == "second\n"
+    """Texts, numbers, and cells that are left out."""
+    data = workbook(("a, b", "c"), (1.5, None, -2e-05), (3, True, 0.1))
+    assert workbook_text(data, "w.xlsx").splitlines() == ['"a, b",c', "1.5,,-2e-05", "3,True,0.1"]
 
 
 def test_rows_that_are_left_out_count() -> None:
-    """A line of the text has the number that Excel shows."""
-    rows = "".join(f'<row r="{n}"><c t="inlineStr"><is><t>{n}</t></is></c></row>' for n in (2, 5))
-    sheet = f"<worksheet {MAIN}><sheetData>{rows}</sheetData></worksheet>"
-    assert workbook_text(workbook([], xl__worksheets__sheet1=sheet), "w.xlsx") == "\n2\n\n\n5\n"
+    """A line of the text has the number that Excel shows; cells that have a style alone are empty."""
+    book = Workbook()
+    sheet = book.worksheets[0]
+    sheet["A2"], sheet["A5"] = "two", "five"
+    sheet["C7"].alignment = Alignment(horizontal="center")
+    assert workbook_text(saved(book), "w.xlsx") == "\ntwo\n\n\nfive\n\n\n"
 
 
 def test_poses_of_a_workbook_are_imported(tmp_path: Path) -> None:
     """A table with a header is read like its CSV, by every importer of tables."""
     rows = [HEADER, *((0.4, 0.1 * k, 0.3, 0.1, 0.2 * k, 0.0) for k in range(3))]
-    (tmp_path / "ur.xlsx").write_bytes(workbook(list(rows)))
+    (tmp_path / "ur.xlsx").write_bytes(workbook(*rows))
     words = ["import", "poses", str(tmp_path / "c"), "--robot", "arm", str(tmp_path / "ur.xlsx"), "--format", "ur"]
     assert main(words) == 0
     pose = read_recording(tmp_path / "c").samples[2].robots["arm"].base_from_flange
@@ -75,25 +85,32 @@ def test_a_workbook_as_people_fill_it(tmp_path: Path) -> None:
     title, units = ("Messung, Halle 4",), ("mm", "mm", "mm", "deg", "deg", "deg")
     header = ("X", "Y", "Z", "A", "B", "C", "comment")
     rows = [title, header, units, ("400,5", "10", "300", "12,4", "90,0", "178,2", "good,\nvery"), (1.5, 2, 3, 4, 5, 6)]
-    (tmp_path / "kuka.xlsx").write_bytes(workbook(list(rows)))
+    (tmp_path / "kuka.xlsx").write_bytes(workbook(*rows))
     found = read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", Reading("kuka"))
     assert [row.robots["arm"].base_from_flange.translation.tolist() for row in found] == [
         pytest.approx([0.4005, 0.01, 0.3]),
         pytest.approx([0.0015, 0.002, 0.003]),
     ]
-    (tmp_path / "kuka.xlsx").write_bytes(workbook([header, ("m", *units[1:]), rows[3]]))
+    (tmp_path / "kuka.xlsx").write_bytes(workbook(header, ("m", *units[1:]), rows[3]))
     with pytest.raises(DatasetError, match=r"X \[m\]: the unit is m, but another is read"):
         read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", Reading("kuka"))
+
+
+SHEET, CONTENT = "xl/worksheets/sheet1.xml", "[Content_Types].xml"
+ENTITY = '<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>'
 
 
 @pytest.mark.parametrize(
     ("data", "said"),
     [
         (b"PK\x03\x04", "is a damaged Excel workbook: save it as CSV"),
-        (workbook([(1.0,)])[:200], "is a damaged Excel workbook"),
-        (workbook([], xl__worksheets__sheet1='<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>'), "is a damaged Excel"),
-        (workbook([], xl__worksheets__sheet1=" " * 2**26), "unpacks to more than 32 MB"),
-        (workbook([])[:0] + workbook([], other="<a/>").replace(b"sheet1", b"sheetX"), "holds no sheet"),
+        (workbook((1.0,))[:200], "is a damaged Excel workbook"),
+        (changed(workbook((1.0,)), SHEET, lambda _: ENTITY), "is a damaged Excel workbook"),
+        (changed(workbook((1.0,)), SHEET, lambda part: part[:-40]), "is a damaged Excel workbook"),
+        (changed(workbook((1,)), SHEET, lambda part: part.replace('t="n"', 't="s"')), "is a damaged Excel workbook"),
+        (changed(workbook((1.0,)), CONTENT, lambda _: "<a/>"), "is a damaged Excel workbook"),
+        (changed(workbook((1.0,)), SHEET, lambda part: part + " " * 2**25), "sheet1.xml unpacks to more than 32 MB"),
+        (changed(workbook((1.0,)), "xl/workbook.xml", lambda part: part.replace("visible", "hidden")), "holds no sheet"),
     ],
 )
 def test_what_is_no_workbook_is_said(data: bytes, said: str) -> None:
@@ -102,103 +119,74 @@ def test_what_is_no_workbook_is_said(data: bytes, said: str) -> None:
         workbook_text(data, "w.xlsx")
 
 
-def sheet(rows: str) -> str:
-    """The text of a sheet of these rows."""
-    text = f"<worksheet {MAIN}><sheetData>{rows}</sheetData></worksheet>"
-    return workbook_text(workbook([], xl__worksheets__sheet1=text), "w.xlsx")
+@pytest.mark.parametrize(("place", "column"), [("A1", 0), ("BA1", 52), ("IV1", 255), ("IW1", None), ("XFD1", None)])
+def test_columns_beyond_the_limit_are_left_out(place: str, column: int | None) -> None:
+    """Up to 256 of them."""
+    assert text(**{place: 7}) == ("\n" if column is None else "," * column + "7\n")
 
 
-@pytest.mark.parametrize(
-    ("place", "column"),
-    [("A1", 0), ("Z1", 25), ("AA1", 26), ("AZ1", 51), ("BA1", 52), ("IV1", 255), ("IW1", None), ("AAA1", None)],
-)
-def test_columns_have_letters(place: str, column: int | None) -> None:
-    """Up to 256 of them; what is beyond is left out."""
-    assert sheet(f'<row r="1"><c r="{place}"><v>7</v></c></row>') == ("\n" if column is None else "," * column + "7\n")
+def test_the_rows_of_excel_are_the_limit() -> None:
+    """A row with a larger number ends the table, and costs neither time nor memory."""
+    data = changed(workbook((1.0,), (2.0,)), SHEET, lambda part: part.replace('<row r="2"', '<row r="99999999999"'))
+    assert workbook_text(data, "w.xlsx") == "1\n" + "\n" * (2**20 - 1)
 
 
-def test_cells_without_a_place_follow_one_another() -> None:
-    """Rows likewise; text in parts is one, and ends of lines in it are blanks."""
-    parts = '<c t="inlineStr"><is><r><t>a</t></r><r><t> b\n c</t></r></is></c>'
-    assert sheet(f"<row><c><v>1</v></c>{parts}</row><row><c><v>2</v></c></row>") == "1,a b c\n2\n"
-    assert sheet('<row r="2"><c r="B2"><v>1</v></c><c r="A2"><v> </v></c></row>') == "\n,1\n"
+def test_the_text_of_a_cell_is_one_line() -> None:
+    """Ends of lines in it are blanks, and text with several fonts is one."""
+    assert text(A1="a\nb\n c", B1=CellRichText("d", " e")) == "a b c,d e\n"
 
 
-def test_the_sheet_of_the_lowest_number_is_the_first() -> None:
-    """Not that of the first name."""
-    body = "<sheetData><row><c><v>{}</v></c></row></sheetData>"
-    texts = {f"xl__worksheets__sheet{k}": f"<worksheet {MAIN}>{body.format(k)}</worksheet>" for k in (10, 2)}
-    data = workbook([], **texts).replace(b"xl/worksheets/sheet1.xml", b"xl/worksheets/sheeta.xml")
-    assert workbook_text(data, "w.xlsx") == "2\n"
+@pytest.mark.parametrize(("first", "state"), [("Poses", "visible"), ("Old", "hidden")])
+def test_the_first_tab_is_the_first_sheet(first: str, state: str) -> None:
+    """Tabs may have been moved, and hidden sheets are left out."""
+    book = Workbook()
+    book.worksheets[0].append(["notes"])
+    book.create_sheet("Poses", 0).append(["poses"])
+    if first == "Old":
+        book.create_sheet("Old", 0).append(["old"])
+        book.worksheets[0].sheet_state = state
+    assert book.sheetnames[0] == first
+    assert workbook_text(saved(book), "w.xlsx") == "poses\n"
 
 
-@pytest.mark.parametrize(
-    ("target", "state"), [("worksheets/sheet2.xml", "visible"), ("/xl/worksheets/data.xml", "hidden")]
-)
-def test_the_first_tab_is_the_first_sheet(target: str, state: str) -> None:
-    """Tabs may have been moved, files may have other names, and hidden sheets are left out."""
-    office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
-    tabs = [("Notes", "visible", "r1"), ("Poses", "visible", "r2")]
-    tabs = [("Old", "hidden", "r1"), tabs[1]] if state == "hidden" else tabs[::-1]
-    sheets = "".join(f'<sheet name="{name}" sheetId="9" state="{shown}" r:id="{key}"/>' for name, shown, key in tabs)
-    places = {"r1": "worksheets/sheet1.xml", "r2": target}
-    links = "".join(f'<Relationship Id="{key}" Target="{place}"/>' for key, place in places.items())
-    body = f"<worksheet {MAIN}><sheetData><row><c><v>{{}}</v></c></row></sheetData></worksheet>"
-    parts = {
-        "xl__workbook": f'<workbook {MAIN} xmlns:r="{office}"><sheets>{sheets}</sheets></workbook>',
-        "xl__worksheets__sheet1": body.format(1),
-        f"xl__worksheets__{Path(target).stem}": body.format(2),
-    }
-    data = BytesIO(workbook([], **parts))
-    with ZipFile(data, "a") as archive:
-        archive.writestr("xl/_rels/workbook.xml.rels", f"<Relationships>{links}</Relationships>")
-    assert workbook_text(data.getvalue(), "w.xlsx") == "2\n"
+def test_a_formula_is_its_last_value() -> None:
+    """Excel keeps it beside the formula."""
+    data = changed(workbook((2, "=A1*2")), SHEET, lambda part: part.replace("<v />", "<v>4</v>"))
+    assert workbook_text(data, "w.xlsx") == "2,4\n"
 
 
-def test_a_string_that_is_not_there_is_damage() -> None:
-    """A number beyond the shared strings."""
-    with pytest.raises(DatasetError, match="is a damaged Excel workbook"):
-        sheet('<row><c t="s"><v>0</v></c></row>')
+@pytest.mark.parametrize("epoch", [None, CALENDAR_MAC_1904])
+def test_dates_are_dates(epoch: datetime | None) -> None:
+    """Excel counts them in days, from 1900 or 1904; a time alone is one of the day zero."""
+    book = Workbook()
+    if epoch is not None:
+        book.epoch = epoch
+    noon = datetime(2026, 5, 1, 12)
+    book.worksheets[0].append([noon, noon.date(), noon + timedelta(seconds=0.25), time(12, 30), timedelta(hours=30)])
+    book.worksheets[0].append([46143.5])
+    dates, numbers = workbook_text(saved(book), "w.xlsx").splitlines()
+    assert dates.split(",") == [
+        "2026-05-01T12:00:00",
+        "2026-05-01T00:00:00",
+        "2026-05-01T12:00:00.250000",
+        "1899-12-30T12:30:00",
+        "1899-12-31T06:00:00",
+    ]
+    assert numbers == "46143.5"
 
 
-@pytest.mark.parametrize(
-    ("numbers", "text"),
-    [("1 3", "1\n\n3\n"), ("1 2 4", "1\n2\n\n4\n"), ("2 - 5", "\n2\n-\n\n5\n"), ("2 1 4", "\n2\n1\n4\n")],
-)
-def test_rows_have_their_numbers(numbers: str, text: str) -> None:
-    """A row without a number follows the last one, and so does a row of a number that is passed."""
-    places = {n: "" if n == "-" else f' r="{n}"' for n in numbers.split()}
-    rows = (f'<row{place}><c t="inlineStr"><is><t>{n}</t></is></c></row>' for n, place in places.items())
-    assert sheet("".join(rows)) == text
+@pytest.mark.parametrize("code", ["0.000", '0.0 "mm"', "[Red]0.0"])
+def test_numbers_with_a_format_are_numbers(code: str) -> None:
+    """Letters of dates in text and colours are no dates."""
+    book = Workbook()
+    book.worksheets[0]["A1"] = 46143.5
+    book.worksheets[0]["A1"].number_format = code
+    assert workbook_text(saved(book), "w.xlsx") == "46143.5\n"
 
 
-@pytest.mark.parametrize(
-    ("code", "is_date"),
-    [
-        ("yyyy\\-mm\\-dd hh:mm:ss.000", True),
-        ("[h]:mm:ss", True),
-        ("0.000", False),
-        ('0.0 "mm"', False),
-        ("[Red]0.0", False),
-    ],
-)
-def test_dates_are_dates(code: str, is_date: bool) -> None:
-    """Excel counts them in days, which were read as seconds."""
-    styles = (
-        f"<styleSheet {MAIN}><numFmts><numFmt numFmtId=\"164\" formatCode='{code}'/></numFmts>"
-        '<cellStyleXfs><xf numFmtId="14"/></cellStyleXfs>'
-        '<cellXfs><xf numFmtId="0"/><xf numFmtId="22"/><xf numFmtId="164"/></cellXfs></styleSheet>'
-    )
-    cells = '<c s="0"><v>46143.5</v></c><c s="1"><v>46143.5</v></c><c s="2"><v>46143.520833333336</v></c>'
-    text = f"<worksheet {MAIN}><sheetData><row>{cells}</row></sheetData></worksheet>"
-    found = workbook_text(workbook([], xl__worksheets__sheet1=text, xl__styles=styles), "w.xlsx").strip().split(",")
-    assert found[:2] == ["46143.5", "2026-05-01T12:00:00"]
-    assert found[2] == ("2026-05-01T12:30:00" if is_date else "46143.520833333336")
-
-
-def test_a_date_beyond_all_years_is_damage() -> None:
-    """One line, as of any other damage."""
-    styles = f'<styleSheet {MAIN}><cellXfs><xf numFmtId="22"/></cellXfs></styleSheet>'
-    text = f'<worksheet {MAIN}><sheetData><row><c s="0"><v>1e300</v></c></row></sheetData></worksheet>'
-    with pytest.raises(DatasetError, match="is a damaged Excel workbook"):
-        workbook_text(workbook([], xl__worksheets__sheet1=text, xl__styles=styles), "w.xlsx")
+def test_a_date_beyond_all_years_is_no_number() -> None:
+    """The value that Excel shows for it, which no table reads as a number."""
+    book = Workbook()
+    book.worksheets[0]["A1"] = 1e300
+    book.worksheets[0]["A1"].number_format = "yyyy-mm-dd"
+    assert workbook_text(saved(book), "w.xlsx") == "#VALUE!\n"
