@@ -288,15 +288,12 @@ def _draw_nodes(posterior: SigmaPosterior) -> tuple[Array, Array]:
 
 
 def _root(covariance: Array) -> Array:
-    """Matrix R with R'R equal to a covariance, (k, k).
+    """Matrix R with R'R equal to a covariance, (k, k): rows along its principal axes.
 
-    If all residuals are exactly zero, the variances of the sigmas differ so much that rounding makes the covariance
-    indefinite. The root is then computed from the eigenvalues above the rounding error.
+    The axes do not depend on the order of the sigmas, so that answers do not depend on names of robots and cameras.
     """
-    try:
-        return np.asarray(np.linalg.cholesky(covariance).T)
-    except np.linalg.LinAlgError:
-        return spectrum(covariance).root.T
+    root = spectrum(covariance).root.T
+    return np.asarray(root * np.where(root.sum(axis=1) < 0, -1.0, 1.0)[:, None])
 
 
 class Secant(NamedTuple):
