@@ -96,7 +96,7 @@ def test_a_workbook_as_people_fill_it(tmp_path: Path) -> None:
         read_controller_poses(str(tmp_path / "kuka.xlsx"), "arm", Reading("kuka"))
 
 
-SHEET, CONTENT = "xl/worksheets/sheet1.xml", "[Content_Types].xml"
+SHEET, BOOK, CONTENT = "xl/worksheets/sheet1.xml", "xl/workbook.xml", "[Content_Types].xml"
 ENTITY = '<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>'
 
 
@@ -110,7 +110,7 @@ ENTITY = '<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>'
         (changed(workbook((1,)), SHEET, lambda part: part.replace('t="n"', 't="s"')), "is a damaged Excel workbook"),
         (changed(workbook((1.0,)), CONTENT, lambda _: "<a/>"), "is a damaged Excel workbook"),
         (changed(workbook((1.0,)), SHEET, lambda part: part + " " * 2**25), "sheet1.xml unpacks to more than 32 MB"),
-        (changed(workbook((1.0,)), "xl/workbook.xml", lambda part: part.replace("visible", "hidden")), "holds no sheet"),
+        (changed(workbook((1.0,)), BOOK, lambda part: part.replace("visible", "hidden")), "holds no sheet"),
     ],
 )
 def test_what_is_no_workbook_is_said(data: bytes, said: str) -> None:

@@ -45,15 +45,17 @@ def _rows(data: bytes, path: str) -> Iterator[list[str]]:
     from openpyxl import load_workbook
 
     _check_sizes(data, path)
-    with warnings.catch_warnings(action="ignore"):  # about styles, validation and charts
-        with closing(load_workbook(BytesIO(data), read_only=True, data_only=True, keep_links=False)) as book:
-            sheets = [each for each in book.worksheets if each.sheet_state == "visible"]
-            if not sheets:
-                raise DatasetError(path, "holds no sheet of an Excel workbook: save it as CSV, and import that")
-            sheets[0].reset_dimensions()  # some programs write wrong ones
-            for row in islice(sheets[0].iter_rows(values_only=True), _MOST_ROWS):
-                cells = [_text(value) for value in row[:_MOST_COLUMNS]]
-                yield cells[: max((k for k, cell in enumerate(cells, start=1) if cell), default=0)]
+    with (
+        warnings.catch_warnings(action="ignore"),  # about styles, validation and charts
+        closing(load_workbook(BytesIO(data), read_only=True, data_only=True, keep_links=False)) as book,
+    ):
+        sheets = [each for each in book.worksheets if each.sheet_state == "visible"]
+        if not sheets:
+            raise DatasetError(path, "holds no sheet of an Excel workbook: save it as CSV, and import that")
+        sheets[0].reset_dimensions()  # some programs write wrong ones
+        for row in islice(sheets[0].iter_rows(values_only=True), _MOST_ROWS):
+            cells = [_text(value) for value in row[:_MOST_COLUMNS]]
+            yield cells[: max((k for k, cell in enumerate(cells, start=1) if cell), default=0)]
 
 
 def _check_sizes(data: bytes, path: str) -> None:

@@ -227,6 +227,25 @@ def test_lines_are_appended_and_on_the_disk(tmp_path, monkeypatch):
     assert path.read_bytes().count(b"\n") == 2
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "removed"),
+    [
+        (b"", b"3\n", 0),
+        (b"1\n", b"1\n3\n", 0),
+        (b"1\n{}", b"1\n{}\n3\n", 0),
+        (b'1\n\n{"a": ', b"1\n\n3\n", 3),
+        (b'{"a": "\xe5', b"3\n", 1),
+        (b"[" * 100_000, b"3\n", 1),
+    ],
+)
+def test_a_line_that_was_cut_off_does_not_spoil_the_next(tmp_path, before, after, removed):
+    """A last line without its end is completed or removed, and the removed one is counted."""
+    path = tmp_path / "lines"
+    path.write_bytes(before)
+    assert append_durably(path, "3\n") == removed
+    assert path.read_bytes() == after
+
+
 def test_bytes_and_text_go_into_a_pipe_alike(tmp_path):
     """As they are, what is half a character escaped."""
     pipe = tmp_path / "pipe"

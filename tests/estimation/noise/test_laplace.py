@@ -75,7 +75,7 @@ def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
 
 @pytest.mark.parametrize("samples", [4, 8, 20])
 def test_the_order_of_the_robots_does_not_matter(samples):
-    """Nodes lie along axes of the posterior, not along those of the sigmas: samples depended on names by some percent."""
+    """Nodes lie along axes of the posterior, not along those of the sigmas: samples depended on names."""
     problem, state = at_truth(replace(NOISY, samples=samples), 3)
     covariances = []
     for robots in (ROBOTS, ROBOTS[::-1]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import secrets
 import shutil
@@ -76,19 +77,52 @@ def write_private(path: Path, text: str, *, base_folder: Path | None = None) -> 
     write_atomically(path, text, base_folder=base_folder, durable=False, mode=0o600)
 
 
-def append_durably(path: Path, text: str, *, base_folder: Path | None = None) -> None:
-    """Append to a file, create it if it is missing, and flush it to the disk.
+def append_durably(path: Path, text: str, *, base_folder: Path | None = None) -> int:
+    """Append lines of JSON to a file, create it if it is missing, and flush it to the disk.
+
+    A last line without a newline, which an interrupted write left, is completed if it is valid JSON, otherwise removed.
+
+    Returns:
+        Number of the removed line, from 1; 0 if none was removed.
 
     Raises:
         InputError: if the file cannot be written.
     """
     with writing_errors(path):
         make_folder(path.parent, base_folder)
+        removed_line = _end_last_line(path) if path.exists() else 0
         with open_without_links(path, "ab") as file:
             file.write(_as_bytes(text))
             file.flush()
             os.fsync(file.fileno())
         sync_folder(path.parent)
+    return removed_line
+
+
+def _end_last_line(path: Path) -> int:
+    """End a file with a newline; return the number of the line that had to be removed, else 0."""
+    with open_without_links(path, "r+b") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(size - 1, 0))
+        if file.read(1) in (b"", b"\n"):
+            return 0
+        file.seek(0)
+        text = file.read()
+        end = text.rfind(b"\n") + 1
+        if is_json(text[end:]):
+            file.write(b"\n")
+            return 0
+        file.truncate(end)
+    return text.count(b"\n") + 1
+
+
+def is_json(line: bytes) -> bool:
+    """Whether a line is complete: valid JSON, so that no part of it is missing."""
+    try:
+        json.loads(line.decode())
+    except (ValueError, RecursionError):
+        return False
+    return True
 
 
 def write_new(path: Path, text: str) -> None:

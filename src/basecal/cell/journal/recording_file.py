@@ -12,15 +12,9 @@ from basecal.bounded_file import read_bounded
 from basecal.cell.calibration import Finding
 from basecal.cell.cell import Cell, CellCamera
 from basecal.cell.format.paths import own_file, path_resolver
-from basecal.cell.format.writing import (
-    append_durably,
-    make_folder,
-    open_without_links,
-    write_atomically,
-    writing_errors,
-)
+from basecal.cell.format.writing import append_durably, is_json, write_atomically
 from basecal.cell.journal.sample_dict import sample_to_dict
-from basecal.cell.journal.sample_line import DroppedSample, line_data, make_context, sample_from_line
+from basecal.cell.journal.sample_line import DroppedSample, make_context, sample_from_line
 from basecal.cell.journal.sample_values import FileLine
 from basecal.cell.recording import PixelObservation, Recording, Sample
 from basecal.cell.schema.cell_file import read_cell
@@ -112,11 +106,9 @@ def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | N
     """
     path = Path(folder) / FOLDER / FILE
     text = "".join(map(sample_line, samples))
-    with writing_errors(path):
-        make_folder(path.parent, Path(folder))
-        finding = _repair(path) if path.exists() else None
-    append_durably(path, text, base_folder=Path(folder))
-    return finding
+    removed_line = append_durably(path, text, base_folder=Path(folder))
+    what = "the journal is cut back to the line before it"
+    return _truncation_finding(str(path), removed_line, what) if removed_line else None
 
 
 def sample_line(sample: Sample) -> str:
@@ -140,7 +132,7 @@ def _recording(text: bytes, path: str, folder: str | Path, cell: Cell) -> Record
     findings: list[Finding] = []
     dropped: list[DroppedSample] = []
     first_lines: dict[int, int] = {}
-    if tail.strip() and not _is_complete(tail):
+    if tail.strip() and not is_json(tail):
         cut = _truncation_finding(path, len(lines) + 1, "what is left of it is not read")
     else:
         cut, lines = None, [*lines, tail]
@@ -167,34 +159,6 @@ def _recording(text: bytes, path: str, folder: str | Path, cell: Cell) -> Record
 def _truncation_finding(path: str, line: int, action: str) -> Finding:
     what = f"{path}:{line}: the last line was cut off while it was written."
     return Finding("dropped-sample", "info", (), what, why=f"{action[0].upper()}{action[1:]}.")
-
-
-def _is_complete(tail: bytes) -> bool:
-    """Whether a last line without a newline is otherwise complete."""
-    try:
-        line_data(tail, FileLine("", 0))
-    except DatasetError:
-        return False
-    return True
-
-
-def _repair(path: Path) -> Finding | None:
-    """End the journal with a newline: complete the last line if it is valid JSON, otherwise remove it."""
-    with open_without_links(path, "r+b") as journal:
-        size = journal.seek(0, 2)
-        if size == 0:
-            return None
-        journal.seek(size - 1)
-        if journal.read(1) == b"\n":
-            return None
-        journal.seek(0)
-        text = journal.read()
-        end = text.rfind(b"\n") + 1
-        if _is_complete(text[end:]):
-            journal.write(b"\n")
-            return None
-        journal.truncate(end)
-    return _truncation_finding(str(path), text.count(b"\n") + 1, "the journal is cut back to the line before it")
 
 
 def check_image_bounds(samples: Sequence[Sample], lines: Mapping[int, int], path: str, cell: Cell) -> None:
