@@ -26,9 +26,21 @@ def test_ids_rise() -> None:
 )
 def test_full_scale_of_sixteen_bits(top: int, scale: int) -> None:
     """Of 16 bits those count that are used, and never fewer than 8."""
-    image = np.array([[0, top]], np.uint16)
+    image = np.array([[0, 1, top]], np.uint16)
     assert full_scale(image) == scale
     assert eight_bit(image).max() == pytest.approx(255 * top / scale, abs=0.5)
+
+
+@pytest.mark.parametrize(("bits", "top"), [(12, 65520), (10, 65472), (8, 65280)])
+def test_the_upper_bits_may_be_used(bits: int, top: int) -> None:
+    """A saturated spot of a camera that stores 12 bits so was taken for one that is not."""
+    image = (np.arange(2**bits, dtype=np.uint16) << (16 - bits))[None]
+    assert full_scale(image) == image.max() == top
+
+
+def test_an_image_of_two_levels_is_not_saturated() -> None:
+    """Unless they are the lowest and the highest of 8 bits."""
+    assert full_scale(np.array([[0, 2**15]], np.uint16)) > 2**15
 
 
 def test_eight_bits_stay() -> None:

@@ -13,6 +13,7 @@ from basecal.errors import InputError
 from basecal.geometry import Array, IntArray, read_only, read_only_ids
 
 _WHITE_LEVEL = 255.0  # the highest level of 8 bits
+_LARGEST_STEP = 2**8  # between levels of 16 bits: a camera has at least 8
 
 Image = NDArray[np.integer[Any]]
 """Grey levels, (h, w), uint8 or uint16."""
@@ -42,10 +43,15 @@ def make_detection(ids: IntArray, pixels: Array, sigma_px: Array) -> Detection |
 
 
 def full_scale(image: Image) -> float:
-    """Highest possible level of an image; for 16 bits of the bits in use, since cameras of 10 to 14 bits store so."""
+    """Highest possible level of an image; for 16 bits of the bits in use.
+
+    Cameras of 10 to 14 bits use the lower bits or the upper ones.
+    """
     if image.dtype == np.uint8:
         return _WHITE_LEVEL
-    return float(max(2 ** int(image.max(initial=0)).bit_length() - 1, _WHITE_LEVEL))
+    used_bits = int(np.bitwise_or.reduce(image, axis=None))
+    step = min(max(used_bits & -used_bits, 1), _LARGEST_STEP)
+    return float(max(2 ** used_bits.bit_length() - step, _WHITE_LEVEL))
 
 
 def check_image(image: Image) -> None:
