@@ -18,7 +18,7 @@ from basecal.exchange.images import (
     list_images,
     missing_numbers,
     natural_order,
-    read_time,
+    read_times,
     unreadable_images,
     usual_size,
 )
@@ -76,14 +76,25 @@ def test_images_of_other_kinds_are_named(tmp_path: Path) -> None:
 )
 def test_times_that_are_names(name: str, stamp: float) -> None:
     """Since 1970 in the unit that its digits say, or since another beginning with a point."""
-    assert read_time(Path(name)) == pytest.approx(stamp, abs=1e-6)
+    assert read_times([Path(name)]) == [pytest.approx(stamp, abs=1e-6)]
+
+
+@pytest.mark.parametrize("separator", "._")
+def test_nanoseconds_may_have_no_leading_zeros(separator: str) -> None:
+    """Seconds and nanoseconds of ROS, each as it is: 5 ms after the second was read as half a second."""
+    names = [f"1682512345{separator}{part}.png" for part in ("5000000", "105000000", "205000000")]
+    assert read_times([Path(name) for name in names]) == pytest.approx(
+        [1682512345.005, 1682512345.105, 1682512345.205], abs=1e-6
+    )
+    decimals = [Path(f"1682512345{separator}{part}.png") for part in ("5", "605", "705")]
+    assert read_times(decimals) == pytest.approx([1682512345.5, 1682512345.605, 1682512345.705], abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["000012.png", "img12.5.png", "12345678901.png", "20260501_123000.png", "3_12.png"])
 def test_numbers_are_no_times(name: str) -> None:
     """The message has a name that is one; a date was seconds, and image 12 of view 3 was earlier than image 5."""
     with pytest.raises(InputError, match=re.escape(f"{name}: the name is not a time, expected a name such as 16825")):
-        read_time(Path(name))
+        read_times([Path(name)])
 
 
 @pytest.mark.parametrize(

@@ -20,9 +20,10 @@ _OTHER_IMAGES = frozenset(
 ) | {".mp4", ".avi", ".mov", ".mkv", ".bag", ".mcap"}
 _HEADER_BYTES = 2**24  # bytes read to find the image's size; metadata before it are shorter
 _PARTS = re.compile(r"(\d+)")
-_STAMP = re.compile(r"\d+(?:[._]\d+)?")
+_STAMP = re.compile(r"(\d+)(?:[._](\d+))?")
 # Number of digits before the point of a time since 1970, and the unit [s].
 _SINCE_1970 = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
+_NANOSECOND_DIGITS = 9
 _FEWEST_NUMBERED = 3  # names needed to recognise a numbering
 
 
@@ -89,19 +90,28 @@ def image_size(path: Path) -> tuple[int, int] | None:
     return None if found is None else found.size_px
 
 
-def read_time(path: Path) -> float:
-    """Parse the time [s] in an image's name, such as 1682512345.123.png or 1682512345123456789.png.
+def read_times(paths: Sequence[Path]) -> list[float]:
+    """Parse the times [s] in the names of one camera's images, such as 1682512345.123.png or 1682512345123456789.png.
 
     Ten digits before the point are seconds since 1970, 13 milliseconds, 16 microseconds and 19 nanoseconds. Fewer than
-    ten, with a point, are seconds from an arbitrary origin; with an underscore they may be a date or a number.
+    ten, with a point, are seconds from an arbitrary origin; with an underscore they may be a date or a number. After
+    the point are decimals, or nanoseconds without leading zeros if up to nine digits are there, and not always nine.
 
     Raises:
-        InputError: if the name is not a time.
+        InputError: if a name is not a time.
     """
-    if _STAMP.fullmatch(path.stem):
-        whole, _, part = path.stem.replace("_", ".").partition(".")
+    lengths = {len(found[2]) for path in paths if (found := _STAMP.fullmatch(path.stem)) and found[2]}
+    has_nanoseconds = len(lengths) > 1 and max(lengths) == _NANOSECOND_DIGITS
+    return [_read_time(path, _NANOSECOND_DIGITS if has_nanoseconds else 0) for path in paths]
+
+
+def _read_time(path: Path, width: int) -> float:
+    """Parse one name; the digits after the point are padded with leading zeros to a width."""
+    found = _STAMP.fullmatch(path.stem)
+    if found is not None:
+        whole, part = found[1], (found[2] or "0").rjust(width, "0")
         if len(whole) in _SINCE_1970:
-            return float(f"{whole}.{part or 0}") * _SINCE_1970[len(whole)]
+            return float(f"{whole}.{part}") * _SINCE_1970[len(whole)]
         if "." in path.stem and len(whole) < min(_SINCE_1970):
             return float(f"{whole}.{part}")
     raise InputError(f"{path}: the name is not a time, expected a name such as 1682512345.123.png")

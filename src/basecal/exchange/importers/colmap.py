@@ -20,7 +20,7 @@ from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, InputError, UsageError, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field, parse_float
-from basecal.exchange.images import natural_order, read_time
+from basecal.exchange.images import natural_order, read_times
 from basecal.exchange.importing.imported import (
     Imported,
     Row,
@@ -117,7 +117,8 @@ def _poses(
     entry = view_entry(cell, names)
     if names.target not in cell.targets:
         entry["targets"][names.target]["scale"] = "free"
-    rows = tuple(Row(stamp_s=read_time(Path(image.name))) if is_stream else Row(image=image.name) for image in images)
+    times = read_times([Path(image.name) for image in images]) if is_stream else ()
+    rows = tuple(Row(stamp_s=time) for time in times) or tuple(Row(image=image.name) for image in images)
     poses = SE3.stack([image.camera_from_world for image in images])
     what = f"{len(images)} poses {names.camera}_from_{names.target}, up to scale"
     advice = "check that images belong to samples"

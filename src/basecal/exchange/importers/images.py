@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError, count_text, list_names
-from basecal.exchange.images import list_images, missing_numbers, read_time, unreadable_images, usual_size
+from basecal.exchange.images import list_images, missing_numbers, read_times, unreadable_images, usual_size
 from basecal.exchange.importing.described_target import UNSTATED_SHAPE, Shape, target_entry
 from basecal.exchange.importing.imported import (
     Imported,
@@ -80,8 +80,10 @@ def read_images(
     carrier = new["cameras"][camera].get("on")
     described = target_entry(cell, target, shape, ViewNames(camera, target_name, carrier, target_on))
     sizes = _read_images(Path(folder), files, progress)
-    time: Callable[[Path], float | None] = read_time if by == "time" else lambda path: None
-    rows = tuple(Row(images={camera: path}, image=path.name, stamp_s=time(path)) for path in files)
+    times = read_times(files) if by == "time" else [None] * len(files)
+    rows = tuple(
+        Row(images={camera: path}, image=path.name, stamp_s=time) for path, time in zip(files, times, strict=True)
+    )
     entry = {
         "robots": {name: {} for name in (*new.get("robots", {}), *described.get("robots", {}))},
         "cameras": {camera: {"size_px": list(sizes.size_px), **new["cameras"][camera]}},
