@@ -204,6 +204,15 @@ def test_residuals_that_bend_delay_no_end():
     np.testing.assert_allclose(optima.state[:, 0], 0.0, atol=1.5e-5)
 
 
+@pytest.mark.parametrize("c", [-3.0, -30.0])
+def test_curvature_far_beyond_that_of_jacobians_is_found_by_damped_steps(c):
+    """Gauss-Newton's steps are four and thirty times too long: damped ones alone took 18 and 44."""
+    optimum = levenberg_marquardt(Bent(np.array([c])), np.full((1, 1), 0.01), Criteria(iterations=100))
+    assert optimum.converged[0]
+    assert optimum.iterations[0] <= 15
+    np.testing.assert_allclose(optimum.state[:, 0], 0.0, atol=1.5e-5)
+
+
 @dataclass(frozen=True, eq=False)
 class Shadowed:
     """(x - y)^2 + (y - 1)^2 / 100 of x and of y, which is eliminated and goes but half of its way at each step."""

@@ -302,7 +302,6 @@ def _updated_curvature(active: _Active[S, L], linearisation: L, step: Array, is_
         return None
     assert active.residual_curvature is not None
     change = linearisation.gradient - active.linearisation.gradient
-    is_near = is_near & (active.damping <= _GAUSS_NEWTON_DAMPING)
     return with_secant(active.residual_curvature, linearisation.hessian, change, step, is_near)
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from basecal.geometry import Array, BoolArray
 
 _LEAST_SHARE = 0.01  # relative to the curvature along a step: smaller corrections have no effect on convergence
-# Largest update relative to the scaled diagonal: curvatures at an optimum are smaller, and a larger update means
-# division by nearly zero.
-_LARGEST_CHANGE = 1.0
+# Least cosine of the missing change of the gradient and the step, scaled by the diagonal: below it, the update divides
+# by nearly zero. Source: Nocedal & Wright 2006, (6.26).
+_LEAST_COSINE = 0.01
 # Least diagonal with negative curvature, relative to that of J'J: with less, steps would leave the explored region.
 _LEAST_DIAGONAL_SHARE = 0.1
 
@@ -39,7 +39,8 @@ def with_secant(residual_curvature: Array, hessian: Array, change: Array, step: 
         along, curvature = np.einsum("bi,bi->b", missing, step), np.einsum("bi,bi->b", by_hessian, step)
         diagonal = np.maximum(np.diagonal(hessian, axis1=1, axis2=2), np.finfo(np.float64).tiny)
         is_used = is_near & np.isfinite(along) & (np.abs(along) > _LEAST_SHARE * curvature) & (curvature > 0)
-        is_used &= (missing**2 / diagonal).sum(axis=1) <= _LARGEST_CHANGE * np.abs(along)
+        lengths = np.sqrt((missing**2 / diagonal).sum(axis=1) * (step**2 * diagonal).sum(axis=1))
+        is_used &= np.abs(along) >= _LEAST_COSINE * lengths
     rows = np.flatnonzero(is_used)
     corrections = missing[rows]
     updated[rows] += corrections[:, :, None] * corrections[:, None, :] / along[rows, None, None]
