@@ -1,4 +1,4 @@
-"""What the benchmarks tell: pages and figures made of their results."""
+"""Tests of the benchmarks: pages and figures from results, mutants, and helpers of several benchmarks."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ ROOT = Path(__file__).parents[1]
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def test_page_is_made_of_the_results() -> None:
-    """docs/benchmarks.md is what `python -m benchmarks.report` makes of benchmarks/results: no number is typed."""
+def test_page_is_generated_from_results() -> None:
+    """The page docs/benchmarks.md equals the output of `python -m benchmarks.report`: no number is typed."""
     assert PAGE.read_text(encoding="utf-8") == make_page()
 
 
-def test_scale_is_made_of_the_results() -> None:
-    """docs/scale.md is what `python -m benchmarks.scale` makes of benchmarks/results."""
+def test_scale_page_is_generated_from_results() -> None:
+    """docs/scale.md equals the output of `python -m benchmarks.scale` for benchmarks/results."""
     assert scale.PAGE.read_text(encoding="utf-8") == scale.page()
 
 
-def test_readme_takes_the_peers_from_the_results() -> None:
-    """The README's table beside today's practice is made of benchmarks/results/peers.json."""
+def test_readme_table_of_peers_is_generated_from_results() -> None:
+    """The README's table of peers is generated from benchmarks/results/peers.json."""
     rows = json.loads((RESULTS / "peers.json").read_text(encoding="utf-8"))["rows"]
     assert brief(rows) in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_a_run_of_captures_goes_on_or_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With no time left it writes what is kept, and since when; `--anew` leaves nothing of that."""
+def test_run_of_captures_continues_or_starts_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With no time left, a run prints the kept results and their start; `--anew` deletes them."""
     told: dict[str, Any] = {}
     monkeypatch.setattr(capture, "write", lambda name, result: told.update({name: result}))
     monkeypatch.setattr(report, "PAGE", tmp_path / "page.md")
@@ -64,7 +64,7 @@ def test_a_run_of_captures_goes_on_or_begins_anew(tmp_path: Path, monkeypatch: p
 
 
 def test_mutants_change_one_expression() -> None:
-    """Each mutant of a file is a file that parses and differs from the original, at the line it names."""
+    """Each mutant of a file parses and differs from the original at the line that it names."""
     path = SOURCE / "kinematics" / "inverse.py"
     original = ast.unparse(ast.parse(path.read_text(encoding="utf-8")))
     mutants = list(mutants_of(path))
@@ -74,8 +74,8 @@ def test_mutants_change_one_expression() -> None:
         assert mutant.file == "kinematics/inverse.py"
 
 
-def test_mutants_are_drawn_by_number_and_know_their_function() -> None:
-    """Those of some numbers are those of all; each lies within the lines of its function, or runs with the module."""
+def test_mutants_are_drawn_by_number_and_name_their_function() -> None:
+    """Mutants drawn by number equal those of the full list; each lies within its function or its module."""
     path = SOURCE / "kinematics" / "inverse.py"
     every, lines = list(mutants_of(path)), path.read_text(encoding="utf-8").splitlines()
     assert list(mutants_of(path, {3, 30})) == [every[3], every[30]]
@@ -89,8 +89,8 @@ def test_mutants_are_drawn_by_number_and_know_their_function() -> None:
             assert lines[mutant.function[0] - 1].lstrip().startswith(("def ", "@"))
 
 
-def test_sources_tell_what_is_entered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A function tells its place when it is entered, by its first decorator's line; a module that it is imported."""
+def test_tracer_reports_entered_functions_and_modules(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A function reports the line of its first decorator on entry, and a module its import."""
     source = '''"""A module."""
 from __future__ import annotations
 def plain():
@@ -112,8 +112,8 @@ class Thing:
     assert names["plain"].__doc__ == "What it gives."
 
 
-def test_processes_of_tests_have_nobody_to_tell(tmp_path: Path) -> None:
-    """A process that imports the sources without a tracer runs them all the same."""
+def test_traced_sources_run_without_a_tracer(tmp_path: Path) -> None:
+    """A process that imports the traced sources without a tracer runs all of them."""
     (tmp_path / "p").mkdir()
     for name, source in (("__init__.py", '"""A package."""'), ("a.py", "def f():\n    return 3")):
         (tmp_path / "p" / name).write_text(telling(source, name), encoding="utf-8")
@@ -122,8 +122,8 @@ def test_processes_of_tests_have_nobody_to_tell(tmp_path: Path) -> None:
     assert said.stdout == "3 ['a']\n", said.stderr
 
 
-def test_only_tests_that_enter_a_change_judge_it() -> None:
-    """Those that enter its function or start a process; all, where it runs before any test or with the module."""
+def test_mutant_is_judged_by_tests_that_enter_it() -> None:
+    """Tests that enter the mutant's function or start a process judge it; all tests judge code that runs on import."""
     enters, other = Judge("a", frozenset({("f.py", 5)}), 0.1), Judge("b", frozenset(), 0.1)
     process = Judge("c", None, 0.1)
     of = FileOfTests((enters, other, process), frozenset({("f.py", 40)}))
@@ -132,8 +132,8 @@ def test_only_tests_that_enter_a_change_judge_it() -> None:
     assert of.judges("f.py", range(40, 50)) == of.judges("f.py", range(0)) == [enters, other, process]
 
 
-def test_mutants_are_faults() -> None:
-    """Comparisons turn round, counts shift by one, operators change, numbers grow; borders of real numbers stay."""
+def test_mutants_invert_comparisons_and_change_numbers() -> None:
+    """Comparisons are inverted, counts shift by one, operators change, numbers grow; real thresholds stay."""
 
     def of(text: str) -> list[str]:
         return [ast.unparse(node) for node in replacements(ast.parse(text, mode="eval").body)]
@@ -149,8 +149,8 @@ def test_mutants_are_faults() -> None:
     assert of("a and b") == ["a or b"]
 
 
-def test_a_run_takes_over_why_its_mutants_survived() -> None:
-    """By what is replacements, wherever it stands; one that nothing tells from the original counts for no fault."""
+def test_run_keeps_the_reasons_for_surviving_mutants() -> None:
+    """Reasons are found by the replacement, wherever it is; an equivalent mutant does not count as a fault."""
     known = next(each for run in kept_runs() for each in run["survived"] if each.get("why", "").startswith("equiv"))
     mutant = Mutant(known["file"], 1, known["text"], known["old"], known["new"], 9, range(0), "")
     other = mutant._replace(text="something else")
@@ -159,8 +159,8 @@ def test_a_run_takes_over_why_its_mutants_survived() -> None:
     assert rows(run)[-1][1:] == (3, 1, 1, "50.0 %", "", "", 1, "50.0 %")
 
 
-def test_a_mutant_that_other_folders_kill_counts_for_all_tests() -> None:
-    """Not for those of its own room; the tests of now include it."""
+def test_mutant_killed_by_another_folder_counts_for_all_tests() -> None:
+    """It does not count for the tests of its own room; current tests include it."""
     mutants = [Mutant("a/b.py", 1, text, "1", "2", 0, range(0), "") for text in "xyz"]
     run = run_of(["a"], 0, [Verdict(each, "survived") for each in mutants])
     missed, elsewhere, added = run["survived"]
@@ -169,15 +169,15 @@ def test_a_mutant_that_other_folders_kill_counts_for_all_tests() -> None:
     assert [row[0] for row in survivors([run])] == ["a/b.py:1"]
 
 
-def test_mutants_are_judged_by_their_room() -> None:
-    """By the tests of the folder that mirrors theirs, those under the file's name first."""
+def test_mutant_is_judged_by_the_tests_of_its_room() -> None:
+    """The tests are those of the folder that mirrors the source folder, the file of the same name first."""
     tests = [str(path.relative_to(ROOT)) for path in room_tests("cell/format/plain.py")]
     assert tests[0] == "tests/cell/format/test_plain.py"
     assert {str(Path(each).parent) for each in tests} == {"tests/cell/format"}
 
 
-def test_errors_of_a_recording_add_up_to_it() -> None:
-    """Stops and views with the errors imputed to them are the recording again, pixel by pixel."""
+def test_imputed_errors_reproduce_the_recording() -> None:
+    """Stops and views with their imputed errors equal the recording, pixel by pixel."""
     made = simulate(Scenario(samples=12, robot_noise=(3e-4, 5e-4), state_robot_noise=False, state_pixel_noise=False), 3)
     of = reality(made.cell, made.recording)
     again = of.make_recording(of.impute(np.random.default_rng(0)))
@@ -187,8 +187,8 @@ def test_errors_of_a_recording_add_up_to_it() -> None:
         np.testing.assert_allclose(seen.pixels, was.pixels, atol=1e-9)
 
 
-def test_errors_dealt_out_anew_are_as_large() -> None:
-    """Rms over twenty draws: 0.2 px to a twentieth, of 30 views; 0.3 mm and 0.5 mrad to a quarter, of 60 stops."""
+def test_redrawn_errors_have_the_same_size() -> None:
+    """The rms over twenty draws is 0.2 px to 5 % for 30 views, and 0.3 mm and 0.5 mrad to 25 % for 60 stops."""
     made = simulate(Scenario(samples=30, robot_noise=(3e-4, 5e-4), state_robot_noise=False, state_pixel_noise=False), 4)
     of = reality(made.cell, made.recording)
     draws = [of.resample(np.random.default_rng(seed)) for seed in range(20)]
@@ -202,8 +202,11 @@ def outcome(verdict: str, nees: float | None, *findings: str) -> Outcome:
     return Outcome(verdict, nees, 0.1, list(findings), 0, 1.0)
 
 
-def test_a_cell_is_safe_inside_the_ellipsoid_or_named_first() -> None:
-    """Not where it is good and outside, nor where another finding comes first; one without an answer is not inside."""
+def test_cell_is_safe_inside_the_ellipsoid_or_if_named_first() -> None:
+    """A good answer outside the ellipsoid is unsafe.
+
+    So is a cell with another first finding; a cell without an answer is not inside.
+    """
     cells = [
         outcome("good", 5.0),
         outcome("doubtful", 90.0, "base-moved", "poor-fit"),
@@ -217,14 +220,14 @@ def test_a_cell_is_safe_inside_the_ellipsoid_or_named_first() -> None:
 
 
 @pytest.mark.parametrize("name", RESCUES)
-def test_rescues_name_functions_of_the_package(name: str) -> None:
-    """The name of each rescue is looked up in its module, so that a renamed function is not silently left in place."""
+def test_rescues_name_existing_functions(name: str) -> None:
+    """Each name of a rescue exists in its module, so that a renamed function is not silently left active."""
     place, attribute = locate(RESCUES[name])
     assert callable(getattr(place, attribute))
 
 
-def test_outcomes_outlive_a_run(tmp_path: Path) -> None:
-    """What was kept is there again, in the order of its seeds, and apart from other faults."""
+def test_outcomes_are_kept_between_runs(tmp_path: Path) -> None:
+    """Kept outcomes are read again in the order of their seeds, separate from those of other faults."""
     kept = Kept(tmp_path / "kept.jsonl")
     for seed in (0, 1, 10, 2):
         kept.keep(f"sag#{seed}", outcome("good", float(seed)))
@@ -237,21 +240,21 @@ def test_outcomes_outlive_a_run(tmp_path: Path) -> None:
     assert (size_text(again, "backlash"), again.get("sag#3")) == ("", None)
 
 
-def test_general_solvers_get_the_derivative_of_the_residuals() -> None:
-    """The Jacobian is that of the residuals, away from the start too."""
+def test_jacobian_of_general_solvers_is_that_of_the_residuals() -> None:
+    """The Jacobian is correct away from the start, too."""
     task, step = make_task(4, 0), np.full(18, 1e-2)
     whole = Whole(task.problem, task.start)
     _, jacobian = whole.at_step(step)
     check_derivative(lambda d: whole.at_step(step + d)[0], jacobian, step=1e-3, tolerance=1e-7)
 
 
-def test_speeds_are_measured_of_all_targets() -> None:
-    """The number of images stays the same from target to target."""
+def test_speed_is_measured_for_all_targets() -> None:
+    """The number of images is the same for each target."""
     assert len(speeds(1)["milliseconds"]) == 4
 
 
 @pytest.mark.parametrize("kind", running_check.KINDS)
-def test_faults_are_shown_by_all_samples(kind: str) -> None:
-    """The test of a known fault uses the views linearised at the answer."""
+def test_fault_is_tested_with_all_samples(kind: str) -> None:
+    """The test of a known fault uses the views linearised at the solution."""
     fault = running_check.draw_fault(kind, 1)
     assert running_check.show_fault(fault, len(fault.samples))[0]

@@ -1,4 +1,4 @@
-"""Files that are none, and files that are too large, are refused at once."""
+"""Tests of bounded reading: paths that are no file and files that are too large are refused at once."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from basecal.kinematics import read_chain
 from cell_example import CELL, URDF
 
 
-def test_bytes_of_a_file(tmp_path: Path) -> None:
-    """All of them, up to the bound and not one more."""
+def test_file_is_read_up_to_the_limit(tmp_path: Path) -> None:
+    """All bytes are read up to the limit, and not one more."""
     path = tmp_path / "a"
     path.write_bytes(b"12345")
     assert read_bounded(path, 5) == b"12345"
@@ -57,7 +57,7 @@ def an_endless_file(path: Path) -> None:
 
 
 def a_large_file(path: Path) -> None:
-    """With a hole of a terabyte."""
+    """Create a sparse file of a terabyte."""
     with path.open("wb") as file:
         file.truncate(2**40)
 
@@ -83,8 +83,8 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
 
 @pytest.mark.parametrize("make", [a_folder, os.mkfifo, a_socket, an_endless_file, a_large_file])
 @pytest.mark.parametrize("reader", READERS)
-def test_every_reader_refuses_what_is_no_file(tmp_path: Path, reader: str, make: Callable[[Path], None]) -> None:
-    """Without waiting, and without the memory that it would take."""
+def test_readers_refuse_paths_that_are_no_file(tmp_path: Path, reader: str, make: Callable[[Path], None]) -> None:
+    """Each reader refuses at once, without waiting and without large memory."""
     name, read = READERS[reader]
     (tmp_path / "cell.yaml").write_text(CELL)
     (tmp_path / "hand.urdf").write_text(URDF)

@@ -1,4 +1,4 @@
-"""The box: what takes too much of anything is ended, and this process goes on."""
+"""Tests of the box: a process that exceeds a limit is ended, and this process continues."""
 
 from __future__ import annotations
 
@@ -54,15 +54,15 @@ def read_frames(words):
 
 @pytest.fixture(autouse=True)
 def tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A module that misbehaves as its words say, and small limits."""
+    """Create a module that misbehaves as requested, with small limits."""
     (tmp_path / "boxed_tasks.py").write_text(TASKS)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(box, "_LEAST_LIMIT_S", 1)
     monkeypatch.setattr(box, "_LEAST_OUTPUT_BYTES", 2**26)
 
 
-def test_frames_come_as_they_are_given() -> None:
-    """Plain data and bytes; what is printed does not disturb them."""
+def test_frames_pass_unchanged() -> None:
+    """Plain data and bytes pass unchanged; printed text does not disturb them."""
     assert list(box.frames("boxed_tasks", ["good"], 0)) == [(["good", 1.5], b"first")]
 
 
@@ -78,16 +78,16 @@ def test_frames_come_as_they_are_given() -> None:
         ("crash", "ends the process that reads it"),
     ],
 )
-def test_what_takes_too_much_is_ended(tmp_path: Path, kind: str, message: str) -> None:
-    """Memory, time, bytes given and bytes written are bounded, and a crash is told."""
+def test_process_beyond_a_limit_is_ended(tmp_path: Path, kind: str, message: str) -> None:
+    """Memory, time, sent bytes and written bytes are limited, and a crash is reported."""
     found = box.frames("boxed_tasks", [kind, str(tmp_path / "out")], 0)
     assert next(found) == ([kind, 1.5], b"first")
     with pytest.raises(InputError, match=message):
         list(found)
 
 
-def test_a_fault_of_this_package_is_none_of_the_file() -> None:
-    """It comes with its traceback in the box, and is no error of the input."""
+def test_internal_fault_is_not_blamed_on_the_file() -> None:
+    """An internal fault has the traceback from the box, and is no error of the input."""
     with pytest.raises(box.BoxFault, match=r"^TypeError object of type 'NoneType'") as found:
         list(box.frames("boxed_tasks", ["own fault"], 0))
     assert not isinstance(found.value, InputError)
@@ -113,15 +113,15 @@ def raised(text: str, module: str) -> Exception:
         ("from basecal.errors import InputError; raise InputError('x')", "basecal.exchange.bags", False),
     ],
 )
-def test_whose_fault_it_is(text: str, module: str, is_own: bool) -> None:
-    """By whose line raised it, lines of Python's own modules aside, and by whose kind of error it is."""
+def test_fault_is_assigned_by_the_raising_line(text: str, module: str, is_own: bool) -> None:
+    """The raising line decides, except for lines of Python's own modules; so does the type of the error."""
     error = raised(text, module)
     error.__traceback__ = error.__traceback__.tb_next if error.__traceback__ else None  # without this test's line
     assert box.is_own_fault(error) is is_own
 
 
-def test_what_is_silent_is_ended() -> None:
-    """Long before the limit of the processor's time, which waiting does not use."""
+def test_silent_process_is_ended() -> None:
+    """The process is ended long before the limit of CPU time, which waiting does not use."""
     found = box.frames("boxed_tasks", ["sleep"], 10**9, silence_s=1.5)
     assert next(found) == (["sleep", 1.5], b"first")
     with pytest.raises(box.BoxError, match=r"gave no answer within 1\.5 s"):
@@ -129,20 +129,20 @@ def test_what_is_silent_is_ended() -> None:
 
 
 def processes(word: Path) -> bytes:
-    """Numbers of processes that were told a word."""
+    """Process ids of processes whose command line holds a word."""
     return subprocess.run(["pgrep", "-f", str(word)], capture_output=True, check=False).stdout
 
 
-def test_who_stops_reading_ends_it(tmp_path: Path) -> None:
-    """A generator that is closed leaves no process."""
+def test_closed_generator_ends_the_process(tmp_path: Path) -> None:
+    """A closed generator leaves no process."""
     found = box.frames("boxed_tasks", ["time", str(tmp_path)], 0)
     next(found)
     found.close()
     assert not processes(tmp_path)
 
 
-def test_ctrl_c_ends_it(tmp_path: Path) -> None:
-    """Within two seconds, and the process in the box ends too."""
+def test_ctrl_c_ends_the_process(tmp_path: Path) -> None:
+    """Ctrl-C ends the caller within two seconds, and the process in the box, too."""
     words = f"""
         import signal
         from basecal import box
@@ -165,8 +165,8 @@ def test_ctrl_c_ends_it(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 @pytest.mark.parametrize("number", ["SIGKILL", "SIGTERM"])
-def test_what_moves_is_stopped_if_the_parent_is_killed(tmp_path: Path, number: str) -> None:
-    """Nobody is left who could interrupt the process: it sees that its parent has ended."""
+def test_process_stops_the_arm_if_the_parent_is_killed(tmp_path: Path, number: str) -> None:
+    """The process notices the end of its parent, since nobody is left to interrupt it."""
     stopped, source = tmp_path / "stopped", str(Path(box.__file__).parents[1])
     text = (
         f"from basecal import box\nfor _ in box.frames('boxed_tasks', ['arm', {str(stopped)!r}], 0): print(flush=True)"
@@ -183,8 +183,8 @@ def test_what_moves_is_stopped_if_the_parent_is_killed(tmp_path: Path, number: s
     assert stopped.exists()
 
 
-def test_what_is_silent_is_interrupted_before_it_is_killed(tmp_path: Path) -> None:
-    """So that it can stop what it moves."""
+def test_silent_process_is_interrupted_before_it_is_killed(tmp_path: Path) -> None:
+    """The interrupt lets it stop the arm that it moves."""
     stopped = tmp_path / "stopped"
     with pytest.raises(InputError, match=r"gave no answer within 3 s"):
         list(box.frames("boxed_tasks", ["arm", str(stopped)], 0, ending_s=5.0, silence_s=3.0))

@@ -1,4 +1,4 @@
-"""The commands of the documents: each is one that the program takes; those of the page about exports run."""
+"""Tests of commands in the documents: the program accepts each, and those of the page about exports run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SCENE = """<robot name="scene"><link name="table"/><link name="hand"/>
 
 
 def commands(page: Path) -> Iterator[list[str]]:
-    """The words of each command of a page's blocks; lines that end in a backslash go on."""
+    """Words of each command in a page's code blocks; lines that end in a backslash continue."""
     for fenced, indented in BLOCK.findall(page.read_text(encoding="utf-8")):
         for line in (fenced or indented).replace("\\\n", " ").splitlines():
             if words := shlex.split(line, comments=True) if line.strip().startswith("basecal ") else []:
@@ -31,15 +31,15 @@ def commands(page: Path) -> Iterator[list[str]]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_every_command_is_taken(page: Path) -> None:
-    """Verb, options and values are such as the program has; nothing is run."""
+def test_every_documented_command_is_accepted(page: Path) -> None:
+    """The verb, options and values exist; nothing is run."""
     app = build_app()
     for words in commands(page):
         app.parse_args(list(normalise_words(words)), exit_on_error=False, print_error=False)
 
 
-def test_commands_are_found() -> None:
-    """In fenced blocks and in indented ones; every recipe has some."""
+def test_commands_are_found_in_code_blocks() -> None:
+    """Fenced and indented blocks are read; each recipe has commands."""
     assert sum(len(list(commands(page))) for page in PAGES) > 100
     assert [name for name, page in LISTED.items() if not list(commands(page))] == []
     assert ["plan", "mycell", "--tolerance", "0.2mm", "--task-point", "0.8", "0.1", "0.3"] in list(
@@ -48,8 +48,13 @@ def test_commands_are_found() -> None:
 
 
 @pytest.mark.slow  # a calibration with all its checks
-def test_exports_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """On a cell of two arms with URDFs whose zeros were estimated, and a scene that holds the joint between them."""
+def test_documented_exports_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The exports run on a cell of two arms with URDFs and estimated joint offsets.
+
+    They also run on a scene with the joint between the arms.
+    """
     monkeypatch.chdir(tmp_path)
     assert main(["simulate", "mycell", "--joints", "--joint-offset-deg", "0.2", "--samples", "30"]) == 0
     path = tmp_path / "mycell" / "cell.yaml"

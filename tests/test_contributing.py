@@ -1,4 +1,4 @@
-"""The examples of CONTRIBUTING.md are true: each makes its kind in a copy of the tree, and its commands run."""
+"""Tests of the examples of CONTRIBUTING.md: each adds its kind to a copy of the tree, and its commands run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STEP = re.compile(
 
 
 class Step(NamedTuple):
-    """What is done: to which file, after which of its lines, and with which lines."""
+    """A step of an example: the file, the line after which lines are inserted, and these lines."""
 
     how: str
     path: str | None
@@ -39,7 +39,7 @@ def examples() -> dict[str, list[Step]]:
 
 
 def take(step: Step, tree: Path) -> None:
-    """Do what a step says."""
+    """Carry out a step."""
     if step.how == "Try it":
         programs = {".venv/bin/python": sys.executable, "basecal": f"{sys.executable} -m basecal"}
         path = os.pathsep.join(str(tree / each) for each in ("src", "tests", "."))
@@ -66,7 +66,7 @@ def take(step: Step, tree: Path) -> None:
 
 
 def faults_of_words(tree: Path) -> str:
-    """What the house has against names and sentences of a tree."""
+    """Complaints about names and sentences of a tree."""
     modes = (["sentences"], ["names", "--faults"])
     return "".join(
         subprocess.run(
@@ -78,8 +78,8 @@ def faults_of_words(tree: Path) -> str:
 
 @pytest.mark.journey
 @pytest.mark.parametrize("kind", examples())
-def test_an_example_adds_its_kind(kind: str, tmp_path: Path) -> None:
-    """By the files and lines that it names, and nothing else."""
+def test_example_adds_its_kind(kind: str, tmp_path: Path) -> None:
+    """The example needs only the files and lines that it names."""
     for name in ("src", "tests", "docs"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__", "data"))
     for name in ("pyproject.toml", "mkdocs.yml", *DOCUMENTS):
@@ -93,8 +93,8 @@ def test_an_example_adds_its_kind(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", examples())
-def test_the_table_has_the_files_of_the_example(kind: str) -> None:
-    """With the module's name for NAME, and the test under it, whose room the house holds."""
+def test_table_lists_the_files_of_the_example(kind: str) -> None:
+    """The table has NAME for the module's name, and the test below, which the rules of the house require."""
     row = re.search(rf"^\| {kind.lower()} \|(.*)$", TEXT, re.MULTILINE)
     assert row is not None, f"the table of files lacks {kind.lower()}"
     stated = set(re.findall(r"`(\S+)`", row[1]))
@@ -109,6 +109,6 @@ def test_the_table_has_the_files_of_the_example(kind: str) -> None:
 
 
 def test_every_kind_has_an_example() -> None:
-    """Whatever has a table."""
+    """Each kind with a table has an example."""
     kinds = {"An exporter", "An importer", "A finding", "An effect", "A target", "A lens", "A driver"}
     assert examples().keys() == kinds

@@ -1,4 +1,4 @@
-"""The documents agree with the code: equations, reference, glossary; and load nothing from outside."""
+"""Tests of the documents: equations, reference and glossary agree with the code; nothing is loaded from outside."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ CITATION = re.compile(r'docs/mathematics\.md((?:(?:,? and|,|-)? ?\(\d+\.\d+\))+|
 
 
 def equations() -> list[str]:
-    """Numbers of the equations in docs/mathematics.md, in their order."""
+    """Numbers of the equations in docs/mathematics.md, in order."""
     return TAG.findall((DOCS / "mathematics.md").read_text(encoding="utf-8"))
 
 
 def cited(text: str, known: list[str]) -> Iterator[str]:
-    """Equations that a text cites: single ones, and those of a range such as (2.4)-(2.6)."""
+    """Equations cited by a text: single ones, and ranges such as (2.4)-(2.6)."""
     for found in CITATION.finditer(" ".join(text.split())):
         for first, last in re.findall(r"\((\d+\.\d+)\)(?:-\((\d+\.\d+)\))?", found[1] or ""):
             yield first
@@ -45,8 +45,8 @@ def cited(text: str, known: list[str]) -> Iterator[str]:
                 yield from known[inside]
 
 
-def test_every_equation_has_its_own_number() -> None:
-    """No number stands at two equations, and those of a section count up from one."""
+def test_equation_numbers_are_unique_and_ascending() -> None:
+    """No number occurs twice, and the numbers of a section count up from one."""
     sections: dict[int, list[int]] = {}
     for number in equations():
         section, place = map(int, number.split("."))
@@ -61,8 +61,8 @@ def test_code_and_mathematics_cite_the_same_equations() -> None:
     assert {number for path in SOURCES for number in cited(path.read_text(encoding="utf-8"), known)} == set(known)
 
 
-def test_every_citation_says_where() -> None:
-    """A citation of the mathematics names an equation, or a heading that exists."""
+def test_every_citation_names_an_equation_or_heading() -> None:
+    """Each citation of the mathematics names an existing equation or heading."""
     page = (DOCS / "mathematics.md").read_text(encoding="utf-8")
     where = {(path.name, found[1]) for path in SOURCES for found in CITATION.finditer(path.read_text(encoding="utf-8"))}
     assert {(name, place) for name, place in where if not place} == set()
@@ -70,21 +70,21 @@ def test_every_citation_says_where() -> None:
     assert {name for name in named if name not in page} == set()
 
 
-def test_citations_are_read_with_their_ranges() -> None:
-    """A list, a range and a line's end in between are all read."""
+def test_ranges_of_citations_are_parsed() -> None:
+    """Lists, ranges and line breaks within citations are parsed."""
     known = ["1.1", "1.2", "1.3", "2.1"]
     text = "Source: docs/mathematics.md\n    (1.1)-(1.3), (2.1). Not (3.1)."
     assert set(cited(text, known)) == set(known)
 
 
-def test_mentions_in_the_mathematics_exist() -> None:
-    """The page itself refers to equations that it has."""
+def test_equations_cited_in_the_mathematics_exist() -> None:
+    """The page of mathematics cites only its own equations."""
     page = (DOCS / "mathematics.md").read_text(encoding="utf-8")
     assert set(re.findall(r"\((\d+\.\d+)\)", page)) <= set(equations())
 
 
 def test_reference_lists_every_public_name() -> None:
-    """The page of public names has each name of `basecal.__all__`, where it is defined, once."""
+    """The page of public names has each name of `basecal.__all__` once, with its module."""
     listed = re.findall(r"^::: (\S+)$", (DOCS / "api" / "index.md").read_text(encoding="utf-8"), re.MULTILINE)
     at_home = [f"{getattr(basecal, name).__module__}.{name}" for name in basecal.__all__]
     missing, unknown = set(at_home) - set(listed), set(listed) - set(at_home)
@@ -93,8 +93,8 @@ def test_reference_lists_every_public_name() -> None:
     assert len(listed) == len(at_home)
 
 
-def test_functions_in_the_text_of_public_names_exist() -> None:
-    """By themselves if they are public, else by their module."""
+def test_functions_in_the_public_reference_exist() -> None:
+    """Public functions are named alone, others with their module."""
     text = (DOCS / "api" / "index.md").read_text(encoding="utf-8")
     names = re.findall(r"`([a-z_][a-z_.]*)`", text)
     assert names
@@ -104,14 +104,14 @@ def test_functions_in_the_text_of_public_names_exist() -> None:
 
 
 def test_reference_has_every_package() -> None:
-    """Every package but the command line has a page."""
+    """Each package except the command line has a page."""
     packages = {path.parent.name for path in (ROOT / "src" / "basecal").glob("*/__init__.py")} - {"cli"}
     pages = {path.stem for path in (DOCS / "api").glob("*.md")} - {"index"}
     assert pages == packages, f"docs/api has one page a package: {sorted(pages ^ packages)}"
 
 
 def test_glossary_has_ten_words() -> None:
-    """No word is explained twice, they are in the order of the alphabet, and all others are the field's."""
+    """No word is explained twice, words are in alphabetical order, and all other words are the field's."""
     page = (DOCS / "glossary.md").read_text(encoding="utf-8")
     words = re.findall(r"^\| ([^|]+?) \|", page, re.MULTILINE)[2:]
     assert words == sorted(set(words))
@@ -119,14 +119,14 @@ def test_glossary_has_ten_words() -> None:
 
 
 def test_every_import_is_documented() -> None:
-    """Each kind of import has its section, in the order of the registry, and no other has one."""
+    """Each kind of import has its section in the order of the registry; there are no other sections."""
     page = (DOCS / "importing.md").read_text(encoding="utf-8")
     described = re.findall(r"^## `(.+)`$", page, re.MULTILINE)
     assert described == list(IMPORTERS), "docs/importing.md: one heading ## `KIND` for each, in the registry's order"
 
 
 def test_every_driver_is_documented() -> None:
-    """The table has each driver with all of its options; a section has each option with what it is unless stated."""
+    """The table has each driver with all options; a section describes each option with its default."""
     rows = dict(re.findall(r"^\| `(\w+)` \| (?:both|robots|cameras) \| (.+?) \|", page("data_format.md"), re.MULTILINE))
     assert list(rows) == list(DRIVERS), "docs/data_format.md: one row for each driver, in the registry's order"
     for name in DRIVERS:
@@ -149,14 +149,14 @@ def page(name: str) -> str:
 
 
 def test_every_extra_is_documented() -> None:
-    """Each extra of the package stands in a table of the documents, or in a sentence, as such."""
+    """Each extra of the package occurs in a table or a sentence of the documents."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     text = " ".join(path.read_text(encoding="utf-8") for path in DOCS.glob("*.md"))
     assert [name for name in extras if f"extra `{name}`" not in text and f"| `{name}` |" not in text] == []
 
 
 def test_every_format_is_documented_with_its_numbers_and_units() -> None:
-    """The table of formats has each controller with the names, the length and the angle of its convention."""
+    """The table of formats has each controller with its columns, length unit and angle convention."""
     page = (DOCS / "importing.md").read_text(encoding="utf-8")
     rows = {row[0]: row[1:] for row in re.findall(r"^\| `(\w+)` \| (.+?) \| (m|mm) \| (.+?) \|$", page, re.MULTILINE)}
     assert list(rows) == list(CONTROLLERS)
@@ -169,8 +169,8 @@ def test_every_format_is_documented_with_its_numbers_and_units() -> None:
             assert {"rad": RADIAN, "deg": DEGREE}[rotation.split(", ")[-1]] == how.angle
 
 
-def test_documents_load_nothing_from_outside() -> None:
-    """No page, style or setting names a script, style, font or image of another server."""
+def test_documents_load_no_external_files() -> None:
+    """No page, style or setting names a script, style, font or image on another server."""
     loading = re.compile(r"""(?:src=|<link[^>]*href=|url\(|@import|!\[[^]]*\]\()\s*["']?(?:https?:)?//""")
     files = [*DOCS.rglob("*.md"), *DOCS.rglob("*.css"), *DOCS.rglob("*.svg"), *DOCS.rglob("*.py"), ROOT / "mkdocs.yml"]
     assert [str(path) for path in files if loading.search(path.read_text(encoding="utf-8"))] == []
@@ -185,7 +185,7 @@ def luminance(colour: str) -> float:
 
 
 def test_colours_of_code_have_contrast() -> None:
-    """4.5 at least against the theme's background of code, light and dark."""
+    """The contrast with the theme's background of code is at least 4.5, light and dark."""
     style = (DOCS / "assets" / "site.css").read_text(encoding="utf-8")
     for scheme, background in (("default", "#f5f5f5"), ("slate", "#272a35")):
         block = style.partition(f'[data-md-color-scheme="{scheme}"]')[2].partition("}")[0]

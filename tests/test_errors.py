@@ -1,15 +1,15 @@
-"""Errors in words."""
+"""Tests of error messages."""
 
 from __future__ import annotations
 
 from basecal.errors import count_text, error_words
 
 
-def test_an_error_is_a_line():
-    """Line breaks of a library's words go; an error without words is told by its kind."""
+def test_error_message_is_one_line():
+    """Line breaks of a library's message are removed; an error without a message is named by its type."""
     assert error_words(RuntimeError("Please\n  wait ")) == "Please wait"
     assert error_words(ValueError()) == "ValueError"
 
 
-def test_a_single_thing_has_no_plural() -> None:
+def test_count_of_one_is_singular() -> None:
     assert [count_text(count, "sample") for count in (0, 1, 2)] == ["0 samples", "1 sample", "2 samples"]

@@ -1,4 +1,4 @@
-"""The examples that are programs run, and end where they should."""
+"""Tests of the example programs: they run, and their results are correct."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 @pytest.mark.journey
-def test_a_light_from_images(tmp_path: Path) -> None:
-    """From images with the light on and off to the base: squared sigmas below 33, a chance of 1e-5."""
+def test_led_example_finds_the_base(tmp_path: Path) -> None:
+    """Images with the LED on and off yield the base: chi-square below 33, exceeded by chance once in 1e5."""
     spec = importlib.util.spec_from_file_location("led_example", EXAMPLES / "led" / "run.py")
     program = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(program)
@@ -27,8 +27,8 @@ def test_a_light_from_images(tmp_path: Path) -> None:
 
 
 @pytest.mark.journey
-def test_python_of_imported_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The block of docs/importing.md gives a good answer; without `detect` it is refused with that call."""
+def test_python_example_of_imported_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The block of docs/importing.md yields a good result; without `detect` the error names that call."""
     page = (EXAMPLES.parent / "docs" / "importing.md").read_text(encoding="utf-8")
     block = re.search(r"^```python\n(cell = basecal.read_cell.*?)```", page, re.DOTALL | re.MULTILINE)
     assert block is not None

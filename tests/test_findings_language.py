@@ -1,4 +1,4 @@
-"""Findings speak in short sentences: what is wrong, and what to do."""
+"""Tests of the language of findings: short sentences that state the problem and the advice."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FILES = sorted(SOURCE.rglob("*.py"))
 
 
 def findings_made() -> list[tuple[Path, ast.Call]]:
-    """Every place that makes a finding, but for those that read one."""
+    """Calls that create a finding, except in readers of stored findings."""
     return [
         (path, node)
         for path in FILES
@@ -23,8 +23,8 @@ def findings_made() -> list[tuple[Path, ast.Call]]:
     ]
 
 
-def test_every_warning_and_error_says_what_to_do() -> None:
-    """A finding whose severity is written as such has what to do as its fifth argument."""
+def test_every_warning_and_error_has_advice() -> None:
+    """A finding with a literal severity has advice as its fifth argument."""
     silent = [
         f"{path.relative_to(SOURCE)}:{node.lineno}"
         for path, node in findings_made()
@@ -38,7 +38,7 @@ def test_every_warning_and_error_says_what_to_do() -> None:
 
 
 def literal_length(text: ast.expr) -> int:
-    """Words of a text, each value that is filled in counted as one."""
+    """Number of words of a text; each inserted value counts as one."""
     if isinstance(text, ast.Constant) and isinstance(text.value, str):
         return len(text.value.split())
     if isinstance(text, ast.JoinedStr):
@@ -48,7 +48,7 @@ def literal_length(text: ast.expr) -> int:
 
 @pytest.mark.parametrize("name", ["what", "why"])
 def test_sentences_are_short(name: str) -> None:
-    """At most 20 words, each value that is filled in counted as one."""
+    """Sentences have at most 20 words; each inserted value counts as one."""
     long = [
         f"{path.relative_to(SOURCE)}:{node.lineno}"
         for path in {path for path, _ in findings_made()}

@@ -1,4 +1,4 @@
-"""The house: layers, frame names, public names, docstrings, sizes, and what an import may load."""
+"""Tests of the rules of the house: layers, frame names, public names, docstrings, sizes, and the cost of imports."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def module_parts(path: Path) -> tuple[str, ...]:
 
 
 def everywhere(faults_of: Callable[[Path], Collection[object]]) -> dict[str, Collection[object]]:
-    """Faults by file, of the files that have any."""
+    """Faults by file, for files with faults."""
     found = {str(path.relative_to(SOURCE)): faults_of(path) for path in FILES}
     return {name: faults for name, faults in found.items() if faults}
 
@@ -106,7 +106,7 @@ LISTS_OF_LIKE_THINGS = {
 
 
 def room_of(parts: tuple[str, ...]) -> str:
-    """The room a module stands in: its folder inside a package, or itself where it stands at the package's root."""
+    """Room of a module: its folder within a package, or the module if it is at the package's root."""
     return "/".join(parts[:2])
 
 
@@ -123,7 +123,7 @@ def room_imports() -> dict[str, set[str]]:
 
 
 def circle(edges: dict[str, set[str]]) -> list[str]:
-    """Rooms that import one another in a circle, one such circle; empty where there is none."""
+    """One circle of rooms that import one another; empty if there is none."""
     waiting = dict(edges)
     while leaves := [room for room, imports in waiting.items() if not imports & waiting.keys()]:
         for room in leaves:
@@ -131,18 +131,18 @@ def circle(edges: dict[str, set[str]]) -> list[str]:
     return sorted(waiting)
 
 
-def test_rooms_of_a_package_import_one_another_in_no_circle() -> None:
-    """Rooms of a package can be put in an order in which every import points down."""
+def test_rooms_of_a_package_have_no_import_circle() -> None:
+    """The rooms of a package have an order in which every import points down."""
     assert circle(room_imports()) == []
 
 
-def test_circle_check_bites() -> None:
-    """Two rooms that import each other are found, what they import besides is not named."""
+def test_circle_check_finds_violations() -> None:
+    """Two rooms that import each other are found; their other imports are not listed."""
     assert circle({"a": {"b", "c"}, "b": {"a"}, "c": set()}) == ["a", "b"]
 
 
 def test_rooms_are_small() -> None:
-    """No folder holds more than fourteen modules, but lists of like things."""
+    """No folder has more than fourteen modules, except lists of equal kinds."""
     counts: dict[str, int] = {}
     for path in FILES:
         folder = path.parent.relative_to(SOURCE)
@@ -165,8 +165,8 @@ def test_rooms_are_small() -> None:
         ("", ("gossip", "x")),
     ],
 )
-def test_layer_check_bites(source: str, parts: tuple[str, ...]) -> None:
-    """An upward, sideways, rooted or unknown import is found wherever it stands."""
+def test_layer_check_finds_violations(source: str, parts: tuple[str, ...]) -> None:
+    """An upward, sideways, rooted or unknown import is found anywhere in a file."""
     assert layer_faults(ast.parse(source), parts)
 
 
@@ -189,7 +189,7 @@ def frames_of_name(name: str) -> tuple[str, str] | None:
 
 
 class FrameChecker:
-    """Whether names `a_from_b` agree with the products, inverses, assignments and returns they stand in."""
+    """Checker of names `a_from_b` in products, inverses, assignments and returns."""
 
     def __init__(self) -> None:
         self.faults: set[str] = set()
@@ -254,11 +254,11 @@ def frame_check(tree: ast.AST) -> FrameChecker:
 
 
 def test_frame_names_agree() -> None:
-    """A name `a_from_b` holds what its algebra makes: inner frames touch, inverses turn the name round."""
+    """A name `a_from_b` agrees with its algebra: inner frames are equal, and inverses exchange the frames."""
     assert everywhere(lambda path: frame_check(parsed(path)).faults) == {}
 
 
-def test_frame_names_are_used() -> None:
+def test_frame_check_finds_products() -> None:
     """The check of frame names finds products to check."""
     assert sum(frame_check(parsed(path)).checked for path in FILES) > 5
 
@@ -274,13 +274,13 @@ def test_frame_names_are_used() -> None:
         "x = a_from_b @ p_in_a",
     ],
 )
-def test_frame_check_bites(source: str) -> None:
-    """A product, inverse, argument or return of the wrong frames is found."""
+def test_frame_check_finds_violations(source: str) -> None:
+    """A product, inverse, argument or return with wrong frames is found."""
     assert frame_check(ast.parse(source)).faults
 
 
 def test_frame_check_accepts_the_equation() -> None:
-    """The one equation of the project passes, every product in it checked."""
+    """The equation of the paper passes, and each of its products is checked."""
     source = """camera_from_target = (eye_base_from_eye_flange @ eye_flange_from_camera).inverse() @ (
         eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target)"""
     checker = frame_check(ast.parse(source))
@@ -313,7 +313,7 @@ NO_NOUNS = {"of", "what", "at"}
 
 
 def test_parameters_are_nouns() -> None:
-    """None is named by a preposition or a pronoun."""
+    """No parameter is a preposition or a pronoun."""
 
     def named(path: Path) -> list[str]:
         functions = [node for node in nodes_of(parsed(path)) if isinstance(node, ast.FunctionDef)]
@@ -322,8 +322,8 @@ def test_parameters_are_nouns() -> None:
     assert everywhere(named) == {}
 
 
-def test_public_things_have_docstrings() -> None:
-    """Every module, public class and public function says what it gives."""
+def test_public_names_have_docstrings() -> None:
+    """Each module, public class and public function has a docstring."""
     assert everywhere(undocumented) == {}
 
 
@@ -336,8 +336,8 @@ def promised_nones(path: Path) -> list[str]:
     return [f.name for f in promised if "None" not in ast.unparse(f.returns or f)]
 
 
-def test_none_is_promised_where_it_is_returned() -> None:
-    """A first line that ends with `None if` belongs to a function that can return it."""
+def test_promised_none_is_in_the_return_type() -> None:
+    """A function whose first line ends with `None if` can return None."""
     assert everywhere(promised_nones) == {}
 
 
@@ -365,8 +365,8 @@ def package_names() -> list[str]:
 
 
 @pytest.mark.parametrize("name", package_names())
-def test_all_lists_are_true(name: str) -> None:
-    """Every name in `__all__` exists, once."""
+def test_all_lists_are_correct(name: str) -> None:
+    """Each name in `__all__` exists, once."""
     module = importlib.import_module(name)
     listed = list(getattr(module, "__all__", []))
     assert len(set(listed)) == len(listed)
@@ -404,12 +404,12 @@ def loaded_by(code: str) -> set[str]:
 
 
 def test_import_is_light() -> None:
-    """`import basecal` loads nothing heavy, not even NumPy."""
+    """`import basecal` loads no heavy module, not even NumPy."""
     assert loaded_by("import basecal").isdisjoint({"numpy", "scipy", "cv2", "mujoco", "pydantic", "ruamel", "rich"})
 
 
 def test_help_is_light() -> None:
-    """The help of the command line and of every verb loads no numerics."""
+    """The help of the command line and of each verb loads no numerical library."""
     help_of = "from basecal.cli import main\nmain(['--help']); main(['calibrate', '--help'])"
     assert loaded_by(help_of).isdisjoint({"numpy", "scipy", "cv2", "mujoco", "pydantic", "ruamel"})
 
@@ -425,13 +425,13 @@ def test_calibrate_loads_neither_images_nor_devices(tmp_path: Path) -> None:
     assert loaded.isdisjoint({*others, "basecal.acquisition", "basecal.vision"})
 
 
-def test_surfaces_load_hulls_when_they_are_drawn() -> None:
-    """Every page imports them, and few cells have bodies."""
+def test_hulls_are_loaded_only_for_drawn_surfaces() -> None:
+    """Each page imports the surfaces, but few cells have bodies."""
     assert "scipy.spatial" not in loaded_by("import basecal.kinematics.surface")
 
 
-def test_no_addresses_in_the_lock() -> None:
-    """The constraints pin versions and name no place to get them from."""
+def test_constraints_have_no_addresses() -> None:
+    """The constraints pin versions without addresses of package indices."""
     lines = (SOURCE.parents[1] / "constraints.txt").read_text(encoding="utf-8").splitlines()
     pins = [line for line in lines if line and not line.startswith("#")]
     assert all(re.fullmatch(r"[A-Za-z0-9_.-]+==[A-Za-z0-9_.+!-]+", pin) for pin in pins)
@@ -442,8 +442,8 @@ TESTS = Path(__file__).parent
 OF_BENCHMARKS = {"test_reference.py", "test_benchmarks.py", "test_peers.py"}
 
 
-def test_tests_need_no_benchmarks() -> None:
-    """Only the tests of the benchmarks import them: what both need stands in `tests/shared`."""
+def test_only_tests_of_benchmarks_import_them() -> None:
+    """Code for both is in `tests/shared`."""
     sources = {path.name: path.read_text(encoding="utf-8") for path in TESTS.rglob("*.py")}
     importing = {name for name, text in sources.items() if re.search(r"^\s*(from|import) benchmarks\b", text, re.M)}
     assert importing == OF_BENCHMARKS
@@ -475,9 +475,9 @@ NOTHING_TO_TEST = {
 
 
 def test_every_source_has_tests_under_its_own_name() -> None:
-    """What stands in `src/basecal/cell/cell.py` is tested by `tests/cell/test_cell.py`, but for a few with reasons.
+    """`src/basecal/cell/cell.py` is tested by `tests/cell/test_cell.py`; a few exceptions have reasons.
 
-    Tables of kinds, each a `registry.py`, are held by `tests/test_registry.py`.
+    Tables of kinds, each a `registry.py`, are tested by `tests/test_registry.py`.
     """
     sources = [path.relative_to(SOURCE) for path in FILES if path.stem not in {*ENTRIES, "registry"}]
     held = [path for path in sources if path.parts[0] in MIRRORED]
@@ -504,7 +504,7 @@ DECIDES_NOTHING = {
 
 
 def decompositions(tree: ast.AST) -> list[str]:
-    """Lines that take a matrix apart by NumPy's or SciPy's linear algebra."""
+    """Lines that decompose a matrix by the linear algebra of NumPy or SciPy."""
     found = []
     for node in nodes_of(tree):
         if isinstance(node, ast.Attribute) and node.attr in DECOMPOSITIONS:
@@ -515,12 +515,12 @@ def decompositions(tree: ast.AST) -> list[str]:
 
 
 def test_one_module_decides_rank_gap_and_pseudo_inverse() -> None:
-    """Matrices are taken apart in `numerics/spectral`, elsewhere only where no threshold divides what comes of it."""
+    """Matrices are decomposed in `numerics/spectral`, and elsewhere only if no threshold divides the result."""
     found = everywhere(lambda path: decompositions(parsed(path)))
     assert found.keys() == {"numerics/spectral.py", *DECIDES_NOTHING}
 
 
-def test_decomposition_check_bites() -> None:
-    """NumPy's and SciPy's, called or imported, are found; solving and inverting are no decompositions."""
+def test_decomposition_check_finds_violations() -> None:
+    """Calls and imports of NumPy's and SciPy's decompositions are found; solving and inverting are allowed."""
     code = "from scipy.linalg import eigh as e, solve\nnp.linalg.pinv(m)\nnp.linalg.inv(m)\nlinalg.matrix_rank(m)"
     assert decompositions(ast.parse(code)) == ["line 1: eigh", "line 2: np.linalg.pinv", "line 4: linalg.matrix_rank"]

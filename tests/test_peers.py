@@ -1,4 +1,4 @@
-"""The benchmark beside today's practice: everybody is given a task they can solve, and counted alike."""
+"""Tests of the benchmark of peers: each method gets a task that it can solve, and all are counted equally."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ NEAR_MM = 1.0
 
 
 @pytest.mark.parametrize("name", ["halves", "hand-eye", "both"])
-def test_everybody_finds_the_truth_in_perfect_data(name: DesignName) -> None:
-    """With next to no noise every method comes to the true transform: no convention is held against anybody."""
+def test_every_method_finds_the_truth_in_perfect_data(name: DesignName) -> None:
+    """With nearly no noise each method finds the true transform: no method fails because of a convention."""
     found = trial(Design(name, 20, NEARLY_NOTHING_PX, (0.0, 0.0)), seed=1)
     assert len(found.errors) == {"halves": 14, "hand-eye": 7, "both": 0}[name] + 5
     assert {method: error for method, error in found.errors.items() if not error.mm < NEAR_MM} == {}
 
 
-def test_poses_are_as_uncertain_as_said() -> None:
-    """Errors of the poses by `solvePnP`, over their sigmas, are of unit size.
+def test_pose_sigmas_agree_with_pose_errors() -> None:
+    """Pose errors of `solvePnP` over their sigmas have unit variance.
 
-    40 poses of six values: the mean square of 240 values, correlated within a pose, at least 40 independent ones, has
-    a standard error of at most sqrt(2 / 40) = 0.22; five of them to either side.
+    40 poses of six values: the mean square of 240 values, correlated within a pose, at least 40 independent ones, has a
+    standard error of at most sqrt(2 / 40) = 0.22; five of them to either side.
     """
     task = make_task(Design("hand-eye", 40, 0.2, (0.0, 0.0)), seed=3)
     flange_from_camera, base_from_target = task.truth
@@ -48,8 +48,8 @@ def _row(opencv_mm: float, ours_mm: float) -> dict[str, Any]:
     return {**where, "methods": methods, "predicted": {"rms_mm": 1.0, "rms_mrad": 1.0}, "pnp_ms": 1.0}
 
 
-def test_what_is_missed_is_said() -> None:
-    """A row is missed where a peer is nearer, and where the best of OpenCV's is less than three times as far."""
+def test_missed_rows_are_listed() -> None:
+    """A row is missed if a peer is nearer, or if the best result of OpenCV is less than three times as far."""
     assert tables.missed_goals([_row(opencv_mm=7.0, ours_mm=2.0)]) == []
     (short,) = tables.missed_goals([_row(opencv_mm=5.0, ours_mm=2.0)])
     assert "only 2.50 times ours" in short

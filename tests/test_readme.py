@@ -1,4 +1,4 @@
-"""The README: its code runs."""
+"""Tests of the README: its code runs, and its figures are measured."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_library_example_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """The Python example runs as it stands, and prints a good answer and its report."""
+    """The Python example runs unchanged, and prints a good result and its report."""
     (code,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
     monkeypatch.chdir(ROOT)
     exec(code, {})
@@ -33,8 +33,8 @@ def test_library_example_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 
 
 @pytest.mark.journey
-def test_report_is_that_of_the_example(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The report that is shown is what the command beside it prints."""
+def test_report_equals_the_output_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The printed report equals the output of the command beside it."""
     copytree(ROOT / "examples" / "ur5e_dual", tmp_path / "ur5e_dual")
     assert main(["calibrate", str(tmp_path / "ur5e_dual")]) == 0
     shown = re.search(r"```text\n(.*?)```", TEXT, re.DOTALL)
@@ -46,8 +46,8 @@ def test_report_is_that_of_the_example(tmp_path: Path, capsys: pytest.CaptureFix
     assert shown[1].splitlines()[2].split()[1] in picture
 
 
-def test_the_image_is_that_of_the_demo() -> None:
-    """Small, still for who asks for no motion, and with the verdict of a run."""
+def test_image_shows_the_demo() -> None:
+    """The image is small, still for readers who prefer reduced motion, and shows the verdict of a run."""
     picture = (ROOT / "docs" / "figures" / "demo.svg").read_text(encoding="utf-8")
     assert len(picture) < 300_000
     assert "basecal demo" in picture
@@ -58,8 +58,8 @@ def test_the_image_is_that_of_the_demo() -> None:
     assert 20 + 8.5 * max(map(len, rows)) <= panel  # of letters of 14 px that all are as wide
 
 
-def test_the_first_screen_has_the_commands_of_a_fresh_machine() -> None:
-    """Before any heading: the image, and targets that the Makefile has."""
+def test_first_screen_has_the_setup_commands() -> None:
+    """The image and existing targets of the Makefile come before any heading."""
     first = TEXT[: TEXT.index("\n## ")]
     targets = re.findall(r"^make (\w+)", first, re.MULTILINE)
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
@@ -68,15 +68,15 @@ def test_the_first_screen_has_the_commands_of_a_fresh_machine() -> None:
     assert "docs/figures/demo.svg" in first
 
 
-def test_the_first_figure_is_measured() -> None:
-    """Medians over the pairs of recordings, as the benchmark stored them."""
+def test_first_figure_is_measured() -> None:
+    """The figure is the median over the pairs of recordings in the stored results."""
     rows = json.loads((ROOT / "benchmarks" / "results" / "two_arms.json").read_text(encoding="utf-8"))["rows"]
     theirs, ours = (median(row[key][0] for row in rows) for key in ("opencv", "ours"))
     assert f"**Calibrate twice and concatenate: {theirs:.1f} mm. basecal: {ours:.1f} mm.**" in TEXT
 
 
-def test_the_figures_are_measured() -> None:
-    """The table and the sentences above it are those of the stored results: `python -m benchmarks.readme`."""
+def test_figures_are_measured() -> None:
+    """The table and the sentences above it equal the output of `python -m benchmarks.readme` for the stored results."""
     assert updated(TEXT) == TEXT
     stale = TEXT
     for shown in (figures(), sentences()):
@@ -86,8 +86,8 @@ def test_the_figures_are_measured() -> None:
 
 
 @pytest.mark.journey
-def test_plots_in_the_documents_are_those_that_the_script_draws() -> None:
-    """Each file has the same elements, whatever a machine rounds; a document shows each."""
+def test_plots_equal_the_output_of_the_script() -> None:
+    """Each file has the same elements up to rounding, and a document shows each."""
     files = runpy.run_path(str(ROOT / "docs" / "draw_plots.py"))["drawings"]()
     figures = ROOT / "docs" / "figures"
     assert {path.name for path in figures.glob("plot_*.svg")} == files.keys()
@@ -98,8 +98,8 @@ def test_plots_in_the_documents_are_those_that_the_script_draws() -> None:
         assert name in shown
 
 
-def test_links_and_tables_are_whole() -> None:
-    """As GitHub renders it, each file that is linked or shown exists, and each table in the text is one."""
+def test_links_and_tables_are_valid() -> None:
+    """As GitHub renders the README, each linked or shown file exists, and each table is complete."""
     rendered = MarkdownIt("commonmark").enable("table").render(TEXT)
     linked = [each for each in re.findall(r'(?:href|src)="([^"#]+)', rendered) if not each.startswith("http")]
     assert len(linked) > 10

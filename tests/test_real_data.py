@@ -1,4 +1,4 @@
-"""Real recordings give what is asked of them; `benchmarks.real` prints the same figures."""
+"""Tests of real recordings against their required figures; `benchmarks.real` prints the same figures."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from tests.shared.real_recordings import (
 
 
 def short(measure: Callable[[], list[Figure]]) -> list[Figure]:
-    """Demands that are not met; skips the test where the recording is not here."""
+    """Unmet requirements; skips the test if the recording is missing."""
     try:
         figures = measure()
     except DatasetError as error:
@@ -50,18 +50,18 @@ def short(measure: Callable[[], list[Figure]]) -> list[Figure]:
 
 
 def test_two_ur5e() -> None:
-    """Nothing known but the board: within 10 mm and 0.4 deg of the published base, at 0.52 px.
+    """With only the board known, the base is within 10 mm and 0.4 deg of the published one, at 0.52 px.
 
-    0.3 deg were asked. The published base is that of robots taken for exact, whose errors are 0.4 mrad a stop here.
+    0.3 deg were required. The published base assumes exact robots, whose errors are 0.4 mrad a stop here.
     """
     assert [f for f in short(ur5e) if "[deg]" not in f.what or f.measured > 0.4] == []
 
 
 @pytest.mark.slow
 def test_two_ur5e_from_photographs() -> None:
-    """Corners found in the photographs put the base within 1 mm and 0.03 deg of the shipped ones, strays left out.
+    """Detected corners yield the base within 1 mm and 0.03 deg of the shipped corners without outliers.
 
-    Of the shipped corners 7 % are half a pixel and more off; with those too the angle is 0.046 deg.
+    Of the shipped corners 7 % are off by half a pixel or more; with those the angle is 0.046 deg.
     """
     measured = ur5e_images()
     assert [figure for figure in measured if "within 0.5 px" in figure.what and not figure.holds] == []
@@ -69,8 +69,11 @@ def test_two_ur5e_from_photographs() -> None:
 
 
 @pytest.mark.slow
-def test_photographs_are_explained_by_noise_of_the_robots() -> None:
-    """By 0.1 to 1 mm and mrad, and 0.03 to 0.3 px of views: no poor fit, and told as in part a guess."""
+def test_photographs_are_explained_by_robot_noise() -> None:
+    """Robot noise is 0.1 to 1 mm and mrad, and noise of views 0.03 to 0.3 px.
+
+    There is no finding of a poor fit, and the noise is reported as partly a guess.
+    """
     cell = read_cell(EXAMPLES / "ur5e_images")
     found = calibrate(cell, detect(cell, read_recording(EXAMPLES / "ur5e_images", cell)))
     for robot in found.noise["robots"].values():
@@ -82,26 +85,26 @@ def test_photographs_are_explained_by_noise_of_the_robots() -> None:
 
 
 def test_rct() -> None:
-    """A camera beside a robot, lens free: loops of 3.6 mm and 0.33 deg rms, 0.26 deg median."""
+    """A camera beside a robot with a free lens: pose consistency errors of 3.6 mm and 0.33 deg rms, 0.26 deg median."""
     assert short(rct) == []
 
 
 @pytest.mark.slow
 def test_nao() -> None:
-    """Two humanoids, 298 poses: loops of 1.45 mm and 0.92 deg rms."""
+    """Two humanoids with 298 poses: pose consistency errors of 1.45 mm and 0.92 deg rms."""
     assert short(nao) == []
 
 
 def test_moveit() -> None:
-    """Fifty pairs of poses: loops of 5 mm and 0.10 deg rms."""
+    """Fifty pairs of poses: pose consistency errors of 5 mm and 0.10 deg rms."""
     assert short(moveit) == []
 
 
 @pytest.mark.slow
-def test_eight_corners_as_lights() -> None:
-    """Of eight corners, each alone as a light, the median and three quarters are near the whole board's base.
+def test_eight_corners_as_single_leds() -> None:
+    """Of eight corners, each used alone as an LED, the median and 75 % are near the base of the whole board.
 
-    10 mm were asked: ten bearings of one point tell that much less where robots are not taken for exact.
+    10 mm were required: ten bearings of one point determine much less if robots are not assumed exact.
     """
     off = led_distances(np.random.default_rng(0).choice(CORNERS, 8, replace=False))
     found = np.where(np.isfinite(off), off, np.inf)
@@ -110,14 +113,14 @@ def test_eight_corners_as_lights() -> None:
 
 
 @pytest.mark.slow
-def test_every_corner_as_a_light() -> None:
-    """All 24: median 10 mm and 0.4 deg, at least 18 within 15 mm and 0.5 deg."""
+def test_every_corner_as_a_single_led() -> None:
+    """All 24 corners: median 10 mm and 0.4 deg, at least 18 within 15 mm and 0.5 deg."""
     # 10 mm were asked: ten bearings of one point tell that much less where robots are not taken for exact.
     assert [f for f in short(lights) if "[mm]" not in f.what or f.measured > 12.0] == []
 
 
 def published(name: str) -> Path:
-    """The folder of a recording that does not ship; skips the test where it is not there."""
+    """Folder of a recording that is not shipped; skips the test if it is missing."""
     folder = data_folder() / name
     if not folder.exists():
         pytest.skip(f"{folder} is not there: set BASECAL_DATA to the folder of the published recordings")
@@ -125,16 +128,16 @@ def published(name: str) -> Path:
 
 
 @pytest.mark.slow
-def test_boards_of_even_light_are_found(tmp_path: Path) -> None:
-    """A board of 28 x 17 corners in thirty images, of which normalised ones show six: at least 29 are found."""
+def test_chessboards_are_found_without_normalisation(tmp_path: Path) -> None:
+    """A board of 28 x 17 corners is found in at least 29 of thirty images; normalised images show six."""
     folder = tmp_path / "cell"
     shutil.copytree(published("kuka_1_chessboard"), folder, ignore=shutil.ignore_patterns("derived", "runs"))
     seen = detect(read_cell(folder), read_recording(folder))
     assert sum(bool(sample.observations) for sample in seen.samples) >= 29
 
 
-def test_a_tag_of_another_number_is_named(tmp_path: Path) -> None:
-    """Told tag 0 where every image shows tag 10, the first finding says so."""
+def test_tag_with_another_id_is_reported(tmp_path: Path) -> None:
+    """If cell.yaml states tag 0 and each image shows tag 10, the first finding reports it."""
     folder = tmp_path / "cell"
     shutil.copytree(published("visp_franka_to_hand"), folder, ignore=shutil.ignore_patterns("derived", "runs"))
     text = (folder / "cell.yaml").read_text()
@@ -147,8 +150,8 @@ def test_a_tag_of_another_number_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_sizes_are_those_beside_errors_of_the_arm(tmp_path: Path) -> None:
-    """A lens that may sag, or a mount that may bend: each by 3 sigma, beside errors of the arm that are smooth."""
+def test_sizes_of_effects_include_smooth_arm_errors(tmp_path: Path) -> None:
+    """Sag of a lens and bending of a mount, each by 3 sigma, are estimated with smooth errors of the arm."""
     folder = tmp_path / "cell"
     shutil.copytree(published("kuka_1_chessboard"), folder, ignore=shutil.ignore_patterns("derived", "runs"))
     cell = read_cell(folder)
@@ -159,8 +162,8 @@ def test_sizes_are_those_beside_errors_of_the_arm(tmp_path: Path) -> None:
     assert all(float(size) > 3 * float(sigma) for size, sigma in sizes)
 
 
-def test_sigmas_of_a_still_board() -> None:
-    """Two photographs of a board and a camera that both stood still differ by what the corners' sigmas say."""
+def test_corner_sigmas_agree_with_a_still_board() -> None:
+    """Two photographs of a board and a camera at rest differ by as much as the corners' sigmas state."""
     folder = published("abb_irb120_dual_messy") / "20230428_i"
     board = charuco_target((10, 14), 0.0241, 0.018, "DICT_4X4_250", legacy_pattern=True)
     images = [grey_image((folder / f"{number:03d}_image.jpg").read_bytes(), None) for number in (10, 11)]
@@ -189,7 +192,7 @@ LINKS_PRIOR = {
 @pytest.mark.parametrize(
     ("parameters", "held_out_px"), [({}, 2.1), (OFFSETS_FREE, 1.84), (LINKS_PRIOR, 1.60), (LINKS_FREE, 1.60)]
 )
-def test_two_arms_on_one_turntable_given_by_joints(parameters, held_out_px) -> None:
+def test_two_arms_on_one_turntable_recorded_as_joints(parameters, held_out_px) -> None:
     """Both stand on one base: where targets are, within 2 mm, 0.25 deg and three of its own sigmas of the identity.
 
     A turntable that never moved and tools that keep one direction leave gauges that no list of joints knows. Held-out
@@ -221,8 +224,8 @@ def test_two_arms_on_one_turntable_given_by_joints(parameters, held_out_px) -> N
 
 
 @pytest.mark.slow
-def test_sockets_that_stood_still() -> None:
-    """Two sockets of a tool at each of three places, entered one after the other: nothing moved between them."""
+def test_sockets_at_rest_are_grouped() -> None:
+    """Two sockets of a tool at each of three places, entered one after the other, were not moved in between."""
     folder = published("mukca_panda_6")
     cell = read_cell(folder)
     found = calibrate(cell, read_recording(folder, cell))
@@ -237,10 +240,11 @@ def _stamped_poses(archive: zipfile.ZipFile, name: str) -> tuple[np.ndarray, SE3
 
 
 @pytest.mark.journey
-def test_streams_of_an_arm_and_a_camera_by_two_clocks() -> None:
-    """The camera's clock is -17 ms off, within 3; held-out views are predicted to 3.9 mm and 0.63 deg.
+def test_streams_of_arm_and_camera_with_two_clocks() -> None:
+    """The camera's clock is off by -17 ms, within 3 ms; held-out views are predicted to 3.9 mm and 0.63 deg.
 
-    By another program's interpolation and its own search for the offset, on the same recording; here every eighth view.
+    The figures are those of another program's interpolation and search for the offset on the same recording; here every
+    eighth view.
     """
     path = data_folder() / "eth_robot_arm_sr300" / "robot_arm_w_color_camera_real.zip"
     if not path.exists():

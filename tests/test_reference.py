@@ -1,4 +1,4 @@
-"""The reference of answers lists every difference."""
+"""Tests of the reference of answers: it lists every difference."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def changed(**fields: object) -> list[str]:
 
 
 def moved(index: int, by: float) -> dict[str, list[float]]:
-    """The transform with one number changed."""
+    """Copy of the transform with one number changed."""
     return {NAME: [value + by * (k == index) for k, value in enumerate(POSE)]}
 
 
@@ -31,18 +31,18 @@ def moved(index: int, by: float) -> dict[str, list[float]]:
     ({"transforms": moved(3, 1e-4)}, f"{NAME} moved by 1 sigma, 0.1 mm"),
     ({"transforms": moved(12, 3e-8)}, f"{NAME} sigma times 1 to 2"),
 ])  # fmt: skip
-def test_each_difference_is_a_line(fields: dict[str, object], line: str) -> None:
-    """Of the verdict, a finding, a transform, and a sigma."""
+def test_each_difference_is_printed_as_a_line(fields: dict[str, object], line: str) -> None:
+    """Differences of the verdict, a finding, a transform and a sigma are lines."""
     assert changed(**fields) == [line]
 
 
-def test_rounding_is_no_difference() -> None:
-    """Less than a thousandth of a sigma."""
+def test_rounding_is_not_listed() -> None:
+    """A change below a thousandth of a sigma is not listed."""
     assert changed() == changed(transforms=moved(3, 5e-8)) == changed(transforms=moved(12, 1e-11)) == []
 
 
-def test_what_is_meant_is_counted_apart(capsys: pytest.CaptureFixture[str]) -> None:
-    """A difference that is explained is printed with its reason; a case that is not stored is a difference."""
+def test_explained_differences_are_counted_separately(capsys: pytest.CaptureFixture[str]) -> None:
+    """An explained difference is printed with its reason; a case that is not stored is a difference."""
     found = {"cell 1": {**ANSWER, "verdict": "doubtful"}, "cell 2": ANSWER, "cell 3": ANSWER}
     explained = [{"lines": "^cell 1: verdict", "because": "it was wrong"}]
     assert report(found, {"cell 1": ANSWER, "cell 2": ANSWER}, explained) == 1

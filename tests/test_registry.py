@@ -1,4 +1,4 @@
-"""What can be chosen by name is asked for nowhere else: a new one is one module and a line of a table."""
+"""Tests of the registries: a new named kind needs one module and one table row, and no other comparison of names."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NAMES = {*TARGETS, *LENSES}
 
 
 def asked_for(tree: ast.AST) -> list[str]:
-    """Lines that compare something with a registered name, match it, or have a table of two such names and more."""
+    """Lines that compare or match a registered name, or have a table of at least two such names."""
     found = []
     for node in nodes_of(tree):
         if isinstance(node, ast.Compare):
@@ -51,7 +51,7 @@ BY_THEMSELVES = {
 }
 
 
-def test_nothing_asks_what_kind_or_lens() -> None:
+def test_no_module_compares_kinds_or_lenses() -> None:
     """No module compares with the name of a target kind or a lens, or has a table of them."""
     faults = {}
     for path in sorted(SOURCE.rglob("*.py")):
@@ -70,7 +70,7 @@ def test_nothing_asks_what_kind_or_lens() -> None:
         "match kind:\n    case 'charuco': pass",
     ],
 )
-def test_the_check_bites(source: str) -> None:
+def test_comparison_check_finds_violations(source: str) -> None:
     """Comparisons, memberships, tables and matches are found."""
     assert asked_for(ast.parse(source))
 
@@ -88,13 +88,13 @@ def test_the_check_bites(source: str) -> None:
     ],
 )
 def test_every_module_is_registered(folder: str, face: str, table: Collection[str]) -> None:
-    """Each name has its module, and no module that has the face of one is left out."""
+    """Each name has its module, and each module with the interface of a kind is registered."""
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}
     named = {name.replace("-", "_") for name in table}
     assert not faces - named, f"name in src/basecal/{folder}, in the table of its kind: {sorted(faces - named)}"
     assert not named - faces, f"the table of {folder} names what no module of that name holds: {sorted(named - faces)}"
 
 
-def test_names_of_targets_are_those_of_the_table() -> None:
-    """What checks names takes the names that there are, in their order."""
+def test_target_names_equal_the_table() -> None:
+    """The type of target names lists the names of the table in order."""
     assert get_args(TargetKindName) == tuple(TARGETS)

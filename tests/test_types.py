@@ -1,4 +1,4 @@
-"""What type checkers of users see of the public names, and what these refuse without one."""
+"""Tests of the public types: for type checkers of users, and for errors at run time."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ pose @ None
 
 
 @pytest.mark.journey
-def test_use_passes_and_misuse_does_not(tmp_path: Path) -> None:
-    """The methods of exports, sequences of numbers in place of arrays, and known transforms beside estimates."""
+def test_type_checker_accepts_use_and_rejects_misuse(tmp_path: Path) -> None:
+    """Methods of exports, sequences of numbers as arrays, and known transforms beside estimates are checked."""
     path = tmp_path / "use.py"
     path.write_text(USE + MISUSE, encoding="utf-8")
     command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", str(path)]
@@ -62,7 +62,7 @@ TAKEN = [
 
 @pytest.fixture(scope="module")
 def nouns() -> dict[str, object]:
-    """One of each, by its name as an argument."""
+    """One object of each class, by its argument name."""
     made = basecal.simulate(Scenario(samples=4), 1)
     calibration = basecal.Calibration("good")
     return {
@@ -79,8 +79,8 @@ def nouns() -> dict[str, object]:
 @pytest.mark.parametrize(
     ("function", "name", "kind"), [pytest.param(*each, id=f"{each[0].__name__}-{each[1]}") for each in TAKEN]
 )
-def test_a_public_function_names_an_argument_of_another_type(function, name, kind, nouns, tmp_path) -> None:
-    """The argument and both types, not an attribute that is missing somewhere below."""
+def test_public_function_names_an_argument_of_a_wrong_type(function, name, kind, nouns, tmp_path) -> None:
+    """The error names the argument and both types, not a missing attribute of an inner call."""
     required = [key for key, each in inspect.signature(function).parameters.items() if each.default is each.empty]
     turns, places = np.eye(3)[None].repeat(4, 0), np.arange(12.0).reshape(4, 3)
     arrays = {"R": [turns] * len(required), "t": [k * places for k in range(len(required))]}

@@ -1,4 +1,4 @@
-"""No name and no sentence is at fault: see `tests/words.py`, whose command lists those that are."""
+"""Tests of names and sentences of the project: the command of `tests/words.py` lists the faults."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from tests.words import Name, Text, complaints, docstrings, documents, fault, me
         ("module", "at_the_door"),
     ],
 )
-def test_names_that_say_nothing_are_found(kind: str, name: str) -> None:
-    """A participle, a preposition, a replaced word and a constant that counts nothing are each found."""
+def test_vague_names_are_found(kind: str, name: str) -> None:
+    """A participle, a preposition, a replaced word and a constant without a count are found."""
     assert fault(Name(kind, "", 1, name))
 
 
@@ -41,30 +41,30 @@ def test_names_that_say_nothing_are_found(kind: str, name: str) -> None:
         ("module", "residuals"),
     ],
 )
-def test_names_that_say_something_pass(kind: str, name: str) -> None:
+def test_clear_names_pass(kind: str, name: str) -> None:
     """A verb with its object, a noun, a question and a transform are no faults."""
     assert fault(Name(kind, "", 1, name)) == ""
 
 
-def test_sentences_are_counted_by_their_words() -> None:
-    """A value that is filled in is one word, and code is one."""
+def test_words_of_sentences_are_counted() -> None:
+    """An inserted value counts as one word, and so does code."""
     assert [word_count(each) for each in sentences("*One `two three` four.* Five: six")] == [3, 2]
 
 
 @pytest.mark.parametrize("first", ["What a stage found.", "Of each view: its cost.", "So many rotations."])
-def test_docstrings_that_begin_with_a_clause_are_found(first: str) -> None:
-    """A noun or a verb begins, as in `Result of a stage`; other texts may begin as they like."""
+def test_docstrings_with_a_leading_clause_are_found(first: str) -> None:
+    """Docstrings begin with a noun or a verb, as in `Result of a stage`; other texts are free."""
     assert [why for _, why, _ in complaints(iter([Text("docstring", "", 1, first)]))]
     assert not list(complaints(iter([Text("docstring", "", 1, "Result of a stage.")])))
     assert not list(complaints(iter([Text("document", "", 1, first)])))
 
 
-def test_no_name_is_at_fault() -> None:
-    """Each name of the package says something."""
+def test_names_have_no_faults() -> None:
+    """Each name of the package passes."""
     assert [(name.kind, name.path, name.name) for name in names() if fault(name)] == []
 
 
 @pytest.mark.parametrize("texts", [docstrings, messages, documents])
-def test_no_sentence_is_at_fault(texts: Callable[[], Iterator[Text]]) -> None:
-    """None is too long or holds a replaced word."""
+def test_sentences_have_no_faults(texts: Callable[[], Iterator[Text]]) -> None:
+    """No sentence is too long or has a replaced word."""
     assert [(text.path, text.line, why, sentence) for text, why, sentence in complaints(texts())] == []

@@ -1,4 +1,4 @@
-"""Two hobby arms of five axes: they are calibrated as others are, and samples are planned that they reach."""
+"""Journey: two hobby arms of five axes are calibrated like others, and reachable samples are planned."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from basecal.cli import main
 from tests.shared.five_axes import ARM, BASE, FARTHEST_M, NEAREST_M, write_board_between, write_five_axis_cell
 
 
-def test_arms_of_five_axes_are_calibrated_and_planned_for(tmp_path, capsys):
-    """A good answer within its 99.9 % ellipsoid; then samples within the limits, as near as those that were seen."""
+def test_arms_of_five_axes_are_calibrated_and_planned(tmp_path, capsys):
+    """The answer is good and within its 99.9 % ellipsoid.
+
+    Planned samples are within the limits and as near as recorded ones.
+    """
     place = tmp_path / "mycell"
     true = write_five_axis_cell(place, 0)
     assert main(["calibrate", str(place)]) == 0
@@ -38,8 +41,8 @@ def test_arms_of_five_axes_are_calibrated_and_planned_for(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_camera_on_each_wrist_and_a_board_between(tmp_path, seed):
-    """Each arm is recorded by itself: the answer is good, within 99.9 %, and each arm is planned for by itself."""
+def test_camera_on_each_wrist_with_a_board_between(tmp_path, seed):
+    """Each arm is recorded and planned separately; the answer is good and within 99.9 %."""
     place = tmp_path / "mycell"
     true = write_board_between(place, seed)
     assert main(["calibrate", str(place)]) == 0

@@ -1,4 +1,4 @@
-"""Two hobby arms that LeRobot drives: joints in degrees whose zeros are off, and a webcam."""
+"""Journey: two hobby arms with LeRobot, joints in degrees with offsets, and a webcam."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LINKS = "--base-link base_link --flange-link tool0"
 
 
 def dataset(made: SimulatedCell, robot: str, folder: Path) -> None:
-    """An episode as LeRobot v2.1 lays it out: `observation.state` in degrees with the gripper last; stops and motions.
+    """Episode in the layout of LeRobot v2.1: `observation.state` in degrees with the gripper last; stops and motions.
 
     Source: huggingface/lerobot, docs of LeRobotDataset v2.1.
     """
@@ -66,12 +66,12 @@ def dataset(made: SimulatedCell, robot: str, folder: Path) -> None:
 
 
 def frame_name(i: int) -> str:
-    """The file of the frame in the middle of a stop, named by its time in the episode [s]."""
+    """File of the frame in the middle of a stop, named by its time in the episode [s]."""
     return f"{(i * (STOP + MOTION) + STOP // 2) / RATE_HZ:.3f}.png"
 
 
 def are_offsets_within_three_sigmas(made: SimulatedCell, place: Path) -> bool:
-    """Whether all offsets that were seen are no farther from the truth than three sigmas of as many numbers are."""
+    """Whether all observable offsets are within three sigmas of the truth, for that many numbers."""
     run_folder = latest_run(place)
     assert run_folder is not None
     calibration = read_calibration(run_folder)
@@ -88,7 +88,7 @@ def are_offsets_within_three_sigmas(made: SimulatedCell, place: Path) -> bool:
 def test_from_episodes_to_a_matrix(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Zeros that are off by degrees are estimated with the base; the answer is a matrix for a program in Python."""
+    """Joint offsets of degrees are estimated with the base; the answer is a matrix for a Python program."""
     monkeypatch.chdir(tmp_path)
     made = cell(samples=40, seed=1, joints=True, joint_offset_rad=np.radians(OFFSET_DEG), robot_noise=(0.0, 0.0))
     photographs(made, tmp_path, frame_name)

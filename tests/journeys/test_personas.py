@@ -1,4 +1,4 @@
-"""Newcomers with what they have: at most five commands, and the answer within its 99 % ellipsoid."""
+"""Journeys of newcomers: at most five commands, and the answer is within its 99 % ellipsoid."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ HOLD = 0.99
 def test_from_files_to_an_answer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, persona: Callable[[Path, int], Persona], seed: int
 ) -> None:
-    """Each command ends well, the calibration among them, and what is found is the truth."""
+    """Each command succeeds, including the calibration, and the answer is true."""
     monkeypatch.chdir(tmp_path)
     made = persona(tmp_path, seed)
     run(*made.commands)
@@ -41,8 +41,8 @@ def test_from_files_to_an_answer(
         assert squared_error(tmp_path / made.cell, name, truth) < chi2.ppf(HOLD, 6), name
 
 
-def test_the_commands_of_sessions_are_documented(tmp_path: Path) -> None:
-    """The page of imports has them, one below the other."""
+def test_commands_of_sessions_are_documented(tmp_path: Path) -> None:
+    """The page of imports has these commands in order."""
     page = (Path(__file__).parents[2] / "docs" / "importing.md").read_text()
     assert "\n".join(ros_sessions(tmp_path, 0).commands) in page
 
@@ -50,7 +50,7 @@ def test_the_commands_of_sessions_are_documented(tmp_path: Path) -> None:
 def test_sessions_of_unequal_length(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The second session of another length joins the first, and what is missing is named with its command."""
+    """A second session of another length joins the first; missing data are named with their command."""
     monkeypatch.chdir(tmp_path)
     first, _, second, *_ = ros_sessions(tmp_path, 0).commands
     assert main(shlex.split(first)[1:]) == 0

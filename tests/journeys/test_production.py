@@ -1,4 +1,7 @@
-"""A line with a KUKA and an ABB: poses as their pendants show them, millimetres and each maker's own angles."""
+"""Journey: a line with a KUKA and an ABB.
+
+Poses are as shown by their pendants, in millimetres and each maker's angles.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ NAME = "kuka_base_from_abb_base"
 
 
 def krl(positions: Array, turns: Rotation) -> list[str]:
-    """Frames as of $POS_ACT in a .dat file: mm, A about z, B about the new y, C about the new x, in degrees (KRL)."""
+    """Frames like $POS_ACT in a .dat file: mm, A about z, B about the new y, C about the new x, in degrees (KRL)."""
     rows = zip(1e3 * positions, turns.as_euler("ZYX", degrees=True), strict=True)
     return [
         f"DECL FRAME P{i}={{X {x:.3f},Y {y:.3f},Z {z:.3f},A {a:.4f},B {b:.4f},C {c:.4f}}}"
@@ -35,7 +38,7 @@ def krl(positions: Array, turns: Rotation) -> list[str]:
 
 
 def rapid(positions: Array, turns: Rotation) -> list[str]:
-    """Targets as of CRobT() in a module: mm, a quaternion that begins with w, then configuration and external axes."""
+    """Targets like CRobT() in a module: mm, a quaternion with w first, then configuration and external axes."""
     rows = zip(1e3 * positions, turns.as_quat(scalar_first=True), strict=True)
     axes = "[0,0,0,0],[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]"
     return [
@@ -45,7 +48,7 @@ def rapid(positions: Array, turns: Rotation) -> list[str]:
 
 
 def pasted_frame(text: str) -> SE3:
-    """The first frame {X ..., C ...} of KRL."""
+    """First frame {X ..., C ...} of KRL in a text."""
     number = r"([-+0-9.]+)"
     found = re.search(r"\{" + ", ".join(f"{key} {number}" for key in "XYZABC") + r"\}", text)
     assert found is not None, text
@@ -56,7 +59,7 @@ def pasted_frame(text: str) -> SE3:
 def test_from_pendants_to_a_base_frame(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The lines of both programs and the camera's images; the answer is the frame of the ABB's base for the KUKA."""
+    """From lines of both programs and the camera's images to the frame of the ABB's base for the KUKA."""
     monkeypatch.chdir(tmp_path)
     made = cell(samples=18, seed=5)
     photographs(made, tmp_path, lambda i: f"cam0_{i + 1:04d}.png")

@@ -1,4 +1,4 @@
-"""The README's three journeys: its commands as they stand, typed where there is nothing but the package."""
+"""Journeys of the README: its commands, typed where only the package is installed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Typed = Callable[[str], str]
 
 
 def commands(title: str) -> list[str]:
-    """The commands of the block below a title of the README, lines that go on joined."""
+    """Commands of the block below a title of the README, with continued lines joined."""
     block = re.search(rf"\*\*{re.escape(title)}\*\*.*?```\w+\n(.*?)```", README, re.DOTALL)
     assert block is not None, title
     lines = block[1].replace("\\\n", "").splitlines()
@@ -43,7 +43,7 @@ def commands(title: str) -> list[str]:
 
 @pytest.fixture
 def typed(tmp_path: Path) -> Typed:
-    """Types a line into a shell in an empty folder, with an empty home and the package's programs; what it printed."""
+    """Function that runs a line in a shell in an empty folder with an empty home, and returns the output."""
     home = tmp_path / "home"
     home.mkdir()
     path = os.pathsep.join([str(Path(sys.executable).parent), "/usr/bin", "/bin"])
@@ -67,7 +67,7 @@ def typed(tmp_path: Path) -> Typed:
 
 @pytest.fixture
 def files(tmp_path: Path) -> SE3:
-    """Pendants' logs and photographs of two arms in a folder; the base that is to be found."""
+    """Logs of pendants and photographs of two arms in a folder; and the true base."""
     made = cell(samples=15, seed=3, robot_noise=QUIET_ARMS)
     photographs(made, tmp_path, lambda i: f"IMG_{i + 1}.png")
     for robot, file in (("eye", "left.txt"), ("hand", "right.txt")):
@@ -75,7 +75,7 @@ def files(tmp_path: Path) -> SE3:
     return made.truth["eye_base_from_hand_base"]
 
 
-def test_own_images_to_an_answer_in_a_controller(tmp_path: Path, typed: Typed, files: SE3) -> None:
+def test_own_images_to_a_pose_for_the_controller(tmp_path: Path, typed: Typed, files: SE3) -> None:
     """The tolerance is met, and the pose for the controller is printed."""
     *before, calibrate, export = commands("Your own images")
     for line in before:
@@ -85,8 +85,8 @@ def test_own_images_to_an_answer_in_a_controller(tmp_path: Path, typed: Typed, f
     assert is_within_three_sigmas(tmp_path / "mycell", NAME, files)
 
 
-def test_a_refused_recording_is_fixed(tmp_path: Path, typed: Typed, files: SE3) -> None:
-    """Poses of an arm written the other way round: named, turned round, and the answer is right."""
+def test_refused_recording_is_fixed(tmp_path: Path, typed: Typed, files: SE3) -> None:
+    """Inverted poses of an arm are reported and inverted back, and the answer is correct."""
     lines = (tmp_path / "left.txt").read_text().splitlines()
     turned = [Rotation.from_rotvec(numbers(line)[3:]).inv() for line in lines]
     places = [-turn.apply(numbers(line)[:3]) for turn, line in zip(turned, lines, strict=True)]
@@ -102,7 +102,7 @@ def test_a_refused_recording_is_fixed(tmp_path: Path, typed: Typed, files: SE3) 
 
 @pytest.mark.slow
 def test_install_and_demo(tmp_path: Path, typed: Typed) -> None:
-    """From a clone with the Python of the system; the demo's answer is good."""
+    """From a clone with the system's Python to the demo with a good answer."""
     for name in ("src", "pyproject.toml", "hatch_build.py", "README.md", "LICENSE", "NOTICE", "constraints.txt"):
         (shutil.copytree if (ROOT / name).is_dir() else shutil.copy)(ROOT / name, tmp_path / name)
     printed = typed(" && ".join(commands("Install and demo")))
@@ -110,5 +110,5 @@ def test_install_and_demo(tmp_path: Path, typed: Typed) -> None:
 
 
 def numbers(line: str) -> list[float]:
-    """Those of p[x, y, z, rx, ry, rz]."""
+    """Numbers of p[x, y, z, rx, ry, rz]."""
     return [float(number) for number in line.strip("p[]").split(",")]

@@ -1,4 +1,4 @@
-"""Two arms whose images are in one reconstruction: from its files to a base, by the commands of docs/importing.md."""
+"""Journey: two arms with images in one reconstruction, by the commands of docs/importing.md."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BASE = SE3.from_rpy((0.01, -0.02, 2.9), (1.3, 0.1, 0.0))
 
 
 def recorded(rng: np.random.Generator, base: SE3, mount: SE3, name: str, number: int) -> tuple[str, list[Image]]:
-    """A table of an arm's poses as a UR prints them, and the poses of its camera in the reconstruction."""
+    """Table of an arm's poses as printed by a UR, and the poses of its camera in the reconstruction."""
     rows, images = ["x,y,z,rx,ry,rz,image"], []
     room = SE3.from_rpy((0.3, 0.1, -0.4), (0.6, 0.2, -0.1))
     for k in range(16):
@@ -35,7 +35,7 @@ def recorded(rng: np.random.Generator, base: SE3, mount: SE3, name: str, number:
 
 
 def test_two_arms_of_one_reconstruction(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The base is within the 99.9 % ellipsoid, and the unit is found to a percent."""
+    """The base is within the 99.9 % ellipsoid, and the length unit is correct to 1 %."""
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(7)
     mounts = [SE3.from_rpy((0.1, 0.2, 0.3), (0.02, 0.05, 0.08)), SE3.from_rpy((-0.2, 0.1, 1.0), (0.0, -0.06, 0.07))]

@@ -1,4 +1,4 @@
-"""A ROS 2 lab: poses looked up from tf, images saved by their stamps, samples of easy_handeye2."""
+"""Journey of a ROS 2 lab: poses from tf, images named by their stamps, and samples of easy_handeye2."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LATE_NS = 4_000_000  # of tf after an image
 
 
 def trajectory(positions: Array, turns: Rotation) -> list[str]:
-    """Poses in the format of TUM's RGB-D benchmark, which evo and rosbag tools write: stamp x y z qx qy qz qw."""
+    """Poses in the format of TUM's RGB-D benchmark, as written by evo and rosbag tools: stamp x y z qx qy qz qw."""
     stamps = FIRST_STAMP_NS + LATE_NS + PERIOD_NS * np.arange(len(positions))
     rows = zip(stamps, np.column_stack([positions, turns.as_quat()]), strict=True)
     lines = [f"{stamp / 1e9:.6f} " + " ".join(f"{number:.9f}" for number in row) for stamp, row in rows]
@@ -38,7 +38,7 @@ def trajectory(positions: Array, turns: Rotation) -> list[str]:
 
 
 def published(text: str) -> SE3:
-    """The transform that a launch file's static_transform_publisher is given."""
+    """Transform in a launch file's static_transform_publisher."""
     words = [each.value for each in ast.walk(ast.parse(text)) if isinstance(each, ast.Constant)]
     told = {str(a)[2:]: b for a, b in pairwise(words) if str(a).startswith("--")}
     assert (told["frame-id"], told["child-frame-id"]) == ("left_base", "right_base")

@@ -1,4 +1,4 @@
-"""An integrator with two UR arms, a pendant and a camera: no ROS, no programs of his own."""
+"""Journey of an integrator with two UR arms, a pendant and a camera: no ROS, and no programs of his own."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ NAME = "left_base_from_right_base"
 
 
 def pasted_pose(text: str) -> SE3:
-    """The pose in p[...] of URScript: metres and a rotation vector (UR's script manual, `get_actual_tcp_pose`)."""
+    """Pose in p[...] of URScript: metres and a rotation vector (UR's script manual, `get_actual_tcp_pose`)."""
     line = next(line for line in text.splitlines() if line.startswith("p["))
     numbers = ast.literal_eval(line[1:])
     return SE3(Rotation.from_rotvec(numbers[3:]).as_matrix(), np.array(numbers[:3]))
 
 
 def teach_pendant(positions: Array, turns: Rotation) -> list[str]:
-    """Poses as a program writes them by `textmsg(get_actual_tcp_pose())`, a line each."""
+    """Poses as written by `textmsg(get_actual_tcp_pose())`, one per line."""
     rows = np.column_stack([positions, turns.as_rotvec()])
     return ["p[" + ", ".join(f"{number:.6g}" for number in row) + "]" for row in rows]
 
@@ -41,7 +41,7 @@ def teach_pendant(positions: Array, turns: Rotation) -> list[str]:
 def test_from_photographs_to_a_pose_of_urscript(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Poses pasted from both logs and photographs in order; the answer is pasted into the program."""
+    """From poses of both logs and photographs in order to a pose for the program."""
     monkeypatch.chdir(tmp_path)
     made = cell(samples=15, seed=3)
     photographs(made, tmp_path, lambda i: f"IMG_{i + 1}.png")
@@ -64,7 +64,7 @@ def test_from_photographs_to_a_pose_of_urscript(
 
 @pytest.mark.slow
 def test_real_photographs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two UR5e as they were published: 4x4 files and photographs; the base is within 10 mm and 0.4 deg of theirs."""
+    """Two published UR5e with 4x4 files and photographs: the base is within 10 mm and 0.4 deg of the published one."""
     source = data_folder() / "ur5e_dual_charuco_2023"
     if not source.exists():
         pytest.skip(f"{source} is not there: set BASECAL_DATA to the folder of the published recordings")

@@ -1,1 +1,1 @@
-"""Mistakes that people make, done to cells in order."""
+"""Common user mistakes, applied to correct cells."""

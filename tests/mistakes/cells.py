@@ -1,4 +1,4 @@
-"""Cells in order, small ones, as folders to spoil."""
+"""Small correct cells, as folders to which a mistake is applied."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ LENS = Camera("pinhole", np.array([520.0, 522.0, 318.0, 242.0, 0.0, 0.0, 0.0, 0.
 
 
 def lines_of(folder: Path) -> list[Line]:
-    """The samples as they are written."""
+    """Recorded samples as JSON objects."""
     return [json.loads(text) for text in samples_file(folder).read_text().splitlines()]
 
 
 def write_lines(folder: Path, lines: list[Line]) -> None:
-    """Samples in place of those that are there."""
+    """Replace the recorded samples."""
     samples_file(folder).write_text("".join(json.dumps(line) + "\n" for line in lines))
 
 
 def samples_file(folder: Path) -> Path:
-    """Where the samples are."""
+    """Path of the recorded samples."""
     return folder / "recording" / "samples.jsonl"
 
 
 def change_cell(folder: Path, change: Callable[[Any], object]) -> None:
-    """`cell.yaml` with its data changed where they are."""
+    """Change the data of `cell.yaml` in place."""
     path = folder / "cell.yaml"
     data = parse_yaml(path.read_text(), str(path)).data
     change(data)
@@ -48,7 +48,7 @@ def change_cell(folder: Path, change: Callable[[Any], object]) -> None:
 
 
 def images(folder: Path) -> list[Path]:
-    """The images, in order."""
+    """Paths of the images in order."""
     return sorted((folder / "recording" / "images").glob("*/*.png"))
 
 
@@ -61,7 +61,7 @@ def _write(folder: Path, made: SimulatedCell) -> None:
 
 
 def _stated_mount(folder: Path) -> None:
-    """The camera's mount is stated as fixed, as it is."""
+    """Write a cell that states the true camera mount as fixed."""
     made = simulate(Scenario(samples=15), 0)
     name = made.cell.mount_name("wrist")
     camera = replace(made.cell.cameras["wrist"], mount=Unknown("fixed", made.truth[name]))
@@ -69,7 +69,7 @@ def _stated_mount(folder: Path) -> None:
 
 
 def _rendered(folder: Path) -> None:
-    """Two arms and eight images of a board."""
+    """Write a cell with two arms and eight images of a board."""
     scenario = Scenario(samples=8, camera=LENS, board=BOARD, distance_m=(0.4, 0.6), state_pixel_noise=False)
     made = simulate(scenario, 2)
     write_cell(made.cell, folder)

@@ -1,4 +1,4 @@
-"""What is done wrong to the files of a cell."""
+"""Changes that apply a mistake to the files of a cell."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SEEN = ""  # the name by which poses of the observed target are meant, beside th
 
 
 def each_pose(*names: str, of: Callable[[Pose], object]) -> Change:
-    """Every recorded pose of these robots, or of the observed target, changed where it stands."""
+    """Change each recorded pose of the named robots, or of the observed target, in place."""
 
     def change(folder: Path) -> None:
         lines = lines_of(folder)
@@ -39,7 +39,7 @@ def _poses(lines: list[Line], names: tuple[str, ...]) -> Iterator[Pose]:
 
 
 def each_line(of: Callable[[Line], object]) -> Change:
-    """Every line changed where it stands."""
+    """Change each recorded sample in place."""
 
     def change(folder: Path) -> None:
         lines = lines_of(folder)
@@ -51,17 +51,17 @@ def each_line(of: Callable[[Line], object]) -> Change:
 
 
 def all_lines(of: Callable[[list[Line]], list[Line]]) -> Change:
-    """Other lines in place of those that are there."""
+    """Replace the list of recorded samples."""
     return lambda folder: write_lines(folder, of(lines_of(folder)))
 
 
 def in_cell(of: Callable[[Any], object]) -> Change:
-    """`cell.yaml` changed."""
+    """Change the data of `cell.yaml`."""
     return lambda folder: change_cell(folder, of)
 
 
 def in_text(old: str, new: str, name: str = "cell.yaml") -> Change:
-    """The first place of a text in a file changed."""
+    """Replace the first occurrence of a text in a file."""
 
     def change(folder: Path) -> None:
         path = folder / name
@@ -73,7 +73,7 @@ def in_text(old: str, new: str, name: str = "cell.yaml") -> Change:
 
 
 def in_line(number: int, old: str, new: str) -> Change:
-    """The first place of a text in one line of the samples changed."""
+    """Replace the first occurrence of a text in one line of the samples."""
 
     def change(folder: Path) -> None:
         lines = samples_file(folder).read_text().splitlines(keepends=True)
@@ -85,7 +85,7 @@ def in_line(number: int, old: str, new: str) -> Change:
 
 
 def each_image(of: Callable[[Any], Any], every: int = 1) -> Change:
-    """Images drawn anew."""
+    """Write changed images."""
 
     def change(folder: Path) -> None:
         for path in images(folder)[::every]:
@@ -95,12 +95,12 @@ def each_image(of: Callable[[Any], Any], every: int = 1) -> Change:
 
 
 def rotation_of(pose: Pose) -> Rotation:
-    """The rotation of a pose that is written as a quaternion."""
+    """Rotation of a pose that is written as a quaternion."""
     return Rotation.from_quat(pose["q_xyzw"])
 
 
 def relist(meant: str, read: str) -> Callable[[Pose], None]:
-    """Three numbers listed in one way, '' being a rotation vector, and read in another; by SciPy's names."""
+    """Write angles in one convention, of which '' is a rotation vector, and read them in another; names as in SciPy."""
 
     def of(pose: Pose) -> None:
         turned = rotation_of(pose)
@@ -112,7 +112,7 @@ def relist(meant: str, read: str) -> Callable[[Pose], None]:
 
 
 def as_rpy(unit: float) -> Callable[[Pose], None]:
-    """Roll, pitch and yaw written as degrees, times `unit`."""
+    """Write roll, pitch and yaw in degrees times `unit`."""
 
     def of(pose: Pose) -> None:
         pose["rpy_deg"] = (unit * rotation_of(pose).as_euler("xyz", degrees=True)).tolist()
@@ -122,7 +122,7 @@ def as_rpy(unit: float) -> Callable[[Pose], None]:
 
 
 def as_rotvec(unit: float) -> Callable[[Pose], None]:
-    """Rotation vectors written as radians, times `unit`."""
+    """Write rotation vectors in radians times `unit`."""
 
     def of(pose: Pose) -> None:
         pose["rotvec_rad"] = (unit * rotation_of(pose).as_rotvec()).tolist()
@@ -143,24 +143,24 @@ def _put(pose: Pose, matrix: Any) -> None:
 
 
 def invert(pose: Pose) -> None:
-    """The inverse."""
+    """Invert a pose."""
     _put(pose, np.linalg.inv(_matrix(pose)))
 
 
 def transpose(pose: Pose) -> None:
-    """All of the 4x4 by columns."""
+    """Write the 4x4 matrix by columns."""
     _put(pose, _matrix(pose).T)
 
 
 def transpose_rotation(pose: Pose) -> None:
-    """The rotation by columns."""
+    """Write the rotation matrix by columns."""
     matrix = _matrix(pose)
     matrix[:3, :3] = matrix[:3, :3].T
     _put(pose, matrix)
 
 
 def scale(factor: float) -> Callable[[Pose], None]:
-    """The translation times a factor."""
+    """Multiply the translation by a factor."""
 
     def of(pose: Pose) -> None:
         pose["t_m"] = [factor * value for value in pose["t_m"]]
@@ -169,13 +169,13 @@ def scale(factor: float) -> Callable[[Pose], None]:
 
 
 def wxyz(pose: Pose) -> None:
-    """The scalar first."""
+    """Write the scalar of a quaternion first."""
     x, y, z, w = pose["q_xyzw"]
     pose["q_xyzw"] = [w, x, y, z]
 
 
 def joints_times(factor: float, *names: str) -> Change:
-    """Joints in another unit."""
+    """Write joints in another unit."""
 
     def of(line: Line) -> None:
         for name in names:
@@ -186,7 +186,7 @@ def joints_times(factor: float, *names: str) -> Change:
 
 
 def each_pixel(of: Callable[[Any], Any]) -> Change:
-    """All pixels, (n, 2), of every observation changed."""
+    """Change all pixels, (n, 2), of each observation."""
 
     def change(line: Line) -> None:
         for seen in line["observations"]:
@@ -196,7 +196,7 @@ def each_pixel(of: Callable[[Any], Any]) -> Change:
 
 
 def paired_late(by: int, robot: str | None = None) -> Change:
-    """What was seen, or what a robot recorded, stands with another sample; the ends that lack a partner go."""
+    """Pair observations, or the states of a robot, with a later sample; samples without a partner are removed."""
     key = "observations" if robot is None else "robots"
 
     def of(lines: list[Line]) -> list[Line]:
@@ -212,6 +212,6 @@ def paired_late(by: int, robot: str | None = None) -> Change:
 
 
 def exchanged(line: Line) -> None:
-    """The poses of both robots."""
+    """Exchange the poses of both robots."""
     robots = line["robots"]
     robots["eye"], robots["hand"] = robots["hand"], robots["eye"]

@@ -1,4 +1,4 @@
-"""Cells in order, made once."""
+"""Fixtures of correct cells, made once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mistakes.cells import CELLS
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The folder of a cell in order, which nobody changes."""
+    """Folder of a correct cell, which no test changes."""
     folders: dict[str, Path] = {}
 
     def of(kind: str) -> Path:
@@ -28,5 +28,5 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 
 @pytest.fixture
 def copied(made: Callable[[str], Path], tmp_path: Path) -> Callable[[str], Path]:
-    """A copy of a cell in order, to be spoiled."""
+    """Copy of a correct cell, to which a test applies a mistake."""
     return lambda kind: copytree(made(kind), tmp_path / "cell")

@@ -1,4 +1,4 @@
-"""What a command says of a cell, as a user reads it."""
+"""Output of a command about a cell, as a user reads it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Outcome:
 
 
 def outcome(words: Sequence[str], folder: Path, capsys: pytest.CaptureFixture[str]) -> Outcome:
-    """What comes of a command about a cell."""
+    """Run a command on a cell and return its outcome."""
     capsys.readouterr()
     exit_code = main(list(words))
     said = capsys.readouterr()

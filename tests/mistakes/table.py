@@ -1,4 +1,4 @@
-"""Mistakes, what they are to be called, and what is to be done about each."""
+"""Table of mistakes, with the expected finding and advice of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nobody is accused of a mistake that he did not make."""
+"""Tests that correct cells have no findings of mistakes."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ SEEDS = 8  # of each of 25 kinds: 200 cells
 
 
 @pytest.mark.parametrize("kind", list(KINDS))
-def test_screening_has_no_findings(kind: str) -> None:
-    """Of two cells of each kind: no unit is another one, no view stands twice."""
+def test_screening_of_correct_cells_has_no_findings(kind: str) -> None:
+    """Two cells of each kind: no finding of a wrong unit or of a duplicate view."""
     for seed in (FIRST, FIRST + 1):
         made = simulate(kind_scenario(kind, seed), seed)
         assert impossible_units(made.cell, made.recording) == []
@@ -33,8 +33,8 @@ def test_screening_has_no_findings(kind: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["ur5e_dual", "ur5e_images", "rct_charuco"])
-def test_nothing_is_said_of_the_examples(name: str) -> None:
-    """Of recordings of real arms."""
+def test_examples_have_no_findings_of_mistakes(name: str) -> None:
+    """The recordings of real arms have no such findings."""
     cell = read_cell(EXAMPLES / name)
     recording = read_recording(EXAMPLES / name, cell)
     assert impossible_units(cell, recording) == []
@@ -44,8 +44,8 @@ def test_nothing_is_said_of_the_examples(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(FIRST, FIRST + SEEDS))
 @pytest.mark.parametrize("kind", list(KINDS))
-def test_no_mix_up_is_found_where_there_is_none(kind: str, seed: int) -> None:
-    """Of 200 cells in order, calibrated whole: 25 kinds, eight seeds each."""
+def test_calibration_of_correct_cells_finds_no_mix_up(kind: str, seed: int) -> None:
+    """200 correct cells, each calibrated completely: 25 kinds with eight seeds each."""
     made = simulate(kind_scenario(kind, seed), seed)
     found = calibrate(made.cell, made.recording)
     assert [f.code for f in found.findings if f.code in MIX_UPS and f.severity != "info"] == []

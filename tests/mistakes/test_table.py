@@ -1,4 +1,4 @@
-"""Each mistake is named first, with what to do."""
+"""Tests that each mistake is the first finding, with advice."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ def marked(mistake: Mistake) -> object:
     return pytest.param(mistake, id=mistake.name, marks=marks)
 
 
-def test_there_are_many() -> None:
-    """At least forty, each with its own name; those that take long are among them."""
+def test_table_has_forty_distinct_mistakes() -> None:
+    """The table has at least forty mistakes with unique names, including slow ones."""
     assert {mistake.name for mistake in MISTAKES} >= LONG
     assert len({mistake.name for mistake in MISTAKES}) == len(MISTAKES) >= 40
 
 
 @pytest.mark.parametrize("mistake", list(map(marked, MISTAKES)))
-def test_it_is_named_with_its_fix(
+def test_mistake_is_the_first_finding_with_its_fix(
     mistake: Mistake, copied: Callable[[str], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The first sentence says what is wrong and what to do, and has the expected code.
+    """The first sentence states the problem and the advice, and has the expected code.
 
-    Rows that stand twice are counted once and the answer is good: then it is said below.
+    Duplicate rows are counted once and the answer is good: then the finding comes below.
     """
     folder = copied(mistake.cell)
     mistake.change(folder)

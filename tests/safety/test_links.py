@@ -1,4 +1,4 @@
-"""Links and controllers that fail: the other arm is told at once, and nothing is sent afterwards."""
+"""Tests of failing links and controllers: the other arm is stopped at once, and no goal is sent afterwards."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.timed
 
 @pytest.fixture(scope="module", autouse=True)
 def _frail(tmp_path_factory):
-    """The driver of the trials, as pip would install it."""
+    """Install the driver of the trials as pip does."""
     with installed_driver(tmp_path_factory.mktemp("packages"), "frail", TESTS / "safety" / "frail_driver.py"):
         yield
 
@@ -21,7 +21,7 @@ def _frail(tmp_path_factory):
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_every_fault_in_every_phase(fault, phase):
-    """Each with an arm and an order of the cell that the seed draws; `benchmarks.stops` tries the full product."""
+    """Each fault and phase has an arm and an order drawn by seed; `benchmarks.stops` tries all combinations."""
     seed = FAULTS.index(fault) + 10 * PHASES.index(phase)
     trial = Trial(fault, ARMS[seed % 2], ARMS if seed // 2 % 2 else ARMS[::-1], phase, seed)
     # A machine that does other work may miss a deadline once: what is broken, is broken twice.

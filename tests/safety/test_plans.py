@@ -1,7 +1,7 @@
-"""Random plans: with one thing wrong all are refused before anything moves; sound ones are not refused.
+"""Tests of random plans: each plan with a fault is refused before any motion; correct plans are accepted.
 
-What is wrong is judged by Pinocchio: a post stands where it says that the camera passes, arms are put where it says
-that their wrists meet, and no flange or camera of a sound plan is faster than allowed by its Jacobians.
+Pinocchio judges the faults: a post is where Pinocchio places the camera, arms are where Pinocchio lets their wrists
+meet, and no flange or camera of a correct plan is faster than allowed by its Jacobians.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ HOLD_M = 0.1  # from a box's middle, or between wrists: far within what must be 
 
 @cache
 def model():
-    """The eye's arm as Pinocchio has it, with its flange as the last frame."""
+    """Model of the eye's arm in Pinocchio, with its flange as the last frame."""
     arm, parent = pin.Model(), 0
     for name, origin, axis in zip(CHAIN.joint_names, CHAIN.origins, CHAIN.axes, strict=True):
         placement = pin.SE3(np.array(origin.rotation), np.array(origin.translation))
@@ -56,7 +56,7 @@ def flange(joints):
 
 @cache
 def sound(seed):
-    """A plan about home, where the arms face each other half a metre apart: each joint within 0.15 rad of it."""
+    """Plan near home, where the arms face each other at half a metre: each joint within 0.15 rad of home."""
     rng = np.random.default_rng([7, seed])
     return tuple(
         Sample(
@@ -71,19 +71,19 @@ def sound(seed):
 
 
 def refusals(plan, cell=WORLD.cell):
-    """Why a plan is refused."""
+    """Reasons for which a plan is refused."""
     return check_plan(replace(SKETCH, cell=cell), HOME, plan, LIMITS, WILLING).refusals
 
 
 def changed(plan, place, robot, joints):
-    """The plan with other joints of one robot in one sample."""
+    """Copy of the plan with other joints of one robot in one sample."""
     sample = plan[place]
     robots = {**sample.robots, robot: RobotState(joints_rad=np.asarray(joints))}
     return (*plan[:place], replace(sample, robots=robots), *plan[place + 1 :])
 
 
-def test_plans_with_a_bad_joint_are_refused():
-    """A hundred plans, each with one joint beyond a limit of one robot in one sample by a milliradian or more."""
+def test_plans_beyond_a_joint_limit_are_refused():
+    """A hundred plans with one joint beyond its limit by a milliradian or more, in one sample of one robot."""
     rng = np.random.default_rng(1)
     for k in range(PLANS // 3):
         plan, robot = sound(k), ("eye", "hand")[k % 2]
@@ -95,7 +95,7 @@ def test_plans_with_a_bad_joint_are_refused():
 
 
 def test_plans_through_a_post_are_refused():
-    """A hundred plans, each with a thin post where Pinocchio says that the eye's flange passes, between samples too."""
+    """A hundred plans with a thin post on the way of the eye's flange by Pinocchio, also between samples."""
     rng = np.random.default_rng(2)
     for k in range(PLANS // 3):
         plan = sound(k)
@@ -108,7 +108,7 @@ def test_plans_through_a_post_are_refused():
 
 
 def reaching(robot, there, start):
-    """Joints near others that bring a robot's flange to a point of the world, by Pinocchio."""
+    """Joints near a start that move a robot's flange to a point of the world, by Pinocchio."""
     in_base = SKETCH.world_from_base(robot).inverse() @ there
     joints = np.array(start)
     for _ in range(200):
@@ -119,8 +119,8 @@ def reaching(robot, there, start):
     return joints
 
 
-def test_plans_whose_arms_meet_are_refused():
-    """A hundred plans, in one sample of which both flanges go to one point between the bases."""
+def test_plans_with_colliding_arms_are_refused():
+    """A hundred plans in which both flanges move to one point between the bases, in one sample."""
     rng = np.random.default_rng(3)
     middle = 0.5 * SKETCH.world_from_base("hand").translation
     for k in range(PLANS // 3):
@@ -131,8 +131,8 @@ def test_plans_whose_arms_meet_are_refused():
         assert refusals(plan)
 
 
-def test_sound_plans_are_not_refused_and_are_slow_enough():
-    """Three hundred plans: none is refused, and by Pinocchio's Jacobians no flange is faster than allowed."""
+def test_correct_plans_are_accepted_and_slow_enough():
+    """Three hundred plans are accepted, and by Pinocchio's Jacobians no flange is faster than allowed."""
     fastest = 0.0
     for seed in range(PLANS):
         plan = sound(seed)

@@ -1,4 +1,4 @@
-"""Processes of a capture that end, hang or get a signal while arms move."""
+"""Tests of captures whose processes end, hang or get a signal while arms move."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WATCHDOG_S = 0.5
 
 @contextmanager
 def moving(tmp_path, *words):
-    """Controllers, the process of a capture whose arms move, and the numbers of its processes."""
+    """Controllers, the process of a capture whose arms move, and its process ids."""
     with (
         installed_driver(tmp_path / "packages", "frail", TESTS / "safety" / "frail_driver.py") as folder,
         second_process("safety.frail_controllers") as controllers,
@@ -52,7 +52,7 @@ def moving(tmp_path, *words):
 
 
 def halts(controllers, since_s):
-    """When each arm came to rest after an instant, and why, by name."""
+    """Time and cause of each arm's halt after an instant, by name."""
     log = json.loads(controllers.tell("log"))
     return {
         name: next(((at - since_s, what) for at, what in lines if at >= since_s and what.startswith("halted")), None)
@@ -61,8 +61,8 @@ def halts(controllers, since_s):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, signal.SIGTERM])
-def test_signals_stop_both_arms_at_once(tmp_path, number):
-    """Ctrl-C, a terminal that is closed, and `kill`: both arms are told, and the capture ends within two seconds."""
+def test_signals_stop_both_arms(tmp_path, number):
+    """Ctrl-C, a closed terminal and `kill` stop both arms at once, and the capture ends within two seconds."""
     with moving(tmp_path) as (controllers, capture, _):
         since_s = time.monotonic()
         capture.send_signal(number)
@@ -72,8 +72,8 @@ def test_signals_stop_both_arms_at_once(tmp_path, number):
     assert max(at for at, _ in found.values()) < TOLD_S
 
 
-def test_a_stop_of_another_thread_stops_both_arms(tmp_path):
-    """As the button of the page requests it: both arms are told at once, and the capture ends with that reason."""
+def test_stop_from_another_thread_stops_both_arms(tmp_path):
+    """A stop requested by the button of the page stops both arms at once; the capture ends with that reason."""
     with moving(tmp_path) as (controllers, capture, _):
         since_s = time.monotonic()
         _, said = capture.communicate("pressed\n", timeout=4)
@@ -85,8 +85,8 @@ def test_a_stop_of_another_thread_stops_both_arms(tmp_path):
 
 @pytest.mark.parametrize("victim", ["capture", "supervisor", "left", "right"])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_any_process_may_die_or_hang(tmp_path, victim, number):
-    """Killed or stopped, whichever it is: every arm is at rest within half a second, or 1.3 s if one hangs."""
+def test_arms_stop_if_any_process_dies_or_hangs(tmp_path, victim, number):
+    """If any process is killed or stopped, each arm is at rest within 0.5 s, or 1.3 s if the process hangs."""
     with moving(tmp_path) as (controllers, capture, numbers):
         left, right = numbers["arms"]
         pids = {"capture": capture.pid, "supervisor": numbers["supervisor"][0], "left": left, "right": right}
@@ -108,13 +108,13 @@ def test_any_process_may_die_or_hang(tmp_path, victim, number):
 
 
 def kill(pid):
-    """Kill what is left of a process."""
+    """Kill a process if it still runs."""
     with suppress(ProcessLookupError):
         os.kill(pid, signal.SIGKILL)
 
 
-def test_a_second_ctrl_c_ends_a_capture_that_hangs(tmp_path):
-    """The first stops the arms, though the capture holds Python's lock; the second ends it within two seconds."""
+def test_second_ctrl_c_ends_a_hanging_capture(tmp_path):
+    """The first stops the arms although the capture holds Python's lock; the second ends it within two seconds."""
     with moving(tmp_path, "hang") as (controllers, capture, _):
         since_s = time.monotonic()
         capture.send_signal(signal.SIGINT)

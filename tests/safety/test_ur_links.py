@@ -1,4 +1,4 @@
-"""Links of UR controllers that fail, through ur-rtde itself: the other arm is told, and nothing is sent after."""
+"""Tests of failing UR links through ur-rtde: the other arm is stopped, and no goal is sent afterwards."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ FAULTS = {
 
 
 def events(process):
-    """What happened at a controller: when [s], what, and whether the arm moved."""
+    """Events at a controller: time [s], event, and whether the arm moved."""
     entries = (entry.split(":") for entry in process.tell("log").split())
     return [(float(at_s), what, moved == "moving") for at_s, what, moved in entries]
 
 
 def _move_until_stopped(cell, fail):
-    """Send both arms, have one fail, and read states for four seconds."""
+    """Move both arms, make one fail, and read states for four seconds."""
     with open_rig(cell, Path(".")) as rig:
         wait_for_arms(rig.robots, {}, 5.0)
         for robot in rig.robots.values():
@@ -58,8 +58,8 @@ def _move_until_stopped(cell, fail):
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_the_other_arm_is_told(fault):
-    """While both move one fails: the other is stopped in time, no program is sent again, the reason is the true one."""
+def test_other_arm_is_stopped_in_time(fault):
+    """If one of two moving arms fails, the other stops in time, no program is sent again, and the reason is true."""
     why, allowed_s = FAULTS[fault]
     with ExitStack() as stack:
         (eye, eye_place), (hand, hand_place) = (stack.enter_context(controller()) for _ in range(2))
