@@ -1,4 +1,4 @@
-"""`calibrate`, `report` and `demo` end to end."""
+"""Tests of `calibrate`, `report` and `demo` from end to end."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ calibrated_once = remembering(calibrating, "calibrate")
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated cell that has been calibrated once."""
+    """Simulated cell, calibrated once."""
     folder = tmp_path_factory.mktemp("simulated")
     assert main(["simulate", str(folder), "--samples", "15"]) == 0
     assert main(["calibrate", str(folder)]) == 0
     return folder
 
 
-def test_calibrate_prints_what_matters(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A new run beside the earlier ones; what is printed is short, and `report` prints it once more."""
+def test_calibrate_prints_a_short_summary(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A new run is added to earlier ones; the printed summary is short, and `report` prints it again."""
     before = set((simulated / "runs").iterdir())
     assert main(["calibrate", str(simulated)]) == 0
     assert set((simulated / "runs").iterdir()) > before
@@ -48,16 +48,16 @@ def test_calibrate_prints_what_matters(simulated: Path, capsys: pytest.CaptureFi
 
 
 @pytest.mark.parametrize("verb", ["calibrate", "report"])
-def test_verbose_prints_the_report_it_writes(simulated: Path, verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """With `--verbose` all of report.txt is printed."""
+def test_verbose_prints_the_written_report(simulated: Path, verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--verbose` prints all of report.txt."""
     assert main([verb, str(simulated), "--verbose"]) == 0
     run = latest_run(simulated)
     assert run is not None
     assert (run / "report.txt").read_text() == capsys.readouterr().out
 
 
-def test_a_run_that_did_not_converge_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One step from a closed form is no optimum: no transform, no lens, no joint covariance, and `report` says so."""
+def test_run_without_convergence_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One step from a closed form is no optimum: no transform, lens or joint covariance, and `report` says so."""
     assert main(["simulate", str(tmp_path), "--samples", "10"]) == 0
     calibration = calibrate_folder(tmp_path, read_cell(tmp_path), Settings(iterations=1)).calibration
     assert "not-converged" in {finding.code for finding in calibration.findings}
@@ -71,7 +71,7 @@ def test_a_run_that_did_not_converge_is_reported(tmp_path: Path, capsys: pytest.
 
 
 def test_json_is_one_object(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With `--json` stdout is one JSON object, that of calibration.json, from both verbs; no certificate unasked."""
+    """`--json` of both verbs prints one JSON object, that of calibration.json; a certificate only on request."""
     assert main(["calibrate", str(simulated), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     run = latest_run(simulated)
@@ -85,10 +85,10 @@ def test_json_is_one_object(simulated: Path, capsys: pytest.CaptureFixture[str])
     assert np.array(answer["transforms"][BASE]["covariance"]).shape == (6, 6)
 
 
-def test_verbose_tells_the_time_of_each_stage(
+def test_verbose_prints_the_time_of_each_stage(
     simulated: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With `--verbose` stderr lists each stage once, the longest first, and their sum; stdout stays one JSON object."""
+    """`--verbose` lists each stage once on stderr, the longest first, and their sum; stdout stays one JSON object."""
     monkeypatch.setattr(calibrating, "calibrate", calibrating.calibrate.__wrapped__)  # what is kept takes none
     assert main(["calibrate", str(simulated), "--json", "--verbose"]) == 0
     out, err = capsys.readouterr()
@@ -103,7 +103,7 @@ def test_verbose_tells_the_time_of_each_stage(
 
 
 def test_new_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A cell without samples is refused with exit code 1, says what to record, and has its run."""
+    """A cell without samples is refused with exit code 1 and advice on what to record, and has its run."""
     main(["new", str(tmp_path)])
     capsys.readouterr()
     assert main(["calibrate", str(tmp_path)]) == 4
@@ -118,8 +118,8 @@ def test_new_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize("verb", ["calibrate", "report"])
-def test_no_cell_is_input_error(tmp_path: Path, verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A folder without a cell is one line on stderr and exit code 3, with and without `--json`."""
+def test_folder_without_a_cell_is_an_input_error(tmp_path: Path, verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder without a cell causes one line on stderr and exit code 3, with and without `--json`."""
     for words in ([verb, str(tmp_path)], [verb, str(tmp_path), "--json"]):
         assert main(words) == 3
         said = capsys.readouterr()
@@ -128,18 +128,18 @@ def test_no_cell_is_input_error(tmp_path: Path, verb: str, capsys: pytest.Captur
         assert said.err.count("\n") == 1
 
 
-def test_report_before_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`report` of a cell without a run says to calibrate first."""
+def test_report_without_a_run_advises_to_calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`report` of a cell without a run advises to calibrate first."""
     main(["new", str(tmp_path)])
     assert main(["report", str(tmp_path)]) == 3
     assert f"basecal calibrate {tmp_path}" in capsys.readouterr().err
 
 
 @pytest.mark.slow
-def test_demo_tells_its_true_error(
+def test_demo_prints_its_true_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """From ten samples the answer is within the 1e-6 quantile of its covariance, has a page, and may be made anew.
+    """The answer from ten samples is within the 1e-6 quantile of its covariance, has a page, and can be repeated.
 
     Its 25 samples are captured by `make demo`, which .ci/run runs.
     """
@@ -160,8 +160,8 @@ def test_demo_tells_its_true_error(
 
 
 @pytest.mark.slow
-def test_the_papers_sequence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`demo --led` shifts a light: maximum likelihood is within its covariance and nearer than the closed form."""
+def test_demo_of_the_papers_sequence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`demo --led` shifts an LED: maximum likelihood is within its covariance and nearer than the closed form."""
     main(["demo", str(tmp_path / "demo"), "--led", "--json"])
     answer = json.loads(capsys.readouterr().out)
     assert answer["true_error"][BASE]["squared_sigmas"] < 38.3
@@ -169,7 +169,7 @@ def test_the_papers_sequence(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_imported_poses_calibrate_exactly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Noise-free poses written as text in mm come back as the base they were made with, within 1e-6."""
+    """Noise-free poses written as text in mm yield the true base within 1e-6."""
     rng = np.random.default_rng(3)
     eye_flange_from_camera, hand_flange_from_target = SE3.exp(0.3 * rng.normal(size=(2, 6)))
     eye_base_from_hand_base = SE3.exp(np.array([1.2, -0.3, 0.1, 0.2, -0.1, 2.0]))
@@ -196,10 +196,10 @@ def test_imported_poses_calibrate_exactly(tmp_path: Path, capsys: pytest.Capture
     assert np.abs(error).max() < 1e-6
 
 
-def test_frames_of_the_cell_reach_the_report(
+def test_report_has_the_frame_names_of_the_cell(
     simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The frame names in cell.yaml are those of the line to paste."""
+    """The line to paste has the frame names of cell.yaml."""
     shutil.copytree(simulated, tmp_path / "c")
     path = tmp_path / "c" / "cell.yaml"
     text = path.read_text().replace("eye: {", "eye: {frames: {base: left_base_link}, ", 1)
@@ -210,8 +210,8 @@ def test_frames_of_the_cell_reach_the_report(
 
 
 @pytest.mark.slow
-def test_certificate_is_told_where_asked(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With `--certify` the JSON says that the optimum is proven and so does the report."""
+def test_certificate_is_reported_on_request(simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With `--certify` JSON and report state that the optimum is proven."""
     assert main(["calibrate", str(simulated), "--certify", "--json"]) == 0
     certificate = json.loads(capsys.readouterr().out)["certificate"]
     assert certificate["global"] is True
@@ -221,8 +221,8 @@ def test_certificate_is_told_where_asked(simulated: Path, capsys: pytest.Capture
     assert "certificate: global optimum proven" in capsys.readouterr().out
 
 
-def test_a_box_is_calibrated_by_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The summary says which calibration to use in it, its middle is the task point; of an empty one it says that."""
+def test_box_is_calibrated_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The summary recommends a calibration within the box, whose centre is the task point; it reports an empty box."""
     assert main(["simulate", str(tmp_path), "--samples", "15", "--target", "pose"]) == 0
     capsys.readouterr()
     assert main(["calibrate", str(tmp_path), "--task-box", "-9 -9 -9 9 9 8"]) == 0
@@ -240,8 +240,10 @@ def test_a_box_is_calibrated_by_itself(tmp_path: Path, capsys: pytest.CaptureFix
     ("more", "said"),
     [(["--task-point", "0 0 0"], "either --task-point"), (["--method", "axis-shift"], "--task-box has no effect on")],
 )
-def test_a_box_stands_alone(simulated: Path, more: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Neither a point nor the closed form of the paper goes with it."""
+def test_box_excludes_other_options(
+    simulated: Path, more: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A box cannot be combined with a point or with the closed form of the paper."""
     assert main(["calibrate", str(simulated), "--task-box", "0 0 0 1 1 1", *more]) == 2
     assert said in capsys.readouterr().err
 
@@ -258,14 +260,14 @@ def test_a_box_stands_alone(simulated: Path, more: list[str], said: str, capsys:
     ("axis-shift", "closed", None, (0.0,) * 6, "nearest", "--task-box has no effect on --method axis-shift"),
     ("axis-shift", "guess", None, None, "nearest", "--start guess is ignored: --method axis-shift"),
 ])  # fmt: skip
-def test_options_that_change_nothing_are_refused(method, start, point, box, choice, said):  # type: ignore[no-untyped-def]
-    """With the method that does not use them; all others pass."""
+def test_options_without_effect_are_refused(method, start, point, box, choice, said):  # type: ignore[no-untyped-def]
+    """Options are refused with a method that does not use them; all others are accepted."""
     with pytest.raises(UsageError, match=said) if said else nullcontext():
         verb._refuse_unused_options(method, start, point, box, choice)
 
 
-def test_a_scene_is_a_method_or_is_joined() -> None:
-    """Not with the closed form of shifts."""
+def test_scene_is_a_method_or_is_joined() -> None:
+    """A scene cannot be combined with the closed form of shifts."""
     assert [verb._method_in_use("bundle", scene) for scene in (True, False, "also")] == ["scene", "bundle", "bundle"]
     assert verb._method_in_use("axis-shift", False) == "axis-shift"
     with pytest.raises(UsageError, match="--scene also has no effect on --method axis-shift"):

@@ -1,4 +1,4 @@
-"""`basecal capture`: what it says, what it leaves alone, how it ends."""
+"""Tests of `basecal capture`: its output, its refusals and its exit codes."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from shared.running_cell import running
 
 
 def joints(folder: Path) -> np.ndarray:
-    """Where the first arm of a running cell says it is."""
+    """Current joints of the first arm of a running cell."""
     line = connect(read_address(folder))
     found = np.array(line.ask(do="state", robot="eye")["joints_rad"])
     line.close()
     return found
 
 
-def test_nothing_moves_without_go(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It says which robots would move, how fast and how often; arms stay, and nothing is written."""
+def test_no_arm_moves_without_go(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The output names the robots that would move, with speeds and counts; arms stay, and no file is written."""
     with running(tmp_path) as world:
         assert main(["capture", str(tmp_path), "--samples", "3"]) == 0
         told = capsys.readouterr().out
@@ -44,8 +44,8 @@ def test_nothing_moves_without_go(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.journey
-def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With --json one object says which samples there are; a finished plan is refused, --more records other samples."""
+def test_json_lists_the_captured_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--json` prints one object with the samples; a finished plan is refused, and --more records other samples."""
     words = ["capture", str(tmp_path), "--go", "--json", "--speed-limit-deg-s", "120"]
     with running(tmp_path):
         for more in ([], ["--more"]):
@@ -63,7 +63,7 @@ def test_a_program_reads_what_was_captured(tmp_path: Path, capsys: pytest.Captur
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A cell that runs, for all that is refused."""
+    """Folder of a running cell, for refused commands."""
     folder = tmp_path_factory.mktemp("cell")
     with running(folder):
         yield folder
@@ -89,15 +89,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         (["--task-point", "0.5 0 0.3", "--pattern", "shifts", "--freedrive"], "leave --freedrive out"),
     ],
 )
-def test_what_it_refuses(folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:
-    """A pattern that is none and a speed of nothing are told in a line."""
+def test_invalid_options_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    """An unknown pattern and a speed of zero are each refused in one line."""
     assert main(["capture", str(folder), *words]) in (2, 3)
     assert message in capsys.readouterr().err
 
 
 @pytest.mark.slow
 def test_shifts_are_planned_for_a_task(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Whole stations, of which it says what they are without moving."""
+    """Complete stations are planned; their description is printed without motion."""
     words = ["capture", str(folder), "--pattern", "shifts", "--task-point", "0.5 0 0.3"]
     assert main([*words, "--samples", "8"]) == 0
     told = capsys.readouterr().out
@@ -106,8 +108,11 @@ def test_shifts_are_planned_for_a_task(folder: Path, capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.slow
-def test_it_captures_until_a_task_is_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With a tolerance it says beforehand how many samples it needs, and ends with no more than the most allowed."""
+def test_capture_ends_when_the_tolerance_is_reached(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With a tolerance, the expected number of samples is printed first.
+
+    At most the largest allowed number is taken.
+    """
     words = [
         "capture",
         str(tmp_path),
@@ -128,8 +133,8 @@ def test_it_captures_until_a_task_is_known(tmp_path: Path, capsys: pytest.Captur
         assert "1.5 mm at the task point reached" in capsys.readouterr().out
 
 
-def test_a_cell_that_is_not_ready(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A new cell, of which nobody guessed anything, and a simulated one that does not run, say what to do."""
+def test_unready_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A new cell without guesses, and a simulated cell that does not run, are refused with advice."""
     main(["new", str(tmp_path / "new")])
     assert main(["capture", str(tmp_path / "new"), "--go"]) == 3
     assert "give eye_base_from_hand_base a value" in capsys.readouterr().err
@@ -142,7 +147,7 @@ def test_a_cell_that_is_not_ready(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 @pytest.mark.journey
 def test_ctrl_c_stops_the_arms(tmp_path: Path) -> None:
-    """Interrupted on the way, it ends with 130 and the arm is at rest short of where it was sent."""
+    """An interrupted motion ends with exit code 130, and the arm is at rest before its goal."""
     with running(tmp_path) as world:
         words = [sys.executable, "-m", "basecal", "capture", str(tmp_path), "--samples", "2", "--go"]
         with subprocess.Popen(
@@ -166,8 +171,8 @@ def test_ctrl_c_stops_the_arms(tmp_path: Path) -> None:
         assert not np.array_equal(rest, world.home["eye"])
 
 
-def test_a_plan_for_a_task_is_made_without_refused_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Until none is refused; any other plan is refused as a whole."""
+def test_task_plan_replaces_refused_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plan for a task is repeated until no sample is refused; any other plan is refused as a whole."""
     plan = [Sample(k) for k in range(3)]
     left_out: list[list[int]] = []
 
@@ -194,8 +199,11 @@ def test_a_plan_for_a_task_is_made_without_refused_samples(monkeypatch: pytest.M
 
 
 @pytest.mark.slow
-def test_a_capture_ends_at_a_disagreement_that_lasts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A board that is put back elsewhere is named; with the option nothing is recorded beyond, without it all is."""
+def test_capture_ends_at_a_persistent_disagreement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A board at a new place is reported.
+
+    With the option the capture ends there; without it all samples are recorded.
+    """
     words = ["capture", "--go", "--samples", "14", "--speed-limit-deg-s", "120", "--json"]
     for name, options in (("ends", ["--stop-on-disagreement"]), ("goes_on", [])):
         folder = tmp_path / name

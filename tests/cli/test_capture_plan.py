@@ -1,4 +1,4 @@
-"""The plan of a capture, through the command: what is refused, and what --dry-run prints."""
+"""Tests of plans of `capture`: refusals, and the output of --dry-run."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from shared.running_cell import running
 
 
 def plan_of(folder: Path, *joints: dict[str, list[float]]) -> str:
-    """A file of samples that send robots to joints."""
+    """File of samples that move robots to joints."""
     lines = [
         {"sample": number, "robots": {name: {"joints_rad": list(values)} for name, values in robots.items()}}
         for number, robots in enumerate(joints)
@@ -50,15 +50,15 @@ def plan_of(folder: Path, *joints: dict[str, list[float]]) -> str:
 
 
 def where(folder: Path, robot: str) -> np.ndarray:
-    """Where an arm of a running cell is."""
+    """Current joints of an arm of a running cell."""
     line = connect(read_address(folder))
     found = np.array(line.ask(do="state", robot=robot)["joints_rad"])
     line.close()
     return found
 
 
-def test_a_plan_with_one_bad_sample_is_refused_as_a_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The second sample of the second robot is beyond a limit: a line says so, exit code 3, and no arm has moved."""
+def test_plan_with_one_bad_sample_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The second sample of the second robot is beyond a limit: one line, exit code 3, and no arm has moved."""
     with running(tmp_path) as world:
         home = {name: joints.tolist() for name, joints in world.home.items()}
         sound = {**home, "eye": [*home["eye"][:5], home["eye"][5] + 0.2]}
@@ -73,8 +73,8 @@ def test_a_plan_with_one_bad_sample_is_refused_as_a_whole(tmp_path: Path, capsys
     assert not (tmp_path / "recording").exists()
 
 
-def test_dry_run_prints_each_way_and_moves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With the speed of its leading joint, slowed down for the tool; --go beside it is refused."""
+def test_dry_run_prints_each_motion_and_moves_no_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each motion has the speed of its leading joint, reduced for the tool; --go beside it is refused."""
     with running(tmp_path) as world:
         home = {name: joints.tolist() for name, joints in world.home.items()}
         far = {**home, "eye": [home["eye"][0] + 0.05, *home["eye"][1:]]}
@@ -101,15 +101,15 @@ def test_dry_run_prints_each_way_and_moves_nothing(tmp_path: Path, capsys: pytes
 
 
 @pytest.mark.parametrize("speed", ["20", "20mm", "0mm/s", "3m/s"])
-def test_a_tool_speed_has_its_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str], speed: str) -> None:
-    """Without one, or above 2 m/s, it is refused before any robot is asked."""
+def test_tool_speed_needs_a_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str], speed: str) -> None:
+    """Without a unit, or above 2 m/s, it is refused before any robot is reached."""
     write_world(facing_arms(), tmp_path)
     assert main(["capture", str(tmp_path), "--tool-speed-limit", speed]) == 2
     assert re.search(f"--tool-speed-limit '?{speed}'?: expected", capsys.readouterr().err)
 
 
-def test_a_mesh_that_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The plan is checked with a line in its place, which a warning says."""
+def test_missing_mesh_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The plan is checked with a line in place of the mesh, and a warning reports it."""
     with running(tmp_path) as world:
         urdf = tmp_path / "eye.urdf"
         body = '<collision><geometry><mesh filename="none.stl"/></geometry></collision>'
@@ -120,8 +120,11 @@ def test_a_mesh_that_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureF
     assert why in capsys.readouterr().out
 
 
-def test_transforms_are_those_of_the_latest_run(tmp_path: Path) -> None:
-    """As `plan` takes them: of a cell that states none; not of a run that was refused, or of another cell.yaml."""
+def test_transforms_come_from_the_latest_run(tmp_path: Path) -> None:
+    """As in `plan`, a cell without stated transforms uses those of the latest run.
+
+    Those of a refused run or of another cell.yaml are not used.
+    """
     made = simulate(Scenario(samples=1), 2)
     write_cell(made.cell, tmp_path)
     with pytest.raises(InputError, match="roughly where things are"):
@@ -139,8 +142,8 @@ def test_transforms_are_those_of_the_latest_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("verdict", ["doubtful", "refused"])
-def test_no_arm_is_sent_by_a_calibration_in_doubt(verdict: Verdict, tmp_path: Path) -> None:
-    """Clearances by a wrong base are none: the cell has to state where things are."""
+def test_doubtful_calibration_moves_no_arm(verdict: Verdict, tmp_path: Path) -> None:
+    """Clearances from a wrong base are meaningless: the cell has to state the transforms."""
     made = simulate(Scenario(samples=1), 2)
     write_cell(made.cell, tmp_path)
     found = {name: PoseEstimate(pose, np.eye(6)) for name, pose in made.truth.items()}
@@ -149,15 +152,15 @@ def test_no_arm_is_sent_by_a_calibration_in_doubt(verdict: Verdict, tmp_path: Pa
         known_sketch(tmp_path)
 
 
-def test_what_is_reached_moves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    """Of a plan without samples no motion is told."""
+def test_plan_without_samples_has_no_motions(capsys: pytest.CaptureFixture[str]) -> None:
+    """No motion is printed for a plan without samples."""
     replanner = SimpleNamespace(words=lambda: "0.3 mm at the task point reached")
     say_plan(None, None, [], True, None, False, replanner)  # type: ignore[arg-type]
     assert capsys.readouterr().out == "0.3 mm at the task point reached; nothing will move\n"
 
 
-def test_a_cell_without_drivers_is_not_sent_to_go(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The dry plan names what is missing, which --go would refuse."""
+def test_dry_run_names_missing_drivers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The dry plan names missing drivers, which --go would refuse."""
     write_world(facing_arms(), tmp_path)
     text = (tmp_path / "cell.yaml").read_text()
     (tmp_path / "cell.yaml").write_text(re.sub(r"^ *driver: .*\n", "", text, flags=re.MULTILINE))
@@ -172,8 +175,8 @@ def test_a_cell_without_drivers_is_not_sent_to_go(tmp_path: Path, capsys: pytest
 
 
 @pytest.mark.parametrize("count", [20, 21])
-def test_the_first_twenty_refusals_are_printed(count: int, capsys: pytest.CaptureFixture[str]) -> None:
-    """Samples are counted once, however many robots refuse them; without a refusal nothing is said."""
+def test_first_twenty_refusals_are_printed(count: int, capsys: pytest.CaptureFixture[str]) -> None:
+    """A sample refused by several robots counts once; without a refusal no line is printed."""
     refusals = [SimpleNamespace(sample=k // 2) for k in range(count)]
     with pytest.raises(InputError, match=rf"^{(count + 1) // 2} of 30 samples of the plan are refused: nothing was"):
         refuse_plan(SimpleNamespace(refusals=refusals), 30)  # type: ignore[arg-type]
@@ -183,7 +186,7 @@ def test_the_first_twenty_refusals_are_printed(count: int, capsys: pytest.Captur
 
 
 def way(sample: int, robot: str, *gaps: tuple[str, str, float], rad_s: float = 0.5, m_s: float = 0.1):  # type: ignore[no-untyped-def]
-    """A motion, with its clearances."""
+    """Motion with its clearances."""
     found = [SimpleNamespace(robot=one, other=other, gap_m=gap_m) for one, other, gap_m in gaps]
     return SimpleNamespace(sample=sample, robot=robot, joint_rad_s=rad_s, tool_m_s=m_s, gaps=found)
 
@@ -197,8 +200,11 @@ CHECK = SimpleNamespace(
 )
 
 
-def test_the_fastest_and_the_nearest_of_all_motions_are_said() -> None:
-    """Over all motions; the least clearance of each pair, the widest pair first; without motions neither."""
+def test_fastest_and_nearest_motions_are_printed() -> None:
+    """The extremes of all motions are printed: the least clearance of each pair, the largest first.
+
+    Without motions none is printed.
+    """
     assert _speed_text(CHECK) == ", no joint faster than 30 deg/s and no point faster than 250 mm/s"  # type: ignore[arg-type]
     least = "500 mm between eye and table, 123 mm between eye and hand"
     assert _clearance_text(CHECK) == f"least clearance of motions: {least}; nothing else is checked"  # type: ignore[arg-type]
@@ -206,8 +212,8 @@ def test_the_fastest_and_the_nearest_of_all_motions_are_said() -> None:
     assert (_speed_text(still), _clearance_text(still)) == ("", "the motions are not checked")  # type: ignore[arg-type]
 
 
-def test_each_motion_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """With its speeds, its clearance to each other body, and whether its sample is refused."""
+def test_each_motion_is_printed_as_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """The line has its speeds, its clearance to each other body, and whether its sample is refused."""
     say_ways(CHECK)  # type: ignore[arg-type]
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert lines[1:] == [
@@ -223,10 +229,10 @@ def test_each_motion_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     (True, False, False, ["2 samples; no robot", "nothing has moved: no camera has a `driver`"]),
     (True, True, False, ["2 samples; no robot"]),
 ])  # fmt: skip
-def test_what_a_capture_will_do_is_said(
+def test_intended_capture_is_printed(
     is_new: bool, go: bool, cameras: bool, said: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What is continued, what moves, who leads, and what is lacking before it goes."""
+    """The output names what is continued, what moves, who guides arms by hand, and what is missing before --go."""
     robots = {name: SimpleNamespace(is_live=name != "typed") for name in ("left", "right", "typed")}
     rig = SimpleNamespace(robots=robots, cameras={"eye": None} if cameras else {})
     sketch = SimpleNamespace()
@@ -241,10 +247,10 @@ def test_what_a_capture_will_do_is_said(
 
 
 @pytest.mark.parametrize(("recorded", "is_continued", "added"), [(None, False, 0), (None, True, 0), (7, True, 7)])
-def test_further_samples_are_drawn_by_another_seed(
+def test_further_samples_use_another_seed(
     recorded: int | None, is_continued: bool, added: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By the number of those that were recorded; a finished plan is not gone on with unless that is asked for."""
+    """The seed is the number of recorded samples; a finished plan is continued only on request."""
     sketch = SimpleNamespace(cell=None)
     monkeypatch.setattr("basecal.acquisition.capture.finished_count", lambda *_: recorded)
     assert _finished_count(Path(), sketch, 25, is_continued) == added  # type: ignore[arg-type]
@@ -254,8 +260,8 @@ def test_further_samples_are_drawn_by_another_seed(
             _finished_count(Path(), sketch, 25, False)  # type: ignore[arg-type]
 
 
-def test_samples_come_from_a_pattern_a_file_or_what_was_left(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Those of an interrupted plan before all others; 25 of a pattern where no number is given."""
+def test_samples_come_from_pattern_file_or_interrupted_plan(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """An interrupted plan comes first; a pattern without a number has 25 samples."""
     asked: list[tuple[object, ...]] = []
     left: list[object] = []
     monkeypatch.setattr("basecal.acquisition.capture.remaining_samples", lambda *_: left)
@@ -265,7 +271,7 @@ def test_samples_come_from_a_pattern_a_file_or_what_was_left(monkeypatch: pytest
     sketch = SimpleNamespace(cell=None)
 
     def made(pattern: str, samples: int | None, replanner: object = None) -> tuple[object, bool]:
-        """A plan of the next samples."""
+        """Plan of the next samples."""
         return capture_plan(None, sketch, tmp_path, pattern, samples, 10, replanner)  # type: ignore[arg-type]
 
     assert made("poses", None) == (["drawn"], True)

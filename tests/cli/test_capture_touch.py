@@ -1,4 +1,4 @@
-"""`basecal capture --touch`."""
+"""Tests of `basecal capture --touch`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from basecal.cli.capture_touch import capture_touches
 from basecal.cli.connecting import ConnectionOptions
 
 
-def test_the_verb_asks_and_notes(tmp_path, monkeypatch, capsys):
+def test_typed_poses_are_recorded(tmp_path, monkeypatch, capsys):
     """A pose typed for each mark is a sample of the recording."""
     data = touch_data(["corner"])
     data["robots"] = {"eye": {"driver": {"kind": "typed", "notation": "ur"}}}
@@ -34,14 +34,14 @@ def test_the_verb_asks_and_notes(tmp_path, monkeypatch, capsys):
 
 
 def touched(monkeypatch, samples):
-    """No rig, and these samples."""
+    """Replace the rig, and return these samples."""
     monkeypatch.setattr("basecal.cli.capture_touch.allowed_rig", lambda *_: nullcontext())
     monkeypatch.setattr("basecal.acquisition.hand_guided_touches.take_touches", lambda *_: iter(samples))
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_touches_are_counted(tmp_path, monkeypatch, capsys, count):
-    """For people with what touched what, for programs as numbers; none at all is a failure."""
+    """Users get the touched marks, programs get numbers; no touch at all is a failure."""
     (tmp_path / "cell.yaml").write_text(yaml_text(touch_data(["corner"])))
     seen = TouchObservation("eye_tip", "corner")
     touched(monkeypatch, [Sample(number, observations=(seen,)) for number in range(3, 3 + count)])
@@ -57,7 +57,7 @@ def test_touches_are_counted(tmp_path, monkeypatch, capsys, count):
 
 
 @pytest.mark.parametrize("option", ["--go", "--dry-run", "--freedrive", "--web"])
-def test_touches_go_with_no_other_way(tmp_path, capsys, option):
-    """Before the cell is read."""
+def test_touch_excludes_other_ways_of_capture(tmp_path, capsys, option):
+    """Other ways are refused before the cell is read."""
     assert main(["capture", str(tmp_path / "none"), "--touch", option]) == 2
     assert "--touch only records touches: leave out options" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""What a capture shows while it goes on."""
+"""Tests of the view of a running capture."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CELL = simulate(Scenario(samples=2), 0).cell
 
 
 class Terminal(io.StringIO):
-    """A stream that somebody watches."""
+    """Stream that is a terminal."""
 
     encoding = "utf-8"
 
@@ -54,23 +54,23 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
     return stream.getvalue()
 
 
-def test_where_nobody_watches_a_sample_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With what was covered and how well the base is known, after reports; nothing where a program reads."""
+def test_sample_is_a_line_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After reports, the line has the coverage and the sigma of the base; no line is printed for programs."""
     late = "camera wrist: images arrive late\n"
     line = late + "   4/9 sample 3: taken, 100 % of the image; base known to 1.0 mm and 0.057 deg (1 sigma, 3-D norm)\n"
     assert shown(io.StringIO(), monkeypatch, rig()) == line
     assert shown(io.StringIO(), monkeypatch, rig(), quiet=True) == ""
 
 
-def test_a_terminal_has_a_view(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Instead of lines, unless a robot's driver asks on that terminal."""
+def test_terminal_has_a_view(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A view replaces lines, unless a robot's driver asks on that terminal."""
     monkeypatch.setenv("TERM", "xterm")
     assert "4 taken, 9 planned" in shown(Terminal(), monkeypatch, rig())
     assert shown(Terminal(), monkeypatch, rig(is_live=False)).splitlines()[1].startswith("   4/9 sample 3: taken")
 
 
-def test_what_ends_a_capture_is_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the words of the error."""
+def test_view_ends_with_the_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The view ends with the message of the error that ended the capture."""
     monkeypatch.setattr(sys, "stdout", io.StringIO())
     with (
         pytest.raises(DriverError),
@@ -81,10 +81,10 @@ def test_what_ends_a_capture_is_its_end(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.parametrize(("lines", "kept"), [(0, "0 samples are"), (1, "1 sample is"), (3, "3 samples are")])
-def test_who_interrupts_is_told_what_is_kept(
+def test_interrupted_capture_reports_kept_samples(
     lines: int, kept: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And that the same command goes on; the page says it too."""
+    """The message says that the same command continues; the page says it, too."""
     monkeypatch.setattr(sys, "stdout", io.StringIO())
     (tmp_path / "recording").mkdir()
     (tmp_path / "recording" / "samples.jsonl").write_text("{}\n" * lines)
@@ -97,8 +97,8 @@ def test_who_interrupts_is_told_what_is_kept(
     assert view.watch.snapshot.end == End("STOPPED", f"I{told}.")
 
 
-def test_where_nobody_is_no_key_is_pressed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A pipe or a closed stream gives none, and is not read."""
+def test_pipes_and_closed_streams_have_no_keys(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pipe or a closed stream yields no key, and is not read."""
     for stream in (io.StringIO("q"), None):
         monkeypatch.setattr(sys, "stdin", stream)
         with pressed_keys() as key:
@@ -106,8 +106,8 @@ def test_where_nobody_is_no_key_is_pressed(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
-def test_a_key_at_a_terminal_comes_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a newline, once, also two in a row; the terminal is afterwards as it was before."""
+def test_key_at_a_terminal_is_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A key is read once without a newline, also two in a row; afterwards the terminal is as before."""
     import pty
     import termios
 
@@ -128,14 +128,14 @@ def test_a_key_at_a_terminal_comes_at_once(monkeypatch: pytest.MonkeyPatch) -> N
     ({"sigma": None, "why_not": "target not seen"}, "   4/9 sample 3: not taken: target not seen"),
     ({"taken": 12, "planned": 1000, "sigma": None}, "  12/1000 sample 3: taken, 100 % of the image"),
 ])  # fmt: skip
-def test_a_sample_is_a_line(changes: dict[str, object], line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without a sigma where the base is not observable, with the reason where it was not taken."""
+def test_sample_is_printed_as_a_line(changes: dict[str, object], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The line has no sigma if the base is unobservable, and the reason if the sample was not taken."""
     say_step(replace(step(), **changes))  # type: ignore[arg-type]
     assert capsys.readouterr().out == f"{line}\n"
 
 
-def test_advice_and_doubts_follow(capsys: pytest.CaptureFixture[str]) -> None:
-    """Advice in the line, doubts below; those that last are warnings."""
+def test_advice_and_doubts_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Advice is in the line, doubts are below; persistent doubts are warnings."""
     half = Coverage(np.arange(24).reshape(COVERAGE_GRID) < 12, {"eye": np.array([0.5, 0.1, 0.5])})
     doubts = (Doubt(3, "eye moved", True), Doubt(3, "blurred", False))
     say_step(replace(step(), coverage=half, sigma=None, taken=5, doubts=doubts))
@@ -147,7 +147,9 @@ def test_advice_and_doubts_follow(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(("is_live", "key"), [(True, "q"), (False, "")])
-def test_keys_belong_to_who_asks_on_the_terminal(monkeypatch: pytest.MonkeyPatch, is_live: bool, key: str) -> None:
+def test_keys_belong_to_a_driver_that_asks_on_the_terminal(
+    monkeypatch: pytest.MonkeyPatch, is_live: bool, key: str
+) -> None:
     """A driver that asks there reads its own lines; otherwise keys reach the capture."""
     monkeypatch.setattr("basecal.cli.capture_view.pressed_keys", lambda: nullcontext(lambda: "q"))
     monkeypatch.setattr(sys, "stdout", io.StringIO())

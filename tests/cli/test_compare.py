@@ -1,4 +1,4 @@
-"""`basecal compare` of runs."""
+"""Tests of `basecal compare`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ answers_alone = without_stages(screen_conventions, find_error_at_task)
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A cell with two runs, of which the second states its robots' noise."""
+    """Cell with two runs, of which the second states the noise of its robots."""
     folder = tmp_path_factory.mktemp("compared") / "cell"
     assert main(["simulate", str(folder), "--samples", "15", "--seed", "5"]) == 0
     assert main(["calibrate", str(folder)]) == 0
@@ -36,13 +36,13 @@ def test_runs_of_one_recording_agree(cell: Path, capsys: pytest.CaptureFixture[s
     assert "eye_base_from_hand_base" in difference["transforms"]
 
 
-def test_a_cell_stands_for_its_latest_run(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cell_means_its_latest_run(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, _ = sorted((cell / "runs").iterdir())
     assert main(["compare", str(first), str(cell)]) == 0
     assert capsys.readouterr().out.startswith("AGREE\n")
 
 
-def test_one_run_is_too_few(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_single_run_is_refused(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", str(cell)]) == 2
     assert "give two or more runs" in capsys.readouterr().err
 
@@ -56,8 +56,8 @@ def test_another_cell_disagrees(cell: Path, tmp_path: Path, capsys: pytest.Captu
     assert capsys.readouterr().out.startswith("DISAGREE\n")
 
 
-def test_the_next_command_has_the_folder_of_the_cell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of the last run, whether the cell or the run is named; all runs must agree."""
+def test_next_command_has_the_folder_of_the_cell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The folder is that of the last run, whether the cell or the run is named; all runs must agree."""
     first, second = sorted((cell / "runs").iterdir())
     for last in (second, cell):
         assert main(["compare", str(first), str(second), str(last)]) == 0

@@ -1,4 +1,4 @@
-"""The manual page."""
+"""Tests of the manual page and of shell completion."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from basecal.cli.completion import _roff_lines, manual
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    """The manual page."""
+    """Text of the manual page."""
     return manual()
 
 
-def test_it_is_printed(page: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """By the verb that prints completions."""
+def test_manual_page_is_printed(page: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The verb that prints completions prints it."""
     assert main(["completion", "man"]) == 0
     assert capsys.readouterr().out == page
 
 
-def test_the_manual_has_a_section_for_each_verb(page: str) -> None:
-    """With its options and its examples; a dash is one that can be copied, and no line is taken for a request."""
+def test_manual_has_a_section_for_each_verb(page: str) -> None:
+    """A section has the options and examples; dashes can be copied, and no line is a request by accident."""
     assert all(f".SH basecal {verb}\n" in page for verb in _VERBS)
     assert r".SH basecal import easy\-handeye" in page
     assert ".SH basecal study paper" in page
@@ -35,8 +35,8 @@ def test_the_manual_has_a_section_for_each_verb(page: str) -> None:
 
 
 @pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")
-def test_man_reads_the_manual(page: str) -> None:
-    """Without a complaint, and with an option on a line of its own."""
+def test_man_formats_the_page(page: str) -> None:
+    """`man` has no complaint, and each option is on a line of its own."""
     words = ["groff", "-man", "-Tascii", "-ww", "-P-cbou"]
     read = subprocess.run(words, input=page, capture_output=True, text=True, check=True)
     assert read.stderr == ""
@@ -45,15 +45,15 @@ def test_man_reads_the_manual(page: str) -> None:
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_every_verb_is_completed(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """With its options, from the source of the help."""
+    """Each verb is completed with its options, from the source of the help."""
     assert main(["completion", shell]) == 0
     script = capsys.readouterr().out
     assert all(verb in script for verb in _VERBS)
     assert "station-choice" in script
 
 
-def test_help_becomes_requests_line_by_line() -> None:
-    """Headings, options with their help, examples that are not wrapped, and paragraphs."""
+def test_help_is_converted_to_requests() -> None:
+    """Headings, options with help, unwrapped examples, and paragraphs are converted."""
     text = (
         "Usage: basecal new CELL\n\nMake a cell.\n\n    basecal new c\n\n"
         "Parameters:\n  CELL -x: The cell.\n    more\n.dot\n"

@@ -1,4 +1,4 @@
-"""What a cell connects to is said and asked, whoever wrote the cell."""
+"""Tests of confirmations before a cell connects to anything, whoever wrote the cell."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ targets:
 
 
 class Stranger:
-    """A server of somebody else's: whether anybody came."""
+    """Foreign server that records connections."""
 
     def __init__(self) -> None:
         self.socket = socket.create_server(("127.0.0.1", 0))
@@ -50,14 +50,14 @@ class Stranger:
 
 @pytest.fixture
 def stranger() -> Iterator[Stranger]:
-    """A server that listens while a test lasts."""
+    """Foreign server that listens during a test."""
     server = Stranger()
     yield server
     server.socket.close()
 
 
 def write(folder: Path, robot: dict[str, object], camera: dict[str, object]) -> Path:
-    """A cell with these drivers."""
+    """Write a cell with these drivers."""
     (folder / "cell.yaml").write_text(CELL % (json.dumps(robot), json.dumps(camera)))
     return folder
 
@@ -66,7 +66,7 @@ TYPED = {"kind": "typed"}
 
 
 def drivers(port: int) -> dict[str, tuple[dict[str, object], dict[str, object]]]:
-    """Drivers of robot and camera that would reach a port."""
+    """Drivers of a robot and a camera that would connect to a port."""
     here = {"kind": "folder", "path": "."}
     return {
         "opcua": ({"kind": "opcua", "url": f"opc.tcp://127.0.0.1:{port}", "pose": "a", "notation": "ur"}, here),
@@ -81,10 +81,10 @@ def drivers(port: int) -> dict[str, tuple[dict[str, object], dict[str, object]]]
 
 
 @pytest.mark.parametrize("kind", drivers(0))
-def test_nothing_is_reached_without_a_word(
+def test_no_connection_without_confirmation(
     tmp_path: Path, stranger: Stranger, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
-    """Without a terminal and without --yes a cell that reaches something outside itself is refused with 2."""
+    """Without a terminal and without --yes, a cell with an outside connection is refused with exit code 2."""
     (tmp_path / "link").symlink_to("/")
     folder = write(tmp_path, *drivers(stranger.port)[kind])
     assert main(["capture", str(folder)]) == 2
@@ -93,10 +93,13 @@ def test_nothing_is_reached_without_a_word(
     assert not stranger.came
 
 
-def test_a_secret_of_another_program_is_not_sent(
+def test_secret_of_another_program_is_not_sent(
     tmp_path: Path, stranger: Stranger, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A cell that asks for one is refused, --yes or not; its own is asked for if the environment lacks it."""
+    """A cell that requests one is refused, with or without --yes.
+
+    The cell's own secret is requested if the environment lacks it.
+    """
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "hush")
     robot, camera = drivers(stranger.port)["opcua"]
     folder = write(tmp_path, {**robot, "user": "me", "password_in": "AWS_SECRET_ACCESS_KEY"}, camera)
@@ -108,10 +111,10 @@ def test_a_secret_of_another_program_is_not_sent(
     assert not stranger.came
 
 
-def test_it_is_asked_once_for_each_place(
+def test_confirmation_is_asked_once_for_each_address(
     tmp_path: Path, stranger: Stranger, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A no connects to nothing; a yes is remembered for this cell and this place, and for no other."""
+    """No means no connection; yes is remembered for this cell and this address only."""
     folder = write(tmp_path, *drivers(stranger.port)["simulated"])
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: True)
     monkeypatch.setattr("sys.stdin", io.StringIO("n\ny\n"))
@@ -129,17 +132,17 @@ def test_it_is_asked_once_for_each_place(
     assert not other.came
 
 
-def test_what_stays_in_the_cell_is_not_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_drivers_within_the_cell_need_no_confirmation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A folder of the cell and typed poses are used at once."""
     folder = write(tmp_path, {"kind": "typed"}, {"kind": "folder", "path": "images"})
     main(["capture", str(folder)])
     assert "connects to" not in capsys.readouterr().err
 
 
-def test_a_cell_is_captured_once_at_a_time(
+def test_second_capture_of_a_cell_is_refused(
     tmp_path: Path, stranger: Stranger, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A second capture reaches nothing, and is told that another one runs; a free cell is reached."""
+    """A second capture connects to nothing and reports the first; a free cell is reached."""
     folder = write(tmp_path, *drivers(stranger.port)["simulated"])
     with locked_folder(folder):
         assert main(["capture", str(folder), "--yes"]) == 3

@@ -1,4 +1,4 @@
-"""`import` and `simulate` cut off in the middle: nothing is there, and the next command is right."""
+"""Tests of interrupted `import` and `simulate`: no partial result is left, and the next command succeeds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def cut_at(monkeypatch: pytest.MonkeyPatch, writer: ModuleType, sample: int) -> 
 
 
 def words(folder: Path) -> list[str]:
-    """An import of four poses of each stream, too few to be looked at for conventions."""
+    """Import of four poses of each stream, too few for a check of conventions."""
     options = []
     for seed, name in enumerate(("eye-base-from-flange", "hand-base-from-flange", "camera-from-target")):
         poses = SE3.exp(np.random.default_rng(seed).normal(size=(4, 6)))
@@ -37,8 +37,8 @@ def words(folder: Path) -> list[str]:
     return ["import", "poses", str(folder / "cell"), "--length-unit", "m", *options]
 
 
-def test_an_import_that_is_cut_off_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No sample is there, so that nothing is calibrated as if whole, and the same import again is not blocked."""
+def test_interrupted_import_leaves_no_samples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No sample is left that could be calibrated as complete, and the same import is accepted again."""
     with monkeypatch.context() as patched:
         cut_at(patched, completing, 2)
         assert main(words(tmp_path)) == 130
@@ -48,15 +48,15 @@ def test_an_import_that_is_cut_off_is_none(tmp_path: Path, monkeypatch: pytest.M
     assert len(read_recording(tmp_path / "cell").samples) == 4
 
 
-def test_an_import_fills_an_empty_recording(tmp_path: Path) -> None:
-    """Such as `new` makes."""
+def test_import_fills_an_empty_recording(tmp_path: Path) -> None:
+    """`new` makes such a recording."""
     assert main(["new", str(tmp_path / "cell"), "--target", "pose"]) == 0
     assert main(words(tmp_path)) == 0
     assert len(read_recording(tmp_path / "cell").samples) == 4
 
 
-def test_a_simulation_that_is_cut_off_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is left of it, and the same again is not blocked."""
+def test_interrupted_simulation_leaves_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No file is left, and the same simulation is accepted again."""
     with monkeypatch.context() as patched:
         cut_at(patched, recording_file, 3)
         assert main(["simulate", str(tmp_path / "cell"), "--samples", "5"]) == 130

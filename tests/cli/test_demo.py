@@ -1,4 +1,4 @@
-"""`basecal demo`, but for its running, which the tests of captures and the recipes have."""
+"""Tests of `basecal demo`, except its capture, which other tests run."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from basecal.geometry import SE3, PoseEstimate
 from export_example import BASE, CALIBRATION, CELL
 
 
-def test_the_true_error_is_in_the_answers_own_sigmas() -> None:
-    """A step of one sigma along one axis and of two about another is five squared sigmas."""
+def test_true_error_is_in_sigmas_of_the_answer() -> None:
+    """A step of one sigma along one axis and of two about another is a chi-square of five."""
     covariance = np.diag(np.array([1e-3, 2e-3, 1e-3, 1e-2, 1e-2, 2e-2]) ** 2)
     mean = SE3.from_rpy([0.3, -0.2, 1.0], [1.0, 2.0, 0.5])
     truth = mean @ SE3.exp(np.array([0, 2e-3, 0, 2e-2, 0, 0]))
@@ -30,8 +30,8 @@ def test_the_true_error_is_in_the_answers_own_sigmas() -> None:
     assert error["error_deg"] == pytest.approx(np.degrees(0.02))
 
 
-def test_a_cell_of_somebody_else_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Only what a demo made is made anew."""
+def test_cell_not_made_by_demo_is_unchanged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Only the result of a demo is replaced."""
     assert main(["new", str(tmp_path / "c")]) == 0
     text = (tmp_path / "c" / "cell.yaml").read_text()
     assert main(["demo", str(tmp_path / "c")]) == 3
@@ -39,8 +39,8 @@ def test_a_cell_of_somebody_else_is_left_alone(tmp_path: Path, capsys: pytest.Ca
     assert (tmp_path / "c" / "cell.yaml").read_text() == text
 
 
-def test_the_truth_is_compared_with_the_digits_of_sigma() -> None:
-    """And with the limit of chi-square in words."""
+def test_truth_is_printed_with_the_digits_of_sigma() -> None:
+    """The limit of chi-square is printed in words."""
     estimate = PoseEstimate(SE3.identity(), np.diag(np.array([1e-3, 2e-3, 1e-3, 1e-2, 1e-2, 2e-2]) ** 2))
     lines = _comparison(estimate, true_error(estimate, SE3.exp(np.array([0, 2e-3, 0, 0, 0, 0]))), "b").splitlines()
     assert lines[2].split() == ["true", "error", "0.0", "2.0", "0.0", "mm"]
@@ -51,10 +51,10 @@ def test_the_truth_is_compared_with_the_digits_of_sigma() -> None:
 
 
 @pytest.mark.parametrize(("words", "kind"), [([], "charuco"), (["--led"], "led")])
-def test_a_demo_shows_a_board_unless_a_led_is_asked_for(
+def test_demo_shows_a_board_unless_an_led_is_requested(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], kind: str
 ) -> None:
-    """The folder is marked as that of a demo, and files of an earlier one are removed before the arms start."""
+    """The folder is marked as a demo, and files of an earlier demo are removed before the arms start."""
 
     def refuse(folder: Path, target: str) -> None:
         assert (folder / ".made-by-basecal-demo").exists()
@@ -76,8 +76,8 @@ def test_a_demo_shows_a_board_unless_a_led_is_asked_for(
 
 
 @pytest.mark.parametrize(("off", "word"), [(16.7, "consistent"), (16.9, "inconsistent")])
-def test_an_error_in_one_of_a_hundred_is_inconsistent(off: float, word: str) -> None:
-    """By the squared sigmas of all six; sigmas are shown in millimetres and degrees."""
+def test_error_beyond_the_99_percent_limit_is_inconsistent(off: float, word: str) -> None:
+    """The chi-square of all six decides; sigmas are printed in millimetres and degrees."""
     estimate = PoseEstimate(SE3.identity(), np.diag(np.array([1e-3, 2e-3, 4e-3, 1e-2, 2e-2, 4e-2]) ** 2))
     error = true_error(estimate, SE3.exp(np.array([0, 0, 0, 0, 0, 4e-2 * np.sqrt(off)])))
     lines = _comparison(estimate, error, "b").splitlines()
@@ -90,7 +90,7 @@ def test_an_error_in_one_of_a_hundred_is_inconsistent(off: float, word: str) -> 
 
 
 def calibrated(monkeypatch: pytest.MonkeyPatch, transforms: dict[str, PoseEstimate]) -> list[object]:
-    """A demo whose arms, captures and calibrations are given: the calls of it, in order."""
+    """Demo with given arms, captures and calibrations; the calls in order."""
     calls: list[object] = []
 
     def calibrate(folder: Path, cell: object, settings: Settings) -> SimpleNamespace:
@@ -108,10 +108,10 @@ def calibrated(monkeypatch: pytest.MonkeyPatch, transforms: dict[str, PoseEstima
 
 
 @pytest.mark.parametrize("led", [False, True])
-def test_a_demo_compares_with_the_truth(
+def test_demo_compares_with_the_truth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], led: bool
 ) -> None:
-    """A board by maximum likelihood, a LED also by the closed form of the paper; programs get both errors."""
+    """A board by maximum likelihood, an LED also by the closed form of the paper; programs get both errors."""
     calls = calibrated(monkeypatch, dict(CALIBRATION.transforms))
     assert demo(tmp_path / "c", led=led, opens_page=True) == 0
     methods = ["axis-shift", "maximum-likelihood"] if led else ["maximum-likelihood"]
@@ -129,10 +129,10 @@ def test_a_demo_compares_with_the_truth(
     assert calls[-1] == "maximum-likelihood"
 
 
-def test_a_demo_without_a_base_has_no_error(
+def test_demo_without_a_base_has_no_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """If it was not estimated, nothing is compared."""
+    """If the base was not estimated, no comparison is printed."""
     calibrated(monkeypatch, {})
     demo(tmp_path / "c", led=True)
     assert "against the truth" not in capsys.readouterr().out
@@ -142,7 +142,7 @@ def test_a_demo_without_a_base_has_no_error(
 
 @pytest.mark.parametrize(("pattern", "count"), [("poses", 25), ("shifts", 35)])
 def test_samples_of_a_demo_are_printed(monkeypatch: pytest.MonkeyPatch, pattern: str, count: int) -> None:
-    """Each is a line, and none if a program reads."""
+    """Each sample is a line; no line is printed for programs."""
     asked, said = [], []
     monkeypatch.setattr("basecal.cli.capture.captured_steps", lambda *given: asked.append(given) or iter("ab"))
     monkeypatch.setattr("basecal.cli.capture_view.say_step", lambda *given: said.append(given))

@@ -1,4 +1,4 @@
-"""`basecal detect`: what is said of the images of a cell."""
+"""Tests of `basecal detect`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ targets:
 
 
 def line(number: int, with_image: bool, with_pixels: bool) -> str:
-    """A sample with an image, or with pixels recorded."""
+    """Sample with an image, or with recorded pixels."""
     pose = {"base_from_flange": {"t_m": [0, 0, number], "q_xyzw": [0, 0, 0, 1]}}
     sample: dict[str, object] = {"sample": number, "robots": {"eye": pose, "hand": pose}}
     if with_image:
@@ -51,10 +51,10 @@ def line(number: int, with_image: bool, with_pixels: bool) -> str:
         ([(False, False)] * 2, "nothing found in 0 images", 0),
     ],
 )
-def test_summary(
+def test_summary_counts_images_and_recorded_views(
     samples: list[tuple[bool, bool]], said: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Images count where a target is found in them, and views that were recorded without one by themselves."""
+    """Images count if a target is found in them; views recorded without an image are counted separately."""
     (tmp_path / "cell.yaml").write_text(CELL)
     write_png(tmp_path / "recording" / "images" / "0.png", scene(TARGETS["charuco"]))
     text = "".join(line(number, *kind) for number, kind in enumerate(samples))
@@ -65,8 +65,8 @@ def test_summary(
     assert last.startswith("next")
 
 
-def test_a_camera_without_a_lens_is_not_searched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It is named, with what to add; a search that did not take place is no success."""
+def test_camera_without_a_lens_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The message names the missing entry; a search that did not take place is no success."""
     (tmp_path / "cell.yaml").write_text(re.sub(r", intrinsics: \{[^}]*\}", "", CELL))
     write_png(tmp_path / "recording" / "images" / "0.png", scene(TARGETS["charuco"]))
     (tmp_path / "recording" / "samples.jsonl").write_text(line(0, True, False))

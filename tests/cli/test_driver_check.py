@@ -1,4 +1,4 @@
-"""`basecal driver check`, against arms that run in another process and streams that OpenCV reads."""
+"""Tests of `basecal driver check` with arms in another process and video streams read by OpenCV."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from shared.running_cell import running
 
 
 def checked(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, dict[str, tuple[str, bool | None]]]:
-    """The exit code, and what was measured of each promise."""
+    """Exit code and measured value of each promise."""
     code = main(["driver", "check", *words, "--json"])
     told = json.loads(capsys.readouterr().out)
     return code, {each["promise"]: (each["measured"], each["holds"]) for each in told["promises"]}
@@ -28,13 +28,13 @@ def checked(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, dict[
 
 @pytest.fixture
 def real_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Time of a simulated cell goes on as this machine's."""
+    """Let the time of a simulated cell follow this machine's clock."""
     monkeypatch.setattr(running_cell, "Clock", lambda speed: Clock(1.0))
 
 
 @pytest.mark.slow
-def test_a_sound_arm_keeps_its_promises(tmp_path: Path, capsys: pytest.CaptureFixture[str], real_time: None) -> None:
-    """A simulated arm gives at least 20 states in a second, stops within half a second, and nothing fails."""
+def test_correct_arm_keeps_its_promises(tmp_path: Path, capsys: pytest.CaptureFixture[str], real_time: None) -> None:
+    """A simulated arm sends at least 20 states a second, stops within half a second, and no promise fails."""
     with running(tmp_path):
         code, found = checked(capsys, str(tmp_path), "eye", "--go")
     assert code == 0, found
@@ -46,8 +46,8 @@ def test_a_sound_arm_keeps_its_promises(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 @pytest.mark.slow
-def test_a_clock_of_its_own_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Time that goes on faster than this machine's fails, and the exit code says so."""
+def test_deviating_clock_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A clock faster than this machine's fails, and the exit code shows it."""
     with running(tmp_path):
         code, found = checked(capsys, str(tmp_path), "eye")
     assert code == 1
@@ -56,8 +56,8 @@ def test_a_clock_of_its_own_is_found(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize(("holds", "code"), [([True, None], 0), ([], 0), ([True, False, None], 1)])
-def test_the_exit_code_says_whether_a_promise_failed(capsys, monkeypatch, holds, code) -> None:
-    """One that was not measured did not."""
+def test_exit_code_shows_a_failed_promise(capsys, monkeypatch, holds, code) -> None:
+    """A promise that was not measured has not failed."""
     promises = [Promise(f"promise {k}", "so", each) for k, each in enumerate(holds)]
     monkeypatch.setattr(check_process, "measure_promises", lambda check: promises)
     found, told = checked(capsys, "opencv", "--camera", "--option", "source=a.avi")
@@ -65,8 +65,8 @@ def test_the_exit_code_says_whether_a_promise_failed(capsys, monkeypatch, holds,
     assert [each for _, each in told.values()] == holds
 
 
-def test_a_file_of_a_video_is_no_live_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each of its images comes when it is asked for: there is no rate and no freshness to measure."""
+def test_video_file_is_no_live_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its images come on request: there is no rate and no freshness to measure."""
     path = tmp_path / "video.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30.0, (32, 24))
     for k in range(20):
@@ -87,8 +87,8 @@ def test_a_file_of_a_video_is_no_live_camera(tmp_path: Path, capsys: pytest.Capt
         (["{cell}", "eye", "--option", "port=1"], 2, "the cell states its own options"),
     ],
 )
-def test_what_it_refuses(tmp_path, capsys, words, code, message):
-    """Names that do not exist and options that do not fit are refused with those that do."""
+def test_unknown_names_and_options_are_refused(tmp_path, capsys, words, code, message):
+    """The message lists existing names and options."""
     if "{cell}" in words:
         with running(tmp_path):
             assert main(["driver", "check", *[str(tmp_path) if word == "{cell}" else word for word in words]]) == code
@@ -98,8 +98,8 @@ def test_what_it_refuses(tmp_path, capsys, words, code, message):
     assert message in capsys.readouterr().err
 
 
-def test_a_cell_that_is_captured_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing of it is opened while another process holds its folder."""
+def test_cell_in_use_is_not_opened(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No driver is opened while another process holds the folder."""
     with running(tmp_path), locked_folder(tmp_path):
         assert main(["driver", "check", str(tmp_path), "eye", "--go"]) == 3
     assert "is in use by another capture or driver check" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""The real recordings that ship as examples."""
+"""Tests of the shipped real recordings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DATA = Path(os.environ.get("BASECAL_DATA", ROOT.parent / "shared" / "data"))
 
 
 def calibrated(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> dict:
-    """The answer of `basecal calibrate --json` on a copy of an example."""
+    """Output of `basecal calibrate --json` on a copy of an example."""
     shutil.copytree(EXAMPLES / name, folder / name, ignore=shutil.ignore_patterns("runs"))
     main(["calibrate", str(folder / name), "--json"])
     return json.loads(capsys.readouterr().out)
@@ -30,9 +30,9 @@ def calibrated(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> d
 
 @pytest.mark.slow
 def test_two_ur5e(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With nothing known but the board, the base is within 10 mm and 0.4 deg of the published one, at 0.52 px.
+    """With only the board known, the base is within 10 mm and 0.4 deg of the published one, at 0.52 px.
 
-    0.3 deg were asked, which `benchmarks.real` says: the published base is that of robots taken for exact.
+    0.3 deg were required, as `benchmarks.real` reports: the published base assumes exact robots.
     """
     answer = calibrated("ur5e_dual", tmp_path, capsys)
     found = answer["transforms"]["eye_base_from_hand_base"]
@@ -44,7 +44,7 @@ def test_two_ur5e(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_camera_beside_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With a free lens the loops of a camera on the world close to 3.6 mm and 0.33 deg rms."""
+    """With a free lens, a camera on the world has pose consistency errors of 3.6 mm and 0.33 deg rms."""
     residuals = calibrated("rct_charuco", tmp_path, capsys)["residuals"]
     assert len(residuals["per_sample"]) == 15
     assert residuals["loop_rms_mm"] < 3.6
@@ -53,7 +53,7 @@ def test_camera_beside_a_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 @pytest.mark.parametrize(("name", "source"), [("ur5e_dual", "ur5e_dual_charuco_2023"), ("rct_charuco", "rct_charuco")])
 def test_recordings_can_be_made_again(name: str, source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`make.py` makes the shipped recording from the published files, to 1e-12 in every number."""
+    """`make.py` makes the shipped recording from the published files, to 1e-12 in each number."""
     if not (DATA / source).exists():
         pytest.skip(f"no {source} in {DATA}: set BASECAL_DATA to the folder of the published files")
     shutil.copytree(EXAMPLES / name, tmp_path / name, ignore=shutil.ignore_patterns("runs", "recording"))
@@ -74,5 +74,5 @@ def words(line: str) -> str:
 
 
 def numbers(line: str) -> list[float]:
-    """The numbers of a line."""
+    """Numbers of a line."""
     return [float(number) for number in NUMBER.findall(line)]

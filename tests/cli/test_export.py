@@ -1,4 +1,4 @@
-"""`export`: a calibration for other programs."""
+"""Tests of `export`."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ answers_alone = without_stages(screen_conventions, find_error_at_task)
 
 @pytest.fixture
 def off(tmp_path: Path) -> Path:
-    """A cell whose joints' zeros are off."""
+    """Cell with joint offsets."""
     folder = tmp_path / "off"
     assert main(["simulate", str(folder), "--joints", "--joint-offset-deg", "0.2"]) == 0
     return folder
 
 
-def test_a_corrected_urdf_stands_where_the_calibration_says(off: Path, tmp_path: Path) -> None:
-    """At recorded joints its flange is that of the cell's chain at joints with the offsets of calibration.json."""
+def test_corrected_urdf_agrees_with_the_calibration(off: Path, tmp_path: Path) -> None:
+    """At recorded joints its flange equals that of the cell's chain with the offsets of calibration.json."""
     cell = (off / "cell.yaml").read_text()
     freed = cell.replace(
         "flange_link: tool0}", "flange_link: tool0, joint_offsets: {status: prior, sigma_rad: 0.0035}}"
@@ -54,8 +54,8 @@ def test_a_corrected_urdf_stands_where_the_calibration_says(off: Path, tmp_path:
     np.testing.assert_allclose(corrected.matrix, chain.forward(joints + offsets).matrix, atol=1e-13)
 
 
-def test_it_says_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """No run yet, no such robot, no offsets in the run: one line each, exit code 3, nothing written."""
+def test_missing_input_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No run, an unknown robot, and a run without offsets cause one line each, exit code 3 and no file."""
     cell = str(tmp_path / "cell")
     assert main(["simulate", cell, "--joints", "--samples", "12"]) == 0
     words = ["export", cell, "-o", str(tmp_path / "x.urdf"), "--to", "urdf", "--robot"]
@@ -72,15 +72,15 @@ def test_it_says_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A calibrated cell."""
+    """Calibrated cell."""
     folder = tmp_path_factory.mktemp("solved") / "cell"
     assert main(["simulate", str(folder), "--samples", "20"]) == 0
     assert main(["calibrate", str(folder), "--robot-noise", "stated"]) == 0
     return folder
 
 
-def test_a_pose_is_printed_and_nothing_else(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """On stdout, the pose of calibration.json; each direction by its name, the format in capitals or not."""
+def test_only_the_pose_is_printed(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Stdout has the pose of calibration.json; each direction has its name, and formats ignore case."""
     run = latest_run(solved)
     assert run is not None
     mean = read_calibration(run)["eye_base_from_hand_base"].mean
@@ -95,7 +95,7 @@ def test_a_pose_is_printed_and_nothing_else(solved: Path, capsys: pytest.Capture
 
 
 def test_each_controller_has_its_own_line(solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without a kind: p[...] for the UR, $BASE for the KUKA, each with the frame that its poses were recorded in."""
+    """Without a kind: p[...] for the UR and $BASE for the KUKA, each in the frame of its recorded poses."""
     cell = tmp_path / "cell"
     shutil.copytree(solved, cell)
     known = read_cell(cell)
@@ -120,7 +120,7 @@ def test_each_controller_has_its_own_line(solved: Path, tmp_path: Path, capsys: 
 
 
 def test_any_two_frames_are_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of a ring of three, the pose of one base in another, neither the reference: in json with the joint covariance."""
+    """In a ring of three, the pose of one base in another, neither the reference: in json with the joint covariance."""
     made = simulate(Scenario(layout="ring", robots=3, samples=30, robot_noise=(1e-4, 1e-4)), 1)
     solution = solve(made.cell, made.recording, Settings(robot_noise="stated"))
     order = tuple(solution.transforms)
@@ -144,8 +144,8 @@ def test_any_two_frames_are_exported(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "there are: r1_base, r2_base" in said
 
 
-def test_a_run_is_chosen_by_its_name(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An older one too; one that is not there is an error that names those that are."""
+def test_run_is_chosen_by_name(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An older run can be chosen; for a missing run the error lists the existing ones."""
     run = latest_run(solved)
     assert run is not None
     assert main(["export", str(solved), "--to", "matrix", "--run", run.name]) == 0
@@ -154,8 +154,8 @@ def test_a_run_is_chosen_by_its_name(solved: Path, capsys: pytest.CaptureFixture
     assert run.name in capsys.readouterr().err
 
 
-def test_files_are_written_whole(solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With `-o` the text goes there, and where it went is said."""
+def test_output_file_is_written_and_reported(solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With `-o` the text is written to the file, and its path is printed."""
     out = tmp_path / "new" / "base.launch.py"
     assert main(["export", str(solved), "--to", "ros2", "-o", str(out)]) == 0
     assert f"written: {out}" in capsys.readouterr().out
@@ -164,16 +164,16 @@ def test_files_are_written_whole(solved: Path, tmp_path: Path, capsys: pytest.Ca
 
 
 def test_one_urdf_of_two_robots(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of the files given, one for each robot."""
+    """The URDF is made from the given files, one for each robot."""
     arm = str(Path(__file__).parents[1] / "data" / "urdf" / "six_axis.urdf")
     assert main(["export", str(solved), "--to", "urdf_cell", "--urdf", arm, arm]) == 0
     assert '<joint name="eye_base_to_hand_base" type="fixed">' in capsys.readouterr().out
 
 
-def test_what_is_doubtful_says_so_and_what_is_refused_is_kept(
+def test_doubtful_runs_have_a_comment_and_refused_runs_are_not_exported(
     solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In a comment and on stderr with code 0; nothing is written of what is refused, with code 4."""
+    """A comment and stderr report a doubtful run with code 0; no file is written for a refused one, with code 4."""
     cell = tmp_path / "cell"
     shutil.copytree(solved, cell)
     run = latest_run(cell)
@@ -196,14 +196,16 @@ def test_what_is_doubtful_says_so_and_what_is_refused_is_kept(
         (["--robot", "hand"], "without --to only --transform is accepted"),
     ],
 )
-def test_wrong_usage_is_said(words: list[str], said: str, solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A kind that is not there, an option of another kind, and no kind: code 2."""
+def test_wrong_usage_exits_with_code_2(
+    words: list[str], said: str, solved: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An unknown kind, an option of another kind, and no kind are wrong usage."""
     assert main(["export", str(solved), *words]) == 2
     assert said in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", EXPORTERS)
-def test_every_kind_is_told(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The help of the verb names every kind."""
+def test_help_names_every_kind(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The help of the verb names each kind."""
     main(["export", "--help"])
     assert f"{kind}: " in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""`basecal fix`."""
+"""Tests of `basecal fix`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from basecal.simulation import Scenario, SimulatedCell, simulate
 
 @pytest.fixture(scope="module")
 def inverted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, SimulatedCell]:
-    """A cell whose hand was recorded inverted."""
+    """Cell with inverted poses of the hand."""
     folder = tmp_path_factory.mktemp("inverted")
     made = simulate(Scenario(samples=12, robot_noise=(1e-4, 2e-4)), 5)
     samples = tuple(
@@ -32,7 +32,7 @@ def inverted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, SimulatedC
 
 
 def test_equal_fixes_need_a_choice(capsys: pytest.CaptureFixture[str]) -> None:
-    """Of cures that fit equally none is applied unasked; one that is alone is."""
+    """Of fixes that fit equally none is applied without a choice; a single fix is."""
     finding = Finding("robot-pose-inverted", "error", ("hand",), "Inverted, or carried otherwise.")
     equal = tuple(Cure(finding, words, Change(cell={("x",): 1}), is_choice=True) for words in ("One.", "Other."))
     with pytest.raises(UsageError, match="equally: check which is true, and add --choose 1 or --choose 2"):
@@ -48,10 +48,10 @@ def test_equal_fixes_need_a_choice(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.slow  # two calibrations with all their checks
-def test_a_diagnosis_is_fixed(inverted: tuple[Path, SimulatedCell], capsys: pytest.CaptureFixture[str]) -> None:
-    """The preview shows it, nothing changes without a word, and the answer is then that of the sound recording.
+def test_diagnosed_mistake_is_fixed(inverted: tuple[Path, SimulatedCell], capsys: pytest.CaptureFixture[str]) -> None:
+    """The preview shows the fix, and no file changes without confirmation.
 
-    It is judged by the tolerance and the place that `calibrate` was given.
+    The answer equals that of the correct recording. It is judged by the tolerance and the place given to `calibrate`.
     """
     folder, made = inverted
     assert main(["calibrate", str(folder), "--tolerance", "1um", "--task-point", "0.8", "0.1", "0.3"]) == 4

@@ -1,4 +1,4 @@
-"""What every import says at its end."""
+"""Tests of the output of imports."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MADE = simulate(Scenario(samples=12, target="pose"), 4)
 
 @dataclass(frozen=True)
 class Size:
-    """A group of options."""
+    """Group of options."""
 
     rows: int = 1
 
@@ -38,8 +38,8 @@ def poses(robot: str, count: int, scale: float = 1.0, is_strict: bool = True) ->
     return Imported(f"{robot}.csv", f"{count} poses", rows, cell, is_strict=is_strict, advice="try mm")
 
 
-def test_it_says_what_was_read_and_what_comes_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Source, pairing, what changed in the cell, and the next command, a line each."""
+def test_import_reports_source_pairing_and_next_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Source, pairing, changes of the cell, and the next command are a line each."""
     assert finish_import(tmp_path, poses("left", 3)) == 0
     first = capsys.readouterr().out.splitlines()
     assert first[0] == "read left.csv: 3 poses"
@@ -51,8 +51,8 @@ def test_it_says_what_was_read_and_what_comes_next(tmp_path: Path, capsys: pytes
     ]
 
 
-def test_a_single_new_sample_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A second view of a sample becomes one more, beside those that are completed."""
+def test_single_new_sample_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A second view of a sample becomes another sample, beside the completed ones."""
     finish_import(tmp_path, poses("left", 3))
     views = (PoseObservation("cam", "board", SE3.identity()),)
     cell = {"cameras": {"cam": {"on": "left"}}, "targets": {"board": {"on": "world"}}}
@@ -63,8 +63,8 @@ def test_a_single_new_sample_is_told(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert capsys.readouterr().out.splitlines()[-1].startswith(f"completed the 4 samples, 1 of them new, of {tmp_path}")
 
 
-def test_doubts_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What is implausible, and brought in nevertheless, is a warning with advice; so is what was left out."""
+def test_implausible_input_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Implausible input is imported with a warning and advice; omitted input is reported, too."""
     read = replace(poses("left", 3, 1000.0, is_strict=False), warnings=("photos: 2 files are left out",))
     assert finish_import(tmp_path / "c", read) == 0
     told = capsys.readouterr().err
@@ -73,15 +73,15 @@ def test_doubts_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert "warning: photos: 2 files are left out" in told
 
 
-def test_a_preview_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its notes are told, and no cell is made."""
+def test_preview_writes_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Notes are printed, and no cell is made."""
     assert finish_import(tmp_path / "c", replace(poses("left", 3), notes=("3 topics",), is_preview=True)) == 0
     assert capsys.readouterr().out == "3 topics\n"
     assert not (tmp_path / "c").exists()
 
 
-def test_a_verb_has_the_options_of_its_importer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each parameter is an option, but what counts; words, several words and a group of options arrive as such."""
+def test_verb_has_the_options_of_its_importer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each parameter is an option, except the progress; words, several words and groups of options arrive unchanged."""
     given: list[object] = []
 
     def read(
@@ -105,12 +105,15 @@ def test_a_verb_has_the_options_of_its_importer(tmp_path: Path, capsys: pytest.C
 
 
 def test_every_importer_is_a_verb() -> None:
-    """None is left out."""
+    """No importer is missing."""
     assert set(IMPORTERS) <= {*import_app()}
 
 
-def test_a_file_may_stand_in_for_what_is_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without --replace it is refused and says so; with it the new poses are there, and the old ones are kept."""
+def test_file_replaces_recorded_poses_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without --replace the file is refused with that advice.
+
+    With it the new poses are recorded, and the old ones are kept.
+    """
     assert finish_import(tmp_path, poses("left", 3)) == 0
     journal = tmp_path / "recording" / "samples.jsonl"
     before = journal.read_bytes()
@@ -134,31 +137,31 @@ def said(
     return is_wrong, streams.out, streams.err
 
 
-def test_it_says_that_they_hold(capsys: pytest.CaptureFixture[str]) -> None:
-    """One line with the error by which."""
+def test_confirmed_conventions_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
+    """One line has the error by which the conventions are confirmed."""
     is_wrong, out, err = said(MADE.recording, capsys)
     assert (is_wrong, err) == (False, "")
     assert out.startswith("conventions hold: each of 12 views is predicted by the others to ")
     assert out.count("\n") == 1
 
 
-def test_it_says_what_does_not(capsys: pytest.CaptureFixture[str]) -> None:
-    """The finding stands in a warning, with the fix."""
+def test_contradicted_convention_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
+    """The finding is a warning with the fix."""
     is_wrong, out, err = said(with_robots(MADE.recording, {"hand": inverted}), capsys)
     assert (is_wrong, out) == (True, "")
     assert "warning: robot-pose-inverted, by 12 views: The poses of hand are inverted" in err
     assert "or invert the poses. Or let `basecal fix .` do so." in err
 
 
-def test_it_says_that_nothing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    """Of too few views."""
+def test_undecided_conventions_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
+    """Too few views do not decide on the conventions."""
     is_wrong, out, _ = said(Recording(MADE.recording.samples[:3]), capsys)
     expected = "conventions are not determined by 3 views: 5 with the robots' poses are needed\n"
     assert (is_wrong, out) == (False, expected)
 
 
-def test_images_are_searched_and_kept(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """What is found in images serves the calibration that follows."""
+def test_detections_are_kept_for_calibration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """Detections in imported images serve the next calibration."""
     made = cell(samples=6, seed=3)
     recording = render_recording(made, tmp_path)
     is_wrong, out, _ = said(recording, capsys, made.cell, tmp_path)

@@ -1,4 +1,4 @@
-"""Links in a cell: nothing outside it is written, and nothing is read from where its own files lead out."""
+"""Tests of symbolic links in a cell: no file outside is written, and none is read through the cell's own files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ answers_alone = without_stages(screen_conventions, find_error_at_task)
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A cell with a run."""
+    """Cell with a run."""
     folder = tmp_path_factory.mktemp("made") / "cell"
     assert main(["simulate", str(folder), "--samples", "4", "--target", "pose"]) == 0
     assert main(["calibrate", str(folder)]) in (0, 1)
@@ -33,7 +33,7 @@ def cell(made: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def outside(tmp_path: Path) -> Path:
-    """A folder whose file must stay as it is."""
+    """Folder with a file that must not change."""
     folder = tmp_path / "outside"
     folder.mkdir()
     (folder / "victim").write_text("mine")
@@ -44,14 +44,14 @@ def outside(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("name", [".report.html.part", "report.html", "report.txt"])
 def test_links_in_a_run_are_not_followed(cell: Path, outside: Path, name: str) -> None:
-    """A file of a run, or of what was once written beside it, that leads out of the cell."""
+    """A file of a run, or of an earlier output beside it, that links outside the cell is not written."""
     link = latest_run(cell) / name
     link.unlink(missing_ok=True)
     link.symlink_to(outside / "victim")
     assert main(["report", str(cell)]) in (0, 1)
 
 
-def test_runs_that_lead_out_are_refused(cell: Path, outside: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_linked_runs_folder_is_refused(cell: Path, outside: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`calibrate` writes no run through a link."""
     (cell / "runs").rename(cell / "old")
     (cell / "runs").symlink_to(outside)
@@ -59,7 +59,7 @@ def test_runs_that_lead_out_are_refused(cell: Path, outside: Path, capsys: pytes
     assert "runs is a link, and files are written only inside the cell" in capsys.readouterr().err
 
 
-def test_a_run_that_leads_out_gets_no_page(cell: Path, outside: Path, tmp_path: Path) -> None:
+def test_linked_run_gets_no_page(cell: Path, outside: Path, tmp_path: Path) -> None:
     """`report` writes no page through a link."""
     run = latest_run(cell)
     elsewhere = run.rename(tmp_path / "elsewhere")
@@ -70,8 +70,10 @@ def test_a_run_that_leads_out_gets_no_page(cell: Path, outside: Path, tmp_path: 
 
 
 @pytest.mark.parametrize("name", ["cell.yaml", "recording/samples.jsonl", "recording"])
-def test_own_files_do_not_lead_out(cell: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The cell and its recording are read from the cell."""
+def test_cell_and_recording_are_read_from_the_cell(
+    cell: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Links of these files to the outside are refused."""
     elsewhere = (cell / name).rename(tmp_path / "elsewhere")
     (cell / name).symlink_to(elsewhere)
     capsys.readouterr()
@@ -80,7 +82,7 @@ def test_own_files_do_not_lead_out(cell: Path, tmp_path: Path, name: str, capsys
 
 
 def test_samples_are_not_appended_through_a_link(cell: Path, outside: Path) -> None:
-    """Not to a file elsewhere."""
+    """No file outside is appended to."""
     sample = read_recording(cell).samples[0]
     journal = cell / "recording" / "samples.jsonl"
     journal.unlink()
@@ -90,7 +92,7 @@ def test_samples_are_not_appended_through_a_link(cell: Path, outside: Path) -> N
 
 
 def test_new_does_not_write_through_a_link(tmp_path: Path, outside: Path) -> None:
-    """A cell.yaml that leads nowhere yet is one that is there."""
+    """A dangling link cell.yaml counts as an existing file."""
     folder = tmp_path / "fresh"
     folder.mkdir()
     (folder / "cell.yaml").symlink_to(outside / "new")

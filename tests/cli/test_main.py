@@ -1,4 +1,4 @@
-"""The edge of the command line: what ends a command besides its answer."""
+"""Tests of the command line's errors, interrupts and exit codes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from basecal.__main__ import run
 from basecal.cli import main
 
 
-def test_a_bug_is_one_line_and_a_file(
+def test_internal_error_is_one_line_and_a_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An exception that is none of ours is exit code 70, and the line says where its traceback is."""
+    """A foreign exception causes exit code 70, and the line names the file of its traceback."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.setattr("basecal.cell.files.read_cell", lambda folder: 1 / 0)
     assert main(["calibrate", "x"]) == 70
@@ -32,20 +32,20 @@ def test_a_bug_is_one_line_and_a_file(
     assert "Traceback (most recent call last):" in written.read_text()
 
 
-def test_a_bug_without_room_for_its_traceback(
+def test_internal_error_without_disk_space_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It is said that nothing could be written, in one line too."""
+    """The line says that no traceback could be written."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
     monkeypatch.setattr("basecal.cell.files.read_cell", lambda folder: 1 / 0)
     assert main(["calibrate", "x"]) == 70
     assert "could not be written" in capsys.readouterr().err
 
 
-def test_an_interrupt_is_one_line(
+def test_interrupt_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Ctrl-C while a verb works, and while what it needs is still imported."""
+    """Ctrl-C is one line while a verb works, and during its imports."""
 
     def interrupted(*_args: object) -> None:
         raise KeyboardInterrupt
@@ -84,14 +84,14 @@ sys.exit(code)
 """
 
 
-def test_a_command_is_not_searched_for_cycles() -> None:
-    """Neither while it loads modules nor as it ends: what they make stays, and to search it takes as long as NumPy."""
+def test_garbage_collection_is_off_during_commands() -> None:
+    """Neither imports nor the exit are searched for cycles: a search takes as long as importing NumPy."""
     found = subprocess.run([sys.executable, "-c", _IS_SEARCHED], capture_output=True, text=True, timeout=60)
     assert (found.returncode, found.stdout, found.stderr) == (3, "0 searches 0 frozen\nTrue\n", "")
 
 
 def _cpu_s(pid: int) -> float:
-    """Time of a process on the processors [s]."""
+    """CPU time of a process [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -120,8 +120,8 @@ sys.exit(run())
 """
 
 
-def test_a_thread_within_a_library_leaves_the_exit_code() -> None:
-    """A camera's thread decodes an image as the program ends: its answer and exit code are still those of the verb."""
+def test_library_thread_does_not_change_the_exit_code() -> None:
+    """If a camera's thread decodes an image at exit, answer and exit code are still those of the verb."""
     found = subprocess.run([sys.executable, "-c", _THREAD_IN_A_LIBRARY], capture_output=True, text=True, timeout=60)
     assert (found.returncode, found.stdout, found.stderr) == (3, "answer\n", "")
 
@@ -151,8 +151,8 @@ sys.exit(run())
 """
 
 
-def test_a_thread_that_decodes_hides_no_words(tmp_path: Path) -> None:
-    """A camera's thread catches what its decoder says as the program ends: why it ended is still said."""
+def test_decoding_thread_hides_no_error_message(tmp_path: Path) -> None:
+    """If a camera's thread captures the decoder's output at exit, the reason of the end is still printed."""
     missing = str(tmp_path / "missing")
     program = [sys.executable, "-c", _THREAD_THAT_DECODES, missing]
     found = subprocess.run(program, capture_output=True, text=True, timeout=60)
@@ -162,8 +162,8 @@ def test_a_thread_that_decodes_hides_no_words(tmp_path: Path) -> None:
 
 
 @pytest.mark.journey
-def test_an_interrupted_process(tmp_path: Path) -> None:
-    """It ends with 130 and one line, and leaves nothing half written."""
+def test_interrupted_process_exits_with_code_130(tmp_path: Path) -> None:
+    """It prints one line, and leaves no partial file."""
     words = [sys.executable, "-m", "basecal", "simulate", str(tmp_path / "cell"), "--samples", "100000"]
     process = subprocess.Popen(
         words,
@@ -181,8 +181,8 @@ def test_an_interrupted_process(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_whose_name_is_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A name that is not UTF-8 is calibrated like any other, and its page shows what can be shown of it."""
+def test_folder_name_that_is_not_utf_8_is_accepted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The cell is calibrated like any other, and its page shows the printable part of the name."""
     folder = tmp_path / "cell"
     assert main(["simulate", str(folder), "--samples", "6", "--target", "pose"]) == 0
     named = os.fsdecode(os.fsencode(tmp_path) + b"/bad\xff")
@@ -192,8 +192,8 @@ def test_a_folder_whose_name_is_no_text(tmp_path: Path, capsys: pytest.CaptureFi
     assert "bad\ufffd" in page.read_text(encoding="utf-8")
 
 
-def test_a_message_quotes_no_more_than_fits(capsys: pytest.CaptureFixture[str]) -> None:
-    """A word of 20 kB is cut in its middle: the line keeps what is wrong at its start and the advice at its end."""
+def test_long_quotes_in_messages_are_shortened(capsys: pytest.CaptureFixture[str]) -> None:
+    """A word of 20 kB is cut in the middle: the line keeps the problem at its start and the advice at its end."""
     assert main(["calibrate", "x", "--method", "y" * 20_000]) == 2
     said = capsys.readouterr().err
     assert said.startswith("basecal: error: ")

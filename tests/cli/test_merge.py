@@ -1,4 +1,4 @@
-"""`basecal merge`: two recordings made apart calibrate as one."""
+"""Tests of `basecal merge`: two separate recordings calibrate as one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from basecal.cli.merge import merge
 
 
 def test_two_simulated_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two recordings of one cell are one of both, and it says what came from where."""
+    """Two recordings of one cell are merged, and the output names the source of each sample."""
     for name in ("a", "b"):
         assert main(["simulate", str(tmp_path / name), "--samples", "6", "--target", "pose", "--seed", "3"]) == 0
     capsys.readouterr()
@@ -26,13 +26,13 @@ def test_two_simulated_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_one_cell_is_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two are needed."""
+    """Two cells are required."""
     assert main(["merge", str(tmp_path), "-o", str(tmp_path / "c")]) == 2
     assert "give two cells or more" in capsys.readouterr().err
 
 
-def test_what_was_left_out_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of each part, with the robots of its samples in their order; a part may have none."""
+def test_omitted_samples_are_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """For each part, the omitted samples are listed with their robots in order; a part may have none."""
     finding = Finding("duplicate-sample", "warning", (), "Sample 3 is there twice.")
     first = Recording((Sample(0, robots={"b": RobotState()}), Sample(1, robots={"a": RobotState(), "b": RobotState()})))
     parts = [

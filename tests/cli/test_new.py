@@ -1,4 +1,4 @@
-"""`basecal new`."""
+"""Tests of `basecal new`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
 
 
-def test_a_cell_and_an_empty_recording_are_made(tmp_path, capsys):
-    """The answer says both paths, and what comes next, ready to paste."""
+def test_cell_and_empty_recording_are_made(tmp_path, capsys):
+    """The output has both paths and the next command, ready to paste."""
     folder = tmp_path / "my cell"
     assert main(["new", str(folder), "--robots", "1", "--target", "led"]) == 0
     told = capsys.readouterr().out
@@ -20,7 +20,7 @@ def test_a_cell_and_an_empty_recording_are_made(tmp_path, capsys):
     assert (folder / "recording" / "samples.jsonl").read_bytes() == b""
 
 
-def test_samples_that_are_there_stay(tmp_path):
+def test_existing_samples_stay(tmp_path):
     """A recording without a cell is completed."""
     samples = tmp_path / "recording" / "samples.jsonl"
     samples.parent.mkdir()
@@ -29,8 +29,8 @@ def test_samples_that_are_there_stay(tmp_path):
     assert samples.read_text() == '{"sample": 1}\n'
 
 
-def test_an_existing_cell_stays(tmp_path, capsys):
-    """It is named, nothing of it changes, and no recording is begun."""
+def test_existing_cell_is_unchanged(tmp_path, capsys):
+    """The output names it, it is unchanged, and no recording is made."""
     (tmp_path / "cell.yaml").write_text("mine")
     assert main(["new", str(tmp_path)]) == 3
     assert "cell.yaml" in capsys.readouterr().err
@@ -40,7 +40,7 @@ def test_an_existing_cell_stays(tmp_path, capsys):
 
 @pytest.mark.parametrize("robots", ["0", "10"])
 def test_one_to_nine_robots(tmp_path, robots):
-    """Others are wrong usage."""
+    """Other numbers are wrong usage."""
     assert main(["new", str(tmp_path / "c"), "--robots", robots]) == 2
     assert main(["new", str(tmp_path / "c"), "--robots", "9"]) == 0
     assert len(read_cell(tmp_path / "c").robots) == 9
@@ -48,15 +48,15 @@ def test_one_to_nine_robots(tmp_path, robots):
 
 
 def test_dictionaries_have_the_markers_of_a_board(tmp_path):
-    """Of each board, the first as the others, the smallest that has enough; none is another's beginning."""
+    """Each board has the smallest dictionary with enough markers; none is the beginning of another's."""
     words = ["--robots", "3", "--squares", "10x14", "--square", "24mm"]
     assert main(["new", str(tmp_path / "c"), *words]) == 0
     targets = read_cell(tmp_path / "c").targets.values()
     assert [each.target.options["dictionary"] for each in targets] == ["DICT_4X4_100", "DICT_5X5_100"]
 
 
-def test_targets_of_several_robots_are_told_apart(tmp_path, capsys):
-    """By their dictionaries, the one that is asked for being the first; where a kind has no marks it is said."""
+def test_targets_of_several_robots_have_different_dictionaries(tmp_path, capsys):
+    """The first has the requested dictionary; a kind without markers is reported."""
     words = ["--robots", "4", "--squares", "5x7", "--square", "40mm", "--dictionary", "DICT_6X6_50"]
     assert main(["new", str(tmp_path / "c"), *words]) == 0
     targets = read_cell(tmp_path / "c").targets.values()

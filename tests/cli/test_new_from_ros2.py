@@ -1,4 +1,4 @@
-"""`basecal new CELL --from ros2`."""
+"""Tests of `basecal new CELL --from ros2`."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from shared.ros2_domain import ros2
 
 
 @pytest.mark.journey
-def test_a_cell_of_what_runs(tmp_path, capsys):
-    """It has the robot with its URDF, the camera with its lens, and drivers with which it can be captured at once."""
+def test_cell_is_made_from_running_nodes(tmp_path, capsys):
+    """It has the robot with its URDF, the camera with its lens, and drivers that can capture at once."""
     with ros2(100, 30, 320, 240) as process:
         domain = process.domain
         words = ["new", str(tmp_path / "c"), "--from", "ros2", "--domain", str(domain), "--target", "led"]
@@ -38,8 +38,8 @@ def test_a_cell_of_what_runs(tmp_path, capsys):
     assert cell.targets["target"].on == "world"
 
 
-def test_what_does_not_go_together(tmp_path, capsys):
-    """Names are those of what runs; options of --from alone are refused without it."""
+def test_contradictory_options_are_refused(tmp_path, capsys):
+    """Names are those of running nodes; options of --from are refused without it."""
     assert main(["new", str(tmp_path / "c"), "--from", "ros2", "--robots", "2"]) == 2
     assert main(["new", str(tmp_path / "c"), "--domain", "3"]) == 2
     assert not (tmp_path / "c").exists()
@@ -47,8 +47,8 @@ def test_what_does_not_go_together(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("domain", [None, 0, 3])
-def test_drivers_listen_to_what_was_chosen(domain):
-    """Robots to frames or a topic, cameras to their topic, in the domain if one is given; further bases are free."""
+def test_drivers_listen_to_the_chosen_topics(domain):
+    """Robots listen to frames or a topic, cameras to their topic, in the given domain; further bases are free."""
     data = {"reference": "a", "robots": {"a": {"urdf": "a.urdf"}}, "cameras": {"eye": {"on": "a"}}}
     robots = {"a": ByFrames("base", "tool"), "b": ByPoses("/b/pose")}
     where = {} if domain is None else {"domain": domain}
@@ -65,8 +65,8 @@ def test_drivers_listen_to_what_was_chosen(domain):
 
 
 @pytest.mark.parametrize(("robots", "on"), [(["a"], "world"), (["a", "b"], "b"), (["b", "a", "c"], "b")])
-def test_a_target_is_where_the_first_camera_is_not(robots, on):
-    """On another robot than the camera, or on the world; one target for all cameras, none without a camera."""
+def test_target_is_not_on_the_first_cameras_carrier(robots, on):
+    """It is on another robot than the camera, or on the world; one target serves all cameras, none without a camera."""
     data = {"robots": dict.fromkeys(robots), "cameras": {"eye": {"on": "a"}, "other": {"on": robots[-1]}}}
     _add_target(data, None, "charuco")
     assert list(data["targets"]) == ["target"]

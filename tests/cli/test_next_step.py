@@ -1,4 +1,4 @@
-"""What is missing before a cell can be calibrated."""
+"""Tests of the advice on the next step before a calibration."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def without(**fields: object) -> Recording:
     return Recording(tuple(replace(sample, **fields) for sample in MADE.recording.samples))  # type: ignore[arg-type]
 
 
-def test_one_thing_after_the_other(tmp_path: Path) -> None:
-    """Robots, then images, then a target; nothing where all is there."""
+def test_missing_parts_are_named_in_order(tmp_path: Path) -> None:
+    """Robots come first, then images, then a target; a complete cell has no advice."""
     assert step(tmp_path) == ""
     silent = without(robots={})
     assert step(tmp_path, recording=silent).startswith("next, poses of eye, hand: basecal import poses ")
@@ -46,8 +46,8 @@ def test_one_thing_after_the_other(tmp_path: Path) -> None:
     assert "--camera NAME --on ROBOT" in step(tmp_path, replace(MADE.cell, cameras={}))
 
 
-def test_an_arm_that_stood_still(tmp_path: Path) -> None:
-    """Samples of a session without the arm that carries what they show are named."""
+def test_samples_without_the_carrying_arm_are_named(tmp_path: Path) -> None:
+    """Samples of a session lack the arm that carries the observed target."""
     later = [
         replace(each, sample=each.sample + 3, robots={"eye": each.robots["eye"]}) for each in MADE.recording.samples
     ]
@@ -72,8 +72,8 @@ def test_an_arm_that_stood_still(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_another_arm_comes_by_the_importer_of_the_first(importer: str, urdf: str | None, command: str) -> None:
-    """Or as `cell.yaml` describes it: an arm with a URDF is recorded by joints."""
+def test_advice_uses_the_importer_of_the_first_arm(importer: str, urdf: str | None, command: str) -> None:
+    """Or the description in `cell.yaml`: an arm with a URDF is recorded by joints."""
     cell = replace(MADE.cell, robots={**MADE.cell.robots, "eye": replace(MADE.cell.robots["eye"], urdf=urdf)})
     without_eye = Recording(
         tuple(replace(each, robots={"hand": each.robots["hand"]}) for each in MADE.recording.samples)
@@ -87,22 +87,22 @@ def test_another_arm_comes_by_the_importer_of_the_first(importer: str, urdf: str
     assert told == f"next, the states of eye in samples 3 to 5: basecal import {command}{still}"
 
 
-def test_images_that_were_dropped_in_are_seen(tmp_path: Path) -> None:
-    """They have the place where they would be copied to, and are imported from there."""
+def test_images_in_the_folder_of_the_cell_are_found(tmp_path: Path) -> None:
+    """They are where they would be copied to, and are imported from there."""
     dropped = tmp_path / "recording" / "images" / "wrist"
     dropped.mkdir(parents=True)
     (dropped / "1.PNG").touch()
     assert f" {dropped} --camera wrist" in step(tmp_path, recording=without(observations=()))
 
 
-def test_a_robot_that_carries_nothing(tmp_path: Path) -> None:
-    """Its base cannot be found."""
+def test_robot_without_camera_or_target_is_reported(tmp_path: Path) -> None:
+    """Its base is unobservable."""
     targets = {name: replace(each, on="world") for name, each in MADE.cell.targets.items()}
     assert step(tmp_path, replace(MADE.cell, targets=targets)).startswith("next, what hand carries: ")
 
 
-def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
-    """A cell that was just made is refused with the command that goes on."""
+def test_calibrate_prints_the_next_command(tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
+    """A new cell is refused with the command that continues."""
     assert main(["new", str(tmp_path / "c")]) == 0
     assert "next, poses of eye, hand: basecal import poses" in capsys.readouterr().out
     assert main(["calibrate", str(tmp_path / "c")]) == 4
@@ -152,12 +152,12 @@ def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[
     ],
 )
 def test_each_verdict_has_a_command(calibration: Calibration, command: str) -> None:
-    """To use the answer, to plan more, or to fix what is wrong."""
+    """The command uses the answer, plans more samples, or fixes the problem."""
     assert next_command(MADE.cell, calibration, Path("cell")) == command
 
 
-def test_a_scene_is_led_to(tmp_path: Path) -> None:
-    """No plan is made of a scene: more samples are those that a person leads the arms to."""
+def test_scene_needs_hand_guided_samples(tmp_path: Path) -> None:
+    """No plan is made for a scene: a person guides the arms to further samples."""
     driver = Driver("manual")
     robots = {name: replace(each, driver=driver) for name, each in MADE.cell.robots.items()}
     cameras = {name: replace(each, driver=driver) for name, each in MADE.cell.cameras.items()}
@@ -171,14 +171,14 @@ def test_a_scene_is_led_to(tmp_path: Path) -> None:
 
 
 def test_findings_name_the_cell() -> None:
-    """As one word of a shell, whatever the folder is called."""
+    """The folder's name is one word of a shell, whatever its characters."""
     finding = Finding("x", "warning", (), "Wrong.", ("Or let `basecal fix CELL` do so.",))
     (named,) = fill_in_commands(Calibration("doubtful", findings=(finding,)), Path("my cell")).findings
     assert named.message == "Wrong. Or let `basecal fix 'my cell'` do so."
 
 
-def test_a_capture_needs_a_driver_of_each() -> None:
-    """Robots and cameras; a cell without any has none to reach."""
+def test_capture_needs_all_drivers() -> None:
+    """Robots and cameras need drivers; a cell without any cannot be captured."""
     driver = Driver("manual")
     robots = {name: replace(each, driver=driver) for name, each in MADE.cell.robots.items()}
     cameras = {name: replace(each, driver=driver) for name, each in MADE.cell.cameras.items()}
@@ -188,16 +188,16 @@ def test_a_capture_needs_a_driver_of_each() -> None:
     assert not has_drivers(replace(MADE.cell, robots={**robots, "eye": MADE.cell.robots["eye"]}, cameras=cameras))
 
 
-def test_a_scene_is_captured_by_hand() -> None:
-    """Where it is seen, or where no target is; a target alone is planned for."""
+def test_scene_is_captured_by_hand() -> None:
+    """A scene that is seen, or a cell without a target, is captured by hand; a single target is planned for."""
     folder = Path("my cell")
     assert capture_command(MADE.cell, folder) == "basecal capture 'my cell'"
     for cell in (replace(MADE.cell, sees_scene=True), replace(MADE.cell, targets={})):
         assert capture_command(cell, folder) == "basecal capture 'my cell' --freedrive"
 
 
-def test_a_lens_is_missed_where_images_are() -> None:
-    """Of cameras without any, those that have images; points in metres need none."""
+def test_missing_lens_is_reported_for_cameras_with_images() -> None:
+    """Cameras without a lens that have images are reported; points in metres need none."""
     cameras = {name: replace(each, intrinsics=None) for name, each in MADE.cell.cameras.items()}
     blind = replace(MADE.cell, cameras=cameras)
     shown = without(images={"wrist": "a.png"})
@@ -209,7 +209,7 @@ def test_a_lens_is_missed_where_images_are() -> None:
 
 
 def test_samples_without_any_robot_are_not_missed() -> None:
-    """Nor is the only robot of a cell; the first and the last sample of a robot are named."""
+    """Nor are those of a cell's only robot; the first and last sample of a robot are named."""
     bare = [replace(each, sample=each.sample + 3, robots={}) for each in MADE.recording.samples]
     assert next_step(MADE.cell, Recording((*MADE.recording.samples, *bare)), Path("c")) is None
     alone = simulate(Scenario(samples=3, layout="eye_in_hand"), 0)
@@ -217,15 +217,15 @@ def test_samples_without_any_robot_are_not_missed() -> None:
     assert next_step(alone.cell, Recording((*alone.recording.samples, *still)), Path("c")) is None
 
 
-def test_images_beside_other_files_are_seen(tmp_path: Path) -> None:
-    """A folder of notes alone is none of images."""
+def test_images_beside_other_files_are_found(tmp_path: Path) -> None:
+    """A folder that holds only notes has no images."""
     dropped = tmp_path / "recording" / "images" / "wrist"
     dropped.mkdir(parents=True)
     (dropped / "notes.txt").touch()
     assert " DIR --camera wrist" in step(tmp_path, recording=without(observations=()))
 
 
-def test_a_single_arm_has_no_other_that_stood_still(tmp_path: Path) -> None:
+def test_single_arm_has_no_missing_arm(tmp_path: Path) -> None:
     """A sample of its camera without its pose is no session of another arm."""
     cell = replace(MADE.cell, robots={"eye": MADE.cell.robots["eye"]}, bases={}, targets={})
     target = replace(MADE.cell.targets["board"], on="world")
