@@ -1,4 +1,4 @@
-"""Options that several verbs take alike."""
+"""Tests of options that several verbs share."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ BOX = (0.6, -0.2, 0.1, 1.0, 0.2, 0.5)
         (["plan", "CELL", "--samples", "1001"], "1000"),
     ],
 )
-def test_a_number_out_of_range_is_wrong_usage(
+def test_number_out_of_range_is_wrong_usage(
     tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The limit is named, and nothing is written."""
+    """The message names the limit, and no file is written."""
     assert main([str(tmp_path / "c") if word == "CELL" else word for word in words]) == 2
     assert said in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_point_or_a_box():
-    """A box counts by its middle first, then by its corners."""
+def test_place_is_a_point_or_a_box():
+    """A box is represented by its centre first, then by its corners."""
     assert task_points((1.0, 2.0, 3.0), None) == [(1.0, 2.0, 3.0)]
     points = task_points(None, BOX)
     assert points[0] == pytest.approx((0.8, 0.0, 0.3))
@@ -44,20 +44,20 @@ def test_a_point_or_a_box():
 
 
 @pytest.mark.parametrize(("point", "box"), [(None, None), ((1.0, 2.0, 3.0), BOX)])
-def test_neither_and_both_are_refused(point, box):
+def test_neither_point_nor_box_and_both_are_refused(point, box):
     with pytest.raises(UsageError, match="either --task-point x y z or --task-box"):
         task_points(point, box)
 
 
-def test_a_box_of_no_volume_is_refused():
-    """Before anything is read: no sample is inside."""
+def test_box_without_volume_is_refused():
+    """It is refused before any file is read: no sample is inside."""
     with pytest.raises(InputError, match="differ in x, in y and in z"):
         task_points(None, (0.6, -0.2, 0.1, 1.0, 0.2, 0.1))
 
 
 @pytest.mark.parametrize(("kind", "most"), [(Seed, 2**63 - 1), (Port, 65535), (Domain, 232)])
-def test_numbers_up_to_their_limits_are_taken(kind: Any, most: int) -> None:
-    """From zero."""
+def test_numbers_up_to_their_limits_are_accepted(kind: Any, most: int) -> None:
+    """The range begins at zero."""
     _, parameter = get_args(kind)
     (check,) = parameter.validator
     for number in (0, 1, most):

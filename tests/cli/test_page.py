@@ -1,4 +1,4 @@
-"""`report.html` of a run: when it is written, and from what."""
+"""Tests of `report.html` of a run: when it is written, and from which files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ no_conventions = without_stages(screen_conventions)
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated cell that has been calibrated."""
+    """Calibrated simulated cell."""
     folder = tmp_path_factory.mktemp("page") / "cell"
     main(["simulate", str(folder), "--samples", "12", "--robot-noise-mm", "0.1", "--robot-noise-mrad", "0.2"])
     main(["calibrate", str(folder)])
@@ -29,7 +29,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def calibrated(made: Path, tmp_path: Path) -> Path:
-    """A copy of it, to be changed."""
+    """Copy of the calibrated cell, for changes."""
     return copytree(made, tmp_path / "cell")
 
 
@@ -40,7 +40,7 @@ def page_of(folder: Path) -> Path:
 
 
 def test_stored_run_gives_the_same_page(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The page that `report` makes of the stored files is, letter for letter, the one that `calibrate` wrote."""
+    """`report` makes the same page from the stored files as `calibrate`, to the letter."""
     path = page_of(calibrated)
     fresh = path.read_text(encoding="utf-8")
     path.unlink()
@@ -54,8 +54,8 @@ def test_stored_run_gives_the_same_page(calibrated: Path, capsys: pytest.Capture
     assert str(calibrated.parent) not in fresh
 
 
-def test_a_page_belongs_to_its_own_run(calibrated: Path) -> None:
-    """A second calibration writes its page beside its own answer, and `report` that of the run written last."""
+def test_page_belongs_to_its_run(calibrated: Path) -> None:
+    """A second calibration writes its page beside its own answer, and `report` that of the latest run."""
     first = page_of(calibrated)
     kept = first.read_bytes()
     main(["calibrate", str(calibrated)])
@@ -68,8 +68,8 @@ def test_a_page_belongs_to_its_own_run(calibrated: Path) -> None:
     assert first.parent.name not in second.read_text(encoding="utf-8").replace(second.parent.name, "")
 
 
-def test_changed_inputs_are_said(calibrated: Path) -> None:
-    """Where a file changed after the run, the page says which and shows no residuals of single points."""
+def test_changed_inputs_are_reported(calibrated: Path) -> None:
+    """If a file changed after the run, the page names it and shows no residuals of single points."""
     with (calibrated / "cell.yaml").open("a") as file:
         file.write("# another comment\n")
     main(["report", str(calibrated)])
@@ -79,15 +79,15 @@ def test_changed_inputs_are_said(calibrated: Path) -> None:
     assert 'class="arrows"' not in page
 
 
-def test_unreadable_recording_is_no_obstacle(calibrated: Path) -> None:
-    """A stored run is told although its recording can no longer be read."""
+def test_run_with_unreadable_recording_is_reported(calibrated: Path) -> None:
+    """A stored run is reported although its recording cannot be read any more."""
     (calibrated / "recording" / "samples.jsonl").write_text("{nonsense}\n" * 2)
     assert main(["report", str(calibrated)]) == 0
     assert "samples.jsonl changed since this run" in page_of(calibrated).read_text(encoding="utf-8")
 
 
 def test_json_writes_no_page(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`report --json` prints and writes nothing else."""
+    """`report --json` prints, and writes no file."""
     page_of(calibrated).unlink()
     capsys.readouterr()
     assert main(["report", str(calibrated), "--json"]) == 0
@@ -95,7 +95,7 @@ def test_json_writes_no_page(calibrated: Path, capsys: pytest.CaptureFixture[str
     assert not page_of(calibrated).exists()
 
 
-def test_a_cell_is_its_latest_run(tmp_path: Path) -> None:
+def test_cell_means_its_latest_run(tmp_path: Path) -> None:
     (tmp_path / "cell.yaml").write_text("")
     with pytest.raises(InputError, match="has no run yet: basecal calibrate"):
         find_run(tmp_path)

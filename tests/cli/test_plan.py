@@ -1,4 +1,4 @@
-"""`basecal plan` from end to end."""
+"""Tests of `basecal plan` from end to end."""
 
 from __future__ import annotations
 
@@ -33,8 +33,11 @@ def cell(tmp_path_factory):
     return folder
 
 
-def test_json_is_what_programs_rely_on(cell, capsys):
-    """Samples with robots alone, as many as are needed, and what is predicted; a point between quotes is one."""
+def test_json_has_the_documented_fields(cell, capsys):
+    """Samples have robots only, their number is the required one, and predictions are given.
+
+    A quoted point is accepted.
+    """
     capsys.readouterr()
     asked = ["plan", str(cell), "--tolerance", "0.5mm", "--task-point", "-0.3 0.7 0.1", "--json", "--anew"]
     assert main(asked) == 0
@@ -46,8 +49,8 @@ def test_json_is_what_programs_rely_on(cell, capsys):
     assert found["forbidden_by"] is None
 
 
-def test_out_of_reach(cell, capsys):
-    """Exit 1, and the source that forbids it."""
+def test_unreachable_tolerance_exits_with_code_1(cell, capsys):
+    """The output names the error source that limits the result."""
     asked = ["plan", str(cell), "--tolerance", "1um", "--task-point", "-0.3", "0.7", "0.1"]
     assert main(asked) == 5
     assert "cannot be reached. " in capsys.readouterr().out
@@ -57,15 +60,15 @@ def test_out_of_reach(cell, capsys):
     assert found["forbidden_by"] == found["budget"][0]["source"]
 
 
-def test_what_is_reached_already(cell, capsys):
-    """Without a sample more, with what is recorded."""
+def test_reached_tolerance_needs_no_samples(cell, capsys):
+    """The recorded samples suffice."""
     assert main(["plan", str(cell), "--tolerance", "10cm", "--task-point", "-0.3", "0.7", "0.1"]) == 0
     first = capsys.readouterr().out.splitlines()[0]
     assert first.startswith("100 mm at the task point is already reached (95 %: ")
 
 
-def test_without_a_place_it_plans_for_where_the_arms_worked(tmp_path, capsys):
-    """There `calibrate` judges, too: what it measures is reached already, and a bit less needs samples."""
+def test_default_place_is_the_recorded_workspace(tmp_path, capsys):
+    """`calibrate` judges the same place: its own error is reached already, and a little less needs samples."""
     cell = tmp_path / "cell"
     assert main(["simulate", str(cell), "--samples", "12", "--seed", "3", "--target", "points"]) == 0
     assert main(["calibrate", str(cell)]) == 0
@@ -80,13 +83,13 @@ def test_without_a_place_it_plans_for_where_the_arms_worked(tmp_path, capsys):
     assert needed[1] > 0
 
 
-def test_nothing_recorded_has_no_place(cell, capsys):
-    """A line asks for the task point."""
+def test_empty_recording_needs_a_task_point(cell, capsys):
+    """One line requests the task point."""
     assert main(["plan", str(cell), "--samples", "3", "--anew"]) == 3
     assert "name a task point: --task-point X Y Z" in capsys.readouterr().err
 
 
-def test_a_file_for_capture(cell, tmp_path, capsys):
+def test_plan_file_is_read_by_capture(cell, tmp_path, capsys):
     """Its lines are a plan that is read back."""
     file = tmp_path / "plan.jsonl"
     assert main(["plan", str(cell), "--samples", "4", "--task-box", "-0.4 0.6 0 -0.2 0.8 0.2", "-o", str(file)]) == 0
@@ -96,8 +99,8 @@ def test_a_file_for_capture(cell, tmp_path, capsys):
     assert len(json.loads((tmp_path / "plan.json").read_text())["samples"]) == 3
 
 
-def test_what_is_reached_needs_no_capture(cell, tmp_path, capsys):
-    """The next command calibrates what is recorded, by the same tolerance; nothing says to record an empty plan."""
+def test_reached_tolerance_advises_to_calibrate(cell, tmp_path, capsys):
+    """The next command calibrates the recording with the same tolerance; an empty plan is not advised."""
     assert main(["calibrate", str(cell)]) in (0, 1)
     capsys.readouterr()
     asked = ["plan", str(cell), "--tolerance", "900mm", "-o", str(tmp_path / "plan.jsonl")]
@@ -106,8 +109,8 @@ def test_what_is_reached_needs_no_capture(cell, tmp_path, capsys):
     assert last == f"next, to judge what is recorded: basecal calibrate {cell} --tolerance 900mm"
 
 
-def test_what_robots_run(cell, tmp_path, capsys):
-    """Each kind is printed, or written with -o; a program of one arm asks which."""
+def test_robot_programs_are_printed_or_written(cell, tmp_path, capsys):
+    """Each format is printed, or written with -o; a program for one arm needs its name."""
     asked = ["plan", str(cell), "--samples", "3", "--task-point", "-0.3 0.7 0.1"]
     capsys.readouterr()
     assert main([*asked, "--to", "csv"]) == 0
@@ -133,22 +136,22 @@ def test_what_robots_run(cell, tmp_path, capsys):
     ],
 )
 def test_bad_options_are_one_line(cell, options, capsys):
-    """Nothing to reach, a point of two numbers, both a point and a box, no unit."""
+    """No tolerance, a point of two numbers, both point and box, and a missing unit are refused in one line."""
     assert main(["plan", str(cell), *options]) in (2, 3)
     assert capsys.readouterr().err.count("\n") == 1
 
 
 @pytest.mark.slow
-def test_shifts_are_planned_by_whole_stations(cell, tmp_path, capsys):
-    """Twenty samples are three stations, which capture takes from a file."""
+def test_shifts_are_planned_by_complete_stations(cell, tmp_path, capsys):
+    """Twenty samples are three stations, which capture reads from a file."""
     asked = ["plan", str(cell), "--pattern", "shifts", "--samples", "20", "--task-point", "-0.3 0.7 0.1"]
     assert main([*asked, "-o", str(tmp_path / "plan.jsonl")]) == 0
     capsys.readouterr()
     assert len(read_plan(tmp_path / "plan.jsonl", cell, read_cell(cell))) == 21
 
 
-def test_a_page_of_the_plan(cell, tmp_path, capsys):
-    """In the cell's folder; without drivers it has the whole command for robots' own programs, which runs as it is."""
+def test_plan_has_a_page(cell, tmp_path, capsys):
+    """It is in the cell's folder; without drivers it has the complete, runnable command for programs of the robots."""
     asked = ["plan", str(cell), "--samples", "3", "--task-point", "-0.3 0.7 0.1", "--anew", "--report", "--json"]
     assert main(asked) == 0
     assert "page: " in capsys.readouterr().err
@@ -160,8 +163,8 @@ def test_a_page_of_the_plan(cell, tmp_path, capsys):
     assert (tmp_path / "plan.csv").read_text().count("\n") == 4
 
 
-def test_a_cell_with_drivers_is_captured(cell, tmp_path, capsys):
-    """The samples are written by the whole command, quoted; then the page and the terminal name the capture."""
+def test_page_of_a_cell_with_drivers_names_the_capture(cell, tmp_path, capsys):
+    """The complete quoted command writes the samples; then page and terminal name the capture."""
     found = read_cell(cell)
     robots = {name: replace(robot, driver=Driver("manual")) for name, robot in found.robots.items()}
     cameras = {name: replace(camera, driver=Driver("manual")) for name, camera in found.cameras.items()}

@@ -1,4 +1,4 @@
-"""`basecal export CELL --to ros2 --publish`."""
+"""Tests of `basecal export CELL --to ros2 --publish`."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ ELSEWHERE = DOMAIN + 31
 
 
 @pytest.mark.journey
-def test_what_was_found_is_sent_until_it_is_interrupted(tmp_path, monkeypatch):
-    """Another process hears it with its frames, and it ends by Ctrl-C without an error."""
+def test_transforms_are_published_until_interrupted(tmp_path, monkeypatch):
+    """Another process receives them with their frames; Ctrl-C ends without an error."""
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
     cell = tmp_path / "cell"
     assert main(["simulate", str(cell), "--samples", "20"]) == 0
@@ -54,8 +54,8 @@ def test_what_was_found_is_sent_until_it_is_interrupted(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("words", [["--to", "ur", "--publish"], ["--to", "ros2", "--domain", "3"]])
-def test_what_does_not_go_together(tmp_path, words, capsys):
-    """Only what ROS 2 takes is sent, and a domain is said only where it is."""
+def test_contradictory_options_are_refused(tmp_path, words, capsys):
+    """Only exports for ROS 2 are published, and a domain is accepted only there."""
     assert main(["export", str(tmp_path), *words]) == 2
     assert "--publish and --domain go with --to ros2" in capsys.readouterr().err
 
@@ -65,8 +65,8 @@ def test_what_does_not_go_together(tmp_path, words, capsys):
     (True, 0, "ros2", None, True), (False, 0, "ros2", None, False), (True, None, None, None, False),
     (True, None, "ros2", Path("a"), False), (True, 3, "ur", None, False),
 ])  # fmt: skip
-def test_options_of_publishing(publish, domain, to, output, is_right):
-    """They go together, and only there; domain 0 is a domain."""
+def test_options_of_publishing_need_publish(publish, domain, to, output, is_right):
+    """They are accepted only with it; domain 0 is a domain."""
     if is_right:
         check_publishing(publish, domain, to, output)
     else:
@@ -75,8 +75,8 @@ def test_options_of_publishing(publish, domain, to, output, is_right):
 
 
 @pytest.mark.parametrize(("verdict", "is_warned"), [("good", False), ("doubtful", True)])
-def test_what_is_published_is_said(monkeypatch, capsys, verdict, is_warned):
-    """Each transform with its domain, and a doubtful calibration on standard error."""
+def test_published_transforms_are_printed(monkeypatch, capsys, verdict, is_warned):
+    """Each transform is printed with its domain; a doubtful calibration is reported on stderr."""
     sent = []
     monkeypatch.setattr(static_frames, "send_static", lambda *given: sent.append(given))
     assert publish_transforms(replace(CALIBRATION, verdict=verdict), CELL, BASE, 7) == 0

@@ -1,4 +1,4 @@
-"""Tasks that a capture is planned for while it goes on."""
+"""Tests of tasks for which a capture is planned again while it runs."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from basecal.cli.replanning import Replanner, Task, requested_task
 from basecal.errors import UsageError
 
 
-def test_a_task_is_a_place_and_a_tolerance() -> None:
-    """A point is one place, a box nine; lengths are metres."""
+def test_task_is_a_place_and_a_tolerance() -> None:
+    """A point is one place, a box nine; lengths are in metres."""
     assert requested_task((0.5, 0.0, 0.3), None, "0.3mm") == Task([(0.5, 0.0, 0.3)], pytest.approx(3e-4))
     box = requested_task(None, (0.0, 0.0, 0.0, 1.0, 1.0, 1.0), "1mm")
     assert box is not None
@@ -22,8 +22,8 @@ def test_a_task_is_a_place_and_a_tolerance() -> None:
     assert requested_task(None, None, None) is None
 
 
-def test_half_a_task_is_refused() -> None:
-    """Neither a place nor a tolerance says when to end by itself."""
+def test_task_without_place_or_tolerance_is_refused() -> None:
+    """A place or a tolerance alone does not define the end of the capture."""
     for words in ((None, None, "1mm"), ((0.5, 0.0, 0.3), None, None), ((0.0,) * 3, (0.0,) * 6, "1mm")):
         with pytest.raises(UsageError):
             requested_task(*words)
@@ -33,7 +33,7 @@ Making = Callable[..., tuple[Replanner, list[tuple[object, ...]]]]
 
 
 def plan(samples: int = 5, **more: object) -> SimpleNamespace:
-    """A plan with so many samples left."""
+    """Plan with a given number of remaining samples."""
     steps = [(0, 4e-4), (samples, 2e-4)]
     usual = {"reachable": True, "needed": samples, "place": "task point", "expected_m": 2.5e-4, "budget": ()}
     left = tuple(range(100, 100 + samples))
@@ -42,15 +42,15 @@ def plan(samples: int = 5, **more: object) -> SimpleNamespace:
 
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> Making:
-    """A replanner of two recorded samples, that plans what it is given; with what it was asked."""
+    """Replanner of two recorded samples with given plans, and the arguments of its calls."""
 
     def make(*plans: SimpleNamespace, most: int | None = None) -> tuple[Replanner, list[tuple[object, ...]]]:
-        """One that gives these plans in turn."""
+        """Function that returns these plans in turn."""
         asked: list[tuple[object, ...]] = []
         given = iter(plans)
 
         def next_plan(samples: tuple[int, ...], bad: list[str]) -> SimpleNamespace:
-            """Note what is known, and give the next plan."""
+            """Record the known samples, and return the next plan."""
             asked.append((samples, [*bad]))
             return next(given)
 
@@ -65,8 +65,8 @@ def made(monkeypatch: pytest.MonkeyPatch) -> Making:
     return make
 
 
-def test_samples_are_planned_up_to_their_most(made: Making) -> None:
-    """Those recorded before do not count; refused ones are given up for good."""
+def test_samples_are_planned_up_to_their_limit(made: Making) -> None:
+    """Samples recorded before do not count; refused ones are excluded for good."""
     found, asked = made(plan(5), plan(5), plan(5), plan(5), most=3)
     assert found.samples == (100, 101, 102)
     assert found.exclude(["refused"]) == (100, 101, 102)  # type: ignore[list-item]
@@ -87,8 +87,8 @@ def test_samples_are_planned_up_to_their_most(made: Making) -> None:
     (plan(4, reachable=False, budget=[SimpleNamespace(source="noise")]), False, "largest part of the error is noise"),
     (plan(0, reachable=False), False, "cannot be reached"),
 ])  # fmt: skip
-def test_a_tolerance_is_reached(made: Making, latest: SimpleNamespace, reached: bool, words: str) -> None:
-    """Where nothing is left to take, and the last plan says that it can be; in words and as data."""
+def test_reached_tolerance_is_reported(made: Making, latest: SimpleNamespace, reached: bool, words: str) -> None:
+    """The tolerance counts as reached if no sample remains and the last plan says so; as text and as data."""
     found, _ = made(latest)
     assert found.is_reached == reached
     assert found.words().startswith("0.3 mm ")
@@ -98,13 +98,13 @@ def test_a_tolerance_is_reached(made: Making, latest: SimpleNamespace, reached: 
     assert found.error_m == 4e-4
 
 
-def test_an_error_is_known_where_the_plan_has_steps(made: Making) -> None:
-    """Else it is none."""
+def test_error_is_known_if_the_plan_has_steps(made: Making) -> None:
+    """Otherwise it is None."""
     assert made(plan(2, steps=[]))[0].error_m is None
 
 
-def test_a_task_may_be_open() -> None:
-    """Where a number of samples ends the capture."""
+def test_task_may_have_no_tolerance() -> None:
+    """Then the number of samples ends the capture."""
     assert requested_task((0.5, 0.0, 0.3), None, None, may_be_open=True) == Task([(0.5, 0.0, 0.3)], None)
     with pytest.raises(UsageError, match=r"ends at a tolerance: give --tolerance, such as 0\.3mm"):
         requested_task((0.5, 0.0, 0.3), None, None)

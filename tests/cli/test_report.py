@@ -1,4 +1,4 @@
-"""`basecal report` of runs as they are, and as they are not."""
+"""Tests of `basecal report` of valid and damaged runs."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ MUTANTS = 15
 
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A calibrated cell with one of most things in its result."""
+    """Calibrated cell with one of most kinds of results."""
     folder = tmp_path_factory.mktemp("calibrated") / "cell"
     assert main(["simulate", str(folder), "--samples", "8", "--target", "led", "--mounts", "prior"]) == 0
     assert main(["calibrate", str(folder)]) in (0, 1)
     return folder
 
 
-def test_a_refused_run_is_told(calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A run with no transform at all is reported as refused, not as unreadable."""
+def test_refused_run_is_reported(calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A run without transforms is reported as refused, not as unreadable."""
     folder = copytree(calibrated, tmp_path / "cell")
     write_calibration(Calibration("refused", joint_covariance=np.zeros((0, 0))), folder)
     capsys.readouterr()
@@ -43,7 +43,7 @@ def test_a_refused_run_is_told(calibrated: Path, tmp_path: Path, capsys: pytest.
 def test_damaged_results_are_reported_or_refused(
     calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Whatever stands in a calibration.json, the answer is a report or one line of error."""
+    """Whatever calibration.json contains, the result is a report or one line of error."""
     folder = copytree(calibrated, tmp_path / "cell")
     path = latest_run(folder) / "calibration.json"
     good = json.loads(path.read_text())

@@ -1,4 +1,4 @@
-"""`basecal simulate`."""
+"""Tests of `basecal simulate`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from basecal.cli import main
 def test_simulated_cells_can_be_read(
     tmp_path: Path, robots: int, target: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A simulated cell has the samples asked for, and a truth for each of its transforms."""
+    """A simulated cell has the requested samples, and a true value of each transform."""
     words = ["simulate", str(tmp_path), "--robots", str(robots), "--target", target, "--samples", "6", "--json"]
     assert main(words) == 0
     told = json.loads(capsys.readouterr().out)
@@ -26,7 +26,7 @@ def test_simulated_cells_can_be_read(
 
 
 def test_simulated_noise_is_stated(tmp_path: Path) -> None:
-    """Noise asked for on the command line is in SI units in the cell."""
+    """Noise given on the command line is stated in the cell in SI units."""
     main(["simulate", str(tmp_path), "--robot-noise-mm", "0.3", "--robot-noise-mrad", "0.5", "--pixel-px", "0.4"])
     cell = read_cell(tmp_path)
     np.testing.assert_allclose(cell.robots["eye"].noise, [3e-4] * 3 + [5e-4] * 3)
@@ -34,7 +34,7 @@ def test_simulated_noise_is_stated(tmp_path: Path) -> None:
 
 
 def test_faults_need_a_running_cell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A fault of a recorded cell is refused, not left out."""
+    """A fault of a recorded cell is refused, not ignored."""
     assert main(["simulate", str(tmp_path / "cell"), "--fault", "backlash"]) == 2
     assert "--fault needs --process" in capsys.readouterr().err
     assert not (tmp_path / "cell").exists()

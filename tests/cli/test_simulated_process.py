@@ -1,4 +1,4 @@
-"""`basecal simulate --process`: what draws its images."""
+"""Tests of `basecal simulate --process`: the renderer of its images."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from basecal.errors import InputError
 from basecal.simulation.surroundings import graphics
 
 
-def test_without_a_library_it_says_what_to_install(
+def test_missing_library_is_reported_with_its_install_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The target is then drawn alone, and standard error has the line; nobody who asks for that is told anything."""
+    """Then only the target is drawn, and stderr has the line; users who request that get no line."""
     monkeypatch.setattr(graphics, "missing_graphics", lambda: f"nothing to draw with: {graphics.APT_LINE}")
     assert not _draws_surroundings("auto")
     assert graphics.APT_LINE in capsys.readouterr().err
@@ -26,14 +26,16 @@ def test_without_a_library_it_says_what_to_install(
     assert capsys.readouterr().err == ""
 
 
-def test_with_a_library_all_is_drawn(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """By itself, and without a word."""
+def test_whole_cell_is_drawn_with_the_library(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No option is needed, and no line is printed."""
     monkeypatch.setattr(graphics, "missing_graphics", lambda: None)
     assert _draws_surroundings("auto")
     assert capsys.readouterr().err == ""
 
 
-def test_who_insists_is_refused(
+def test_required_library_that_is_missing_is_an_error(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """A cell that must be drawn by MuJoCo does not run without it."""
@@ -43,15 +45,15 @@ def test_who_insists_is_refused(
 
 
 @pytest.mark.parametrize("target", ["pose", "points3d", "points"])
-def test_a_running_cell_needs_a_target_in_images(tmp_path: Path, target: str) -> None:
-    """One that is seen only as poses or points in space is refused, and nothing is written."""
+def test_running_cell_needs_a_target_in_images(tmp_path: Path, target: str) -> None:
+    """A target seen only as poses or points in space is refused, and no file is written."""
     with pytest.raises(InputError, match=f"a running cell gives images, which show no '{target}'"):
         _open_world(tmp_path / "c", target, 0, ())
     assert not (tmp_path / "c").exists()
 
 
-def test_the_address_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    """For programs with the renderer, for people with the next command."""
+def test_address_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Programs get it with the renderer, users with the next command."""
     for has_mujoco, renderer in ((True, "mujoco"), (False, "analytic")):
         _print_address(Path("my cell"), 4321, has_mujoco, json=True)
         data = json.loads(capsys.readouterr().out)
@@ -63,8 +65,8 @@ def test_the_address_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("has_input", [True, False])
-def test_a_server_ends_with_its_input(monkeypatch: pytest.MonkeyPatch, has_input: bool) -> None:
-    """At once where there is none."""
+def test_server_ends_with_its_input(monkeypatch: pytest.MonkeyPatch, has_input: bool) -> None:
+    """Without an input it ends at once."""
     text, ended = BytesIO(b"more"), []
     monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=text) if has_input else None)
     _end_with_input(SimpleNamespace(shutdown=lambda: ended.append(text.tell())))

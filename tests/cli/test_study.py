@@ -1,4 +1,4 @@
-"""`basecal study`."""
+"""Tests of `basecal study`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_json_is_the_summary(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One object, with where table and page are; the same summary stands in the folder."""
+    """One object has the paths of table and page; the folder has the same summary."""
     folder = file.parent / "out"
     assert main(["study", str(file), "--workers", "1", "-o", str(folder), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -42,10 +42,10 @@ def test_json_is_the_summary(file: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert (folder / "study.yaml").read_text() == TEXT
 
 
-def test_words_and_the_folder_of_the_files_name(
+def test_output_folder_is_named_after_the_file(
     file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without -o what comes out stands in a folder here that is named as the file."""
+    """Without -o the results are in such a folder of the working directory."""
     monkeypatch.chdir(file.parent)
     assert main(["study", file.name, "--workers", "1"]) == 0
     said = capsys.readouterr().out
@@ -54,8 +54,8 @@ def test_words_and_the_folder_of_the_files_name(
     assert (file.parent / "small" / "report.html").is_file()
 
 
-def test_bad_files_are_three(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One line with path, line and field; nothing is written."""
+def test_invalid_files_exit_with_code_3(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line has path, line and field; no file is written."""
     file.write_text(TEXT.replace("trials", "trails"))
     assert main(["study", str(file), "-o", str(file.parent / "out")]) == 3
     said = capsys.readouterr()
@@ -65,17 +65,17 @@ def test_bad_files_are_three(file: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert not (file.parent / "out").exists()
 
 
-def test_a_folder_of_other_things_is_left_alone(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The folder of the file itself is none for what comes out."""
+def test_folder_with_other_files_is_unchanged(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The folder of the file itself is not used for the results."""
     assert main(["study", str(file), "--workers", "1", "-o", str(file.parent)]) == 3
     assert "choose another folder" in capsys.readouterr().err
     assert [path.name for path in file.parent.iterdir()] == ["small.yaml"]
 
 
-def test_cells_are_calibrated(
+def test_folder_of_cells_is_calibrated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A row for each, the bad ones among them; without -o in a folder that is named after theirs, here."""
+    """Each cell is a row, including invalid ones; without -o the results are in a folder named after theirs."""
     made = simulate(Scenario(samples=10, target="pose"), 1)
     for name in ("a", "b"):
         write_cell(made.cell, tmp_path / "line" / name)
@@ -105,14 +105,14 @@ def test_cells_are_calibrated(
         (["x.yaml", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"], "give only one of them"),
     ],
 )
-def test_options_that_do_not_go_together(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Are wrong usage, told in a line."""
+def test_contradictory_options_are_wrong_usage(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each is reported in one line."""
     assert main(["study", *words]) == 2
     assert said in capsys.readouterr().err
 
 
-def test_the_page_of_a_scene_is_that_of_calibrate(tmp_path: Path) -> None:
-    """With the points of the scene as a target, which the expected error and the images need."""
+def test_page_of_a_scene_equals_that_of_calibrate(tmp_path: Path) -> None:
+    """It has the points of the scene as a target, which the expected error and the images need."""
     write_tracks(tmp_path, made_scene(2, count=12, points=150))
     cell = read_cell(tmp_path)
     recording = read_recording(tmp_path, cell)

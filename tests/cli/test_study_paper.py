@@ -1,4 +1,4 @@
-"""`basecal study paper`."""
+"""Tests of `basecal study paper`."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from basecal.studies import paper
 
 @pytest.fixture
 def asked(monkeypatch):
-    """What was asked of the study, which is made with few lengths."""
+    """Arguments of the study, which is run with few lengths."""
     calls = []
     study = paper.study_paper
 
     def few(seed, draws):
-        """The study, with two draws of each length."""
+        """Study with two draws of each length."""
         calls.append((seed, draws))
         return study(seed, draws, length_draws=2)
 
@@ -26,8 +26,8 @@ def asked(monkeypatch):
     return calls
 
 
-def test_the_object_has_the_seed_and_draws_asked_for(asked, capsys):
-    """In the keys of the paper's figures."""
+def test_json_has_the_given_seed_and_draws(asked, capsys):
+    """The object has the keys of the paper's figures."""
     assert main(["study", "paper", "--json", "--draws", "5", "--seed", "7"]) == 0
     study = json.loads(capsys.readouterr().out)
     assert asked == [(7, 5)]
@@ -35,8 +35,8 @@ def test_the_object_has_the_seed_and_draws_asked_for(asked, capsys):
     assert study["paper"]["noiseless"].keys() == study["noiseless"].keys()
 
 
-def test_text_and_figures(asked, tmp_path, capsys):
-    """The folder is made, with a drawing of rotation and one of translation."""
+def test_text_and_figures_are_written(asked, tmp_path, capsys):
+    """The folder is made, with a figure of rotation and one of translation."""
     folder = tmp_path / "some" / "figures"
     assert main(["study", "paper", "--draws", "3", "--figures", str(folder)]) == 0
     assert "table 1" in capsys.readouterr().out
@@ -44,8 +44,8 @@ def test_text_and_figures(asked, tmp_path, capsys):
     assert asked == [(None, 3)]
 
 
-def test_the_file_is_tried_as_any_other(asked, tmp_path, capsys, monkeypatch):
-    """Its table and summary stand in the folder, and the object says where, in a key of its own."""
+def test_study_file_runs_like_any_other(asked, tmp_path, capsys, monkeypatch):
+    """Table and summary are in the folder, and a key of the object has its path."""
     few = replace(paper.paper_study(), trials=8, text=paper.paper_study().text.replace("10000", "8"))
     monkeypatch.setattr(paper, "paper_study", lambda: few)
     assert main(["study", "paper", "--json", "-o", str(tmp_path / "out"), "--workers", "1"]) == 0
@@ -56,15 +56,15 @@ def test_the_file_is_tried_as_any_other(asked, tmp_path, capsys, monkeypatch):
     assert asked == [(None, None)]
 
 
-def test_what_does_not_go_together(asked, tmp_path):
-    """Another seed or number is not the file; workers try the file alone."""
+def test_contradictory_options_are_wrong_usage(asked, tmp_path):
+    """The file has its own seed and number of draws; workers need the file."""
     assert main(["study", "paper", "-o", str(tmp_path / "out"), "--draws", "5"]) == 2
     assert main(["study", "paper", "--workers", "2"]) == 2
     assert asked == []
 
 
-def test_one_draw_has_no_spread(asked):
-    """It is wrong usage."""
+def test_single_draw_is_wrong_usage(asked):
+    """One draw has no standard deviation."""
     assert main(["study", "paper", "--draws", "1"]) == 2
     assert asked == []
 
@@ -76,7 +76,9 @@ def test_one_draw_has_no_spread(asked):
     (["--draws", "1"], "2"),
     (["--draws", "10000001"], "10000000"),
 ])  # fmt: skip
-def test_options_of_the_study_file_go_together(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Before anything is simulated."""
+def test_options_of_the_study_file_are_checked_first(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They are checked before any simulation."""
     assert main(["study", "paper", *words]) == 2
     assert said in capsys.readouterr().err

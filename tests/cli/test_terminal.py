@@ -1,4 +1,4 @@
-"""What reaches a terminal, and what happens where there is none."""
+"""Tests of output to terminals, and of output without one."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ CLI = Path(__file__).parents[2] / "src" / "basecal" / "cli"
         ("bad\udcff", "bad\\udcff"),
     ],
 )
-def test_a_terminal_is_not_steered(text: str, shown: str) -> None:
-    """What a terminal would obey or turn around is written out."""
+def test_control_characters_are_escaped(text: str, shown: str) -> None:
+    """Characters that a terminal would execute or reverse are escaped."""
     assert printable(text) == shown
 
 
-def test_a_stream_that_cannot_hold_a_letter() -> None:
-    """Letters that its encoding lacks are written out."""
+def test_letters_outside_the_encoding_are_escaped() -> None:
+    """Letters missing in the stream's encoding are escaped."""
     raw = io.BytesIO()
     stream = io.TextIOWrapper(raw, encoding="ascii")
     say("ü", stream)
@@ -62,14 +62,14 @@ def test_a_stream_that_cannot_hold_a_letter() -> None:
 
 
 @pytest.mark.parametrize("name", ["my cell", "a;touch b", "$(x)", "plain", "it's"])
-def test_a_path_to_paste_is_one_word(name: str) -> None:
-    """Whatever it is called."""
+def test_printed_path_is_one_shell_word(name: str) -> None:
+    """Any name of a folder is one word."""
     assert shlex.split(quote_path(Path(name))) == [name]
 
 
 @pytest.mark.parametrize(("answer", "error"), [("y\n", ""), ("YES\n", ""), ("n\n", "refused"), ("", "refused")])
-def test_a_question_needs_a_yes(answer: str, error: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No other word, and no end of the input, is one; without a terminal nobody is asked."""
+def test_question_needs_yes(answer: str, error: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other answers and the end of the input count as no; without a terminal no question is asked."""
     monkeypatch.setattr("sys.stdin", io.StringIO(answer))
     with pytest.raises(UsageError, match="unasked"):
         ask("Really?", "unasked", "refused")
@@ -78,14 +78,14 @@ def test_a_question_needs_a_yes(answer: str, error: str, monkeypatch: pytest.Mon
         ask("Really?", "unasked", "refused")
 
 
-def test_everything_is_said_by_one_function() -> None:
-    """No verb prints by itself, past what guards the terminal."""
+def test_all_output_passes_one_function() -> None:
+    """No verb prints directly, around the escaping of control characters."""
     printing = [path.name for path in CLI.glob("*.py") if " print(" in path.read_text(encoding="utf-8")]
     assert printing == ["terminal.py"]
 
 
 def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """A shell's command, `basecal` and the folder in it."""
+    """Run a shell command with `basecal` and the folder."""
     whole = command.replace("basecal", f"{shlex.quote(sys.executable)} -m basecal").replace("CELL", str(folder / "c"))
     buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     return subprocess.run(["sh", "-c", whole], capture_output=True, text=True, check=False, env=buffered)
@@ -98,22 +98,22 @@ def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
         ("basecal simulate CELL --samples 3 --json >/dev/full", "No space left on device"),
     ],
 )
-def test_an_answer_that_goes_nowhere_is_an_error(command: str, said: str, tmp_path: Path) -> None:
-    """A closed or a full output is one line and exit code 3, not silence."""
+def test_closed_or_full_output_is_an_error(command: str, said: str, tmp_path: Path) -> None:
+    """It is one line and exit code 3, not silence."""
     ended = run(command, tmp_path)
     assert ended.returncode == 3
     assert said in ended.stderr
     assert ended.stderr.count("\n") == 1
 
 
-def test_without_an_error_stream(tmp_path: Path) -> None:
+def test_missing_error_stream_is_accepted(tmp_path: Path) -> None:
     """The answer does not need it, and an error has its exit code."""
     assert run("basecal simulate CELL --samples 3 --json 2>&-", tmp_path).returncode == 0
     assert run("basecal new CELL 2>&-", tmp_path).returncode == 3
 
 
-def test_names_of_images_do_not_steer_a_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nothing that a file holds arrives as an escape sequence."""
+def test_names_of_images_are_escaped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No content of a file reaches the terminal as an escape sequence."""
     main(["simulate", str(tmp_path / "c"), "--samples", "3"])
     samples = tmp_path / "c" / "recording" / "samples.jsonl"
     samples.write_text(samples.read_text().replace('"eye"', '"\\u001b[2J"', 1))
@@ -122,8 +122,8 @@ def test_names_of_images_do_not_steer_a_terminal(tmp_path: Path, capsys: pytest.
     assert "\x1b" not in "".join(capsys.readouterr())
 
 
-def test_several_mistakes_name_their_file_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The line of each follows, on one line."""
+def test_several_errors_name_their_file_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The line number of each follows, on one line."""
     main(["new", str(tmp_path)])
     path = tmp_path / "cell.yaml"
     path.write_text(path.read_text().replace("squares:", "squars:").replace("model: pinhole", "model: pinhol"))
@@ -136,7 +136,7 @@ def test_several_mistakes_name_their_file_once(tmp_path: Path, capsys: pytest.Ca
 
 
 class Watched(io.StringIO):
-    """A stream that somebody watches."""
+    """Stream that is a terminal."""
 
     def isatty(self) -> bool:
         return True
@@ -145,8 +145,8 @@ class Watched(io.StringIO):
 @pytest.mark.parametrize(
     ("settings", "is_coloured"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)]
 )
-def test_a_verdict_has_a_colour(settings: dict[str, str], is_coloured: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its first word alone, where somebody watches and allows it."""
+def test_verdict_has_a_colour(settings: dict[str, str], is_coloured: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only its first word is coloured, on a terminal that allows colours."""
     for name in ("NO_COLOR", "TERM"):
         monkeypatch.delenv(name, raising=False)
     for name, value in settings.items():
@@ -163,7 +163,7 @@ def test_a_verdict_has_a_colour(settings: dict[str, str], is_coloured: bool, mon
 
 
 class Clock:
-    """Seconds that pass when they are told to."""
+    """Clock that advances on request."""
 
     time_s = 100.0
 
@@ -176,8 +176,8 @@ def clock() -> Iterator[Clock]:
     return Clock()
 
 
-def test_it_names_what_is_done(clock: Clock) -> None:
-    """From the first stage on; of the time nothing is said before anything is known."""
+def test_progress_names_the_stage(clock: Clock) -> None:
+    """It begins with the first stage; no time is printed before one is known."""
     left = TimeLeft("calibrating", clock)
     assert str(left) == "calibrating"
     left.enter("noise")
@@ -186,8 +186,8 @@ def test_it_names_what_is_done(clock: Clock) -> None:
     assert left.seconds() is None
 
 
-def test_it_counts_down(clock: Clock) -> None:
-    """What is left is as the share of the stages that are to come, less what has passed of the present one."""
+def test_progress_shows_the_remaining_time(clock: Clock) -> None:
+    """The remaining time is that of the coming stages, less the time spent in the present one."""
     left = TimeLeft("calibrating", clock)
     left.enter("noise")
     clock.time_s += 32.0
@@ -199,8 +199,8 @@ def test_it_counts_down(clock: Clock) -> None:
     assert str(left) == "calibrating: conventions"
 
 
-def test_a_stage_that_comes_again_counts_once(clock: Clock) -> None:
-    """And one that is not known counts as nothing."""
+def test_repeated_stage_counts_once(clock: Clock) -> None:
+    """An unknown stage does not count."""
     left = TimeLeft("calibrating", clock)
     for stage in ("noise", "conventions", "noise", "new"):
         left.enter(stage)
@@ -210,7 +210,7 @@ def test_a_stage_that_comes_again_counts_once(clock: Clock) -> None:
 
 
 def test_parts_of_a_stage_are_shown(clock: Clock) -> None:
-    """How much of it is done, while its time counts from its beginning."""
+    """The done share of a stage is shown, and its time counts from its beginning."""
     left = TimeLeft("calibrating", clock)
     left.enter("noise")
     clock.time_s += 32.0
@@ -222,21 +222,21 @@ def test_parts_of_a_stage_are_shown(clock: Clock) -> None:
 
 
 def test_stages_of_calibrate_have_shares():
-    """Each that every calibration has; those of streams and of a task are not counted."""
+    """Each stage of every calibration has a share of time; those of streams and of a task are not counted."""
     named = {stage.name for stage in (*READING_STAGES, *SOLVING_STAGES, *JUDGING_STAGES)} - {None}
     assert named - _SHARES.keys() == {"clocks", "task"}
 
 
-def test_a_recording_without_images_is_taken_as_it_is(tmp_path, monkeypatch):
-    """Nothing is looked for, no detector is loaded."""
+def test_recording_without_images_loads_no_detector(tmp_path, monkeypatch):
+    """No target is searched for."""
     main(["simulate", str(tmp_path / "c"), "--samples", "3"])
     monkeypatch.setitem(sys.modules, "basecal.vision.detect", None)
     recording = detected_recording(tmp_path / "c", read_cell(tmp_path / "c"))
     assert [len(sample.observations) for sample in recording.samples] == [1, 1, 1]
 
 
-def test_images_are_looked_at(tmp_path):
-    """Every corner that is rendered, within a pixel of where a second look finds it."""
+def test_targets_are_detected_in_images(tmp_path):
+    """Each rendered corner is found within a pixel of a second detection."""
     main(["simulate", str(tmp_path / "c"), "--samples", "2", "--images"])
     cell = read_cell(tmp_path / "c")
     first, again = (detected_recording(tmp_path / "c", cell) for _ in range(2))
@@ -245,8 +245,8 @@ def test_images_are_looked_at(tmp_path):
         np.testing.assert_array_equal(a.observations[0].pixels, b.observations[0].pixels)
 
 
-def test_steps_are_counted_on_a_terminal_alone(monkeypatch, capsys):
-    """Elsewhere nothing is written."""
+def test_steps_are_counted_only_on_a_terminal(monkeypatch, capsys):
+    """Otherwise no text is written."""
     with counting("detecting") as step:
         step(1, 2)
     assert capsys.readouterr() == ("", "")
@@ -258,8 +258,8 @@ def test_steps_are_counted_on_a_terminal_alone(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("total", [1, 50])
-def test_the_last_step_is_the_whole(monkeypatch, capsys, total):
-    """A bar that is full says 100 %."""
+def test_last_step_shows_100_percent(monkeypatch, capsys, total):
+    """A full bar shows 100 %."""
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: True)
     monkeypatch.setenv("FORCE_COLOR", "1")
     with counting("detecting") as step:
@@ -268,7 +268,7 @@ def test_the_last_step_is_the_whole(monkeypatch, capsys, total):
 
 
 def test_stages_are_printed_by_their_time(capsys: pytest.CaptureFixture[str]) -> None:
-    """The longest first, then all of them."""
+    """The longest stage comes first, the sum last."""
     print_stages({"start": 0.25, "noise": 2.0, "descent": 1.0})
     lines = [line.split() for line in capsys.readouterr().err.splitlines()]
     assert lines == [
@@ -279,8 +279,8 @@ def test_stages_are_printed_by_their_time(capsys: pytest.CaptureFixture[str]) ->
     ]
 
 
-def test_programs_are_told_no_number_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
-    """An answer is one line of JSON; NaN is none of its numbers."""
+def test_json_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
+    """An answer is one line of JSON without NaN."""
     print_json({"a": 1.5, "b": [None, "ü"]})
     assert capsys.readouterr().out == '{"a": 1.5, "b": [null, "\\u00fc"]}\n'
     with pytest.raises(ValueError, match="not JSON compliant"):
@@ -288,8 +288,8 @@ def test_programs_are_told_no_number_that_is_none(capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize(("passed_s", "is_known"), [(0.9, False), (1.1, True)])
-def test_time_left_is_known_after_a_second(clock: Clock, passed_s: float, is_known: bool) -> None:
-    """Before that the first stages say nothing of those to come."""
+def test_remaining_time_is_known_after_a_second(clock: Clock, passed_s: float, is_known: bool) -> None:
+    """Before that, the first stages do not determine the remaining time."""
     left = TimeLeft("calibrating", clock)
     left.enter("noise")
     clock.time_s += passed_s
@@ -298,8 +298,8 @@ def test_time_left_is_known_after_a_second(clock: Clock, passed_s: float, is_kno
 
 
 @pytest.mark.parametrize(("later_s", "shown"), [(8.9, ", about 1 s left"), (9.1, "")])
-def test_the_last_second_is_not_counted(clock: Clock, later_s: float, shown: str) -> None:
-    """Of 10 s that are left at the start of a stage."""
+def test_last_second_is_not_counted(clock: Clock, later_s: float, shown: str) -> None:
+    """The example has 10 s left at the start of a stage."""
     left = TimeLeft("calibrating", clock)
     done = sum(_SHARES.values()) - _SHARES["noise"]
     for stage in _SHARES:
@@ -312,10 +312,10 @@ def test_the_last_second_is_not_counted(clock: Clock, later_s: float, shown: str
 
 
 @pytest.mark.parametrize("is_watched", [False, True])
-def test_progress_is_shown_to_who_watches(
+def test_progress_is_shown_only_on_a_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], is_watched: bool
 ) -> None:
-    """The stage that goes on, on a terminal; else nothing."""
+    """A terminal shows the present stage."""
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: is_watched)
     monkeypatch.setenv("FORCE_COLOR", "1")
     with progress("calibrating") as enter:
@@ -325,8 +325,8 @@ def test_progress_is_shown_to_who_watches(
     assert said.out == ""
 
 
-def test_the_next_command_is_no_answer(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """It goes to stderr, and nowhere where there is none; the answer goes to stdout, or is an error."""
+def test_next_command_is_printed_to_stderr(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without stderr it is omitted; the answer is printed to stdout, or is an error."""
     say_next("basecal report c")
     assert capsys.readouterr() == ("", "next: basecal report c\n")
     monkeypatch.setattr(sys, "stderr", None)
@@ -338,19 +338,19 @@ def test_the_next_command_is_no_answer(capsys: pytest.CaptureFixture[str], monke
 
 
 @pytest.mark.parametrize(("reads", "writes"), [(True, True), (True, False), (False, True)])
-def test_questions_need_both_ends(monkeypatch: pytest.MonkeyPatch, reads: bool, writes: bool) -> None:
-    """One that is typed into, and one that shows the question."""
+def test_questions_need_input_and_output(monkeypatch: pytest.MonkeyPatch, reads: bool, writes: bool) -> None:
+    """They need a terminal for input, and one that shows the question."""
     monkeypatch.setattr(sys, "stdin", Watched() if reads else io.StringIO())
     monkeypatch.setattr(sys, "stderr", Watched() if writes else io.StringIO())
     assert can_ask() == (reads and writes)
 
 
-def test_a_bar_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is removed from the terminal at its end."""
+def test_progress_bar_is_removed_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is removed from the terminal."""
     made = []
 
     class Bar:
-        """A bar that notes how it was made."""
+        """Bar that records its arguments."""
 
         def __init__(self, *, console: object, transient: bool) -> None:
             made.append(transient)

@@ -1,4 +1,4 @@
-"""Words as they are typed."""
+"""Tests of the parsing of typed arguments."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from basecal.cli.typed_words import normalise_words, typed_command
         (["--task-point", ""], ["--task-point", ""]),
     ],
 )
-def test_quoted_numbers_come_apart(typed, words):
-    """After the options that take several numbers, and nowhere else."""
+def test_quoted_numbers_are_split(typed, words):
+    """They are split only after options of several numbers."""
     assert list(normalise_words(typed)) == words
 
 
-def test_a_command_is_a_line_to_paste():
-    """What was not given is left out; words of a shell are quoted, numbers stand apart."""
+def test_command_is_a_line_to_paste():
+    """Omitted options are left out; words are quoted for a shell, numbers are separate words."""
     options = {
         "--tolerance": "0.2 mm",
         "--task-point": (0.8, -0.1, 0.0),
@@ -39,18 +39,18 @@ def test_a_command_is_a_line_to_paste():
 
 
 @pytest.mark.parametrize("words", ["--scene a", "a --scene", "--scene --json a"])
-def test_a_scene_alone_takes_no_word(words):
+def test_scene_alone_takes_no_argument(words):
     """The folder after `--scene` is the folder of the cell."""
     assert arguments(words) == ("a", True)
 
 
 @pytest.mark.parametrize("words", ["--scene also a", "a --scene also", "--scene=also a"])
-def test_a_scene_beside_targets(words):
+def test_scene_beside_targets(words):
     assert arguments(words) == ("a", "also")
 
 
 def arguments(words):
-    """The folder of the cell and the scene that `calibrate` is given by the words after it."""
+    """Folder of the cell and scene that `calibrate` receives for the given words."""
     typed = list(normalise_words(["calibrate", *words.split()]))
     _, bound, _ = build_app(typed).parse_args(typed, exit_on_error=False, print_error=False)
     return str(bound.arguments["cell"]), bound.arguments["scene"]
@@ -66,13 +66,13 @@ def arguments(words):
         ("fix c d", "more words than expected: 'd'"),
     ],
 )
-def test_a_value_of_a_flag_is_named(words: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of every verb; the words of the parser are not the user's."""
+def test_value_of_a_flag_is_reported(words: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """For each verb the message uses the user's words, not those of the parser."""
     assert main(words.split()) == 2
     assert capsys.readouterr().err == f"basecal: error: {message}\n"
 
 
-def test_no_words_print_the_help(capsys: pytest.CaptureFixture[str]) -> None:
-    """`basecal` alone."""
+def test_no_arguments_print_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    """The command is `basecal` alone."""
     assert main([]) == 0
     assert "Usage: basecal COMMAND" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""The command line: help, usage, exit codes and new."""
+"""Tests of the command line: help, usage, exit codes and new."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VERBS += [f"import {kind}" for kind in IMPORTERS]
 
 @cache
 def help_of(verb: str) -> str:
-    """What `--help` of a verb prints, which ends well."""
+    """Output of `--help` of a verb, which exits with code 0."""
     with redirect_stdout(io.StringIO()) as told:
         assert main([*verb.split(), "--help"]) == 0
     return told.getvalue()
@@ -34,7 +34,7 @@ def help_of(verb: str) -> str:
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_has_help_with_an_example(verb: str) -> None:
-    """`--help` of a verb tells it with an example that names it, and ends well."""
+    """`--help` of a verb has an example with its name, and exits with code 0."""
     told = help_of(verb)
     assert "For example:" in told
     assert f"    basecal {verb}" in told
@@ -45,16 +45,16 @@ BARE_OPTION = re.compile(r"^│ (?:\* {2}| {3})?(--[\w-]+)(?: [A-Z.]+)* +(?:\[.*
 
 @pytest.mark.parametrize("verb", dict.fromkeys([*_VERBS, *VERBS]))
 def test_every_option_has_help(verb: str) -> None:
-    """Words stand beside the name of each option, before its choices and its default."""
+    """Text is beside the name of each option, before its choices and its default."""
     bare = BARE_OPTION.findall(help_of(verb))
     assert not bare, f"describe {', '.join(bare)} under `Args:` in the docstring of the function behind {verb!r}"
 
 
 @pytest.mark.parametrize("verb", [*_VERBS])
-def test_examples_survive_copying(
+def test_examples_are_not_wrapped(
     verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On a terminal of 80 columns each example is one line, as it is written."""
+    """On a terminal of 80 columns each example is one unchanged line."""
     monkeypatch.setenv("COLUMNS", "80")
     assert main([verb, "--help"]) == 0
     told = capsys.readouterr().out
@@ -64,8 +64,8 @@ def test_examples_survive_copying(
 @pytest.mark.parametrize(
     "verb", ["", *dict.fromkeys([*_VERBS, *VERBS, "import", "driver", "driver check", "study paper"])]
 )
-def test_words_of_help_are_not_broken_again(verb: str) -> None:
-    """On 80 columns the words above the tables have the lines of a wide terminal, but for the first sentence."""
+def test_help_text_is_not_wrapped_twice(verb: str) -> None:
+    """On 80 columns the text above the tables has the lines of a wide terminal, except for the first sentence."""
     told = []
     for width in (80, 300):
         text = io.StringIO()
@@ -78,14 +78,14 @@ def test_words_of_help_are_not_broken_again(verb: str) -> None:
 
 
 def written_examples(verb: str) -> list[str]:
-    """Examples of the docstring of a verb."""
+    """Examples in the docstring of a verb."""
     function = getattr(import_module(f"basecal.cli.{verb}"), verb)
     lines = inspect.cleandoc(function.__doc__ or "").splitlines()
     return [line for line in lines if line.startswith("    basecal ")]
 
 
 def test_help_lists_the_verbs(capsys: pytest.CaptureFixture[str]) -> None:
-    """`--help` names every verb, and `--version` says the package's."""
+    """`--help` names each verb, and `--version` prints the package's version."""
     assert main(["--help"]) == 0
     told = capsys.readouterr().out
     assert all(verb.split()[0] in told for verb in VERBS)
@@ -94,8 +94,8 @@ def test_help_lists_the_verbs(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("verb", [*_VERBS])
-def test_the_list_says_what_the_verb_says(verb: str) -> None:
-    """The line of a verb in the list is the first sentence of its own help."""
+def test_list_of_verbs_uses_their_first_sentences(verb: str) -> None:
+    """The line of a verb in the list is the first sentence of its help."""
     told = getattr(import_module(f"basecal.cli.{verb}"), verb).__doc__
     assert " ".join(told.split("\n\n")[0].split()) == _VERBS[verb]
 
@@ -121,8 +121,8 @@ def test_the_list_says_what_the_verb_says(verb: str) -> None:
         ["import", "poses", "x", "--camera-from-target", "b.txt", "--length-unit", "m", "--invert", "everything"],
     ],
 )
-def test_wrong_usage_is_two(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """Wrong usage is one line on stderr and exit code 2."""
+def test_wrong_usage_exits_with_code_2(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Wrong usage is one line on stderr."""
     assert main(words) == 2
     said = capsys.readouterr()
     assert said.out == ""
@@ -144,7 +144,7 @@ def test_process_exit_code(tmp_path: Path) -> None:
 @pytest.mark.parametrize("robots", [1, 2, 3, 4])
 @pytest.mark.parametrize("target", ["charuco", "chessboard", "circles", "apriltag", "points", "led", "pose"])
 def test_new_cells_can_be_read(tmp_path: Path, robots: int, target: str) -> None:
-    """A new cell is readable at once, for every kind of target and number of robots, with all transforms free."""
+    """A new cell is readable for each kind of target and number of robots, with all transforms free."""
     assert main(["new", str(tmp_path / "c"), "--robots", str(robots), "--target", target]) == 0
     cell = read_cell(tmp_path / "c")
     assert len(cell.robots) == robots
@@ -154,14 +154,14 @@ def test_new_cells_can_be_read(tmp_path: Path, robots: int, target: str) -> None
 
 
 def test_new_explains_every_transform(tmp_path: Path) -> None:
-    """The comments of a new cell name each transform as the library does."""
+    """The comments of a new cell name each transform like the library."""
     main(["new", str(tmp_path), "--robots", "3"])
     text = (tmp_path / "cell.yaml").read_text()
     assert all(f"# {name}" in text for name in read_cell(tmp_path).transforms)
 
 
-def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`new`, `simulate` and `demo` refuse a folder that holds a cell; a table of whole rows joins what is recorded."""
+def test_existing_cells_are_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`new`, `simulate` and `demo` refuse a folder with a cell; a table of complete rows is added to the recording."""
     folder = str(tmp_path / "c")
     assert main(["simulate", folder, "--samples", "1"]) == 0
     before = {path: path.read_bytes() for path in Path(folder).rglob("*") if path.is_file()}
@@ -180,14 +180,14 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.parametrize(("verb", "name"), [("driver", "check"), ("study", "paper")])
-def test_a_list_of_one_command_says_what_it_does(verb: str, name: str) -> None:
-    """The line is the beginning of the first sentence of the command's own help."""
+def test_list_of_one_command_describes_it(verb: str, name: str) -> None:
+    """The line is the beginning of the first sentence of the command's help."""
     (line,) = re.findall(rf"^│ {name} +(.*?) +│$", help_of(verb), re.MULTILINE)
     assert line
     assert help_of(f"{verb} {name}").split("\n\n")[1].startswith(line)
 
 
 @pytest.mark.parametrize("verb", ["new", "import images", "merge"])
-def test_an_option_without_a_default_shows_none(verb: str) -> None:
+def test_option_without_a_default_shows_none(verb: str) -> None:
     """An empty tuple and None are no values that can be typed."""
     assert re.findall(r"\[default:\s(?:\(\)|None)", help_of(verb)) == []

@@ -1,4 +1,4 @@
-"""`basecal verify` and `basecal compare` on a cell's folder."""
+"""Tests of `basecal verify` and `basecal compare` on the folder of a cell."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ verified_once = remembering(drift, "verify")
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A calibrated cell, and files of samples that it was not calibrated with."""
+    """Calibrated cell, and files of samples that were not used for it."""
     folder = tmp_path_factory.mktemp("verified") / "cell"
     assert main(["simulate", str(folder), "--samples", "26", "--seed", "3"]) == 0
     journal = folder / "recording" / "samples.jsonl"
@@ -44,14 +44,14 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_cell_as_calibrated_ends_with_0(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unchanged_cell_exits_with_code_0(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", str(cell), str(cell / "new.jsonl"), "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["moved"] is False
     assert data["detectable_mm"] > 0
 
 
-def test_a_cell_that_moved_ends_with_1(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_moved_cell_exits_with_code_1(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", str(cell), str(cell / "moved.jsonl"), "--json"]) == 1
     data = json.loads(capsys.readouterr().out)
     assert data["moved"] is True
@@ -61,8 +61,8 @@ def test_a_cell_that_moved_ends_with_1(cell: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().out.startswith("MOVED: 6 samples")
 
 
-def test_samples_that_are_not_used_are_listed(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A line that was cut is left out of the check, and the check says so."""
+def test_unused_samples_are_listed(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A truncated line is left out of the check, and the check reports it."""
     (tmp_path / "cut.jsonl").write_text((cell / "new.jsonl").read_text()[:-300])
     assert main(["verify", str(cell), str(tmp_path / "cut.jsonl")]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -72,8 +72,8 @@ def test_samples_that_are_not_used_are_listed(cell: Path, tmp_path: Path, capsys
     assert [each["code"] for each in json.loads(capsys.readouterr().out)["findings"]] == ["dropped-sample"]
 
 
-def test_what_was_verified_is_told(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each verification is a line of the cell's history, with what was measured; the page has its chart."""
+def test_verifications_are_logged_and_charted(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each verification is a line of the cell's log with its measurements; the page has a chart."""
     (cell / "verifications.jsonl").unlink(missing_ok=True)
     capsys.readouterr()
     assert main(["verify", str(cell), "--history"]) == 0
@@ -91,8 +91,8 @@ def test_what_was_verified_is_told(cell: Path, capsys: pytest.CaptureFixture[str
     assert "Verified since" in page.read_text()
 
 
-def test_samples_join_where_nothing_moved(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The recording has them then, and the run is of all; where something moved the recording stays."""
+def test_samples_are_added_if_no_base_moved(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The recording then has them, and the run uses all; if something moved the recording is unchanged."""
     copy = Path(shutil.copytree(cell, tmp_path / "cell"))
     journal = copy / "recording" / "samples.jsonl"
     capsys.readouterr()
@@ -106,8 +106,8 @@ def test_samples_join_where_nothing_moved(cell: Path, tmp_path: Path, capsys: py
     assert (copy / "runs" / told["run"] / "calibration.json").is_file()
 
 
-def test_samples_join_by_what_verified_them(cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With views, or without if the scene verified them; others say nothing, and outliers stay away."""
+def test_added_samples_have_the_verified_views(cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They have views, or none if the scene verified them; other samples have no effect, and outliers are excluded."""
     copy = Path(shutil.copytree(cell, tmp_path / "cell"))
     seen, *_ = read_recording(copy).samples
     bare = [Sample(number, robots=seen.robots) for number in (5, 6)]
@@ -122,8 +122,8 @@ def test_samples_join_by_what_verified_them(cell: Path, tmp_path: Path, monkeypa
 
 
 @pytest.mark.journey
-def test_samples_join_by_the_settings_of_the_run(cell: Path, tmp_path: Path) -> None:
-    """Nobody asked for anything else, and `compare` reports nothing else."""
+def test_added_samples_use_the_settings_of_the_run(cell: Path, tmp_path: Path) -> None:
+    """No other settings were requested, and `compare` reports no difference."""
     copy = Path(shutil.copytree(cell, tmp_path / "cell"))
     shutil.rmtree(copy / "runs")
     assert main(["calibrate", str(copy), "--task-point", "0.5", "0", "0.5", "--tolerance", "1cm"]) == 0
@@ -134,10 +134,10 @@ def test_samples_join_by_the_settings_of_the_run(cell: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.journey
-def test_a_missed_tolerance_is_told_when_samples_join(
+def test_missed_tolerance_is_reported_with_added_samples(
     cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Words and exit code are those of `calibrate`."""
+    """Text and exit code are those of `calibrate`."""
     copy = Path(shutil.copytree(cell, tmp_path / "cell"))
     assert main(["calibrate", str(copy), "--task-point", "0.5", "0", "0.5", "--tolerance", "1um"]) == 5
     capsys.readouterr()
@@ -145,13 +145,13 @@ def test_a_missed_tolerance_is_told_when_samples_join(
     assert "6 new samples, fail: run" in capsys.readouterr().out
 
 
-def test_what_is_to_be_verified_is_asked_for(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_needs_samples(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words in ([], ["--recalibrate"], ["--recalibrate", "--history"]):
         assert main(["verify", str(cell), *words]) == 2
         assert "give the new samples" in capsys.readouterr().err
 
 
-def test_what_cannot_be_read_ends_with_3(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unreadable_samples_exit_with_code_3(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", str(cell), str(cell / "missing.jsonl")]) == 3
     assert "missing.jsonl" in capsys.readouterr().err
     (cell / "broken.jsonl").write_text('{"sample": 1, "wrong": 2}\n')
@@ -159,15 +159,15 @@ def test_what_cannot_be_read_ends_with_3(cell: Path, capsys: pytest.CaptureFixtu
     assert "broken.jsonl:1" in capsys.readouterr().err
 
 
-def test_a_cell_without_a_run_says_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cell_without_a_run_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", str(tmp_path / "cell"), "--samples", "5"]) == 0
     journal = tmp_path / "cell" / "recording" / "samples.jsonl"
     assert main(["verify", str(tmp_path / "cell"), str(journal)]) == 3
     assert "has no run yet: basecal calibrate" in capsys.readouterr().err
 
 
-def test_samples_may_be_those_of_another_cell(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A folder that new samples were imported into: its own recording is read, and what the calibrated cell says."""
+def test_samples_may_be_in_another_cell(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """New samples were imported into another folder: its recording is read with the calibrated cell."""
     (tmp_path / "today" / "recording").mkdir(parents=True)
     (tmp_path / "today" / "recording" / "samples.jsonl").write_text((cell / "new.jsonl").read_text())
     assert main(["verify", str(cell), str(tmp_path / "today")]) == 0
@@ -176,8 +176,8 @@ def test_samples_may_be_those_of_another_cell(cell: Path, tmp_path: Path, capsys
     assert "samples.jsonl" in capsys.readouterr().err
 
 
-def test_the_first_missing_image_is_named(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With where it was looked for; one whose views are noted beside it is not read, and may be gone."""
+def test_first_missing_image_is_reported(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The message has its path; an image with recorded views is not read, and may be missing."""
     lines = [json.loads(line) for line in (cell / "new.jsonl").read_text().splitlines()]
     for sample in lines:
         sample["images"] = {"wrist": f"images/wrist/{sample['sample']}.png"}
@@ -192,8 +192,8 @@ def test_the_first_missing_image_is_named(cell: Path, tmp_path: Path, capsys: py
     assert said in capsys.readouterr().err
 
 
-def test_what_moved_is_captured_only_with_drivers() -> None:
-    """Else it is recorded and imported; the arms of a scene are led."""
+def test_moved_cell_is_captured_only_with_drivers() -> None:
+    """Otherwise samples are recorded and imported; the arms of a scene are guided by hand."""
     cell = simulate(Scenario(samples=1), 0).cell
     driver = Driver("manual")
     driven = replace(

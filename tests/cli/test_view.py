@@ -1,4 +1,4 @@
-"""`basecal view`: what it refuses, and what it serves."""
+"""Tests of `basecal view`: its refusals, and its server."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from basecal.cli import main
 answers_alone = without_stages(screen_conventions, find_error_at_task)
 
 
-def test_a_cell_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What to do is said."""
+def test_cell_without_runs_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The message says what to do."""
     assert main(["simulate", str(tmp_path / "cell"), "--samples", "8", "--target", "points"]) == 0
     capsys.readouterr()
     assert main(["view", str(tmp_path / "cell")]) == 3
@@ -28,8 +28,8 @@ def test_a_cell_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.slow
-def test_it_serves_until_it_is_interrupted(tmp_path: Path) -> None:
-    """The address that is printed answers; Ctrl-C ends with 130 and writes nothing."""
+def test_server_runs_until_interrupted(tmp_path: Path) -> None:
+    """The printed address answers; Ctrl-C ends with code 130 and writes no file."""
     cell = tmp_path / "cell"
     assert main(["simulate", str(cell), "--samples", "10", "--target", "points"]) == 0
     main(["calibrate", str(cell)])
