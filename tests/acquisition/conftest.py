@@ -1,4 +1,4 @@
-"""Second processes that robots' protocols are tested with: they take seconds to start, and serve many tests each."""
+"""Fixtures of processes that speak robots' protocols; they take seconds to start and serve many tests."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def _opcua_process():
 
 @pytest.fixture
 def opcua_robot(_opcua_process):
-    """The robot, as it began."""
+    """OPC UA robot in its initial state."""
     _opcua_process.tell("reset")
     return _opcua_process
 
@@ -32,7 +32,7 @@ def _ros2_process():
 
 @pytest.fixture
 def ros2_cell(_ros2_process):
-    """What drivers of ROS 2 send: 100 joint states and 30 small images a second, tf; silent between tests."""
+    """Senders of ROS 2: 100 joint states and 30 small images a second, and tf; silent between tests."""
     for words in (("rate", "joints", 100), ("rate", "images", 30), ("freeze", "off"), ("partial", "off")):
         _ros2_process.tell(*words)
     yield _ros2_process
@@ -50,6 +50,6 @@ def _switched_on():
 
 @pytest.fixture
 def there(_switched_on):
-    """A UR controller as after it was switched on, and where its robot is."""
+    """UR controller as after power-on, and the place of its robot."""
     _switched_on[0].tell("reset")
     return _switched_on

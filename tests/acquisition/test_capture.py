@@ -1,4 +1,4 @@
-"""Captures of a cell that runs."""
+"""Tests of captures of a running cell."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def journal(folder):
     return (folder / "recording" / "samples.jsonl").read_text().splitlines()
 
 
-def test_a_plan_is_captured(tmp_path):
-    """Every sample is in the journal when it is told of, with its image, states near its plan, and what was seen."""
+def test_plan_is_captured(tmp_path):
+    """Each reported sample is in the journal with its image, states near its plan, and observations."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 5)
         for count, step in enumerate(capture(Taker(rig, sketch, tmp_path, FAST), plan), start=1):
@@ -52,8 +52,8 @@ def test_a_plan_is_captured(tmp_path):
     assert sorted(recording.samples, key=lambda s: s.stamp_s) == list(recording.samples)
 
 
-def test_a_light_is_seen_on_and_off(tmp_path):
-    """At each stop there is an image with the light and one without, and the light is on again in the end."""
+def test_led_is_captured_on_and_off(tmp_path):
+    """Each stop has an image with the LED on and one with it off, and the LED is on at the end."""
     with running(tmp_path, target="led") as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 7, shifts)
         assert [step.why_not for step in capture(Taker(rig, sketch, tmp_path, FAST), plan[:2])] == ["", ""]
@@ -63,8 +63,8 @@ def test_a_light_is_seen_on_and_off(tmp_path):
         assert (tmp_path / sample.background["wrist"]).exists()
 
 
-def test_it_goes_on_where_it_was_and_asks_nothing_twice(tmp_path):
-    """A capture that ended after one of two samples takes the other, and says that a line was cut off."""
+def test_capture_resumes_without_duplicates(tmp_path):
+    """A capture that ended after one of two samples takes the other, and reports a truncated line."""
     with running(tmp_path) as world:
         with open_rig(world.cell, tmp_path) as rig:
             sketch, plan = planned(world, tmp_path, 2)
@@ -86,7 +86,7 @@ def test_it_goes_on_where_it_was_and_asks_nothing_twice(tmp_path):
 
 
 class Frozen:
-    """A camera that gives one image for ever, each time with a newer stamp."""
+    """Camera that always returns the same image, with newer stamps."""
 
     is_live = is_on_demand = True
 
@@ -97,8 +97,8 @@ class Frozen:
         return replace(self._image, stamp_s=time.monotonic())
 
 
-def test_an_image_of_the_capture_before_is_not_taken_again(tmp_path):
-    """A camera that froze before an interruption gives no sample after it."""
+def test_image_of_an_earlier_capture_is_not_reused(tmp_path):
+    """A camera that froze before an interruption yields no sample after it."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 2)
         frozen = Rig(rig.robots, {"wrist": Frozen(rig.cameras["wrist"].image())})
@@ -109,7 +109,7 @@ def test_an_image_of_the_capture_before_is_not_taken_again(tmp_path):
 
 
 class LedArm:
-    """An arm in freedrive: whenever it is let go, somebody leads it to the next of some places."""
+    """Arm in freedrive: a person guides it to the next of some places whenever it is free."""
 
     is_live = True
 
@@ -128,8 +128,8 @@ class LedArm:
         self.arm.close()
 
 
-def test_an_arm_that_is_led_is_taken_wherever_it_stands(tmp_path):
-    """It is let go before each sample and held again, and what is noted is where it was led, not what was proposed."""
+def test_hand_guided_arm_is_recorded_at_its_place(tmp_path):
+    """The arm is free before each sample and held again; the recorded place is the guided, not the proposed one."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 2)
         led_to = [sample.robots["hand"] for sample in plan[::-1]]
@@ -144,8 +144,8 @@ def test_an_arm_that_is_led_is_taken_wherever_it_stands(tmp_path):
 
 
 @pytest.mark.journey
-def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):
-    """A place where the board is out of view, and one like another, are given up with words, and stay so."""
+def test_unusable_samples_are_given_up(tmp_path):
+    """A place without the board in view, and a repeated place, are given up with reasons, and not tried again."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch = sketch_cell(world.cell)
         away = {**home(world), "hand": RobotState(joints_rad=world.home["hand"] + [0, 0, 0, 0, 1.2, 0])}
@@ -157,8 +157,8 @@ def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):
         assert store_plan(tmp_path, world.cell, plan[:1])[0].sample == 3
 
 
-def test_blurred_images_are_told(tmp_path, monkeypatch):
-    """An image whose edges are wider across one direction than across another is too blurred, and not recorded."""
+def test_blurred_images_are_refused(tmp_path, monkeypatch):
+    """An image whose edges are wider in one direction than in another is too blurred, and not recorded."""
     monkeypatch.setattr(module, "edge_width", lambda grey, pixels: EdgeWidth(3.0, 5.2))
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 1)
@@ -167,8 +167,8 @@ def test_blurred_images_are_told(tmp_path, monkeypatch):
     assert not (tmp_path / "recording" / "samples.jsonl").exists()
 
 
-def test_an_arm_that_does_not_arrive_is_told(tmp_path, monkeypatch):
-    """With less patience than the way takes, the arm is not where it was sent."""
+def test_arm_that_does_not_arrive_is_reported(tmp_path, monkeypatch):
+    """With less patience than the motion takes, the arm is not at its goal."""
     monkeypatch.setattr(module, "_joint_travel_rad", lambda start, end: 0.0)
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 1)
@@ -177,8 +177,8 @@ def test_an_arm_that_does_not_arrive_is_told(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("torn", ["", '{"sample": 7', '{"why": 3}\n'])
-def test_a_torn_note_is_no_note(tmp_path, torn):
-    """What was cut off while it was given up is tried again."""
+def test_truncated_line_of_a_given_up_sample_is_ignored(tmp_path, torn):
+    """A sample whose line was truncated is tried again."""
     with running(tmp_path) as world:
         planned(world, tmp_path, 1)
         (tmp_path / ABANDONED_FILE).write_text(torn)
@@ -186,8 +186,8 @@ def test_a_torn_note_is_no_note(tmp_path, torn):
     assert (tmp_path / PLAN_FILE).exists()
 
 
-def test_what_was_given_up_may_be_damaged(tmp_path):
-    """Of lines that are no text, numbers beyond any, or nested without end the samples are tried again."""
+def test_damaged_lines_of_given_up_samples_are_ignored(tmp_path):
+    """Samples of lines that are no text, have huge numbers, or are nested too deeply are tried again."""
     with running(tmp_path) as world:
         _, plan = planned(world, tmp_path, 3)
         lines = [b'{"sample": 1, "why": "x"}', b"\xe5\xff", b'{"sample": 1e999}', b"[" * 100_000, b'{"sample": [0]}']

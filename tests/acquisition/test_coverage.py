@@ -1,4 +1,4 @@
-"""What samples cover."""
+"""Tests of the coverage of samples."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def sample(number, turn=0.0, pixels=()):
     return Sample(number, robots=states, observations=(seen,) if len(pixels) else ())
 
 
-def test_cells_of_the_image():
-    """Points in two corners cover two of the cells, also where one lies a little outside."""
+def test_points_cover_cells_of_the_image():
+    """Points in two corners cover two cells, also if one lies slightly outside."""
     found = measure_coverage(SKETCH, [sample(0, pixels=[(3, 3)]), sample(1, pixels=[(1281, 719), (2, 4)])])
     assert found.cells.sum() == 2
     assert found.cells[0, 0]
@@ -42,8 +42,8 @@ def test_cells_of_the_image():
     assert found.share == 2 / 24
 
 
-def test_turns_and_advice():
-    """The last joint turns the eye about its flange's z alone: a person is told to turn it about another axis."""
+def test_missing_rotation_is_advised():
+    """The last joint rotates the eye only about its flange's z: the advice is another axis."""
     samples = [sample(k, turn=0.2 * k) for k in range(5)]
     found = measure_coverage(SKETCH, samples)
     np.testing.assert_allclose(found.rotation_ranges_rad["eye"], [0, 0, 0.8], atol=1e-9)
@@ -51,8 +51,8 @@ def test_turns_and_advice():
     assert found.advice(4) == ""
 
 
-def test_samples_that_are_alike():
-    """One with all arms within the limits of another is named; one with an arm elsewhere is not."""
+def test_equal_samples_are_found():
+    """A sample with all arms within the limits of another is reported; one with an arm elsewhere is not."""
     others = [sample(4), sample(5, turn=0.5)]
     assert find_equal_sample(SKETCH, sample(9, turn=0.501), others, 2e-3, 2e-3) == 5
     assert find_equal_sample(SKETCH, sample(9, turn=0.25), others, 2e-3, 2e-3) is None
@@ -63,14 +63,14 @@ def test_samples_that_are_alike():
     ((0, 0), 0, 0), ((213, 179), 0, 0), ((214, 181), 1, 1), ((1066, 0), 0, 4), ((1067, 0), 0, 5), ((0, 539), 2, 0),
     ((0, 541), 3, 0), ((5000, 5000), 3, 5), ((-400, -400), 0, 0),
 ])  # fmt: skip
-def test_the_image_has_four_rows_of_six_cells(pixel, row, column):
-    """Of 1280 by 720 pixels; points outside count for the nearest cell."""
+def test_image_has_four_rows_of_six_cells(pixel, row, column):
+    """The image has 1280 by 720 pixels; points outside count for the nearest cell."""
     cells = covered_cells(np.array([pixel], dtype=float), (1280, 720))
     assert np.argwhere(cells).tolist() == [[row, column]]
 
 
-def test_pixels_of_the_camera_alone_cover_its_image():
-    """Candidates do, as well; those of another camera do not, nor do poses, nor anything without a size."""
+def test_only_pixels_of_the_camera_cover_its_image():
+    """Candidates count; pixels of another camera, poses, and cameras without a size do not."""
     at = np.array([[3.0, 3.0]])
     other = PixelObservation("other", "board", np.arange(1), at + 1000)
     seen = Sample(0, observations=(CandidateObservation("wrist", "board", at), other))
@@ -84,7 +84,7 @@ def test_pixels_of_the_camera_alone_cover_its_image():
     ([15.1, 15.1, 15.1], ""), ([15.1, 15.1, 14.9], "turn a further about z"), ([14, 13, 16], "turn a further about y"),
 ])  # fmt: skip
 def test_fifteen_degrees_about_each_axis_are_enough(degrees, advice):
-    """Below, the axis of the least rotation is named, of the first such robot."""
+    """Below that, the axis of the least rotation is reported for the first such robot."""
     turned = {"b": np.radians([40.0, 40, 40]), "a": np.radians(degrees)}
     coverage = Coverage(np.zeros(COVERAGE_GRID, dtype=bool), turned)
     assert coverage.advice(5) == advice
@@ -93,8 +93,8 @@ def test_fifteen_degrees_about_each_axis_are_enough(degrees, advice):
     assert both.advice(9) == "turn c further about y"
 
 
-def test_rotations_range_over_all_samples():
-    """There and back, whichever sample is the first; one sample turns nothing, and one without an arm is left out."""
+def test_rotation_range_is_over_all_samples():
+    """The order does not matter; one sample has no range, and samples without the arm are left out."""
     turns = [0.1, 0.4, -0.3]
     samples = [sample(k, turn=turn) for k, turn in enumerate(turns)]
     samples.insert(1, replace(samples[0], robots={name: state for name, state in HOME.items() if name != "eye"}))
@@ -109,7 +109,7 @@ def test_rotations_range_over_all_samples():
     ([1.5e-3, 1.5e-3, 0, 0, 0, 0], False),
 ])  # fmt: skip
 def test_poses_are_equal_within_two_millimetres_and_milliradians(off, is_same):
-    """Lengths of all three axes together; a sample without the robot is equal to none."""
+    """The limits are 3-D norms; a sample without the robot is equal to none."""
     pose = SKETCH.base_from_flange("eye", HOME["eye"])
     here, there = (
         Sample(k, robots={"eye": RobotState(base_from_flange=p)}) for k, p in enumerate((pose, pose @ SE3.exp(off)))

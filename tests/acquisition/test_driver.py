@@ -1,4 +1,4 @@
-"""The faces of drivers, and their options."""
+"""Tests of the interfaces of drivers, and of their options."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def place(**options):
     return Place("wrist", CELL, Path("mycell"), options)
 
 
-def test_faces_tell_what_a_driver_can():
-    """A typed robot neither moves nor can be led; a replayed one moves, and its camera has a light."""
+def test_interfaces_show_the_abilities_of_a_driver():
+    """A typed robot can neither move nor be guided; a replayed one moves, and its camera can switch an LED."""
     typed, robot, camera = TypedRobot(place(), "ur"), ReplayRobot("eye", None), ReplayCamera("wrist", None)
     assert [isinstance(typed, face) for face in (Robot, Moves, Freedrives)] == [True, False, False]
     assert [isinstance(robot, face) for face in (Robot, Moves, Freedrives)] == [True, True, False]
@@ -47,7 +47,7 @@ def test_faces_tell_what_a_driver_can():
 
 
 def test_options_are_checked():
-    """Those known are taken; an unknown one names the file, the field and the nearest known one."""
+    """Known options are accepted; for an unknown one the error has file, field and the nearest known option."""
     assert checked_options(place(path="images", wait_s=2.0), FolderOptions).wait_s == 2.0
     with pytest.raises(DatasetError, match=r"mycell/cell\.yaml: cameras\.wrist\.driver\.pth: .*did you mean 'path'"):
         checked_options(place(pth="images"), FolderOptions)
@@ -60,8 +60,8 @@ def test_options_are_checked():
         (DriverError("wrist: unplugged"), "wrist: unplugged"),
     ],
 )
-def test_a_device_that_does_not_open_is_named(error, words):
-    """An error of a maker's library names the robot or camera; one of ours stays as it is."""
+def test_device_that_does_not_open_is_named(error, words):
+    """An error of a maker's library names the robot or camera; an error of this package is unchanged."""
 
     def fail(place):
         raise error
@@ -73,16 +73,16 @@ def test_a_device_that_does_not_open_is_named(error, words):
         assert str(raised.value) == words
 
 
-def test_an_arm_arrives_within_two_milliradians():
-    """Just inside the limit it has arrived, just outside not; one joint that is off is enough."""
+def test_arm_has_arrived_within_two_milliradians():
+    """Just inside the limit it has arrived, just outside not; one joint decides."""
     goal = RobotState(joints_rad=np.zeros(3))
     for off, arrived in ((0.99, True), (1.01, False)):
         state = RobotState(joints_rad=np.array([0.0, off * ARRIVED_RAD_M, 0.0]))
         assert has_arrived(state, goal) is arrived
 
 
-def test_a_joint_is_off_its_way_beyond_its_start_or_goal():
-    """Between both it may be anywhere, whichever is larger; the joint that is farthest outside is named."""
+def test_joint_leaves_its_path_beyond_start_or_goal():
+    """Any value between both is on the path; the joint that is farthest outside is reported."""
     start, goal = np.array([0.0, 1.0]), np.array([1.0, 0.0])
     for fine in ([0.0, 1.0], [0.9, 0.9], [1.0 + 0.99 * PATH_TOLERANCE_RAD, -0.99 * PATH_TOLERANCE_RAD]):
         assert largest_path_deviation(np.array(fine), start, goal, PATH_TOLERANCE_RAD) is None
@@ -99,8 +99,8 @@ def pose(x_m, scale=1.0):
 
 
 @pytest.mark.parametrize("reading", [joints(0.1, -999.0), pose(999.0), Reading(-5.0, joints(0.0).state)])
-def test_a_possible_reading_is_accepted(reading):
-    """Joints of many turns, far flanges and negative stamps are possible."""
+def test_plausible_reading_is_accepted(reading):
+    """Joints of many turns, far flanges and negative stamps are plausible."""
     check_reading("eye", reading)
 
 
@@ -119,7 +119,7 @@ def test_a_possible_reading_is_accepted(reading):
         (Reading(0.0, RobotState()), "expected either joints or a pose"),
     ],
 )
-def test_an_impossible_reading_is_refused_with_its_number(reading, problem):
-    """The error names the robot and the number."""
+def test_implausible_reading_is_refused_with_its_number(reading, problem):
+    """The error has the robot and the number."""
     with pytest.raises(DriverError, match=f"eye: implausible state: {problem}"):
         check_reading("eye", reading)

@@ -1,4 +1,4 @@
-"""Arms that a person leads."""
+"""Tests of hand-guided arms."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEP_S = 0.1
 
 
 class Arm:
-    """An arm that is led along a way: one joint, a place for each state."""
+    """Arm that is guided along a path: one joint, one place per state."""
 
     is_live = True
 
@@ -43,8 +43,8 @@ def led(arm, key=lambda: ""):
     return HandGuiding(Rig({"eye": arm}, {}), key, lambda words: None)
 
 
-def test_held_still_at_a_new_place_a_sample_is_due():
-    """After most of a second of rest, once a place; not on the way, and not again until it was led away."""
+def test_sample_is_due_after_rest_at_a_new_place():
+    """After nearly a second of rest one sample is due; none during motion, and no second one at the same place."""
     arm = Arm([0.0] * 12 + list(np.linspace(0.0, 0.5, 20)) + [0.5] * 30)
     person = led(arm)
     assert person.wait()
@@ -54,8 +54,8 @@ def test_held_still_at_a_new_place_a_sample_is_due():
     assert 12 + 20 + 8 <= arm.asked <= 12 + 20 + 12
 
 
-def test_a_small_step_is_no_new_place():
-    """An arm that is led away by a degree and held is waited for until it was led farther."""
+def test_small_step_is_no_new_place():
+    """After a step of one degree, no sample is due until the arm is guided farther."""
     arm = Arm([0.0] * 12 + [0.02] * 30 + [0.2] * 30)
     person = led(arm)
     assert person.wait()
@@ -63,8 +63,8 @@ def test_a_small_step_is_no_new_place():
     assert arm.asked > 12 + 30
 
 
-def test_keys_take_and_end():
-    """The space bar takes at once, wherever the arm is; q ends."""
+def test_keys_take_a_sample_or_end():
+    """The space bar takes a sample at any place; q ends."""
     keys = iter([TAKE_KEY, TAKE_KEY, "x", END_KEY])
     arm = Arm(np.linspace(0, 1, 50))
     person = led(arm, lambda: next(keys))
@@ -73,7 +73,7 @@ def test_keys_take_and_end():
 
 
 def test_arms_are_free_until_a_sample_is_due():
-    """And held then, even after an error."""
+    """Arms are held then, even after an error."""
     arm = Arm([0.0] * 30)
     assert led(arm).wait()
     assert arm.freedrives == [True, False]
@@ -83,8 +83,8 @@ def test_arms_are_free_until_a_sample_is_due():
     assert arm.freedrives == [True, False]
 
 
-def test_whoever_types_poses_is_not_waited_for():
-    """Of robots that ask, the next sample is due at once."""
+def test_typed_poses_are_due_at_once():
+    """For robots that ask for typed poses, the next sample is due at once."""
     arm = Arm([0.0])
     arm.is_live = False
     assert led(arm).wait()
@@ -92,7 +92,7 @@ def test_whoever_types_poses_is_not_waited_for():
 
 
 class Person:
-    """A robot of a running cell that somebody leads to one place after another, and holds there."""
+    """Robot of a running cell that a person guides from place to place, and holds there."""
 
     is_live = True
 
@@ -107,8 +107,8 @@ class Person:
         return self.robot.state()
 
 
-def test_a_cell_is_captured_by_hand(tmp_path):
-    """Each place at which the arms are held becomes a sample with its image; nothing moves them but the person."""
+def test_cell_is_captured_by_hand(tmp_path):
+    """Each place at which the arms are held becomes a sample with its image; only the person moves them."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch = sketch_cell(world.cell)
         plan = poses.plan(sketch, home(world), 1, 0)
@@ -124,8 +124,8 @@ def test_a_cell_is_captured_by_hand(tmp_path):
 
 
 @pytest.mark.journey
-def test_a_place_where_nothing_is_seen_is_told_and_waited_for_anew(tmp_path):
-    """The number stays free for the next place."""
+def test_place_without_a_target_in_view_is_reported(tmp_path):
+    """Its number is used for the next place."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch = sketch_cell(world.cell)
         away = RobotState(joints_rad=world.home["hand"] + [0, 0, 0, 0, 1.2, 0])
@@ -141,8 +141,8 @@ def test_a_place_where_nothing_is_seen_is_told_and_waited_for_anew(tmp_path):
 
 
 @pytest.mark.parametrize(("step", "is_new"), [(0.029, False), (0.031, True), (-0.031, True)])
-def test_a_new_place_is_three_hundredths_away(step, is_new):
-    """From where the last sample was taken, whichever way."""
+def test_new_place_is_0_03_rad_away(step, is_new):
+    """The distance is from the place of the last sample, in any direction."""
     arm = Arm([0.0] * 12 + [step] * 40)
     keys = iter([""] * 45 + [END_KEY] * 9)
     person = led(arm, lambda: next(keys))
@@ -151,14 +151,14 @@ def test_a_new_place_is_three_hundredths_away(step, is_new):
 
 
 @pytest.mark.parametrize(("drift", "is_rest"), [(0.9e-4, True), (1.2e-4, False)])
-def test_arms_that_drift_are_not_held(drift, is_rest):
-    """By a milliradian within nine states, 0.8 s and one more."""
+def test_drifting_arms_are_not_at_rest(drift, is_rest):
+    """The limit is a milliradian within nine states, 0.8 s and one more."""
     keys = iter([""] * 60 + [END_KEY])
     assert led(Arm(drift * np.arange(80)), lambda: next(keys)).wait() == is_rest
 
 
-def test_all_arms_are_held():
-    """One of two that moves on is waited for; both are free meanwhile, and those that cannot be are left alone."""
+def test_all_arms_must_be_at_rest():
+    """If one of two moves on, both stay free; arms without freedrive are not touched."""
     still, late = Arm([0.0] * 60), Arm([*np.linspace(0, 0.5, 20), *[0.5] * 40])
     bound = Arm([0.0] * 60)
     bound.freedrive = None
@@ -168,8 +168,8 @@ def test_all_arms_are_held():
     assert still.freedrives == late.freedrives == [True, False]
 
 
-def test_whoever_types_poses_ends_with_a_key():
-    """Any other key goes on."""
+def test_key_ends_typed_poses():
+    """Any other key continues."""
     arm = Arm([0.0])
     arm.is_live = False
     keys = iter(["", " ", END_KEY])
@@ -177,8 +177,8 @@ def test_whoever_types_poses_ends_with_a_key():
     assert [person.wait() for _ in range(3)] == [True, True, False]
 
 
-def test_arms_that_a_program_moves_are_not_led():
-    """Nor are those that are not live; the others are told by their new states."""
+def test_arms_without_freedrive_are_not_hand_guided():
+    """Nor are robots that are not live; the new places of others are reported by their states."""
     moved, typed = Arm([0.0]), Arm([0.0])
     moved.move = moved.stop = moved.goal_refusal = lambda *_: ""
     typed.is_live = False

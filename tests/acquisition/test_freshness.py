@@ -1,4 +1,4 @@
-"""Whether states come, and often enough."""
+"""Tests of the arrival and rate of states."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from basecal.acquisition.freshness import Patience, Stale, Waits, wait_for_newer
 from basecal.errors import DriverError
 
 
-def test_what_comes_is_given():
-    """It is asked again until it gives something."""
+def test_new_data_are_returned():
+    """The source is polled until it has data."""
     given = iter([None, None, 3])
     assert wait_for_newer(lambda: next(given), 1.0) == 3
 
 
-def test_what_does_not_come_is_told():
-    """After the time is up it is stale."""
+def test_missing_data_are_stale():
+    """After the timeout, Stale is raised."""
     with pytest.raises(Stale):
         wait_for_newer(lambda: None, 0.02)
 
 
-def test_a_rate_that_stays_too_low_is_refused_by_its_number():
-    """Four states in a second are refused after five seconds; the message states the rate and the rate needed."""
+def test_low_rate_is_refused_with_its_number():
+    """Four states a second are refused after five seconds; the message has the measured and the required rate."""
     waits = Waits("eye")
     for _ in range(21):
         waits.add(0.25)
@@ -33,29 +33,29 @@ def test_a_rate_that_stays_too_low_is_refused_by_its_number():
 
 
 @pytest.mark.parametrize("outage_s", [1.4, 9.0])
-def test_one_outage_is_forgiven_whatever_its_length(outage_s):
-    """An outage counts as one wait that is left out, and so does a short dip of the rate."""
+def test_one_outage_is_tolerated(outage_s):
+    """An outage of any length counts as one wait that is left out; so does a short drop of the rate."""
     waits = Waits("eye")
     for wait_s in [*20 * [0.008], outage_s, *20 * [0.008], *12 * [1.4 / 12], *20 * [0.008]]:
         waits.add(wait_s)
 
 
-def test_states_that_only_come_after_outages_are_refused():
-    """Gaps of two seconds, one after another, are a rate that is too low and no outage."""
+def test_repeated_outages_are_a_low_rate():
+    """Consecutive gaps of two seconds are a rate that is too low, and no outage."""
     waits = Waits("eye")
     with pytest.raises(DriverError, match=r"eye: only 0\.5 states in a second"):
         [waits.add(2.0) for _ in range(6)]
 
 
-def test_ten_in_a_second_are_enough():
-    """And whoever asks seldom waits less, and is not told."""
+def test_ten_states_a_second_are_enough():
+    """Infrequent requests wait less, and are accepted."""
     waits = Waits("eye")
     for wait_s in 300 * [0.0999]:
         waits.add(wait_s)
 
 
-def test_patience_goes_by_the_stamps():
-    """Half a second of stamps passes in no time of this machine, and the clock is not blamed."""
+def test_patience_uses_the_stamps():
+    """Half a second of stamps may pass at once, and the clock is not blamed."""
     waited = Patience(0.5)
     assert not any(waited.is_over(stamp_s) for stamp_s in (7.0, 7.2, 7.4))
     assert waited.is_over(7.6)
@@ -63,8 +63,8 @@ def test_patience_goes_by_the_stamps():
 
 
 @pytest.mark.parametrize("step_s", [0.0, -1.0])
-def test_patience_ends_though_stamps_stand_still(step_s):
-    """With stamps that stand still or go back, time passes by this machine's clock, and the cause is named."""
+def test_patience_ends_if_stamps_do_not_advance(step_s):
+    """If stamps repeat or go back, this machine's clock counts, and the cause is reported."""
     waited, stamp_s, began_s = Patience(0.05), 7.0, time.monotonic()
     while not waited.is_over(stamp_s):
         stamp_s += step_s
@@ -74,7 +74,7 @@ def test_patience_ends_though_stamps_stand_still(step_s):
 
 
 class Clock:
-    """A clock that sleeping moves on."""
+    """Clock that sleeping advances."""
 
     def __init__(self):
         self.now_s, self.slept = 100.0, 0
@@ -89,14 +89,14 @@ class Clock:
 
 @pytest.fixture
 def clock(monkeypatch):
-    """The clock of the module."""
+    """Replace the clock of the module."""
     made = Clock()
     monkeypatch.setattr(freshness, "time", made)
     return made
 
 
-def test_what_is_there_is_given_at_once(clock):
-    """Without a pause, zero as well as anything else; what is there when the time is up is still given."""
+def test_available_data_are_returned_at_once(clock):
+    """There is no pause, also for zero; data that arrive at the timeout are returned."""
     assert wait_for_newer(lambda: 0, 0.0) == 0
     assert clock.slept == 0
     given = iter([None, "late"])
@@ -104,8 +104,8 @@ def test_what_is_there_is_given_at_once(clock):
 
 
 @pytest.mark.parametrize("wait_s", [0.25, None])
-def test_what_is_awaited_is_polled_until_the_time_is_up(clock, wait_s):
-    """More often than any robot sends, for a second if nothing else is said."""
+def test_data_are_polled_until_the_timeout(clock, wait_s):
+    """Polling is faster than any robot sends, and the default timeout is a second."""
     with pytest.raises(Stale):
         wait_for_newer(lambda: None, **({} if wait_s is None else {"wait_s": wait_s}))
     assert clock.now_s - 100.0 == pytest.approx(wait_s or 1.0, abs=2e-3)
@@ -113,8 +113,8 @@ def test_what_is_awaited_is_polled_until_the_time_is_up(clock, wait_s):
 
 
 @pytest.mark.parametrize(("wait_s", "is_enough"), [(0.099, True), (0.1015, False)])
-def test_the_rate_is_that_of_five_seconds(wait_s, is_enough):
-    """Just above and just below ten in a second; what was before five seconds does not count."""
+def test_rate_is_measured_over_five_seconds(wait_s, is_enough):
+    """The limit is ten a second; states before the last five seconds do not count."""
     waits = Waits("eye")
     for each_s in (*15 * [0.3], *51 * [0.01]):
         waits.add(each_s)
@@ -127,7 +127,7 @@ def test_the_rate_is_that_of_five_seconds(wait_s, is_enough):
 
 
 def test_waits_before_a_lost_connection_do_not_count():
-    """A rate that was too low for four seconds, before and after."""
+    """The rate was too low for four seconds before and after."""
     waits = Waits("eye")
     for _ in range(2):
         for _ in range(16):
@@ -136,8 +136,8 @@ def test_waits_before_a_lost_connection_do_not_count():
         waits.forget()
 
 
-def test_patience_is_over_when_more_has_passed(clock):
-    """As much as the limit is within it; stamps and the clock count together, whichever moved."""
+def test_patience_is_over_beyond_the_limit(clock):
+    """The limit itself is within; advances of stamps and of the clock add up."""
     waited = Patience(0.5)
     assert not waited.is_over(8.0)
     clock.sleep(7.0)  # stamps advance: the clock does not count
@@ -150,8 +150,8 @@ def test_patience_is_over_when_more_has_passed(clock):
     assert waited.cause == ""
 
 
-def test_stamps_are_blamed_if_they_stood_for_longer(clock):
-    """Longer than they advanced; as long is not longer."""
+def test_stamps_are_blamed_if_they_paused_for_longer(clock):
+    """The pause must exceed the advance; an equal pause does not."""
     waited = Patience(9.0)
     waited.is_over(1.0)
     waited.is_over(1.25)

@@ -1,4 +1,4 @@
-"""Touches that a person leads tips to."""
+"""Tests of touches with hand-guided tips."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STEP_S = 0.1
 
 
 class Arm:
-    """An arm that stands still, or drifts by so much from state to state [m]."""
+    """Arm at rest, or with a drift per state [m]."""
 
     is_live = True
 
@@ -38,15 +38,15 @@ class Arm:
 
 
 def taken(tmp_path, arms, *lines):
-    """Samples at these lines, and what was reported."""
+    """Samples for these typed lines, and the reported messages."""
     typed, told = iter([*(f"{line}\n" for line in lines), ""]), []
     (tmp_path / "recording").mkdir(exist_ok=True)
     found = list(take_touches(Rig(arms, {}), touch_cell(), tmp_path, lambda: next(typed), told.append))
     return found, told
 
 
-def test_each_line_is_a_touch_on_the_disk(tmp_path):
-    """An empty line repeats the mark; arms are free until the line is typed, and held when it is taken."""
+def test_each_line_is_a_stored_touch(tmp_path):
+    """An empty line repeats the mark; arms are free until the line is typed, and held during the touch."""
     arm = Arm()
     found, _ = taken(tmp_path, {"eye": arm}, "mark_a", "", "mark_b eye_tip", "q")
     assert [sample.observations[0].mark for sample in found] == ["mark_a", "mark_a", "mark_b"]
@@ -57,8 +57,8 @@ def test_each_line_is_a_touch_on_the_disk(tmp_path):
     assert more[0].sample == 3
 
 
-def test_what_is_not_taken_is_said(tmp_path):
-    """Unknown marks, a tip that is left open, and an arm that still moves."""
+def test_refused_touches_are_reported(tmp_path):
+    """Unknown marks, an ambiguous tip, and a moving arm are reported."""
     both = {"eye": Arm(), "hand": Arm()}
     found, told = taken(tmp_path, both, "mark_x eye_tip", "mark_a", "mark_a hand_tip")
     assert [sample.observations[0].tip for sample in found] == ["hand_tip"]
@@ -71,7 +71,7 @@ def test_what_is_not_taken_is_said(tmp_path):
     assert any("still moving: eye" in line for line in told)
 
 
-def test_without_tips_there_is_nothing_to_touch(tmp_path):
-    """A rig without the robots of the tips."""
+def test_rig_without_tips_is_refused(tmp_path):
+    """The rig lacks the robots of the tips."""
     with pytest.raises(InputError, match="need a tip"):
         taken(tmp_path, {})

@@ -1,4 +1,4 @@
-"""The driver of the page on capture, as a stranger has it: another package, an arm behind HTTP, and a capture."""
+"""Tests of the driver on the page about capture: a separate package, an arm behind HTTP, and a capture."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ LONGEST = 40  # lines with the module's words, of which thirty do something
 
 @pytest.fixture
 def installed(tmp_path):
-    """The page's driver as pip would install it."""
+    """Install the page's driver as pip does."""
     with installed_driver(tmp_path / "packages", "my_arm", DRIVER):
         yield
 
 
 @pytest.fixture
 def controller(tmp_path):
-    """A simulated cell whose first arm is reached by HTTP, as the page's driver asks: its world and its address."""
+    """Simulated cell whose first arm is reached by HTTP as in the page's driver; its world and address."""
     with running(tmp_path) as world:
         cell, one_at_a_time = connect(read_address(tmp_path)), threading.Lock()
 
@@ -75,8 +75,8 @@ def controller(tmp_path):
 
 @pytest.mark.journey
 @pytest.mark.parametrize("samples", [2, pytest.param(20, marks=pytest.mark.slow)])
-def test_it_captures(tmp_path, installed, controller, samples):
-    """With it for one arm, and the simulated driver for the rest, samples are captured."""
+def test_documented_driver_captures_samples(tmp_path, installed, controller, samples):
+    """One arm uses it, the rest uses the simulated driver."""
     world, address = controller
     eye = replace(world.cell.robots["eye"], driver=Driver("my_arm", {"address": address}))
     sketch = sketch_cell(replace(world.cell, robots={**world.cell.robots, "eye": eye}))
@@ -90,7 +90,7 @@ def test_it_captures(tmp_path, installed, controller, samples):
     assert [step.why_not for step in steps] == [""] * samples
 
 
-def test_the_page_shows_it():
-    """The page includes the file that is tested here, and it is short."""
+def test_page_includes_the_tested_driver():
+    """The page includes the tested file, and it is short."""
     assert '--8<-- "docs/my_arm.py"' in PAGE
     assert len(DRIVER.read_text(encoding="utf-8").splitlines()) <= LONGEST

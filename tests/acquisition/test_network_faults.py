@@ -1,4 +1,4 @@
-"""A network between robots and this computer that delays, loses, falls silent and is cut: nothing recorded is lost."""
+"""Tests of networks that delay, lose packets, fall silent and break: no recorded sample is lost."""
 
 from __future__ import annotations
 
@@ -31,14 +31,17 @@ LOSS = "<Internal><Test><XmitLossiness>200</XmitLossiness></Test></Internal>"  #
 
 
 def captured(sketch, folder, plan, when=lambda step: None):
-    """What became of a plan in a cell that runs, each step told to `when`."""
+    """Result of a plan in a running cell, with each step passed to `when`."""
     with open_rig(sketch.cell, folder) as rig:
         for step in capture(Taker(rig, sketch, folder, FAST), plan):
             when(step)
 
 
-def test_a_capture_that_is_cut_stops_with_a_line_and_goes_on(tmp_path):
-    """Cut in its third sample it says so; two whole lines are in the journal, and the rest is taken afterwards."""
+def test_capture_resumes_after_a_broken_link(tmp_path):
+    """If the link breaks in the third sample, an error is reported.
+
+    Two complete lines are in the journal, and the remaining samples are taken later.
+    """
     with running(tmp_path) as world, network("127.0.0.1", read_address(tmp_path).port) as (net, port):
         write_address(tmp_path, Address(port=port, token="token", pid=os.getpid()))
         sketch = sketch_cell(world.cell)
@@ -53,8 +56,8 @@ def test_a_capture_that_is_cut_stops_with_a_line_and_goes_on(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_capture_over_a_slow_network_goes_on(tmp_path):
-    """Each answer ten milliseconds late changes nothing of what is recorded."""
+def test_capture_over_a_slow_network_succeeds(tmp_path):
+    """A delay of ten milliseconds per answer does not change the recording."""
     with running(tmp_path) as world, network("127.0.0.1", read_address(tmp_path).port) as (net, port):
         net.delay_s = 0.01
         write_address(tmp_path, Address(port=port, token="token", pid=os.getpid()))
@@ -67,13 +70,13 @@ def test_a_capture_over_a_slow_network_goes_on(tmp_path):
 
 
 def far(host, at_host):
-    """A network before a controller's port for states."""
+    """Network in front of a controller's port for states."""
     return second_process("shared.network", host, 30004, at_host, 30004)
 
 
 @pytest.mark.slow
-def test_a_controller_behind_a_network_with_faults():
-    """States that come late are still whole and in order; after a silence, and after a cut, they go on."""
+def test_states_survive_network_faults():
+    """Late states are complete and in order; they continue after a silence and after a broken link."""
     pytest.importorskip("rtde_receive")
     host = own_host()
     with controller() as (process, place), far(place().options["host"], host) as net:
@@ -95,8 +98,8 @@ def test_a_controller_behind_a_network_with_faults():
 
 
 @pytest.mark.slow
-def test_ros2_over_a_network_that_loses_packets():
-    """Of five packets one is lost: every state and image that comes is whole, with its own stamp, and newer."""
+def test_ros2_with_lost_packets():
+    """One of five packets is lost: each received state and image is complete, newer, and has its own stamp."""
     pytest.importorskip("cyclonedds")
     from basecal.acquisition.drivers.ros2 import open_camera as open_image
     from basecal.acquisition.drivers.ros2 import open_robot as open_joints
@@ -118,8 +121,8 @@ def test_ros2_over_a_network_that_loses_packets():
 
 
 @pytest.mark.slow
-def test_ros2_over_a_network_that_reorders_packets():
-    """A tenth of the packets are overtaken: every state and image is whole, with its own stamp, and newer."""
+def test_ros2_with_reordered_packets():
+    """10 % of the packets are overtaken: each state and image is complete, newer, and has its own stamp."""
     pytest.importorskip("cyclonedds")
     from shared.ros2_domain import dds_configuration
 

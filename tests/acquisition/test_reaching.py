@@ -1,4 +1,4 @@
-"""What drivers reach, stated before they are opened."""
+"""Tests of the addresses that drivers state before they are opened."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ CELL = Cell("eye", {"eye": Robot("eye")})
 
 
 @pytest.mark.parametrize("kind", DRIVERS)
-def test_each_driver_states_what_it_reaches(kind):
-    """None of ours is asked with all its options, as those of others are."""
+def test_each_driver_states_its_addresses(kind):
+    """Drivers of this package are called with all options, as foreign ones are."""
     assert driver_kind(kind).reaches is not None
 
 
-def test_a_driver_of_others_is_stated_with_its_options(tmp_path):
-    """One without `reaches` may reach anything; what stays inside is not stated, and nothing twice."""
+def test_foreign_driver_is_listed_with_its_options(tmp_path):
+    """A driver without `reaches` may connect to any address; local access and duplicates are not listed."""
     place = Place("eye", CELL, tmp_path, {"host": "10.0.0.9"})
     silent, inside = DriverKind(), DriverKind(reaches=lambda place: "")
     found = external_resources([(silent, place), (inside, place), (silent, place)])
     assert found == ["any resource that the driver of 'eye' accesses with host: 10.0.0.9"]
 
 
-def test_secrets_are_needed_if_the_environment_lacks_them(tmp_path, monkeypatch):
-    """A variable that is there, also an empty one, is not asked for."""
+def test_missing_secrets_are_requested(tmp_path, monkeypatch):
+    """An existing variable, even an empty one, is not requested."""
     kind = DriverKind(secret=lambda place: Secret("BASECAL_X", "me"))
     place = Place("eye", CELL, tmp_path)
     monkeypatch.delenv("BASECAL_X", raising=False)

@@ -1,4 +1,4 @@
-"""Captures that are planned anew after each sample."""
+"""Tests of captures that are planned again after each sample."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ ARMS = home(WORLD)
 
 
 def turned(number, by_rad):
-    """A sample whose eye is turned about its flange."""
+    """Sample with the eye rotated about its flange."""
     return Sample(number, robots={**ARMS, "eye": RobotState(joints_rad=WORLD.home["eye"] + by_rad * np.eye(6)[5])})
 
 
-def test_what_was_taken_or_is_near_what_could_not_be_is_not_offered(monkeypatch):
-    """Within 2 mrad of the one, and 50 mrad of the other; where nothing is left it is said what to do."""
+def test_taken_and_impossible_samples_are_not_offered(monkeypatch):
+    """The limits are 2 mrad and 50 mrad; if no candidate remains, the message has advice."""
     offered, kept = [turned(k, 0.1 * k) for k in range(4)], []
     monkeypatch.setattr(replanning, "plan_for_task", lambda *_, offers: kept.extend(offers))
     view = sketch_cell(WORLD.cell).view
@@ -55,8 +55,8 @@ def test_what_was_taken_or_is_near_what_could_not_be_is_not_offered(monkeypatch)
 
 
 @pytest.mark.parametrize(("meets", "passes"), [(True, 2), (False, 1)])
-def test_a_plan_with_nothing_left_is_judged_by_a_whole_calibration(monkeypatch, meets, passes):
-    """Once more by its error at the task; if that is not known the first plan stands."""
+def test_empty_plan_is_judged_by_a_full_calibration(monkeypatch, meets, passes):
+    """The error at the task is computed again; if it is unknown the first plan is kept."""
     made, asked = Calibration("good", meeting=MeetingError(1e-3, "task point", 1e-3) if meets else None), []
     plans = [SimpleNamespace(samples=(), recorded=(1,)), SimpleNamespace(samples=("more",), recorded=(1,))]
     monkeypatch.setattr(replanning, "calibrate", lambda *_: made)
@@ -69,7 +69,7 @@ def test_a_plan_with_nothing_left_is_judged_by_a_whole_calibration(monkeypatch, 
 
 
 class Shy(Taker):
-    """What does not take sample 0."""
+    """Taker that gives up sample 0."""
 
     def take(self, wanted, taken):
         if wanted.sample == 0:
@@ -78,8 +78,8 @@ class Shy(Taker):
 
 
 @pytest.mark.slow
-def test_what_is_left_is_neither_taken_nor_near_what_could_not_be(monkeypatch):
-    """Of candidates few are left about one that failed; where the samples are enough already, none is needed."""
+def test_remaining_candidates_avoid_given_up_samples(monkeypatch):
+    """Few candidates remain near a given-up sample; if the samples suffice, none is needed."""
     monkeypatch.setattr(replanning, "OFFERED_SAMPLES", 40)
     made = simulate(Scenario(samples=10, robot_noise=(1e-4, 2e-4)), 3)
     taken = made.recording.samples
@@ -95,10 +95,10 @@ def test_what_is_left_is_neither_taken_nor_near_what_could_not_be(monkeypatch):
 
 
 def guessed(made):
-    """The cell with its free transforms guessed where they are."""
+    """Cell with its true free transforms as guesses."""
 
     def of(unknown, mean):
-        """An unknown with a guess."""
+        """Unknown with a guess."""
         return replace(unknown, mean=mean)
 
     truth, cell = made.truth, made.cell
@@ -109,8 +109,8 @@ def guessed(made):
 
 
 @pytest.mark.slow
-def test_stations_for_a_task_tell_more_of_it_than_others():
-    """Two stations of seven chosen for it leave less unknown there than the two that a pattern makes anywhere."""
+def test_stations_chosen_for_a_task_reduce_its_error_more():
+    """Two of seven stations chosen for the task leave less uncertain there than two stations of a pattern."""
     made = simulate(Scenario(samples=10, robot_noise=(1e-4, 2e-4), camera_mount="prior", target_mount="prior"), 3)
     cell, robots = guessed(made), made.recording.samples[0].robots
     found = stations_for_task(cell, (), robots, POINT, None, 14, 0)
@@ -126,7 +126,7 @@ def test_stations_for_a_task_tell_more_of_it_than_others():
 
 
 def _apart(sketch, one, other):
-    """How far the arms of two samples are apart, of what counts as near."""
+    """Distance of two samples' arms, relative to the limit of near."""
     away = [
         (sketch.base_from_flange(r, one.robots[r]).inverse() @ sketch.base_from_flange(r, other.robots[r])).log()
         for r in ("eye", "hand")
@@ -138,13 +138,13 @@ def _apart(sketch, one, other):
 
 @pytest.fixture(scope="module")
 def captured(tmp_path_factory):
-    """A capture to a tolerance, cut off after three samples and gone on with: its cell, folder, steps and last plan."""
+    """Capture to a tolerance, interrupted after three samples and resumed: cell, folder, steps and last plan."""
     folder = tmp_path_factory.mktemp("cell")
     with running(folder) as world, open_rig(world.cell, folder) as rig:
         sketch, steps, plans = sketch_cell(world.cell), [], []
 
         def replan(taken, bad):
-            """What is left, noted."""
+            """Return the remaining samples, and record them."""
             plans.append(planner.plan(taken, bad))
             return plans[-1].samples
 
@@ -160,8 +160,8 @@ def captured(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_it_ends_where_the_tolerance_is_reached(captured):
-    """The last plan has nothing left, what is expected is within the tolerance, and not long before it was not."""
+def test_capture_ends_when_the_tolerance_is_reached(captured):
+    """The last plan is empty and the expected error is within the tolerance; shortly before it was not."""
     world, folder, steps, plans = captured
     assert (plans[-1].samples, plans[-1].needed, plans[-1].reachable) == ((), 0, True)
     assert plans[-1].expected_m <= TOLERANCE_M
@@ -171,8 +171,8 @@ def test_it_ends_where_the_tolerance_is_reached(captured):
 
 
 @pytest.mark.slow
-def test_what_could_not_be_taken_is_not_tried_again(captured):
-    """It stands in the file with why and where, and nothing that was taken is near it."""
+def test_given_up_samples_are_not_tried_again(captured):
+    """The file has their reasons and places, and no taken sample is near them."""
     world, folder, steps, _ = captured
     told, *_ = [json.loads(line) for line in (folder / ABANDONED_FILE).read_text().splitlines()]
     assert (told["sample"], told["why"]) == (steps[0].sample, "target not seen by wrist")
@@ -182,8 +182,8 @@ def test_what_could_not_be_taken_is_not_tried_again(captured):
 
 
 @pytest.mark.slow
-def test_it_goes_on_from_what_was_taken(captured):
-    """Cut off after three samples, it takes on under new numbers, none twice."""
+def test_capture_resumes_from_taken_samples(captured):
+    """After an interruption at three samples, new samples have new, unique numbers."""
     _, folder, steps, _ = captured
     numbers = [sample.sample for sample in read_recording(folder).samples]
     assert len(set(numbers)) == len(numbers) == sum(not step.why_not for step in steps)
@@ -191,12 +191,12 @@ def test_it_goes_on_from_what_was_taken(captured):
 
 
 @pytest.mark.parametrize("count", [7, 8])
-def test_eight_samples_in_which_something_was_seen_are_solved(monkeypatch, count):
-    """One more in which nothing was seen does not count; a solution that fails is none."""
+def test_estimate_needs_eight_samples_with_views(monkeypatch, count):
+    """A sample without a view does not count; a failed solution is None."""
     asked = []
 
     def fail(*args):
-        """Note that a solution was asked for, and fail."""
+        """Record the request for a solution, and fail."""
         asked.append(args)
         raise InputError("no solution")
 
@@ -208,8 +208,8 @@ def test_eight_samples_in_which_something_was_seen_are_solved(monkeypatch, count
     assert len(asked) == (count == 8)
 
 
-def test_a_task_is_a_point_or_a_box():
-    """A single point, or a centre with the corners of the box, the first and the last of them."""
+def test_task_is_a_point_or_a_box():
+    """A single point, or a centre with the box's corners, is used."""
     point = replanning._task_settings(POINT)
     assert (point.task_point, point.task_box) == ((0.5, 0.0, 0.3), None)
     corners = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0], [9.0, 9.0, 9.0], [2.0, 4.0, 6.0]])
@@ -218,8 +218,8 @@ def test_a_task_is_a_point_or_a_box():
 
 
 @pytest.mark.parametrize(("numbers", "home_number"), [([], 0), ([3], 4), ([7, 2], 8)])
-def test_home_comes_first_under_a_number_of_its_own(numbers, home_number):
-    """The samples follow as they are."""
+def test_home_is_first_with_its_own_number(numbers, home_number):
+    """The samples follow unchanged."""
     samples = [Sample(number) for number in numbers]
     found = replanning._with_home(Sample(0, robots=ARMS), samples).samples
     assert [sample.sample for sample in found] == [home_number, *numbers]

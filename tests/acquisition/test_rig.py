@@ -1,4 +1,4 @@
-"""A cell's drivers, opened by name."""
+"""Tests of opening a cell's drivers by name."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from basecal.errors import DatasetError, DriverError, InputError, UsageError
 
 
 class Arm:
-    """A stranger's arm that notes what is asked of it."""
+    """Foreign arm that records its calls."""
 
     is_live = True
 
@@ -41,7 +41,7 @@ class Arm:
 
 @pytest.fixture
 def stranger(monkeypatch):
-    """A module of another package that offers a driver `stranger` as an entry point."""
+    """Module of another package that offers a driver `stranger` as an entry point."""
     module = types.ModuleType("strangers_driver")
     module.arms, module.NEEDS_OWN_PROCESS = [], False
     module.open_robot = lambda place: module.arms.append(Arm(place)) or module.arms[-1]
@@ -57,16 +57,16 @@ def cell(kind, **options):
     return Cell("eye", {"eye": Robot("eye", driver=Driver(kind, options)), "still": Robot("still")})
 
 
-def test_nothing_is_sent_in_plain_text_unless_asked(stranger, tmp_path):
-    """Of a driver that only is looked up, and of one that is opened without the option."""
+def test_plain_text_needs_the_option(stranger, tmp_path):
+    """A driver that is looked up, and one opened without the option, refuse plain text."""
     ((_, place),) = openers(cell("stranger"), tmp_path)
     assert not place.allow_plaintext
     with open_rig(cell("stranger"), tmp_path) as rig:
         assert not rig.robots["eye"].place.allow_plaintext
 
 
-def test_a_stranger_is_found_and_told_its_options(stranger, tmp_path):
-    """A driver of another package is named among ours, opened with its options, and closed at the end."""
+def test_foreign_driver_is_found_and_gets_its_options(stranger, tmp_path):
+    """It is listed among the others, opened with its options, and closed at the end."""
     assert driver_names()[-1] == "stranger"
     with open_rig(cell("stranger", address="10.0.0.2"), tmp_path) as rig:
         assert set(rig.robots) == {"eye"}
@@ -75,15 +75,15 @@ def test_a_stranger_is_found_and_told_its_options(stranger, tmp_path):
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
-def test_arms_stop_before_anything_else(stranger, tmp_path, error):
-    """Where something goes wrong, or somebody presses Ctrl-C, robots stop first and are closed then."""
+def test_arms_stop_first_after_an_error(stranger, tmp_path, error):
+    """After an error or Ctrl-C, robots are stopped first and then closed."""
     with pytest.raises(error), open_rig(cell("stranger"), tmp_path):
         raise error
     assert stranger.arms[0].asked == ["stop", "close"]
 
 
-def test_an_arm_that_does_not_stop_is_named(stranger, tmp_path, caplog):
-    """A stop that fails is reported beside the error that ends the capture, which stays as it is."""
+def test_failed_stop_is_reported(stranger, tmp_path, caplog):
+    """It is reported beside the error that ends the capture, which is unchanged."""
 
     class Runaway(Arm):
         def stop(self):
@@ -95,8 +95,8 @@ def test_an_arm_that_does_not_stop_is_named(stranger, tmp_path, caplog):
     assert caplog.messages == ["eye did not confirm a stop: look at the arm"]
 
 
-def test_a_stop_may_be_requested_from_anywhere(stranger, tmp_path):
-    """The capture ends with the reason, wherever it is; its arms stop first."""
+def test_stop_can_be_requested_from_any_thread(stranger, tmp_path):
+    """The capture ends with the reason at any point; its arms stop first."""
 
     def press_while_it_waits():
         with open_rig(cell("stranger"), tmp_path) as rig:
@@ -109,7 +109,7 @@ def test_a_stop_may_be_requested_from_anywhere(stranger, tmp_path):
 
 
 def test_unknown_drivers_are_named(tmp_path):
-    """One that nobody offers, or that is for cameras only, is an error with its field."""
+    """An unknown driver, or one for cameras only, is an error with its field."""
     with (
         pytest.raises(DatasetError, match=r"robots\.eye\.driver\.kind: no driver 'typd' \(did you mean 'typed'"),
         open_rig(cell("typd"), tmp_path),
@@ -124,8 +124,8 @@ def test_unknown_drivers_are_named(tmp_path):
         pass
 
 
-def test_arms_that_nothing_stops_are_not_moved_unless_accepted():
-    """The error names the arm and what it would do; an arm with a watchdog, or one that is not sent, needs no word."""
+def test_arms_without_a_watchdog_need_confirmation():
+    """The error names the arm and the risk; arms with a watchdog, and arms that stay, need no confirmation."""
     for guarantee, refused in (("none", True), ("watchdog", False), ("short-horizon", False)):
         rig = Rig({"eye": Arm(None)}, {}, guarantees={"eye": guarantee})
         check_guarantees(rig, True)
@@ -136,15 +136,15 @@ def test_arms_that_nothing_stops_are_not_moved_unless_accepted():
             check_guarantees(rig, False)
 
 
-def test_a_rig_without_a_camera_is_refused():
-    """The error names what cell.yaml lacks; one camera is enough."""
+def test_rig_without_a_camera_is_refused():
+    """The error names the missing entry of cell.yaml; one camera suffices."""
     with pytest.raises(InputError, match="no camera of the cell has a `driver`"):
         check_cameras(Rig({"eye": Arm(None)}, {}))
     check_cameras(Rig({}, {"wrist": object()}))
 
 
-def test_calls_that_hang_are_left_behind():
-    """All are made at once, within one time; those that fail or do not return are named."""
+def test_hanging_calls_are_abandoned():
+    """All calls run at once within one timeout; those that fail or hang are reported."""
     ended, began_s = threading.Event(), time.monotonic()
     calls = {
         "hangs": lambda: ended.wait(3.0),

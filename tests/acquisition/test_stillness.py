@@ -1,4 +1,4 @@
-"""Waiting until arms and image are still."""
+"""Tests of waiting until arms and image are at rest."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STATE_S, RING_S = 1 / 125, 0.5
 
 
 class Arm:
-    """An arm that glides to rest: joint 0 is `goal - exp(-t)` with noise, 100 states a second."""
+    """Arm that glides to rest: joint 0 is `goal - exp(-t)` with noise, 100 states a second."""
 
     is_live = True
 
@@ -44,21 +44,21 @@ class Arm:
 GOAL = {"arm": RobotState(joints_rad=np.array([1.0, 0.0]))}
 
 
-def test_an_arm_that_glides_is_waited_for():
-    """It counts as still when a tenth of a second moves it by less than 0.1 mrad, near where it was sent."""
+def test_gliding_arm_is_waited_for():
+    """It is at rest if a tenth of a second moves it by less than 0.1 mrad, near its goal."""
     found = wait_for_arms({"arm": Arm()}, GOAL, 5.0)["arm"]
     assert 0.7 < found.stamp_s < 1.2
     assert found.state.joints_rad[0] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_noise_is_no_motion_and_is_averaged():
-    """States that scatter by ten times that are still, and their mean of twelve is what is taken."""
+def test_noise_is_averaged_and_is_no_motion():
+    """States with ten times that scatter are at rest, and the mean of twelve is recorded."""
     found = wait_for_arms({"arm": Arm(noise=1e-3, speed=1000.0)}, GOAL, 5.0)["arm"]
     assert abs(found.state.joints_rad[0] - 1) < 1e-3  # sigma is 1e-3 / sqrt(12)
 
 
-def test_an_arm_that_is_led_comes_to_another_place():
-    """It counts once it stands away from where it was; one that nobody leads is told after the patience."""
+def test_hand_guided_arm_must_reach_another_place():
+    """It counts once it is away from its previous place; an arm that stays is reported after the timeout."""
     wait_until_hand_guided({"arm": Arm()}, {"arm": RobotState(joints_rad=np.array([0.9, 0.0]))}, 5.0)
     arm = Arm()
     wait_until_hand_guided({"arm": arm}, {}, 5.0)
@@ -68,16 +68,16 @@ def test_an_arm_that_is_led_comes_to_another_place():
     assert arm.t > 2.0
 
 
-def test_arms_that_never_rest_or_stop_short():
-    """One that is still moving after the patience, and one that rests elsewhere than it was sent, are told."""
+def test_arms_that_keep_moving_or_miss_the_goal_are_reported():
+    """An arm that moves after the timeout, and one at rest away from its goal, are reported."""
     with pytest.raises(Unfit, match="arm still moving: arm"):
         wait_for_arms({"arm": Arm(speed=0.1)}, GOAL, 2.0)
     with pytest.raises(Unfit, match="arm not at its goal: arm"):
         wait_for_arms({"arm": Arm()}, {"arm": RobotState(joints_rad=np.array([2.0, 0.0]))}, 2.0)
 
 
-def test_a_typed_pose_is_taken_as_it_is():
-    """A robot whose states do not come by themselves is asked once."""
+def test_typed_pose_is_read_once():
+    """A robot that is not live is asked once."""
     arm = Arm()
     arm.is_live = False
     arm.state = lambda: Reading(3.0, RobotState(SE3.identity()))
@@ -85,7 +85,7 @@ def test_a_typed_pose_is_taken_as_it_is():
 
 
 class Film:
-    """A camera whose images show a bright square that swings to rest within a second, 30 images a second."""
+    """Camera whose images show a bright square that swings to rest within a second, 30 images a second."""
 
     is_live = True
 
@@ -100,24 +100,24 @@ class Film:
         return CameraImage(self.t, np.clip(60 + 120 * inside + self.rng.normal(0, 2, u.shape), 0, 255).astype(np.uint8))
 
 
-def test_a_image_that_swings_is_waited_for():
-    """None is taken before the swing is below a tenth of a pixel, and none long after."""
+def test_swinging_image_is_waited_for():
+    """No image is accepted before the swing is below a tenth of a pixel, and none is much later."""
     assert 0.9 < wait_for_image(Film(5.0), [], 5.0).stamp_s < 1.3
     assert wait_for_image(Film(0.0), [], 5.0).stamp_s == pytest.approx(3 / 30)
     with pytest.raises(Unfit, match="image still moving"):
         wait_for_image(Film(50.0), [], 0.4)
 
 
-def test_an_image_that_moves_is_given_up_after_the_patience():
-    """With the first that comes later."""
+def test_moving_image_is_refused_after_the_timeout():
+    """The first image after the timeout decides."""
     film = Film(50.0)
     with pytest.raises(Unfit, match="image still moving"):
         wait_for_image(film, [], 0.4)
     assert film.t == pytest.approx(1 / 30 + 13 / 30)
 
 
-def test_an_image_that_moves_is_given_up_by_a_camera_without_a_clock():
-    """By the time of this machine, if all its stamps are equal."""
+def test_moving_image_of_a_camera_without_stamps_is_refused():
+    """If all stamps are equal, this machine's clock counts."""
     film = Film(50.0)
 
     class Timeless:
@@ -131,7 +131,7 @@ def test_an_image_that_moves_is_given_up_by_a_camera_without_a_clock():
 
 
 class Delayed:
-    """A camera whose images were exposed a while ago, so many of them before an instant."""
+    """Camera whose images were exposed earlier, a given number of them before an instant."""
 
     is_live = True
 
@@ -142,23 +142,23 @@ class Delayed:
         return CameraImage(0.0, np.zeros((8, 8), dtype=np.uint8), exposed_s=self.exposed_s.pop(0))
 
 
-def test_images_from_before_an_instant_are_passed_over():
-    """As long as patience lasts; then it is said what to check."""
+def test_images_before_an_instant_are_skipped():
+    """They are skipped until the timeout; then the message has advice."""
     assert wait_for_image_after(Delayed(2, 5.0), 5.0, 5.0).exposed_s == 5.01
     with pytest.raises(Unfit, match="check the camera's clock"):
         wait_for_image_after(Delayed(2, 5.0), 5.0, -1.0)
 
 
-def test_a_camera_that_gives_one_image():
-    """Of a folder the next image is taken as it is: a person vouches that all was still."""
+def test_single_image_of_a_folder_is_accepted():
+    """The next image is accepted: the person who saves it ensures that all is at rest."""
     film = Film(5.0)
     film.is_live = False
     assert wait_for_image(film, [], 5.0).stamp_s == pytest.approx(1 / 30)
 
 
 @pytest.mark.parametrize(("target", "places"), [pytest.param("charuco", 10, marks=pytest.mark.slow), ("led", 1)])
-def test_ringing_arms_are_outwaited(tmp_path, target, places):
-    """After arrival at a place, each image was taken when the ringing was over, and at most 0.3 s later."""
+def test_images_are_taken_after_ringing(tmp_path, target, places):
+    """After arrival, each image was taken after the ringing ended, and at most 0.3 s later."""
     with running(tmp_path, "ringing=4", target=target) as world, open_rig(world.cell, tmp_path) as rig:
         shape = next(iter(world.cell.targets.values())).target
         rng = np.random.default_rng(0)
@@ -177,8 +177,8 @@ def test_ringing_arms_are_outwaited(tmp_path, target, places):
 
 
 @pytest.mark.parametrize(("sigmas", "still"), [(3.0, True), (3.9, True), (4.1, False)])
-def test_states_that_differ_by_noise_are_still(sigmas, still):
-    """The two halves of twelve states may differ by four sigmas of the difference of their means."""
+def test_states_that_differ_by_noise_are_at_rest(sigmas, still):
+    """The means of both halves of twelve states may differ by four sigmas of their difference."""
     noise = 1e-2 * np.resize([1.0, 1.0, -1.0, -1.0], 12)
     sigma = np.diff(noise).std() / np.sqrt(2)  # a shift between the halves adds to one difference of eleven
     step = sigmas * sigma * np.sqrt(2 / 6)
@@ -191,7 +191,7 @@ def test_states_that_differ_by_noise_are_still(sigmas, still):
 
 
 class Paced:
-    """An arm whose first joint moves by `step` from one state to the next, until a number of states."""
+    """Arm whose first joint moves by `step` per state, up to a number of states."""
 
     is_live = True
 
@@ -204,16 +204,16 @@ class Paced:
 
 
 @pytest.mark.parametrize(("step", "still"), [(1.6e-5, True), (1.7e-5, False), (-1.7e-5, False)])
-def test_halves_of_twelve_states_differ_by_a_tenth_of_a_millirad(step, still):
-    """A steady motion moves them apart by six steps."""
+def test_limit_between_halves_is_0_1_mrad(step, still):
+    """A steady motion separates them by six steps."""
     arm = Paced(step)
     readings = [arm.state() for _ in range(12)]
     assert _is_still(readings, None) == still
     assert not _is_still(readings[1:], None)
 
 
-def test_the_mean_is_of_twelve_states():
-    """With the time of the last; every state is shown."""
+def test_recorded_state_is_the_mean_of_twelve():
+    """It has the stamp of the last; each state is shown."""
     shown = []
     found = wait_for_arms({"arm": Paced(1e-5)}, {}, 50.0, lambda *seen: shown.append(seen))
     assert found["arm"].stamp_s == pytest.approx(1.2)
@@ -221,8 +221,8 @@ def test_the_mean_is_of_twelve_states():
     assert [name for name, _ in shown] == ["arm"] * 12
 
 
-def test_one_arm_that_moves_is_waited_for_by_all():
-    """The others go on giving states; a robot that is not live is asked once, and the moving one is named."""
+def test_all_arms_wait_for_a_moving_arm():
+    """The others keep sending states; a robot that is not live is asked once, and the moving one is reported."""
     still, typed = Paced(0.0), Paced(0.0)
     typed.is_live = False
     arms = {"still": still, "typed": typed, "late": Paced(1e-2, until=30)}
@@ -237,8 +237,8 @@ def test_one_arm_that_moves_is_waited_for_by_all():
 
 
 @pytest.mark.parametrize(("off", "is_new"), [(1.9e-3, False), (2.1e-3, True), (-2.1e-3, True)])
-def test_a_new_place_is_two_millirad_away(off, is_new):
-    """Every arm that was somewhere must be elsewhere; one that was nowhere may be anywhere."""
+def test_new_place_is_two_millirad_away(off, is_new):
+    """Each arm with a previous place must have left it; an arm without one may be anywhere."""
     before = {"arm": RobotState(joints_rad=np.array([off])), "gone": RobotState(joints_rad=np.array([9.0]))}
     arms = {"arm": Paced(0.0), "first": Paced(0.0)}
     if is_new:
@@ -251,7 +251,7 @@ def test_a_new_place_is_two_millirad_away(off, is_new):
 
 
 class Slides:
-    """A camera whose images show one picture each, at given instants by its own stamps and by this machine's clock."""
+    """Camera with one picture per image, at given instants of its stamps and of this machine's clock."""
 
     is_live = True
 
@@ -265,7 +265,7 @@ class Slides:
 
 
 def spot(u, v=50.0):
-    """A spot of light in a dark image, whose middle is anywhere."""
+    """Dark image with a spot of light at any place."""
     x, y = np.meshgrid(np.arange(100.0), np.arange(100.0))
     return np.round(20 + 200 * np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * 2.0**2))).astype(np.uint8)
 
@@ -274,22 +274,22 @@ LED = TARGETS["led"].usual(np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(("off", "taken"), [(0.08, 3), (0.14, 6)])
-def test_a_light_is_tracked_to_a_tenth_of_a_pixel(off, taken):
-    """Three images in a row show it at one place; each is shown, and the last is taken."""
+def test_led_is_tracked_to_a_tenth_of_a_pixel(off, taken):
+    """Three images in a row show it at one place; each is shown, and the last is returned."""
     shown = []
     slides = Slides([spot(50.0), spot(50.0), spot(50.0 + off), spot(50.0 + off)])
     found = wait_for_image(slides, [LED], 50.0, show=shown.append)
     assert (found.stamp_s, slides.count, len(shown)) == (taken, taken, taken)
 
 
-def test_images_without_the_light_are_compared_as_a_whole():
-    """A light that is not found in one of them is no motion."""
+def test_images_without_the_led_are_compared_completely():
+    """An LED that is missing in one of them is no motion."""
     dark = np.full((100, 100), 20, dtype=np.uint8)
     assert wait_for_image(Slides([dark]), [LED], 5.0).stamp_s == 3.0
 
 
-def test_an_image_exposed_at_an_instant_is_not_after_it():
-    """A later one is, and so is one whose exposure is unknown; each is shown."""
+def test_image_must_be_exposed_after_the_instant():
+    """A later image is accepted, and so is one of unknown exposure; each is shown."""
     shown = []
     late = Delayed(2, 5.0)
     assert wait_for_image_after(late, 4.0, 5.0, shown.append).exposed_s == 5.01

@@ -1,4 +1,4 @@
-"""Taking one sample."""
+"""Tests of taking one sample."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ BOARD, LENS = WORLD.cell.targets["board"].target, WORLD.lenses["wrist"]
 VIEW = ("wrist", "board")
 
 
-def test_it_says_what_it_does(tmp_path):
-    """Waiting and looking are told as they begin, and arms that are not sent are not said to move."""
+def test_steps_of_a_sample_are_reported(tmp_path):
+    """Waiting and detecting are reported when they begin; arms that stay are not reported to move."""
     told = []
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sample = Taker(rig, sketch_cell(world.cell), tmp_path, FAST, told.append).take(Sample(4), [])
@@ -41,7 +41,7 @@ def test_it_says_what_it_does(tmp_path):
 
 
 def test_states_images_and_goals_are_shown(tmp_path):
-    """What a capture's view has: where each arm is, where it was sent, and the image of which the sample is made."""
+    """The view of a capture gets the state and goal of each arm, and the image of the sample."""
     watch = Watch()
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         rig.arms.show = watch.note_state
@@ -54,8 +54,8 @@ def test_states_images_and_goals_are_shown(tmp_path):
     np.testing.assert_array_equal(dict(glance.images)["wrist"], read_grey(tmp_path / sample.images["wrist"]))
 
 
-def test_what_still_moves_is_waited_for_once_more(tmp_path, monkeypatch):
-    """The first time that something moves it is tried again, what else is wrong is told at once."""
+def test_motion_is_waited_for_once_more(tmp_path, monkeypatch):
+    """After the first motion the sample is tried again; other problems are reported at once."""
     why = [Moving("arm still moving: eye"), Unfit("too blurred")]
 
     def attempt(by, wanted, taken, patience_s):
@@ -68,14 +68,14 @@ def test_what_still_moves_is_waited_for_once_more(tmp_path, monkeypatch):
     assert told == ["sample 0", "arm still moving: eye; once more"]
 
 
-def test_a_camera_does_not_look_at_what_hangs_beside_it(tmp_path):
-    """Only targets on other bodies are before it."""
+def test_camera_ignores_targets_on_its_own_carrier(tmp_path):
+    """Only targets on other bodies can be in its view."""
     with running(tmp_path) as world:
         assert len(visible_targets(world.cell, "wrist")) == 1
 
 
 class LateEye:
-    """A camera whose next image was exposed before the light was switched."""
+    """Camera whose next image was exposed before the LED was switched."""
 
     is_live = True
 
@@ -95,8 +95,8 @@ class LateEye:
         self.camera.close()
 
 
-def test_the_image_without_the_light_was_exposed_without_it(tmp_path):
-    """One that was on its way as the light went off still shows it, and is not taken; what there is to know is told."""
+def test_background_is_exposed_with_the_led_off(tmp_path):
+    """An image on its way when the LED was switched off is not accepted; the reason is reported."""
     reports = []
     with running(tmp_path, target="led") as world, open_rig(world.cell, tmp_path) as rig:
         late = Rig(rig.robots, {"wrist": LateEye(rig.cameras["wrist"])})
@@ -112,7 +112,7 @@ def read_grey(path):
 
 
 class Asked:
-    """An arm whose controller is asked before it is sent."""
+    """Arm whose controller is asked before a motion."""
 
     is_live = True
 
@@ -136,8 +136,8 @@ class Asked:
         pass
 
 
-def test_all_arms_are_asked_before_any_is_sent(tmp_path):
-    """One that refuses keeps both where they are; else both are sent, each as fast as its way allows."""
+def test_all_arms_accept_before_any_moves(tmp_path):
+    """If one refuses, both stay; otherwise both move, each as fast as its path allows."""
     world = facing_arms("charuco")
     turn = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.2])
     goals = {name: RobotState(joints_rad=joints + turn) for name, joints in world.home.items()}
@@ -155,8 +155,8 @@ def test_all_arms_are_asked_before_any_is_sent(tmp_path):
             assert said[2:] == ["move eye 0.500", "move hand 0.500"]
 
 
-def test_a_slow_way_is_waited_for(tmp_path):
-    """What is waited for is the time of the longest way, at the speed that it is gone at."""
+def test_slow_motion_is_waited_for(tmp_path):
+    """The waiting time is that of the longest motion at its speed."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         at = {name: robot.state().state for name, robot in rig.robots.items()}
         turns = {"eye": 0.01, "hand": 0.02}
@@ -166,8 +166,8 @@ def test_a_slow_way_is_waited_for(tmp_path):
     assert module._joint_travel_rad(RobotState(SE3.identity()), RobotState(SE3.identity())) == np.pi
 
 
-def test_no_arm_is_sent_while_it_moves(tmp_path):
-    """An arm far slower than planned, as by a speed slider, ends the capture; one that comes to rest does not."""
+def test_moving_arm_gets_no_new_goal(tmp_path):
+    """An arm far slower than planned, e.g. by a speed slider, ends the capture; an arm at rest does not."""
 
     class Slow(Asked):
         def state(self):
@@ -181,7 +181,7 @@ def test_no_arm_is_sent_while_it_moves(tmp_path):
 
 
 class Frozen:
-    """A camera that gives one image for ever, each time with a newer stamp."""
+    """Camera that always returns the same image, with newer stamps."""
 
     is_live, is_on_demand = True, True
 
@@ -195,8 +195,8 @@ class Frozen:
         pass
 
 
-def test_a_camera_that_repeats_an_image_ends_the_capture(tmp_path):
-    """The image of another sample is none of this one if an arm moved; if it did not, the sample is like that one."""
+def test_repeated_image_ends_the_capture(tmp_path):
+    """A repeated image after a motion is an error; without a motion the sample equals the other."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         frozen = Rig(rig.robots, {"wrist": Frozen(rig.cameras["wrist"].image())})
         by = Taker(frozen, sketch_cell(world.cell), tmp_path, FAST)
@@ -209,8 +209,8 @@ def test_a_camera_that_repeats_an_image_ends_the_capture(tmp_path):
     assert not (tmp_path / "recording/images/wrist/000002.png").exists()
 
 
-def test_an_image_of_another_size_ends_the_capture(tmp_path):
-    """Its camera, its size and that of `cell.yaml` are named."""
+def test_image_of_another_size_ends_the_capture(tmp_path):
+    """The error has the camera, its size and that of `cell.yaml`."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         image = rig.cameras["wrist"].image()
         halved = Rig(rig.robots, {"wrist": Frozen(replace(image, grey=image.grey[::2, ::2]))})
@@ -220,7 +220,7 @@ def test_an_image_of_another_size_ends_the_capture(tmp_path):
 
 
 def is_blurred(before, away_m=0.65, way=(0.0, 0.0), blur_px=0.5):
-    """What is thought of an image of the board from so far, moved and blurred so much while it is exposed."""
+    """Judge an image of the board with distance, motion and blur during its exposure."""
     settings = RenderSettings(blur_px=blur_px)
     at = SE3(np.eye(3), np.array([0.0, 0.0, away_m]) - BOARD.points.mean(0))
     pixels = LENS.project(at @ BOARD.points)
@@ -229,35 +229,35 @@ def is_blurred(before, away_m=0.65, way=(0.0, 0.0), blur_px=0.5):
 
 
 @pytest.mark.parametrize("blur_px", [0.5, 4.0])
-def test_softness_is_no_motion(blur_px):
-    """A lens that is as soft everywhere passes, be it sharp or out of focus by a point spread of 4 px."""
+def test_uniform_blur_is_no_motion(blur_px):
+    """A lens with uniform blur passes, sharp or out of focus by a point spread of 4 px."""
     before = Sharpness()
     assert not any(is_blurred(before, away_m, blur_px=blur_px) for away_m in (0.7, 0.5))
 
 
-def test_motion_along_an_edge_is_seen_at_once():
-    """Four pixels of motion across one family of edges are too many, in the first image as well."""
+def test_motion_across_one_family_of_edges_is_found():
+    """Four pixels of motion are too many, in the first image as well."""
     assert is_blurred(Sharpness(), way=(4.0, 0.0))
 
 
-def test_motion_across_all_edges_is_seen_beside_a_sharp_view():
-    """What widens all edges alike is not focus if another view is sharper; it does not count as a view itself."""
+def test_motion_across_all_edges_is_found_beside_a_sharp_view():
+    """Blur of all edges is not focus if another view is sharper; the blurred view does not count itself."""
     before = Sharpness()
     assert not is_blurred(before)
     assert is_blurred(before, way=(4.0, 4.0))
     assert not is_blurred(before, 0.6)
 
 
-def test_edges_of_a_soft_print_are_wider_from_near():
-    """Edges as wide on the paper in each view are the print's; wider ones are not."""
+def test_soft_print_has_wider_edges_at_short_distance():
+    """Edges of constant width on the paper are a property of the print; wider ones are not."""
     points, before = np.array([[0.0, 0, 0], [0.1, 0.1, 0]]), Sharpness()
     for scale, wide_px, blurred in ((1000.0, 6.0, False), (3000.0, 18.0, False), (1000.0, 18.0, True)):
         pixels = scale * points[:, :2]
         assert before.is_blurred(VIEW, EdgeWidth(wide_px, wide_px), pixels, points) == blurred
 
 
-def test_one_point_has_no_size():
-    """The only corner in view says nothing of the scale: it is not blurred, and no later view is compared with it."""
+def test_single_corner_has_no_scale():
+    """It is not blurred, and later views are not compared with it."""
     before = Sharpness()
     assert not before.is_blurred(VIEW, EdgeWidth(3.0, 9.0), np.zeros((1, 2)), np.zeros((1, 3)))
     assert is_blurred(before, way=(4.0, 0.0))

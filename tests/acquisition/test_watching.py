@@ -1,4 +1,4 @@
-"""What people are shown of a capture."""
+"""Tests of the state of a capture that is shown to users."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def step(number, why_not="", sigma=(1e-3, 2e-3)):
     )
 
 
-def test_what_became_of_samples_is_kept():
-    """The last lines, and a sigma for each sample that was taken once all directions are seen."""
+def test_results_of_samples_are_kept():
+    """The last lines are kept, and a sigma for each sample once all directions are observable."""
     watch = Watch()
     for each in (step(0, sigma=None), step(1), step(2, "target not seen by wrist"), step(3)):
         watch.note(each)
@@ -30,8 +30,8 @@ def test_what_became_of_samples_is_kept():
     assert glance.step.sample == 3
 
 
-def test_a_glance_does_not_change():
-    """Who looked sees what was, while the capture goes on."""
+def test_snapshot_does_not_change():
+    """A snapshot stays as it was while the capture continues."""
     watch = Watch()
     watch.notify("one")
     before = watch.snapshot
@@ -41,8 +41,8 @@ def test_a_glance_does_not_change():
     assert (watch.snapshot.activity, watch.snapshot.end.word) == ("two", "GOOD")
 
 
-def test_the_time_left_is_that_of_the_last_samples():
-    """What is left, each as long as the median of the last ones; nothing is said before there are two."""
+def test_remaining_time_uses_the_last_samples():
+    """Each remaining sample takes the median of the last ones; no time is given before there are two."""
     clock = iter([0.0, 10.0, 20.0, 95.0])
     watch = Watch(lambda: next(clock))
     left = []
@@ -53,7 +53,7 @@ def test_the_time_left_is_that_of_the_last_samples():
 
 
 def test_errors_at_the_task_are_kept_by_the_number_of_samples():
-    """With the tolerance; nothing is added where nothing is known."""
+    """They are kept with the tolerance; an unknown error is not added."""
     watch = Watch()
     watch.note_error(3e-4, None)
     watch.note(step(3))
@@ -61,16 +61,16 @@ def test_errors_at_the_task_are_kept_by_the_number_of_samples():
     assert (watch.snapshot.tolerance_m, watch.snapshot.errors) == (3e-4, ((4, 5e-4),))
 
 
-def test_advice_is_that_of_the_coverage():
-    """Once there are enough samples; none before the first."""
+def test_advice_comes_from_the_coverage():
+    """It is given once there are enough samples; none before the first."""
     watch = Watch()
     assert watch.snapshot.advice == ""
     watch.note(step(6))
     assert watch.snapshot.advice == "turn eye further about x"
 
 
-def test_the_last_eight_lines_are_shown():
-    """Of samples, of doubts about them and of messages; failures and lasting doubts are all kept."""
+def test_last_eight_lines_are_shown():
+    """Lines are samples, their doubts and messages; failures and persistent doubts are all kept."""
     watch = Watch()
     doubt, passing = Doubt(0, "eye moved", True), Doubt(0, "blurred", False)
     watch.note(replace(step(0, "no target"), doubts=(doubt, passing)))
@@ -83,16 +83,16 @@ def test_the_last_eight_lines_are_shown():
     assert (watch.snapshot.failures, watch.snapshot.doubts) == (((0, "no target"),), ("eye moved",))
 
 
-def test_a_sample_that_was_not_taken_has_no_sigma():
-    """Nor has one whose sigma is unknown; the others have both, by the number taken."""
+def test_given_up_sample_has_no_sigma():
+    """Nor has a sample of unknown sigma; the others have both, by the number of samples."""
     watch = Watch()
     for each in (step(0, "why"), step(1, sigma=None), step(2, sigma=(3e-3, 4e-3))):
         watch.note(each)
     assert watch.snapshot.sigmas == (Sigma(3, 3e-3, 4e-3),)
 
 
-def test_the_last_of_each_is_kept():
-    """Images by camera, states and goals by robot, in the order in which they first came."""
+def test_latest_images_states_and_goals_are_kept():
+    """Images are kept by camera, states and goals by robot, in the order of their first arrival."""
     watch = Watch()
     for camera, grey in (("a", 1), ("b", 2), ("a", 3)):
         watch.note_image(camera, grey)
@@ -102,8 +102,8 @@ def test_the_last_of_each_is_kept():
     assert (found.images, found.states, found.goals) == ((("a", 3), ("b", 2)), (("eye", "here"),), (("eye", "there"),))
 
 
-def test_a_capture_ends_once():
-    """The first end stays."""
+def test_first_end_of_a_capture_is_kept():
+    """Later ends are ignored."""
     watch = Watch()
     watch.end(End("GOOD", "over"))
     watch.end(End("BAD", "late"))
@@ -111,8 +111,8 @@ def test_a_capture_ends_once():
 
 
 @pytest.mark.parametrize(("taken", "left_s"), [(8, 10.0), (9, 0.0), (11, 0.0)])
-def test_no_time_is_left_after_the_last_sample(taken, left_s):
-    """Also if more were taken than planned; the median is of the last six instants."""
+def test_remaining_time_is_zero_after_the_last_sample(taken, left_s):
+    """So it is if more were taken than planned; the median is of the last six instants."""
     clock = iter([0.0, 500.0, 600.0, 610.0, 620.0, 630.0, 640.0, 740.0])
     watch = Watch(lambda: next(clock))
     for _ in range(8):
@@ -120,8 +120,8 @@ def test_no_time_is_left_after_the_last_sample(taken, left_s):
     assert watch.snapshot.time_left_s == left_s
 
 
-def test_errors_before_the_first_sample_are_those_of_none():
-    """Errors of several numbers of samples follow one another."""
+def test_errors_before_the_first_sample_have_count_zero():
+    """Errors of several sample counts follow one another."""
     watch = Watch()
     watch.note_error(3e-4, 9e-4)
     watch.note(step(0))

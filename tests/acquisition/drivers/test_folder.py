@@ -1,4 +1,4 @@
-"""Images that appear in a folder."""
+"""Tests of the camera driver for images that appear in a folder."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def save(folder, level, written_s=None):
         os.utime(path, (written_s, written_s))
 
 
-def test_the_newest_new_image_is_given_once(folder):
-    """Those that were there before do not count; of several new ones the one written last is given, with its name."""
+def test_newest_new_image_is_returned_once(folder):
+    """Existing images do not count; of several new ones the latest is returned, with its name."""
     source = camera(folder)
     save(folder, 100, 2000.0)
     save(folder, 50, 3000.0)
@@ -53,15 +53,15 @@ def test_the_newest_new_image_is_given_once(folder):
         source.image()
 
 
-def test_one_image_is_enough(folder):
-    """A person who saves it vouches that all was still: no further ones are waited for."""
+def test_single_image_suffices(folder):
+    """A person who saves it ensures that all is at rest: no further image is required."""
     source = camera(folder)
     save(folder, 50, 3000.0)
     assert wait_for_image(source, [], 5.0).source == "50.png"
 
 
-def test_a_image_that_comes_late_is_given_with_its_time(folder):
-    """One that was written before the last is given as well: who asks tells by its stamp that it is older."""
+def test_late_image_is_returned_with_its_stamp(folder):
+    """An image written before the last is returned as well: its stamp shows that it is older."""
     source = camera(folder)
     save(folder, 50, 3000.0)
     assert source.image().stamp_s == pytest.approx(3000.0)
@@ -69,8 +69,8 @@ def test_a_image_that_comes_late_is_given_with_its_time(folder):
     assert source.image().stamp_s == pytest.approx(2000.0)
 
 
-def test_a_program_that_renames_files_is_no_error(folder, monkeypatch):
-    """A file that is gone before it is looked at is none."""
+def test_vanished_file_is_no_error(folder, monkeypatch):
+    """A file that is renamed before it is read is ignored."""
     source, iterdir = camera(folder), Path.iterdir
     monkeypatch.setattr(Path, "iterdir", lambda path: [path / "gone.part", *iterdir(path)])
     monkeypatch.setattr(Path, "is_file", lambda path: True)
@@ -78,15 +78,15 @@ def test_a_program_that_renames_files_is_no_error(folder, monkeypatch):
     assert source.image().grey[0, 0] == 70
 
 
-def test_those_of_before_count_where_asked(folder):
-    """With `existing` the folder is gone through from its start, the oldest first."""
+def test_existing_images_count_on_request(folder):
+    """With `existing` the folder is read from its start, the oldest image first."""
     save(folder, 20, time.time() + 1)
     source = camera(folder, existing=True)
     assert [source.image().grey[0, 0] for _ in range(2)] == [10, 20]
 
 
-def test_a_file_that_is_being_written_is_waited_for(folder):
-    """A half of a file is no image; when its end has come it is one."""
+def test_incomplete_file_is_waited_for(folder):
+    """A partial file is no image until it is complete."""
     source, path = camera(folder, wait_s=5.0), folder / "images" / "late.png"
     write_png(folder / "whole.png", image(77))
     whole = (folder / "whole.png").read_bytes()
@@ -95,16 +95,16 @@ def test_a_file_that_is_being_written_is_waited_for(folder):
     assert source.image().grey[0, 0] == 77
 
 
-def test_a_file_that_is_no_image_is_named(folder):
-    """It is not given, and the error that nothing came says why."""
+def test_file_that_is_no_image_is_reported(folder):
+    """It is not returned, and the timeout error gives the reason."""
     source = camera(folder)
     (folder / "images" / "notes.png").write_text("hello", encoding="utf-8")
     with pytest.raises(DriverError, match=r"notes\.png is not an image"):
         source.image()
 
 
-def test_a_first_file_that_stays_no_image_is_not_waited_for(folder, monkeypatch):
-    """A program that saves another format is named within seconds; after an image, and of hidden files, none is."""
+def test_first_file_that_is_no_image_is_reported_soon(folder, monkeypatch):
+    """A program with another format is reported within seconds; not after a first image, and not for hidden files."""
     monkeypatch.setattr("basecal.acquisition.drivers.folder._WRITING_S", 0.05)
     source = camera(folder, wait_s=0.5)
     (folder / "images" / ".hidden").write_text("x", encoding="utf-8")
@@ -122,7 +122,7 @@ def test_a_first_file_that_stays_no_image_is_not_waited_for(folder, monkeypatch)
     assert time.monotonic() - began < 5.0
 
 
-def test_a_folder_that_is_not_there(tmp_path):
-    """It is named with the field that names it."""
+def test_missing_folder_is_reported(tmp_path):
+    """The error has the field of the folder."""
     with pytest.raises(DatasetError, match=r"cameras\.wrist\.driver\.path: there is no folder"):
         camera(tmp_path)

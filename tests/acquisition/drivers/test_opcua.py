@@ -1,4 +1,4 @@
-"""Robots that answer OPC UA, in processes of their own."""
+"""Tests of robots with OPC UA in separate processes."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ needed("asyncua", "opcua")
 DEGREES = np.array([10.0, -90.0, 90.0, 0.0, 30.0, 5.0])
 
 
-def test_joints_are_those_of_the_companion_specification(opcua_robot):
-    """Without a named node the axes of the one motion device are read, by number, in the unit that they say."""
+def test_joints_follow_the_companion_specification(opcua_robot):
+    """Without named nodes, the axes of the only motion device are read by number, in their stated unit."""
     place = opcua_robot.place
     robot = open_robot(place())
     assert not isinstance(robot, Moves)
@@ -38,15 +38,15 @@ def test_joints_are_those_of_the_companion_specification(opcua_robot):
 
 
 @pytest.mark.parametrize("path", ["ns=2;s=joints", "Own/Joints", "Objects/Own/Joints"])
-def test_nodes_may_be_named(opcua_robot, path):
-    """One that holds all joints, by its id or by browse names; its unit is said in the cell."""
+def test_nodes_can_be_named(opcua_robot, path):
+    """A node with all joints is named by id or browse path; the cell states its unit."""
     robot = open_robot(opcua_robot.place(joints=path, unit="rad"))
     np.testing.assert_array_equal(robot.state().state.joints_rad, np.full(6, 0.1))
     robot.close()
 
 
-def test_a_pose_is_read_in_its_convention(opcua_robot):
-    """A robot without URDF gives the pose that a node holds, in the notation of its maker."""
+def test_pose_is_read_in_its_convention(opcua_robot):
+    """A robot without URDF yields the pose of a node in the maker's convention."""
     options = opcua_robot.place(pose="Own/Pose", notation="kuka").options
     robot = open_robot(Place("arm", Cell("arm", {"arm": Robot("arm")}), Path("."), options))
     wanted = CONTROLLERS["kuka"].read(np.array([100.0, 200, 300, 10, 20, 30]))
@@ -54,8 +54,8 @@ def test_a_pose_is_read_in_its_convention(opcua_robot):
     robot.close()
 
 
-def test_numbers_that_are_not_those_of_the_robot(opcua_robot):
-    """Five numbers for six joints are told, and never a state."""
+def test_wrong_number_of_joints_is_an_error(opcua_robot):
+    """Five numbers for six joints are reported, and never used as a state."""
     place = opcua_robot.place
     robot = open_robot(place(joints="Own/Joints", unit="rad"))
     opcua_robot.tell("few")
@@ -64,8 +64,8 @@ def test_numbers_that_are_not_those_of_the_robot(opcua_robot):
     robot.close()
 
 
-def test_stamps_that_do_not_go_with_their_values(opcua_robot):
-    """Values that change under a stamp that stands still would be paired wrongly with images: they are refused."""
+def test_values_that_change_under_one_stamp_are_refused(opcua_robot):
+    """They would be paired wrongly with images."""
     opcua_robot.tell("turn_unstamped", 0)
     robot = open_robot(opcua_robot.place())
     robot.state()
@@ -76,14 +76,14 @@ def test_stamps_that_do_not_go_with_their_values(opcua_robot):
 
 
 def test_joints_need_a_urdf(tmp_path):
-    """Of a robot without one only a pose can be read."""
+    """A robot without a URDF can only yield a pose."""
     with pytest.raises(DatasetError, match=r"robots\.arm\.driver: joints need urdf"):
         open_robot(Place("arm", Cell("arm", {"arm": Robot("arm")}), tmp_path, {"url": "opc.tcp://10.0.0.2"}))
 
 
 @pytest.mark.slow
-def test_a_session_that_is_lost_is_begun_again(opcua_robot):
-    """Cut, it is begun anew and states go on; if it cannot be, the error comes after as long as it is tried."""
+def test_lost_session_is_re_established(opcua_robot):
+    """After a break a new session continues the states; if it fails, the error comes after the reconnection time."""
     with network("127.0.0.1", opcua_robot.port) as (net, port):
         robot = open_robot(opcua_robot.place(url=f"opc.tcp://127.0.0.1:{port}/robot"))
         before = robot.state()
@@ -97,7 +97,7 @@ def test_a_session_that_is_lost_is_begun_again(opcua_robot):
 
 @pytest.mark.parametrize(("degrees", "problem"), [("nan", "a number is not finite"), ("1e308", "joint . is at 1.*rad")])
 def test_implausible_numbers_are_refused(opcua_robot, degrees, problem):
-    """A server that sends NaN or 1e308 is refused with the number."""
+    """NaN or 1e308 from a server is refused with the number."""
     robot = open_robot(opcua_robot.place())
     opcua_robot.tell("turn", degrees)
     with pytest.raises(DriverError, match=f"eye: implausible state: {problem}"):
@@ -106,8 +106,8 @@ def test_implausible_numbers_are_refused(opcua_robot, degrees, problem):
 
 
 @pytest.mark.slow
-def test_a_server_that_freezes_or_dies_is_named():
-    """A process that is halted is waited for, and its states go on; one that is killed ends in an error in time."""
+def test_frozen_or_killed_server_is_reported():
+    """States of a paused process continue; a killed one ends in an error in time."""
     with opcua_place.opcua_robot() as process:
         robot = open_robot(process.place(reconnect_s=6.0))
         robot.state()

@@ -1,4 +1,4 @@
-"""Whatever OpenCV opens is a camera."""
+"""Tests of cameras and films opened by OpenCV."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from basecal.vision.stream import Stream
 CELL = Cell("eye", {"eye": Robot("eye")})
 
 
-def test_a_film_gives_its_images(tmp_path):
-    """Images come with rising stamps, and the end of the film is an error that says so."""
+def test_film_yields_its_images(tmp_path):
+    """Stamps increase, and the end of the film is an error that says so."""
     path = str(tmp_path / "film.avi")
     writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"MJPG"), 10, (64, 48))
     for level in (50, 150):
@@ -35,7 +35,7 @@ def test_a_film_gives_its_images(tmp_path):
 
 
 class Device:
-    """A capture of OpenCV whose images have the time 5.5 s."""
+    """Capture of OpenCV whose images have the time 5.5 s."""
 
     def __init__(self, backend):
         self.backend = backend
@@ -50,8 +50,8 @@ class Device:
         return 5500.0 if of == cv2.CAP_PROP_POS_MSEC else 0.0
 
 
-def test_the_kernels_time_is_the_stamp():
-    """Cameras of V4L2 have times of exposure; of what else OpenCV opens the position in the stream is none."""
+def test_kernel_time_is_the_stamp():
+    """V4L2 cameras have exposure times; the position in another stream is none."""
     stamped, other = (OpencvCamera("wrist", Stream(Device(backend)), is_file=False) for backend in ("V4L2", "FFMPEG"))
     assert (stamped.is_stamped, stamped.image().stamp_s) == (True, 5.5)
     assert not other.is_stamped
@@ -59,8 +59,8 @@ def test_the_kernels_time_is_the_stamp():
     assert (stamped.is_live, stamped.is_on_demand) == (True, False)
 
 
-def test_what_cannot_be_opened(tmp_path):
-    """A path without a film, and a source that is none, are told in a line."""
+def test_source_that_cannot_be_opened_is_reported(tmp_path):
+    """A path without a film, and an unknown source, cause one line."""
     with pytest.raises(DriverError, match="OpenCV cannot open"):
         open_camera(Place("wrist", CELL, tmp_path, {"source": str(tmp_path / "none.avi")}))
     with pytest.raises(DatasetError, match=r"cameras\.wrist\.driver\.source"):

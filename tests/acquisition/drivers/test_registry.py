@@ -1,4 +1,4 @@
-"""Drivers by their names."""
+"""Tests of the registry of drivers."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from safety.installed_driver import installed_driver
 from shared.second_process import TESTS
 
 
-def test_a_driver_of_another_package_is_found_as_pip_installs_it(tmp_path):
-    """Its name comes after ours, its module declares what stops its arms, and it runs in a process of its own."""
+def test_driver_of_an_installed_package_is_found(tmp_path):
+    """It is listed after the own drivers, its module declares its stop guarantee, and it has its own process."""
     assert driver_kind("frail") is None
     with installed_driver(tmp_path, "frail", TESTS / "safety" / "frail_driver.py"):
         assert driver_names() == (*DRIVERS, "frail")
@@ -21,8 +21,8 @@ def test_a_driver_of_another_package_is_found_as_pip_installs_it(tmp_path):
         assert kind.open_camera is None
 
 
-def test_a_module_that_declares_nothing_is_trusted_with_nothing():
-    """Nothing stops its arms, and it gets a process of its own."""
+def test_module_without_declarations_is_not_trusted():
+    """It has no stop guarantee, and gets its own process."""
     kind = offered_driver(ModuleType("stranger"))
     assert (kind.open_robot, kind.open_camera, kind.stop_guarantee, kind.needs_own_process) == (
         None,
@@ -33,8 +33,8 @@ def test_a_module_that_declares_nothing_is_trusted_with_nothing():
 
 
 @pytest.mark.parametrize("name", DRIVERS)
-def test_ours_open_robots_or_cameras(name):
-    """Those that ask a person or simulate need no process of their own, and two are stopped by a watchdog."""
+def test_own_drivers_open_robots_or_cameras(name):
+    """Typed and simulated drivers need no own process, and two drivers have a watchdog."""
     kind = driver_kind(name)
     assert kind.open_robot or kind.open_camera
     assert kind.needs_own_process == (name not in ("simulated", "replay", "typed"))

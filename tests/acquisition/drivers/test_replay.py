@@ -1,4 +1,4 @@
-"""A recording gone through again."""
+"""Tests of the driver that replays a recording."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from basecal.vision.image_file import write_png
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A recording of three samples, each with an image of its own grey level, the second with one without light."""
+    """Recording of three samples, each with an image of its own grey level, the second with one of the LED off."""
     folder = tmp_path_factory.mktemp("recorded")
     made = simulate(Scenario(samples=3), 0)
     samples = []
@@ -37,8 +37,8 @@ def place(made, name, recording=None):
     return Place(name, simulated.cell, folder, {"recording": recording or str(folder)})
 
 
-def test_robots_go_where_they_have_been(made):
-    """Sent near a recorded state, robots say that state, and the camera gives the image of that sample."""
+def test_robots_move_to_recorded_states(made):
+    """Near a recorded state, robots report that state, and the camera returns its image."""
     eye, hand, wrist = (
         open_robot(place(made, "eye")),
         open_robot(place(made, "hand")),
@@ -55,8 +55,8 @@ def test_robots_go_where_they_have_been(made):
         assert reading.stamp_s < image.stamp_s < hand.state().stamp_s
 
 
-def test_the_light_is_off_where_that_was_recorded(made):
-    """Without the light the background comes, and where there is none an error."""
+def test_background_needs_a_recording_with_the_led_off(made):
+    """With the LED off the background is returned; without one there is an error."""
     wrist, eye = open_camera(place(made, "wrist")), open_robot(place(made, "eye"))
     hand = open_robot(place(made, "hand"))
     for name, robot in (("eye", eye), ("hand", hand)):
@@ -69,16 +69,16 @@ def test_the_light_is_off_where_that_was_recorded(made):
         wrist.image()
 
 
-def test_a_robot_without_any_state(made):
-    """A robot that is in the cell and in no sample is an error that names no sample."""
+def test_robot_without_states_is_an_error(made):
+    """A robot that is in no sample is an error without a sample number."""
     samples = tuple(replace(sample, robots={}) for sample in made[1].recording.samples)
     robot = ReplayRobot("eye", Playback(made[1].cell, replace(made[1].recording, samples=samples)))
     with pytest.raises(DriverError, match=r"eye: the recording has no data of this device$"):
         robot.state()
 
 
-def test_what_was_not_recorded(made, tmp_path):
-    """A recording that is not there, or that lacks the robot, is an error."""
+def test_missing_recording_is_an_error(made, tmp_path):
+    """So is a recording without the robot."""
     with pytest.raises(DatasetError):
         open_robot(place(made, "eye", str(tmp_path)))
     with pytest.raises(DatasetError, match="is not a path: it holds a null character"):

@@ -1,4 +1,4 @@
-"""Robots and cameras of ROS 2: a process of its own sends what their drivers send, over DDS on this computer."""
+"""Tests of robots and cameras of ROS 2: another process sends over DDS on this computer."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from shared.second_process import second_process
 
 
 def said(joints):
-    """The stamp that joints say [s]."""
+    """Stamp encoded in the joints [s]."""
     return joints[:4] @ [1e8, 1e5, 100, 0.01]
 
 
 def drawn(grey):
-    """The stamp that pixels say [s]."""
+    """Stamp encoded in the pixels [s]."""
     return int.from_bytes(grey[0, :8].tobytes(), "big") * 1e-9
 
 
 def test_every_state_and_image_has_its_own_stamp(ros2_cell):
-    """Of states and images taken as they come none stands at the stamp of another, and stamps rise."""
+    """No state or image has the stamp of another, and stamps increase."""
     robot, camera = open_robot(ros2_cell.place("eye")), open_camera(ros2_cell.place("wrist", topic="/wrist/image_raw"))
     assert isinstance(camera, Camera)
     assert not isinstance(robot, Moves)
@@ -41,8 +41,8 @@ def test_every_state_and_image_has_its_own_stamp(ros2_cell):
         assert np.all(np.diff([one.stamp_s for one in each]) > 0)
 
 
-def test_a_robot_by_its_frames(ros2_cell):
-    """The flange in the base is the way over a frame that moves and one that does not, at one stamp."""
+def test_robot_is_read_from_its_frames(ros2_cell):
+    """The flange in the base follows from a moving and a static frame, at one stamp."""
     options = ros2_cell.place("eye", frames=["base_link", "tool0"]).options
     robot = open_robot(Place("arm", Cell("arm", {"arm": Robot("arm")}), Path("."), options))
     for _ in range(5):
@@ -52,8 +52,8 @@ def test_a_robot_by_its_frames(ros2_cell):
         np.testing.assert_allclose(np.diag(pose.rotation), [-1, -1, 1], atol=1e-12)
 
 
-def test_what_is_not_sent_is_told_with_what_is(ros2_cell):
-    """A topic that nobody sends, one of another type, frames that nothing joins."""
+def test_missing_topics_are_reported_with_existing_ones(ros2_cell):
+    """An unknown topic, one of another type, and unconnected frames are reported."""
     with pytest.raises(DriverError, match=r"eye: no publisher of /joints in domain \d+; there are: /joint_states, /r"):
         open_robot(ros2_cell.place("eye", topic="/joints", reconnect_s=2.0))
     with pytest.raises(DriverError, match="wrist: /tf is of tf2_msgs/msg/TFMessage, expected sensor_msgs/msg/Image"):
@@ -62,8 +62,8 @@ def test_what_is_not_sent_is_told_with_what_is(ros2_cell):
         open_robot(ros2_cell.place("eye", frames=["base_link", "wrong"], reconnect_s=0.5)).state()
 
 
-def test_joints_that_are_missing_are_named(ros2_cell):
-    """Where the topic has only some joints of the URDF, it says which are missing."""
+def test_missing_joints_are_named(ros2_cell):
+    """If the topic has only some joints of the URDF, the others are named."""
     ros2_cell.tell("partial", "on")
     with pytest.raises(
         DriverError, match=r"eye: /joint_states lacks joints of the URDF: wrist_1, wrist_2, wrist_3; it has elbow, g"
@@ -83,8 +83,8 @@ def test_joints_that_are_missing_are_named(ros2_cell):
         ),
     ],
 )
-def test_what_goes_wrong_is_a_line(ros2_cell, fault, error):
-    """Stamps that stand still, silence and too few states end in one line."""
+def test_faults_of_topics_are_one_line(ros2_cell, fault, error):
+    """Constant stamps, silence and a low rate cause one line."""
     robot = open_robot(ros2_cell.place("eye", reconnect_s=0.2))
     robot.state()
     ros2_cell.tell(*fault.split())
@@ -93,8 +93,8 @@ def test_what_goes_wrong_is_a_line(ros2_cell, fault, error):
     assert "\n" not in str(raised.value)
 
 
-def test_images_of_another_size_are_told(ros2_cell):
-    """Where the cell states the size of images, others are no images of this camera."""
+def test_images_of_another_size_are_refused(ros2_cell):
+    """If the cell states the size of images, others are not from this camera."""
     place = ros2_cell.place("wrist", topic="/wrist/image_raw")
     camera = open_camera(Place("wrist", CELL, Path("."), place.options))
     with pytest.raises(DriverError, match="wrist: an image of /wrist/image_raw has 64 x 48 pixels"):
@@ -110,21 +110,21 @@ def test_images_of_another_size_are_told(ros2_cell):
         (open_camera, "wrist", {}, r"cameras\.wrist\.driver: expected the topic of its images"),
     ],
 )
-def test_options_that_are_wrong(tmp_path, open_it, name, options, error):
-    """They are told with their field before anything is asked of the network."""
+def test_wrong_options_are_reported_with_their_field(tmp_path, open_it, name, options, error):
+    """They are reported before any access to the network."""
     with pytest.raises(DatasetError, match=error):
         open_it(Place(name, CELL, tmp_path, {"domain": DOMAIN, **options}))
 
 
 def test_joint_states_need_a_urdf(tmp_path):
-    """Of a robot without one poses or frames can be read."""
+    """For a robot without URDF, poses or frames can be read."""
     with pytest.raises(DatasetError, match=r"robots\.arm\.driver: joint states need urdf"):
         open_robot(Place("arm", Cell("arm", {"arm": Robot("arm")}), tmp_path, {"domain": DOMAIN}))
 
 
 @pytest.mark.slow
-def test_two_processes_that_send_one_topic_are_named(ros2_cell):
-    """A second process that sends the same joints is refused with both processes; once it has ended, states go on."""
+def test_two_publishers_of_one_topic_are_refused(ros2_cell):
+    """The error names both processes; when the second has ended, states continue."""
     robot = open_robot(ros2_cell.place("eye"))
     robot.state()
     with second_process("shared.ros2_publisher", ros2_cell.domain, 50, 0, 64, 48) as second:

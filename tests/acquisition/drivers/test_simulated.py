@@ -1,4 +1,4 @@
-"""Arms and camera of a running cell, as drivers."""
+"""Tests of the drivers of a running simulated cell."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ WORLD = facing_arms("led")
 
 @pytest.fixture
 def place(tmp_path):
-    """Where a robot or camera of a running cell is."""
+    """Driver entry of a robot or camera of a running cell."""
     with CellServer(Plant(WORLD, Clock(0)), "token") as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield lambda name: Place(name, WORLD.cell, tmp_path, {"port": server.port, "token": "token"})
         server.shutdown()
 
 
-def test_an_arm_goes_where_it_is_sent(place):
-    """Its states end at the joints it was sent to, with rising stamps; it can be stopped."""
+def test_arm_moves_to_its_goal(place):
+    """Its states end at the goal with increasing stamps; it can be stopped."""
     arm = open_robot(place("eye"))
     assert isinstance(arm, Robot)
     assert isinstance(arm, Moves)
@@ -45,8 +45,8 @@ def test_an_arm_goes_where_it_is_sent(place):
     arm.close()
 
 
-def test_a_camera_sees_the_light_switched(place):
-    """Images come in the size of the lens, darker where the light is off."""
+def test_camera_sees_the_switched_led(place):
+    """Images have the size of the lens, and are darker with the LED off."""
     camera = open_camera(place("wrist"))
     assert isinstance(camera, Camera)
     assert isinstance(camera, Switches)
@@ -58,8 +58,8 @@ def test_a_camera_sees_the_light_switched(place):
     camera.close()
 
 
-def test_no_cell_and_no_option(tmp_path):
-    """Where nothing runs, and where an option is wrong, a line says what to do."""
+def test_missing_cell_and_wrong_option_are_reported(tmp_path):
+    """One line says what to do."""
     with pytest.raises(DriverError, match="start it with `basecal simulate"):
         open_robot(Place("eye", WORLD.cell, tmp_path, {}))
     with pytest.raises(DatasetError, match=r"robots\.eye\.driver\.port"):
@@ -67,14 +67,14 @@ def test_no_cell_and_no_option(tmp_path):
 
 
 class Impostor(Connection):
-    """A line on which something else answers."""
+    """Connection to another program."""
 
     def ask(self, **request):
         return {"stamp_s": float("inf"), "joints_rad": ["0"], "png_base64": "?"}
 
 
-def test_what_else_answers_is_told(monkeypatch):
-    """Whatever listens at the port: its answers are numbers and images, or an error that says so."""
+def test_other_program_at_the_port_is_reported(monkeypatch):
+    """Its answers are numbers and images, or an error that says so."""
     line = Impostor("token", None)
     for ask in (SimulatedRobot("eye", line).state, SimulatedCamera("wrist", line).image):
         with pytest.raises(DriverError, match=r"is not a simulated cell \(\w+"):

@@ -1,4 +1,4 @@
-"""Poses as pendants show them, typed."""
+"""Tests of typed poses as shown by pendants."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ def typed(notation, text):
         ("abb", "[100,200,300],[0.8,0.6,0,0]", rotation_exp(2 * np.arccos(0.8) * X)),
     ],
 )
-def test_notations(notation, text, rotation):
-    """A pendant's numbers are the pose that its maker's manual says, as a product of turns about single axes."""
+def test_conventions_of_pendants(notation, text, rotation):
+    """Typed numbers are the pose by the maker's manual, as a product of rotations about single axes."""
     pose = typed(notation, text)
     np.testing.assert_allclose(pose.translation, [0.1, 0.2, 0.3], atol=1e-15)
     np.testing.assert_allclose(pose.rotation, rotation, atol=1e-12)
 
 
-def test_what_cannot_be_read_is_asked_for_again(capsys):
-    """Too few numbers, endless ones and a quaternion that is none are told, and the next line counts."""
+def test_unreadable_line_is_requested_again(capsys):
+    """Too few numbers, non-finite ones and an invalid quaternion are reported, and the next line counts."""
     robot = TypedRobot(place(), "abb", io.StringIO("1 2 3\n1 2 3 9 9 9 9\n1e999 0 0 1 0 0 0\n0 0 0 1 0 0 0\n"))
     assert np.array_equal(robot.state().state.base_from_flange.rotation, SE3.identity().rotation)
     said = capsys.readouterr().err
@@ -66,21 +66,21 @@ def test_what_cannot_be_read_is_asked_for_again(capsys):
 
 
 @pytest.mark.parametrize(("notation", "text"), [("joints_deg", "0 90 -180 1e1 0 0"), ("joints_rad", PI)])
-def test_joints_of_a_chain(notation, text):
-    """In degrees or radians, as it is said."""
+def test_joints_are_typed_in_degrees_or_radians(notation, text):
+    """The unit is stated."""
     armed = replace(CELL, robots={"arm": Robot("arm", chain=six_axis())})
     robot = TypedRobot(Place("arm", armed, Path("."), {}), notation, io.StringIO(text))
     np.testing.assert_allclose(robot.state().state.joints_rad, np.pi * np.array([0, 0.5, -1, 1 / 18, 0, 0]))
 
 
-def test_joints_need_a_chain(capsys):
+def test_joints_need_a_urdf(capsys):
     """Joints of a robot without URDF are refused; the end of the input is an error."""
     with pytest.raises(DriverError, match="the input has ended"):
         TypedRobot(place(), "joints_deg", io.StringIO("1 2 3 4 5 6\n")).state()
     assert "joints need urdf" in capsys.readouterr().err
 
 
-def test_an_unknown_notation():
-    """It is named with its field."""
+def test_unknown_convention_is_refused():
+    """The error has its field."""
     with pytest.raises(DatasetError, match=r"driver\.notation: no notation 'yaskaw' \(did you mean"):
         open_robot(place(notation="yaskaw"))

@@ -1,4 +1,4 @@
-"""UR controllers in processes of their own, over ur-rtde's client."""
+"""Tests of UR controllers in separate processes, through ur-rtde's client."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ pytest.importorskip("rtde_receive")
 pytestmark = pytest.mark.timed
 
 
-def test_two_controllers_each_with_its_own_clock(tmp_path):
-    """A cell of two controllers is opened by its cell file, and each says where it is."""
+def test_two_controllers_with_their_own_clocks(tmp_path):
+    """A cell file opens two controllers, and each reports its place."""
     with controller() as (first, one), controller("50") as (_, other):
         robots = {
             name: Robot(name, driver=Driver("ur", place().options)) for name, place in (("left", one), ("right", other))
@@ -36,8 +36,8 @@ def test_two_controllers_each_with_its_own_clock(tmp_path):
     assert states["right"].state.base_from_flange.rotation[0, 0] == 1.0
 
 
-def test_it_goes_where_it_is_sent_no_faster_than_asked(there):
-    """It arrives, no joint was faster than the limit, and what was running before it was sent was nothing."""
+def test_arm_moves_within_the_speed_limit(there):
+    """It arrives, no joint exceeds the limit, and no program ran before the motion."""
     process, place = there
     robot = open_robot(place())
     assert isinstance(robot, Moves)
@@ -55,8 +55,8 @@ def test_it_goes_where_it_is_sent_no_faster_than_asked(there):
     robot.close()
 
 
-def test_it_stops_on_its_way(there):
-    """Told to stop it stands within a few states, far from where it was sent."""
+def test_arm_stops_during_a_motion(there):
+    """After a stop it is at rest within a few states, far from its goal."""
     _, place = there
     robot = open_robot(place())
     robot.move(RobotState(joints_rad=np.array([3.0, -1.5, 1.5, 0.0, 0.5, 0.0])), 0.5)
@@ -68,8 +68,8 @@ def test_it_stops_on_its_way(there):
     robot.close()
 
 
-def test_a_driver_check_measures_its_watchdog(there):
-    """The stop is seen in the states: without heartbeats a program that ended is no error."""
+def test_driver_check_measures_the_watchdog(there):
+    """The stop is visible in the states: without heartbeats, an ended program is no error."""
     _, place = there
     robot = open_robot(place())
     stop = measure_stop("eye", robot, np.radians(3), np.radians(5), "silence")
@@ -81,8 +81,8 @@ def test_a_driver_check_measures_its_watchdog(there):
 
 
 @pytest.mark.slow
-def test_a_pose_is_gone_to_where_there_is_no_urdf():
-    """Without URDF it gives and takes poses of its tool centre point."""
+def test_robot_without_urdf_moves_by_poses():
+    """It reports and accepts poses of its tool centre point."""
     with controller() as (_, place):
         robot = open_robot(Place("arm", Cell("arm", {"arm": Robot("arm")}), Path("."), place().options))
         pose = robot.state().state.base_from_flange
@@ -96,8 +96,8 @@ def test_a_pose_is_gone_to_where_there_is_no_urdf():
         robot.close()
 
 
-def test_an_arm_is_led(there):
-    """Freedrive begins and ends; the arm cannot be sent meanwhile."""
+def test_freedrive_begins_and_ends(there):
+    """The arm cannot be moved by goals meanwhile."""
     process, place = there
     robot = open_robot(place(motion="freedrive"))
     assert isinstance(robot, Freedrives)
@@ -110,8 +110,8 @@ def test_an_arm_is_led(there):
     robot.close()
 
 
-def test_nobody_there_and_wrong_options(tmp_path):
-    """Without a controller, and with an option that is wrong, a line says which."""
+def test_missing_controller_and_wrong_option_are_reported(tmp_path):
+    """One line names the cause."""
     with pytest.raises(DriverError, match=r"eye: nothing listens at .*:30004: is a UR controller running there"):
         open_robot(Place("eye", CELL, tmp_path, {"host": own_host()}))
     with pytest.raises(DatasetError, match=r"robots\.eye\.driver\.host"):

@@ -1,4 +1,4 @@
-"""Live cameras read without pause."""
+"""Tests of live cameras that are read continuously."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NOISE = np.random.default_rng(1).integers(0, 3, (50, *SIZE)).astype(np.uint8)
 
 
 class Film:
-    """A camera that gives an image each 10 ms; images slide while `slides` says so."""
+    """Camera with an image every 10 ms; images slide while `slides` is set."""
 
     is_live = True
 
@@ -57,8 +57,8 @@ def opened():
         each.close()
 
 
-def test_the_newest_image_is_given(opened):
-    """After a pause none of those that came meanwhile is given, but one that is no older than some periods."""
+def test_newest_image_is_returned(opened):
+    """Images that arrived during a pause are skipped, except one that is a few periods old."""
     feed = opened(Film())
     feed.image()
     time.sleep(0.3)
@@ -68,23 +68,23 @@ def test_the_newest_image_is_given(opened):
     assert not isinstance(feed, Switches)
 
 
-def test_cameras_that_expose_when_asked_are_left_alone(opened):
-    """One that says so, and one that a person serves, are not read but when an image is wanted."""
+def test_cameras_with_exposure_on_request_are_not_polled(opened):
+    """Such cameras, and those served by a person, are read only when an image is required."""
     asked, served = Film(), Film()
     asked.is_on_demand, served.is_live = True, False
     assert opened(asked) is asked
     assert opened(served) is served
 
 
-def test_a_latency_is_two_seconds_until_it_is_measured(opened):
-    """Before any arm moved, an image counts as exposed two seconds before it came."""
+def test_latency_is_two_seconds_until_measured(opened):
+    """Before any motion, an image counts as exposed two seconds before its arrival."""
     image = opened(Film()).image()
     assert image.exposed_s == pytest.approx(image.stamp_s - 2.0, abs=0.1)
     assert image.note == ""
 
 
-def test_the_latency_is_that_of_the_arms_motion(opened):
-    """Images that slide a fifth of a second after the arms are that old; it is reported once, and kept."""
+def test_latency_is_measured_from_the_arms_motion(opened):
+    """Images that slide 0.2 s after the arms have that latency; it is reported once, and kept."""
     arms, begin_s = ArmMotion(), time.monotonic() + 0.3
     end_s = begin_s + 0.3
     feed = opened(Film(slides=lambda now_s: begin_s < now_s - 0.2 < end_s), arms)
@@ -99,8 +99,8 @@ def test_the_latency_is_that_of_the_arms_motion(opened):
     assert again.note == ""
 
 
-def test_older_images_are_not_counted(opened):
-    """The image after an instant was exposed after it; one that nobody exposes in time is told."""
+def test_older_images_are_skipped(opened):
+    """The image after an instant was exposed after it; a missing one is reported."""
     feed, now_s = opened(Film()), time.monotonic()
     assert wait_for_image_after(feed, now_s - 1.8, 5.0).exposed_s > now_s - 1.8
     with pytest.raises(Moving, match="image too old"):
@@ -108,7 +108,7 @@ def test_older_images_are_not_counted(opened):
 
 
 def test_buffered_images_are_skipped(opened):
-    """Images that come without a wait, after others had to be waited for, are old: none of them is given."""
+    """Images that arrive without a wait, after waits for others, are old and not returned."""
 
     class Buffered(Film):
         def image(self):
@@ -122,8 +122,8 @@ def test_buffered_images_are_skipped(opened):
     assert not {12, 13, 14, 15} & set(given)
 
 
-def test_late_images_of_stamped_cameras_are_named(opened):
-    """One whose stamp is before that of another is not given; its file is named."""
+def test_late_images_of_stamped_cameras_are_reported(opened):
+    """An image older than a previous one is not returned; its file is reported."""
 
     class Stamped(Film):
         is_stamped = True
@@ -142,8 +142,8 @@ def test_late_images_of_stamped_cameras_are_named(opened):
     assert image.exposed_s == pytest.approx(image.stamp_s + 1000.0 - 2.0, abs=0.1)
 
 
-def test_a_clock_that_goes_back_is_told(opened, monkeypatch):
-    """Images that stay older than one before them are no copies; until that is clear, the last are named."""
+def test_clock_that_goes_back_is_reported(opened, monkeypatch):
+    """Images that stay older are no copies; until this is certain, the last ones are reported."""
 
     class SteppedBack(Film):
         is_stamped, wait_s = True, 0.3
@@ -161,7 +161,7 @@ def test_a_clock_that_goes_back_is_told(opened, monkeypatch):
         feed.image()
 
 
-def test_an_end_is_told_to_whoever_waits(opened):
+def test_error_is_raised_to_the_waiting_caller(opened):
     """An error of the driver is raised as it is; one while nobody waited is forgotten, and the driver asked again."""
 
     class Ends(Film):
@@ -179,8 +179,8 @@ def test_an_end_is_told_to_whoever_waits(opened):
     assert feed.image().grey.shape == SIZE
 
 
-def test_an_error_of_a_library_names_the_camera(opened):
-    """What a maker's library raises is a failure of the driver, with its words."""
+def test_library_error_names_the_camera(opened):
+    """An error of a maker's library is a driver error with its message."""
 
     class Unplugged(Film):
         def image(self):
@@ -191,8 +191,8 @@ def test_an_error_of_a_library_names_the_camera(opened):
         feed.image()
 
 
-def test_a_camera_that_freezes_is_told(opened):
-    """A driver that does not come back is an error in time, and is not closed while it waits."""
+def test_frozen_camera_is_reported(opened):
+    """A driver that does not return is reported in time, and is not closed while it waits."""
 
     class Frozen(Film):
         wait_s = 0.1
@@ -210,8 +210,8 @@ def test_a_camera_that_freezes_is_told(opened):
     assert film.closed
 
 
-def test_the_light_is_switched_between_images(opened):
-    """The thread that reads images switches it, so that a driver serves one thread; it is done on return."""
+def test_led_is_switched_between_images(opened):
+    """The reading thread switches it, so that a driver serves one thread; it is done on return."""
 
     class Lit(Film):
         def light(self, on):
@@ -225,8 +225,8 @@ def test_the_light_is_switched_between_images(opened):
     assert film.thread is not threading.current_thread()
 
 
-def test_a_program_that_saves_without_pause_is_told_from_a_person(opened):
-    """Of files that come by themselves stillness can be judged; one that a person saves counts from when it was."""
+def test_continuous_saving_is_distinguished_from_a_person(opened):
+    """Continuously saved files allow a check of rest; a file saved by a person counts from its time."""
     often, seldom = Film(0.02), Film(0.0)
     for film in (often, seldom):
         film.is_live, film.is_on_demand, film.is_stamped = False, False, True
@@ -242,7 +242,7 @@ def test_a_program_that_saves_without_pause_is_told_from_a_person(opened):
     ([4.9, 3, 2, 1], True), ([5.1, 3, 2, 1], False), ([99, 4.9, 3, 2, 1], True), ([3, 2, 1], False), ([], False),
 ])  # fmt: skip
 def test_four_images_in_five_seconds_are_a_stream(ago_s, is_live):
-    """Files that a program saves; fewer of them, or slower ones, are those of a person."""
+    """Such files are saved by a program; fewer or slower ones by a person."""
     now_s, feed = time.monotonic(), CameraFeed.__new__(CameraFeed)
     feed._changed, feed._camera, feed._began_s = threading.Condition(), SimpleNamespace(is_live=False), now_s - 9.0
     feed._arrivals = [(now_s - each, False) for each in ago_s]
@@ -252,12 +252,12 @@ def test_four_images_in_five_seconds_are_a_stream(ago_s, is_live):
 
 
 @pytest.mark.parametrize(("is_live", "age_s", "waits"), [(False, 0.0, True), (False, 9.0, False), (True, 0.0, False)])
-def test_only_a_young_feed_waits_for_a_stream(is_live, age_s, waits):
-    """Of a camera that is not live by its driver, for no longer than its first one and a half seconds."""
+def test_only_a_new_feed_waits_for_a_stream(is_live, age_s, waits):
+    """A camera that is not live by its driver waits in its first one and a half seconds only."""
     waited = []
 
     class Condition(threading.Condition):  # type: ignore[misc]
-        """Notes for how long it waits."""
+        """Condition that records its waiting times."""
 
         def wait_for(self, predicate, timeout=None):
             waited.append((timeout, predicate()))
@@ -274,7 +274,7 @@ def test_only_a_young_feed_waits_for_a_stream(is_live, age_s, waits):
 
 
 def unread(arms=None, **fields):
-    """A feed that no thread reads, with an image each tenth of a second."""
+    """Feed without a thread, with an image every tenth of a second."""
     feed = CameraFeed.__new__(CameraFeed)
     feed._name, feed._arms, feed._changed = "wrist", arms or ArmMotion(), threading.Condition()
     feed._latencies, feed._reported, feed._notes = {}, None, []
@@ -289,16 +289,16 @@ def unread(arms=None, **fields):
 @pytest.mark.parametrize(
     ("interval_s", "count", "bound_s"), [(0.1, 20, 2.0), (0.5, 20, 6.0), (0.5, 1, 2.0), (0.5, 0, 2.0)]
 )
-def test_an_unknown_latency_is_two_seconds_or_twelve_images(interval_s, count, bound_s):
-    """Whichever is longer; a camera that is not live has none."""
+def test_unknown_latency_is_two_seconds_or_twelve_images(interval_s, count, bound_s):
+    """The longer counts; a camera that is not live has none."""
     arrivals = np.column_stack([interval_s * np.arange(count), np.zeros(count)])
     assert unread()._latency_s(arrivals) == pytest.approx(bound_s)
     old = unread(_camera=SimpleNamespace(is_live=False))
     assert old._latency_s(arrivals) == 0.0
 
 
-def test_the_last_three_latencies_count():
-    """The largest of them, also before the arms move again; during motions no less than is assumed."""
+def test_last_three_latencies_count():
+    """The largest counts, also before the next motion; during motions the assumed latency is the minimum."""
     known = {float(k): Latency(0.0, high) for k, high in enumerate((9.0, 0.3, 0.4, 0.2))}
     arrivals = np.column_stack([0.1 * np.arange(20), np.zeros(20)])
     assert unread(_latencies=known)._latency_s(arrivals) == 0.4
@@ -307,8 +307,8 @@ def test_the_last_three_latencies_count():
     assert unread(moving, _latencies=known)._latency_s(arrivals) == 2.0
 
 
-def test_a_latency_is_reported_if_it_grows():
-    """Beyond all that was possible before."""
+def test_increased_latency_is_reported():
+    """It is reported beyond all earlier upper bounds."""
     feed = unread()
     for low_s, high_s in ((0.1, 0.2), (0.15, 0.3), (0.05, 0.1), (0.3, 0.4)):
         feed._report(Latency(low_s, high_s))
@@ -321,8 +321,8 @@ def test_a_latency_is_reported_if_it_grows():
 @pytest.mark.parametrize(("times_s", "is_error"), [
     ((0.0, 0.1, 0.2, 1.9), False), ((0.0, 2.1), False), ((0.0, 0.1, 2.1), True), ((0.0, 2.0, 2.05), True),
 ])  # fmt: skip
-def test_three_older_images_in_two_seconds_are_a_clock_that_went_back(monkeypatch, times_s, is_error):
-    """Fewer, or within less time, came late; an image in order ends them."""
+def test_three_older_images_in_two_seconds_mean_a_clock_step(monkeypatch, times_s, is_error):
+    """Fewer, or within less time, were late; an image in order resets the count."""
     feed, clock = unread(), iter(times_s)
     monkeypatch.setattr("basecal.acquisition.images.feed.time", SimpleNamespace(monotonic=lambda: next(clock)))
     assert not feed._is_outdated(SimpleNamespace(stamp_s=5.0), 0.1)
@@ -338,12 +338,12 @@ def test_three_older_images_in_two_seconds_are_a_clock_that_went_back(monkeypatc
         assert feed._late_s == []
 
 
-def test_lights_are_switched_once():
-    """If a state is requested, and the camera can switch."""
+def test_leds_are_switched_once():
+    """They are switched if a state is requested and the camera can switch."""
     switched = []
 
     class Lamp:
-        """A camera with a light."""
+        """Camera with an LED."""
 
         def light(self, on):
             switched.append(on)

@@ -1,4 +1,4 @@
-"""Images and poses of samples that are taken of cameras which hold images back; more of them in benchmarks."""
+"""Tests of images and poses of samples for cameras that buffer images; the benchmark has more."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ pytestmark = pytest.mark.timed
     ],
     ids=lambda source: source.name,
 )
-def test_each_image_shows_the_pose_beside_it(source):
-    """Two samples are taken, and points in their images are where the recorded poses put them."""
+def test_each_image_shows_its_recorded_pose(source):
+    """Points in the images of two samples are where the recorded poses predict them."""
     outcome = trial(source, 2, seed=1)
     assert outcome["refused"] == []
     assert outcome["most_px"] < SIGMAS * outcome["sigma_px"]
 
 
 class Freezing(socketserver.BaseRequestHandler):
-    """A stream of MJPEG that stops after twenty images, and stays connected."""
+    """MJPEG stream that stops after twenty images, and stays connected."""
 
     def handle(self):
         self.request.recv(4096)
@@ -56,7 +56,7 @@ class Freezing(socketserver.BaseRequestHandler):
 
 @pytest.fixture
 def address():
-    """Of a stream that freezes."""
+    """Address of a stream that freezes."""
     with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Freezing) as server:
         server.daemon_threads, server.is_over = True, threading.Event()
         threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -65,8 +65,8 @@ def address():
         server.shutdown()
 
 
-def test_a_stream_that_freezes_is_told_in_time(address, tmp_path, monkeypatch):
-    """OpenCV is not waited for half a minute: whoever waits for an image is told after the stated time."""
+def test_frozen_stream_is_reported_in_time(address, tmp_path, monkeypatch):
+    """OpenCV's half minute is not waited for: the caller gets the error after the stated time."""
     monkeypatch.setattr(module, "_TIMEOUTS", [cv2.CAP_PROP_READ_TIMEOUT_MSEC, 700])
     feed = feed_camera(
         "wrist",

@@ -1,4 +1,4 @@
-"""Images of a scene, taken by a person who leads two arms: through the verb, poses typed, images from folders."""
+"""Tests of capturing images of a scene: two hand-guided arms, typed poses, and images from folders."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ BASE = "left_base_from_right_base"
 
 
 def rendered(folder: Path, views: int, size: str) -> Path:
-    """The example's cell with its images and poses, which is what the person's cameras and pendants show."""
+    """Cell of the example with its images and poses, as shown by the cameras and pendants."""
     make = ROOT / "examples" / "scene" / "make.py"
     subprocess.run([sys.executable, make, folder / "made", "--views", str(views), "--size", size], check=True)
     return folder / "made"
 
 
 def cell_to_capture(made: Path, folder: Path) -> list[list[str]]:
-    """Write a cell without a recording, whose poses are typed and whose images are saved; the lines for each arm."""
+    """Write a cell without a recording, with typed poses and saved images; return the lines for each arm."""
     cell = yaml.safe_load((made / "cell.yaml").read_text())
     samples, lines = read_recording(made).samples, []
     for arm in ARMS:
@@ -47,20 +47,20 @@ def cell_to_capture(made: Path, folder: Path) -> list[list[str]]:
 
 
 def copy(image: Path, folder: Path, number: int) -> None:
-    """Save an image as the one of that number: cameras give the oldest first."""
+    """Save an image under that number: cameras return the oldest first."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{number}.png").write_bytes(image.read_bytes())
     os.utime(folder / f"{number}.png", (1e9 + number, 1e9 + number))
 
 
 def capture(folder: Path, lines: list[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
-    """The exit code of a capture by hand in which these lines are typed."""
+    """Exit code of a capture by hand with these typed lines."""
     monkeypatch.setattr(sys, "stdin", io.StringIO("\n".join(lines) + "\n"))
     return main(["capture", str(folder), "--freedrive", *words])
 
 
-def test_each_image_is_looked_at_once_it_is_taken(tmp_path, monkeypatch, capsys) -> None:
-    """One that shows a bare wall is refused with what to do; an arm that stood still gives no second image."""
+def test_each_image_is_checked_at_once(tmp_path, monkeypatch, capsys) -> None:
+    """An image of a bare wall is refused with advice; an arm that stayed yields no second image."""
     made = rendered(tmp_path, 3, "320x240")
     folder = tmp_path / "mine"
     folder.mkdir()
@@ -77,8 +77,8 @@ def test_each_image_is_looked_at_once_it_is_taken(tmp_path, monkeypatch, capsys)
     assert [sorted(sample.images) for sample in samples] == [["left_eye", "right_eye"], ["right_eye"]]
 
 
-def test_what_was_recorded_before_a_peer_dies_is_kept(tmp_path, monkeypatch, capsys) -> None:
-    """Poses that end, and images that do not come, end the capture in a line; started again it goes on."""
+def test_samples_before_a_failure_are_kept(tmp_path, monkeypatch, capsys) -> None:
+    """The end of the poses, or missing images, end the capture in one line; a restart continues it."""
     made = rendered(tmp_path, 3, "320x240")
     folder = tmp_path / "mine"
     folder.mkdir()
@@ -95,8 +95,8 @@ def test_what_was_recorded_before_a_peer_dies_is_kept(tmp_path, monkeypatch, cap
     assert [sorted(sample.images) for sample in read_recording(folder).samples] == [["left_eye", "right_eye"]] * 2
 
 
-def test_cameras_and_arms_without_a_driver(tmp_path, monkeypatch, capsys) -> None:
-    """A camera without one takes no part; an arm without one, whose camera has one, is named."""
+def test_missing_drivers_of_cameras_and_arms(tmp_path, monkeypatch, capsys) -> None:
+    """A camera without a driver is left out; an arm without one, whose camera has one, is reported."""
     made = rendered(tmp_path, 3, "320x240")
     folder = tmp_path / "mine"
     folder.mkdir()
@@ -114,8 +114,8 @@ def test_cameras_and_arms_without_a_driver(tmp_path, monkeypatch, capsys) -> Non
     assert [sorted(sample.images) for sample in read_recording(folder).samples] == [["left_eye"]]
 
 
-def test_arms_are_not_sent(tmp_path, capsys) -> None:
-    """Where nothing is known of bases, nothing can be planned; the line says what can be done."""
+def test_scene_moves_no_arm(tmp_path, capsys) -> None:
+    """With unknown bases no motion can be planned; the line has advice."""
     made = rendered(tmp_path, 3, "160x120")
     cell_to_capture(made, tmp_path)
     assert main(["capture", str(tmp_path), "--go"]) == 3
@@ -123,8 +123,8 @@ def test_arms_are_not_sent(tmp_path, capsys) -> None:
 
 
 @pytest.mark.slow
-def test_a_scene_is_captured_and_calibrated(tmp_path, monkeypatch) -> None:
-    """Two commands from typed poses to a base within 3 mm and 0.15 deg, as the example's own recording gives it."""
+def test_scene_is_captured_and_calibrated(tmp_path, monkeypatch) -> None:
+    """Two commands lead from typed poses to a base within 3 mm and 0.15 deg of the example's own recording."""
     made = rendered(tmp_path, 10, "480x360")
     folder = tmp_path / "mine"
     folder.mkdir()
