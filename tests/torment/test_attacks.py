@@ -1,4 +1,4 @@
-"""Attacks that once succeeded, as they were made: by words of a command line and files that anyone may send."""
+"""Tests of attacks that once succeeded, by command lines and files that anyone may send."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _EVIL = "x\n  points:\n  - {positions: [3], time_from_start: {sec: 0, nanosec: 1
 
 @pytest.fixture
 def stranger() -> Iterator[socket.socket]:
-    """A server of somebody else's, to which nobody may come."""
+    """Foreign server that must get no connection."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.setblocking(False)
         yield server
@@ -43,7 +43,7 @@ def _cell(folder: Path, kind: str = "pose") -> Path:
 
 
 def _driven(folder: Path, section: str, driver: dict[str, Any]) -> Path:
-    """A cell of which an arm or a camera has a driver."""
+    """Cell whose arm or camera has a driver."""
     cell, described = _cell(folder), copy.deepcopy(made("pose").cell)
     next(iter(described[section].values()))["driver"] = driver
     (cell / "cell.yaml").write_text(cell_text(described))
@@ -51,7 +51,7 @@ def _driven(folder: Path, section: str, driver: dict[str, Any]) -> Path:
 
 
 def _refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line by which a command refuses, soon."""
+    """The one line with which a command refuses, soon."""
     begin = time.monotonic()
     assert main(words) in (2, 3)
     assert time.monotonic() - begin < _MOST_S
@@ -64,7 +64,7 @@ def _refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 def test_1_a_cell_sends_no_secret(
     tmp_path: Path, stranger: socket.socket, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`capture` connects to no server that a cell names, and never sends it another program's variable."""
+    """`capture` connects to no server named by a cell, and never sends it another program's variable."""
     monkeypatch.setenv(_SECRET, "do not tell")
     url = f"opc.tcp://127.0.0.1:{stranger.getsockname()[1]}"
     driver = {"kind": "opcua", "url": url, "joints": ["a"], "unit": "rad", "user": "me", "password_in": _SECRET}
@@ -75,7 +75,7 @@ def test_1_a_cell_sends_no_secret(
 
 @pytest.mark.slow
 def test_2_names_of_a_urdf_plan_no_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A joint's name that holds YAML stays a name in a trajectory, or the plan is refused."""
+    """A joint name with YAML stays a name in a trajectory, or the plan is refused."""
     cell = _cell(tmp_path, "joints")
     urdf = (cell / "eye.urdf").read_text()
     first = minidom.parseString(urdf).getElementsByTagName("joint")[0].getAttribute("name")
@@ -103,7 +103,7 @@ def _points(data: Any) -> Iterator[Any]:
 @pytest.mark.parametrize("suffix", [".mcap", ".db3", ".bag"])
 @pytest.mark.parametrize("kind", ["pipe", "device"])
 def test_3_a_bag_that_is_no_file(tmp_path: Path, suffix: str, kind: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A pipe does not hang, and /dev/zero fills no memory."""
+    """A pipe does not block, and /dev/zero fills no memory."""
     bag = tmp_path / f"a{suffix}"
     os.mkfifo(bag) if kind == "pipe" else bag.symlink_to("/dev/zero")
     needed("rosbags", "bags")
@@ -112,7 +112,7 @@ def test_3_a_bag_that_is_no_file(tmp_path: Path, suffix: str, kind: str, capsys:
 
 
 def test_5_an_import_copies_no_other_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Neither what a list of another program names, nor what a link leads to, nor a sparse file in full."""
+    """Files listed by another program, targets of links, and sparse files are not copied."""
     secret, data = tmp_path / "id_rsa", tmp_path / "data"
     secret.write_text("private")
     data.mkdir()
@@ -134,7 +134,7 @@ def test_5_an_import_copies_no_other_file(tmp_path: Path, capsys: pytest.Capture
     assert sum(path.stat().st_size for path in cell.rglob("*") if path.is_file()) < 2**22
 
 
-def test_6_a_comment_of_an_export_ends_where_it_ends(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_6_comment_of_an_export_cannot_be_closed_by_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A key of `inputs` that closes a comment adds no element to URDF and MJCF."""
     cell = _cell(tmp_path, "joints")
     run = latest_run(cell)
@@ -159,14 +159,14 @@ def _elements(cell: Path, capsys: pytest.CaptureFixture[str]) -> list[list[str]]
 def test_7_a_cell_fetches_no_image(
     tmp_path: Path, scheme: str, stranger: socket.socket, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`capture` without a word opens no address that a camera names, and waits for none."""
+    """Without confirmation `capture` opens no address named by a camera, and waits for none."""
     source = f"{scheme}://127.0.0.1:{stranger.getsockname()[1]}/x"
     _refused(["capture", str(_driven(tmp_path, "cameras", {"kind": "opencv", "source": source}))], capsys)
 
 
 @pytest.mark.slow
 def test_8_sigmas_that_differ_by_decades(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Views whose sigmas differ by 1e11 end in an answer or a refusal, also where the base cannot be observed."""
+    """Views whose sigmas differ by 1e11 yield an answer or a refusal, also if the base is unobservable."""
     for kind, field, task in (("charuco", "sigma_px", ()), ("led", "", ("--task-point", "0.5", "0.1", "0.3"))):
         samples = copy.deepcopy(made(kind).samples)
         for k, sample in enumerate(samples):
@@ -180,8 +180,8 @@ def test_8_sigmas_that_differ_by_decades(tmp_path: Path, capsys: pytest.CaptureF
         capsys.readouterr()
 
 
-def test_12_what_is_not_a_number_or_a_field(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`1_0` is not ten, a field that nobody knows is refused, and a name of 20 kB makes no line of 20 kB."""
+def test_12_invalid_numbers_and_unknown_fields_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`1_0` is not ten, an unknown field is refused, and a name of 20 kB causes no line of 20 kB."""
     (tmp_path / "poses.csv").write_text("x,y,z,qx,qy,qz,qw\n1_0,0,0,0,0,0,1\n")
     words = ["import", "poses", str(tmp_path / "new"), "--robot", "eye", str(tmp_path / "poses.csv")]
     assert "1_0" in _refused([*words, "--length-unit", "m"], capsys)
@@ -197,7 +197,7 @@ def test_12_what_is_not_a_number_or_a_field(tmp_path: Path, capsys: pytest.Captu
 
 @pytest.mark.slow
 def test_4_run_lengths_are_counted_before_they_are_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A table of some kilobytes that says it holds more rows than any recording is refused unread."""
+    """A table of a few kilobytes with more rows than any recording is refused before it is read."""
     needed("pyarrow", "lerobot")
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -1,4 +1,4 @@
-"""The page in a real browser: hostile words in every text of an answer run nothing and ask nobody."""
+"""Tests of the page in a real browser: hostile texts in an answer run no script and load nothing."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LONGEST_S = 120  # beside other programs
 
 
 def hostile_words(port: int) -> list[str]:
-    """Words that would run `RUNS`, or ask this port, in whatever place of a page they stand unescaped."""
+    """Texts that would run `RUNS`, or contact this port, if a page had them unescaped."""
     asks = f"http://127.0.0.1:{port}/asked"
     return [
         f"<script>{RUNS}</script>",
@@ -42,7 +42,7 @@ def hostile_words(port: int) -> list[str]:
 
 
 def dumped(path: Path, profile: Path) -> str:
-    """The elements of a page after its scripts have run."""
+    """Elements of a page after its scripts ran."""
     assert CHROMIUM is not None
     words = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "--dump-dom", path.as_uri()]
     return subprocess.run(words, capture_output=True, text=True, timeout=LONGEST_S, check=True).stdout
@@ -55,10 +55,10 @@ def shown(cell: Any, recording: Any, data: Any, title: str) -> str:
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 @pytest.mark.filterwarnings("ignore")
-def test_nothing_runs_and_nobody_is_asked(tmp_path: Path) -> None:
-    """Of pages with hostile words in each text that may have them, none runs a script of theirs or asks another host.
+def test_hostile_texts_run_no_script_and_contact_no_host(tmp_path: Path) -> None:
+    """Pages with hostile texts in each possible place run no foreign script and contact no other host.
 
-    A page with a script in it is found, and one that asks is heard: so the test can fail.
+    A page with such a script, and one that contacts the port, are detected: the test can fail.
     """
     folder = made("charuco").folder
     cell = read_cell(folder)

@@ -1,4 +1,4 @@
-"""Slow and read-only disks, and that a verb that does not stand them is found."""
+"""Tests of slow and read-only disks; verbs that fail there are found."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from torment.verbs import Verb, prepared
 
 
 class _Chosen(Random):
-    """Chance that chooses a verb, and everything else first."""
+    """Random source that chooses a verb, and otherwise the first entry."""
 
     def __init__(self, verb: str) -> None:
         super().__init__(0)
@@ -26,8 +26,8 @@ class _Chosen(Random):
 
 
 @pytest.mark.skipif(not disks.system_calls.is_possible(), reason="needs strace, and leave to hold other processes")
-def test_a_slow_disk_changes_nothing(tmp_path: Path) -> None:
-    """A verb whose calls take a millisecond longer does what it says, whether it is killed meanwhile or not."""
+def test_slow_disk_does_not_change_the_result(tmp_path: Path) -> None:
+    """A verb whose calls take a millisecond longer succeeds, whether it is killed meanwhile or not."""
     for seed in range(2):
         (tmp_path / str(seed)).mkdir()
         chance = _Chosen("new")
@@ -36,8 +36,8 @@ def test_a_slow_disk_changes_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs Linux's capabilities")
-def test_where_nothing_may_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A verb says so in a line, even as root; one that says nothing of it is found."""
+def test_read_only_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A verb reports it in one line, even as root; a verb that does not is found."""
     assert disks.read_only(_Chosen("new"), tmp_path / "a") == "refused"
     silent = Verb("pose", lambda folder: ["new", str(folder / "new")], lambda folder: True)
     monkeypatch.setitem(verbs.VERBS, "silent", silent)

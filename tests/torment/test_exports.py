@@ -1,4 +1,4 @@
-"""Hostile names in every kind of export, read back by parsers that are not ours."""
+"""Tests of hostile names in each kind of export, read by independent parsers."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from torment.exports import EXPORTS, PARSERS
 
 
 def test_every_exporter_has_a_parser() -> None:
-    """A new exporter is tormented too."""
+    """A new exporter needs a trial, too."""
     assert PARSERS.keys() == EXPORTERS.keys()
 
 
 @pytest.mark.parametrize("name", EXPORTS)
 def test_hostile_names_stay_names(name: str, tmp_path: Path) -> None:
-    """Whatever names and hashes hold, a reader of the format finds what it finds of harmless ones."""
+    """With any names and hashes, a reader of the format finds the same elements as with harmless ones."""
     came = {EXPORTS[name](Random(f"{name} {seed}"), tmp_path) for seed in range(40)}
     assert came == {"answered"}

@@ -1,4 +1,4 @@
-"""Damage guided by coverage: chance by words, lines that are reached, and that guidance reaches more."""
+"""Tests of damage guided by coverage: repeatable choices, covered lines, and the effect of guidance."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def _drawn(chance: Random) -> list[object]:
     return [chance.random(), chance.choice("abcdef"), chance.randint(0, 10**30), chance.sample(range(99), 3)]
 
 
-def test_chance_is_what_its_words_say() -> None:
-    """The words that were taken give the same again, whatever the seed behind them; half of them the same start."""
+def test_recorded_choices_are_repeatable() -> None:
+    """The recorded choices yield the same damage with any seed; half of them yield the same start."""
     first = Words([], 1)
     drawn = _drawn(first)
     assert _drawn(Words(first.taken, 2)) == drawn
@@ -28,8 +28,8 @@ def test_chance_is_what_its_words_say() -> None:
     assert all(0 <= Words([], seed).random() < 1 for seed in range(100))
 
 
-def test_what_is_reached_is_counted_once(tmp_path: Path) -> None:
-    """Lines of readers, and none of anything else."""
+def test_covered_lines_count_once(tmp_path: Path) -> None:
+    """Only lines of readers count."""
     reached, path = Reached(), tmp_path / "a.csv"
     path.write_text("sample,id,u,v\n0,1,10.5,20.5\n")
 
@@ -48,8 +48,10 @@ def test_what_is_reached_is_counted_once(tmp_path: Path) -> None:
     assert len(reached.lines & reached.possible) < len(reached.possible)
 
 
-def test_a_fall_is_told_with_its_words(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """So that it can be made again."""
+def test_failure_is_reported_with_its_choices(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The failure can be repeated."""
 
     def fall(chance: Random, folder: Path) -> str:
         raise Fell(f"by {chance.randrange(10)}")
@@ -61,8 +63,8 @@ def test_a_fall_is_told_with_its_words(monkeypatch: pytest.MonkeyPatch, capsys: 
 
 
 @pytest.mark.slow
-def test_guidance_reaches_deeper() -> None:
-    """More lines than new words alone, in 1,200 trials of a URDF each, three draws together."""
+def test_guidance_covers_more_lines() -> None:
+    """It covers more lines than new choices alone, in 1,200 trials of a URDF each, three draws together."""
 
     def line_count(is_guided: bool) -> int:
         return sum(len(guided.guided("URDF", range(1200), Random(s), is_guided)[1].lines) for s in (1, 2, 3))
@@ -70,16 +72,16 @@ def test_guidance_reaches_deeper() -> None:
     assert line_count(True) > line_count(False)
 
 
-def test_guided_runs_add_up(tmp_path: Path) -> None:
-    """By numbers, which two runs do not share."""
+def test_guided_runs_are_summed(tmp_path: Path) -> None:
+    """They are identified by numbers, which two runs do not share."""
     for _ in range(2):
         guided._record("bag", Counter({"refused": 3, "answered": 1}), tmp_path / "a.json")
     (row,) = record.read(tmp_path / "a.json")
     assert (row.what, row.first, row.end, row.came) == ("bag, guided", 0, 8, {"refused": 6, "answered": 2})
 
 
-def test_a_fault_of_the_reader_falls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a library raises is refused; what our own lines raise is not."""
+def test_fault_of_the_reader_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error of a library is a refusal; an error of the project's own lines is a failure."""
 
     def at_fault(words: list[str]) -> None:
         list_names(None)  # type: ignore[arg-type]

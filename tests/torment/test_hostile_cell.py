@@ -1,4 +1,4 @@
-"""A cell whose every field leads out of it, opened by verbs under a tracer: no connection, and no file outside."""
+"""Tests of a cell whose fields all point outside, under a tracer: no connection, and no file outside."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _SLOW = ("plan", "fix", "study", "demo", "new", "simulate", *(f"export {kind}" f
 
 @pytest.mark.slow
 @pytest.mark.parametrize("field", _FIELDS)
-def test_nothing_outside_is_reached(tmp_path: Path, field: str) -> None:
-    """No call connects, what the field names is never opened, and who needs it refuses the cell."""
+def test_no_file_or_host_outside_is_reached(tmp_path: Path, field: str) -> None:
+    """No call connects, no named file is opened, and verbs that need one refuse the cell."""
     lure = _FIELDS[field](tmp_path / "calibrate" / "outside" / "eye.urdf")
     for verb in VERBS.keys() - set(_SLOW):
         (tmp_path / verb).mkdir()
@@ -37,8 +37,8 @@ def test_nothing_outside_is_reached(tmp_path: Path, field: str) -> None:
         assert code in ((2, 3, 4) if verb in ("calibrate", "detect") else (0, 1, 2, 3, 4)), verb
 
 
-def test_what_is_reached_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A verb that opens what a field names, or connects, falls; one that asks whether it is there does not."""
+def test_access_to_the_outside_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A verb that opens a named file, or connects, fails; one that only tests its existence does not."""
     monkeypatch.setattr(hostile_cell, "harmless", lambda verb: frozenset())
     lure = _FIELDS["relative image"](tmp_path)
     for name, message in (("open_outside", r"openat .*outside/eye"), ("connect", "connect")):
@@ -52,7 +52,7 @@ def test_what_is_reached_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_each_lure_counts_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Several at once where a verb answers; where it refuses or falls, each gets its own."""
+    """Several count together if a verb answers; if it refuses or fails, each gets its own run."""
     tried: list[tuple[int, ...]] = []
 
     def fake(verb: str, folder: Path, *numbers: int) -> str:
@@ -73,8 +73,8 @@ def test_each_lure_counts_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert len(tried) < 40
 
 
-def test_several_lures_are_laid(tmp_path: Path) -> None:
-    """Each in its field; the fields beside them are as they were."""
+def test_several_lures_are_written(tmp_path: Path) -> None:
+    """Each is in its field; other fields are unchanged."""
     found = list(lures(tmp_path / "outside" / "eye.urdf", tmp_path / "cell"))
     fields = [lure for lure in found if lure.text.startswith("http") and lure.place]
     some = [next(lure for lure in fields if lure.file == file) for file in sorted({lure.file for lure in fields})]
@@ -84,8 +84,8 @@ def test_several_lures_are_laid(tmp_path: Path) -> None:
         assert text.count(lure.text) == 1 + (tmp_path / "twin" / lure.file).read_text().count(lure.text)
 
 
-def test_every_field_is_lured(tmp_path: Path) -> None:
-    """Texts of the cell, its samples, its run and its robots, and every file as a link."""
+def test_every_field_has_a_lure(tmp_path: Path) -> None:
+    """Texts of the cell, its samples, its run and its robots have one, and each file as a link."""
     found = list(lures(tmp_path / "outside" / "eye.urdf", tmp_path / "cell"))
     files = {lure.file.split("/")[0] for lure in found if lure.place}
     assert files == {"cell.yaml", "recording", "runs", "eye.urdf"}

@@ -1,4 +1,4 @@
-"""Counts of many runs, which add up and count no seed twice."""
+"""Tests of the counts of many runs, which are summed without counting a seed twice."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from torment import record, run
 from torment.record import Row, added, next_seed, page, read, summed, write
 
 
-def test_runs_add_up(tmp_path: Path) -> None:
-    """A run that continues another of its commit is joined to it; another commit's has a row of its own."""
+def test_runs_are_summed(tmp_path: Path) -> None:
+    """A run that continues another of its commit is joined to it; another commit has its own row."""
     path, rows = tmp_path / "torment.json", []
     rows = added(rows, Row("poses", "a1", 10, 15, {"answered": 2, "refused": 3}))
     rows = added(rows, Row("poses", "a1", 15, 16, {"fell": 1}, {"fell": {"15": "why"}}))
@@ -38,14 +38,14 @@ def test_runs_add_up(tmp_path: Path) -> None:
     ],
 )
 def test_no_seed_counts_twice(rows: list[Row], reason: str, tmp_path: Path) -> None:
-    """Rows that share seeds, or count others than they have, are an error."""
+    """Rows with shared seeds or wrong counts are errors."""
     write(rows, tmp_path / "torment.json")
     with pytest.raises(ValueError, match=reason):
         read(tmp_path / "torment.json")
 
 
-def test_recorded_seeds_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two runs, one after the other, try seeds of their own."""
+def test_recorded_seeds_continue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two consecutive runs try different seeds."""
     seen: list[int] = []
     monkeypatch.setattr(run, "tried", lambda name, seed: seen.append(seed) or "refused")
     monkeypatch.setitem(run._RECORDED_AT_ONCE, "poses", 3)
@@ -55,19 +55,19 @@ def test_recorded_seeds_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert read(tmp_path / "torment.json")[0].came == {"refused": 6}
 
 
-def test_the_page_has_what_is_recorded() -> None:
-    """docs/reliability.md's table is that of benchmarks/results/torment.json: `python -m torment.record` writes it."""
+def test_page_has_the_recorded_counts() -> None:
+    """docs/reliability.md equals benchmarks/results/torment.json: `python -m torment.record` writes it."""
     assert page(record.PAGE.read_text(), read()) == record.PAGE.read_text()
 
 
-def test_the_promises_have_what_is_recorded() -> None:
-    """SECURITY.md's counts are those of benchmarks/results/torment.json: `python -m torment.record` writes them."""
+def test_promises_have_the_recorded_counts() -> None:
+    """SECURITY.md equals benchmarks/results/torment.json: `python -m torment.record` writes it."""
     text = record.PROMISES.read_text()
     assert record.promises(text, read(), record.trial_modules()) == text
 
 
-def test_seeds_of_a_promise() -> None:
-    """Those of the trials of the modules that it names, of one kind alone, or cases of tests."""
+def test_promise_counts_the_seeds_of_its_trials() -> None:
+    """They are those of the named modules, of a single kind, or cases of tests."""
     modules = {"poses": "readers", "URDF": "readers", "page": "trials", "view": "others"}
     tried = Counter({"poses": 1500, "URDF": 20, "page": 3})
     for trial, expected in (
@@ -80,8 +80,8 @@ def test_seeds_of_a_promise() -> None:
         assert record._seeds(trial, tried, modules) == expected
 
 
-def test_what_fell_names_no_folder_of_a_machine():
-    """Files by their names; nothing that is recorded holds an absolute path."""
+def test_recorded_failures_have_no_absolute_paths():
+    """Files are recorded by name."""
     told = 'see /tmp/a-b/basecal.txt <- File "/usr/lib/python3/linalg.py", line 144, 3 m/s'
     assert record.without_folders(told) == 'see basecal.txt <- File "linalg.py", line 144, 3 m/s'
     for row in record.read():

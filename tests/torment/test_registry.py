@@ -1,4 +1,4 @@
-"""Torment has a trial of every kind that can be chosen by name."""
+"""Test that torment has a trial of each kind that can be chosen by name."""
 
 from __future__ import annotations
 
@@ -46,6 +46,6 @@ _NAMES: Mapping[str, str] = {
         ("solvers", [f"solver {kind}" for kind in SOLVERS]),
     ],
 )
-def test_every_kind_has_its_torment(room: str, kinds: Iterable[str]) -> None:
-    """A kind that is added without a trial is named here."""
+def test_every_kind_has_a_trial(room: str, kinds: Iterable[str]) -> None:
+    """A new kind without a trial is reported."""
     assert not {kind for kind in kinds if _NAMES.get(kind, kind) not in TRIALS}

@@ -1,4 +1,4 @@
-"""Sessions of drivers with peers that lie, and that a session that ends as none may is found."""
+"""Tests of sessions of drivers with faulty peers; forbidden ends are found."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ FOUND += [("driver simulated, peer", seed) for seed in (0, 1)]
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), FOUND)
-def test_what_fell_stands(name: str, seed: int) -> None:
-    """Sessions that were found by their seed."""
+def test_earlier_failures_are_fixed(name: str, seed: int) -> None:
+    """These sessions failed once, and are repeated by their seed."""
     needed({"driver ur": "rtde_receive"}.get(name, "cv2"), "ur")
     assert by_seed(name, seed)[0].what != "fell"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SESSIONS)
-def test_sessions_stand(name: str) -> None:
-    """Six of each driver, at once."""
+def test_sessions_end_as_allowed(name: str) -> None:
+    """Six sessions of each driver run at once."""
     row = sessions.sessions(name, 100, 6, 6)
     assert "fell" not in row.came, row.seeds
 
 
 def said(fault: str, after: int) -> bytes:
-    """What comes through a link in a tenth of a second."""
+    """Data received through a link in a tenth of a second."""
     link = FaultyLink(fault, after, Random(1))
     with (
         linked(link, [played(lambda line: line.sendall(b"12345678" * 4))], [("127.0.0.1", 0)]) as (port,),
@@ -54,13 +54,13 @@ def said(fault: str, after: int) -> bytes:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_comes_before_the_fault_is_as_it_was(fault: str) -> None:
-    """So that a device speaks its protocol up to there."""
+def test_data_before_the_fault_are_unchanged(fault: str) -> None:
+    """The device speaks its protocol up to the fault."""
     assert said(fault, 12)[:12] == b"123456781234"[: len(said(fault, 12)[:12])]
 
 
-def test_faults_do_what_they_say() -> None:
-    """Nothing more, or without end."""
+def test_faults_act_as_named() -> None:
+    """They end or repeat the data as named."""
     assert said("cut", 8) == b"12345678"
     assert said("silent", 40) == b"12345678" * 4
     assert len(said("flood", 8)) >= 10_000
@@ -70,15 +70,15 @@ def test_faults_do_what_they_say() -> None:
     ("code", "words"),
     [(70, "basecal: error: x\n"), (-6, ""), (3, "terminate called\nbasecal: error: x\n"), (3, ""), (0, "noise\n")],
 )
-def test_what_no_session_may_say(code: int, words: str) -> None:
-    """A fault of the program, a crash, words of a library, no word at all."""
+def test_forbidden_ends_of_sessions_are_found(code: int, words: str) -> None:
+    """Internal faults, crashes, raw messages of a library, and silence are found."""
     with pytest.raises(Fell):
         sessions._judged(code, words)
     assert sessions._judged(3, "c connects to d\nbasecal: error: x\n") == "refused"
 
 
-def test_what_counts_as_interrupted() -> None:
-    """130, after an interrupt: an answer after one is none, and nothing ends so by itself."""
+def test_interrupted_session_exits_with_code_130() -> None:
+    """The code must follow an interrupt: an answer after one, or the code without one, is a failure."""
     said = "basecal: error: interrupted\n"
     assert sessions._judged(130, said, is_interrupted=True) == "interrupted"
     for code, words, is_interrupted in ((130, said, False), (0, "", True), (3, "basecal: error: x\n", True)):
@@ -90,8 +90,8 @@ def _pause(seconds: float) -> None:
     time.sleep(seconds)
 
 
-def test_a_session_is_interrupted_after_its_report(tmp_path: Path) -> None:
-    """Never before, and not if it ended without one or too early; one that does not end is killed."""
+def test_session_is_interrupted_after_its_report(tmp_path: Path) -> None:
+    """Never before, and not if it ended early or without a report; one that does not end is killed."""
     said, context = tmp_path / "said", multiprocessing.get_context("fork")
     short, long = (context.Process(target=_pause, args=(seconds,)) for seconds in (0.05, 60.0))
     short.start()
@@ -105,8 +105,8 @@ def test_a_session_is_interrupted_after_its_report(tmp_path: Path) -> None:
     assert not long.is_alive()
 
 
-def test_each_stage_gives_words(tmp_path: Path) -> None:
-    """Of a driver that is measured, in a folder of its own."""
+def test_each_stage_yields_arguments(tmp_path: Path) -> None:
+    """The driver check runs in its own folder."""
     with devices.opencv_stage(Random(3), tmp_path) as words:
         assert words[:2] == ["driver", "check"]
         assert (tmp_path / "cell" / "cell.yaml").is_file()

@@ -1,4 +1,4 @@
-"""Commands of their own processes: several in one cell at once, without home, locale, or streams."""
+"""Tests of commands in separate processes: at the same time in one cell, and without home, locale or streams."""
 
 from __future__ import annotations
 
@@ -30,8 +30,11 @@ def cell(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_several_at_once(cell: Path) -> None:
-    """Three calibrations and two reports at once: each ends as alone, each run is whole, and no half is left."""
+def test_several_commands_at_once(cell: Path) -> None:
+    """Three calibrations and two reports at once each end as alone.
+
+    Each run is complete, and no partial file is left.
+    """
     before = len(list((cell / "runs").iterdir()))
     verbs = ["calibrate", "calibrate", "report", "calibrate", "report"]
     ended = [(each, *each.communicate(timeout=LONGEST_S)) for each in [started([verb, str(cell)]) for verb in verbs]]
@@ -44,8 +47,8 @@ def test_several_at_once(cell: Path) -> None:
 
 
 @pytest.mark.slow
-def test_import_while_another_imports(tmp_path: Path) -> None:
-    """Of two imports into one new cell at once the recording is that of one of them, whole."""
+def test_two_imports_at_once(tmp_path: Path) -> None:
+    """After two imports into one new cell, the recording is the complete one of one import."""
     poses = tmp_path / "poses.txt"
     poses.write_text("1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" * 200)
     streams = ["--eye-base-from-flange", str(poses), "--camera-from-target", str(poses)]
@@ -57,8 +60,8 @@ def test_import_while_another_imports(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("surroundings", [{}, {"HOME": "/nowhere", "LC_ALL": "C"}, {"PYTHONUTF8": "0", "LANG": "C"}])
-def test_without_home_and_locale(cell: Path, surroundings: dict[str, str]) -> None:
-    """An environment of nothing but a path is enough, also for a folder whose name is not ASCII."""
+def test_commands_run_without_home_and_locale(cell: Path, surroundings: dict[str, str]) -> None:
+    """An environment with only a path suffices, also for a folder with a non-ASCII name."""
     named = cell.rename(cell.with_name("Zelle-ä-細胞"))
     done = started(["calibrate", str(named)], env=ALONE | surroundings)
     out, err = done.communicate(timeout=LONGEST_S)
@@ -68,7 +71,7 @@ def test_without_home_and_locale(cell: Path, surroundings: dict[str, str]) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize("closed", ["<&-", "2>&-", "<&- 2>&-"])
-def test_streams_that_are_closed(cell: Path, closed: str) -> None:
+def test_commands_run_with_closed_streams(cell: Path, closed: str) -> None:
     """Without stdin or stderr a calibration ends as with them."""
     line = f'"{sys.executable}" -m basecal calibrate "{cell}" {closed}'
     done = subprocess.run(["bash", "-c", line], stdout=subprocess.PIPE, text=True, timeout=LONGEST_S, check=False)

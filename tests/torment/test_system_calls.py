@@ -1,4 +1,4 @@
-"""Kills and faults at system calls, and that what does not stand them is found."""
+"""Tests of kills and faults at system calls; verbs that fail there are found."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(not is_possible(), reason="needs strace, and lea
 
 
 class _Chosen(Random):
-    """Chance that chooses a verb and a site of it."""
+    """Random source that chooses a verb and one of its system calls."""
 
     def __init__(self, *answers: object) -> None:
         super().__init__(0)
@@ -26,8 +26,8 @@ class _Chosen(Random):
         return self._answers.pop(0)
 
 
-def test_new_is_killed_everywhere(tmp_path: Path) -> None:
-    """Each system call of `new` that writes is a site, and after a kill at any of them the same command makes it."""
+def test_new_survives_a_kill_at_each_system_call(tmp_path: Path) -> None:
+    """Each writing system call of `new` is a site, and after a kill at any of them the same command succeeds."""
     sites = system_calls.sites("new")
     assert [call for call, _ in sites].count("rename") == 1
     for k, site in enumerate(sites):
@@ -39,22 +39,22 @@ def test_new_is_killed_everywhere(tmp_path: Path) -> None:
     "verb",
     ["export", *(pytest.param(verb, marks=pytest.mark.slow) for verb in sorted(VERBS.keys() - {"export", "new"}))],
 )
-def test_verbs_are_killed_as_they_end(verb: str, tmp_path: Path) -> None:
-    """At their last two system calls that write; `python -m torment.system_calls` does so at all."""
+def test_verbs_survive_a_kill_at_their_end(verb: str, tmp_path: Path) -> None:
+    """The kill is at the last two writing system calls; `python -m torment.system_calls` tries all."""
     for site in system_calls.sites(verb)[-2:]:
         folder = tmp_path / f"{site.call}{site.number}"
         folder.mkdir()
         assert system_calls.kill(_Chosen(verb, site), folder) in ("killed", "no fault")
 
 
-def test_full_disk(tmp_path: Path) -> None:
-    """A write for which there is no space is told with the file."""
+def test_full_disk_is_reported(tmp_path: Path) -> None:
+    """A write without disk space is reported with the file."""
     site = next(site for site in system_calls.sites("new") if site.call == "write")
     assert system_calls.fault(_Chosen("ENOSPC", "new", site), tmp_path) == "refused"
 
 
-def test_what_is_written_in_place_falls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A verb that empties what was there before it writes is found."""
+def test_writing_in_place_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A verb that truncates a file before it writes is found."""
 
     def main(words: list[str]) -> int:
         (tmp_path / "poses.txt").write_text("new")
@@ -68,7 +68,7 @@ def test_what_is_written_in_place_falls(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_every_verb_has_its_start(tmp_path: Path) -> None:
-    """What each verb starts from is there, and is not yet what it makes."""
+    """The input of each verb exists, and does not yet have its output."""
     for name in ("new", "simulate", "export", "target"):
         assert prepared(name, tmp_path / name)
         assert "cell/cell.yaml" in files(tmp_path / name)

@@ -1,4 +1,4 @@
-"""A few trials of each kind, and that a trial that falls is found: `make torment` runs the others."""
+"""Tests of a few trials of each kind, and of the detection of failures: `make torment` runs more."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FOUND = (
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_readers_stand(name: str) -> None:
+def test_readers_accept_or_refuse_damaged_files(name: str) -> None:
     """Ten damaged files are read or refused, and of sixty some each."""
     came = {tried(name, seed) for seed in range(10)}
     later = iter(range(10, 60))
@@ -45,21 +45,21 @@ def test_readers_stand(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "seed"), FOUND)
-def test_what_fell_stands(name: str, seed: int) -> None:
-    """Damages that were found by their seed."""
+def test_earlier_failures_are_fixed(name: str, seed: int) -> None:
+    """These damages failed once, and are repeated by their seed."""
     assert tried(name, seed) in ("answered", "refused")
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", sorted(TRIALS.keys() - READERS.keys() - SESSIONS.keys()))
-def test_the_whole_stands(name: str) -> None:
-    """Commands on damaged cells, with hostile words, and cut off at their writes."""
+def test_commands_survive_damaged_cells(name: str) -> None:
+    """Commands run on damaged cells, with hostile texts, and interrupted at their writes."""
     assert Counter(tried(name, seed) for seed in range(25)).total() == 25
 
 
-def test_damage_is_by_its_seed_and_does_something() -> None:
-    """The same seed makes the same damage, and nearly every seed makes one."""
+def test_damage_is_repeatable_and_has_an_effect() -> None:
+    """A seed always makes the same damage, and nearly each seed makes one."""
     data = {"a": [1, 2.5, {"b": "text"}], "c": None}
     made = [repr(damaged(data, Random(seed))) for seed in range(200)]
     assert made == [repr(damaged(data, Random(seed))) for seed in range(200)]
@@ -72,8 +72,8 @@ def _without_end() -> None:
         pass
 
 
-def test_who_waits_falls_and_who_works_is_let_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What has the processor now and then is slow for others' sake; what uses none waits for what never comes."""
+def test_waiting_process_fails_and_slow_process_continues(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process with some CPU time is slow because of others; one without any waits for an event that never comes."""
     monkeypatch.setattr(outcome, "_WAITING", 0.25)
     monkeypatch.setattr(outcome, "_IDLE_S", 0.05)
     with time_limit(2):
@@ -84,8 +84,8 @@ def test_who_waits_falls_and_who_works_is_let_to(monkeypatch: pytest.MonkeyPatch
         time.sleep(5)
 
 
-def test_a_fall_is_found(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """A traceback, a hang, and an exit code outside the contract, each told with its seed and counted."""
+def test_failures_are_found(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A traceback, a hang, and an exit code outside the contract are reported with their seed and counted."""
     with pytest.raises(Fell, match="ZeroDivisionError"):
         of_reader(lambda: 1 // 0)
     with pytest.raises(Fell, match=r"took more than 0\.3 s"), time_limit(0.3):

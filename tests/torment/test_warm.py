@@ -1,4 +1,4 @@
-"""Boxes that are forked from this process do what those that are started anew do."""
+"""Tests that boxes forked from this process act like newly started ones."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def read_frames(words):
 
 @pytest.fixture(autouse=True)
 def tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A module that misbehaves as its words say."""
+    """Create a module that misbehaves as requested."""
     (tmp_path / "forked_tasks.py").write_text(TASKS)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(box, "_LEAST_LIMIT_S", 1)
@@ -44,8 +44,8 @@ def tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("crash", "ends the process that reads it"),
     ],
 )
-def test_a_forked_box_has_its_limits(kind: str, message: str) -> None:
-    """Its frames come, then what ended it."""
+def test_forked_box_has_limits(kind: str, message: str) -> None:
+    """Its frames arrive, then the reason of its end."""
     with boxes():
         found = box.frames("forked_tasks", [kind, "x"], 0)
         (_, words), content = next(found)
@@ -54,8 +54,8 @@ def test_a_forked_box_has_its_limits(kind: str, message: str) -> None:
             list(found)
 
 
-def test_a_forked_box_ends_with_its_reader() -> None:
-    """Whole, or as soon as nobody reads it any more."""
+def test_forked_box_ends_with_its_reader() -> None:
+    """It ends after all frames, or as soon as no reader is left."""
     with boxes():
         assert len(list(box.frames("forked_tasks", ["good"], 0))) == 1
         found = box.frames("forked_tasks", ["time"], 10**9)

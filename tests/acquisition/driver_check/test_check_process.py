@@ -1,4 +1,4 @@
-"""Drivers measured in a process of their own."""
+"""Tests of drivers measured in a separate process."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from basecal.errors import DriverError, InputError, UsageError
 FOLDER = DriverCheck("folder", options={"path": "."}, is_camera=True)
 
 
-def test_promises_come_as_they_are_measured() -> None:
-    """Out of the other process, equal to those of this one."""
+def test_promises_are_sent_by_the_process() -> None:
+    """Those of the other process equal those of this one."""
     assert list(measure_promises(FOLDER)) == [
         Promise("images come on demand", "a person or a program provides each", None)
     ]
@@ -27,14 +27,14 @@ def test_promises_come_as_they_are_measured() -> None:
 @pytest.mark.parametrize(
     ("options", "message"), [({"path": "none"}, "there is no folder none"), ({"pathh": "."}, "pathh: unknown field")]
 )
-def test_errors_of_a_driver_are_those_of_its_process(options: dict[str, Any], message: str) -> None:
-    """In the driver's words."""
+def test_driver_error_is_passed_unchanged(options: dict[str, Any], message: str) -> None:
+    """The message is the driver's."""
     with pytest.raises(InputError, match=message):
         list(measure_promises(DriverCheck("folder", options=options, is_camera=True)))
 
 
-def test_a_driver_that_crashes_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As a library of C++ does on a length that a stranger sent."""
+def test_crashed_driver_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A C++ library may crash on a length sent by a foreign device."""
 
     def crash(*words: object, **more: object) -> Iterator[object]:
         raise BoxError("ends the process that reads it (-6)")
@@ -44,8 +44,8 @@ def test_a_driver_that_crashes_is_named(monkeypatch: pytest.MonkeyPatch) -> None
         list(measure_promises(DriverCheck("folder", "eye")))
 
 
-def test_a_place_is_of_a_driver_or_of_a_cell(tmp_path: Path) -> None:
-    """A name that neither has is an error with those that are there."""
+def test_unknown_name_is_refused(tmp_path: Path) -> None:
+    """An unknown name is an error with the existing ones of driver or cell."""
     assert find_opener(FOLDER)[1].name == "camera"
     (tmp_path / "cell.yaml").write_text(
         "schema: basecal/cell/1\nreference: eye\nrobots:\n  eye: {driver: {kind: typed}}\n"

@@ -1,4 +1,4 @@
-"""Promises of drivers."""
+"""Tests of the promises of drivers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from basecal.errors import DriverError
 
 
 def test_each_fault_of_a_stream_breaks_its_own_promise():
-    """A sound stream keeps all; a slow one, a fast clock and stamps that go back break one promise each."""
+    """A correct stream keeps all; a slow one, a fast clock and decreasing stamps break one promise each."""
     at_s = np.arange(501) * 0.01
 
     def broken(at_s, stamps_s):
@@ -36,7 +36,7 @@ def test_each_fault_of_a_stream_breaks_its_own_promise():
     assert "no gap longer than 0.45 s" in broken(np.append(at_s, 6.0), np.append(at_s, 6.0))
 
 
-def test_arrivals_are_summed_up():
+def test_arrivals_are_summarised():
     """A clock 2 % fast with one repeated stamp and one late state is measured as such."""
     at_s = np.arange(101) * 0.01
     stamps_s = 50 + 1.02 * at_s
@@ -54,8 +54,8 @@ def test_arrivals_are_summed_up():
 
 @pytest.mark.timed
 @pytest.mark.parametrize("waiting", [0, 4])
-def test_images_that_waited_are_counted(waiting):
-    """Images that come faster than exposures waited in a buffer."""
+def test_buffered_images_are_counted(waiting):
+    """Images that arrive faster than exposures come from a buffer."""
     left = [waiting]
 
     def image():
@@ -71,15 +71,15 @@ def test_images_that_waited_are_counted(waiting):
     ("watchdog", "declared by the driver, not measured"),
     ("short-horizon", "declared by the driver, not measured"),
 ])  # fmt: skip
-def test_what_a_driver_does_not_guarantee_is_said(guarantee, words):
-    """And what it declares is not taken for measured."""
+def test_missing_guarantees_are_reported(guarantee, words):
+    """A declared guarantee does not count as measured."""
     found = _guarantee_promise("arm", object(), guarantee, is_motion_allowed=True)
     assert (found.measured, found.holds) == (words, None)
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_three_are_enough_to_measure(monkeypatch, count):
-    """Of fewer it is said how many came."""
+def test_measurement_needs_three_states(monkeypatch, count):
+    """For fewer, their number is reported."""
     times_s = iter([0.0, *np.linspace(0.1, 1.0, count)])
     monkeypatch.setattr(promises, "time", SimpleNamespace(monotonic=lambda: next(times_s)))
     camera = SimpleNamespace(image=lambda: SimpleNamespace(stamp_s=7.0))
@@ -90,18 +90,18 @@ def test_three_are_enough_to_measure(monkeypatch, count):
         record_images(camera, 1.0)
 
 
-def test_a_watchdog_is_kept_alive_until_it_is_to_bite(monkeypatch):
-    """By heartbeats from the start on, which end when that is asked for, and at the latest with the context."""
+def test_heartbeats_end_on_request(monkeypatch):
+    """Heartbeats run from the start, and end on request, at the latest with the context."""
     monkeypatch.setattr(promises, "_HEARTBEAT_S", 1e-3)
 
     class Watched:
-        """A robot that counts heartbeats."""
+        """Robot that counts heartbeats."""
 
         def __init__(self):
             self.count, self.third = 0, threading.Event()
 
         def keep_alive(self):
-            """Count one."""
+            """Count a heartbeat."""
             self.count += 1
             if self.count >= 3:
                 self.third.set()
@@ -125,8 +125,8 @@ def test_a_watchdog_is_kept_alive_until_it_is_to_bite(monkeypatch):
 
 
 @pytest.mark.parametrize(("sigma", "is_kept"), [(0.5, True), (2.0, False)])
-def test_an_arm_at_rest_is_still(monkeypatch, sigma, is_kept):
-    """Its states scatter by less than the distance at which it has arrived."""
+def test_arm_at_rest_scatters_little(monkeypatch, sigma, is_kept):
+    """Its states scatter by less than the tolerance of arrival."""
     at_s = np.arange(100) * 0.01
     values = np.tile([[-1.0], [1.0]], (50, 6)) * sigma * promises.ARRIVED_RAD_M
     monkeypatch.setattr(promises, "record_states", lambda name, robot, duration_s: (Arrivals(at_s, at_s), values))

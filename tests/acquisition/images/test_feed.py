@@ -162,7 +162,10 @@ def test_clock_that_goes_back_is_reported(opened, monkeypatch):
 
 
 def test_error_is_raised_to_the_waiting_caller(opened):
-    """An error of the driver is raised as it is; one while nobody waited is forgotten, and the driver asked again."""
+    """An error of the driver is raised unchanged.
+
+    An error while no caller waits is forgotten, and the driver is asked again.
+    """
 
     class Ends(Film):
         def image(self):

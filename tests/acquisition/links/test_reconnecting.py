@@ -1,4 +1,4 @@
-"""The base class of drivers by others."""
+"""Tests of the base class of drivers that reconnect."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.timed
 
 
 class Arm(ReconnectingRobot):
-    """An arm whose connection gives what a test lines up: a stamp, or an error to raise."""
+    """Arm whose connection yields given results: a stamp, or an error to raise."""
 
     def __init__(self, coming, reconnect_s=0.3, refusals=(), **more):
         self.coming, self.refusals, self.connections = list(coming), list(refusals), 0
@@ -40,8 +40,8 @@ class Repeating(Arm):
     repeats_stamps = True
 
 
-def test_states_are_newer_each_time():
-    """States that did not come yet, came twice or out of order are passed over."""
+def test_each_state_is_newer():
+    """Pending, repeated and reordered states are skipped."""
     arm = Arm([None, 1.0, 1.0, 0.5, 2.0, 3.0])
     assert isinstance(arm, Robot)
     assert [arm.state().stamp_s for _ in range(3)] == [1.0, 2.0, 3.0]
@@ -51,16 +51,16 @@ def test_states_are_newer_each_time():
 @pytest.mark.parametrize(
     "error", [LostLink("gone"), ConnectionResetError("gone"), RuntimeError("of a library"), EOFError()]
 )
-def test_a_lost_connection_is_made_again(error):
-    """Whatever a library raises, states go on over another connection, though that is refused at first."""
+def test_lost_connection_is_re_established(error):
+    """After any error of a library, states continue over a new connection, even if the first attempt fails."""
     arm = Arm([1.0, error, 2.0], reconnect_s=5.0, refusals=[ConnectionRefusedError(), DriverError("it starts")])
     assert [arm.state().stamp_s, arm.state().stamp_s] == [1.0, 2.0]
     assert arm.connections == 4
     assert arm.is_connected
 
 
-def test_a_connection_that_stays_lost_is_named():
-    """After `reconnect_s` the error names the robot, the cause and the time."""
+def test_permanently_lost_connection_is_reported():
+    """After `reconnect_s` the error has robot, cause and time."""
     arm = Arm([1.0, ConnectionResetError("by peer")], reconnect_s=0.0)
     arm.state()
     arm.refusals = 99 * [ConnectionRefusedError("no port")]
@@ -69,7 +69,7 @@ def test_a_connection_that_stays_lost_is_named():
     assert not arm.is_connected
 
 
-def test_a_final_error_is_not_tried_again():
+def test_final_error_is_not_retried():
     """A protective stop ends the capture at once."""
     arm = Arm([1.0, DriverError("eye: protective stop")], reconnect_s=60.0)
     arm.state()
@@ -79,7 +79,7 @@ def test_a_final_error_is_not_tried_again():
     assert time.monotonic() - began_s < 5
 
 
-def test_a_first_connection_that_fails_is_no_outage():
+def test_failed_first_connection_is_an_error():
     """A wrong address is an error at once."""
 
     class Absent(Arm):
@@ -91,8 +91,8 @@ def test_a_first_connection_that_fails_is_no_outage():
 
 
 @pytest.mark.parametrize("stamp_s", [2.0, 1.0])
-def test_a_clock_that_stands_still_ends_in_time(stamp_s):
-    """States whose stamps stand still, or went back, end with the stamp after which none was newer."""
+def test_constant_stamps_end_in_time(stamp_s):
+    """If stamps are constant or go back, the error has the last stamp."""
     arm = Arm([2.0, stamp_s], reconnect_s=0.0)
     arm.state()
     with pytest.raises(DriverError, match=r"eye: stale stamps: \d+ states came, none with a stamp newer than 2\.000 s"):
@@ -100,7 +100,7 @@ def test_a_clock_that_stands_still_ends_in_time(stamp_s):
 
 
 def test_stamps_of_changes_may_repeat():
-    """Of a server that stamps changes, a state that did not change counts though its stamp is the same."""
+    """A server that stamps changes may repeat the stamp of an unchanged state."""
     arm = Repeating([2.0])
     assert [arm.state().stamp_s for _ in range(3)] == [2.0, 2.0, 2.0]
 
@@ -112,7 +112,7 @@ def test_implausible_states_are_refused():
         arm.state()
 
 
-def test_what_listens_is_reached():
+def test_listening_port_is_reached():
     """The connection is one to the port."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
@@ -130,8 +130,8 @@ def test_what_listens_is_reached():
         (OSError, "eye: there:7 is not reachable"),
     ],
 )
-def test_why_not_is_a_line(monkeypatch, error, words):
-    """Each way in which a network says no has its words, and what to do."""
+def test_network_errors_have_one_line_with_advice(monkeypatch, error, words):
+    """Each refusal of a network has its message and advice."""
 
     def no(*_, **__):
         raise error
@@ -143,7 +143,7 @@ def test_why_not_is_a_line(monkeypatch, error, words):
     assert "\n" not in str(raised.value)
 
 
-def test_a_port_at_which_nothing_listens():
-    """As the system itself says it."""
+def test_closed_port_is_reported():
+    """The message is that of the system."""
     with pytest.raises(DriverError, match="nothing listens"):
         connect("eye", own_host(), 9, "a clock")

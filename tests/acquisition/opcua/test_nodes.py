@@ -1,4 +1,4 @@
-"""Which nodes of an OPC UA server hold a robot's joints."""
+"""Tests of the search for a robot's joints on an OPC UA server."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.errors import DriverError
 
 
 class Node:
-    """A node with children by name, of which a value may be read."""
+    """Node with children by name and a readable value."""
 
     def __init__(self, name, *children, value=None):
         self.name, self.children, self.value = name, children, value
@@ -39,7 +39,7 @@ def device(name, *axes):
 
 
 def client(*devices):
-    """A server with a system of these devices."""
+    """Server with a system of these devices."""
     system = Node("System", Node("MotionDevices", *devices), Node("Controllers"))
     objects = Node("Objects", Node("DeviceSet", system), Node("Server"))
     return SimpleNamespace(nodes=SimpleNamespace(objects=objects), get_node=lambda words: f"node {words}")
@@ -50,13 +50,13 @@ def found(*args):
 
 
 def test_axes_are_in_the_order_of_their_numbers():
-    """A server may list the tenth before the second; where names have no number its own order stands."""
+    """A server may list the tenth before the second; without numbers its own order counts."""
     assert found(client(device("arm", "A10", "A2", "A1")), "eye", None) == ["A1", "A2", "A10"]
     assert found(client(device("arm", "Swing", "Lift")), "eye", None) == ["Swing", "Lift"]
 
 
-def test_one_of_several_devices_is_named():
-    """Unnamed, unknown and absent devices are told with those that there are."""
+def test_device_must_be_chosen_among_several():
+    """Missing, unknown and absent names are reported with the existing devices."""
     several = client(device("left", "A1"), device("right", "B1"))
     assert found(several, "eye", "right") == ["B1"]
     with pytest.raises(DriverError, match="eye: `device` is not stated; there are: left, right"):
@@ -68,14 +68,14 @@ def test_one_of_several_devices_is_named():
 
 
 def test_axes_without_positions_are_an_error():
-    """A device whose axes have no positions names what to state instead."""
+    """The error says what to state instead."""
     bare = Node("arm", Node("Axes", Node("A1", Node("ParameterSet"))))
     with pytest.raises(DriverError, match="eye: the axes of 'arm' have no ActualPosition; name the nodes"):
         found(client(bare), "eye", None)
 
 
 def test_nodes_are_named_by_id_or_path():
-    """An id is asked for as it is; a path is walked, and where it ends too early what there is instead is told."""
+    """An id is read directly; a path is followed, and if it ends too early its children are listed."""
     there = client(device("arm", "A1"))
     assert named_nodes(there, "eye", "ns=2;s=axis") == ["node ns=2;s=axis"]
     assert [node.name for node in named_nodes(there, "eye", ["DeviceSet/System", "Objects/Server"])] == [
@@ -87,7 +87,7 @@ def test_nodes_are_named_by_id_or_path():
 
 
 def said(unit, word=""):
-    """A node that says its unit, by code or word."""
+    """Node that states its unit by code or name."""
     information = SimpleNamespace(UnitId=unit, DisplayName=SimpleNamespace(Text=word))
     return Node("A1", Node("EngineeringUnits", value=information))
 
@@ -103,13 +103,13 @@ def said(unit, word=""):
         (said(17476), "deg", math.radians(1)),
     ],
 )
-def test_units_are_those_that_are_said(node, stated, radians):
-    """By the server with its code or word, else by the cell."""
+def test_units_are_the_stated_ones(node, stated, radians):
+    """The server's code or name counts, otherwise the cell's."""
     assert radians_per_unit(node, "eye", stated) == radians
 
 
 def test_units_are_never_guessed():
-    """Where nobody says them, and where two say different things, it is an error."""
+    """Missing and contradictory units are errors."""
     with pytest.raises(DriverError, match="eye: A1 does not state its unit: state `unit: deg` or `unit: rad`"):
         radians_per_unit(Node("A1"), "eye", None)
     with pytest.raises(DriverError, match="eye: the server says that joints are not in rad"):

@@ -1,4 +1,4 @@
-"""What a cell says of a robot that answers OPC UA."""
+"""Tests of the options of an OPC UA robot."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from basecal.acquisition.opcua.options import OpcuaOptions
 URL = "opc.tcp://10.0.0.2"
 
 
-def test_host_and_port_stand_in_the_address():
-    """The port is that of OPC UA where none is said."""
+def test_host_and_port_come_from_the_address():
+    """The default port is that of OPC UA."""
     near, far = OpcuaOptions(url=URL), OpcuaOptions(url="opc.tcp://robot.local:48010/some/path")
     assert (near.host, near.port, far.host, far.port) == ("10.0.0.2", 4840, "robot.local", 48010)
 
@@ -26,7 +26,7 @@ def test_host_and_port_stand_in_the_address():
         {"url": URL, "unit": "grad"},
     ],
 )
-def test_what_does_not_go_together_is_refused(wrong):
-    """Another protocol, joints and a pose at once, a pose without its notation, an unknown unit."""
+def test_contradictory_options_are_refused(wrong):
+    """Another protocol, joints with a pose, a pose without its convention, and an unknown unit are refused."""
     with pytest.raises(ValidationError):
         OpcuaOptions(**wrong)

@@ -1,4 +1,4 @@
-"""Sessions with an OPC UA server in a process of its own."""
+"""Tests of sessions with an OPC UA server in a separate process."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ needed("asyncua", "opcua")
 
 
 def session(port, allow_plaintext=True, **options):
-    """One that reads the axes."""
+    """Session that reads the axes."""
     said = OpcuaOptions(url=f"opc.tcp://127.0.0.1:{port}/robot", reconnect_s=1.0, **options)
     return Session("eye", said, lambda client: axis_position_nodes(client, "eye", None), allow_plaintext)
 
 
-def test_values_that_a_server_has_none_of(opcua_robot):
-    """A sensor that failed is told by its node and the server's word."""
+def test_missing_value_is_reported(opcua_robot):
+    """A failed sensor is reported with its node and the server's status."""
     read = session(opcua_robot.port)
     opcua_robot.tell("bad")
     with pytest.raises(DriverError, match=r"eye: the server has no value of .*: BadSensorFailure"):
@@ -39,8 +39,8 @@ def test_values_that_a_server_has_none_of(opcua_robot):
     read.close()
 
 
-def test_no_permission(opcua_robot, monkeypatch):
-    """A user whom the server does not know is refused in one line; with the right password values come."""
+def test_missing_permission_is_one_line(opcua_robot, monkeypatch):
+    """An unknown user is refused in one line; with the correct password values arrive."""
     with pytest.raises(DriverError, match="eye: no permission: the server refuses this user"):
         session(opcua_robot.port, user="cell", password_in="BASECAL_NO_SUCH")
     monkeypatch.setenv("BASECAL_CELL", "secret")
@@ -49,8 +49,8 @@ def test_no_permission(opcua_robot, monkeypatch):
     read.close()
 
 
-def test_a_password_is_not_sent_in_plain_text(opcua_robot, monkeypatch):
-    """A server that takes no encrypted password gets none, unless the user allowed it on the command line."""
+def test_password_is_not_sent_in_plain_text(opcua_robot, monkeypatch):
+    """A server without encryption gets no password, unless the user allowed it on the command line."""
     monkeypatch.setenv("BASECAL_OPCUA_PASSWORD", "secret")
     with pytest.raises(DriverError, match=r"only without encryption.*add --allow-plaintext"):
         session(opcua_robot.port, allow_plaintext=False, user="cell")
@@ -60,14 +60,14 @@ def test_a_password_is_not_sent_in_plain_text(opcua_robot, monkeypatch):
 
 
 @pytest.mark.parametrize("variable", ["AWS_SECRET_ACCESS_KEY", "HOME", "BASECAL_", "basecal_x"])
-def test_secrets_of_others_are_not_read(variable):
-    """A cell names none but this program's own variables."""
+def test_secrets_of_other_programs_are_not_read(variable):
+    """A cell can name only this program's variables."""
     with pytest.raises(ValidationError, match="password_in"):
         OpcuaOptions(url="opc.tcp://stranger", user="me", password_in=variable)
 
 
-def test_another_program_at_the_port():
-    """What hangs up at once is told as a server that does not answer."""
+def test_other_program_at_the_port_is_reported():
+    """A peer that hangs up is reported as a server that does not answer."""
 
     def hang_up(other):
         for _ in range(2):
@@ -100,7 +100,7 @@ ASKING = """
 
 
 def serve(server, answer):
-    """Answer two connections by the same bytes."""
+    """Answer two connections with the same bytes."""
     for _ in range(2):
         with server.accept()[0] as connection, suppress(OSError):
             connection.recv(4096)
@@ -109,7 +109,7 @@ def serve(server, answer):
 
 @pytest.fixture(scope="module")
 def asked():
-    """A process that has asked each hostile server."""
+    """Process that contacted each hostile server."""
     with ExitStack() as stack:
         servers = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in HOSTILE]
         for server, answer in zip(servers, HOSTILE.values(), strict=True):
@@ -120,8 +120,8 @@ def asked():
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_server_is_one_line(asked, name):
-    """Whatever it answers, the library's own tracebacks do not reach the terminal."""
+def test_hostile_server_causes_one_line(asked, name):
+    """Whatever it answers, no traceback of the library reaches the terminal."""
     lines = dict(zip(HOSTILE, asked.stdout.splitlines(), strict=True))
     assert lines[name].startswith("eye: the server")
     assert asked.stderr == ""

@@ -1,4 +1,4 @@
-"""Topics of ROS 2 over DDS on this computer."""
+"""Tests of ROS 2 topics over DDS on this computer."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def said(messages):
     return [message.data for message in messages]
 
 
-def test_a_topic_is_offered_as_ros_does():
-    """With its name, type, hash and what it promises; a listener that comes later hears what is latched."""
+def test_topic_is_offered_like_ros():
+    """Name, type, hash and quality of service agree; a late listener receives latched messages."""
     latched = Publisher(DOMAIN, "/latched", TEXT, is_latched=True)
     plain = Publisher(DOMAIN, "/plain", TEXT, is_latched=False)
     latched.send(SimpleNamespace(data="before"))
@@ -49,8 +49,8 @@ def test_a_topic_is_offered_as_ros_does():
     assert said(late.messages(2.0)) == ["after"]
 
 
-def test_a_topic_is_waited_for():
-    """One that is published later is found; one that is not is waited for until the timeout."""
+def test_topic_is_waited_for():
+    """A topic published later is found; a missing one is waited for until the timeout."""
     offers, publishers = Discovery(DOMAIN), []
     later = threading.Timer(0.3, lambda: publishers.append(Publisher(DOMAIN, "/later", TEXT, is_latched=False)))
     later.start()
@@ -61,8 +61,8 @@ def test_a_topic_is_waited_for():
     assert time.monotonic() - began >= 0.2
 
 
-def test_only_the_newest_are_kept():
-    """Of what comes while nobody listens as many are kept as were asked for: memory stays as it is."""
+def test_only_newest_messages_are_kept():
+    """Without a reader, the requested number of messages is kept: memory stays constant."""
     speaker = Publisher(DOMAIN, "/many", TEXT, is_latched=False, depth=100)
     listener = Subscriber(DOMAIN, Discovery(DOMAIN).wait_for_topic("/many", 5.0), 3)
     for number in range(50):
@@ -74,13 +74,13 @@ def test_only_the_newest_are_kept():
     assert len(heard) <= 50
 
 
-def test_a_topic_that_nobody_sends():
-    """After the time is up there is none."""
+def test_missing_topic_times_out():
+    """After the timeout there is none."""
     assert Discovery(DOMAIN).wait_for_topic("/nothing", 0.1) is None
 
 
-def test_the_domain_is_that_of_the_environment(monkeypatch):
-    """Where none is stated; a variable that is no domain is told."""
+def test_domain_comes_from_the_environment(monkeypatch):
+    """It is used if none is stated; an invalid variable is reported."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     assert (choose_domain(None), choose_domain(3)) == (7, 3)
     monkeypatch.delenv("ROS_DOMAIN_ID")

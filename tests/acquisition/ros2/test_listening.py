@@ -1,4 +1,4 @@
-"""What a running ROS 2 says, kept as a bag is."""
+"""Tests of the survey of a running ROS 2 system."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from basecal.errors import DriverError
 NOBODY = 100  # a domain that no test sends in
 
 
-def test_what_runs_is_surveyed_as_a_bag_is(ros2_cell):
-    """Topics with their types and counts, one image of each, the URDF, and frames, of which those of /tf move."""
+def test_running_system_is_surveyed_like_a_bag(ros2_cell):
+    """Topics with types and counts, one image of each, the URDF, and frames, of which those of /tf move."""
     bag = listen_to_topics(ros2_cell.domain, 1.5)
     assert {name: bag.topics[name].kind for name in ("/joint_states", "/tf", "/wrist/image_raw")} == {
         "/joint_states": JOINTS,
@@ -33,7 +33,7 @@ def test_what_runs_is_surveyed_as_a_bag_is(ros2_cell):
     assert survey.frame_ids == {"/wrist/image_raw": "wrist"}
 
 
-def test_nobody_there(ros2_cell):
-    """In a domain in which nobody sends anything, a line says what to look at."""
+def test_empty_domain_is_reported(ros2_cell):
+    """In a domain without senders one line has advice."""
     with pytest.raises(DriverError, match=r"no publisher of joint states, tf or images in domain \d+\. Is ROS_DOMAIN"):
         listen_to_topics(NOBODY, 0.3)

@@ -1,4 +1,4 @@
-"""Where a robot is, by what comes on its topics."""
+"""Tests of robot states from ROS 2 topics."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from basecal.exchange.bags.bag import JOINTS, POSE
 
 
 class FakeStream:
-    """A topic whose messages a test says."""
+    """Topic with messages given by a test."""
 
     def __init__(self, name, domain, topic, kinds, depth, wait_s):
         self.name, self.topic, self.kind = name, topic, POSE if topic == "/pose" else JOINTS
@@ -45,7 +45,7 @@ def joints(stamp, **at):
 
 
 def frames(*hangs):
-    """A message of tf, of (stamp, parent, child, x)."""
+    """Message of tf with rows (stamp, parent, child, x)."""
     unturned = Message(x=0.0, y=0.0, z=0.0, w=1.0)
     return Message(
         transforms=[
@@ -60,15 +60,15 @@ def frames(*hangs):
 
 
 def test_joints_are_in_the_order_of_the_urdf(coming):
-    """Whatever else is in the message; messages of a gripper alone are passed over."""
+    """Other joints of the message are ignored; messages of a gripper alone are skipped."""
     states = StatesByTopic("eye", 0, "/joint_states", ["a", "b"], 0.0)
     coming["/joint_states"] = [joints(1.0, b=2.0, grip=9.0, a=1.0), joints(1.5, grip=8.0)]
     reading = states.next()
     assert (reading.stamp_s, reading.state.joints_rad.tolist()) == (1.0, [1.0, 2.0])
 
 
-def test_late_messages_are_passed_over(coming):
-    """What a network brings in another order, and twice, is never given after something newer."""
+def test_late_messages_are_skipped(coming):
+    """Reordered and repeated messages are never returned after newer ones."""
     states = StatesByTopic("eye", 0, "/joint_states", ["a"], 0.0)
     coming["/joint_states"] = [joints(2.0, a=2.0), joints(1.0, a=1.0), joints(2.0, a=2.0)]
     assert states.next().stamp_s == 2.0
@@ -77,8 +77,8 @@ def test_late_messages_are_passed_over(coming):
         states.next()
 
 
-def test_joints_without_stamps_or_numbers(coming):
-    """A stamp of zero is none; what is not finite is left to the one check of all drivers."""
+def test_zero_stamp_is_refused(coming):
+    """Non-finite values are left to the common check of all drivers."""
     states = StatesByTopic("eye", 0, "/joint_states", ["a"], 0.0)
     coming["/joint_states"] = [joints(0.0, a=2.0)]
     with pytest.raises(DriverError):
@@ -87,8 +87,8 @@ def test_joints_without_stamps_or_numbers(coming):
     assert np.isnan(states.next().state.joints_rad[0])
 
 
-def test_a_pose_is_taken_as_it_is(coming):
-    """With its stamp."""
+def test_pose_is_read_unchanged(coming):
+    """It keeps its stamp."""
     pose = Message(position=Message(x=1.0, y=2.0, z=3.0), orientation=Message(x=0.0, y=0.0, z=1.0, w=0.0))
     coming["/pose"] = [Message(header=header(4.0), pose=pose)]
     reading = StatesByTopic("eye", 0, "/pose", [], 0.0).next()
@@ -96,8 +96,8 @@ def test_a_pose_is_taken_as_it_is(coming):
     assert reading.state.base_from_flange.rotation[0, 0] == -1
 
 
-def test_frames_of_one_way_have_one_stamp(coming):
-    """Frames that come one after the other are joined once all of them are of one time."""
+def test_frames_of_a_chain_have_one_stamp(coming):
+    """Frames that arrive separately are combined once all have the same time."""
     states = StatesByFrames("eye", 0, "base", "tip", 0.0)
     coming["/tf_static"] = [frames((0.0, "arm", "tip", 0.25))]
     coming["/tf"] = [frames((1.0, "base", "link", 1.0)), frames((1.1, "link", "arm", 2.0))]
@@ -109,8 +109,8 @@ def test_frames_of_one_way_have_one_stamp(coming):
     np.testing.assert_allclose(reading.state.base_from_flange.translation, [3.75, 0, 0])
 
 
-def test_frames_that_nothing_joins(coming):
-    """It says what they hang on."""
+def test_unconnected_frames_are_reported(coming):
+    """The message names their parents."""
     states = StatesByFrames("eye", 0, "base", "tip", 0.0)
     coming["/tf"] = [frames((1.0, "base", "link", 1.0), (1.0, "world", "tip", 1.0))]
     with pytest.raises(DriverError, match="eye: no transform of tf joins 'base' and 'tip'"):

@@ -1,4 +1,4 @@
-"""What was found, on /tf_static."""
+"""Tests of publishing results on /tf_static."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from basecal.acquisition.ros2.static_frames import STATIC_TOPIC, send_static
 from shared.ros2_domain import DOMAIN, LOOPBACK
 
 
-def test_whoever_comes_later_gets_them():
-    """Parent, child and transform arrive as they were, though nobody listened when they were sent."""
+def test_late_listener_receives_the_transforms():
+    """Parent, child and transform arrive unchanged, although no listener existed when they were sent."""
     os.environ["CYCLONEDDS_URI"] = LOOPBACK
     domain = (DOMAIN + 23) % 200
     pose = SE3(rotation_exp(np.array([0.1, -0.2, 0.3])), np.array([1.0, 2.0, 3.0]))

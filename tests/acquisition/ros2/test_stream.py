@@ -1,4 +1,4 @@
-"""A topic that is followed."""
+"""Tests of following a topic."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TEXT = "std_msgs/msg/String"
 
 @pytest.fixture
 def network(monkeypatch):
-    """What is offered and what comes on it, as lists that a test fills."""
+    """Offered topics and their messages, as lists that a test fills."""
     there = SimpleNamespace(topics={"/text": PublishedTopic("/text", TEXT, True, False, "")}, coming=[], sender=1)
     discovery = SimpleNamespace(topics=lambda: there.topics, wait_for_topic=lambda name, wait_s: there.topics.get(name))
     there.publishers = {1: "driver 10 on cell", 2: "player 11 on cell"}
@@ -32,8 +32,8 @@ def network(monkeypatch):
     return there
 
 
-def test_the_newest_that_can_be_used_is_given(network):
-    """It waits until there is one, and is given all of them in the order in which they came."""
+def test_newest_usable_message_is_returned(network):
+    """It waits for one, and gets all messages in the order of their arrival."""
     network.coming = [[], [1], [2, 4, 5, 6, 7]]
     seen = []
     stream = Stream("eye", 0, "/text", (TEXT,), 5, 1.0)
@@ -41,15 +41,15 @@ def test_the_newest_that_can_be_used_is_given(network):
     assert seen == [1, 2, 4, 5, 6, 7]
 
 
-def test_a_definition_that_is_not_that_of_ros_is_refused(network):
-    """Somebody's own JointState would be read wrongly."""
+def test_foreign_message_definition_is_refused(network):
+    """A custom JointState would be read wrongly."""
     network.topics["/text"] = PublishedTopic("/text", TEXT, True, False, "RIHS01_00")
     with pytest.raises(DriverError, match="/text has another definition of std_msgs/msg/String"):
         Stream("eye", 0, "/text", (TEXT,), 5, 1.0)
 
 
-def test_nothing_that_comes_is_told_with_its_reason(network):
-    """Old messages, silence, and a sender that has gone are three things."""
+def test_missing_messages_are_reported_with_their_cause(network):
+    """Old messages, silence, and a vanished publisher are distinguished."""
     stream = Stream("eye", 0, "/text", (TEXT,), 5, 0.0)
     network.coming = [[1, 2]]
     with pytest.raises(DriverError, match="eye: stale stamps: 2 messages came on /text"):
@@ -61,8 +61,8 @@ def test_nothing_that_comes_is_told_with_its_reason(network):
         stream.newest(lambda each: each)
 
 
-def test_a_second_publisher_is_refused_by_its_name(network):
-    """Two live publishers are named; one that ended and was started again is one, and tf may have many."""
+def test_second_publisher_is_refused(network):
+    """Two live publishers are named; a restarted one counts once, and tf may have many."""
     stream = Stream("eye", 0, "/text", (TEXT,), 5, 0.0)
     for sender, publishers in ((1, {1: "a"}), (2, {2: "a"}), (3, {3: "a"})):
         network.sender, network.publishers, network.coming = sender, publishers, [[sender]]
@@ -73,6 +73,6 @@ def test_a_second_publisher_is_refused_by_its_name(network):
         stream.newest(lambda each: each, lambda each: True)
 
 
-def test_a_stamp_is_in_seconds():
-    """Of seconds and nanoseconds."""
+def test_stamp_is_in_seconds():
+    """It is computed from seconds and nanoseconds."""
     assert stamp_s(SimpleNamespace(stamp=SimpleNamespace(sec=3, nanosec=500_000_000))) == 3.5

@@ -1,4 +1,4 @@
-"""Types of ROS 2's messages."""
+"""Tests of message types of ROS 2."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ HASHES = {
 
 
 @pytest.mark.parametrize("kind", HASHES)
-def test_hashes_are_those_of_another_program(kind):
-    """As another program that knows the definitions, ros2-pyterfaces 0.3, computes them."""
+def test_hashes_agree_with_another_program(kind):
+    """ros2-pyterfaces 0.3, which knows the definitions, computes the same."""
     assert type_hash(kind) == HASHES[kind]
 
 
@@ -42,8 +42,8 @@ def joints(names=("a", "bcd"), effort=(1.0, 2.0)):
     return Message(header=header, name=list(names), **numbers)
 
 
-def test_a_message_goes_there_and_back():
-    """Names, numbers and the order of bytes: least first, and the other is read, too."""
+def test_message_round_trip():
+    """Names, numbers and byte order are kept: little-endian first, and big-endian is read, too."""
     data = encode("sensor_msgs/msg/JointState", joints())
     assert data[:12] == b"\x00\x01\x00\x00" + struct.pack("<iI", 3, 5)
     found = decode("sensor_msgs/msg/JointState", data)
@@ -54,8 +54,8 @@ def test_a_message_goes_there_and_back():
     assert (header.stamp.sec, header.stamp.nanosec, header.frame_id) == (3, 5, "a")
 
 
-def test_damaged_messages_are_told():
-    """Cut at any byte, with counts beyond the end, or in another serialisation, it is an error and never a crash."""
+def test_damaged_messages_are_errors():
+    """A cut at any byte, counts beyond the end, and another serialisation are errors and never a crash."""
     kind = "sensor_msgs/msg/JointState"
     data = encode(kind, joints())
     for count in range(len(data)):
@@ -68,8 +68,8 @@ def test_damaged_messages_are_told():
             decode(kind, data[:place] + struct.pack("<I", 2**31) + data[place + 4 :])
 
 
-def test_names_on_the_wire():
-    """They go there and back; names of what is no message of ROS 2 are none."""
+def test_names_on_the_wire_round_trip():
+    """Names that are no messages of ROS 2 are refused."""
     assert dds_name("sensor_msgs/msg/JointState") == "sensor_msgs::msg::dds_::JointState_"
     assert [kind_of_dds(dds_name(kind)) for kind in KINDS] == KINDS
     assert kind_of_dds("std_srvs::srv::dds_::Empty_Request_") is None
@@ -77,7 +77,7 @@ def test_names_on_the_wire():
 
 
 @pytest.mark.parametrize("kind", ["sensor_msgs/msg/Nothing", "no_such_msgs/msg/Image", "Image"])
-def test_types_that_are_not_known(kind):
-    """They are told by their name."""
+def test_unknown_types_are_named(kind):
+    """The error has their name."""
     with pytest.raises(InputError, match="no definition of the message"):
         message_fields(kind)

@@ -1,4 +1,4 @@
-"""The running check in a thread."""
+"""Tests of the running check in a thread."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.timed
 
 
 class Slow:
-    """A check that waits until it may go on, and doubts every sample."""
+    """Check that waits for permission, and doubts each sample."""
 
     estimate = None
 
@@ -32,8 +32,8 @@ class Slow:
         return (Doubt(sample.sample, "wrong", is_lasting=False),)
 
 
-def test_the_capture_does_not_wait_for_a_slow_check(monkeypatch):
-    """What is not known yet is found later, once, and in the order of the samples."""
+def test_capture_does_not_wait_for_a_slow_check(monkeypatch):
+    """Late results are reported later, once, in the order of the samples."""
     monkeypatch.setattr(module, "RunningCheck", Slow)
     monkeypatch.setattr(module, "_PATIENCE_S", 0.05)
     cell, samples = recorded(3)
@@ -48,8 +48,8 @@ def test_the_capture_does_not_wait_for_a_slow_check(monkeypatch):
         assert check.collect(waits=True).doubts == ()
 
 
-def test_a_check_that_fails_is_told_to_whoever_asks(monkeypatch):
-    """And the next samples are checked."""
+def test_failed_check_is_raised_to_the_caller(monkeypatch):
+    """The next samples are checked."""
 
     class Failing(Slow):
         def add(self, sample):
@@ -87,7 +87,7 @@ with module.BackgroundCheck(cell) as check:
 """
 
 
-def test_a_check_that_hangs_does_not_keep_the_program():
-    """The process ends though the check does not: Ctrl-C ends a capture at once."""
+def test_hanging_check_does_not_delay_the_exit():
+    """The process ends although the check does not: Ctrl-C ends a capture at once."""
     ended = subprocess.run([sys.executable, "-c", HANGS], cwd=TESTS, capture_output=True, text=True, timeout=60)
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "left\n", "")

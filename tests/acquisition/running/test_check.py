@@ -1,4 +1,4 @@
-"""What the running check reports of samples, one after another."""
+"""Tests of the running check of consecutive samples."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ TANGENT = np.array([3e-3, 4e-3, 0, 0, 0, np.radians(1)])
 
 
 def reported(cell, samples):
-    """Each doubt with the place of the sample after which it came."""
+    """Each doubt with the index of the sample after which it was reported."""
     check = RunningCheck(cell)
     return [(place, doubt) for place, sample in enumerate(samples) for doubt in check.add(sample)]
 
 
-def test_samples_in_order_are_not_reported():
-    """Nothing is reported where nothing is wrong."""
+def test_correct_samples_are_not_reported():
+    """Correct samples cause no doubt."""
     assert reported(*recorded()) == []
 
 
@@ -34,8 +34,8 @@ def estimate_count():
     return sum(isinstance(each, RunningEstimate) for each in gc.get_objects())
 
 
-def test_estimates_of_long_ago_are_not_kept():
-    """Each holds all samples before it: kept, they would fill the memory of a long capture."""
+def test_old_estimates_are_not_kept():
+    """Each holds all earlier samples: kept, they would fill the memory of a long capture."""
     cell, samples = recorded()
     before, check = estimate_count(), RunningCheck(cell)
     for sample in samples:
@@ -43,8 +43,11 @@ def test_estimates_of_long_ago_are_not_kept():
     assert 1 <= estimate_count() - before <= 4
 
 
-def test_a_image_of_another_pose_is_named():
-    """The sample is reported at once and worth repeating; the next one tells that its image is of another pose."""
+def test_image_of_another_pose_is_reported():
+    """The sample is reported at once with the advice to repeat it.
+
+    The next sample shows that its image belongs to another pose.
+    """
     cell, samples = recorded()
     (first, at_once), (second, later) = reported(cell, with_views_of(samples, 7, 6))
     assert (first, at_once.sample, at_once.repeats, at_once.is_lasting) == (7, 7, True, False)
@@ -54,8 +57,8 @@ def test_a_image_of_another_pose_is_named():
 
 
 @pytest.mark.slow
-def test_a_image_of_another_pose_leaves_the_estimate_as_it_was():
-    """The sigma is that of the same samples without it, to a tenth."""
+def test_image_of_another_pose_does_not_change_the_estimate():
+    """The sigma equals that of the other samples to 10 %."""
     cell, samples = recorded()
     wrong, without = RunningCheck(cell), RunningCheck(cell)
     for sample in with_views_of(samples, 7, 6):
@@ -65,8 +68,8 @@ def test_a_image_of_another_pose_leaves_the_estimate_as_it_was():
     assert wrong.estimate.sigma == pytest.approx(without.estimate.sigma, rel=0.1)
 
 
-def test_a_base_that_moved_is_named_with_its_sample():
-    """The second sample after it tells what moved, and since when."""
+def test_moved_base_is_reported_with_its_sample():
+    """The second sample after the motion shows what moved, and since when."""
     cell, samples = recorded()
     found = reported(cell, with_hand_base_moved(samples, 5e-3, start=7))
     assert [place for place, _ in found] == [7, 8]
@@ -77,16 +80,16 @@ def test_a_base_that_moved_is_named_with_its_sample():
 
 
 @pytest.mark.slow
-def test_a_joint_that_is_off_is_named():
-    """Its robot is named with the number of the joint and its offset, once."""
+def test_joint_offset_is_reported():
+    """The robot is reported once, with the number of the joint and its offset."""
     cell, samples = recorded(20, joints=True)
     found = [doubt for _, doubt in reported(cell, with_joint_off(samples, "eye", 2, 5e-3)) if doubt.is_lasting]
     assert len(found) == 1
     assert found[0].message.startswith("Joint 3 of eye is off by -0.3")
 
 
-def test_an_offset_does_not_hide_in_the_noise_that_it_makes():
-    """Six samples show an offset of 0.3 deg to arms that nobody states any noise of."""
+def test_offset_is_found_beside_unstated_noise():
+    """Six samples show an offset of 0.3 deg for arms with unstated noise."""
     cell, samples = recorded(7, joints=True)
     (place, doubt), *_ = reported(cell, with_joint_off(samples, "eye", 2, 5e-3))
     assert (place, doubt.is_lasting) == (5, True)
@@ -112,21 +115,21 @@ def shift(frame, transform, joint, size):
         (shift("board", SIZE_KIND, None, [-0.04]), "board is another board since sample 12, 4 % smaller"),
     ],
 )
-def test_a_shift_is_named_with_its_size_and_sample(cause, words):
-    """What moved, since when and by how much, once, and what to do."""
+def test_shift_is_reported_with_its_size_and_sample(cause, words):
+    """The moved body, its sample, its size and the advice are reported once."""
     assert cause_of_shifts([cause, cause], 12).startswith(f"{words}. Check what was bumped")
 
 
-def test_an_error_of_all_samples_is_named():
-    """A joint counts from 1; what only the report judges has no words."""
+def test_error_of_all_samples_is_reported():
+    """Joints count from 1; effects judged only by the report have no text."""
     size, covariance = np.radians([-0.3]), np.radians([[0.01]]) ** 2
     error = FoundEffect("joint_offsets", "joint-offset", "eye", False, False, None, "rad", size, covariance, size, 1)
     assert cause_of_error(error) == "Joint 2 of eye is off by -0.300 ± 0.010 deg. Check the zeros of the joints of eye."
     assert cause_of_error(replace(error, effect="bending")) is None
 
 
-def test_a_frame_that_moved_has_a_short_name():
-    """The last of its transform."""
+def test_moved_frame_has_a_short_name():
+    """It is the last frame of its transform."""
     tangent = np.array([3e-3, 4e-3, 0, 0, 0, 0])
     error = FoundEffect(
         "step", "base-moved", "eye_base_from_hand_base", False, False, 12, "", tangent, 1e-8 * np.eye(6), tangent

@@ -1,4 +1,4 @@
-"""The estimate of a cell while it is captured."""
+"""Tests of the estimate of a cell during its capture."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from shared.running_samples import BASE, recorded
 
 
 @pytest.mark.slow
-def test_sigma_is_that_of_the_report():
-    """From a warm start it is within 20 % of what `calibrate` prints for the same samples, in the same definition."""
+def test_sigma_agrees_with_calibrate():
+    """From a warm start it is within 20 % of `calibrate` for the same samples and definition."""
     cell, samples = recorded(14, joints=True)
     before = running_estimate(cell, samples[:-1])
     found = running_estimate(cell, samples, before)
@@ -22,8 +22,8 @@ def test_sigma_is_that_of_the_report():
     assert found.sigma[0] == pytest.approx(np.sqrt(np.trace(report.covariance[:3, :3])), rel=0.2)
 
 
-def test_a_warm_start_ends_where_a_cold_one_does():
-    """The transform differs by less than a tenth of its sigma, and the sigma by less than a tenth."""
+def test_warm_and_cold_start_agree():
+    """Transform and sigma each differ by less than 10 % of sigma."""
     cell, samples = recorded()
     cold = running_estimate(cell, samples)
     warm = running_estimate(cell, samples, running_estimate(cell, samples[:-1]))
@@ -32,8 +32,8 @@ def test_a_warm_start_ends_where_a_cold_one_does():
     assert np.linalg.norm(apart.translation) < 0.1 * cold.sigma[0]
 
 
-def test_few_samples_are_not_estimated():
-    """Fewer than four samples in which a target was seen give no estimate, whatever else there is."""
+def test_fewer_than_four_samples_yield_no_estimate():
+    """Only samples in which a target was seen count."""
     cell, samples = recorded(MIN_SAMPLES - 1)
     assert running_estimate(cell, samples) is None
     assert running_estimate(cell, [*samples, Sample(9, robots=samples[0].robots)]) is None

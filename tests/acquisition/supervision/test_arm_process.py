@@ -1,4 +1,4 @@
-"""What the process of an arm judges by itself."""
+"""Tests of the judgements of an arm's process."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GOAL = RobotState(joints_rad=np.ones(2))
 
 
 class Arm:
-    """A robot that notes when it is stopped."""
+    """Robot that records stops."""
 
     is_live, is_connected = True, True
 
@@ -41,7 +41,7 @@ class Arm:
 
 @pytest.fixture
 def served():
-    """The process of an arm, in this one, its robot, and what it sends."""
+    """An arm's process run in this one, its robot, and its messages."""
     read_fd, write_fd = os.pipe()
     idle_fd, hold_fd = os.pipe()
     process = ArmProcess(Channel(idle_fd, write_fd))
@@ -54,7 +54,7 @@ def served():
 
 
 def read(process, state, lag_s=0.0):
-    """Have it read a state that is so late."""
+    """Let it read a state with a given delay."""
     process._read_s = time.monotonic()
     reading = Reading(process._read_s - lag_s, state)
     process._check_lag(reading)
@@ -62,12 +62,12 @@ def read(process, state, lag_s=0.0):
 
 
 def troubles(heard):
-    """Why it wants all arms stopped."""
+    """Reasons for which it requests a stop of all arms."""
     return [frame.payload.decode() for frame in heard.receive() if frame.kind == Kind.TROUBLE]
 
 
-def test_an_arm_moves_until_it_has_settled_at_its_goal(served):
-    """From when it is sent until ten states in a row are at the goal."""
+def test_arm_moves_until_it_settles_at_its_goal(served):
+    """It moves from the request until ten states in a row are at the goal."""
     process, robot, _ = served
     assert not process._is_moving
     process._call_driver(robot, "move", (GOAL, 1.0))
@@ -79,8 +79,8 @@ def test_an_arm_moves_until_it_has_settled_at_its_goal(served):
     assert not process._is_moving
 
 
-def test_an_arm_that_is_held_up_is_reported(served):
-    """It says that it stands still, away from where it was sent, for two seconds; before that nothing is said."""
+def test_blocked_arm_is_reported(served):
+    """It is reported if it rests away from its goal for two seconds, and not earlier."""
     process, robot, heard = served
     read(process, HOME)
     process._call_driver(robot, "move", (GOAL, 1.0))
@@ -91,8 +91,8 @@ def test_an_arm_that_is_held_up_is_reported(served):
     assert [why.partition(". Look")[0] for why in troubles(heard)] == ["left: it is at rest, but not at its goal"]
 
 
-def test_states_that_come_late_count_while_it_moves(served):
-    """A link that delays by half a second is too slow for an arm that moves; of one that stands it does not matter."""
+def test_late_states_count_during_motions(served):
+    """A delay of half a second is too long during a motion; at rest it does not matter."""
     process, robot, _ = served
     read(process, HOME)
     read(process, HOME, lag_s=5.0)
@@ -102,8 +102,8 @@ def test_states_that_come_late_count_while_it_moves(served):
         read(process, HOME, lag_s=1.1 * STALE_S)
 
 
-def test_a_slow_clock_of_a_controller_is_not_a_slow_link(served):
-    """By 100 ppm its stamps fall behind by a second in three hours; a state that is late is still reported then."""
+def test_slow_controller_clock_is_no_slow_link(served):
+    """At 100 ppm its stamps fall behind by a second in three hours; a late state is still reported then."""
     process, robot, _ = served
     begin_s = time.monotonic()
 
@@ -119,8 +119,8 @@ def test_a_slow_clock_of_a_controller_is_not_a_slow_link(served):
         read_after(3 * 3600 + 1, late_s=0.5)
 
 
-def test_an_arm_beside_its_way_is_reported(served):
-    """A joint may overshoot by a degree; beyond the range between start and goal by three it ends the capture."""
+def test_arm_off_its_path_is_reported(served):
+    """A joint may overshoot by a degree; three degrees beyond start and goal end the capture."""
     process, robot, _ = served
     read(process, HOME)
     process._call_driver(robot, "move", (GOAL, 1.0))
@@ -129,8 +129,8 @@ def test_an_arm_beside_its_way_is_reported(served):
         read(process, RobotState(joints_rad=np.array([0.5, -0.1])))
 
 
-def test_an_arm_that_leaves_the_place_where_it_arrived_is_reported(served):
-    """By more than 10 mrad, until it is sent elsewhere or let go."""
+def test_arm_that_leaves_its_goal_is_reported(served):
+    """The limit is 10 mrad, until it gets another goal or is released."""
     process, robot, _ = served
     read(process, HOME)
     process._call_driver(robot, "move", (GOAL, 1.0))
@@ -144,24 +144,24 @@ def test_an_arm_that_leaves_the_place_where_it_arrived_is_reported(served):
     read(process, RobotState(joints_rad=np.array([0.5, 0.5])))
 
 
-def test_an_arm_may_be_anywhere_if_it_was_not_sent(served):
-    """A person who leads it may take it anywhere."""
+def test_arm_without_a_goal_may_be_anywhere(served):
+    """A person may guide it to any place."""
     process, _, heard = served
     read(process, HOME)
     read(process, RobotState(joints_rad=np.array([2.0, -2.0])))
     assert troubles(heard) == []
 
 
-def test_a_library_that_fails_is_named_as_a_link_or_driver():
-    """Its own words stand behind what they mean; an error of ours stands alone."""
+def test_library_error_is_reported_as_link_or_driver():
+    """Its message follows its meaning; an error of this package is unchanged."""
     lost = "left: its link is lost, or its driver failed (RuntimeError: End of file)"
     assert _error_text("left", RuntimeError("End of file")) == lost
     assert _error_text("left", DriverError("left: protective stop")) == "left: protective stop"
     assert _error_text("left", BrokenPipeError(32, "Broken pipe")) == "left: its connection was closed (Broken pipe)"
 
 
-def test_a_closed_connection_stops_it(served, monkeypatch):
-    """It is reported, the arm stops, and the process ends: a library might connect again, and send its program."""
+def test_closed_connection_stops_the_arm(served, monkeypatch):
+    """It is reported, the arm stops, and the process ends: a library might connect again and send its program."""
     process, robot, heard = served
     ended = threading.Event()
     monkeypatch.setattr(arm_process.os, "_exit", lambda code: ended.set())
@@ -174,8 +174,8 @@ def test_a_closed_connection_stops_it(served, monkeypatch):
     assert process._call_driver(robot, "move", (GOAL, 1.0)) is None
 
 
-def test_a_silent_supervisor_stops_it(served):
-    """Without a heartbeat of the supervisor for 0.4 s the arm is stopped."""
+def test_silent_supervisor_stops_the_arm(served):
+    """Without a heartbeat for 0.4 s the arm is stopped."""
     process, robot, _ = served
     process._check_timeouts(time.monotonic() + 0.9 * HANG_LIMIT_S)
     assert robot.stops == 0
@@ -187,8 +187,8 @@ def test_a_silent_supervisor_stops_it(served):
 
 
 @pytest.mark.parametrize("is_ordered_before", [True, False])
-def test_it_is_stopped_before_it_is_closed(served, monkeypatch, is_ordered_before):
-    """The orders to stop and to close come together if the capture ended; a closed driver could not stop the arm."""
+def test_arm_is_stopped_before_it_is_closed(served, monkeypatch, is_ordered_before):
+    """Both requests come together if the capture ended; a closed driver could not stop the arm."""
     process, robot, _ = served
     orders = []
     monkeypatch.setattr(arm_process.os, "_exit", lambda code: orders.append("exit"))
@@ -200,8 +200,8 @@ def test_it_is_stopped_before_it_is_closed(served, monkeypatch, is_ordered_befor
     assert orders == ["stop", "close", "exit"]
 
 
-def test_an_option_that_is_no_number_is_an_error(served, monkeypatch):
-    """The arm does not open, and the reason goes to whoever waits for it."""
+def test_option_that_is_no_number_is_an_error(served, monkeypatch):
+    """The arm does not open, and the waiting caller gets the reason."""
     process, robot, heard = served
     monkeypatch.setattr(arm_process, "_open_robot", lambda place: robot)
     place = Place("left", Cell("left", {"left": Robot("left")}), Path("."), {"reconnect_s": "soon"})
@@ -213,8 +213,8 @@ def test_an_option_that_is_no_number_is_an_error(served, monkeypatch):
     assert words.startswith("left: its driver failed (ValueError: could not convert string to float: 'soon'")
 
 
-def test_an_answer_that_cannot_be_sent_is_an_error(served):
-    """Whoever asked is told, instead of waiting; the next question is answered."""
+def test_answer_that_cannot_be_sent_is_an_error(served):
+    """The caller gets an error instead of waiting; the next request is answered."""
     process, robot, heard = served
     robot.goal_refusal = lambda to: "too far" if to is GOAL else threading.Lock()
     threading.Thread(target=process._serve_requests, args=(robot,), daemon=True).start()
@@ -228,8 +228,8 @@ def test_an_answer_that_cannot_be_sent_is_an_error(served):
     assert answers[1][1:] == ("too far", None)
 
 
-def test_a_motion_that_is_sent_during_a_stop_is_stopped(served):
-    """The stop may reach the controller before a request that was in progress; then it is sent again."""
+def test_motion_started_during_a_stop_is_stopped(served):
+    """The stop may reach the controller before a request in progress; then it is sent again."""
     process, robot, heard = served
     orders = []
 
@@ -246,8 +246,8 @@ def test_a_motion_that_is_sent_during_a_stop_is_stopped(served):
     assert Kind.STOPPED in [frame.kind for frame in heard.receive()]
 
 
-def test_an_arm_whose_freedrive_does_not_end_still_moves(served):
-    """Its freedrive is ended again at a stop."""
+def test_arm_with_active_freedrive_counts_as_moving(served):
+    """A stop ends its freedrive again."""
     process, _, heard = served
     orders = []
 

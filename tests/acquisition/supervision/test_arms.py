@@ -1,4 +1,4 @@
-"""Proxies of arms in processes of their own."""
+"""Tests of proxies of arms in separate processes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.timed
 
 @pytest.fixture(scope="module")
 def frail(tmp_path_factory):
-    """Controllers whose driver another package brings: a cell of both arms."""
+    """Controllers with a driver of another package: a cell of both arms."""
     with (
         installed_driver(tmp_path_factory.mktemp("packages"), "frail", TESTS / "safety" / "frail_driver.py"),
         second_process("safety.frail_controllers") as controllers,
@@ -35,8 +35,8 @@ def frail(tmp_path_factory):
         yield {name: Robot(name, driver=Driver("frail", {"port": port})) for name, port in ports.items()}
 
 
-def test_a_proxy_has_the_faces_of_its_driver(frail):
-    """It gives newer and newer states, says what its controller refuses, and moves; an error comes with its kind."""
+def test_proxy_has_the_interface_of_its_driver(frail):
+    """It yields newer states, passes refusals of its controller, and moves; an error keeps its type."""
     with open_rig(Cell("left", frail), Path(".")) as rig:
         left = rig.robots["left"]
         assert isinstance(left, Moves)
@@ -55,8 +55,8 @@ def test_a_proxy_has_the_faces_of_its_driver(frail):
             left.move(RobotState(joints_rad=np.zeros(6)), 1.0)
 
 
-def test_what_a_driver_raises_when_it_opens_is_raised_here(frail, tmp_path):
-    """An error of the cell file keeps its kind, path and field; nobody there is a line."""
+def test_error_on_opening_is_raised_in_the_capture(frail, tmp_path):
+    """An error of the cell file keeps type, path and field; a missing device is one line."""
     wrong = {"left": Robot("left", driver=Driver("opcua", {"url": "opc.tcp://127.0.0.1", "rate_hz": 1}))}
     with pytest.raises(DatasetError) as raised, open_rig(Cell("left", wrong), tmp_path):
         pass
@@ -66,8 +66,8 @@ def test_what_a_driver_raises_when_it_opens_is_raised_here(frail, tmp_path):
         pass
 
 
-def test_a_driver_that_does_not_open_is_named(tmp_path, monkeypatch):
-    """It has as long as it may reconnect, and more; it does not hide the error of another driver."""
+def test_driver_that_does_not_open_is_reported(tmp_path, monkeypatch):
+    """It has more than the reconnection time; it does not hide the error of another driver."""
     module = tmp_path / "slow.py"
     module.write_text(
         "import time\nfrom basecal.errors import DriverError\ndef open_robot(place):\n"
@@ -88,8 +88,8 @@ def test_a_driver_that_does_not_open_is_named(tmp_path, monkeypatch):
             pass
 
 
-def test_a_state_that_cannot_be_read_here_ends_the_capture(tmp_path):
-    """Its numbers may be of a class of a library that only the driver finds: nobody waits for them without end."""
+def test_unreadable_state_ends_the_capture(tmp_path):
+    """Its numbers may have a type of a library that only the driver imports: no caller waits forever."""
     library = tmp_path / "library"
     library.mkdir()
     (library / "maker.py").write_text("class Stamp(float):\n    pass\n")
@@ -107,7 +107,7 @@ def test_a_state_that_cannot_be_read_here_ends_the_capture(tmp_path):
             rig.robots["left"].state()
 
 
-def test_an_arm_that_confirms_no_stop_is_named(frail, caplog):
+def test_unconfirmed_stop_is_reported(frail, caplog):
     """It is reported beside the error that ends the capture; the other arm, which stopped, is not."""
     deaf = replace(frail["left"], driver=Driver("frail", {**frail["left"].driver.options, "is_deaf": True}))
     with pytest.raises(ValueError, match=r"^first$"), open_rig(Cell("left", {**frail, "left": deaf}), Path(".")):
@@ -115,8 +115,8 @@ def test_an_arm_that_confirms_no_stop_is_named(frail, caplog):
     assert caplog.messages == ["left did not confirm a stop: look at the arm"]
 
 
-def test_a_request_after_an_interrupt_does_not_hide_it(frail):
-    """What still asks an arm at the end, such as the end of freedrive, raises no other error than Ctrl-C did."""
+def test_request_after_an_interrupt_does_not_hide_it(frail):
+    """A late request, such as the end of freedrive, raises no other error than Ctrl-C."""
 
     def wait_for_interrupt(robot):
         try:
@@ -129,8 +129,8 @@ def test_a_request_after_an_interrupt_does_not_hide_it(frail):
         wait_for_interrupt(rig.robots["left"])
 
 
-def test_a_state_from_before_a_silence_is_not_given(frail):
-    """Of an arm whose link fell silent at rest there is no state: no motion begins from an old one."""
+def test_state_before_a_silence_is_not_returned(frail):
+    """If the link of an arm at rest fell silent, there is no state: no motion begins from an old one."""
     with second_process("safety.frail_controllers") as controllers:
         options = {"port": json.loads(controllers.tell("ports"))["left"], "reconnect_s": 0.5}
         left = {"left": replace(frail["left"], driver=Driver("frail", options))}
@@ -146,8 +146,8 @@ def test_a_state_from_before_a_silence_is_not_given(frail):
             fall_silent(rig.robots["left"])
 
 
-def test_a_reason_names_who_was_told():
-    """The cause comes first, then who was told to stop and who was not, then what to do."""
+def test_reason_lists_confirmed_and_unconfirmed_stops():
+    """The cause comes first, then the confirmed and unconfirmed stops, then the advice."""
     words = stop_report("right: its link is lost", ["left", "right"], ["right"])
     assert words == (
         "right: its link is lost. left confirmed the stop. right did not confirm a stop: look at the arm. "

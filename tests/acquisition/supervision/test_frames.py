@@ -1,4 +1,4 @@
-"""Framed messages between processes."""
+"""Tests of framed messages between processes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 
 @pytest.fixture
 def pair():
-    """Two channels that are linked both ways."""
+    """Two channels linked in both directions."""
     here_read, there_write = os.pipe()
     there_read, here_write = os.pipe()
     pair = Channel(here_read, here_write), Channel(there_read, there_write)
@@ -22,8 +22,8 @@ def pair():
         channel.close()
 
 
-def test_frames_arrive_whole_and_in_order(pair):
-    """Of any length, however the system cuts them."""
+def test_frames_arrive_complete_and_in_order(pair):
+    """They may have any length and be split by the system."""
     here, there = pair
     rng = np.random.default_rng(0)
     sent = [Frame(Kind.READING, k % 3, rng.bytes(int(rng.integers(0, 200_000)))) for k in range(12)]
@@ -36,8 +36,8 @@ def test_frames_arrive_whole_and_in_order(pair):
     assert received == sent
 
 
-def test_nobody_waits_for_a_reader(pair, monkeypatch):
-    """What is not read is kept, up to a limit; beyond it the link counts as broken, and sending goes on to return."""
+def test_sender_does_not_wait_for_a_reader(pair, monkeypatch):
+    """Unread data are kept up to a limit; beyond it the link counts as broken, and sending still returns."""
     monkeypatch.setattr(frames, "_FULL_BUFFER_BYTES", 2**20)
     here, _ = pair
     for _ in range(40):
@@ -47,8 +47,8 @@ def test_nobody_waits_for_a_reader(pair, monkeypatch):
 
 
 @pytest.mark.parametrize(("unsent_bytes", "is_broken"), [(2**22 - 2**17, False), (2**22 + 2**17, True)])
-def test_a_reader_may_be_four_mebibytes_behind(pair, unsent_bytes, is_broken):
-    """Below it the link is whole and all of it arrives; above it the other process counts as hung."""
+def test_reader_may_be_four_mebibytes_behind(pair, unsent_bytes, is_broken):
+    """Below the limit all data arrive; above it the other process counts as hanging."""
     here, there = pair
     here.send(Kind.READING, bytes(unsent_bytes))
     assert here.is_broken == is_broken
@@ -61,8 +61,8 @@ def test_a_reader_may_be_four_mebibytes_behind(pair, unsent_bytes, is_broken):
     assert [len(frame.payload) for frame in frames_read] == [unsent_bytes][: not is_broken]
 
 
-def test_a_frame_arrives_with_its_last_byte(pair):
-    """A frame without payload is its header alone; a part of a header or of a payload waits for the rest."""
+def test_frame_arrives_with_its_last_byte(pair):
+    """A frame without payload is its header; a partial header or payload waits for the rest."""
     here, there = pair
     here.send(Kind.STOP)
     assert there.receive() == [Frame(Kind.STOP, 0, b"")]
@@ -75,8 +75,8 @@ def test_a_frame_arrives_with_its_last_byte(pair):
         assert there.receive() == [Frame(Kind.TROUBLE, 2, b"why")]
 
 
-def test_a_link_whose_reader_has_gone_is_broken(pair):
-    """Sending into it returns, and says nothing."""
+def test_link_without_a_reader_is_broken(pair):
+    """Sending into it returns silently."""
     here, there = pair
     there.close()
     assert not here.is_broken
@@ -84,8 +84,8 @@ def test_a_link_whose_reader_has_gone_is_broken(pair):
     assert here.is_broken
 
 
-def test_a_closed_link_gives_its_descriptors_back(pair):
-    """Both of them, or the one that serves both ways; to close it again does nothing."""
+def test_closed_link_releases_its_descriptors(pair):
+    """Both are released, or the shared one; a second close has no effect."""
     here, there = pair
     for _ in range(2):
         here.close()
@@ -98,8 +98,8 @@ def test_a_closed_link_gives_its_descriptors_back(pair):
     assert os.read(there.read_fd, 1) == b""
 
 
-def test_the_end_is_told_after_what_was_sent(pair):
-    """Frames that arrived before the other side ended are given; then it is the end, and sending does nothing."""
+def test_end_comes_after_sent_frames(pair):
+    """Frames that arrived before the end are returned; then EOFError is raised, and sending has no effect."""
     here, there = pair
     here.send(Kind.TROUBLE, b"why")
     here.close()

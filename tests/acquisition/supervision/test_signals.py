@@ -1,4 +1,4 @@
-"""Signals while arms are supervised."""
+"""Tests of signals while arms are supervised."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ pytestmark = pytest.mark.timed
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
-def test_signals_interrupt_and_are_written_down(number):
-    """Each becomes what Ctrl-C is, and its number is in the pipe before Python does anything."""
+def test_signals_interrupt_and_are_written_to_the_pipe(number):
+    """Each acts like Ctrl-C, and its number is in the pipe before Python handles it."""
     with routed_signals(lambda: "") as read_fd:
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(number)
@@ -25,8 +25,8 @@ def test_signals_interrupt_and_are_written_down(number):
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
-def test_the_main_thread_leaves_what_it_waits_for():
-    """Another thread interrupts a wait with a reason; without a reason nothing happens."""
+def test_main_thread_can_be_interrupted():
+    """Another thread interrupts a wait with a reason; without a reason there is no effect."""
     why = [""]
     with routed_signals(lambda: why[0]):
         interrupt_main_thread()
@@ -39,8 +39,8 @@ def test_the_main_thread_leaves_what_it_waits_for():
     interrupt_main_thread()
 
 
-def test_other_threads_leave_signals_alone():
-    """In a library used from another thread handlers stay as they are."""
+def test_other_threads_do_not_change_handlers():
+    """In a library used from another thread, signal handlers are unchanged."""
     found = []
 
     def use():

@@ -1,4 +1,4 @@
-"""The supervisor, spoken to as a capture does."""
+"""Tests of the supervisor with the messages of a capture."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MODULE = "basecal.acquisition.supervision.supervisor"
 
 @contextmanager
 def supervisor(*names):
-    """A supervisor of arms that nothing was opened for, and the pipe into which the system writes signals."""
+    """Supervisor of unopened arms, and the pipe of signal numbers."""
     signals_fd, write_fd = os.pipe()
     command = [sys.executable, "-m", MODULE, str(signals_fd), *names]
     with subprocess.Popen(
@@ -38,7 +38,7 @@ def supervisor(*names):
 
 
 def event(channel, most_s=5.0):
-    """What it reports, and after which time."""
+    """Report of the supervisor, and its time."""
     began_s = time.monotonic()
     while time.monotonic() < began_s + most_s:
         for frame in channel.receive():
@@ -48,8 +48,11 @@ def event(channel, most_s=5.0):
     raise AssertionError("no event")
 
 
-def test_the_first_reason_counts_and_is_reported_in_time():
-    """Told to stop twice, it reports the first reason once its arms confirmed, or their time is over; then it ends."""
+def test_first_reason_is_reported_in_time():
+    """After two stops, the first reason is reported once arms confirmed or the timeout is over.
+
+    Then the process ends.
+    """
     with supervisor("left", "right") as (process, channel, _):
         channel.send(Kind.STOP, b"first")
         channel.send(Kind.STOP, b"second")
@@ -61,16 +64,16 @@ def test_the_first_reason_counts_and_is_reported_in_time():
         process.wait(CLOSE_S + 2)
 
 
-def test_signals_reach_it_without_the_capture():
-    """A number in the pipe is enough; a second one kills a capture that does not end."""
+def test_signals_work_without_the_capture():
+    """A number in the pipe suffices; a second one kills a capture that does not end."""
     with supervisor("left") as (_, channel, write_fd):
         os.write(write_fd, bytes([signal.SIGTERM]))
         said, _ = event(channel)
     assert (said["reason"], said["by_signal"]) == ("SIGTERM", True)
 
 
-def test_it_ends_with_the_capture():
-    """Once nothing can be read from the capture any more, it stops the arms and is gone."""
+def test_supervisor_ends_with_the_capture():
+    """Once the capture's pipe is closed, it stops the arms and exits."""
     with supervisor("left") as (process, _, _):
         process.stdin.close()
         process.stdout.close()

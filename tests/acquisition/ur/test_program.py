@@ -1,4 +1,4 @@
-"""The program of ur-rtde on a controller in a process of its own."""
+"""Tests of ur-rtde's program on a controller in a separate process."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ pytestmark = pytest.mark.timed
 
 
 def program(place):
-    """The program of a controller."""
+    """Program of a controller."""
     return Program("eye", UrOptions(**place().options))
 
 
-def test_it_is_sent_when_it_is_first_asked_and_ends_with_the_capture(there):
-    """Before it is asked nothing of it is on the controller; closed, it has been told to stop."""
+def test_program_is_sent_on_first_use_and_stopped_at_the_end(there):
+    """Before the first request the controller has none of it; on closing it is stopped."""
     process, place = there
     asked = program(place)
     assert not asked.was_sent
@@ -36,8 +36,8 @@ def test_it_is_sent_when_it_is_first_asked_and_ends_with_the_capture(there):
     assert process.tell("tell").split()[2:] == ["35", "37", "255"]
 
 
-def test_it_is_not_sent_again_by_itself(there):
-    """Stopped by a person at the pendant, it refuses whatever it is asked, and nothing more is sent."""
+def test_program_is_not_sent_again(there):
+    """Stopped by a person at the pendant, it refuses all requests, and no program is sent."""
     process, place = there
     asked = program(place)
     assert asked.ask(lambda line: line.isJointsWithinSafetyLimits([0.0] * 6))
@@ -49,7 +49,7 @@ def test_it_is_not_sent_again_by_itself(there):
 
 
 class Gone:
-    """The line of ur-rtde to a controller that hung up."""
+    """Connection of ur-rtde to a controller that hung up."""
 
     def isConnected(self):
         return False
@@ -61,8 +61,8 @@ class Gone:
     disconnect = print
 
 
-def test_a_line_that_is_gone_is_a_closed_connection():
-    """Nothing is asked of the library after it, even if it connects again; a stop goes to the dashboard."""
+def test_lost_link_is_a_closed_connection():
+    """The library is not used afterwards, even if it reconnects; a stop goes to the dashboard."""
     asked = Program("eye", UrOptions(host="127.0.0.1"))
     asked._interface = Gone()
     for _ in range(2):
@@ -74,8 +74,8 @@ def test_a_line_that_is_gone_is_a_closed_connection():
     asked.close()
 
 
-def test_its_watchdog_stops_the_arm_when_this_computer_is_silent(there):
-    """Kept alive the arm goes on; silent, it stands within half a second, far from its goal."""
+def test_watchdog_stops_the_arm_of_a_silent_computer(there):
+    """With heartbeats the arm continues; without, it is at rest within half a second, far from its goal."""
     process, place = there
     asked = program(place)
     asked.ask(lambda line: line.moveJ([3.0, -1.5, 1.5, 0.0, 0.5, 0.0], 0.5, 1.0, True))
@@ -94,8 +94,11 @@ def test_its_watchdog_stops_the_arm_when_this_computer_is_silent(there):
 
 
 @pytest.mark.parametrize(("reply", "refusal"), [(b"Stopped\n", None), (b"Failed to execute: stop\n", "Failed")])
-def test_a_dashboard_that_refuses_a_stop_has_not_stopped_the_arm(monkeypatch, reply, refusal):
-    """While another call holds the connection, a stop goes to the dashboard; its reply says whether it was taken."""
+def test_dashboard_refusal_is_no_confirmed_stop(monkeypatch, reply, refusal):
+    """While another call holds the connection, a stop goes to the dashboard.
+
+    Its reply shows whether the stop was accepted.
+    """
     with socket.create_server(("127.0.0.1", 0)) as server:
         monkeypatch.setattr(ur_program, "_DASHBOARD_PORT", server.getsockname()[1])
 
@@ -117,16 +120,16 @@ def test_a_dashboard_that_refuses_a_stop_has_not_stopped_the_arm(monkeypatch, re
                     asked.stop()
 
 
-def test_no_permission_to_move(there):
-    """A controller in local mode takes no program: it says what to choose on the pendant."""
+def test_controller_in_local_mode_is_reported(there):
+    """It accepts no program: the message says what to choose on the pendant."""
     process, place = there
     process.tell("local")
     with pytest.raises(DriverError, match="eye: no permission to move: choose remote control"):
         program(place).ask(lambda line: line.isProgramRunning())
 
 
-def test_a_watchdog_whose_line_is_gone_says_so(monkeypatch):
-    """Whatever the client's error is called: at a hang-up it may be `ok`."""
+def test_watchdog_without_a_link_is_an_error(monkeypatch):
+    """The client's error may have any name: after a hang-up it may be `ok`."""
 
     class Line:
         def isConnected(self):

@@ -1,4 +1,4 @@
-"""States of a UR controller in a process of its own, by ur-rtde's client."""
+"""Tests of states of a UR controller in a separate process, through ur-rtde's client."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.timed
 
 
 def take(robot, count):
-    """So many states of a robot."""
+    """A number of states of a robot."""
     return [robot.state() for _ in range(count)]
 
 
@@ -58,8 +58,8 @@ def test_states_have_the_controllers_stamps(there):
         ),
     ],
 )
-def test_what_goes_wrong_is_a_line(there, fault, error):
-    """A protective stop, stamps that stand still and a slow network end in one line that says what to do."""
+def test_faults_are_one_line_with_advice(there, fault, error):
+    """A protective stop, constant stamps and a slow network end in one line with advice."""
     process, place = there
     robot = open_robot(place(motion="watch", reconnect_s=0.5))
     robot.state()
@@ -70,8 +70,8 @@ def test_what_goes_wrong_is_a_line(there, fault, error):
     robot.close()
 
 
-def test_a_safeguard_stop_counts_where_the_arm_is_sent(there):
-    """Of an arm that a person leads by its pendant it is usual: whoever lets go of the enabling device causes it."""
+def test_safeguard_stop_counts_only_for_moved_arms(there):
+    """For a hand-guided arm it is usual: releasing the enabling device causes it."""
     process, place = there
     watched, moved = open_robot(place(motion="watch")), open_robot(place())
     process.tell("safeguard_stop")
@@ -83,8 +83,8 @@ def test_a_safeguard_stop_counts_where_the_arm_is_sent(there):
         robot.close()
 
 
-def test_a_lost_connection_is_made_again(there):
-    """Hung up on, it connects again, and states go on."""
+def test_lost_connection_is_re_established(there):
+    """After a hang-up it reconnects, and states continue."""
     process, place = there
     robot = open_robot(place(motion="watch"))
     before = robot.state().stamp_s
@@ -95,8 +95,8 @@ def test_a_lost_connection_is_made_again(there):
     robot.close()
 
 
-def test_a_controller_that_is_gone():
-    """After as long as it is to be tried, one line says that nothing listens any more."""
+def test_vanished_controller_is_reported():
+    """After the reconnection time one line says that the port is closed."""
     with controller() as (process, place):
         robot = open_robot(place(motion="watch", reconnect_s=0.3))
         robot.state()
@@ -111,8 +111,8 @@ def test_a_controller_that_is_gone():
     ("words", "message"),
     [(b"HTTP/1.1 400\r\n", "does not speak RTDE 2"), (b"", r"does not answer\. Wait until the controller has started")],
 )
-def test_another_program_at_the_port(words, message):
-    """Something that answers otherwise, or hangs up, is told apart from a controller."""
+def test_other_program_at_the_port_is_reported(words, message):
+    """A peer that answers differently, or hangs up, is distinguished from a controller."""
     host = own_host()
 
     def answer(server):
@@ -128,8 +128,8 @@ def test_another_program_at_the_port(words, message):
 @pytest.mark.parametrize(
     ("bits", "is_running"), [(0b0000, False), (0b0001, False), (0b0010, True), (0b1101, False), (0b1111, True)]
 )
-def test_a_program_runs_by_its_own_bit(bits, is_running):
-    """Power, buttons and the rest are other bits."""
+def test_running_program_has_its_own_bit(bits, is_running):
+    """Power, buttons and others are other bits."""
     receiver = Receiver.__new__(Receiver)
     receiver._interface = SimpleNamespace(getRobotStatus=lambda: bits, isConnected=lambda: bits > 0)
     assert receiver.is_program_running == is_running
@@ -141,8 +141,8 @@ def test_a_program_runs_by_its_own_bit(bits, is_running):
     (1 << 10 | 1 << 4, (), "safeguard stop"), (1 << 10 | 1 << 4, (4, 10), None), (1 << 10, (), "stopped for safety"),
     (1 << 9 | 1 << 2, (), "the controller reports a fault"), (1 << 4 | 1 << 6, (4, 10), "emergency stop of the robot"),
 ])  # fmt: skip
-def test_the_most_specific_stop_is_named(bits, tolerated, words):
-    """Normal and reduced mode are none; a safeguard stop may be tolerated."""
+def test_most_specific_stop_is_reported(bits, tolerated, words):
+    """Normal and reduced mode are no stops; a safeguard stop may be tolerated."""
     receiver = Receiver.__new__(Receiver)
     receiver._name, receiver._tolerated = "eye", tolerated
     receiver._interface = SimpleNamespace(getSafetyStatusBits=lambda: bits)
@@ -154,8 +154,8 @@ def test_the_most_specific_stop_is_named(bits, tolerated, words):
 
 
 @pytest.mark.parametrize("gives_joints", [True, False])
-def test_a_state_is_read_whole_and_once(gives_joints):
-    """Not one that was read before, nor one in whose middle another came; with joints or the pose of the tool."""
+def test_state_is_read_completely_and_once(gives_joints):
+    """States read before, or mixed with the next one, are skipped; with joints or the pose of the tool."""
     stamps = iter([7.0, 7.0, 7.0, 8.0, 8.25, 8.5, 8.5])
     receiver = Receiver.__new__(Receiver)
     receiver._last_s, receiver._gives_joints, receiver._tolerated = -1.0, gives_joints, ()
