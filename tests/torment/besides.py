@@ -29,7 +29,7 @@ from basecal.studies.study import Study
 from basecal.studies.study_file import read_study, study_from_text
 from cell_example import CELL, LINES, URDF, journal
 from torment.damage import damaged, torn_bytes
-from torment.outcome import Fell, of_command, of_reader
+from torment.outcome import TrialFailed, run_command, run_reader
 
 Trial = Callable[[Random, Path], str]
 _EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "studies").glob("*.yaml"))
@@ -52,9 +52,9 @@ def read_damaged_study(chance: Random, folder: Path) -> str:
     def read() -> None:
         study = read_study(folder / "a.yaml")
         if sum(chunk.trials for chunk in study.chunks) != study.trials * len(study.points) or not study.identity:
-            raise Fell("trials are lost")
+            raise TrialFailed("trials are lost")
 
-    return of_reader(read)
+    return run_reader(read)
 
 
 @cache
@@ -86,9 +86,9 @@ def read_damaged_chunk(chance: Random, folder: Path) -> str:
         if found is None:
             raise InputError("is no chunk")
         if any(len(values) != study.chunks[0].trials for values in vars(found.trials).values()):
-            raise Fell("columns of other lengths")
+            raise TrialFailed("columns of other lengths")
 
-    return of_reader(read)
+    return run_reader(read)
 
 
 @cache
@@ -115,9 +115,9 @@ def ask_damaged(chance: Random, folder: Path) -> str:
         said = decode(encode(server.answer(line)))
         came = "answered" if said["ok"] else "refused"
         if not decode(encode(server.answer(encode({"token": _TOKEN, "do": "state", "robot": "hand"}))))["ok"]:
-            raise Fell(f"answers no more after {line!r}")
+            raise TrialFailed(f"answers no more after {line!r}")
 
-    of_reader(ask)
+    run_reader(ask)
     return came
 
 
@@ -145,9 +145,9 @@ def hear_damaged(chance: Random, folder: Path) -> str:
             return
         reading = SimulatedRobot("eye", line).state()
         if not np.isfinite([reading.stamp_s, *np.ravel(reading.state.joints_rad)]).all():
-            raise Fell(f"takes {said}")
+            raise TrialFailed(f"takes {said}")
 
-    return of_reader(hear)
+    return run_reader(hear)
 
 
 @cache
@@ -194,7 +194,7 @@ def import_damaged_bag(chance: Random, folder: Path) -> str:
         return "no rosbags"
     bag = damage_bag(chance, folder)
     words = ["import", "bag", str(folder / "c"), str(bag), "--robot", "arm=/arm/pose", "--view", "cam,tag=/tag/pose"]
-    return of_command([*words, "--on", "cam=world", "tag=arm", *chance.choice(([], ["--streams"], ["--list"]))])[0]
+    return run_command([*words, "--on", "cam=world", "tag=arm", *chance.choice(([], ["--streams"], ["--list"]))])[0]
 
 
 def read_damaged_capture(chance: Random, folder: Path) -> str:
@@ -211,9 +211,9 @@ def read_damaged_capture(chance: Random, folder: Path) -> str:
         left = remaining_samples(folder, example())
         planned = read_plan(folder / PLAN_FILE, folder, example())
         if not {sample.sample for sample in left} <= {sample.sample for sample in planned}:
-            raise Fell("what was never planned is to be taken")
+            raise TrialFailed("what was never planned is to be taken")
 
-    return of_reader(read)
+    return run_reader(read)
 
 
 BESIDES: dict[str, Trial] = {

@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 from scipy.stats import chi2
 
 from basecal.cell.files import calibration_from_dict, latest_run, read_calibration
-from torment.outcome import of_command
+from torment.outcome import run_command
 
 _FOLDER = TemporaryDirectory(prefix="torment-")  # removed when the process ends
 _FAR = float(chi2.ppf(0.999, 6))  # squared sigmas of a base beyond its 99.9 % ellipsoid
@@ -39,8 +39,8 @@ class Made(NamedTuple):
 def made(kind: str) -> Made:
     """A cell of twelve samples."""
     folder = Path(_FOLDER.name) / kind
-    of_command(["simulate", str(folder), "--samples", "12", "--seed", "1", *KINDS[kind]])
-    of_command(["calibrate", str(folder)])
+    run_command(["simulate", str(folder), "--samples", "12", "--seed", "1", *KINDS[kind]])
+    run_command(["calibrate", str(folder)])
     cell = YAML(typ="safe", pure=True).load((folder / "cell.yaml").read_text())
     samples = [json.loads(line) for line in (folder / "recording" / "samples.jsonl").read_text().splitlines()]
     return Made(cell, samples, {path.name: path.read_text() for path in folder.glob("*.urdf")}, folder)

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 from basecal.cli import main
 from torment import system_calls
-from torment.outcome import Fell, of_command
+from torment.outcome import TrialFailed, run_command
 from torment.verbs import VERBS, check_after, files, prepared
 
 _DELAYS_US = (1_000, 20_000)  # of each call that writes: a card, and a share over a bad network
@@ -35,7 +35,7 @@ def slow_disk(chance: Random, folder: Path) -> str:
     code = system_calls.traced(words, folder, [*delayed, *killed], folder / "trace")
     (folder / "trace").unlink()
     if code not in (0, 1, 4) and (site is None or code != system_calls.KILLED):
-        raise Fell(f"{verb}, {delay} us a call: exit code {code}")
+        raise TrialFailed(f"{verb}, {delay} us a call: exit code {code}")
     check_after(verb, folder, words, before)
     return "killed" if code == system_calls.KILLED else "answered"
 
@@ -46,7 +46,7 @@ def read_only(chance: Random, folder: Path) -> str:
         return "no Linux"
     verb = chance.choice(list(VERBS))
     with TemporaryDirectory(prefix="torment-") as name:
-        of_command(prepared(verb, Path(name)))  # imports what it needs here: elsewhere it might not be let to
+        run_command(prepared(verb, Path(name)))  # imports what it needs here: elsewhere it might not be let to
     words = prepared(verb, folder)
     before = files(folder)
     where = [path for path in (folder, *folder.rglob("*")) if path.is_dir() or chance.random() < 0.5]
@@ -60,9 +60,9 @@ def read_only(chance: Random, folder: Path) -> str:
         for path, mode in modes.items():
             path.chmod(mode)
     if code not in (0, 1, 3, 4) or (code == 3 and said.count("\n") != 1):
-        raise Fell(f"{verb} where nothing may be written: exit code {code}, {said[-300:]!r}")
+        raise TrialFailed(f"{verb} where nothing may be written: exit code {code}, {said[-300:]!r}")
     if after != before:
-        raise Fell(f"{verb} wrote where nothing may be written")
+        raise TrialFailed(f"{verb} wrote where nothing may be written")
     check_after(verb, folder, words, before)
     return "refused" if code == 3 else "answered"
 

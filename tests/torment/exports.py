@@ -30,7 +30,7 @@ from basecal.kinematics import read_chain
 from export_example import BASE, CALIBRATION, CELL
 from shared.motion_ways import joint_way
 from torment.damage import HOSTILE_TEXTS
-from torment.outcome import Fell, of_reader
+from torment.outcome import TrialFailed, run_reader
 
 Trial = Callable[[Random, Path], str]
 _URDF = Path(__file__).parents[1] / "data" / "urdf" / "six_axis.urdf"
@@ -142,9 +142,9 @@ def _exporting(kind: str) -> Trial:
         def read() -> None:
             said = _text(kind, inputs, chance.choice(HOSTILE), folder / "scene.urdf")
             if PARSERS[kind](said) != PARSERS[kind](_text(kind, {"a": "sha256:0"}, "b", folder / "scene.urdf")):
-                raise Fell(f"{kind} says something else by {inputs}")
+                raise TrialFailed(f"{kind} says something else by {inputs}")
 
-        return of_reader(read)
+        return run_reader(read)
 
     return trial
 
@@ -179,9 +179,9 @@ def _moving(kind: str) -> Trial:
 
         def read() -> None:
             if _renamed(told(hostile), hostile, harmless) != told(harmless):
-                raise Fell(f"{kind} says something else by {hostile}")
+                raise TrialFailed(f"{kind} says something else by {hostile}")
 
-        return of_reader(read)
+        return run_reader(read)
 
     return trial
 

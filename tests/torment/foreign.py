@@ -30,7 +30,7 @@ from basecal.exchange.lerobot import read_episode
 from basecal.kinematics import read_chain
 from colmap_files import IMAGES, binary_images, text_images
 from torment.damage import damaged, torn_bytes
-from torment.outcome import of_reader
+from torment.outcome import run_reader
 
 Trial = Callable[[Random, Path], str]
 _BY_BYTES = 0.4  # of the trials; in the others the data is damaged, and written as JSON
@@ -76,7 +76,7 @@ def _of_data(data: Any, name: str, read: Callable[[Path], object]) -> Trial:
         else:
             content = json.dumps(damaged(data, chance)).encode()
         (folder / name).write_bytes(content)
-        return of_reader(lambda: read(folder / name))
+        return run_reader(lambda: read(folder / name))
 
     return trial
 
@@ -87,7 +87,7 @@ def _of_texts(texts: dict[str, bytes], read: Callable[[Path], object]) -> Trial:
     def trial(chance: Random, folder: Path) -> str:
         name = chance.choice(list(texts))
         (folder / name).write_bytes(torn_bytes(texts[name], chance, faults=2))
-        return of_reader(lambda: read(folder / name))
+        return run_reader(lambda: read(folder / name))
 
     return trial
 
@@ -119,7 +119,7 @@ def read_damaged_tables(chance: Random, folder: Path) -> str:
     if find_spec("pyarrow") is None:
         return "no pyarrow"
     write_damaged_tables(chance, folder)
-    return of_reader(lambda: read_episode(folder, chance.choice([0, 0, 1])))
+    return run_reader(lambda: read_episode(folder, chance.choice([0, 0, 1])))
 
 
 def write_damaged_tables(chance: Random, folder: Path) -> Path:
@@ -164,7 +164,7 @@ def read_damaged_film(chance: Random, folder: Path) -> str:
     path = folder / "videos" / key / "chunk-000" / "file-000.mp4"
     path.parent.mkdir(parents=True)
     path.write_bytes(torn_bytes(_FILM.read_bytes(), chance) if strange > 0.3 else _FILM.read_bytes())
-    return of_reader(lambda: write_images(find_film(folder, 0, None), np.array([0.0, 0.5]), folder))
+    return run_reader(lambda: write_images(find_film(folder, 0, None), np.array([0.0, 0.5]), folder))
 
 
 FOREIGN: dict[str, Trial] = {

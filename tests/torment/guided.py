@@ -2,7 +2,7 @@
 
 The chance by which a trial damages its file is a row of words. A row that reached lines of a reader which none had
 reached is kept, and others are made of it by changing a few words or what follows one. Printed for each kind are its
-trials, the lines that they reached of all lines of the functions that they entered, and what fell with its words.
+trials, the lines that they reached of all lines of the functions that they entered, and failures with its words.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from basecal.exchange.bags.reader_process import read_frames
 from torment import record
 from torment.besides import damage_bag
 from torment.foreign import write_damaged_tables
-from torment.outcome import Fell, of_reader
+from torment.outcome import TrialFailed, run_reader
 from torment.readers import READERS, Trial
 from torment.record import Row, table
 
@@ -81,7 +81,7 @@ def read_bag(chance: Random, folder: Path) -> str:
                 raise
             raise InputError(type(error).__name__) from error
 
-    return of_reader(read)
+    return run_reader(read)
 
 
 def read_tables(chance: Random, folder: Path) -> str:
@@ -98,7 +98,7 @@ def read_tables(chance: Random, folder: Path) -> str:
                 raise
             raise InputError(type(error).__name__) from error
 
-    return of_reader(read)
+    return run_reader(read)
 
 
 KINDS: dict[str, Trial] = {**READERS, "bag": read_bag, "Parquet": read_tables}
@@ -148,7 +148,7 @@ def during(seconds: float) -> Iterator[None]:
 def guided(kind: str, trials: Iterable[object], chance: Random, is_guided: bool = True) -> tuple[Counter[str], Reached]:
     """What came of trials of a kind, and what they reached; without guidance every row is new."""
     came, reached, kept = Counter[str](), Reached(), list[list[int]]()
-    with TemporaryDirectory(prefix="torment-") as folder, suppress(Fell):
+    with TemporaryDirectory(prefix="torment-") as folder, suppress(TrialFailed):
         KINDS[kind](Random(0), Path(folder))  # what is made once is no reader's
     for _ in trials:
         is_fresh = not is_guided or not kept or chance.random() < _FRESH
@@ -156,8 +156,8 @@ def guided(kind: str, trials: Iterable[object], chance: Random, is_guided: bool 
         with TemporaryDirectory(prefix="torment-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
             try:
                 what, new = reached.follow(lambda: KINDS[kind](words, Path(folder)))  # noqa: B023
-            except Fell as error:
-                what, new = "fell", 0
+            except TrialFailed as error:
+                what, new = "failed", 0
                 print(f"{kind}: {error}; words {words.taken}", file=sys.stderr, flush=True)
         came[what] += 1
         if new:
@@ -193,11 +193,11 @@ def _rows(
         if path:
             _record(kind, came, path)
         lines = len(reached.lines & reached.possible)
-        yield kind, came.total(), came["answered"], came["refused"], came["fell"], lines, len(reached.possible)
+        yield kind, came.total(), came["answered"], came["refused"], came["failed"], lines, len(reached.possible)
 
 
 def main() -> int:
-    """Try each kind for its share of the time, print a table, and end with 1 if anything fell."""
+    """Try each kind for its share of the time, print a table, and end with 1 after any failure."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=120)
     parser.add_argument("--seed", type=int, default=0)
@@ -207,7 +207,7 @@ def main() -> int:
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
     rows = list(_rows(asked.only or list(KINDS), asked.seconds, asked.seed, not asked.unguided, asked.record))
-    print(table(("kind", "tried", "answered", "refused", "fell", "lines", "of"), rows))
+    print(table(("kind", "tried", "answered", "refused", "failed", "lines", "of"), rows))
     return 1 if any(row[4] for row in rows) else 0
 
 

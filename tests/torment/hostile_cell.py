@@ -36,7 +36,7 @@ from basecal.vision.image_file import png_bytes
 from torment import record
 from torment.cells import cell_text, made
 from torment.damage import at, places
-from torment.outcome import Fell
+from torment.outcome import TrialFailed
 from torment.record import Row, table
 from torment.system_calls import is_possible
 from torment.traced import COMMAND, TracedServer
@@ -257,14 +257,14 @@ def _try(verb: str, folder: Path, *lures: Lure) -> str:
     """What came of a verb in a cell with lures.
 
     Raises:
-        Fell: if it reached anything, or ended as none may.
+        TrialFailed: if it reached anything, or ended as none may.
     """
     known = harmless(verb)  # first: the server imports what it needs
     code, found = reached(verb, folder, *lures)
     if found := found - known:
-        raise Fell(f"{verb}, {lures}: reached {sorted(found)[:5]}")
+        raise TrialFailed(f"{verb}, {lures}: reached {sorted(found)[:5]}")
     if code not in (0, 1, 2, 3, 4, 5):
-        raise Fell(f"{verb}, {lures}: exit code {code}")
+        raise TrialFailed(f"{verb}, {lures}: exit code {code}")
     return "refused" if code in (2, 3) else "answered"
 
 
@@ -302,12 +302,12 @@ def _groups(numbers: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _come(verb: str, numbers: Sequence[int]) -> Iterator[tuple[int, str, str]]:
-    """What came of a verb with each of some lures, and why it fell, if it did."""
+    """What came of a verb with each of some lures, and why it failed, if it did."""
     with TemporaryDirectory(prefix="torment-") as name:
         try:
             what, why = _try(verb, Path(name), *_chosen(Path(name), numbers)), ""
-        except Fell as error:
-            what, why = "fell", str(error).replace(name, "")
+        except TrialFailed as error:
+            what, why = "failed", str(error).replace(name, "")
     if what == "answered" or len(numbers) == 1:
         yield from ((number, what, why) for number in numbers)
         return
@@ -319,11 +319,13 @@ def _come(verb: str, numbers: Sequence[int]) -> Iterator[tuple[int, str, str]]:
 def each(verb: str, numbers: Sequence[int], first: int) -> Row:
     """What came of a verb with some lures, each once; a seed is `first` and the number of the lure."""
     found = sorted(one for group in _groups(numbers) for one in _come(verb, group))
-    fell = {str(first + number): record.without_folders(why)[:_SHOWN] for number, what, why in found if what == "fell"}
-    for why in fell.values():
+    failures = {
+        str(first + number): record.without_folders(why)[:_SHOWN] for number, what, why in found if what == "failed"
+    }
+    for why in failures.values():
         print(why, file=sys.stderr, flush=True)
     came = dict(Counter(what for _, what, _ in found))
-    seeds = {"fell": fell} if fell else {}
+    seeds = {"failed": failures} if failures else {}
     return Row(EACH, record.commit(), first + numbers[0], first + numbers[-1] + 1, came, seeds)
 
 
@@ -336,7 +338,7 @@ def hostile_cell(chance: Random, folder: Path) -> str:
 
 
 def main() -> int:
-    """Try everything, or what was not tried yet, print what came of it by verb, and end with 1 if anything fell."""
+    """Try everything, or what was not tried yet, print what came of it by verb, and end with 1 after any failure."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=float("inf"))
     parser.add_argument("--only", action="append", choices=list(VERBS))
@@ -352,8 +354,10 @@ def main() -> int:
         came.setdefault(verb, Counter()).update(row.came)
         if asked.record:
             record.write(record.added(record.read(asked.record), row), asked.record)
-    print(table(("verb", "tried", "answered", "refused", "fell"), [_line(verb, found) for verb, found in came.items()]))
-    return 1 if any(found["fell"] for found in came.values()) else 0
+    print(
+        table(("verb", "tried", "answered", "refused", "failed"), [_line(verb, found) for verb, found in came.items()])
+    )
+    return 1 if any(found["failed"] for found in came.values()) else 0
 
 
 def _left(verbs: Sequence[str], path: Path | None) -> Iterator[tuple[str, list[int]]]:
@@ -369,7 +373,7 @@ def _left(verbs: Sequence[str], path: Path | None) -> Iterator[tuple[str, list[i
 
 
 def _line(verb: str, came: Counter[str]) -> tuple[object, ...]:
-    return verb, came.total(), came["answered"], came["refused"], came["fell"]
+    return verb, came.total(), came["answered"], came["refused"], came["failed"]
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from basecal.cell.files import read_truth
 from basecal.geometry import SE3
 from torment.cells import KINDS, made, moved_or_good, write
 from torment.damage import at, places
-from torment.outcome import of_command
+from torment.outcome import run_command
 
 Samples = list[dict[str, Any]]
 Fault = Callable[[Samples, Random], None]
@@ -177,6 +177,6 @@ def calibrate_strange(chance: Random, folder: Path) -> str:
     if chance.random() < 0.2:
         cell["noise"] = {"pixel_px": min(_decade(chance), 1e6)} if "noise" in cell else cell.get("noise", {})
     write(folder, cell, samples, made(kind).urdfs)
-    what, code, out = of_command(["calibrate", str(folder), "--json", *chance.choice(_TASKS)])
+    what, code, out = run_command(["calibrate", str(folder), "--json", *chance.choice(_TASKS)])
     is_base_known = is_consistent or set(faults) <= {*_HARMLESS, _outlie}
     return moved_or_good(kind, json.loads(out)) if code == 0 and is_base_known else what

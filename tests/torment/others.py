@@ -23,7 +23,7 @@ from basecal.vision.image_file import png_bytes
 from torment.besides import example
 from torment.cells import KINDS, made, write
 from torment.damage import HOSTILE_TEXTS, at, damaged, places, torn_bytes
-from torment.outcome import Fell, of_command, of_reader
+from torment.outcome import TrialFailed, run_command, run_reader
 from torment.verbs import files
 
 _WAIT_S = 0.01  # for an image that does not come
@@ -40,11 +40,11 @@ def merge_damaged(chance: Random, folder: Path) -> str:
             samples = damaged(samples, chance, faults=2)
         (folder / name).mkdir()
         write(folder / name, cell, samples if isinstance(samples, list) else [samples], made(kind).urdfs)
-    what, code, _ = of_command(["merge", str(folder / "a"), str(folder / "b"), "-o", str(folder / "c")])
+    what, code, _ = run_command(["merge", str(folder / "a"), str(folder / "b"), "-o", str(folder / "c")])
     if code and (folder / "c").exists():
-        raise Fell("what was refused is there by half")
+        raise TrialFailed("what was refused is there by half")
     if not code:
-        of_reader(lambda: read_recording(folder / "c", read_cell(folder / "c")))
+        run_reader(lambda: read_recording(folder / "c", read_cell(folder / "c")))
     return what
 
 
@@ -59,7 +59,7 @@ def fix_damaged(chance: Random, folder: Path) -> str:
         path.write_text(json.dumps(damaged(json.loads(path.read_text()), chance)))
     else:
         path.write_bytes(torn_bytes(path.read_bytes(), chance))
-    return of_command(["fix", str(cell), "--yes"])[0]
+    return run_command(["fix", str(cell), "--yes"])[0]
 
 
 def hostile_view(chance: Random, folder: Path) -> str:
@@ -80,10 +80,10 @@ def hostile_view(chance: Random, folder: Path) -> str:
         query = {key: chance.choice([hostile, "3,4", "99", "-1"]) for key in ("run", "without", "number")}
         shown.extend([page.page(), page.answer(query), page.sample(query)])
 
-    came = of_reader(read)
+    came = run_reader(read)
     for text in shown:
         if "<img src=x" in text or "<script>alert" in text or 'onerror="' in text:
-            raise Fell(f"the page of runs has an element by {hostile!r}")
+            raise TrialFailed(f"the page of runs has an element by {hostile!r}")
     return came
 
 
@@ -105,7 +105,7 @@ def replay_damaged(chance: Random, folder: Path) -> str:
         _check(robot.state())
         replay.open_camera(Place("wrist", cell, folder, place.options)).image()
 
-    return of_reader(read)
+    return run_reader(read)
 
 
 def typed_damaged(chance: Random, folder: Path) -> str:
@@ -119,7 +119,7 @@ def typed_damaged(chance: Random, folder: Path) -> str:
         with contextlib.redirect_stderr(io.StringIO()):
             _check(typed.TypedRobot(Place("hand", example(), folder), notation, lines).state())
 
-    return of_reader(read)
+    return run_reader(read)
 
 
 def folder_damaged(chance: Random, folder: Path) -> str:
@@ -137,9 +137,9 @@ def folder_damaged(chance: Random, folder: Path) -> str:
     def read() -> None:
         found = folder_driver.open_camera(Place(camera.name, cell, folder, options)).image()
         if not np.isfinite(found.stamp_s) or found.grey.ndim != 2:
-            raise Fell(f"gives an image of shape {found.grey.shape}")
+            raise TrialFailed(f"gives an image of shape {found.grey.shape}")
 
-    return of_reader(read)
+    return run_reader(read)
 
 
 def hostile_demo(chance: Random, folder: Path) -> str:
@@ -155,9 +155,9 @@ def hostile_demo(chance: Random, folder: Path) -> str:
     name = chance.choice(["recording", "runs", "derived", "cell.yaml", "truth.yaml", "recording/images"])
     (cell / name).parent.mkdir(exist_ok=True)
     (cell / name).symlink_to(outside / name if name == "cell.yaml" else outside)
-    what = of_command(["demo", str(cell), *chance.choice(([], ["--led"], ["--json"]))])[0]
+    what = run_command(["demo", str(cell), *chance.choice(([], ["--led"], ["--json"]))])[0]
     if files(outside) != before:
-        raise Fell(f"the demo follows the link {name}")
+        raise TrialFailed(f"the demo follows the link {name}")
     return what
 
 
@@ -165,7 +165,7 @@ def _check(reading: Reading) -> None:
     state: RobotState = reading.state
     numbers = state.joints_rad if state.base_from_flange is None else state.base_from_flange.matrix
     if not np.all(np.isfinite(np.append(np.ravel(np.asarray(numbers)), reading.stamp_s))):
-        raise Fell(f"gives {state}")
+        raise TrialFailed(f"gives {state}")
 
 
 OTHERS = {

@@ -19,13 +19,13 @@ _IDLE_S = 0.1  # of the processor, while so much of the clock went by: it waits
 CODES = {0: "answered", 1: "answered", 4: "answered", 5: "answered", 2: "refused", 3: "refused", 130: "interrupted"}
 
 
-class Fell(AssertionError):
+class TrialFailed(AssertionError):
     """A trial ended as none may."""
 
 
 @contextlib.contextmanager
 def time_limit(seconds: float = LONGEST_S) -> Iterator[None]:
-    """Raise `Fell` where what is done takes longer."""
+    """Raise `TrialFailed` where what is done takes longer."""
     last_s = time.process_time()
 
     def hang(sent: int, _: object) -> None:
@@ -34,7 +34,7 @@ def time_limit(seconds: float = LONGEST_S) -> Iterator[None]:
             last_s = time.process_time()  # other programs have the processor: what works on is told by its own time
             signal.setitimer(signal.ITIMER_REAL, _WAITING * seconds)
             return
-        raise Fell(f"took more than {seconds} s")
+        raise TrialFailed(f"took more than {seconds} s")
 
     limits = ((signal.SIGPROF, signal.ITIMER_PROF, 1), (signal.SIGALRM, signal.ITIMER_REAL, _WAITING))
     before = [signal.signal(sent, hang) for sent, _, _ in limits]
@@ -48,41 +48,41 @@ def time_limit(seconds: float = LONGEST_S) -> Iterator[None]:
             signal.signal(sent, handler)
 
 
-def of_reader(read: Callable[[], object]) -> str:
+def run_reader(read: Callable[[], object]) -> str:
     """`answered` or `refused`; any error that is none of ours, and one that is not a line each, falls.
 
     Raises:
-        Fell: with the error as its cause.
+        TrialFailed: with the error as its cause.
     """
     try:
         with time_limit():
             read()
     except BasecalError as error:
         if not str(error).strip() or "\x1b" in str(error) or len(str(error)) > 100_000:
-            raise Fell(f"refused by {str(error)[:80]!r}") from error
+            raise TrialFailed(f"refused by {str(error)[:80]!r}") from error
         return "refused"
-    except Fell:
+    except TrialFailed:
         raise
     except Exception as error:
-        raise Fell(f"{type(error).__name__}: {error}") from error
+        raise TrialFailed(f"{type(error).__name__}: {error}") from error
     return "answered"
 
 
-def of_command(words: list[str]) -> tuple[str, int, str]:
+def run_command(words: list[str]) -> tuple[str, int, str]:
     """What came of a command, its exit code, and what it printed.
 
     Raises:
-        Fell: by an exit code outside the contract, an error of several lines, or an escape sequence.
+        TrialFailed: by an exit code outside the contract, an error of several lines, or an escape sequence.
     """
     out, err = io.StringIO(), io.StringIO()
     with time_limit(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(words)
     if code not in CODES:
-        raise Fell(f"exit code {code}: {err.getvalue().strip()[-300:]}{_traceback(err.getvalue())}")
+        raise TrialFailed(f"exit code {code}: {err.getvalue().strip()[-300:]}{_traceback(err.getvalue())}")
     if CODES[code] == "refused" and err.getvalue().count("\n") != 1:
-        raise Fell(f"an error of {err.getvalue().count(chr(10))} lines: {err.getvalue()[:200]!r}")
+        raise TrialFailed(f"an error of {err.getvalue().count(chr(10))} lines: {err.getvalue()[:200]!r}")
     if "\x1b" in out.getvalue() + err.getvalue():
-        raise Fell("an escape sequence reaches the terminal")
+        raise TrialFailed("an escape sequence reaches the terminal")
     return CODES[code], code, out.getvalue()
 
 

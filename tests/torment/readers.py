@@ -27,7 +27,7 @@ from torment.besides import BESIDES, example
 from torment.cells import KINDS, cell_text, made
 from torment.damage import ODD_NUMBERS, damaged, torn, torn_bytes
 from torment.foreign import FOREIGN
-from torment.outcome import Fell, of_reader
+from torment.outcome import TrialFailed, run_reader
 
 Trial = Callable[[Random, Path], str]
 _KEPT = 0.3  # of the example's cameras and targets
@@ -43,7 +43,7 @@ def read_damaged_cell(chance: Random, folder: Path) -> str:
         content = torn_bytes(_part_of_the_example(chance).encode(), chance)
     (folder / "cell.yaml").write_bytes(content)
     (folder / "hand.urdf").write_text(URDF)
-    return of_reader(lambda: read_cell(folder))
+    return run_reader(lambda: read_cell(folder))
 
 
 def _part_of_the_example(chance: Random) -> str:
@@ -60,7 +60,7 @@ def read_damaged_recording(chance: Random, folder: Path) -> str:
     content = journal(*lines)
     content = torn_bytes(content, chance) if chance.random() < 0.4 else content
     (folder / "recording" / "samples.jsonl").write_bytes(content)
-    return of_reader(lambda: read_recording(folder, example()))
+    return run_reader(lambda: read_recording(folder, example()))
 
 
 def read_damaged_calibration(chance: Random, folder: Path) -> str:
@@ -71,7 +71,7 @@ def read_damaged_calibration(chance: Random, folder: Path) -> str:
         path.write_text(json.dumps(damaged(data, chance)))
     else:
         path.write_bytes(torn_bytes(content, chance))
-    return of_reader(lambda: text_report(cell, read_calibration(path)))
+    return run_reader(lambda: text_report(cell, read_calibration(path)))
 
 
 @cache
@@ -87,7 +87,7 @@ def read_damaged_truth(chance: Random, folder: Path) -> str:
     """`truth.yaml`."""
     content = (made("pose").folder / "truth.yaml").read_bytes()
     (folder / "truth.yaml").write_bytes(torn_bytes(content, chance))
-    return of_reader(lambda: read_truth(folder))
+    return run_reader(lambda: read_truth(folder))
 
 
 def read_damaged_urdf(chance: Random, folder: Path) -> str:
@@ -100,7 +100,7 @@ def read_damaged_urdf(chance: Random, folder: Path) -> str:
         text = text[: value.start(1)] + other + text[value.end(1) :] if value.end(1) <= len(text) else text
     content = text.encode("utf-8", "surrogatepass")
     (folder / "a.urdf").write_bytes(torn_bytes(content, chance) if chance.random() < 0.3 else content)
-    return of_reader(lambda: read_chain(folder / "a.urdf", "base_link", "tool0"))
+    return run_reader(lambda: read_chain(folder / "a.urdf", "base_link", "tool0"))
 
 
 def read_damaged_poses(chance: Random, folder: Path) -> str:
@@ -120,7 +120,7 @@ def read_damaged_poses(chance: Random, folder: Path) -> str:
         np.save(out, matrices)
     path = folder / f"poses.{kind}"
     path.write_bytes(torn_bytes(out.getvalue(), chance) if chance.random() < 0.9 else out.getvalue())
-    return of_reader(lambda: read_poses(path, chance.choice(["m", "mm"])))
+    return run_reader(lambda: read_poses(path, chance.choice(["m", "mm"])))
 
 
 def read_damaged_pixels(chance: Random, folder: Path) -> str:
@@ -134,7 +134,7 @@ def read_damaged_pixels(chance: Random, folder: Path) -> str:
         path = folder / "pixels.npz"
         np.savez(out, sample=rows[:, 0].astype(int), id=rows[:, 1].astype(int), pixels=rows[:, 2:])
     path.write_bytes(torn_bytes(out.getvalue(), chance, faults=1))
-    return of_reader(lambda: read_pixels(path))
+    return run_reader(lambda: read_pixels(path))
 
 
 @cache
@@ -156,9 +156,9 @@ def read_damaged_image(chance: Random, folder: Path) -> str:
         if isinstance(image, str):
             raise InputError(image)
         if image.ndim != 2 or (size_px and image.shape != size_px[::-1]):
-            raise Fell(f"an image of {image.shape}")
+            raise TrialFailed(f"an image of {image.shape}")
 
-    return of_reader(read)
+    return run_reader(read)
 
 
 READERS: dict[str, Trial] = {

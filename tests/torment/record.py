@@ -18,8 +18,8 @@ _ROOT = Path(__file__).parents[2]
 FILE = _ROOT / "benchmarks" / "results" / "torment.json"
 PAGE = _ROOT / "docs" / "reliability.md"
 PROMISES = _ROOT / "SECURITY.md"
-REMARKABLE = ("fell", "good and moved")  # what is kept with its seed
-HEAD = ("what", "tried", "answered", "refused", "else", "fell", "commits")
+REMARKABLE = ("failed", "good and moved")  # what is kept with its seed
+HEAD = ("what", "tried", "answered", "refused", "else", "failed", "commits")
 
 
 @dataclass(frozen=True)
@@ -113,12 +113,12 @@ def without_folders(text: str) -> str:
 
 
 def columns(counts: Counter[str]) -> tuple[str, str, str, str]:
-    """How many were answered, refused, came to something else, and fell."""
+    """How many were answered, refused, came to something else, and failed."""
     others = ", ".join(f"{what} {n:,}" for what, n in sorted(counts.items()) if what not in _NAMED)
-    return f"{counts['answered']:,}", f"{counts['refused']:,}", others, f"{counts['fell']:,}"
+    return f"{counts['answered']:,}", f"{counts['refused']:,}", others, f"{counts['failed']:,}"
 
 
-_NAMED = ("answered", "refused", "fell")
+_NAMED = ("answered", "refused", "failed")
 
 
 def page(text: str, rows: Iterable[Row]) -> str:
@@ -162,7 +162,7 @@ _SESSIONS = {
     "OpenCV": "driver opencv",
     "simulated cell": "driver simulated, peer",
 }
-_ENDS = ("answered", "refused", "interrupted", "ended before its interrupt", "fell")
+_ENDS = ("answered", "refused", "interrupted", "ended before its interrupt", "failed")
 
 
 def _seeds(trial: str, tried: Counter[str], modules: Mapping[str, str]) -> str:

@@ -1,6 +1,6 @@
-"""Torment for as long as asked: `python -m torment.run --seconds 120 --seed 0`; a table, and what fell by its seed.
+"""Torment for as long as asked: `python -m torment.run --seconds 120 --seed 0`; a table, and failures by seed.
 
-What fell is tried again by `python -m torment.run --only "calibrate" --seed 17 --trials 1`. With `--record` the seeds
+A failure is tried again by `python -m torment.run --only "calibrate" --seed 17 --trials 1`. With `--record` the seeds
 are those that were not tried yet, and what came of them is added to benchmarks/results/torment.json now and then.
 """
 
@@ -19,7 +19,7 @@ from random import Random
 from tempfile import TemporaryDirectory
 
 from torment import record
-from torment.outcome import Fell
+from torment.outcome import TrialFailed
 from torment.readers import READERS, Trial
 from torment.record import REMARKABLE, Row, commit, table
 from torment.trials import WHOLE
@@ -30,7 +30,7 @@ GROUPS = {"readers": list(READERS), "whole": list(WHOLE)}
 _READERS_AT_ONCE = 20  # trials of a reader for each of the others, which take so much longer
 _RECORDED_AT_ONCE = {name: 500 if name in READERS else 10 for name in TRIALS}  # a few seconds
 _FIRST_RECORDED = 10_000_000  # seeds below are for tests and for looking at by hand
-_LONGEST_WHY = 300  # characters of what fell that are kept
+_LONGEST_WHY = 300  # characters of failures that are kept
 _MEMORY = Path("/dev/shm")  # a folder in memory, where there is one
 _LARGEST_MB = 1024  # of a process that does nothing else: what is refused takes no more
 _BY_ITSELF_MB = 200  # of that, what it has before it reads anything
@@ -40,7 +40,7 @@ def tried(name: str, seed: int) -> str:
     """What came of one trial.
 
     Raises:
-        Fell: if it ended as none may.
+        TrialFailed: if it ended as none may.
     """
     where = _MEMORY if _MEMORY.is_dir() else None
     with TemporaryDirectory(prefix="torment-", dir=where, ignore_cleanup_errors=True) as folder:
@@ -48,7 +48,7 @@ def tried(name: str, seed: int) -> str:
         with boxes():
             came = TRIALS[name](Random(f"{name} {seed}"), Path(folder))
     if peak_mb() > most:
-        raise Fell(f"took {peak_mb():.0f} MB")
+        raise TrialFailed(f"took {peak_mb():.0f} MB")
     return came
 
 
@@ -64,15 +64,15 @@ def resident_mb() -> float:
 
 
 def some(name: str, first: int, count: int) -> Row:
-    """The trials of some seeds; what fell is printed."""
+    """The trials of some seeds; failures is printed."""
     came: Counter[str] = Counter()
     seeds: dict[str, dict[str, str]] = {}
     for seed in range(first, first + count):
         why = ""
         try:
             what = tried(name, seed)
-        except Fell as error:
-            what, why = "fell", record.without_folders(str(error))[:_LONGEST_WHY]
+        except TrialFailed as error:
+            what, why = "failed", record.without_folders(str(error))[:_LONGEST_WHY]
             print(f"{name}, seed {seed}: {error}", file=sys.stderr, flush=True)
         came[what] += 1
         if what in REMARKABLE:
@@ -112,7 +112,7 @@ def counts_table(came: dict[str, Counter[str]]) -> str:
 
 
 def main() -> int:
-    """Torment, print the table, and end with 1 where anything fell."""
+    """Torment, print the table, and end with 1 after any failure."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=float("inf"))
     parser.add_argument("--seed", type=int, default=0)
@@ -132,7 +132,7 @@ def main() -> int:
     print(f"\nseed {asked.seed}, {time.monotonic() - began:.0f} s, at most {peak_mb():.0f} MB")
     if asked.json:
         asked.json.write_text(json.dumps(came, indent=1))
-    return 1 if any(counts["fell"] for counts in came.values()) else 0
+    return 1 if any(counts["failed"] for counts in came.values()) else 0
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 from torment import record
 from torment.devices import STAGES, prepare
-from torment.outcome import CODES, Fell
+from torment.outcome import CODES, TrialFailed
 from torment.record import Row, table
 from torment.warm import boxes, server
 
@@ -64,7 +64,7 @@ def session(name: str, chance: Random, folder: Path) -> Came:
     """Hold one session.
 
     Raises:
-        Fell: if it ended as none may, or not in time.
+        TrialFailed: if it ended as none may, or not in time.
     """
     prepare(name)
     delay_s = chance.choice(_DELAYS_S) * chance.random() if chance.random() < 0.3 else None
@@ -104,7 +104,7 @@ def _exit_code(process: BaseProcess, limit_s: float) -> int:
     """How a process ends within a limit, without the time in which other programs had the processor.
 
     Raises:
-        Fell: if it does not; it is killed.
+        TrialFailed: if it does not; it is killed.
     """
     began_s, kept_waiting_s = time.monotonic(), _kept_waiting_s(process.pid or 0)
     left_s = limit_s
@@ -116,7 +116,7 @@ def _exit_code(process: BaseProcess, limit_s: float) -> int:
         where = _where(process.pid or 0)
         process.kill()
         process.join()
-        raise Fell(f"does not end within {limit_s:g} s: {where}")
+        raise TrialFailed(f"does not end within {limit_s:g} s: {where}")
     return process.exitcode
 
 
@@ -154,24 +154,24 @@ def _where(process: int) -> str:
 def _judged(code: int, said: str, is_interrupted: bool = False) -> str:
     """What a command came to: `interrupted` by 130 alone, and by nothing else if it was."""
     if code not in CODES or is_interrupted != (code == 130):
-        raise Fell(f"exit code {code}: {said[-_SHOWN:]!r}")
+        raise TrialFailed(f"exit code {code}: {said[-_SHOWN:]!r}")
     lines = [line for line in said.splitlines() if " connects to " not in line]
     errors = [line for line in lines if line.startswith("basecal: error: ")]
     if lines != errors or len(errors) != (code in (2, 3, 130)):
-        raise Fell(f"exit code {code}, and says {said[-_SHOWN:]!r}")
+        raise TrialFailed(f"exit code {code}, and says {said[-_SHOWN:]!r}")
     if any(not (each.isprintable() or each == "\n") for each in said):
-        raise Fell(f"says what steers a terminal: {said[-_SHOWN:]!r}")
+        raise TrialFailed(f"says what steers a terminal: {said[-_SHOWN:]!r}")
     return CODES[code]
 
 
 def by_seed(name: str, seed: int) -> tuple[Came, str]:
-    """What came of one session, and why it fell."""
+    """What came of one session, and why it failed."""
     with TemporaryDirectory(prefix="torment-", ignore_cleanup_errors=True) as folder:
         try:
             return session(name, Random(f"{name} {seed}"), Path(folder)), ""
-        except Fell as error:
+        except TrialFailed as error:
             print(f"{name}, seed {seed}: {error}", file=sys.stderr, flush=True)
-            return Came("fell", 0.0), str(error)[:_SHOWN]
+            return Came("failed", 0.0), str(error)[:_SHOWN]
 
 
 def sessions(name: str, first: int, count: int, at_once: int) -> Row:
@@ -184,8 +184,8 @@ def sessions(name: str, first: int, count: int, at_once: int) -> Row:
     for what in came:
         longest_s = max(each.took_s for each, _ in found if each.what == what)
         print(f"{name}: {what} {came[what]}, at most {longest_s:.2f} s", file=sys.stderr, flush=True)
-    fell = {str(seed): why for seed, (each, why) in zip(seeds, found, strict=True) if each.what == "fell"}
-    return Row(name, record.commit(), first, first + count, dict(came), {"fell": fell} if fell else {})
+    failures = {str(seed): why for seed, (each, why) in zip(seeds, found, strict=True) if each.what == "failed"}
+    return Row(name, record.commit(), first, first + count, dict(came), {"failed": failures} if failures else {})
 
 
 def _rows(names: Sequence[str], first: int, count: int, at_once: int) -> Iterator[Row]:
@@ -197,7 +197,7 @@ def _rows(names: Sequence[str], first: int, count: int, at_once: int) -> Iterato
 
 
 def main() -> int:
-    """Hold the sessions, print what came of them, and end with 1 if any fell."""
+    """Hold the sessions, print what came of them, and end with 1 after any failure."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sessions", type=int, default=200, help="of each driver")
     parser.add_argument("--at-once", type=int, default=8)
@@ -212,7 +212,7 @@ def main() -> int:
         if asked.record:
             record.write(record.added(record.read(asked.record), row), asked.record)
     print(table(("what", "sessions", "came"), [(row.what, sum(row.came.values()), row.came) for row in rows]))
-    return 1 if any(row.came.get("fell") for row in rows) else 0
+    return 1 if any(row.came.get("failed") for row in rows) else 0
 
 
 if __name__ == "__main__":

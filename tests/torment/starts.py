@@ -15,7 +15,7 @@ from basecal.cell.files import read_truth
 from basecal.geometry import SE3
 from basecal.vision.image_file import png_bytes
 from torment.cells import cell_text, made, write
-from torment.outcome import of_command
+from torment.outcome import run_command
 
 POSES = 5
 PHOTOS = 2
@@ -87,7 +87,7 @@ def _inverted() -> Path:
         found = SE3.from_quaternion(pose["q_xyzw"], pose["t_m"]).inverse()
         pose |= {"t_m": found.translation.tolist(), "q_xyzw": found.quaternion.tolist()}
     write(folder, made("pose").cell, samples, {})
-    of_command(["calibrate", str(folder)])
+    run_command(["calibrate", str(folder)])
     return folder
 
 
@@ -99,5 +99,5 @@ def start_cell(kind: str) -> Path:
     if kind != "images":
         return made(kind).folder
     folder = made("charuco").folder.parent / "images"
-    of_command(["simulate", str(folder), "--samples", str(PHOTOS), "--images"])
+    run_command(["simulate", str(folder), "--samples", str(PHOTOS), "--images"])
     return folder

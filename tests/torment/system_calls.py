@@ -24,7 +24,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from basecal.cli import main
-from torment.outcome import LONGEST_S, Fell, of_command
+from torment.outcome import LONGEST_S, TrialFailed, run_command
 from torment.record import table
 from torment.verbs import VERBS, check_after, files, prepared
 
@@ -75,7 +75,7 @@ def _inject(verb: str, site: Site, injected: str, folder: Path) -> str:
     """What came of a verb with a fault at one system call.
 
     Raises:
-        Fell: if it ended as none may, or the same command again is not right.
+        TrialFailed: if it ended as none may, or the same command again is not right.
     """
     words = prepared(verb, folder)
     before = files(folder)
@@ -83,7 +83,7 @@ def _inject(verb: str, site: Site, injected: str, folder: Path) -> str:
     happened = "INJECTED" in (folder / "trace").read_text() or code == KILLED
     (folder / "trace").unlink()
     if code not in (KILLED, 0, 1, 3, 4):
-        raise Fell(f"{verb}, {site.call} {site.number}, {injected}: exit code {code}")
+        raise TrialFailed(f"{verb}, {site.call} {site.number}, {injected}: exit code {code}")
     check_after(verb, folder, words, before)
     return "no fault" if not happened else "killed" if code == KILLED else "refused" if code == 3 else "answered"
 
@@ -92,7 +92,9 @@ def _inject(verb: str, site: Site, injected: str, folder: Path) -> str:
 def sites(verb: str) -> list[Site]:
     """Every system call of a verb that writes to files."""
     with TemporaryDirectory(prefix="torment-") as name:
-        of_command(prepared(verb, Path(name)))  # imports what it needs here, so that all later calls have their numbers
+        run_command(
+            prepared(verb, Path(name))
+        )  # imports what it needs here, so that all later calls have their numbers
     with TemporaryDirectory(prefix="torment-") as name:
         folder = Path(name)
         code = traced(prepared(verb, folder), folder, [], folder / "trace")
@@ -156,27 +158,27 @@ def _wait_until_held(process: int) -> None:
     end = time.monotonic() + LONGEST_S
     while "TracerPid:\t0\n" in Path(f"/proc/{process}/status").read_text():
         if time.monotonic() > end:
-            raise Fell("strace does not come")
+            raise TrialFailed("strace does not come")
         time.sleep(_STEP_S)
 
 
 def kill_everywhere() -> int:
-    """Kill every verb at each of its calls, print a table, and end with 1 if anything fell."""
+    """Kill every verb at each of its calls, print a table, and end with 1 after any failure."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", action="append", choices=list(VERBS))
     came = {verb: Counter(_kill_once(verb, site) for site in sites(verb)) for verb in parser.parse_args().only or VERBS}
-    lines = [(verb, counts.total(), counts["killed"], counts["fell"]) for verb, counts in came.items()]
-    print(table(("verb", "calls", "killed", "fell"), lines))
-    return 1 if any(counts["fell"] for counts in came.values()) else 0
+    lines = [(verb, counts.total(), counts["killed"], counts["failed"]) for verb, counts in came.items()]
+    print(table(("verb", "calls", "killed", "failed"), lines))
+    return 1 if any(counts["failed"] for counts in came.values()) else 0
 
 
 def _kill_once(verb: str, site: Site) -> str:
     with TemporaryDirectory(prefix="torment-") as folder:
         try:
             return _inject(verb, site, "signal=SIGKILL", Path(folder))
-        except Fell as error:
+        except TrialFailed as error:
             print(f"{site}: {error}", file=sys.stderr, flush=True)
-            return "fell"
+            return "failed"
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from random import Random
 import pytest
 
 from torment import disks, verbs
-from torment.outcome import Fell
+from torment.outcome import TrialFailed
 from torment.verbs import Verb, prepared
 
 
@@ -43,5 +43,5 @@ def test_read_only_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(verbs.VERBS, "silent", silent)
     prepared("silent", tmp_path / "b")
     monkeypatch.setattr(disks, "main", lambda words: 70)
-    with pytest.raises(Fell, match="where nothing may be written: exit code 70"):
+    with pytest.raises(TrialFailed, match="where nothing may be written: exit code 70"):
         disks.read_only(_Chosen("silent"), tmp_path / "c")

@@ -11,7 +11,7 @@ import pytest
 from basecal.errors import list_names
 from torment import guided, record
 from torment.guided import Reached, Words
-from torment.outcome import Fell
+from torment.outcome import TrialFailed
 
 
 def _drawn(chance: Random) -> list[object]:
@@ -54,11 +54,11 @@ def test_failure_is_reported_with_its_choices(
     """The failure can be repeated."""
 
     def fall(chance: Random, folder: Path) -> str:
-        raise Fell(f"by {chance.randrange(10)}")
+        raise TrialFailed(f"by {chance.randrange(10)}")
 
     monkeypatch.setitem(guided.KINDS, "poses", fall)
     came, _ = guided.guided("poses", range(3), Random(0))
-    assert came["fell"] == came.total() == 3
+    assert came["failed"] == came.total() == 3
     assert "poses: by" in capsys.readouterr().err
 
 
@@ -87,5 +87,5 @@ def test_fault_of_the_reader_is_a_failure(tmp_path: Path, monkeypatch: pytest.Mo
         list_names(None)  # type: ignore[arg-type]
 
     monkeypatch.setattr(guided, "read_frames", at_fault)
-    with pytest.raises(Fell, match="TypeError"):
+    with pytest.raises(TrialFailed, match="TypeError"):
         guided.read_bag(Random(1), tmp_path)

@@ -10,7 +10,7 @@ import pytest
 from basecal.exchange.exporters.registry import EXPORTERS
 from torment import hostile_cell
 from torment.hostile_cell import VERBS, Lure, harmless, lures, reached
-from torment.outcome import Fell
+from torment.outcome import TrialFailed
 from torment.system_calls import is_possible
 
 pytestmark = pytest.mark.skipif(not is_possible(), reason="needs strace, and leave to hold others")
@@ -44,7 +44,7 @@ def test_access_to_the_outside_is_found(tmp_path: Path, monkeypatch: pytest.Monk
     for name, message in (("open_outside", r"openat .*outside/eye"), ("connect", "connect")):
         (tmp_path / name).mkdir()
         monkeypatch.setattr(hostile_cell, "MAIN", f"torment.trespassers:{name}")
-        with pytest.raises(Fell, match=message):
+        with pytest.raises(TrialFailed, match=message):
             hostile_cell._try("detect", tmp_path / name, lure)
     monkeypatch.setattr(hostile_cell, "MAIN", "torment.trespassers:ask")
     (tmp_path / "ask").mkdir()
@@ -58,7 +58,7 @@ def test_each_lure_counts_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     def fake(verb: str, folder: Path, *numbers: int) -> str:
         tried.append(numbers)
         if 7 in numbers:
-            raise Fell(f"{folder}: reached")
+            raise TrialFailed(f"{folder}: reached")
         return "refused" if 12 in numbers else "answered"
 
     monkeypatch.setattr(hostile_cell, "_is_readable", lambda number: number != 1)
@@ -66,8 +66,8 @@ def test_each_lure_counts_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(hostile_cell, "_try", fake)
     row = hostile_cell.each("detect", range(40), 100)
     assert (row.first, row.end) == (100, 140)
-    assert row.came == {"answered": 38, "refused": 1, "fell": 1}
-    assert row.seeds == {"fell": {"107": ": reached"}}
+    assert row.came == {"answered": 38, "refused": 1, "failed": 1}
+    assert row.seeds == {"failed": {"107": ": reached"}}
     assert (1,) in tried
     assert (0, 5, 10, 15, 20, 25, 30, 35) in tried
     assert len(tried) < 40

@@ -15,14 +15,14 @@ def test_runs_are_summed(tmp_path: Path) -> None:
     """A run that continues another of its commit is joined to it; another commit has its own row."""
     path, rows = tmp_path / "torment.json", []
     rows = added(rows, Row("poses", "a1", 10, 15, {"answered": 2, "refused": 3}))
-    rows = added(rows, Row("poses", "a1", 15, 16, {"fell": 1}, {"fell": {"15": "why"}}))
+    rows = added(rows, Row("poses", "a1", 15, 16, {"failed": 1}, {"failed": {"15": "why"}}))
     rows = added(rows, Row("poses", "b2", 16, 18, {"refused": 2}))
     write(rows, path)
     assert (
         read(path)
         == rows
         == [
-            Row("poses", "a1", 10, 16, {"answered": 2, "refused": 3, "fell": 1}, {"fell": {"15": "why"}}),
+            Row("poses", "a1", 10, 16, {"answered": 2, "refused": 3, "failed": 1}, {"failed": {"15": "why"}}),
             Row("poses", "b2", 16, 18, {"refused": 2}),
         ]
     )

@@ -13,10 +13,10 @@ import pytest
 from shared.needed import needed
 from torment import devices, sessions
 from torment.faulty_link import FAULTS, FaultyLink, linked, played
-from torment.outcome import Fell
+from torment.outcome import TrialFailed
 from torment.sessions import SESSIONS, by_seed
 
-# Seeds that once fell: a crash of ur-rtde, its own words on stderr, those of FFmpeg, a silent cell
+# Seeds that once failed: a crash of ur-rtde, its own words on stderr, those of FFmpeg, a silent cell
 FOUND = [("driver ur", seed) for seed in (0, 4, 5)] + [("driver opencv", seed) for seed in (0, 1, 2, 3)]
 FOUND += [("driver simulated, peer", seed) for seed in (0, 1)]
 
@@ -26,7 +26,7 @@ FOUND += [("driver simulated, peer", seed) for seed in (0, 1)]
 def test_earlier_failures_are_fixed(name: str, seed: int) -> None:
     """These sessions failed once, and are repeated by their seed."""
     needed({"driver ur": "rtde_receive"}.get(name, "cv2"), "ur")
-    assert by_seed(name, seed)[0].what != "fell"
+    assert by_seed(name, seed)[0].what != "failed"
 
 
 @pytest.mark.slow
@@ -34,7 +34,7 @@ def test_earlier_failures_are_fixed(name: str, seed: int) -> None:
 def test_sessions_end_as_allowed(name: str) -> None:
     """Six sessions of each driver run at once."""
     row = sessions.sessions(name, 100, 6, 6)
-    assert "fell" not in row.came, row.seeds
+    assert "failed" not in row.came, row.seeds
 
 
 def said(fault: str, after: int) -> bytes:
@@ -72,7 +72,7 @@ def test_faults_act_as_named() -> None:
 )
 def test_forbidden_ends_of_sessions_are_found(code: int, words: str) -> None:
     """Internal faults, crashes, raw messages of a library, and silence are found."""
-    with pytest.raises(Fell):
+    with pytest.raises(TrialFailed):
         sessions._judged(code, words)
     assert sessions._judged(3, "c connects to d\nbasecal: error: x\n") == "refused"
 
@@ -82,7 +82,7 @@ def test_interrupted_session_exits_with_code_130() -> None:
     said = "basecal: error: interrupted\n"
     assert sessions._judged(130, said, is_interrupted=True) == "interrupted"
     for code, words, is_interrupted in ((130, said, False), (0, "", True), (3, "basecal: error: x\n", True)):
-        with pytest.raises(Fell):
+        with pytest.raises(TrialFailed):
             sessions._judged(code, words, is_interrupted)
 
 
@@ -100,7 +100,7 @@ def test_session_is_interrupted_after_its_report(tmp_path: Path) -> None:
     assert not sessions._reports(long.pid or 0, said)
     said.write_text("c connects to d\n")
     assert sessions._runs_until(long, said, 0.0)
-    with pytest.raises(Fell, match="does not end within"):
+    with pytest.raises(TrialFailed, match="does not end within"):
         sessions._exit_code(long, 0.01)
     assert not long.is_alive()
 

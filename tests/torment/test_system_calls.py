@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from torment import system_calls, verbs
-from torment.outcome import Fell
+from torment.outcome import TrialFailed
 from torment.system_calls import Site, is_possible
 from torment.verbs import VERBS, Verb, files, prepared
 
@@ -63,7 +63,7 @@ def test_writing_in_place_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(verbs.VERBS, "in place", Verb("pose", lambda folder: ["in place"], lambda folder: True))
     monkeypatch.setattr(system_calls, "main", main)
     prepared("in place", tmp_path / "a")
-    with pytest.raises(Fell, match=r"changed \['poses\.txt'\]"):
+    with pytest.raises(TrialFailed, match=r"changed \['poses\.txt'\]"):
         system_calls.kill(_Chosen("in place", Site("write", 1)), tmp_path)
 
 

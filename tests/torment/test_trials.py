@@ -11,12 +11,12 @@ import pytest
 
 from torment import outcome, run
 from torment.damage import at, damaged, places
-from torment.outcome import Fell, of_command, of_reader, time_limit
+from torment.outcome import TrialFailed, run_command, run_reader, time_limit
 from torment.readers import READERS
 from torment.run import TRIALS, counts_table, torment, tried
 from torment.sessions import SESSIONS
 
-# Seeds that once fell
+# Seeds that once failed
 FOUND = (
     ("samples.jsonl", 258),
     ("samples.jsonl", 882),
@@ -80,27 +80,27 @@ def test_waiting_process_fails_and_slow_process_continues(monkeypatch: pytest.Mo
         end = time.process_time() + 0.5
         while time.process_time() < end:
             pass
-    with pytest.raises(Fell, match="took more than 2 s"), time_limit(2):
+    with pytest.raises(TrialFailed, match="took more than 2 s"), time_limit(2):
         time.sleep(5)
 
 
 def test_failures_are_found(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """A traceback, a hang, and an exit code outside the contract are reported with their seed and counted."""
-    with pytest.raises(Fell, match="ZeroDivisionError"):
-        of_reader(lambda: 1 // 0)
-    with pytest.raises(Fell, match=r"took more than 0\.3 s"), time_limit(0.3):
+    with pytest.raises(TrialFailed, match="ZeroDivisionError"):
+        run_reader(lambda: 1 // 0)
+    with pytest.raises(TrialFailed, match=r"took more than 0\.3 s"), time_limit(0.3):
         _without_end()
     monkeypatch.setattr("basecal.cell.files.read_cell", lambda folder: 1 // 0)
-    with pytest.raises(Fell, match=r"exit code 70: .*ZeroDivisionError.*test_trials\.py"):
-        of_command(["calibrate", "x"])
+    with pytest.raises(TrialFailed, match=r"exit code 70: .*ZeroDivisionError.*test_trials\.py"):
+        run_command(["calibrate", "x"])
 
     def falling(chance: Random, folder: Path) -> str:
-        raise Fell("on purpose")
+        raise TrialFailed("on purpose")
 
     monkeypatch.setitem(run.TRIALS, "poses", falling)
     rows = list(torment(["poses"], 9.0, 5, 2))
     assert [(row.first, row.came, row.seeds) for row in rows] == [
-        (seed, {"fell": 1}, {"fell": {str(seed): "on purpose"}}) for seed in (5, 6)
+        (seed, {"failed": 1}, {"failed": {str(seed): "on purpose"}}) for seed in (5, 6)
     ]
     assert "poses, seed 6: on purpose" in capsys.readouterr().err
-    assert "| poses | 2 | 0 | 0 |  | 2 |" in counts_table({"poses": Counter({"fell": 2})})
+    assert "| poses | 2 | 0 | 0 |  | 2 |" in counts_table({"poses": Counter({"failed": 2})})

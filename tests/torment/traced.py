@@ -19,7 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from torment.outcome import LONGEST_S, Fell
+from torment.outcome import LONGEST_S, TrialFailed
 
 COMMAND = "basecal.cli:main"
 _NEW_NETWORK = 0x40000000  # CLONE_NEWNET
@@ -84,7 +84,7 @@ class TracedServer:
         end = time.monotonic() + LONGEST_S
         while not (trace.exists() and b"+++ " in trace.read_bytes()[-80:]):
             if time.monotonic() > end:
-                raise Fell("strace does not end its trace")
+                raise TrialFailed("strace does not end its trace")
             time.sleep(_STEP_S)
 
 

@@ -28,7 +28,7 @@ from torment.foreign import read_damaged_film, read_damaged_tables
 from torment.hostile_cell import hostile_cell
 from torment.numbers import calibrate_strange
 from torment.others import OTHERS
-from torment.outcome import Fell, of_command, of_reader
+from torment.outcome import TrialFailed, run_command, run_reader
 from torment.sessions import SESSIONS
 from torment.writes import write_fault
 
@@ -43,7 +43,7 @@ def calibrate_damaged(chance: Random, folder: Path) -> str:
     if chance.random() < 0.7:
         samples = damaged(samples, chance)
     write(folder, cell, samples if isinstance(samples, list) else [samples], urdfs)
-    what, code, out = of_command(["calibrate", str(folder), "--json"])
+    what, code, out = run_command(["calibrate", str(folder), "--json"])
     return moved_or_good(kind, json.loads(out)) if code == 0 else what
 
 
@@ -54,7 +54,7 @@ def verify_damaged(chance: Random, folder: Path) -> str:
     samples = damaged(few, chance)
     lines = samples if isinstance(samples, list) else [samples]
     (folder / "new.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
-    return of_command(["verify", str(made(kind).folder), str(folder / "new.jsonl"), "--json"])[0]
+    return run_command(["verify", str(made(kind).folder), str(folder / "new.jsonl"), "--json"])[0]
 
 
 def compare_damaged(chance: Random, folder: Path) -> str:
@@ -63,7 +63,7 @@ def compare_damaged(chance: Random, folder: Path) -> str:
     assert run is not None
     data = damaged(json.loads((run / "calibration.json").read_text()), chance)
     (folder / "calibration.json").write_text(json.dumps(data))
-    return of_command(["compare", str(run), str(folder), *chance.choice(([], ["--json"]))])[0]
+    return run_command(["compare", str(run), str(folder), *chance.choice(([], ["--json"]))])[0]
 
 
 def plan_damaged(chance: Random, folder: Path) -> str:
@@ -76,7 +76,7 @@ def plan_damaged(chance: Random, folder: Path) -> str:
         samples = damaged(samples, chance)
     write(folder, cell, samples if isinstance(samples, list) else [samples], made(kind).urdfs)
     words = ["plan", str(folder), "--samples", "1", "--task-point", "0.5", "0", "0.3"]
-    return of_command([*words, *chance.choice(([], ["--json"]))])[0]
+    return run_command([*words, *chance.choice(([], ["--json"]))])[0]
 
 
 _STUDY: dict[str, Any] = {
@@ -93,8 +93,8 @@ def study_damaged(chance: Random, folder: Path) -> str:
     data = damaged({**_STUDY, "hold": {**_STUDY["hold"], "solver": chance.choice([*SOLVERS])}}, chance, faults=2)
     (folder / "a.yaml").write_text(cell_text(data))
     if isinstance(data, dict) and any(key in data and data[key] != _STUDY[key] for key in ("trials", "cells")):
-        return of_reader(lambda: read_study(folder / "a.yaml"))
-    return of_command(["study", str(folder / "a.yaml"), "-o", str(folder / "out"), "--workers", "1"])[0]
+        return run_reader(lambda: read_study(folder / "a.yaml"))
+    return run_command(["study", str(folder / "a.yaml"), "-o", str(folder / "out"), "--workers", "1"])[0]
 
 
 _VERBS = (
@@ -180,7 +180,7 @@ def command_line(chance: Random, folder: Path) -> str:
     if any(word.startswith(_ELSEWHERE) for word in words):
         return "refused"
     with contextlib.chdir(folder):
-        return of_command(words)[0]
+        return run_command(words)[0]
 
 
 class _Active(HTMLParser):
@@ -218,7 +218,7 @@ def hostile_page(chance: Random, folder: Path) -> str:
         return "refused"
     added = set(_active(shown)) - set(before)
     if added:
-        raise Fell(f"the page has {sorted(added)} by {hostile!r}")
+        raise TrialFailed(f"the page has {sorted(added)} by {hostile!r}")
     return "answered"
 
 

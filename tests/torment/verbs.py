@@ -10,7 +10,7 @@ from typing import NamedTuple
 import basecal.cli.demo as demo
 from basecal.cell.files import latest_run, read_calibration, read_cell, read_recording, read_verifications
 from torment.cells import made
-from torment.outcome import Fell, of_command
+from torment.outcome import TrialFailed, run_command
 from torment.starts import PHOTOS, POSES, replayed, start_cell, unrecorded, with_bag, with_dataset, with_study
 
 _SIMULATED = 3
@@ -189,7 +189,7 @@ def check_after(name: str, folder: Path, words: list[str], before: dict[str, byt
     """After a verb was cut off: what was there is as it was, and the same command again does what it says.
 
     Raises:
-        Fell: if not, or if a sample that was recorded is lost.
+        TrialFailed: if not, or if a sample that was recorded is lost.
     """
     after, completes = files(folder), VERBS[name].completes
     changed = [
@@ -198,19 +198,19 @@ def check_after(name: str, folder: Path, words: list[str], before: dict[str, byt
         if path not in completes and after.get(path) != content and not _is_continued(path, content, after)
     ]
     if [path for path in changed if not path.endswith(("report.html", "report.txt"))]:
-        raise Fell(f"{name}: changed {changed}")
-    _, code, said = of_command(words)
+        raise TrialFailed(f"{name}: changed {changed}")
+    _, code, said = run_command(words)
     try:
         right = VERBS[name].right(folder)
     except (OSError, ValueError) as error:
-        raise Fell(f"{name} again, which ended with {code}: {error}") from error
+        raise TrialFailed(f"{name} again, which ended with {code}: {error}") from error
     if not right:
-        raise Fell(f"{name} again: not what it says, and it ended with {code}: {said[-200:]!r}")
+        raise TrialFailed(f"{name} again: not what it says, and it ended with {code}: {said[-200:]!r}")
     final = files(folder)
     halves = [path for path in completes if after[path] not in (before[path], final[path])]
     lost = [path for path, content in after.items() if path not in completes and _is_lost(path, content, final)]
     if halves or lost:
-        raise Fell(f"{name}: half of {halves} is there, and samples of {lost} are lost")
+        raise TrialFailed(f"{name}: half of {halves} is there, and samples of {lost} are lost")
 
 
 def _is_continued(path: str, content: bytes, after: dict[str, bytes]) -> bool:

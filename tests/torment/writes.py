@@ -12,7 +12,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from torment.outcome import Fell, of_command
+from torment.outcome import TrialFailed, run_command
 from torment.verbs import VERBS, check_after, files, prepared
 
 _CALLS = ("open", "mkdir", "replace", "rename", "fsync", "unlink", "rmdir")
@@ -90,8 +90,8 @@ def write_fault(chance: Random, folder: Path) -> str:
     before = files(folder)
     at, fault = chance.randint(1, 20), chance.choice([None, *_FAULTS])
     with faulty(at, fault) as faults, suppress(Killed):
-        _, code, _ = of_command(words)
+        _, code, _ = run_command(words)
         if faults.count >= at and fault is not None and code not in (0, 1, 3):
-            raise Fell(f"{verb}: exit code {code} at write {at}")
+            raise TrialFailed(f"{verb}: exit code {code} at write {at}")
     check_after(verb, folder, words, before)
     return "no fault" if faults.count < at else "killed" if fault is None else "refused"
