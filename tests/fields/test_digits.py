@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from basecal.fields.digits import two_digits
+from basecal.fields.digits import p_value_text, two_digits
 
 
 @pytest.mark.parametrize(
@@ -27,3 +27,12 @@ from basecal.fields.digits import two_digits
 def test_two_digits(value: float, shown: str) -> None:
     """Without an exponent; the whole part is never cut, and rounding adds no digit."""
     assert two_digits(value) == shown
+
+
+@pytest.mark.parametrize(
+    ("chance", "shown"),
+    [(0.4, "p = 0.4"), (2.31e-9, "p = 2.3e-09"), (1e-299, "p = 1e-299"), (5e-324, "p < 1e-300"), (0.0, "p < 1e-300")],
+)
+def test_a_p_value_is_never_zero(chance: float, shown: str) -> None:
+    """A probability that underflows is a bound."""
+    assert p_value_text(chance) == shown

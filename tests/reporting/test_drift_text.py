@@ -65,6 +65,7 @@ def test_nothing_moved_names_nothing() -> None:
     single = replace(still, samples=(40,))
     assert verification_text(single).splitlines()[0] == "NOT MOVED: 1 sample agrees with the calibration"
     assert verification_text(replace(MOVED, samples=(40,))).startswith("MOVED: 1 sample is not explained")
+    assert "(p < 1e-300)" in verification_text(replace(MOVED, chance=0.0))
 
 
 def test_what_cannot_be_told_says_what_to_do() -> None:

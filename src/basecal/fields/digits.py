@@ -14,6 +14,11 @@ def two_digits(value: float) -> str:
     return "0" if float(text) == 0 else text
 
 
+def p_value_text(chance: float, digits: int = 2) -> str:
+    """A p-value, such as `p = 2.3e-09`; one too small for a number is `p < 1e-300`."""
+    return f"p = {chance:.{digits}g}" if chance > 1e-300 else "p < 1e-300"
+
+
 def two_digit_decimals(size: float, limit: int = _MOST_DECIMALS) -> int:
     """Number of decimals with which a positive number has two significant digits; at most `limit`."""
     if size == 0 or not math.isfinite(size):

@@ -16,7 +16,7 @@ from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL
 from basecal.cell import PastVerification
 from basecal.effects.faces.effect import format_tangent, format_with_sigma
 from basecal.errors import count_text
-from basecal.fields.digits import two_digits
+from basecal.fields.digits import p_value_text, two_digits
 from basecal.reporting.statement.verdict import error_text
 
 _TIME_FORMAT = "%Y-%m-%d %H:%M"
@@ -60,7 +60,7 @@ def verification_text(verification: Verification) -> str:
     else:
         likeliest = _shift_sentence(verification.shift)
         verb = "is" if is_single else "are"
-        lines = [f"MOVED: {count} {verb} not explained (p = {verification.chance:.2g}); most likely {likeliest}"]
+        lines = [f"MOVED: {count} {verb} not explained ({p_value_text(verification.chance)}); most likely {likeliest}"]
         if verification.alternatives:
             others = ", ".join(_frame_or_joint(other) for other in verification.alternatives)
             lines.append(f"as likely, or nearly: {others}; samples with other rotations of both arms distinguish them")
@@ -124,7 +124,9 @@ def history_text(history: Sequence[PastVerification], drifts: Sequence[Drift]) -
     for each in history:
         outcome = {False: "not moved", None: "cannot tell"}.get(each.moved, f"MOVED, {each.frame}")
         shifts = [f"{name} {error_text(float(np.linalg.norm(s.t_m)), None)}" for name, s in each.shifts.items()]
-        lines.append(f"{each.when.strftime(_TIME_FORMAT)}  {outcome} (p = {each.chance:.2g})  {', '.join(shifts)}")
+        lines.append(
+            f"{each.when.strftime(_TIME_FORMAT)}  {outcome} ({p_value_text(each.chance)})  {', '.join(shifts)}"
+        )
     return "\n".join([*lines, *map(drift_sentence, drifts)])
 
 
@@ -133,7 +135,7 @@ def drift_sentence(drift: Drift) -> str:
     speed, sigma = 1e3 * float(np.linalg.norm(drift.m_per_day)), 1e3 * float(np.linalg.norm(drift.sigma))
     verb = "drifts" if drift.chance < MOVED_LEVEL else "does not drift:"
     rate = f"{format_with_sigma(speed, sigma)} mm a day"
-    return f"{drift.transform} {verb} {rate} over {drift.count} checks (p = {drift.chance:.2g})"
+    return f"{drift.transform} {verb} {rate} over {drift.count} checks ({p_value_text(drift.chance)})"
 
 
 def comparison_dict(names: Sequence[str], comparisons: Sequence[Comparison]) -> dict[str, Any]:
@@ -175,7 +177,7 @@ def comparison_text(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
     for name, each in zip(names[1:], comparisons, strict=True):
         lines.append(f"{name} against {names[0]}")
         for transform, d in each.transforms.items():
-            sigmas = "" if d.sigmas is None else f"  {d.sigmas:.1f} sigma (p = {d.chance:.2g})"
+            sigmas = "" if d.sigmas is None else f"  {d.sigmas:.1f} sigma ({p_value_text(d.chance)})"
             lines.append(f"  {transform}  {error_text(d.shift_m, d.shift_rad)}{sigmas}")
         lines += [
             f"  {transform} is only in {names[0] if which == 0 else name}" for transform, which in each.only.items()

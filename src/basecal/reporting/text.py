@@ -17,7 +17,7 @@ from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.exports.digits import format_decimals
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
-from basecal.fields.digits import two_digits
+from basecal.fields.digits import p_value_text, two_digits
 from basecal.geometry import Array, Camera, PoseEstimate
 from basecal.geometry.lenses.registry import find_lens
 from basecal.reporting.cell_view.sample_labels import is_measured, misfit
@@ -288,7 +288,7 @@ def local_rows(calibration: Calibration) -> Iterator[str]:
         local_mm, global_mm = (two_digits(1e3 * length) for length in (part.local_m, part.global_m))
         errors = f"held-out {local_mm} mm by a local calibration, {global_mm} mm by the global"
         choice = "use the local one there" if part.is_better else "use the global one"
-        yield f"{subject}: {errors}; p = {part.chance:.2g} for such a difference by noise alone; {choice}"
+        yield f"{subject}: {errors}; {p_value_text(part.chance)} for such a difference by noise alone; {choice}"
 
 
 def _sigma(key: str, value: float | Array) -> str:

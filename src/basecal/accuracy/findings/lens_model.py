@@ -7,7 +7,7 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.lens_structure import LensStructure
 from basecal.cell import Finding
-from basecal.fields.digits import two_digits
+from basecal.fields.digits import p_value_text, two_digits
 
 # Sigmas by which a requested transform has to shift for a warning: less is within its uncertainty; assumed.
 _RELEVANT_SIGMAS = 1.0
@@ -24,8 +24,8 @@ def lens_model(evidence: Evidence) -> list[Finding]:
         ]
         worst = max(shifts, default=0.0)
         what = f"Residuals of {found.camera} depend on their position in the image: {two_digits(found.rms_px)} px rms."
-        moved = f"which moves the answer by {worst:.1f} sigma"
-        why = f"Its lens model cannot represent them (chance {found.chance:.0e}), {moved}. The covariance covers it."
+        chance = f"Its lens model cannot represent them ({p_value_text(found.chance, 1)})."
+        why = f"{chance} They move the answer by up to {worst:.1f} sigma, which the covariance contains."
         do = "Try another lens model or more distortion terms.", "Fill the images to their corners."
         findings.append(
             Finding("lens-model", "warning" if worst > _RELEVANT_SIGMAS else "info", (found.camera,), what, do, why)

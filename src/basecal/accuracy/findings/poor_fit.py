@@ -9,7 +9,7 @@ from basecal.accuracy.findings.touch_noise import is_touch_noise
 from basecal.accuracy.stated_sigmas import ContradictedSigma, is_implausibly_small
 from basecal.cell import Finding
 from basecal.estimation.noise.estimate import PLAUSIBLE_PX
-from basecal.fields.digits import two_digits
+from basecal.fields.digits import p_value_text, two_digits
 from basecal.geometry import Array
 
 # Ratio of true to stated sigma without a warning: the covariance is estimated, and the answer hardly changes; assumed.
@@ -59,9 +59,9 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
         what = f"Noise of {whose} is {two_digits(sigma.ratio)} times the stated noise."
         why = "The covariance is wider than necessary."
         return Finding("poor-fit", "info", about, what, ("State the smaller sigmas.",), why)
-    what = f"Residuals of {whose} are {sigma.ratio:.2f} times what the stated sigmas explain."
-    chance = f"The probability of this by chance is {sigma.chance:.0e}."
-    why = f"{chance} The covariance is that of the estimated noise."
+    excess = f"{sigma.ratio:.2f} times what the stated sigmas explain ({p_value_text(sigma.chance, 1)})"
+    what = f"Residuals of {whose} are {excess}."
+    why = "The covariance is that of the estimated noise."
     do = ("Check units, directions, the lens and the target's size, or state larger sigmas.",)
     return Finding("poor-fit", "warning" if sigma.ratio > _LITTLE_RATIO else "info", about, what, do, why)
 

@@ -20,7 +20,7 @@ from basecal.acquisition.running.estimate import RunningEstimate, running_estima
 from basecal.cell import Cell, Recording, Sample
 from basecal.effects.faces.effect import FoundEffect
 from basecal.effects.registry import describe_effect
-from basecal.fields.digits import two_digits
+from basecal.fields.digits import p_value_text, two_digits
 
 _WINDOW_SAMPLES = 3  # samples that are tested together, for effects too small for one sample
 _EXPLAINED = 1e-3  # p-value of the remaining residuals above which a cause explains the samples
@@ -136,8 +136,8 @@ def _error_key(error: FoundEffect | None) -> tuple[str, ...]:
 def _first_doubt(sample: Sample, single: Disagreement) -> Doubt:
     """The doubt about a sample that disagrees, before the next sample shows the cause."""
     message = (
-        f"Sample {sample.sample} disagrees with the samples before it (chance {single.chance:.1g}). Its image and "
-        f"its pose do not belong together, or {cause_of_shifts(single.causes, sample.sample)}"
+        f"Sample {sample.sample} disagrees with the samples before it ({p_value_text(single.chance, 1)}). Its image "
+        f"and its pose do not belong together, or {cause_of_shifts(single.causes, sample.sample)}"
     )
     return Doubt(sample.sample, message, is_lasting=False, repeats=True)
 
