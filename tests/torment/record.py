@@ -170,10 +170,12 @@ def _seeds(trial: str, tried: Counter[str], modules: Mapping[str, str]) -> str:
     named = set(re.findall(r"(\w+)\.py", trial))
     alone = re.findall(r"`([\w ]+)` of `", trial)
     kinds = alone or [kind for kind, module in modules.items() if module in named or "outcome" in named]
-    counts = [tried[kind] for kind in kinds]
-    if not counts:
+    if not kinds:
         return "tests"
-    return f"{sum(counts):,}" + (f" of {len(counts)} kinds, at least {min(counts):,} each" if len(counts) > 1 else "")
+    counts = [tried[kind] for kind in kinds if tried[kind]]
+    text = f"{sum(counts):,}" + (f" of {len(counts)} kinds, at least {min(counts):,} each" if len(counts) > 1 else "")
+    missing = [kind for kind in kinds if not tried[kind]]
+    return f"{text}; not yet tried: {', '.join(missing)}" if missing and counts else text
 
 
 def trial_modules() -> dict[str, str]:

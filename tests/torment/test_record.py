@@ -67,14 +67,14 @@ def test_promises_have_the_recorded_counts() -> None:
 
 
 def test_promise_counts_the_seeds_of_its_trials() -> None:
-    """They are those of the named modules, of a single kind, or cases of tests."""
+    """The seeds are those of the named modules, of a single kind, or cases of tests; untried kinds are named."""
     modules = {"poses": "readers", "URDF": "readers", "page": "trials", "view": "others"}
     tried = Counter({"poses": 1500, "URDF": 20, "page": 3})
     for trial, expected in (
         ("`tests/torment/readers.py`", "1,520 of 2 kinds, at least 20 each"),
         ("`tests/torment/others.py`, `tests/test_box.py`", "0"),
         ("`page` of `tests/torment/trials.py`", "3"),
-        ("`tests/torment/outcome.py`, every command", "1,523 of 4 kinds, at least 0 each"),
+        ("`tests/torment/outcome.py`, every command", "1,523 of 3 kinds, at least 3 each; not yet tried: view"),
         ("`tests/test_box.py`", "tests"),
     ):
         assert record._seeds(trial, tried, modules) == expected
