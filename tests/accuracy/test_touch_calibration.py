@@ -36,8 +36,7 @@ def test_two_marks_leave_the_rotation_about_their_line():
     words = f"along ({line[0]:.2f}, {line[1]:.2f}, {line[2]:.2f}) in eye_base is unobservable"
     (finding,) = (each for each in found.findings if words in each.what)
     assert finding.do == (
-        "A third mark at least 0.3 m off the line through mark_a and mark_b fixes the rotation about it.",
-        "Touch it with eye_tip and hand_tip.",
+        "Touch a third mark, at least 0.3 m off the line through mark_a and mark_b, with eye_tip and hand_tip.",
     )
 
 

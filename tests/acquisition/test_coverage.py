@@ -47,7 +47,7 @@ def test_missing_rotation_is_advised():
     samples = [sample(k, turn=0.2 * k) for k in range(5)]
     found = measure_coverage(SKETCH, samples)
     np.testing.assert_allclose(found.rotation_ranges_rad["eye"], [0, 0, 0.8], atol=1e-9)
-    assert found.advice(5) in {"turn eye further about x", "turn eye further about y"}
+    assert found.advice(5) in {"rotate eye further about x", "rotate eye further about y"}
     assert found.advice(4) == ""
 
 
@@ -81,7 +81,9 @@ def test_only_pixels_of_the_camera_cover_its_image():
 
 
 @pytest.mark.parametrize(("degrees", "advice"), [
-    ([15.1, 15.1, 15.1], ""), ([15.1, 15.1, 14.9], "turn a further about z"), ([14, 13, 16], "turn a further about y"),
+    ([15.1, 15.1, 15.1], ""),
+    ([15.1, 15.1, 14.9], "rotate a further about z"),
+    ([14, 13, 16], "rotate a further about y"),
 ])  # fmt: skip
 def test_fifteen_degrees_about_each_axis_are_enough(degrees, advice):
     """Below that, the axis of the least rotation is reported for the first such robot."""
@@ -90,7 +92,7 @@ def test_fifteen_degrees_about_each_axis_are_enough(degrees, advice):
     assert coverage.advice(5) == advice
     assert coverage.advice(4) == ""
     both = Coverage(coverage.cells, {"c": np.radians([1.0, 0, 0]), **turned})
-    assert both.advice(9) == "turn c further about y"
+    assert both.advice(9) == "rotate c further about y"
 
 
 def test_rotation_range_is_over_all_samples():

@@ -66,7 +66,7 @@ def test_advice_comes_from_the_coverage():
     watch = Watch()
     assert watch.snapshot.advice == ""
     watch.note(step(6))
-    assert watch.snapshot.advice == "turn eye further about x"
+    assert watch.snapshot.advice == "rotate eye further about x"
 
 
 def test_last_eight_lines_are_shown():

@@ -140,7 +140,7 @@ def test_advice_and_doubts_are_printed(capsys: pytest.CaptureFixture[str]) -> No
     doubts = (Doubt(3, "eye moved", True), Doubt(3, "blurred", False))
     say_step(replace(step(), coverage=half, sigma=None, taken=5, doubts=doubts))
     assert capsys.readouterr().out.splitlines() == [
-        "   5/9 sample 3: taken, 50 % of the image; turn eye further about y",
+        "   5/9 sample 3: taken, 50 % of the image; rotate eye further about y",
         "  WARNING: eye moved",
         "  check: blurred",
     ]

@@ -12,6 +12,7 @@ from cyclopts import App
 from tests.journeys.raw import cell
 from tests.shared.rewriting import inverted, with_robots
 
+from basecal.accuracy.input_screening.quick_look import QuickLook
 from basecal.cell import Cell, PoseObservation, Recording, RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli.importing import finish_import, import_app, import_verb, say_conventions
@@ -158,6 +159,18 @@ def test_undecided_conventions_are_reported(capsys: pytest.CaptureFixture[str]) 
     is_wrong, out, _ = said(Recording(MADE.recording.samples[:3]), capsys)
     expected = "conventions are not determined by 3 views: 5 with the robots' poses are needed\n"
     assert (is_wrong, out) == (False, expected)
+
+
+@pytest.mark.parametrize(
+    ("views", "ending"), [(0, ": a reason"), (1, " by 1 view: a reason"), (2, " by 2 views: a reason")]
+)
+def test_views_that_were_not_tested_are_not_counted(
+    views: int, ending: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a test of conventions there is a reason and no number."""
+    look = QuickLook(views, undetermined="a reason")
+    monkeypatch.setattr("basecal.accuracy.input_screening.quick_look.quick_look", lambda *_: look)
+    assert said(MADE.recording, capsys)[1] == f"conventions are not determined{ending}\n"
 
 
 def test_detections_are_kept_for_calibration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

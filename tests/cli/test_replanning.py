@@ -81,8 +81,8 @@ def test_samples_are_planned_up_to_their_limit(made: Making) -> None:
 
 
 @pytest.mark.parametrize(("latest", "reached", "words"), [
-    (plan(0), True, "reached: 95 % of errors are expected below 0.25 mm"),
-    (plan(0, expected_m=None), True, "reached: 95 % of errors are expected below 0 mm"),
+    (plan(0), True, "is reached: 95 % of errors are expected below 0.25 mm"),
+    (plan(0, expected_m=None), True, "is reached"),
     (plan(4), False, "needs 4 more samples"),
     (plan(4, reachable=False, budget=[SimpleNamespace(source="noise")]), False, "largest part of the error is noise"),
     (plan(0, reachable=False), False, "cannot be reached"),

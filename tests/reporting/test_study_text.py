@@ -88,7 +88,7 @@ def test_orders_lengths_and_slips_are_told():
     assert orders[2] == "  5%: 5.0000 before, 10.0000 after; rotations differ by 3e-16"
     lengths = next(lines for title, lines in BLOCKS.items() if title.startswith("rms error of one"))
     assert numbers(lengths[1]) == pytest.approx([0.1, 0.1, 0.2, 0.3, 0.1, 0.2, 0.3])
-    assert BLOCKS["slips of the paper:"] == ["slips of the paper:", "  - a sign", "  - a column"]
+    assert BLOCKS["errors of the paper:"] == ["errors of the paper:", "  - a sign", "  - a column"]
 
 
 def test_figures_have_a_line_for_each_way():

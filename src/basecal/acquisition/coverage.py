@@ -44,7 +44,7 @@ class Coverage:
         for robot, angles_rad in self.rotation_ranges_rad.items():
             axis = int(np.argmin(angles_rad))
             if angles_rad[axis] < _ENOUGH_ROTATION_RAD:
-                return f"turn {robot} further about {'xyz'[axis]}"
+                return f"rotate {robot} further about {'xyz'[axis]}"
         return ""
 
 

@@ -39,8 +39,9 @@ def demo(
     Two UR5e, a camera and a board run as a separate process. The arms move to 25
     poses, images are taken at rest, and the board is detected. Mounts and base
     are unknown. With --led the demo follows the paper. At several stations an LED
-    is shifted along its axes in front of a fixed camera, with images on and off.
-    The closed form and maximum likelihood are both compared with the truth.
+    is shifted along its axes in front of a fixed camera, with images of the LED
+    on and off. The closed form and maximum likelihood are both compared with the
+    truth.
 
     For example:
 

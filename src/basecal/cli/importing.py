@@ -193,10 +193,11 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> tuple[Fin
             look = quick_look(cell, few, len(few.samples) == len(recording.samples))
     for finding in look.findings:
         message = fill_in_command(finding, folder).message
-        say(f"basecal: warning: {finding.code}, by {look.views} views: {message}", sys.stderr)
+        say(f"basecal: warning: {finding.code}, by {count_text(look.views, 'view')}: {message}", sys.stderr)
     if look.error is not None:
         others = "no other direction, unit, order or pairing does better"
         say(f"conventions hold: each of {look.views} views is predicted by the others to {look.error}, and {others}")
     elif not look.findings:
-        say(f"conventions are not determined by {look.views} views: {look.undetermined}")
+        of_views = f" by {count_text(look.views, 'view')}" if look.views else ""
+        say(f"conventions are not determined{of_views}: {look.undetermined}")
     return tuple(finding for finding in look.findings if finding.severity == "error")

@@ -121,8 +121,11 @@ class Replanner:
 
         goal = f"{1e3 * self.tolerance_m:g} mm {PLACE_WORDS[self._latest.place]}"
         if self.is_reached:
-            expected = two_digits(1e3 * (self._latest.expected_m or 0))
-            return f"{goal} reached: 95 % of errors are expected below {expected} mm"
+            expected_m = self._latest.expected_m
+            errors = (
+                "" if expected_m is None else f": 95 % of errors are expected below {two_digits(1e3 * expected_m)} mm"
+            )
+            return f"{goal} is reached{errors}"
         if self._latest.reachable:
             return f"{goal} needs {count_text(self._latest.needed or 0, 'more sample')}"
         cause = f"; the largest part of the error is {self._latest.budget[0].source}" if self._latest.budget else ""

@@ -34,7 +34,7 @@ def paper_text(study: Mapping[str, Any]) -> str:
         ),
         list(_orders(study)),
         list(_lengths(study)),
-        ["slips of the paper:", *(f"  - {slip}" for slip in paper["known_slips_of_the_paper"])],
+        ["errors of the paper:", *(f"  - {slip}" for slip in paper["known_slips_of_the_paper"])],
     ]
     return "\n\n".join("\n".join(block) for block in blocks)
 

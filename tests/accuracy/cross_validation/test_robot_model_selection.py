@@ -56,7 +56,7 @@ def test_one_joint_that_is_off_is_named_with_its_offset():
     (finding,) = robot_model_findings(choice)
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
     said = (
-        r"Freeing joint 3 of hand lowers the cross-validation error from [\d.]+ to [\d.]+ mm rms\. "
+        r"Freeing the offset of joint 3 of hand lowers the cross-validation error from [\d.]+ to [\d.]+ mm rms\. "
         r"Its offset is 0\.\d\d ± [\d.]+"
     )
     assert re.match(said, finding.message)

@@ -14,11 +14,13 @@ def test_samples_without_which_nothing_is_observable(evidence):
     (found,) = not_validated(evidence(cross_validation=SimpleNamespace(skipped=(11, 2), summary="any")))
     assert (found.severity, found.about) == ("info", ("2", "11"))
     assert found.message.startswith("Samples 2, 11 could not be held out")
-    assert "Without them base is unobservable" in found.message
+    assert "Without them, base cannot be estimated." in found.message
     both = evidence(cross_validation=SimpleNamespace(skipped=(11, 2), summary="any"))
     both.cell.requested_transforms = ["base", "mount"]
     both.solution.problem.columns = dict.fromkeys(both.cell.requested_transforms)
-    assert "Without them base and mount are unobservable. Record more of their kind." in not_validated(both)[0].message
+    assert (
+        "Without them, base and mount cannot be estimated. Record more of their kind." in not_validated(both)[0].message
+    )
 
 
 @pytest.mark.parametrize(("count", "ending"), [(10, "16, 18 could"), (11, "16, 18, ... could")])
@@ -37,10 +39,13 @@ def test_no_folds_at_all(evidence):
 
 
 def test_only_what_is_estimated_can_be_unobservable(evidence):
-    """Of what is asked for."""
+    """Of what is asked for; the solution if nothing is."""
     made = evidence(cross_validation=SimpleNamespace(skipped=(4,), summary="any"))
     made.cell.requested_transforms = ["base", "fixed"]
     (found,) = not_validated(made)
     assert found.message == (
-        "Sample 4 could not be held out in cross-validation. Without it base is unobservable. Record more of its kind."
+        "Sample 4 could not be held out in cross-validation. Without it, base cannot be estimated. "
+        "Record more of its kind."
     )
+    made.cell.requested_transforms = []
+    assert "Without it, the solution cannot be estimated." in not_validated(made)[0].message

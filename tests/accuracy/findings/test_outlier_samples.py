@@ -281,7 +281,7 @@ def test_exchanged_rows_are_named() -> None:
 def test_rows_in_another_unit_are_named(factor: float, unit: str) -> None:
     """Of two outliers in another unit both."""
     recording = with_poses("eye", lambda k, p: SE3(p.rotation, p.translation * (factor if k in (4, 11) else 1)))
-    assert causes(recording, [4, 11]) == [f"Samples 4, 11 of eye look like {unit}."]
+    assert causes(recording, [4, 11]) == [f"The poses of eye at samples 4, 11 look like {unit}."]
 
 
 def test_a_cause_that_two_targets_show_is_named_once() -> None:
@@ -290,7 +290,7 @@ def test_a_cause_that_two_targets_show_is_named_once() -> None:
     problem, _ = build_problem(MADE.cell, recording)
     state = replace(SOLUTION.state, stop_errors=0 * SOLUTION.state.stop_errors)
     twice = problem.with_groups([*problem.groups, *problem.groups])
-    assert outlier_causes(twice, state, [4]) == ["Sample 4 of eye looks like millimetres."]
+    assert outlier_causes(twice, state, [4]) == ["The pose of eye at sample 4 looks like millimetres."]
 
 
 def test_a_bump_has_no_such_cause() -> None:

@@ -51,7 +51,8 @@ def test_too_few_samples_to_decide():
     (found,) = robot_model_findings(choice(NONE, candidate("joint", joint=2, error_m=1e-3)))
     assert (found.severity, found.about) == ("info", ("arm",))
     words = (
-        "Freeing joint 3 of arm may lower the cross-validation error from 4.0 to 1.0 mm rms. There are too few samples"
+        "Freeing the offset of joint 3 of arm may lower the cross-validation error from 4.0 to 1.0 mm rms. There are "
+        "too few samples"
     )
     assert found.message.startswith(words)
 

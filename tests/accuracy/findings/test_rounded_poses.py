@@ -49,11 +49,12 @@ def test_all_digits_are_silent():
     ],
 )
 def test_translations(step, noise_m, severity):
-    """Multiples of a step are told; a warning where rounding makes a good part of the noise in use."""
+    """Multiples of a step are named; a warning if rounding is much of the noise in use. Less noise has other causes."""
     (finding,) = found_in(in_steps(step), (noise_m, 3e-4))
     assert (finding.code, finding.about, finding.severity) == ("rounded-poses", ("hand",), severity)
     assert f"multiples of {1e3 * step:g} mm" in finding.message
     assert f"{1e3 * step / 12**0.5:.2g} mm" in finding.message
+    assert ("the robot was sent to such values" in finding.message) == (noise_m < 0.5 * step / 12**0.5)
 
 
 @pytest.mark.parametrize("step_deg", [0.1, 0.01])
@@ -100,7 +101,10 @@ def test_places_and_angles_are_one_finding():
         "Translations of hand are all multiples of 1 mm. Angles of hand are all multiples of 0.1 deg."
         in finding.message
     )
-    assert "adds 0.29 mm and 0.5 mrad (1 sigma per axis) to 0.3 mm and 1e-06 mrad of noise" in finding.message
+    assert (
+        "errors of 0.29 mm and 0.5 mrad (1 sigma per axis); the noise in use is 0.3 mm and 1e-06 mrad."
+        in finding.message
+    )
     assert finding.severity == "warning"
 
 
@@ -115,7 +119,7 @@ def test_quaternions(step):
 
     (finding,) = found_in(read, (3e-4, 2 * step / 12**0.5))
     assert f"Quaternions of hand are all multiples of {step:g} before normalisation" in finding.message
-    assert f"adds {2e3 * step / 12**0.5:.2g} mrad" in finding.message
+    assert f"errors of {2e3 * step / 12**0.5:.2g} mrad" in finding.message
     assert finding.severity == "warning"
 
 
@@ -139,7 +143,7 @@ def test_joints_in_few_digits(noisy):
     (finding,) = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=problem)))
     assert "Joints of hand are all multiples of 0.1 deg" in finding.message
     assert finding.severity == ("warning" if noisy else "info")
-    assert f"to {0.5 if noisy else 0:.2g} mrad of noise" in finding.message
+    assert f"the noise in use is {0.5 if noisy else 0:.2g} mrad." in finding.message
 
 
 @pytest.mark.parametrize(("count", "told"), [(9, False), (10, True)])
@@ -165,8 +169,8 @@ def test_the_noise_in_use_is_that_of_the_robot_whose_poses_are_rounded():
     used = with_robot_noise(problem, {"eye": np.full(6, 3e-4), "hand": np.full(6, 4e-3)})
     found = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=used)))
     assert [(f.about, f.severity) for f in found] == [(("eye",), "warning"), (("hand",), "info")]
-    assert "to 0.3 mm of noise" in found[0].message
-    assert "to 4 mm of noise" in found[1].message
+    assert "the noise in use is 0.3 mm." in found[0].message
+    assert "the noise in use is 4 mm." in found[1].message
 
 
 @pytest.mark.parametrize(("values", "step"), [
@@ -195,7 +199,7 @@ def test_steps_of_angles_are_those_of_displays(step_deg, told):
     problem = problem_of(views(end(), end("hand", joints=joints)), stops=stops)
     (found,) = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=problem)))
     assert f"Joints of hand are all multiples of {told}. Rounding" in found.message
-    assert "to 2e+03 mrad of noise" in found.message
+    assert "the noise in use is 2e+03 mrad." in found.message
 
 
 @pytest.mark.parametrize(("noise", "severity"), [

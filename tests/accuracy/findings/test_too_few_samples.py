@@ -35,7 +35,7 @@ def test_two_unknown_poses_need_three(views, found):
     free = replace(problem, columns=columns, unknowns={MOUNT: Unknown(), TARGET: Unknown()})
     told = messages(free)
     assert bool(told) == found
-    assert not found or told[0].startswith("2 samples give 12 equations for 12 unknowns: none is left to check them")
+    assert not found or told[0].startswith("2 samples give 12 equations for 12 unknowns: too few to check each")
     held = {MOUNT: Unknown(), TARGET: Unknown("prior", SE3.identity(), np.ones(6))}
     assert messages(replace(free, unknowns=held)) == []
 
@@ -67,8 +67,8 @@ def test_one_sample_is_too_few():
     """And so is none, however little is unknown."""
     one, _ = pose_problem(np.zeros((1, 6)), np.ones(6))
     fixed = replace(one, columns={})
-    assert messages(fixed)[0].startswith("A single sample shows a target")
-    assert messages(fixed.with_groups([]))[0].startswith("No sample shows a target")
+    assert messages(fixed)[0].startswith("Only one sample has a view of a target")
+    assert messages(fixed.with_groups([]))[0].startswith("No sample has a view of a target")
 
 
 @pytest.mark.parametrize(("sigma", "few"), [(None, True), (np.ones(6), False)])
@@ -88,6 +88,8 @@ def test_images_that_were_not_searched_are_named():
     (found,) = too_few_samples(SimpleNamespace(problem=empty, findings=(), image_count=20))
     assert found.what == "No target was searched in the 20 images of the recording."
     assert "basecal.detect(cell, recording)" in found.do[0]
+    (single,) = too_few_samples(SimpleNamespace(problem=empty, findings=(), image_count=1))
+    assert single.what == "No target was searched in the 1 image of the recording."
     missed = Finding("dropped-sample", "info", ("wrist", "board"), "board was not found")
     (found,) = too_few_samples(SimpleNamespace(problem=empty, findings=(missed,), image_count=20))
-    assert found.what.startswith("No sample shows a target")
+    assert found.what.startswith("No sample has a view of a target")

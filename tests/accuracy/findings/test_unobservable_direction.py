@@ -246,11 +246,15 @@ AXES = np.eye(3)
 @pytest.mark.parametrize(
     ("names", "twists", "words"),
     [
-        (["mark_a", "mark_b"], "line", "A third mark at least 0.3 m off the line through mark_a and mark_b fixes"),
+        (
+            ["mark_a", "mark_b"],
+            "line",
+            "Touch a third mark, at least 0.3 m off the line through mark_a and mark_b, with",
+        ),
         (
             ["mark_a", "mark_b", "mark_c"],
             "line",
-            "A further mark at least 0.3 m off the line through mark_a and mark_b",
+            "Touch a further mark, at least 0.3 m off the line through mark_a and mark_b",
         ),
         (["mark_a"], "all", "Touch three marks, 0.3 m apart and not on one line, with eye_tip and hand_tip."),
     ],
@@ -284,6 +288,7 @@ def test_a_mark_beside_the_axis_is_not_on_the_line():
     found = touch_advice(cell, problem, state, NullDirection("rotation", (BASE,), space))
     assert found is not None
     assert "0.3 m off the line through mark_b and mark_c" in found[0][0]
+    assert found[1] == "All marks that determine hand_base are on one line."
 
 
 def test_other_directions_are_not_of_touches():

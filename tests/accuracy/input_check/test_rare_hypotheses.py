@@ -148,7 +148,7 @@ def test_angles_read_in_another_order_are_undone(listed, read, count):
     back = [h for h in hypotheses(MADE, "euler-order") if h.about == ("hand",)]
     undone = [h for h in back if np.allclose(reread(h, mixed), rotations(MADE.recording))]
     assert len(undone) == count
-    assert all(each.fix.startswith("turn them into rotations as ") for each in undone)
+    assert all(each.fix.startswith("convert them to rotations as ") for each in undone)
 
 
 @pytest.mark.parametrize(("listed", "read"), [("", "xyz"), ("", "XYZ"), ("ZYZ", "xyz"), ("xyz", "ZYZ")])

@@ -67,7 +67,7 @@ def test_a_drawing_for_each_height():
     assert re.findall(r'class="contour-label"[^>]*>([^<]+)<', high.svg)[0] == "1.2"
     assert "contour" not in low.svg
     assert "(1.000, 2.000, 1.000) m: 2.0 mm and 0.57 deg" in high.svg
-    assert "1.0 to 2.0 mm in all" in low.caption
+    assert "1.0 to 2.0 mm in the whole map" in low.caption
     assert high.svg.count('class="tile worst"') == 1
     assert high.caption.endswith("Outlined: the worst place, 1.00, 2.00, 1.00 m.")
     assert "worst" not in low.svg + low.caption
@@ -147,7 +147,9 @@ def test_squares_of_a_height_lie_by_their_place() -> None:
     (frame,) = rectangles(figure.svg, "frame")
     assert frame[:4] == (0, 0, 120, 80)
     assert (figure.x, figure.y) == (("x 0.00 m", "1.00 m"), ("y 2.00 m", "0.00 m"))
-    assert figure.caption.startswith("95 % of errors below 1.0 to 6.0 mm here, 1.0 to 6.0 mm in all.")
+    assert figure.caption.startswith(
+        "95 % of errors stay below 1.0 to 6.0 mm at this height, and below 1.0 to 6.0 mm in the"
+    )
 
 
 def test_numbers_of_samples_have_an_even_scale() -> None:

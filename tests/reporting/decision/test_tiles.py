@@ -77,7 +77,7 @@ def test_remarks_count_and_point_ahead() -> None:
     told = list(remarks(replace(CALIBRATION, findings=found, budget=budget), [(0, 2e-3), (40, 1.234e-3)]))
     assert told == [
         "1 warning, 1 note.",
-        "70 % of the error at the task is repeatability of hand.",
+        "70 % of the variance at the task comes from repeatability of hand.",
         "40 more samples would leave 1.2 mm (95 %).",
     ]
     assert list(remarks(CALIBRATION, ())) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -36,6 +37,21 @@ def test_a_row_shows_its_status_and_leads_to_its_answer() -> None:
     assert "x" * 300 in page
     assert "Let <code>basecal fix CELL</code> do so." in page
     assert page.count('<tr class="doubtful">') == 3
+
+
+@pytest.mark.parametrize(
+    ("rows", "heading"),
+    [
+        (ROWS[:1], "0 of 1 cell need attention"),
+        (ROWS[1:2], "1 of 1 cell needs attention"),
+        (ROWS[:2], "1 of 2 cells needs attention"),
+        (ROWS, "3 of 4 cells need attention"),
+    ],
+)
+def test_the_heading_counts_the_cells_that_need_attention(rows: list[dict[str, Any]], heading: str) -> None:
+    """Singular and plural."""
+    page = fleet_page(summarise_fleet(Fleet(Path(), (), Path()), rows), rows)
+    assert f"<title>{heading}</title>" in page
 
 
 def test_those_that_need_somebody_come_first() -> None:

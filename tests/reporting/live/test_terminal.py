@@ -49,7 +49,7 @@ def test_the_view_says_all_of_it():
     watch.note(Step(7, "too similar to sample 4", 6, 25, covered(), None))
     watch.notify("sample 8: arms move")
     shown = printed(watch.snapshot)
-    for words in ("6 taken, 25 planned", "sample 7: not taken: too similar to sample 4", "turn eye further about x",
+    for words in ("6 taken, 25 planned", "sample 7: not taken: too similar to sample 4", "rotate eye further about x",
                   "sample 8: arms move", "hand  x 50  y 40  z 40", "not all directions"):  # fmt: skip
         assert words in shown
 

@@ -30,7 +30,7 @@ def noise_not_identifiable(evidence: Evidence) -> list[Finding]:
     if few := robots_with_few_stops(evidence.recorded):
         counts = " and ".join(f"{count_text(count, 'stop')} of {name}" for name, count in few.items())
         what = f"{counts} are too few to estimate unstated noise."
-        why = "Typical values of robot arms count as much; the covariance is wider."
+        why = "Typical values of robot arms are used as well; the covariance is wider."
         do = (f"Record at least {FEWEST_STOPS} stops, or state `noise` in cell.yaml.",)
         findings.append(Finding("noise-not-identifiable", "info", tuple(few), what, do, why))
     for robot in robots_with_one_stop(evidence.recorded):

@@ -8,7 +8,7 @@ from basecal.cell import Finding
 
 
 def not_validated(evidence: Evidence) -> list[Finding]:
-    """An info about samples that cannot be held out, since a requested transform would be unobservable without them.
+    """An info about samples that cannot be held out, since a requested transform cannot be estimated without them.
 
     The info also reports if no samples can be held out.
     """
@@ -19,9 +19,10 @@ def not_validated(evidence: Evidence) -> list[Finding]:
         what = "There is no cross-validation: the samples cannot be split into folds."
         return [Finding("not-validated", "info", (), what, ("Record more samples.",))]
     numbers = tuple(map(str, sorted(found.skipped)))
-    names = [name for name in evidence.cell.requested_transforms if name in evidence.solution.problem.columns]
+    free = [name for name in evidence.cell.requested_transforms if name in evidence.solution.problem.columns]
+    names = " and ".join(free) or "the solution"
     shown = list_samples(sorted(found.skipped)).capitalize()
-    verb, (them, their) = "is" if len(names) == 1 else "are", ("it", "its") if len(numbers) == 1 else ("them", "their")
+    them, their = ("it", "its") if len(numbers) == 1 else ("them", "their")
     what = f"{shown} could not be held out in cross-validation."
-    why = f"Without {them} {' and '.join(names)} {verb} unobservable."
+    why = f"Without {them}, {names} cannot be estimated."
     return [Finding("not-validated", "info", numbers, what, (f"Record more of {their} kind.",), why)]

@@ -39,9 +39,10 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     why = list_outliers(outliers, evidence.images)
     causes = outlier_causes(evidence.recorded, evidence.solution.state, numbers)
     moved = f" {' '.join(causes)}" if causes else _moved_sentence(outliers, evidence.robust.solution.problem)
-    do = f"Look at {'it' if is_single else 'them'} (samples count from 0), and record with arms at rest."
+    them = "it" if is_single else "them"
+    do = f"Look at {them} (samples count from 0), and record with arms at rest."
     about = tuple(map(str, numbers))
-    cure = "`basecal fix CELL` takes them out of the recording."
+    cure = f"`basecal fix CELL` removes {them} from the recording."
     return [
         Finding(
             "outlier-samples",
@@ -159,8 +160,9 @@ def _row_mistakes(problem: Problem, state: State, numbers: Sequence[int]) -> Ite
                 scaled = _with_poses(bare, robot, SE3(pose.rotation, factor * pose.translation))
                 fits = rows[_costs(problem, state, scaled)[rows] <= limit]
                 if len(fits):
-                    few = list_samples(group.sample[fits].tolist())
-                    yield f"{few[:1].upper()}{few[1:]} of {robot} look{'s' if len(fits) == 1 else ''} like {unit}."
+                    subject = f"pose of {robot} at" if len(fits) == 1 else f"poses of {robot} at"
+                    looks = f"look{'s' if len(fits) == 1 else ''} like {unit}"
+                    yield f"The {subject} {list_samples(group.sample[fits].tolist())} {looks}."
 
 
 def _exchanged_rows(

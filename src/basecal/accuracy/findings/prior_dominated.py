@@ -44,7 +44,7 @@ def prior_dominated(evidence: Evidence) -> list[Finding]:
 
 
 def _dominated_findings(solution: Solution, name: str, prior_dependent: Sequence[str]) -> list[Finding]:
-    """A finding if the posterior of a transform equals its prior along some directions."""
+    """A finding if the posterior of a transform nearly equals its prior along some directions."""
     problem, columns = solution.problem, solution.problem.columns[name]
     width = columns.stop - columns.start
     sigma = np.asarray(problem.unknowns[name].sigma)[:width]
@@ -57,5 +57,5 @@ def _dominated_findings(solution: Solution, name: str, prior_dependent: Sequence
     found = separate_null_space(problem, solution.state, vectors, scale)
     others = [n for n in prior_dependent if n != name]
     why = f"{' and '.join(others)} depend{'s' if len(others) == 1 else ''} on it." if others else ""
-    what = f"The data add nothing to the prior of {name} in: {' and '.join(map(describe_null_space, found))}."
+    what = f"The data add almost nothing to the prior of {name} in: {' and '.join(map(describe_null_space, found))}."
     return [Finding("prior-dominated", "info", (name, *others), what, why=why)]

@@ -58,7 +58,7 @@ def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
 def _parameter_phrase(candidate: Candidate) -> str:
     robots = " and ".join(candidate.robots)
     if candidate.joint is not None:
-        return f"joint {candidate.joint + 1} of {robots}"
+        return f"the offset of joint {candidate.joint + 1} of {robots}"
     return f"the {'joint offsets' if candidate.kind == 'offsets' else 'joint offsets and links'} of {robots}"
 
 

@@ -22,6 +22,7 @@ _NEAR_SHARE = 1e-3  # of a step: rounding error of a multiple after conversion o
 # Noise in use over rounding noise. If the ratio is larger, the missing digits do not matter. If it is smaller, no
 # digits are missing: the robot was sent to poses with round numbers.
 _NOISE_RANGE = (0.5, 2.0)
+_SMALLER_NOISE = "Noise far below this means that the robot was sent to such values, or its stated noise is too small."
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,9 @@ def rounded_poses(evidence: Evidence) -> list[Finding]:
         what = " ".join(f"{r.quantity.capitalize()} of {robot} are all multiples of {r.step_text}." for r in found)
         rounding = " and ".join(_sigma_text(r.sigma, r) for r in found)
         noise = " and ".join(_sigma_text(r.noise, r) for r in found)
-        why = f"Rounding adds {rounding} (1 sigma per axis) to {noise} of noise."
+        why = f"Rounding gives errors of {rounding} (1 sigma per axis); the noise in use is {noise}."
+        if any(r.noise < _NOISE_RANGE[0] * r.sigma for r in found):
+            why += f" {_SMALLER_NOISE}"
         do = ("Record poses with all their digits.",)
         findings.append(
             Finding(

@@ -7,6 +7,7 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.phrases.robot_motion import describe_poor_motions
 from basecal.cell import Finding
+from basecal.errors import count_text
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import Array
 
@@ -20,8 +21,8 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     if count == 0 and inputs.image_count and not any(each.code in _SEARCHED for each in inputs.findings):
         return [_search_advice(inputs.image_count)]
     if count < 2:
-        found = "no sample shows" if count == 0 else "a single sample shows"
-        return [_finding(f"{found} a target to a camera with every robot's pose")]
+        found = "no sample has" if count == 0 else "only one sample has"
+        return [_finding(f"{found} a view of a target and the pose of every robot that it depends on")]
     equations = np.concatenate([_equations_by_place(group) for group in problem.groups])
     # Scalar unknowns without a prior: of transforms and lenses, of the robots' kinematics, and units of poses.
     free = [n for n in problem.columns if n in problem.unknowns and problem.unknowns[n].status == "free"]
@@ -33,12 +34,13 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     views = sum(len(group) for group in problem.groups)
     places = "one place" if len(equations) == 1 else f"{len(equations)} places"
     many = f"{count} samples" + (f" at {places}" if len(equations) < views else "")
-    found = f"{many} give {int(equations.sum())} equations for {unknowns} unknowns: none is left to check them"
+    counts = f"{many} give {int(equations.sum())} equations for {unknowns} unknowns"
+    found = f"{counts}: too few to check each sample by the others"
     return [_finding(found, describe_poor_motions(problem))]
 
 
 def _search_advice(image_count: int) -> Finding:
-    what = f"No target was searched in the {image_count} images of the recording."
+    what = f"No target was searched in the {count_text(image_count, 'image')} of the recording."
     do = ("Call `recording = basecal.detect(cell, recording)` before `calibrate`.",)
     return Finding("too-few-samples", "error", (), what, do)
 

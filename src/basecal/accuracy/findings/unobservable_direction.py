@@ -10,7 +10,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.phrases.null_space import describe_direction, describe_twists, unobservable_clause
 from basecal.accuracy.phrases.robot_motion import advise_motion, advise_observability, describe_motion
 from basecal.cell import Cell, Finding
-from basecal.errors import sentence
+from basecal.errors import count_text, sentence
 from basecal.estimation.observability.motions import gauge_partners, motions
 from basecal.estimation.observability.null_space import NullDirection
 from basecal.estimation.problem.problem import Problem, State
@@ -89,12 +89,12 @@ def touch_advice(
     if len(direction.twists_in_parent) == 1 and len(near) >= 2:
         which = "third" if len(marks) == 2 else "further"
         line = f"the line through {near[0]} and {near[1]}"
-        do = f"A {which} mark at least {_OFF_M:g} m off {line} fixes the rotation about it."
-        return (do, f"Touch it with {tips}."), "All marks that were touched are on one line."
+        do = f"Touch a {which} mark, at least {_OFF_M:g} m off {line}, with {tips}."
+        return (do,), f"All marks that determine {direction.names[0].rpartition('_from_')[2]} are on one line."
     if not marks:
         return None
     do = f"Touch three marks, {_OFF_M:g} m apart and not on one line, with {tips}."
-    return (do,), f"{len(marks)} mark{'s hold' if len(marks) != 1 else ' holds'} no rotation of a base."
+    return (do,), f"The touches of {count_text(len(marks), 'mark')} leave rotations of the base undetermined."
 
 
 def _marks(cell: Cell, problem: Problem, state: State, names: Sequence[str]) -> dict[str, Array]:

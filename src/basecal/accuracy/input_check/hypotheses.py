@@ -128,7 +128,7 @@ def _direction_hypotheses(cell: Cell, robots: list[str], has_poses: bool) -> Ite
             names,
             words,
             f"write base_from_flange of {who}, or {advice}",
-            f"turn {who} further about two axes between samples",
+            f"rotate {who} further about two axes between samples",
             map_poses(names, SE3.inverse),
             carriers=carriers,
         )
@@ -230,7 +230,7 @@ def _quaternion_hypotheses(robots: list[str], has_poses: bool) -> Iterator[Conve
                 names,
                 f"the quaternions of {who} are {words}",
                 f"write the quaternions of {who} as x, y, z, w",
-                f"turn {who if names else 'every arm'} further between samples",
+                f"rotate {who if names else 'every arm'} further between samples",
                 map_poses(names, pose_map),
             )
 

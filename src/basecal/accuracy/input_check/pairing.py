@@ -162,7 +162,7 @@ def _half_turn_hypothesis(group: ViewGroup, turn: SE3, mask: BoolArray) -> Conve
         "board-symmetry",
         (name, *map(str, numbers)),
         f"the observed poses of {name} are rotated by half a turn at sample {shown}: read from the grid's other end",
-        "turn these poses, or use a target without symmetry",
+        "rotate these poses by half a turn, or use a target without symmetry",
         "use a target without symmetry",
         lambda reading: reading.map_groups(turn_group),
     )

@@ -93,8 +93,8 @@ def _small_angle_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]
                 "angle-unit",
                 names,
                 f"the {what} of {who} are in radians that were read as degrees",
-                f"rpy_deg is in degrees: turn those of {who} into degrees, or write rotvec_rad",
-                f"turn {who} further between samples",
+                f"rpy_deg is in degrees: convert those of {who} to degrees, or write rotvec_rad",
+                f"rotate {who} further between samples",
                 map_poses(names, pose_map),
             )
 
@@ -244,7 +244,7 @@ def _reverse_order_hypothesis(stream: str | None) -> ConventionHypothesis:
 
 
 def _rotation_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[ConventionHypothesis]:
-    distinction = f"turn {' and '.join(names) or 'every arm'} further between samples"
+    distinction = f"rotate {' and '.join(names) or 'every arm'} further between samples"
     yield ConventionHypothesis(
         "matrix-transposed",
         names,
@@ -270,7 +270,7 @@ def _rotation_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[Conve
                 "euler-order",
                 names,
                 words,
-                f"turn them into rotations as {meant}",
+                f"convert them to rotations as {meant}",
                 distinction,
                 map_poses(names, _reinterpret_rotations(_FORMATS[meant], _FORMATS[read], choose)),
             )

@@ -18,6 +18,7 @@ from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.one_camera import MOST_EPIPOLAR_PX, OneCamera
 from basecal.accuracy.scene.shared_errors import SceneMotion
 from basecal.cell import Cell, Finding
+from basecal.errors import count_text
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.fields.digits import two_digits
 from basecal.geometry import Array
@@ -67,12 +68,13 @@ def camera_findings(name: str, one: OneCamera, joint_robots: Sequence[str] = ())
     """
     about = (name,)
     if len(one.rows) < FEWEST_VIEWS:
-        what = f"{len(one.rows)} images of {name} with a pose are too few: a scene needs {FEWEST_VIEWS}."
+        what = f"{name} has {count_text(len(one.rows), 'image')} with a pose: a scene needs {FEWEST_VIEWS}."
         yield Finding("too-few-samples", "error", about, what, ("Record 15 images and more with each arm.",))
         return
     points = 0 if one.fit is None else one.fit.tracks.count
     if one.start is None or one.matched_pairs < _FEWEST_PAIRS:
-        what = f"{one.matched_pairs} pairs of images of {name} show the same features; {_FEWEST_PAIRS} are needed."
+        pairs = count_text(one.matched_pairs, "pair")
+        what = f"Features match in {pairs} of images of {name}; {_FEWEST_PAIRS} are needed."
         yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
         return
     if one.start.misfit > (False, MOST_EPIPOLAR_PX):
@@ -87,7 +89,8 @@ def camera_findings(name: str, one: OneCamera, joint_robots: Sequence[str] = ())
         yield Finding("poor-fit", "error", about, what, do)
         return
     if points < _FEWEST_POINTS:
-        what = f"{points} points of the scene are seen by {name} in three images and more; {_FEWEST_POINTS} are needed."
+        seen = count_text(points, "point")
+        what = f"{name} sees {seen} of the scene in three images and more; {_FEWEST_POINTS} are needed."
         yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
         return
     if len(one.rows) < _ENOUGH_VIEWS:
@@ -119,7 +122,9 @@ def join_findings(
         what = f"{second} shows the scene of {first} at {join.common:.0%} of the places in its view."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
     elif shared_count < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:
-        what = f"{first} and {second} share {shared_count} points, in {of_each[0]} and {of_each[1]} images."
+        what = (
+            f"{first} and {second} share {count_text(shared_count, 'point')}, in {of_each[0]} and {of_each[1]} images."
+        )
         why = f"At least {_FEWEST_SHARED} points in {_FEWEST_OF_EACH} images of each are needed."
         yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,), why)
 

@@ -76,7 +76,8 @@ class Tree:
         up, down = self.ancestors(base), self.ancestors(tip)
         common = next((frame for frame in up if frame in down), None)
         if common is None:
-            raise InputError(f"no transform of tf joins {base!r} and {tip!r}; they hang on {up[-1]!r} and {down[-1]!r}")
+            roots = f"the roots of their trees are {up[-1]!r} and {down[-1]!r}"
+            raise InputError(f"no transform of tf joins {base!r} and {tip!r}: {roots}")
         back = tuple(Step(frame, True) for frame in up[: up.index(common)])
         return (*back, *(Step(frame, False) for frame in reversed(down[: down.index(common)])))
 

@@ -68,7 +68,7 @@ def _robot_text(request: ExportRequest, name: str, path: Path) -> tuple[bytes, s
 
 
 EXPORTER = Exporter(
-    "one URDF of all robots, each where it was found and corrected; with --urdf FILE... from these",
+    "one URDF of all robots, each at its estimated base and corrected; with --urdf FILE... made of these files",
     export_text,
     options=("urdf",),
 )

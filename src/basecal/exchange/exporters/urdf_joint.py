@@ -35,7 +35,7 @@ def export_text(request: ExportRequest) -> str:
 
 
 EXPORTER = Exporter(
-    "with --urdf FILE: that URDF with the found transform as the origin of a fixed joint",
+    "with --urdf FILE: that URDF with the estimated transform as the origin of a fixed joint",
     export_text,
     options=("transform", "urdf", "joint"),
 )

@@ -60,11 +60,11 @@ def read_poses(
     controller, p[...], {X ..., A ...}, [[...],[...]], or a whole program with
     them. Rows are assigned to the existing samples in order, unless a column
     `image`, `sample` or `stamp_s` assigns them. If nothing is recorded, they
-    become the samples. A recorded robot is never overwritten. With --camera and
-    --target instead of --robot, the table holds the target's poses in the
-    camera. With --streams, rows keep their times and become separate lines. This
-    is for devices that recorded at their own rates with their own clocks.
-    `basecal calibrate` estimates the clock offsets.
+    become the samples. A recorded robot is overwritten only with --replace. With
+    --camera and --target instead of --robot, the table holds the target's poses
+    in the camera. With --streams, rows keep their times and become separate
+    lines. This is for devices that recorded at their own rates with their own
+    clocks. `basecal calibrate` estimates the clock offsets.
 
     For example:
 

@@ -182,7 +182,7 @@ def opencv_terms(field: Field, terms: Sequence[float]) -> list[float]:
     if len(terms) == _TILTED_TERMS:
         if any(terms[-2:]):
             raise field.error(
-                "the last two of 14 terms tilt the sensor, which no lens here does: calibrate without them"
+                "the last two of 14 terms tilt the sensor, which is not supported: calibrate without them"
             )
         terms = terms[:-2]
     if len(terms) not in OPENCV_TERMS:
@@ -203,7 +203,7 @@ def matrix_parameters(field: Field, matrix: Sequence[float]) -> list[float]:
     if lower or list(last) != [0.0, 0.0, 1.0]:
         raise field.error("is not a camera matrix, row by row: fx 0 cx, 0 fy cy, 0 0 1; is it transposed?")
     if skew:
-        raise field.error(f"has a skew of {skew:g} px, which no lens here has: calibrate without it")
+        raise field.error(f"has a skew of {skew:g} px, which is not supported: calibrate without it")
     return [fx, fy, cx, cy]
 
 

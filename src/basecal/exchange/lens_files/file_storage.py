@@ -56,7 +56,7 @@ def _xml(text: str, path: str) -> Field:
 def _plain(element: Element, path: str, depth: int) -> Any:
     """Convert an element to data: a mapping of its children, a list of children named `_`, or words."""
     if depth > _DEEPEST:
-        raise DatasetError(path, f"nested deeper than {_DEEPEST} levels; nothing of OpenCV's is")
+        raise DatasetError(path, f"nested deeper than {_DEEPEST} levels; OpenCV writes no such file")
     inner = list(element)
     if any(child.tag != "_" for child in inner):
         fields: dict[str, Any] = {}

@@ -83,7 +83,11 @@ def workspace(error_map: ErrorMap) -> Iterator[Figure]:
         frame = rectangle("frame", (0, 0, *size))
         svg = drawing(*size, f"expected error {title}", frame, *tiles, *contours(values, _TILE))
         ends = map(two_digits, (lengths_mm[indices].min(), lengths_mm[indices].max(), low, high))
-        caption = "95 % of errors below {} to {} mm here, {} to {} mm in all.".format(*ends)
+        caption = (
+            "95 % of errors stay below {} to {} mm at this height, and below {} to {} mm in the whole map.".format(
+                *ends
+            )
+        )
         if error_map.worst in indices:
             place = ", ".join(f"{x:.2f}" for x in points[error_map.worst])
             caption += f" Outlined: the worst place, {place} m."

@@ -98,7 +98,7 @@ def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> I
     if counted:
         yield f"{', '.join(counted)}."
     for entry in (calibration.budget or ())[:1]:
-        yield f"{100 * entry.share:.0f} % of the error at the task is {entry.source}."
+        yield f"{100 * entry.share:.0f} % of the variance at the task comes from {entry.source}."
     if len(outlook) > 1:
         more, expected_m = outlook[-1]
         yield f"{more} more samples would leave {two_digits(1e3 * expected_m)} mm (95 %)."
