@@ -177,7 +177,9 @@ def comparison_text(names: Sequence[str], comparisons: Sequence[Comparison]) -> 
     for name, each in zip(names[1:], comparisons, strict=True):
         lines.append(f"{name} against {names[0]}")
         for transform, d in each.transforms.items():
-            sigmas = "" if d.sigmas is None else f"  {d.sigmas:.1f} sigma ({p_value_text(d.chance)})"
+            sigmas = (
+                "" if d.sigmas is None or d.chance is None else f"  {d.sigmas:.1f} sigma ({p_value_text(d.chance)})"
+            )
             lines.append(f"  {transform}  {error_text(d.shift_m, d.shift_rad)}{sigmas}")
         lines += [
             f"  {transform} is only in {names[0] if which == 0 else name}" for transform, which in each.only.items()
