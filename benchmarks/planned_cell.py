@@ -22,7 +22,7 @@ from basecal.estimation.solve_batch import SolutionBatch, solve_batch
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.planning.candidates import candidates
-from basecal.planning.choose import exchange, greedy
+from basecal.planning.choose import exchange, greedy_choices
 from basecal.planning.prospects import Prospects, prospects, sketches
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
@@ -54,7 +54,7 @@ class PlannedCell:
 
     def choose(self, count: int) -> tuple[list[int], Array]:
         """Indices that the greedy search with exchange chooses, and the covariance with them."""
-        steps = list(islice(greedy(self.prospect.roots, self.prospect.covariance, self.weight), count))
+        steps = list(islice(greedy_choices(self.prospect.roots, self.prospect.covariance, self.weight), count))
         return exchange(self.prospect.roots, [k for k, _ in steps], steps[-1][1], self.weight)
 
     def covariance(self, chosen: list[int]) -> Array:

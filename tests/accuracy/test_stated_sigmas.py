@@ -18,7 +18,7 @@ from basecal.accuracy.stated_sigmas import (
     is_implausibly_small,
     judge_sigma,
     unlikely_sigmas,
-    without_contradicted,
+    without_contradicted_sigmas,
 )
 from basecal.cell import Robot
 from basecal.estimation.least_squares.studentized_residuals import leave_one_out
@@ -81,14 +81,14 @@ def test_contradicted_sigmas_are_estimated():
     """The covariance is that of the true sigmas, and sigmas that are true, or too large, stay as stated."""
     true, small = solved(), solved(pixels=0.5)
     before = RobustSolution(small, (), small.problem.with_groups(()), 20, 0)
-    after = without_contradicted(before, contradicted_sigmas(small), SETTINGS).solution
+    after = without_contradicted_sigmas(before, contradicted_sigmas(small), SETTINGS).solution
     assert after.noise.noise.pixel_px == pytest.approx(0.2, rel=0.1)
     base = ["eye_base_from_hand_base"]
     ratio = np.diag(after.joint_transform_covariance(base)) / np.diag(true.joint_transform_covariance(base))
     assert np.all(np.abs(np.log(ratio)) < 0.5)
     large = solved(pixels=2.0)
     before = RobustSolution(large, (), large.problem.with_groups(()), 20, 0)
-    assert without_contradicted(before, contradicted_sigmas(large), SETTINGS) is before
+    assert without_contradicted_sigmas(before, contradicted_sigmas(large), SETTINGS) is before
 
 
 def test_where_nothing_was_solved_nothing_is_judged():
@@ -257,7 +257,7 @@ def opened(monkeypatch, found, robot_noise):
     )
     monkeypatch.setattr(stated_sigmas, "integrate_solution", lambda solution: replace(solution, cost=7.0))
     robust = RobustSolution(solution, (), problem.with_groups([group]), 3, 0)
-    after = without_contradicted(robust, found, Settings(robot_noise=robot_noise))
+    after = without_contradicted_sigmas(robust, found, Settings(robot_noise=robot_noise))
     for stops in (after.left_out.groups[0].eye.stop, after.left_out.groups[0].hand.stop):
         np.testing.assert_array_equal(stops, -1)
         assert len(stops) == 3
@@ -341,7 +341,7 @@ def test_sigmas_are_estimated_if_they_are_too_small_or_hide_something(
         stated_sigmas, "_estimate_sigmas", lambda robust, found, settings: given.append(len(found)) or after
     )
     contradictions = [SimpleNamespace(is_too_small=True)] * small + [SimpleNamespace(is_too_small=False)] * large
-    found = without_contradicted(before, contradictions, Settings())
+    found = without_contradicted_sigmas(before, contradictions, Settings())
     assert found is (after if taken else before)
     assert given == ([asked] if asked else [])
 

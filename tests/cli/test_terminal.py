@@ -23,11 +23,11 @@ from basecal.cli.terminal import (
     TimeLeft,
     ask,
     can_ask,
-    counting,
     is_terminal,
     print_json,
     print_stages,
     progress,
+    progress_bar,
     quote_path,
     say,
     say_next,
@@ -247,12 +247,12 @@ def test_targets_are_detected_in_images(tmp_path):
 
 def test_steps_are_counted_only_on_a_terminal(monkeypatch, capsys):
     """Otherwise no text is written."""
-    with counting("detecting") as step:
+    with progress_bar("detecting") as step:
         step(1, 2)
     assert capsys.readouterr() == ("", "")
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: True)
     monkeypatch.setenv("FORCE_COLOR", "1")
-    with counting("detecting") as step:
+    with progress_bar("detecting") as step:
         step(2, 2)
     assert "detecting" in capsys.readouterr().err
 
@@ -262,7 +262,7 @@ def test_last_step_shows_100_percent(monkeypatch, capsys, total):
     """A full bar shows 100 %."""
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: True)
     monkeypatch.setenv("FORCE_COLOR", "1")
-    with counting("detecting") as step:
+    with progress_bar("detecting") as step:
         step(total, total)
     assert "100%" in capsys.readouterr().err
 
@@ -369,6 +369,6 @@ def test_progress_bar_is_removed_at_its_end(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr("rich.progress.Progress", Bar)
     monkeypatch.setattr("basecal.cli.terminal.is_terminal", lambda stream: True)
-    with counting("detecting") as step:
+    with progress_bar("detecting") as step:
         step(1, 3)
     assert made == [True, ("detecting", 1, 3), "end"]

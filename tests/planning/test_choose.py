@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.planning import choose
-from basecal.planning.choose import choose_fewest, exchange, gains, greedy, with_sample, without_sample
+from basecal.planning.choose import choose_fewest, exchange, gains, greedy_choices, with_sample, without_sample
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def test_a_sample_goes_as_it_came(made):
 
 def test_greedy_takes_each_once_and_the_best_first(made):
     """The covariance told with each is that of all so far."""
-    steps = list(greedy(*made))
+    steps = list(greedy_choices(*made))
     assert sorted(k for k, _ in steps) == list(range(14))
     assert steps[0][0] == np.argmin([criterion(*made, [k]) for k in range(14)])
     for count in (1, 5, 14):
@@ -51,7 +51,7 @@ def test_greedy_takes_each_once_and_the_best_first(made):
 def test_exchange_is_within_a_hundredth_of_the_best(made):
     """Of all 2,002 sets of five; the covariance is that of what is chosen."""
     roots, _, weight = made
-    steps = list(islice(greedy(*made), 5))
+    steps = list(islice(greedy_choices(*made), 5))
     chosen, after = exchange(roots, [k for k, _ in steps], steps[-1][1], weight)
     best = min(criterion(*made, each) for each in combinations(range(14), 5))
     assert len(set(chosen)) == 5

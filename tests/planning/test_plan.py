@@ -173,7 +173,7 @@ def test_a_goal_begins_at_what_is_recorded(monkeypatch, recorded, calibrated):
     known = Calibration("good", {}, meeting=now, settings={"task_point": [0.1, 0.2, 0.3]}) if calibrated else None
     points = np.array([[0.1, 0.2, 0.3]])
     places = []
-    monkeypatch.setattr(plans, "base_transforms", lambda cell: ("base",))
+    monkeypatch.setattr(plans, "require_placed_transforms", lambda cell: ("base",))
     monkeypatch.setattr(plans, "meeting_places", lambda problem, state, name, at: at)
     monkeypatch.setattr(plans, "make_meeting", lambda *given: places.append(given[-1]) or meeting(1e-6))
     prospect = SimpleNamespace(

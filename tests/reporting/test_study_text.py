@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from basecal.reporting.study_text import chart_file, length_figures, paper_text
+from basecal.reporting.study_text import chart_file, paper_text, shift_length_figures
 
 LEVELS = {"1%": 1.0, "5%": 5.0}
 SVG = "{http://www.w3.org/2000/svg}"
@@ -93,7 +93,7 @@ def test_orders_lengths_and_slips_are_told():
 
 def test_figures_have_a_line_for_each_way():
     """Of rotation in deg and of translation in mm, with the pixel noise in the title."""
-    figures = length_figures(STUDY)
+    figures = shift_length_figures(STUDY)
     assert figures.keys() == {"shift_length_rotation.svg", "shift_length_translation.svg"}
     for what, unit in (("rotation", "deg"), ("translation", "mm")):
         drawn = figures[f"shift_length_{what}.svg"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.geometry.rotation import nearest_rotation, rotation_log
-from basecal.reporting.study_text import length_figures, paper_text
+from basecal.reporting.study_text import paper_text, shift_length_figures
 from basecal.studies.chunk import compute_chunk
 from basecal.studies.paper import paper_study, study_paper
 from basecal.studies.paper_cell import paper_cell, paper_numbers
@@ -80,7 +80,7 @@ def test_the_study_is_json_and_is_told(study):
     told = json.loads(json.dumps(study, allow_nan=False))
     assert set(told["table1_camera_from_led"]) == set(told["paper"]["table1_camera_from_led"])
     assert "3.6092" in paper_text(study)
-    assert set(length_figures(study)) == {"shift_length_rotation.svg", "shift_length_translation.svg"}
+    assert set(shift_length_figures(study)) == {"shift_length_rotation.svg", "shift_length_translation.svg"}
 
 
 @pytest.mark.parametrize(("key", "level"), [("1%", 0.01), ("5%", 0.05)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 from basecal.studies.solvers.registry import SOLVERS
-from basecal.studies.study import _MOST_CELLS, BLOCK, _abbreviate, label
+from basecal.studies.study import _MOST_CELLS, BLOCK, _abbreviate, axis_label
 from study_example import BOARD, study
 
 
@@ -79,7 +79,7 @@ def test_labels_are_short() -> None:
     boards = "{kind: charuco, squares: [5, 7], square_m: 0.03, marker_m: 0.0225, dictionary: DICT_4X4_50}"
     made = study(axes=f"board: [{boards}]")
     assert [point.label["board"] for point in made.points] == ["charuco 5x7 0.03 0.0225 DICT_4X4_50"]
-    assert label(True) is True
+    assert axis_label(True) is True
 
 
 def test_a_generator_draws_256_trials() -> None:

@@ -163,7 +163,7 @@ def _stop_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
         yield model.problem.stops.robot[stop], True, float(square), float(freedoms)
 
 
-def without_contradicted(
+def without_contradicted_sigmas(
     robust: RobustSolution, contradictions: Sequence[ContradictedSigma], settings: Settings
 ) -> RobustSolution:
     """Solution with estimated instead of stated sigmas, for sigmas that are larger than stated.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.next_step import cameras_without_lens, next_step
-from basecal.cli.terminal import counting, finding_line, print_json, quote_path, say
+from basecal.cli.terminal import finding_line, print_json, progress_bar, quote_path, say
 
 if TYPE_CHECKING:
     from basecal.cell import Cell, Recording
@@ -58,7 +58,7 @@ def detected_recording(folder: Path, cell: Cell) -> Recording:
         return recording
     from basecal.vision.detect import detect as detected
 
-    with counting("detecting") as step:
+    with progress_bar("detecting") as step:
         return detected(cell, recording, progress=step)
 
 

@@ -15,7 +15,7 @@ from cyclopts import App, Parameter
 from basecal.accuracy.fixing.offers import is_fixable
 from basecal.accuracy.input_screening.importing import import_into
 from basecal.cli.next_step import fill_in_command, next_step
-from basecal.cli.terminal import counting, progress, quote_path, say
+from basecal.cli.terminal import progress, progress_bar, quote_path, say
 from basecal.errors import BasecalError, count_text, list_names
 from basecal.exchange.importers.registry import IMPORTERS
 from basecal.exchange.importing.bring_in import ImportResult
@@ -68,7 +68,7 @@ def import_verb(read: Callable[..., Imported], name: str = "") -> Callable[..., 
     def verb(cell: Path, *sources: Path, **options: Any) -> int:
         """Read, import and report."""
         modes = {each.name: options.pop(each.name, each.default) for each in (_REPLACE, _SESSION)}
-        with counting("reading") as step:
+        with progress_bar("reading") as step:
             progress_option = {_PROGRESS: step} if _PROGRESS in declared.parameters else {}
             imported = read(cell, *sources, **options, **progress_option)
         return finish_import(cell, imported, name, **modes)
@@ -184,7 +184,7 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> tuple[Fin
         if any(sample.images for sample in few.samples):
             from basecal.vision.detect import detect
 
-            with counting("looking at images") as step:
+            with progress_bar("looking at images") as step:
                 few = detect(cell, few, folder, progress=step)
     except BasecalError as error:
         look = QuickLook(0, undetermined=str(error))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from basecal.cli.option_types import Port, Seed, number_range
 from basecal.cli.simulated_process import RendererName, run_process
-from basecal.cli.terminal import counting, print_json, progress, quote_path, say
+from basecal.cli.terminal import print_json, progress, progress_bar, quote_path, say
 from basecal.errors import InputError, UsageError, count_text
 from basecal.simulation.scenario import ObservedKind, Scenario
 
@@ -168,5 +168,5 @@ def render_images(simulation: SimulatedCell, folder: Path, seed: int) -> Simulat
 
     from basecal.simulation.images import render_recording
 
-    with counting("rendering") as step:
+    with progress_bar("rendering") as step:
         return replace(simulation, recording=render_recording(simulation, folder, seed, progress=step))

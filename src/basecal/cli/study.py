@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from basecal.cli.option_types import Output, number_range
-from basecal.cli.terminal import counting, print_json, progress, say
+from basecal.cli.terminal import print_json, progress, progress_bar, say
 from basecal.errors import UsageError
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def execute_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, 
     from basecal.studies.run import run_study
     from basecal.studies.summary import summarise, write_table
 
-    with counting("trying") as step:
+    with progress_bar("trying") as step:
         run_study(study, folder, workers, step)
     with progress("writing"):
         table, summary = write_table(study, folder), summarise(study, folder)
@@ -99,7 +99,7 @@ def _execute_fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dic
     from basecal.studies.fleet.summary import fleet_rows, summarise_fleet, write_fleet_table
 
     fleet = make_fleet(cells, Path(f"{cells.resolve().name}_calibrated") if output is None else output)
-    with counting("calibrating") as step:
+    with progress_bar("calibrating") as step:
         run_fleet(fleet, workers, step, cell_page)
     with progress("writing"):
         rows = fleet_rows(fleet)

@@ -47,7 +47,7 @@ def study_paper(
         output: Folder for the table, summary and page of the study file; it is not run by default.
         json: Print one object, with the keys of the paper's figures.
     """
-    from basecal.reporting.study_text import length_figures, paper_text
+    from basecal.reporting.study_text import paper_text, shift_length_figures
     from basecal.studies.jobs import WorkerPool
     from basecal.studies.paper import paper_study
     from basecal.studies.paper import study_paper as studied
@@ -60,7 +60,7 @@ def study_paper(
         study = studied(seed, draws)
     if figures is not None:
         figures.mkdir(parents=True, exist_ok=True)
-        for name, svg in length_figures(study).items():
+        for name, svg in shift_length_figures(study).items():
             (figures / name).write_text(svg, encoding="utf-8")
     pool = WorkerPool(workers or os.cpu_count() or 1)
     summary = None if output is None else execute_study(paper_study(), output, pool)

@@ -179,7 +179,7 @@ Step = Callable[[int, int], None]
 
 
 @contextmanager
-def counting(activity: str) -> Iterator[Step]:
+def progress_bar(activity: str) -> Iterator[Step]:
     """A progress bar on stderr for counted steps; nothing if stderr is not a terminal."""
     if not is_terminal(sys.stderr):
         yield lambda done, total: None

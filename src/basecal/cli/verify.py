@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from basecal.cli.next_step import capture_command, has_drivers
 from basecal.cli.page import add_stored_scene, find_run
-from basecal.cli.terminal import counting, finding_line, print_json, quote_path, say_next, say_verdict
+from basecal.cli.terminal import finding_line, print_json, progress_bar, quote_path, say_next, say_verdict
 from basecal.errors import DatasetError, UsageError
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
     if cell.targets and any(sample.images for sample in recording.samples):
         from basecal.vision.detect import detect
 
-        with counting("detecting") as step:
+        with progress_bar("detecting") as step:
             recording = detect(cell, recording, progress=step)
     return recording
 

@@ -22,7 +22,7 @@ IsEnough = Callable[[Array, int], bool]
 """Whether a covariance, (p, p), with a number of candidates is good enough."""
 
 
-def greedy(roots: Array, covariance: Array, weight: Array) -> Iterator[tuple[int, Array]]:
+def greedy_choices(roots: Array, covariance: Array, weight: Array) -> Iterator[tuple[int, Array]]:
     """Yield the best remaining candidate again and again, with the covariance after it, (p, p).
 
     Args:
@@ -77,7 +77,7 @@ def choose_fewest(
         return [], True
     chosen: list[int] = []
     current = covariance
-    for best, current in greedy(roots, covariance, weight):
+    for best, current in greedy_choices(roots, covariance, weight):
         chosen.append(best)
         if is_enough(current, len(chosen)) or len(chosen) == max_count:
             break

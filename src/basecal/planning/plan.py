@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from basecal.accuracy.task.budget import budget
 from basecal.accuracy.task.expected_error import pooled_quantile
 from basecal.accuracy.task.meeting import Meeting, make_meeting, meeting_places, worst_meeting
-from basecal.accuracy.task.task import base_transforms, place_kind, task_places
+from basecal.accuracy.task.task import place_kind, require_placed_transforms, task_places
 from basecal.cell import BudgetEntry, Calibration, Cell, MeetingError, Recording, RobotState, Sample, TouchObservation
 from basecal.cell.work_error import PlaceKind
 from basecal.errors import InputError, check_integer
@@ -23,7 +23,7 @@ from basecal.geometry import Array
 from basecal.geometry.array import read_only
 from basecal.numerics.threads import limit_threads
 from basecal.planning.candidates import candidates
-from basecal.planning.choose import choose_fewest, exchange, greedy
+from basecal.planning.choose import choose_fewest, exchange, greedy_choices
 from basecal.planning.feasible import is_in_view
 from basecal.planning.poses import order_samples
 from basecal.planning.prospects import Prospects, prospects, sketches
@@ -128,7 +128,7 @@ def _make_goal(
     if not len(points_m) and not prospect.recorded:
         raise InputError("no sample shows where the arms work: name a task point: --task-point X Y Z [m]")
     recorded = prospect.recorded_problem
-    places = {name: meeting_places(recorded, state, name, points_m) for name in base_transforms(cell)}
+    places = {name: meeting_places(recorded, state, name, points_m) for name in require_placed_transforms(cell)}
     meetings = tuple(make_meeting(cell, problem, state, name, place) for name, place in places.items())
     current_error = None if calibration is None or not prospect.recorded else _calibrated_meeting(calibration, points_m)
     noise_m2 = worst_meeting(meetings, covariance).mean_square_m2(covariance)
@@ -177,7 +177,7 @@ def plan_for_task(
     points_m = _checked_points(points_m, tolerance_m)
     for name, value, least in (("count", count or 0, 0), ("seed", seed, 0), ("group_size", group_size, 1)):
         check_integer(name, value, least)
-    base_transforms(cell)
+    require_placed_transforms(cell)
     cell_sketches, recording = sketches(cell, calibration), synchronous_recording(cell, recording, calibration)
     if offers is not None and not offers:
         raise InputError("offers is empty, expected candidates or None")
@@ -231,7 +231,7 @@ def _choose_for_tolerance(prospect: Prospects, roots: Array, goal: _Goal, group_
 
 def _steps(goal: _Goal, covariance: Array, roots: Array, group_size: int) -> tuple[tuple[int, float], ...]:
     """(count, error [m]) with 0, 1, 2 ... chosen groups, from their roots U, (n, p, q), and the prior covariance."""
-    after = (each for _, each in greedy(roots, covariance, goal.weight))
+    after = (each for _, each in greedy_choices(roots, covariance, goal.weight))
     counted = ((group_size * k, each) for k, each in enumerate([covariance, *after]))
     return tuple((count, goal.expected_m(each, count)) for count, each in counted)
 
@@ -269,7 +269,7 @@ def outlook(
     recording = synchronous_recording(cell, recording, calibration)
     prospect = prospects(cell, recording, calibration, draw_offers(cell_sketches, recording, OUTLOOK_CANDIDATES))
     goal = _make_goal(prospect, cell, calibration, points_m)
-    steps = greedy(prospect.roots, prospect.covariance, goal.weight)
+    steps = greedy_choices(prospect.roots, prospect.covariance, goal.weight)
     covariances = [prospect.covariance, *(after for _, after in islice(steps, OUTLOOK_COUNTS[-1]))]
     return tuple(
         (count, goal.expected_m(covariances[count], count)) for count in OUTLOOK_COUNTS if count < len(covariances)
@@ -279,7 +279,7 @@ def outlook(
 def choose_best(prospect: Prospects, roots: Array, weight: Array, count: int) -> tuple[list[int], Array]:
     """Choose `count` candidates greedily with exchange; their indices, and the covariance with them, (p, p)."""
     chosen, covariance = list[int](), prospect.covariance
-    for best, covariance in islice(greedy(roots, prospect.covariance, weight), count):  # noqa: B007
+    for best, covariance in islice(greedy_choices(roots, prospect.covariance, weight), count):  # noqa: B007
         chosen.append(best)
     return exchange(roots, chosen, covariance, weight)
 

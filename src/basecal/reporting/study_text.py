@@ -39,7 +39,7 @@ def paper_text(study: Mapping[str, Any]) -> str:
     return "\n\n".join("\n".join(block) for block in blocks)
 
 
-def length_figures(study: Mapping[str, Any]) -> dict[str, str]:
+def shift_length_figures(study: Mapping[str, Any]) -> dict[str, str]:
     """Figures of the error over the length of the shifts, as SVG by file name."""
     pixel = study["settings"]["sigma_px"]
     figures = {}

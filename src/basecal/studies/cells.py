@@ -40,13 +40,17 @@ def statuses(settings: Settings) -> dict[str, str]:
     plan = make_layout(settings["layout"], settings["robots"])
     reference, *others = plan.robots
 
-    def mounts(carriers: Mapping[str, str], status: str) -> dict[str, str]:
+    def mount_statuses(carriers: Mapping[str, str], status: str) -> dict[str, str]:
         """Statuses of mounts, by name."""
         ends = {name: f"{reference}_base" if on == WORLD else f"{on}_flange" for name, on in carriers.items()}
         return {f"{end}_from_{name}": status for name, end in ends.items()}
 
     bases = {f"{reference}_base_from_{other}_base": settings["base"] for other in others}
-    return bases | mounts(plan.cameras, settings["camera_mount"]) | mounts(plan.targets, settings["target_mount"])
+    return (
+        bases
+        | mount_statuses(plan.cameras, settings["camera_mount"])
+        | mount_statuses(plan.targets, settings["target_mount"])
+    )
 
 
 def simulate_cell(settings: Settings, seed: int) -> SimulatedCell:

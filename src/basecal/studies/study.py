@@ -37,7 +37,7 @@ class Point:
     @property
     def label(self) -> dict[str, str | float | int | bool]:
         """Value on each axis, as a word or a number."""
-        return {name: label(value) for name, value in self.at.items()}
+        return {name: axis_label(value) for name, value in self.at.items()}
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def _plain(value: Any) -> Any:
     return value.model_dump() if isinstance(value, TargetEntry) else value
 
 
-def label(value: Any) -> str | float | int | bool:
+def axis_label(value: Any) -> str | float | int | bool:
     """A value of an axis as a word or a number; a board as its kind and sizes."""
     if not isinstance(value, TargetEntry):
         word: str | float | int | bool = value

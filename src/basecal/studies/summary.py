@@ -14,7 +14,7 @@ from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.studies.chunk import COLUMNS, ChunkResult, Trials, read_chunk
 from basecal.studies.columns import quantiles, write_columns
-from basecal.studies.study import Chunk, Point, Study, label
+from basecal.studies.study import Chunk, Point, Study, axis_label
 
 SCHEMA = "basecal/study-result/1"
 COVERAGE = 0.95
@@ -43,7 +43,7 @@ def summarise(study: Study, folder: Path) -> dict[str, Any]:
         "cells": study.cells,
         "transform": study.transform,
         "study": f"sha256:{study.identity}",
-        "axes": {name: [label(value) for value in values] for name, values in study.axes.items()},
+        "axes": {name: [axis_label(value) for value in values] for name, values in study.axes.items()},
         "points": points,
     }
 

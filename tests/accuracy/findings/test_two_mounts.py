@@ -92,7 +92,7 @@ def test_any_samples_may_be_those_of_the_other_place(monkeypatch, logs, explains
     moves = np.ones((3, 6, 6))
     situation = SimpleNamespace(groups=[group], frame_jacobian=lambda k, mount: moves)
     monkeypatch.setattr(room, "situate", lambda solution: situation)
-    monkeypatch.setattr(room, "candidate_chance", lambda *words: given.append(words) or 0.5)
+    monkeypatch.setattr(room, "candidate_log_chance", lambda *words: given.append(words) or 0.5)
     monkeypatch.setattr(room, "decide", lambda gain, chance, level: SimpleNamespace(is_taken=explains))
     solution = SimpleNamespace(noise=SimpleNamespace(logs=logs))
     assert room._is_significant(solution, "mount", minority, majority) == is_so

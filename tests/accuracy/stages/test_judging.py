@@ -34,7 +34,7 @@ def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, sma
     contradicted = tuple(SimpleNamespace(is_too_small=each) for each in small)
     monkeypatch.setattr(judging, "contradicted_sigmas", lambda solution: contradicted)
     monkeypatch.setattr(judging, "unlikely_sigmas", lambda *words: ())
-    monkeypatch.setattr(judging, "without_contradicted", lambda *words: robust)
+    monkeypatch.setattr(judging, "without_contradicted_sigmas", lambda *words: robust)
     monkeypatch.setattr(judging, "systematic_error", lambda *words: given.append(words) or "found")
     recording = Recording((*MADE.recording.samples, Sample(3, images={"wrist": "images/4.png"})))
     before = Case(MADE.cell, recording, Settings(), packed="all", robust=SimpleNamespace(solution="as stated"))

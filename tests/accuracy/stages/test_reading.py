@@ -21,7 +21,7 @@ ERROR, WARNING = (Finding(s, s, (), s) for s in ("error", "warning"))
 def test_a_task_needs_something_that_is_placed(monkeypatch):
     """But for the axis-shift method, whose task is where the base is wanted."""
     asked = []
-    monkeypatch.setattr(reading, "base_transforms", asked.append)
+    monkeypatch.setattr(reading, "require_placed_transforms", asked.append)
     for settings, count in (
         (Settings(), 0),
         (Settings(task_point=(0, 0, 0), method="axis-shift"), 0),

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.accuracy.task.task import base_transforms, box_points, place_kind, placed_transforms, task_places
+from basecal.accuracy.task.task import box_points, place_kind, placed_transforms, require_placed_transforms, task_places
 from basecal.errors import InputError
 from basecal.simulation import Scenario, simulate
 
 
 def test_what_is_placed_in_the_reference():
     """A base between robots, else what stands on the world; a lone mount on a flange is no place."""
-    assert base_transforms(simulate(Scenario(samples=2), 0).cell) == ["eye_base_from_hand_base"]
-    assert base_transforms(simulate(Scenario(samples=2, layout="eye_in_hand"), 0).cell) == ["arm_base_from_board"]
+    assert require_placed_transforms(simulate(Scenario(samples=2), 0).cell) == ["eye_base_from_hand_base"]
+    assert require_placed_transforms(simulate(Scenario(samples=2, layout="eye_in_hand"), 0).cell) == [
+        "arm_base_from_board"
+    ]
     lone = simulate(Scenario(samples=2, layout="eye_in_hand", target_mount="fixed"), 0).cell
     with pytest.raises(InputError, match="task point"):
-        base_transforms(lone)
+        require_placed_transforms(lone)
     assert placed_transforms(lone) == []
 
 

@@ -21,7 +21,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve
 from basecal.estimation.start import contacts
-from basecal.estimation.start.contacts import place_contacts, rigid_ends, rotated_base_states, without_contacts
+from basecal.estimation.start.contacts import place_contacts, rigid_part_mounts, rotated_base_states, without_contacts
 from basecal.estimation.start.first_state import first_state
 from basecal.estimation.start.rotation_search import icosahedral_rotations
 from basecal.estimation.view.poses import PoseMeasurement
@@ -118,7 +118,7 @@ def held(axis):
 def test_a_held_part_is_halfway_between_the_flanges():
     """Both ends are one place, half of the way from one flange to the other, in the directions of the eye's flange."""
     problem = held("fixed")
-    ((name, start),) = rigid_ends(problem).items()
+    ((name, start),) = rigid_part_mounts(problem).items()
     assert (name, start.matrix.tolist()) == ("eye_flange_from_part", np.eye(4).tolist())
     hand_from_eye = SE3.exp([0.2, -0.1, 0.4, 0.3, 0.2, 0.1])
     placed = place_contacts(problem, {"hand_flange_from_part_grip": hand_from_eye})
@@ -158,7 +158,7 @@ def test_contacts_are_left_out_of_the_first_problem():
     points = without_contacts(hinged)
     assert [type(g.measurement).__name__ for g in points.groups] == ["TouchMeasurement"]
     assert points.point_mounts == {hinged.groups[0].eye.mount, hinged.groups[0].hand.mount}
-    assert rigid_ends(hinged) == {}
+    assert rigid_part_mounts(hinged) == {}
     mixed, _ = touched({"floor": "plane", "mark_a": "point"})
     left = without_contacts(mixed)
     assert {g.target for g in left.groups} == {"mark_a"}

@@ -14,7 +14,7 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL, Comparison, compare_split, decide
 from basecal.accuracy.phrases.sample_list import list_samples
-from basecal.accuracy.systematic_errors.search import candidate_chance
+from basecal.accuracy.systematic_errors.search import candidate_log_chance
 from basecal.accuracy.systematic_errors.situation import Situation, situate
 from basecal.cell import Finding
 from basecal.effects.faces.candidates import one_candidate
@@ -93,8 +93,8 @@ def _is_significant(solution: Solution, mount: str, minority: _Shifts, majority:
     )
     candidate = one_candidate("two-mounts", mount, "m", jacobians)
     log_splits = (len(minority.samples) + len(majority.samples) - 1) * np.log(2)
-    chance = candidate_chance(solution, candidate, minority.mean() - majority.mean(), float(log_splits))
-    return solution.noise.logs is None or decide(0.0, chance, SINGLE_LEVEL).is_taken
+    log_chance = candidate_log_chance(solution, candidate, minority.mean() - majority.mean(), float(log_splits))
+    return solution.noise.logs is None or decide(0.0, log_chance, SINGLE_LEVEL).is_taken
 
 
 def _splits(evidence: Evidence) -> Iterator[_Split]:

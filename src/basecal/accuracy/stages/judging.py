@@ -17,7 +17,7 @@ from basecal.accuracy.findings.registry import ANSWER_CHECKS
 from basecal.accuracy.findings.systematic_error import deduplicate_size_findings
 from basecal.accuracy.lens_structure import LensStructure, lens_structures
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.stated_sigmas import contradicted_sigmas, unlikely_sigmas, without_contradicted
+from basecal.accuracy.stated_sigmas import contradicted_sigmas, unlikely_sigmas, without_contradicted_sigmas
 from basecal.accuracy.systematic_errors.expected_sizes import contain_expected_sizes
 from basecal.accuracy.systematic_errors.pose_fields import stated_fields
 from basecal.accuracy.systematic_errors.search import systematic_error
@@ -38,7 +38,7 @@ def screen_stated_sigmas(case: Case) -> Case:
     """Estimate stated sigmas that the residuals contradict."""
     assert case.robust is not None
     contradicted = contradicted_sigmas(case.solution) or unlikely_sigmas(case.solution, case.settings)
-    robust = without_contradicted(case.robust, contradicted, case.settings)
+    robust = without_contradicted_sigmas(case.robust, contradicted, case.settings)
     refuted = case.solution if any(each.is_too_small for each in contradicted) else None
     evidence = Evidence(
         case.cell,

@@ -12,7 +12,7 @@ from basecal.accuracy.input_screening.repeated_views import repeated_views
 from basecal.accuracy.input_screening.units import count_searchable_images, impossible_units
 from basecal.accuracy.readings.scales import convert_units, estimate_units
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.task.task import base_transforms
+from basecal.accuracy.task.task import require_placed_transforms
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.streams.streams import recording_streams
 
@@ -24,7 +24,7 @@ def check_task(case: Case) -> Case:
         InputError: if a task point is stated, but there is no such transform.
     """
     if case.settings.task_point is not None and case.settings.method != "axis-shift":
-        base_transforms(case.cell)
+        require_placed_transforms(case.cell)
     return case
 
 

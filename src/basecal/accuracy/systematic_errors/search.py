@@ -325,7 +325,7 @@ def _is_contained(solution: Solution, suspect: Suspect) -> bool:
     return bool(name) and compare_evidence(gain).is_taken
 
 
-def candidate_chance(solution: Solution, candidate: Candidates, size: Array, log_count: float) -> float:
+def candidate_log_chance(solution: Solution, candidate: Candidates, size: Array, log_count: float) -> float:
     """Log p-value of a candidate's gain; `log_count` is the logarithm of the number of candidates that were tested."""
     suspect, situation = Suspect("", candidate, size, len(size), 0.0, 0.0, 0.0, log_count), situate(solution)
     return _log_chance(situation, suspect, _gain(situation, suspect, solution))

@@ -104,7 +104,7 @@ def pooled_quantile(covariances: Array, means: Array) -> float:
         covariances: (n, 3, 3) covariance of each component.
         means: (n, 3) mean of each component.
     """
-    normals = _non_central(covariances, means)
+    normals = _approximate_squared_lengths(covariances, means)
     own = normals.quantile()
     old, new = float(own.min()), float(own.max())
     before, off = (normals.probability(end).mean() - QUANTILE_LEVEL for end in (old, new))
@@ -133,7 +133,7 @@ def length_quantiles(covariances: Array, means: Array | None = None) -> Array:
     """
     if means is None or not np.any(means):
         return _central_quantile(covariances)
-    return _non_central(covariances, means).quantile()
+    return _approximate_squared_lengths(covariances, means).quantile()
 
 
 class _NonCentral(NamedTuple):
@@ -163,7 +163,7 @@ class _NonCentral(NamedTuple):
         return np.asarray(chndtr(np.maximum(at, 0.0), self.freedoms, self.shift))
 
 
-def _non_central(covariances: Array, means: Array) -> _NonCentral:
+def _approximate_squared_lengths(covariances: Array, means: Array) -> _NonCentral:
     """Approximate the squared lengths of normal vectors with covariances, (n, 3, 3), and means, (n, 3)."""
     powers = [np.broadcast_to(np.eye(3), covariances.shape)]
     for _ in range(4):

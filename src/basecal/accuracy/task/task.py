@@ -20,7 +20,7 @@ def placed_transforms(cell: Cell) -> list[str]:
     return [name for name in cell.requested_transforms if name.startswith(f"{cell.reference}_base_from_")]
 
 
-def base_transforms(cell: Cell) -> list[str]:
+def require_placed_transforms(cell: Cell) -> list[str]:
     """Return `placed_transforms`, of which at least one is required.
 
     Raises:

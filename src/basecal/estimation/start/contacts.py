@@ -31,7 +31,7 @@ def without_contacts(problem: Problem) -> Problem:
     return replace(problem.with_groups(groups), point_mounts=problem.point_mounts | hinges)
 
 
-def rigid_ends(problem: Problem) -> dict[str, SE3]:
+def rigid_part_mounts(problem: Problem) -> dict[str, SE3]:
     """Start values of the mounts of rigid parts: the identity at the flange of the eye, by name."""
     return {g.eye.mount: SE3.identity() for g in problem.groups if isinstance(g.measurement, GripMeasurement)}
 

@@ -21,7 +21,7 @@ from basecal.estimation.least_squares.studentized_residuals import view_misfits
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.all_pairs import place_bases, place_by_pairs
 from basecal.estimation.start.closed_form import Loop, Triple, solve_rotations, solve_translations
-from basecal.estimation.start.contacts import place_contacts, rigid_ends, rotated_base_states, without_contacts
+from basecal.estimation.start.contacts import place_contacts, rigid_part_mounts, rotated_base_states, without_contacts
 from basecal.estimation.start.led_search import led_search
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.metric_points import has_metric_start, place_by_points
@@ -118,7 +118,10 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     view_and_point_counts = _MANY_VIEWS_POINTS if thorough else _FEW_VIEWS_POINTS
     # Refined poses of views do not shorten the descent, so they are used in a thorough search only.
     estimate_poses = view_poses if thorough else partial(view_poses, iterations=0)
-    knowledge, point_problem = _Knowledge(known_transforms(problem) | rigid_ends(problem)), without_contacts(problem)
+    knowledge, point_problem = (
+        _Knowledge(known_transforms(problem) | rigid_part_mounts(problem)),
+        without_contacts(problem),
+    )
     groups = [g for g in point_problem.groups if g.measurement.equations().any()]
     metric = [g for g in groups if has_metric_start(g, knowledge.transforms)]
     waiting = [

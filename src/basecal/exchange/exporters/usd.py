@@ -29,13 +29,13 @@ def export_text(request: ExportRequest) -> str:
     )
     stage.GetRootLayer().documentation = "\n".join(remarks)
     trees = frame_trees(request.transforms, Tf.MakeValidIdentifier)
-    roots = [_define(stage, node, Sdf.Path.absoluteRootPath) for node in trees]
+    roots = [_define_prims(stage, node, Sdf.Path.absoluteRootPath) for node in trees]
     stage.SetDefaultPrim(roots[0])
     text: str = stage.GetRootLayer().ExportToString()
     return text
 
 
-def _define(stage: Any, node: FrameNode, parents: Any) -> Any:
+def _define_prims(stage: Any, node: FrameNode, parents: Any) -> Any:
     """Define the prims of a frame and its descendants, and return the frame's prim."""
     from pxr import Gf, UsdGeom
 
@@ -45,7 +45,7 @@ def _define(stage: Any, node: FrameNode, parents: Any) -> Any:
         prim.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*node.parent_from_frame.translation.tolist()))
         prim.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(w, x, y, z))
     for child in node.children:
-        _define(stage, child, prim.GetPath())
+        _define_prims(stage, child, prim.GetPath())
     return prim.GetPrim()
 
 

@@ -64,7 +64,7 @@ class ViewPage:
 
     def _answer_values(self, query: Query) -> dict[str, Any]:
         run, excluded = self._run(query), _excluded_numbers(query)
-        calibration = self._read(run)
+        calibration = self._cached_read(run)
         first, views = headline(self.cell, calibration), list(calibration.residuals.per_sample)
         answer: dict[str, Any] = {"error": "", "rows": (), "fit": ""}
         try:
@@ -93,7 +93,7 @@ class ViewPage:
 
     def _sample_values(self, query: Query) -> dict[str, Any]:
         run = self._run(query)
-        calibration, numbers = self._read(run), [sample.sample for sample in self.recording.samples]
+        calibration, numbers = self._cached_read(run), [sample.sample for sample in self.recording.samples]
         number = next(iter((*_numbers(query.get("number", "")), *numbers)), 0)
         lines = sample_words(number, calibration.residuals.per_sample, _excluded_numbers(query))
         drawn = sample_pictures(self.cell, self.recording, calibration, self._points(run), number)
@@ -104,7 +104,7 @@ class ViewPage:
         return query["run"] if query.get("run") in self.runs else self.runs[0]
 
     @cached_property
-    def _read(self) -> Callable[[str], Calibration]:
+    def _cached_read(self) -> Callable[[str], Calibration]:
         return lru_cache(_MOST_RUNS)(self.read)
 
     @cached_property
@@ -115,7 +115,7 @@ class ViewPage:
         def read(run: str) -> tuple[PointResiduals, ...]:
             """Point residuals of one run; empty if they cannot be computed."""
             with suppress(BasecalError):  # such as after a change of the recording
-                return point_residuals(self.cell, self.recording, self._read(run))
+                return point_residuals(self.cell, self.recording, self._cached_read(run))
             return ()
 
         return read
