@@ -65,14 +65,15 @@ def test_it_is_found_if_it_is_not_stated():
     assert finding.about == ("hand",)
 
 
-@pytest.mark.parametrize(("joint", "what"), [
-    (2, "Joint 3 of hand turns by 0.400 ± 0.010 % more than recorded."),
-    (None, "Gear ratios of hand are off; the clearest is that of joint 1, by 0.400 ± 0.010 %."),
+@pytest.mark.parametrize(("joint", "size", "what"), [
+    (2, 0.004, "Joint 3 of hand rotates by 0.400 ± 0.010 % more than recorded."),
+    (2, -0.004, "Joint 3 of hand rotates by 0.400 ± 0.010 % less than recorded."),
+    (None, 0.004, "Gear ratios of hand are off; the clearest is that of joint 1, by 0.400 ± 0.010 %."),
 ])  # fmt: skip
-def test_words(joint, what):
+def test_words(joint, size, what):
     """The size in percent, and an entry that does not contradict it."""
     found = FoundEffect(
-        of.NAME, "gear-ratio", "hand", False, False, None, "", np.array([0.004]), np.array([[1e-8]]), np.zeros(6), joint
+        of.NAME, "gear-ratio", "hand", False, False, None, "", np.array([size]), np.array([[1e-8]]), np.zeros(6), joint
     )
     words = of.words(found)
     assert words.what == what

@@ -39,14 +39,14 @@ def transform_verdicts(problem: Problem, names: Iterable[str], findings: Sequenc
     return {name: _verdict(name, parts, known, findings) for name in names}
 
 
-def _verdict(name: str, parts: Sequence[set[str]], known: set[str], findings: Sequence[Finding]) -> Verdict:
-    own = next((part for part in parts if name in part), known)
-    found = {_BY_SEVERITY[each.severity] for each in findings if _is_about(each, name, own, known)}
+def _verdict(name: str, parts: Sequence[set[str]], known_names: set[str], findings: Sequence[Finding]) -> Verdict:
+    own = next((part for part in parts if name in part), known_names)
+    found = {_BY_SEVERITY[each.severity] for each in findings if _is_about(each, name, own, known_names)}
     return next((verdict for verdict in _VERDICT_ORDER if verdict in found), "good")
 
 
-def _is_about(finding: Finding, name: str, own: set[str], known: set[str]) -> bool:
-    about = known.intersection(finding.about)
+def _is_about(finding: Finding, name: str, own: set[str], known_names: set[str]) -> bool:
+    about = known_names.intersection(finding.about)
     if finding.code in _OWN_TRANSFORM_CODES and about:
         return name in about
     return not about or not about.isdisjoint(own)

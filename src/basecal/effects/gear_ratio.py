@@ -70,7 +70,8 @@ def _turning_angles(_: object, joints: Array) -> Array:
 def words(effect: FoundEffect) -> Words:
     """Describe the error of one joint, or of several with the most significant named."""
     joint, amount = clearest_joint(effect, 100, "%")
-    what = f"Joint {joint} of {effect.about} turns by {amount} more than recorded."
+    relation = "less" if amount.startswith("-") else "more"
+    what = f"Joint {joint} of {effect.about} rotates by {amount.removeprefix('-')} {relation} than recorded."
     if effect.joint is None:
         what = f"Gear ratios of {effect.about} are off; the clearest is that of joint {joint}, by {amount}."
     return Words("robot-model", what, (f"Write {entry(effect.size)} at {effect.about} in cell.yaml.", AGAIN))

@@ -112,7 +112,7 @@ def shift(frame, transform, joint, size):
             "board was remounted or moved at sample 12 by 5.0 mm and 1.0 deg",
         ),
         (shift("eye_flange", "", 1, np.radians([2])), "joint 2 of eye slipped by 2.0 deg at sample 12"),
-        (shift("board", SIZE_KIND, None, [-0.04]), "board is another board since sample 12, 4 % smaller"),
+        (shift("board", SIZE_KIND, None, [-0.04]), "board is another target since sample 12, 4 % smaller"),
     ],
 )
 def test_shift_is_reported_with_its_size_and_sample(cause, words):

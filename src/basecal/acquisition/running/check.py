@@ -167,7 +167,7 @@ def _describe_shift(cause: Shift, sample: int) -> str:
     if cause.transform == SIZE_KIND:
         percent = 100 * float(cause.size[0])
         larger = "larger" if percent > 0 else "smaller"
-        return f"{cause.frame} is another board since sample {sample}, {abs(percent):.2g} % {larger}"
+        return f"{cause.frame} is another target since sample {sample}, {abs(percent):.2g} % {larger}"
     size = f"{two_digits(1e3 * cause.shift_m)} mm and {angle}"
     change = "moved" if cause.frame.endswith("_base") else "was remounted or moved"
     return f"{cause.frame} {change} at sample {sample} by {size}"

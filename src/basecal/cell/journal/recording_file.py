@@ -189,7 +189,7 @@ def check_image_bounds(samples: Sequence[Sample], lines: Mapping[int, int], path
         sample = next(n for n, s in views if not np.all(_inside_mask(s.pixels, camera.size_px)))
         width, height = camera.size_px
         share = f"{np.count_nonzero(outside)} of {len(pixels)} pixels of {name!r} lie outside its {width} x {height} px"
-        raise FileLine(path, lines[sample]).error("observations", f"{share}{_outside_cause(camera, pixels)}")
+        raise FileLine(path, lines[sample]).error("observations", f"{share}{_likely_cause(camera, pixels)}")
 
 
 def _inside_mask(pixels: Array, size_px: tuple[int, int]) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
@@ -198,7 +198,7 @@ def _inside_mask(pixels: Array, size_px: tuple[int, int]) -> np.ndarray[tuple[in
     return np.asarray(np.all((pixels >= -margin) & (pixels <= np.array(size_px) - 1 + margin), -1))
 
 
-def _outside_cause(camera: CellCamera, pixels: Array) -> str:
+def _likely_cause(camera: CellCamera, pixels: Array) -> str:
     """Likely cause of pixels outside the image, and how to fix it."""
     width, height = camera.size_px or (0, 0)
     u, v = np.max(pixels, axis=0)
