@@ -68,7 +68,9 @@ def a_calibration() -> Calibration:
             "pixel_px": 0.21,
             "robots": {"eye": {"sigma_t_m": [3e-4, 1e-4, 3e-4], "sigma_r_rad": [5e-4, 5e-4, 5e-4]}},
         },
-        residuals=Residuals(0.2, 0.1, 4e-4, np.radians(0.05), (SampleResidual(3, "wrist", "led", 0.4),)),
+        residuals=Residuals(
+            0.2, 0.1, 4e-4, np.radians(0.05), (SampleResidual(3, "wrist", "led", 0.4, 4e-4, np.radians(0.05)),)
+        ),
     )
 
 
@@ -86,7 +88,7 @@ def test_numbers_are_those_of_the_calibration() -> None:
         "rpy 0.00 0.00 90.00 deg sigma 0.17 0.00 0.23 deg",
         "fx 900.0 sigma 2.0 px",
         "reprojection error 0.20 px rms per coordinate, median 0.10 px",
-        "pose consistency error 0.40 mm and 0.050 deg rms over 1 views",
+        "pose consistency error 0.40 mm and 0.050 deg rms over 1 view",
         "worst view: sample 3 by wrist, 0.40 px rms",
         "measurement noise, 1 sigma per axis: 0.21 px",
         "pose noise of robot eye, 1 sigma per axis: 0.30 0.10 0.30 mm, 0.50 mrad",
@@ -185,8 +187,9 @@ def test_validation_and_outliers_are_told() -> None:
 
 
 def test_the_worst_view_is_one_that_was_used() -> None:
-    """A view that was left out as a whole is neither the worst nor counted; one without some of its points may be."""
-    views = tuple(SampleResidual(number, "wrist", "led", rms) for number, rms in ((3, 90.0), (4, 0.7), (5, 0.3)))
+    """A view that was left out as a whole is neither the worst nor counted; nor is one without a loop counted."""
+    errors = (3, 90.0, 1e-3), (4, 0.7, 1e-3), (5, 0.3, 1e-3), (6, 0.2, None)
+    views = tuple(SampleResidual(number, "wrist", "led", rms, loop_m, loop_m) for number, rms, loop_m in errors)
     left_out = (Outlier(3, "wrist", "led", (), "bumped"), Outlier(4, "wrist", "led", (2,), "8 px off"))
     told = replace(a_calibration(), residuals=Residuals(0.2, 0.1, 4e-4, 1e-3, views), outliers=left_out)
     text = text_report(a_cell(), told)
@@ -305,7 +308,7 @@ def test_loops_are_listed_if_there_are_several() -> None:
     told = replace(a_calibration(), residuals=Residuals(loops=loops))
     assert list(fit_sentences(told)) == [
         "pose consistency error of eye - wrist - led: 1.0 mm and 0.10 deg over 7 views",
-        "pose consistency error of hand - led: 2.0 mm and 0.20 deg over 1 views",
+        "pose consistency error of hand - led: 2.0 mm and 0.20 deg over 1 view",
     ]
     assert list(fit_sentences(replace(told, residuals=Residuals(loops=loops[:1])))) == []
 

@@ -12,7 +12,7 @@ from basecal.accuracy.sample_use import outlier_views
 from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
 from basecal.cell import Calibration, Cell, Finding, Validation
 from basecal.effects.registry import RANDOM_EFFECTS, ROBOT_PARAMETERS
-from basecal.errors import check_type
+from basecal.errors import check_type, count_text
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.exports.digits import format_decimals
 from basecal.exchange.ros2 import static_transform_publisher
@@ -175,11 +175,12 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
         yield f"reprojection error {two_digits(residuals.rms_px)} px rms per coordinate{median}"
     if residuals.loop_rms_m is not None:
         error = error_text(residuals.loop_rms_m, residuals.loop_rms_rad)
-        yield f"pose consistency error {error} rms over {len(used)} views"
+        closed = sum(view.loop_m is not None for view in used)
+        yield f"pose consistency error {error} rms over {count_text(closed, 'view')}"
     if len(residuals.loops) > 1:
         for loop in residuals.loops:
             error = error_text(loop.rms_m, loop.rms_rad)
-            yield f"pose consistency error of {' - '.join(loop.path)}: {error} over {loop.views} views"
+            yield f"pose consistency error of {' - '.join(loop.path)}: {error} over {count_text(loop.views, 'view')}"
     worst = max(used, key=misfit, default=None)
     if worst is not None and worst.rms_px is not None:
         yield f"worst view: sample {worst.sample} by {worst.camera}, {two_digits(worst.rms_px)} px rms"
@@ -201,7 +202,8 @@ def validation_sentences(calibration: Calibration) -> Iterator[str]:
     if validation is None:
         return
     if errors := held_out_errors(validation):
-        yield f"cross-validation error ({validation.kind}, {validation.folds} folds), rms: {', '.join(errors)}"
+        split = f"{validation.kind}, {count_text(validation.folds, 'fold')}"
+        yield f"cross-validation error ({split}), rms: {', '.join(errors)}"
     if validation.base_change is not None:
         yield f"fold spread over predicted sigma: {float(np.sqrt(validation.base_change)):.2f}; 1 if sigmas are correct"
     yield from rival_lines(validation)

@@ -60,7 +60,7 @@ def test_what_was_left_out_is_red_and_apart():
     """It is counted, drawn on its own, and does not widen the rings."""
     points = seen(np.zeros((4, 2)), [[0.1, 0], [0, 0.1], [-0.1, 0], [30, 0]], [True, True, True, False])
     figure = residual_polar(points)
-    assert "1 orange ones were left out" in figure.caption
+    assert "Orange, left out: 1 point." in figure.caption
     assert ">0.25 px<" in figure.svg
 
 
@@ -121,7 +121,7 @@ def test_longer_residuals_are_counted():
     off = np.full((50, 2), 0.1)
     off[0] = 5, 0
     figure = residual_polar(seen(np.zeros((50, 2)), off))
-    assert " 1 are longer and drawn on the outer ring." in figure.caption
+    assert " Longer, drawn on the outer ring: 1 residual." in figure.caption
     assert "points drawn" not in figure.caption
     assert "orange" not in figure.caption
 

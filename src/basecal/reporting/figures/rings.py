@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from basecal.accuracy.fit_details import ViewPoses
 from basecal.accuracy.residuals.point_residuals import PointResiduals
+from basecal.errors import count_text
 from basecal.fields.digits import two_digits
 from basecal.geometry import Array
 from basecal.reporting.svg import Figure, dots, drawing, element, nice_ceiling, path, segments
@@ -63,8 +64,8 @@ def residual_polar(points: PointResiduals) -> Figure:
     svg = polar_drawing(f"reprojection errors of {points.camera} by direction", rings, *clouds)
     half, most = (two_digits(value) for value in np.percentile(length, [_HALF, _MOST_OF]))
     beyond = int(np.count_nonzero(length > top))
-    outside = f" {beyond} are longer and drawn on the outer ring." if beyond else ""
-    also = f" {len(left_out)} orange ones were left out." if len(left_out) else ""
+    outside = f" Longer, drawn on the outer ring: {count_text(beyond, 'residual')}." if beyond else ""
+    also = f" Orange, left out: {count_text(len(left_out), 'point')}." if len(left_out) else ""
     few = f"{len(shown)} of {len(residuals)} points drawn. " if len(shown) < len(residuals) else ""
     caption = (
         f"{few}{_HALF} % are below {half} px, {_MOST_OF} % below {most} px.{outside}{also} A cloud that is not "
