@@ -214,3 +214,15 @@ def test_capture_ends_at_a_persistent_disagreement(tmp_path: Path, capsys: pytes
         lines = (folder / "recording" / "samples.jsonl").read_text().splitlines()
         assert len(lines) == len(answer["captured"])
         assert (len(lines) < 14) == bool(options)
+
+
+@pytest.mark.parametrize(
+    ("reached", "lasting", "word"),
+    [(True, False, "PASS"), (True, True, "DOUBTFUL"), (False, True, "FAIL"), (None, True, "DOUBTFUL")],
+)
+def test_a_lasting_disagreement_ends_no_capture_with_pass(reached: bool | None, lasting: bool, word: str) -> None:
+    """The page ends as the exit code does."""
+    doubt = SimpleNamespace(message="hand_base moved at sample 3", is_lasting=lasting)
+    steps = [SimpleNamespace(sample=3, why_not="", doubts=(doubt,))]
+    replanner = None if reached is None else SimpleNamespace(is_reached=reached, words=lambda: "0.3 mm is reached")
+    assert module._outcome(steps, replanner, "next").word == word  # type: ignore[arg-type]

@@ -45,7 +45,7 @@ def line(number: int, with_image: bool, with_pixels: bool) -> str:
         ([(True, False)] * 2, "board in 2 of 2 images of wrist, 24.0 points each", 0),
         (
             [(True, False), (False, True)],
-            "board in 1 of 1 images of wrist, 1 views recorded without an image, 24.0 points each",
+            "board in 1 of 1 images of wrist, 1 view recorded without an image, 24.0 points each",
             0,
         ),
         ([(False, False)] * 2, "nothing found in 0 images", 0),

@@ -339,10 +339,12 @@ def _outcome(steps: Sequence[Step], replanner: Replanner | None, command: str) -
     from basecal.acquisition.watching import End
 
     doubts, missing = _lasting_doubts(steps), _abandoned_steps(steps)
-    if replanner is not None:
-        return End("PASS" if replanner.is_reached else "FAIL", replanner.words(), command)
+    if replanner is not None and not replanner.is_reached:
+        return End("FAIL", replanner.words(), command)
     if doubts:
         return End("DOUBTFUL", doubts[0], command)
+    if replanner is not None:
+        return End("PASS", replanner.words(), command)
     count_text = f"{len(steps) - len(missing)} of {len(steps)} samples taken"
     first_reason = f"; the first missing one: {missing[0].why_not}" if missing else ""
     return End("DOUBTFUL" if missing else "GOOD", f"{count_text}{first_reason}", command)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from basecal.cli.next_step import cameras_without_lens, next_step
 from basecal.cli.terminal import finding_line, print_json, progress_bar, quote_path, say
+from basecal.errors import count_text
 
 if TYPE_CHECKING:
     from basecal.cell import Cell, Recording
@@ -78,9 +79,9 @@ def _print_summary(recording: Recording, lensless: Collection[str]) -> None:
         points_text = f"{points[pair] / (detected[pair] + recorded[pair]):.1f} points each"
         searched_text = f"in {detected[pair]} of {images[camera]} images of {camera}"
         images_text = searched_text if detected[pair] else f"by {camera}"
-        recorded_text = f"{recorded[pair]} views recorded without an image" if recorded[pair] else ""
+        recorded_text = f"{count_text(recorded[pair], 'view')} recorded without an image" if recorded[pair] else ""
         say(", ".join(part for part in (f"{target} {images_text}", recorded_text, points_text) if part))
     if not detected and not recorded and (images or not lensless):
-        say(f"nothing found in {sum(images.values())} images")
+        say(f"nothing found in {count_text(sum(images.values()), 'image')}")
     for finding in recording.findings:
         say(finding_line(finding))
