@@ -30,6 +30,7 @@ from basecal.cell import Cell, RobotState
 from basecal.cell import Robot as CellRobot
 from basecal.errors import DatasetError, DriverError
 from basecal.geometry import SE3
+from basecal.simulation.arms import six_axis
 
 CELL = Cell("eye", {"eye": CellRobot("eye")})
 
@@ -51,6 +52,19 @@ def test_options_are_checked():
     assert checked_options(place(path="images", wait_s=2.0), FolderOptions).wait_s == 2.0
     with pytest.raises(DatasetError, match=r"mycell/cell\.yaml: cameras\.wrist\.driver\.pth: .*did you mean 'path'"):
         checked_options(place(pth="images"), FolderOptions)
+
+
+def test_joints_are_those_of_the_chain():
+    """Another number of them is refused with their names; a pose, and joints of a robot without a URDF, are not."""
+    chain = six_axis()
+    known = Place("eye", Cell("eye", {"eye": CellRobot("eye", chain=chain)}), Path("mycell"))
+    three, six = (RobotState(joints_rad=np.zeros(count)) for count in (3, 6))
+    for state in (six, RobotState(SE3.identity())):
+        known.check_joints(state)
+    Place("eye", CELL, Path("mycell")).check_joints(three)
+    names = ", ".join(chain.joint_names)
+    with pytest.raises(DriverError, match=f"^eye: its driver reports 3 joints, .* has 6: {names}. Report these"):
+        known.check_joints(three)
 
 
 @pytest.mark.parametrize(

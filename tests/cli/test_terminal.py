@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -133,6 +134,21 @@ def test_several_errors_name_their_file_once(tmp_path: Path, capsys: pytest.Capt
     assert said.count("cell.yaml") == 1
     assert said.count("; line ") >= 2
     assert said.count("\n") == 1
+
+
+def test_several_mistakes_without_lines_are_separated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a driver's options, in a cell or alone: `line` stands before a number only."""
+    (tmp_path / "cell.yaml").write_text(
+        "schema: basecal/cell/1\nreference: eye\nrobots:\n  eye: {}\n"
+        "cameras:\n  wrist: {on: eye, driver: {kind: folder, pth: x}}\n"
+    )
+    for words in ([str(tmp_path), "wrist", "--yes"], ["folder", "--camera", "--option", "pth=x"]):
+        assert main(["driver", "check", *words]) == 3
+        said = capsys.readouterr().err
+        assert re.search(
+            r"driver\.path: missing; add it; (cell\.yaml: )?cameras\.\w+\.driver\.pth: unknown field", said
+        )
+        assert said.count("\n") == 1
 
 
 class Watched(io.StringIO):

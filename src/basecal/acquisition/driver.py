@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from basecal.box import is_own_fault
 from basecal.cell import Cell, RobotState
 from basecal.cell.schema.errors import check_entry
-from basecal.errors import BasecalError, DatasetError, DriverError
+from basecal.errors import BasecalError, DatasetError, DriverError, count_text, list_names
 from basecal.fields.values import Entry
 from basecal.geometry import Array
 
@@ -100,6 +100,20 @@ class Place:
     def error(self, message: str, field: str = "driver") -> DatasetError:
         """An error about a field of the robot or camera in `cell.yaml`."""
         return DatasetError(self.folder / "cell.yaml", message, field=f"{self.section}.{self.name}.{field}")
+
+    def check_joints(self, state: RobotState) -> None:
+        """Check that a state has a value for each joint of the robot's kinematics, if the cell states these.
+
+        Raises:
+            DriverError: if it has another number of joints.
+        """
+        chain = self.cell.robots[self.name].chain
+        if chain is None or state.joints_rad is None or len(state.joints_rad) == chain.n:
+            return
+        raise DriverError(
+            f"{self.name}: its driver reports {count_text(len(state.joints_rad), 'joint')}, its chain in cell.yaml "
+            f"has {chain.n}: {list_names(chain.joint_names)}. Report these in this order"
+        )
 
 
 @runtime_checkable

@@ -155,7 +155,9 @@ def _report_failure(error: object, code: int) -> int:
     """Print an error as one line that names the file once, and return the exit code."""
     text = str(error)
     if isinstance(error, DatasetError):
-        text = text.replace(f"\n{error.path}:", "; line ")
+        text = text.replace(f"\n{error.path}: ", "; ").replace(f"\n{error.path}:", "; line ")
+    if isinstance(error, BasecalError):  # of a process of its own, too, which sends its text alone
+        text = "; ".join(text.splitlines())
     line = " ".join(text.split())
     if len(line) > 2 * _END_CHARACTERS:  # quotations of input or of the command line may have any length
         line = f"{line[:_END_CHARACTERS]} ... {line[-_END_CHARACTERS:]}"

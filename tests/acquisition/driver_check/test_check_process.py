@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from basecal.acquisition.driver import DriverKind, Place, Reading
 from basecal.acquisition.driver_check import check_process
 from basecal.acquisition.driver_check.check_process import DriverCheck, find_opener, measure_promises
 from basecal.acquisition.driver_check.promises import Promise
 from basecal.box import BoxError
+from basecal.cell import Cell, Robot, RobotState
 from basecal.errors import DriverError, InputError, UsageError
+from basecal.simulation.arms import six_axis
 
 FOLDER = DriverCheck("folder", options={"path": "."}, is_camera=True)
 
@@ -42,6 +47,25 @@ def test_crashed_driver_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(check_process, "frames", crash)
     with pytest.raises(DriverError, match=r"^eye: its driver ends the process that reads it \(-6\)$"):
         list(measure_promises(DriverCheck("folder", "eye")))
+
+
+def test_joints_are_those_of_the_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A driver that keeps all promises, and reports three joints of six, is refused as a capture refuses it."""
+
+    class Arm:
+        is_live = True
+
+        def state(self) -> Reading:
+            return Reading(time.monotonic(), RobotState(joints_rad=np.zeros(3)))
+
+        def close(self) -> None:
+            pass
+
+    place = Place("eye", Cell("eye", {"eye": Robot("eye", chain=six_axis())}), Path("."))
+    kind = DriverKind(open_robot=lambda _: Arm())
+    monkeypatch.setattr(check_process, "find_opener", lambda _: (kind, place))
+    with pytest.raises(DriverError, match=r"^eye: its driver reports 3 joints, its chain in cell\.yaml has 6"):
+        list(check_process._measure(DriverCheck("mycell", "eye")))
 
 
 def test_unknown_name_is_refused(tmp_path: Path) -> None:

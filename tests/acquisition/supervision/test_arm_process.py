@@ -19,6 +19,7 @@ from basecal.acquisition.supervision.frames import Channel, Kind
 from basecal.acquisition.supervision.limits import HANG_LIMIT_S, HOLD_S, STALE_S
 from basecal.cell import Cell, Robot, RobotState
 from basecal.errors import DriverError
+from basecal.simulation.arms import six_axis
 
 HOME = RobotState(joints_rad=np.zeros(2))
 GOAL = RobotState(joints_rad=np.ones(2))
@@ -158,6 +159,16 @@ def test_library_error_is_reported_as_link_or_driver():
     assert _error_text("left", RuntimeError("End of file")) == lost
     assert _error_text("left", DriverError("left: protective stop")) == "left: protective stop"
     assert _error_text("left", BrokenPipeError(32, "Broken pipe")) == "left: its connection was closed (Broken pipe)"
+
+
+def test_another_number_of_joints_is_reported(served):
+    """As what it is, and not as the error of an array; the arm is stopped."""
+    process, robot, heard = served
+    states = iter([6, 6, 3])
+    robot.state = lambda: Reading(time.monotonic(), RobotState(joints_rad=np.zeros(next(states))))
+    process._read(robot, Place("left", Cell("left", {"left": Robot("left", chain=six_axis())}), Path(".")))
+    (trouble,) = troubles(heard)
+    assert trouble.startswith("left: its driver reports 3 joints, its chain in cell.yaml has 6:")
 
 
 def test_closed_connection_stops_the_arm(served, monkeypatch):

@@ -121,6 +121,8 @@ def _measure(check: DriverCheck) -> Iterator[Promise | str]:
             yield from camera_promises(camera)
         return
     with closing(kind.robot(place)) as robot:
+        if robot.is_live:
+            place.check_joints(robot.state().state)
         yield from robot_promises(place.name, robot, kind.stop_guarantee, check.go)
         if check.cut:
             yield f"Cut the connection of {place.name} now, for three seconds, and restore it."

@@ -147,15 +147,16 @@ class ArmProcess:
         self._read_s, self._robot = time.monotonic(), robot
         _start_thread(self._serve_requests, robot)
         if robot.is_live:
-            _start_thread(self._read, robot)
+            _start_thread(self._read, robot, place)
         if isinstance(robot, HasWatchdog):
             _start_thread(self._send_heartbeats, robot)
 
-    def _read(self, robot: Robot) -> None:
+    def _read(self, robot: Robot, place: Place) -> None:
         try:
             while not self._is_over:
                 reading = robot.state()
                 check_reading(self._name, reading)
+                place.check_joints(reading.state)
                 self._read_s = time.monotonic()
                 self._check_lag(reading)
                 self._note(reading)
