@@ -52,13 +52,21 @@ def test_equation_numbers_are_unique_and_ascending() -> None:
         section, place = map(int, number.split("."))
         sections.setdefault(section, []).append(place)
     assert list(sections) == sorted(sections)
-    assert all(places == list(range(1, len(places) + 1)) for places in sections.values())
+    for section, places in sections.items():
+        counted = list(range(1, len(places) + 1))
+        assert places == counted, f"docs/mathematics.md: number the equations of section {section} in their order"
 
 
 def test_code_and_mathematics_cite_the_same_equations() -> None:
     """Every equation that a docstring cites exists, and every equation is cited by the code that computes it."""
     known = equations()
-    assert {number for path in SOURCES for number in cited(path.read_text(encoding="utf-8"), known)} == set(known)
+    places: dict[str, str] = {}
+    for path in SOURCES:
+        places |= dict.fromkeys(cited(path.read_text(encoding="utf-8"), known), path.name)
+    missing = [f"({number}) of {name}" for number, name in places.items() if number not in known]
+    assert not missing, f"docs/mathematics.md has no equation {', '.join(missing)}"
+    bare = [f"({number})" for number in known if number not in places]
+    assert not bare, f"cite in the docstring of what computes it, by `docs/mathematics.md (N.N)`: {', '.join(bare)}"
 
 
 def test_every_citation_names_an_equation_or_heading() -> None:

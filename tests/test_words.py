@@ -59,12 +59,28 @@ def test_docstrings_with_a_leading_clause_are_found(first: str) -> None:
     assert not list(complaints(iter([Text("document", "", 1, first)])))
 
 
+@pytest.mark.parametrize(
+    ("sentence", "complaint"),
+    [
+        ("A joint errs.", "for `errs` write has an error, is off"),
+        ("They Mended it.", "for `Mended` write fix"),
+        ("It is a state that cannot be.", "for `that cannot be` write implausible"),
+        ("A word " * 11 + "more.", "23 words, at most 20"),
+    ],
+)
+def test_complaint_has_the_replacement(sentence: str, complaint: str) -> None:
+    """A complaint has the phrase with its replacement, or the number of allowed words."""
+    assert [why for _, why, _ in complaints(iter([Text("message", "", 1, sentence)]))] == [complaint]
+
+
 def test_names_have_no_faults() -> None:
     """Each name of the package passes."""
-    assert [(name.kind, name.path, name.name) for name in names() if fault(name)] == []
+    faults = [f"{name.path}:{name.line}: {name.kind} {name.name}: {fault(name)}" for name in names() if fault(name)]
+    assert not faults, f"rename these, by the rules in tests/words.py: {'; '.join(faults)}"
 
 
 @pytest.mark.parametrize("texts", [docstrings, messages, documents])
 def test_sentences_have_no_faults(texts: Callable[[], Iterator[Text]]) -> None:
     """No sentence is too long or has a replaced word."""
-    assert [(text.path, text.line, why, sentence) for text, why, sentence in complaints(texts())] == []
+    faults = [f"{text.path}:{text.line}: {why}: {sentence}" for text, why, sentence in complaints(texts())]
+    assert not faults, "\n".join(["write these anew, in shorter or other words:", *faults])

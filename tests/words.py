@@ -54,31 +54,32 @@ PUBLIC = word_set("between import_into wanted imported")  # of documented nouns,
 REPLACED = word_set("told mended shaken alike door worth anywhere surprise")
 NO_FIRST_WORDS = word_set("What Of Those That Likewise So Who Whose It Nothing By From")  # of a docstring
 BUILDERS = word_set("with without to from as is has are was needs can read wait leave")
-PHRASES = (
-    r"\btold\b|\btells?\b",
-    r"\bmend(?:s|ed)?\b",
-    r"\b(?:of|by) (?:itself|themselves)\b",
-    r"\bwhere it stands\b|\bstands for\b",
-    r"\bstates none\b|\bnobody states\b",
-    r"\bnumbers end\b|\bbeyond numbers\b",
-    r"\bso read\b",
-    r"\bsays? nothing to\b",
-    r"\bthat cannot be(?=[,.;:)]|$)",
-    r"\btaken for exact\b",
-    r"\basked for\b",
-    r"\bloop-closure\b",
-    r"\bbetter half\b",
-    r"\bmade up for\b",
-    r"\bin common\b",
-    r"\balike\b",
-    r"\bbefalls?\b",
-    r"\bhas the face of\b",
-    r"\berrs\b",
-    r"\bas calibrated\b",
-    r"\bsurprises?\b",
-    r"\bshaken\b",
-    r"\bat the door\b",
-)
+PHRASES = {
+    r"\btold\b|\btells?\b": "report, print, state",
+    r"\bmend(?:s|ed)?\b": "fix",
+    r"\b(?:of|by) (?:itself|themselves)\b": "alone, separately",
+    r"\bwhere it stands\b|\bstands for\b": "is, its pose",
+    r"\bstates none\b|\bnobody states\b": "unstated",
+    r"\bnumbers end\b|\bbeyond numbers\b": "not finite, the solve fails",
+    r"\bso read\b": "under this hypothesis",
+    r"\bsays? nothing to\b": "has no effect on",
+    r"\bthat cannot be(?=[,.;:)]|$)": "implausible",
+    r"\btaken for exact\b": "assumed exact",
+    r"\basked for\b": "requested",
+    r"\bloop-closure\b": "pose consistency",
+    r"\bbetter half\b": "best 50 %",
+    r"\bmade up for\b": "compensated",
+    r"\bin common\b": "shared",
+    r"\balike\b": "equal, the same",
+    r"\bbefalls?\b": "occurs",
+    r"\bhas the face of\b": "implements",
+    r"\berrs\b": "has an error, is off",
+    r"\bas calibrated\b": "unchanged",
+    r"\bsurprises?\b": "negative log evidence",
+    r"\bshaken\b": "with timing jitter",
+    r"\bat the door\b": "input screening",
+}
+"""What is not written, with what is written instead."""
 PRIVATE = re.compile("|".join(PHRASES), re.IGNORECASE)
 
 
@@ -234,17 +235,22 @@ def word_count(sentence: str) -> int:
     return len([word for word in sentence.split() if re.search(r"\w", word)])
 
 
+def replacement(found: re.Match[str]) -> str:
+    """What is written instead of a phrase."""
+    return next(good for bad, good in PHRASES.items() if re.match(bad, found[0], re.IGNORECASE))
+
+
 def complaints(texts: Iterator[Text]) -> Iterator[tuple[Text, str, str]]:
     """Each sentence with what is wrong with it."""
     for text in texts:
         most = MESSAGE_WORDS if text.kind == "message" else DOCUMENT_WORDS
         if text.kind == "docstring" and (first := text.text.split()[0].rstrip(",:")) in NO_FIRST_WORDS:
-            yield text, f"begins with `{first}`", text.text.partition("\n")[0]
+            yield text, f"begins with `{first}`, not with a verb or a noun", text.text.partition("\n")[0]
         for sentence in sentences(text.text):
             if (count := word_count(sentence)) > most:
-                yield text, f"{count} words", sentence
+                yield text, f"{count} words, at most {most}", sentence
             elif found := PRIVATE.search(sentence):
-                yield text, f"`{found[0]}`", sentence
+                yield text, f"for `{found[0]}` write {replacement(found)}", sentence
 
 
 def draw(count: int, seed: int) -> Iterator[Text]:

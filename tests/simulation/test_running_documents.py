@@ -21,7 +21,10 @@ def rows(heading: str) -> list[list[str]]:
 def test_every_fault_is_described():
     """Name, unit, usual size and what it does, in the words of the code."""
     described = rows("A simulated cell that runs")
-    assert described == [[name, kind.unit, str(kind.default_size), kind.description] for name, kind in FAULTS.items()]
+    stated = [[name, kind.unit, str(kind.default_size), kind.description] for name, kind in FAULTS.items()]
+    wrong = ["| `{}` | {} |".format(row[0], " | ".join(row[1:])) for row in stated if row not in described]
+    assert not wrong, f"docs/capture.md: the table of faults lacks {', '.join(wrong)}"
+    assert described == stated, f"docs/capture.md: one row for each fault, in this order: {', '.join(FAULTS)}"
 
 
 def test_every_request_is_described():

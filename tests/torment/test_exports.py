@@ -13,7 +13,9 @@ from torment.exports import EXPORTS, PARSERS
 
 def test_every_exporter_has_a_parser() -> None:
     """A new exporter needs a trial, too."""
-    assert PARSERS.keys() == EXPORTERS.keys()
+    bare, unknown = sorted(EXPORTERS.keys() - PARSERS.keys()), sorted(PARSERS.keys() - EXPORTERS.keys())
+    assert not bare, f"add to PARSERS in tests/torment/exports.py a reader that is not ours: {', '.join(bare)}"
+    assert not unknown, f"remove from PARSERS in tests/torment/exports.py: {', '.join(unknown)}"
 
 
 @pytest.mark.parametrize("name", EXPORTS)

@@ -14,6 +14,12 @@ from basecal.exchange.motions.writers import PLAN_FORMATS
 from basecal.studies.solvers.registry import SOLVERS
 from torment.run import TRIALS
 
+_TRIALS = {
+    "importers": "tests/torment/foreign.py",
+    "exporters": "tests/torment/exports.py",
+    "drivers": "tests/torment/others.py, or tests/torment/devices.py if it has a peer",
+}
+"""Where the trials of kinds are that others add."""
 _NAMES: Mapping[str, str] = {
     "images": "image",
     "bag": "import bag",
