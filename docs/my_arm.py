@@ -18,9 +18,9 @@ class MyArm(ReconnectingRobot):
         self.address = address
         super().__init__(name)
 
-    def ask(self, path: str, **said: object) -> dict:
+    def ask(self, path: str, **said: object) -> dict[str, list[float]]:
         with urllib.request.urlopen(f"{self.address}/{path}", json.dumps(said).encode(), timeout=1) as answer:
-            return json.load(answer)
+            return dict(json.load(answer))
 
     def connect(self) -> None:  # HTTP connects with each request: ask once
         self.ask("joints")
@@ -30,7 +30,7 @@ class MyArm(ReconnectingRobot):
         return Reading(time.monotonic(), RobotState(joints_rad=joints))
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:  # begins, and comes back at once
-        self.ask("move", degrees=np.degrees(to.joints_rad).tolist(), speed=np.degrees(speed_rad_s))
+        self.ask("move", degrees=np.degrees(to.vector).tolist(), speed=np.degrees(speed_rad_s))
 
     def stop(self) -> None:  # called by another thread
         self.ask("stop")

@@ -17,17 +17,19 @@ from tests.words import DOCUMENTS
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 STEP = re.compile(
-    r"^(?P<how>New file|In|At the end of|Try it)(?: `(?P<path>\S+?)`)?(?:, after `(?P<line>[^\n]+)`)?[^`\n]*:\n\n"
+    r"^(?P<how>New file|In|At the end of|Try it)(?: `(?P<path>\S+?)`)?"
+    r"(?:, (?P<where>after|instead of) `(?P<line>[^\n]+)`)?[^`\n]*:\n\n"
     r"```\w*\n(?P<block>.*?)^```$",
     re.DOTALL | re.MULTILINE,
 )
 
 
 class Step(NamedTuple):
-    """A step of an example: the file, the line after which lines are inserted, and these lines."""
+    """A step of an example: the file, the line after or instead of which lines are written, and these lines."""
 
     how: str
     path: str | None
+    where: str | None
     line: str | None
     block: str
 
@@ -44,8 +46,8 @@ def take(step: Step, tree: Path) -> None:
         programs = {".venv/bin/python": sys.executable, "basecal": f"{sys.executable} -m basecal"}
         path = os.pathsep.join(str(tree / each) for each in ("src", "tests", "."))
         for line in step.block.splitlines():
-            program, _, rest = line.partition(" ")
-            command = f"{programs.get(program, program)} {rest}"
+            settings, program, rest = re.fullmatch(r"((?:\w+=\S* )*)(\S+)(.*)", line).groups()  # type: ignore[union-attr]
+            command = f"{settings}{programs.get(program, program)}{rest}"
             ended = subprocess.run(
                 command, shell=True, cwd=tree, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True
             )
@@ -62,7 +64,8 @@ def take(step: Step, tree: Path) -> None:
         path.write_text(text + step.block, encoding="utf-8")
         return
     assert text.count(f"\n{step.line}\n") == 1, step.line
-    path.write_text(text.replace(f"\n{step.line}\n", f"\n{step.line}\n{step.block}"), encoding="utf-8")
+    kept = f"{step.line}\n" if step.where == "after" else ""
+    path.write_text(text.replace(f"\n{step.line}\n", f"\n{kept}{step.block}"), encoding="utf-8")
 
 
 def faults_of_words(tree: Path) -> str:
@@ -76,14 +79,37 @@ def faults_of_words(tree: Path) -> str:
     )
 
 
+def copy_tree(folder: Path) -> None:
+    """Copy what examples change, and what their tests read."""
+    for name in ("src", "tests", "docs"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "data"))
+    for name in ("pyproject.toml", "mkdocs.yml", *DOCUMENTS):
+        shutil.copy(ROOT / name, folder / name)
+
+
+@pytest.mark.journey
+@pytest.mark.parametrize(
+    "command", [["ruff", "check"], ["ruff", "format", "--check"], ["mypy", "--cache-dir", "cache"]], ids=" ".join
+)
+def test_examples_pass_lint(command: list[str], tmp_path: Path) -> None:
+    """All of them together, in the files that they make or change."""
+    pytest.importorskip(command[0])
+    copy_tree(tmp_path)
+    made: dict[str, None] = {}
+    for step in (step for steps in examples().values() for step in steps if step.path is not None):
+        take(step, tmp_path)
+        made |= {str(step.path): None} if str(step.path).endswith(".py") else {}
+    ended = subprocess.run(
+        [sys.executable, "-m", *command, *made], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+
+
 @pytest.mark.journey
 @pytest.mark.parametrize("kind", examples())
 def test_example_adds_its_kind(kind: str, tmp_path: Path) -> None:
     """The example needs only the files and lines that it names."""
-    for name in ("src", "tests", "docs"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__", "data"))
-    for name in ("pyproject.toml", "mkdocs.yml", *DOCUMENTS):
-        shutil.copy(ROOT / name, tmp_path / name)
+    copy_tree(tmp_path)
     steps = examples()[kind]
     assert steps[0].how == "New file"
     assert steps[-1].how == "Try it"
