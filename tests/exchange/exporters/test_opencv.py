@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
+from basecal.errors import InputError
+from basecal.exchange.exporters import opencv
 from basecal.exchange.exporters.opencv import export_text
 from basecal.exchange.exports.exporter import ExportRequest
 from basecal.exchange.importers.opencv import read_opencv_lens
@@ -63,3 +65,13 @@ def test_several_transforms_are_several_maps():
     both = replace(wanted(), transforms=(*wanted(BASE).transforms, *wanted("board_from_hand_flange").transforms))
     file = storage(export_text(both))  # its nodes end with it
     assert set(file.root().keys()) == {BASE, "board_from_hand_flange"}
+
+
+def test_a_lens_of_another_model_is_refused(monkeypatch):
+    """Its terms would be read as those of another lens."""
+    camera = Camera("fisheye", np.array([600.0, 601.0, 320.0, 240.0, 0.1, 0.0, 0.0, 0.0]), (640, 480))
+    request = ExportRequest((), (), replace(CALIBRATION, cameras={"wrist": (camera, np.eye(8))}), camera="wrist")
+    assert "fisheye_model" in export_text(request)
+    monkeypatch.setattr(opencv, "_MODELS", ("pinhole",))
+    with pytest.raises(InputError, match="OpenCV has no fisheye lens; it has pinhole"):
+        export_text(request)

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from basecal.errors import InputError, list_names
 from basecal.exchange.exports.cameras import exported_camera
 from basecal.exchange.exports.exporter import Exporter, ExportRequest, comments, describe_transform
 from basecal.geometry import Array
-from basecal.geometry.lenses import fisheye
+from basecal.geometry.lenses import fisheye, pinhole
+
+_MODELS = (pinhole.MODEL, fisheye.MODEL)
 
 
 def export_text(request: ExportRequest) -> str:
     """Format a map per transform: `R`, `t` [m], `rvec`, `T` (4x4), `covariance`; or a lens as used by `calib3d`.
+
+    Raises:
+        InputError: if the lens is of a model that OpenCV lacks.
 
     Source: docs.opencv.org, "File Input and Output using XML and YAML files".
     """
     lines = ["%YAML:1.0", "---", *comments(request.remarks, "#")]
     if request.camera is not None:
         camera = exported_camera(request, request.camera)
+        if camera.model not in _MODELS:
+            raise InputError(f"OpenCV has no {camera.model} lens; it has {list_names(_MODELS)}")
         if camera.size_px is not None:
             lines += [f"image_width: {camera.size_px[0]}", f"image_height: {camera.size_px[1]}"]
         lines += _matrix("camera_matrix", camera.matrix)
