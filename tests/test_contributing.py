@@ -82,7 +82,7 @@ def faults_of_words(tree: Path) -> str:
 def copy_tree(folder: Path) -> None:
     """Copy what examples change, and what their tests read."""
     for name in ("src", "tests", "docs"):
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "data"))
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "mkdocs.yml", *DOCUMENTS):
         shutil.copy(ROOT / name, folder / name)
 
