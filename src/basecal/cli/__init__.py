@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, Parameter
 
+from basecal.cli.help_page import HelpFormatter
 from basecal.cli.study import study
 from basecal.cli.terminal import say
 from basecal.cli.typed_words import describe_misuse, normalise_words
@@ -57,6 +58,7 @@ def build_app(words: Sequence[str] = ()) -> App:
         name="basecal",
         help=_HELP,
         help_format="plaintext",
+        help_formatter=HelpFormatter(),
         result_action="return_value",
         version=_version,
         default_parameter=Parameter(negative=(), show_default=_default_text),
