@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from basecal.cli.detect import detected_recording
 from basecal.cli.next_step import capture_command, has_drivers
 from basecal.cli.page import add_stored_scene, find_run
 from basecal.cli.terminal import finding_line, print_json, progress_bar, quote_path, say_next, say_verdict
-from basecal.errors import DatasetError, UsageError
+from basecal.errors import DatasetError, InputError, UsageError, count_text
 
 if TYPE_CHECKING:
     from basecal.accuracy.drift.verify import Verification
@@ -66,6 +68,7 @@ def verify(
         data, text, code = {}, [], 0
     else:
         run, new = find_run(cell) if against is None else against, _new_samples(cell, described, samples)
+        _refuse_calibrated_samples(cell, described, run, new, samples)
         verification = _verify(cell, described, run, new)
         data = {**verification_dict(verification), "findings": [finding_to_dict(each) for each in new.findings]}
         text = [verification_text(verification), *map(finding_line, new.findings)]
@@ -129,6 +132,34 @@ def _require_images(sample: Sample, base_folder: Path, journal: Path) -> None:
             raise DatasetError(journal, f"sample {sample.sample}: {message}; put it there, or correct its path")
 
 
+def _refuse_calibrated_samples(folder: Path, cell: Cell, run: Path, new: Recording, path: Path) -> None:
+    """Refuse samples that the run was calibrated from, which agree with it in any case.
+
+    Raises:
+        InputError: if there are any.
+    """
+    from basecal.cell.files import input_hashes, read_calibration
+    from basecal.cell.journal.recording_file import FILE, FOLDER
+
+    journal = f"{FOLDER}/{FILE}"
+    if read_calibration(run).inputs.get(journal) != input_hashes(folder, cell).get(journal):
+        return
+    known = {_measured_values(sample) for sample in detected_recording(folder, cell).samples}
+    repeats = [sample.sample for sample in new.samples if _measured_values(sample) in known]
+    if repeats:
+        count = f"{len(repeats)} of {count_text(len(new.samples), 'sample')}"
+        raise InputError(f"{path}: {count} are those of the calibration, from sample {repeats[0]} on: give new ones")
+
+
+def _measured_values(sample: Sample) -> str:
+    """All measured values of a sample, in all digits, without its number and the names of its files."""
+    from json import dumps
+
+    from basecal.cell.files import sample_to_dict
+
+    return dumps(sample_to_dict(replace(sample, sample=0, images={}, background={}), ""))
+
+
 def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification:
     """Verify a run with new samples, and append the result to the cell's verifications."""
     from datetime import UTC, datetime
@@ -175,8 +206,6 @@ def _recalibrate(
 
 def _renumber_sample(sample: Sample, number: int, base_folder: str | Path, files: dict[str, Path]) -> Sample:
     """The sample with another number; images of a sample without observations are added to `files` by path."""
-    from dataclasses import replace
-
     from basecal.exchange.importing.cell_files import numbered_path
 
     images = {} if sample.observations else {c: numbered_path(path, number) for c, path in sample.images.items()}
@@ -187,8 +216,8 @@ def _renumber_sample(sample: Sample, number: int, base_folder: str | Path, files
 def _recalibration_words(result: dict[str, Any] | None) -> str:
     if result is None:
         return "not calibrated again: samples from before and after something moved are of two cells"
-    count = len(result["added"])
-    return f"calibrated again with {count} new samples, {result['verdict']}: run {result['run']}"
+    count = count_text(len(result["added"]), "new sample")
+    return f"calibrated again with {count}, {result['verdict']}: run {result['run']}"
 
 
 def _history(cell: Path) -> tuple[dict[str, Any], str]:
