@@ -26,9 +26,9 @@ def list_names(names: Sequence[str]) -> str:
     return ", ".join(map(str, names[:_SHOWN_NAMES])) + more or "none"
 
 
-def count_text(count: int, noun: str) -> str:
-    """A number with its noun, which takes an s unless the number is one."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
+def count_text(count: int, noun: str, plural: str = "") -> str:
+    """A number with its noun in the plural, by default with an s, unless the number is one."""
+    return f"{count} {noun if count == 1 else plural or f'{noun}s'}"
 
 
 def sentence(clause: str, names: Iterable[str] = ()) -> str:

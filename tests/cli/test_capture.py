@@ -72,12 +72,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--pattern", "pose"], "no pattern 'pose' (did you mean 'poses'?)"),
-        (["--pattern", "none.jsonl"], "or a file"),
-        (["--plan", "none.jsonl"], "or a file"),
+        (["--pattern", "pose"], "no pattern and no file 'pose' (did you mean 'poses'?)"),
+        (["--pattern", "none.jsonl"], "no file 'none.jsonl'"),
+        (["--plan", "none.jsonl"], "no file 'none.jsonl'"),
         (["--plan", "plan.jsonl", "--pattern", "shifts"], "give only one of them"),
         (["--speed-limit-deg-s", "0"], "speed-limit-deg-s"),
-        (["--freedrive", "--go"], "--freedrive moves no arm: leave --go out"),
+        (["--freedrive", "--go"], "--freedrive moves no arm, a person does: leave --go out"),
+        (["--freedrive", "--plan", "x.jsonl", "--seed", "3"], "leave --plan, --seed out"),
+        (["--freedrive", "--tool-speed-limit", "1m/s"], "leave --tool-speed-limit out"),
         (["--port", "5000"], "give --web"),
         (["--task-point", "0.5 0 0.3"], "give --tolerance"),
         (["--tolerance", "1mm"], "give either --task-point"),
@@ -86,7 +88,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             "give only one of",
         ),
         (["--tolerance", "1mm", "--task-point", "0.5 0 0.3", "--pattern", "x.jsonl"], "files of --pattern"),
-        (["--task-point", "0.5 0 0.3", "--pattern", "shifts", "--freedrive"], "leave --freedrive out"),
+        (["--task-point", "0.5 0 0.3", "--pattern", "shifts", "--freedrive"], "leave --pattern, --task-point out"),
     ],
 )
 def test_invalid_options_are_refused(

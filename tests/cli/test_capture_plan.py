@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import re
 from contextlib import nullcontext
+from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration
+from basecal.cell import Calibration, Sample
 from basecal.cell.calibration import Verdict
-from basecal.cell.files import append_verification, input_hashes, write_calibration, write_cell
+from basecal.cell.files import append_verification, input_hashes, write_calibration, write_cell, write_plan
 from basecal.cell.results.verification_file import PastVerification
 from basecal.cli import capture_plan as module
 from basecal.cli import main
@@ -277,8 +279,26 @@ def test_samples_come_from_pattern_file_or_interrupted_plan(monkeypatch: pytest.
     assert made("poses", None) == (["drawn"], True)
     assert made("poses", 4) == (["drawn"], True)
     assert asked == [(sketch, "home", 25, 13), (sketch, "home", 4, 13)]
-    with pytest.raises(InputError, match=r"no pattern 'poes' \(did you mean 'poses'\?\); it is one of .*, or a file"):
+    with pytest.raises(InputError, match=r"no pattern and no file 'poes' \(did you mean 'poses'\?\); the"):
         made("poes", 4)
     assert made("poes", 4, SimpleNamespace(samples=["planned"])) == (["planned"], True)
     left.append("left")
-    assert made("poes", 4) == (["left"], False)
+    assert made("poses", 4) == (["left"], False)
+
+
+def test_another_file_is_not_the_interrupted_plan(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The file of the interrupted plan continues it; another one is refused, as its samples would not be taken."""
+    simulation = simulate(Scenario(samples=3), 0)
+    goals = [Sample(k, robots=sample.robots) for k, sample in enumerate(simulation.recording.samples)]
+    (tmp_path / "recording").mkdir()
+    write_plan(
+        [replace(goal, sample=goal.sample + 7) for goal in goals], tmp_path / "recording" / "plan.jsonl", tmp_path
+    )
+    write_plan(goals, tmp_path / "same.jsonl", tmp_path)
+    write_plan(goals[:2], tmp_path / "other.jsonl", tmp_path)
+    monkeypatch.setattr("basecal.acquisition.capture.remaining_samples", lambda *_: goals[1:])
+    sketch = SimpleNamespace(cell=simulation.cell)
+    made = partial(capture_plan, None, sketch, tmp_path, samples=None, seed=0)  # type: ignore[arg-type]
+    assert made(pattern=str(tmp_path / "same.jsonl")) == (goals[1:], False)
+    with pytest.raises(UsageError, match=r"not the interrupted plan, of which 2 samples remain: .*, or remove .*plan"):
+        made(pattern=str(tmp_path / "other.jsonl"))

@@ -45,19 +45,27 @@ def test_touches_are_counted(tmp_path, monkeypatch, capsys, count):
     (tmp_path / "cell.yaml").write_text(yaml_text(touch_data(["corner"])))
     seen = TouchObservation("eye_tip", "corner")
     touched(monkeypatch, [Sample(number, observations=(seen,)) for number in range(3, 3 + count)])
-    assert capture_touches(tmp_path, ConnectionOptions(), json=True, other_options=()) == (0 if count else 1)
+    assert capture_touches(tmp_path, ConnectionOptions(), json=True) == (0 if count else 1)
     out, err = capsys.readouterr()
     assert (json.loads(out), err) == ({"cell": str(tmp_path), "captured": list(range(3, 3 + count))}, "")
-    assert capture_touches(tmp_path, ConnectionOptions(), json=False, other_options=()) == (0 if count else 1)
+    assert capture_touches(tmp_path, ConnectionOptions(), json=False) == (0 if count else 1)
     out, err = capsys.readouterr()
     assert out.splitlines() == [
-        *(f"sample {number}: eye_tip at corner" for number in range(3, 3 + count)), f"{count} touches taken",
-    ]  # fmt: skip
+        *(f"sample {number}: eye_tip at corner" for number in range(3, 3 + count)),
+        f"{count} touch{'' if count == 1 else 'es'} taken",
+    ]
     assert err == f"next: basecal calibrate {tmp_path}\n"
 
 
-@pytest.mark.parametrize("option", ["--go", "--dry-run", "--freedrive", "--web"])
-def test_touch_excludes_other_ways_of_capture(tmp_path, capsys, option):
-    """Other ways are refused before the cell is read."""
-    assert main(["capture", str(tmp_path / "none"), "--touch", option]) == 2
-    assert "--touch only records touches: leave out options" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--go"], ["--dry-run"], ["--freedrive"], ["--web"], ["--pattern", "shifts"], ["--task-point", "0 0 0"],
+        ["--task-box", "0 0 0 1 1 1"], ["--seed", "1"], ["--port", "5000"], ["--speed-limit-deg-s", "5"],
+        ["--tool-speed-limit", "1m/s"], ["--accept-no-watchdog"], ["--stop-on-disagreement"],
+    ],
+)  # fmt: skip
+def test_touch_excludes_other_ways_of_capture(tmp_path, capsys, words):
+    """An option of another way of capture is reported before the cell is read."""
+    assert main(["capture", str(tmp_path / "none"), "--touch", *words]) == 2
+    assert f"as many as are typed: leave {words[0]} out" in capsys.readouterr().err

@@ -76,6 +76,13 @@ def test_video_file_is_no_live_camera(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "images come on demand" in capsys.readouterr().out
 
 
+def test_a_cell_without_drivers(tmp_path, capsys):
+    """The missing `driver` is named, not an empty list."""
+    assert main(["new", str(tmp_path / "cell")]) == 0
+    assert main(["driver", "check", str(tmp_path / "cell"), "eye"]) == 2
+    assert "no robot or camera has a `driver`: add it to cell.yaml" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
@@ -83,6 +90,7 @@ def test_video_file_is_no_live_camera(tmp_path: Path, capsys: pytest.CaptureFixt
         (["opencv", "--camera", "--option", "source"], 2, "expected KEY=VALUE"),
         (["opencv"], 3, "no driver of that name is for robots"),
         (["opencv", "--camera", "--option", "sauce=1"], 3, "sauce"),
+        (["{cell}"], 2, "give the robot or camera after the cell's folder; there are: eye, hand, wrist"),
         (["{cell}", "nobody"], 2, "there are: eye, hand, wrist"),
         (["{cell}", "eye", "--option", "port=1"], 2, "the cell states its own options"),
     ],

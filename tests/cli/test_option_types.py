@@ -65,3 +65,27 @@ def test_numbers_up_to_their_limits_are_accepted(kind: Any, most: int) -> None:
     for number in (-1, most + 1):
         with pytest.raises(ValueError, match="Must be"):
             check(int, number)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["plan", "CELL", "--samples", "4", "--hold-s", "1"], "no robot's program is written: leave --hold-s out"),
+        (["plan", "CELL", "--samples", "4", "--speed-limit-deg-s", "9"], "leave --speed-limit-deg-s out"),
+        (
+            ["plan", "CELL", "--samples", "4", "--touches", "--pattern", "shifts"],
+            "--pattern has no effect on --touches",
+        ),
+        (["simulate", "CELL", "--process", "--samples", "9", "--images"], "records nothing: leave --samples, --images"),
+        (["simulate", "CELL", "--process", "--joint-offset-deg", "1"], "leave --joint-offset-deg out"),
+        (["simulate", "CELL", "--speed", "0", "--fault", "backlash"], "no cell runs: leave --speed, --fault out"),
+        (["simulate", "CELL", "--until-eof"], "leave --until-eof out"),
+    ],
+)
+def test_options_without_effect_are_refused(
+    tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The message names them; no cell is read or made."""
+    assert main([str(tmp_path / "cell") if word == "CELL" else word for word in words]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "cell").exists()

@@ -36,5 +36,5 @@ def test_simulated_noise_is_stated(tmp_path: Path) -> None:
 def test_faults_need_a_running_cell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A fault of a recorded cell is refused, not ignored."""
     assert main(["simulate", str(tmp_path / "cell"), "--fault", "backlash"]) == 2
-    assert "--fault needs --process" in capsys.readouterr().err
+    assert "without --process no cell runs: leave --fault out" in capsys.readouterr().err
     assert not (tmp_path / "cell").exists()

@@ -22,7 +22,7 @@ from basecal.cli.capture_plan import (
 from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASK_FIRST, ConnectionOptions, allowed_rig
-from basecal.cli.option_types import Box, Point, Port, Seed, number_range
+from basecal.cli.option_types import Box, Point, Port, Seed, given_options, number_range, refuse_options
 from basecal.cli.replanning import Replanner, Task, requested_task
 from basecal.cli.terminal import print_json, quote_path, say, say_next
 from basecal.errors import UsageError
@@ -30,7 +30,9 @@ from basecal.fields.typed_length import length_m
 from basecal.planning.patterns import PATTERNS
 
 _MOST_PLANS = 20  # largest number of plans that are tried for a task until one is accepted
-_SHIFTS = "shifts"
+_POSES, _SHIFTS = "poses", "shifts"
+_TOUCH_OPTIONS = ("--touch", "--json", "--yes", "--allow-plaintext")
+_GUIDED_OPTIONS = (*_TOUCH_OPTIONS, "--freedrive", "--samples", "--more", "--stop-on-disagreement", "--web", "--port")
 _MOST_SPEED_M_S = 2.0  # largest speed limit of any point of an arm
 
 if TYPE_CHECKING:
@@ -84,7 +86,7 @@ def capture(
     cell: Path,
     /,
     *,
-    pattern: str = "poses",
+    pattern: str = _POSES,
     plan: Path | None = None,
     task_point: Point | None = None,
     task_box: Box | None = None,
@@ -162,9 +164,9 @@ def capture(
         port: Port of the page; 0 selects a free one.
         json: Print the captured samples as JSON.
     """
+    task = _check_options(task_point, task_box, tolerance, pattern, given_options(capture, locals()))
     if moving.touch:
-        return capture_touches(cell, connecting, json, (go, dry_run, freedrive, web, more, plan, samples, tolerance))
-    task = _check_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
+        return capture_touches(cell, connecting, json)
     sketch, count, limits = known_sketch(cell, freedrive), samples or DEFAULT_SAMPLES, moving.limits
     with ExitStack() as contexts, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         chosen: Sequence[Sample] = ()
@@ -221,33 +223,30 @@ def _check_capture(
     return plan
 
 
-def _check_task(
+def _check_options(
     task_point: Point | None,
     task_box: Box | None,
     tolerance: str | None,
     pattern: str,
-    plan: Path | None,
-    go: bool,
-    dry_run: bool,
-    freedrive: bool,
-    web: bool,
-    port: int,
+    options: Sequence[str],
 ) -> Task | None:
     """Check the combination of options and return the task; None if there is none.
 
     Raises:
-        UsageError: if options exclude each other.
+        UsageError: if options exclude each other, or have no effect.
     """
+    if "--touch" in options:
+        refuse_options(options, _TOUCH_OPTIONS, "--touch only records touches, as many as are typed")
+    if "--freedrive" in options:
+        refuse_options(options, _GUIDED_OPTIONS, "--freedrive moves no arm, a person does")
     task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
-    if task is not None and (freedrive or pattern not in PATTERNS):
-        raise UsageError("a task determines where arms move: leave --freedrive out, and files of --pattern")
-    if plan is not None and pattern != "poses":
+    if task is not None and pattern not in PATTERNS:
+        raise UsageError("a task determines where arms move: leave files of --pattern out, or give them by --plan")
+    if "--plan" in options and pattern != _POSES:
         raise UsageError("--plan and --pattern both determine the samples: give only one of them")
-    if dry_run and (go or freedrive):
-        raise UsageError("--dry-run moves nothing: leave --go and --freedrive out")
-    if freedrive and go:
-        raise UsageError("--freedrive moves no arm: leave --go out")
-    if port and not web:
+    if "--dry-run" in options and "--go" in options:
+        raise UsageError("--dry-run moves nothing: leave --go out")
+    if "--port" in options and "--web" not in options:
         raise UsageError("--port is the port of the page of --web: give --web, or leave --port out")
     return task
 

@@ -70,28 +70,59 @@ def capture_plan(
     """The rest of an interrupted plan, or a new plan, and whether it is new."""
     from basecal.acquisition.capture import remaining_samples
     from basecal.acquisition.rig import starting_states
-    from basecal.cell.files import read_plan
     from basecal.cli.replanning import shifts_for_task
-    from basecal.errors import spelling_hint
 
     if replanner is not None:
         return replanner.samples, True
+    file = None if pattern in PATTERNS else _plan_of_file(pattern, folder, sketch.cell)
     remaining = remaining_samples(folder, sketch.cell)
     if remaining:
+        _refuse_other_plan(file, folder, sketch.cell, len(remaining))
         return remaining, False
     count = samples or DEFAULT_SAMPLES
     seed += _finished_count(folder, sketch, count, allows_more)
-    if pattern not in PATTERNS:
-        if not Path(pattern).is_file():
-            names = ", ".join(PATTERNS)
-            hint = spelling_hint(pattern, PATTERNS)
-            raise InputError(f"no pattern {pattern!r}{hint}; it is one of {names}, or a file")
-        return read_plan(pattern, folder, sketch.cell), True
+    if file is not None:
+        return file, True
     home = starting_states(rig, sketch)
     if task is not None:
         max_count = count if task.tolerance_m is None else samples
         return shifts_for_task(task, sketch.cell, folder, home, max_count, seed), True
     return PATTERNS[pattern](sketch, home, count, seed), True
+
+
+def _plan_of_file(pattern: str, folder: Path, cell: Cell) -> Sequence[Sample]:
+    """The samples of a file.
+
+    Raises:
+        InputError: if there is no such file.
+    """
+    from basecal.cell.files import read_plan
+    from basecal.errors import spelling_hint
+
+    if not Path(pattern).is_file():
+        hint = spelling_hint(pattern, PATTERNS)
+        raise InputError(f"no pattern and no file {pattern!r}{hint}; the patterns are {', '.join(PATTERNS)}")
+    return read_plan(pattern, folder, cell)
+
+
+def _refuse_other_plan(file: Sequence[Sample] | None, folder: Path, cell: Cell, remaining_count: int) -> None:
+    """Refuse the samples of a file, if any, while another plan is interrupted.
+
+    Raises:
+        UsageError: if the file has other samples than the interrupted plan.
+    """
+    from basecal.acquisition.capture import PLAN_FILE
+    from basecal.cell.files import read_plan, sample_to_dict
+
+    if file is None:
+        return
+    plans = (file, read_plan(folder / PLAN_FILE, folder, cell))
+    goals, interrupted_goals = ([sample_to_dict(each, "")["robots"] for each in plan] for plan in plans)
+    if goals != interrupted_goals:
+        raise UsageError(
+            f"the file is not the interrupted plan, of which {count_text(remaining_count, 'sample')} remain: "
+            f"continue that one without a file, or remove {folder / PLAN_FILE}"
+        )
 
 
 def _finished_count(folder: Path, sketch: Sketch, count: int, allows_more: bool) -> int:

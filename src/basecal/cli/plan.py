@@ -9,7 +9,17 @@ from cyclopts import Parameter, validators
 
 from basecal.cli.detect import detected_recording
 from basecal.cli.next_step import has_drivers
-from basecal.cli.option_types import Box, OpensPage, Output, Point, Seed, number_range, task_points
+from basecal.cli.option_types import (
+    Box,
+    OpensPage,
+    Output,
+    Point,
+    Seed,
+    given_options,
+    number_range,
+    refuse_options,
+    task_points,
+)
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.cli.typed_words import typed_command
 from basecal.errors import BasecalError, FrameNotFound, UsageError
@@ -102,7 +112,7 @@ def plan(
     options |= {"--pattern": pattern != "poses" and pattern, "--touches": touches, "--anew": anew, "--seed": seed}
     points = [] if task_point is None and task_box is None else task_points(task_point, task_box)
     tolerance_m = _tolerance_m(tolerance, samples)
-    _check_output(to, robot, output, json)
+    _check_output(to, robot, output, json, touches, given_options(plan, locals()))
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     with progress("planning"):
@@ -158,12 +168,19 @@ def _make_plan(
     return make_plan(cell, recording, calibration, points_m, tolerance_m, count, seed)
 
 
-def _check_output(to: str | None, robot: str | None, output: Path | None, json: bool) -> None:
+def _check_output(
+    to: str | None, robot: str | None, output: Path | None, json: bool, touches: bool, options: Sequence[str]
+) -> None:
     """Check the combination of options of the output.
 
     Raises:
-        UsageError: if they exclude each other.
+        UsageError: if they exclude each other, or have no effect.
     """
+    motion = [option for option in options if option in ("--speed-limit-deg-s", "--hold-s")]
+    if to is None:
+        refuse_options(motion, (), "without --to no robot's program is written")
+    if touches and "--pattern" in options:
+        raise UsageError("--pattern has no effect on --touches: leave it out")
     if to is not None and to not in PLAN_FORMATS:
         raise UsageError(f"--to: {FrameNotFound(to, list(PLAN_FORMATS))}")
     if to is None and robot is not None:

@@ -7,16 +7,20 @@ from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from basecal.cli.option_types import Port, Seed, number_range
+from basecal.cli.option_types import Port, Seed, given_options, number_range, refuse_options
 from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import print_json, progress, progress_bar, quote_path, say
-from basecal.errors import InputError, UsageError, count_text
+from basecal.errors import InputError, count_text
 from basecal.simulation.scenario import ObservedKind, Scenario
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from basecal.simulation.scenario import SimulatedCell
 
 Positive = Annotated[float, number_range(0, 1e6)]
+_SHARED_OPTIONS = ("--target", "--seed", "--json")
+_RUNNING_OPTIONS = ("--process", "--port", "--speed", "--fault", "--renderer", "--until-eof")
 
 
 def simulate(
@@ -81,9 +85,9 @@ def simulate(
         until_eof: End the process when its standard input ends.
         json: Print the written samples, or the address of the process, as JSON.
     """
+    _refuse_unused_options(process, given_options(simulate, locals()))
     if process:
         return run_process(cell, target, seed, port, speed, fault, renderer, until_eof, json)
-    _refuse_faults(fault)
     scenario = Scenario(
         samples=samples,
         target=target,
@@ -100,14 +104,17 @@ def simulate(
     return _record(cell, scenario, seed, images, json)
 
 
-def _refuse_faults(fault: tuple[str, ...]) -> None:
-    """Refuse faults of a recorded cell.
+def _refuse_unused_options(process: bool, options: Sequence[str]) -> None:
+    """Refuse options of a recorded cell for a running one, and the reverse.
 
     Raises:
         UsageError: if there are any.
     """
-    if fault:
-        raise UsageError("--fault needs --process: only a running cell has faults")
+    if process:
+        refuse_options(options, (*_RUNNING_OPTIONS, *_SHARED_OPTIONS), "--process runs two arms and records nothing")
+    else:
+        unused = [option for option in options if option in _RUNNING_OPTIONS]
+        refuse_options(unused, (), "without --process no cell runs")
 
 
 def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool) -> int:

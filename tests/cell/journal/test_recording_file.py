@@ -362,7 +362,7 @@ def test_images_by_link(folder: Path, tmp_path_factory: pytest.TempPathFactory) 
 def test_missing(folder: Path) -> None:
     """Without a recording it is said how one is made."""
     file(folder).unlink()
-    with pytest.raises(DatasetError, match="there is no recording; write one JSON object a line"):
+    with pytest.raises(DatasetError, match="there is no recording: basecal capture or basecal import makes one"):
         read_recording(folder)
 
 

@@ -70,7 +70,11 @@ def find_opener(check: DriverCheck) -> tuple[DriverKind, Place]:
         place.name: (kind, place) for kind, place in openers(read_cell(check.device), Path(check.device))
     }
     if check.name not in openers_by_name:
-        hint, known = spelling_hint(check.name, openers_by_name), ", ".join(openers_by_name) or "none"
+        hint, known = spelling_hint(check.name, openers_by_name), ", ".join(openers_by_name)
+        if not openers_by_name:
+            raise UsageError("no robot or camera has a `driver`: add it to cell.yaml (docs/data_format.md)")
+        if not check.name:
+            raise UsageError(f"give the robot or camera after the cell's folder; there are: {known}")
         raise UsageError(f"no robot or camera {check.name!r} with a driver{hint}; there are: {known}")
     kind, place = openers_by_name[check.name]
     return kind, replace(place, allow_plaintext=check.allow_plaintext)

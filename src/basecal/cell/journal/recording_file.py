@@ -48,9 +48,8 @@ def read_recording(folder: str | Path, cell: Cell | None = None) -> Recording:
     """
     checked_cell = read_cell(folder) if cell is None else cell
     path = own_file(folder, f"{FOLDER}/{FILE}")
-    text = read_bounded(
-        path, LARGEST_BYTES, "there is no recording; write one JSON object a line (docs/data_format.md)"
-    )
+    advice = "there is no recording: basecal capture or basecal import makes one, or write it (docs/data_format.md)"
+    text = read_bounded(path, LARGEST_BYTES, advice)
     return recording_from_text(text, folder, checked_cell)
 
 

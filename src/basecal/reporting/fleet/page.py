@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from basecal.errors import count_text
 from basecal.fields.digits import two_digits
 from basecal.reporting.summary import wrap_text
 from basecal.reporting.templates.environment import fill_page
@@ -74,7 +75,7 @@ def verdict_counts(summary: Mapping[str, Any]) -> str:
 
 def fleet_text(summary: Mapping[str, Any], rows: Sequence[Row]) -> str:
     """Text with the number of cells of each verdict, the sigmas, and the first cells that need attention."""
-    lines = [f"{summary['cells']} cells: {verdict_counts(summary)}"]
+    lines = [f"{count_text(summary['cells'], 'cell')}: {verdict_counts(summary)}"]
     if (spread := summary["sigma_mm"]) is not None:
         lines.append(f"sigma: median {two_digits(spread['median'])} mm, 95 % {two_digits(spread['p95'])} mm")
     waiting = [row for row in sort_by_verdict(rows) if row["verdict"] != "good"]
