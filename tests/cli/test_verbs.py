@@ -7,6 +7,7 @@ import io
 import re
 import subprocess
 import sys
+import textwrap
 from contextlib import redirect_stdout
 from functools import cache
 from importlib import import_module
@@ -64,17 +65,17 @@ def test_examples_are_not_wrapped(
 @pytest.mark.parametrize(
     "verb", ["", *dict.fromkeys([*_VERBS, *VERBS, "import", "driver", "driver check", "study paper"])]
 )
-def test_help_text_is_not_wrapped_twice(verb: str) -> None:
-    """On 80 columns the text above the tables has the lines of a wide terminal, except for the first sentence."""
-    told = []
+def test_help_text_is_wrapped_to_the_terminal(verb: str) -> None:
+    """The text above the tables has the same words on 80 and on 300 columns, and its lines fill the terminal."""
+    texts = []
     for width in (80, 300):
         text = io.StringIO()
         build_app(verb.split()).help_print(verb.split(), console=Console(file=text, width=width))
-        usage, first, *others = text.getvalue().partition("╭")[0].split("\n\n")
-        told.append([line.rstrip() for line in "\n\n".join(others).splitlines()])
+        usage, *paragraphs = text.getvalue().partition("╭")[0].split("\n\n")
+        texts.append([paragraph.split() for paragraph in paragraphs])
         assert usage.startswith("Usage: ")
-        assert first
-    assert told[0] == told[1]
+        assert len(paragraphs[0].splitlines()) == len(textwrap.wrap(paragraphs[0].replace("\n", " "), width))
+    assert texts[0] == texts[1]
 
 
 def written_examples(verb: str) -> list[str]:
