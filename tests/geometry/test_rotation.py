@@ -65,6 +65,16 @@ def test_a_rounded_rotation_is_projected():
         checked_rotation(np.round(rotation, 2))
 
 
+def test_the_wrong_rotation_of_a_batch_is_named():
+    """By its place; a reflection is named as such."""
+    rotations = rotation_exp(np.arange(12.0).reshape(4, 3))
+    for change, words in ((1.01 * np.eye(3), "at most 0.001 is projected"), (np.diag([1, 1, -1.0]), "left-handed")):
+        wrong = rotations.copy()
+        wrong[2] = wrong[2] @ change
+        with pytest.raises(InputError, match=f"R is not a rotation in entry 2, counted from 0: off by .*{words}"):
+            checked_rotation(wrong, "R")
+
+
 def test_few_terms_of_the_series_are_all_of_them():
     """Coefficients of a small angle do not tell whether a larger one, which needs more terms, stands beside it."""
     small = np.array([0.0, 1e-9, 1e-3, 0.0299])

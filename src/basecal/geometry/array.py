@@ -38,6 +38,11 @@ def read_only(values: ArrayLike, shape: tuple[int | None, ...] | None = None, na
     return array
 
 
+def entry_clause(is_wrong: BoolArray | np.bool_) -> str:
+    """Words for the first wrong entry of a batch, (n,); empty for a single one, ()."""
+    return f" in entry {np.flatnonzero(is_wrong)[0]}, counted from 0" if is_wrong.ndim == 1 else ""
+
+
 def with_last_axis(values: ArrayLike, length: int, name: str) -> Array:
     """Convert values to float64, (..., length); they are copied only if they have another type.
 

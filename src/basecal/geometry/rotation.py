@@ -11,7 +11,7 @@ from math import factorial
 import numpy as np
 
 from basecal.errors import InputError
-from basecal.geometry.array import Array
+from basecal.geometry.array import Array, entry_clause
 
 _SERIES_LIMIT_RAD = 0.5
 _NEXT_AXIS = np.array([1, 2, 0])
@@ -169,9 +169,10 @@ def checked_rotation(rotation: Array, name: str = "rotation") -> Array:
         InputError: if a matrix is farther from a rotation, or a reflection.
     """
     nearest = nearest_rotation(rotation)
-    deviation = np.abs(nearest - rotation).max(initial=0.0)
-    if deviation > ROTATION_TOLERANCE:
-        raise InputError(
-            f"{name} is not a rotation: off by {deviation:.2g}, at most {ROTATION_TOLERANCE:g} is projected"
-        )
+    deviations = np.abs(nearest - rotation).max(axis=(-2, -1), initial=0.0)
+    if np.any(is_wrong := deviations > ROTATION_TOLERANCE):
+        is_mirrored = np.any(np.linalg.det(rotation)[is_wrong] < 0)
+        cause = ": its axes are left-handed" if is_mirrored else f", at most {ROTATION_TOLERANCE:g} is projected"
+        where, off = entry_clause(is_wrong), deviations[is_wrong][0]
+        raise InputError(f"{name} is not a rotation{where}: off by {off:.2g}{cause}")
     return nearest

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basecal.errors import InputError, check_type
-from basecal.geometry.array import Array, read_only, with_last_axis
+from basecal.geometry.array import Array, entry_clause, read_only, with_last_axis
 from basecal.geometry.euler import rpy_of_rotation
 from basecal.geometry.rotation import (
     ROTATION_TOLERANCE,
@@ -115,8 +115,8 @@ class SE3:
             InputError: if a value is not finite, the last row is not (0, 0, 0, 1), or the upper left is not a rotation.
         """
         m = read_only(matrix, (4, 4), name)
-        if not np.all(np.isfinite(m)):
-            raise InputError(f"{name} holds NaN or infinity")
+        if np.any(is_wrong := ~np.isfinite(m).all((-2, -1))):
+            raise InputError(f"{name} holds NaN or infinity{entry_clause(is_wrong)}")
         if not np.allclose(m[..., 3, :], (0, 0, 0, 1), atol=1e-6):
             by_columns = np.allclose(m[..., :, 3], (0, 0, 0, 1), atol=1e-6)
             hint = ", but the last column is: it looks transposed, write matrices by rows" if by_columns else ""

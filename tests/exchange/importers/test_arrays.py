@@ -183,6 +183,14 @@ def test_no_pose_at_all() -> None:
         record_of_arrays(arrays, "test")
 
 
+def test_a_number_that_is_none_is_named_by_its_place() -> None:
+    """The first pose that holds one, counted from 0."""
+    arrays = {name: each.copy() for name, each in _arrays("gripper2base", "target2cam").items()}
+    arrays["t_target2cam"][3, 1] = np.nan
+    with pytest.raises(InputError, match="t_target2cam holds NaN or infinity in entry 3, counted from 0"):
+        record_of_arrays(arrays, "test")
+
+
 def test_what_is_wrong_in_a_file_is_said_with_its_name(tmp_path: Path) -> None:
     """Once, also where a message begins with it."""
     path = tmp_path / "a.npz"

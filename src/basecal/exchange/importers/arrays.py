@@ -23,6 +23,7 @@ from basecal.exchange.lens_files.file_storage import read_file_storage
 from basecal.exchange.npz import read_arrays
 from basecal.exchange.poses import LengthUnit, unit_length_m
 from basecal.geometry import SE3, Array
+from basecal.geometry.array import entry_clause
 from basecal.geometry.rotation import checked_rotation, rotation_exp
 
 HAND_EYE = ("gripper2base", "target2cam")
@@ -223,6 +224,6 @@ def _numbers(arrays: Mapping[str, ArrayLike], key: str, shapes: tuple[tuple[int,
     if values.ndim < 2 or values.shape[1:] not in shapes:
         expected = " or ".join(f"(n, {', '.join(map(str, shape))})" for shape in shapes)
         raise InputError(f"{key} has shape {values.shape}, expected {expected}")
-    if not np.all(np.isfinite(values)):
-        raise InputError(f"{key} holds NaN or infinity")
+    if np.any(is_wrong := ~np.isfinite(values.reshape(len(values), -1)).all(-1)):
+        raise InputError(f"{key} holds NaN or infinity{entry_clause(is_wrong)}")
     return values
