@@ -12,6 +12,7 @@ from basecal.accuracy.findings.better_optimum import guess_finding
 from basecal.accuracy.stages import concluding, judging, pose_noise, reading, solving
 from basecal.accuracy.stages.case import Case
 from basecal.cell import Calibration, Cell, Finding, Recording
+from basecal.cell.recording_check import check_recording
 from basecal.errors import check_type
 from basecal.estimation.settings import DEFAULT, LOG, Settings
 from basecal.estimation.stages import StageName
@@ -80,8 +81,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
             concerns a stated task point.
         NotObservable: if the axis-shift method is requested and the recording has no station, or a mount is not known.
     """
-    check_type("cell", cell, Cell)
-    check_type("recording", recording, Recording)
+    check_recording(cell, recording)
     check_type("settings", settings, Settings)
     read = _run_stages(READING_STAGES, Case(cell, recording, settings))
     solved, astray = _run_stages(SOLVING_STAGES, read), list[Finding]()

@@ -10,7 +10,22 @@ import numpy as np
 
 from basecal.cell.calibration import Finding
 from basecal.geometry import SE3, Array, IntArray
+from basecal.geometry.array import read_only
 from basecal.geometry.rotation import nearest_rotation
+
+
+def _lists_to_arrays(item: object, *names: str) -> None:
+    """Convert the named fields of a dataclass to arrays if they are lists; arrays are not copied.
+
+    Raises:
+        InputError: if a list does not hold numbers.
+    """
+    for name in names:
+        values = getattr(item, name)
+        if values is not None and not isinstance(values, np.ndarray):
+            array = read_only(values, name=name)
+            is_whole = name in ("ids", "tracks") and bool(np.all(array == np.floor(array)))
+            object.__setattr__(item, name, array.astype(np.int64) if is_whole else array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +34,9 @@ class RobotState:
 
     base_from_flange: SE3 | None = None
     joints_rad: Array | None = None
+
+    def __post_init__(self) -> None:
+        _lists_to_arrays(self, "joints_rad")
 
     @property
     def vector(self) -> Array:
@@ -56,6 +74,9 @@ class PixelObservation:
     sigma_px: Array | None = None
     detected: bool = False
 
+    def __post_init__(self) -> None:
+        _lists_to_arrays(self, "ids", "pixels", "sigma_px")
+
 
 @dataclass(frozen=True, eq=False)
 class CandidateObservation:
@@ -67,6 +88,9 @@ class CandidateObservation:
     sigma_px: Array | None = None
     detected: bool = False
 
+    def __post_init__(self) -> None:
+        _lists_to_arrays(self, "pixels", "sigma_px")
+
 
 @dataclass(frozen=True, eq=False)
 class PoseObservation:
@@ -76,6 +100,9 @@ class PoseObservation:
     target: str
     camera_from_target: SE3
     sigma: Array | None = None
+
+    def __post_init__(self) -> None:
+        _lists_to_arrays(self, "sigma")
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +114,9 @@ class PointObservation:
     ids: IntArray
     points_in_camera: Array
     sigma_m: Array | None = None
+
+    def __post_init__(self) -> None:
+        _lists_to_arrays(self, "ids", "points_in_camera", "sigma_m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +161,9 @@ class TrackObservation:
     camera: str
     tracks: IntArray
     pixels: Array
+
+    def __post_init__(self) -> None:
+        _lists_to_arrays(self, "tracks", "pixels")
 
 
 Observation = PixelObservation | CandidateObservation | PoseObservation | PointObservation | TouchObservation

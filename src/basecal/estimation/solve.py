@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.cell import Cell, Finding, Recording
+from basecal.cell.recording_check import check_recording
 from basecal.errors import InputError, check_type
 from basecal.estimation.axis_shift.stations import find_stations, fuse_bases
 from basecal.estimation.joint_state import joint_state
@@ -121,8 +122,7 @@ def solve(cell: Cell, recording: Recording, settings: Settings = STATED) -> Solu
         NotObservable: if the recording has no views that could be solved for.
         InputError: if an argument has the wrong type, or the cell contradicts the recording.
     """
-    check_type("cell", cell, Cell)
-    check_type("recording", recording, Recording)
+    check_recording(cell, recording)
     check_type("settings", settings, Settings)
     problem, findings = build_problem(cell, synchronous_recording(cell, recording))
     return solve_problem(problem, cell, settings, tuple(findings))

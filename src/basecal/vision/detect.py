@@ -11,8 +11,9 @@ import numpy as np
 
 from basecal.cell.cell import Cell
 from basecal.cell.recording import CandidateObservation, Observation, PixelObservation, Recording, Sample
+from basecal.cell.recording_check import check_recording
 from basecal.cell.target import Target
-from basecal.errors import InputError, check_type
+from basecal.errors import InputError
 from basecal.vision import cache
 from basecal.vision.detection import Detection, Image
 from basecal.vision.detectors import LED, find_target
@@ -49,8 +50,7 @@ def detect(
         InputError: if an argument has a wrong type, a target cannot be detected as described, or the folder of the
             images is unknown.
     """
-    check_type("cell", cell, Cell)
-    check_type("recording", recording, Recording)
+    check_recording(cell, recording)
     shapes = {name: entry.target for name, entry in cell.targets.items() if entry.target is not None}
     detectable = {name: target for name, target in shapes.items() if target.found_by is not None}
     if folder is None and recording.folder is None and any(sample.images for sample in recording.samples):

@@ -13,6 +13,7 @@ from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
 from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL, equally_likely
 from basecal.cell import Calibration, Cell, Recording
+from basecal.cell.recording_check import check_recording
 from basecal.errors import InputError, check_type, list_names
 from basecal.estimation.streams.streams import synchronous_recording
 from basecal.geometry import Array
@@ -73,9 +74,8 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
         InputError: if an argument is of another type, the cell contradicts the recording, or poses of a target are
             up to scale.
     """
-    check_type("cell", cell, Cell)
+    check_recording(cell, recording)
     check_type("calibration", calibration, Calibration)
-    check_type("recording", recording, Recording)
     free = [name for name, target in cell.targets.items() if target.has_free_scale]
     if free:
         raise InputError(f"poses of {list_names(free)} are up to scale: verify needs a target whose size is known")
