@@ -109,7 +109,7 @@ def test_new_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureF
     assert main(["calibrate", str(tmp_path)]) == 4
     said = capsys.readouterr()
     assert said.out.startswith("REFUSED: ")
-    assert "Record at least 10 samples" in said.out
+    assert "Record at least 10 samples" in " ".join(said.out.split())
     run = latest_run(tmp_path)
     assert run is not None
     assert Path(said.err.removeprefix("page: ").rstrip()).resolve() == (run / "report.html").resolve()

@@ -81,9 +81,7 @@ def read_images(
     described = target_entry(cell, target, shape, ViewNames(camera, target_name, carrier, target_on))
     sizes = _read_images(Path(folder), files, progress)
     times = read_times(files) if by == "time" else [None] * len(files)
-    rows = tuple(
-        Row(images={camera: path}, image=path.name, stamp_s=time) for path, time in zip(files, times, strict=True)
-    )
+    rows = tuple(Row(images={camera: file}, image=file.name, stamp_s=t) for file, t in zip(files, times, strict=True))
     entry = {
         "robots": {name: {} for name in (*new.get("robots", {}), *described.get("robots", {}))},
         "cameras": {camera: {"size_px": list(sizes.size_px), **new["cameras"][camera]}},
