@@ -11,7 +11,7 @@ from cell_example import CELL, LINES, URDF, journal
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A cell on disk, with one of everything."""
+    """Folder of a cell on disk that contains one of everything."""
     (tmp_path / "cell.yaml").write_text(CELL)
     (tmp_path / "hand.urdf").write_text(URDF)
     (tmp_path / "recording").mkdir()

@@ -1,4 +1,4 @@
-"""What came out of a calibration, by name."""
+"""Tests of a calibration's results, found by name."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from export_example import CALIBRATION
 
 
 def test_transforms_are_found_by_name():
-    """One that was not found is an error that lists those that were."""
+    """The error for an unknown transform lists the known ones."""
     estimate = PoseEstimate.exact(SE3.identity())
     calibration = Calibration("good", {"a_from_b": estimate})
     assert calibration["a_from_b"] is estimate
@@ -27,21 +27,21 @@ def test_transforms_are_found_by_name():
         Calibration("refused")["a_from_b"]
 
 
-def test_what_was_found_of_a_robot():
-    """By kind, of one robot; nothing of one that was not calibrated."""
+def test_robot_parameters_are_listed_by_kind():
+    """Parameters of one robot are listed by kind; a robot that was not calibrated has none."""
     offsets = RobotParameters(("a",), np.zeros(1), np.ones(1), np.ones(1, dtype=bool))
     calibration = Calibration("good", robot_parameters={"joint_offsets": {"eye": offsets}, "deflection": {}})
     assert calibration.parameters_of_robot("eye") == {"joint_offsets": offsets}
     assert calibration.parameters_of_robot("hand") == {}
 
 
-def test_a_notebook_shows_its_summary():
-    """As HTML."""
+def test_notebook_shows_html_summary():
+    """A notebook shows a calibration as its HTML summary."""
     assert CALIBRATION._repr_html_() == basecal.html_summary(CALIBRATION)
 
 
-def test_what_is_known_is_fixed_or_found():
-    """A mean of the cell counts where it is fixed, not where it is a prior or a guess; what was found comes first."""
+def test_known_transforms_are_fixed_or_estimated():
+    """Known transforms are the estimated ones and the fixed ones of the cell; priors and guesses do not count."""
     known, guessed, found = (SE3.from_rotvec([0, 0, 0], [x, 0, 0]) for x in (1.0, 2.0, 3.0))
     cell = Cell(
         "eye",
@@ -56,8 +56,8 @@ def test_what_is_known_is_fixed_or_found():
     assert calibration.known_transforms(cell) == {"eye_flange_from_first": known, "eye_flange_from_third": found}
 
 
-def test_a_point_has_no_frame_to_start_from():
-    """Neither end may be one; the message says where it stands."""
+def test_point_cannot_end_frame_between():
+    """A point has no rotation, so neither end of `frame_between` may be one; the message names its transform."""
     of = {name: PoseEstimate.exact(SE3.identity()) for name in ("arm_flange_from_led", "arm_flange_from_wrist")}
     calibration = Calibration("good", of, points=frozenset({"arm_flange_from_led"}))
     said = "'led' is a point and has no rotation: see arm_flange_from_led in calibration.json"
@@ -71,7 +71,7 @@ def test_a_point_has_no_frame_to_start_from():
 
 
 def test_file_holds_millimetres_and_degrees() -> None:
-    """Errors are written in mm and deg, those of a method that fails as null, and read back the same."""
+    """Errors are written in mm and deg, those of a failed method as null, and read back the same."""
     rivals = (Rival("basecal", 2e-3, 0.01), Rival("OpenCV TSAI"))
     data = calibration_to_dict(Calibration("good", validation=Validation("k-fold", 5, rivals=rivals)))
     assert data["validation"]["rivals"][0]["target_mm"] == 2.0
@@ -81,8 +81,11 @@ def test_file_holds_millimetres_and_degrees() -> None:
     assert abs(read[0].target_rad - 0.01) < 1e-15
 
 
-def test_held_parameters_of_a_robot_have_their_part_of_a_transform():
-    """Its own block, of the robots that move it; nothing of a transform that was not found."""
+def test_gauge_covariance_selects_block_of_transform():
+    """A transform gets its own block of the gauge covariance of each robot that moves it.
+
+    An unknown transform gets none.
+    """
     moving, still = np.zeros((12, 12)), np.zeros((12, 12))
     moving[6:, 6:] = np.arange(36.0).reshape(6, 6)
     gauges = HeldGauge("eye", ("joint_offsets",), moving), HeldGauge("hand", ("joint_offsets",), still)
@@ -93,8 +96,8 @@ def test_held_parameters_of_a_robot_have_their_part_of_a_transform():
     assert calibration.gauge_covariances("a_from_b") == calibration.gauge_covariances("a_from_d") == {}
 
 
-def test_a_calibration_is_a_line():
-    """Its verdict, and each transform with its sigmas."""
+def test_repr_shows_verdict_and_transforms():
+    """The `repr` is one line: the verdict, and each transform with its sigmas."""
     estimate = PoseEstimate(
         SE3(np.eye(3), np.array([1.0, 0.0, -0.25])), np.diag([1e-6] * 3 + [np.radians(0.5) ** 2] * 3)
     )
@@ -104,8 +107,8 @@ def test_a_calibration_is_a_line():
 
 
 @pytest.mark.parametrize("place", range(3))
-def test_each_transform_has_its_own_block_of_a_gauge(place: int) -> None:
-    """Six rows and columns by its place in the order."""
+def test_each_transform_has_own_gauge_block(place: int) -> None:
+    """A transform's block is six rows and columns at its place in the order."""
     names = ("a_from_b", "a_from_c", "a_from_d")
     whole = np.arange(18.0 * 18).reshape(18, 18) + 1
     calibration = Calibration("good", order=names, gauges=(HeldGauge("eye", ("joint_offsets",), whole),))
@@ -114,7 +117,7 @@ def test_each_transform_has_its_own_block_of_a_gauge(place: int) -> None:
 
 
 def test_loops_are_written_in_millimetres_and_degrees() -> None:
-    """They are read back the same; a number that is missing is none."""
+    """Loops are written in mm and deg and read back the same; a missing number is read as NaN."""
     loops = (Loop(("eye_base", "wrist", "board", "eye_base"), 4, 2e-3, np.radians(0.5)),)
     data = calibration_to_dict(Calibration("good", residuals=Residuals(loops=loops)))
     (written,) = data["residuals"]["loops"]
@@ -126,7 +129,7 @@ def test_loops_are_written_in_millimetres_and_degrees() -> None:
     assert np.isnan(found.rms_m)
 
 
-def test_a_message_is_what_why_and_do() -> None:
-    """Parts that are missing leave no blank."""
+def test_message_joins_what_why_and_do() -> None:
+    """A finding's message joins `what`, `why` and `do`; missing parts leave no blank."""
     assert Finding("poor-fit", "info", (), "What.", ("Do.", "Do more."), "Why.").message == "What. Why. Do. Do more."
     assert Finding("poor-fit", "info", (), "What.").message == "What."

@@ -1,4 +1,4 @@
-"""Names and statuses of a cell's transforms."""
+"""Tests of names and statuses of a cell's transforms."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def cell(base=FIXED, mount=FIXED):
     )
 
 
-def test_transforms_are_named_by_their_ends():
-    """Bases from the reference's, mounts from what carries them, in the order bases, cameras, targets."""
+def test_transform_names_state_both_frames():
+    """Bases start from the reference's base and mounts from their carrier, in the order bases, cameras, targets."""
     assert list(cell().transforms) == [
         "eye_base_from_hand_base",
         "eye_base_from_third_base",
@@ -46,7 +46,7 @@ def test_transforms_are_named_by_their_ends():
         cell().mount_name("bord")
 
 
-def test_a_base_that_is_not_stated_is_free():
+def test_unstated_base_is_free():
     """Robots without a base in the cell have a free one; the reference has none."""
     bare = Cell("eye", {"eye": Robot("eye"), "hand": Robot("hand")})
     assert {name: u.status for name, u in bare.transforms.items()} == {"eye_base_from_hand_base": "free"}
@@ -61,13 +61,13 @@ def test_a_base_that_is_not_stated_is_free():
         (FIXED, FIXED, []),
     ],
 )
-def test_what_is_asked(base, mount, asked):
-    """The bases that are not fixed; where all are, the mounts that are not."""
+def test_requested_transforms(base, mount, asked):
+    """The bases that are not fixed are requested; if all are fixed, the mounts that are not."""
     assert cell(base, mount).requested_transforms == asked
 
 
-def test_distortion_terms_of_a_camera():
-    """Those of its lens, those asked for, those usual for the model, none where it has no lens."""
+def test_distortion_terms_of_camera():
+    """A camera has the terms of its lens, the requested ones, the model's usual ones, or none without a lens."""
     lens = Camera("pinhole", np.array([500.0, 500, 320, 240, 0.1, 0, 0, 0]), (640, 480))
     for intrinsics, terms in (
         (None, 0),
@@ -80,8 +80,8 @@ def test_distortion_terms_of_a_camera():
     assert CellCamera("wrist", "eye", model="fisheye", intrinsics=Intrinsics("free")).distortion_terms == 4
 
 
-def test_one_transform_may_be_known_otherwise():
-    """A base, or the mount of a camera or a target; all else stays."""
+def test_with_transform_replaces_one_transform():
+    """`with_transform` replaces one base or mount of a camera or target; everything else is unchanged."""
     cell = simulate(Scenario(samples=1), 0).cell
     for name in cell.transforms:
         changed = cell.with_transform(name, Unknown("fixed", SE3.identity()))
@@ -90,8 +90,8 @@ def test_one_transform_may_be_known_otherwise():
         }
 
 
-def test_names_that_disagree_are_refused_at_once():
-    """A key that is not the name, a carrier and a reference that are no robots."""
+def test_inconsistent_names_are_refused():
+    """A key that differs from the name, and a carrier or reference that is no robot, are refused at once."""
     eye, wrist = {"eye": Robot("eye")}, {"wrist": CellCamera("wrist", "eye")}
     for wrong, told in (
         (lambda: Cell("eye", {"eye": Robot("left")}), "'left' is listed under the name 'eye'"),
@@ -114,8 +114,8 @@ def test_names_that_disagree_are_refused_at_once():
         {"offset_s": 0.01, "jitter_s": 0.002},
     ],
 )
-def test_a_stated_clock_comes_back(data):
-    """As it is stated, and as it is written; nothing is written of a camera without one."""
+def test_clock_round_trip(data):
+    """A stated clock is written and read back unchanged; a camera without one writes none."""
     entry = CameraEntry.model_validate({"on": "world", "clock": data})
     assert entry.clock == Clock(**data)
     camera = CellCamera("wrist", WORLD, clock=entry.clock)
@@ -137,8 +137,8 @@ def test_a_stated_clock_comes_back(data):
         ({"jitter_s": 2.0}, "jitter_s"),
     ],
 )
-def test_what_is_wrong_with_a_clock_is_said(data, said):
-    """Numbers are checked as those of other entries are."""
+def test_invalid_clocks_are_refused(data, said):
+    """Numbers of a clock are checked like those of other entries."""
     with pytest.raises(ValidationError, match=said):
         CameraEntry.model_validate({"on": "world", "clock": data})
 
@@ -146,8 +146,8 @@ def test_what_is_wrong_with_a_clock_is_said(data, said):
 @pytest.mark.parametrize(
     "data", [{"line_time_s": 1.5e-5}, {"status": "free"}, {"status": "prior", "line_time_s": -2e-5, "sigma_s": 1e-6}]
 )
-def test_a_stated_rolling_shutter_comes_back(data):
-    """As it is stated, and as it is written; nothing is written of a camera without one."""
+def test_rolling_shutter_round_trip(data):
+    """A stated rolling shutter is written and read back unchanged; a camera without one writes none."""
     entry = CameraEntry.model_validate({"on": "world", "rolling_shutter": data})
     assert entry.rolling_shutter == RollingShutter(**data)
     cameras = {"wrist": CellCamera("wrist", WORLD, rolling_shutter=entry.rolling_shutter)}
@@ -169,34 +169,34 @@ def test_a_stated_rolling_shutter_comes_back(data):
         (3, "dictionary"),
     ],
 )
-def test_what_is_wrong_with_a_rolling_shutter_is_said(data, said):
-    """Numbers are checked as those of other entries are."""
+def test_invalid_rolling_shutters_are_refused(data, said):
+    """Numbers of a rolling shutter are checked like those of other entries."""
     with pytest.raises(ValidationError, match=said):
         CameraEntry.model_validate({"on": "world", "rolling_shutter": data})
 
 
-def test_jitter_is_of_cameras_alone():
-    """A robot has none: it is of a view against all that moves."""
+def test_robot_clock_takes_no_jitter():
+    """Jitter is the timing of a camera's view against everything that moves, so a robot's clock has none."""
     with pytest.raises(ValidationError, match="jitter_s belongs to the clock of a camera"):
         RobotEntry.model_validate({"clock": {"jitter_s": 0.002}})
 
 
-def test_one_plate_of_several_is_replaced():
-    """What is known of the others, of bases and of mounts stays."""
+def test_with_transform_replaces_one_plate():
+    """Replacing one plate of several leaves the other plates, bases and mounts unchanged."""
     cell = Cell("eye", {"eye": Robot("eye")}, plates={"near": Unknown(), "far": Unknown()})
     changed = cell.with_transform("eye_base_from_far", FIXED)
     assert changed.plates == {"near": cell.plates["near"], "far": FIXED}
 
 
-def test_distances_from_a_box_are_those_from_its_surface():
-    """Of a box that is turned; nothing within it."""
+def test_box_distance_is_measured_from_surface():
+    """The distance from a rotated box is that from its surface, and zero inside it."""
     box = KeepOut("table", SE3.from_rotvec([0, 0, np.pi / 2], [1.0, 0.0, 0.0]), np.array([2.0, 0.4, 0.6]))
     points = np.array([[1.0, 0.9, 0.2], [1.0, 1.5, 0.0], [1.5, 0.0, 0.0], [1.5, 1.4, 0.0], [0.5, 0.0, 0.7]])
     np.testing.assert_allclose(box.distance(points), [0, 0.5, 0.3, 0.5, 0.5])
 
 
-def test_what_is_touched():
-    """Marks, tips, and what a clamp holds; no board, whose poses have a scale unless it is free."""
+def test_touched_targets():
+    """Marks, tips and clamped parts are touched; a board is not, and has a free scale only if stated."""
     assert all(target.is_touched for target in touch_cell().targets.values())
     held = clamp_cell("free").targets
     assert all(target.is_touched for target in held.values())
@@ -207,8 +207,11 @@ def test_what_is_touched():
     assert replace(board, size_sigma=np.inf).has_free_scale
 
 
-def test_what_is_unstated_is_the_usual():
-    """Robots have own noise, lenses errors, cameras an area of all rows at once; a mount is free."""
+def test_unstated_cell_fields_have_defaults():
+    """Unstated fields of a cell have their defaults.
+
+    Robots have repeatability noise, lenses have errors, cameras expose all rows at once, and mounts are free.
+    """
     robot, camera = Robot("a"), CellCamera("b", "a")
     assert not robot.is_total_noise
     assert (camera.kind, camera.model, camera.mount.status) == ("camera", "pinhole", "free")
@@ -218,8 +221,8 @@ def test_what_is_unstated_is_the_usual():
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])
-def test_clocks_have_finite_numbers(number):
-    """Offsets, sigmas, jitter and the time of a line."""
+def test_non_finite_clock_numbers_are_refused(number):
+    """Offsets, sigmas, jitter and line times must be finite."""
     for fields in ({"offset_s": number}, {"status": "prior", "sigma_s": number}, {"jitter_s": number}):
         with pytest.raises(ValidationError, match=r"finite number|a positive number"):
             CameraEntry.model_validate({"on": "world", "clock": fields})
@@ -227,8 +230,8 @@ def test_clocks_have_finite_numbers(number):
         CameraEntry.model_validate({"on": "world", "rolling_shutter": {"line_time_s": number}})
 
 
-def test_what_stands_on_a_plate_is_named_by_it():
-    """A plate is a frame of its own; what it carries has no flange."""
+def test_plate_names_transforms_of_its_targets():
+    """A plate is a frame of its own, so transforms of what it carries start from the plate, not a flange."""
     plated = Cell(
         "eye",
         {"eye": Robot("eye"), "hand": Robot("hand")},
@@ -245,8 +248,11 @@ def test_what_stands_on_a_plate_is_named_by_it():
     assert fixed.requested_transforms == ["eye_flange_from_wrist", "table_from_board"]
 
 
-def test_a_cell_is_plain_unless_stated():
-    """It sees targets, noise is the repeatability, lenses have errors, and all share one clock."""
+def test_default_cell_values():
+    """By default a cell sees targets only and noise is the repeatability.
+
+    Lenses have errors, and all devices share one clock.
+    """
     cell = Cell("eye", {"eye": Robot("eye")})
     assert not cell.sees_scene
     assert not cell.robots["eye"].is_total_noise
@@ -257,7 +263,7 @@ def test_a_cell_is_plain_unless_stated():
 
 @pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
 def test_clocks_and_line_times_are_finite(value):
-    """Of cameras."""
+    """Infinite and NaN clock offsets and line times of cameras are refused."""
     for data in ({"clock": {"offset_s": value}}, {"rolling_shutter": {"line_time_s": value}}):
         with pytest.raises(ValidationError):
             CameraEntry.model_validate({"on": "world", **data})

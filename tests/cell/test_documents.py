@@ -1,4 +1,4 @@
-"""The examples of docs/data_format.md are read as they stand."""
+"""Tests that the examples of docs/data_format.md are read verbatim."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ TEXT = (Path(__file__).parents[2] / "docs" / "data_format.md").read_text(encodin
 
 
 def block(language: str, start: str) -> str:
-    """The example that starts so."""
+    """Return the first example of this language whose text starts with `start`."""
     return next(text for text in re.findall(rf"```{language}\n(.*?)```", TEXT, re.S) if text.startswith(start))
 
 
-def test_cell_and_sample(folder: Path) -> None:
-    """The example of a sample belongs to the example of a cell, but for what that one leaves out."""
+def test_documented_cell_and_sample_are_read(folder: Path) -> None:
+    """The documented sample belongs to the documented cell once the cell's omitted parts are filled in."""
     cell = block("yaml", "schema: basecal/cell/1")
     cell = cell.replace("  hand:      ", "  hand: {urdf: hand.urdf, base_link: base, flange_link: tool0}")
     cell = cell.replace("targets:\n", "  depth: {on: world}\ntargets:\n  tag: {on: hand}\n")
@@ -31,15 +31,15 @@ def test_cell_and_sample(folder: Path) -> None:
     assert len(read_recording(folder).samples[0].observations) == 3
 
 
-def test_calibration_keys() -> None:
-    """The example of a result has the keys that are written, in their order."""
+def test_documented_calibration_has_written_keys() -> None:
+    """The documented result has the written keys in their order."""
     example = json.loads(block("json", '{"schema": "basecal/calibration/1"'))
     written = calibration_to_dict(Calibration("good"))
     assert list(example) == list(written)
     assert list(example["residuals"]) == list(written["residuals"])
 
 
-def test_table_of_kinds() -> None:
+def test_documented_table_of_kinds_is_current() -> None:
     """The table of target kinds is the one that docs/draw_targets.py writes."""
     script = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "draw_targets.py"))
     assert script["table"]() in TEXT, "write the table and the figures anew: python docs/draw_targets.py"

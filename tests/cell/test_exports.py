@@ -1,4 +1,4 @@
-"""A calibration's methods of export."""
+"""Tests of the export methods of a calibration."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from basecal.exchange.exporters.registry import EXPORTERS
 from export_example import BASE, CALIBRATION, CELL
 
 
-def test_every_kind_is_declared():
-    """As a method, which `dir` lists; `src/basecal/cell/exports.py` has a line for each, in the registry's order."""
+def test_every_export_kind_is_declared():
+    """Each kind is a method that `dir` lists; `src/basecal/cell/exports.py` declares them in the registry's order."""
     methods = [f"to_{kind}" for kind in EXPORTERS]
     assert list(Exports.__annotations__) == methods
     assert {*methods, "verdict", "between"} <= {*dir(CALIBRATION)}
 
 
-def test_a_calibration_exports_itself():
-    """By a method for each kind of export, named as the kind is; others are none."""
+def test_calibration_has_export_method_per_kind():
+    """Each kind of export has a method named after it, equal to `basecal.export`; other names raise AttributeError."""
     for kind in EXPORTERS:
         assert callable(getattr(CALIBRATION, f"to_{kind}"))
     assert CALIBRATION.to_ur(BASE, cell=CELL) == basecal.export(CALIBRATION, "ur", BASE, cell=CELL)

@@ -1,4 +1,4 @@
-"""How any frame stands to any other."""
+"""Tests of the transform between any two frames."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ MADE = Calibration(
 )
 
 
-def test_bases_have_what_they_have_in_common():
-    """The covariance is that of a 20,000 draws of both bases together, within a thirtieth of its size."""
+def test_base_covariance_includes_shared_error():
+    """The covariance between two bases matches 20,000 joint draws of both within a thirtieth of its size."""
     found = MADE.between("a", "b")
     drawn = RNG.standard_normal((20_000, 18)) @ ROOT.T
     a, b = MEANS[0] @ SE3.exp(drawn[:, :6]), MEANS[2] @ SE3.exp(drawn[:, 12:])
@@ -39,8 +39,8 @@ def test_bases_have_what_they_have_in_common():
     np.testing.assert_allclose(found.covariance / size / size[:, None], expected / size / size[:, None], atol=0.033)
 
 
-def test_the_reference_is_a_base_too():
-    """From it a base is as it was estimated, to it the inverse; a base is where it is."""
+def test_reference_is_valid_base():
+    """From the reference a base is as estimated, to it the inverse; a base from itself is the exact identity."""
     estimate = MADE["r_base_from_a_base"]
     np.testing.assert_allclose(MADE.between("r", "a").covariance, estimate.covariance, atol=1e-15)
     np.testing.assert_allclose(MADE.between("a", "r").covariance, estimate.inverse().covariance, atol=1e-15)
@@ -50,8 +50,11 @@ def test_the_reference_is_a_base_too():
     assert not same.covariance.any()
 
 
-def test_a_chain_has_what_its_transforms_have_in_common():
-    """Two cameras on one flange and a target by one of them, each given the other way round or not, against draws."""
+def test_chain_covariance_includes_shared_error():
+    """The covariance of a chain of transforms matches draws.
+
+    The chain has two cameras on one flange and a target seen by one of them, with each transform in either direction.
+    """
     order = ("r_flange_from_camera", "r_flange_from_second", "second_from_board")
     means = dict(zip(order, MEANS, strict=True))
     own = {name: JOINT[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k, name in enumerate(order)}
@@ -65,25 +68,25 @@ def test_a_chain_has_what_its_transforms_have_in_common():
     np.testing.assert_allclose(found.covariance / size / size[:, None], expected / size / size[:, None], atol=0.033)
 
 
-def test_what_is_fixed_is_known():
-    """A base that is stated has no row in the joint covariance, and adds none."""
+def test_fixed_base_adds_no_covariance():
+    """A stated base has no row in the joint covariance and adds no uncertainty."""
     fixed = Calibration("good", {ORDER[0]: PoseEstimate.exact(MEANS[0]), ORDER[2]: MADE[ORDER[2]]}, order=ORDER[2:])
     alone = Calibration("good", fixed.transforms, order=ORDER[2:], joint_covariance=JOINT[12:, 12:])
     np.testing.assert_allclose(alone.between("a", "b").covariance, JOINT[12:, 12:], atol=1e-15)
     assert not fixed.between("a", "b").covariance.any()
 
 
-def test_a_robot_that_is_not_there_is_named():
-    """With those that are; a camera is none."""
+def test_unknown_robot_lists_known_robots():
+    """The error for an unknown robot lists the known ones; a camera is no robot."""
     with pytest.raises(FrameNotFound, match=r"no 'camera'.*a, b, r"):
         MADE.between("a", "camera")
 
 
 @pytest.mark.slow
-def test_bases_are_as_far_off_as_is_said():
-    """Two robots of a ring of five, neither the reference: the mean NEES of 60 cells is 6 within four sigmas.
+def test_nees_of_base_to_base_is_six():
+    """The mean NEES between two non-reference robots of a ring of five is 6 within four sigmas over 60 cells.
 
-    As if their bases were independent it would be far less: what places both is in both.
+    If their bases were treated as independent it would be far less, because both share errors.
     """
     scenario = Scenario(layout="ring", robots=5, samples=80, robot_noise=(1e-4, 2e-4))
     together, apart = [], []
@@ -104,8 +107,11 @@ def test_bases_are_as_far_off_as_is_said():
     assert np.mean(apart) < 6 - 4 * np.sqrt(12 / 60)
 
 
-def test_frames_that_are_not_there_or_move_are_told():
-    """With those there are; of two that move against each other those that stand still beside the first."""
+def test_unconnected_frames_are_refused():
+    """The error for an unknown frame lists the known ones.
+
+    For two frames that move relative to each other it lists those rigidly connected to the first.
+    """
     of = {
         name: PoseEstimate.exact(SE3.identity())
         for name in ("eye_base_from_hand_base", "eye_flange_from_wrist", "eye_flange_from_lamp")

@@ -1,4 +1,4 @@
-"""Damaged files never end in anything but an answer or an error of ours."""
+"""Tests that damaged files give either a result or an InputError."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _PIECES = (
 
 
 def damaged(content: bytes, seed: int) -> bytes:
-    """Content with up to four pieces of it cut, doubled, swapped or replaced."""
+    """Content with up to four pieces cut, duplicated, swapped or replaced."""
     chance = random.Random(seed)
     data = bytearray(content)
     for _ in range(chance.randint(1, 4)):
@@ -46,7 +46,7 @@ def damaged(content: bytes, seed: int) -> bytes:
 
 
 def refusal(read: Callable[[], object]) -> str | None:
-    """What an InputError says, or None where there was an answer; nothing else is caught."""
+    """Return the message of an InputError, or None on success; other exceptions propagate."""
     try:
         read()
     except InputError as error:
@@ -55,16 +55,16 @@ def refusal(read: Callable[[], object]) -> str | None:
 
 
 @pytest.mark.parametrize("start", quick(range(0, 300, 50), (0, 50, 100)))
-def test_cells(folder: Path, start: int) -> None:
-    """Of a damaged cell.yaml either a cell is read or an InputError names the file."""
+def test_damaged_cell_file_names_file(folder: Path, start: int) -> None:
+    """A damaged cell.yaml either gives a cell or an InputError that names the file."""
     for seed in range(start, start + 50):
         (folder / "cell.yaml").write_bytes(damaged(CELL.encode(), seed))
         message = refusal(lambda: read_cell(folder))
         assert message is None or "cell.yaml" in message, seed
 
 
-def test_recordings(folder: Path) -> None:
-    """Of a damaged samples.jsonl either a recording is read or an InputError names the line."""
+def test_damaged_samples_file_names_line(folder: Path) -> None:
+    """A damaged samples.jsonl either gives a recording or an InputError that names the line."""
     cell, refused = read_cell(folder), 0
     for seed in range(300):
         (folder / "recording" / "samples.jsonl").write_bytes(damaged(journal(*LINES), seed))
@@ -74,8 +74,8 @@ def test_recordings(folder: Path) -> None:
     assert 150 < refused < 300
 
 
-def test_calibrations(tmp_path: Path) -> None:
-    """Of a damaged calibration.json either a calibration is read or an InputError names the file."""
+def test_damaged_calibration_file_names_file(tmp_path: Path) -> None:
+    """A damaged calibration.json either gives a calibration or an InputError that names the file."""
     path = write_calibration(Calibration("good"), tmp_path)
     content = path.read_bytes()
     for seed in range(300):

@@ -1,4 +1,4 @@
-"""Points of a target and their ids."""
+"""Tests of a target's points and their ids."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from basecal.errors import InputError
 TARGET = Target("points", np.array([2, 5, 9]), np.eye(3))
 
 
-def test_points_are_found_by_their_ids():
-    """In any order and more than once; an id that is not there is named with those that are."""
+def test_rows_of_point_ids():
+    """Rows are found for ids in any order and repeated; an unknown id is an error that states the range of ids."""
     assert TARGET.rows(np.array([9, 2, 9])).tolist() == [2, 0, 2]
     for unknown in (1, 3, 10):
         with pytest.raises(InputError, match=f"id {unknown} is not on the points, whose ids are 2 to 9"):
             TARGET.rows(np.array([2, unknown]))
 
 
-def test_a_single_point_is_told_from_several():
-    """One point has no rotation."""
+def test_single_point_target_is_point():
+    """A target of one point has no rotation and is a point; a larger one is not."""
     assert not TARGET.is_point
     assert Target("led", np.zeros(1), np.zeros((1, 3))).is_point
 
 
-def test_points_are_copies():
-    """Read-only, and of three numbers each."""
+def test_target_copies_its_points():
+    """The points are a read-only copy, of three numbers each."""
     points = np.eye(3)
     made = Target("points", np.arange(3), points)
     points[0, 0] = 7
@@ -37,8 +37,8 @@ def test_points_are_copies():
 
 
 @pytest.mark.parametrize("parity", [0, 1])
-def test_squares_of_one_colour_cover_half_the_board(parity):
-    """They do not touch but at corners; both colours together are the board."""
+def test_squares_of_one_colour_cover_half_board(parity):
+    """Squares of one colour touch only at corners; both colours together cover the board."""
     squares = black_squares(5, 4, 0.1, parity)
     assert len(squares) == 10
     np.testing.assert_allclose(squares[:, 2:] - squares[:, :2], 0.1)
@@ -48,27 +48,27 @@ def test_squares_of_one_colour_cover_half_the_board(parity):
     assert (places.min(0).tolist(), places.max(0).tolist()) == ([0, 0], [4, 3])
 
 
-def test_an_empty_sheet_has_no_shapes():
-    """Rectangles of four numbers, discs of three, no markers, where the target is."""
+def test_empty_sheet_has_no_shapes():
+    """An empty sheet has rectangles of four numbers, discs of three, no markers, and the target's pose."""
     sheet = Sheet(np.array([0.0, 0.0, 1.0, 1.0]), 0.1)
     assert (sheet.rectangles.shape, sheet.discs.shape, sheet.markers) == ((0, 4), (0, 3), ())
     np.testing.assert_array_equal(sheet.target_from_sheet.matrix, np.eye(4))
 
 
-def test_a_board_begins_with_black():
-    """Unless another parity is asked for, the corner square is black and its neighbours are white."""
+def test_first_square_is_black():
+    """By default the corner square is black and its neighbours are white; another parity swaps the colours."""
     np.testing.assert_allclose(black_squares(2, 2, 0.1), [[0, 0, 0.1, 0.1], [0.1, 0.1, 0.2, 0.2]])
     np.testing.assert_allclose(black_squares(2, 1, 0.1, 1), [[0.1, 0, 0.2, 0.1]])
 
 
-def test_a_marker_has_one_cell_of_border_and_is_upright():
-    """Unless something else is said."""
+def test_marker_defaults():
+    """By default a marker has one cell of border and is upright."""
     marker = Marker("DICT_4X4_50", 3, 0.0, 0.0, 0.1)
     assert (marker.border, marker.turns) == (1, 0)
 
 
-def test_tags_and_targets_are_plain_unless_stated() -> None:
-    """Tags have one cell of border and no squares; a target is printed nowhere and looks different when turned."""
+def test_tag_and_target_defaults() -> None:
+    """Tags have one cell of border and no squares; a target has no sheets and no half-turn symmetry."""
     tags = Tags("tag36h11", np.arange(1), np.arange(4)[None])
     assert (tags.border, tags.squares) == (1, 0)
     assert (TARGET.sheets, TARGET.tags, TARGET.found_by, TARGET.has_half_turn_symmetry) == ((), None, None, False)

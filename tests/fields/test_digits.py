@@ -1,4 +1,4 @@
-"""Digits of sigmas and errors in text."""
+"""Tests of sigmas and errors in text with two significant digits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ from basecal.fields.digits import p_value_text, two_digits
     ],
 )
 def test_two_digits(value: float, shown: str) -> None:
-    """Without an exponent; the whole part is never cut, and rounding adds no digit."""
+    """Values print with two significant digits and no exponent.
+
+    The whole part is never cut, and rounding adds no digit.
+    """
     assert two_digits(value) == shown
 
 

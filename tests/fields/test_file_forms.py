@@ -1,4 +1,4 @@
-"""Values that files hold in another form: what is read is what was written, and limits are those of the file."""
+"""Tests of values that files hold in another form: round trips, and limits in the file's units."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ IN_MM = Annotated[Array, array_form(list[Length], 1e3)]
     ],
 )
 def test_units_and_arrays(form: Any, written: Any, value: Any) -> None:
-    """Read from a file and written again."""
+    """Lengths, angles and arrays are read from a file's units and written again unchanged."""
     adapter = TypeAdapter(form)
     found = adapter.validate_python(written)
     assert found is None if value is None else np.allclose(found, value, rtol=1e-15)
@@ -63,21 +63,21 @@ def test_units_and_arrays(form: Any, written: Any, value: Any) -> None:
         (Pose, {"t_m": [0.0] * 3, "q_xyzw": [0.0, 0, 0, 2]}, "norm 2"),
     ],
 )
-def test_limits_are_checked(form: Any, written: Any, words: str) -> None:
-    """In the unit of the file, before anything is converted."""
+def test_limits_are_checked_in_file_units(form: Any, written: Any, words: str) -> None:
+    """Limits are checked in the unit of the file, before conversion."""
     with pytest.raises(ValidationError, match=words):
         TypeAdapter(form).validate_python(written)
 
 
-def test_a_number_that_is_not_known_is_nan_in_a_matrix() -> None:
-    """And the matrix cannot be changed."""
+def test_null_in_matrix_becomes_nan() -> None:
+    """A null in a matrix is read as NaN, and the matrix is read-only."""
     found = TypeAdapter(Covariance).validate_python([[None]])
     assert np.isnan(found).all()
     assert not found.flags.writeable
 
 
-def test_poses() -> None:
-    """A position and a quaternion, without negative zeros."""
+def test_pose_round_trip() -> None:
+    """A pose is written as a position and a quaternion without negative zeros, and read back the same."""
     pose = SE3.from_rotvec([0.1, -0.2, 0.3], [1.0, 2.0, -0.0])
     data = pose_data(pose)
     assert str(data["t_m"]) == "[1.0, 2.0, 0.0]"
@@ -85,8 +85,8 @@ def test_poses() -> None:
     np.testing.assert_allclose(TypeAdapter(Pose).validate_python(data).matrix, pose.matrix, atol=1e-15)
 
 
-def test_any_form() -> None:
-    """A word in a file may be anything in memory."""
+def test_custom_file_form() -> None:
+    """A custom form converts between a word in the file and any value in memory."""
     form = Annotated[bool, as_written(str, lambda word: word == "yes", lambda value: "yes" if value else "no")]
     adapter = TypeAdapter(form)
     assert [adapter.validate_python(word) for word in ("yes", "no")] == [True, False]
@@ -104,8 +104,8 @@ def test_any_form() -> None:
         (Covariance, [[[0.0]], [[1e150]], []], [[[-1e-9]], [[1.1e150]], [[1.0], [2.0, 3.0]]]),
     ],
 )
-def test_numbers_are_taken_up_to_their_limits(form: Any, taken: list[Any], refused: list[Any]) -> None:
-    """Just within them, and not just beyond."""
+def test_numbers_are_accepted_up_to_limits(form: Any, taken: list[Any], refused: list[Any]) -> None:
+    """Numbers just within their limits are accepted; numbers just beyond are refused."""
     adapter = TypeAdapter(form)
     for value in taken:
         adapter.validate_python(value)
@@ -124,14 +124,14 @@ def test_numbers_are_taken_up_to_their_limits(form: Any, taken: list[Any], refus
         {"t_m": [0.0, 0.0, 0.0], "q_xyzw": [0.0, 0.0, 0.0, 0.0, 1.0]},
     ],
 )
-def test_a_written_pose_is_three_numbers_and_four(written: Any) -> None:
-    """All of them finite."""
+def test_written_pose_has_three_and_four_finite_numbers(written: Any) -> None:
+    """A written pose needs three finite numbers of position and four of the quaternion."""
     with pytest.raises(ValidationError):
         WrittenPose.model_validate(written)
 
 
-def test_no_zero_of_a_quaternion_or_an_array_is_negative() -> None:
-    """Whatever its sign in memory."""
+def test_negative_zeros_are_never_written() -> None:
+    """Zeros of quaternions and arrays are written without sign, whatever their sign in memory."""
     turned = SE3.from_rotvec([0.0, 0.0, -3.0], [-0.0, 0.0, 1.0])
     assert np.signbit(turned.quaternion).tolist() == [True, True, True, False]
     data = pose_data(turned)

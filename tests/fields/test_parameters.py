@@ -1,4 +1,4 @@
-"""What may be stated of any kind of robot parameters."""
+"""Tests of the statuses and sigmas that any kind of robot parameters accepts."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class Two(Parameters):
     sigma_a: Sigma | None = None
 
 
-def test_a_prior_has_all_its_sigmas_and_nothing_else_has_one():
-    """What is lacking or too much is named."""
+def test_sigmas_match_status():
+    """A prior needs all its sigmas and every other status takes none; the error names missing and surplus ones."""
     assert Two().status == "fixed"
     assert Two(status="prior", sigma_a=1.0, sigma_b=2.0).sigma_b == 2.0
     for fields, said in (

@@ -1,4 +1,4 @@
-"""Numbers, sigmas and poses as `cell.yaml` may hold them."""
+"""Tests of numbers, sigmas and poses in `cell.yaml`."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def read(kind, value):
         (values.PathText, "a/b c.png", "a/b c.png"),
     ],
 )
-def test_what_is_within_the_limits_is_taken(kind, value, found):
-    """At the very limits too."""
+def test_values_within_limits_are_accepted(kind, value, found):
+    """Values up to and including their limits are accepted."""
     assert read(kind, value) == found
 
 
@@ -62,8 +62,8 @@ def test_what_is_within_the_limits_is_taken(kind, value, found):
         *((values.PathText, wrong) for wrong in ("", "a\0b")),
     ],
 )
-def test_what_is_beyond_the_limits_is_refused(kind, value):
-    """Just beyond them too."""
+def test_values_beyond_limits_are_refused(kind, value):
+    """Values just beyond their limits, and of a wrong type or count, are refused."""
     with pytest.raises(ValidationError):
         read(kind, value)
 
@@ -71,8 +71,8 @@ def test_what_is_beyond_the_limits_is_refused(kind, value):
 @pytest.mark.parametrize(
     ("kind", "message"), [(values.Sigma3, "one positive number or 3 of them"), (values.Sigmas, "or a list of them")]
 )
-def test_sigmas_say_how_many_there_may_be(kind, message):
-    """One for all or so many."""
+def test_error_states_accepted_number_of_sigmas(kind, message):
+    """The error states that one sigma for all or a given number of them is accepted."""
     with pytest.raises(ValidationError, match=message):
         read(kind, [1, -1])
 
@@ -86,8 +86,8 @@ def test_sigmas_say_how_many_there_may_be(kind, message):
         {"matrix": QUARTER.matrix.tolist()},
     ],
 )
-def test_every_notation_is_the_same_pose(entry):
-    """A quaternion, a rotation vector, angles and a matrix."""
+def test_all_rotation_notations_give_same_pose(entry):
+    """A quaternion, a rotation vector, roll-pitch-yaw angles and a matrix give the same pose."""
     found = pose_se3(check_full_pose(PoseEntry.model_validate(entry)))
     np.testing.assert_allclose(found.matrix, QUARTER.matrix, atol=1e-15)
 
@@ -102,14 +102,14 @@ def test_every_notation_is_the_same_pose(entry):
         ({"t_m": [1, 2, 3], "matrix": np.eye(4).tolist()}, "expected `matrix` alone"),
     ],
 )
-def test_a_pose_has_a_position_and_one_rotation(entry, message):
-    """Neither less nor more."""
+def test_pose_needs_position_and_one_rotation(entry, message):
+    """A pose takes one position and exactly one rotation, neither less nor more."""
     with pytest.raises(ValueError, match=message):
         check_full_pose(PoseEntry.model_validate(entry))
 
 
-def test_rotations_are_rotations():
-    """A quaternion far from unit length and a matrix that is none are refused as they are read."""
+def test_invalid_rotations_are_refused():
+    """A quaternion far from unit length and a matrix that is not a rotation are refused on reading."""
     for entry in ({"q_xyzw": [1.0, 1.0, 0.0, 0.0]}, {"matrix": (2 * np.eye(4)).tolist()}):
         with pytest.raises(ValidationError):
             PoseEntry.model_validate(entry)
@@ -125,8 +125,8 @@ def test_rotations_are_rotations():
         {"status": "prior", "t_m": [1, 2, 3], "q_xyzw": Q, **SIGMAS},
     ],
 )
-def test_a_mount_is_free_with_a_guess_or_known(entry):
-    """Free with or without a guess, fixed with a pose, a prior with its sigmas."""
+def test_mount_statuses_are_read(entry):
+    """A mount is free with or without a guess, fixed with a pose, or a prior with its sigmas."""
     assert read(Mount, entry).status == (entry or {}).get("status", "free")
 
 
@@ -146,14 +146,14 @@ POSE = {"t_m": [1, 2, 3], "q_xyzw": Q}
         ({"status": "prior", "guess": POSE, **SIGMAS}, "status prior takes no guess"),
     ],
 )
-def test_a_mount_suits_its_status(entry, message):
-    """What is written beside a status is what that status takes."""
+def test_mount_fields_match_status(entry, message):
+    """A mount with fields that its status does not take is refused."""
     with pytest.raises(ValidationError, match=message):
         read(Mount, entry)
 
 
-def test_a_points_mount_has_no_rotation():
-    """A position and its sigma, at most an identity rotation beside it."""
+def test_point_mount_takes_no_rotation():
+    """The mount of a point has a position and its sigma; at most an identity rotation is accepted beside it."""
     assert read(PointMount, {"status": "prior", "t_m": [1, 2, 3], "sigma_t_m": 0.1}).sigma_t_m == [0.1] * 3
     assert read(PointMount, {"status": "fixed", "t_m": [1, 2, 3], "q_xyzw": [0, 0, 0, 1]}).status == "fixed"
     assert read(PointMount, {"guess": {"t_m": [1, 2, 3]}}).status == "free"
@@ -167,8 +167,8 @@ def test_a_points_mount_has_no_rotation():
             read(PointMount, entry)
 
 
-def test_a_name_that_is_not_known_is_told_with_what_there_are():
-    """The nearest is offered; a name of any length is told by its beginning."""
+def test_unknown_name_lists_known_names():
+    """An unknown name is reported with the nearest and all known names; a long name is shortened to its beginning."""
     kind = Annotated[str, values.known_name_validator("lens", ("pinhole", "fisheye"))]
     assert read(kind, "fisheye") == "fisheye"
     with pytest.raises(ValidationError, match=r"no lens 'fisheyes'.*fisheye.*; there are: pinhole, fisheye"):
@@ -178,8 +178,11 @@ def test_a_name_that_is_not_known_is_told_with_what_there_are():
     assert f"no lens '{'x' * 60}'; there are" in str(caught.value)
 
 
-def test_a_rotation_vector_of_more_than_a_turn_looks_like_degrees():
-    """A turn as it is rounded in writing is taken, in any direction; a little more is not."""
+def test_rotation_vector_beyond_full_turn_is_refused():
+    """A rotation vector slightly longer than a full turn is refused as degrees.
+
+    A full turn as rounded in writing is accepted in any direction.
+    """
     turn = 2 * np.pi
     for taken in ([0.0, 0.0, 6.2832], [0.0, -turn, 0.0], [turn * 0.6, turn * 0.8, 0.0]):
         assert PoseEntry.model_validate({"rotvec_rad": taken}).rotvec_rad == taken
@@ -202,22 +205,22 @@ def test_a_rotation_vector_of_more_than_a_turn_looks_like_degrees():
         {"matrix": np.eye(4)[:, :3].tolist()},
     ],
 )
-def test_entries_are_of_known_fields_and_numbers_alone(entry):
-    """No text for a number, no unknown field, and neither more nor fewer numbers than a notation has."""
+def test_pose_entries_take_known_numeric_fields_only(entry):
+    """Text for a number, an unknown field, and more or fewer numbers than a notation has are refused."""
     with pytest.raises(ValidationError):
         PoseEntry.model_validate(entry)
 
 
-def test_a_pose_without_a_rotation_or_a_position_has_none():
-    """Each notation alone."""
+def test_pose_may_lack_rotation_or_position():
+    """A position alone gives a pose without rotation; a rotation alone has no position."""
     np.testing.assert_array_equal(pose_se3(PoseEntry(t_m=[1.0, 2.0, 3.0])).matrix[:3], np.c_[np.eye(3), [1, 2, 3]])
     for entry in ({"rotvec_rad": [0, 0, np.pi / 2]}, {"rpy_deg": [0, 0, 90]}):
         with pytest.raises(ValueError, match="shape"):
             pose_se3(PoseEntry.model_validate(entry))
 
 
-def test_a_small_turn_of_a_point_is_rounding():
-    """A rotation beside a point is none up to the digits that it is written with."""
+def test_tiny_rotation_of_point_is_ignored():
+    """A rotation beside a point counts as rounding up to the digits that it is written with."""
     for turn, taken in ((5e-10, True), (5e-9, False)):
         entry = {"status": "fixed", "t_m": [1, 2, 3], "rotvec_rad": [0, 0, turn]}
         if taken:

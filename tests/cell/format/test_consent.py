@@ -1,4 +1,4 @@
-"""What a cell may reach is remembered for this user, and a damaged memory allows nothing."""
+"""Tests of the user's stored consents for cells: a damaged store permits no access."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from basecal.cell.format.consent import allow, is_allowed, withdraw
 
 @pytest.fixture
 def memory(tmp_path, monkeypatch):
-    """The file in which it is remembered."""
+    """Path of the file that stores consents."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "basecal" / "allowed.json"
 
 
-def test_a_place_is_allowed_to_one_cell(memory, tmp_path):
-    """By the folder's real path, until it is withdrawn; only its owner can read the file."""
+def test_consent_applies_to_one_cell(memory, tmp_path):
+    """A consent applies to the real path of one cell until it is withdrawn; only its owner can read the file."""
     (tmp_path / "link").symlink_to(tmp_path / "cell")
     allow(tmp_path / "cell", ["a", "b"])
     assert is_allowed(tmp_path / "link", "a")
@@ -30,8 +30,8 @@ def test_a_place_is_allowed_to_one_cell(memory, tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "[]", "null", '{"x": 1}', "{", "[[1]]"])
-def test_a_damaged_memory_allows_nothing(memory, tmp_path, text):
-    """It is asked again, and written anew."""
+def test_damaged_consent_file_allows_no_access(memory, tmp_path, text):
+    """With a damaged file the user is asked again, and the file is rewritten."""
     memory.parent.mkdir(parents=True)
     memory.write_text(text)
     assert not is_allowed(tmp_path, "a")
@@ -39,8 +39,8 @@ def test_a_damaged_memory_allows_nothing(memory, tmp_path, text):
     assert is_allowed(tmp_path, "a")
 
 
-def test_without_a_place_to_remember_it_is_asked_again(tmp_path, monkeypatch):
-    """A memory that cannot be written is no error."""
+def test_unwritable_consent_file_is_no_error(tmp_path, monkeypatch):
+    """If consents cannot be stored, the user is asked again each time."""
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_STATE_HOME", os.fspath(tmp_path / "file"))
     allow(tmp_path, ["a"])
@@ -48,8 +48,8 @@ def test_without_a_place_to_remember_it_is_asked_again(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("variable", [None, ""])
-def test_it_is_remembered_in_the_home_folder(tmp_path, monkeypatch, variable):
-    """In the usual place for states of programs, where the environment names no other."""
+def test_consent_file_is_in_home_folder(tmp_path, monkeypatch, variable):
+    """Without XDG_STATE_HOME, consents are stored in the usual state folder of the user's home."""
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.delenv("XDG_STATE_HOME", raising=False)
     if variable is not None:
@@ -59,8 +59,8 @@ def test_it_is_remembered_in_the_home_folder(tmp_path, monkeypatch, variable):
     assert is_allowed(tmp_path / "cell", "a")
 
 
-def test_what_is_withdrawn_last_leaves_no_cell(memory, tmp_path):
-    """Other cells, and other places of one cell, stay; odd entries are dropped."""
+def test_withdrawing_last_consent_removes_cell(memory, tmp_path):
+    """Consents of other cells and for other places of one cell are kept; malformed entries are dropped."""
     allow(tmp_path / "one", ["b", "a"])
     allow(tmp_path / "two", ["a"])
     allow(tmp_path / "one", ["a", "c"])

@@ -1,4 +1,4 @@
-"""Places with descriptors in bytes."""
+"""Tests of points with descriptors stored as bytes."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from basecal.cell.format.described_places import DESCRIPTOR_LENGTH, points_from_
 
 
 @pytest.mark.parametrize("count", [0, 1, 7])
-def test_what_is_written_is_read(count: int) -> None:
-    """To the last bit, and none of none."""
+def test_points_and_descriptors_round_trip(count: int) -> None:
+    """Points and descriptors are read back to the last bit, also if there are none."""
     rng = np.random.default_rng(1)
     places, levels = rng.standard_normal((count, 3)), rng.integers(0, 256, (count, DESCRIPTOR_LENGTH)).astype(np.uint8)
     data = points_to_bytes(places, levels)
@@ -21,8 +21,8 @@ def test_what_is_written_is_read(count: int) -> None:
     np.testing.assert_array_equal(found[1], levels)
 
 
-def test_other_files_are_none() -> None:
-    """Of a length that is no whole number of rows, or with a place that is no number."""
+def test_malformed_bytes_give_none() -> None:
+    """Bytes that are not a whole number of rows, or with a point that is not finite, give None."""
     data = points_to_bytes(np.zeros((2, 2)), np.zeros((2, DESCRIPTOR_LENGTH), dtype=np.uint8))
     assert points_from_bytes(data[:-1], 2) is None
     assert points_from_bytes(np.full(2, np.nan).tobytes() + data[16:], 2) is None

@@ -1,4 +1,4 @@
-"""A folder that one process holds."""
+"""Tests of the exclusive lock on a folder."""
 
 from __future__ import annotations
 
@@ -21,8 +21,11 @@ with locked_folder(Path(sys.argv[1])):
 """
 
 
-def test_a_folder_is_held_by_one_process_until_it_ends(tmp_path):
-    """The second is told so; once the first is killed, the folder is free, and its end frees it again."""
+def test_folder_is_locked_by_one_process(tmp_path):
+    """A second process is refused with a message.
+
+    The lock ends when the first process is killed, and when the context ends.
+    """
     command = [sys.executable, "-c", HOLD, str(tmp_path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout.readline() == b"held\n"
@@ -36,14 +39,14 @@ def test_a_folder_is_held_by_one_process_until_it_ends(tmp_path):
             assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_not_there(tmp_path):
-    """It is named."""
+def test_missing_folder_is_named(tmp_path):
+    """The error for a missing folder names it."""
     with pytest.raises(InputError, match="none cannot be opened: No such file"), locked_folder(tmp_path / "none"):
         pass
 
 
-def test_without_locks_of_files_nothing_is_held(tmp_path, monkeypatch):
-    """Windows has none, and opens no folder."""
+def test_locking_is_skipped_without_fcntl(tmp_path, monkeypatch):
+    """Windows has no `fcntl`, so no folder is opened or locked."""
     monkeypatch.setitem(sys.modules, "fcntl", None)
     with locked_folder(tmp_path), locked_folder(tmp_path / "none"):
         pass

@@ -1,4 +1,4 @@
-"""What is kept of a cell before a change."""
+"""Tests of the copies of a cell's files kept before a change."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 from basecal.cell.format.originals import keep_originals
 
 
-def test_each_change_has_a_folder_of_its_own(tmp_path: Path) -> None:
-    """Two changes within a second keep what was there before each; a file that is not there is none of them."""
+def test_each_change_keeps_originals_in_own_folder(tmp_path: Path) -> None:
+    """Two changes within a second each keep the previous files; a missing file is not kept."""
     path = tmp_path / "cell.yaml"
     path.write_text("first")
     kept = [keep_originals(tmp_path, (path, tmp_path / "none"), {"done": "a change"})]

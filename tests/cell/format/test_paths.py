@@ -1,4 +1,4 @@
-"""Paths stay inside a cell, and files are written whole."""
+"""Tests that paths stay inside a cell."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from basecal.errors import DatasetError, InputError
         ("b/c", "rec/b/c"),
     ],
 )
-def test_paths_start_from_their_folder(tmp_path, written, found):
-    """A path as written in `rec` becomes one from the cell, dots resolved."""
+def test_paths_are_resolved_from_their_folder(tmp_path, written, found):
+    """A path written in `rec` becomes one from the cell, with dots resolved."""
     assert path_resolver(str(tmp_path), "rec")(written) == found
 
 
 @pytest.mark.parametrize(
     "written", ["", "/etc/passwd", "C:/x", "a\\b", "a\0b", "a\x1b[2J", "\ud800", "a\nb", "\u202egnp"]
 )
-def test_paths_are_relative_with_forward_slashes(tmp_path, written):
-    """Absolute ones, drives, backslashes and nothing at all are refused."""
+def test_absolute_and_malformed_paths_are_refused(tmp_path, written):
+    """Absolute paths, drives, backslashes, control characters and empty paths are refused."""
     with pytest.raises(InputError, match="is not a relative path with forward slashes"):
         path_resolver(str(tmp_path))(written)
 
 
 @pytest.mark.parametrize("written", ["..", "../x", "a/../../x"])
-def test_paths_do_not_leave_the_cell(tmp_path, written):
-    """Not by dots."""
+def test_parent_paths_out_of_cell_are_refused(tmp_path, written):
+    """A path must not leave the cell by `..`."""
     with pytest.raises(InputError, match="leaves the cell; copy the file into it"):
         path_resolver(str(tmp_path))(written)
 
 
-def test_links_do_not_leave_the_cell(tmp_path):
-    """Not by a link to a file or a folder outside either; links inside are fine."""
+def test_links_out_of_cell_are_refused(tmp_path):
+    """A path must not leave the cell by a link to a file or folder outside; links inside are accepted."""
     cell, outside = tmp_path / "cell", tmp_path / "outside"
     (cell / "images").mkdir(parents=True)
     outside.mkdir()
@@ -60,8 +60,8 @@ def test_links_do_not_leave_the_cell(tmp_path):
     assert path_in_cell("not/there/yet") == "not/there/yet"
 
 
-def test_own_files_are_no_links_out(tmp_path):
-    """What a cell has at a place of its own may be a link inside it, and not one that leads out."""
+def test_own_file_refuses_links_out_of_cell(tmp_path):
+    """A file of the cell may be a link inside it, but not one that leads out."""
     cell = tmp_path / "cell"
     cell.mkdir()
     (cell / "other.yaml").write_text("x")
@@ -72,8 +72,8 @@ def test_own_files_are_no_links_out(tmp_path):
         own_file(cell, "recording/samples.jsonl")
 
 
-def test_a_file_in_place_of_a_folder_is_said(tmp_path):
-    """With what to give instead."""
+def test_file_in_place_of_folder_is_refused(tmp_path):
+    """The error for a file in place of a cell's folder states what to give instead."""
     (tmp_path / "cell.yaml").write_text("x")
     with pytest.raises(
         DatasetError, match=r"cell\.yaml: is a file: give the folder of the cell, which holds cell\.yaml$"
@@ -82,8 +82,8 @@ def test_a_file_in_place_of_a_folder_is_said(tmp_path):
 
 
 @pytest.mark.parametrize("written", ["a" * 256, "ä" * 128 + "/b.png", "a/" * 501 + "b"])
-def test_names_longer_than_any_file_has(tmp_path, written):
-    """A name that no file system takes is refused before it is asked for, and not written out in full."""
+def test_overlong_paths_are_refused(tmp_path, written):
+    """A name longer than any file system allows is refused before access, and is shortened in the error."""
     with pytest.raises(InputError, match=r"is longer than|has more than") as told:
         path_resolver(str(tmp_path))(written)
     assert len(str(told.value)) < 200

@@ -1,4 +1,4 @@
-"""Files and folders appear whole or not at all, and links are not followed."""
+"""Tests that files and folders are written completely or not at all, and that links are not followed."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def names(folder: Path) -> list[str]:
 @pytest.mark.parametrize(("name", "unused"), [
     ("", True), (".cell.yaml.0123abcd.part", True), (".gitignore", False), ("valve.part", False), ("a", False),
 ])  # fmt: skip
-def test_only_what_a_write_left_counts_as_nothing(tmp_path: Path, name: str, unused: bool) -> None:
-    """Hidden files and parts of somebody else are somebody's."""
+def test_folder_with_only_temporary_files_is_unused(tmp_path: Path, name: str, unused: bool) -> None:
+    """Only leftovers of an interrupted write count as unused; hidden files and other `.part` files do not."""
     temporary_path(tmp_path / "samples.jsonl").touch()
     if name:
         (tmp_path / name).touch()
@@ -48,8 +48,8 @@ def fail(number: int):
     return failing
 
 
-def test_folders_of_one_second_have_numbers(tmp_path):
-    """Each is new, whoever makes another at once; none is made through a link."""
+def test_timed_folders_of_one_second_are_numbered(tmp_path):
+    """Each timed folder is new, even within one second; none is created through a link."""
     made = [make_timed_folder(tmp_path / "runs", tmp_path) for _ in range(3)]
     assert len({folder.name for folder in made}) == 3
     assert all(folder.is_dir() for folder in made)
@@ -58,8 +58,8 @@ def test_folders_of_one_second_have_numbers(tmp_path):
         make_timed_folder(tmp_path / "elsewhere", tmp_path)
 
 
-def test_a_file_is_written_whole(tmp_path):
-    """The text, in folders made for it, nothing beside it; where that cannot be, an error with the path."""
+def test_write_creates_folders_and_leaves_no_temporary_file(tmp_path):
+    """The text is written in newly made folders with nothing beside it; a failure names the path."""
     path = tmp_path / "runs" / "one" / "a.json"
     write_atomically(path, "grün")
     write_atomically(path, "blue \udcff")
@@ -69,8 +69,8 @@ def test_a_file_is_written_whole(tmp_path):
         write_atomically(path / "b", "x")
 
 
-def test_what_is_asked_for_is_whole_or_goes_into_a_pipe(tmp_path, monkeypatch):
-    """A file of a name that was given is the old one or the new one; a pipe of that name is written to."""
+def test_output_is_replaced_completely_or_written_to_pipe(tmp_path, monkeypatch):
+    """A failed write keeps the old file of the given name; a pipe of that name is written to directly."""
     path = tmp_path / "a.svg"
     write_output(path, b"old")
     monkeypatch.setattr(os, "fsync", fail(errno.ENOSPC))
@@ -84,8 +84,8 @@ def test_what_is_asked_for_is_whole_or_goes_into_a_pipe(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("call", ["fsync", "replace"])
-def test_a_file_that_fails_is_as_it_was(tmp_path, monkeypatch, call):
-    """A full disk leaves the old file, and nothing beside it."""
+def test_failed_write_keeps_old_file(tmp_path, monkeypatch, call):
+    """A full disk leaves the old file, and no temporary one."""
     path = tmp_path / "a"
     write_atomically(path, "old")
     monkeypatch.setattr(writing.os, call, fail(errno.ENOSPC))
@@ -95,8 +95,8 @@ def test_a_file_that_fails_is_as_it_was(tmp_path, monkeypatch, call):
     assert names(tmp_path) == ["a"]
 
 
-def test_what_is_durable_is_synchronised(tmp_path, monkeypatch):
-    """The file before it gets its name, and the folder after that; not where it need not be."""
+def test_durable_write_syncs_file_and_folder(tmp_path, monkeypatch):
+    """The file is synchronised before it gets its name, and the folder afterwards; not if `durable` is false."""
     done = []
     real_sync, real_replace = os.fsync, os.replace
     monkeypatch.setattr(writing.os, "fsync", lambda number: (done.append("sync"), real_sync(number)))
@@ -108,8 +108,8 @@ def test_what_is_durable_is_synchronised(tmp_path, monkeypatch):
     assert done == ["name"]
 
 
-def test_links_are_replaced_and_not_followed(tmp_path):
-    """A link where the file goes gives way to it; a folder that is a link is refused below the cell."""
+def test_links_are_replaced_not_followed(tmp_path):
+    """A link at the file's path is replaced by the file; a folder below the cell that is a link is refused."""
     outside, cell = tmp_path / "outside", tmp_path / "cell"
     outside.mkdir()
     cell.mkdir()
@@ -127,8 +127,8 @@ def test_links_are_replaced_and_not_followed(tmp_path):
     assert (outside / "victim").read_text() == "mine"
 
 
-def test_names_beside_are_never_taken(tmp_path):
-    """They differ each time, and one that is there nevertheless is not written to."""
+def test_temporary_names_are_unique_and_links_refused(tmp_path):
+    """Temporary names differ each time, and an existing file or link of that name is not written to."""
     assert temporary_path(tmp_path / "a") != temporary_path(tmp_path / "a")
     (tmp_path / "victim").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "victim")
@@ -141,8 +141,8 @@ def test_names_beside_are_never_taken(tmp_path):
     assert (tmp_path / "victim").read_text() == "mine!"
 
 
-def test_what_is_there_is_not_overwritten(tmp_path):
-    """Not even by a link that leads nowhere."""
+def test_existing_file_is_not_overwritten(tmp_path):
+    """Existing files and dangling links are not overwritten."""
     write_new(tmp_path / "a", "x")
     (tmp_path / "b").symlink_to(tmp_path / "nowhere")
     for name in "ab":
@@ -152,8 +152,8 @@ def test_what_is_there_is_not_overwritten(tmp_path):
 
 
 @pytest.mark.parametrize("before", [None, [], ["kept", "recording/old"]])
-def test_a_staged_folder_appears_at_once(tmp_path, before):
-    """Into a folder that is not there, an empty one, and one that holds something, which stays."""
+def test_staged_folder_appears_at_once(tmp_path, before):
+    """A staged folder fills a missing or empty folder, or joins one with content, which is kept."""
     folder = tmp_path / "cell"
     for name in before or ():
         write_atomically(folder / name, "old")
@@ -168,8 +168,8 @@ def test_a_staged_folder_appears_at_once(tmp_path, before):
     assert [path.name for path in tmp_path.iterdir()] == ["cell"]
 
 
-def test_a_staged_folder_that_fails_leaves_nothing(tmp_path):
-    """Whatever ended it."""
+def test_failed_staging_leaves_no_files(tmp_path):
+    """Any failure of staging leaves no files."""
 
     def written(folder, error):
         with stage_folder(folder) as part:
@@ -184,16 +184,16 @@ def test_a_staged_folder_that_fails_leaves_nothing(tmp_path):
     assert names(tmp_path) == []
 
 
-def test_folders_are_made(tmp_path):
-    """Those above too."""
+def test_make_folder_creates_parents(tmp_path):
+    """`make_folder` creates the folders above, too."""
     make_folder(tmp_path / "a" / "b", tmp_path)
     make_folder(tmp_path / "a" / "c")
     assert names(tmp_path) == ["a", "a/b", "a/c"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
-def test_what_is_private_only_its_owner_reads(tmp_path, monkeypatch):
-    """Whatever the mask allows others; written whole, without waiting for the disk."""
+def test_private_file_is_readable_by_owner_only(tmp_path, monkeypatch):
+    """A private file has mode 600 whatever the umask; it is written completely, without waiting for the disk."""
     synced = []
     monkeypatch.setattr(os, "fsync", synced.append)
     before = os.umask(0)
@@ -208,8 +208,11 @@ def test_what_is_private_only_its_owner_reads(tmp_path, monkeypatch):
     assert len(synced) == 2  # the open one and its folder
 
 
-def test_lines_are_appended_and_on_the_disk(tmp_path, monkeypatch):
-    """Into a new file, whose folder is made, and to what is there; through no link, and an error names the file."""
+def test_appended_lines_are_synchronised(tmp_path, monkeypatch):
+    """Lines are appended to an existing or a new file in a new folder, never through a link.
+
+    An error names the file.
+    """
     synchronised = []
     monkeypatch.setattr(os, "fsync", synchronised.append)
     path = tmp_path / "runs" / "lines"
@@ -238,16 +241,16 @@ def test_lines_are_appended_and_on_the_disk(tmp_path, monkeypatch):
         (b"[" * 100_000, b"3\n", 1),
     ],
 )
-def test_a_line_that_was_cut_off_does_not_spoil_the_next(tmp_path, before, after, removed):
-    """A last line without its end is completed or removed, and the removed one is counted."""
+def test_incomplete_last_line_is_repaired_before_appending(tmp_path, before, after, removed):
+    """A last line without newline is completed or removed, and the removed line's number is returned."""
     path = tmp_path / "lines"
     path.write_bytes(before)
     assert append_durably(path, "3\n") == removed
     assert path.read_bytes() == after
 
 
-def test_bytes_and_text_go_into_a_pipe_alike(tmp_path):
-    """As they are, what is half a character escaped."""
+def test_bytes_and_text_are_written_to_pipe(tmp_path):
+    """Bytes are written to a pipe unchanged; text with lone surrogates is escaped."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     for content, wanted in ((b"\xffraw", b"\xffraw"), ("gr\u00fcn \udcff", "gr\u00fcn \\udcff".encode())):
@@ -258,8 +261,8 @@ def test_bytes_and_text_go_into_a_pipe_alike(tmp_path):
 
 
 @pytest.mark.parametrize(("named", "told"), [(None, "cell"), ("other", "other")])
-def test_what_cannot_be_staged_is_named(tmp_path, named, told):
-    """The file of the fault where it is known, else the folder."""
+def test_staging_error_names_failed_file(tmp_path, named, told):
+    """The error names the failed file if it is known, else the folder."""
     folder = tmp_path / "cell"
     error = OSError(errno.ENOSPC, "No space left", named and str(tmp_path / named))
     with pytest.raises(InputError) as caught, stage_folder(folder):

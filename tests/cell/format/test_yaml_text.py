@@ -1,4 +1,4 @@
-"""YAML as it is written by hand."""
+"""Tests of reading and writing YAML written by hand."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_entry, yam
 from basecal.errors import DatasetError
 
 
-def test_data_and_the_lines_of_its_keys():
-    """Numbers, truth and nothing are read as such, all else is text; every place knows its line."""
+def test_yaml_values_and_key_lines():
+    """Numbers, booleans and nulls are read as such, everything else as text; each key has its line."""
     document = parse_yaml("a: 1\nb:\n  c: [1.5, yes, 'x']\n  d: true\ne: ~\nf: 2020-01-01\n", "f")
     assert document.data == {"a": 1, "b": {"c": [1.5, "yes", "x"], "d": True}, "e": None, "f": "2020-01-01"}
     assert document.lines[("a",)] == 1
@@ -35,27 +35,30 @@ def test_data_and_the_lines_of_its_keys():
         ("a: \x00", "not YAML"),
     ],
 )
-def test_what_no_cell_needs_is_refused(text, message):
-    """Half documents, references, tags, keys given twice, deep nests."""
+def test_unsupported_yaml_is_refused(text, message):
+    """Truncated documents, references, tags, duplicate keys and deep nesting are refused."""
     with pytest.raises(DatasetError) as caught:
         parse_yaml(text, "f")
     assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ['{"a": [1, 2', '{"a": 0x\n "b": 1', '{"a": \x00}'])
-def test_half_a_json_file_is_not_json(text):
-    """The message speaks of the format that the file's name promises."""
+def test_invalid_json_file_is_called_json(text):
+    """The message for a `.json` file says JSON, not YAML."""
     with pytest.raises(DatasetError, match=r"^f\.json(:\d)?: not JSON: "):
         parse_yaml(text, "f.json")
 
 
-def test_thirty_two_levels_are_read():
-    """The deepest nest that is read."""
+def test_nesting_of_32_levels_is_read():
+    """32 levels are the deepest nesting that is read."""
     assert parse_yaml("[" * 32 + "]" * 32, "f").data is not None
 
 
-def test_what_is_written_is_read_back():
-    """Keys in their order, text that looks like something else, the same list twice, umlauts; a line per inner list."""
+def test_yaml_round_trip():
+    """Key order, text that looks like other types, a repeated list and umlauts survive.
+
+    Each inner list takes one line.
+    """
     inner = [1.0, 2]
     data = {"z": {"t": "1", "n": None, "f": "no"}, "a": [inner, inner], "ü": "ß", "e": {}, "l": [1e-12, 1e22]}
     text = yaml_text(data)
@@ -65,8 +68,8 @@ def test_what_is_written_is_read_back():
     assert "ü: ß" in text
 
 
-def test_an_entry_is_one_line_as_a_cell_has_it():
-    """Nested mappings, numbers, words that need quotes: it is read back as it was."""
+def test_yaml_entry_is_one_line():
+    """Nested mappings, numbers and words that need quotes are written on one line and read back the same."""
     value = {"status": "prior", "sigma_rad": 0.02, "about": [[1, 2], ["true", True, None]]}
     line = yaml_entry("robots.eye.joint_offsets", value)
     assert line == "robots.eye.joint_offsets: {status: prior, sigma_rad: 0.02, about: [[1, 2], ['true', true, null]]}"
@@ -74,8 +77,11 @@ def test_an_entry_is_one_line_as_a_cell_has_it():
     assert yaml_entry("status", "free") == "status: free"
 
 
-def test_files_are_utf_8(tmp_path):
-    """With or without a mark at their start; else an error says from which byte on, or what to do."""
+def test_text_files_must_be_utf_8(tmp_path):
+    """UTF-8 with or without a byte-order mark is read.
+
+    Otherwise the error states the first invalid byte or what to do.
+    """
     path = tmp_path / "a.yaml"
     path.write_bytes(b"\xef\xbb\xbfa: \xc3\xbc")
     assert read_text(path, "") == "a: ü"
@@ -88,8 +94,8 @@ def test_files_are_utf_8(tmp_path):
         read_text(tmp_path, "")
 
 
-def test_what_a_parser_would_take_minutes_for_is_not_read(tmp_path):
-    """A file of a megabyte is no cell: an error says so before any of it is parsed."""
+def test_oversized_file_is_refused_before_parsing(tmp_path):
+    """A file of a megabyte is refused before parsing, since a parser would take minutes."""
     path = tmp_path / "a.yaml"
     path.write_bytes(b"#" * 2**20)
     with pytest.raises(DatasetError, match="has more than"):
@@ -119,8 +125,8 @@ def test_what_a_parser_would_take_minutes_for_is_not_read(tmp_path):
         ("a:\n  b: {c: d}}\n", 2, "a closing bracket } has no opening bracket"),
     ],
 )
-def test_slips_of_the_hand_have_their_line_and_fix(text: str, line: int, words: str) -> None:
-    """Without the words of the parser, on the line where it is to be mended."""
+def test_common_yaml_mistakes_have_line_and_fix(text: str, line: int, words: str) -> None:
+    """Common mistakes are explained without parser jargon, on the line to fix."""
     with pytest.raises(DatasetError) as caught:
         parse_yaml(text, "f")
     assert caught.value.line == line
@@ -140,13 +146,16 @@ def test_slips_of_the_hand_have_their_line_and_fix(text: str, line: int, words: 
         (None, "found character '@' that cannot start any token", "a value cannot start with '@': put it in quotes"),
     ],
 )
-def test_faults_without_a_place_are_told_in_the_parsers_words(context, problem, reason):
-    """In one line; what it is most often for needs no place where the words alone say it."""
+def test_unlocated_yaml_faults_keep_parser_words(context, problem, reason):
+    """A fault without a position is reported in the parser's words on one line.
+
+    If these words suffice, the usual fix is given.
+    """
     assert yaml_fault("a: 1\n", MarkedYAMLError(context, None, problem, None)) == (reason, None)
 
 
-def test_a_fault_is_on_the_line_of_its_mark():
-    """Counted from 1, that of what was opened where it was not closed."""
+def test_yaml_fault_line_is_that_of_its_mark():
+    """Lines count from 1; for an unclosed bracket or quote the line is that of its opening."""
     begun, mark = (StringMark("x", 0, line, 3, "", 0) for line in (1, 4))
     found = yaml_fault("a: [1\n" * 6, MarkedYAMLError("while parsing", begun, "expected ',' or ']', but got x", mark))
     assert found == ("the bracket that opens here is not closed: add ]", 2)

@@ -1,4 +1,4 @@
-"""A journal that is added to: joined by number, never overwritten, other lines as they were."""
+"""Tests of additions to a recording: samples are joined by number, never overwritten, and other lines are unchanged."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def journal(folder: Path, text: str) -> Path:
     return folder
 
 
-def test_a_robot_joins_its_line(tmp_path: Path) -> None:
-    """The other robot of a sample is added to it, a sample of a new number is a new line, and both are read back."""
+def test_robot_is_added_to_its_sample(tmp_path: Path) -> None:
+    """The second robot of a sample is added to its line; a new sample number is a new line; both are read back."""
     added = [Sample(0, 2.5, {"right": STATE}), Sample(7, None, {"right": STATE})]
     text = completed_recording_text(journal(tmp_path, LINE), added)
     first, second = recording_from_text(text.encode(), tmp_path, CELL).samples
@@ -47,8 +47,8 @@ def test_a_robot_joins_its_line(tmp_path: Path) -> None:
     np.testing.assert_allclose(pose.matrix, STATE.base_from_flange.matrix, atol=1e-15)
 
 
-def test_other_lines_stay_to_the_byte(tmp_path: Path) -> None:
-    """What nothing is added to keeps its spaces; a last line that was cut off is left out."""
+def test_other_lines_are_unchanged(tmp_path: Path) -> None:
+    """Lines without additions are kept to the byte; a truncated last line is dropped."""
     other = LINE.replace('"sample":  0', '"sample":  4')
     folder = journal(tmp_path, LINE + other + '{"sample": 5, "rob')
     text = completed_recording_text(folder, [Sample(0, None, {"right": STATE})])
@@ -63,8 +63,8 @@ def test_other_lines_stay_to_the_byte(tmp_path: Path) -> None:
         (Sample(0, None, {}, (PoseObservation("cam", "board", SE3.identity()),)), "observation of cam and board"),
     ],
 )
-def test_nothing_recorded_is_overwritten(tmp_path: Path, added: Sample, named: str) -> None:
-    """A robot, an image or an observation that is there already is an error that names it and its line."""
+def test_recorded_data_is_not_overwritten(tmp_path: Path, added: Sample, named: str) -> None:
+    """A robot, image or observation that is already recorded is an error that names it and its line."""
     line = LINE[:-2] + (
         ', "images": {"cam": "images/cam/a.png"}, "observations": [{"camera": "cam", "target": "board", '
         '"camera_from_target": {"t_m": [0, 0, 1], "q_xyzw": [0, 0, 0, 1]}}]}\n'
@@ -73,8 +73,8 @@ def test_nothing_recorded_is_overwritten(tmp_path: Path, added: Sample, named: s
         completed_recording_text(journal(tmp_path, line), [added])
 
 
-def test_a_damaged_line_is_an_error(tmp_path: Path) -> None:
-    """A line in the middle that is no JSON is named, since nothing could be joined to it."""
+def test_damaged_line_is_refused(tmp_path: Path) -> None:
+    """A line in the middle that is not JSON is an error, since no sample could be joined to it."""
     with pytest.raises(DatasetError, match=r"samples.jsonl:1: not JSON"):
         completed_recording_text(journal(tmp_path, "{oops\n" + LINE), [Sample(0, None, {"right": STATE})])
 
@@ -82,13 +82,13 @@ def test_a_damaged_line_is_an_error(tmp_path: Path) -> None:
 SEEN = PoseObservation("cam", "board", SE3.identity())
 
 
-def test_a_cell_without_a_journal_gets_one(tmp_path: Path) -> None:
-    """Its samples in the order in which they are given."""
+def test_missing_recording_is_created(tmp_path: Path) -> None:
+    """A cell without a recording gets one, with its samples in the given order."""
     text = completed_recording_text(tmp_path, [Sample(n, None, {"right": STATE}) for n in (7, 3)])
     assert [sample.sample for sample in recording_from_text(text.encode(), tmp_path, CELL).samples] == [7, 3]
 
 
-def test_what_was_seen_of_another_target_joins(tmp_path: Path) -> None:
+def test_observation_of_another_target_is_added(tmp_path: Path) -> None:
     """A sample without observations gets them; the same pair of camera and target twice is an error."""
     once = completed_recording_text(journal(tmp_path, LINE), [Sample(0, 2.0, {}, (SEEN,))])
     (first,) = recording_from_text(once.encode(), tmp_path, CELL).samples
@@ -103,8 +103,8 @@ def test_what_was_seen_of_another_target_joins(tmp_path: Path) -> None:
         completed_recording_text(tmp_path, [Sample(0, None, {}, (SEEN,))])
 
 
-def test_what_is_added_may_stand_in(tmp_path: Path) -> None:
-    """With `replace` a robot of a line has the new state, and other lines stay to the byte."""
+def test_replace_overwrites_robot_state(tmp_path: Path) -> None:
+    """With `replace` a robot of a line has the new state, and other lines are kept to the byte."""
     other = LINE.replace('"sample":  0', '"sample":  1')
     folder = journal(tmp_path, LINE + other)
     text = completed_recording_text(folder, [Sample(0, None, {"left": STATE})], replace=True)
@@ -113,8 +113,8 @@ def test_what_is_added_may_stand_in(tmp_path: Path) -> None:
     assert json.loads(first)["robots"]["left"]["base_from_flange"]["t_m"] == [0.3, 0.2, 0.1]
 
 
-def test_numbers_that_are_none_are_not_written(tmp_path: Path) -> None:
-    """Neither into a line nor as a new one."""
+def test_non_finite_numbers_are_not_written(tmp_path: Path) -> None:
+    """NaN is refused both in an existing line and in a new one."""
     folder = journal(tmp_path, LINE)
     lost = RobotState(joints_rad=np.array([0.1, np.nan]))
     for number in (0, 1):

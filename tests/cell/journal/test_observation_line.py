@@ -1,4 +1,4 @@
-"""An observation of a line, checked against the cell."""
+"""Tests of an observation in a line, checked against the cell."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def read(cell: Cell = CELL, **written):
     return observation({"camera": "eye", **written}, "observations[0]", HERE, cell, IDS)
 
 
-def test_each_kind_of_observation_is_read():
-    """Pixels, candidates, a pose and points, with camera and target beside them."""
+def test_each_observation_kind_is_read():
+    """Pixels, candidates, a pose and points are read with their camera and target."""
     names, pixels = read(target="board", ids=[4, 1], pixels=[[1, 2], [3, 4]], sigma_px=0.5)
     assert names == ("eye", "board")
     assert isinstance(pixels, PixelObservation)
@@ -64,13 +64,13 @@ def test_each_kind_of_observation_is_read():
         {"target": "board", "ids": [], "points_in_camera_m": []},
     ],
 )
-def test_nothing_seen_is_nothing(written):
-    """Empty lists are no observation, and no error."""
+def test_empty_observation_gives_none(written):
+    """Empty lists are neither an observation nor an error."""
     assert read(**written) == (("eye", written["target"]), None)
 
 
-def test_a_light_needs_no_ids():
-    """Of a single point the id is its only one."""
+def test_led_observation_needs_no_ids():
+    """A single point has only one possible id, so it may be omitted."""
     assert read(target="light", pixels=[[1, 2]])[1].ids.tolist() == [0]
     assert read(target="light", pixels=[])[1] is None
     assert np.array_equal(read(target="light", ids=[0], pixels=[[1, 2]])[1].ids, [0])
@@ -98,8 +98,8 @@ def test_a_light_needs_no_ids():
         ({"target": "light", "camera_from_target": {}}, "observations[0].camera_from_target", "has no orientation"),
     ],
 )
-def test_what_does_not_suit_the_cell_is_refused(written, field, message):
-    """With the field and what was expected there."""
+def test_observations_inconsistent_with_cell_are_refused(written, field, message):
+    """The error states the field and the expected value."""
     with pytest.raises(DatasetError) as caught:
         read(**written)
     assert caught.value.field == field
@@ -114,14 +114,14 @@ def test_what_does_not_suit_the_cell_is_refused(written, field, message):
         ([3, 1, 3], "id 3 of 'board'"),
     ],
 )
-def test_points_that_cannot_be_are_told_apart(ids, message):
-    """Ids that are not on the target, or twice in one observation, drop the sample and not the file."""
+def test_invalid_ids_raise_unknown_point(ids, message):
+    """Ids missing from the target, or repeated in one observation, drop the sample and not the file."""
     with pytest.raises(UnknownPoint, match=message):
         read(target="board", ids=ids, pixels=[[1, 2]] * len(ids))
 
 
-def test_points_in_three_dimensions_need_no_lens():
-    """A depth camera may see points of a board, and of a light."""
+def test_point_observations_need_no_lens():
+    """A depth camera may observe 3-D points of a board or an LED without a lens."""
     assert read(camera="depth", target="light", points_in_camera_m=[[0, 0, 1]])[1].ids.tolist() == [0]
 
 
@@ -133,7 +133,7 @@ def touched(cell: Cell = TOUCHED, **written):
 
 
 def test_touches_and_grips_are_read():
-    """A tip at a mark or at another tip, and a part in two grips, each with its sigmas or none."""
+    """A tip at a mark, a tip at another tip, and a clamped part are read, each with or without sigmas."""
     names, touch = touched(tip="eye_tip", touch="mark_a", sigma_m=1e-4)
     assert names == ("eye_tip", "mark_a")
     assert (touch.tip, touch.mark, touch.sigma_m, touch.kind) == ("eye_tip", "mark_a", 1e-4, "touch")
@@ -152,14 +152,14 @@ def test_touches_and_grips_are_read():
     ({"tip": "eye_tip", "touch": "mark_a", "sigma_m": -1.0}, "sigma_m"),
     ({"clamp": "part"}, "clamp"),
 ])  # fmt: skip
-def test_what_is_no_touch_is_refused(written, message):
-    """With its field, and what was expected."""
+def test_invalid_touches_are_refused(written, message):
+    """The error for an invalid touch states its field and the expected value."""
     with pytest.raises(DatasetError, match=message):
         touched(**written)
 
 
 def test_tracks_are_read():
-    """Of a camera with a lens, one pixel a track, and no track twice."""
+    """Tracks need a camera with a lens and one pixel each; a repeated track is refused."""
 
     def tracks(**written):
         return track_observation({"camera": "eye", **written}, "tracks[0]", HERE, CELL)
@@ -175,8 +175,8 @@ def test_tracks_are_read():
 
 
 @pytest.mark.parametrize("key", ["sigma_m", "sigma_rad"])
-def test_a_touch_has_one_sigma(key):
-    """A number, or a list of one; a list of two, a zero and a word are none."""
+def test_touch_has_one_sigma(key):
+    """The sigma is a number or a list of one; a list of two, zero and text are refused."""
     grip = touched(HELD, clamp="part", **{key: [2e-3]})[1]
     assert getattr(grip, key) == 2e-3
     for wrong, message in (([1e-3, 1e-3], "or 1, got 2"), (0.0, "positive"), ("thin", key)):
@@ -186,22 +186,22 @@ def test_a_touch_has_one_sigma(key):
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_each_point_has_its_sigma_or_all_have_one(count):
-    """Lists of another length than the points are refused."""
+def test_sigma_count_must_match_points(count):
+    """A list of sigmas of another length than the points is refused."""
     with pytest.raises(DatasetError, match=f"expected one positive number or 2, got {count}"):
         read(target="board", ids=[4, 1], pixels=[[1, 2], [3, 4]], sigma_px=[0.5] * count)
 
 
-def test_all_points_of_a_target_may_be_seen_at_once():
-    """As many as it has, in any order; the ids are those of the line."""
+def test_all_points_of_target_may_be_observed():
+    """All points may be observed in any order with the ids of the line; more points than the target has are refused."""
     ids = [5, 0, 3, 1, 4, 2]
     assert read(target="board", ids=ids, pixels=[[k, k] for k in ids])[1].ids.tolist() == ids
     with pytest.raises(DatasetError, match="7 points, 'board' has 6"):
         read(target="board", ids=[*ids, 0], pixels=[[1, 2]] * 7)
 
 
-def test_an_unknown_point_names_what_was_seen_and_what_is_there():
-    """The lowest id of those that are not there, or that are there twice."""
+def test_unknown_point_reports_observed_and_known_ids():
+    """The message names the lowest id that is unknown or repeated, and the error lists observed and known ids."""
     with pytest.raises(UnknownPoint, match="id 8 is not on") as caught:
         read(target="board", ids=[9, 8, 0], pixels=[[1, 2]] * 3)
     assert (caught.value.target, caught.value.ids, caught.value.known) == ("board", {9, 8, 0}, set(range(6)))
@@ -210,8 +210,8 @@ def test_an_unknown_point_names_what_was_seen_and_what_is_there():
     assert (caught.value.ids, caught.value.known) == ({1, 4}, set(range(6)))
 
 
-def test_points_in_three_dimensions_have_three_numbers():
-    """And pixels have two."""
+def test_points_need_three_numbers():
+    """3-D points have three numbers, and pixels have two."""
     with pytest.raises(DatasetError, match="points_in_camera_m"):
         read(camera="depth", target="light", points_in_camera_m=[[0, 1]])
     with pytest.raises(DatasetError, match="pixels"):

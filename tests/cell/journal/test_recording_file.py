@@ -1,4 +1,4 @@
-"""What a line of `samples.jsonl` means, what is dropped, what is refused; and that a journal is never lost."""
+"""Tests of `samples.jsonl`: the meaning of its lines, dropped samples, refused files, and no loss of recorded lines."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ def file(folder: Path) -> Path:
 
 
 def changed(change: Callable[[dict[str, Any]], Any], line: int = 0) -> bytes:
-    """The journal with a change made to one of its lines."""
+    """Return the journal after `change` was applied to one of its lines."""
     lines = copy.deepcopy(list(LINES))
     change(lines[line])
     return journal(*lines)
 
 
 def setter(path: str, value: Any) -> Callable[[dict[str, Any]], Any]:
-    """A change that sets a field such as `observations.0.ids`."""
+    """Return a change that sets a field such as `observations.0.ids`."""
 
     def change(line: Any) -> None:
         *parents, last = [int(part) if part.isdigit() else part for part in path.split(".")]
@@ -65,8 +65,8 @@ def setter(path: str, value: Any) -> Callable[[dict[str, Any]], Any]:
     return change
 
 
-def test_meaning(folder: Path) -> None:
-    """Robots, joints, images and each kind of observation come out as they were written."""
+def test_recorded_values_are_read_unchanged(folder: Path) -> None:
+    """Robots, joints, images and each kind of observation are read as written."""
     first, second, third = read_recording(folder).samples
     eye = first.robots["eye"].base_from_flange
     assert_allclose(eye.matrix, SE3.from_quaternion([0.6, 0, 0.8, 0], [0.4, 0.1, 0.5]).matrix, atol=1e-15)
@@ -92,8 +92,8 @@ def test_meaning(folder: Path) -> None:
     assert (first.stamp_s, second.stamp_s) == (12.5, None)
 
 
-def test_arrays_are_read_only(folder: Path) -> None:
-    """Nothing that was read can be changed in place."""
+def test_recorded_arrays_are_read_only(folder: Path) -> None:
+    """Arrays of a recording cannot be changed in place."""
     seen = read_recording(folder).samples[0].observations[0]
     for array in (seen.pixels, seen.ids, read_recording(folder).samples[0].robots["hand"].joints_rad):
         with pytest.raises(ValueError, match="read-only"):
@@ -121,8 +121,8 @@ def test_round_trip(folder: Path, tmp_path: Path) -> None:
     assert read_recording(twice, cell).samples[0].images == original.samples[0].images
 
 
-def test_written_line_is_as_documented(folder: Path) -> None:
-    """A sample is written with the keys it was read from."""
+def test_written_line_has_documented_keys(folder: Path) -> None:
+    """A sample is written with the keys from which it was read."""
     cell = read_cell(folder)
     sample = read_recording(folder, cell).samples[0]
     file(folder).unlink()
@@ -136,15 +136,15 @@ def test_written_line_is_as_documented(folder: Path) -> None:
 
 
 def test_existing_recording_is_not_rewritten(folder: Path) -> None:
-    """Writing over a recording is refused, and leaves it as it was."""
+    """Writing over a recording is refused, and leaves it unchanged."""
     before = file(folder).read_bytes()
     with pytest.raises(InputError, match="never rewritten"):
         write_recording(Recording(), folder)
     assert file(folder).read_bytes() == before
 
 
-def test_not_finite_is_not_written(folder: Path) -> None:
-    """A sample with NaN is refused, and the journal stays as it was."""
+def test_nan_is_not_written(folder: Path) -> None:
+    """A sample with NaN is refused, and the recording is unchanged."""
     before = file(folder).read_bytes()
     seen = PixelObservation("wrist", "light", np.array([0]), np.array([[np.nan, 1.0]]))
     with pytest.raises(InputError, match="NaN"):
@@ -152,8 +152,8 @@ def test_not_finite_is_not_written(folder: Path) -> None:
     assert file(folder).read_bytes() == before
 
 
-def test_cut_anywhere(folder: Path) -> None:
-    """However much of the last line is missing, the others are read, and a finding says so."""
+def test_truncated_last_line_is_dropped(folder: Path) -> None:
+    """However much of the last line is missing, the other samples are read, and a finding reports it."""
     cell, whole = read_cell(folder), file(folder).read_bytes()
     start = whole[:-1].rfind(b"\n") + 1
     for end in range(start + 1, len(whole) - 1):
@@ -165,7 +165,7 @@ def test_cut_anywhere(folder: Path) -> None:
         assert f"{file(folder)}:3: " in finding.message
 
 
-def test_last_line_without_newline(folder: Path) -> None:
+def test_last_line_without_newline_is_read(folder: Path) -> None:
     """A last line that lacks only its newline is read, and appended to without loss."""
     cell, whole = read_cell(folder), file(folder).read_bytes()
     file(folder).write_bytes(whole[:-1])
@@ -176,8 +176,8 @@ def test_last_line_without_newline(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("tail", [b'{"sample": 3, "rob', b"\0\0\0\0", b'{"sample": 3, "x": "\xc3', DEEP])
-def test_resuming_cuts_back(folder: Path, tail: bytes) -> None:
-    """A journal cut in a line is cut back to its last newline when resumed, and it is said."""
+def test_appending_removes_truncated_line(folder: Path, tail: bytes) -> None:
+    """A recording that ends in a partial line is cut back to its last newline before appending, with a finding."""
     whole = file(folder).read_bytes()
     file(folder).write_bytes(whole + tail)
     finding = append_sample(folder, Sample(3))
@@ -186,8 +186,8 @@ def test_resuming_cuts_back(folder: Path, tail: bytes) -> None:
     assert file(folder).read_bytes() == whole + b'{"sample": 3}\n'
 
 
-def test_first_line_cut(folder: Path) -> None:
-    """A journal that is nothing but a cut line is empty, with a finding."""
+def test_recording_of_one_truncated_line_is_empty(folder: Path) -> None:
+    """A recording that contains only a partial line is empty, with a finding."""
     file(folder).write_bytes(b'{"sam')
     recording = read_recording(folder)
     assert recording.samples == ()
@@ -197,22 +197,22 @@ def test_first_line_cut(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"\n", b"\n\n", b'{"sample": 0, "robots": {}}\n'])
-def test_empty(folder: Path, content: bytes) -> None:
+def test_empty_recording_is_valid(folder: Path, content: bytes) -> None:
     """An empty recording, or one with only robots, is no error."""
     file(folder).write_bytes(content)
     recording = read_recording(folder)
     assert (sum(len(sample.observations) for sample in recording.samples), recording.findings) == (0, ())
 
 
-def test_seen_nothing(folder: Path) -> None:
-    """An observation without points says nothing, and is left out."""
+def test_observation_without_points_is_dropped(folder: Path) -> None:
+    """An observation without points has no effect and is left out."""
     line = {"sample": 0, "observations": [{"camera": "wrist", "target": "board", "ids": [], "pixels": []}]}
     file(folder).write_bytes(journal(line))
     assert read_recording(folder).samples[0].observations == ()
 
 
-def test_same_sample_twice(folder: Path) -> None:
-    """Of two samples with one number the later is dropped with a finding."""
+def test_repeated_sample_number_drops_later_sample(folder: Path) -> None:
+    """The later of two samples with one number is dropped with a finding."""
     file(folder).write_bytes(journal(*LINES, {"sample": 0}))
     recording = read_recording(folder)
     assert len(recording.samples) == 3
@@ -224,7 +224,7 @@ def test_same_sample_twice(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(("ids", "words"), [([0, 24], "id 24 is not on 'board'"), ([-1, 0], "id -1"), ([3, 3], "id 3")])
-def test_ids_not_on_the_board(folder: Path, ids: list[int], words: str) -> None:
+def test_invalid_point_ids_drop_sample(folder: Path, ids: list[int], words: str) -> None:
     """A sample with a point that is not on the target, or twice in one view, is dropped with a finding."""
     file(folder).write_bytes(changed(setter("observations.0.ids", ids)))
     recording = read_recording(folder)
@@ -295,8 +295,8 @@ def test_ids_not_on_the_board(folder: Path, ids: list[int], words: str) -> None:
         ("observations.2", {"camera": "wrist", "target": "light"}, "observations[2]", "got none"),
     ],
 )
-def test_refused(folder: Path, path: str, value: Any, field: str, words: str) -> None:
-    """What cannot be read as written is an error with path, line, field and what was expected."""
+def test_invalid_lines_are_refused(folder: Path, path: str, value: Any, field: str, words: str) -> None:
+    """Unreadable content is an error with path, line, field and the expected value."""
     file(folder).write_bytes(changed(setter(path, value)))
     with pytest.raises(DatasetError) as caught:
         read_recording(folder)
@@ -306,7 +306,7 @@ def test_refused(folder: Path, path: str, value: Any, field: str, words: str) ->
     assert "\n" not in str(caught.value)
 
 
-def test_pose_sigmas_go_together(folder: Path) -> None:
+def test_pose_sigmas_are_given_together(folder: Path) -> None:
     """A measured pose has both sigmas or none."""
     pose = {"t_m": [0, 0, 1], "q_xyzw": [0, 0, 0, 1], "sigma_t_m": 0.1}
     file(folder).write_bytes(changed(setter("observations.0.camera_from_target", pose), 1))
@@ -335,16 +335,16 @@ def test_pose_sigmas_go_together(folder: Path) -> None:
         DEEP,
     ],
 )
-def test_garbage_in_the_middle(folder: Path, garbage: bytes) -> None:
-    """A line that is no sample, with others after it, is an error that names it."""
+def test_malformed_line_in_middle_is_refused(folder: Path, garbage: bytes) -> None:
+    """A malformed line followed by others is an error that names it."""
     first, *rest = file(folder).read_bytes().splitlines(keepends=True)
     file(folder).write_bytes(first + garbage + b"\n" + b"".join(rest))
     with pytest.raises(DatasetError, match=r"samples\.jsonl:2: "):
         read_recording(folder)
 
 
-def test_images_by_link(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """An image that is a link out of the cell, or stands in a folder that is one, is refused."""
+def test_image_links_out_of_cell_are_refused(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """An image that is a link out of the cell, or lies in such a folder, is refused."""
     outside = tmp_path_factory.mktemp("outside")
     (outside / "000000.png").touch()
     images = folder / "recording" / "images"
@@ -359,15 +359,15 @@ def test_images_by_link(folder: Path, tmp_path_factory: pytest.TempPathFactory) 
         read_recording(folder)
 
 
-def test_missing(folder: Path) -> None:
-    """Without a recording it is said how one is made."""
+def test_missing_recording_is_explained(folder: Path) -> None:
+    """The error for a missing recording states how to make one."""
     file(folder).unlink()
     with pytest.raises(DatasetError, match="there is no recording: basecal capture or basecal import makes one"):
         read_recording(folder)
 
 
-def test_a_whole_journal_is_appended_to_without_a_word(folder: Path) -> None:
-    """Samples one after another, and the first into an empty file: all are there, and nothing was cut."""
+def test_appending_to_complete_recording_gives_no_finding(folder: Path) -> None:
+    """Consecutive samples, the first one in an empty file, are all kept, and no line is cut."""
     file(folder).write_bytes(b"")
     for number in range(4):
         before = file(folder).read_bytes()
@@ -376,8 +376,11 @@ def test_a_whole_journal_is_appended_to_without_a_word(folder: Path) -> None:
     assert [sample.sample for sample in read_recording(folder, read_cell(folder)).samples] == [0, 1, 2, 3]
 
 
-def test_new_samples_stand_anywhere(folder: Path, tmp_path: Path) -> None:
-    """As those of the cell's own journal, a byte-order mark or not; their images are the cell's, and errors name it."""
+def test_samples_are_read_from_any_file(folder: Path, tmp_path: Path) -> None:
+    """A file elsewhere is read like the cell's own, with or without a byte-order mark.
+
+    Its images are the cell's, and errors name the file.
+    """
     own, cell = read_recording(folder), read_cell(folder)
     path = tmp_path / "new.jsonl"
     for mark in (b"", BOM):
@@ -391,8 +394,8 @@ def test_new_samples_stand_anywhere(folder: Path, tmp_path: Path) -> None:
         read_samples(path, folder, cell)
 
 
-def test_a_journal_has_so_many_lines_and_bytes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At the limits all is read; a line more, or a byte more in one, is an error with the number."""
+def test_line_and_byte_limits(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recording at the limits is read; one line more, or one byte more in a line, is an error with the number."""
     text = file(folder).read_bytes()
     longest = max(map(len, text.split(b"\n")))
     number = [len(line) for line in text.split(b"\n")].index(longest) + 1
@@ -416,7 +419,7 @@ def cell(size_px: tuple[int, int] | None, lens: Camera | None = LENS) -> Cell:
 
 
 def samples(scale: np.ndarray, count: int = 5, points: int = 40, swapped: bool = False) -> list[Sample]:
-    """Views of points all over an image of 1280 x 720, scaled."""
+    """Return views of points all over an image of 1280 x 720, scaled."""
     pixels = np.random.default_rng(0).uniform(0, 1, (count, points, 2)) * [1279, 719] * scale
     pixels = pixels[..., ::-1] if swapped else pixels
     ids = np.arange(points)
@@ -427,16 +430,16 @@ def check(size_px: tuple[int, int] | None, recorded: list[Sample], lens: Camera 
     check_image_bounds(recorded, {s.sample: s.sample + 1 for s in recorded}, "samples.jsonl", cell(size_px, lens))
 
 
-def test_points_inside_are_taken():
-    """All over the image, just outside by noise, and where no size is stated."""
+def test_points_inside_image_are_accepted():
+    """Points inside the image, or outside by noise only, are accepted; without a stated size, any point is."""
     check((1280, 720), samples(np.ones(2)))
     check((1280, 720), samples(np.array([1.04, 1.04])))
     check(None, samples(np.full(2, 9.0)))
     check((1280, 720), [])
 
 
-def test_a_few_stray_points_are_left_to_the_search_for_outliers():
-    """One in twenty may be anywhere."""
+def test_few_points_outside_image_are_accepted():
+    """One point in twenty may be anywhere, since the outlier search handles it."""
     recorded = samples(np.ones(2))
     pixels = recorded[3].observations[0].pixels
     pixels[:9] = 9000.0
@@ -456,8 +459,8 @@ def test_a_few_stray_points_are_left_to_the_search_for_outliers():
         ((700, 700), LENS, 1.0, False, "size_px is of another resolution"),
     ],
 )
-def test_the_cause_is_named(size_px, lens, scale, swapped, message):
-    """Sides swapped, coordinates swapped, another resolution."""
+def test_cause_of_points_outside_image_is_reported(size_px, lens, scale, swapped, message):
+    """The error names swapped sides, swapped coordinates or another resolution."""
     with pytest.raises(DatasetError, match=message):
         check(size_px, samples(np.full(2, scale), swapped=swapped), lens)
 
@@ -475,8 +478,11 @@ def test_the_cause_is_named(size_px, lens, scale, swapped, message):
         ((10.0, 783.1), False),
     ],
 )
-def test_a_twentieth_of_the_width_may_be_missing_at_every_border(place, is_inside):
-    """64 px of 1280, from the centres of the pixels at the border; the first sample outside is named by its line."""
+def test_image_border_tolerance_is_twentieth_of_width(place, is_inside):
+    """The tolerance is 64 px of 1280, from the centres of the border pixels.
+
+    The error names the line of the first sample outside.
+    """
     inside = np.full((20, 2), 100.0)
     views = [inside, np.tile(place, (20, 1)), np.full((20, 2), 9000.0)]
     recorded = [
@@ -491,8 +497,8 @@ def test_a_twentieth_of_the_width_may_be_missing_at_every_border(place, is_insid
         check((1280, 720), recorded)
 
 
-def test_sides_look_swapped_without_a_lens_too():
-    """What a principal point would tell is left out."""
+def test_swapped_sides_are_reported_without_lens():
+    """Swapped width and height are recognised without the principal point of a lens, too."""
     with pytest.raises(DatasetError, match=r"width and height look swapped, expected size_px: \[1280, 720\]$"):
         check((720, 1280), samples(np.ones(2)), None)
 
@@ -501,23 +507,23 @@ def dropped(sample: int, ids: set[int], target: str = "board") -> DroppedSample:
     return DroppedSample(sample, sample + 1, UnknownPoint(f"id {max(ids)} is not on it", target, frozenset(ids), KNOWN))
 
 
-def test_one_is_told_with_its_line() -> None:
-    """Which sample, where it stands and why."""
+def test_dropped_sample_finding_states_line() -> None:
+    """The finding states the sample, its line and the reason."""
     (found,) = unknown_point_findings([dropped(7, {3, 24})], "s.jsonl")
     assert (found.code, found.severity, found.about) == ("dropped-sample", "info", ("7",))
     assert found.message == "s.jsonl:8: sample 7 is dropped: id 24 is not on it."
 
 
-def test_many_are_one_finding_for_each_target() -> None:
-    """All numbers are what it is about, the first is told."""
+def test_dropped_samples_are_grouped_by_target() -> None:
+    """One finding per target is about all dropped samples, and its message describes the first."""
     found = unknown_point_findings([dropped(1, {30}), dropped(2, {31}), dropped(4, {40}, "tag")], "s.jsonl")
     assert [each.about for each in found] == [("1", "2"), ("4",)]
     assert "sample 1 and 1 more are dropped" in found[0].message
     assert "subtract" not in found[0].message
 
 
-def test_ids_that_count_from_one_are_told_so() -> None:
-    """Where they are those of the target, each by one larger."""
+def test_ids_counted_from_one_are_recognised() -> None:
+    """If every id is one larger than the target's, the finding advises to subtract 1."""
     (found,) = unknown_point_findings([dropped(1, {1, 5, 24}), dropped(2, {2, 24})], "s.jsonl")
     assert found.message.endswith("Subtract 1 from each id: they count from 0.")
     (other,) = unknown_point_findings([dropped(1, {2, 24})], "s.jsonl")

@@ -1,4 +1,4 @@
-"""A sample as the data of a line."""
+"""Tests of a sample converted to the data of a line."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ AT = SE3.from_rotvec([0, 0, np.pi], [1, 2, 3])
 POSE = {"t_m": [1.0, 2.0, 3.0], "q_xyzw": [0.0, 0.0, 1.0, 0.0]}
 
 
-def test_an_empty_sample_is_its_number():
-    """What there is nothing of is not written."""
+def test_empty_sample_writes_only_its_number():
+    """Empty fields of a sample are not written."""
     assert sample_to_dict(Sample(3), "recording") == {"sample": 3}
 
 
-def test_stamps_and_robots():
-    """A time where there is one, and of each robot its pose or its joints."""
+def test_stamps_and_robots_are_written():
+    """A sample writes its time if it has one, and the pose or joints of each robot."""
     robots = {"eye": RobotState(AT), "hand": RobotState(joints_rad=np.array([0.5, -0.0])), "still": RobotState()}
     assert sample_to_dict(Sample(0, 0.0, robots), "recording") == {
         "sample": 0,
@@ -35,16 +35,16 @@ def test_stamps_and_robots():
     }
 
 
-def test_paths_start_from_the_recording():
-    """Images are named from the folder that the line stands in."""
+def test_image_paths_start_from_recording_folder():
+    """Image paths are written relative to the folder of the recording."""
     sample = Sample(0, images={"eye": "recording/images/a.png"}, background={"eye": "other/b.png"})
     written = sample_to_dict(sample, "recording")
     assert written["images"] == {"eye": "images/a.png"}
     assert written["background"] == {"eye": "../other/b.png"}
 
 
-def test_observations():
-    """Pixels and points with their ids, candidates without, poses with their sigmas; equal sigmas once."""
+def test_observations_are_written_by_kind():
+    """Pixels and points are written with ids, candidates without, poses with sigmas; equal sigmas become one number."""
     one, two = np.array([7]), np.array([[1.0, 2.0]])
     seen = (
         PixelObservation("eye", "a", one, two, np.array([0.5])),
@@ -65,8 +65,8 @@ def test_observations():
     ]
 
 
-def test_touches_state_only_what_is_known():
-    """Of a mark, of another tip and of a held part; sigmas where there are some."""
+def test_touches_write_only_known_fields():
+    """Touches of a mark, of another tip and of a clamped part write only the sigmas that they have."""
     touches = (
         TouchObservation("tip_a", "mark", 1e-4),
         TouchObservation("tip_a", "tip_b", kind="tip2"),

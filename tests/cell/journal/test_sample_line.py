@@ -1,4 +1,4 @@
-"""A line of a recording: one instant."""
+"""Tests of one line of a recording."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def read(line):
     return sample_from_line(text, HERE, make_context(CELL, path_in_cell))
 
 
-def test_a_sample_is_read():
-    """Number, time, robots, paths and observations; what is not written is empty."""
+def test_sample_is_read():
+    """Number, time, robots, paths and observations are read; fields that are not written are empty."""
     sample = read(
         {"sample": 5, "stamp_s": 1.5, "robots": {"arm": POSE}, "images": {"eye": "a.png"}, "observations": [POINT]}
     )
@@ -72,21 +72,21 @@ def test_a_sample_is_read():
         ({"sample": 1, "observations": [{**POINT, "ids": [True]}]}, "observations.0.ids.0", "true or false"),
     ],
 )
-def test_what_cannot_be_read_names_its_field(line, field, message):
-    """With what was expected there."""
+def test_invalid_sample_error_names_field(line, field, message):
+    """The error names the field and the expected value."""
     with pytest.raises(DatasetError) as caught:
         read(line)
     assert (caught.value.field, caught.value.line) == (field, 2)
     assert message in caught.value.reason
 
 
-def test_the_largest_number_of_a_sample():
-    """Numbers up to 2^53, which every JSON reader keeps."""
+def test_largest_sample_number():
+    """Numbers below 2^53 are accepted, which every JSON reader keeps."""
     assert read({"sample": 2**53 - 1}).sample == 2**53 - 1
 
 
-def test_a_point_that_is_not_there_drops_the_sample():
-    """It is told which and why; the rest of the recording counts."""
+def test_unknown_point_drops_sample():
+    """The dropped sample states its number, line and reason; the rest of the recording counts."""
     found = read({"sample": 7, "observations": [{**POINT, "ids": [2]}]})
     assert isinstance(found, DroppedSample)
     assert (found.sample, found.line) == (7, 2)
@@ -101,8 +101,8 @@ def test_a_point_that_is_not_there_drops_the_sample():
         ('{"sample": 1}'.encode("utf-16"), "it is UTF-16, save it as UTF-8"),
     ],
 )
-def test_usual_slips_have_their_fix(text, words):
-    """A comma between objects, and what a spreadsheet saves."""
+def test_common_line_mistakes_have_fix(text, words):
+    """A comma between objects, and UTF-16 as a spreadsheet saves it, are reported with the fix."""
     with pytest.raises(DatasetError) as caught:
         line_data(text, HERE)
     assert words in caught.value.reason
@@ -120,13 +120,13 @@ def test_usual_slips_have_their_fix(text, words):
         (b"[1]", "expected an object"),
     ],
 )
-def test_what_is_no_object_is_refused(text, message):
-    """Half lines, other encodings, keys given twice, deep nests, lists."""
+def test_malformed_lines_are_refused(text, message):
+    """Truncated lines, other encodings, duplicate keys, deep nesting and lists are refused."""
     with pytest.raises(DatasetError) as caught:
         read(text)
     assert message in str(caught.value)
 
 
-def test_data_of_a_line():
-    """Numbers as they are, in the order of the line."""
+def test_line_data_keeps_order():
+    """Values are read unchanged, in the order of the line."""
     assert list(line_data(b'{"b": 1, "a": [2.5, "x", null]}', HERE).items()) == [("b", 1), ("a", [2.5, "x", None])]

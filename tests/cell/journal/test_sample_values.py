@@ -1,4 +1,4 @@
-"""Numbers and poses of a recorded line: exactly what is written, or an error that names the field."""
+"""Tests of numbers and poses of a recorded line: exact values, or an error that names the field."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from basecal.geometry import SE3
 HERE = FileLine("samples.jsonl", 7)
 
 
-def test_an_error_says_where():
-    """Path, line and field stand before the message; without a field the line alone."""
+def test_error_states_path_line_and_field():
+    """Path, line and field precede the message; without a field the line alone."""
     assert str(HERE.error("robots.eye", "is wrong")) == "samples.jsonl:7: robots.eye: is wrong"
     assert str(HERE.error("", "is wrong")) == "samples.jsonl:7: is wrong"
 
 
-def test_rotation_is_that_of_the_quaternion(rng):
-    """A recorded quaternion turns as `SE3.from_quaternion` says, in all four of its components and signs."""
+def test_rotation_matches_quaternion(rng):
+    """A recorded quaternion gives the rotation of `SE3.from_quaternion` for all four components and signs."""
     q = rng.normal(size=(50, 4))
     q /= np.linalg.norm(q, axis=1)[:, None]
     for each in [*q, *np.eye(4), *-np.eye(4)]:
@@ -31,8 +31,8 @@ def test_rotation_is_that_of_the_quaternion(rng):
         assert sigma is None
 
 
-def test_a_rounded_quaternion_is_normalised():
-    """A norm off by less than 1e-3 is a rounding, and the rotation is orthonormal all the same."""
+def test_rounded_quaternion_is_normalised():
+    """A norm off by less than 1e-3 is rounding, and the rotation is orthonormal nevertheless."""
     found, _ = pose(HERE, "p", {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0.7075, 0.7075]})
     np.testing.assert_allclose(found.rotation @ found.rotation.T, np.eye(3), atol=1e-15)
     np.testing.assert_allclose(found.rotation[:, 0], [0, 1, 0], atol=1e-15)
@@ -41,16 +41,19 @@ def test_a_rounded_quaternion_is_normalised():
             pose(HERE, "p", {"t_m": [0, 0, 0], "q_xyzw": [0, 0, z, z]})
 
 
-def test_rarer_notations_are_poses_too():
-    """A rotation vector, or angles in degrees, stand for the same rotation."""
+def test_rotation_vector_and_rpy_are_read():
+    """A rotation vector, or angles in degrees, give the same rotation."""
     quarter = SE3.from_rotvec([0, 0, np.pi / 2], [1, 2, 3])
     for rotation in ({"rotvec_rad": [0, 0, np.pi / 2]}, {"rpy_deg": [0, 0, 90]}):
         found, _ = pose(HERE, "p", {"t_m": [1, 2, 3], **rotation})
         np.testing.assert_allclose(found.matrix, quarter.matrix, atol=1e-12)
 
 
-def test_sigmas_of_a_pose_are_six_numbers():
-    """One or three sigmas of translation and of rotation, both or neither; without asking they are unknown fields."""
+def test_pose_sigmas_are_six_numbers():
+    """One or three sigmas of translation and of rotation are given together.
+
+    If sigmas are not requested they are unknown fields.
+    """
     written = {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1], "sigma_t_m": 0.001, "sigma_r_rad": [0.1, 0.2, 0.3]}
     _, sigma = pose(HERE, "p", written, with_sigmas=True)
     np.testing.assert_array_equal(sigma, [0.001, 0.001, 0.001, 0.1, 0.2, 0.3])
@@ -64,8 +67,8 @@ def test_sigmas_of_a_pose_are_six_numbers():
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -10.5, 10.5, "1", None, [1.0]])
-def test_a_number_is_finite_and_within_its_limit(value):
-    """Anything else is refused with the limit and what was found."""
+def test_number_is_finite_and_within_limit(value):
+    """Any other value is refused with the limit and the actual value."""
     with pytest.raises(DatasetError, match="expected a finite number within 10, got"):
         number(HERE, "x", value, 10.0)
     assert number(HERE, "x", -10, 10.0) == -10.0
@@ -75,8 +78,8 @@ def test_a_number_is_finite_and_within_its_limit(value):
     ("value", "columns"),
     [([1, "a"], None), ([[1, 2]], None), ([[1, 2]], 3), ([[1, 2], [1]], 2), (3.0, None), ([True, False], None)],
 )
-def test_lists_have_their_shape(value, columns):
-    """A list of numbers, or of rows of so many, and nothing else."""
+def test_list_shape_is_checked(value, columns):
+    """A list of numbers, or of rows of a given length, is accepted, and no other value."""
     expected = "a list of numbers" if columns is None else f"a list of rows of {columns} numbers"
     with pytest.raises(DatasetError, match=f"x: expected {expected}, got"):
         numbers(HERE, "x", value, columns)
@@ -92,22 +95,22 @@ def test_lists_have_their_shape(value, columns):
         ([1, 10**5000], None, "a huge integer in row 1"),
     ],
 )
-def test_the_row_that_is_amiss_is_told(value, columns, words):
-    """Of many rows the first that is not as it has to be."""
+def test_first_invalid_row_is_reported(value, columns, words):
+    """The error reports the first invalid row of a list."""
     with pytest.raises(DatasetError) as caught:
         numbers(HERE, "x", value, columns)
     assert words in caught.value.reason
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1.1e6, -1.1e6])
-def test_numbers_of_a_list_are_finite(value):
-    """NaN, infinity and what is beyond a million are refused."""
+def test_list_numbers_are_finite(value):
+    """NaN, infinity and numbers beyond a million are refused."""
     with pytest.raises(DatasetError, match="holds NaN, infinity or a number beyond 1e"):
         numbers(HERE, "x", [0.0, value])
 
 
 def test_numbers_are_read_only_floats():
-    """Whole numbers become floats; an empty list of rows keeps its columns."""
+    """Integers become floats; an empty list of rows keeps its columns."""
     found = numbers(HERE, "x", [1, 2, 1_000_000])
     assert found.dtype == np.float64
     assert not found.flags.writeable
@@ -116,7 +119,7 @@ def test_numbers_are_read_only_floats():
 
 
 def test_ids_are_whole_numbers():
-    """A list of them, which may be empty; a half, a list of lists or no list is refused."""
+    """Ids are a list of integers, which may be empty; fractions, nested lists and plain numbers are refused."""
     assert whole_numbers(HERE, "ids", [3, 1]).tolist() == [3, 1]
     assert whole_numbers(HERE, "ids", []).dtype == np.int64
     assert not whole_numbers(HERE, "ids", [1]).flags.writeable
@@ -125,8 +128,8 @@ def test_ids_are_whole_numbers():
             whole_numbers(HERE, "ids", wrong)
 
 
-def test_sigmas_are_one_for_all_or_one_for_each():
-    """A single sigma is meant for all; none at all is not stated; the wrong number of them or zero is refused."""
+def test_sigmas_are_scalar_or_one_per_point():
+    """A single sigma applies to all; None is unstated; a wrong count and zero are refused."""
     assert sigmas(HERE, "s", None, 3) is None
     np.testing.assert_array_equal(sigmas(HERE, "s", 0.5, 3), [0.5, 0.5, 0.5])
     np.testing.assert_array_equal(sigmas(HERE, "s", [1, 2], 2), [1.0, 2.0])
@@ -138,15 +141,15 @@ def test_sigmas_are_one_for_all_or_one_for_each():
 
 
 @pytest.mark.parametrize("value", [[1, 2], [1, 2, 3, 4], "abc", [1, 2, None], [1, 2, float("nan")], [1, 2, -1.1e6]])
-def test_a_vector_has_its_length(value):
-    """Exactly so many finite numbers within a million."""
+def test_vector_has_exact_length(value):
+    """A vector has exactly the expected count of finite numbers within a million."""
     with pytest.raises(DatasetError, match=r"v: expected 3 (finite )?numbers"):
         vector(HERE, "v", value, 3)
     assert vector(HERE, "v", [1, -1e6, 1e6], 3) == [1, -1e6, 1e6]
 
 
-def test_names_are_known_ones():
-    """An unknown robot, camera or field is refused with those that exist, and the nearest of them."""
+def test_unknown_names_list_known_ones():
+    """An unknown robot, camera or field is refused with the known names and the nearest of them."""
     assert HERE.name("eye", "robots", "robot", {"eye": 1}) == "eye"
     with pytest.raises(DatasetError, match=r"no robot .*eve.*did you mean 'eye'.*cell\.yaml has: eye, hand"):
         HERE.name("eve", "robots", "robot", {"eye": 1, "hand": 2})
@@ -163,8 +166,8 @@ def test_names_are_known_ones():
     assert HERE.mapping({"any": 1}, "robots") == {"any": 1}
 
 
-def test_a_row_that_fills_the_line_is_told_by_its_length():
-    """Up to sixty characters as it is written, from there on as a list of so many."""
+def test_long_row_is_reported_by_its_length():
+    """A row of up to sixty characters is reported as written, a longer one as a list with its length."""
     short_row, long_row = [1] * 20, [1] * 21  # of three characters each, but for the first and the last
     for row, told in ((short_row, str(short_row)), (long_row, "a list of 21")):
         with pytest.raises(DatasetError) as caught:

@@ -1,4 +1,4 @@
-"""A calibration as the data of `calibration.json`: units, nulls, and back."""
+"""Tests of a calibration as the data of `calibration.json`: units, nulls and round trips."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ FIT = Residuals(
 TESTED = Validation("k-fold", 5, 0.5, 8e-3, 9 * DEGREE, 1.5)
 
 
-def test_units_are_those_of_the_file():
-    """Millimetres and degrees for people, each in its own field."""
+def test_units_are_millimetres_and_degrees():
+    """Errors are written in millimetres and degrees, each in its own field."""
     data = calibration_to_dict(Calibration("good", residuals=FIT, validation=TESTED))
     fit, tested = data["residuals"], data["validation"]
     assert (fit["rms_px"], fit["median_px"]) == (0.5, 0.4)
@@ -63,8 +63,8 @@ def test_units_are_those_of_the_file():
     assert (tested["target_mm"], tested["target_deg"], tested["base_change"]) == pytest.approx((8.0, 9.0, 1.5))
 
 
-def test_units_are_read_back():
-    """Metres and radians again."""
+def test_units_are_read_as_metres_and_radians():
+    """Errors are read back in metres and radians."""
     back = calibration_from_dict(calibration_to_dict(Calibration("good", residuals=FIT, validation=TESTED)))
     assert back.residuals.loop_rms_m == pytest.approx(2e-3)
     assert back.residuals.loop_rms_rad == pytest.approx(3 * DEGREE)
@@ -76,8 +76,8 @@ def test_units_are_read_back():
     assert back.validation.target_rad == pytest.approx(9 * DEGREE)
 
 
-def test_what_is_not_known_is_null():
-    """What was not computed or is not finite; the data are plain JSON."""
+def test_unknown_values_are_null():
+    """Values that were not computed or are not finite are null; the data are plain JSON."""
     assert EMPTY["verdict"] == "refused"
     for key in ("joint", "outliers", "validation", "certificate", "link_parameters", "clock_offset_s", "clock_sigma_s"):
         assert EMPTY[key] is None
@@ -88,8 +88,8 @@ def test_what_is_not_known_is_null():
     assert json.loads(json.dumps(data, allow_nan=False)) == data
 
 
-def test_task():
-    """Millimetres, percent and degrees; read back alike, and an error is needed of each point."""
+def test_task_error_round_trip():
+    """The budget and error map are in millimetres, percent and degrees and are read back. Each point needs an error."""
     points, errors = np.array([[0.1, 0.2, 0.3], [1.0, 0, 0]]), np.array([1e-3, 2e-3])
     given = Calibration(
         "good", budget=(BudgetEntry("views of a", 3e-4, 0.25, 5e-4),), error_map=ErrorMap(points, errors, errors)
@@ -107,8 +107,8 @@ def test_task():
         calibration_from_dict({**data, "error_map": {**data["error_map"], "mm_95": [1.0]}})
 
 
-def test_local_fits():
-    """Millimetres and poses; read back alike, also where there is no end."""
+def test_local_fits_round_trip():
+    """Local fits in millimetres with their poses are read back the same, also if the error is unknown."""
     poses = {"a_from_b": SE3.from_rpy((0.1, 0.2, 0.3), (1.0, 2.0, 3.0))}
     parts = (
         LocalFit(np.array([0.1, 0.2, 0.3]), (0, 4), 2e-3, 1e-3, 0.01, True, poses),
@@ -124,8 +124,8 @@ def test_local_fits():
         calibration_from_dict({**data, "local": [{**data["local"][0], "recommended": "both"}]})
 
 
-def test_line_times():
-    """A line time and its sigma for each camera; a sigma that is missing is said."""
+def test_line_times_round_trip():
+    """Each camera has a line time and its sigma; a missing sigma is reported."""
     lines = {"wrist": LineTime(1.5e-5, 2e-7)}
     data = json.loads(json.dumps(calibration_to_dict(Calibration("good", line_times=lines))))
     assert (data["line_time_s"], data["line_time_sigma_s"]) == ({"wrist": 1.5e-5}, {"wrist": 2e-7})
@@ -134,8 +134,8 @@ def test_line_times():
         calibration_from_dict({**data, "line_time_sigma_s": None})
 
 
-def test_clocks():
-    """An offset and its sigma for each device, also of clocks that count from another day."""
+def test_clock_offsets_round_trip():
+    """Each device has an offset and its sigma, also for clocks that count from another day."""
     clocks = {"wrist": ClockOffset(-0.017, 3e-4), "arm": ClockOffset(1.6e9, 0.0)}
     data = json.loads(json.dumps(calibration_to_dict(Calibration("good", clocks=clocks))))
     assert data["clock_offset_s"] == {"wrist": -0.017, "arm": 1.6e9}
@@ -145,8 +145,8 @@ def test_clocks():
         calibration_from_dict({**data, "clock_sigma_s": {"wrist": 3e-4}})
 
 
-def test_transforms_and_lenses():
-    """A point's covariance is of its position; everything is read back alike."""
+def test_transforms_and_lenses_round_trip():
+    """The covariance of a point is that of its position; all values are read back the same."""
     covariance = np.diag(np.arange(1.0, 7.0))
     estimates = {
         name: PoseEstimate(SE3.from_rotvec([0, 0, 0.5], [1, 2, 3]), covariance) for name in ("a_from_b", "c_from_p")
@@ -189,8 +189,8 @@ def test_transforms_and_lenses():
         ({"observability": {}}, "observability.condition: missing; add it; calibrate again"),
     ],
 )
-def test_what_is_no_calibration_is_refused(change, message):
-    """With what is wrong and what to do."""
+def test_invalid_calibration_data_is_refused(change, message):
+    """The error states the problem and what to do."""
     with pytest.raises(InputError, match=message):
         calibration_from_dict(EMPTY | change)
 
@@ -199,8 +199,8 @@ def test_what_is_no_calibration_is_refused(change, message):
     ("key", "of_arm"),
     [("joint_offsets_seen", [True] * 3), ("joint_names", ["a", 2])],
 )
-def test_each_value_of_a_robot_has_its_sight_and_its_name(key, of_arm):
-    """A list that is too long, or a name that is none, is refused where all else fits."""
+def test_robot_parameter_lists_must_match(key, of_arm):
+    """A list of a wrong length, or an invalid joint name, is refused if everything else is valid."""
     two = np.array([0.1, 0.2])
     offsets = RobotParameters(("a", "b"), two, two, np.ones(2, dtype=bool), np.eye(2))
     data = calibration_to_dict(Calibration("good", robot_parameters={"joint_offsets": {"arm": offsets}}))
@@ -209,14 +209,14 @@ def test_each_value_of_a_robot_has_its_sight_and_its_name(key, of_arm):
         calibration_from_dict(data | {key: {"arm": of_arm}})
 
 
-def test_no_mapping_is_refused():
-    """A list has no schema."""
+def test_list_in_place_of_mapping_is_refused():
+    """A list has no schema, so it is refused."""
     with pytest.raises(InputError, match="got 'list'"):
         calibration_from_dict([])
 
 
-def test_findings():
-    """A code, a severity, what it is about, the three parts of its words and these joined."""
+def test_finding_has_parts_and_joined_message():
+    """A finding has a code, a severity, its subjects, the three parts of its text, and the joined message."""
     assert finding_to_dict(Finding("a", "info", ("b", "c"), "What.", ("Do.", "Or that."), "Why.")) == {
         "code": "a",
         "severity": "info",
@@ -228,16 +228,16 @@ def test_findings():
     }
 
 
-def test_a_line_of_a_budget_is_in_millimetres_and_percent():
-    """As it stands in a calibration's own budget."""
+def test_budget_entry_is_in_millimetres_and_percent():
+    """A budget entry is written as in the budget of a calibration."""
     entry = BudgetEntry("noise of eye", 2e-3, 0.25, 3e-3)
     written = budget_entry(entry)
     assert written == {"source": "noise of eye", "mm": 2.0, "percent": 25.0, "total_mm_if_halved": 3.0}
     assert calibration_to_dict(Calibration("good", budget=(entry,)))["budget"] == [written]
 
 
-def test_numbers_that_are_none_are_null():
-    """In arrays as elsewhere; whole numbers, texts and truth values stay."""
+def test_non_finite_numbers_become_null():
+    """Non-finite numbers become null in arrays and elsewhere; integers, text and booleans are kept."""
     assert _plain(np.array([[1.5, np.nan], [np.inf, -2.0]])) == [[1.5, None], [None, -2.0]]
     assert _plain({1: (np.float64(0.5), np.int64(3), True, None, "a"), "b": {4}}) == {
         "1": [0.5, 3, True, None, "a"], "b": [4],

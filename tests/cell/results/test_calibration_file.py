@@ -1,4 +1,4 @@
-"""`calibration.json` holds what was computed and null for the rest; each run has a folder of its own."""
+"""Tests of `calibration.json`: computed values, nulls for the rest, and a folder for each run."""
 
 from __future__ import annotations
 
@@ -91,8 +91,8 @@ def example() -> Calibration:
     )
 
 
-def test_shape() -> None:
-    """The keys are those of the contract, in millimetres and degrees where they say so, with null for the rest."""
+def test_documented_fields_and_units() -> None:
+    """The keys are the documented ones, in millimetres and degrees if their names state so; unknown values are null."""
     data = calibration_to_dict(example())
     assert (data["schema"], data["verdict"]) == ("basecal/calibration/1", "doubtful")
     assert data["transforms"][BASE].keys() == {"t_m", "q_xyzw", "covariance", "status", "verdict"}
@@ -134,7 +134,7 @@ def test_shape() -> None:
 
 
 def test_round_trip(tmp_path: Path) -> None:
-    """What is written is strict JSON, and reads back to the same values."""
+    """A written calibration is strict JSON and reads back to the same values."""
     path = write_calibration(example(), tmp_path)
 
     def refuse(token: str) -> None:
@@ -171,22 +171,22 @@ def test_round_trip(tmp_path: Path) -> None:
     assert calibration_to_dict(read_calibration(path.parent))["residuals"] == calibration_to_dict(want)["residuals"]
 
 
-def test_what_could_not_be_read_back_is_not_written(tmp_path: Path) -> None:
-    """Such as a noise below zero: the field is named, and no run is made."""
+def test_unreadable_calibration_is_not_written(tmp_path: Path) -> None:
+    """An invalid value such as negative noise is an error that names the field, and no run is created."""
     calibration = Calibration("refused", noise={"pixel_px": -1.0})
     with pytest.raises(InputError, match=r"^nothing was written.*noise\.pixel_px"):
         write_calibration(calibration, tmp_path)
     assert run_names(tmp_path) == ()
 
 
-def test_noise_beyond_any_image_reads_back(tmp_path: Path) -> None:
-    """A recording that fits nothing has such noise: its refusal is written with it."""
+def test_huge_noise_is_read_back(tmp_path: Path) -> None:
+    """The calibration of a recording that fits no model has noise beyond any image; its refusal is written with it."""
     calibration = Calibration("refused", noise={"pixel_px": 2e9})
     assert read_calibration(write_calibration(calibration, tmp_path)).noise == calibration.noise
 
 
-def test_runs_are_kept_apart(tmp_path: Path) -> None:
-    """Runs of one second get folders of their own, and the latest is the last one written."""
+def test_runs_of_one_second_have_own_folders(tmp_path: Path) -> None:
+    """Runs within one second get separate folders, and the latest is the last one written."""
     assert latest_run(tmp_path) is None
     paths = [write_calibration(Calibration("good"), tmp_path) for _ in range(12)]
     assert len(set(paths)) == 12
@@ -195,8 +195,8 @@ def test_runs_are_kept_apart(tmp_path: Path) -> None:
     assert latest_run(tmp_path) == paths[-1].parent
 
 
-def test_the_latest_run_is_the_one_written_last(tmp_path: Path) -> None:
-    """Also where an earlier one is dated in the future, since a clock was wrong."""
+def test_latest_run_is_last_written(tmp_path: Path) -> None:
+    """The last written run is the latest even if a wrong clock dated an earlier one in the future."""
     past = write_calibration(Calibration("good"), tmp_path)
     future = past.parent.rename(tmp_path / "runs" / "29990101T000000Z")
     os.utime(future / "calibration.json", ns=(1, 1))
@@ -206,8 +206,8 @@ def test_the_latest_run_is_the_one_written_last(tmp_path: Path) -> None:
     assert run_names(tmp_path / "runs") == ()
 
 
-def test_hashes(folder: Path) -> None:
-    """Each input that exists is told by the SHA-256 of its bytes, URDFs where the cell is given."""
+def test_input_hashes_are_sha256(folder: Path) -> None:
+    """Each existing input has the SHA-256 of its bytes; URDFs are included if the cell is given."""
     hashes = input_hashes(folder, read_cell(folder))
     assert list(hashes) == ["cell.yaml", "recording/samples.jsonl", "hand.urdf"]
     for name, value in hashes.items():
@@ -240,7 +240,7 @@ def test_hashes(folder: Path) -> None:
         ({"joint": {"order": [], "covariance": [[1, 2]]}}, "expected a square"),
     ],
 )
-def test_refused(tmp_path: Path, change: dict[str, object], words: str) -> None:
+def test_foreign_calibration_is_refused(tmp_path: Path, change: dict[str, object], words: str) -> None:
     """A calibration that this program did not write is an error with the path and the reason."""
     path = tmp_path / "calibration.json"
     path.write_text(json.dumps(calibration_to_dict(example()) | change))
@@ -249,8 +249,8 @@ def test_refused(tmp_path: Path, change: dict[str, object], words: str) -> None:
     assert caught.value.path == str(path)
 
 
-def test_missing(tmp_path: Path) -> None:
-    """Where there is no result it is said what to do."""
+def test_missing_calibration_is_explained(tmp_path: Path) -> None:
+    """The error for a missing result states to calibrate first."""
     with pytest.raises(DatasetError, match="calibrate first"):
         read_calibration(tmp_path)
 
@@ -262,8 +262,8 @@ def test_null_covariance_reads_as_nan() -> None:
     assert np.isnan(calibration_from_dict(data).joint_covariance).all()
 
 
-def test_a_run_is_found_by_its_name(tmp_path: Path) -> None:
-    """Where it has a result; else the error names those that have."""
+def test_run_is_found_by_name(tmp_path: Path) -> None:
+    """A run is found by name if it has a result; otherwise the error lists the runs that have one."""
     one = write_calibration(Calibration("good"), tmp_path).parent
     (tmp_path / "runs" / "empty").mkdir()
     assert run_folder(tmp_path, one.name) == one
@@ -282,8 +282,8 @@ def test_a_run_is_found_by_its_name(tmp_path: Path) -> None:
         ('\n{"a": }', "not JSON (Expecting value); calibrate again"),
     ],
 )
-def test_what_is_no_json_is_said_in_words(tmp_path: Path, text: str, words: str) -> None:
-    """With the file, and its line where that is known."""
+def test_invalid_json_is_explained(tmp_path: Path, text: str, words: str) -> None:
+    """The error states the problem with the file, and the line if it is known."""
     path = tmp_path / "calibration.json"
     path.write_text(text)
     line = ":2" if "Expecting" in words else ""
@@ -291,13 +291,17 @@ def test_what_is_no_json_is_said_in_words(tmp_path: Path, text: str, words: str)
         read_calibration_data(path)
 
 
-def test_two_halves_of_a_character_are_one(tmp_path: Path) -> None:
+def test_surrogate_pair_is_one_character(tmp_path: Path) -> None:
+    """An escaped surrogate pair is read as one character."""
     (tmp_path / "calibration.json").write_text('{"a": "\\ud83d\\ude00"}')
     assert read_calibration_data(tmp_path) == {"a": "\U0001f600"}
 
 
-def test_only_folders_named_as_runs_are_runs(tmp_path: Path) -> None:
-    """Others, and those without a calibration, are none; of those written at once the later and higher is first."""
+def test_only_timestamped_folders_are_runs(tmp_path: Path) -> None:
+    """Other folders, and those without a calibration, are no runs.
+
+    Runs written at once are sorted by time and number, highest first.
+    """
     for name in ("20260101T000000Z", "20260101T000000Z-2", "20260101T000000Z-10", "notes", "20270101T000000Z"):
         folder = tmp_path / "runs" / name
         folder.mkdir(parents=True)
@@ -309,8 +313,8 @@ def test_only_folders_named_as_runs_are_runs(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("link", ["runs", "runs/20260102T030405Z", "runs/20260102T030405Z/calibration.json"])
-def test_no_run_is_read_through_a_link_out_of_the_cell(tmp_path: Path, link: str) -> None:
-    """Wherever the link is."""
+def test_runs_are_not_read_through_outside_links(tmp_path: Path, link: str) -> None:
+    """A run behind any link that leads out of the cell is refused."""
     outside, cell = tmp_path / "outside", tmp_path / "cell"
     for folder in (outside, cell):
         (folder / "runs" / "20260102T030405Z").mkdir(parents=True)
@@ -324,13 +328,13 @@ def test_no_run_is_read_through_a_link_out_of_the_cell(tmp_path: Path, link: str
             read(cell)
 
 
-def test_it_is_the_data():
-    """To the last digit, as `json.loads` has it."""
+def test_indented_json_keeps_data():
+    """Indented JSON holds the same data as given to `json.loads`, to the last digit."""
     assert json.loads(indent_json(DATA)) == DATA
 
 
-def test_rows_are_lines():
-    """What holds no list or mapping is not broken."""
+def test_innermost_lists_stay_on_one_line():
+    """Lists and mappings without nested ones are not broken over lines."""
     assert indent_json(DATA).split("\n") == [
         "{",
         ' "a": [',
@@ -347,7 +351,7 @@ def test_rows_are_lines():
     ]
 
 
-def test_what_is_not_finite_is_refused():
-    """No reader would have it."""
+def test_non_finite_json_is_refused():
+    """NaN is refused, since no JSON reader would accept it."""
     with pytest.raises(ValueError, match="not JSON compliant"):
         indent_json({"a": [float("nan")]})

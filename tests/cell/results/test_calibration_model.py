@@ -89,7 +89,7 @@ NAMES = st.lists(TEXT, max_size=2, unique=True)
 
 @st.composite
 def calibrations(draw: st.DrawFn) -> Calibration:
-    """Any answer, its parts drawn one by one."""
+    """Return any calibration, its parts drawn one by one."""
     order = tuple(draw(st.lists(TRANSFORMS, max_size=2, unique=True)))
     transforms = draw(st.dictionaries(TRANSFORMS, ESTIMATES, max_size=2))
     return Calibration(
@@ -120,8 +120,8 @@ def calibrations(draw: st.DrawFn) -> Calibration:
 
 @settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(calibrations())
-def test_every_answer_that_can_be_written_can_be_read(calibration: Calibration) -> None:
-    """What is read back is written as the same text again, but for the last digit of a unit that is converted."""
+def test_any_written_calibration_is_read_back(calibration: Calibration) -> None:
+    """A calibration read back is written as the same text, except for the last digit of converted units."""
     data = calibration_to_dict(calibration)
     again = calibration_to_dict(calibration_from_dict(json.loads(json.dumps(data, allow_nan=False))))
     assert again.keys() == data.keys()
@@ -130,7 +130,7 @@ def test_every_answer_that_can_be_written_can_be_read(calibration: Calibration) 
 
 
 def nearly(a: Any, b: Any) -> bool:
-    """Whether plain data are the same, numbers to 12 digits."""
+    """Return whether plain data are equal, numbers to 12 digits."""
     if isinstance(a, dict):
         return a.keys() == b.keys() and all(nearly(a[key], b[key]) for key in a)
     if isinstance(a, list):
@@ -138,8 +138,8 @@ def nearly(a: Any, b: Any) -> bool:
     return math.isclose(a, b, rel_tol=1e-12, abs_tol=1e-15) if isinstance(a, float) else bool(a == b)
 
 
-def test_a_refused_run_without_transforms(tmp_path: Path) -> None:
-    """A joint covariance of no transforms is read as one."""
+def test_refused_run_without_transforms_is_read(tmp_path: Path) -> None:
+    """A joint covariance of no transforms is read as an empty one."""
     path = write_calibration(Calibration("refused", joint_covariance=np.zeros((0, 0))), tmp_path)
     assert read_calibration(path).joint_covariance.shape == (0, 0)
 
@@ -164,8 +164,8 @@ SIGMAS = {"sigma_t_m": [1e-3] * 3, "sigma_r_rad": [1e-3] * 3}
         ({"certificate": {"gap": math.inf, "global": True, "reason": ""}}, "finite number"),
     ],
 )
-def test_the_first_wrong_field_is_named(change: dict[str, Any], words: str) -> None:
-    """With its place and what was expected there."""
+def test_first_invalid_field_is_named(change: dict[str, Any], words: str) -> None:
+    """The error names the place of the first invalid field and the expected value."""
     with pytest.raises(InputError, match=words):
         check_calibration(EMPTY | change)
 
@@ -194,22 +194,22 @@ POSE = {
         ({"certificate": {"gap": None, "global": None}}, r"certificate\.reason: missing; add it"),
     ],
 )
-def test_unknown_and_missing_fields_are_errors(change: dict[str, Any], words: str) -> None:
-    """On every level, with their place and the fields that are known there."""
+def test_unknown_and_missing_fields_are_refused(change: dict[str, Any], words: str) -> None:
+    """On every level, the error names the place and the fields that are known there."""
     assert check_calibration(EMPTY | ROBOT).noise == ROBOT["noise"]
     with pytest.raises(InputError, match=words):
         check_calibration(EMPTY | change)
 
 
 def effect(name: str) -> dict[str, Any]:
-    """What an effect's errors come to."""
+    """Return the written figures of an effect's errors."""
     of = RANDOM_EFFECTS[name]
     by_joints = {} if of.is_by_coordinate else {"shift_m": 1e-4, "turn_rad": 1e-4}
     return {"sigma": [1e-4] * 6, **by_joints, **of.figures}
 
 
-def test_what_was_written_is_read() -> None:
-    """As it is, errors of every effect among it; nothing is added."""
+def test_noise_of_every_effect_is_read_unchanged() -> None:
+    """Noise is read as written, including errors of every effect, and gets no additional fields."""
     robot = {**ROBOT_SIGMAS, "freedoms": 3.0, "rms_factor": 1.2, **{name: effect(name) for name in RANDOM_EFFECTS}}
     noise = {
         "pixel_px": 0.2,
@@ -233,7 +233,7 @@ def test_what_was_written_is_read() -> None:
         ({"robots": {"arm": {**ROBOT_SIGMAS, "joint_offsets": {"sigma": [1e-3] * 6}}}}, "shift_m"),
     ],
 )
-def test_what_is_no_noise_is_refused(noise: dict[str, Any], words: str) -> None:
-    """With the field."""
+def test_invalid_noise_is_refused(noise: dict[str, Any], words: str) -> None:
+    """The error names the field."""
     with pytest.raises(ValidationError, match=words):
         NOISE.validate_python(noise)

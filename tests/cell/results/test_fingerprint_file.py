@@ -1,4 +1,4 @@
-"""Points of a scene in a file."""
+"""Tests of the file of scene points."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from basecal.cell.results.fingerprint_file import FILE, read_fingerprint, write_
 from basecal.errors import DatasetError
 
 
-def test_points_are_read_as_they_were_written(tmp_path: Path) -> None:
-    """Points to the last bit, and their descriptors; a run without the file has none."""
+def test_fingerprint_round_trip(tmp_path: Path) -> None:
+    """Points are read back to the last bit with their descriptors; a run without the file has none."""
     assert read_fingerprint(tmp_path) is None
     rng = np.random.default_rng(0)
     kept = Fingerprint(rng.standard_normal((7, 3)), rng.integers(0, 256, (7, 128)).astype(np.uint8))
@@ -25,8 +25,8 @@ def test_points_are_read_as_they_were_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[:-1], lambda data: b"\xff" * len(data)])
-def test_a_damaged_file_is_an_error(tmp_path: Path, damage) -> None:
-    """Bytes that are missing, and numbers that are none."""
+def test_damaged_fingerprint_is_refused(tmp_path: Path, damage) -> None:
+    """Missing bytes and non-finite numbers are errors."""
     write_fingerprint(Fingerprint(np.zeros((3, 3)), np.zeros((3, 128), dtype=np.uint8)), tmp_path, tmp_path)
     (tmp_path / FILE).write_bytes(damage((tmp_path / FILE).read_bytes()))
     with pytest.raises(DatasetError, match="calibrate again"):

@@ -1,4 +1,4 @@
-"""`truth.yaml` keeps the transforms of a simulated cell."""
+"""Tests of `truth.yaml`, which stores the transforms of a simulated cell."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from basecal.geometry import SE3
 
 
 def test_round_trip(tmp_path: Path) -> None:
-    """Names and transforms come back, at every size of number."""
+    """Names and transforms are read back, for numbers of every magnitude."""
     random = np.random.default_rng(1)
     truth = {f"a_from_{k}": SE3.exp(random.normal(size=6) * 10.0 ** (k - 9)) for k in range(10)}
     write_truth(tmp_path, truth, seed=7, sigmas={"pixel_px": 0.3})
@@ -36,16 +36,16 @@ def test_round_trip(tmp_path: Path) -> None:
         ("schema: basecal/truth/1\ntransforms:\n  a: {t: 0}", "truth.yaml:3: transforms.a.t: unknown field"),
     ],
 )
-def test_refused(tmp_path: Path, text: str, words: str) -> None:
-    """A truth that cannot be read is an error with line and field."""
+def test_invalid_truth_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    """An unreadable truth is an error with line and field."""
     (tmp_path / "truth.yaml").write_text(text)
     with pytest.raises(DatasetError) as caught:
         read_truth(tmp_path)
     assert words in str(caught.value)
 
 
-def test_what_else_a_truth_says_is_read_back(tmp_path: Path) -> None:
-    """All but the transforms and the version."""
+def test_extra_truth_fields_are_read_back(tmp_path: Path) -> None:
+    """All fields except the transforms and the version are read back."""
     write_truth(tmp_path, {"a_from_b": SE3.identity()}, seed=7, sigmas={"pixel_px": 0.3})
     assert read_truth_extra(tmp_path) == {"seed": 7, "sigmas": {"pixel_px": 0.3}}
     with pytest.raises(DatasetError):
@@ -53,8 +53,8 @@ def test_what_else_a_truth_says_is_read_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "got"), [("- 1\n", "a list"), ("schema: other\n", "'other'"), ("5\n", "5")])
-def test_what_is_no_truth_is_refused(tmp_path: Path, text: str, got: str) -> None:
-    """A list or a number too; what stands for the schema is said."""
+def test_other_schema_is_refused(tmp_path: Path, text: str, got: str) -> None:
+    """The error for a list, a number or another schema states what was found."""
     (tmp_path / "truth.yaml").write_text(text)
     with pytest.raises(DatasetError, match=f"expected .*basecal/truth/1.*, got {got}"):
         read_truth(tmp_path)

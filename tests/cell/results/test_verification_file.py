@@ -1,4 +1,4 @@
-"""What verifications found, on the disk."""
+"""Tests of the stored results of verifications."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ SHIFT = MeasuredShift(np.array([1e-3, 0.0, -2e-3]), np.full(3, 5e-4))
 
 
 def entry(day: int, moved: bool | None = False) -> PastVerification:
-    """One of January."""
+    """Return a verification on this day of January."""
     when = datetime(2026, 1, day, 6, tzinfo=UTC)
     return PastVerification(when, "20260101T000000Z", 4, moved, 0.25, 6e-4, None, {"a_from_b": SHIFT})
 
 
-def test_lines_are_read_back_in_their_order(tmp_path: Path) -> None:
-    """Everything that was appended comes back; none is a history, too."""
+def test_verifications_are_read_in_order(tmp_path: Path) -> None:
+    """All appended verifications are read back in order; a missing file is an empty history."""
     assert read_verifications(tmp_path) == ()
     append_verification(tmp_path, entry(2))
     append_verification(tmp_path, entry(9, None))
@@ -35,7 +35,8 @@ def test_lines_are_read_back_in_their_order(tmp_path: Path) -> None:
     np.testing.assert_array_equal(first.shifts["a_from_b"].sigma_m, SHIFT.sigma_m)
 
 
-def test_a_line_that_was_cut_off_is_left_out(tmp_path: Path) -> None:
+def test_truncated_line_is_ignored(tmp_path: Path) -> None:
+    """A truncated last line is left out."""
     append_verification(tmp_path, entry(2))
     with (tmp_path / "verifications.jsonl").open("a") as file:
         file.write('{"when": "2026-01-0')
@@ -46,8 +47,8 @@ def test_a_line_that_was_cut_off_is_left_out(tmp_path: Path) -> None:
     ("old", "new", "field"),
     [("0.25", "NaN", "line"), ('"p"', '"q"', "p"), ("[0.0005,", "[-0.0005,", "sigma_m"), ("false", '"no"', "moved")],
 )
-def test_what_cannot_be_read_is_named(tmp_path: Path, old: str, new: str, field: str) -> None:
-    """With its file, line and field."""
+def test_invalid_verification_is_refused(tmp_path: Path, old: str, new: str, field: str) -> None:
+    """The error names the file, line and field."""
     append_verification(tmp_path, entry(2))
     append_verification(tmp_path, entry(3))
     path = tmp_path / "verifications.jsonl"
@@ -57,7 +58,8 @@ def test_what_cannot_be_read_is_named(tmp_path: Path, old: str, new: str, field:
         read_verifications(tmp_path)
 
 
-def test_times_without_a_zone_are_universal_and_empty_lines_nothing(tmp_path: Path) -> None:
+def test_times_without_zone_are_utc(tmp_path: Path) -> None:
+    """A time without a time zone is UTC, and empty lines are ignored."""
     append_verification(tmp_path, entry(2))
     path = tmp_path / "verifications.jsonl"
     text = path.read_text()

@@ -1,4 +1,4 @@
-"""A cell as the data of `cell.yaml`."""
+"""Tests of a cell converted to the data of `cell.yaml`."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ SIGMA = np.array([0.1, 0.1, 0.1, 0.1, 0.2, 0.3])
 LENS = Camera("pinhole", np.array([500.0, 510, 320, 240, 0.1, 0.2, 0, 0]), (640, 480))
 
 
-def test_a_bare_cell():
-    """The schema, the reference and the robots, and no empty sections."""
+def test_minimal_cell_writes_no_empty_sections():
+    """A minimal cell writes the schema, the reference and the robots, and no empty sections."""
     assert cell_to_dict(Cell("eye", {"eye": Robot("eye")})) == {
         "schema": "basecal/cell/1",
         "reference": "eye",
@@ -38,8 +38,8 @@ def test_a_bare_cell():
         (Unknown("prior", AT, SIGMA), {"status": "prior", **POSE, "sigma_t_m": 0.1, "sigma_r_rad": [0.1, 0.2, 0.3]}),
     ],
 )
-def test_transforms(unknown, written):
-    """A pose and its sigmas, a guess as such; of a point the position alone."""
+def test_transforms_are_written_by_status(unknown, written):
+    """A transform is written as a pose with its sigmas, or as a guess; that of a point as its position alone."""
     robots = {"eye": Robot("eye"), "hand": Robot("hand")}
     light = CellTarget("light", "hand", unknown, led_target())
     data = cell_to_dict(Cell("eye", robots, bases={"hand": unknown}, targets={"light": light}))
@@ -50,8 +50,8 @@ def test_transforms(unknown, written):
     assert data["targets"]["light"] == {"on": "hand", "mount": point, "kind": "led", "points_m": [[0, 0, 0]]}
 
 
-def test_robots():
-    """What differs from its usual is written, all else is left out."""
+def test_robots_write_only_non_default_fields():
+    """Fields of a robot that differ from their defaults are written, all others are omitted."""
     robot = Robot(
         "eye",
         noise=np.full(6, 0.5),
@@ -102,8 +102,8 @@ def test_robots():
         ),
     ],
 )
-def test_lenses(lens, written):
-    """Values with their sigmas, or how many terms are asked for."""
+def test_lenses_are_written_by_status(lens, written):
+    """A lens is written as values with their sigmas, or as the requested number of terms."""
     camera = CellCamera("wrist", "eye", Unknown(), "pinhole", (640, 480), lens)
     data = cell_to_dict(Cell("eye", {"eye": Robot("eye")}, cameras={"wrist": camera}))["cameras"]["wrist"]
     assert data == {
@@ -115,8 +115,8 @@ def test_lenses(lens, written):
     }
 
 
-def test_noise():
-    """Each sigma that is stated."""
+def test_noise_writes_stated_sigmas():
+    """Each stated sigma is written."""
     robots = {"eye": Robot("eye")}
     assert cell_to_dict(Cell("eye", robots, pixel_px=1))["noise"] == {"pixel_px": 1.0}
     both = cell_to_dict(Cell("eye", robots, pixel_px=0.3, correlated_px=0.1))
@@ -127,8 +127,8 @@ def test_noise():
     ("written", "size_sigma"),
     [({"exact": True}, 0.0), ({"size_sigma": 2e-4}, 2e-4), ({}, None), ({"exact": False}, None)],
 )
-def test_the_size_of_a_target(written, size_sigma):
-    """Read and written as it is stated."""
+def test_target_size_sigma_round_trip(written, size_sigma):
+    """The stated sigma of a target's size is read and written unchanged."""
     data = cell_to_dict(Cell("eye", {"eye": Robot("eye")}, targets={"board": CellTarget("board", "eye")}))
     data["targets"]["board"] |= written
     cell = cell_from_entry(CellEntry.model_validate(data), {})
@@ -137,8 +137,8 @@ def test_the_size_of_a_target(written, size_sigma):
     assert stated == {k: v for k, v in written.items() if v}
 
 
-def test_an_exact_target_has_no_sigma():
-    """Both at once contradict each other."""
+def test_exact_target_takes_no_size_sigma():
+    """`exact` and `size_sigma` contradict each other, so both together are refused."""
     data = cell_to_dict(Cell("eye", {"eye": Robot("eye")}, targets={"board": CellTarget("board", "eye")}))
     data["targets"]["board"] |= {"exact": True, "size_sigma": 1e-3}
     with pytest.raises(ValidationError, match="exact takes no size_sigma"):

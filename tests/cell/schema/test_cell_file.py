@@ -1,4 +1,4 @@
-"""What `cell.yaml` means, and what is said of one that means nothing."""
+"""Tests of reading and writing `cell.yaml`, and of the errors for an invalid one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from basecal.geometry import SE3
 
 
 def read_text(folder: Path, old: str, new: str) -> Cell:
-    """The cell with a piece of its text replaced."""
+    """Read the cell after replacing a piece of its text."""
     path = folder / "cell.yaml"
     text = path.read_text()
     assert old in text
@@ -50,8 +50,8 @@ def assert_same(one: Any, other: Any) -> None:
         assert one == (pytest.approx(other, rel=0, abs=4e-15) if isinstance(other, float) else other)
 
 
-def test_meaning(folder: Path) -> None:
-    """Every notation of a pose, sigma, lens and target gives the transform, sigmas and points it stands for."""
+def test_cell_file_gives_documented_values(folder: Path) -> None:
+    """Every notation of a pose, sigma, lens and target gives the transform, sigmas and points that it denotes."""
     cell = read_cell(folder)
     assert_allclose(cell.robots["eye"].noise, [1e-4, 1e-4, 1e-4, 1e-4, 2e-4, 3e-4])
     assert cell.robots["hand"].chain.n == 2
@@ -72,8 +72,8 @@ def test_meaning(folder: Path) -> None:
     assert cell.correlated_px is None
 
 
-def test_deflection_is_read_and_written(folder: Path) -> None:
-    """With its sigma and gravity's direction; by default none."""
+def test_deflection_round_trip(folder: Path) -> None:
+    """Deflection is read and written with its sigma and gravity's direction; by default there is none."""
     assert "deflection" not in read_cell(folder).robots["hand"].parameters
     here = "joint_offsets: {status: prior, sigma_rad: 1e-3}"
     stated = "deflection: {status: prior, sigma_rad_per_nm: 2e-5, down: [0, 1, 0]}"
@@ -92,8 +92,8 @@ def test_deflection_is_read_and_written(folder: Path) -> None:
         ("{status: free, down: [0, 0, 0]}", "not zero"),
     ],
 )
-def test_deflection_that_cannot_be(folder: Path, wrong: str, said: str) -> None:
-    """A prior without its sigma, a free one with one, gravity without direction."""
+def test_invalid_deflection_is_refused(folder: Path, wrong: str, said: str) -> None:
+    """A prior without its sigma, a free deflection with one, and a zero gravity direction are refused."""
     here = "joint_offsets: {status: prior, sigma_rad: 1e-3}"
     assert said in error(folder, here, f"{here}, deflection: {wrong}")
 
@@ -115,8 +115,8 @@ def test_round_trip(folder: Path) -> None:
 
 @settings(deadline=None)
 @given(st.lists(st.floats(-3, 3), min_size=6, max_size=6), st.lists(st.floats(1e-9, 10), min_size=6, max_size=6))
-def test_any_prior_survives(xi: list[float], sigma: list[float]) -> None:
-    """Whatever transform and sigmas a prior has, writing and reading keeps them."""
+def test_any_prior_survives_round_trip(xi: list[float], sigma: list[float]) -> None:
+    """Writing and reading keeps any transform and sigmas of a prior."""
     cell = cell_from_dict({"schema": "basecal/cell/1", "reference": "a", "robots": {"a": None, "b": None}})
     prior = Unknown("prior", SE3.exp(xi), np.array(sigma))
     changed = Cell("a", cell.robots, {"b": prior})
@@ -143,8 +143,10 @@ def test_any_prior_survives(xi: list[float], sigma: list[float]) -> None:
         ),
     ],
 )
-def test_lenses(intrinsics: dict[str, Any], terms: int, sigma: list[float] | None) -> None:
-    """A lens has the terms that its distortion, `distortion_terms` or the default say, and keeps them when written."""
+def test_lens_terms_and_sigmas_survive_round_trip(
+    intrinsics: dict[str, Any], terms: int, sigma: list[float] | None
+) -> None:
+    """The term count of a lens is that of its distortion, `distortion_terms` or the default, and survives writing."""
     camera = {"on": "world", "size_px": [9, 9], "intrinsics": intrinsics}
     data = {"schema": "basecal/cell/1", "reference": "a", "robots": {"a": {}}, "cameras": {"c": camera}}
     once = cell_from_dict(data)
@@ -155,8 +157,8 @@ def test_lenses(intrinsics: dict[str, Any], terms: int, sigma: list[float] | Non
         assert (None if lens.sigma is None else lens.sigma.tolist()) == sigma
 
 
-def test_all_errors_at_once(folder: Path) -> None:
-    """Mistakes of every sort in one file are told together, a line for each, in the order of the file."""
+def test_all_errors_are_reported_in_file_order(folder: Path) -> None:
+    """Different mistakes in one file are reported together, one line each, in the order of the file."""
     text = (folder / "cell.yaml").read_text()
     for old, new in (("fx: 766.5", "fx: -1"), ("noise: {pixel", "noice: {pixel"), ("on: still", "on: stil")):
         text = text.replace(old, new)
@@ -247,8 +249,8 @@ def test_all_errors_at_once(folder: Path) -> None:
         ("reference: eye", "reference: " + "[" * 5000, 2, "nested deeper"),
     ],
 )
-def test_refused(folder: Path, old: str, new: str, line: int, words: str) -> None:
-    """What cannot be read as written is an error with path, line and what was expected."""
+def test_invalid_cell_files_are_refused(folder: Path, old: str, new: str, line: int, words: str) -> None:
+    """Unreadable content is an error with path, line and the expected value."""
     message = error(folder, old, new)
     first = next(part for part in message.splitlines() if words in part)
     assert first.startswith(str(folder / "cell.yaml"))
@@ -264,29 +266,29 @@ def test_near_rotations_are_projected(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00binary", b"\x00\x01\x02", bytes(range(256)), b"\x80" * 1000])
-def test_binary_rubbish(folder: Path, content: bytes) -> None:
-    """Bytes that are no text are an error that names the file."""
+def test_binary_file_is_refused(folder: Path, content: bytes) -> None:
+    """Bytes that are not text are an error that names the file."""
     (folder / "cell.yaml").write_bytes(content)
     with pytest.raises(DatasetError, match=r"cell\.yaml"):
         read_cell(folder)
 
 
 @pytest.mark.parametrize("content", ["", "[]", "3", "a cell"])
-def test_not_a_mapping(folder: Path, content: str) -> None:
-    """A file that is no mapping is told how one starts."""
+def test_file_without_mapping_is_refused(folder: Path, content: str) -> None:
+    """The error for a file without a mapping shows the first line of a valid one."""
     (folder / "cell.yaml").write_text(content)
     with pytest.raises(DatasetError, match="schema: basecal/cell/1"):
         read_cell(folder)
 
 
-def test_missing_file(tmp_path: Path) -> None:
-    """A folder without `cell.yaml` is told what a cell is."""
+def test_missing_cell_file_is_explained(tmp_path: Path) -> None:
+    """The error for a folder without `cell.yaml` states what a cell is."""
     with pytest.raises(DatasetError, match=r"a cell is a folder with a cell\.yaml"):
         read_cell(tmp_path)
 
 
-def test_link_out_of_the_cell(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """A symbolic link may not lead out of the cell; one that stays inside may be followed."""
+def test_links_out_of_cell_are_refused(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """A symbolic link must not lead out of the cell; one that stays inside is followed."""
     outside = tmp_path_factory.mktemp("outside") / "arm.urdf"
     outside.write_text((folder / "hand.urdf").read_text())
     (folder / "arm.urdf").symlink_to(outside)
@@ -295,20 +297,20 @@ def test_link_out_of_the_cell(folder: Path, tmp_path_factory: pytest.TempPathFac
     assert read_text(folder, "urdf: arm.urdf", "urdf: inner.urdf").robots["hand"].chain.n == 2
 
 
-def test_rewriting_replaces_whole(folder: Path) -> None:
-    """Writing a cell leaves one file, and no half-written one beside it."""
+def test_rewriting_leaves_no_temporary_file(folder: Path) -> None:
+    """Writing a cell leaves one file, without a half-written one beside it."""
     write_cell(read_cell(folder), folder)
     assert sorted(path.name for path in folder.iterdir()) == ["cell.yaml", "hand.urdf", "recording"]
 
 
-def test_yaml_12(folder: Path) -> None:
-    """`on` is text and `1e-4` a number, as YAML 1.2 has it."""
+def test_yaml_1_2_rules_apply(folder: Path) -> None:
+    """`on` is text and `1e-4` is a number, as in YAML 1.2."""
     assert read_cell(folder).cameras["wrist"].on == "eye"
     assert read_cell(folder).robots["eye"].noise[0] == 1e-4
 
 
-def test_common_error_of_a_view_is_read_and_written(folder: Path) -> None:
-    """`correlated_px` comes back as it was written."""
+def test_correlated_px_round_trip(folder: Path) -> None:
+    """`correlated_px` is written and read back unchanged."""
     path = folder / "cell.yaml"
     path.write_text(path.read_text().replace("{pixel_px: 0.3}", "{pixel_px: 0.3, correlated_px: 0.4}"))
     cell = read_cell(folder)
@@ -322,8 +324,8 @@ def problems(**changed):
     return {field_name(p.loc): p.message for p in name_problems(data | changed)}
 
 
-def test_a_well_formed_cell_has_none():
-    """Nor has one without any sections, or with rubbish in their place."""
+def test_valid_names_give_no_problem():
+    """A valid cell has no name problems, nor has one without sections or with sections of a wrong type."""
     assert problems() == {}
     assert problems(robots={"eye": {}, "a1_b": {}, "hand": {}}) == {}
     assert name_problems({}) == []
@@ -331,14 +333,14 @@ def test_a_well_formed_cell_has_none():
 
 
 @pytest.mark.parametrize("name", ["Arm", "1a", "_a", "a-b", "a b", "", "a_from_b", "a_in_b", 5, "ä"])
-def test_ill_formed_names(name):
-    """Only a-z, 0-9 and _, a letter first, and nothing that reads as a transform or a point."""
+def test_invalid_names_are_refused(name):
+    """Names consist of a-z, 0-9 and _, start with a letter, and must not read as a transform or a point."""
     (message,) = problems(targets={name: {"on": "eye"}}).values()
     assert message.startswith("expected a name of a-z, 0-9 and _, a letter first, without _from_ or _in_; rename ")
 
 
-def test_world_is_taken():
-    """It is the base of the reference."""
+def test_world_is_reserved():
+    """`world` is the base of the reference, so no target may have that name."""
     assert problems(targets={"world": {"on": "eye"}}) == {
         "targets.world": "'world' is the base of the reference robot; choose another name"
     }
@@ -353,14 +355,14 @@ def test_world_is_taken():
         ("eye_flange", "a frame of 'eye'"),
     ],
 )
-def test_names_are_unique(name, owner):
-    """Over all sections, and beside the frames of robots."""
+def test_names_are_unique_across_sections(name, owner):
+    """Names are unique over all sections and differ from the frames of robots."""
     (message,) = problems(targets={name: {"on": "eye"}}).values()
     assert message == f"the name {name!r} is taken by {owner}; names are unique"
 
 
-def test_what_is_referred_to_exists():
-    """The reference, what carries cameras and targets, and the robots of bases."""
+def test_unknown_references_are_refused():
+    """The reference, the carriers of cameras and targets, and the robots of bases must exist."""
     assert problems(reference="eyes", bases={})["reference"] == (
         "no robot 'eyes' (did you mean 'eye'?); there are: eye, hand"
     )

@@ -1,4 +1,4 @@
-"""From entries of `cell.yaml` to nouns."""
+"""Tests of objects created from the entries of `cell.yaml`."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def lens(status, **fields):
     return noun(cameras={"wrist": camera}).cameras["wrist"].intrinsics
 
 
-def test_bases_and_mounts():
-    """A guess is the mean of what is free, sigmas stand translation first, and what is not stated is free."""
+def test_bases_and_mounts_are_created_by_status():
+    """A guess is the mean of a free transform, sigmas start with translation, and unstated transforms are free."""
     sigmas = {"sigma_t_m": 0.1, "sigma_r_rad": [0.2, 0.3, 0.4]}
     cell = noun(
         bases={"hand": {"status": "prior", **POSE, **sigmas}},
@@ -42,15 +42,15 @@ def test_bases_and_mounts():
     assert noun().bases["hand"].status == "free"
 
 
-def test_the_rotation_of_a_point_is_known():
-    """A light's mount with a prior has sigmas of three numbers, and none of rotation."""
+def test_point_mount_has_no_rotation_sigma():
+    """The mount of an LED with a prior has three sigmas of translation and none of rotation."""
     mount = {"status": "prior", "t_m": [0, 0, 1], "sigma_t_m": [0.1, 0.2, 0.3]}
     light = noun(targets={"light": {"on": "hand", "kind": "led", "mount": mount}}).targets["light"]
     assert light.mount.sigma.tolist() == [0.1, 0.2, 0.3, 0.0, 0.0, 0.0]
 
 
-def test_robots():
-    """Noise translation first, frames that are named, gravity and offsets as stated."""
+def test_robots_are_created_from_entries():
+    """Noise starts with translation; named frames, the chain and parameters are those stated."""
     robot = {"noise": {"sigma_t_m": [1, 2, 3], "sigma_r_rad": 4.0}, "frames": {"base": "link_0"}}
     found = noun(robots={"eye": robot}).robots["eye"]
     assert found.noise.tolist() == [1, 2, 3, 4, 4, 4]
@@ -76,34 +76,37 @@ def test_robots():
         ),
     ],
 )
-def test_lenses(found, parameters, sigma):
-    """Focal lengths, centre, distortion; a guess without distortion starts from zeros; one sigma stands for all."""
+def test_lenses_are_created_from_entries(found, parameters, sigma):
+    """Parameters are focal lengths, centre and distortion.
+
+    A guess without distortion starts at zeros, and a single sigma applies to all terms.
+    """
     assert found.camera.parameters.tolist() == parameters
     assert found.camera.size_px == (640, 480)
     assert sigma is None if found.sigma is None else found.sigma.tolist() == sigma
 
 
-def test_a_lens_of_which_nothing_is_known():
-    """It has no value, and the terms that are asked for."""
+def test_free_lens_has_no_camera():
+    """A free lens without a guess has no value, and the requested number of terms."""
     assert lens("free").camera is None
     assert lens("free", distortion_terms=8).distortion_terms == 8
 
 
-def test_noise():
-    """Of pixels, single and common."""
+def test_noise_of_pixels_is_read():
+    """Single-point and correlated pixel noise are read; both are None if unstated."""
     cell = noun(noise={"pixel_px": 0.3, "correlated_px": 0.1})
     assert (cell.pixel_px, cell.correlated_px) == (0.3, 0.1)
     assert (noun().pixel_px, noun().correlated_px) == (None, None)
 
 
-def test_the_array_of_sigmas_is_read_only():
-    """A noun is a value."""
+def test_noise_sigmas_are_read_only():
+    """A robot is immutable, so its array of sigmas is read-only."""
     with pytest.raises(ValueError, match="read-only"):
         noun(robots={"eye": {"noise": {"sigma_t_m": 1.0, "sigma_r_rad": 1.0}}}).robots["eye"].noise[0] = np.inf
 
 
-def test_sigmas_of_lenses_belong_together():
-    """One alone gives none; the order is focal lengths, centre, distortion."""
+def test_lens_sigmas_need_all_groups():
+    """One group of sigmas alone gives none; the order is focal lengths, centre, distortion."""
     for name in SIGMAS:
         entry = IntrinsicsEntry.model_validate({"status": "prior", **LENS, name: SIGMAS[name]})
         camera = CameraEntry.model_validate({"on": "eye", "size_px": [640, 480]})
@@ -116,13 +119,13 @@ def test_sigmas_of_lenses_belong_together():
     ("fields", "size_sigma"),
     [({}, None), ({"exact": True}, 0.0), ({"scale": "free"}, math.inf), ({"size_sigma": 1e-3}, 1e-3)],
 )
-def test_sizes_of_targets(fields, size_sigma):
-    """Exact, known up to scale, known with a sigma, or not stated."""
+def test_target_size_sigma_by_entry(fields, size_sigma):
+    """A target's size is exact, known up to scale, known with a sigma, or unstated."""
     assert noun(targets={"tag": {"on": "hand", **fields}}).targets["tag"].size_sigma == size_sigma
 
 
-def test_a_driver_has_its_kind_and_its_options():
-    """Apart from one another; without a driver there is none."""
+def test_driver_separates_kind_from_options():
+    """A driver's kind and options are stored separately; a robot without a driver has None."""
     robots = {"eye": {"driver": {"kind": "ur", "host": "10.0.0.9", "port": 30004}}, "hand": {}}
     found = noun(robots=robots).robots
     assert (found["eye"].driver.kind, dict(found["eye"].driver.options)) == ("ur", {"host": "10.0.0.9", "port": 30004})

@@ -1,4 +1,4 @@
-"""What entries of `cell.yaml` may hold together."""
+"""Tests of the entries that `cell.yaml` may combine."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ DATA = {
         {"clock": {"status": "free"}},
     ],
 )
-def test_robots_that_are_read(fields):
-    """With a chain or without, offsets and links known, roughly known or free."""
+def test_valid_robot_entries_are_accepted(fields):
+    """Robots with or without a chain, and with fixed, prior or free offsets and links, are accepted."""
     AnyRobotEntry.model_validate(fields)
 
 
@@ -56,14 +56,14 @@ def test_robots_that_are_read(fields):
         ({"clock": {"status": "free", "jitter_s": 1e-3}}, "jitter_s belongs to the clock of a camera"),
     ],
 )
-def test_robots_that_are_refused(fields, message):
-    """What is half or beside its status is named."""
+def test_invalid_robot_entries_are_refused(fields, message):
+    """The error names incomplete fields and fields that do not match the status."""
     with pytest.raises(ValidationError, match=message):
         AnyRobotEntry.model_validate(fields)
 
 
-def test_a_free_lens_needs_a_size_or_a_guess():
-    """Something must tell how wide the image is."""
+def test_free_lens_needs_size_or_guess():
+    """A free lens needs `size_px` or a guess, since the width of the image must be known."""
     guess = {"fx": 1.0, "fy": 1.0, "cx": 1.0, "cy": 1.0}
     for fields in ({"size_px": [4, 3], "intrinsics": {"status": "free"}}, {"intrinsics": {"status": "free", **guess}}):
         CameraEntry.model_validate({"on": "arm", **fields})
@@ -73,15 +73,15 @@ def test_a_free_lens_needs_a_size_or_a_guess():
         CameraEntry.model_validate({"on": "arm", "model": "fish-eye"})
 
 
-def test_a_common_error_needs_the_noise_of_single_points():
-    """Stated beside it."""
+def test_correlated_px_requires_pixel_px():
+    """`correlated_px` is accepted only beside `pixel_px`, the noise of single points."""
     assert NoiseEntry.model_validate({"pixel_px": 0.1, "correlated_px": 0.2}).correlated_px == 0.2
     with pytest.raises(ValidationError, match="correlated_px needs pixel_px"):
         NoiseEntry.model_validate({"correlated_px": 0.2})
 
 
-def test_sections_may_be_empty():
-    """Also with nothing after their colon; the schema's version is one that is known."""
+def test_empty_sections_are_accepted():
+    """Sections may have no content after their colon; an unknown version of the schema is refused."""
     data = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": None}}
     entry = CellEntry.model_validate(data | dict.fromkeys(("bases", "cameras", "targets", "noise")))
     assert (entry.bases, entry.cameras, entry.targets, entry.noise.pixel_px) == ({}, {}, {}, None)
@@ -90,20 +90,20 @@ def test_sections_may_be_empty():
 
 
 @pytest.mark.parametrize("name", ["base_link", "ur5e/tool0", "left.arm-1", "_x", "f" * 255])
-def test_frames_of_ros_are_read(name):
-    """Letters, digits and what ROS puts between them."""
+def test_ros_frame_names_are_accepted(name):
+    """ROS frame names may contain letters, digits and the separators of ROS."""
     assert AnyRobotEntry.model_validate({"frames": {"base": name}}).frames.base == name
 
 
 @pytest.mark.parametrize("name", ["b; touch PWNED $(...) #", "", "-x", "/abs", "a b", "a\n", "\ud800", "f" * 256, "ü"])
-def test_other_frames_are_refused(name):
-    """What a shell or ROS would read otherwise."""
+def test_unsafe_frame_names_are_refused(name):
+    """Names that a shell or ROS would interpret otherwise are refused."""
     with pytest.raises(ValidationError, match="expected a frame of ROS"):
         AnyRobotEntry.model_validate({"frames": {"flange": name}})
 
 
-def test_a_driver_is_read_and_written_back():
-    """Its name and its options, whatever they are, come back as they were."""
+def test_driver_round_trip():
+    """The kind of a driver and arbitrary options are read and written back unchanged."""
     cell = cell_from_dict(DATA)
     assert (cell.robots["eye"].driver.kind, cell.robots["eye"].driver.options) == ("typed", {"notation": "kuka"})
     assert cell.cameras["wrist"].driver.options == {}
@@ -111,8 +111,8 @@ def test_a_driver_is_read_and_written_back():
 
 
 @pytest.mark.parametrize("driver", [{}, {"kind": 3}, {"kind": "Typed robot"}, {"notation": "ur"}])
-def test_a_driver_has_a_name(driver):
-    """One without a name, or with a name that is none, is an error that says what was expected."""
+def test_driver_needs_valid_kind(driver):
+    """A driver without a `kind`, or with an invalid one, is an error that states what was expected."""
     data = DATA | {"robots": {"eye": {"driver": driver}}}
     with pytest.raises(DatasetError, match=r"robots\.eye\.driver: expected `kind`"):
         cell_from_dict(data)
@@ -124,8 +124,8 @@ LENS = {"status": "fixed", "fx": 500.0, "fy": 500.0, "cx": 320.0, "cy": 240.0}
 @pytest.mark.parametrize(
     "fields", [{"intrinsics": LENS}, {"size_px": [640, 480]}, {"size_px": [640, 480], "intrinsics": LENS}]
 )
-def test_a_tracker_has_no_lens(fields):
-    """Nor a size of images; a camera may have both, or the lens alone."""
+def test_tracker_takes_no_lens_or_image_size(fields):
+    """A tracker has neither a lens nor an image size; a camera may have both, or the lens alone."""
     with pytest.raises(ValidationError, match="a tracker measures points in metres: remove intrinsics and size_px"):
         CameraEntry.model_validate({"on": "eye", "kind": "tracker", **fields})
     assert CameraEntry.model_validate({"on": "eye", **fields}).kind == "camera"
@@ -136,7 +136,7 @@ def test_a_tracker_has_no_lens(fields):
     ({}, True), ({"pixel_px": 0.3}, True), ({"pixel_px": 0.3, "correlated_px": 0.1}, True),
     ({"correlated_px": 0.1}, False),
 ])  # fmt: skip
-def test_correlated_noise_stands_beside_that_of_single_points(fields, is_valid):
-    """The latter may stand alone."""
+def test_pixel_noise_may_be_stated_alone(fields, is_valid):
+    """`pixel_px` may be stated alone, `correlated_px` only beside it."""
     with nullcontext() if is_valid else pytest.raises(ValidationError, match="correlated_px needs pixel_px"):
         NoiseEntry.model_validate(fields)

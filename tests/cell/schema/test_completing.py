@@ -1,4 +1,4 @@
-"""A cell.yaml that is added to: comments and values stay, contradictions are named."""
+"""Tests of additions to a cell.yaml: comments and values are kept, contradictions are reported."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ cameras:
 """
 
 
-def test_comments_and_order_stay() -> None:
-    """A robot is added at the end of the robots, and every line that was there is still there."""
+def test_comments_and_order_are_kept() -> None:
+    """A new robot is appended to the robots, and every existing line is kept."""
     text, changed = completed_cell_text(TEXT, {"robots": {"right": {}, "left": {}}}, "cell.yaml")
     assert [line for line in text.splitlines() if line not in TEXT.splitlines()] == ["  right: {}"]
     assert set(TEXT.splitlines()) <= set(text.splitlines())
@@ -31,13 +31,13 @@ def test_comments_and_order_stay() -> None:
     assert list(cell_from_dict(parse_yaml(text, "cell.yaml").data).robots) == ["left", "right"]
 
 
-def test_nothing_new_changes_nothing() -> None:
-    """What stands there already leaves the text as it is, to the byte."""
+def test_repeated_values_leave_file_unchanged() -> None:
+    """Adding values that the file already has leaves its text unchanged to the byte."""
     assert completed_cell_text(TEXT, {"cameras": {"cam": {"size_px": [1280, 720]}}}, "cell.yaml") == (TEXT, ())
 
 
-def test_a_contradiction_is_named() -> None:
-    """Another value is an error with line and field, and both values; where it is to be replaced it is."""
+def test_contradiction_reports_both_values() -> None:
+    """Another value is an error with line, field and both values; it is replaced if replacement is requested."""
     added = {"cameras": {"cam": {"size_px": [640, 480]}}}
     with pytest.raises(DatasetError, match=r"cell.yaml:9: cameras.cam.size_px: is .* in the imported data") as error:
         completed_cell_text(TEXT, added, "cell.yaml")
@@ -48,14 +48,14 @@ def test_a_contradiction_is_named() -> None:
     assert changed == ("cameras.cam.size_px",)
 
 
-def test_a_new_cell_is_all_that_is_added() -> None:
-    """Where there is none, what is added makes it."""
+def test_missing_file_is_created_from_additions() -> None:
+    """Without an existing file, the additions become the new cell.yaml."""
     text, _ = completed_cell_text(None, {"reference": "left", "robots": {"left": {}}}, "cell.yaml")
     assert cell_from_dict(parse_yaml(text, "cell.yaml").data).reference == "left"
 
 
-def test_what_is_added_is_written_as_by_hand() -> None:
-    """A line for each innermost mapping or list, those around them as blocks."""
+def test_additions_are_written_in_block_style() -> None:
+    """Each innermost mapping or list takes one line; the levels around it are blocks."""
     added = {"cameras": {"cam": {"on": "left", "mount": {"status": "fixed", "t_m": [0.0, 0.1, 0.2]}}}}
     text, changed = completed_cell_text("schema: basecal/cell/1\n", added, "cell.yaml")
     assert text.splitlines()[1:] == [
@@ -67,8 +67,8 @@ def test_what_is_added_is_written_as_by_hand() -> None:
     assert changed == ("cameras",)
 
 
-def test_quotes_stay() -> None:
-    """Single and double ones, and plain words, as a person wrote them."""
+def test_quotes_are_kept() -> None:
+    """Single quotes, double quotes and plain words are kept as written."""
     text = "schema: 'basecal/cell/1'\nreference: \"left\"\nrobots: {left: {}}\n"
     done, changed = completed_cell_text(text, {"noise": {"pixel_px": 0.3}}, "cell.yaml")
     assert done.startswith(text)
@@ -76,15 +76,15 @@ def test_quotes_stay() -> None:
     assert completed_cell_text("schema: basecal/cell/1\nrobots:\n", {"robots": {"a": {}}}, "c")[1] == ("robots",)
 
 
-def test_long_lines_stay_one_line() -> None:
-    """Of hundreds of characters, as of a list of points."""
+def test_long_lines_are_not_wrapped() -> None:
+    """Lines of hundreds of characters, such as a list of points, stay one line."""
     points = ", ".join(f"[{k}, 0, 0]" for k in range(60))
     text = f"schema: basecal/cell/1\nmarks: {{plate: {{points_m: [{points}]}}}}\n"
     assert completed_cell_text(text, {"reference": "a"}, "cell.yaml")[0] == text + "reference: a\n"
 
 
-def test_a_mapping_is_no_number() -> None:
-    """One where the cell has a plain value, or the other way about, is a contradiction."""
+def test_mapping_contradicts_plain_value() -> None:
+    """A mapping in place of a plain value, or the reverse, is a contradiction."""
     for added in ({"cameras": {"cam": {"on": {"a": 1}}}}, {"cameras": {"cam": {"intrinsics": "free"}}}):
         with pytest.raises(DatasetError, match="in the imported data: correct the wrong one"):
             completed_cell_text(TEXT, added, "cell.yaml")

@@ -1,4 +1,4 @@
-"""What is wrong with a file, in words for who wrote it."""
+"""Tests of the messages for problems of a file."""
 
 from __future__ import annotations
 
@@ -55,20 +55,20 @@ def target(**fields):
         ({"cameras": {"eye": {"on": "arm", "mount": {"guess": {"t": 1}}}}}, "cameras.eye.mount.guess.t", "known: t_m"),
     ],
 )
-def test_words(changed, field, message):
-    """The place, what was expected there, what stands there, and the nearest name that is known."""
+def test_messages_name_field_and_expected_value(changed, field, message):
+    """A message states the place, the expected value, the actual value and the nearest known name."""
     found = problems(**changed)
     assert list(found) == [field]
     assert message in found[field]
 
 
-def test_every_problem_is_told():
-    """All of a file at once."""
+def test_all_problems_are_reported():
+    """All problems of a file are reported at once."""
     assert set(problems(reference=5, **target(kind="x"))) == {"reference", "targets.it.kind"}
 
 
-def test_an_entry_at_a_place_of_a_file_is_told_with_both():
-    """The place of the entry stands before that of the field, and its line is found."""
+def test_nested_entry_errors_state_full_location():
+    """The error of an entry inside a file states the entry's place before the field's, and the entry's line."""
     with pytest.raises(DatasetError) as caught:
         check_entry(CellEntry, {"reference": 3}, "cell.yaml", {("cells", 0): 7}, loc=("cells", 0))
     assert (caught.value.line, caught.value.field) == (7, "cells[0].reference")
@@ -78,8 +78,8 @@ def test_an_entry_at_a_place_of_a_file_is_told_with_both():
 
 
 @pytest.mark.parametrize(("data", "got"), [([1], "a list of 1"), ({}, "none"), ({"schema": "b/2"}, "'b/2'")])
-def test_a_file_of_another_schema_is_refused(data, got):
-    """With the schema that was expected, and what is there."""
+def test_other_schema_is_refused(data, got):
+    """The error for another schema states the expected and the actual one."""
     assert check_schema({"schema": "b/1"}, "b/1", "file", {}) == {"schema": "b/1"}
     with pytest.raises(DatasetError, match=f"expected .*b/1.*, got {got}"):
         check_schema(data, "b/1", "file", {})

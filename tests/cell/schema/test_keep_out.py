@@ -1,4 +1,4 @@
-"""Boxes and tables in cell.yaml."""
+"""Tests of keep-out boxes and tables in cell.yaml."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from pydantic import ValidationError
 from basecal.cell.schema.keep_out import KeepOutEntry, keep_out_dict
 
 
-def test_a_table_is_all_below_it():
-    """Points above have their height as distance, points below none, however far from the base."""
+def test_table_fills_space_below_its_height():
+    """The distance of a point above a table is its height, and zero below it, however far from the base."""
     table = KeepOutEntry(table_z_m=-0.02).box("table")
     points = np.array([[0.0, 0.0, 0.5], [3.0, -2.0, 0.0], [1.0, 1.0, -0.5]])
     np.testing.assert_allclose(table.distance(points), [0.52, 0.02, 0.0], atol=1e-12)
 
 
-def test_a_box_turns_with_its_pose():
-    """A post that lies on its side is long along x; what is written is read back."""
+def test_box_rotates_with_its_pose():
+    """A post that lies on its side is long along x; a box survives writing and reading."""
     post = KeepOutEntry(t_m=[0.0, 0.0, 0.5], rpy_deg=[0.0, 90.0, 0.0], size_m=[0.1, 0.1, 1.0]).box("post")
     np.testing.assert_allclose(post.distance(np.array([[0.6, 0.0, 0.5], [0.0, 0.0, 0.6]])), [0.1, 0.05], atol=1e-12)
     again = KeepOutEntry(**keep_out_dict(post)).box("post")
@@ -33,15 +33,15 @@ def test_a_box_turns_with_its_pose():
         ({"t_m": [0.0, 0.0, 0.0], "size_m": [1.0, 0.0, 1.0]}, "three lengths above 0"),
     ],
 )
-def test_what_is_neither_is_refused(wrong, why):
-    """Nothing, a box without a place, a table with sides, and a box without thickness."""
+def test_incomplete_keep_out_entries_are_refused(wrong, why):
+    """An empty entry, a box without a position, a table with side lengths, and a box without thickness are refused."""
     with pytest.raises(ValidationError, match=why):
         KeepOutEntry(**wrong)
 
 
 @pytest.mark.parametrize("height", [-0.5, 0.7])
-def test_a_table_is_as_wide_every_way(height):
-    """Ten metres from the base in each direction, and as deep as wide."""
+def test_table_extends_equally_in_all_directions(height):
+    """A table reaches ten metres from the base in each direction, and is as deep as wide."""
     table = KeepOutEntry(table_z_m=height).box("table")
     ways = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
     np.testing.assert_allclose(table.distance(9.9 * ways + [0, 0, height - 0.1]), 0.0)
@@ -50,8 +50,11 @@ def test_a_table_is_as_wide_every_way(height):
     assert beyond[0] > 10
 
 
-def test_a_box_with_any_pose_is_one():
-    """A matrix, or a place with or without a rotation; sides below zero are refused, and so is a rotation alone."""
+def test_keep_out_boxes_accept_any_pose_notation():
+    """A matrix, or a position with or without a rotation, is accepted.
+
+    Negative sides and a rotation alone are refused.
+    """
     matrix = np.eye(4)
     matrix[:3, 3] = [1.0, 2.0, 3.0]
     for pose in ({"matrix": matrix.tolist()}, {"t_m": [1.0, 2.0, 3.0], "q_xyzw": [0, 0, 0, 1]}):

@@ -1,4 +1,4 @@
-"""What may be written of a lens."""
+"""Tests of the validity of lens entries."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def entry(status, **fields):
         (entry("free", **KNOWN, distortion=[0.1] * 4, distortion_terms=4), "pinhole", 4),
     ],
 )
-def test_lenses_that_suit(written, model, terms):
-    """Known, roughly known and unknown ones, with as many terms as the model may have."""
+def test_valid_lenses_have_expected_term_count(written, model, terms):
+    """Fixed, prior and free lenses are accepted with any term count that their model allows."""
     check_lens(written, model)
     assert distortion_terms(written, model) == terms
 
@@ -59,15 +59,15 @@ def test_lenses_that_suit(written, model, terms):
         ),
     ],
 )
-def test_lenses_that_do_not(written, model, message):
-    """What is lacking or too much is named."""
+def test_invalid_lens_entries_are_refused(written, model, message):
+    """The error names missing and surplus fields."""
     with pytest.raises(ValueError, match=message):
         check_lens(written, model)
 
 
 @pytest.mark.parametrize("size_px", [(640, 480), (480, 640), (4000, 4000), None])
-def test_lenses_that_suit_their_image(size_px):
-    """Also of an image turned upright, or one whose size is not stated."""
+def test_lens_fits_image_size(size_px):
+    """A lens is accepted for its image, also for one in portrait orientation or of unstated size."""
     check_size(entry("fixed", **KNOWN), size_px)
     check_size(entry("free"), size_px)
 
@@ -92,7 +92,7 @@ def test_lenses_that_suit_their_image(size_px):
         ({"cx": -2e5 - 1}, None, "cx is -200001 px"),
     ],
 )
-def test_no_lens_is_like_that(change, size_px, message):
-    """Focal lengths and centres that no image has are named with what an image has."""
+def test_implausible_lens_values_are_refused(change, size_px, message):
+    """The error for an implausible focal length or centre states the plausible range for the image."""
     with pytest.raises(ValueError, match=message):
         check_size(entry("fixed", **{**KNOWN, **change}), size_px)

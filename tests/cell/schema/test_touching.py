@@ -1,4 +1,4 @@
-"""Tips and marks of `cell.yaml`."""
+"""Tests of tips, marks and clamps in `cell.yaml`."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ MOUNT = {"status": "fixed", "t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}
 PLATE = {"points_m": {"socket_1": [0, 0, 0], "socket_2": [0.05, 0, 0]}, "sigma_m": 1e-5}
 
 
-def test_plates_and_stated_marks_have_their_transforms():
-    """A plate is a transform of its own, that its marks are placed in; one mark alone is placed in the world."""
+def test_plates_and_stated_marks_have_transforms():
+    """A plate is a transform of its own in which its marks are placed; a single mark is placed in the world."""
     cell = touch_cell((), marks={"plate": PLATE, "alone": {"points_m": [[0.1, 0.2, 0.3]], "exact": True}, "free": {}})
     transforms = cell.transforms
     assert transforms["eye_base_from_plate"].status == "free"
@@ -46,14 +46,14 @@ def test_plates_and_stated_marks_have_their_transforms():
         ({"marks": {"a": {"points_m": []}}}, "a.points_m: expected at least one point"),
     ],
 )
-def test_mistakes_are_named(section, words):
-    """Names that are taken, carriers that do not exist and sigmas of nothing are errors."""
+def test_invalid_marks_and_tips_are_refused(section, words):
+    """Duplicate names, unknown carriers and sigmas without points are errors."""
     with pytest.raises(DatasetError, match=words):
         cell_from_dict({**touch_data(), **section})
 
 
-def test_touches_are_written_as_read():
-    """Lines of touches of marks and of tips are read back to the same."""
+def test_touches_round_trip():
+    """Lines of touches of marks and of tips are read and written back unchanged."""
     for marks in (touch_data()["marks"], {}):
         cell = touch_cell(list(marks))
         lines = touch_lines(np.random.default_rng(0), 4, 1e-4, {m: np.zeros(3) for m in marks}, is_stated=True)
@@ -69,15 +69,18 @@ def test_touches_are_written_as_read():
         ('{"tip": "eye_tip", "tip2": "eye_tip"}', "on one robot"),
     ],
 )
-def test_touches_that_cannot_be_are_errors(seen, words):
-    """Each is one line that names the field."""
+def test_invalid_touches_are_refused(seen, words):
+    """Each invalid touch is an error on one line that names the field."""
     text = f'{{"sample": 0, "observations": [{seen}]}}\n'
     with pytest.raises(DatasetError, match=words):
         recording_from_text(text.encode(), ".", touch_cell())
 
 
-def test_a_part_without_a_name_is_read_back():
-    """It is named `part`, its ends are on both robots, and what is written is the same cell and the same samples."""
+def test_unnamed_clamped_part_round_trip():
+    """An unnamed part is called `part` and has an end on both robots.
+
+    The cell and its samples are written back unchanged.
+    """
     cell = clamp_cell("free")
     assert set(cell.transforms) == {"eye_base_from_hand_base", "eye_flange_from_part", "hand_flange_from_part_grip"}
     again = cell_to_dict(cell_from_dict(cell_to_dict(cell)))
@@ -101,14 +104,14 @@ def test_a_part_without_a_name_is_read_back():
         ([], "clamp"),
     ],
 )
-def test_mistakes_of_clamps_are_named(clamp, words):
-    """Robots that do not exist, other axes and names that are taken are errors."""
+def test_invalid_clamps_are_refused(clamp, words):
+    """Unknown robots, unknown axes and duplicate names are errors."""
     with pytest.raises(DatasetError, match=words):
         cell_from_dict({**touch_data(), "clamp": clamp})
 
 
-def test_an_unknown_part_of_a_line_is_an_error():
-    """The line names a part that the cell does not have."""
+def test_unknown_clamp_in_line_is_refused():
+    """A line that refers to a clamp missing from the cell is an error."""
     line = {"sample": 0, "robots": {}, "observations": [{"clamp": "rod"}]}
     with pytest.raises(DatasetError, match="no clamp 'rod'"):
         recording_from_text(lines_text([line]).encode(), ".", clamp_cell("fixed"))
@@ -127,14 +130,17 @@ def test_an_unknown_part_of_a_line_is_an_error():
         ([[0, 0, 0], [1, 1e-5, 0]], True),
     ],
 )
-def test_lines_of_marks_lie_along_an_axis(points, is_line):
-    """Wherever they are; named marks and listed ones alike."""
+def test_oblique_lines_of_marks_are_recognised(points, is_line):
+    """Marks on a line that is not parallel to an axis are recognised anywhere, whether named or listed."""
     assert _is_oblique_line(points) == is_line
     assert _is_oblique_line({f"m{k}": point for k, point in enumerate(points)}) == is_line
 
 
-def test_a_rigid_part_is_near_its_flange():
-    """Within a few decimetres, in any rotation; stated marks are known to hundredths of a millimetre."""
+def test_clamped_part_prior_is_near_flange():
+    """A rigid part lies within a few decimetres of its flange, in any rotation.
+
+    Stated marks are known to hundredths of a millimetre.
+    """
     cell = clamp_cell("fixed")
     (part, *_) = [thing for thing in (*cell.cameras.values(), *cell.targets.values()) if thing.mount.status == "prior"]
     assert part.mount.sigma[:3].tolist() == [0.2] * 3
@@ -149,8 +155,8 @@ def test_a_rigid_part_is_near_its_flange():
     assert (free.status, free.mean) == ("free", None)
 
 
-def test_planes_edges_and_plates_are_written_as_read():
-    """Each with its pose; parts that robots hold are no marks."""
+def test_planes_edges_and_plates_round_trip():
+    """Planes, edges and plates are written and read back with their poses; clamped parts are not written as marks."""
     marks = {
         "table": {"shape": "plane", "mount": MOUNT},
         "rim": {"shape": "edge"},
@@ -174,7 +180,7 @@ def test_planes_edges_and_plates_are_written_as_read():
 
 
 @pytest.mark.parametrize("axis", ["fixed", "free"])
-def test_a_held_part_has_no_error_of_its_size(axis):
-    """At the end that the second robot holds."""
+def test_clamped_part_has_no_size_error(axis):
+    """The end of a clamped part on the second robot has a size sigma of zero."""
     (end,) = [target for target in clamp_cell(axis).targets.values() if target.contact is not None]
     assert (end.on, end.size_sigma) == ("hand", 0.0)

@@ -1,4 +1,4 @@
-"""Kalibr's aprilgrid: where its points are, and that the print is Kalibr's."""
+"""Tests of Kalibr's aprilgrid: the positions of its points, and agreement of the print with Kalibr's."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from vision_scenes import WIDE
 TAG_0 = 0xD5D628584
 
 
-def test_points_are_kalibrs() -> None:
-    """A corner of tag (column, row) is at column and row times (1 + spacing) tags, and up to a tag further."""
+def test_grid_points_match_kalibr() -> None:
+    """A corner of tag (column, row) is at column and row times (1 + spacing) tags, plus at most one tag."""
     grid = aprilgrid_target((3, 2), 0.1, 0.25)
     assert len(grid.ids) == 24
     np.testing.assert_allclose(
@@ -31,7 +31,7 @@ def test_points_are_kalibrs() -> None:
 
 
 def is_black(places: Array) -> Array:
-    """Whether places of the grid's print, (n, 2) [m] in the target's frame, are black."""
+    """Return whether places of the grid's print, (n, 2) [m] in the target's frame, are black."""
     (sheet,) = target_drawing(aprilgrid_target((2, 2), 0.1, 0.3))
     flat = np.concatenate([places, np.zeros((len(places), 1))], axis=1)
     x, y, _ = (sheet.target_from_sheet.inverse() @ flat).T
@@ -39,7 +39,7 @@ def is_black(places: Array) -> Array:
     return ((x[:, None] > left) & (x[:, None] < right) & (y[:, None] > top) & (y[:, None] < bottom)).any(axis=1)
 
 
-def test_tag_zero_is_upright_at_the_lower_left() -> None:
+def test_tag_zero_is_upright_at_lower_left() -> None:
     """Tag 0 shows its published bits, top row first with y up, inside two cells of black border."""
     cell = 0.1 / 10
     row, column = (each.ravel() for each in np.mgrid[0:10, 0:10])
@@ -50,8 +50,8 @@ def test_tag_zero_is_upright_at_the_lower_left() -> None:
     np.testing.assert_array_equal(seen, expected)
 
 
-def test_squares_touch_every_corner() -> None:
-    """Round every corner of a tag the quadrants are black and white in turn, the tag and a square being black."""
+def test_squares_touch_every_tag_corner() -> None:
+    """Around every corner of a tag the quadrants alternate between black and white; the tag and a square are black."""
     points = aprilgrid_target((2, 2), 0.1, 0.3).points[:, :2]
     around = [is_black(points + 0.004 * np.array(step)) for step in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     np.testing.assert_array_equal(around[0], around[2])
@@ -65,8 +65,8 @@ def upright(grid_middle: Array, turn: float, depth: float) -> SE3:
 
 
 @pytest.mark.parametrize("spacing", [0.2, 0.5])
-def test_found_whole_and_as_sure_as_it_says(spacing: float) -> None:
-    """Nearly all corners are found, none wrong, with errors as large as their sigmas say."""
+def test_grid_is_detected_with_consistent_sigmas(spacing: float) -> None:
+    """Over 95 % of the corners are found, none wrong, with errors as large as their sigmas state."""
     grid = aprilgrid_target((6, 5), 0.03, spacing)
     ratios, count = [], 0
     for seed in range(2):
@@ -82,8 +82,8 @@ def test_found_whole_and_as_sure_as_it_says(spacing: float) -> None:
     assert 0.8 < np.concatenate(ratios).std() < 1.25
 
 
-def test_found_in_part() -> None:
-    """Of a grid that leaves the image, the corners inside are found under their own ids."""
+def test_partial_grid_is_detected() -> None:
+    """The corners of a partly visible grid that are inside the image are found with their own ids."""
     grid = aprilgrid_target((8, 8), 0.04, 0.3)
     pose = upright(grid.points.max(axis=0), 0.1, 0.5)
     true = WIDE.project(pose @ grid.points)
@@ -105,7 +105,7 @@ def test_found_in_part() -> None:
         ("family", "tag36h12", "tag36h11"),
     ],
 )
-def test_what_is_no_grid(field: str, value: object, message: str) -> None:
+def test_invalid_grids_are_refused(field: str, value: object, message: str) -> None:
     """No tags, a gap of zero or in percent, and an unknown family are errors that name the field."""
     target = {"on": "world", "kind": "aprilgrid", "tags": [6, 6], "tag_m": 0.088, "spacing": 0.3, field: value}
     with pytest.raises(DatasetError, match=message):
@@ -113,8 +113,11 @@ def test_what_is_no_grid(field: str, value: object, message: str) -> None:
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(2, 3), (4, 2)])
-def test_squares_stand_round_the_tags_and_no_further(columns: int, rows: int) -> None:
-    """One at every crossing of the gaps, at the outer corners too, each as large as a gap; all lie on the paper."""
+def test_squares_surround_tags_only(columns: int, rows: int) -> None:
+    """One square as large as a gap lies at every crossing of the gaps, at the outer corners too.
+
+    All lie on the paper.
+    """
     (sheet,) = aprilgrid_target((columns, rows), 0.1, 0.3).sheets
     low, high = sheet.rectangles[:, :2], sheet.rectangles[:, 2:]
     assert len(low) == (columns + 1) * (rows + 1)
@@ -125,8 +128,8 @@ def test_squares_stand_round_the_tags_and_no_further(columns: int, rows: int) ->
     assert len(sheet.markers) == columns * rows
 
 
-def test_a_printed_grid_has_kalibrs_spacing() -> None:
-    """Three tenths of a tag, as in Kalibr's own grids."""
+def test_printed_grid_has_kalibr_spacing() -> None:
+    """The gap is 0.3 of a tag, as in Kalibr's own grids."""
     printed = KIND.printed
     assert printed is not None
     assert printed(PrintSizes(4, 3, 0.05, 0.03, "", "tag36h11", 0)) == {

@@ -1,4 +1,4 @@
-"""Tags on one body."""
+"""Tests of AprilTags on one body."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from basecal.geometry import SE3
 UP = SE3.from_rotvec([0, -np.pi / 2, 0], [1.0, 0.0, 0.0])
 
 
-def test_corners_go_round_from_the_top_left():
-    """Ids are 4 tag + corner, in the order of the tags' numbers; corners stand half a size from the tag's centre."""
+def test_tag_corners_start_at_top_left():
+    """Ids are 4 tag + corner, ordered by tag number; corners are half a size from the tag's centre."""
     target = apriltag_target("tag36h11", [(7, 0.2, UP), (3, 0.1, SE3.identity())])
     assert target.ids.tolist() == [12, 13, 14, 15, 28, 29, 30, 31]
     np.testing.assert_allclose(target.points[:4], 0.05 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]))
@@ -24,7 +24,7 @@ def test_corners_go_round_from_the_top_left():
 
 
 def test_each_tag_is_a_sheet():
-    """A marker of the tag's size about its centre, with two cells of paper around it."""
+    """A sheet has one marker of the tag's size about its centre, with two cells of paper around it."""
     target = apriltag_target("tag36h11", [(3, 0.1, UP)])
     (sheet,) = target.sheets
     (marker,) = sheet.markers
@@ -48,20 +48,20 @@ POSE = {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}
         ([], "at least 1"),
     ],
 )
-def test_tags_are_distinct_and_posed(tags, message):
-    """Each number once; of several each has a pose."""
+def test_tags_need_unique_ids_and_poses(tags, message):
+    """Each tag number occurs once, and each of several tags needs a pose."""
     with pytest.raises(ValidationError, match=message):
         KIND.entries[0].model_validate({"on": "hand", "kind": "apriltag", "family": "tag36h11", "tags": tags})
 
 
-def test_a_single_tag_may_leave_its_pose_out():
-    """It is at the target's origin then."""
+def test_single_tag_may_omit_pose():
+    """A single tag without a pose is at the target's origin."""
     entry = {"on": "hand", "kind": "apriltag", "family": "tag36h11", "tags": [{"id": 1, "size_m": 0.1}]}
     np.testing.assert_allclose(KIND.entries[0].model_validate(entry).shape().points.mean(0), 0.0, atol=1e-17)
 
 
-def test_a_cell_has_tags_of_other_numbers():
-    """The next target's begin after the last of the one before; everything else stays."""
+def test_numbered_tag_targets_have_distinct_ids():
+    """The tag numbers of the next target continue after the previous target's last; its other fields are equal."""
     tags = [{"id": number, "size_m": 0.1, **POSE} for number in (3, 7)]
     fields = {"kind": "apriltag", "family": "tag36h11", "tags": tags}
     numbers = [[tag["id"] for tag in KIND.numbered_fields(fields, place)["tags"]] for place in range(3)]

@@ -1,4 +1,4 @@
-"""ChArUco boards, as OpenCV lays them out."""
+"""Tests of ChArUco boards in OpenCV's layout."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ ENTRY = {
 
 @pytest.mark.parametrize("squares", [(5, 4), (6, 5), (4, 4)])
 @pytest.mark.parametrize("legacy", [False, True])
-def test_corners_and_markers_are_opencvs(squares, legacy):
-    """Ids and places of corners, and places of markers, of boards old and new."""
+def test_corners_and_markers_match_opencv(squares, legacy):
+    """Corner ids and positions, and marker positions, equal OpenCV's for the new and the legacy pattern."""
     ours = charuco_target(squares, 0.04, 0.03, "DICT_4X4_50", legacy)
     theirs = cv2.aruco.CharucoBoard(squares, 0.04, 0.03, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
     theirs.setLegacyPattern(legacy)
@@ -38,27 +38,27 @@ def test_corners_and_markers_are_opencvs(squares, legacy):
     assert covered == pytest.approx(side.prod())
 
 
-def test_a_marker_is_smaller_than_its_square():
-    """A marker as large as its square is refused, one just below is taken."""
+def test_marker_is_smaller_than_square():
+    """A marker as large as its square is refused, one just below is accepted."""
     with pytest.raises(ValidationError, match=r"marker_m 0\.04 is not below square_m 0\.04"):
         KIND.entries[0].model_validate({**ENTRY, "marker_m": 0.04})
     assert KIND.entries[0].model_validate({**ENTRY, "marker_m": 0.0399}).shape().options["marker_m"] == 0.0399
 
 
-def test_dictionaries_are_known_ones():
-    """A name that OpenCV does not know is refused with the nearest."""
+def test_unknown_dictionary_is_refused():
+    """The error for a dictionary unknown to OpenCV suggests the nearest name."""
     with pytest.raises(ValidationError, match="did you mean 'DICT_4X4_50'"):
         KIND.entries[0].model_validate({**ENTRY, "dictionary": "DICT_4X4_5O"})
 
 
-def test_boards_are_of_the_new_pattern_unless_stated():
-    """The old one only where it is asked for."""
+def test_entries_use_new_pattern_by_default():
+    """A board entry has the legacy pattern only on request."""
     assert KIND.entries[0].model_validate(ENTRY).shape().options["legacy_pattern"] is False
     assert KIND.entries[0].model_validate({**ENTRY, "legacy_pattern": True}).shape().options["legacy_pattern"] is True
 
 
-def test_a_cell_has_boards_without_a_marker_in_common():
-    """The next have other dictionaries, each large enough for the white squares: 60 of 11 x 11."""
+def test_numbered_boards_share_no_marker():
+    """Further boards use other dictionaries, each large enough for the white squares: 60 for 11 x 11."""
     fields = {**ENTRY, "squares": [11, 11]}
     names = [KIND.numbered_fields(fields, place)["dictionary"] for place in range(4)]
     assert names == ["DICT_4X4_50", "DICT_5X5_100", "DICT_6X6_100", "DICT_7X7_100"]
@@ -69,6 +69,6 @@ def test_a_cell_has_boards_without_a_marker_in_common():
     ]
 
 
-def test_the_new_pattern_is_usual():
-    """Of boards that are made by name, too."""
+def test_charuco_target_uses_new_pattern_by_default():
+    """`charuco_target` uses the new pattern by default, too."""
     assert charuco_target((4, 4), 0.04, 0.03, "DICT_4X4_50").options["legacy_pattern"] is False

@@ -1,4 +1,4 @@
-"""Chessboards."""
+"""Tests of chessboards."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ BOARD = chessboard_target((4, 3), 0.1)
 
 
 def test_inner_corners_run_row_by_row():
-    """From the origin along x, then down y, in the plane."""
+    """Corners run from the origin along x, then along y, in the plane z = 0."""
     assert BOARD.ids.tolist() == list(range(12))
     np.testing.assert_allclose(BOARD.points[[0, 1, 4, 11]], [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.3, 0.2, 0]])
     assert BOARD.options == {"corners": [4, 3], "square_m": 0.1}
 
 
-def test_four_squares_meet_in_each_corner():
-    """Two of the four squares around each corner are black, across from one another; the first square is black."""
+def test_four_squares_meet_at_each_corner():
+    """Two opposite squares of the four around each corner are black; the first square is black."""
     (sheet,) = BOARD.sheets
     low, high = sheet.rectangles[:, :2], sheet.rectangles[:, 2:]
 

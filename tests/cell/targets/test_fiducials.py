@@ -1,4 +1,4 @@
-"""Names of dictionaries and families."""
+"""Tests of marker dictionaries and tag families."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cell_count, s
 
 
 @pytest.mark.parametrize("name", DICTIONARIES)
-def test_dictionaries_are_opencvs_and_as_wide(name):
-    """Each name is one of OpenCV's, with so many cells across as OpenCV has."""
+def test_dictionaries_match_opencv(name):
+    """Each name is one of OpenCV's, with the same number of cells across."""
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
     assert cell_count(name) == dictionary.markerSize
 
 
-def test_families_have_the_cells_of_their_codes():
-    """The square root of the bits that the name says, without what is left."""
+def test_family_cell_counts_follow_codes():
+    """The cell count is the integer square root of the bits in the family's name."""
     assert [cell_count(name) for name in FAMILIES] == [4, 5, 6, 6, 4, 7, 6, 6, 7]
     assert len(set(DICTIONARIES)) == len(DICTIONARIES) == 27
 
@@ -32,7 +32,7 @@ def test_families_have_the_cells_of_their_codes():
         ("DICT_APRILTAG_25h9", 40, "DICT_APRILTAG_25h9"),
     ],
 )
-def test_a_dictionary_that_is_large_enough(name, count, larger):
-    """It begins with the same markers; where there is none it is the one that was named."""
+def test_smallest_sufficient_dictionary(name, count, larger):
+    """The larger dictionary begins with the same markers; if none is large enough the named one is kept."""
     assert smallest_dictionary(name, count) == larger
     assert series_name(larger) == series_name(name)

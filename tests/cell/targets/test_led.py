@@ -1,4 +1,4 @@
-"""Lights."""
+"""Tests of LED targets."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import pytest
 from basecal.cell.targets.led import KIND, led_target
 
 
-def test_one_light_is_at_the_origin():
-    """Without points there is one; it is found as a light."""
+def test_single_led_is_at_origin():
+    """Without points, an LED target has one point at the origin and is detected as an LED."""
     light = led_target()
     assert light.points.tolist() == [[0, 0, 0]]
     assert light.is_point
@@ -19,8 +19,8 @@ def test_one_light_is_at_the_origin():
 @pytest.mark.parametrize(
     ("points", "entry"), [(None, 0), ([[1, 2, 3]], 0), ([[0, 0, 0], [1, 2, 3]], 1), ("rubbish", 0)]
 )
-def test_one_or_several(points, entry):
-    """A single light has the mount of a point, several have that of a body."""
+def test_led_entry_by_point_count(points, entry):
+    """A single LED has the mount of a point, several have that of a body."""
     fields = {} if points is None else {"points_m": points}
     assert KIND.entry_index(fields) == entry
     if points != "rubbish":

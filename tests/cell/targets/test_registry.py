@@ -1,4 +1,4 @@
-"""What holds of every kind of target, a new one among them."""
+"""Tests that apply to every registered kind of target."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def cell_with(kind: str, fields: Any) -> Cell:
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_written_and_read(kind: TargetKindName) -> None:
-    """A target that is written into a cell.yaml and read back has the same points, ids and fields."""
+def test_target_round_trip(kind: TargetKindName) -> None:
+    """A target written to a cell.yaml and read back has the same points, ids and fields."""
     usual = TARGETS[kind].usual(np.random.default_rng(0))
     cell = cell_with(kind, usual.options)
     read = cell.targets["it"].target
@@ -39,23 +39,23 @@ def test_written_and_read(kind: TargetKindName) -> None:
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_figures_of_the_documents_are_of_small_targets(kind: TargetKindName) -> None:
-    """A hand holds each."""
+def test_documented_targets_fit_in_hand(kind: TargetKindName) -> None:
+    """Each target in the figures of the documentation is smaller than 0.3 m."""
     for shape in TARGETS[kind].figures.values():
         assert np.ptp(shape.points, axis=0).max() < 0.3
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_template_is_read(kind: TargetKindName) -> None:
-    """The lines of a new cell.yaml give a target of the kind."""
+def test_template_gives_target_of_kind(kind: TargetKindName) -> None:
+    """The template lines of a new cell.yaml give a target of the kind."""
     read = cell_from_dict(parse_yaml(cell_text(2, kind), "new").data).targets["target"].target
     assert read is not None
     assert read.kind == kind
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_what_is_printed_has_the_size_asked_for(kind: TargetKindName) -> None:
-    """A board made of sizes has two points that stand its square's size apart."""
+def test_printed_target_has_requested_size(kind: TargetKindName) -> None:
+    """A printed board has two points at a distance of the requested square size."""
     printed = TARGETS[kind].printed
     if printed is None or not printed(SIZES):
         return
@@ -66,7 +66,7 @@ def test_what_is_printed_has_the_size_asked_for(kind: TargetKindName) -> None:
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_points_lie_on_the_sheets(kind: TargetKindName) -> None:
+def test_points_lie_on_sheets(kind: TargetKindName) -> None:
     """Every point of a printed target lies in the plane of a sheet and on its paper."""
     usual = TARGETS[kind].usual(np.random.default_rng(0))
     if not usual.sheets:
@@ -80,8 +80,8 @@ def test_points_lie_on_the_sheets(kind: TargetKindName) -> None:
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_looks_the_same_turned(kind: TargetKindName) -> None:
-    """Where half a turn leaves a target as it is, point k comes to where point n - 1 - k was."""
+def test_half_turn_symmetry_maps_points_in_reverse(kind: TargetKindName) -> None:
+    """If a target has half-turn symmetry, point k moves to the place of point n - 1 - k."""
     usual = TARGETS[kind].usual(np.random.default_rng(0))
     middle = usual.points.mean(axis=0)
     turn = SE3(np.diag([-1.0, -1.0, 1.0]), middle * [2, 2, 0])
@@ -89,8 +89,8 @@ def test_looks_the_same_turned(kind: TargetKindName) -> None:
     assert same or not usual.has_half_turn_symmetry
 
 
-def test_known_tags_stand_at_their_points() -> None:
-    """The ids of tags' corners are ids of the target, each once."""
+def test_tag_corner_ids_are_point_ids() -> None:
+    """The ids of tag corners are the ids of the target, each once."""
     tagged = [u for k in TARGETS if (u := TARGETS[k].usual(np.random.default_rng(0))).tags is not None]
     assert tagged
     for target in tagged:
@@ -98,8 +98,8 @@ def test_known_tags_stand_at_their_points() -> None:
         np.testing.assert_array_equal(np.sort(target.tags.corner_ids.ravel()), target.ids)
 
 
-def test_grids_without_marks_look_alike_turned() -> None:
-    """Boards whose squares or dots say nothing of themselves; every other target tells its ends apart."""
+def test_unmarked_grids_have_half_turn_symmetry() -> None:
+    """Chessboards and circle grids have half-turn symmetry; every other target has distinguishable ends."""
     usual = {kind: TARGETS[kind].usual(np.random.default_rng(0)) for kind in TARGETS}
     assert {kind for kind, target in usual.items() if target.has_half_turn_symmetry} == {"chessboard", "circles"}
     measured = {kind for kind, each in TARGETS.items() if each.printed is None}
@@ -107,8 +107,8 @@ def test_grids_without_marks_look_alike_turned() -> None:
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_usual_targets_are_held_in_a_hand(kind: TargetKindName) -> None:
-    """Papers are 10 to 40 cm wide; markers lie on them, and no marker lies on another."""
+def test_usual_sheets_are_hand_sized(kind: TargetKindName) -> None:
+    """Sheets are 10 to 40 cm wide; markers lie on them without overlap."""
     for sheet in TARGETS[kind].usual(np.random.default_rng(0)).sheets:
         left, top, right, bottom = sheet.paper
         assert 0.1 < right - left < 0.4
