@@ -1,4 +1,4 @@
-"""What tests of effects share."""
+"""Settings shared by the tests of effects."""
 
 from tests.shared.stages import without_stages
 

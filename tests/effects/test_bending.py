@@ -1,4 +1,4 @@
-"""An arm that bends turns about its base."""
+"""Tests of an arm that bends: it rotates about its base."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from basecal.simulation import Scenario
 from made_views import moved_by_pose, views_of
 
 
-def test_bending_turns_about_the_base():
-    """One unit down turns the arm about its base by reach x down, along the base's axis or anywhere."""
+def test_bending_rotates_arm_about_base():
+    """One unit of bending rotates the arm about its base by reach x down, along the base's axis or in any direction."""
     of = views_of(Scenario(samples=12))
     pose = of.recorded_pose(0, "hand")
     down = np.array([0.3, -0.2, -1.0])

@@ -1,4 +1,4 @@
-"""A clock that drifts is an offset that grows."""
+"""Tests of a clock's drift, an offset that grows over the recording."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from basecal.simulation import Scenario, simulate
 from made_views import Made
 
 
-def test_a_clock_that_drifts_is_right_in_the_middle():
-    """Half of a clock's offset at the last sample, and less than none at the first; of stamps that say when."""
+def test_clock_drift_is_zero_in_middle():
+    """A drift is half the offset at the last sample, minus half at the first; without stamps there is none."""
     made = simulate(Scenario(samples=1, layout="eye_to_hand", target="pose"), 0)
     cell, recording = on_a_path(0.0)
     problem, _ = build_problem(cell, recording)
@@ -33,8 +33,8 @@ def test_a_clock_that_drifts_is_right_in_the_middle():
 
 
 @pytest.mark.parametrize(("count", "timed", "told"), [(6, True, True), (5, True, False), (6, False, False)])
-def test_clocks_drift_over_six_samples_and_more(count, timed, told):
-    """From half less at the first to half more at the last, by their stamps."""
+def test_clock_drift_needs_six_timed_samples(count, timed, told):
+    """Drifts are candidates from six stamped samples on, from minus half to plus half of the offset."""
     of = Made(count, has_times=timed)
     found = list(clock_drifts(of))
     assert [(each.code, each.about, each.unit) for each in found] == (

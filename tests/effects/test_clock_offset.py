@@ -1,4 +1,4 @@
-"""Clocks of cameras and of robots move views with the robots' velocities."""
+"""Tests of clock offsets of cameras and robots, which move views by the robots' velocities."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from basecal.effects.clock_offset import candidates as clock_offsets
 from made_views import Made
 
 
-def test_clocks_are_those_of_cameras_and_of_robots_on_paths():
-    """A camera is late against all arms that carry it or what it sees, a robot against the others."""
+def test_cameras_and_robots_on_paths_have_clock_offsets():
+    """A camera is late relative to all arms that carry it or its targets, a robot relative to the other robots."""
     speeds = {name: np.random.default_rng(1).standard_normal((8, 6)) for name in ("eye", "hand")}
     of = Made(8, {"eye": "eye"}, {"camera": "other"}, robots=("eye", "hand"), speeds=speeds)
     found = {each.about[0]: each for each in clock_offsets(of)}
@@ -29,8 +29,8 @@ def test_clocks_are_those_of_cameras_and_of_robots_on_paths():
     assert [each.about[0] for each in clock_offsets(of)] == ["other", "eye"]
 
 
-def test_a_single_robot_on_a_path_has_no_clock_of_its_own():
-    """It is late as much as all cameras are early; without a path there is no clock to tell."""
+def test_single_moving_robot_has_no_own_clock():
+    """The delay of a single robot equals all cameras being early; without a path no clock is observable."""
     of = Made(8, {"eye": "eye"}, {"camera": "still", "hand": None}, robots=("eye", "hand"))
     assert [each.about[0] for each in clock_offsets(of)] == ["wrist"]
     of.speeds = {}

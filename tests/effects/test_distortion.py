@@ -1,4 +1,4 @@
-"""Distortion by how far it moves the farthest corner."""
+"""Tests of distortion, measured by the shift of the farthest image corner."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ PINHOLE = np.array([900.0, 910.0, 640.0, 360.0, -0.1, 0.05, 0.0, 0.0, 0.0])
 @pytest.mark.parametrize("camera", [
     Camera("pinhole", PINHOLE, (1280, 720)), Camera("fisheye", PINHOLE[:8], (1280, 720)),
 ])  # fmt: skip
-def test_each_term_moves_the_corner_by_as_much(camera):
-    """One sigma of each moves the farthest corner by a thousandth of the width."""
+def test_each_distortion_term_moves_corner_equally(camera):
+    """One sigma of each term moves the farthest corner by a thousandth of the image width."""
     plain = camera.with_parameters(np.append(camera.parameters[:4], np.zeros(len(camera.distortion))))
     corner = np.array([640 / 900, 360 / 910, 1.0])
     np.testing.assert_allclose(farthest_corner(camera), corner)
@@ -24,15 +24,15 @@ def test_each_term_moves_the_corner_by_as_much(camera):
         assert np.linalg.norm(bent.project(corner) - plain.project(corner)) == pytest.approx(1.28e-3, rel=0.01)
 
 
-def test_a_lens_without_terms_has_none():
-    """It stays as it is."""
+def test_lens_without_terms_has_no_distortion_error():
+    """A lens without distortion terms is unchanged."""
     plain = Camera("pinhole", PINHOLE[:4], None)
     assert len(typical_sigmas(plain)) == 0
     np.testing.assert_array_equal(faulty_lens(3.0, plain).parameters, plain.parameters)
 
 
-def test_the_farthest_corner_is_that_of_the_image():
-    """On either side; an image of unknown size reaches twice as far as its principal point."""
+def test_farthest_corner_is_inside_image():
+    """The farthest corner may be on either side. An image of unknown size extends to twice the principal point."""
     for size, corner in (((1280, 720), [640, 360]), ((1400, 700), [760, 360]), ((1000, 800), [640, 440])):
         ray = farthest_corner(Camera("pinhole", PINHOLE, size))
         np.testing.assert_allclose(ray, [corner[0] / 900, corner[1] / 910, 1])

@@ -1,4 +1,4 @@
-"""A drift moves views as a frame does, by the share of time."""
+"""Tests of steps and drifts of frames over time."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from basecal.simulation import Scenario
 from made_views import Made, views_of
 
 
-def test_steps_and_drifts_are_of_the_views_that_depend_on_them():
-    """Others have none; a step moves a view from its sample on, a drift by its share of the time."""
+def test_steps_and_drifts_move_dependent_views_only():
+    """A step moves a dependent view from its sample on, a drift by its share of the time; other views have no moves."""
     of = Made(6, {}, {"base": None, "sample": np.arange(3)}, times=np.array([0.0, 1.0, 2.0, 3.0, 4.0, 8.0]))
     (step,), (drift,) = steps(of), drifts(of)
     assert (step.moves[1], drift.moves[1]) == (None, None)
@@ -22,8 +22,11 @@ def test_steps_and_drifts_are_of_the_views_that_depend_on_them():
     assert list(drifts(Made(5))) == []
 
 
-def test_steps_and_drifts_in_time():
-    """A step moves nothing before its sample and all after; a drift the last sample as a step does, the first not."""
+def test_steps_and_drifts_follow_time():
+    """A step moves nothing before its sample and everything after.
+
+    A drift moves the last sample like a step, and not the first.
+    """
     of = views_of(Scenario(samples=12))
     for name in of.frames:
         frame = of.frame_jacobian(0, name)

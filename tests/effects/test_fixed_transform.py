@@ -1,4 +1,4 @@
-"""Mounts that are stated as fixed, and are elsewhere."""
+"""Tests of mounts that are stated as fixed but are elsewhere."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOUNT = "eye_flange_from_wrist"
 
 
 def test_only_fixed_frames_are_candidates():
-    """Each moves its views as an unknown would."""
+    """A fixed frame moves its views like an unknown one."""
     views = views_of(Scenario(samples=6, camera_mount="fixed"))
     (found,) = candidates(views)
     assert found.about == (MOUNT,)
@@ -28,8 +28,11 @@ def test_only_fixed_frames_are_candidates():
     ("turn_rad", "verdict", "codes"),
     [(0.0, "good", []), (1.5e-3, "doubtful", ["fixed-contradicted"]), (1e-2, "refused", ["fixed-contradicted"])],
 )
-def test_a_wrong_mount_is_named(turn_rad, verdict, codes):
-    """As itself, not as what moves the data nearly alike; a right one is not accused, a grossly wrong one refused."""
+def test_wrong_fixed_mount_is_named(turn_rad, verdict, codes):
+    """A wrong mount is named, rather than an effect that moves the data similarly.
+
+    A correct one is accepted, a grossly wrong one refused.
+    """
     made = simulate(SCENARIO, 4)
     mount = made.cell.transforms[MOUNT].mean @ SE3.exp(turn_rad * np.array([0.3, 0.0, 0.0, 0.0, 1.0, 0.0]))
     found = calibrate(made.cell.with_transform(MOUNT, Unknown("fixed", mount)), made.recording)
@@ -37,8 +40,8 @@ def test_a_wrong_mount_is_named(turn_rad, verdict, codes):
     assert [finding.code for finding in found.findings if finding.severity != "info"] == codes
 
 
-def test_a_wrong_mount_is_not_taken_for_a_wrong_lens():
-    """5 mm of a camera's mount, noise stated: the mount is named with its size, though a lens takes most of it up."""
+def test_wrong_mount_is_not_attributed_to_lens():
+    """A camera mount off by 5 mm with stated noise is named with its size, though a lens absorbs most of it."""
     made = simulate(Scenario(samples=15, camera_mount="fixed", robot_noise=(1e-4, 2e-4)), 500)
     mount = made.cell.transforms[MOUNT].mean @ SE3.exp(np.array([3e-3, 4e-3, 0, 0, 0, 0]))
     found = calibrate(made.cell.with_transform(MOUNT, Unknown("fixed", mount)), made.recording)
@@ -52,8 +55,8 @@ def test_a_wrong_mount_is_not_taken_for_a_wrong_lens():
 @pytest.mark.parametrize(
     ("name", "stated"), [("eye_base_from_hand_base", "base of hand"), ("hand_flange_from_board", "mount of board")]
 )
-def test_a_statement_is_named_by_what_it_places(name, stated):
-    """A base or a mount, with the shift and the rotation in sigmas of their own."""
+def test_disagreement_names_base_or_mount(name, stated):
+    """The message names a base or a mount, with the shift and the rotation, each with its own sigma."""
     what, do = disagreement(name, np.array([5e-3, 0, 0, 0, 0, 1e-3]), np.diag([1e-8] * 3 + [1e-10] * 3))
     assert what == f"The stated {stated} disagrees with the data by 5.00 ± 0.10 mm and 0.05730 ± 0.00057 deg."
     assert name in do[0]

@@ -1,4 +1,4 @@
-"""Gear ratios: a joint that turns by a share more than it records, found and estimated."""
+"""Tests of gear ratios: a joint that rotates more than it records is detected and estimated."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHARE, JOINT = 0.004, 2
 
 
 def recorded_short():
-    """A recording whose hand's third joint turns by more than it says."""
+    """Return a recording whose hand's third joint rotates by more than recorded."""
     made = simulate(SCENARIO, 3)
     samples = []
     for sample in made.recording.samples:
@@ -30,8 +30,8 @@ def recorded_short():
     return made, Recording(tuple(samples))
 
 
-def test_a_unit_turns_a_joint_by_its_angle():
-    """A share of each joint moves views as an arm whose joint turned so much more."""
+def test_gear_ratio_rotates_joint_by_its_angle():
+    """A share of each joint moves views like an arm whose joint rotated by that much more."""
     views = views_of(Scenario(samples=6, joints=True))
     (each,) = [c for c in of.candidates(views) if c.about[0] == "hand" and c.code == "gear-ratio"]
     shares = 1e-7 * np.arange(1.0, 7.0)
@@ -41,8 +41,8 @@ def test_a_unit_turns_a_joint_by_its_angle():
     )
 
 
-def test_it_is_estimated_as_stated():
-    """With a prior the share is found within four sigmas, and the base as well as with exact joints."""
+def test_gear_ratio_is_estimated_with_prior():
+    """With a prior the share is found within four sigmas, and the base as accurately as with exact joints."""
     made, recording = recorded_short()
     stated = {of.NAME: of.Stated(status="prior", sigma=0.01)}
     hand = replace(made.cell.robots["hand"], parameters=stated)
@@ -56,7 +56,7 @@ def test_it_is_estimated_as_stated():
     assert off @ np.linalg.solve(found.transforms[name].covariance, off) < 22.5  # one in a thousand of six freedoms
 
 
-def test_it_is_found_if_it_is_not_stated():
+def test_unstated_gear_ratio_error_is_detected():
     """The verdict is not good, and a finding blames the arm's model."""
     made, recording = recorded_short()
     found = calibrate(made.cell, recording)
@@ -80,8 +80,8 @@ def test_words(joint, size, what):
     assert "`gear_ratio: {status: prior, sigma: 0.01}`" in words.do[0]
 
 
-def test_a_joint_that_hardly_turns_is_no_candidate():
-    """Its ratio would be another offset: the others move views as before."""
+def test_resting_joint_has_no_gear_ratio_candidate():
+    """The ratio of a joint that hardly rotates equals an offset, so only the other joints are candidates."""
     views = views_of(SCENARIO)
     joints = np.array(views.groups[0].hand.joints)
     joints[:, 0] = 0.5 + 1e-3 * np.arange(len(joints))

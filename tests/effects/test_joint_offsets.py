@@ -1,4 +1,4 @@
-"""Joint offsets: columns, what is said of them, and their fields in `calibration.json`."""
+"""Tests of joint offsets: columns, messages, and their fields in `calibration.json`."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ FOUND = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([2.0, 3.0]), 
 
 
 @pytest.mark.parametrize(("stated", "sigma"), [({"status": "free"}, None), ({"sigma_rad": 0.01}, [0.01] * 6)])
-def test_a_column_a_joint(stated, sigma):
-    """A radian each, with the prior's sigma where there is one."""
+def test_one_offset_column_per_joint(stated, sigma):
+    """An offset is in radians, with the prior's sigma if there is one."""
     columns = of.EFFECT.parameter.columns(six_axis(), of.Stated(**{"status": "prior", **stated}))
     np.testing.assert_array_equal(columns.basis, np.eye(6))
     assert (columns.sigma if sigma is None else columns.sigma.tolist()) == sigma
 
 
-def test_fields_of_the_calibration():
-    """A field for each number, by robot; read back alike."""
+def test_joint_offsets_round_trip():
+    """Each quantity is a field by robot, and is read back the same."""
     data = of.to_dict({"arm": FOUND})
     assert data["joint_offsets_rad"]["arm"].tolist() == [0.1, 0.2]
     assert data["joint_offsets_sigma_rad"]["arm"].tolist() == [2.0, 3.0]
@@ -43,8 +43,8 @@ def test_fields_of_the_calibration():
         np.testing.assert_array_equal(getattr(back, name), getattr(FOUND, name))
 
 
-def test_nothing_is_null():
-    """Without robots every field is null, and null reads as none."""
+def test_missing_joint_offsets_are_null():
+    """Without robots every field is null, and null reads as no offsets."""
     nothing = of.to_dict({})
     assert len(nothing) == 5
     assert set(nothing.values()) == {None}
@@ -52,14 +52,17 @@ def test_nothing_is_null():
 
 
 @pytest.mark.parametrize(("key", "wrong"), [("joint_offsets_rad", [1.0]), ("joint_offsets_covariance", [[1.0]])])
-def test_numbers_of_other_shapes_are_refused(key, wrong):
-    """As many numbers as joints."""
+def test_wrong_number_of_offsets_is_refused(key, wrong):
+    """Each joint needs exactly one number."""
     with pytest.raises(InputError, match=f"{key} has shape"):
         of.from_dict(of.to_dict({"arm": FOUND}) | {key: {"arm": wrong}})
 
 
-def test_why_an_offset_is_not_seen():
-    """The ends by what they hang on, the others by how little they move; and what makes up for them."""
+def test_unobservable_offsets_are_explained():
+    """The first and last joints are explained by base and mounts, the others by their small motion.
+
+    The text names what compensates the offsets.
+    """
     ends = of.unobserved_reason(
         Unobserved(
             "joints 1 (a) and 4 (d)",
@@ -94,8 +97,8 @@ def test_why_an_offset_is_not_seen():
     assert "joints 1 to 2 move the arm as its base does, in these samples, the last one as the mounts" in chained
 
 
-def test_shared_errors_move_the_flange_as_offsets_do():
-    """To first order as the chain at joints that are off."""
+def test_shared_offsets_move_flange():
+    """Shared errors move the flange to first order like a chain with joint offsets."""
     problem = simulated_problem(SCENARIO)
     at, offsets = posture_at_stops(problem, "eye"), 1e-6 * np.arange(1.0, 7.0)
     off = Kinematics(at.chain, {"joint_offsets": offsets}).forward(at.recorded)
@@ -103,15 +106,15 @@ def test_shared_errors_move_the_flange_as_offsets_do():
     np.testing.assert_allclose(of.shared_errors(at).by_stop @ offsets, moved, atol=1e-10)
 
 
-def test_estimated_offsets_leave_no_random_effect():
-    """Nor do estimated links, which hold them."""
+def test_estimated_offsets_have_no_random_effect():
+    """Estimated offsets, and estimated links, which include them, replace the random effect."""
     for kind in ("joint_offsets", "link_parameters"):
         estimated = replace(SCENARIO, joint_offset_rad=1e-3, link_error=(1e-4, 1e-4), **{kind: "prior"})
         assert shared_errors(of.EFFECT.random, simulated_problem(estimated), "eye") is None
 
 
-def test_joint_offsets():
-    """One unit of a joint's offset moves the view as the flange of an arm whose joint stands elsewhere."""
+def test_joint_offset_candidate_moves_view():
+    """One unit of an offset moves the view like the flange of an arm with that joint offset."""
     views = views_of(Scenario(samples=6, joints=True))
     problem, every = views.problem, list(of.candidates(views))
     assert [(candidates.code, candidates.about[0]) for candidates in every] == [
@@ -130,8 +133,8 @@ def test_joint_offsets():
             np.testing.assert_allclose(1e-6 * found[robot].moves[0][:, joint, :, 0], expected, atol=1e-11)
 
 
-def test_offsets_that_are_estimated_or_have_no_joints_are_not_tested():
-    """Neither robots given by poses nor those whose offsets are unknowns already."""
+def test_no_offset_candidates_if_estimated_or_without_joints():
+    """Robots given by poses, and those whose offsets are unknowns already, have no candidates."""
     assert list(of.candidates(views_of(Scenario(samples=6)))) == []
     estimated = Scenario(samples=12, joints=True, joint_offset_rad=1e-3, joint_offsets="prior")
     assert list(of.candidates(views_of(estimated))) == []
@@ -153,8 +156,8 @@ def test_offsets_that_are_estimated_or_have_no_joints_are_not_tested():
         ),
     ],
 )
-def test_leading_joints_move_the_arm_as_its_base_does(rows, reasons):
-    """The last as its mounts do; those between hardly moved."""
+def test_unobservable_joints_are_explained_by_position(rows, reasons):
+    """Leading joints move the arm like its base, the last like its mounts; those between hardly move."""
     found = of.unobserved_reason(Unobserved("joints", rows, 4, "eye_base", False))
     assert found.split("joints: ", 1)[1].split(";")[0] == reasons
 
@@ -162,7 +165,7 @@ def test_leading_joints_move_the_arm_as_its_base_does(rows, reasons):
 @pytest.mark.parametrize(
     ("largest", "sigma"), [(0.0, 0.005), (0.005, 0.005), (0.0051, 0.006), (0.03, 0.03), (0.031, 0.04), (0.91, 1.0)]
 )
-def test_a_prior_holds_the_offsets_that_were_found(largest, sigma):
-    """It is rounded up to one digit, of either sign."""
+def test_suggested_sigma_covers_largest_offset(largest, sigma):
+    """The suggested sigma is the largest absolute offset, rounded up to one digit, and at least 0.005."""
     assert of.suggested_sigma(np.array([0.0, -largest])) == pytest.approx(sigma)
     assert of.suggested_sigma(np.zeros(0)) == 0.005

@@ -1,4 +1,4 @@
-"""Poses of a robot that are too short."""
+"""Tests of a robot's length scale."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from made_views import moved_by_pose, views_of
 
 
 @pytest.mark.parametrize("robot", ["eye", "hand"])
-def test_longer_poses(robot):
+def test_length_scale_lengthens_poses(robot):
     """One unit of a robot's length scale makes its poses twice as long, to first order."""
     of = views_of(Scenario(samples=12))
     pose = of.recorded_pose(0, robot)

@@ -1,4 +1,4 @@
-"""A lens that sags in its holder turns the camera about its own centre."""
+"""Tests of a lens that sags in its holder, which rotates the camera about its own centre."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from basecal.simulation import Scenario
 from made_views import views_of
 
 
-def test_images_shift_along_gravity():
-    """Points of the target move across the optical axis by their distance times the turn, along gravity there."""
+def test_lens_sag_shifts_images_along_gravity():
+    """Points of the target move across the optical axis by distance times rotation, along gravity in the image."""
     of = views_of(Scenario(samples=12))
     (found,) = candidates(of)
     assert found.about == ("wrist",)
@@ -23,14 +23,14 @@ def test_images_shift_along_gravity():
     np.testing.assert_allclose(shift[:, :2], across[:, :2] * at.translation[:, 2:], atol=1e-9)
 
 
-def test_a_camera_that_stands_has_none():
-    """Gravity is the same in all its images."""
+def test_fixed_camera_has_no_lens_sag():
+    """A stationary camera has the same gravity in all its images."""
     views = views_of(Scenario(samples=12, layout="eye_to_hand"))
     assert list(candidates(views)) == []
 
 
-def test_words_have_its_turn():
-    """With the camera."""
+def test_lens_sag_message_has_camera_and_angle():
+    """The message names the camera and the sag angle with its sigma."""
     found = FoundEffect(
         "lens_sag", "lens-sag", "c", True, False, None, "", np.array([-1.3e-3]), np.array([[4e-8]]), np.zeros(1)
     )

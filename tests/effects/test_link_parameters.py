@@ -1,4 +1,4 @@
-"""Link parameters: their columns, and their fields in `calibration.json`."""
+"""Tests of link parameters: their columns, and their fields in `calibration.json`."""
 
 from __future__ import annotations
 
@@ -18,22 +18,25 @@ SEEN = np.ones((3, 6), dtype=bool)
 FOUND = RobotParameters((), np.arange(18.0).reshape(3, 6), np.arange(18.0, 36.0).reshape(3, 6), SEEN)
 
 
-def test_free_ones_count_half_a_metre_as_a_radian(arm):
-    """A column for each tangent of each origin and of the tip."""
+def test_free_links_scale_half_metre_as_radian(arm):
+    """Each tangent of each origin and of the tip has a column; half a metre is weighted like a radian."""
     basis, sigma = of.columns(arm, of.Stated(status="free"))
     np.testing.assert_array_equal(basis, np.diag([0.5, 0.5, 0.5, 1, 1, 1] * 7))
     assert sigma is None
 
 
-def test_a_prior_holds_every_tangent(arm):
-    """Translations [m] before rotations [rad]."""
+def test_link_prior_covers_every_tangent(arm):
+    """The prior's sigmas apply to translations [m] before rotations [rad]."""
     basis, sigma = of.columns(arm, of.Stated(status="prior", sigma_m=0.1, sigma_rad=0.2))
     np.testing.assert_array_equal(basis, np.eye(42))
     np.testing.assert_array_equal(sigma.reshape(7, 6), [[0.1] * 3 + [0.2] * 3] * 7)
 
 
-def test_fields_of_the_calibration():
-    """Translations before rotations, with their sigmas; read back alike, nothing being null."""
+def test_link_parameters_round_trip():
+    """Translations precede rotations, with their sigmas; all are read back the same.
+
+    Without links the field is null.
+    """
     entry = of.to_dict({"arm": FOUND})["link_parameters"]["arm"]
     assert entry["t_m"].tolist() == [[0, 1, 2], [6, 7, 8], [12, 13, 14]]
     assert entry["r_rad"][0].tolist() == [3, 4, 5]
@@ -45,8 +48,8 @@ def test_fields_of_the_calibration():
     assert of.from_dict({"link_parameters": None}) == {}
 
 
-def test_links_are_told_in_millimetres_and_degrees():
-    """A line an origin, from 1, to the tenth of a micrometre; what rounds to nothing has no sign."""
+def test_links_are_reported_in_millimetres_and_degrees():
+    """Each origin has a line, numbered from 1, to 0.1 um; values that round to zero have no sign."""
     values = np.array([[1e-3, -2e-3, -1e-9, np.radians(0.5), 0, 0], [0, 0, 0, 0, 0, np.radians(-1)]])
     heading, *lines = of.report("arm", RobotParameters((), values, np.ones((2, 6)), SEEN[:2]))
     assert heading == "link errors of arm, right tangents of each joint's origin, then of the tip"
@@ -56,8 +59,11 @@ def test_links_are_told_in_millimetres_and_degrees():
     ]
 
 
-def test_shared_errors_move_the_flange_as_links_do():
-    """To first order as the chain whose origins are moved; shifts go by one sigma, turns by the other."""
+def test_shared_link_errors_move_flange():
+    """Errors move the flange to first order like a chain with moved origins.
+
+    Shifts have one sigma, rotations the other.
+    """
     problem = simulated_problem(SCENARIO)
     at, tangents = posture_at_stops(problem, "eye"), 1e-7 * np.arange(42.0).reshape(7, 6)
     off = Kinematics(at.chain, {"link_parameters": tangents}).forward(at.recorded)
@@ -67,23 +73,23 @@ def test_shared_errors_move_the_flange_as_links_do():
     assert found.is_turn.reshape(7, 6).tolist() == [[False] * 3 + [True] * 3] * 7
 
 
-def test_estimated_links_leave_no_random_effect():
-    """Offsets that are estimated leave the links what they are."""
+def test_estimated_links_have_no_random_effect():
+    """Estimated links replace the random effect; estimated offsets alone do not."""
     links = replace(SCENARIO, link_error=(1e-4, 1e-4), link_parameters="prior")
     assert shared_errors(of.EFFECT.random, simulated_problem(links), "eye") is None
     offsets = replace(SCENARIO, joint_offset_rad=1e-3, joint_offsets="prior")
     assert shared_errors(of.EFFECT.random, simulated_problem(offsets), "eye") is not None
 
 
-def test_links_that_the_noise_shows_are_told_by_the_largest_sigma():
-    """Of all robots, each number by itself."""
+def test_likely_link_error_states_largest_sigmas():
+    """The message states the largest sigma of all robots, separately for shift and rotation."""
     words = of.likely({"eye": np.array([5e-4, np.radians(0.1)]), "hand": np.array([2e-4, np.radians(0.3)])})
     assert words.what == "Links of eye and hand likely differ from the URDF by 0.50 mm and 0.30 deg (1 sigma)."
     assert words.do[0].endswith("at eye and hand.")
 
 
-def test_drawn_links_turn_by_a_milliradian_per_millimetre():
-    """One row for each origin and one for the tip."""
+def test_drawn_links_have_milliradian_per_millimetre():
+    """One row is drawn for each origin and one for the tip."""
     drawn = of.draw_fault(2e-3, 4999, np.random.default_rng(0))
     assert drawn.shape == (5000, 6)
     np.testing.assert_allclose(drawn.std(0), 2e-3, rtol=0.05)

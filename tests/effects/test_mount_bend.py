@@ -1,4 +1,4 @@
-"""A mount that bends turns by l x g in its flange."""
+"""Tests of a mount that bends: it rotates by l x g in its flange."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from basecal.simulation import Scenario
 from made_views import views_of
 
 
-def test_a_bend_turns_the_mount_about_the_flange():
-    """By l x g, less its mean over the poses, which a free mount has in it."""
+def test_mount_bend_rotates_about_flange():
+    """The rotation is l x g minus its mean over the poses, which a free mount absorbs."""
     of = views_of(Scenario(samples=12))
     lever, down = np.array([3e-7, -2e-7, 1e-6]), of.down_in_flange(0, "hand")
     np.testing.assert_allclose(
@@ -26,8 +26,8 @@ def test_a_bend_turns_the_mount_about_the_flange():
     np.testing.assert_allclose(moves @ lever, expected, atol=1e-15)
 
 
-def test_a_fixed_mount_bends_from_where_it_is_stated():
-    """It was measured where nothing pulls."""
+def test_fixed_mount_bends_from_stated_pose():
+    """A fixed mount was measured without load, so no mean is subtracted."""
     of = views_of(Scenario(samples=12, target_mount="fixed"))
     (moves,) = (c.moves[0][:, 0] for c in candidates(of) if c.about == ("hand_flange_from_board",))
     lever = np.array([0.0, 0.0, 1e-6])
@@ -36,14 +36,14 @@ def test_a_fixed_mount_bends_from_where_it_is_stated():
     np.testing.assert_allclose(moves @ lever, expected, atol=1e-15)
 
 
-def test_the_fault_is_a_bend_about_z():
-    """By its size where gravity is across z, by nothing along it."""
+def test_simulated_bend_is_about_z():
+    """The bend has its full size if gravity is perpendicular to z, and is zero along z."""
     np.testing.assert_allclose(bend(1e-3, np.array([1.0, 0.0, 0.0])), [0, 0, 0, 0, 1e-3, 0])
     np.testing.assert_allclose(bend(1e-3, np.array([0.0, 0.0, -1.0])), 0.0)
 
 
-def test_words_have_its_size():
-    """With the name of the mount."""
+def test_mount_bend_message_has_size():
+    """The message has the name of the mount and the bend with its sigma."""
     size, covariance = np.array([6e-4, 0.0, -8e-4]), 4e-8 * np.eye(3)
     found = FoundEffect("mount_bend", "mount-bent", "m", False, False, None, "rad", size, covariance, np.zeros(1))
     assert words(found).what == "m bends by 1.00 ± 0.20 mrad under gravity."

@@ -1,4 +1,4 @@
-"""Every effect: each face is there or lacks with a reason, and does what faces do."""
+"""Tests that apply to every registered effect: each aspect is implemented or declared absent with a reason."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ SIGMAS = {"eye": np.array([5e-4, 1e-3]), "hand": np.array([1e-4, 2e-3])}
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_each_face_is_there_or_lacks_with_a_reason(name):
-    """Never both, and a reason is a phrase."""
+def test_each_aspect_is_implemented_or_declared_absent(name):
+    """No aspect is both implemented and declared absent, and a reason for absence is a phrase."""
     effect = EFFECTS[name]
     assert effect.name == name
     missing, twice = set(get_args(Face)) - effect.faces - effect.absent.keys(), effect.faces & effect.absent.keys()
@@ -49,20 +49,20 @@ def test_each_face_is_there_or_lacks_with_a_reason(name):
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_faces_elsewhere_name_a_module(name):
-    """The first word is a module that is there."""
+def test_aspects_elsewhere_name_existing_module(name):
+    """The first word of each reference is an importable module."""
     for where in EFFECTS[name].elsewhere.values():
         importlib.import_module(re.split("[: ]", where)[0])
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_what_is_found_has_words(name):
-    """An effect that score tests look for is put into words."""
+def test_detectable_effects_have_messages(name):
+    """Every effect with score-test candidates has a message, and no other has."""
     assert (EFFECTS[name].candidates is None) == (EFFECTS[name].words is None), "candidates and words go together"
 
 
 def found_effect(about, size, sigma, is_camera=False, unit="", joint=None):
-    """An effect that was found with a size whose sigma is equal in all its directions."""
+    """Return a detected effect whose size has equal sigma in all its directions."""
     covariance = sigma**2 * np.eye(len(size))
     return FoundEffect("", "", about, is_camera, False, None, unit, np.array(size), covariance, np.zeros(6), joint)
 
@@ -88,15 +88,15 @@ def found_effect(about, size, sigma, is_camera=False, unit="", joint=None):
     ("joint_offsets", found_effect("eye", np.radians([0.1, -0.5, 0.2]), np.radians(0.01)),
      "Several joints of eye are off; the clearest is joint 2, by -0.500 ± 0.010 deg."),
 ])  # fmt: skip
-def test_what_is_found_is_told_with_its_number(name, found, what):
-    """Whose it is, by how much, in which unit, and what to do; of clocks and joints also which way."""
+def test_effect_message_states_size(name, found, what):
+    """The message states the device, size, unit and fix; those of clocks and joints also state the direction."""
     words = EFFECTS[name].words(found)
     assert words.what == what
     assert words.do
 
 
-def test_faults_have_names_of_their_own():
-    """Each is drawn of its size: twice the size is twice the values."""
+def test_simulated_faults_have_unique_names():
+    """A fault is drawn in proportion to its size: twice the size gives twice the values."""
     faults = [effect.fault for effect in EFFECTS.values() if effect.fault is not None]
     assert len({fault.name for fault in faults}) == len(faults)
     for name, effect in EFFECTS.items():
@@ -108,8 +108,8 @@ def test_faults_have_names_of_their_own():
 
 
 @pytest.mark.parametrize("joints", [False, True])
-def test_candidates_have_moves_for_all_views(joints):
-    """Of each kind (n, b, 6, q), as many as are named."""
+def test_candidates_move_all_views(joints):
+    """Each kind of candidate has moves of shape (n, b, 6, q), with b as many as are named."""
     views, found = views_of(Scenario(samples=12, joints=joints)), 0
     for effect in EFFECTS.values():
         for kind in () if effect.candidates is None else effect.candidates(views):
@@ -123,8 +123,8 @@ LENS = Camera("pinhole", np.array([900.0, 910.0, 640.0, 360.0, -0.1, 0.05, 0.0, 
 
 
 @pytest.mark.parametrize("name", LENS_PARAMETERS)
-def test_a_lens_that_is_drawn_is_off_by_its_size(name):
-    """In its own parameters alone, and the words give that size in the fault's unit."""
+def test_drawn_lens_error_has_requested_size(name):
+    """Only the part's own parameters change, and the message gives the size in the fault's unit."""
     part, fault = LENS_PARAMETERS[name], EFFECTS[name].fault
     true = fault.true_lens(2 * fault.scale, LENS)
     changed = np.flatnonzero(true.parameters != LENS.parameters)
@@ -135,15 +135,18 @@ def test_a_lens_that_is_drawn_is_off_by_its_size(name):
     assert part.typical_sigmas(LENS).shape == np.arange(9)[part.indices].shape
 
 
-def test_parts_of_a_lens_are_in_its_order():
-    """Every parameter is of one of them."""
+def test_lens_parts_cover_all_parameters():
+    """The parts are in the lens's order and include every parameter once."""
     places = np.concatenate([np.arange(9)[part.indices] for part in LENS_PARAMETERS.values()])
     np.testing.assert_array_equal(places, np.arange(9))
 
 
 @pytest.mark.parametrize("name", RANDOM_EFFECTS)
-def test_sizes_are_expected_by_a_source(name):
-    """Or assumed; a factor spans them, and the words of the report can be filled in."""
+def test_random_effects_have_documented_expected_sizes(name):
+    """Expected sizes have a source or are marked as assumed, with a factor for their range.
+
+    The report's fields can be filled in.
+    """
     effect = RANDOM_EFFECTS[name]
     assert {field for _, field, _, _ in Formatter().parse(effect.report) if field} <= effect.figures.keys()
     assert effect.expected.turn[0] > 0
@@ -153,8 +156,8 @@ def test_sizes_are_expected_by_a_source(name):
 
 
 @pytest.mark.parametrize("name", [name for name, each in RANDOM_EFFECTS.items() if each.likely is not None])
-def test_what_the_noise_shows_is_put_into_words(name):
-    """With the robots, the size and an entry of cell.yaml."""
+def test_likely_random_effect_has_message(name):
+    """The message names the robots, the size and an entry of cell.yaml."""
     words = RANDOM_EFFECTS[name].likely(SIGMAS)
     assert "eye and hand" in words.what
     assert "0.11 deg" in words.what
@@ -167,16 +170,16 @@ def flange(kind, values):
 
 
 @pytest.mark.parametrize("name", ROBOT_PARAMETERS)
-def test_zero_is_the_robot_as_stated(name):
-    """Nothing moves, and what was not looked for is stated as fixed."""
+def test_zero_parameters_leave_robot_unchanged(name):
+    """With zero values no flange moves, and unstated parameters are fixed."""
     kind = ROBOT_PARAMETERS[name]
     np.testing.assert_array_equal(flange(kind, kind.zero(6)).matrix, ARM.forward(JOINTS).matrix)
     assert kind.stated().status == "fixed"
 
 
 @pytest.mark.parametrize("name", ROBOT_PARAMETERS)
-def test_the_derivative_is_that_of_the_flange(name):
-    """To each value, at values of some size."""
+def test_parameter_derivative_matches_flange_motion(name):
+    """The derivative to each value equals the numerical one at nonzero values."""
     kind = ROBOT_PARAMETERS[name]
     values = 0.1 * kind.scale * np.random.default_rng(1).standard_normal(kind.zero(6).shape)
     true, moved = JOINTS + kind.shift(ARM, kind.stated(), JOINTS, values), kind.move_chain(ARM, values)
@@ -190,8 +193,11 @@ def test_the_derivative_is_that_of_the_flange(name):
 
 
 @pytest.mark.parametrize("name", ROBOT_PARAMETERS)
-def test_what_was_found_is_written_read_and_reported(name):
-    """A heading with the robot's name and a line at least; the fields of the calibration give it back."""
+def test_robot_parameters_round_trip_and_report(name):
+    """The report has a heading with the robot's name and a line per value.
+
+    The calibration's fields give the values back.
+    """
     kind = ROBOT_PARAMETERS[name]
     values = np.arange(kind.zero(6).size, dtype=float).reshape(kind.zero(6).shape)
     joints = ARM.joint_names if kind.is_by_joint else ()
@@ -204,16 +210,16 @@ def test_what_was_found_is_written_read_and_reported(name):
 
 
 @pytest.mark.parametrize("name", ROBOT_PARAMETERS)
-def test_values_by_joint_say_why_they_are_not_seen(name):
-    """Others are left out as a whole."""
+def test_unobservable_joint_values_are_explained(name):
+    """Parameters by joint explain unobservable joints; others are left out as a whole."""
     kind = ROBOT_PARAMETERS[name]
     assert (kind.unobserved is not None) == kind.is_by_joint
     if kind.unobserved is not None:
         assert "joint 2 (b)" in kind.unobserved(Unobserved("joint 2 (b)", (1,), 6, "eye_base", True))
 
 
-def test_effects_are_grouped_by_what_they_depend_on():
-    """Fields of place, changes of frames in time, and sizes that every answer contains."""
+def test_effects_are_grouped_by_dependence():
+    """The groups are fields of position, changes of frames in time, and sizes that every covariance includes."""
     assert set(BY_PLACE) == {"length_scale", "bending", "stretch"}
     assert set(CHANGES_IN_TIME) == {"step", "drift"}
     assert set(CONTAINED) == {"mount_bend", "mount_play", "lens_sag"}
@@ -221,7 +227,7 @@ def test_effects_are_grouped_by_what_they_depend_on():
         assert EFFECTS[name].candidates is not None
 
 
-def test_arms_are_never_built_exactly_as_stated():
+def test_joint_offsets_and_links_are_always_modelled():
     """Offsets and links are certain and drawn on maps; an estimated parameter replaces its own random effect."""
     for name, effect in RANDOM_EFFECTS.items():
         assert effect.is_certain == effect.is_mapped == (name in {"joint_offsets", "link_parameters"}), name
@@ -229,8 +235,8 @@ def test_arms_are_never_built_exactly_as_stated():
         assert set(effect.replaced_by) <= ROBOT_PARAMETERS.keys()
 
 
-def test_sizes_that_no_answer_contains_have_no_largest_sigma():
-    """Of the others it is that of the prior: three standard deviations at most."""
+def test_only_contained_effects_have_largest_sigma():
+    """The largest sigma of a contained effect is that of the prior, at most three standard deviations."""
     for name, effect in EFFECTS.items():
         largest = largest_sigma(name)
         assert np.isfinite(largest) == (name in CONTAINED)
@@ -255,13 +261,16 @@ def test_sizes_that_no_answer_contains_have_no_largest_sigma():
     ],
 )
 def test_faults_have_usual_sizes(name, usual):
-    """In the units of SI, or in pixels."""
+    """Default sizes of faults are in SI units or in pixels."""
     (fault,) = (each.fault for each in EFFECTS.values() if each.fault is not None and each.fault.name == name)
     assert fault.scale * fault.default_size == pytest.approx(usual)
 
 
-def test_what_is_drawn_of_joints_is_as_large_as_its_fault():
-    """Compliances by the load of 50 Nm, from half to one and a half times; links by a sigma per axis, 1 mrad a mm."""
+def test_drawn_joint_faults_have_requested_size():
+    """Compliances are drawn by the load of 50 Nm from half to 1.5 times the size.
+
+    Links have a sigma per axis with 1 mrad per mm.
+    """
     rng = np.random.default_rng(0)
     compliance = EFFECTS["deflection"].fault.draw(0.05, 2000, rng)
     assert 5e-4 <= compliance.min() < 5.1e-4
@@ -272,8 +281,11 @@ def test_what_is_drawn_of_joints_is_as_large_as_its_fault():
     np.testing.assert_allclose(links.mean(0), 0, atol=0.06)
 
 
-def test_effects_that_the_data_do_not_distinguish_are_named_together():
-    """A statement comes first, whatever was found; later ones go on in lower case, and advice is said once."""
+def test_indistinguishable_effects_are_reported_together():
+    """A fixed transform comes first whatever was detected.
+
+    Later ones continue in lower case, and advice is not repeated.
+    """
     found = found_effect("eye", [3e-3, 4e-3], 1e-4)
     bent, late = (
         replace(found, effect="bending"),
@@ -299,8 +311,8 @@ def test_effects_that_the_data_do_not_distinguish_are_named_together():
         ("target_size", 5e-4, 5e-4, True),
     ],
 )
-def test_expected_sizes_are_those_of_their_source(name, least, most, is_stated):
-    """A standard deviation of the prior spans no more than the range that the source gives [rad, m, or a share]."""
+def test_expected_sizes_match_their_source(name, least, most, is_stated):
+    """One standard deviation of the prior spans at most the range of the source [rad, m, or a share]."""
     expected = EFFECTS[name].expected
     assert expected.is_stated == is_stated == (name not in CONTAINED)
     assert least * 0.999 <= expected.sigma / expected.factor <= expected.sigma * expected.factor <= most * 1.001
@@ -308,8 +320,11 @@ def test_expected_sizes_are_those_of_their_source(name, least, most, is_stated):
 
 
 @pytest.mark.parametrize(("name", "load"), [("joint_offsets", 1.0), ("gear_ratio", np.pi), ("deflection", 100.0)])
-def test_free_parameters_are_seen_if_they_turn_joints_by_less_than_a_third_of_a_radian(name, load):
-    """A zero by itself, a gear by its share of half a turn, and a joint that bears 100 Nm."""
+def test_free_joint_parameters_allow_a_third_of_radian(name, load):
+    """Free parameters may rotate a joint by about a third of a radian.
+
+    This is applied to offsets directly, to gear ratios at half a turn, and to compliances at 100 Nm.
+    """
     assert 0.25 < ROBOT_PARAMETERS[name].largest_sigma * load < 0.35
 
 
@@ -321,8 +336,8 @@ def test_free_parameters_are_seen_if_they_turn_joints_by_less_than_a_third_of_a_
         ("deflection", 5e-6, "+5.00 urad/Nm"),
     ],
 )
-def test_values_of_joints_are_reported_in_their_unit(name, value, shown):
-    """With their sigma in the same one, a line a joint below the heading."""
+def test_joint_values_are_reported_in_their_unit(name, value, shown):
+    """Each joint has a line below the heading with its value and sigma in the same unit."""
     found = RobotParameters(("a", "b"), np.array([value, 0.0]), np.array([value, 2 * value]), np.ones(2, dtype=bool))
     heading, first, second = ROBOT_PARAMETERS[name].report("arm", found)
     number, unit = shown.split()
@@ -332,8 +347,8 @@ def test_values_of_joints_are_reported_in_their_unit(name, value, shown):
 
 
 @pytest.mark.parametrize("percent", [0.5, -0.25])
-def test_lengths_are_told_in_percent(percent):
-    """Poses that are too short or too long, targets that are larger or smaller."""
+def test_length_errors_are_reported_in_percent(percent):
+    """The message says poses are too short or too long, and targets larger or smaller."""
     found = replace(found_effect("hand", [percent / 100], 1e-4), code="length-scale")
     told = EFFECTS["length_scale"].words(found).what
     assert told == f"Poses of hand are {abs(percent):.3f} ± 0.010 % too {'short' if percent > 0 else 'long'}."
@@ -352,8 +367,11 @@ def test_lengths_are_told_in_percent(percent):
         ("smooth", 0.5, 10.0, True),
     ],
 )
-def test_what_stops_share_is_as_large_as_arms_err(name, least, most, over_stop):
-    """Both ends of a standard deviation either way, in radians or in sigmas of a stop; levers are of an arm's size."""
+def test_shared_error_sizes_match_typical_arms(name, least, most, over_stop):
+    """The range within one standard deviation is plausible in radians or in sigmas of a stop.
+
+    Levers have the size of an arm.
+    """
     prior = RANDOM_EFFECTS[name].expected
     middle, factor = prior.turn
     assert least < middle / factor < middle < middle * factor < most

@@ -1,4 +1,4 @@
-"""Smooth errors by few modes are those of the kernel."""
+"""Tests of smooth errors: a few modes reproduce the kernel."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from basecal.geometry.rotation import rotation_log
 from basecal.simulation import Scenario, simulate
 
 
-def test_modes_make_the_kernel():
-    """Products of modes are exp(-d^2 / 2 l^2) of the stops' distances d, to what the modes left out explain, 8 %."""
+def test_modes_reproduce_kernel():
+    """Products of modes are exp(-d^2 / 2 l^2) of the stops' distances d, up to 8 % in the omitted modes."""
     s = simulate(Scenario(samples=30), 1)
     problem, _ = build_problem(s.cell, s.recording)
     poses, seen = stop_poses(problem, "hand")
@@ -26,8 +26,11 @@ def test_modes_make_the_kernel():
     np.testing.assert_allclose(found @ found.T, np.exp(-0.5 * squared / LENGTH_M**2), atol=0.08)
 
 
-def test_errors_are_alike_by_a_gaussian_of_the_distance():
-    """Over 0.7 m, a radian counting as a metre: of pairs near and half a turn apart, of two different lists."""
+def test_smooth_kernel_is_gaussian_of_distance():
+    """The length scale is 0.7 m, with a radian counting as a metre.
+
+    Tested for near pairs, pairs half a turn apart, and two lists.
+    """
     rng = np.random.default_rng(0)
     first, second = (SE3.exp(rng.uniform(-1.5, 1.5, (n, 6))) for n in (5, 3))
     found = kernel(first, second)
@@ -41,8 +44,11 @@ def test_errors_are_alike_by_a_gaussian_of_the_distance():
 
 
 @pytest.mark.parametrize(("spread_rad", "fewer"), [(0.6, True), (2.5, False)])
-def test_modes_are_the_strongest_sixteen_that_matter(spread_rad, fewer):
-    """As the kernel's eigenvectors: of arms that turn much all sixteen, else but for those below a hundredth."""
+def test_at_most_sixteen_strongest_modes_are_kept(spread_rad, fewer):
+    """The modes are the kernel's eigenvectors.
+
+    Arms that rotate much have all sixteen, others only those above a hundredth.
+    """
     made = simulate(Scenario(samples=40, spread_rad=spread_rad), 1)
     problem, _ = build_problem(made.cell, made.recording)
     poses, seen = stop_poses(problem, "hand")
@@ -56,8 +62,8 @@ def test_modes_are_the_strongest_sixteen_that_matter(spread_rad, fewer):
 
 
 @pytest.mark.parametrize(("stops", "places", "few"), [(10, 10, 10), (11, 10, 6), (20, 10, 10), (21, 10, 7), (3, 10, 3)])
-def test_modes_are_of_so_many_places_at_most(stops, places, few):
-    """Evenly chosen, the first among them."""
+def test_mode_places_are_limited_and_even(stops, places, few):
+    """Places are evenly chosen, and the first is among them."""
     instants = np.arange(float(stops))
     found = Modes.strongest(instants, lambda one, two: np.exp(-np.abs(one[:, None] - two)), places)
     assert len(found.recorded) == few
@@ -65,8 +71,8 @@ def test_modes_are_of_so_many_places_at_most(stops, places, few):
     assert len(set(np.diff(found.recorded))) == 1
 
 
-def test_modes_are_the_strongest_and_not_too_weak():
-    """So many at most, none below a share of the largest."""
+def test_weak_modes_are_dropped():
+    """At most the requested number of modes is kept, and none below a share of the largest."""
     alike = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]]) / 2
     values = np.array([1.0, 0.5, 0.02, 0.009])
     places = np.arange(4)

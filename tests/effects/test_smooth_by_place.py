@@ -1,4 +1,4 @@
-"""Errors that are smooth in the place of a flange, along the axes of its base."""
+"""Tests of errors that are smooth in the position of a flange, along the axes of its base."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from basecal.geometry import SE3
 from shared.absorbed_errors import absorb_errors
 
 
-def test_errors_are_equal_at_one_place_however_the_flange_is_turned():
-    """In the base: covariances of all coordinates are the kernel, and turns of a flange change nothing but its axes."""
+def test_errors_depend_on_position_not_orientation():
+    """In the base frame the covariances of all coordinates are the kernel.
+
+    Rotating the flange changes only its axes.
+    """
     rng = np.random.default_rng(0)
     poses = SE3.exp(rng.uniform(-0.6, 0.6, (12, 6)))
     found = errors(poses, poses)
@@ -27,12 +30,15 @@ def test_errors_are_equal_at_one_place_however_the_flange_is_turned():
     assert np.isclose(expected[0, 1], np.exp(-0.5 * (apart / LENGTH_M) ** 2))
 
 
-def test_what_a_base_takes_up_of_such_errors_is_in_its_covariance():
-    """Of 2 mm and 2 mrad: they shift the base by millimetres, and their change over the samples shows that."""
+def test_covariance_includes_error_absorbed_by_base():
+    """Errors of 2 mm and 2 mrad shift the base by millimetres.
+
+    Their change over the samples shows this, so the covariance includes it.
+    """
     weights = 2e-3 * np.random.default_rng(0).standard_normal((6, 3))
 
     def wrong(pose: SE3) -> SE3:
-        """The pose that is recorded."""
+        """Return the pose that is recorded."""
         shift, turn = np.split(weights @ np.sin(4 * pose.translation), 2)
         return SE3(SE3.exp(np.append(0 * turn, turn)).rotation @ pose.rotation, pose.translation + shift)
 

@@ -1,4 +1,4 @@
-"""Errors that are smooth in the reach and height of a flange, along axes that turn with the arm."""
+"""Tests of errors that are smooth in the reach and height of a flange, along axes that rotate with the arm."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from basecal.geometry import SE3
 from shared.absorbed_errors import absorb_errors
 
 
-def test_turning_the_arm_about_its_first_axis_changes_nothing_at_the_flange():
-    """All errors, the bend among them, move the flange equally; a longer reach or another height does not."""
+def test_rotation_about_first_axis_keeps_errors():
+    """Rotating the arm about its first axis leaves all errors unchanged at the flange, including the bend.
+
+    A longer reach or another height changes them.
+    """
     poses = SE3.exp(np.random.default_rng(0).uniform(-0.6, 0.6, (12, 6)))
     turned = SE3.exp(np.array([0, 0, 0, 0, 0, 1.3])) @ poses
     np.testing.assert_allclose(errors(poses, turned).by_stop, errors(poses, poses).by_stop, atol=1e-9)
@@ -21,8 +24,8 @@ def test_turning_the_arm_about_its_first_axis_changes_nothing_at_the_flange():
         assert np.isclose(kernel(at, there)[0, 0], np.exp(-0.5 * (0.2 / LENGTH_M) ** 2))
 
 
-def test_errors_are_along_the_axes_of_the_arm_and_the_last_bends_it():
-    """In these axes covariances of all coordinates are the kernel; the bend turns the base side by the reach."""
+def test_errors_follow_arm_axes_and_last_is_bend():
+    """In the arm's axes the covariances are the kernel; the last error rotates the base sideways by the reach."""
     poses = SE3.exp(np.random.default_rng(0).uniform(-0.6, 0.6, (12, 6)))
     found = errors(poses, poses)
     x, y, _ = poses.translation.T
@@ -36,11 +39,14 @@ def test_errors_are_along_the_axes_of_the_arm_and_the_last_bends_it():
     assert found.is_turn[-1]
 
 
-def test_a_long_link_shows_and_its_part_of_the_base_is_in_the_covariance():
-    """Of 3 mm: the flange is shifted outward and up alike, which the base takes up."""
+def test_covariance_includes_long_link_absorbed_by_base():
+    """A link 3 mm too long shifts the flange outward and upward.
+
+    The base absorbs this, and the covariance includes it.
+    """
 
     def wrong(pose: SE3) -> SE3:
-        """The pose that is recorded."""
+        """Return the pose that is recorded."""
         outward = pose.translation * [1, 1, 0] / np.linalg.norm(pose.translation[:2])
         return SE3(pose.rotation, pose.translation + 3e-3 * outward + [0, 0, 2e-3])
 

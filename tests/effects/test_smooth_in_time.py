@@ -1,4 +1,4 @@
-"""Errors of arms that move, nearly equal at instants that are near one another."""
+"""Tests of errors of moving arms that are nearly equal at nearby instants."""
 
 from __future__ import annotations
 
@@ -19,8 +19,11 @@ NAME = "arm_flange_from_wrist"
 LAG = np.repeat([2e-3, 4e-3], 3)  # four times what views are off by
 
 
-def test_covariances_of_their_modes_are_the_kernel():
-    """But for what changes within a fifth of a second, which is noise of single stops; there is none at rest."""
+def test_covariance_of_modes_is_time_kernel():
+    """Mode covariances are the kernel, except for changes within 0.2 s, which are noise of single stops.
+
+    At rest there are none.
+    """
     times = np.append(0.2 * np.arange(60), np.nan)
     found = errors(times)
     alike = np.einsum("iak,jbk->abij", found.by_stop, found.by_stop)
@@ -32,8 +35,8 @@ def test_covariances_of_their_modes_are_the_kernel():
     assert not np.any(alike[0, 1])
 
 
-def test_modes_are_as_quick_in_long_recordings():
-    """One a second and more, up to two minutes; a gap of a day takes none."""
+def test_mode_density_is_constant_in_long_recordings():
+    """There is at least one mode per second, up to two minutes; a gap of a day takes none."""
     of_10, of_60 = (errors(np.arange(0, seconds, 0.2)).by_stop.shape[2] / 6 for seconds in (10, 60))
     assert of_10 / 10 == pytest.approx(of_60 / 60, rel=0.2)
     assert of_60 > 60
@@ -63,13 +66,13 @@ def lagging(seed: int, size: float, stated_sigma: float | None = None) -> Stream
 
 @cache
 def calibrated(seed: int, size: float, stated_sigma: float | None = None) -> Calibration:
-    """The calibration of a stream that lags."""
+    """Return the calibration of a stream with a lag."""
     made = lagging(seed, size, stated_sigma)
     return calibrate(made.cell, made.recording)
 
 
-def test_they_are_named_where_they_are_and_only_there():
-    """With what they come to at the flange."""
+def test_time_errors_are_reported_only_if_present():
+    """The noise reports lagging errors with their sigma at the flange, and none for a clean stream."""
     clean, late = calibrated(0, 0.0), calibrated(0, 1.0)
     assert clean.noise["robots"]["arm"].get("smooth_in_time") is None
     told = late.noise["robots"]["arm"]["smooth_in_time"]
@@ -77,8 +80,8 @@ def test_they_are_named_where_they_are_and_only_there():
     np.testing.assert_allclose(told["sigma"], LAG, rtol=0.6)
 
 
-def test_an_arm_that_states_its_repeatability_may_lag():
-    """By half a millimetre: no answer is doubtful, and sigmas are true."""
+def test_stated_repeatability_allows_lag():
+    """With a lag of half a millimetre and a stated repeatability, no answer is doubtful and sigmas are correct."""
     distances = []
     for seed in range(2):
         found = calibrated(seed, 0.3, stated_sigma=1e-4)
@@ -88,8 +91,8 @@ def test_an_arm_that_states_its_repeatability_may_lag():
     assert 1 < np.mean(distances) < 12  # 6 on average
 
 
-def test_an_arm_that_lags_is_not_taken_for_one_that_is_stretched(monkeypatch):
-    """Answers are good, with true sigmas. With an error for each stop alone, warnings are of poses and lengths."""
+def test_lag_is_not_attributed_to_stretch(monkeypatch):
+    """Answers are good with correct sigmas. With only an error per stop, warnings concern poses and lengths."""
     distances = []
     for seed in (0, 2, 3):
         found = calibrated(seed, 1.0)
@@ -102,8 +105,11 @@ def test_an_arm_that_lags_is_not_taken_for_one_that_is_stretched(monkeypatch):
     assert "stretch" in {finding.code for finding in alone.findings if finding.severity == "warning"}
 
 
-def test_a_base_that_moves_is_not_taken_for_an_arm_that_lags():
-    """By 30 mm, in the middle: errors in time whose sigma was found with the move would hold it."""
+def test_moved_base_is_not_attributed_to_lag():
+    """A base moved by 30 mm halfway is detected.
+
+    Time errors whose sigma was estimated together with the move would absorb it.
+    """
     made = lagging(2, 0.5)
     stamps = [sample.stamp_s for sample in made.recording.samples]
     samples = []
@@ -118,8 +124,8 @@ def test_a_base_that_moves_is_not_taken_for_an_arm_that_lags():
     assert "base-moved" in {finding.code for finding in found.findings if finding.severity != "info"}
 
 
-def test_errors_are_alike_for_a_second():
-    """By an exponential of the time between, of two lists of instants."""
+def test_time_errors_correlate_for_a_second():
+    """The kernel is an exponential of the time between two lists of instants."""
     found = kernel(np.array([0.0, 3.0]), np.array([0.0, 1.0, 5.0]))
     np.testing.assert_allclose(found, np.exp([[0, -1, -5], [-3, -2, -2]]))
     assert errors(np.array([np.nan, np.nan])) is None

@@ -1,4 +1,4 @@
-"""Poses that are stretched along some directions."""
+"""Tests of poses that are stretched along some directions."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from basecal.simulation import Scenario
 from made_views import moved_by_pose, views_of
 
 
-def test_a_stretch_shifts_places_by_a_symmetric_matrix():
-    """Three axes, and three pairs of them; no flange turns."""
+def test_stretch_shifts_positions_by_symmetric_matrix():
+    """Three axes and three pairs of them are stretched; no flange rotates."""
     of = views_of(Scenario(samples=12))
     pose = of.recorded_pose(0, "hand")
     coefficients = 1e-6 * np.array([1.0, -2.0, 0.5, 3.0, 1.5, -1.0])
@@ -23,13 +23,13 @@ def test_a_stretch_shifts_places_by_a_symmetric_matrix():
     np.testing.assert_allclose(moves @ coefficients, moved_by_pose(of, "hand", moved), atol=1e-10)
 
 
-def test_arms_that_record_joints_have_links_instead():
-    """No candidate is theirs."""
+def test_no_stretch_candidates_with_recorded_joints():
+    """Arms that record joints have link parameters instead."""
     assert list(candidates(views_of(Scenario(samples=12, joints=True)))) == []
 
 
-def test_words_have_its_share():
-    """In percent."""
+def test_stretch_message_has_percent():
+    """The message gives the stretch in percent with its sigma."""
     size = np.array([1e-3, 0, 0, 0, 0, 0])
     found = FoundEffect("stretch", "stretch", "eye", False, False, None, "", size, 1e-8 * np.eye(6), np.zeros(1))
     assert words(found).what == "Poses of eye are stretched by 0.100 ± 0.010 %, not equally in all directions."

@@ -1,4 +1,4 @@
-"""A target that is larger than stated."""
+"""Tests of a target whose size differs from the stated one."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from basecal.simulation import Scenario
 from made_views import Made, views_of
 
 
-def test_a_larger_target_is_seen_nearer():
-    """One millionth that a target is larger than stated takes one of its distance from the camera; nothing turns."""
+def test_larger_target_appears_nearer():
+    """A target larger by a millionth appears nearer by a millionth of its distance; nothing rotates."""
     of = views_of(Scenario(samples=12))
     at = of.state.camera_from_target(of.problem.groups[0], of.problem.stops)
     nearer = SE3(at.rotation, (1 - 1e-6) * at.translation)
     np.testing.assert_allclose(1e-6 * size_moves(of, 0)[..., 0], (at.inverse() @ nearer).log(), atol=1e-12)
 
 
-def test_an_led_has_no_size():
-    """It is a single point."""
+def test_led_has_no_size_candidate():
+    """An LED is a single point, so it has no size."""
     assert list(candidates(views_of(Scenario(samples=8, target="led")))) == []
 
 
 @pytest.mark.parametrize("targets", [("board", "light"), ("board",), ()])
-def test_targets_have_sizes(targets):
-    """Each moves its own views, by its distance."""
+def test_each_target_size_moves_its_own_views(targets):
+    """Each target's size moves only its own views, along their distance."""
     of = Made(4, {"eye": "eye"}, {"target": "light", "mount": "bulb"}, targets=targets)
     found = {each.about[0]: each.moves for each in candidates(of)}
     assert tuple(found) == targets

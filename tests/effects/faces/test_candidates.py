@@ -1,4 +1,4 @@
-"""Candidates one by one."""
+"""Tests of candidate effects."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ MOUNT = "eye_flange_from_wrist"
 SCENARIO = Scenario(samples=6, target="led")
 
 
-def test_one_of_several_has_what_is_its_own():
-    """Its name, its first sample and its moves, as candidates of one."""
+def test_single_candidate_keeps_its_own_fields():
+    """`single` keeps the name, first sample, joint and moves of one candidate."""
     moves = (np.arange(24.0).reshape(2, 2, 6, 1), np.arange(36.0).reshape(3, 2, 6, 1))
     one = Candidates("drift", ("eye", "hand"), (None, 4), "m", moves).single(1)
     assert (one.code, one.about, one.since, one.unit) == ("drift", ("hand",), (4,), "m")
@@ -37,15 +37,15 @@ def test_one_of_several_has_what_is_its_own():
     assert (first.joint, [m.shape[1] for m in first.moves]) == ((2,), [1, 1])
 
 
-def test_one_candidate_has_moves_of_one():
-    """Groups that it does not move stay without."""
+def test_one_candidate_has_single_moves():
+    """Groups that the candidate does not move stay None."""
     found = one_candidate("drift", "eye", "m", (np.ones((3, 6, 2)), None))
     assert (found.about, found.since, found.sizes, found.moves[1]) == (("eye",), (None,), 2, None)
     assert found.moves[0].shape == (3, 1, 6, 2)
 
 
-def test_all_of_a_kind_may_be_one_with_the_sizes_of_all():
-    """In their order; what none of them moves stays without."""
+def test_join_sizes_combines_candidates():
+    """`join_sizes` keeps the order of the candidates; groups that none of them moves stay None."""
     moves = np.arange(48.0).reshape(2, 2, 6, 2)
     joined = Candidates("drift", ("eye", "hand"), (None, 4), "m", (moves, None)).join_sizes()
     assert (joined.about, joined.sizes, joined.moves[1]) == (("eye",), 4, None)
@@ -53,8 +53,8 @@ def test_all_of_a_kind_may_be_one_with_the_sizes_of_all():
     assert joined.moves[0].shape == (2, 1, 6, 4)
 
 
-def test_candidates_of_several_kinds_are_one():
-    """A group that one of them does not move stays by its sizes; one that none moves has all the same."""
+def test_combine_candidates_of_several_kinds():
+    """A candidate's sizes are zero in a group that it does not move, and every group has all sizes."""
     views = SimpleNamespace(groups=([0] * 2, [0] * 3))
     first, second = np.ones((2, 6, 2)), 2 * np.ones((3, 6, 1))
     both = combine_candidates(
@@ -65,16 +65,16 @@ def test_candidates_of_several_kinds_are_one():
     np.testing.assert_array_equal(both.moves[1][:, 0], second @ np.eye(3)[2:])
 
 
-def test_only_views_that_a_robot_carries_an_end_of_are_moved():
-    """By what is computed for their group."""
+def test_robot_moves_are_limited_to_carried_views():
+    """Only views with an end on the robot are moved, by the function's result for their group."""
     views = views_of(SCENARIO)
     assert robot_moves(views, "eye", lambda _, k, robot: (k, robot)) == ((0, "eye"),)
     assert robot_moves(views, "nobody", lambda *_: pytest.fail("nobody carries anything")) == (None,)
 
 
 @pytest.mark.parametrize("status", ["free", "fixed"])
-def test_an_open_mount_is_its_pose_under_the_mean_of_gravity(status):
-    """What is equal in all poses moves nothing; a mount that is fixed is stated without gravity."""
+def test_free_mount_absorbs_mean_of_gravity(status):
+    """The mean over all poses moves nothing for a free mount; a fixed mount is stated without gravity."""
     views = views_of(replace(SCENARIO, camera_mount=status))
     pulls = []
 
@@ -90,14 +90,14 @@ def test_an_open_mount_is_its_pose_under_the_mean_of_gravity(status):
     assert mount_moves(views, "hand_flange_from_board", move)[0].shape == (6, 6, 1)
 
 
-def test_time_passes_from_nothing_to_one():
-    """Of the time from the first sample to the last; none passes within one instant."""
+def test_elapsed_share_runs_from_zero_to_one():
+    """The share is that of the time from first to last sample; it is zero if all samples are simultaneous."""
     np.testing.assert_allclose(elapsed_share(SimpleNamespace(times=np.array([3.0, 4.0, 7.0]))), [0, 0.25, 1])
     assert elapsed_share(SimpleNamespace(times=np.array([3.0, 3.0]))).tolist() == [0, 0]
 
 
-def test_a_point_has_no_rotation():
-    """Three tangents of its mount, six of another; no moves if views do not depend on a transform."""
+def test_point_mount_has_no_rotation_moves():
+    """A point's mount has three tangents, another one six; views that do not depend on a frame have no moves."""
     views = views_of(SCENARIO)
     whole = np.ones((len(views.samples), 1))
     assert frame_candidates("step", views, "hand_flange_from_board", whole).moves[0].shape == (6, 1, 6, 3)
@@ -105,8 +105,8 @@ def test_a_point_has_no_rotation():
     assert frame_candidates("step", views, "left_flange_from_other", whole).moves == (None,)
 
 
-def test_a_frame_moves_by_its_share_of_each_sample():
-    """Several candidates at once, each with its first sample."""
+def test_frame_candidates_scale_by_share():
+    """Several candidates at once each have their own share of each sample, and their own first sample."""
     views = views_of(SCENARIO)
     shares = np.random.default_rng(0).uniform(0, 1, (6, 2))
     found = frame_candidates("step", views, MOUNT, shares, (3, None))
@@ -118,8 +118,8 @@ def test_a_frame_moves_by_its_share_of_each_sample():
         np.testing.assert_allclose(found.moves[0][:, k], wanted)
 
 
-def test_the_first_names_all_that_are_joined():
-    """Its first sample, too; of the joined no joint is told."""
+def test_joined_candidates_take_first_name():
+    """Joined candidates have the name and first sample of the first one, and no joint."""
     moves = (np.arange(2.0 * 3 * 6 * 2).reshape(2, 3, 6, 2), None)
     joined = Candidates("code", ("a", "b", "c"), (4, 5, 6), "rad", moves, (0, 1, 2)).join_sizes()
     assert (joined.code, joined.about, joined.since, joined.unit, joined.joint) == ("code", ("a",), (4,), "rad", ())
@@ -128,8 +128,8 @@ def test_the_first_names_all_that_are_joined():
     assert joined.moves[1] is None
 
 
-def test_a_frame_moves_along_all_of_its_six_axes():
-    """Each candidate by its own share, with its own first sample."""
+def test_frame_candidates_have_six_axes():
+    """Each candidate moves along six axes by its own share, with its own first sample."""
     views = views_of(Scenario(samples=6))
     shares = np.stack([np.ones(6), np.arange(6.0)], axis=-1)
     found = frame_candidates("step", views, MOUNT, shares, (None, 3))

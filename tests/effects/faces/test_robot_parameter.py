@@ -1,4 +1,4 @@
-"""Lines of joints in the report."""
+"""Tests of robot parameters and their lines in the report."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from basecal.simulation.arms import six_axis
 from made_views import moved_by_pose, views_of
 
 
-def test_lines_of_joints():
-    """In the unit requested; what only the prior knows says so, what nothing knows has no number."""
+def test_joint_lines_mark_unobservable_values():
+    """Values are in the requested unit; prior-dominated values are marked, and unobservable ones have no number."""
     of = np.array([0.001, -0.0, np.nan])
     found = RobotParameters(("a", "long", "c"), of, np.array([0.01, 0.02, np.nan]), np.array([True, False, False]))
     assert [line.split() for line in joint_lines(found, 1e3, "mm", 1)] == [
@@ -34,8 +34,11 @@ def test_lines_of_joints():
     ]
 
 
-def test_a_unit_of_a_value_turns_its_joint():
-    """By what the effect says at the recorded joints; views that the robot does not carry stay."""
+def test_unit_value_rotates_its_joint():
+    """A unit rotates its joint by the effect's value at the recorded joints.
+
+    Views that the robot does not carry have no moves.
+    """
     views = views_of(Scenario(samples=6, joints=True))
     ((_, chain), *_) = unestimated_chains(views, "made_up")
     (moves,) = moves_by_joint(views, "eye", chain, lambda _, joints: 3 * joints)
@@ -45,8 +48,8 @@ def test_a_unit_of_a_value_turns_its_joint():
     assert moves_by_joint(views, "nobody", chain, lambda _, joints: joints) == (None,)
 
 
-def test_each_joint_and_all_at_once():
-    """The same moves, b of one size or one of b sizes."""
+def test_joint_candidates_are_single_and_joined():
+    """The same moves form b candidates of one size, and one candidate of b sizes."""
     moves = (np.arange(36.0).reshape(2, 6, 3), None)
     each, together = joint_candidates("gear", "eye", "", moves)
     assert (each.code, each.about, each.joint, each.sizes) == ("gear", ("eye",) * 3, (0, 1, 2), 1)
@@ -55,15 +58,15 @@ def test_each_joint_and_all_at_once():
     assert each.moves[1] is together.moves[1] is None
 
 
-def test_estimated_effects_are_not_open():
-    """Of each robot by itself."""
+def test_estimated_parameters_are_not_candidates():
+    """Robots whose parameter is estimated are excluded, each separately."""
     views = views_of(Scenario(samples=6, joints=True, joint_offset_rad=1e-3, joint_offsets="prior"))
     assert [robot for robot, _ in unestimated_chains(views, "joint_offsets")] == []
     assert [robot for robot, _ in unestimated_chains(views, "deflection")] == ["eye", "hand"]
 
 
-def test_values_and_sigmas_are_written_by_their_keys():
-    """And read back; nothing of no robot."""
+def test_parameter_values_and_sigmas_round_trip():
+    """Values and sigmas are written under their keys and read back; without robots the field is null."""
     found = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([0.3, 0.4]), np.array([True, False]))
     written = to_dict("gears", ("ratio", "sigma_ratio"), {"arm": found})
     assert written["gears"]["arm"]["ratio"] is found.values
@@ -74,13 +77,13 @@ def test_values_and_sigmas_are_written_by_their_keys():
 
 
 def doubled(turn=None, chain_derivative=None):
-    """A kind whose joints turn by a share of their angles; or one that changes the chain alone."""
+    """Return a kind whose joints rotate by a share of their angles, or one that changes only the chain."""
     unused = (None,) * 5
     return RobotParameter(None, "one", *unused, turn=turn, chain_derivative=chain_derivative)
 
 
-def test_joints_turn_by_their_values():
-    """One value a joint at all rows, or a batch of values at the same rows."""
+def test_parameter_shift_scales_joints():
+    """One value per joint applies at all rows; a batch of values applies to the same rows."""
     kind, joints = doubled(lambda chain, statement, joints: 2 * joints), np.arange(8.0).reshape(4, 2)
     values = np.array([[1.0, 10.0], [3.0, -1.0], [0.0, 0.5]])
     np.testing.assert_array_equal(kind.shift(None, None, joints, values[0]), 2 * joints * [1, 10])
@@ -91,8 +94,8 @@ def test_joints_turn_by_their_values():
     assert doubled().shift(None, None, joints, values[0]) == 0.0
 
 
-def test_a_derivative_is_that_of_the_joints_or_of_the_chain():
-    """By what a unit of the value turns each joint."""
+def test_parameter_derivative_by_joints_or_chain():
+    """The derivative follows from the joints' rotation per unit value, or from the chain's own derivative."""
     chain, joints = six_axis(), np.random.default_rng(0).uniform(-1, 1, (3, 6))
     at = Posture(chain, joints, chain.posture(2 * joints))
     found = doubled(lambda chain, statement, joints: 3 * joints).derivative(at, None, np.zeros(6))
@@ -100,24 +103,24 @@ def test_a_derivative_is_that_of_the_joints_or_of_the_chain():
     assert doubled(chain_derivative=lambda at, values: (at, values)).derivative(at, None, 7) == (at, 7)
 
 
-def test_kinds_are_of_joints_unless_they_say_otherwise():
-    """A zero a joint, whose unit is a radian, of any sigma, and a chain as stated."""
+def test_parameter_defaults_are_by_joint():
+    """By default a kind has one zero per joint in radians, any sigma, and an unchanged chain."""
     kind = doubled()
     np.testing.assert_array_equal(kind.zero(3), np.zeros(3))
     assert kind.move_chain("chain", np.ones(3)) == "chain"
     assert (kind.is_by_joint, kind.scale, kind.largest_sigma, kind.unobserved) == (True, 1.0, np.inf, None)
 
 
-def test_each_joint_has_a_column():
-    """Free, or with one sigma."""
+def test_each_joint_has_own_column():
+    """Columns are free, or have one sigma."""
     free, known = joint_columns(six_axis(), None), joint_columns(six_axis(), 0.3)
     assert free.sigma is None
     np.testing.assert_array_equal(known.sigma, [0.3] * 6)
     np.testing.assert_array_equal(free.basis, np.eye(6))
 
 
-def test_values_are_drawn_with_their_size():
-    """Normally, a number a joint."""
+def test_drawn_joint_values_have_requested_size():
+    """Values are drawn from a normal distribution, one per joint."""
     drawn = draw_by_joint(0.2, 4000, np.random.default_rng(0))
     assert drawn.shape == (4000,)
     assert drawn.std() == pytest.approx(0.2, rel=0.05)

@@ -1,4 +1,4 @@
-"""Errors that a robot's stops share."""
+"""Tests of errors shared by the stops of a robot."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.geometry import SE3
 
 
-def test_modes_are_alike_in_every_coordinate():
-    """Each mode moves each coordinate by itself: shifts go by the first sigma, turns by the second."""
+def test_modes_repeat_in_every_coordinate():
+    """Each mode moves each coordinate separately: shifts have the first sigma, rotations the second."""
     modes = np.array([[1.0, 0.0], [0.6, 0.8]])
     errors = SharedErrors.repeat_coordinates(modes)
     size = np.where(errors.is_turn, 3.0, 2.0)
@@ -18,8 +18,11 @@ def test_modes_are_alike_in_every_coordinate():
     np.testing.assert_allclose(errors.flange_sigmas(np.array([2.0, 3.0])), [2, 2, 2, 3, 3, 3])
 
 
-def test_what_a_base_or_a_mount_does_is_taken_up():
-    """Tangents of either, carried to each flange, leave nothing; beside them only what bends is left."""
+def test_remove_frames_absorbs_base_and_mount():
+    """Tangents of base and mount, transferred to each flange, are removed completely.
+
+    Only part of other errors remains.
+    """
     rng = np.random.default_rng(0)
     poses = SE3.exp(0.5 * rng.standard_normal((9, 6)))
     by_base, bent = poses.inverse().adjoint()[..., :3], rng.standard_normal((9, 6, 1))
@@ -31,8 +34,8 @@ def test_what_a_base_or_a_mount_does_is_taken_up():
     assert np.sum(left.by_stop**2) > 0.5 * np.sum(bent**2)
 
 
-def test_at_the_flange_is_the_root_mean_square_over_stops():
-    """Of an error that moves one coordinate by 3 and by 4 at two stops."""
+def test_flange_sigmas_are_rms_over_stops():
+    """An error that moves one coordinate by 3 and by 4 at two stops gives the root mean square."""
     by_stop = np.zeros((2, 6, 1))
     by_stop[:, 1, 0] = 3.0, 4.0
     np.testing.assert_allclose(
@@ -40,8 +43,8 @@ def test_at_the_flange_is_the_root_mean_square_over_stops():
     )
 
 
-def test_what_frames_take_up_is_by_half_a_metre_a_radian():
-    """The rest is nearest to nothing in these units: it is orthogonal to what any base or mount does."""
+def test_remove_frames_weights_half_metre_as_radian():
+    """The remainder is smallest in these units: it is orthogonal to the motion of any base or mount."""
     rng = np.random.default_rng(1)
     poses = SE3.exp(0.5 * rng.standard_normal((7, 6)))
     errors = SharedErrors(rng.standard_normal((7, 6, 3)), np.array([False, True, True]))
@@ -53,8 +56,8 @@ def test_what_frames_take_up_is_by_half_a_metre_a_radian():
     assert left.is_turn.tolist() == [False, True, True]
 
 
-def test_errors_along_axes_of_the_base_are_rotated_into_the_flange():
-    """A unit shift along x of the base, and a turn about z of other axes, as the flange sees them."""
+def test_base_axis_errors_are_rotated_into_flange():
+    """A unit shift along x of the base, and a rotation about z of other axes, are expressed in the flange."""
     poses = SE3.exp(0.8 * np.random.default_rng(2).standard_normal((4, 6)))
     errors = SharedErrors(np.broadcast_to(np.eye(6)[:, [0, 5]], (4, 6, 2)), np.array([False, True]))
     found = errors.rotate_to(poses)
