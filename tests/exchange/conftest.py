@@ -1,4 +1,4 @@
-"""What tests of these rooms share."""
+"""Fixtures shared by the tests of the exchange with other programs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ no_error_at_task = without_stages(find_error_at_task)
 
 @pytest.fixture(scope="module", autouse=True)
 def read_here(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Files are read in this process, where the other one is not what is tested."""
+    """Read files in this process, except in tests of the reader process itself."""
     if request.path.name in _OF_PROCESSES:
         yield
         return

@@ -1,4 +1,4 @@
-"""Tables of numbers by the names in their header."""
+"""Tests of tables of numbers whose columns are found by their header."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def written(folder: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize("header", ["x,time,y", "# TX , stamp,Y", "\ufeffpos_x,STAMP, y"])
-def test_columns_have_the_names_of_the_header(tmp_path, header):
-    """By any alias and case, with a leading # or byte order mark; each row knows its line."""
+def test_columns_are_found_by_header_names(tmp_path, header):
+    """Columns are found by any alias and case, with a leading # or byte-order mark; each row knows its line."""
     table = read_columns(written(tmp_path, f"{header}\n1,2,3\n\n 4, 5.5 ,-6e1\n"), ALIASES)
     assert {name: values.tolist() for name, values in table.values.items()} == {
         "x": [1.0, 4.0],
@@ -45,15 +45,15 @@ def test_columns_have_the_names_of_the_header(tmp_path, header):
         pytest.param(f"x,y\n1,{'9' * 131_073}\n", 2, "field larger than field limit", id="field"),
     ],
 )
-def test_bad_tables_name_their_line(tmp_path, text, line, said):
-    """And what was expected there."""
+def test_invalid_table_error_has_line(tmp_path, text, line, said):
+    """The error states the line and what was expected there."""
     with pytest.raises(DatasetError, match=said) as caught:
         read_columns(written(tmp_path, text), ALIASES)
     assert caught.value.line == line
 
 
-def test_files_that_are_no_text(tmp_path):
-    """Bytes that are none, and a file that is not there."""
+def test_non_text_files_are_refused(tmp_path):
+    """Binary data and a missing file are refused."""
     path = tmp_path / "table.csv"
     for data in (b"x,y\n\xff\x00,1\n", b"x,y\n\x81,1\n", b"\xff\xfex\x00y"):
         path.write_bytes(data)
@@ -64,24 +64,27 @@ def test_files_that_are_no_text(tmp_path):
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
-def test_texts_of_windows(tmp_path, encoding):
-    """Degree signs and umlauts, as spreadsheet programs and controllers save them."""
+def test_windows_encodings_are_read(tmp_path, encoding):
+    """Degree signs and umlauts are read as spreadsheet programs and controllers save them."""
     path = tmp_path / "table.csv"
     path.write_bytes("x,A [°],Gerät\r\n1,2,3\r\n".encode(encoding))
     assert list(read_columns(path, ALIASES).values) == ["x", "a [°]", "gerät"]
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-def test_lines_end_as_systems_end_them(tmp_path, end):
-    """Also with a carriage return alone, as Excel's CSV for Macintosh: it was one line."""
+def test_all_line_endings_are_read(tmp_path, end):
+    """Line feeds, CR LF and a carriage return alone are read.
+
+    Excel's CSV for Macintosh uses the latter, and was read as one line.
+    """
     path = tmp_path / "a.csv"
     path.write_bytes(end.join(["x,y", "1,2", "3,4", ""]).encode())
     assert read_table_text(str(path), "a table") == "x,y\n1,2\n3,4\n"
 
 
 @pytest.mark.parametrize("sign", ["", "-", "\u2212"])
-def test_numbers_reach_to_a_million_millions(tmp_path, sign):
-    """Either sign, also as word processors write it."""
+def test_numbers_up_to_1e12_with_any_minus_sign(tmp_path, sign):
+    """Numbers of either sign are read, also with the minus sign of word processors."""
     assert read_columns(written(tmp_path, f"x\n{sign}1e12\n"), ALIASES).values["x"].tolist() == [
         -1e12 if sign else 1e12
     ]
@@ -92,8 +95,8 @@ def test_numbers_reach_to_a_million_millions(tmp_path, sign):
 @pytest.mark.parametrize(
     ("byte", "is_text"), [(0x08, False), (0x09, True), (0x0E, False), (0x19, False), (0x1B, True), (0x0B, True)]
 )
-def test_control_characters_are_no_text(tmp_path, byte, is_text):
-    """But for tabs, ends of lines and what terminals obey."""
+def test_control_characters_are_refused(tmp_path, byte, is_text):
+    """Control characters are refused except tabs, line ends and those that terminals interpret."""
     path = tmp_path / "table.csv"
     path.write_bytes(b"x,a" + bytes([byte]) + b"b\n1,2\n")
     if is_text:
@@ -103,29 +106,32 @@ def test_control_characters_are_no_text(tmp_path, byte, is_text):
             read_table_text(str(path), "a table")
 
 
-def test_an_old_sheet_is_to_be_saved_otherwise(tmp_path):
-    """By its first bytes, whatever its name."""
+def test_old_spreadsheet_file_is_refused(tmp_path):
+    """An old spreadsheet file is recognised by its first bytes, whatever its name.
+
+    The error advises to save it as CSV.
+    """
     path = tmp_path / "table.csv"
     path.write_bytes(b"\xd0\xcf\x11\xe0" + bytes(9))
     with pytest.raises(DatasetError, match="is a file of a spreadsheet program: save it as CSV, and import that"):
         read_table_text(str(path), "a table")
 
 
-def test_rows_of_blanks_are_passed_over(tmp_path):
-    """Quoted cells may hold commas and ends of lines; the line is that of the row's end."""
+def test_blank_rows_are_skipped(tmp_path):
+    """Quoted cells may contain commas and line ends; the line of a row is that of its end."""
     table = read_columns(written(tmp_path, 'x,"a, b"\n1,2\n , \n3,"4"\n'), ALIASES)
     assert {name: values.tolist() for name, values in table.values.items()} == {"x": [1, 3], "a, b": [2, 4]}
     assert list(table.lines) == [2, 4]
 
 
-def test_quotes_after_a_blank_are_quotes(tmp_path):
-    """Cells of the header and of numbers may be in quotes behind a comma and a blank."""
+def test_quotes_after_blank_are_recognised(tmp_path):
+    """Cells of the header and of numbers may be quoted after a comma and a blank."""
     table = read_columns(written(tmp_path, 'x, "y"\n1, "2"\n'), ALIASES)
     assert {name: values.tolist() for name, values in table.values.items()} == {"x": [1.0], "y": [2.0]}
 
 
-def test_numbers_end_at_a_million_millions(tmp_path):
-    """Of either sign; the limit itself is read."""
+def test_numbers_beyond_1e12_are_refused(tmp_path):
+    """The limit itself is read, for either sign."""
     assert read_columns(written(tmp_path, "x\n1e12\n-1e12\n"), ALIASES).values["x"].tolist() == [1e12, -1e12]
     for cell in ("1.01e12", "-1.01e12", "nan"):
         with pytest.raises(DatasetError, match="is not finite, or beyond"):

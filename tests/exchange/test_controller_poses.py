@@ -1,4 +1,4 @@
-"""Files of flange poses as controllers write them, makers' own examples among them."""
+"""Tests of files of flange poses as controllers write them, including makers' own examples."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def poses(folder: Path, text: str, reading: Reading, name: str = "poses.txt") ->
 
 
 def by_angles(axes: str, *degrees: float) -> Rotation:
-    """One rotation: SciPy up to 1.15 makes a stack of one of a single axis' list of one angle."""
+    """Return one rotation: SciPy up to 1.15 makes a stack of one of a single axis' list of one angle."""
     return Rotation.from_euler(axes, degrees if len(axes) > 1 else degrees[0], degrees=True)
 
 
@@ -100,8 +100,8 @@ EXAMPLES = {
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_what_documents_write(tmp_path: Path, name: str) -> None:
-    """A line as a document writes it is the pose that the document says it is."""
+def test_documented_controller_examples_are_read(tmp_path: Path, name: str) -> None:
+    """A line from a maker's document gives the pose stated there."""
     text, translation, rotation = EXAMPLES[name]
     pose = poses(tmp_path, text + "\n", Reading(name))[0]
     np.testing.assert_allclose(pose.rotation, rotation.as_matrix(), atol=1e-5)
@@ -177,16 +177,16 @@ end
 @pytest.mark.parametrize(
     ("name", "text"), [("kuka", KUKA_DAT), ("kuka", KUKA_SRC), ("abb", ABB_MOD), ("ur", UR_SCRIPT)]
 )
-def test_whole_programs(tmp_path: Path, name: str, text: str) -> None:
-    """Of a whole program the poses are read, and no joints, tools, work objects, loads or speeds."""
+def test_poses_of_controller_programs_are_read(tmp_path: Path, name: str, text: str) -> None:
+    """The poses of a whole program are read, without its joints, tools, work objects, loads or speeds."""
     read = poses(tmp_path, text, Reading(name))
     np.testing.assert_allclose(read.translation, [[0.001, 0.4, 0.655], [0.002, 0.4015, 0.655]], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("with_header", [True, False])
-def test_every_format_is_read(tmp_path: Path, name: str, with_header: bool) -> None:
-    """Rows of each controller's numbers give the poses back, with its names as a header and without, in mm too."""
+def test_every_controller_format_is_read(tmp_path: Path, name: str, with_header: bool) -> None:
+    """Rows of each controller's numbers give the poses back, with a header of its names, without one, and in mm."""
     drawn = SE3.exp(np.random.default_rng(0).normal(0, 0.6, (6, 6)))
     how = CONTROLLERS[name]
     lines = [";".join(repr(float(value)).replace(".", ",") for value in row) for row in how.to_numbers(drawn)]
@@ -197,7 +197,7 @@ def test_every_format_is_read(tmp_path: Path, name: str, with_header: bool) -> N
 
 
 def test_columns_by_name_in_any_order(tmp_path: Path) -> None:
-    """The header says which is which, in capitals or not, with units, and what is not asked for is passed over."""
+    """The header determines the columns, in any case and with units; other columns are ignored."""
     text = "image;C [deg];B_deg;A/°;Z [mm];y/mm;X in mm;speed\na.png;30;20;10;3;2;1;5\n"
     read = poses(tmp_path, text, Reading("kuka"))
     np.testing.assert_allclose(read.translation, [[1e-3, 2e-3, 3e-3]])
@@ -205,16 +205,16 @@ def test_columns_by_name_in_any_order(tmp_path: Path) -> None:
     np.testing.assert_allclose(read.rotation[0], expected, atol=1e-12)
 
 
-def test_quaternions_by_their_names(tmp_path: Path) -> None:
-    """Whose scalar is first and who names it qw is read by name."""
+def test_quaternion_columns_are_read_by_name(tmp_path: Path) -> None:
+    """A format with the scalar first still reads a column named qw as the scalar."""
     text = "qx,qy,qz,qw,x,y,z\n0,0,0.6,0.8,1,2,3\n"
     for name in ("abb", "ros"):
         read = poses(tmp_path, text, Reading(name, 1.0))
         np.testing.assert_allclose(read.quaternion, [[0, 0, 0.6, 0.8]], atol=1e-12)
 
 
-def test_stated_units_count(tmp_path: Path) -> None:
-    """Metres and radians of a controller that writes millimetres and degrees."""
+def test_stated_units_override_format(tmp_path: Path) -> None:
+    """Metres and radians may be stated for a controller that writes millimetres and degrees."""
     text = "0.1,0.2,0.3,0.4,0.5,0.6\n"
     read = poses(tmp_path, text, Reading("fanuc", 1.0, 1.0))
     np.testing.assert_allclose(read.rpy, [[0.4, 0.5, 0.6]])
@@ -266,29 +266,29 @@ def test_stated_units_count(tmp_path: Path) -> None:
         ("x,y,z,rx,ry,rz,sample\n1,2,3,0,0,0,1.5\n", Reading("ur"), "1.5 is not a whole number from 0"),
     ],
 )
-def test_mistakes_are_named(tmp_path: Path, text: str, reading: Reading, said: str) -> None:
-    """Units and columns that do not belong to the format, with what to give instead."""
+def test_wrong_units_and_columns_are_reported(tmp_path: Path, text: str, reading: Reading, said: str) -> None:
+    """Units and columns that do not fit the format are refused, with the option to give instead."""
     with pytest.raises(DatasetError) as error:
         poses(tmp_path, text, reading)
     assert said in str(error.value)
 
 
-def test_who_writes_no_angles_has_no_unit_of_them() -> None:
-    """Of quaternions and matrices the unit of angles cannot be stated."""
+def test_angle_unit_is_refused_for_formats_without_angles() -> None:
+    """Quaternions and matrices have no unit of angles."""
     for name in ("abb", "ros", "franka", "matrix"):
         with pytest.raises(InputError, match="writes no angles"):
             _ = Reading(name, None, 1.0).convention
 
 
-def test_small_angles_are_no_mistake_where_degrees_are_stated(tmp_path: Path) -> None:
-    """A flange that hardly turns is taken as stated; so is one that does not turn at all, stated or not."""
+def test_small_angles_are_accepted_in_stated_degrees(tmp_path: Path) -> None:
+    """A flange that rotates little is accepted in stated degrees. One that never rotates is accepted in any case."""
     text = "100,20,30,0.1,0,0\n100,20,30,0.2,0,1\n100,20,30,-3,0,0\n"
     assert len(poses(tmp_path, text, Reading("kuka", None, math.radians(1)))) == 3
     assert len(poses(tmp_path, "1,2,3,0,0,0\n4,5,6,0,0,0\n7,8,9,0,0,0\n", Reading("kuka"))) == 3
 
 
-def test_keys_say_where_rows_belong() -> None:
-    """Columns `image`, `sample` and `stamp_s`, and the usual names of the first and the last."""
+def test_key_columns_identify_rows() -> None:
+    """Columns `image`, `sample` and `stamp_s` assign rows, also under usual other names of image and time."""
     table = read_text_table("Filename,sample,time_s,x\na.png,4,12.5,1\n", "t.csv", ("x",))
     (row,) = keyed_rows(table)
     assert (row.image, row.sample, row.stamp_s) == ("a.png", 4, 12.5)
@@ -309,14 +309,14 @@ def test_keys_say_where_rows_belong() -> None:
         ("t_mm,time,x", "3,12.5"),
     ],
 )
-def test_times_have_the_unit_of_their_header(header: str, cell: str) -> None:
-    """A time with a unit was left out, and rows were paired in order."""
+def test_times_have_unit_of_their_header(header: str, cell: str) -> None:
+    """Before, a time column with a unit was ignored, and rows were paired in order."""
     table = read_text_table(f"{header}\n{cell},1\n", "t.csv", ("x",))
     assert [row.stamp_s for row in keyed_rows(table)] == [pytest.approx(12.5)]
 
 
-def test_times_of_this_year_in_nanoseconds_need_their_unit() -> None:
-    """It is named where to look; with the unit they are seconds since 1970."""
+def test_nanosecond_times_need_stated_unit() -> None:
+    """The error for times of this year in nanoseconds refers to the unit; with it they become seconds since 1970."""
     text = "timestamp,x\n1700000000500000000,1\n"
     with pytest.raises(
         DatasetError, match=r"t.csv:2: timestamp: '1700000000500000000' is .*, or beyond 1e\+12: check its"
@@ -326,14 +326,14 @@ def test_times_of_this_year_in_nanoseconds_need_their_unit() -> None:
     assert row.stamp_s == pytest.approx(1700000000.5, abs=1e-6)
 
 
-def test_two_columns_of_one_key_are_refused() -> None:
-    """The last one was taken."""
+def test_duplicate_key_columns_are_refused() -> None:
+    """Before, the last of two equal columns was used."""
     with pytest.raises(DatasetError, match=r"t.csv: names the column 'time' twice: keep one"):
         keyed_rows(read_text_table("time,x,time\n1,2,3\n", "t.csv", ("x",)))
 
 
-def test_stacked_matrices_of_a_real_recording() -> None:
-    """Ten poses of a UR5e, 4x4 one below the other: each a rotation, within the arm's reach."""
+def test_stacked_matrices_of_real_recording() -> None:
+    """Ten poses of a UR5e, as stacked 4x4 matrices, are rotations within the arm's reach."""
     file = data_folder() / "ur5e_dual_charuco_2023" / "r1_tf.txt"
     if not file.exists():
         pytest.skip(f"{file} is not there: set BASECAL_DATA to the folder of the published recordings")
@@ -343,8 +343,8 @@ def test_stacked_matrices_of_a_real_recording() -> None:
     assert 0.2 < min(lengths) < max(lengths) < 0.95
 
 
-def test_the_format_is_guessed_only_where_it_is_said(tmp_path: Path) -> None:
-    """Matrices and ROS's quaternions say what they are; angles do not."""
+def test_format_is_guessed_only_if_unambiguous(tmp_path: Path) -> None:
+    """Matrices and ROS quaternions are unambiguous; angles are not."""
     for text, name in (("x,y,z,qx,qy,qz,qw\n", "ros"), ("m00,m01\n", "matrix")):
         (tmp_path / "a.csv").write_text(text)
         assert guessed_format(str(tmp_path / "a.csv")) == name
@@ -370,8 +370,8 @@ def test_the_format_is_guessed_only_where_it_is_said(tmp_path: Path) -> None:
         ("posX1,posX2,z,a,b,c", "use these names in the header"),
     ],
 )
-def test_columns_of_other_names_are_to_be_renamed(tmp_path: Path, header: str, what: str) -> None:
-    """The error ends with what to do; the encoding is part of it where letters are no ASCII."""
+def test_unknown_column_names_have_advice(tmp_path: Path, header: str, what: str) -> None:
+    """The error ends with what to do, including the encoding if letters are not ASCII."""
     with pytest.raises(DatasetError) as caught:
         poses(tmp_path, f"{header}\n1,2,3,0,0,90\n", Reading("doosan"))
     assert str(caught.value).endswith(f"doosan writes x, y, z, a, b, c: {what}")
@@ -391,22 +391,22 @@ ROS_LOG = ",".join(
         ("translation.x,translation.y,translation.z,quat x,quat w,quat y,quat z", "1,2,3,0.5,0.5,0,0", "abb"),
     ],
 )
-def test_names_of_other_programs(tmp_path: Path, header: str, row: str, name: str) -> None:
-    """Columns are found by what their names say of position and rotation, in any order."""
+def test_column_names_of_other_programs_are_read(tmp_path: Path, header: str, row: str, name: str) -> None:
+    """Columns are found by the position and rotation in their names, in any order."""
     row = row.replace("0.5,0.5", "0.70710678,0.70710678")
     read = poses(tmp_path, f"{header}\n{row}\n", Reading(name, 1.0))
     np.testing.assert_allclose(read.translation, [[1, 2, 3]])
     np.testing.assert_allclose(read.rotvec, [[np.pi / 2, 0, 0]], atol=1e-6)
 
 
-def test_columns_of_joints_are_named_as_such(tmp_path: Path) -> None:
-    """A table of joints is none of poses."""
+def test_joint_columns_are_recognised(tmp_path: Path) -> None:
+    """A table of joints is refused as poses, with the command to import joints."""
     with pytest.raises(DatasetError, match="these look like joints: record poses, or use basecal import joints"):
         poses(tmp_path, "A1,A2,A3,A4,A5,A6\n1,2,3,4,5,6\n", Reading("kuka"))
 
 
-def test_a_program_of_a_fanuc_is_named(tmp_path: Path) -> None:
-    """Its positions go over several lines, which are no rows."""
+def test_fanuc_program_is_refused(tmp_path: Path) -> None:
+    """A FANUC program has positions over several lines, which are not rows."""
     text = "/PROG  CALIB\n/POS\nP[1]{\n   GP1:\n\tX = 612.000  mm,\tY = 1.000  mm,\tZ = 2.000  mm,\n};\n/END\n"
     with pytest.raises(DatasetError, match=r"a FANUC program is not read: write its positions as a table of X, Y, Z"):
         poses(tmp_path, text, Reading("fanuc"), "CALIB.LS")
@@ -417,8 +417,8 @@ def test_a_program_of_a_fanuc_is_named(tmp_path: Path) -> None:
     ("ur", 400.0, 90.0, "millimetres and degrees: give --length-unit mm --deg, or --format .*kuka"),
     ("ur", 0.4, 1.5, ""), ("kuka", 400.0, 90.0, ""), ("kuka", 0.4, 90.0, ""), ("ur", 400.0, 1.5, ""),
 ])  # fmt: skip
-def test_both_units_of_other_controllers_are_named(controller, length, angle, words):
-    """Where lengths and angles are both in them; one alone may be meant."""
+def test_units_of_other_controllers_are_suggested(controller, length, angle, words):
+    """Another unit is suggested if lengths and angles both fit it; one of them alone may be intended."""
     numbers = np.random.default_rng(0).uniform(-1, 1, (30, 6)) * np.repeat([length, angle], 3)
     said = _other_controllers(numbers, CONTROLLERS[controller], Reading(controller))
     assert re.search(words, said) if words else said == ""
@@ -429,8 +429,8 @@ def test_both_units_of_other_controllers_are_named(controller, length, angle, wo
     ("x_mm", ("mm", 1e-3)), ("Z [M]", ("m", 1.0)), ("y in inch", ("inch", 0.0254)), (" x (in) ", ("in", 0.0254)),
     ("rx_deg", None), ("x", None), ("mm", None),
 ])  # fmt: skip
-def test_units_of_length_in_names(column, unit):
-    """Angles and names without a unit have none."""
+def test_length_units_in_column_names(column, unit):
+    """Column names of angles, and names without a unit, have no length unit."""
     assert column_unit(column) == unit
 
 
@@ -442,8 +442,11 @@ STACKED = "1 0 0 100\n0 1 0 200\n0 0 1 300\n0 0 0 1\n"
     ("m00,m01,m02,m03,m10,m11,m12,m13,m20,m21,m22,m23\n1,0,0,100,0,1,0,200,0,0,1,300\n", 1e-3),
     (STACKED, None),
 ])  # fmt: skip
-def test_matrices_have_their_unit(tmp_path, text, length_m):
-    """On four lines, on one, or under names of their numbers without the last row; metres if none is stated."""
+def test_matrix_layouts_have_length_unit(tmp_path, text, length_m):
+    """Matrices are read from four lines, from one, or from named columns without the last row.
+
+    The default unit is metres.
+    """
     read = poses(tmp_path, text, Reading("matrix", length_m))
     scale = length_m or 1.0
     np.testing.assert_allclose(read.translation, [[100 * scale, 200 * scale, 300 * scale]] * len(read), atol=1e-12)
@@ -451,8 +454,8 @@ def test_matrices_have_their_unit(tmp_path, text, length_m):
 
 
 @pytest.mark.parametrize(("name", "column"), [("matrix", 3), ("matrix", 11), ("franka", 12), ("franka", 14)])
-def test_translations_of_matrices_alone_have_a_unit(tmp_path, name, column):
-    """The last column by rows, or the last four numbers by columns, but not the one."""
+def test_only_translation_columns_take_unit(tmp_path, name, column):
+    """A unit is accepted for the last column by rows, or the last four numbers by columns, except the constant 1."""
     names = list(CONTROLLERS[name].names)
     row = ",".join("1" if k in (0, 5, 10, 15) else "0" for k in range(16))
 
@@ -469,8 +472,8 @@ def test_translations_of_matrices_alone_have_a_unit(tmp_path, name, column):
             read(place, "m")
 
 
-def test_a_column_has_one_name(tmp_path):
-    """Two of one name, or two names of one number, are refused with both."""
+def test_duplicate_pose_columns_are_refused(tmp_path):
+    """Two columns of one name, or two names of one quantity, are refused with both."""
     for header in ("x,x,y,z,rx,ry,rz", "X,x [m],y,z,rx,ry,rz", "pos x,tx,y,z,rx,ry,rz"):
         with pytest.raises(DatasetError, match="names the column 'x' twice: "):
             poses(tmp_path, f"{header}\n1,1,2,3,0,0,0\n", Reading("ur"))
@@ -478,8 +481,8 @@ def test_a_column_has_one_name(tmp_path):
 
 
 @pytest.mark.parametrize(("degrees", "is_wrong"), [([3.1, 0, 0], True), ([3.2, 0, 0], False)])
-def test_degrees_pass_three_somewhere(tmp_path, degrees, is_wrong):
-    """Of three poses and more; two may be near each other."""
+def test_degrees_below_three_are_refused(tmp_path, degrees, is_wrong):
+    """Three or more poses whose angles stay below 3.1 look like radians; two poses may be close to each other."""
     rows = [f"100,20,30,{a},0,{k}" for k, a in zip((0, 0, 1), degrees, strict=True)]
     if is_wrong:
         with pytest.raises(DatasetError, match=r"the angles of 3 poses reach only 3\.1: they look like radians"):
@@ -493,15 +496,15 @@ def test_degrees_pass_three_somewhere(tmp_path, degrees, is_wrong):
     ("wrong", "said"),
     [(3, ":1: 9 is not an angle in radians: correct line 1, 2, 3, or"), (4, "angles up to 9 are not radians")],
 )
-def test_three_rows_of_ten_may_be_wrong(tmp_path, wrong, said):
-    """More of them are another unit."""
+def test_three_wrong_rows_of_ten_are_named(tmp_path, wrong, said):
+    """If more rows are wrong, another unit is suggested."""
     text = "0.1,0.2,0.3,0,9,0\n" * wrong + "0.1,0.2,0.3,0,6.28,0\n" * (10 - wrong)
     with pytest.raises(DatasetError, match=said):
         poses(tmp_path, text, Reading("ur"))
 
 
-def test_streams_have_times(tmp_path):
-    """The first column without a header, or a column of that name; a table needs none."""
+def test_stream_rows_need_times(tmp_path):
+    """The time is the first column without a header, or a column of that name; a table needs no time."""
     path = tmp_path / "a.csv"
     path.write_text("12.5,1,2,3,0,0,0\n13.5,1,2,3,0,0,0\n")
     found = read_pose_rows(str(path), Reading("ur"), is_stream=True)
@@ -512,8 +515,8 @@ def test_streams_have_times(tmp_path):
         read_pose_rows(str(path), Reading("ur"), is_stream=True)
 
 
-def test_inverted_poses_are_turned_about(tmp_path):
-    """Those of the base in the flange's frame; others are as they stand."""
+def test_inverted_poses_are_inverted(tmp_path):
+    """With `is_inverted` poses of the base in the flange's frame are inverted; others are unchanged."""
     path = tmp_path / "a.csv"
     path.write_text("1,2,3,0.1,0.2,0.3\n")
     plain, turned = (
@@ -529,8 +532,8 @@ def test_inverted_poses_are_turned_about(tmp_path):
     ("x,y,z,qx,qy,qz,qw\n1000,0,0,0,0,0,1\n", None),
     ("1 0 0 1000 0 1 0 0 0 0 1 0 0 0 0 1\n", None),
 ])  # fmt: skip
-def test_poses_of_a_guessed_format(tmp_path, text, stamps):
-    """With times where the file has them, in the unit that is given."""
+def test_poses_of_guessed_format(tmp_path, text, stamps):
+    """Poses of a guessed format are read in the given unit, with times if the file has them."""
     path = tmp_path / ("a.csv" if "," in text else "a.txt")
     path.write_text(text)
     found = read_poses(path, "mm")
@@ -538,14 +541,14 @@ def test_poses_of_a_guessed_format(tmp_path, text, stamps):
     assert (None if found.stamps_s is None else found.stamps_s.tolist()) == stamps
 
 
-def test_a_job_is_of_a_yaskawa(tmp_path):
-    """Its format is named where another is asked for."""
+def test_yaskawa_job_is_recognised(tmp_path):
+    """A Yaskawa job read with another format is refused with the option to give."""
     with pytest.raises(DatasetError, match="is a job of a Yaskawa, not a file of ur: give --format yaskawa"):
         poses(tmp_path, "/JOB\n//NAME A\n//POS\n///NPOS 1,0,0,0,0,0\n", Reading("ur"), "a.jbi")
 
 
-def test_images_are_a_column_whose_every_cell_is_one():
-    """Whatever its name; one that is not an image makes it none, and sample 0 is a sample."""
+def test_image_column_has_only_image_names():
+    """A column is the image column, whatever its name, if every cell is an image name; sample 0 is valid."""
     for last, names in (("b.png", ["a.png", "b.png"]), ("b", [None, None])):
         table = read_text_table(f"n;x\na.png;1\n{last};2\n", "t.csv", ("x",))
         assert [row.image for row in keyed_rows(table)] == names
@@ -558,8 +561,8 @@ def test_images_are_a_column_whose_every_cell_is_one():
 @pytest.mark.parametrize(("length", "angle", "advice"), [
     (1e-3, DEGREE, ""), (1e-3, RADIAN, ""), (1.0, DEGREE, ""), (1.0, RADIAN, "mm --deg"), (0.0254, RADIAN, "mm --deg"),
 ])  # fmt: skip
-def test_a_unit_that_fits_is_not_doubted(length, angle, advice):
-    """Numbers in millimetres and degrees are advised upon where both are read otherwise."""
+def test_fitting_unit_gives_no_advice(length, angle, advice):
+    """Numbers in millimetres and degrees cause advice only if both are read in other units."""
     numbers = np.random.default_rng(0).uniform(-1, 1, (30, 6)) * np.repeat([400.0, 90.0], 3)
     said = _other_controllers(numbers, replace(CONTROLLERS["kuka"], length=length, angle=angle), Reading("kuka"))
     assert (advice in said) if advice else said == ""
@@ -569,15 +572,15 @@ def test_a_unit_that_fits_is_not_doubted(length, angle, advice):
     (20.1, 90.0, 3, True), (19.9, 90.0, 3, False), (400.0, 6.2, 3, False), (400.0, 6.4, 3, True),
     (400.0, 90.0, 2, False),
 ])  # fmt: skip
-def test_units_are_told_by_the_largest_numbers(length, angle, count, is_told):
-    """Beyond twenty in lengths and a turn in angles, of three poses and more."""
+def test_other_units_are_recognised_by_largest_values(length, angle, count, is_told):
+    """Advice needs lengths beyond 20, angles beyond a full turn, and at least three poses."""
     numbers = np.zeros((count, 6))
     numbers[0, 1], numbers[1, 4] = -length, -angle
     assert bool(_other_controllers(numbers, CONTROLLERS["ur"], Reading("ur"))) == is_told
 
 
-def test_angles_below_one_look_like_radians(tmp_path):
-    """If they vary at all; equal angles are an arm that does not rotate."""
+def test_varying_angles_below_one_look_like_radians(tmp_path):
+    """Equal angles are an arm that does not rotate, so only varying ones are refused."""
     for angles, is_wrong in (((0.1, 0.2, 0.3), True), ((0.2, 0.2, 0.2), False)):
         text = "\n".join(f"100,20,{k},0,0,{angle}" for k, angle in enumerate(angles))
         if is_wrong:
@@ -588,15 +591,15 @@ def test_angles_below_one_look_like_radians(tmp_path):
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_units_are_told_by_any_axis(axis):
-    """The largest length and the largest angle may be of any axis."""
+def test_other_units_are_recognised_on_any_axis(axis):
+    """The largest length and the largest angle may be on any axis."""
     numbers = np.zeros((3, 6))
     numbers[0, axis], numbers[1, 3 + axis] = 400.0, 90.0
     assert "mm --deg" in _other_controllers(numbers, CONTROLLERS["ur"], Reading("ur"))
 
 
 @pytest.mark.parametrize(("robot", "x"), [(None, [1, 2, 3]), ("b", [2, 3])])
-def test_rows_of_one_of_several_robots(tmp_path, robot, x):
+def test_rows_of_one_robot_are_selected(tmp_path, robot, x):
     """All rows are read if no robot is named."""
     path = tmp_path / "a.csv"
     path.write_text("robot,x,y,z,rx,ry,rz\na,1,0,0,0,0,0\nb,2,0,0,0,0,0\nb,3,0,0,0,0,0\n")

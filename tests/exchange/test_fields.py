@@ -1,4 +1,4 @@
-"""Fields of other programs' files: what is asked for, and what is said of what is not there."""
+"""Tests of fields of other programs' files, and of the errors for missing ones."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ pose: {x: 0.1, y: 0.2, z: 0.3, qx: 0, qy: 0, qz: 0, qw: 1}
 """
 
 
-def test_what_is_written_is_found() -> None:
-    """Text, whole numbers, nested rows, yes and no, and the first of several names."""
+def test_fields_are_read_by_type() -> None:
+    """Text, integers, nested rows, booleans and the first of several names are read."""
     root = parse_fields(TEXT, "a.yaml")
     assert root.find("camera", "name").text() == "wrist"
     assert [side.integer() for side in root.find("size").items("sides")] == [640, 480]
@@ -42,15 +42,15 @@ def test_what_is_written_is_found() -> None:
         "[[-1, 0, 0, 1], [0, -1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]",
     ],
 )
-def test_poses_in_every_way_to_write_them(text: str) -> None:
-    """A half turn about z at (1, 2, 3), as ROS, as seven numbers beside each other and as a matrix."""
+def test_all_pose_notations_are_read(text: str) -> None:
+    """A half turn about z at (1, 2, 3) is read as in ROS, as seven numbers, and as a matrix."""
     expected = [[-1, 0, 0, 1], [0, -1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]
     np.testing.assert_allclose(parse_fields(text, "a.yaml").pose().matrix, expected, atol=1e-15)
 
 
 @pytest.mark.parametrize("ending", ["---\n", "\n---", "...\n", "---\n---\n\n"])
-def test_messages_end_with_a_separator(ending: str) -> None:
-    """What `topic echo` prints after a message is no second document."""
+def test_trailing_separators_are_ignored(ending: str) -> None:
+    """The separator that `topic echo` prints after a message is not a second document."""
     assert parse_fields("a: 1\n" + ending, "a.yaml").find("a").integer() == 1
 
 
@@ -73,28 +73,28 @@ def test_messages_end_with_a_separator(ending: str) -> None:
         (lambda root: root.find("size").pose(), r"a.yaml:2: size: has 2 numbers, expected 16"),
     ],
 )
-def test_what_is_not_there_is_told_with_its_place(ask: object, message: str) -> None:
-    """Path, line and field, what stands there and what was expected."""
+def test_invalid_field_error_has_location(ask: object, message: str) -> None:
+    """The error has path, line and field, the actual value and the expected one."""
     with pytest.raises(DatasetError, match=message):
         ask(parse_fields(TEXT, "a.yaml"))  # type: ignore[operator]
 
 
 @pytest.mark.parametrize("value", [".nan", "-.inf", "1e300", f"1{400 * '0'}", "[]", "null", "'1'"])
-def test_no_number_is_taken_for_one(value: str) -> None:
-    """Not finite, far beyond any length, and what only looks like a number."""
+def test_invalid_numbers_are_refused(value: str) -> None:
+    """Non-finite values, values far beyond any length, and text that looks like a number are refused."""
     with pytest.raises(DatasetError):
         parse_fields(f"a: {value}", "a.yaml").find("a").number()
 
 
 @pytest.mark.parametrize("quaternion", ["qx: 0, qy: 0, qz: 0, qw: 0", "qx: 0, qy: 0, qz: 0.5, qw: 1"])
-def test_no_rotation_is_told(quaternion: str) -> None:
-    """A quaternion that is none is named with its norm, at its line."""
+def test_invalid_quaternion_is_reported(quaternion: str) -> None:
+    """A quaternion without unit norm is reported with its norm and line."""
     with pytest.raises(DatasetError, match=r"a.yaml:2: p: quaternion has norm"):
         parse_fields(f"\np: {{x: 0, y: 0, z: 0, {quaternion}}}", "a.yaml").find("p").pose()
 
 
-def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:
-    """A missing file, a folder, one that is no text, and one that is no YAML."""
+def test_unreadable_files_are_reported(tmp_path: Path) -> None:
+    """A missing file, a folder, binary data and invalid YAML are errors that name the file."""
     (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "open.yaml").write_text("a: [1, 2\n")
     for name in ("none.yaml", ".", "bytes.yaml", "open.yaml"):
@@ -103,8 +103,8 @@ def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("value", "found"), [("true", True), ("false", False), ("1", True), ("0", False)])
-def test_booleans_may_be_numbers(value: str, found: bool) -> None:
-    """Zero and one; no other number, and no text."""
+def test_booleans_may_be_zero_and_one(value: str, found: bool) -> None:
+    """Other numbers, and text, are refused."""
     assert parse_fields(f"a: {value}", "a.yaml").find("a").boolean() is found
     for other in ("2", "-1", "1.0", "0.0", "'true'", "[1]"):
         with pytest.raises(DatasetError, match="expected true or false"):
@@ -115,8 +115,8 @@ def test_booleans_may_be_numbers(value: str, found: bool) -> None:
     ("value", "low", "is_whole"),
     [("1", 1, True), ("0", 1, False), ("0", 0, True), ("2.0", 2, True), ("2.5", 1, False), ("-1", 0, False)],
 )
-def test_whole_numbers_have_a_least(value: str, low: int, is_whole: bool) -> None:
-    """One, if no other is given; a whole number may have a point."""
+def test_integers_have_lower_limit(value: str, low: int, is_whole: bool) -> None:
+    """The default lower limit is 1; an integer may be written with a decimal point."""
     field = parse_fields(f"a: {value}", "a.yaml").find("a")
     if is_whole:
         assert field.integer(low) == float(value)
@@ -129,16 +129,19 @@ def test_whole_numbers_have_a_least(value: str, low: int, is_whole: bool) -> Non
 
 
 @pytest.mark.parametrize("value", ["1e6", "-1e6", "1000000"])
-def test_numbers_reach_to_a_million(value: str) -> None:
-    """Either sign; what is beyond is said with the limit."""
+def test_numbers_up_to_a_million_are_read(value: str) -> None:
+    """Either sign is accepted; the error for a larger number states the limit."""
     assert abs(parse_fields(f"a: {value}", "a.yaml").find("a").number()) == 1e6
     for beyond in ("1000001", "-1.1e6"):
         with pytest.raises(DatasetError, match=r"beyond 1e\+06"):
             parse_fields(f"a: {beyond}", "a.yaml").find("a").number()
 
 
-def test_lists_of_numbers() -> None:
-    """Of any length if none is asked for, empty too; of one of several; rows of different lengths are flattened."""
+def test_number_lists_have_requested_length() -> None:
+    """Lists have any length by default, also zero, or one of the requested lengths.
+
+    Rows of different lengths are flattened.
+    """
     root = parse_fields("a: []\nb: [1, 2]\nc: [[1], [2, 3]]\nd: [1, [2]]\ne: 3\nf: [[1], []]", "a.yaml")
     assert root.find("a").numbers() == []
     assert root.find("b").numbers(4, 2) == [1, 2]
@@ -156,8 +159,8 @@ def test_lists_of_numbers() -> None:
             root.find(name).numbers()
 
 
-def test_fields_that_hold_nothing_are_not_there() -> None:
-    """The next name is taken; names of what is no mapping are none."""
+def test_empty_fields_count_as_missing() -> None:
+    """The next name is used instead of an empty field; a field that is not a mapping has no names."""
     root = parse_fields("a:\nb: 0\nc: 1", "a.yaml")
     assert root.find("a", "b", "c").number() == 0
     assert root.first("a") is None

@@ -1,4 +1,4 @@
-"""Files of joints, in the order of a chain and within its limits."""
+"""Tests of files of joints, in the order of a chain and within its limits."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROWS = np.radians([[10, -90, 100, -45, 60, 340], [-20, -80, 90, -40, 70, -170], 
 
 @pytest.fixture
 def limited(arm: SerialChain) -> SerialChain:
-    """The arm with the limits of a small industrial one, narrow at the wrist."""
+    """Return the arm with the limits of a small industrial one, narrow at the wrist."""
     limits = np.radians([170, 190, 150, 180, 120, 350])
     return replace(arm, lower=-limits, upper=limits)
 
@@ -37,8 +37,11 @@ def lines(values: np.ndarray, separator: str = ",") -> str:
     return "".join(separator.join(f"{value:.12g}" for value in row) + "\n" for row in values)
 
 
-def test_in_order_by_name_and_by_number(tmp_path: Path, limited: SerialChain) -> None:
-    """Without a header in the chain's order; by its joints' names in any order; numbered from 0 or 1; with `.pos`."""
+def test_joints_are_read_by_order_name_or_number(tmp_path: Path, limited: SerialChain) -> None:
+    """Without a header joints are in the chain's order.
+
+    With one they are found by name in any order, by numbers from 0 or 1, and with `.pos`.
+    """
     names = list(limited.joint_names)
     turned = ROWS[:, ::-1]
     for text in (
@@ -53,8 +56,8 @@ def test_in_order_by_name_and_by_number(tmp_path: Path, limited: SerialChain) ->
         np.testing.assert_allclose(read(tmp_path, text, limited), ROWS, atol=1e-10)
 
 
-def test_other_numbered_columns_are_left_out(tmp_path: Path, limited: SerialChain) -> None:
-    """A quaternion q1 to q4 beside the joints j1 to j6, as in logs of ABB."""
+def test_unrelated_numbered_columns_are_ignored(tmp_path: Path, limited: SerialChain) -> None:
+    """A quaternion q1 to q4 beside the joints j1 to j6 is ignored, as in logs of ABB."""
     header = ",".join([*(f"j{i}" for i in range(1, 7)), "x", *(f"q{i}" for i in range(1, 5))])
     text = f"{header}\n" + "".join(f"{row},0.4,1,0,0,0\n" for row in lines(ROWS).splitlines())
     np.testing.assert_allclose(read(tmp_path, text, limited), ROWS, atol=1e-10)
@@ -69,10 +72,10 @@ def test_other_numbered_columns_are_left_out(tmp_path: Path, limited: SerialChai
         lambda names: [f"j{i}" for _ in range(2) for i in range(6)],
     ],
 )
-def test_joints_with_two_columns_are_refused(
+def test_duplicate_joint_columns_are_refused(
     tmp_path: Path, limited: SerialChain, columns: Callable[[tuple[str, ...]], list[str]]
 ) -> None:
-    """Of two arms, of velocities or of torques: the last ones were taken."""
+    """Columns of two arms, of velocities or of torques are refused; before, the last ones were used."""
     header = columns(limited.joint_names)
     text = ",".join(header) + "\n" + "".join(f"{row},0,0,0,0,0,0\n" for row in lines(ROWS).splitlines())
     expected = f"names the joint '{limited.joint_names[0]}' twice, {header[0]}, {header[6]}: keep one"
@@ -81,8 +84,8 @@ def test_joints_with_two_columns_are_refused(
 
 
 @pytest.mark.parametrize("column", ["j{}_{}", "j{} [{}]", "j{}({})", "j{}.{}"])
-def test_units_of_the_header_hold(tmp_path: Path, limited: SerialChain, column: str) -> None:
-    """They agree with --deg, or what to do is said."""
+def test_header_units_must_match_option(tmp_path: Path, limited: SerialChain, column: str) -> None:
+    """Units of the header must agree with --deg; the error states what to give."""
     header = {unit: ",".join(column.format(i, unit) for i in range(1, 7)) + "\n" for unit in ("deg", "rad")}
     np.testing.assert_allclose(read(tmp_path, header["rad"] + lines(ROWS), limited), ROWS, atol=1e-10)
     np.testing.assert_allclose(read(tmp_path, header["deg"] + lines(np.degrees(ROWS)), limited, True), ROWS, atol=1e-10)
@@ -92,36 +95,36 @@ def test_units_of_the_header_hold(tmp_path: Path, limited: SerialChain, column: 
         read(tmp_path, header["rad"] + lines(ROWS), limited, True)
 
 
-def test_degrees_where_they_are_said(tmp_path: Path, limited: SerialChain) -> None:
-    """With decimal commas too."""
+def test_joints_in_degrees_are_read(tmp_path: Path, limited: SerialChain) -> None:
+    """Joints in degrees are read with the option, also with decimal commas."""
     text = lines(np.degrees(ROWS), ";").replace(".", ",")
     np.testing.assert_allclose(read(tmp_path, text, limited, True), ROWS, atol=1e-10)
 
 
-def test_degrees_taken_for_radians_are_named(tmp_path: Path, limited: SerialChain) -> None:
-    """With the line, the joint, its limits and what to give."""
+def test_degrees_read_as_radians_are_reported(tmp_path: Path, limited: SerialChain) -> None:
+    """The error has the line, the joint, its limits and the option to give."""
     name = limited.joint_names[0]
     expected = rf"q.csv:1: {name}: is at 10 rad, its limits are -2.967 to 2.967: give --deg, they look like degrees"
     with pytest.raises(DatasetError, match=expected):
         read(tmp_path, lines(np.degrees(ROWS)), limited)
 
 
-def test_joints_the_other_way_round_are_named(tmp_path: Path, limited: SerialChain) -> None:
-    """Where no unit explains a joint beyond its limits and the reverse order does."""
+def test_reversed_joint_order_is_suggested(tmp_path: Path, limited: SerialChain) -> None:
+    """The reverse order is suggested if no unit explains a joint beyond its limits but the reverse order does."""
     order = re.escape(", ".join(limited.joint_names[::-1]))
     assert np.abs(ROWS[:, 5]).max() > limited.upper[0]
     with pytest.raises(DatasetError, match=f"may be in another order, such as {order}"):
         read(tmp_path, lines(np.degrees(ROWS)[:, ::-1]), limited, True)
 
 
-def test_radians_taken_for_degrees_are_named(tmp_path: Path, limited: SerialChain) -> None:
-    """No arm calibrates within three degrees of its zero."""
+def test_radians_read_as_degrees_are_reported(tmp_path: Path, limited: SerialChain) -> None:
+    """Angles within three degrees of zero are refused, since no arm calibrates there."""
     with pytest.raises(DatasetError, match="they look like radians: remove --deg"):
         read(tmp_path, lines(ROWS / 2), limited, True)
 
 
-def test_what_fits_nothing_is_said(tmp_path: Path, limited: SerialChain) -> None:
-    """A joint that no unit and no order explains, and columns of another arm."""
+def test_unexplained_joint_values_are_reported(tmp_path: Path, limited: SerialChain) -> None:
+    """A joint that no unit or order explains, and columns of another arm, are errors."""
     wrong = ROWS.copy()
     wrong[2, 2] = wrong[2, 3] = 3.0
     wrong[0] = np.radians([10, 10, 160, 160, 10, 10])
@@ -131,16 +134,16 @@ def test_what_fits_nothing_is_said(tmp_path: Path, limited: SerialChain) -> None
         read(tmp_path, "a1,a2,a3\n1,2,3\n", limited)
 
 
-def test_a_joint_without_limits_may_turn_once(tmp_path: Path, arm: SerialChain) -> None:
-    """Degrees are found where the URDF has no limits."""
+def test_degrees_are_recognised_without_joint_limits(tmp_path: Path, arm: SerialChain) -> None:
+    """Joints without limits in the URDF may rotate once, so degrees are still recognised."""
     free = replace(arm, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
     np.testing.assert_allclose(read(tmp_path, lines(ROWS), free), ROWS, atol=1e-10)
     with pytest.raises(DatasetError, match="give --deg"):
         read(tmp_path, lines(np.degrees(ROWS)), free)
 
 
-def test_of_a_urdf_that_comes_along(tmp_path: Path) -> None:
-    """The chain, what the cell must have for it, and the file that goes there."""
+def test_given_urdf_defines_joint_model(tmp_path: Path) -> None:
+    """A given URDF yields the chain, the cell's entry for it, and the file to copy."""
     path = tmp_path / "hand.urdf"
     path.write_text(URDF)
     model = joint_model(tmp_path / "c", "left", path, "base", "tool0", None)
@@ -150,8 +153,8 @@ def test_of_a_urdf_that_comes_along(tmp_path: Path) -> None:
     assert model.files == {"hand.urdf": path}
 
 
-def test_of_the_cell(tmp_path: Path) -> None:
-    """What is known is not asked again; where nothing is known it is said what to give."""
+def test_known_joint_model_is_taken_from_cell(tmp_path: Path) -> None:
+    """A known model is not requested again; for an unknown one the error states what to give."""
     assert main(["simulate", str(tmp_path / "c"), "--samples", "3", "--joints"]) == 0
     model = joint_model(tmp_path / "c", "hand", None, None, None, None)
     assert (len(model.chain.joint_names), model.entry, model.files) == (6, {}, {})
@@ -164,8 +167,11 @@ def test_of_the_cell(tmp_path: Path) -> None:
         joint_model(tmp_path / "c", "hand", None, "base", None, None)
 
 
-def test_offsets(tmp_path: Path) -> None:
-    """A prior of each joint's zero, in radians, beside what the cell must have anyway."""
+def test_joint_offset_prior_is_added(tmp_path: Path) -> None:
+    """The prior of each joint's offset is in radians beside the robot's other fields.
+
+    Sigmas outside 0 to 45 deg are refused.
+    """
     path = tmp_path / "hand.urdf"
     path.write_text(URDF)
     entry = joint_model(tmp_path / "c", "left", path, "base", "tool0", 2.0).entry["robots"]["left"]
@@ -179,10 +185,10 @@ def test_offsets(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("off", "is_inside"), [(0.9, True), (1.1, False)])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_joints_may_pass_their_limits_by_a_little(
+def test_joint_limits_have_small_tolerance(
     tmp_path: Path, limited: SerialChain, off: float, is_inside: bool, sign: int
 ) -> None:
-    """By what controllers let them; of several the first is named."""
+    """Joints may exceed their limits as far as controllers permit; beyond, the first such row is named."""
     rows = ROWS.copy()
     rows[1:, 1] = sign * (limited.upper[1] + off * LIMIT_EXCESS_RAD)
     if is_inside:
@@ -194,7 +200,7 @@ def test_joints_may_pass_their_limits_by_a_little(
 
 @pytest.mark.parametrize(("most", "count", "is_told"), [(3.1, 3, True), (3.2, 3, False), (3.1, 2, False)])
 def test_three_rows_of_small_angles_look_like_radians(most: float, count: int, is_told: bool) -> None:
-    """Where joints move at all; fewer rows, and an arm that stands still, may be near zero."""
+    """The finding needs moving joints: fewer rows, or an arm at rest, may be near zero."""
     values = np.zeros((count, 2))
     values[0, 1] = -most
     assert bool(radians_finding(values)) == is_told
@@ -203,8 +209,8 @@ def test_three_rows_of_small_angles_look_like_radians(most: float, count: int, i
         assert radians_finding(values).startswith("no joint of 3 rows is beyond 3.1 degrees")
 
 
-def test_offsets_of_forty_five_degrees_are_the_widest(tmp_path: Path) -> None:
-    """As much is taken."""
+def test_joint_offset_sigma_of_45_degrees_is_accepted(tmp_path: Path) -> None:
+    """45 degrees is the largest accepted sigma."""
     path = tmp_path / "hand.urdf"
     path.write_text(URDF)
     for sigma in (45.0, 1e-3):
@@ -212,8 +218,8 @@ def test_offsets_of_forty_five_degrees_are_the_widest(tmp_path: Path) -> None:
         assert entry["joint_offsets"]["sigma_rad"] == pytest.approx(np.radians(sigma), abs=1e-5)
 
 
-def test_numbers_beyond_all_degrees_are_no_degrees(tmp_path: Path, limited: SerialChain) -> None:
-    """Where they would leave the limits as degrees, too, the order is to be checked."""
+def test_values_beyond_limits_as_degrees_suggest_order(tmp_path: Path, limited: SerialChain) -> None:
+    """If values exceed the limits as degrees too, the error advises to check the order."""
     rows = np.degrees(ROWS)
     rows[1, 2] = -400.0
     with pytest.raises(DatasetError, match="check the order of the joints"):
@@ -221,18 +227,18 @@ def test_numbers_beyond_all_degrees_are_no_degrees(tmp_path: Path, limited: Seri
 
 
 @pytest.mark.parametrize("given", [(True, False, False), (True, True, False), (False, True, True), (True, False, True)])
-def test_urdf_and_links_go_together(tmp_path: Path, given: tuple[bool, bool, bool]) -> None:
-    """Whichever of the three is missing."""
+def test_urdf_and_links_are_given_together(tmp_path: Path, given: tuple[bool, bool, bool]) -> None:
+    """Each missing combination of the three options is refused."""
     words = [word if is_given else None for word, is_given in zip(("a.urdf", "base", "tool0"), given, strict=True)]
     with pytest.raises(UsageError, match="--urdf, --base-link and --flange-link go together: give all three"):
         joint_model(tmp_path, "left", *words, None)
 
 
 @pytest.mark.parametrize(("largest", "is_inside"), [(6.9, True), (-6.9, True), (7.0, False), (-7.0, False)])
-def test_a_joint_without_limits_turns_little_more_than_once(
+def test_unlimited_joint_accepts_little_more_than_one_turn(
     tmp_path: Path, arm: SerialChain, largest: float, is_inside: bool
 ) -> None:
-    """Either way, in radians."""
+    """Joints without limits accept angles below 7 rad in either direction."""
     free = replace(arm, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
     rows = ROWS.copy()
     rows[1, 3] = largest

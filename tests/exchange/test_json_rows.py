@@ -1,4 +1,4 @@
-"""JSON poses as rows."""
+"""Tests of JSON poses read as rows."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Records = list[tuple[int, dict[str, str]]]
         ({"poses": [[1, 2]], "count": 1}, "1,2\n"),
     ],
 )
-def test_a_row_for_each_list(data: object, rows: str) -> None:
-    """Numbers in order, however they are indented."""
+def test_each_list_becomes_row(data: object, rows: str) -> None:
+    """Numbers keep their order, however the JSON is indented."""
     assert json_rows(json.dumps(data)) == json_rows(json.dumps(data, indent=2)) == rows
     assert json_records(json.dumps(data), "a.json") == []
 
@@ -34,8 +34,8 @@ def test_a_row_for_each_list(data: object, rows: str) -> None:
         *("{X 1, Y 2}", "p[1, 2]", "[[1], [2]", "{}"),
     ],
 )
-def test_other_texts_are_none(text: str) -> None:
-    """Tables, poses of controllers, lists of numbers, rows that differ, and what is no JSON."""
+def test_other_texts_give_no_rows(text: str) -> None:
+    """Tables, poses of controllers, lists of numbers, unequal rows and invalid JSON give no rows."""
     assert (json_rows(text), json_records(text, "a.json")) == ("", [])
 
 
@@ -54,8 +54,8 @@ def test_other_texts_are_none(text: str) -> None:
         ]),
     ],
 )  # fmt: skip
-def test_a_record_for_each_object(text: str, records: Records) -> None:
-    """Cells under their names in any order, with the line on which an object begins."""
+def test_each_object_becomes_record(text: str, records: Records) -> None:
+    """Cells have their names in any order, with the line on which the object begins."""
     assert json_records(text, "a.json") == records
 
 
@@ -73,15 +73,15 @@ def test_a_record_for_each_object(text: str, records: Records) -> None:
         ('[{"x": ' + "9" * 5000 + "}]", "a.json: not JSON: nested too deeply, or a number of thousands of digits"),
     ],
 )
-def test_damaged_objects_are_no_lists_of_numbers(text: str, said: str) -> None:
-    """They were read as numbers in the order in which they stand, whatever their names."""
+def test_damaged_objects_are_refused(text: str, said: str) -> None:
+    """Damaged objects were read as numbers in file order, whatever their names."""
     with pytest.raises(DatasetError) as caught:
         json_records(text, "a.json")
     assert str(caught.value).startswith(said)
 
 
-def test_more_objects_than_samples_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before a table is made of them."""
+def test_too_many_objects_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of objects is checked before a table is made of them."""
     monkeypatch.setattr(module, "MOST_SAMPLES", 2)
     assert len(json_records('[{"x": 1}, {"y": 2}]', "a.json")) == 2
     with pytest.raises(DatasetError, match=r"a.json: 3 objects, expected at most 2"):

@@ -1,4 +1,4 @@
-"""LeRobot's recordings, laid out as its documents say."""
+"""Tests of LeRobot's recordings in their documented layout."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DEGREES = np.array([[0, -90, 90, 10, -20, 30, 40.0], [5, -80, 80, 12, -22, 33, 4
 
 
 def dataset(folder: Path, names: object, layout: str = "data/chunk-000/episode_{0:06d}.parquet") -> Path:
-    """Two episodes of three frames, half a second apart; the second one's first motor is 1 higher."""
+    """Write two episodes of three frames, half a second apart; the second one's first motor is 1 higher."""
     (folder / "meta").mkdir(parents=True)
     info = {"codebase_version": "v2.1", "fps": 2, "features": {"observation.state": {"shape": [7], "names": names}}}
     (folder / "meta" / "info.json").write_text(json.dumps(info))
@@ -51,8 +51,11 @@ def names_of(chain: SerialChain) -> list[str]:
 
 @pytest.mark.parametrize("layout", ["data/chunk-000/episode_{0:06d}.parquet", "data/chunk-000/file-000.parquet"])
 @pytest.mark.parametrize("motors", [False, True])
-def test_degrees_of_an_episode(tmp_path: Path, arm: SerialChain, layout: str, motors: bool) -> None:
-    """A file for each episode (v2.1) or one for all (v3.0), names as a list or by motors; the gripper is left out."""
+def test_episode_in_degrees_is_read(tmp_path: Path, arm: SerialChain, layout: str, motors: bool) -> None:
+    """One file per episode (v2.1) or one for all (v3.0) is read, with names as a list or by motors.
+
+    The gripper is left out.
+    """
     names: object = {"motors": names_of(arm)} if motors else names_of(arm)
     for number in (0, 1):
         episode = read_episode(dataset(tmp_path / f"d{number}", names, layout), number)
@@ -62,8 +65,8 @@ def test_degrees_of_an_episode(tmp_path: Path, arm: SerialChain, layout: str, mo
         assert [row.stamp_s for row in rows] == [0, 0.5, 1]
 
 
-def test_joints_by_name_or_in_order(tmp_path: Path, arm: SerialChain) -> None:
-    """By name in any order; where names differ in theirs; where neither fits it is said."""
+def test_motors_are_assigned_by_name_or_order(tmp_path: Path, arm: SerialChain) -> None:
+    """Motors are assigned by name in any order, or in order if their names differ; otherwise the error lists both."""
     names = names_of(arm)
     turned = read_episode(dataset(tmp_path / "a", [*names[1:6], names[6], names[0]]), 0)
     first = joint_rows(turned, "left", arm, "deg", None, ALL)[0].robots["left"].joints_rad
@@ -75,8 +78,8 @@ def test_joints_by_name_or_in_order(tmp_path: Path, arm: SerialChain) -> None:
         joint_rows(read_episode(dataset(tmp_path / "c", list("abcdefg")), 0), "left", arm, "deg", None, ALL)
 
 
-def test_an_order_that_contradicts_a_name_is_refused() -> None:
-    """Five of six motors have a joint's name, but in reverse: in order they would be other joints."""
+def test_motor_order_contradicting_names_is_refused() -> None:
+    """Five of six motors have joint names but in reverse, so in order they would be other joints."""
     motors = ["f", "E", "d", "c", "b", "a", "gripper"]
     with pytest.raises(InputError, match="in order, f would be a; name all motors as the joints"):
         motor_indices(motors, list("abcdef"))
@@ -84,7 +87,7 @@ def test_an_order_that_contradicts_a_name_is_refused() -> None:
 
 
 def test_radians_read_as_degrees_are_refused(tmp_path: Path, arm: SerialChain) -> None:
-    """An episode of which no joint goes beyond some degrees is in radians."""
+    """An episode in which no joint exceeds a few degrees is in radians."""
     degrees = read_episode(dataset(tmp_path / "a", names_of(arm)), 0)
     radians = replace(degrees, values=np.radians(degrees.values))
     with pytest.raises(InputError, match=r"no joint of 3 rows is beyond 1.57 degrees.*: give --unit rad"):
@@ -93,8 +96,8 @@ def test_radians_read_as_degrees_are_refused(tmp_path: Path, arm: SerialChain) -
     np.testing.assert_allclose(first, np.radians(DEGREES[0, :6]))
 
 
-def test_normalised_by_the_range(tmp_path: Path, arm: SerialChain) -> None:
-    """-100 to 100 is a motor's range about its middle, 4095 ticks a turn, turned round by its drive mode."""
+def test_normalised_positions_use_motor_range(tmp_path: Path, arm: SerialChain) -> None:
+    """-100 to 100 is a motor's range about its middle with 4095 ticks per turn, reversed by its drive mode."""
     episode = read_episode(dataset(tmp_path / "d", names_of(arm)), 0)
     motor = {"id": 1, "drive_mode": 0, "homing_offset": 12, "range_min": 1024, "range_max": 3072}
     motors = {name: motor | {"drive_mode": int(i == 1)} for i, name in enumerate(arm.joint_names)}
@@ -113,8 +116,11 @@ def episode_of(values: np.ndarray, stamps_s: np.ndarray) -> Episode:
     return Episode(tuple(f"m{k}" for k in range(values.shape[1])), values, stamps_s)
 
 
-def test_frame_that_moved_least_of_each_period() -> None:
-    """Of each second, whatever a motor's unit is, and beside motors that stand still; all frames of no period."""
+def test_stillest_frame_of_each_period() -> None:
+    """The frame with least motion of each second is chosen, whatever the units and beside resting motors.
+
+    A period of zero keeps all frames.
+    """
     moved = np.arange(20.0)
     moved[4], moved[14] = moved[3], moved[13]
     episode = episode_of(moved[:, None] * [1.0, 100.0, 0.0] + [0.0, 0.0, 40.0], np.arange(20) / 10)
@@ -122,8 +128,8 @@ def test_frame_that_moved_least_of_each_period() -> None:
     assert still_frames(episode, 0.0).tolist() == list(range(20))
 
 
-def test_frames_at_rest_beside_slow_motion() -> None:
-    """Encoders that hop by a step at rest: the slow ends of a motion, less than a step a frame, are no rest."""
+def test_frames_at_rest_among_slow_motion() -> None:
+    """Encoders jitter by a step at rest, so slow ends of a motion below one step per frame do not count as rest."""
     rng = np.random.default_rng(2)
     stops, step = rng.uniform(-60, 60, (37, 12)), 360 / 4096
     part = np.clip((np.arange(150) - 60) / 90, 0, 1)[:, None]
@@ -135,14 +141,14 @@ def test_frames_at_rest_beside_slow_motion() -> None:
     assert (chosen % 150 < 60).all()
 
 
-def test_frames_nearest_to_samples() -> None:
-    """Each once, and none that is too far away."""
+def test_nearest_frames_to_samples() -> None:
+    """Each frame is used once, and none too far from its sample."""
     episode = episode_of(np.zeros((4, 1)), np.array([0.0, 1.0, 2.0, 3.0]))
     assert nearest_frames(episode, np.array([2.04, 0.96, 1.98, 2.9])).tolist() == [1, 2]
 
 
-def test_what_is_no_dataset_is_said(tmp_path: Path) -> None:
-    """An episode that is not there, a folder without its info, a table without its columns, and a calibration."""
+def test_invalid_datasets_are_reported(tmp_path: Path) -> None:
+    """A missing episode, a folder without info, a table without its columns, and an invalid calibration are errors."""
     with pytest.raises(DatasetError, match="has no episode 7; it has 0 to 1"):
         read_episode(dataset(tmp_path / "a", list("abcdefg")), 7)
     with pytest.raises(DatasetError, match=r"info.json: cannot be read"):
@@ -161,8 +167,8 @@ def test_what_is_no_dataset_is_said(tmp_path: Path) -> None:
         read_motor_ranges(tmp_path / "x.json")
 
 
-def test_motors_of_one_of_two_arms(tmp_path: Path, arm: SerialChain) -> None:
-    """They are chosen by their names, and then named as the URDF's joints are."""
+def test_motors_of_one_arm_are_selected(tmp_path: Path, arm: SerialChain) -> None:
+    """Motors are selected by a name pattern and then named like the URDF's joints."""
     names = [*(f"left_{name}.pos" for name in arm.joint_names[:3]), *(f"right_{name}.pos" for name in "abcd")]
     episode = read_episode(dataset(tmp_path / "d", names), 0)
     left = select_motors(episode, "left_*")
@@ -172,8 +178,11 @@ def test_motors_of_one_of_two_arms(tmp_path: Path, arm: SerialChain) -> None:
         select_motors(episode, "middle_*")
 
 
-def test_periods_begin_with_the_first_frame() -> None:
-    """Wherever the stamps start; the earlier of two equally still frames is taken, and a single frame is kept."""
+def test_periods_start_at_first_frame() -> None:
+    """Periods do not depend on the start of the stamps.
+
+    The earlier of two equally still frames is chosen, and a single frame is kept.
+    """
     values = np.arange(12.0)[:, None]
     values[2], values[7] = values[1], values[6]
     for begin_s in (0.0, 0.3, 1e6):
@@ -185,15 +194,15 @@ def test_periods_begin_with_the_first_frame() -> None:
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-4, 1e4])
-def test_motion_is_relative_to_the_range_of_a_motor(unit: float) -> None:
-    """The frame with the least share of either range is taken, in any units."""
+def test_motion_is_relative_to_motor_range(unit: float) -> None:
+    """The frame with the least share of either range is chosen, in any units."""
     slow = np.array([[0.0, 0.0], [0.3, 0.0], [0.6, 0.0], [0.62, 0.01], [0.64, 0.02], [1.0, 1.0], [1.3, 2.0]])
     (frame,) = still_frames(episode_of(slow * [1e-3, unit], np.arange(7) * 1.0), 7.0)
     assert frame == 3
 
 
-def test_more_frames_than_samples_and_fewer() -> None:
-    """Each sample has its own nearest frame."""
+def test_nearest_frames_for_any_sample_count() -> None:
+    """Each sample has its own nearest frame, with more or fewer frames than samples."""
     few = episode_of(np.zeros((2, 1)), np.array([0.0, 1.0]))
     assert nearest_frames(few, np.array([1.01, 0.0, 0.99, 5.0, 0.02])).tolist() == [0, 1]
     many = episode_of(np.zeros((5, 1)), np.arange(5.0))
@@ -212,8 +221,8 @@ def test_more_frames_than_samples_and_fewer() -> None:
         (8, 7, False),
     ],
 )
-def test_ranges_lie_within_a_turn(tmp_path: Path, low: int, high: int, is_right: bool) -> None:
-    """Of 4095 ticks, the lower end below the upper one."""
+def test_motor_ranges_lie_within_one_turn(tmp_path: Path, low: int, high: int, is_right: bool) -> None:
+    """A range lies within 4095 ticks, with the lower end below the upper one."""
     path = tmp_path / "x.json"
     path.write_text(json.dumps({"a": {"range_min": low, "range_max": high, "drive_mode": 0}}))
     if is_right:

@@ -1,4 +1,4 @@
-"""Tables of LeRobot in their box: a small file that says it holds more than there is memory takes little of it."""
+"""Tests of LeRobot tables in the sandbox: a small file that claims more data than fits memory uses little of it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 
 
 def run_lengths(folder: Path, rows: int, groups: int = 1, numbers: int = _MOTORS) -> str:
-    """A dataset of zeros, which Parquet holds as how many there are; its table."""
+    """Write a dataset of zeros, which Parquet stores as their count, and return its table."""
     dataset(folder, [f"motor{k}" for k in range(_MOTORS)])
     path = folder / "data" / "chunk-000" / "zeros.parquet"
     states = pa.ListArray.from_arrays(
@@ -47,8 +47,8 @@ def run_lengths(folder: Path, rows: int, groups: int = 1, numbers: int = _MOTORS
     return str(path)
 
 
-def test_rows_come_a_few_at_a_time(tmp_path: Path) -> None:
-    """However many a group has; of an episode that is not there only its numbers."""
+def test_rows_are_read_in_batches(tmp_path: Path) -> None:
+    """Rows are read in batches, however many a group has; for a missing episode only its numbers."""
     path = run_lengths(tmp_path, 40_000)
     frames = list(lerobot_boxed.read_frames(["0", COLUMNS, path]))
     assert [len(content) // 8 // (1 + _MOTORS) for _, content in frames] == [2**14, 2**14, 40_000 - 2**15]
@@ -56,8 +56,8 @@ def test_rows_come_a_few_at_a_time(tmp_path: Path) -> None:
     assert list(lerobot_boxed.read_frames(["0", COLUMNS, run_lengths(tmp_path / "none", 0)])) == []
 
 
-def test_rows_are_counted_before_any_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The table says how many it has."""
+def test_row_count_is_checked_before_reading(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The table's own row count is checked before any row is read."""
     path = run_lengths(tmp_path, 1000)
     monkeypatch.setattr(lerobot_boxed, "_MOST_ROWS", 999)
     monkeypatch.setattr(lerobot_boxed.ParquetFile, "iter_batches", None)
@@ -80,8 +80,8 @@ def test_rows_are_counted_before_any_is_read(tmp_path: Path, monkeypatch: pytest
         (None, [0.0, 1.0], [0, 0]),
     ],
 )
-def test_columns_of_something_else(tmp_path: Path, state: object, stamp: object, episode: object) -> None:
-    """Rows of several lengths, holes, words, lists of lists and a column that is not there are of the file."""
+def test_invalid_lerobot_columns_are_refused(tmp_path: Path, state: object, stamp: object, episode: object) -> None:
+    """Rows of unequal length, nulls, text, nested lists and a missing column are errors of the file."""
     columns = {"timestamp": stamp, "episode_index": episode} | ({} if state is None else {"observation.state": state})
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table(columns), path)
@@ -92,7 +92,7 @@ def test_columns_of_something_else(tmp_path: Path, state: object, stamp: object,
 
 
 def test_stamps_may_be_lists_of_one(tmp_path: Path) -> None:
-    """As some versions write them."""
+    """Some versions write each stamp as a list of one."""
     columns = {"observation.state": [[1, 2], [3, 4]], "timestamp": [[0.0], [0.5]], "episode_index": [0, 0]}
     pq.write_table(pa.table(columns), tmp_path / "a.parquet")
     ((sizes, content),) = lerobot_boxed.read_frames(["0", COLUMNS, str(tmp_path / "a.parquet")])
@@ -103,8 +103,8 @@ def test_stamps_may_be_lists_of_one(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="needs the most memory that a process had [kB]")
 @pytest.mark.parametrize(("rows", "groups", "numbers"), [(200_000, 60, _MOTORS), (4, 3, 20_000_000)])
-def test_run_lengths_take_little_memory(tmp_path: Path, rows: int, groups: int, numbers: int) -> None:
-    """Twelve million frames in 0.2 MB took 6 GB, and so would three rows of many numbers."""
+def test_run_lengths_use_little_memory(tmp_path: Path, rows: int, groups: int, numbers: int) -> None:
+    """Twelve million frames in 0.2 MB took 6 GB, and three rows of very many numbers would, too."""
     path = run_lengths(tmp_path, rows, groups, numbers)
     assert Path(path).stat().st_size < 10**6
     # In a process of its own, whose only child is the one that reads.

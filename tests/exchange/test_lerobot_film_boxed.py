@@ -1,4 +1,4 @@
-"""Films in their box: images at times, and films that are too large or none."""
+"""Tests of films in the sandbox: images at times, oversized films and invalid ones."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from basecal.exchange.lerobot_film_boxed import read_frames
 FILM = str(Path(__file__).parents[1] / "data" / "film_av1.mp4")  # number k of 60 has the level 4 k, at 30 Hz
 
 
-def test_images_come_by_rising_times() -> None:
-    """Each with the place of its time among those asked for; those beyond the end do not come."""
+def test_images_are_returned_in_time_order() -> None:
+    """Each image has the index of its requested time; times beyond the end have no image."""
     found = list(read_frames([FILM, "1.0", "0.1", "9.0"]))
     assert [place for (place,), _ in found] == [1, 0]
     levels = [cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED).mean() for _, content in found]
     np.testing.assert_allclose(levels, [12, 120], atol=3)
 
 
-def test_large_images_are_not_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The film says how large they are."""
+def test_large_film_images_are_not_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The size is taken from the film's header."""
     monkeypatch.setattr(lerobot_film_boxed, "_MOST_PIXELS", 64 * 48 - 1)
     with pytest.raises(InputError, match="has images of 64 x 48 px, which is more than is read"):
         list(read_frames([FILM, "0.0"]))
 
 
-def test_time_before_all_is_the_first_image() -> None:
-    """A clock that is a hair early asks for no frame before the first."""
+def test_time_before_start_gives_first_image() -> None:
+    """A clock that is slightly early requests no frame before the first."""
     ((_, content),) = read_frames([FILM, "-0.001"])
     assert cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED).mean() < 3
 
 
 class Film:
-    """A decoder of a film of a size [px] and a number of frames, at 10 Hz."""
+    """Decoder of a film of a size [px] and a number of frames, at 10 Hz."""
 
     def __init__(self, width: int, height: int, frames: int, is_open: bool = True) -> None:
         self._sizes = {cv2.CAP_PROP_FPS: 10.0, cv2.CAP_PROP_FRAME_WIDTH: width, cv2.CAP_PROP_FRAME_HEIGHT: height}
@@ -61,8 +61,8 @@ def films(monkeypatch: pytest.MonkeyPatch, film: Film) -> None:
     monkeypatch.setattr(cv2, "VideoCapture", lambda *_: film)
 
 
-def test_images_have_at_most_33_million_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An 8K image is read, and one of a column more than the limit is not."""
+def test_image_size_limit_is_33_million_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An 8K image is read, and one with a column more than the limit is not."""
     films(monkeypatch, Film(8192, 4096, 1))
     assert len(list(read_frames(["film", "0.0"]))) == 1
     films(monkeypatch, Film(8193, 4096, 1))
@@ -70,7 +70,7 @@ def test_images_have_at_most_33_million_pixels(monkeypatch: pytest.MonkeyPatch) 
         list(read_frames(["film", "0.0"]))
 
 
-def test_a_film_ends_after_its_first_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_times_after_last_frame_have_no_image(monkeypatch: pytest.MonkeyPatch) -> None:
     """Later times have no image; a film without any frame is damaged."""
     films(monkeypatch, Film(4, 4, 1))
     assert [place for (place,), _ in read_frames(["film", "0.1", "0.0"])] == [1]
@@ -80,7 +80,7 @@ def test_a_film_ends_after_its_first_frame(monkeypatch: pytest.MonkeyPatch) -> N
             list(read_frames(["film", "0.0"]))
 
 
-def test_two_times_of_one_frame_have_its_image(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_times_of_one_frame_share_its_image(monkeypatch: pytest.MonkeyPatch) -> None:
     """A time belongs to the nearest frame."""
     films(monkeypatch, Film(4, 4, 5))
     found = {place: cv2.imdecode(np.frombuffer(data, np.uint8), -1)[0, 0] for (place,), data in read_frames(

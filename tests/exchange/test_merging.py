@@ -1,4 +1,4 @@
-"""Cells recorded apart, as one."""
+"""Tests of merging cells that were recorded separately."""
 
 from __future__ import annotations
 
@@ -38,8 +38,11 @@ def with_images(folder: Path, content: bytes, name: str = "0.png", number: int =
     return folder
 
 
-def test_robots_are_joined_and_samples_numbered_on(tmp_path: Path) -> None:
-    """What only one cell has is added to the first one's text; its samples follow, the cells stay as they were."""
+def test_robots_are_merged_and_samples_renumbered(tmp_path: Path) -> None:
+    """Entries of only one cell are added to the first one's text.
+
+    Its samples follow, and the source cells are unchanged.
+    """
     a = cell(tmp_path / "a", BASE + CAMERA)
     b = cell(
         tmp_path / "b", BASE + "  right: {noise: {sigma_t_m: 1e-4, sigma_r_rad: 2e-4}}\n", range(5, 7), robot="right"
@@ -64,8 +67,8 @@ def test_robots_are_joined_and_samples_numbered_on(tmp_path: Path) -> None:
     assert len(read_recording(a).samples) == 3
 
 
-def test_images_of_one_name_both_come_along(tmp_path: Path) -> None:
-    """An image whose path is taken gets the number of its sample before its name."""
+def test_images_with_equal_names_are_kept(tmp_path: Path) -> None:
+    """An image whose path is already used gets its sample's number before its name."""
     parts = [with_images(cell(tmp_path / n, BASE + CAMERA, range(2)), n.encode()) for n in "ab"]
     merge_cells(parts, tmp_path / "c")
     last = read_recording(tmp_path / "c").samples[-1]
@@ -74,8 +77,8 @@ def test_images_of_one_name_both_come_along(tmp_path: Path) -> None:
     assert Path(paths[1]).name == f"{last.sample:06d}_0.png"
 
 
-def test_a_numbered_image_is_not_taken_for_another(tmp_path: Path) -> None:
-    """A path that gets a number may be taken too, as in cells that were merged before."""
+def test_numbered_image_paths_are_unique(tmp_path: Path) -> None:
+    """A numbered path may also be in use, as in cells that were merged before."""
     first = with_images(cell(tmp_path / "a", BASE + CAMERA, range(0)), b"a", number=0)
     second = with_images(cell(tmp_path / "b", BASE + CAMERA, range(0)), b"b", "000002_0.png", 0)
     merge_cells([first, with_images(second, b"c", number=1)], tmp_path / "c")
@@ -83,8 +86,8 @@ def test_a_numbered_image_is_not_taken_for_another(tmp_path: Path) -> None:
     assert [(tmp_path / "c" / path).read_bytes()[8:] for path in paths] == [b"a", b"b", b"c"]
 
 
-def test_names_of_images_that_are_to_come_stay_with_their_samples(tmp_path: Path) -> None:
-    """A table may name images before they are imported; two cells that expect one image are not merged."""
+def test_expected_image_names_follow_their_samples(tmp_path: Path) -> None:
+    """A table may name images before their import; two cells that expect the same image are not merged."""
     parts = [cell(tmp_path / n, BASE, range(2)) for n in "ab"]
     for part, names in zip(parts, ({"y": 0, "x": 1}, {"w": 0, "v": 1}), strict=True):
         write_image_names(part, names)
@@ -100,8 +103,8 @@ def test_names_of_images_that_are_to_come_stay_with_their_samples(tmp_path: Path
     assert read_image_names(tmp_path / "f") == {"y": 0, "x": 1}
 
 
-def test_three_at_once(tmp_path: Path) -> None:
-    """Any number are merged in order."""
+def test_three_cells_are_merged(tmp_path: Path) -> None:
+    """Any number of cells is merged in order."""
     parts = [cell(tmp_path / n, BASE, range(2)) for n in "abc"]
     assert [s.sample for s in merge_cells(parts, tmp_path / "d").recording.samples] == list(range(6))
 
@@ -118,8 +121,8 @@ def test_three_at_once(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_contradictions_are_named(tmp_path: Path, other: str, said: str) -> None:
-    """Both values with their cells, to the field; nothing is written."""
+def test_contradicting_fields_are_reported(tmp_path: Path, other: str, said: str) -> None:
+    """The error has both values with their cells and the field; no file is written."""
     a = cell(tmp_path / "a", BASE + CAMERA)
     b = cell(tmp_path / "b", other, robot="right" if "reference: right" in other else "left")
     with pytest.raises(InputError, match=said):
@@ -127,8 +130,8 @@ def test_contradictions_are_named(tmp_path: Path, other: str, said: str) -> None
     assert not (tmp_path / "c").exists()
 
 
-def test_cells_of_other_references(tmp_path: Path) -> None:
-    """What is free on the world is one thing in both, wherever it was guessed; the first reference is kept."""
+def test_cells_with_different_references_are_merged(tmp_path: Path) -> None:
+    """A free object on the world is the same in both cells, whatever its guess; the first reference is kept."""
     guess = "mount: {status: free, guess: {t_m: [1, 0, 0], q_xyzw: [0, 0, 0, 1]}}"
     a = cell(tmp_path / "a", BASE + "targets: {board: {on: world}}\n")
     b = cell(
@@ -143,8 +146,8 @@ def test_cells_of_other_references(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("is_whole", [(False, False), (False, True), (True, False)])
-def test_streams_at_one_time_are_not_mixed(tmp_path: Path, is_whole: tuple[bool, bool]) -> None:
-    """Lines of robots alone are joined by time with those of images: recordings must not overlap."""
+def test_overlapping_streams_are_refused(tmp_path: Path, is_whole: tuple[bool, bool]) -> None:
+    """Lines with robots only are paired with image lines by time, so recordings must not overlap."""
     a, b = (cell(tmp_path / n, BASE + CAMERA, range(0)) for n in "ab")
     robot, images = {"left": RobotState(SE3.identity())}, {"cam": "recording/images/cam/0.png"}
     for folder, begun_s, whole in zip((a, b), (0.0, 1.5), is_whole, strict=True):
@@ -153,8 +156,8 @@ def test_streams_at_one_time_are_not_mixed(tmp_path: Path, is_whole: tuple[bool,
         merge_cells([a, b], tmp_path / "c")
 
 
-def test_an_existing_cell_is_left_alone(tmp_path: Path) -> None:
-    """Nothing is written into a folder with a cell."""
+def test_existing_cell_is_not_overwritten(tmp_path: Path) -> None:
+    """Merging into a folder with a cell is refused."""
     a = cell(tmp_path / "a", BASE)
     before = (a / "recording" / "samples.jsonl").read_bytes()
     with pytest.raises(InputError, match="not overwritten"):
@@ -162,8 +165,8 @@ def test_an_existing_cell_is_left_alone(tmp_path: Path) -> None:
     assert (a / "recording" / "samples.jsonl").read_bytes() == before
 
 
-def test_nothing_is_written_through_a_link(tmp_path: Path) -> None:
-    """A folder whose `recording` leads elsewhere is refused, and nothing appears there."""
+def test_merge_does_not_write_through_links(tmp_path: Path) -> None:
+    """A folder whose `recording` is a link elsewhere is refused, and the link's target stays empty."""
     a, b = cell(tmp_path / "a", BASE), cell(tmp_path / "b", BASE)
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "c").mkdir()
@@ -174,8 +177,11 @@ def test_nothing_is_written_through_a_link(tmp_path: Path) -> None:
     assert not (tmp_path / "c" / "cell.yaml").exists()
 
 
-def test_who_wrote_the_poses_is_no_contradiction(tmp_path: Path) -> None:
-    """Each cell states it of another robot, as sessions with one arm still do; both are kept. Two makers contradict."""
+def test_controller_formats_of_different_robots_are_merged(tmp_path: Path) -> None:
+    """Each cell states the format of another robot, as sessions with one moving arm do; both are kept.
+
+    Two formats of one robot contradict.
+    """
     robots = "schema: basecal/cell/1\nreference: left\nrobots:\n"
     a = cell(tmp_path / "a", robots + "  left: {}\n  right: {controller: {format: ros}}\n")
     b = cell(tmp_path / "b", robots + "  left: {controller: {format: ur}}\n  right: {}\n")
@@ -188,8 +194,8 @@ def test_who_wrote_the_poses_is_no_contradiction(tmp_path: Path) -> None:
         merge_cells([a, b, c], tmp_path / "e")
 
 
-def test_robots_of_one_urdf_have_one_file(tmp_path: Path) -> None:
-    """Equal files of one name are one; files that differ are not mixed, and a robot without a URDF adds none."""
+def test_equal_urdf_files_are_shared(tmp_path: Path) -> None:
+    """Equal files of one name are one file; different ones are refused, and a robot without a URDF adds none."""
     robots = {"left": Robot("left", urdf="a.urdf"), "right": Robot("right")}
     parts = [Part(tmp_path / n, Cell("left", robots), Recording()) for n in "ab"]
     for part in parts:
@@ -204,7 +210,7 @@ def test_robots_of_one_urdf_have_one_file(tmp_path: Path) -> None:
         _add_models(files, parts[1])
 
 
-def test_entries_of_one_name_stay_as_the_first_has_them(tmp_path: Path) -> None:
+def test_first_guess_is_kept(tmp_path: Path) -> None:
     """A free mount keeps the guess of the first cell."""
     guesses = ("guess: {t_m: [1, 0, 0], q_xyzw: [0, 0, 0, 1]}", "guess: {t_m: [2, 0, 0], q_xyzw: [0, 0, 0, 1]}")
     parts = [
@@ -218,8 +224,8 @@ def test_entries_of_one_name_stay_as_the_first_has_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("begun_s", [1.0, 1.1])
-def test_streams_that_follow_one_another_are_merged(begun_s: float) -> None:
-    """In any order; one instant in both is an overlap, and whole samples may overlap."""
+def test_consecutive_streams_are_merged(begun_s: float) -> None:
+    """Streams may be in any order; one shared instant is an overlap, and complete samples may overlap."""
     images = {"cam": "recording/images/cam/0.png"}
     for robots in ({}, {"left": RobotState(SE3.identity())}):
         lines = [[Sample(k, begin + k, robots, (), images) for k in range(2)] for begin in (begun_s, 0.0)]
@@ -233,8 +239,8 @@ def test_streams_that_follow_one_another_are_merged(begun_s: float) -> None:
             _check_times(parts)
 
 
-def test_a_stream_within_a_long_recording_is_an_overlap() -> None:
-    """Recordings need not be neighbours in time to overlap; the overlap ends with the earlier of both."""
+def test_stream_inside_long_recording_overlaps() -> None:
+    """Overlapping recordings need not be neighbours in time; the overlap ends with the earlier of both."""
     robots, images = {"left": RobotState(SE3.identity())}, {"cam": "recording/images/cam/0.png"}
     spans = {"a": (0.0, 9.0, robots), "b": (1.0, 2.0, robots), "c": (4.0, 5.0, {})}
     described = Cell("left", {"left": Robot("left")})
@@ -246,8 +252,8 @@ def test_a_stream_within_a_long_recording_is_an_overlap() -> None:
         _check_times(parts)
 
 
-def test_a_cell_without_samples_adds_none(tmp_path: Path) -> None:
-    """Numbers go on behind the last sample, whatever the first number of a cell is."""
+def test_cell_without_samples_adds_none(tmp_path: Path) -> None:
+    """Numbering continues after the last sample, whatever the first number of a cell."""
     parts = [cell(tmp_path / n, BASE, numbers) for n, numbers in (("a", range(0)), ("b", range(4, 6)), ("c", range(0)))]
     parts.append(cell(tmp_path / "d", BASE, range(7, 8)))
     merged = merge_cells(parts, tmp_path / "e")

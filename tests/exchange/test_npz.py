@@ -1,4 +1,4 @@
-"""Archives of numbers by key."""
+"""Tests of NumPy archives of numbers."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from basecal.exchange import npz
 from basecal.exchange.npz import read_arrays
 
 
-def test_numbers_are_read_by_key(tmp_path):
-    """All of them as floats, or the one asked for; what is no number is passed over."""
+def test_arrays_are_read_by_key(tmp_path):
+    """All numeric arrays are read as floats, or the requested one; other arrays are skipped."""
     path = str(tmp_path / "a.npz")
     np.savez(path, counts=np.arange(3), values=np.ones((2, 2), np.float32), names=np.array(["a", "b"]))
     name, arrays = read_arrays(path)
@@ -26,20 +26,20 @@ def test_numbers_are_read_by_key(tmp_path):
     np.testing.assert_array_equal(one["counts"], [0, 1, 2])
 
 
-def test_a_single_array_has_a_name(tmp_path):
-    """Of a .npy file."""
+def test_npy_array_has_default_name(tmp_path):
+    """The array of a .npy file is called `array`."""
     np.save(tmp_path / "a.npy", np.eye(2))
     np.testing.assert_array_equal(read_arrays(str(tmp_path / "a.npy"))[1]["array"], np.eye(2))
 
 
-def test_a_colon_may_be_part_of_the_name(tmp_path):
-    """Where such a file is there."""
+def test_colon_may_be_part_of_file_name(tmp_path):
+    """A colon belongs to the file name if such a file exists."""
     np.savez(tmp_path / "a:b.npz", x=np.ones(1))
     assert list(read_arrays(str(tmp_path / "a:b.npz"))[1]) == ["x"]
 
 
-def test_what_cannot_be_read_is_said(tmp_path):
-    """A key that is not there, an array of text, rubbish, pickles and missing files."""
+def test_unreadable_archives_are_reported(tmp_path):
+    """A missing key, an array of text, damaged data, pickles and missing files are errors."""
     path = str(tmp_path / "a.npz")
     np.savez(path, x=np.ones(1), names=np.array(["a"]))
     np.save(tmp_path / "objects.npy", np.array([{}]), allow_pickle=True)
@@ -58,7 +58,7 @@ def test_what_cannot_be_read_is_said(tmp_path):
 
 
 def npy_bytes(shape: str, data: bytes = b"", dtype: str = "<f8") -> bytes:
-    """A .npy file with a header of one's own."""
+    """Return a .npy file with a custom header."""
     header = f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}, }}".encode().ljust(117) + b"\n"
     return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header + data
 
@@ -67,8 +67,8 @@ def npy_bytes(shape: str, data: bytes = b"", dtype: str = "<f8") -> bytes:
     "shape",
     ["(1000000000000,)", "(-1,)", "(3,)", "(99999999999999999999, 9999999999)", "(1e3,)", "[2]", "(3", "()" * 2000],
 )
-def test_headers_are_believed_as_far_as_the_file_goes(tmp_path, shape):
-    """A huge, negative or strange shape takes no memory and is no traceback."""
+def test_oversized_headers_use_no_memory(tmp_path, shape):
+    """A huge, negative or malformed shape is an error without memory use or traceback."""
     path = tmp_path / "a.npy"
     path.write_bytes(npy_bytes(shape, bytes(16)))
     with pytest.raises(DatasetError, match=r"a\.npy: array: "):
@@ -81,8 +81,8 @@ def zipped(path, name="a.npy", data=b"", method=zipfile.ZIP_DEFLATED):
     return str(path)
 
 
-def test_archives_that_cannot_be_unpacked(tmp_path):
-    """Encrypted ones, those by a method that is not known, cut ones and those with wrong sums."""
+def test_archives_that_cannot_be_unpacked_are_refused(tmp_path):
+    """Encrypted archives, unknown methods, truncated files and wrong checksums are refused."""
     path = tmp_path / "a.npz"
     good = Path(zipped(path, data=npy_bytes("(2,)", bytes(16)))).read_bytes()
     at_local, at_central = good.index(b"PK\x03\x04"), good.index(b"PK\x01\x02")
@@ -99,16 +99,16 @@ def test_archives_that_cannot_be_unpacked(tmp_path):
         read_arrays(str(path))
 
 
-def test_a_file_of_more_than_256_mb_is_not_read(tmp_path):
-    """It is refused by its size."""
+def test_file_over_256_mb_is_refused(tmp_path):
+    """A file of more than 256 MB is refused by its size."""
     with (tmp_path / "a.npz").open("wb") as file:
         file.truncate(2**28 + 1)
     with pytest.raises(DatasetError, match="256 MB"):
         read_arrays(str(tmp_path / "a.npz"))
 
 
-def test_archives_are_bounded(tmp_path, monkeypatch):
-    """What unpacks to more than any recording is not unpacked, but for the one array asked for."""
+def test_unpacked_size_is_limited(tmp_path, monkeypatch):
+    """Archives that unpack to more than any recording are not unpacked, except for one requested smaller array."""
     monkeypatch.setattr(npz, "LARGEST_BYTES", 10_000)
     path = tmp_path / "a.npz"
     np.savez_compressed(path, small=np.ones(3), bomb=np.zeros(100_000))
@@ -122,8 +122,8 @@ def test_archives_are_bounded(tmp_path, monkeypatch):
         read_arrays(f"{path}:small")
 
 
-def test_arrays_that_are_cut_off(tmp_path):
-    """In the middle of a number too."""
+def test_truncated_arrays_are_refused(tmp_path):
+    """A file truncated in the middle of a number is refused, too."""
     path = tmp_path / "a.npy"
     np.save(path, np.ones(4))
     path.write_bytes(path.read_bytes()[:-13])
@@ -133,24 +133,24 @@ def test_arrays_that_are_cut_off(tmp_path):
 
 @pytest.mark.parametrize("order", ["C", "F"])
 @pytest.mark.parametrize("dtype", ["<i2", "u1", ">f4", "<f8"])
-def test_arrays_keep_their_shape(tmp_path, order, dtype):
-    """Whole numbers and others, by rows or by columns, of any byte order."""
+def test_arrays_keep_shape_and_values(tmp_path, order, dtype):
+    """Integers and floats are read by rows or by columns, in any byte order."""
     values = np.arange(24).reshape(2, 3, 4).astype(dtype)
     np.save(tmp_path / "a.npy", np.asarray(values, order=order))
     np.testing.assert_array_equal(read_arrays(str(tmp_path / "a.npy"))[1]["array"], np.arange(24).reshape(2, 3, 4))
 
 
 @pytest.mark.parametrize("dtype", ["<c8", "|b1", "<U3", "<M8[s]"])
-def test_other_kinds_are_no_numbers(tmp_path, dtype):
-    """The kind is named where that array is asked for; of an archive the others are read."""
+def test_non_numeric_arrays_are_refused(tmp_path, dtype):
+    """The error names the type if that array is requested; otherwise the other arrays are read."""
     np.savez(tmp_path / "a.npz", x=np.ones(1), odd=np.zeros(2, dtype=dtype))
     assert list(read_arrays(str(tmp_path / "a.npz"))[1]) == ["x"]
     with pytest.raises(DatasetError, match=r"odd: not a NumPy archive of numbers: holds .*, expected numbers"):
         read_arrays(f"{tmp_path / 'a.npz'}:odd")
 
 
-def test_headers_of_the_second_version_are_read(tmp_path):
-    """With a length of four bytes; nothing and single numbers have a shape, too."""
+def test_npy_version_2_headers_are_read(tmp_path):
+    """Version 2 headers with a four-byte length are read, also for empty arrays and single numbers."""
     for array in (np.float64(3.0), np.zeros((0, 3)), np.ones(2)):
         with (tmp_path / "a.npy").open("wb") as file:
             np.lib.format.write_array(file, np.asarray(array), version=(2, 0))
@@ -159,8 +159,8 @@ def test_headers_of_the_second_version_are_read(tmp_path):
         np.testing.assert_array_equal(found, array)
 
 
-def test_an_archive_may_be_as_large_as_the_limit(tmp_path, monkeypatch):
-    """With headers; one byte more is too much."""
+def test_archive_size_limit_includes_headers(tmp_path, monkeypatch):
+    """An archive at the limit is read; one byte more is refused."""
     path = tmp_path / "a.npz"
     np.savez_compressed(path, x=np.ones(1000))
     size = 8128
@@ -172,8 +172,8 @@ def test_an_archive_may_be_as_large_as_the_limit(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("dtype", ["<f8", "<i2", "|u1"])
-def test_a_header_promises_what_the_file_has(tmp_path, dtype):
-    """As many bytes as the numbers of a type take; a number more is refused with its shape."""
+def test_header_must_match_file_size(tmp_path, dtype):
+    """The size must match the bytes of the type; one number more is refused with the shape."""
     path, size = tmp_path / "a.npy", np.dtype(dtype).itemsize
     path.write_bytes(npy_bytes("(2, 3)", bytes(6 * size), dtype))
     assert read_arrays(str(path))[1]["array"].shape == (2, 3)

@@ -1,4 +1,4 @@
-"""Pose files: what is read, and what is said of what cannot be."""
+"""Tests of pose files: valid ones, and errors for invalid ones."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ def write(folder: Path, name: str, text: str) -> Path:
 
 
 @pytest.mark.parametrize("separator", [" ", ", ", "\t", ","])
-def test_text_is_read(tmp_path: Path, separator: str) -> None:
-    """Stacked 4x4 text gives the poses it was written from, whatever separates the numbers."""
+def test_stacked_text_matrices_are_read(tmp_path: Path, separator: str) -> None:
+    """Stacked 4x4 text gives the poses that were written, whatever separates the numbers."""
     poses = drawn()
     stream = read_poses(write(tmp_path, "a.txt", "# robot\n\n" + as_text(poses.matrix, separator)), "m")
     np.testing.assert_allclose(stream.poses.matrix, poses.matrix, atol=1e-11)
 
 
-def test_millimetres(tmp_path: Path) -> None:
-    """The length unit scales translations and leaves rotations."""
+def test_length_unit_scales_translations_only(tmp_path: Path) -> None:
+    """The length unit scales translations and leaves rotations unchanged."""
     poses = drawn()
     path = write(tmp_path, "a.txt", as_text(poses.matrix))
     metres, millimetres = read_poses(path, "m").poses, read_poses(path, "mm").poses
@@ -50,8 +50,8 @@ def test_millimetres(tmp_path: Path) -> None:
     np.testing.assert_array_equal(millimetres.rotation, metres.rotation)
 
 
-def test_archives_are_read(tmp_path: Path) -> None:
-    """An array of a .npz by its key, the only array of one without, and a .npy give the same poses."""
+def test_pose_archives_are_read(tmp_path: Path) -> None:
+    """An array of a .npz by its key, its only array without a key, and a .npy give the same poses."""
     poses = drawn()
     np.savez(tmp_path / "two.npz", a=poses.matrix, other=np.zeros(3))
     np.savez(tmp_path / "one.npz", a=poses.matrix)
@@ -61,16 +61,16 @@ def test_archives_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("header", ["x,y,z,qx,qy,qz,qw", "# T_X, t_y, tz, q_x, q_y, q_z, qw"])
-def test_csv_of_quaternions(tmp_path: Path, header: str) -> None:
-    """Columns are found by their names and the usual other names."""
+def test_quaternion_csv_is_read(tmp_path: Path, header: str) -> None:
+    """Columns are found by their names and the usual aliases."""
     poses = drawn()
     stream = read_poses(write(tmp_path, "a.csv", as_csv(poses, header)), "m")
     np.testing.assert_allclose(stream.poses.matrix, poses.matrix, atol=1e-12)
     assert stream.stamps_s is None
 
 
-def test_csv_order_is_the_header(tmp_path: Path) -> None:
-    """The header, not the order, says which column is which; a stamp is kept."""
+def test_csv_column_order_follows_header(tmp_path: Path) -> None:
+    """The header, not the order, determines the columns; a stamp is kept."""
     text = "qw,qx,qy,qz,z,y,x,stamp_s\n1,0,0,0,3,2,1,12.5\n"
     stream = read_poses(write(tmp_path, "a.csv", text), "mm")
     np.testing.assert_allclose(stream.poses.translation, [[1e-3, 2e-3, 3e-3]])
@@ -78,8 +78,8 @@ def test_csv_order_is_the_header(tmp_path: Path) -> None:
     np.testing.assert_array_equal(stream.stamps_s, [12.5])
 
 
-def test_csv_of_matrices(tmp_path: Path) -> None:
-    """Columns m00 to m23 give the poses they were written from."""
+def test_matrix_csv_is_read(tmp_path: Path) -> None:
+    """Columns m00 to m23 give the poses that were written."""
     poses = drawn()
     header = ",".join(f"m{row}{column}" for row in range(3) for column in range(4))
     rows = [",".join(f"{value:.15g}" for value in matrix[:3].ravel()) for matrix in poses.matrix]
@@ -112,8 +112,10 @@ BOTTOM = "0 0 0 1"
         ("a.csv", "", None, "no row of numbers"),
     ],
 )
-def test_bad_text_names_file_and_line(tmp_path: Path, name: str, text: str, line: int | None, said: str) -> None:
-    """Whatever is wrong is said in one line with the file, the line and what was expected."""
+def test_invalid_text_error_has_file_and_line(
+    tmp_path: Path, name: str, text: str, line: int | None, said: str
+) -> None:
+    """Any fault is reported on one line with the file, the line and what was expected."""
     path = write(tmp_path, name, text)
     with pytest.raises(DatasetError, match=said.replace("?", r"\?")) as caught:
         read_poses(path, "m")
@@ -122,8 +124,8 @@ def test_bad_text_names_file_and_line(tmp_path: Path, name: str, text: str, line
     assert "\n" not in str(caught.value)
 
 
-def test_bad_archives(tmp_path: Path) -> None:
-    """A wrong key, shape, kind or file is said, with the keys that exist and the matrix meant."""
+def test_invalid_pose_archives_are_reported(tmp_path: Path) -> None:
+    """A wrong key, shape, type or file is reported with the existing keys and the number of the matrix."""
     bent = drawn().matrix
     bent[2, 0, 0] += 0.1
     np.savez(tmp_path / "a.npz", good=drawn().matrix, bent=bent, flat=np.zeros(3), words=np.array(["a"]))
@@ -145,16 +147,16 @@ def test_bad_archives(tmp_path: Path) -> None:
             read_poses(str(tmp_path / name), "m")
 
 
-def test_binary_rubbish(tmp_path: Path) -> None:
-    """Bytes that are no text are said to be none."""
+def test_binary_pose_file_is_refused(tmp_path: Path) -> None:
+    """Bytes that are not text are refused."""
     for name in ("a.txt", "a.csv"):
         (tmp_path / name).write_bytes(b"\x89\xff\x00\x80")
         with pytest.raises(DatasetError, match="not text"):
             read_poses(tmp_path / name, "m")
 
 
-def test_lengths_are_those_of_a_cell(tmp_path):
-    """A translation that `calibrate` would refuse is refused where it is read."""
+def test_implausible_translation_is_refused(tmp_path):
+    """A translation that `calibrate` would refuse is refused on reading."""
     pose = np.eye(4)
     pose[0, 3] = 1e7
     np.savetxt(tmp_path / "a.txt", pose)
@@ -165,8 +167,11 @@ def test_lengths_are_those_of_a_cell(tmp_path):
 @pytest.mark.parametrize(
     ("row", "said"), [("2 0 0 0", "not a rotation"), ("1 0 0 2e6", "a translation is beyond 1e\\+06")]
 )
-def test_faults_of_matrices_have_their_first_line(tmp_path: Path, row: str, said: str) -> None:
-    """Of the second matrix, with comments and empty lines counted; in an archive its number is named."""
+def test_matrix_error_has_first_line(tmp_path: Path, row: str, said: str) -> None:
+    """The line is the first of the matrix, with comments and empty lines counted.
+
+    In an archive the matrix has its number.
+    """
     rest = f"0 1 0 0\n0 0 1 0\n{BOTTOM}\n"
     path = write(tmp_path, "a.txt", f"# one\n1 0 0 -1e6\n{rest}\n# two\n{row}\n{rest}")
     with pytest.raises(DatasetError, match=said) as caught:
@@ -180,8 +185,8 @@ def test_faults_of_matrices_have_their_first_line(tmp_path: Path, row: str, said
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_matrices_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-    """As many as a recording may have, and not one more."""
+def test_pose_count_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """As many poses as a recording may have are read, and one more is refused."""
     monkeypatch.setattr(poses_module, "MOST_SAMPLES", 2)
     path = write(tmp_path, "a.txt", as_text(drawn(count).matrix))
     if count == 2:
@@ -192,15 +197,15 @@ def test_matrices_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, c
 
 
 @pytest.mark.parametrize("shape", [(0, 4, 4), (4, 4), (2, 3, 4), (2, 4, 3)])
-def test_archives_hold_stacks_of_matrices(tmp_path: Path, shape: tuple[int, ...]) -> None:
-    """At least one; the shape that is there is named."""
+def test_pose_arrays_need_matrix_shape(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    """At least one 4x4 matrix is needed; the error states the actual shape."""
     np.savez(tmp_path / "a.npz", key=np.zeros(shape))
     with pytest.raises(DatasetError, match=r"key: has shape \(.*\), expected \(n, 4, 4\)"):
         read_poses(f"{tmp_path / 'a.npz'}:key", "m")
 
 
-def test_lengths_have_three_units() -> None:
-    """Metres of each; another name is refused with them."""
+def test_length_units() -> None:
+    """The units m, mm and inch are converted to metres; another name is refused with the list."""
     assert [unit_length_m(name) for name in ("m", "mm", "inch")] == [1.0, 1e-3, 0.0254]
     with pytest.raises(InputError, match="length unit 'cm': expected one of m, mm, inch"):
         unit_length_m("cm")

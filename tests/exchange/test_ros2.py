@@ -1,4 +1,4 @@
-"""Lines to paste into other programs."""
+"""Tests of lines to paste into ROS."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ POSES = [
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_origin_gives_the_transform_back(pose: SE3) -> None:
-    """A URDF reader gets the transform back from the line to 1e-8, at gimbal lock as well."""
+def test_urdf_origin_restores_transform(pose: SE3) -> None:
+    """A URDF reader gets the transform back from the line to 1e-8, also at gimbal lock."""
     origin = xml.etree.ElementTree.fromstring(origin_line(pose))
     xyz, rpy = ([float(word) for word in origin.attrib[key].split()] for key in ("xyz", "rpy"))
     np.testing.assert_allclose(SE3.from_rpy(rpy, xyz).matrix, pose.matrix, atol=1e-8)
 
 
 @pytest.mark.parametrize("pose", POSES)
-def test_publisher_gives_the_transform_back(pose: SE3) -> None:
-    """The flags of the command hold the transform to 1e-8, parent and child in their places."""
+def test_static_publisher_restores_transform(pose: SE3) -> None:
+    """The command's flags hold the transform to 1e-8, with parent and child in the right order."""
     line = static_transform_publisher(pose, "left_base", "right_base")
     flags = dict(re.findall(r"--([a-z-]+) (\S+)", line))
     q, t = ([float(flags[key]) for key in keys] for keys in (("qx", "qy", "qz", "qw"), ("x", "y", "z")))
@@ -40,24 +40,24 @@ def test_publisher_gives_the_transform_back(pose: SE3) -> None:
     assert line.startswith("ros2 run tf2_ros static_transform_publisher --x ")
 
 
-def test_no_negative_zero() -> None:
-    """Zero is written without a sign, since "-0.000" after a flag reads as an option to some programs."""
+def test_negative_zero_is_not_written() -> None:
+    """Zero is written without a sign, since some programs read "-0.000" after a flag as an option."""
     assert "-0.000000000" not in origin_line(POSES[3])
 
 
 @pytest.mark.parametrize("name", ["b; touch PWNED $(touch PWNED) #", "'; touch PWNED '", "`x`", "a b", ""])
-def test_a_shell_takes_a_name_as_one_word(name: str) -> None:
-    """Whatever a frame is called, nothing of it is run."""
+def test_frame_names_are_quoted_for_shell(name: str) -> None:
+    """Whatever a frame is called, the shell takes the name as one word and runs none of it."""
     words = shlex.split(static_transform_publisher(POSES[0], name, "child"))
     assert words[words.index("--frame-id") + 1] == name
     assert words[-2:] == ["--child-frame-id", "child"]
 
 
-def test_covariance_is_along_the_axes_of_the_parent() -> None:
-    """By 200000 draws of the truth: of where the child's origin is and how it is turned, both in the parent's axes.
+def test_ros_covariance_is_along_parent_axes() -> None:
+    """The covariance matches 200000 draws of the child's origin and rotation in the parent's axes.
 
-    A correlation is off by 0.0022, 1 sigma, with so many draws; 0.012 is five of these, and first order adds 1e-3 at
-    most where sigmas are 2 mrad.
+    A correlation has a sigma of 0.0022 with so many draws. The tolerance of 0.012 is five of these, and first order
+    adds 1e-3 at most for sigmas of 2 mrad.
     """
     rng = np.random.default_rng(3)
     spread = rng.standard_normal((6, 6))

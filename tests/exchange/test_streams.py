@@ -1,4 +1,4 @@
-"""Files of all robots and of a target at once, as `import poses` and `import pixels` read them."""
+"""Tests of files of all robots and of a target, as read by `import poses` and `import pixels`."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ CSV = "sample,id,u,v\n2,5,1.5,2.5\n0,3,10,20\n2,1,3,4\n"
 
 @pytest.fixture
 def files(tmp_path: Path) -> dict[str, str]:
-    """Text files of four poses for each stream."""
+    """Write text files of four poses for each stream."""
     return pose_files(tmp_path)
 
 
-def test_import_writes_what_the_files_say(tmp_path: Path, files: dict[str, str]) -> None:
+def test_imported_poses_match_files(tmp_path: Path, files: dict[str, str]) -> None:
     """The recording holds the poses of the files in metres, and the new cell has everything free."""
     assert main(["import", "poses", str(tmp_path / "c"), *options(files), "--length-unit", "mm"]) == 0
     recording, cell = read_recording(tmp_path / "c"), read_cell(tmp_path / "c")
@@ -53,8 +53,8 @@ def test_import_writes_what_the_files_say(tmp_path: Path, files: dict[str, str])
         np.testing.assert_allclose(pose.translation, expected.translation / 1000, atol=1e-12)
 
 
-def test_import_inverts_what_is_named(tmp_path: Path, files: dict[str, str]) -> None:
-    """`--invert` turns the streams named round, and only those."""
+def test_invert_option_inverts_named_streams(tmp_path: Path, files: dict[str, str]) -> None:
+    """`--invert` inverts the named streams, and only those."""
     words = ["--length-unit", "m", "--invert", "camera-from-target", "hand-base-from-flange"]
     assert main(["import", "poses", str(tmp_path / "c"), *options(files), *words]) == 0
     sample = read_recording(tmp_path / "c").samples[0]
@@ -72,17 +72,15 @@ def test_import_inverts_what_is_named(tmp_path: Path, files: dict[str, str]) -> 
     ],
 )
 def test_import_of_one_robot(tmp_path: Path, files: dict[str, str], absent: str, transforms: list[str]) -> None:
-    """Without the hand's file the target stands on the world; without the eye's file the camera does."""
+    """Without the hand's file the target is on the world; without the eye's file the camera is."""
     del files[absent]
     assert main(["import", "poses", str(tmp_path / "c"), *options(files), "--length-unit", "m"]) == 0
     assert list(read_cell(tmp_path / "c").transforms) == transforms
     assert len(read_recording(tmp_path / "c").samples) == 4
 
 
-def test_import_into_a_described_cell(
-    tmp_path: Path, files: dict[str, str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A cell that is there keeps its file and gives the names; files that do not fit it are refused."""
+def test_import_into_existing_cell(tmp_path: Path, files: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    """An existing cell keeps its file and provides the names; files that do not fit it are refused."""
     folder = str(tmp_path / "c")
     main(["new", folder, "--robots", "1", "--target", "pose"])
     text = Path(folder, "cell.yaml").read_text()
@@ -102,17 +100,17 @@ def test_import_into_a_described_cell(
     assert len(read_recording(folder).samples) == 4
 
 
-def test_failed_import_leaves_nothing(
+def test_failed_import_creates_no_cell(
     tmp_path: Path, files: dict[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Files that differ in length are refused by name, and no cell is begun."""
+    """Files of different lengths are refused by name, and no cell is created."""
     files["hand-base-from-flange"] = stack(tmp_path / "short.txt", drawn(3, 0))
     assert main(["import", "poses", str(tmp_path / "c"), *options(files), "--length-unit", "m"]) == 3
     assert "short.txt holds 3" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
 
 
-def test_points_go_to_their_samples(tmp_path: Path) -> None:
+def test_points_are_assigned_to_samples(tmp_path: Path) -> None:
     """Rows in any order give each sample its points, in the order of the ids."""
     (tmp_path / "a.csv").write_text(CSV)
     views = read_pixels(tmp_path / "a.csv")
@@ -121,8 +119,8 @@ def test_points_go_to_their_samples(tmp_path: Path) -> None:
     np.testing.assert_array_equal(views[2][1], [[3, 4], [1.5, 2.5]])
 
 
-def test_archives_give_the_same(tmp_path: Path) -> None:
-    """Columns u and v apart or as one array of pixels read alike, under both spellings of the names."""
+def test_pixel_archives_equal_csv(tmp_path: Path) -> None:
+    """Columns u and v or one array of pixels are read equally, under both spellings of the names."""
     columns = {"sample": np.array([0, 0]), "id": np.array([1, 0])}
     np.savez(tmp_path / "apart.npz", **columns, u=np.array([1.0, 2.0]), v=np.array([3.0, 4.0]))
     np.savez(
@@ -145,15 +143,15 @@ def test_archives_give_the_same(tmp_path: Path) -> None:
         ("sample,id,u,v\n0,4,5,1\n0,5,1,1e7\n", r"a.csv: u, v: row 1 is beyond 1e\+06 px"),
     ],
 )
-def test_bad_csv(tmp_path: Path, text: str, said: str) -> None:
-    """What is wrong with a table of points is said with its file."""
+def test_invalid_pixel_csv_is_reported(tmp_path: Path, text: str, said: str) -> None:
+    """A fault in a table of points is reported with its file."""
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(DatasetError, match=said):
         read_pixels(tmp_path / "a.csv")
 
 
-def test_bad_archives(tmp_path: Path) -> None:
-    """Arrays of different length, other shapes and NaN are refused by name."""
+def test_invalid_pixel_archives_are_refused(tmp_path: Path) -> None:
+    """Arrays of different lengths, other shapes and NaN are refused by name."""
     two = np.array([0, 1])
     np.savez(tmp_path / "length.npz", sample=two, id=two, u=np.zeros(3), v=np.zeros(3))
     np.savez(tmp_path / "shape.npz", sample=two, id=two, pixels=np.zeros((2, 3)))
@@ -168,7 +166,10 @@ def test_bad_archives(tmp_path: Path) -> None:
 
 
 def test_points_of_many_samples_are_sorted_once(tmp_path: Path) -> None:
-    """Of fifty thousand images, in any order; this took minutes. An archive of no points has no samples."""
+    """Points of fifty thousand images in any order are sorted quickly, which took minutes before.
+
+    An archive of no points has no samples.
+    """
     rng = np.random.default_rng(3)
     columns = {key: each.ravel() for key, each in zip(("sample", "id"), np.mgrid[:50_000, :4], strict=True)}
     mixed = {key: each[order] for order in [rng.permutation(200_000)] for key, each in columns.items()}
@@ -182,8 +183,8 @@ def test_points_of_many_samples_are_sorted_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [1e300, 2.0**63, -1.0, 0.5])
-def test_numbers_that_count_nothing_are_refused_alone(tmp_path: Path, number: float) -> None:
-    """Without a warning of NumPy beside the error."""
+def test_invalid_sample_numbers_give_no_warning(tmp_path: Path, number: float) -> None:
+    """NumPy prints no warning beside the error."""
     np.savez(tmp_path / "a.npz", sample=np.array([0, number]), id=np.zeros(2), u=np.zeros(2), v=np.zeros(2))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -195,7 +196,7 @@ def stream(name: str, count: int, seed: int) -> PoseStream:
     return PoseStream(name, SE3.exp(np.random.default_rng(seed).normal(size=(count, 6))), np.arange(count) * 0.5)
 
 
-def test_sample_i_holds_row_i() -> None:
+def test_sample_i_has_row_i() -> None:
     """Sample i has the i-th pose of every stream, its stamp, and the pixels given for i."""
     eye, hand, seen = stream("a", 3, 0), stream("c", 3, 1), stream("b", 3, 2)
     pixels = {1: (np.array([4]), np.array([[7.0, 8.0]]))}
@@ -213,14 +214,14 @@ def test_sample_i_holds_row_i() -> None:
     assert len(recording.samples[0].observations) == 1
 
 
-def test_lengths_must_agree() -> None:
-    """Files of different length are refused, each with its length."""
+def test_stream_lengths_must_agree() -> None:
+    """Files of different lengths are refused, each with its length."""
     with pytest.raises(InputError, match=r"a\.txt holds 3, c\.txt holds 4"):
         recording_from_streams({"eye": stream("a.txt", 3, 0), "hand": stream("c.txt", 4, 1)}, "camera", "target")
 
 
-def test_a_robot_of_one_pose_stands_still() -> None:
-    """Its pose is of every sample, and the times are those of what moves."""
+def test_robot_with_one_pose_is_stationary() -> None:
+    """A single pose applies to every sample, with the times of the moving streams."""
     moving, still = stream("a", 3, 0), stream("c", 1, 1)
     samples = recording_from_streams({"hand": still, "eye": moving}, "camera", "target").samples
     assert [sample.stamp_s for sample in samples] == [0, 0.5, 1]
@@ -228,21 +229,21 @@ def test_a_robot_of_one_pose_stands_still() -> None:
         np.testing.assert_array_equal(sample.robots["hand"].base_from_flange.matrix, still.poses[0].matrix)
 
 
-def test_pixels_must_have_a_pose() -> None:
-    """Pixels of a sample past the last pose are refused."""
+def test_pixels_need_a_pose() -> None:
+    """Pixels of a sample beyond the last pose are refused."""
     pixels = {3: (np.array([0]), np.array([[1.0, 2.0]]))}
     with pytest.raises(InputError, match="sample 3, but the poses end at sample 2"):
         recording_from_streams({"eye": stream("a", 3, 0)}, "camera", "target", pixels=pixels)
 
 
-def test_some_robot_is_needed() -> None:
-    """Without any stream there is no sample to make."""
+def test_at_least_one_robot_is_needed() -> None:
+    """Without any stream no sample can be made."""
     with pytest.raises(InputError, match="no pose file"):
         recording_from_streams({}, "camera", "target")
 
 
-def test_a_camera_does_not_calibrate_its_own_robot() -> None:
-    """Camera and target on one robot see no motion; on two, or both on the world, they may."""
+def test_camera_and_target_on_one_robot_are_refused() -> None:
+    """Camera and target on one robot see no motion; on two robots, or both on the world, they are accepted."""
     described = cell_from_dict({
         "schema": "basecal/cell/1",
         "reference": "a",
@@ -258,8 +259,8 @@ def test_a_camera_does_not_calibrate_its_own_robot() -> None:
     assert _known_names(described, none, "still", "wall") == CellNames("still", "wall", None, None)
 
 
-def test_the_names_of_a_new_cell() -> None:
-    """They follow from the files; pixels need a cell, and other names, too."""
+def test_names_of_new_cell_follow_files() -> None:
+    """Pixels, and names other than the defaults, need an existing cell."""
     files = Streams("a.txt", None, "c.txt", "m")
     assert _new_names("c", files, "camera", "target") == CellNames("camera", "target", "eye", None)
     assert _new_names("c", replace(files, eye=None, hand="b.txt"), None, None).hand == "hand"

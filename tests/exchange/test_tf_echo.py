@@ -1,4 +1,4 @@
-"""What tf2_echo prints."""
+"""Tests of the output of tf2_echo."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ At time 1700000000.120
 """
 
 
-def test_a_row_in_the_line_of_its_rotation() -> None:
-    """As ROS 2 and ROS 1 print it; other texts have none."""
+def test_transform_row_is_in_line_of_its_rotation() -> None:
+    """The output of ROS 2 and ROS 1 is read; other texts give no rows."""
     row = "0.500, -0.100, 0.400, 0.000, 0.600, 0.000, 0.800"
     assert transform_rows(ECHO).split("\n") == ["", "", row, "", "", ""]
     assert row in transform_rows(ECHO.replace(" (xyzw)", ""))
@@ -29,8 +29,8 @@ def test_a_row_in_the_line_of_its_rotation() -> None:
     assert transform_rows("\n".join(reversed(ECHO.splitlines()))) == ""
 
 
-def test_an_arm_that_rests(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """tf2_echo goes on until it is stopped: readings that are equal but for their last digit are one."""
+def test_equal_readings_of_resting_arm_are_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """tf2_echo runs until it is stopped: readings equal up to their last digit are one."""
     cell, still = str(tmp_path / "c"), tmp_path / "still.txt"
     (tmp_path / "a.csv").write_text("x,y,z,qx,qy,qz,qw\n" + "".join(f"0.{k},0.1,0.3,0,0,0,1\n" for k in (4, 5, 6)))
     still.write_text(ECHO + ECHO.replace("0.500", "0.501"))
@@ -44,8 +44,8 @@ def test_an_arm_that_rests(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert "still.txt: holds 2 rows that differ: --still is for an arm at rest" in capsys.readouterr().err
 
 
-def test_each_rotation_has_the_translation_above_it() -> None:
-    """The last before it, whatever stands between; one translation is of one rotation."""
+def test_each_rotation_uses_last_translation() -> None:
+    """A rotation uses the last translation before it, and each translation belongs to one rotation."""
     moved, turned = "- Translation: [{}, 0, 0]", "- Rotation: in Quaternion [0, 0, 0, {}]"
     lines = [
         moved.format(1),

@@ -1,4 +1,4 @@
-"""A corrected URDF is the calibrated robot, for us and for other programs that read it."""
+"""Tests that a corrected URDF is the calibrated robot, for this program and others."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ SCENE = b"""<robot name="scene">
 
 
 def errors(chain: SerialChain, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets of degrees, links off by millimetres."""
+    """Return joint offsets of degrees, and links off by millimetres."""
     rng = np.random.default_rng(seed)
     return 0.02 * rng.standard_normal(chain.n), 3e-3 * rng.standard_normal((chain.n + 1, 6))
 
 
 @pytest.fixture(params=ARMS)
 def corrected(request: pytest.FixtureRequest) -> tuple[str, tuple[str, str], SerialChain, np.ndarray, SE3]:
-    """A corrected URDF, its ends, the chain as it was; joints, and where the calibrated flange is at them."""
+    """Return a corrected URDF, its ends, the original chain, joints, and the calibrated flange poses there."""
     ends, text = ARMS[request.param], (FOLDER / f"{request.param}.urdf").read_bytes()
     chain = parse_chain(text, *ends)
     offsets, links = errors(chain)
@@ -52,8 +52,8 @@ def corrected(request: pytest.FixtureRequest) -> tuple[str, tuple[str, str], Ser
     return corrected_urdf(text, *ends, offsets, links), ends, chain, joints, wanted
 
 
-def test_it_reads_back_to_the_calibrated_robot(corrected):
-    """To rounding; names, axes and limits are as they were."""
+def test_corrected_urdf_reads_back_to_calibrated_robot(corrected):
+    """The flange matches to rounding; names, axes and limits are unchanged."""
     text, ends, chain, joints, wanted = corrected
     again = parse_chain(text, *ends)
     np.testing.assert_allclose(again.forward(joints).matrix, wanted.matrix, atol=1e-13)
@@ -62,8 +62,8 @@ def test_it_reads_back_to_the_calibrated_robot(corrected):
     np.testing.assert_array_equal([again.lower, again.upper], [chain.lower, chain.upper])
 
 
-def test_pinocchio_reads_the_calibrated_robot(corrected):
-    """Its flange is ours to 1e-9 m and rad."""
+def test_pinocchio_agrees_with_corrected_urdf(corrected):
+    """Pinocchio's flange equals ours to 1e-9 m and rad."""
     pin = pytest.importorskip("pinocchio", reason="pin is not installed: pip install pin")
     text, (base, flange), chain, joints, wanted = corrected
     model = pin.buildModelFromXML(text)
@@ -78,10 +78,10 @@ def test_pinocchio_reads_the_calibrated_robot(corrected):
         np.testing.assert_allclose((frames[0].inverse() * frames[1]).homogeneous, pose, atol=1e-9)
 
 
-def test_mujoco_reads_the_calibrated_robot(corrected):
-    """Its flange is ours to 1e-9 m and rad.
+def test_mujoco_agrees_with_corrected_urdf(corrected):
+    """MuJoCo's flange equals ours to 1e-9 m and rad.
 
-    MuJoCo is told to keep links without a mass: it melts them into their parents, or refuses them, otherwise.
+    MuJoCo must keep links without a mass; otherwise it fuses them into their parents, or refuses them.
     """
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed: pip install mujoco")
     text, (base, flange), chain, joints, wanted = corrected
@@ -97,15 +97,15 @@ def test_mujoco_reads_the_calibrated_robot(corrected):
 
 
 def _of_body(data, mujoco, model, name: str) -> np.ndarray:
-    """Pose of a body; a root that MuJoCo has made the world itself stands at its origin."""
+    """Pose of a body; a root that MuJoCo made the world itself is at its origin."""
     matrix = np.eye(4)
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) >= 0:
         matrix[:3, :3], matrix[:3, 3] = data.body(name).xmat.reshape(3, 3), data.body(name).xpos
     return matrix
 
 
-def test_nothing_to_correct_changes_no_origin():
-    """Without offsets every attribute stays to the letter, comments inside too."""
+def test_urdf_without_corrections_keeps_origins():
+    """Without offsets every attribute is unchanged to the letter, as are comments inside."""
     text = (FOLDER / "six_axis.urdf").read_text(encoding="utf-8").replace("<link name=", "<!-- kept --><link name=", 1)
     again = corrected_urdf(text, "base_link", "tool0", np.zeros(6))
     origins = [line.strip().replace(" />", "/>") for line in text.splitlines() if "<origin" in line]
@@ -113,8 +113,8 @@ def test_nothing_to_correct_changes_no_origin():
     assert "<!-- kept -->" in again
 
 
-def test_a_turn_near_a_pitch_of_90_degrees_is_exact():
-    """Where roll and yaw turn about one axis, their product still is the rotation to 1e-14."""
+def test_rotation_near_90_degrees_pitch_is_exact():
+    """If roll and yaw rotate about one axis, their product is still the rotation to 1e-14."""
     for tilt in (0.0, 1e-12, 1e-9, 1e-7, 1e-4):
         origin = f'<origin xyz="0 0 0" rpy="0.4 {np.pi / 2 - tilt!r} 0.3"/>'
         text = (
@@ -128,8 +128,8 @@ def test_a_turn_near_a_pitch_of_90_degrees_is_exact():
         np.testing.assert_allclose(again.forward(np.zeros(1)).matrix, chain.forward(offset).matrix, atol=1e-14)
 
 
-def test_a_tip_that_cannot_be_written_is_said():
-    """A chain that ends at a turning joint has no origin for the tip's error; its offsets are written all the same."""
+def test_tip_error_on_moving_joint_is_refused():
+    """A chain that ends at a moving joint has no origin for the tip's error; its offsets are written nevertheless."""
     text = chain_urdf(six_axis(), "base_link", "tool0")
     offsets, links = errors(six_axis())
     with pytest.raises(InputError, match=r"'wrist_3' above .* is not fixed"):
@@ -137,8 +137,8 @@ def test_a_tip_that_cannot_be_written_is_said():
     assert "<origin" in corrected_urdf(text, "base_link", "wrist_3_link", offsets)
 
 
-def test_a_chain_written_as_urdf_is_the_same():
-    """Limits too, and joints that have none."""
+def test_chain_urdf_round_trip():
+    """A chain written as URDF is the same again, with limits and for joints without any."""
     chain = six_axis()
     endless = SerialChain(
         chain.joint_names, chain.origins, chain.axes, chain.tip, np.full(6, -np.inf), np.full(6, np.inf)
@@ -150,8 +150,8 @@ def test_a_chain_written_as_urdf_is_the_same():
         np.testing.assert_array_equal([again.lower, again.upper], [arm.lower, arm.upper])
 
 
-def test_a_written_chain_keeps_its_masses():
-    """Each link has its own mass and centre, read back to rounding."""
+def test_chain_urdf_keeps_masses():
+    """Each link keeps its mass and centre to rounding."""
     rng = np.random.default_rng(2)
     chain = six_axis()
     chain = replace(chain, masses=Masses(rng.uniform(1, 5, chain.n), rng.normal(0, 0.1, (chain.n, 3))))
@@ -162,7 +162,7 @@ def test_a_written_chain_keeps_its_masses():
 
 
 def between(text: str, parent: str, child: str):
-    """`parent_from_child` of two links, joints at zero, by Pinocchio."""
+    """Return `parent_from_child` of two links at zero joints, by Pinocchio."""
     model = pinocchio.buildModelFromXML(text)
     data = model.createData()
     pinocchio.framesForwardKinematics(model, data, pinocchio.neutral(model))
@@ -171,8 +171,8 @@ def between(text: str, parent: str, child: str):
 
 
 @pytest.mark.parametrize("joint", ["to_left", "left_plate", "to_right", "right_plate"])
-def test_one_origin_puts_a_link_where_it_is_to_stand(joint):
-    """Whichever of the fixed joints between both is moved, on either side; the others stay."""
+def test_patching_one_joint_places_link(joint):
+    """Any fixed joint between both links may be changed, on either side; the others are unchanged."""
     text = patched_urdf(SCENE, "left", "right", POSE, joint=joint, remarks=("from -- a run",))
     np.testing.assert_allclose(between(text, "left", "right"), POSE.matrix, atol=1e-12)
     ends = {"to_left": "table left_mount", "left_plate": "left_mount left", "to_right": "table right_mount"}
@@ -184,16 +184,16 @@ def test_one_origin_puts_a_link_where_it_is_to_stand(joint):
     assert "<!-- from - - a run -->" in text
 
 
-def test_the_only_joint_needs_no_name():
-    """Between a link and the one it hangs on."""
+def test_single_joint_needs_no_name():
+    """The only joint between a link and its parent is found in either direction."""
     text = patched_urdf(SCENE, "table", "left_mount", POSE)
     np.testing.assert_allclose(between(text, "table", "left_mount"), POSE.matrix, atol=1e-12)
     turned_round = patched_urdf(SCENE, "left_mount", "table", POSE)
     np.testing.assert_allclose(between(turned_round, "left_mount", "table"), POSE.matrix, atol=1e-12)
 
 
-def test_what_cannot_be_patched_is_said():
-    """No such link, no such joint between both, several, one that turns, and no URDF."""
+def test_impossible_patches_are_refused():
+    """An unknown link, an unknown joint, several joints, a moving joint, and invalid XML are errors."""
     with pytest.raises(FrameNotFound, match="no 'lift'"):
         patched_urdf(SCENE, "lift", "right", POSE)
     with pytest.raises(FrameNotFound, match="no 'turn'"):
@@ -212,8 +212,11 @@ def parts(base_link: str = "base_link"):
     return {"eye": RobotPart(ARM, base_link, "eye.urdf"), "hand": RobotPart(ARM, base_link, "hand.urdf")}
 
 
-def test_two_robots_stand_where_they_were_found():
-    """Their bases, though these are not the roots of their URDFs; each moves with its own joints."""
+def test_merged_robots_have_calibrated_bases():
+    """Their bases have the given pose even if they are not the roots of their URDFs.
+
+    Each robot keeps its own joints.
+    """
     text = merged_urdf(parts(), "eye", {"hand": POSE}, ("made by",))
     np.testing.assert_allclose(between(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
     model, alone = pinocchio.buildModelFromXML(text), pinocchio.buildModelFromXML(ARM.decode())
@@ -226,7 +229,7 @@ def test_two_robots_stand_where_they_were_found():
     )
 
 
-def test_names_that_refer_follow():
+def test_references_are_renamed_in_merged_urdf():
     """A joint that mimics another mimics that of its own robot."""
     mimic = b"""<robot name="r"><link name="a"/><link name="b"/><link name="c"/><material name="red"/>
       <joint name="one" type="continuous"><parent link="a"/><child link="b"/></joint>
@@ -237,14 +240,14 @@ def test_names_that_refer_follow():
         assert part in text
 
 
-def test_what_cannot_be_merged_is_said():
-    """A base that hangs on a turning joint, and one that does not exist."""
+def test_impossible_merges_are_refused():
+    """A base above a moving joint, and an unknown base, are errors."""
     with pytest.raises(InputError, match=r"eye\.urdf: joint 'shoulder_pan' above 'shoulder' is not fixed"):
         merged_urdf(parts("shoulder"), "eye", {"hand": POSE})
     with pytest.raises(FrameNotFound, match="no 'bass_link'"):
         merged_urdf(parts("bass_link"), "eye", {"hand": POSE})
 
 
-def test_links_are_listed():
-    """In the order of the file."""
+def test_links_are_listed_in_file_order():
+    """Link names have the order of the file."""
     assert link_names(SCENE)[:2] == ["table", "left_mount"]

@@ -1,4 +1,4 @@
-"""Workbooks of Excel, written by openpyxl; damaged ones, by the standard library."""
+"""Tests of Excel workbooks, written by openpyxl, and of damaged ones, made by the standard library."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def workbook(*rows: tuple[object, ...]) -> bytes:
 
 
 def changed(data: bytes, name: str, change: Callable[[str], str]) -> bytes:
-    """The same workbook with another text of a part."""
+    """Return the workbook with the text of one part replaced."""
     result = BytesIO()
     with ZipFile(BytesIO(data)) as source, ZipFile(result, "w", ZIP_DEFLATED) as archive:
         for part in source.namelist():
@@ -47,21 +47,21 @@ def changed(data: bytes, name: str, change: Callable[[str], str]) -> bytes:
 
 
 def text(**cells: object) -> str:
-    """Text of a workbook whose first sheet has these cells."""
+    """Return the text of a workbook whose first sheet has these cells."""
     book = Workbook()
     for place, value in cells.items():
         book.worksheets[0][place] = value
     return workbook_text(saved(book), "w.xlsx")
 
 
-def test_the_first_sheet_is_rows_of_text() -> None:
-    """Texts, numbers, and cells that are left out."""
+def test_first_sheet_becomes_csv_text() -> None:
+    """Text, numbers and missing cells of the first sheet become rows."""
     data = workbook(("a, b", "c"), (1.5, None, -2e-05), (3, True, 0.1))
     assert workbook_text(data, "w.xlsx").splitlines() == ['"a, b",c', "1.5,,-2e-05", "3,True,0.1"]
 
 
-def test_rows_that_are_left_out_count() -> None:
-    """A line of the text has the number that Excel shows; cells that have a style alone are empty."""
+def test_skipped_rows_keep_line_numbers() -> None:
+    """A line of the text has the row number that Excel shows; cells with only a style are empty."""
     book = Workbook()
     sheet = book.worksheets[0]
     sheet["A2"], sheet["A5"] = "two", "five"
@@ -69,7 +69,7 @@ def test_rows_that_are_left_out_count() -> None:
     assert workbook_text(saved(book), "w.xlsx") == "\ntwo\n\n\nfive\n\n\n"
 
 
-def test_poses_of_a_workbook_are_imported(tmp_path: Path) -> None:
+def test_poses_are_imported_from_workbook(tmp_path: Path) -> None:
     """A table with a header is read like its CSV, by every importer of tables."""
     rows = [HEADER, *((0.4, 0.1 * k, 0.3, 0.1, 0.2 * k, 0.0) for k in range(3))]
     (tmp_path / "ur.xlsx").write_bytes(workbook(*rows))
@@ -80,8 +80,8 @@ def test_poses_of_a_workbook_are_imported(tmp_path: Path) -> None:
     assert pose.translation.tolist() == pytest.approx([0.4, 0.2, 0.3])
 
 
-def test_a_workbook_as_people_fill_it(tmp_path: Path) -> None:
-    """A title, units in a row of their own, decimal commas as text, and a comment of two lines."""
+def test_workbook_with_title_and_units_row_is_read(tmp_path: Path) -> None:
+    """A title, a row of units, decimal commas as text, and a comment of two lines are handled."""
     title, units = ("Messung, Halle 4",), ("mm", "mm", "mm", "deg", "deg", "deg")
     header = ("X", "Y", "Z", "A", "B", "C", "comment")
     rows = [title, header, units, ("400,5", "10", "300", "12,4", "90,0", "178,2", "good,\nvery"), (1.5, 2, 3, 4, 5, 6)]
@@ -113,32 +113,32 @@ ENTITY = '<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>'
         (changed(workbook((1.0,)), BOOK, lambda part: part.replace("visible", "hidden")), "holds no sheet"),
     ],
 )
-def test_what_is_no_workbook_is_said(data: bytes, said: str) -> None:
-    """Damaged files, entities, bombs and archives of something else are one line each."""
+def test_damaged_workbook_is_refused(data: bytes, said: str) -> None:
+    """Damaged files, entities, decompression bombs and other archives are each reported on one line."""
     with pytest.raises(DatasetError, match=said):
         workbook_text(data, "w.xlsx")
 
 
 @pytest.mark.parametrize(("place", "column"), [("A1", 0), ("BA1", 52), ("IV1", 255), ("IW1", None), ("XFD1", None)])
-def test_columns_beyond_the_limit_are_left_out(place: str, column: int | None) -> None:
-    """Up to 256 of them."""
+def test_columns_beyond_limit_are_ignored(place: str, column: int | None) -> None:
+    """At most 256 columns are read."""
     assert text(**{place: 7}) == ("\n" if column is None else "," * column + "7\n")
 
 
-def test_the_rows_of_excel_are_the_limit() -> None:
-    """A row with a larger number ends the table, and costs neither time nor memory."""
+def test_row_numbers_beyond_excel_limit_end_table() -> None:
+    """A row with a larger number ends the table, without cost in time or memory."""
     data = changed(workbook((1.0,), (2.0,)), SHEET, lambda part: part.replace('<row r="2"', '<row r="99999999999"'))
     assert workbook_text(data, "w.xlsx") == "1\n" + "\n" * (2**20 - 1)
 
 
-def test_the_text_of_a_cell_is_one_line() -> None:
-    """Ends of lines in it are blanks, and text with several fonts is one."""
+def test_cell_text_is_one_line() -> None:
+    """Line ends within a cell become blanks, and text with several fonts is joined."""
     assert text(A1="a\nb\n c", B1=CellRichText("d", " e")) == "a b c,d e\n"
 
 
 @pytest.mark.parametrize(("first", "state"), [("Poses", "visible"), ("Old", "hidden")])
-def test_the_first_tab_is_the_first_sheet(first: str, state: str) -> None:
-    """Tabs may have been moved, and hidden sheets are left out."""
+def test_first_visible_tab_is_read(first: str, state: str) -> None:
+    """Tabs may have been moved, and hidden sheets are skipped."""
     book = Workbook()
     book.worksheets[0].append(["notes"])
     book.create_sheet("Poses", 0).append(["poses"])
@@ -149,15 +149,15 @@ def test_the_first_tab_is_the_first_sheet(first: str, state: str) -> None:
     assert workbook_text(saved(book), "w.xlsx") == "poses\n"
 
 
-def test_a_formula_is_its_last_value() -> None:
-    """Excel keeps it beside the formula."""
+def test_formula_gives_stored_value() -> None:
+    """Excel stores the last value beside the formula."""
     data = changed(workbook((2, "=A1*2")), SHEET, lambda part: part.replace("<v />", "<v>4</v>"))
     assert workbook_text(data, "w.xlsx") == "2,4\n"
 
 
 @pytest.mark.parametrize("epoch", [None, CALENDAR_MAC_1904])
-def test_dates_are_dates(epoch: datetime | None) -> None:
-    """Excel counts them in days, from 1900 or 1904; a time alone is one of the day zero."""
+def test_dates_are_written_in_iso_format(epoch: datetime | None) -> None:
+    """Excel counts days from 1900 or 1904; a time alone belongs to day zero."""
     book = Workbook()
     if epoch is not None:
         book.epoch = epoch
@@ -176,16 +176,16 @@ def test_dates_are_dates(epoch: datetime | None) -> None:
 
 
 @pytest.mark.parametrize("code", ["0.000", '0.0 "mm"', "[Red]0.0"])
-def test_numbers_with_a_format_are_numbers(code: str) -> None:
-    """Letters of dates in text and colours are no dates."""
+def test_formatted_numbers_are_not_dates(code: str) -> None:
+    """Date letters in quoted text, and colours, do not make a number a date."""
     book = Workbook()
     book.worksheets[0]["A1"] = 46143.5
     book.worksheets[0]["A1"].number_format = code
     assert workbook_text(saved(book), "w.xlsx") == "46143.5\n"
 
 
-def test_a_date_beyond_all_years_is_no_number() -> None:
-    """The value that Excel shows for it, which no table reads as a number."""
+def test_date_beyond_range_gives_value_error() -> None:
+    """The cell has the text that Excel shows, which no table reads as a number."""
     book = Workbook()
     book.worksheets[0]["A1"] = 1e300
     book.worksheets[0]["A1"].number_format = "yyyy-mm-dd"

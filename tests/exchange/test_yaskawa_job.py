@@ -1,4 +1,4 @@
-"""Positions of Yaskawa jobs."""
+"""Tests of positions in Yaskawa jobs."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def read(folder: Path, text: str, name: str = "yaskawa") -> SE3:
     return read_pose_rows(str(folder / "job.jbi"), Reading(name)).poses
 
 
-def test_positions_of_a_job(tmp_path: Path) -> None:
-    """Each is a pose in m, by angles about the fixed axes; external axes and instructions are passed over."""
+def test_job_positions_are_read(tmp_path: Path) -> None:
+    """Each position is a pose in m, with angles about the fixed axes; external axes and instructions are ignored."""
     assert is_job(JOB)
     assert not is_job("x y z rx ry rz")
     poses = read(tmp_path, JOB)
@@ -58,8 +58,8 @@ def test_positions_of_a_job(tmp_path: Path) -> None:
         (JOB.replace("C00001", "///TOOL 3\nC00001"), "yaskawa", "job.jbi:10: positions of TOOL 0 and 3: save those"),
     ],
 )
-def test_what_is_no_position(tmp_path: Path, text: str, name: str, message: str) -> None:
-    """A job of pulses, of two frames or without positions is refused, and the message says what to do."""
+def test_invalid_job_positions_are_refused(tmp_path: Path, text: str, name: str, message: str) -> None:
+    """A job in pulses, of two tools or without positions is refused, and the message states what to do."""
     with pytest.raises(DatasetError) as refused:
         read(tmp_path, text, name)
     assert message in str(refused.value)

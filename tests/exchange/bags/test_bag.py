@@ -1,4 +1,4 @@
-"""A bag: its topics and messages; what is none is told."""
+"""Tests of a bag's topics and messages, and of files that are no bags."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from basecal.exchange.bags.bag import JOINTS, message_time, open_bag
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_topics_and_messages(kind: Kind, tmp_path: Path) -> None:
+def test_topics_and_messages_are_read(kind: Kind, tmp_path: Path) -> None:
+    """Topics have their message counts and types, and messages are read in time order with their values."""
     writer = new_bag(tmp_path, kind)
     for k in range(3):
         writer.joints("/joint_states", BEGIN_S + k, ["a", "b"], np.array([k, -k], dtype=float))
@@ -31,7 +32,8 @@ def test_topics_and_messages(kind: Kind, tmp_path: Path) -> None:
         assert list(bag.read(["/nothing"])) == []
 
 
-def test_a_header_without_time_is_of_when_it_was_recorded(tmp_path: Path) -> None:
+def test_header_without_time_uses_recording_time(tmp_path: Path) -> None:
+    """A message whose header has no time has the time of its recording."""
     writer = new_bag(tmp_path, "mcap")
     assert message_time(writer.header(0.0), 7.5) == 7.5
 
@@ -47,7 +49,8 @@ def test_a_header_without_time_is_of_when_it_was_recorded(tmp_path: Path) -> Non
         ("a.mcap", b"\x89MCAP0\r\n", "is damaged or was cut off"),
     ],
 )
-def test_what_is_none(name: str, content: bytes | None, said: str, tmp_path: Path) -> None:
+def test_invalid_bags_are_reported(name: str, content: bytes | None, said: str, tmp_path: Path) -> None:
+    """A missing, foreign or damaged bag is an error on one line."""
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(DatasetError, match=said) as error, open_bag(tmp_path / name):
@@ -55,13 +58,15 @@ def test_what_is_none(name: str, content: bytes | None, said: str, tmp_path: Pat
     assert "\n" not in str(error.value)
 
 
-def test_a_folder_without_metadata_names_the_file_in_it(tmp_path: Path) -> None:
+def test_folder_without_metadata_names_its_file(tmp_path: Path) -> None:
+    """The error for a folder without metadata names the bag file in it."""
     (tmp_path / "x_0.mcap").touch()
     with pytest.raises(DatasetError, match=r"give the file in it: x_0\.mcap"), open_bag(tmp_path):
         pass
 
 
-def test_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_bag_support_names_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If rosbags is not installed the error names the extra `basecal[bags]`."""
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     with pytest.raises(MissingExtra, match=r"basecal\[bags\]"), open_bag(tmp_path):
         pass

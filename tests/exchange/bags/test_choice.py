@@ -1,4 +1,4 @@
-"""What of a bag is taken, by names that are usual, by the cell, and as asked for."""
+"""Tests of the selection from a bag: by usual names, by the cell, and by request."""
 
 from __future__ import annotations
 
@@ -53,12 +53,14 @@ ARM = tree(("base_link", "link_1"), ("link_1", "tool0"))
         (tree(("base_link", "flange"), fixed=(("flange", "tool0"),)), {"arm": ("base_link", "tool0")}),
     ],
 )
-def test_robots_by_usual_names(frames: Tree, found: dict[str, tuple[str, str]]) -> None:
+def test_robots_are_found_by_usual_frame_names(frames: Tree, found: dict[str, tuple[str, str]]) -> None:
+    """Usual base and flange names define a robot, which is named by their prefix."""
     taken = choose_sources(bag_of(), Survey(frames), BagRequest(), NO_CELL)
     assert taken.robots == {name: ByFrames(*each) for name, each in found.items()}
 
 
-def test_no_usual_name() -> None:
+def test_unknown_frame_names_list_choices() -> None:
+    """Without usual names the error states the option and lists frames of tf or topics of poses."""
     with pytest.raises(
         InputError, match=r"give --robot NAME=BASE,FLANGE or NAME=/TOPIC; frames of tf are: gripper, root"
     ):
@@ -69,7 +71,8 @@ def test_no_usual_name() -> None:
         )
 
 
-def test_a_cell_says_its_frames() -> None:
+def test_cell_defines_robot_frames() -> None:
+    """A robot's frames in the cell are used; without them the error requests them."""
     cell = Cell("a", {"a": Robot("a", frames={"base": "root", "flange": "hand"})}, {}, {}, {})
     taken = choose_sources(bag_of(), Survey(tree(("root", "hand"))), BagRequest(), cell)
     assert taken.robots == {"a": ByFrames("root", "hand")}
@@ -78,8 +81,8 @@ def test_a_cell_says_its_frames() -> None:
         choose_sources(bag_of(), Survey(ARM), BagRequest(), other)
 
 
-def test_joints_before_tf(arm: SerialChain) -> None:
-    """Where all joints of a URDF are told of; not where --tf says otherwise."""
+def test_joint_states_are_preferred_to_tf(arm: SerialChain) -> None:
+    """Joint states are used if they include all joints of a URDF, unless --tf is given."""
     urdf = {"/robot_description": chain_urdf(arm, "base_link", "tool0")}
     joints = {"/joint_states": frozenset(arm.joint_names)}
     survey = Survey(ARM, urdfs={"/other_description": "<robot", **urdf}, joints=joints)
@@ -97,7 +100,8 @@ def test_joints_before_tf(arm: SerialChain) -> None:
     assert source.urdf is None
 
 
-def test_poses_by_topic() -> None:
+def test_poses_are_selected_by_topic() -> None:
+    """Robots and views may be topics of poses or pairs of frames; an unknown topic is an error."""
     bag = bag_of(Topic("/arm/pose", POSE, 5), Topic("/tag", POSE, 5))
     asked = BagRequest(robots={"arm": "/arm/pose"}, views={("eye", "tag"): "/tag", ("eye", "box"): "tool0, base_link"})
     taken = choose_sources(bag, Survey(ARM), asked, NO_CELL)
@@ -107,8 +111,11 @@ def test_poses_by_topic() -> None:
         choose_sources(bag, Survey(ARM), BagRequest(robots={"arm": "/arm/poses"}), NO_CELL)
 
 
-def test_cameras_by_usual_names() -> None:
-    """One topic of each namespace, the raw one; depth is none."""
+def test_cameras_are_found_by_usual_topic_names() -> None:
+    """Each namespace has one camera with the raw topic; depth images are not used.
+
+    The cell's only camera gets the only topic.
+    """
     topics = ("/w/image_raw", "/w/image_rect", "/w/image_raw/compressed", "/d/depth/image_raw", "/image", "/x/mask")
     taken = choose_sources(bag_of(), Survey(ARM, **images(*topics)), BagRequest(), NO_CELL)
     assert {name: source.topic for name, source in taken.cameras.items()} == {"camera": "/image", "w": "/w/image_raw"}
@@ -122,8 +129,8 @@ def test_cameras_by_usual_names() -> None:
         choose_sources(bag_of(), Survey(ARM, **images("/w/image_raw")), BagRequest(cameras={"wrist": "/w/image"}), cell)
 
 
-def test_what_carries_a_camera() -> None:
-    """What goes with a flange is on the robot, what goes with nothing that moves on the world."""
+def test_camera_carrier_follows_tf() -> None:
+    """A camera rigid to a flange is on the robot, one rigid to no moving frame is on the world."""
     frames = tree(("base_link", "tool0"), fixed=(("tool0", "eye"), ("base_link", "post")))
     survey = Survey(
         frames, **images("/a/image_raw", "/b/image_raw", frames={"/a/image_raw": "eye", "/b/image_raw": "post"})
@@ -136,15 +143,15 @@ def test_what_carries_a_camera() -> None:
 
 
 def boards(*tagged: str) -> Cell:
-    """A cell of one arm and targets; those that are named have tags with sizes, `board` has none."""
+    """Return a cell of one arm and targets; the named ones have tags with sizes, `board` has none."""
     grid = {"kind": "aprilgrid", "tags": [2, 1], "tag_m": 0.05, "spacing": 0.3, "family": "tag36h11"}
     plain = {"kind": "chessboard", "corners": [3, 4], "square_m": 0.03}
     targets = {name: {"on": "world", **(grid if name in tagged else plain)} for name in ("board", *tagged)}
     return cell_from_dict({"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}, "targets": targets})
 
 
-def test_corners_of_tags_need_sizes() -> None:
-    """Those of the target in the cell; the message names targets that have them, or how to write one."""
+def test_tag_corners_need_target_with_sizes() -> None:
+    """Tag sizes come from the cell's target. The error lists targets that have them, or how to write one."""
     bag = bag_of(Topic("/corners", TAGS, 5), Topic("/poses", TAG_POSES[0], 5))
 
     def view(target: str, cell: Cell, topic: str = "/corners") -> object:
@@ -168,15 +175,15 @@ def test_corners_of_tags_need_sizes() -> None:
     assert isinstance(view("other", boards(), "/poses"), ByTagPoses)
 
 
-def test_a_topic_of_another_kind_is_no_pose() -> None:
-    """It is named with its kind, and with the topics that would do."""
+def test_topic_of_other_type_is_refused() -> None:
+    """The error names the topic's type and the suitable topics."""
     bag = bag_of(Topic("/arm/pose", POSE, 5), Topic("/joint_states", JOINTS, 5))
     with pytest.raises(InputError, match=rf"/joint_states holds {JOINTS}, expected one of .*: /arm/pose"):
         choose_sources(bag, Survey(ARM), BagRequest(robots={"arm": "/joint_states"}), NO_CELL)
 
 
-def test_a_camera_goes_with_the_flange_of_joints(arm: SerialChain) -> None:
-    """The flange of a robot that is read by its joints carries what is fixed to it."""
+def test_camera_is_on_flange_of_joint_robot(arm: SerialChain) -> None:
+    """The flange of a robot read by its joints carries the cameras fixed to it."""
     frames = tree(("base_link", "tool0"), fixed=(("tool0", "eye"),))
     urdf, joints = {"/robot_description": chain_urdf(arm, "base_link", "tool0")}, {"/j": frozenset(arm.joint_names)}
     seen = images("/a/image_raw", frames={"/a/image_raw": "/eye"})
@@ -187,8 +194,8 @@ def test_a_camera_goes_with_the_flange_of_joints(arm: SerialChain) -> None:
     assert choose_sources(bag, Survey(frames, **seen), asked, NO_CELL).cameras["a"].on == "world"
 
 
-def test_a_camera_without_a_frame_is_on_the_only_robot() -> None:
-    """Of several robots its carrier must be given."""
+def test_camera_without_frame_is_on_only_robot() -> None:
+    """With several robots the carrier must be given."""
     two = tree(("l_base", "l_tool0"), ("r_base", "r_tool0"))
     one = choose_sources(bag_of(), Survey(ARM, **images("/a/image_raw")), BagRequest(), NO_CELL)
     assert one.cameras["a"].on == "arm"
@@ -203,8 +210,8 @@ def test_a_camera_without_a_frame_is_on_the_only_robot() -> None:
     assert alone.cameras["a"].on == "x"
 
 
-def test_a_base_moves_against_its_flange() -> None:
-    """Frames that are rigid to each other are no robot; the lowest of the usual bases above a flange is its base."""
+def test_robot_base_must_move_relative_to_flange() -> None:
+    """Rigidly connected frames are no robot; the base is the lowest of the usual bases above a flange."""
     rigid = tree(("root", "base_link"), fixed=(("base_link", "tool0"),))
     with pytest.raises(InputError, match="no robot was found from the names of frames"):
         choose_sources(bag_of(), Survey(rigid), BagRequest(), NO_CELL)
@@ -217,15 +224,15 @@ def test_a_base_moves_against_its_flange() -> None:
     assert found == {"a": ByFrames("a/base", "a/tool0"), "b": ByFrames("_b_link0", "_b_link8")}
 
 
-def test_a_camera_has_the_info_beside_its_images() -> None:
-    """Of compressed images, too; compressed ones are taken where there are no others."""
+def test_camera_info_beside_images_is_used() -> None:
+    """Compressed images have it too, and are used if there are no others."""
     survey = Survey(ARM, infos={"/w/camera_info": None}, **images("/w/image_raw/compressed", "/v/image_rect"))
     taken = choose_sources(bag_of(), survey, BagRequest(), NO_CELL).cameras
     assert (taken["w"].topic, taken["w"].info) == ("/w/image_raw/compressed", "/w/camera_info")
     assert (taken["v"].topic, taken["v"].info) == ("/v/image_rect", None)
 
 
-def test_strange_cameras_are_left_alone_where_views_are_given() -> None:
+def test_unknown_cameras_are_ignored_if_views_are_given() -> None:
     """With views of targets, images that fit no camera of the cell are not needed."""
     cell = Cell("arm", {"arm": Robot("arm")}, {}, {"wrist": CellCamera("wrist", "world")}, {})
     survey = Survey(ARM, **images("/w/image_raw", "/v/image_raw"))

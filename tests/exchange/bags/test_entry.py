@@ -1,4 +1,4 @@
-"""What a cell must have for what is taken of a bag."""
+"""Tests of the cell's entries for the sources selected from a bag."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ K = np.array([500.0, 0, 320, 0, 510, 240, 0, 0, 1])
 D = np.array([0.1, -0.2, 0.001, 0.002, 0.05])
 
 
-def test_a_new_cell(tmp_path: Path, arm: SerialChain) -> None:
+def test_new_cell_entries_from_bag(tmp_path: Path, arm: SerialChain) -> None:
+    """A new cell gets robots with URDF or frames, cameras with lens or size, and targets with their carrier."""
     bag = new_bag(tmp_path, "mcap")
     bag.camera_info("/w/camera_info", BEGIN_S, (64, 48), np.array([50.0, 0, 32, 0, 50, 24, 0, 0, 1]), np.zeros(5))
     survey = Survey(Tree({}), infos={"/w/camera_info": bag.messages[0][3]})
@@ -41,7 +42,8 @@ def test_a_new_cell(tmp_path: Path, arm: SerialChain) -> None:
     assert entry["targets"] == {"tag": {"on": "b"}}
 
 
-def test_what_the_cell_says_stays() -> None:
+def test_existing_cell_entries_are_kept() -> None:
+    """Entries that the cell already states are not written again."""
     cell = Cell("a", {"a": Robot("a")}, {}, {"w": CellCamera("w", "a")}, {"tag": CellTarget("tag", "world")})
     taken = BagSources(
         {"a": ByFrames("b0", "b6")}, {"w": CameraSource("/w/image_raw", None, "a")}, {("w", "tag"): ByPoses("/tag")}
@@ -57,7 +59,8 @@ def info(tmp_path: Path, kind: Kind = "mcap", k: np.ndarray = K, model: str = "p
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
-def test_a_lens(kind: Kind, tmp_path: Path) -> None:
+def test_lens_is_read_from_camera_info(kind: Kind, tmp_path: Path) -> None:
+    """Parameters and size of a lens are read from the CameraInfo of ROS 1 and ROS 2."""
     found = bag_lens(info(tmp_path, kind), "x", "/eye/image_raw")
     assert found is not None
     assert found.camera.size_px == (640, 480)
@@ -65,12 +68,14 @@ def test_a_lens(kind: Kind, tmp_path: Path) -> None:
 
 
 def test_rectified_images_have_no_distortion(tmp_path: Path) -> None:
+    """The lens of a rectified topic has no distortion terms."""
     found = bag_lens(info(tmp_path), "x", "/eye/image_rect")
     assert found is not None
     np.testing.assert_array_equal(found.camera.parameters, [500, 510, 320, 240])
 
 
-def test_none_and_unknown(tmp_path: Path) -> None:
+def test_missing_and_unsupported_lens(tmp_path: Path) -> None:
+    """A CameraInfo of zeros gives no lens; an unknown distortion model is an error."""
     assert bag_lens(info(tmp_path, k=np.zeros(9)), "x", "/eye/image_raw") is None
     with pytest.raises(DatasetError, match="'odd' is not supported"):
         bag_lens(info(tmp_path, model="odd"), "x", "/eye/image_raw")
@@ -80,8 +85,8 @@ def test_none_and_unknown(tmp_path: Path) -> None:
     ("image_rect", True), ("/eye/image_rect_color", True), ("/eye/image_rect/compressed", True),
     ("/eye/image_raw", False), ("/eye/image_raw/compressed", False), ("/image_correct", False),
 ])  # fmt: skip
-def test_topics_of_rectified_images(tmp_path: Path, topic: str, is_rectified: bool) -> None:
-    """By a name that begins so, anywhere in the topic."""
+def test_rectified_topics_are_recognised_by_name(tmp_path: Path, topic: str, is_rectified: bool) -> None:
+    """A part of the topic that begins with image_rect marks rectified images."""
     found = bag_lens(info(tmp_path), "x", topic)
     assert found is not None
     assert (len(found.camera.parameters) == 4) == is_rectified

@@ -1,4 +1,4 @@
-"""Ways through the frames of tf."""
+"""Tests of paths through the frames of tf."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ TREE = Tree(
 )
 
 
-def test_ways_go_up_and_down() -> None:
-    """A way from one branch to another is the product of its steps, some of them turned back."""
+def test_path_between_branches_is_composed() -> None:
+    """A path from one branch to another is the product of its transforms, some of them inverted."""
     found = compose_path(TREE, TREE.path("eye", "tool"), {}, "x")
     np.testing.assert_allclose(found.matrix, (POSES[3].inverse() @ POSES[2]).matrix, atol=1e-12)
     moved = SE3.exp(np.random.default_rng(1).normal(0, 0.5, (2, 6)))
@@ -40,20 +40,26 @@ def values_of_all(poses: SE3) -> np.ndarray:
     return np.concatenate([poses.translation, poses.quaternion], axis=1)
 
 
-def test_what_goes_with_what() -> None:
+def test_rigid_ancestors_of_frame() -> None:
+    """Ancestors lead up to the root, rigid ones up to the first moving frame.
+
+    Unknown parents are listed in the hint.
+    """
     assert TREE.ancestors("tool") == ["tool", "wrist", "base", "world"]
     assert TREE.rigid_ancestors("tool") == ["tool", "wrist"]
     assert "nowhere" in frame_hint(TREE)
 
 
-def test_what_is_not_joined() -> None:
+def test_unconnected_frames_are_refused() -> None:
+    """An unknown frame, and frames without a connection in tf, are errors."""
     with pytest.raises(FrameNotFound):
         TREE.path("base", "flange")
     with pytest.raises(InputError, match="no transform of tf joins 'base' and 'lost'"):
         TREE.path("base", "lost")
 
 
-def test_a_circle_ends() -> None:
+def test_cyclic_frames_terminate() -> None:
+    """The ancestors of frames in a cycle end after one round."""
     both = {
         "a": FrameTransform("b", values(POSES[0]), True, True),
         "b": FrameTransform("a", values(POSES[0]), True, True),
@@ -61,8 +67,8 @@ def test_a_circle_ends() -> None:
     assert Tree(both).ancestors("a") == ["a", "b"]
 
 
-def test_what_is_no_pose() -> None:
-    """Numbers that are none, or beyond any length, are told before anything is reckoned with them."""
+def test_invalid_transform_values_are_refused() -> None:
+    """Non-finite numbers, and ones beyond any length, are refused before any computation."""
     for bad in (np.nan, np.inf, 1e200):
         with pytest.raises(InputError, match="x: not all numbers are finite"):
             pose_from_values(np.array([bad, 0, 0, 0, 0, 0, 1]), "x")

@@ -1,4 +1,4 @@
-"""Images become files without losing a bit."""
+"""Tests that images of bags become files without loss."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ def message(tmp_path: Path, pixels: np.ndarray, encoding: str) -> Message:
         (np.dstack([GREY // 2, GREY]), "uyvy", GREY),
     ],
 )
-def test_raw(pixels: np.ndarray, encoding: str, expected: np.ndarray, tmp_path: Path) -> None:
+def test_raw_encodings_are_lossless(pixels: np.ndarray, encoding: str, expected: np.ndarray, tmp_path: Path) -> None:
+    """Each raw encoding becomes a PGM or PPM file with the same pixels."""
     found = image_file(message(tmp_path, pixels, encoding), "x.bag")
     read = cv2.imdecode(np.frombuffer(found.content, np.uint8), cv2.IMREAD_UNCHANGED)
     assert found.ending == (".pgm" if expected.ndim == 2 else ".ppm")
@@ -47,7 +48,7 @@ def test_raw(pixels: np.ndarray, encoding: str, expected: np.ndarray, tmp_path: 
 
 
 def mosaic(bgr: np.ndarray, order: str) -> np.ndarray:
-    """Of each pixel the colour that a sensor has there: `order` is that of the first two rows of two."""
+    """Return of each pixel the colour that a sensor has there; `order` is that of the first two rows of two."""
     channel = np.array([["bgr".index(c) for c in row] for row in (order[:2], order[2:])])
     rows, columns = np.indices(bgr.shape[:2]) % 2
     return np.take_along_axis(bgr, channel[rows, columns][..., None], axis=2)[..., 0]
@@ -55,8 +56,8 @@ def mosaic(bgr: np.ndarray, order: str) -> np.ndarray:
 
 @pytest.mark.parametrize("order", ["rggb", "bggr", "gbrg", "grbg"])
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
-def test_single_colours_side_by_side(order: str, kind: type, tmp_path: Path) -> None:
-    """One colour is one grey up to the borders, whatever the order; a ramp of grey stays where it is."""
+def test_bayer_images_become_grey(order: str, kind: type, tmp_path: Path) -> None:
+    """A uniform colour gives uniform grey up to the borders in any Bayer order; a ramp of grey is not shifted."""
     most = np.iinfo(kind).max
     colour = np.broadcast_to(np.array([0.1, 0.9, 0.4]) * most, (6, 8, 3)).astype(kind)
     ramp = np.broadcast_to(np.arange(8)[:, None] * (most // 8), (6, 8, 3)).astype(kind)
@@ -70,15 +71,16 @@ def test_single_colours_side_by_side(order: str, kind: type, tmp_path: Path) -> 
             np.testing.assert_allclose(read, wanted, atol=0.5)
 
 
-def test_rows_with_padding_and_the_other_order_of_bytes(tmp_path: Path) -> None:
-    """`step` is longer than a row, and 16 bits are written big end first."""
+def test_padded_big_endian_rows_are_read(tmp_path: Path) -> None:
+    """Rows with `step` longer than their pixels, and 16-bit big-endian values, are read."""
     given = message(tmp_path, np.hstack([DEEP, DEEP[:, :2]]).astype(">u2").view(np.uint16), "mono16")
     given.data.width, given.data.is_bigendian = 6, 1
     read = cv2.imdecode(np.frombuffer(image_file(given, "x.bag").content, np.uint8), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(read, DEEP)
 
 
-def test_compressed_ones_are_as_they_were(tmp_path: Path) -> None:
+def test_compressed_images_are_copied(tmp_path: Path) -> None:
+    """JPEG and PNG contents are copied unchanged; other contents are refused."""
     for ending in (".png", ".jpg"):
         content = cv2.imencode(ending, GREY)[1].tobytes()
         bag = new_bag(tmp_path, "ros1")
@@ -90,7 +92,8 @@ def test_compressed_ones_are_as_they_were(tmp_path: Path) -> None:
             image_file(Message(Topic(topic, kind, 1), time, data), "x.bag")
 
 
-def test_what_is_not_read(tmp_path: Path) -> None:
+def test_unsupported_images_are_refused(tmp_path: Path) -> None:
+    """An unsupported encoding and a truncated image are errors."""
     with pytest.raises(InputError, match="32FC1"):
         image_file(message(tmp_path, GREY, "32FC1"), "x.bag")
     cut = message(tmp_path, GREY, "mono8")
@@ -113,16 +116,16 @@ def test_what_is_not_read(tmp_path: Path) -> None:
         (np.dstack([GREY, GREY // 2]), "yuyv", GREY),
     ],
 )
-def test_channels_of_other_encodings(pixels: np.ndarray, encoding: str, expected: np.ndarray, tmp_path: Path) -> None:
-    """Colours in their order, without opacity; of YUV the brightness."""
+def test_other_encodings_keep_channels(pixels: np.ndarray, encoding: str, expected: np.ndarray, tmp_path: Path) -> None:
+    """Colours keep their order, without opacity; YUV keeps its brightness."""
     found = image_file(message(tmp_path, pixels, encoding), "x.bag")
     read = cv2.imdecode(np.frombuffer(found.content, np.uint8), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(read, expected)
     assert read.dtype == expected.dtype
 
 
-def test_brightness_is_rounded_to_the_nearest() -> None:
-    """Of the binomial mean of each neighbourhood, which is mirrored at the borders."""
+def test_brightness_is_rounded_to_nearest() -> None:
+    """Brightness is the rounded binomial mean of each neighbourhood, mirrored at the borders."""
     mosaic_ = RNG.integers(0, 256, (7, 9))
     wide = np.pad(mosaic_, 1, mode="reflect")
     binomial = np.outer([1, 2, 1], [1, 2, 1])
@@ -131,7 +134,7 @@ def test_brightness_is_rounded_to_the_nearest() -> None:
 
 
 def test_images_without_pixels_are_damaged(tmp_path: Path) -> None:
-    """No columns, no rows, or fewer bytes than pixels."""
+    """Zero columns, zero rows, or fewer bytes than pixels are errors."""
     whole = message(tmp_path, GREY, "mono8").data
     for change in ({"width": 0}, {"height": 0}, {"height": 5}, {"step": 5}, {"width": 7}):
         fields = {

@@ -1,4 +1,4 @@
-"""Bags that lie: each is refused within bounds, or read up to where it is damaged."""
+"""Tests of bags with false contents: each is refused within limits, or read up to its damage."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ COUNT = 200
 
 
 def opened(path: Path) -> Bag:
-    """A bag, open."""
+    """Return an open bag."""
     with open_bag(path) as bag:
         return bag
 
 
 def written(folder: Path, kind: str, count: int = COUNT) -> Path:
-    """A bag of joints."""
+    """Write a bag of joints."""
     folder.mkdir(exist_ok=True)
     writer = new_bag(folder, kind)
     for k in range(count):
@@ -37,13 +37,13 @@ def written(folder: Path, kind: str, count: int = COUNT) -> Path:
 
 
 def storage(bag: Path) -> Path:
-    """The file of a bag that holds its messages."""
+    """Return the file of a bag that holds its messages."""
     return bag if bag.is_file() else next(path for path in bag.iterdir() if path.suffix in (".db3", ".mcap"))
 
 
 @pytest.mark.parametrize("kind", ["ros1", "sqlite3", "mcap"])
-def test_a_sound_bag_is_read_wherever_it_is(tmp_path: Path, kind: str) -> None:
-    """Whatever the names of folders above it hold."""
+def test_bag_is_read_from_any_path(tmp_path: Path, kind: str) -> None:
+    """A bag is read whatever characters the folders of its path contain."""
     path = written(tmp_path / "plain", kind)
     folder = tmp_path / "a#b" / "a?b" / "a%41b" / "a b'\"" / "a\u00e9"
     folder.mkdir(parents=True)
@@ -53,8 +53,8 @@ def test_a_sound_bag_is_read_wherever_it_is(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize(("kind", "count"), [("sqlite3", 200), ("mcap", 600)])
-def test_a_cut_bag_is_read_up_to_its_damage(tmp_path: Path, kind: str, count: int) -> None:
-    """What was written whole before is there, in order, and the bag says why there is no more."""
+def test_truncated_bag_is_read_up_to_damage(tmp_path: Path, kind: str, count: int) -> None:
+    """Completely written messages are read in order, and the bag states the damage."""
     path = storage(written(tmp_path, kind, count))
     os.truncate(path, path.stat().st_size * 6 // 10)
     bag = opened(path)
@@ -64,8 +64,8 @@ def test_a_cut_bag_is_read_up_to_its_damage(tmp_path: Path, kind: str, count: in
     assert bag.damage
 
 
-def test_a_damaged_index_is_reported(tmp_path: Path) -> None:
-    """The messages are all there, and the bag says why its index was not used, also if that has no words."""
+def test_damaged_index_is_reported(tmp_path: Path) -> None:
+    """All messages are read, and the bag states why its index was not used, also if the error has no message."""
     path = storage(written(tmp_path, "mcap"))
     content = bytearray(path.read_bytes())
     index = int.from_bytes(content[-28:-20], "little")
@@ -76,8 +76,8 @@ def test_a_damaged_index_is_reported(tmp_path: Path) -> None:
     assert bag.damage == ["MemoryError"]
 
 
-def test_a_bag_beyond_the_limits_is_not_called_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its repair would not help."""
+def test_oversized_bag_is_not_called_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Repairing a bag beyond the limits would not help, so it is not called damaged."""
     path = written(tmp_path, "ros1")
     monkeypatch.setattr(box, "_LEAST_OUTPUT_BYTES", 2**20)
     monkeypatch.setattr(box, "_OUTPUT_FACTOR", 0)
@@ -87,7 +87,7 @@ def test_a_bag_beyond_the_limits_is_not_called_damaged(tmp_path: Path, monkeypat
 
 
 def small_database(path: Path, messages: str) -> Path:
-    """A bag of sqlite3 whose table of messages is made so."""
+    """Write an sqlite3 bag whose table of messages is made by this SQL."""
     with sqlite3.connect(path) as database:
         database.execute(
             "CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format, offered_qos_profiles)"
@@ -109,15 +109,15 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
         "CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)",
     ],
 )
-def test_tables_that_calculate_are_refused(tmp_path: Path, messages: str) -> None:
-    """An endless view, columns that are calculated, tables of modules."""
+def test_computed_tables_are_refused(tmp_path: Path, messages: str) -> None:
+    """An endless view, computed columns and virtual tables are refused."""
     with pytest.raises(DatasetError, match="messages are not a plain table"):
         opened(small_database(tmp_path / "a.db3", messages))
 
 
 @pytest.mark.parametrize("values", ["1, 'soon', x'00'", "1, 1, 1000000000"])
-def test_rows_that_are_no_messages_end_a_cut_database(tmp_path: Path, values: str) -> None:
-    """A number in place of bytes is not so many zeros."""
+def test_invalid_rows_end_damaged_database(tmp_path: Path, values: str) -> None:
+    """A number in place of bytes is not read as that many zeros."""
     table = "CREATE TABLE messages(topic_id, timestamp, data);"
     path = small_database(tmp_path / "a.db3", f"{table} INSERT INTO messages VALUES ({values})")
     content = bytearray(path.read_bytes())
@@ -128,8 +128,8 @@ def test_rows_that_are_no_messages_end_a_cut_database(tmp_path: Path, values: st
     assert bag.damage
 
 
-def test_a_fault_of_the_reader_is_not_called_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It passes through as what it is, with the words of its traceback."""
+def test_reader_fault_is_not_called_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fault of the reader itself propagates unchanged with its traceback."""
     path = written(tmp_path, "ros1")
     fault = box.BoxFault("TypeError")
 
@@ -143,7 +143,7 @@ def test_a_fault_of_the_reader_is_not_called_damage(tmp_path: Path, monkeypatch:
 
 
 def mcap_of_one_chunk(path: Path, content: bytes, compression: bytes, size: int) -> Path:
-    """A file of MCAP without an index that holds one chunk."""
+    """Write an MCAP file without an index that holds one chunk."""
 
     def record(kind: int, data: bytes) -> bytes:
         return bytes([kind]) + struct.pack("<Q", len(data)) + data
@@ -156,8 +156,8 @@ def mcap_of_one_chunk(path: Path, content: bytes, compression: bytes, size: int)
     return path
 
 
-def test_a_chunk_that_unpacks_to_more_than_memory(tmp_path: Path) -> None:
-    """Four gigabytes in some kilobytes end in a sentence, and take none of this process."""
+def test_decompression_bomb_is_refused(tmp_path: Path) -> None:
+    """A chunk of kilobytes that unpacks to gigabytes is an error, without memory use of this process."""
     from lz4.frame import LZ4FrameCompressor
 
     compressor, zeros = LZ4FrameCompressor(), b"\0" * 2**24
@@ -168,8 +168,8 @@ def test_a_chunk_that_unpacks_to_more_than_memory(tmp_path: Path) -> None:
         opened(path)
 
 
-def test_a_folder_that_unpacks_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A compressed file fills no disk: what is unpacked ends at the bound, in a folder that is removed."""
+def test_compressed_folder_bag_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compressed file cannot fill the disk: unpacking stops at the limit, in a folder that is removed."""
     monkeypatch.setattr(box, "_LEAST_OUTPUT_BYTES", 2**26)
     bag = written(tmp_path, "mcap")
     path = storage(bag)
@@ -189,8 +189,8 @@ def test_a_folder_that_unpacks_without_end(tmp_path: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.db3", "a.bag"])
-def test_pipes_and_devices_are_not_read(tmp_path: Path, name: str) -> None:
-    """At once, alone or in a folder."""
+def test_pipes_and_devices_are_refused(tmp_path: Path, name: str) -> None:
+    """Pipes and devices are refused immediately, alone or in a folder."""
     began_s = time.monotonic()
     os.mkfifo(tmp_path / name)
     with pytest.raises(DatasetError, match="is not a file but a pipe"):

@@ -1,4 +1,4 @@
-"""What is taken, in words."""
+"""Tests of the description of selected sources."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from basecal.geometry import SE3
 from basecal.kinematics import SerialChain
 
 
-def test_a_line_for_each(arm: SerialChain) -> None:
+def test_each_source_has_description_line(arm: SerialChain) -> None:
+    """Each robot, camera and target has one line with its topics, frames and URDF."""
     taken = BagSources(
         {
             "a": ByFrames("base", "tool"),
@@ -29,7 +30,7 @@ def test_a_line_for_each(arm: SerialChain) -> None:
     ]
 
 
-def test_tags_are_named() -> None:
-    """By their numbers, or as the only one."""
+def test_tag_sources_name_tag_numbers() -> None:
+    """Tags are named by their numbers, or as the only one of each image."""
     for tags, words in (({3: SE3.identity(), 5: SE3.identity()}, "tag 3, 5"), ({}, "tag the only one of each image")):
         assert str(ByTagPoses("/tags", SimpleNamespace(tag_from_target=tags))) == f"poses of /tags, {words}"

@@ -1,4 +1,4 @@
-"""What a bag holds before anything is taken."""
+"""Tests of the survey of a bag's contents."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from basecal.exchange.bags.survey import plain_frame, survey_bag
 from basecal.geometry import SE3
 
 
-def test_all_that_may_be_taken(tmp_path: Path) -> None:
-    """Frames that move and that do not, frames of images, lenses, URDFs and joints of all messages."""
+def test_survey_lists_all_sources(tmp_path: Path) -> None:
+    """The survey has moving and fixed frames, frames of images, lenses, URDFs, and the joints of all messages."""
     writer = new_bag(tmp_path, "ros1")
     here, there = SE3.identity(), SE3.exp(np.full(6, 0.1))
     writer.transforms("/tf_static", BEGIN_S, {("/base", "/plate"): here})
@@ -40,15 +40,15 @@ def test_all_that_may_be_taken(tmp_path: Path) -> None:
     assert plain_frame("/eye") == "eye"
 
 
-def test_a_topic_that_holds_less_than_it_says() -> None:
-    """As where a name in a bag is damaged."""
+def test_topic_without_its_messages_is_refused() -> None:
+    """A topic with fewer messages than stated is an error, as after damage to a name in the bag."""
     bag = Bag("x.bag", {"/eye": Topic("/eye", IMAGE, 3)}, lambda names: iter(()))
     with pytest.raises(DatasetError, match="/eye has none of its 3 messages"):
         survey_bag(bag)
 
 
-def test_frames_move_if_tf_says_so(tmp_path: Path) -> None:
-    """A frame of /tf_static that is in /tf too has times, moved or not; what /tf_static alone changes stands still."""
+def test_frames_in_tf_are_timed(tmp_path: Path) -> None:
+    """A frame in both /tf_static and /tf is timed, moving or not; one that only /tf_static changes is fixed."""
     writer = new_bag(tmp_path, "ros1")
     here, there = SE3.identity(), SE3.exp(np.full(6, 0.1))
     for k, pose in enumerate((here, there)):

@@ -1,4 +1,4 @@
-"""Corners of AprilTags in bags."""
+"""Tests of AprilTag corners in bags."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ SEEN = SE3.exp(np.array([0.05, -0.03, 0.7, 0.3, -0.2, 2.5]))  # camera from cube
 
 
 def detection(tag: int, corners: np.ndarray, family: str = "tag36h11") -> SimpleNamespace:
-    """What the detector says of a tag: it begins top right, goes on against the clock, and counts from the border."""
+    """Return a tag as the detector publishes it: counter-clockwise from top right, counted from the image border."""
     points = [SimpleNamespace(x=x + 0.5, y=y + 0.5) for x, y in corners[[1, 0, 3, 2]]]
     return SimpleNamespace(id=tag, corners=points, family=family)
 
@@ -75,8 +75,11 @@ def array(*found: SimpleNamespace) -> SimpleNamespace:
 TAGS_OF_BOARD = Tags("tag36h11", np.array([0, 1, 3]), np.array([[3, 2, 1, 0], [7, 6, 5, 4], [15, 14, 13, 12]]))
 
 
-def test_corners_have_the_ids_of_the_target() -> None:
-    """They are taken as OpenCV goes round a tag, and counted from the centre of the first pixel; strangers are left."""
+def test_tag_corners_have_target_ids() -> None:
+    """Corners are reordered to OpenCV's order and counted from the centre of the first pixel.
+
+    Unknown tags are dropped.
+    """
     stranger, other = detection(9, SQUARE), detection(0, SQUARE, "tag25h9")
     seen = tag_corners(array(detection(3, SQUARE), stranger, other, detection(1, SQUARE + 100)), TAGS_OF_BOARD)
     assert seen is not None
@@ -93,8 +96,8 @@ def test_corners_have_the_ids_of_the_target() -> None:
         array(detection(1, SQUARE * np.nan)),
     ],
 )
-def test_what_is_no_tag_of_the_target(found: SimpleNamespace) -> None:
-    """No tag, a stranger, one tag twice, and corners that are no numbers."""
+def test_invalid_tag_detections_give_none(found: SimpleNamespace) -> None:
+    """No tag, an unknown tag, a repeated tag, and non-finite corners give None."""
     assert tag_corners(found, TAGS_OF_BOARD) is None
 
 
@@ -109,7 +112,7 @@ def add_tags(bag: BagWriter, time: float, *found: SimpleNamespace) -> None:
 
 
 def written(folder: Path, kind: Kind) -> Path:
-    """A bag in which an arm stands at two places, and a board is seen at each."""
+    """Write a bag in which an arm rests at two poses and sees a board at each."""
     bag = new_bag(folder, kind)
     for name, text in DEFINITIONS.items():
         bag.store.register(get_types_from_msg(text, name))
@@ -121,8 +124,8 @@ def written(folder: Path, kind: Kind) -> Path:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_bag_of_detections_gives_rows(kind: Kind, tmp_path: Path) -> None:
-    """Each image in which a tag was found is a row with its corners by the ids of the target."""
+def test_tag_detections_become_rows(kind: Kind, tmp_path: Path) -> None:
+    """Each image with a detected tag is a row with its corners by the target's ids."""
     cell = cell_from_dict(parse_yaml(CELL, "cell.yaml").data)
     asked = BagRequest(robots={"arm": "/arm/pose"}, views={("wrist", "board"): "/detections"})
     with open_bag(written(tmp_path, kind)) as bag:
@@ -206,8 +209,11 @@ def views(path: Path, target: str, folder: Path) -> list[SE3]:
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_poses_of_tags_become_poses_of_their_target(package: str, tmp_path: Path) -> None:
-    """As the node finds them, by either tag; of both the nearer is taken, strangers and bundles are not."""
+def test_tag_poses_become_target_poses(package: str, tmp_path: Path) -> None:
+    """Poses of either tag give the target's pose as the node computes it.
+
+    The nearer of two tags is used; unknown tags and bundles are not.
+    """
     by_three, by_seven = as_published(SEEN, 3, 0.04), as_published(SEEN, 7, 0.02)
     off = SE3.exp(np.array([0.0, 0, 0.3, 0, 0, 0]))
     images = [
@@ -222,24 +228,24 @@ def test_poses_of_tags_become_poses_of_their_target(package: str, tmp_path: Path
         np.testing.assert_allclose(pose.matrix, SEEN.matrix, atol=1e-5)
 
 
-def test_a_target_without_tags_is_the_only_detection(tmp_path: Path) -> None:
-    """In the detector's own frame; an image of two says not which."""
+def test_target_without_tags_uses_only_detection(tmp_path: Path) -> None:
+    """The pose is in the detector's own frame; an image with two tags is ambiguous and dropped."""
     near = SE3.exp(np.array([0.0, 0, 0.5, 0.1, 0, 0]))
     found = views(tag_written(tmp_path, PACKAGES[0], [([12], SEEN)], [([12], SEEN), ([13], near)]), "plate", tmp_path)
     assert len(found) == 1
     np.testing.assert_allclose(found[0].matrix, SEEN.matrix, atol=1e-12)
 
 
-def test_a_far_and_small_tag_has_a_rotation() -> None:
-    """Corners that differ by a few thousand roundings still give a rotation to 1e-12."""
+def test_distant_small_tag_has_exact_rotation() -> None:
+    """Corners that differ by a few thousand rounding units still give a rotation to 1e-12."""
     text = TAG_CELL.replace("0.08, t_m: [0, 0, 0]", "1e-6, t_m: [1e6, 1e6, 3e5]").replace("0.04", "1e-6")
     shape = cell_from_dict(parse_yaml(text, "cell.yaml").data).targets["cube"].target
     for frame in frames_of_tags(shape).tag_from_target.values():
         np.testing.assert_allclose(frame.rotation @ frame.rotation.T, np.eye(3), atol=1e-12)
 
 
-def test_a_tag_stands_half_a_turn_from_how_opencv_draws_it() -> None:
-    """Of a tag at its target's origin x goes left, y down, and z, out of it, against the target's."""
+def test_tag_frame_is_rotated_by_half_turn() -> None:
+    """For a tag at its target's origin x points left, y down and z, out of the tag, against the target's z."""
     frames = frames_of_tags(cell().targets["cube"].target)
     np.testing.assert_allclose(frames.tag_from_target[3].rotation, np.diag([-1.0, 1.0, -1.0]), atol=1e-12)
     assert frames_of_tags(None).tag_from_target == {}

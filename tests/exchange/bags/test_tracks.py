@@ -1,4 +1,4 @@
-"""Where robots were, in one pass."""
+"""Tests of robot tracks, read from a bag in one pass."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def read(path: Path, taken: BagSources) -> Tracks:
         return read_tracks(bag, survey_bag(bag), taken)
 
 
-def test_frames_that_move_are_read_where_they_have_one_stamp(tmp_path: Path) -> None:
-    """Two moving frames of one message, and a third that never moves though /tf has it."""
+def test_moving_frames_are_composed_at_equal_stamps(tmp_path: Path) -> None:
+    """Two moving frames of one message are composed with a third that never moves though it is in /tf."""
     writer, times = new_bag(tmp_path, "mcap"), BEGIN_S + np.arange(5) * 0.1
     for k, time in enumerate(times):
         both = {("base", "elbow"): POSES[k], ("elbow", "wrist"): POSES[-k], ("wrist", "tool"): POSES[2]}
@@ -36,7 +36,8 @@ def test_frames_that_move_are_read_where_they_have_one_stamp(tmp_path: Path) -> 
         np.testing.assert_allclose(track.poses[k].matrix, (POSES[k] @ POSES[-k] @ POSES[2]).matrix, atol=1e-12)
 
 
-def test_stamps_that_never_meet(tmp_path: Path) -> None:
+def test_frames_without_common_stamps_are_refused(tmp_path: Path) -> None:
+    """Moving frames that never share a time stamp cannot be composed."""
     writer = new_bag(tmp_path, "mcap")
     for k in range(4):
         writer.transforms("/tf", BEGIN_S + k * 0.1, {("base", "elbow"): POSES[k]})
@@ -45,7 +46,8 @@ def test_stamps_that_never_meet(tmp_path: Path) -> None:
         read(writer.close(), BagSources({"arm": ByFrames("base", "tool")}))
 
 
-def test_an_arm_that_never_moves_is_where_it_is(tmp_path: Path) -> None:
+def test_stationary_arm_keeps_all_records(tmp_path: Path) -> None:
+    """An arm that never moves has a record for each message."""
     writer = new_bag(tmp_path, "ros1")
     for k in range(4):
         writer.transforms("/tf", BEGIN_S + k * 0.1, {("base", "tool"): POSES[1]})
@@ -53,8 +55,8 @@ def test_an_arm_that_never_moves_is_where_it_is(tmp_path: Path) -> None:
     assert len(track.times) == 4
 
 
-def test_more_than_is_needed_is_thinned(tmp_path: Path) -> None:
-    """A thousand a second become no more than one in 7.5 ms; times of images are all there, images are not."""
+def test_dense_records_are_thinned(tmp_path: Path) -> None:
+    """A thousand records per second are thinned to one per 7.5 ms; all image times are kept."""
     writer = new_bag(tmp_path, "mcap")
     for k in range(200):
         writer.pose("/pose", BEGIN_S + k * 1e-3, POSES[k % 5])
@@ -67,7 +69,8 @@ def test_more_than_is_needed_is_thinned(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.images["eye"] - BEGIN_S, [0, 0.05, 0.1, 0.15], atol=1e-6)
 
 
-def test_what_is_no_pose(tmp_path: Path) -> None:
+def test_non_finite_pose_in_bag_is_refused(tmp_path: Path) -> None:
+    """A pose with NaN is an error."""
     writer = new_bag(tmp_path, "mcap")
     writer.pose("/pose", BEGIN_S, POSES[0])
     writer.messages[0][3].pose.position.x = float("nan")
@@ -75,8 +78,8 @@ def test_what_is_no_pose(tmp_path: Path) -> None:
         read(writer.close(), BagSources({"arm": ByPoses("/pose")}))
 
 
-def test_states_hardly_later_than_the_last_are_left_out() -> None:
-    """Those at the same time or a little later; clocks that go back are kept, and put in order."""
+def test_records_too_close_in_time_are_dropped() -> None:
+    """Records at nearly the same time are dropped; those of clocks that jump back are kept and sorted."""
     gathered = _Buffer(1)
     for time in (1.0, 1.0, 1.0 + 0.5 * LEAST_APART_S, 1.0 + LEAST_APART_S, 0.5):
         gathered.add(time, np.array([time]))

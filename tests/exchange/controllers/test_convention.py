@@ -1,4 +1,4 @@
-"""Every controller's numbers give their pose back, and are those of SciPy."""
+"""Tests that every controller's numbers restore their pose and agree with SciPy."""
 
 from __future__ import annotations
 
@@ -29,8 +29,11 @@ POSES = SE3(
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_numbers_give_their_pose_back(name):
-    """To 1e-12 m and 1e-12 of the matrix, at half turns and gimbal lock too; as many numbers as there are names."""
+def test_controller_numbers_restore_pose(name):
+    """Poses are restored to 1e-12 m and 1e-12 of the matrix, also at half turns and gimbal lock.
+
+    There are as many numbers as names.
+    """
     kind = CONTROLLERS[name]
     numbers = kind.to_numbers(POSES)
     assert numbers.shape[-1] == len(kind.names)
@@ -51,17 +54,17 @@ def test_numbers_give_their_pose_back(name):
         (QUATERNION_WXYZ, lambda wxyz: Rotation.from_quat(wxyz, scalar_first=True)),
     ],
 )
-def test_forms_are_those_of_scipy(form, of_scipy):
-    """Read as SciPy reads them, which is another's code, and written so that SciPy reads the rotation."""
+def test_rotation_forms_agree_with_scipy(form, of_scipy):
+    """Rotations are read like SciPy's independent code, and written so that SciPy reads them."""
     numbers = form.to_numbers(DRAWN.as_matrix())
     np.testing.assert_allclose(of_scipy(numbers).as_matrix(), DRAWN.as_matrix(), atol=1e-14)
     np.testing.assert_allclose(form.read(numbers), DRAWN.as_matrix(), atol=1e-14)
 
 
-def test_one_frame_in_the_words_of_four_makers():
-    """A frame by two of its axes, as another library says it for ABB, Stäubli, KUKA and UR.
+def test_one_frame_in_notation_of_four_makers():
+    """A frame by two of its axes is the same in the notation of ABB, Stäubli, KUKA and UR.
 
-    Source: compas.dev, COMPAS, tutorial "Frames": `Frame(point, xaxis, yaxis)`; of it ABB takes the quaternion, scalar
+    Source: compas.dev, COMPAS, tutorial "Frames": `Frame(point, xaxis, yaxis)`. There ABB takes the quaternion, scalar
     first, Stäubli Euler angles xyz and KUKA zyx about moving axes, and UR the axis-angle vector.
     """
     x = np.array([0.9767, 0.0010, -0.214]) / np.linalg.norm([0.9767, 0.0010, -0.214])
@@ -82,16 +85,16 @@ def test_one_frame_in_the_words_of_four_makers():
         np.testing.assert_allclose(read.translation, [0.146, 0.15, 0.1615], atol=1e-15, err_msg=name)
 
 
-def test_what_is_no_quaternion_is_said():
-    """Rounded ones are taken, others are errors."""
+def test_invalid_quaternion_is_refused():
+    """Rounded quaternions are accepted, others are errors."""
     np.testing.assert_allclose(QUATERNION_WXYZ.read(np.array([0.7071, 0.7071, 0, 0]))[2, 1], 1.0, atol=1e-9)
     with pytest.raises(InputError, match="norm"):
         QUATERNION_WXYZ.read(np.array([1.0, 1.0, 0, 0]))
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_a_single_pose_and_a_grid_of_poses_are_written(name):
-    """Whatever the axes in front of the numbers."""
+def test_single_pose_and_grid_of_poses_are_written(name):
+    """Leading axes of the poses are kept."""
     kind = CONTROLLERS[name]
     rows = kind.to_numbers(POSES)
     np.testing.assert_allclose(kind.to_numbers(POSES[3]), rows[3], atol=1e-12)
@@ -101,8 +104,8 @@ def test_a_single_pose_and_a_grid_of_poses_are_written(name):
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_lengths_are_in_their_unit(name):
-    """Three numbers of each pose, both ways; the rotation has none of it."""
+def test_lengths_use_stated_unit(name):
+    """Three numbers of each pose have the unit in both directions; the rotation does not depend on it."""
     kind = replace(CONTROLLERS[name], length=0.5)
     numbers, metres = kind.to_numbers(POSES), replace(kind, length=1.0).to_numbers(POSES)
     ratio = numbers[0] / np.where(metres[0] == 0, 1, metres[0])
@@ -112,12 +115,12 @@ def test_lengths_are_in_their_unit(name):
 
 
 def test_controllers_without_angles():
-    """Quaternions and matrices; all others have them."""
+    """ABB, ROS, Franka and matrices have no angles; all other formats have them."""
     assert {name for name, kind in CONTROLLERS.items() if not kind.has_angles} == {"abb", "ros", "franka", "matrix"}
 
 
-def test_matrices_tell_rows_from_columns():
-    """By where 0 0 0 1 stands; the format of the other kind is named, and a pose at the origin is both."""
+def test_row_and_column_matrices_are_distinguished():
+    """The place of 0 0 0 1 decides, and the error names the other format; a pose at the origin fits both."""
     rows, columns = CONTROLLERS["matrix"], CONTROLLERS["franka"]
     with pytest.raises(InputError, match="by rows, give --format matrix"):
         columns.read(rows.to_numbers(POSES))
