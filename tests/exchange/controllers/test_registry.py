@@ -1,4 +1,4 @@
-"""Conventions of controllers, each against what its maker or another program says."""
+"""Tests of the conventions of controllers, each against its maker's document or another program."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.geometry import SE3
 
 
-def test_ur_the_example_of_the_script_manual():
-    """`rotvec2rpy([3.14, 1.57, 0])` is given there as [-2.80856, -0.16202, 0.9]."""
+def test_ur_matches_script_manual():
+    """The manual states [-2.80856, -0.16202, 0.9] for `rotvec2rpy([3.14, 1.57, 0])`."""
     read = CONTROLLERS["ur"].read(np.array([0.1, 0.2, 0.3, 3.14, 1.57, 0]))
     np.testing.assert_allclose(read.rpy, [-2.80856, -0.16202, 0.9], atol=5e-6)
     np.testing.assert_allclose(read.translation, [0.1, 0.2, 0.3])
 
 
-def test_ur_written_in_metres():
-    """A shift of half a metre is 0.5."""
+def test_ur_lengths_are_in_metres():
+    """A shift of half a metre is written as 0.5."""
     np.testing.assert_allclose(CONTROLLERS["ur"].to_numbers(SE3.from_rpy([0, 0, 0], [0.5, 0, 0])), [0.5, 0, 0, 0, 0, 0])
 
 
-def test_kuka_a_turns_about_z_then_b_about_the_new_y_then_c_about_the_new_x():
-    """As its manual says, in degrees and mm."""
+def test_kuka_angles_rotate_about_z_new_y_new_x():
+    """A rotates about z, B about the new y and C about the new x, in degrees and mm, as in the manual."""
     read = CONTROLLERS["kuka"].read(np.array([100, 0, -20, 30, 40, 50]))
     np.testing.assert_allclose(
         read.rotation, Rotation.from_euler("ZYX", [30, 40, 50], degrees=True).as_matrix(), atol=1e-14
@@ -32,8 +32,8 @@ def test_kuka_a_turns_about_z_then_b_about_the_new_y_then_c_about_the_new_x():
     np.testing.assert_allclose(read.translation, [0.1, 0, -0.02])
 
 
-def test_kuka_quaternion_of_the_maker_of_a_camera():
-    """The formula that Basler gives for A, B, C, written out."""
+def test_kuka_quaternion_matches_camera_makers_formula():
+    """Basler's formula for A, B, C is written out."""
     a, b, c = np.radians([30, 40, 50]) / 2
     x = np.cos(a) * np.cos(b) * np.sin(c) - np.sin(a) * np.sin(b) * np.cos(c)
     w = np.cos(a) * np.cos(b) * np.cos(c) + np.sin(a) * np.sin(b) * np.sin(c)
@@ -41,8 +41,8 @@ def test_kuka_quaternion_of_the_maker_of_a_camera():
     np.testing.assert_allclose(quaternion[[0, 3]], [x, w], atol=1e-14)
 
 
-def test_kuka_as_a_program_that_drives_them_has_it():
-    """Both ways, X, Y, Z [mm] and A, B, C [deg], with the matrix that `KUKA_2_Pose` of RoboDK 6.0.2 gives."""
+def test_kuka_matches_robodk():
+    """Both directions of X, Y, Z [mm] and A, B, C [deg] agree with the matrix of `KUKA_2_Pose` of RoboDK 6.0.2."""
     told = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
     matrix = [
         [0.694272044, -0.402886585, 0.596379685],
@@ -55,7 +55,7 @@ def test_kuka_as_a_program_that_drives_them_has_it():
     np.testing.assert_allclose(CONTROLLERS["kuka"].to_numbers(read), told, atol=1e-9)
 
 
-def test_abb_the_example_of_the_reference_manual():
+def test_abb_matches_reference_manual():
     """Data type `orient`, example 2: 30 deg about y are [0.965926, 0, 0.258819, 0]."""
     cos, sin = np.cos(np.pi / 6), np.sin(np.pi / 6)
     axes = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
@@ -64,8 +64,8 @@ def test_abb_the_example_of_the_reference_manual():
     np.testing.assert_allclose(CONTROLLERS["abb"].read(written).rotation, axes, atol=1e-12)
 
 
-def test_fanuc_quaternion_of_the_maker_of_a_camera():
-    """The formula that Roboception gives for W, P, R, written out; lengths in mm."""
+def test_fanuc_quaternion_matches_camera_makers_formula():
+    """Roboception's formula for W, P, R is written out; lengths are in mm."""
     w, p, r = np.radians([10, -20, 30]) / 2
     x = np.cos(r) * np.cos(p) * np.sin(w) - np.sin(r) * np.sin(p) * np.cos(w)
     y = np.cos(r) * np.sin(p) * np.cos(w) + np.sin(r) * np.cos(p) * np.sin(w)
@@ -74,8 +74,8 @@ def test_fanuc_quaternion_of_the_maker_of_a_camera():
     np.testing.assert_allclose(read.translation, [1, 0, 0])
 
 
-def test_yaskawa_quaternion_of_the_maker_of_a_camera():
-    """The formula that Basler gives for Rx, Ry, Rz, written out; lengths in mm."""
+def test_yaskawa_quaternion_matches_camera_makers_formula():
+    """Basler's formula for Rx, Ry, Rz is written out; lengths are in mm."""
     x, y, z = np.radians([10, -20, 30]) / 2
     qz = np.sin(z) * np.cos(y) * np.cos(x) - np.cos(z) * np.sin(y) * np.sin(x)
     qw = np.cos(z) * np.cos(y) * np.cos(x) + np.sin(z) * np.sin(y) * np.sin(x)
@@ -85,8 +85,8 @@ def test_yaskawa_quaternion_of_the_maker_of_a_camera():
 
 
 @pytest.mark.parametrize("name", ["fanuc", "yaskawa"])
-def test_as_a_program_that_drives_them_has_it(name):
-    """Both ways [mm, deg], with the matrix that `Fanuc_2_Pose` and `Motoman_2_Pose` of RoboDK 6.0.2 give."""
+def test_fanuc_and_yaskawa_match_robodk(name):
+    """Both directions [mm, deg] agree with the matrix of `Fanuc_2_Pose` and `Motoman_2_Pose` of RoboDK 6.0.2."""
     told = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
     matrix = [
         [-0.26200263, -0.758739674, 0.596379685],
@@ -99,8 +99,8 @@ def test_as_a_program_that_drives_them_has_it(name):
     np.testing.assert_allclose(CONTROLLERS[name].to_numbers(read), told, atol=1e-9)
 
 
-def test_staubli_about_x_then_the_new_y_then_the_new_z():
-    """In degrees and mm."""
+def test_staubli_angles_rotate_about_x_new_y_new_z():
+    """Angles are about x, the new y and the new z, in degrees and mm."""
     read = CONTROLLERS["staubli"].read(np.array([100, 0, 0, 10, 20, 30]))
     np.testing.assert_allclose(
         read.rotation, Rotation.from_euler("XYZ", [10, 20, 30], degrees=True).as_matrix(), atol=1e-14
@@ -108,8 +108,8 @@ def test_staubli_about_x_then_the_new_y_then_the_new_z():
     np.testing.assert_allclose(read.translation, [0.1, 0, 0])
 
 
-def test_staubli_as_a_program_that_drives_them_has_it():
-    """Both ways, X, Y, Z [mm] and Rx, Ry, Rz [deg], with the matrix that `Staubli_2_Pose` of RoboDK 6.0.2 gives."""
+def test_staubli_matches_robodk():
+    """Both directions of X, Y, Z [mm] and Rx, Ry, Rz [deg] agree with `Staubli_2_Pose` of RoboDK 6.0.2."""
     told = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
     matrix = [
         [-0.26200263, -0.71984631, -0.64278761],
@@ -122,33 +122,33 @@ def test_staubli_as_a_program_that_drives_them_has_it():
     np.testing.assert_allclose(CONTROLLERS["staubli"].to_numbers(read), told, atol=1e-9)
 
 
-def test_denso_about_fixed_x_y_z():
-    """In degrees and mm."""
+def test_denso_angles_rotate_about_fixed_axes():
+    """Angles are about fixed x, y and z, in degrees and mm."""
     read = CONTROLLERS["denso"].read(np.array([100, 0, 0, 10, 20, 30]))
     expected = Rotation.from_euler("xyz", [10, 20, 30], degrees=True).as_matrix()
     np.testing.assert_allclose(read.rotation, expected, atol=1e-14)
     np.testing.assert_allclose(read.translation, [0.1, 0, 0])
 
 
-def test_denso_rz_is_where_the_base_x_goes_about_z():
-    """As its manual says: with RZ alone, the flange's x is the base's x turned about z by RZ."""
+def test_denso_rz_rotates_base_x_about_z():
+    """As in the manual: with RZ alone, the flange's x is the base's x rotated about z by RZ."""
     x = CONTROLLERS["denso"].read(np.array([0, 0, 0, 0, 0, 30])).rotation[:, 0]
     np.testing.assert_allclose(x, [np.cos(np.pi / 6), 0.5, 0], atol=1e-15)
 
 
-def test_franka_the_usual_start_of_its_examples():
-    """At q = [0, -pi/4, 0, -3 pi/4, 0, pi/2, pi/4] with its hand, by its maker's DH parameters: it points down."""
+def test_franka_start_pose_of_examples():
+    """At q = [0, -pi/4, 0, -3 pi/4, 0, pi/2, pi/4] the hand points down, by its maker's DH parameters."""
     reported = [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0.3069, 0, 0.4869, 1]
     read = CONTROLLERS["franka"].read(np.array(reported, dtype=float))
     np.testing.assert_allclose(read.translation, [0.3069, 0, 0.4869])
     np.testing.assert_allclose(read.rotation @ [0, 0, 1], [0, 0, -1])
 
 
-def test_franka_what_its_maker_shows_of_a_robot() -> None:
-    """`O_T_EE` of the output of `echo_robot_state` is where the joints beside it put the hand.
+def test_franka_matches_documented_robot_state() -> None:
+    """`O_T_EE` in the output of `echo_robot_state` is the hand's pose at the joints beside it.
 
-    Source: docs of the Franka Control Interface, "Getting started", example output; Craig's DH parameters of "Robot
-    and interface specifications", and `F_T_EE` of that output.
+    Source: docs of the Franka Control Interface, "Getting started", example output; Craig's DH parameters of "Robot and
+    interface specifications", and `F_T_EE` of that output.
     """
     shown = [0.998578, 0.0328747, -0.0417381, 0, 0.0335224, -0.999317, 0.0149157, 0]
     shown += [-0.04122, -0.016294, -0.999017, 0, 0.305468, -0.00814133, 0.483198, 1]
@@ -166,20 +166,20 @@ def test_franka_what_its_maker_shows_of_a_robot() -> None:
     np.testing.assert_allclose(CONTROLLERS["franka"].read(np.array(shown)).matrix, hand @ tip, atol=2e-5)
 
 
-def test_franka_columns_follow_one_another():
-    """A quarter turn about z: the first three numbers are where x goes."""
+def test_franka_matrix_is_by_columns():
+    """For a quarter turn about z the first three numbers are the rotated x axis."""
     read = CONTROLLERS["franka"].read(np.array([0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0.1, 0.2, 0.3, 1.0]))
     np.testing.assert_allclose(read.rotation @ [1, 0, 0], [0, 1, 0])
 
 
-def test_franka_rows_instead_are_an_error():
-    """A matrix written row by row has its shift where zeros must be."""
+def test_franka_matrix_by_rows_is_refused():
+    """A matrix written by rows has its translation where zeros must be."""
     with pytest.raises(InputError, match="last row"):
         CONTROLLERS["franka"].read(np.array([0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1.0]))
 
 
-def test_doosan_about_z_then_the_new_y_then_the_new_z():
-    """In degrees and mm."""
+def test_doosan_angles_rotate_about_z_new_y_new_z():
+    """Angles are about z, the new y and the new z, in degrees and mm."""
     read = CONTROLLERS["doosan"].read(np.array([100, 0, 0, 10, 20, 30]))
     np.testing.assert_allclose(
         read.rotation, Rotation.from_euler("ZYZ", [10, 20, 30], degrees=True).as_matrix(), atol=1e-14
@@ -187,8 +187,8 @@ def test_doosan_about_z_then_the_new_y_then_the_new_z():
     np.testing.assert_allclose(read.translation, [0.1, 0, 0])
 
 
-def test_xarm_roll_pitch_yaw_about_fixed_axes():
-    """In degrees and mm."""
+def test_xarm_angles_rotate_about_fixed_axes():
+    """Roll, pitch and yaw are about fixed axes, in degrees and mm."""
     read = CONTROLLERS["xarm"].read(np.array([100, 0, 0, 180, 20, 30]))
     np.testing.assert_allclose(
         read.rotation, Rotation.from_euler("xyz", [180, 20, 30], degrees=True).as_matrix(), atol=1e-14
@@ -196,15 +196,15 @@ def test_xarm_roll_pitch_yaw_about_fixed_axes():
     np.testing.assert_allclose(read.translation, [0.1, 0, 0])
 
 
-def test_ros_the_scalar_is_last():
-    """A quarter turn about z, as `tf2_echo` prints it, in metres."""
+def test_ros_quaternion_has_scalar_last():
+    """A quarter turn about z is read as `tf2_echo` prints it, in metres."""
     read = CONTROLLERS["ros"].read(np.array([0.1, 0.2, 0.3, 0, 0, 0.7071, 0.7071]))
     np.testing.assert_allclose(read.rotation @ [1, 0, 0], [0, 1, 0], atol=1e-12)
     np.testing.assert_allclose(read.translation, [0.1, 0.2, 0.3])
 
 
-def test_matrix_rows_follow_one_another():
-    """A quarter turn about z, its shift at the end of each row."""
+def test_matrix_is_by_rows():
+    """For a quarter turn about z the translation is at the end of each row."""
     read = CONTROLLERS["matrix"].read(np.array([0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1.0]))
     np.testing.assert_allclose(read.rotation @ [1, 0, 0], [0, 1, 0])
     np.testing.assert_allclose(read.translation, [0.1, 0.2, 0.3])

@@ -1,4 +1,4 @@
-"""Calibration files of ROS."""
+"""Tests of the export of ROS camera calibration files."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def of(camera):
     return ExportRequest((), ("made by",), replace(CALIBRATION, cameras={"wrist": (camera, np.eye(8))}))
 
 
-def test_what_ros_reads_gives_the_lens_back():
-    """The fields of camera_calibration_parsers, by a parser of YAML."""
+def test_camera_info_restores_lens():
+    """A YAML parser reads the fields of camera_calibration_parsers with the lens's values."""
     read = YAML(typ="safe", pure=True).load(export_text(of(LENS)))
     assert (read["image_width"], read["image_height"], read["camera_name"]) == (640, 480, "wrist")
     assert read["distortion_model"] == "plumb_bob"
@@ -36,23 +36,23 @@ def test_what_ros_reads_gives_the_lens_back():
         assert read[key]["rows"] * read[key]["cols"] == len(read[key]["data"])
 
 
-def test_no_number_is_a_negative_zero():
-    """Some readers keep its sign, and write it on."""
+def test_negative_zeros_are_not_written():
+    """Some readers keep the sign of a negative zero, and write it on."""
     lens = Camera("pinhole", np.append(LENS.parameters[:4], [-0.0, 0.01, -0.0, 0.0]), LENS.size_px)
     text = export_text(of(lens))
     assert "-0.0," not in text
     assert "data: [0.0, 0.01, 0.0, 0.0" in text
 
 
-def test_an_image_size_that_is_not_known_is_said():
-    """ROS cannot do without it."""
+def test_unknown_image_size_is_refused():
+    """ROS requires the image size."""
     with pytest.raises(InputError, match="image size of 'wrist' is not known"):
         export_text(of(Camera("pinhole", LENS.parameters)))
 
 
 @pytest.mark.parametrize(("model", "terms"), [("pinhole", 5), ("pinhole", 8), ("fisheye", 4)])
-def test_our_own_import_reads_it(model, terms, tmp_path):
-    """As the same lens."""
+def test_exported_camera_info_is_imported_again(model, terms, tmp_path):
+    """The own import reads the same lens."""
     camera = Camera(model, np.array([800.5, 801, 320, 240, *(0.01 * np.arange(1, terms + 1))]), (640, 480))
     path = tmp_path / "ost.yaml"
     path.write_text(export_text(of(camera)))

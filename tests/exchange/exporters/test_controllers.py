@@ -1,4 +1,4 @@
-"""Lines for the controllers that wrote the poses."""
+"""Tests of export lines for the controllers that wrote the poses."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ def cell(**robots: Robot) -> Cell:
         (Robot("a"), "matrix"),
     ],
 )
-def test_the_export_of_a_controller(robot: Robot, kind: str) -> None:
-    """That of its format, else of its frames in ROS, else matrices."""
+def test_export_kind_of_controller(robot: Robot, kind: str) -> None:
+    """The export follows the controller's format, else its frames in ROS, else it is a matrix."""
     assert controller_kind(robot) == kind
 
 
-def test_the_frame_of_recorded_poses() -> None:
-    """The robot's own base, by its name in ROS, unless another was stated."""
+def test_recorded_frame_is_base_by_default() -> None:
+    """The recorded frame is the robot's own base, by its name in ROS, unless another is stated."""
     assert "recorded in: base_link, its base: no other was" in recorded_frame(Robot("a", frames={"base": "base_link"}))
     stated = recorded_frame(Robot("a", controller={"format": "abb", "base": "wobj3", "tool": "tool2"}))
     assert stated.endswith("recorded in: wobj3, which is a_base here; a_flange is tool2")
 
 
-def test_each_controller_has_only_the_frames_that_it_knows() -> None:
-    """`$ROBROOT` of a KUKA beside a KUKA, `Base Frame` of an ABB beside an ABB; neither of another maker's."""
+def test_controller_export_has_only_known_frames() -> None:
+    """`$ROBROOT` is written beside a KUKA and `Base Frame` beside an ABB, but neither with a robot of another maker."""
 
     def text(first: str, second: str) -> str:
         formats = {"a": {"format": first}, "b": {"format": second} if second else {}}
@@ -56,8 +56,8 @@ def test_each_controller_has_only_the_frames_that_it_knows() -> None:
     assert "Base Frame" not in mixed
 
 
-def test_a_mount_goes_to_the_robot_that_carries() -> None:
-    """One robot alone has the mount of its camera; a transform of no robot, and what is refused, have no lines."""
+def test_mount_is_exported_for_carrying_robot() -> None:
+    """The single robot gets the mount of its camera. A transform of no robot, and a refused calibration, are errors."""
     made = cell(a=Robot("a", controller={"format": "abb"}))
     calibration = Calibration("good", {"a_flange_from_cam": ESTIMATE}, {"a_flange_from_cam": "free"})
     assert "[[1000.000" in controllers_text(calibration, made)

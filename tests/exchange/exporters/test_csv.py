@@ -1,4 +1,4 @@
-"""A table."""
+"""Tests of the export of a CSV table."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from export_example import all_poses, wanted
 
 
 @pytest.mark.parametrize("name", all_poses())
-def test_all_digits_come_back(name):
-    """By the columns' names, frames with commas and quotes in them too."""
+def test_csv_keeps_all_digits(name):
+    """All values are read back by column names, also for frames with commas and quotes."""
     (one,) = wanted(name).transforms
     (row,) = csv.DictReader(StringIO(export_text(wanted(name))))
     numbers = {key: float(row[key]) for key in row if key[:1] in "xyzqs" and key != "status"}

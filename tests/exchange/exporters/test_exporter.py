@@ -1,4 +1,4 @@
-"""Exporters are found by their registered names, and give texts of a calibration."""
+"""Tests of registered exporters, which give texts of a calibration."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ OF_TRANSFORMS = [kind for kind, each in EXPORTERS.items() if {*each.options} & {
 
 
 @pytest.mark.parametrize("kind", EXPORTERS)
-def test_every_registered_exporter_exports(kind):
-    """Each says of what it gives a file's text; people paste transforms alone."""
+def test_every_exporter_declares_its_options(kind):
+    """Each exporter states its options; only exporters of transforms give text to paste."""
     assert {*get_args(ExportOption)} >= {*EXPORTERS[kind].options}
     assert "transform" in EXPORTERS[kind].options or not EXPORTERS[kind].is_pasted
 
 
 @pytest.mark.parametrize("kind", OF_TRANSFORMS)
-def test_every_file_says_where_it_comes_from_and_what_is_doubtful(kind):
-    """By run, hash and codes of findings; whose pose in what is said by the transform's name."""
+def test_exported_files_state_source_and_verdict(kind):
+    """A file states the run, the hash, the codes of findings, and the transform's name."""
     doubtful = replace(CALIBRATION, verdict="doubtful")
     text = export(doubtful, kind, BASE, cell=CELL, run="20260102T030405Z")
     for part in ("20260102T030405Z", "sha256:0123456789ab", "DOUBTFUL: poor-fit", BASE):
@@ -39,21 +39,21 @@ def test_every_file_says_where_it_comes_from_and_what_is_doubtful(kind):
 
 
 @pytest.mark.parametrize("kind", EXPORTERS)
-def test_nothing_refused_is_exported(kind):
-    """Its first error is told."""
+def test_refused_calibration_is_not_exported(kind):
+    """The error states that the refused calibration is not exported, and there is no text to paste."""
     with pytest.raises(RefusedCalibration, match="nothing of it is exported"):
         export(replace(CALIBRATION, verdict="refused"), kind)
     assert pasteable(replace(CALIBRATION, verdict="refused")) == {}
 
 
-def test_an_unknown_kind_is_said():
-    """With the nearest one."""
+def test_unknown_export_kind_suggests_nearest():
+    """The error for an unknown kind suggests the nearest one."""
     with pytest.raises(FrameNotFound, match="did you mean 'kuka'"):
         export(CALIBRATION, "kukka")
 
 
-def test_what_a_kind_does_not_take_is_said():
-    """A robot of a kind that is of transforms."""
+def test_unsupported_export_option_is_refused():
+    """A kind for transforms refuses a robot."""
     with pytest.raises(InputError, match="ur takes a transform, not a robot"):
         export(CALIBRATION, "ur", robot="hand")
 
@@ -68,14 +68,14 @@ def test_what_a_kind_does_not_take_is_said():
         ((CALIBRATION, "urdf_joint"), {"urdf": Path("arm.urdf")}, r"^urdf is 'arm.urdf', expected a list of paths$"),
     ],
 )
-def test_arguments_of_another_type_are_said(arguments, options, message):
-    """One path in place of a list is not taken for a list of its characters."""
+def test_arguments_of_wrong_type_are_refused(arguments, options, message):
+    """A single path in place of a list is not read as a list of its characters."""
     with pytest.raises(InputError, match=message):
         export(*arguments, **options)
 
 
-def test_every_kind_is_documented():
-    """docs/exporting.md has a section for each, in the registry's order, which begins with what the registry says."""
+def test_every_export_kind_is_documented():
+    """docs/exporting.md has a section per kind in the registry's order, each beginning with the registry's words."""
     page = (Path(__file__).parents[3] / "docs" / "exporting.md").read_text(encoding="utf-8")
     sections = re.findall(r"^### `(\w+)`\n\n(.+)\.$", page, re.MULTILINE)
     assert [(kind, line.casefold()) for kind, line in sections] == [
@@ -84,8 +84,8 @@ def test_every_kind_is_documented():
 
 
 @pytest.mark.parametrize("kind", ["ur", "kuka", "abb", "staubli", "doosan", "xarm", "matrix"])
-def test_our_own_import_reads_what_controllers_are_given(kind, tmp_path):
-    """Comments are skipped, and each pose in it is the one exported, to the digits written."""
+def test_exported_controller_poses_are_imported_again(kind, tmp_path):
+    """Comments are skipped, and each pose equals the exported one to the written digits."""
     path = tmp_path / "pasted.txt"
     path.write_text(export(CALIBRATION, kind, BASE, cell=CELL), encoding="utf-8")
     rows = read_controller_poses(str(path), "eye", Reading(kind))
@@ -94,8 +94,8 @@ def test_our_own_import_reads_what_controllers_are_given(kind, tmp_path):
         np.testing.assert_allclose(row.robots["eye"].base_from_flange.matrix, CALIBRATION[BASE].mean.matrix, atol=2e-6)
 
 
-def test_texts_to_paste_are_those_of_the_kinds():
-    """By transform in both directions, then by kind; points have none; JSON can hold it."""
+def test_pasteable_texts_equal_exports():
+    """Texts are keyed by transform in both directions, then by kind; points have none, and JSON can hold all."""
     texts = pasteable(CALIBRATION, CELL, "20260102T030405Z")
     assert set(texts) == set(all_poses())
     assert POINT not in texts

@@ -1,4 +1,4 @@
-"""JSON."""
+"""Tests of the export of JSON."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from export_example import BASE, all_poses, wanted
 
 
 @pytest.mark.parametrize("name", all_poses())
-def test_all_digits_come_back(name):
-    """Place, quaternion, matrix and covariance."""
+def test_json_keeps_all_digits(name):
+    """Position, quaternion, matrix and covariance are read back."""
     (one,) = wanted(name).transforms
     data = json.loads(export_text(wanted(name)))["transforms"][name]
     np.testing.assert_allclose(
@@ -24,8 +24,8 @@ def test_all_digits_come_back(name):
     np.testing.assert_array_equal(data["covariance"], one.estimate.covariance)
 
 
-def test_frames_and_verdict_are_said():
-    """By their names elsewhere."""
+def test_json_states_frames_and_verdict():
+    """Frames have their names of the other program."""
     data = json.loads(export_text(wanted(BASE)))
     assert data["verdict"] == "good"
     assert data["transforms"][BASE]["parent"] == "left base's"

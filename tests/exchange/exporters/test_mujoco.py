@@ -1,4 +1,4 @@
-"""Models of MuJoCo."""
+"""Tests of the export of MuJoCo models."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def pose_in(data, model, child):
 
 
 @pytest.mark.parametrize("name", all_poses())
-def test_mujoco_puts_the_frame_there(name):
-    """To 1e-12; the parent is at its origin."""
+def test_mujoco_frame_has_exported_pose(name):
+    """MuJoCo's frame has the pose to 1e-12; the parent is at its origin."""
     (one,) = wanted(name).transforms
     model = mujoco.MjModel.from_xml_string(export_text(wanted(name)))
     data = mujoco.MjData(model)
@@ -32,20 +32,20 @@ def test_mujoco_puts_the_frame_there(name):
 
 
 def test_several_transforms_are_one_model():
-    """Each frame in its own tree."""
+    """Each frame is in its own tree of one model."""
     several = tuple(wanted(name).transforms[0] for name in (BASE, MOUNT, FIXED))
     model = mujoco.MjModel.from_xml_string(export_text(replace(wanted(), transforms=several)))
     assert model.nbody == 1 + 6
 
 
-def test_comments_keep_xml_whole():
-    """Two hyphens, which XML forbids there, are parted."""
+def test_double_hyphens_in_comments_are_separated():
+    """XML forbids two hyphens in a comment."""
     mujoco.MjModel.from_xml_string(export_text(replace(wanted(), remarks=("a -- b --- c-",))))
 
 
 @pytest.mark.parametrize("robot", ["eye", "hand"])
-def test_a_frame_called_world_has_its_name_in_the_cell(robot: str) -> None:
-    """MuJoCo has a body of that name already."""
+def test_frame_called_world_keeps_cell_name(robot: str) -> None:
+    """MuJoCo already has a body called world."""
     named = replace(CELL, robots={**CELL.robots, robot: replace(CELL.robots[robot], frames={"base": "world"})})
     (one,) = wanted(BASE, cell=named).transforms
     assert "world" in (one.parent, one.child)

@@ -1,4 +1,4 @@
-"""FileStorage of OpenCV."""
+"""Tests of the export of OpenCV FileStorage."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def storage(text):
 
 
 @pytest.mark.parametrize("name", all_poses())
-def test_opencv_reads_the_transform(name):
-    """All digits, and its own rotation vector."""
+def test_opencv_reads_exported_transform(name):
+    """OpenCV reads all digits, and its own rotation vector."""
     (one,) = wanted(name).transforms
     file = storage(export_text(wanted(name)))
     node = file.getNode(name)
@@ -34,8 +34,8 @@ def test_opencv_reads_the_transform(name):
     np.testing.assert_allclose(cv2.Rodrigues(node.getNode("rvec").mat())[0], one.estimate.mean.rotation, atol=1e-12)
 
 
-def test_opencv_projects_with_the_lens():
-    """As the camera itself does, to 1e-9 px."""
+def test_opencv_projects_with_exported_lens():
+    """OpenCV projects like the camera itself, to 1e-9 px."""
     lens = Camera("pinhole", np.array([800, 801, 320, 240, -0.1, 0.01, 1e-3, -1e-3, 0.02]), (640, 480))
     file = storage(
         export_text(ExportRequest((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(9))}), camera="wrist"))
@@ -48,8 +48,8 @@ def test_opencv_projects_with_the_lens():
 
 
 @pytest.mark.parametrize("model", ["pinhole", "fisheye"])
-def test_a_lens_keeps_its_model(tmp_path, model):
-    """Four terms are those of both models: the file names a fisheye."""
+def test_exported_lens_keeps_its_model(tmp_path, model):
+    """Both models may have four terms, so the file names a fisheye lens."""
     lens = Camera(model, np.array([800, 801, 320, 240, -0.1, 0.01, 1e-3, -1e-3]), (640, 480))
     path = tmp_path / "lens.yml"
     path.write_text(
@@ -60,8 +60,8 @@ def test_a_lens_keeps_its_model(tmp_path, model):
     np.testing.assert_array_equal(found.parameters, lens.parameters)
 
 
-def test_several_transforms_are_several_maps():
-    """In one file."""
+def test_several_transforms_are_separate_maps():
+    """Several transforms are in one file."""
     both = replace(wanted(), transforms=(*wanted(BASE).transforms, *wanted("board_from_hand_flange").transforms))
     file = storage(export_text(both))  # its nodes end with it
     assert set(file.root().keys()) == {BASE, "board_from_hand_flange"}

@@ -1,4 +1,4 @@
-"""Poses as pendants take them, read back by SciPy."""
+"""Tests of poses in pendant notation, read back by SciPy."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ FORMS = {
 
 @pytest.mark.parametrize("controller", FORMS)
 @pytest.mark.parametrize("name", all_poses())
-def test_scipy_gives_the_rotation_back(controller: str, name: str) -> None:
-    """Angles in degrees about its axes; mm stand first."""
+def test_scipy_restores_pendant_rotation(controller: str, name: str) -> None:
+    """Angles are in degrees about the maker's axes, after the millimetres."""
     form, axes = FORMS[controller]
     (found,) = re.findall(form, PENDANTS[controller].text(wanted(name)), re.MULTILINE)
     numbers, (one,) = np.array([float(number) for number in found]), wanted(name).transforms
@@ -36,13 +36,13 @@ def test_scipy_gives_the_rotation_back(controller: str, name: str) -> None:
     np.testing.assert_allclose(turned, mean.rotation, atol=1e-5)
 
 
-def test_every_pendant_is_tried() -> None:
-    """All but URScript, KRL and RAPID write six angles or lengths in one form."""
+def test_every_pendant_format_is_tested() -> None:
+    """All formats but URScript, KRL and RAPID write six angles or lengths on one line."""
     assert PENDANTS.keys() == {"ur", "kuka", "abb", *FORMS}
 
 
-def test_yaskawa_names_its_numbers_too() -> None:
-    """For who types them."""
+def test_yaskawa_export_names_its_numbers() -> None:
+    """The numbers are also written with their names, for typing."""
     text = PENDANTS["yaskawa"].text(wanted())
     assert re.search(r"^X \S+, Y \S+, Z \S+, Rx \S+, Ry \S+, Rz \S+$", text, re.MULTILINE)
 
@@ -53,24 +53,24 @@ def pose_of(text):
 
 
 @pytest.mark.parametrize("name", all_poses())
-def test_scipy_gives_the_rotation_of_urscript_back(name):
-    """And the metres stand first, to the digits written."""
+def test_scipy_restores_urscript_rotation(name):
+    """Metres come first, to the written digits."""
     numbers, (one,) = pose_of(PENDANTS["ur"].text(wanted(name))), wanted(name).transforms
     mean = one.estimate.mean
     np.testing.assert_allclose(numbers[:3], mean.translation, atol=1e-6)
     np.testing.assert_allclose(Rotation.from_rotvec(numbers[3:]).as_matrix(), mean.rotation, atol=1e-5)
 
 
-def test_what_is_exact_has_nine_decimals():
-    """A fixed pose is given to 1e-9."""
+def test_fixed_pose_has_nine_decimals():
+    """A fixed pose is written to 1e-9."""
     np.testing.assert_allclose(pose_of(PENDANTS["ur"].text(wanted(FIXED))), [0.1, 0.2, 0.3, 0.1, 0.2, 0.3], atol=1e-9)
     assert "p[0.100000000, 0.200000000, 0.300000000, 0.100000000, 0.200000000, 0.300000000]" in PENDANTS["ur"].text(
         wanted(FIXED)
     )
 
 
-def test_only_comments_and_poses():
-    """Lines of URScript: a comment begins with #."""
+def test_urscript_has_only_comments_and_poses():
+    """Every line is a comment that begins with #, or a pose."""
     lines = PENDANTS["ur"].text(wanted()).splitlines()
     assert [line[:2] for line in lines] == ["# ", "# ", "p["]
     assert f"# {BASE}: the pose of hand_base in eye_base, m and rotation vector in rad; " in lines[1]
@@ -78,8 +78,8 @@ def test_only_comments_and_poses():
     assert CALIBRATION[BASE].sigma_t.min() == pytest.approx(2e-4)
 
 
-def test_remarks_come_first_then_each_transform_below_its_comment():
-    """Comments begin with the mark; the lines are those made of the transform and of the request."""
+def test_remarks_precede_commented_transforms():
+    """Comments begin with the format's mark; lines are made of the transform and the request."""
     exporter = line_exporter("numbers", "%", "in words", lambda one, request: [one.name, request.calibration.verdict])
     lines = exporter.text(wanted(FIXED)).splitlines()
     assert lines[-2:] == [FIXED, "good"]
@@ -96,8 +96,8 @@ def frames_of(text):
 
 
 @pytest.mark.parametrize("name", all_poses())
-def test_scipy_gives_the_rotation_of_krl_back(name):
-    """A, B, C about z, the new y, the new x in degrees; mm stand first."""
+def test_scipy_restores_krl_rotation(name):
+    """A, B, C are about z, the new y and the new x in degrees, after the millimetres."""
     numbers, (one,) = frames_of(PENDANTS["kuka"].text(wanted(name)))[""], wanted(name).transforms
     mean = one.estimate.mean
     np.testing.assert_allclose(numbers[:3] * 1e-3, mean.translation, atol=1e-6)
@@ -105,8 +105,8 @@ def test_scipy_gives_the_rotation_of_krl_back(name):
     np.testing.assert_allclose(turned, mean.rotation, atol=1e-5)
 
 
-def test_lines_set_what_the_transform_is():
-    """A base in a base is `$BASE` and `$ROBROOT`, what is on a flange is `$TOOL`, what is on neither sets nothing."""
+def test_krl_settings_follow_transform_kind():
+    """A base in a base sets `$BASE` and `$ROBROOT`, a frame on a flange sets `$TOOL`, others set no variable."""
     assert list(frames_of(PENDANTS["kuka"].text(wanted(BASE)))) == ["", "$BASE=", "$ROBROOT="]
     assert list(frames_of(PENDANTS["kuka"].text(wanted(MOUNT)))) == ["", "$TOOL="]
     assert list(frames_of(PENDANTS["kuka"].text(wanted("board_from_hand_flange")))) == [""]
@@ -114,16 +114,16 @@ def test_lines_set_what_the_transform_is():
         np.testing.assert_array_equal(frame, frames_of(PENDANTS["kuka"].text(wanted(BASE)))[""])
 
 
-def test_whose_controller_is_said():
-    """The base of `hand` in `eye` is set on `eye`; the other way round on `hand`."""
+def test_krl_comment_names_controller():
+    """The base of `hand` in `eye` is set on `eye`; its inverse on `hand`."""
     assert "; on eye, its $ROBROOT zero: poses are then in hand_base" in PENDANTS["kuka"].text(wanted(BASE))
     assert "; on hand: its WORLD is then eye_base" in PENDANTS["kuka"].text(wanted(BASE))
     assert "; on hand, its $ROBROOT zero: poses are then in eye_base" in PENDANTS["kuka"].text(wanted(INVERSE))
     assert "; on eye: poses are then those of wrist" in PENDANTS["kuka"].text(wanted(MOUNT))
 
 
-def test_only_comments_frames_and_settings_of_krl():
-    """Every line is one of KRL's."""
+def test_krl_has_only_comments_frames_and_settings():
+    """Every line is valid KRL."""
     for line in PENDANTS["kuka"].text(wanted()).splitlines() + PENDANTS["kuka"].text(wanted(FIXED)).splitlines():
         assert re.match(r"; |\{X |\$[A-Z]+=\{X ", line)
 
@@ -135,8 +135,8 @@ def rapid_pose(text):
 
 
 @pytest.mark.parametrize("name", all_poses())
-def test_scipy_gives_the_rotation_of_rapid_back(name):
-    """The quaternion has its scalar first and norm 1; mm stand before it."""
+def test_scipy_restores_rapid_rotation(name):
+    """The quaternion has its scalar first and norm 1, after the millimetres."""
     (place, quaternion), (one,) = rapid_pose(PENDANTS["abb"].text(wanted(name))), wanted(name).transforms
     mean = one.estimate.mean
     np.testing.assert_allclose(place * 1e-3, mean.translation, atol=1e-6)
@@ -144,8 +144,8 @@ def test_scipy_gives_the_rotation_of_rapid_back(name):
     assert np.linalg.norm(quaternion) == pytest.approx(1, abs=2e-6)
 
 
-def test_a_base_is_a_work_object_and_a_base_frame():
-    """The work object has the pose as its user frame; the base frame is said in metres."""
+def test_rapid_base_is_work_object_and_base_frame():
+    """The work object has the pose as its user frame; the base frame is in metres."""
     text = PENDANTS["abb"].text(wanted(BASE))
     pose = re.findall(r"^(\[\[.+\]\])$", text, re.MULTILINE)[0]
     assert f'PERS wobjdata wobj_hand_base:=[FALSE,TRUE,"",{pose},[[0,0,0],[1,0,0,0]]];' in text
@@ -153,8 +153,8 @@ def test_a_base_is_a_work_object_and_a_base_frame():
     assert "wobjdata" not in PENDANTS["abb"].text(wanted(MOUNT))
 
 
-def test_a_name_of_rapid_is_short():
-    """At most 32 characters."""
+def test_rapid_names_have_at_most_32_characters():
+    """Names of work objects are at most 32 characters long."""
     names = re.findall(r"wobjdata (\w+):=", PENDANTS["abb"].text(wanted(BASE)))
     assert names
     assert max(map(len, names)) <= 32

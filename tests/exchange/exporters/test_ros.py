@@ -1,4 +1,4 @@
-"""Messages of ROS."""
+"""Tests of the export of ROS messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TYPES = STORE.types
 
 
 def message_of(text):
-    """The text as a message of the types of ROS 2, through its serialisation."""
+    """Return the text as a message of ROS 2 types, through its serialisation."""
     fields = YAML(typ="safe", pure=True).load(text)
     pose = fields["pose"]["pose"]
     header = TYPES["std_msgs/msg/Header"](TYPES["builtin_interfaces/msg/Time"](0, 0), fields["header"]["frame_id"])
@@ -35,8 +35,8 @@ def message_of(text):
 
 
 @pytest.mark.parametrize("name", all_poses())
-def test_the_types_of_ros_take_it(name):
-    """And hold the pose and its covariance to 1e-12, row by row, in the parent's frame."""
+def test_ros_types_accept_exported_pose(name):
+    """The message holds the pose and its covariance, by rows in the parent's frame, to 1e-12."""
     (one,) = wanted(name).transforms
     read = message_of(export_text(wanted(name)))
     place, turn = read.pose.pose.position, read.pose.pose.orientation
@@ -47,15 +47,15 @@ def test_the_types_of_ros_take_it(name):
     assert f"# child frame: {one.child}\n" in export_text(wanted(name))
 
 
-def test_a_message_holds_one_pose():
-    """Which one is asked, where there are several."""
+def test_message_holds_one_pose():
+    """With several transforms the error requests a choice."""
     both = replace(wanted(), transforms=(*wanted(BASE).transforms, *wanted(INVERSE).transforms))
     with pytest.raises(InputError, match=f"with --transform: {BASE}, {INVERSE}"):
         export_text(both)
 
 
-def test_no_zero_is_negative() -> None:
-    """Of position and orientation."""
+def test_negative_zeros_are_not_written() -> None:
+    """Zeros of position and orientation are written without sign."""
     request = wanted(BASE)
     (one,) = request.transforms
     zeros = SE3(np.diag([-1.0, -1.0, 1.0]), np.array([-0.0, 0.0, -0.0]))

@@ -1,4 +1,4 @@
-"""Launch files of ROS 2."""
+"""Tests of the export of ROS 2 launch files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from export_example import BASE, all_poses, wanted
 
 @pytest.fixture
 def launch(monkeypatch):
-    """What a launch file imports, which keeps what it is told."""
+    """Stub the imports of a launch file, and keep the node arguments."""
     for name, member, kept in (
         ("launch", "LaunchDescription", lambda nodes: nodes),
         ("launch_ros", "", None),
@@ -34,7 +34,7 @@ def launch(monkeypatch):
 
 
 @pytest.mark.parametrize("name", all_poses())
-def test_nodes_publish_the_transform(name, launch):
+def test_launch_nodes_publish_transform(name, launch):
     """Python runs the file, and the flags hold the transform to 1e-8, whatever characters frames have."""
     (one,) = wanted(name).transforms
     (node,) = launch(export_text(wanted(name)))
@@ -46,6 +46,6 @@ def test_nodes_publish_the_transform(name, launch):
     assert (flags["--frame-id"], flags["--child-frame-id"]) == (one.parent, one.child)
 
 
-def test_the_command_stands_in_a_comment():
-    """For who wants no launch file."""
+def test_launch_file_has_command_in_comment():
+    """The command without a launch file is in a comment."""
     assert "# ros2 run tf2_ros static_transform_publisher --x 0.812345679 " in export_text(wanted(BASE))

@@ -1,4 +1,4 @@
-"""A robot's URDF with its calibration in it."""
+"""Tests of the export of a robot's URDF with its calibration applied."""
 
 from __future__ import annotations
 
@@ -42,30 +42,30 @@ def flange_of(text: str, folder: Path):
     return read_chain(folder / "out.urdf", "base_link", "tool0").forward(np.full(6, 0.3))
 
 
-def test_offsets_are_in_it(tmp_path):
-    """At the joints that are recorded its flange is where the calibrated one is; unknown offsets count as zero."""
+def test_urdf_contains_joint_offsets(tmp_path):
+    """At the recorded joints its flange is the calibrated one; unknown offsets count as zero."""
     found = flange_of(urdf_of(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand"), tmp_path)
     wanted = CHAIN.forward(0.3 + np.nan_to_num(RAD))
     np.testing.assert_allclose(found.matrix, wanted.matrix, atol=1e-9)
 
 
-def test_the_folder_may_be_text():
-    """Its path as a string gives what a `Path` gives."""
+def test_folder_may_be_string():
+    """A path as a string gives the same as a `Path`."""
     calibration = calibrated(joint_offsets=OFFSETS)
     texts = [export(calibration, "urdf", robot="hand", cell=CELL, folder=folder) for folder in (str(DATA), DATA)]
     assert texts[0] == texts[1]
 
 
-def test_links_are_in_it(tmp_path):
-    """Likewise, without offsets."""
+def test_urdf_contains_link_errors(tmp_path):
+    """Link errors are applied without offsets, too."""
     tangents = 1e-3 * np.random.default_rng(0).standard_normal((7, 6))
     links = RobotParameters((), tangents, np.ones((7, 6)), np.ones((7, 6), dtype=bool))
     found = flange_of(urdf_of(CELL, DATA, calibrated(link_parameters=links), "hand"), tmp_path)
     np.testing.assert_allclose(found.matrix, CHAIN.perturb_links(tangents).forward(np.full(6, 0.3)).matrix, atol=1e-9)
 
 
-def test_what_cannot_be_exported_is_said():
-    """A robot that is not there, one without a urdf, and one of which nothing was calibrated."""
+def test_impossible_urdf_exports_are_refused():
+    """An unknown robot, one without a URDF, and one without calibrated parameters are errors."""
     good = calibrated(joint_offsets=OFFSETS)
     with pytest.raises(FrameNotFound):
         urdf_of(CELL, DATA, good, "hnd")
@@ -84,14 +84,14 @@ def test_what_cannot_be_exported_is_said():
         urdf_of(CELL, DATA, Calibration("good"), "hand")
 
 
-def test_it_says_where_it_comes_from():
-    """By a comment with the hash of the URDF that was calibrated."""
+def test_urdf_comment_has_source_hash():
+    """A comment has the hash of the URDF that was calibrated."""
     text = urdf_of(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand")
     assert f"of {INPUTS['six_axis.urdf']}: joint offsets applied -->" in text
 
 
-def test_nothing_is_applied_twice(tmp_path):
-    """A URDF that holds the correction already is not corrected again, nor is one of which nothing is known."""
+def test_corrected_urdf_is_not_corrected_again(tmp_path):
+    """A URDF with the correction applied, and one with an unknown hash, are refused."""
     good = calibrated(joint_offsets=OFFSETS)
     (tmp_path / "six_axis.urdf").write_text(urdf_of(CELL, DATA, good, "hand"))
     for calibration in (good, replace(good, inputs={})):
@@ -99,15 +99,15 @@ def test_nothing_is_applied_twice(tmp_path):
             urdf_of(CELL, tmp_path, calibration, "hand")
 
 
-def test_offsets_of_other_joints_are_refused():
-    """Where the cell now names another chain than was calibrated."""
+def test_offsets_of_other_chain_are_refused():
+    """Offsets do not fit if the cell now names another chain than the calibrated one."""
     short = RobotParameters(CHAIN.joint_names[:3], RAD[:3], RAD[:3], np.isfinite(RAD[:3]))
     with pytest.raises(InputError, match="3 joint offsets do not fit 6 joints"):
         urdf_of(CELL, DATA, calibrated(joint_offsets=short), "hand")
 
 
-def test_another_reader_finds_the_flange_where_it_was_found(tmp_path):
-    """Pinocchio, from the file as it is written, where our chain is with the offsets added to its joints."""
+def test_pinocchio_agrees_with_exported_urdf(tmp_path):
+    """Pinocchio reads the written file with the flange of our chain with added joint offsets."""
     (tmp_path / "six_axis.urdf").write_bytes((DATA / "six_axis.urdf").read_bytes())
     (tmp_path / "out.urdf").write_text(urdf_of(CELL, tmp_path, calibrated(joint_offsets=OFFSETS), "hand"))
     model = pinocchio.buildModelFromUrdf(str(tmp_path / "out.urdf"))

@@ -1,4 +1,4 @@
-"""One URDF of all robots."""
+"""Tests of the export of one URDF with all robots."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def stands(text: str, parent: str, child: str):
     return np.linalg.inv(first) @ second
 
 
-def test_robots_stand_where_they_were_found():
-    """From the URDFs given, the base being the link that the cell names, or else the root."""
+def test_robots_have_calibrated_poses():
+    """The given URDFs are used; the base is the link that the cell names, or else the root."""
     text = export_text(ExportRequest((), ("made by",), CALIBRATION, CELL, DATA, urdfs=BOTH))
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
     assert "<!-- made by -->" in text
@@ -44,15 +44,15 @@ def test_robots_stand_where_they_were_found():
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_world"), POSE.matrix, atol=1e-12)
 
 
-def test_urdfs_of_the_cell_are_taken_where_none_is_given():
-    """In its own folder."""
+def test_urdfs_of_cell_are_default():
+    """Without given URDFs those in the cell's folder are used."""
     own = replace(CELL, robots={"eye": EYE, "hand": replace(EYE, name="hand")})
     text = export_text(ExportRequest((), (), CALIBRATION, own, DATA))
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
 
 
-def test_bases_and_corrected_arms_are_one_package(tmp_path):
-    """The cell's own URDFs hold what was found of joints; of those given a comment says that they do not."""
+def test_cell_urdf_contains_bases_and_corrections(tmp_path):
+    """The cell's own URDFs get the calibrated joints. For given ones a comment states that they are uncorrected."""
     own = replace(CELL, robots={"eye": EYE, "hand": replace(EYE, name="hand")})
     chain = read_chain(BOTH[0], "base_link", "tool0")
     turns = np.array([0.0, 0.01, -0.02, 0.03, 0.0, 0.0])
@@ -77,8 +77,8 @@ def test_bases_and_corrected_arms_are_one_package(tmp_path):
     assert "corrected.urdf, its base is the link base_link; joint offsets applied -->" in given
 
 
-def test_what_is_missing_is_said():
-    """A URDF, the place of a robot, and the cell."""
+def test_missing_inputs_are_reported():
+    """A missing URDF, an unknown base of a robot, and a missing cell are errors."""
     with pytest.raises(InputError, match="1 URDFs for 2 robots: give one each, --urdf for eye, hand"):
         export_text(ExportRequest((), (), CALIBRATION, CELL, DATA))
     with pytest.raises(InputError, match="the pose of 'hand' is unknown: there is no eye_base_from_hand_base"):

@@ -1,4 +1,4 @@
-"""An origin in a URDF."""
+"""Tests of the export of a joint origin in a URDF."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def scene(tmp_path: Path) -> Path:
     return path
 
 
-def test_the_base_stands_there(scene):
-    """Between the links that the cell's `frames` name; its provenance is in a comment."""
+def test_joint_origin_places_base(scene):
+    """The transform holds between the links that the cell's `frames` name; a comment has its provenance."""
     text = export_text(replace(wanted(BASE), urdfs=(scene,), joint="right"))
     model = pinocchio.buildModelFromXML(text)
     data = model.createData()
@@ -37,8 +37,8 @@ def test_the_base_stands_there(scene):
     assert "20260102T030405Z" in text
 
 
-def test_what_is_missing_is_said(scene):
-    """No URDF, several transforms, a joint that is not named, and links that are called otherwise."""
+def test_missing_inputs_are_reported(scene):
+    """No URDF, several transforms, an unnamed joint, and links with other names are errors."""
     both = (*wanted(BASE).transforms, *wanted(MOUNT).transforms)
     for given, message in (
         (wanted(BASE), "expected one --urdf FILE, 0 were given"),

@@ -1,4 +1,4 @@
-"""Stages of USD."""
+"""Tests of the export of USD stages."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def stage_of(text):
 
 
 @pytest.mark.parametrize("name", all_poses())
-def test_usd_puts_the_frame_there(name):
-    """To 1e-12; USD's vectors are rows, so that its matrices are transposed."""
+def test_usd_frame_has_exported_pose(name):
+    """The frame has the pose to 1e-12; USD has row vectors, so its matrices are transposed."""
     from pxr import Usd, UsdGeom
 
     (one,) = wanted(name).transforms
@@ -36,14 +36,14 @@ def test_usd_puts_the_frame_there(name):
     assert UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
 
 
-def test_frames_have_valid_names():
-    """What USD cannot say in a name is an underscore."""
+def test_usd_frame_names_are_valid():
+    """Characters that USD does not allow in a name become underscores."""
     stage = stage_of(export_text(wanted(BASE)))
     assert [prim.GetName() for prim in stage.Traverse()] == ["left_base_s", "right_base"]
 
 
-def test_names_that_become_equal_are_those_of_the_cell():
-    """Two frames that differ in what is an underscore in USD were one prim."""
+def test_colliding_usd_names_use_cell_names():
+    """Before, two frames that differ only in invalid characters were one prim."""
     names = {"eye": {"base": "left/base"}, "hand": {"base": "left_base"}}
     robots = {name: replace(robot, frames=names[name]) for name, robot in CELL.robots.items()}
     stage = stage_of(export_text(wanted(BASE, cell=replace(CELL, robots=robots))))
@@ -51,14 +51,14 @@ def test_names_that_become_equal_are_those_of_the_cell():
 
 
 def test_several_transforms_are_one_stage():
-    """Each a tree of its own."""
+    """Each transform is a tree of its own in one stage."""
     several = tuple(wanted(name).transforms[0] for name in (BASE, MOUNT))
     stage = stage_of(export_text(replace(wanted(), transforms=several)))  # its prims end with it
     assert len(list(stage.Traverse())) == 4
 
 
-def test_without_its_library_the_install_line_is_said(monkeypatch):
-    """Instead of an error of Python's."""
+def test_missing_usd_library_names_extra(monkeypatch):
+    """The error names the command to install it, instead of Python's ImportError."""
     monkeypatch.setitem(sys.modules, "pxr", None)
     with pytest.raises(MissingExtra, match=r"pip install 'basecal\[usd\]'"):
         export_text(wanted())

@@ -1,4 +1,4 @@
-"""Whose lens is exported."""
+"""Tests of the choice of the exported lens."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ ESTIMATED = replace(CALIBRATION, cameras={"wrist": (LENS, np.eye(9))})
 
 
 def stating(intrinsics):
-    """A cell with a second camera whose lens is stated so."""
+    """Return a cell with a second camera whose lens has these intrinsics."""
     top = CellCamera("top", "world", size_px=(100, 50), intrinsics=intrinsics)
     return replace(CELL, cameras={**CELL.cameras, "top": top})
 
 
-def test_what_was_estimated_is_taken_before_what_is_stated():
+def test_estimated_lens_precedes_stated_one():
     """A stated lens has the image size of its camera."""
     both = ExportRequest((), (), ESTIMATED, stating(Intrinsics("fixed", OTHER)))
     assert exported_camera(both, "wrist") is LENS
@@ -33,8 +33,8 @@ def test_what_was_estimated_is_taken_before_what_is_stated():
     assert exported_camera(both, "top").size_px == (100, 50)
 
 
-def test_the_only_camera_needs_no_name():
-    """Several do."""
+def test_only_camera_needs_no_name():
+    """With several cameras one must be named."""
     assert choose_camera(ExportRequest((), (), ESTIMATED)) == "wrist"
     assert choose_camera(ExportRequest((), (), ESTIMATED, stating(None), camera="top")) == "top"
     with pytest.raises(InputError, match="with --camera: wrist, top"):
@@ -42,8 +42,8 @@ def test_the_only_camera_needs_no_name():
 
 
 @pytest.mark.parametrize("intrinsics", [None, Intrinsics("free", OTHER), Intrinsics("free")])
-def test_a_lens_that_is_not_known_is_said(intrinsics):
-    """A guess is none."""
+def test_unknown_lens_is_refused(intrinsics):
+    """A guess is not a known lens."""
     with pytest.raises(InputError, match="the lens of 'top' is not known"):
         exported_camera(ExportRequest((), (), ESTIMATED, stating(intrinsics)), "top")
     with pytest.raises(FrameNotFound, match="no 'tap'"):

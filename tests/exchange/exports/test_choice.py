@@ -1,4 +1,4 @@
-"""Which transforms are exported."""
+"""Tests of the choice of exported transforms."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def names(transforms):
     return [one.name for one in transforms]
 
 
-def test_what_is_asked_for_is_chosen():
-    """The bases of the cell; without the cell those that were estimated; without a base all that was."""
+def test_default_transforms_are_bases():
+    """The cell's bases are chosen; without the cell the estimated ones; without a base all estimated transforms."""
     assert names(chosen_transforms(CALIBRATION, CELL)) == names(chosen_transforms(CALIBRATION)) == [BASE]
     without = {name: each for name, each in CALIBRATION.transforms.items() if name != BASE}
     assert names(chosen_transforms(replace(CALIBRATION, transforms=without))) == [MOUNT]
 
 
-def test_either_direction_is_chosen_by_its_name():
+def test_transform_is_chosen_in_either_direction():
     """The inverse of a key is found too, with the covariance of the inverse."""
     (forth,), (back,) = chosen_transforms(CALIBRATION, CELL, BASE), chosen_transforms(CALIBRATION, CELL, INVERSE)
     np.testing.assert_allclose((forth.estimate.mean @ back.estimate.mean).matrix, np.eye(4), atol=1e-14)
@@ -33,8 +33,11 @@ def test_either_direction_is_chosen_by_its_name():
     assert (back.name, back.parent, back.child) == (INVERSE, forth.child, forth.parent)
 
 
-def test_frames_with_transforms_between_them_are_chosen():
-    """Of three robots the two that are not the reference, in names of elsewhere; what is known exactly is fixed."""
+def test_transform_between_any_frames_is_chosen():
+    """Two non-reference robots of three are chosen, with names of the other program.
+
+    An exactly known transform is fixed.
+    """
     third = "eye_base_from_third_base"
     placed = {**CALIBRATION.transforms, third: PoseEstimate.exact(CALIBRATION[BASE].mean.inverse())}
     found = replace(CALIBRATION, transforms=placed, order=(BASE,), joint_covariance=CALIBRATION[BASE].covariance)
@@ -47,8 +50,8 @@ def test_frames_with_transforms_between_them_are_chosen():
     assert chosen_transforms(exact, CELL, "third_base_from_hand_base")[0].status == "fixed"
 
 
-def test_frames_of_one_name_elsewhere_have_those_of_the_cell():
-    """Two bases base_link in one frame would be one frame of tf in two places; alone each keeps its name."""
+def test_colliding_frame_names_use_cell_names():
+    """Two bases called base_link would be one frame of tf at two places; exported alone each keeps its name."""
     third = "eye_base_from_third_base"
     found = replace(CALIBRATION, transforms={**CALIBRATION.transforms, third: CALIBRATION[BASE]})
     robots = {**CELL.robots, "third": Robot("third", frames={"base": "right_base"})}
@@ -61,14 +64,14 @@ def test_frames_of_one_name_elsewhere_have_those_of_the_cell():
     assert chosen_transforms(found, cell, third)[0].child == "right_base"
 
 
-def test_both_directions_of_what_has_a_rotation():
-    """Points are left out."""
+def test_both_directions_skip_points():
+    """Transforms with a rotation are listed in both directions, without points."""
     assert names(both_directions(CALIBRATION))[:3] == [BASE, INVERSE, MOUNT]
     assert len(both_directions(CALIBRATION)) == 6
 
 
-def test_what_cannot_be_chosen_is_said():
-    """No such frame or name, the place of a point, what moves, one frame, and nothing at all."""
+def test_impossible_choices_are_refused():
+    """Unknown frames or names, a point, frames that move, a repeated frame, and an empty calibration are errors."""
     there = "there are: eye_base, hand_base, eye_flange, wrist, hand_flange, board"
     with pytest.raises(FrameNotFound, match=rf"no 'hand_bas' \(did you mean 'hand_base'\?\); {there}"):
         chosen_transforms(CALIBRATION, CELL, "eye_base_from_hand_bas")
@@ -88,15 +91,15 @@ def test_what_cannot_be_chosen_is_said():
         chosen_transforms(replace(CALIBRATION, transforms={FIXED: CALIBRATION[FIXED]}))
 
 
-def test_frames_that_would_be_called_the_same_keep_our_names():
-    """Two robots with the same URDF have links of one name."""
+def test_equal_frame_names_fall_back_to_own():
+    """Two robots with the same URDF have links of the same name."""
     same = {name: Robot(name, frames={"base": "base_link"}) for name in ("eye", "hand")}
     assert frame_names(replace(CELL, robots=same), BASE) == ("eye_base", "hand_base")
 
 
 @pytest.mark.parametrize("variance", [np.nan, np.inf, -1e-6])
-def test_what_is_no_covariance_is_said(variance):
-    """As a damaged file may hold it; the other transforms are there."""
+def test_invalid_covariance_is_reported(variance):
+    """A damaged file may hold an invalid covariance; the other transforms remain available."""
     covariance = np.diag([variance, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6])
     damaged = {**CALIBRATION.transforms, BASE: PoseEstimate(CALIBRATION[BASE].mean, covariance)}
     calibration = replace(CALIBRATION, transforms=damaged)
@@ -106,8 +109,8 @@ def test_what_is_no_covariance_is_said(variance):
     assert names(both_directions(calibration))[0] == MOUNT
 
 
-def test_cameras_without_a_frame_keep_their_name():
-    """A frame of another program replaces it."""
+def test_camera_frame_replaces_its_name():
+    """A camera without a frame of another program keeps its own name."""
     for frame, name in ((None, "wrist"), ("optical", "optical")):
         camera = replace(CELL.cameras["wrist"], frame=frame)
         parent, child = frame_names(replace(CELL, cameras={**CELL.cameras, "wrist": camera}), MOUNT)

@@ -1,4 +1,4 @@
-"""Digits by the sigma."""
+"""Tests of the number of digits by the sigma."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ def known(sigma_m: float, sigma_rad: float) -> PoseEstimate:
 
 
 @pytest.mark.parametrize(("sigma_mm", "decimals"), [(0.052, 4), (0.099, 4), (0.11, 3), (1.1, 2), (52.0, 1), (520, 0)])
-def test_two_digits_beyond_the_first_of_the_sigma(sigma_mm, decimals):
-    """A sigma of 0.05 mm justifies hundredths, and two more."""
+def test_lengths_have_two_digits_beyond_sigma(sigma_mm, decimals):
+    """A sigma of 0.05 mm justifies hundredths, plus two digits."""
     assert length_decimals(known(sigma_mm * 1e-3, 1), 1e-3) == decimals
     assert length_decimals(known(sigma_mm * 1e-3, 1), 1.0) == decimals + 3
 
 
-def test_what_is_exact_has_nanometres():
-    """Where there is no sigma."""
+def test_exact_values_have_nanometre_digits():
+    """Without a sigma lengths are written to a nanometre."""
     assert length_decimals(known(0, 0), 1.0) == 9
     assert length_decimals(known(0, 0), 1e-3) == 6
     assert angle_decimals(known(0, 0), 1.0) == 9
 
 
-def test_quaternions_stay_of_norm_one():
-    """However large the sigma."""
+def test_quaternions_keep_unit_norm():
+    """Quaternions have at least six decimals, however large the sigma."""
     assert unit_decimals(known(1, 0.3)) == 6
     assert unit_decimals(known(1, 3e-6)) == 8
 
 
-def test_rounding_is_a_hundredth_of_a_sigma_at_most():
-    """For every convention, of the pose that the numbers give back."""
+def test_rounding_is_below_hundredth_of_sigma():
+    """The pose that the numbers give back is within a hundredth of a sigma, in every convention."""
     for kind in (CONTROLLERS["ur"], CONTROLLERS["kuka"], CONTROLLERS["abb"]):
         again = kind.read(np.array([float(number) for number in format_pose(kind, ESTIMATE)]))
         off = np.abs((ESTIMATE.mean.inverse() @ again).log())
@@ -50,30 +50,30 @@ def test_rounding_is_a_hundredth_of_a_sigma_at_most():
         assert np.all(off[3:] < 0.01 * ESTIMATE.sigma_r.min())
 
 
-def test_no_negative_zero():
-    """A sign before zeros reads as an option to some programs."""
+def test_negative_zeros_are_not_written():
+    """Some programs read a sign before zeros as an option."""
     assert format_decimals([-1e-9, 0.0, -0.5], 3) == ["0.000", "0.000", "-0.500"]
 
 
 @pytest.mark.parametrize(("sigma_deg", "decimals"), [(0.052, 4), (0.11, 3), (3.0, 2), (30.0, 1)])
-def test_angles_have_the_digits_of_their_unit(sigma_deg, decimals):
-    """A sigma of 0.05 deg justifies hundredths of a degree, and two digits more; in radians there are more."""
+def test_angles_have_digits_of_their_unit(sigma_deg, decimals):
+    """A sigma of 0.05 deg justifies hundredths of a degree plus two digits; radians have more decimals."""
     radians = np.radians(sigma_deg)
     assert angle_decimals(known(1, radians), np.radians(1)) == decimals
     assert angle_decimals(known(1, 1e-3), 1.0) == 5
     assert angle_decimals(known(1, 0), np.radians(1)) == 8
 
 
-def test_the_smallest_sigma_counts():
-    """Of the three axes of lengths, and of those of angles."""
+def test_smallest_sigma_determines_digits():
+    """The smallest sigma of the three axes counts, for lengths and for angles."""
     estimate = PoseEstimate(SE3.identity(), np.diag([1.0, 1e-8, 1.0, 1.0, 1.0, 1e-6]))
     assert length_decimals(estimate, 1.0) == 6
     assert angle_decimals(estimate, 1.0) == 5
 
 
 @pytest.mark.parametrize(("name", "decimals"), [("kuka", (4, 3)), ("ur", (7, 5)), ("abb", (4, 6)), ("ros", (7, 6))])
-def test_rotations_have_digits_of_their_kind(name, decimals):
-    """Degrees, radians, and at least six of quaternions, beside lengths in millimetres or metres."""
+def test_rotations_have_digits_of_their_format(name, decimals):
+    """Degrees and radians have digits by sigma, quaternions at least six, beside lengths in millimetres or metres."""
     numbers = format_pose(CONTROLLERS[name], known(5e-5, np.radians(0.2)))
     found = [len(number.partition(".")[2]) for number in numbers]
     assert found == [decimals[0]] * 3 + [decimals[1]] * (len(numbers) - 3)

@@ -1,4 +1,4 @@
-"""`basecal import arrays`."""
+"""Tests of `basecal import arrays`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _saved(path: Path, **poses: SE3) -> None:
     np.savez(path, **arrays)
 
 
-def test_one_arm_and_its_next_step(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_archive_of_one_arm_becomes_cell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """An archive makes a cell of one arm, ready to be calibrated."""
     _saved(tmp_path / "poses.npz", gripper2base=MOUNT @ SEEN, target2cam=SEEN)
     assert main(["import", "arrays", str(tmp_path / "cell"), str(tmp_path / "poses.npz"), "--camera-on", "world"]) == 0
@@ -40,8 +40,8 @@ def test_one_arm_and_its_next_step(tmp_path: Path, capsys: pytest.CaptureFixture
     assert set(cell.transforms) == {"hand_base_from_camera", "hand_flange_from_target"}
 
 
-def test_the_option_of_the_unit_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Millimetres that are read as metres are refused with the option that reads them."""
+def test_unit_option_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Millimetres read as metres are refused with the option that reads them."""
     in_mm = {name: SE3(pose.rotation, 1e3 * pose.translation) for name, pose in ONE_ARM.items()}
     _saved(tmp_path / "poses.npz", **in_mm)
     words = ["import", "arrays", str(tmp_path / "cell"), str(tmp_path / "poses.npz")]
@@ -50,8 +50,8 @@ def test_the_option_of_the_unit_is_named(tmp_path: Path, capsys: pytest.CaptureF
     assert main([*words, "--unit", "mm"]) == 0
 
 
-def test_two_arms_by_name(tmp_path: Path) -> None:
-    """The poses of two arms go to the robots that are named."""
+def test_two_arms_are_named(tmp_path: Path) -> None:
+    """The poses of two arms are assigned to the named robots."""
     _saved(tmp_path / "poses.npz", eye_gripper2base=EYE, hand_gripper2base=HAND, target2cam=SEEN)
     names = ["--robot", "left", "--hand", "right"]
     assert main(["import", "arrays", str(tmp_path / "cell"), str(tmp_path / "poses.npz"), *names]) == 0
@@ -61,8 +61,8 @@ def test_two_arms_by_name(tmp_path: Path) -> None:
     np.testing.assert_allclose(state.base_from_flange.matrix, HAND[2].matrix, atol=1e-9)
 
 
-def test_a_file_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A list where arrays by name are expected leaves nothing behind."""
+def test_list_in_place_of_arrays_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A list in place of arrays by name leaves no files behind."""
     (tmp_path / "poses.json").write_text("[1, 2]")
     assert main(["import", "arrays", str(tmp_path / "cell"), str(tmp_path / "poses.json")]) == 3
     assert "expected a mapping of arrays by OpenCV's names" in capsys.readouterr().err
@@ -76,8 +76,8 @@ def _arrays(*names: str) -> dict[str, np.ndarray]:
     return made
 
 
-def test_archive_in_millimetres(tmp_path: Path) -> None:
-    """An archive gives its poses in metres."""
+def test_archive_in_millimetres_is_converted(tmp_path: Path) -> None:
+    """An archive in millimetres gives its poses in metres."""
     arrays = _arrays("gripper2base", "target2cam")
     np.savez(tmp_path / "poses.npz", **{key: 1e3 * a if key[0] == "t" else a for key, a in arrays.items()})
     found = read_record_of_arrays(tmp_path / "poses.npz", None, 1e-3)
@@ -85,15 +85,15 @@ def test_archive_in_millimetres(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
 
 
-def test_json_of_a_robot_and_a_world(tmp_path: Path) -> None:
-    """`base2gripper` is turned about."""
+def test_json_of_inverted_poses_is_read(tmp_path: Path) -> None:
+    """`base2gripper` is inverted, and `world2cam` is the target's pose."""
     data = {key: value.tolist() for key, value in _arrays("base2gripper", "world2cam").items()}
     (tmp_path / "poses.json").write_text(json.dumps(data))
     found = read_record_of_arrays(tmp_path / "poses.json", True, 1.0)
     np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].inverse().matrix, atol=1e-12)
 
 
-def test_matrices_and_vectors_of_other_names() -> None:
+def test_matrices_and_vectors_under_other_names_are_read() -> None:
     """4x4 matrices hold rotation and translation; `rvecs` and `tvecs` are the target's; rows of nine are matrices."""
     arrays = {"T_gripper2base": POSES[0].matrix, "rvecs": POSES[1].rotvec, "tvecs": POSES[1].translation}
     found = record_of_arrays(arrays, "test")
@@ -107,8 +107,8 @@ def test_matrices_and_vectors_of_other_names() -> None:
 
 @pytest.mark.parametrize("ending", ["yml", "xml", "json"])
 @pytest.mark.parametrize("is_list", [False, True])
-def test_file_storage(tmp_path: Path, ending: str, is_list: bool) -> None:
-    """One matrix of all samples, or a list of a matrix each, as C++ writes vectors of them."""
+def test_opencv_file_storage_is_read(tmp_path: Path, ending: str, is_list: bool) -> None:
+    """One matrix of all samples, or a list of one matrix each as C++ writes vectors of them, is read."""
     arrays = _arrays("gripper2base", "target2cam")
     storage = cv2.FileStorage(str(tmp_path / f"poses.{ending}"), cv2.FILE_STORAGE_WRITE)
     for key, values in arrays.items():
@@ -125,8 +125,8 @@ def test_file_storage(tmp_path: Path, ending: str, is_list: bool) -> None:
     np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-9)
 
 
-def test_a_list_of_samples(tmp_path: Path) -> None:
-    """Each a mapping under the same names."""
+def test_list_of_samples_is_read(tmp_path: Path) -> None:
+    """Each sample is a mapping with the same names."""
     arrays = _arrays("gripper2base", "target2cam")
     samples = [{key: values[k].tolist() for key, values in arrays.items()} for k in range(5)]
     (tmp_path / "poses.json").write_text(json.dumps(samples))
@@ -134,15 +134,15 @@ def test_a_list_of_samples(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
 
 
-def test_one_array_is_not_enough(tmp_path: Path) -> None:
-    """A file of one array holds no names; the message has those that are expected."""
+def test_single_array_is_refused(tmp_path: Path) -> None:
+    """A file of one array holds no names; the message lists the expected ones."""
     np.save(tmp_path / "poses.npy", POSES[0].rotation)
     with pytest.raises(InputError, match=r"poses\.npy: holds array, expected R_gripper2base, t_gripper2base, "):
         read_record_of_arrays(tmp_path / "poses.npy", None, 1.0)
 
 
-def test_two_arms() -> None:
-    """The second carries the target."""
+def test_second_arm_carries_target() -> None:
+    """The second of two arms carries the target."""
     found = record_of_arrays(_arrays("eye_gripper2base", "hand_gripper2base", "target2cam"), "test")
     recorded = found.base_from_flange, found.hand_base_from_flange, found.camera_from_target
     for pose, expected in zip(recorded, POSES, strict=True):
@@ -164,20 +164,20 @@ def test_two_arms() -> None:
         ({"t_gripper2base": [[10**400, 0, 0]]}, "t_gripper2base is not an array of numbers"),
     ],
 )
-def test_what_is_wrong_is_named(change: dict[str, object], told: str) -> None:
-    """An array of another shape, length or kind is refused by its name."""
+def test_invalid_arrays_are_named(change: dict[str, object], told: str) -> None:
+    """An array of a wrong shape, length or type is refused by its name."""
     with pytest.raises(InputError, match=told):
         record_of_arrays({**_arrays("gripper2base", "target2cam"), **change}, "test")
 
 
-def test_other_names() -> None:
-    """Arrays under other names are refused with those that are known."""
+def test_unknown_array_names_are_refused() -> None:
+    """The error lists the known names."""
     with pytest.raises(InputError, match="holds R_a, t_a, expected R_gripper2base, t_gripper2base, R_target2cam"):
         record_of_arrays(_arrays("a"), "test")
 
 
-def test_no_pose_at_all() -> None:
-    """Arrays of length zero are named so, in whatever shape."""
+def test_empty_arrays_are_refused() -> None:
+    """Arrays of length zero are reported, in any shape."""
     arrays = {name: each[:0] for name, each in _arrays("gripper2base", "target2cam").items()}
     with pytest.raises(InputError, match="R_gripper2base is empty, expected a pose for each sample"):
         record_of_arrays(arrays, "test")
@@ -191,8 +191,8 @@ def test_a_number_that_is_none_is_named_by_its_place() -> None:
         record_of_arrays(arrays, "test")
 
 
-def test_what_is_wrong_in_a_file_is_said_with_its_name(tmp_path: Path) -> None:
-    """Once, also where a message begins with it."""
+def test_file_error_has_file_name_once(tmp_path: Path) -> None:
+    """The file name occurs once, also if the message begins with it."""
     path = tmp_path / "a.npz"
     bad = {name: each * np.nan for name, each in _arrays("gripper2base", "target2cam").items()}
     for arrays, words in ((bad, "R_gripper2base holds NaN or infinity"), ({"a": np.ones(3)}, "holds a, expected ")):
@@ -202,16 +202,16 @@ def test_what_is_wrong_in_a_file_is_said_with_its_name(tmp_path: Path) -> None:
         assert str(raised.value).startswith(f"{path}: {words}")
 
 
-def test_one_array_for_two() -> None:
-    """Poses of the gripper given as those of the target, too: no answer is made of it."""
+def test_equal_robot_and_target_poses_are_refused() -> None:
+    """If the gripper's poses are given as the target's too, no calibration is possible."""
     arrays = _arrays("gripper2base", "target2cam")
     same = {f"{letter}_target2cam": arrays[f"{letter}_gripper2base"] for letter in "Rt"}
     with pytest.raises(InputError, match="gripper2base and target2cam are the same poses: one was given for both"):
         record_of_arrays({**arrays, **same}, "test")
 
 
-def test_numbers_of_poses_are_equal() -> None:
-    """Each array of poses is named with its number."""
+def test_pose_counts_must_agree() -> None:
+    """The error names each array of poses with its count."""
     fewer = SE3(POSES[1].rotation[1:], POSES[1].translation[1:])
     arrays = {**_arrays("gripper2base"), "R_target2cam": fewer.rotation, "t_target2cam": fewer.translation}
     with pytest.raises(InputError, match="R_gripper2base has 5, R_target2cam has 4: expected the same number"):
@@ -219,8 +219,8 @@ def test_numbers_of_poses_are_equal() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_a_list_of_few_samples(tmp_path: Path, count: int) -> None:
-    """One sample is one; none is refused, and so are samples of different names."""
+def test_list_of_few_samples(tmp_path: Path, count: int) -> None:
+    """One sample is accepted; none, and samples with different names, are refused."""
     path = tmp_path / "poses.json"
     arrays = {key: values[0].tolist() for key, values in _arrays("gripper2base", "target2cam").items()}
     path.write_text(json.dumps([arrays] * count))
@@ -237,8 +237,8 @@ def test_a_list_of_few_samples(tmp_path: Path, count: int) -> None:
 
 
 @pytest.mark.parametrize(("length", "is_angle"), [(6.28, True), (6.29, False)])
-def test_rotation_vectors_are_at_most_a_turn(length: float, is_angle: bool) -> None:
-    """Longer ones are degrees; the length counts, in whatever direction."""
+def test_rotation_vectors_longer_than_turn_are_refused(length: float, is_angle: bool) -> None:
+    """Longer vectors are degrees; the length counts, in any direction."""
     vectors = POSES[1].rotvec.copy()
     vectors[2] = length * np.array([-0.6, 0.0, 0.8])
     arrays = {**_arrays("gripper2base", "target2cam"), "R_target2cam": vectors}
@@ -250,16 +250,16 @@ def test_rotation_vectors_are_at_most_a_turn(length: float, is_angle: bool) -> N
 
 
 @pytest.mark.parametrize("shape", [(5, 3), (5, 1, 3), (5, 3, 1)])
-def test_vectors_are_rows_or_columns(shape: tuple[int, ...]) -> None:
-    """As OpenCV gives them and takes them; a single vector is none of several samples."""
+def test_vectors_may_be_rows_or_columns(shape: tuple[int, ...]) -> None:
+    """Vectors are accepted in the shapes of OpenCV; a single vector does not stand for several samples."""
     arrays = {**_arrays("gripper2base", "target2cam"), "R_target2cam": POSES[1].rotvec.reshape(shape)}
     np.testing.assert_allclose(record_of_arrays(arrays, "test").camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
     with pytest.raises(InputError, match=r"R_target2cam has shape \(3,\), expected"):
         record_of_arrays({**arrays, "R_target2cam": POSES[1].rotvec[0]}, "test")
 
 
-def test_the_camera_is_on_the_robot_if_nothing_else_is_said(tmp_path: Path) -> None:
-    """Of two arms always; of a world what the user says."""
+def test_camera_is_on_robot_by_default(tmp_path: Path) -> None:
+    """With two arms the camera is always on the first; with one, the user may state the world."""
     _saved(tmp_path / "a.npz", gripper2base=POSES[0], target2cam=POSES[1])
     for said, on_robot in ((None, True), (True, True), (False, False)):
         assert read_record_of_arrays(tmp_path / "a.npz", said, 1.0).camera_on_robot == on_robot
@@ -273,8 +273,8 @@ def test_the_camera_is_on_the_robot_if_nothing_else_is_said(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("letter", ["T", "H"])
-def test_matrices_have_two_letters(letter: str) -> None:
-    """Of names that are known alone."""
+def test_matrix_names_start_with_t_or_h(letter: str) -> None:
+    """The letters T and H are accepted before known names only."""
     arrays = {f"{letter}_gripper2base": POSES[0].matrix, f"{letter}_target2cam": POSES[1].matrix}
     np.testing.assert_allclose(record_of_arrays(arrays, "test").camera_from_target.matrix, POSES[1].matrix)
     with pytest.raises(InputError, match=f"holds {letter}_other, R_gripper2base"):

@@ -1,4 +1,4 @@
-"""`basecal import bag`: a bag of each kind gives the base that its cell gives; what cannot be is told in a line."""
+"""Tests of `basecal import bag`: a bag of each kind gives its cell's base, and unusable bags one line of error."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ def views(simulated: SimulatedCell) -> list[str]:
 
 @pytest.mark.journey
 @pytest.mark.parametrize("kind", quick(KINDS, ["mcap"]))
-def test_the_same_base_as_from_the_cell(
+def test_bag_gives_same_base_as_cell(
     kind: Kind, tmp_path: Path, simulated: SimulatedCell, expected: Calibration, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """To 1e-9, by frames found by their names; --list writes nothing."""
+    """The base agrees to 1e-9, with frames found by their names; --list writes no files."""
     bag, cell = bag_by_tf(tmp_path, kind, simulated.recording).close(), tmp_path / "c"
     write_cell(simulated.cell, cell)
     before = sorted(tmp_path.rglob("*"))
@@ -65,10 +65,13 @@ def test_the_same_base_as_from_the_cell(
 
 @pytest.mark.journey
 @pytest.mark.parametrize("kind", quick(KINDS, ["sqlite3"]))
-def test_a_bag_that_was_cut_off(
+def test_truncated_bag_is_read_up_to_cut(
     kind: Kind, tmp_path: Path, simulated: SimulatedCell, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What stands before the cut is read, with one line that names the bag; nothing where that has no robot or view."""
+    """Data before the cut is read with one warning line that names the bag.
+
+    If it has no robot or view no cell is made.
+    """
     bag = bag_by_tf(tmp_path, kind, simulated.recording).close()
     file = bag if bag.is_file() else next(each for each in bag.iterdir() if each.suffix in (".db3", ".mcap"))
     whole = file.read_bytes()
@@ -94,8 +97,10 @@ def test_a_bag_that_was_cut_off(
 
 
 @pytest.mark.journey
-def test_joints_and_the_urdf_of_the_bag(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
-    """The URDF is written into the cell; with --tf joints are left alone; images stay as they were to the bit."""
+def test_urdf_and_joints_are_read_from_bag(
+    tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The URDF is written into the cell; with --tf joints are ignored; images are unchanged to the bit."""
     rng = np.random.default_rng(0)
     places = rng.uniform(-0.5, 0.5, (4, arm.n))
     bag = new_bag(tmp_path, "mcap")
@@ -139,8 +144,8 @@ def test_joints_and_the_urdf_of_the_bag(tmp_path: Path, arm: SerialChain, capsys
 
 
 @pytest.mark.journey
-def test_streams_of_two_clocks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An arm and views that move: the offset that was put in is found."""
+def test_clock_offset_is_recovered_from_streams(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """For a moving arm and its views the simulated clock offset is recovered."""
     turned = SE3.exp(np.array([0, 0, 0, np.pi, 0, 0]))  # so that the camera looks at the tag
     bag = new_bag(tmp_path, "sqlite3")
     for sample in streamed(stated=False).recording.samples:
@@ -161,7 +166,7 @@ def test_streams_of_two_clocks(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 @pytest.fixture(scope="module")
 def by_tf(simulated: SimulatedCell, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A bag that nobody changes."""
+    """Return a bag that no test changes."""
     return bag_by_tf(tmp_path_factory.mktemp("bag"), "ros1", simulated.recording).close()
 
 
@@ -180,7 +185,7 @@ def by_tf(simulated: SimulatedCell, tmp_path_factory: pytest.TempPathFactory) ->
         ([], 3, "there is no image, and no --view names a topic of poses or tags"),
     ],
 )
-def test_what_is_not_there(
+def test_missing_bag_sources_are_reported(
     words: list[str],
     code: int,
     said: str,
@@ -188,7 +193,7 @@ def test_what_is_not_there(
     by_tf: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """One line in words; nothing is written."""
+    """The error is one line, and no files are written."""
     assert main(["import", "bag", str(tmp_path / "c"), str(by_tf), *words]) == code
     told = capsys.readouterr().err
     assert said in told
@@ -196,8 +201,8 @@ def test_what_is_not_there(
     assert not (tmp_path / "c").exists()
 
 
-def test_a_list_needs_no_choice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Arms by topics of poses are not found by names of frames: topics are listed all the same, and what to give."""
+def test_list_works_without_recognised_robots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Arms with topics of poses are not found by frame names, but topics are listed with what to give."""
     bag = new_bag(tmp_path, "mcap")
     bag.pose("/left/pose", BEGIN_S, SE3.identity())
     bag.image("/cam/image_raw", BEGIN_S, np.zeros((8, 8), np.uint8))
@@ -208,8 +213,8 @@ def test_a_list_needs_no_choice(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert not (tmp_path / "c").exists()
 
 
-def test_two_cameras_of_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two cameras whose carriers nothing tells: asked for, not guessed; by their frames in tf they are found."""
+def test_carrier_of_unknown_cameras_is_requested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """If no information gives the carriers of two cameras, they are requested. With frames in tf they are found."""
     where = SE3.exp(np.random.default_rng(1).normal(0, 0.3, (6, 6)))
     for frames in (("", ""), ("left_eye", "post")):
         bag = new_bag(tmp_path, "mcap")
@@ -239,8 +244,8 @@ def test_two_cameras_of_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str
             assert not (tmp_path / "c").exists()
 
 
-def test_a_image_between_stops_is_left_out(tmp_path: Path) -> None:
-    """Images all the time: one for each stop, and it is from its middle."""
+def test_images_between_stops_are_left_out(tmp_path: Path) -> None:
+    """With continuous images each stop gets one image from its middle."""
     where = SE3.exp(np.random.default_rng(2).normal(0, 0.3, (3, 6)))
     bag = new_bag(tmp_path, "ros1")
     for k, (time, stop, share) in enumerate(journey(3)):
@@ -255,8 +260,8 @@ def test_a_image_between_stops_is_left_out(tmp_path: Path) -> None:
         assert sample.stamp_s == pytest.approx(middle, abs=6 / RATE_HZ)
 
 
-def test_a_target_is_described_with_the_bag(tmp_path: Path) -> None:
-    """The target that its images show is described by the options that `images` has."""
+def test_target_is_described_on_import(tmp_path: Path) -> None:
+    """The target in the images is described by the options that `images` has."""
     where = SE3.exp(np.random.default_rng(1).normal(0, 0.3, (3, 6)))
     bag = new_bag(tmp_path, "mcap")
     for time, stop, share in journey(2):

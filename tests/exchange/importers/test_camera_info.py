@@ -1,4 +1,4 @@
-"""`basecal import camera-info`."""
+"""Tests of `basecal import camera-info`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from basecal.cli import main
 from lens_texts import CAMERA_INFO, reads_lens
 
 
-def test_the_lens(tmp_path: Path) -> None:
-    """A camera of a new cell has it."""
+def test_lens_is_imported_into_new_cell(tmp_path: Path) -> None:
+    """A camera of a new cell has the lens."""
     assert reads_lens(tmp_path, "camera-info", "a.yaml", CAMERA_INFO.format(width=640))
 
 
-def test_camera_info_into_a_cell_with_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It stands in cell.yaml, where what is written by hand stays; one of other images is told with both sizes."""
+def test_lens_is_added_to_cell_with_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The lens is written to cell.yaml, and handwritten parts are kept.
+
+    A lens of another image size is refused with both sizes.
+    """
     cell = tmp_path / "cell"
     (cell / "recording" / "images" / "wrist").mkdir(parents=True)
     cv2.imwrite(str(cell / "recording" / "images" / "wrist" / "0.png"), np.zeros((480, 640), np.uint8))

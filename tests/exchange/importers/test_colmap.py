@@ -1,4 +1,4 @@
-"""`basecal import colmap`."""
+"""Tests of `basecal import colmap`."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from lens_texts import COLMAP, reads_lens
 from stream_cells import MOUNT, streamed
 
 
-def test_the_lens(tmp_path: Path) -> None:
-    """A camera of a new cell has it, half a pixel off as COLMAP counts."""
+def test_lens_is_imported_with_half_pixel_shift(tmp_path: Path) -> None:
+    """A camera of a new cell has the lens, shifted by half a pixel from COLMAP's convention."""
     assert reads_lens(tmp_path, "colmap", "cameras.bin", COLMAP)
 
 
-def test_one_of_several(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It is asked which, and takes the one that is named; of a folder the file in it."""
+def test_camera_is_chosen_by_id(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With several cameras the error requests a choice; a folder stands for the file in it."""
     first = "1 OPENCV 640 480 600 601 320.5 240.5 0.1 -0.2 0 0\n"
     (tmp_path / "cameras.txt").write_text(first + first.replace("1 OPENCV", "7 OPENCV").replace("600", "650"))
     words = ["import", "colmap", str(tmp_path / "c"), str(tmp_path), "--camera", "wrist", "--on", "left"]
@@ -39,8 +39,8 @@ def test_one_of_several(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert "650" in (tmp_path / "c" / "cell.yaml").read_text()
 
 
-def test_images_of_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two folders of one camera hold equal names: it is asked which, and takes the folder that is named."""
+def test_images_of_one_folder_are_chosen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two folders of one camera hold equal names: a choice is requested, and the named folder is used."""
     names = [f"{folder}/{k}.png" for folder in ("left", "right") for k in range(3)]
     poses = [SE3.exp([0.1 * k, 0, 1, 0.2 * k, 0.1, 0]) for k in range(6)]
     write_reconstruction(tmp_path / "sparse", [Image(n, 1, p) for n, p in zip(names, poses, strict=True)])
@@ -57,8 +57,8 @@ def test_images_of_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.journey
-def test_a_film_of_a_moving_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Names of images are times of another clock: its offset, the unit and the mount come out together."""
+def test_clock_unit_and_mount_from_moving_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Image names are times of another clock: its offset, the unit and the mount are estimated together."""
     samples = streamed(-0.07, stated=False).recording.samples
     rows, images = ["stamp_s,x,y,z,qx,qy,qz,qw"], []
     for sample in samples:
@@ -90,8 +90,8 @@ def test_a_film_of_a_moving_arm(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.parametrize("name", ["images.bin", "images.txt"])
-def test_images_by_name(tmp_path: Path, name: str) -> None:
-    """Numbers in names count as numbers; each has its camera and its pose."""
+def test_images_are_sorted_by_number_in_name(tmp_path: Path, name: str) -> None:
+    """Each image has its camera and its pose."""
     content = {"images.bin": binary_images(IMAGES), "images.txt": text_images(IMAGES).encode()}[name]
     (tmp_path / name).write_bytes(content)
     found = read_colmap_images(tmp_path)
@@ -111,15 +111,15 @@ def test_images_by_name(tmp_path: Path, name: str) -> None:
         ("# nothing", "holds no image"),
     ],
 )
-def test_a_wrong_line(tmp_path: Path, line: str, says: str) -> None:
-    """It is named with what was expected."""
+def test_invalid_image_line_is_reported(tmp_path: Path, line: str, says: str) -> None:
+    """The error names the line and what was expected."""
     (tmp_path / "images.txt").write_text(line + "\n\n")
     with pytest.raises(DatasetError, match=re.escape(says)):
         read_colmap_images(tmp_path)
 
 
-def test_a_binary_cut_anywhere(tmp_path: Path) -> None:
-    """It is said to be cut off, or to hold fewer bytes than its counts say."""
+def test_truncated_binary_is_refused(tmp_path: Path) -> None:
+    """A file cut at any byte is reported as cut off."""
     whole = binary_images(IMAGES)
     for size in range(len(whole)):
         (tmp_path / "images.bin").write_bytes(whole[:size])
@@ -127,7 +127,7 @@ def test_a_binary_cut_anywhere(tmp_path: Path) -> None:
             read_colmap_images(tmp_path)
 
 
-def test_a_folder_without_one(tmp_path: Path) -> None:
-    """Both names are said."""
+def test_folder_without_images_file_is_refused(tmp_path: Path) -> None:
+    """The error names both possible files."""
     with pytest.raises(DatasetError, match=r"neither images\.bin nor images\.txt"):
         read_colmap_images(tmp_path)

@@ -1,4 +1,4 @@
-"""`basecal import industrial-calibration`."""
+"""Tests of `basecal import industrial-calibration`."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ target_finder:
 """
 
 
-def test_a_data_set_in_one_file(tmp_path: Path) -> None:
-    """Poses, images, the board and a start for the lens are in a new cell, and what carries the camera is known."""
+def test_data_set_in_one_file_is_imported(tmp_path: Path) -> None:
+    """A new cell has the poses, images, board and initial lens, and the camera's carrier."""
     for i in range(2):
         cv2.imwrite(str(tmp_path / f"{i}.png"), np.full((120, 160), 128, np.uint8))
         (tmp_path / f"{i}.yaml").write_text(f"x: 0.{i + 1}\ny: 0.2\nz: 0.3\nqz: 0\nqx: 1\nqw: 0\nqy: 0\n")
@@ -85,8 +85,8 @@ def data_set(folder: Path, text: str) -> Path:
     return path
 
 
-def test_one_file_of_all(tmp_path: Path) -> None:
-    """industrial_calibration: the list under `data`, what carries the camera, lens, board and guesses beside it."""
+def test_industrial_calibration_file_is_read(tmp_path: Path) -> None:
+    """The list under `data` is beside the camera's carrier, lens, board and guesses."""
     indented = "".join(f"  {line}\n" for line in LISTING.splitlines())
     record = read_data_set_record(data_set(tmp_path, f"data:\n{indented}{REST}"))
     assert not record.camera_on_robot
@@ -108,8 +108,8 @@ def test_one_file_of_all(tmp_path: Path) -> None:
     }
 
 
-def test_files_of_their_own(tmp_path: Path) -> None:
-    """robot_cal_tools: a bare list; lens and grid in other files; the user says what carries the camera."""
+def test_robot_cal_tools_files_are_read(tmp_path: Path) -> None:
+    """The list has no header; lens and grid are in other files; the user states the camera's carrier."""
     path = data_set(tmp_path, LISTING)
     (tmp_path / "lens.yaml").write_text("intrinsics: {fx: 550, fy: 551, cx: 320, cy: 240}\n")
     (tmp_path / "target.yaml").write_text(
@@ -125,14 +125,14 @@ def test_files_of_their_own(tmp_path: Path) -> None:
         read_data_set_record(path)
 
 
-def test_dictionaries_count_as_opencv_does() -> None:
+def test_dictionaries_are_numbered_like_opencv() -> None:
     """The number of each dictionary is that of OpenCV's constant of its name."""
     assert [getattr(cv2.aruco, name) for name in DICTIONARIES[:_DICTIONARY_COUNT]] == list(range(_DICTIONARY_COUNT))
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the project's shared data are not here")
-def test_a_real_set_without_its_images() -> None:
-    """robot_cal_tools' ChArUco set as kept here: poses are read, the first missing image is named with its line."""
+def test_missing_image_of_real_data_set_is_named() -> None:
+    """In robot_cal_tools' ChArUco set poses are read, and the first missing image is reported with its line."""
     with pytest.raises(DatasetError, match=r"cal_data.yaml:1: \[0\].image: there is no image .*images/0.png: put the"):
         read_data_set_record(DATA / "rct_charuco" / "cal_data.yaml", False)
 
@@ -152,8 +152,8 @@ def test_a_real_set_without_its_images() -> None:
         ("- image: images/0.png", "- picture: images/0.png", r"data\[0\]: has no image; it has picture, pose"),
     ],
 )
-def test_what_cannot_be_used_is_told(tmp_path: Path, old: str, new: str, message: str) -> None:
-    """A contradiction, a target without an equal, a lens that is none, files that are not there."""
+def test_unusable_data_sets_are_reported(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """A contradiction, an unsupported target, an invalid lens, and missing files are errors."""
     indented = "".join(f"  {line}\n" for line in LISTING.splitlines())
     text = f"data:\n{indented}{REST}"
     assert old in text
@@ -162,13 +162,13 @@ def test_what_cannot_be_used_is_told(tmp_path: Path, old: str, new: str, message
 
 
 def finder(**fields: object) -> Field:
-    """A description of a target."""
+    """Return a description of a target."""
     return parse_fields("\n".join(f"{name}: {value}" for name, value in fields.items()), "t.yaml")
 
 
 @pytest.mark.parametrize("number", [0, 20])
-def test_dictionaries_are_counted_from_zero(number: int) -> None:
-    """To the last that is counted; the board has three squares each way at least."""
+def test_charuco_limits_of_data_set(number: int) -> None:
+    """Dictionaries are numbered from zero to the last known one; a board has at least three squares each way."""
     board = {"cols": 3, "rows": 3, "chessboard_dim": 0.04, "aruco_marker_dim": 0.02}
     found = module._charuco(finder(**board, dictionary=number))
     assert (found["squares"], found["dictionary"]) == ([3, 3], DICTIONARIES[number])
@@ -180,8 +180,8 @@ def test_dictionaries_are_counted_from_zero(number: int) -> None:
             module._charuco(finder(**{**board, name: 2}, dictionary=0))
 
 
-def test_circles_are_two_each_way() -> None:
-    """At least."""
+def test_circle_grids_need_two_circles_each_way() -> None:
+    """Fewer columns or rows are refused."""
     assert module._circles(finder(cols=2, rows=2, spacing=0.03))["circles"] == [2, 2]
     for name in ("cols", "rows"):
         with pytest.raises(DatasetError, match="is 1, expected a whole number from 2"):

@@ -1,4 +1,4 @@
-"""`basecal import easy-handeye`."""
+"""Tests of `basecal import easy-handeye`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def block(name: str, pose: SE3) -> str:
 
 
 def eye_on_base_samples(count: int) -> str:
-    """What easy_handeye2 records of a camera beside a robot: the robot inverted, and nothing said of it."""
+    """Return easy_handeye2's samples of a camera beside a robot: robot poses inverted, without a statement of it."""
     chance = np.random.default_rng(2)
     tangents = chance.normal(size=(count, 6)) * [0.15, 0.15, 0.15, 0.6, 0.6, 0.6]
     reach = SE3.from_rpy([np.pi, 0, 0], [0.5, 0, 0.4])
@@ -43,8 +43,11 @@ def eye_on_base_samples(count: int) -> str:
     return text
 
 
-def test_easy_handeye_asks_what_nothing_tells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Samples that do not say what the robot carries leave nothing behind; told, they make a cell, and say so."""
+def test_unknown_camera_carrier_is_requested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Samples without the camera's carrier leave no files behind.
+
+    With the option they make a cell and report the inversion.
+    """
     (tmp_path / "run.samples").write_text(eye_on_base_samples(15))
     words = ["import", "easy-handeye", str(tmp_path / "cell"), str(tmp_path / "run.samples")]
     assert main(words) == 3
@@ -55,8 +58,8 @@ def test_easy_handeye_asks_what_nothing_tells(tmp_path: Path, capsys: pytest.Cap
 
 
 @pytest.mark.slow  # a calibration with all its checks
-def test_easy_handeye_samples_calibrate(tmp_path: Path) -> None:
-    """Eye-on-base samples calibrate to where the camera is, within three of the stated sigmas."""
+def test_eye_on_base_samples_calibrate(tmp_path: Path) -> None:
+    """Eye-on-base samples calibrate to the camera's pose within three of the stated sigmas."""
     (tmp_path / "run_eob.samples").write_text(eye_on_base_samples(15))
     assert main(["import", "easy-handeye", str(tmp_path / "cell"), str(tmp_path / "run_eob.samples")]) == 0
     assert main(["calibrate", str(tmp_path / "cell")]) == 0
@@ -147,8 +150,8 @@ def write(folder: Path, name: str, text: str) -> Path:
     return path
 
 
-def test_eye_in_hand_samples_are_as_they_stand(tmp_path: Path) -> None:
-    """`robot` is base_from_flange, `tracking` camera_from_target, to the last digit."""
+def test_eye_in_hand_samples_are_read_unchanged(tmp_path: Path) -> None:
+    """`robot` is base_from_flange and `tracking` is camera_from_target, to the last digit."""
     text = samples_text(BASE_FROM_FLANGE, CAMERA_FROM_TARGET, "eye_in_hand", ("base_link", "/tool0"))
     record = read_easy_handeye_record(write(tmp_path, "a.samples", text))
     assert record.camera_on_robot
@@ -159,8 +162,8 @@ def test_eye_in_hand_samples_are_as_they_stand(tmp_path: Path) -> None:
     assert "turned back" not in record.what
 
 
-def test_eye_on_base_robot_poses_are_turned_back(tmp_path: Path) -> None:
-    """Where the eye is on the base `robot` is flange_from_base: what is read is base_from_flange, and that is said."""
+def test_eye_on_base_robot_poses_are_inverted(tmp_path: Path) -> None:
+    """For an eye on the base `robot` is flange_from_base; it is inverted to base_from_flange, and this is reported."""
     text = samples_text(BASE_FROM_FLANGE.inverse(), CAMERA_FROM_TARGET, "eye_on_base")
     record = read_easy_handeye_record(write(tmp_path, "a.samples", text))
     assert not record.camera_on_robot
@@ -169,8 +172,11 @@ def test_eye_on_base_robot_poses_are_turned_back(tmp_path: Path) -> None:
     assert "calibration_type is eye_on_base" in record.what
 
 
-def test_who_says_what_the_robot_carries(tmp_path: Path) -> None:
-    """Where the samples do not: the user, the calibration of their name beside them, their name; else it is asked."""
+def test_camera_carrier_is_found_in_several_places(tmp_path: Path) -> None:
+    """The carrier comes from the samples, else the user, else the calibration beside them, else the file name.
+
+    Otherwise it is requested.
+    """
     text = samples_text(BASE_FROM_FLANGE, CAMERA_FROM_TARGET)
     path = write(tmp_path, "run.samples", text)
     with pytest.raises(
@@ -191,16 +197,16 @@ def test_who_says_what_the_robot_carries(tmp_path: Path) -> None:
             assert read_easy_handeye_record(named).camera_on_robot is on_robot
 
 
-def test_a_contradiction_is_told(tmp_path: Path) -> None:
-    """What the file says is not overruled."""
+def test_contradicting_carrier_option_is_refused(tmp_path: Path) -> None:
+    """The option does not overrule the file."""
     path = write(tmp_path, "a.samples", samples_text(BASE_FROM_FLANGE, CAMERA_FROM_TARGET, "eye_in_hand"))
     with pytest.raises(DatasetError, match="calibration_type is eye_in_hand, which contradicts --camera-on"):
         read_easy_handeye_record(path, camera_on_robot=False)
 
 
 @pytest.mark.parametrize("on_robot", [True, False])
-def test_calibrations_of_both(tmp_path: Path, on_robot: bool) -> None:
-    """`.calib` of the second and `.yaml` of the first say where the camera is, in the flange or in the base."""
+def test_calibrations_of_both_versions_are_read(tmp_path: Path, on_robot: bool) -> None:
+    """`.calib` of the second version and `.yaml` of the first give the camera's pose in the flange or in the base."""
     camera = BASE_FROM_FLANGE[1]
     kind = "eye_in_hand" if on_robot else "eye_on_base"
     first = read_easy_handeye_record(write(tmp_path, "one.yaml", ros1_text(on_robot, camera)))
@@ -218,8 +224,8 @@ def test_calibrations_of_both(tmp_path: Path, on_robot: bool) -> None:
 
 
 @pytest.mark.parametrize("inner", ["", "  transforms:\n"])
-def test_answers_of_the_services_of_ros_1(tmp_path: Path, inner: str) -> None:
-    """`rosservice call ... get_sample_list`: two lists side by side, in the oldest versions one level deeper."""
+def test_ros_1_service_answers_are_read(tmp_path: Path, inner: str) -> None:
+    """`rosservice call ... get_sample_list` gives two lists side by side, in the oldest versions one level deeper."""
     lists = ""
     for name, poses in (
         ("hand_world_samples", BASE_FROM_FLANGE.inverse()),
@@ -247,15 +253,15 @@ def test_answers_of_the_services_of_ros_1(tmp_path: Path, inner: str) -> None:
         ("x: ", "x: much ", "expected a number"),
     ],
 )
-def test_broken_files_are_told(tmp_path: Path, old: str, new: str, message: str) -> None:
-    """Path, line and field of what is wrong."""
+def test_invalid_handeye_files_are_reported(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """The error has path, line and field."""
     text = samples_text(BASE_FROM_FLANGE, CAMERA_FROM_TARGET, "eye_in_hand").replace(old, new)
     with pytest.raises(DatasetError, match=message):
         read_easy_handeye_record(write(tmp_path, "a.samples", text))
 
 
-def test_lists_of_two_lengths_are_told(tmp_path: Path) -> None:
-    """The answer of a service that was cut."""
+def test_lists_of_unequal_length_are_refused(tmp_path: Path) -> None:
+    """A truncated service answer has lists of unequal length."""
     one = "- \n" + transform(BASE_FROM_FLANGE[0], "  ")
     text = f"hand_world_samples:\n{one}{one}camera_marker_samples:\n{one}"
     with pytest.raises(DatasetError, match="2 hand_world_samples and 1 camera_marker_samples"):

@@ -1,4 +1,4 @@
-"""`basecal import images`: folders of images join a recording."""
+"""Tests of `basecal import images`: folders of images are paired with a recording."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def table(path: Path, count: int, column: str = "", values: list[str] | None = N
 
 
 def paired(cell: Path) -> dict[str, float]:
-    """The y of the robot's pose [dm] by the name of the image of its sample."""
+    """Return the y of the robot's pose [dm] by the name of the image of its sample."""
     found = {}
     for sample in read_recording(cell).samples:
         if sample.images and sample.robots:
@@ -39,8 +39,8 @@ def paired(cell: Path) -> dict[str, float]:
     return found
 
 
-def test_by_order(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Images in natural order belong to the rows of a table, whichever comes first; the cell is made of both."""
+def test_images_pair_with_rows_in_order(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Images in natural order pair with the rows of a table, whichever is imported first; the cell is made of both."""
     folder, rows = photos(tmp_path / "p", ["i10.png", "i2.png", "i1.png"]), table(tmp_path / "t.csv", 3)
     poses = ["--robot", "arm", rows, "--format", "ur"]
     for name, words in {
@@ -56,8 +56,8 @@ def test_by_order(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("first", ["poses", "images"])
-def test_by_name(tmp_path: Path, first: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """A column `image` pairs by name in either order; what belongs to nothing is said."""
+def test_images_pair_with_rows_by_name(tmp_path: Path, first: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A column `image` pairs by name in either order; unpaired images or rows are reported."""
     folder = photos(tmp_path / "p", ["a.png", "b.png", "c.png", "d.png"])
     rows = table(tmp_path / "t.csv", 3, "image", ["c.png", "a.png", "x.png"])
     poses = ["poses", str(tmp_path / "c"), "--robot", "arm", rows, "--format", "ur"]
@@ -70,7 +70,7 @@ def test_by_name(tmp_path: Path, first: str, capsys: pytest.CaptureFixture[str])
     assert f"not paired, and left out: {left_out}" in said
 
 
-def test_by_time(tmp_path: Path) -> None:
+def test_images_pair_with_rows_by_time(tmp_path: Path) -> None:
     """Names that are times pair with a column of times."""
     names = ["1682512345.000.png", "1682512346.010.png", "1682512350.000.png"]
     folder = photos(tmp_path / "p", names)
@@ -81,8 +81,8 @@ def test_by_time(tmp_path: Path) -> None:
     assert paired(tmp_path / "c") == {names[1]: 0, names[0]: 1}
 
 
-def test_two_cameras_and_links(tmp_path: Path) -> None:
-    """Each camera by a call of its own, in order though their names are alike; linked images are not stored twice."""
+def test_second_camera_pairs_in_order_and_links(tmp_path: Path) -> None:
+    """Each camera is imported separately, in order though some names are equal. Linked images are not stored twice."""
     cell = str(tmp_path / "c")
     one, two = photos(tmp_path / "p", ["1.png", "2.png"]), photos(tmp_path / "q", ["2.png", "3.png"], (32, 24))
     assert main(["import", "images", cell, one, "--camera", "cam", "--on", "arm"]) == 0
@@ -94,8 +94,11 @@ def test_two_cameras_and_links(tmp_path: Path) -> None:
     assert {name: c.size_px for name, c in read_cell(cell).cameras.items()} == {"cam": (64, 48), "door": (32, 24)}
 
 
-def test_a_new_cell_takes_the_size_of_its_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The size that `basecal new` wrote gives way while nothing rests on it; then another size is an error."""
+def test_image_size_replaces_template_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The size that `basecal new` wrote is replaced before any image is recorded.
+
+    Afterwards another size is an error.
+    """
     cell = str(tmp_path / "c")
     main(["new", cell, "--robots", "1"])
     text = (tmp_path / "c" / "cell.yaml").read_text()
@@ -109,8 +112,8 @@ def test_a_new_cell_takes_the_size_of_its_images(tmp_path: Path, capsys: pytest.
     assert "cameras.camera.size_px: is [64, 48], but [32, 24] in the imported data" in capsys.readouterr().err
 
 
-def test_poor_images_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Damaged ones, another size and other kinds are told and leave the rest in order."""
+def test_unusable_images_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Damaged images, another size and other file types are reported; the order of the rest is unaffected."""
     folder = Path(photos(tmp_path / "p", ["1.png", "2.png", "3.png"]))
     photos(folder, ["4.png"], (32, 24))
     (folder / "2.png").write_bytes(b"\x89PNG\r\n\x1a\n")
@@ -132,18 +135,21 @@ def test_poor_images_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str
         (["--camera", "Cam", "--on", "arm"], "expected a name of a-z"),
     ],
 )
-def test_mistakes_leave_nothing(
+def test_invalid_image_imports_create_no_cell(
     tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One line, and no cell is begun."""
+    """The error is one line, and no cell is created."""
     folder = photos(tmp_path / "p", ["1.png"])
     assert main(["import", "images", str(tmp_path / "c"), folder, *words]) == 3
     assert said in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
 
 
-def test_what_carries_it_is_asked_where_there_are_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With two robots it must be said, with one it is; another carrier than the cell's is an error."""
+def test_camera_carrier_is_requested_with_two_robots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With two robots the carrier must be given, with one it is implied.
+
+    A carrier other than the cell's is an error.
+    """
     cell, folder = str(tmp_path / "c"), photos(tmp_path / "p", ["1.png", "2.png"])
     rows = table(tmp_path / "t.csv", 2)
     for robot in ("arm", "other"):
@@ -155,8 +161,8 @@ def test_what_carries_it_is_asked_where_there_are_two(tmp_path: Path, capsys: py
     assert "camera 'cam' is on 'other' in cell.yaml, not on 'world'" in capsys.readouterr().err
 
 
-def test_a_real_recording(tmp_path: Path) -> None:
-    """Two UR5e's matrices and photographs, as they were published, are a recording with ten whole samples."""
+def test_real_recording_of_two_arms_is_imported(tmp_path: Path) -> None:
+    """Published matrices and photographs of two UR5e give a recording with ten complete samples."""
     source = data_folder() / "ur5e_dual_charuco_2023"
     if not source.exists():
         pytest.skip(f"{source} is not there: set BASECAL_DATA to the folder of the published recordings")

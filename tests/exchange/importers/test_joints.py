@@ -1,4 +1,4 @@
-"""`basecal import joints`: joints with the URDF they are of."""
+"""Tests of `basecal import joints`: joints with their URDF."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from basecal.kinematics import SerialChain
 
 @pytest.fixture
 def motoman() -> Path:
-    """Two Motoman arms with their URDFs, as they were recorded."""
+    """Folder of two Motoman arms with their URDFs, as recorded."""
     folder = data_folder() / "motoman_dual_joints"
     if not folder.exists():
         pytest.skip(f"{folder} is not there: set BASECAL_DATA to the folder of the published recordings")
@@ -30,8 +30,8 @@ def table(motoman: Path, path: Path, robot: str, factor: float = 1.0) -> tuple[s
     return str(path), joints
 
 
-def test_a_real_arm_in_degrees(motoman: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its joints come back in radians with its URDF beside them; in the wrong unit they are refused by the limits."""
+def test_real_arm_in_degrees_is_imported(motoman: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its joints are read in radians with its URDF beside them; a wrong unit is refused by the joint limits."""
     robot = read_cell(motoman).robots["left"]
     assert robot.urdf is not None
     model = ["--urdf", str(motoman / robot.urdf), "--base-link", robot.base_link, "--flange-link", robot.flange_link]
@@ -49,15 +49,15 @@ def test_a_real_arm_in_degrees(motoman: Path, tmp_path: Path, capsys: pytest.Cap
     assert "has no URDF of 'right', which joints need: give --urdf FILE" in capsys.readouterr().err
 
 
-def test_the_model_is_given_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A URDF without its links is wrong usage."""
+def test_urdf_needs_its_links(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A URDF without its links is a usage error."""
     words = ["import", "joints", str(tmp_path / "c"), "--robot", "left", "q.csv", "--urdf", "a.urdf"]
     assert main(words) == 2
     assert "go together: give all three" in capsys.readouterr().err
 
 
-def test_offsets_of_the_joints_get_a_prior(tmp_path: Path, arm: SerialChain) -> None:
-    """With the URDF or after it, in radians; another one than is stated is an error."""
+def test_joint_offset_prior_is_written(tmp_path: Path, arm: SerialChain) -> None:
+    """The prior is added with the URDF or later, in radians; a value that contradicts the stated one is an error."""
     (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
     (tmp_path / "j.csv").write_text("0,10,20,30,40,50\n1,11,21,31,41,51\n")
     base = ["import", "joints", str(tmp_path / "c"), str(tmp_path / "j.csv"), "--robot", "left", "--deg"]
@@ -69,8 +69,8 @@ def test_offsets_of_the_joints_get_a_prior(tmp_path: Path, arm: SerialChain) -> 
     assert main([*base, "--offset-sigma-deg", "0"]) == 2
 
 
-def test_an_arm_that_stands_still_is_one_row(tmp_path: Path, arm: SerialChain) -> None:
-    """Its joints are of each sample that the moving arm made."""
+def test_stationary_arm_has_one_row(tmp_path: Path, arm: SerialChain) -> None:
+    """Its joints apply to every sample of the moving arm."""
     (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
     rows = np.radians([[0, -90, 90, 10, -20, 30], [5, -80, 80, 12, -22, 33], [9, -70, 70, 14, -24, 36]])
     np.savetxt(tmp_path / "moves.csv", rows, delimiter=",")

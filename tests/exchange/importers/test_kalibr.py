@@ -1,4 +1,4 @@
-"""`basecal import kalibr`."""
+"""Tests of `basecal import kalibr`."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ tagSpacing: 0.3          #ratio of space between tags to tagSize
 """
 
 
-def test_the_lens(tmp_path: Path) -> None:
-    """A camera of a new cell has it."""
+def test_lens_is_imported_into_new_cell(tmp_path: Path) -> None:
+    """A camera of a new cell has the lens."""
     assert reads_lens(tmp_path, "kalibr", "a.yaml", KALIBR.format(name="cam0"))
 
 
-def test_kalibrs_choices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of several cameras one is chosen by its name in the file; a target goes into the same cell."""
+def test_camera_and_target_of_kalibr_are_chosen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One of several cameras is chosen by its name in the file; a target is added to the same cell."""
     (tmp_path / "chain.yaml").write_text(KALIBR.format(name="cam0") + KALIBR.format(name="cam1"))
     cell = str(tmp_path / "c")
     words = ["import", "kalibr", cell, str(tmp_path / "chain.yaml"), "--camera", "wrist", "--on", "left"]
@@ -80,8 +80,11 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_chain_of_two(tmp_path: Path) -> None:
-    """Radtan is the pinhole, equidistant the fisheye; the second stands where T_cn_cnm1 says; the IMU is not read."""
+def test_camera_chain_of_two_is_read(tmp_path: Path) -> None:
+    """Radtan is the pinhole model, equidistant the fisheye.
+
+    The second camera has the pose of T_cn_cnm1, and the IMU is ignored.
+    """
     first, second = read_camchain(write(tmp_path, CHAIN))
     assert (first.name, first.camera.model, first.camera.size_px) == ("cam0", "pinhole", (752, 480))
     np.testing.assert_array_equal(
@@ -94,8 +97,8 @@ def test_a_chain_of_two(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.camera_from_previous.rotation[1], [0, 0, -1], atol=1e-12)
 
 
-def test_no_distortion(tmp_path: Path) -> None:
-    """`none` has no terms."""
+def test_lens_without_distortion_has_no_terms(tmp_path: Path) -> None:
+    """The distortion model `none` has no terms."""
     text = CHAIN[: CHAIN.index("cam1:")].replace("radtan", "none").replace("[-0.277, 0.067, 0.0009, 0.0001]", "[]")
     assert len(read_camchain(write(tmp_path, text))[0].camera.distortion) == 0
 
@@ -116,15 +119,15 @@ def test_no_distortion(tmp_path: Path) -> None:
         ("cam", "kam", "a camchain of Kalibr has cam0, cam1, ...; a target of it has target_type"),
     ],
 )
-def test_what_has_no_equal_or_is_no_chain_is_told(tmp_path: Path, old: str, new: str, message: str) -> None:
-    """Each with its line and field, and what to do."""
+def test_unsupported_camera_chains_are_reported(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """Each error has the line and field, and what to do."""
     assert old in CHAIN
     with pytest.raises(DatasetError, match=message):
         read_camchain(write(tmp_path, CHAIN.replace(old, new)))
 
 
-def test_targets(tmp_path: Path) -> None:
-    """Each kind as the cell describes it; columns before rows."""
+def test_kalibr_targets_are_read(tmp_path: Path) -> None:
+    """Each kind is read as the cell describes it, with columns before rows."""
     assert is_target(write(tmp_path, APRILGRID))
     grid = {"kind": "aprilgrid", "tags": [6, 5], "tag_m": 0.088, "spacing": 0.3, "family": "tag36h11"}
     assert read_target(write(tmp_path, APRILGRID)) == grid
@@ -148,8 +151,8 @@ def test_targets(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_no_target_is_told(tmp_path: Path, text: str, message: str) -> None:
-    """What has no equal, and numbers that are none."""
+def test_unsupported_targets_are_reported(tmp_path: Path, text: str, message: str) -> None:
+    """Targets that basecal lacks, and invalid numbers, are errors."""
     with pytest.raises(DatasetError, match=message):
         read_target(write(tmp_path, text))
 
@@ -158,8 +161,8 @@ def test_no_target_is_told(tmp_path: Path, text: str, message: str) -> None:
     ("checkerboard", "rowSpacingMeters: 0.06\ncolSpacingMeters: 0.06\n", "corners"),
     ("circlegrid", "spacingMeters: 0.02\n", "circles"),
 ])  # fmt: skip
-def test_a_grid_has_two_each_way(tmp_path: Path, kind: str, rest: str, key: str) -> None:
-    """Two columns of two rows are the fewest; an asymmetric grid says so."""
+def test_grids_need_two_rows_and_columns(tmp_path: Path, kind: str, rest: str, key: str) -> None:
+    """Two columns by two rows are the minimum; an asymmetric grid has to state it."""
     text = f"target_type: {kind}\ntargetCols: 2\ntargetRows: 2\n{rest}"
     found = read_target(write(tmp_path, text))
     assert found[key] == [2, 2]
@@ -173,8 +176,8 @@ def test_a_grid_has_two_each_way(tmp_path: Path, kind: str, rest: str, key: str)
     ("down", "is_square"),
     [("0.06", True), ("0.06000005", True), ("0.05999995", True), ("0.0600001", False), ("0.0599999", False)],
 )
-def test_fields_are_square_to_a_millionth(tmp_path: Path, down: str, is_square: bool) -> None:
-    """Columns give their side; rows may differ by rounding alone."""
+def test_board_squares_are_square_to_a_millionth(tmp_path: Path, down: str, is_square: bool) -> None:
+    """The column spacing is the side; the row spacing may differ only by rounding."""
     board = (
         f"target_type: checkerboard\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: {down}\ncolSpacingMeters: 0.06\n"
     )
@@ -185,7 +188,7 @@ def test_fields_are_square_to_a_millionth(tmp_path: Path, down: str, is_square: 
             read_target(write(tmp_path, board))
 
 
-def test_a_grid_of_one_tag_that_starts_with_zero(tmp_path: Path) -> None:
-    """One tag each way is a grid; `codeOffset: 0` changes nothing."""
+def test_aprilgrid_of_one_tag_is_read(tmp_path: Path) -> None:
+    """One tag each way is a grid; `codeOffset: 0` has no effect."""
     one = APRILGRID.replace("tagCols: 6", "tagCols: 1").replace("tagRows: 5", "tagRows: 1")
     assert read_target(write(tmp_path, one + "codeOffset: 0\n"))["tags"] == [1, 1]

@@ -1,4 +1,4 @@
-"""`basecal import lerobot`."""
+"""Tests of `basecal import lerobot`."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ FILM = Path(__file__).parents[2] / "data" / "film_av1.mp4"
 pytest.importorskip("pyarrow")
 
 
-def test_a_dataset_makes_a_cell(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
-    """Joints in radians with the URDF beside them; in the wrong unit they are refused."""
+def test_lerobot_dataset_becomes_cell(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
+    """Joints are read in radians with the URDF beside them; a wrong unit is refused."""
     (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
     data = dataset(tmp_path / "d", names_of(arm))
     base = ["import", "lerobot", str(tmp_path / "c"), str(data), "--robot", "left", "--every-s", "0"]
@@ -44,8 +44,10 @@ def test_a_dataset_makes_a_cell(tmp_path: Path, arm: SerialChain, capsys: pytest
     assert main([*base, "--unit", "deg", "--calibration", "x.json"]) == 2
 
 
-def test_motors_taken_in_order_are_named(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of motors with other names than the joints it is said which is which: nobody else can see a wrong order."""
+def test_motor_assignment_by_order_is_reported(
+    tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Motors named unlike the joints are listed with their joint, since a wrong order cannot be detected otherwise."""
     (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
     data = dataset(tmp_path / "d", [*"uvwxyz", "gripper"])
     words = ["import", "lerobot", str(tmp_path / "c"), str(data), "--robot", "left", "--unit", "deg"]
@@ -56,7 +58,7 @@ def test_motors_taken_in_order_are_named(tmp_path: Path, arm: SerialChain, capsy
 
 
 def two_arms(folder: Path, arm: SerialChain, rest: int = 8) -> Path:
-    """An episode of two arms with a film of each one's wrist, 60 frames at 30 Hz; the arms rest up to a frame."""
+    """Write an episode of two arms with a film of each wrist, 60 frames at 30 Hz; the arms rest up to frame `rest`."""
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     names = [f"{side}_{name}.pos" for side in ("left", "right") for name in (*arm.joint_names, "gripper")]
     films = [f"observation.images.{side}_wrist" for side in ("left", "right")]
@@ -78,10 +80,10 @@ def two_arms(folder: Path, arm: SerialChain, rest: int = 8) -> Path:
     return folder
 
 
-def test_two_arms_with_the_films_of_their_wrists(
+def test_two_arms_and_wrist_films_share_samples(
     tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Both arms and both cameras join the same samples, at the frames in which the arms moved least."""
+    """Both arms and both cameras are in the same samples, at the frames in which the arms moved least."""
     (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
     data, cell = two_arms(tmp_path / "d", arm), tmp_path / "c"
     for side in ("left", "right"):
@@ -105,10 +107,13 @@ def test_two_arms_with_the_films_of_their_wrists(
     assert not list(tmp_path.glob(".import-*"))
 
 
-def test_arm_without_a_camera_joins_the_samples_of_the_other(
+def test_arm_without_camera_follows_existing_samples(
     tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A camera on one arm and a board on the other, each arm in a dataset of its own: frames follow the samples."""
+    """Each arm has a dataset of its own, with a camera on one and a board on the other.
+
+    The second dataset's frames follow the samples.
+    """
     (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
     one, other, cell = two_arms(tmp_path / "one", arm), two_arms(tmp_path / "other", arm, rest=40), tmp_path / "c"
     base = ["--unit", "deg", "--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
@@ -126,15 +131,15 @@ def test_arm_without_a_camera_joins_the_samples_of_the_other(
         np.testing.assert_allclose(found, np.maximum(frames - rest, 0)[:, None] + DEGREES[row, :6], atol=1e-6)
 
 
-def test_films_go_with_a_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Whose film it is has to be said."""
+def test_film_option_needs_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The camera of a film must be given."""
     words = ["import", "lerobot", str(tmp_path / "c"), str(tmp_path), "--robot", "left", "--unit", "deg"]
     assert main([*words, "--film", "wrist"]) == 2
     assert "--film and --on belong to --camera" in capsys.readouterr().err
 
 
-def test_a_film_gives_a_new_cell_its_size(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
-    """The size that `basecal new` writes is an example until a camera is recorded; who carries it is stated."""
+def test_film_sets_image_size_of_new_cell(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
+    """The size that `basecal new` writes is an example until a camera is recorded; a stated carrier must match."""
     (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
     data, cell = two_arms(tmp_path / "d", arm), tmp_path / "c"
     assert main(["new", str(cell), "--names", "left", "right", "--squares", "5x7", "--square", "30mm"]) == 0
@@ -159,8 +164,8 @@ def levels(paths: list[Path]) -> list[float]:
     return [float(cv2.imread(str(path), cv2.IMREAD_UNCHANGED).mean()) for path in paths]
 
 
-def test_images_at_times_of_an_episode(tmp_path: Path) -> None:
-    """From where the episode begins; they are named by their times."""
+def test_film_images_are_extracted_at_episode_times(tmp_path: Path) -> None:
+    """Times start at the episode's start in the film, and name the images."""
     paths = write_images(Film(FILM, 0.0), np.array([0.0, 0.5, 1.5]), tmp_path)
     assert [path.name for path in paths] == ["000000.000.png", "000000.500.png", "000001.500.png"]
     np.testing.assert_allclose(levels(paths), [0, 60, 180], atol=3)
@@ -168,8 +173,8 @@ def test_images_at_times_of_an_episode(tmp_path: Path) -> None:
     np.testing.assert_allclose(levels(later), [4 * 33], atol=3)
 
 
-def test_films_that_end_or_are_none(tmp_path: Path) -> None:
-    """One line says which, and what to do."""
+def test_short_and_invalid_films_are_reported(tmp_path: Path) -> None:
+    """The error is one line with the film and what to do."""
     with pytest.raises(DatasetError, match=r"ends before 2.5 s of the episode"):
         write_images(Film(FILM, 0.0), np.array([0.5, 2.5]), tmp_path)
     broken = tmp_path / "film.mp4"
@@ -179,8 +184,8 @@ def test_films_that_end_or_are_none(tmp_path: Path) -> None:
             write_images(Film(broken, 0.0), np.array([0.0]), tmp_path)
 
 
-def test_film_of_an_episode(tmp_path: Path) -> None:
-    """Of v2 a file for each; it is asked which where there are several cameras."""
+def test_film_of_episode_is_found(tmp_path: Path) -> None:
+    """Version 2 has a file for each episode; with several cameras a choice is requested."""
     data = film_dataset(tmp_path / "d", "left", "right")
     place = data / "videos" / "chunk-000" / "observation.images.left" / "episode_000003.mp4"
     place.parent.mkdir(parents=True)
@@ -192,8 +197,8 @@ def test_film_of_an_episode(tmp_path: Path) -> None:
         find_film(data, 4, "left")
 
 
-def test_film_of_many_episodes(tmp_path: Path) -> None:
-    """Of v3 the tables of episodes say which file, and where an episode begins in it."""
+def test_film_of_many_episodes_is_found(tmp_path: Path) -> None:
+    """Version 3's tables of episodes state the file, and where an episode starts in it."""
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     data = film_dataset(tmp_path / "d", "wrist")
     key = "videos/observation.images.wrist"
@@ -215,8 +220,8 @@ def test_film_of_many_episodes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("key", ["../../secret", "..", "*", "a" * 300, "a\0b", "a,b"])
-def test_names_that_lead_elsewhere_are_no_films(tmp_path: Path, key: str) -> None:
-    """A film_dataset from a stranger does not say which file beside it is read."""
+def test_unsafe_film_names_are_refused(tmp_path: Path, key: str) -> None:
+    """A foreign dataset must not determine which other file is read."""
     (tmp_path / "meta").mkdir()
     (tmp_path / "meta" / "info.json").write_text(json.dumps({"features": {key: {"dtype": "video"}}}))
     with pytest.raises(DatasetError, match="has the films none"):
@@ -224,8 +229,8 @@ def test_names_that_lead_elsewhere_are_no_films(tmp_path: Path, key: str) -> Non
 
 
 @pytest.mark.parametrize("number", [-1.0, 1e300])
-def test_files_of_no_number_are_refused(tmp_path: Path, number: float) -> None:
-    """A table of episodes may hold any number."""
+def test_invalid_film_file_numbers_are_refused(tmp_path: Path, number: float) -> None:
+    """A table of episodes may contain any number."""
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     data, key = film_dataset(tmp_path / "d", "wrist"), "videos/observation.images.wrist"
     row = {"episode_index": 0, f"{key}/chunk_index": 0.0, f"{key}/file_index": number, f"{key}/from_timestamp": 0.0}
@@ -243,8 +248,8 @@ PLAYLISTS = {
 
 
 @pytest.mark.parametrize("kind", PLAYLISTS)
-def test_lists_of_addresses_are_no_films(tmp_path: Path, kind: str) -> None:
-    """A film that names an address, or a film beside it, opens neither: the peer that listens hears nothing."""
+def test_playlists_are_not_opened_as_films(tmp_path: Path, kind: str) -> None:
+    """A film that names an address, or another film, opens neither: the listening peer receives no connection."""
     path = tmp_path / "film.mp4"
     with socket.create_server(("127.0.0.1", 0)) as peer:
         peer.settimeout(0.2)
@@ -258,8 +263,8 @@ def test_lists_of_addresses_are_no_films(tmp_path: Path, kind: str) -> None:
             peer.accept()
 
 
-def test_frames_are_those_of_samples_that_wait(tmp_path: Path) -> None:
-    """Samples with times that lack the robot; if there are none near the episode, the frames at rest."""
+def test_frames_follow_samples_without_robot(tmp_path: Path) -> None:
+    """Frames are those of timed samples that lack the robot; if none is near the episode, the frames at rest."""
     (tmp_path / "cell.yaml").write_text("schema: basecal/cell/1\nreference: a\nrobots: {a: {}, b: {}}\n")
     state = {"a": RobotState(SE3.identity())}
     append_samples(

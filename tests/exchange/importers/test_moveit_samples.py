@@ -1,4 +1,4 @@
-"""`basecal import moveit-samples`."""
+"""Tests of `basecal import moveit-samples`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WIDE_POSES = SE3.exp(np.random.default_rng(4).normal(size=(2, 3, 6)))
 
 
 def saved(path: Path, unit_m: float = 1.0) -> str:
-    """What "Save samples" of its panel writes: of each sample two lists of 16 numbers, row by row."""
+    """Write the output of the panel's "Save samples": for each sample two lists of 16 numbers, by rows."""
     text = ""
     for i in range(3):
         text += "-\n"
@@ -43,8 +43,8 @@ def saved(path: Path, unit_m: float = 1.0) -> str:
     return str(path)
 
 
-def test_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """They do not say what carries the camera, which is asked; told, both poses of each are in a cell."""
+def test_moveit_samples_need_camera_carrier(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The samples do not state the camera's carrier, so it is requested; with it both poses of each are in a cell."""
     words = ["import", "moveit-samples", str(tmp_path / "c"), saved(tmp_path / "s.yaml")]
     assert main(words) == 3
     assert "Give --camera-on robot or --camera-on world" in capsys.readouterr().err
@@ -57,15 +57,15 @@ def test_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     np.testing.assert_allclose(seen.camera_from_target.matrix, POSES[1, 2].matrix, atol=1e-12)  # type: ignore[union-attr]
 
 
-def test_millimetres_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The program writes metres, and the message says so."""
+def test_moveit_samples_in_millimetres_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """MoveIt writes metres, and the message says so."""
     words = ["import", "moveit-samples", str(tmp_path / "c"), saved(tmp_path / "s.yaml", 1e-3), "--camera-on", "world"]
     assert main(words) == 3
     assert "check that its lengths are metres" in capsys.readouterr().err
 
 
-def test_joint_states_need_a_urdf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Without a robot that has one they are refused, and nothing is made."""
+def test_joint_states_need_urdf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a robot that has a URDF they are refused, and no cell is made."""
     path = tmp_path / "joints.yaml"
     path.write_text("joint_names: [a, b]\njoint_values:\n  - [0.1, -1.5]\n")
     assert main(["import", "moveit-samples", str(tmp_path / "c"), str(path), "--robot", "arm"]) == 3
@@ -80,7 +80,7 @@ def write(folder: Path, name: str, text: str) -> Path:
 
 
 def saved_samples() -> str:
-    """What "Save samples" writes: a list of maps, each of two lists of 16 numbers, row by row."""
+    """Return the output of "Save samples": a list of maps, each with two lists of 16 numbers, by rows."""
     text = ""
     for i in range(3):
         text += "-\n"
@@ -90,8 +90,11 @@ def saved_samples() -> str:
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the project's shared data are not here")
-def test_the_samples_of_its_solvers_tests() -> None:
-    """Fifty pairs, and with the camera beside the robot the target holds still on the flange to some millimetres."""
+def test_real_moveit_samples_are_read() -> None:
+    """Fifty pairs are read.
+
+    With the camera beside the robot the target stays fixed on the flange to some millimetres.
+    """
     record = read_moveit_record(DATA / "moveit_pose_samples" / "pose_samples.json", camera_on_robot=False)
     assert len(record.base_from_flange) == 50
     assert record.camera_from_target is not None
@@ -100,8 +103,8 @@ def test_the_samples_of_its_solvers_tests() -> None:
     np.testing.assert_allclose(record.camera_from_target[7].matrix, raw[7][1], atol=1e-6)
 
 
-def test_saved_samples(tmp_path: Path) -> None:
-    """Both poses, to the last digit, whatever carries the camera: MoveIt inverts nothing in its file."""
+def test_moveit_samples_are_read_unchanged(tmp_path: Path) -> None:
+    """Both poses are read to the last digit, whatever carries the camera, since MoveIt inverts none in its file."""
     path = write(tmp_path, "samples.yaml", saved_samples())
     for on_robot in (True, False):
         record = read_moveit_record(path, on_robot)
@@ -113,8 +116,8 @@ def test_saved_samples(tmp_path: Path) -> None:
         read_moveit_record(path, None)
 
 
-def test_saved_joint_states(tmp_path: Path) -> None:
-    """Names, and a row for each sample [rad]; not taken for samples."""
+def test_saved_joint_states_are_read(tmp_path: Path) -> None:
+    """The file has names, and a row for each sample [rad]; it is not mistaken for samples."""
     text = "joint_names:\n  - a\n  - b\njoint_values:\n  -\n    - 0.1\n    - -1.5\n  - [0.2, -1.6]\n"
     path = write(tmp_path, "joints.yaml", text)
     assert is_joint_states(path)
@@ -142,14 +145,14 @@ def test_saved_joint_states(tmp_path: Path) -> None:
         ("- 1\n", "is 1, expected a mapping with 'effector_wrt_world'"),
     ],
 )
-def test_what_are_no_samples_is_told(tmp_path: Path, text: str, message: str) -> None:
-    """With the place and what was expected."""
+def test_invalid_moveit_samples_are_reported(tmp_path: Path, text: str, message: str) -> None:
+    """The error states the place and what was expected."""
     with pytest.raises(DatasetError, match=message):
         read_moveit_record(write(tmp_path, "s.yaml", text), True)
 
 
-def test_joint_states_by_the_names_of_the_joints(tmp_path: Path) -> None:
-    """Columns go to the joints of their names; a robot without a URDF, and joints of other names, are told."""
+def test_joint_states_are_assigned_by_name(tmp_path: Path) -> None:
+    """Columns are assigned to the joints of their names; a robot without a URDF, and other joint names, are errors."""
     (tmp_path / "arm.urdf").write_text(URDF)
     links = {"urdf": "arm.urdf", "base_link": "base", "flange_link": "tool0"}
     words = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": links}}

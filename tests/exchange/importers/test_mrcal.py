@@ -1,4 +1,4 @@
-"""`basecal import mrcal`."""
+"""Tests of `basecal import mrcal`."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ TEXT = """\
 POINTS = np.array([[1.0, 2.0, 10.0], [-1.1, 0.3, 1.0], [-0.9, -1.5, 1.0]])
 
 
-def test_the_lens(tmp_path: Path) -> None:
-    """A camera of a new cell has it."""
+def test_lens_is_imported_into_new_cell(tmp_path: Path) -> None:
+    """A camera of a new cell has the lens."""
     assert reads_lens(tmp_path, "mrcal", "a.cameramodel", CAMERAMODEL)
 
 
-def test_a_start_and_a_lens_without_an_equal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`--status free` leaves the lens to be estimated; a splined model is refused, and nothing is made."""
+def test_free_status_and_unsupported_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--status free` leaves the lens to be estimated; a splined model is refused, and no cell is made."""
     assert reads_lens(tmp_path, "mrcal", "a.cameramodel", CAMERAMODEL, "--status", "free")
     intrinsics = read_cell(tmp_path / "c").cameras["wrist"].intrinsics
     assert intrinsics is not None
@@ -66,8 +66,8 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_model_is_read(tmp_path: Path) -> None:
-    """Parameters in OpenCV's order, and the size; where the rig stood is not read."""
+def test_cameramodel_is_read(tmp_path: Path) -> None:
+    """Parameters are in OpenCV's order, with the size; the rig's pose is not read."""
     camera = read_cameramodel(write(tmp_path, TEXT)).camera
     assert (camera.model, camera.size_px) == ("pinhole", (1000, 700))
     np.testing.assert_array_equal(camera.parameters[:6], [1512.1, 1112.2, 500.3, 333.4, -0.012, 0.035])
@@ -82,16 +82,16 @@ def test_a_model_is_read(tmp_path: Path) -> None:
         (8, "-0.012, 0.035, -0.001, 0.002, 0.019, 0.014, -0.056, 0.050", [651.1885442, 555.10514968]),
     ],
 )
-def test_points_fall_where_mrcal_has_them(tmp_path: Path, model: int, terms: str, expected: list[float]) -> None:
-    """The pixel of a point by mrcal's own test of its projections, to the digits it states."""
+def test_projections_match_mrcal(tmp_path: Path, model: int, terms: str, expected: list[float]) -> None:
+    """The pixel of a point equals that of mrcal's own projection test, to its stated digits."""
     text = f"{{'lensmodel': 'LENSMODEL_OPENCV{model}', 'intrinsics': [1512., 1112, 500., 333., {terms}], "
     text += "'extrinsics': [0, 0, 0, 0, 0, 0], 'imagersize': [1000, 700]}"
     camera = read_cameramodel(write(tmp_path, text)).camera
     np.testing.assert_allclose(camera.project(POINTS[0]), expected, atol=1e-5)
 
 
-def test_older_names_are_known(tmp_path: Path) -> None:
-    """Keys and models as mrcal wrote them before 2.0, which it still reads."""
+def test_older_mrcal_names_are_read(tmp_path: Path) -> None:
+    """Keys and models are read as mrcal wrote them before 2.0, which it still reads."""
     old = TEXT.replace("'lensmodel'", "'distortion_model'").replace("LENSMODEL_OPENCV8'", "DISTORTION_OPENCV8'")
     np.testing.assert_array_equal(
         read_cameramodel(write(tmp_path, old)).camera.parameters,
@@ -117,15 +117,15 @@ def test_older_names_are_known(tmp_path: Path) -> None:
         ("'intrinsics': [", "'intrinsics': (", "not a Python dictionary of plain values"),
     ],
 )
-def test_what_is_no_model_is_told(tmp_path: Path, old: str, new: str, message: str) -> None:
-    """What has no equal, what is cut, and what would compute something."""
+def test_invalid_cameramodels_are_reported(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """Unsupported models, truncated data, and expressions that compute values are errors."""
     assert old in TEXT
     with pytest.raises(DatasetError, match=message):
         read_cameramodel(write(tmp_path, TEXT.replace(old, new)))
 
 
 @pytest.mark.parametrize("text", ["", "[1]", "(" * 5000, "-" * 100_000 + "1", "{**{}}", "{1: 2}", "\x00", "{'a': 1"])
-def test_nothing_else_is_a_model(tmp_path: Path, text: str) -> None:
-    """Empty, nested too deeply to parse, unpacked, or cut off: one line."""
+def test_non_cameramodel_text_is_refused(tmp_path: Path, text: str) -> None:
+    """Empty, too deeply nested, unpacked or truncated text is reported on one line."""
     with pytest.raises(DatasetError, match=r"camera-0.cameramodel"):
         read_cameramodel(write(tmp_path, text))

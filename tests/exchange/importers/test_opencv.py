@@ -1,4 +1,4 @@
-"""`basecal import opencv`."""
+"""Tests of `basecal import opencv`."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ TERMS = np.array([[-0.35, 0.179, 0.001, -0.002, 0.03]])
 EXPECTED = [766.5, 765.4, 640.9, 358.8, *TERMS[0]]
 
 
-def test_the_lens(tmp_path: Path) -> None:
-    """A camera of a new cell has it."""
+def test_lens_is_imported_into_new_cell(tmp_path: Path) -> None:
+    """A camera of a new cell has the lens."""
     assert reads_lens(tmp_path, "opencv", "a.yml", OPENCV + "D: [0.1, -0.2, 0., 0.]\n")
 
 
-def test_opencvs_size_by_option(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An archive has no size: the option gives it; it does not overrule a file's."""
+def test_image_size_option_completes_archive(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An archive has no size, so the option gives it; the option does not overrule a file's size."""
     np.savez(tmp_path / "l.npz", mtx=[[600, 0, 320], [0, 601, 240], [0, 0, 1]], dist=[0.1, 0, 0, 0, 0])
     words = ["import", "opencv", str(tmp_path / "c"), "--size-px", "640", "480"]
     assert main([*words, str(tmp_path / "l.npz")]) == 0
@@ -54,8 +54,8 @@ def stored(path: Path, **fields: object) -> Path:
         ("mtx", "dist"),
     ],
 )
-def test_the_usual_names(tmp_path: Path, suffix: str, matrix: str, terms: str) -> None:
-    """What OpenCV's samples, and most scripts, call them; a row or a column of terms."""
+def test_usual_field_names_are_read(tmp_path: Path, suffix: str, matrix: str, terms: str) -> None:
+    """The names of OpenCV's samples and of most scripts are read, with a row or a column of terms."""
     fields = {"image_width": 1280, "image_height": 720, matrix: MATRIX, terms: TERMS.T}
     lens = read_opencv_lens(stored(tmp_path / f"c.{suffix}", **fields))
     np.testing.assert_array_equal(lens.camera.parameters, EXPECTED)
@@ -63,8 +63,11 @@ def test_the_usual_names(tmp_path: Path, suffix: str, matrix: str, terms: str) -
 
 
 @pytest.mark.parametrize("names", [("mtx", "dist"), ("camera_matrix", "dist_coeffs"), ("K", "D")])
-def test_archives(tmp_path: Path, names: tuple[str, str]) -> None:
-    """What `np.savez` of a calibration holds, vectors of views beside it or not; no size."""
+def test_numpy_archives_of_lenses_are_read(tmp_path: Path, names: tuple[str, str]) -> None:
+    """The contents of `np.savez` of a calibration are read, with or without vectors of views.
+
+    There is no size by default.
+    """
     np.savez(tmp_path / "c.npz", **{names[0]: MATRIX, names[1]: TERMS, "rvecs": np.zeros((9, 3, 1)), "ret": 0.2})
     lens = read_opencv_lens(tmp_path / "c.npz")
     np.testing.assert_array_equal(lens.camera.parameters, EXPECTED)
@@ -73,16 +76,16 @@ def test_archives(tmp_path: Path, names: tuple[str, str]) -> None:
     assert read_opencv_lens(tmp_path / "s.npz").camera.size_px == (1280, 720)
 
 
-def test_two_cameras_in_a_file(tmp_path: Path) -> None:
-    """Of a stereo calibration the user chooses; without a choice both are named."""
+def test_camera_of_stereo_file_is_chosen(tmp_path: Path) -> None:
+    """The user chooses a camera of a stereo calibration; without a choice both are named."""
     path = stored(tmp_path / "s.yml", M1=MATRIX, D1=TERMS, M2=2 * MATRIX - np.diag([0, 0, 1.0]), D2=TERMS)
     assert read_opencv_lens(path, number=2).camera.parameters[0] == 1533.0
     with pytest.raises(DatasetError, match=r"holds two cameras \(M1, D1, M2, D2\): choose --which 1"):
         read_opencv_lens(path)
 
 
-def test_four_terms_are_the_fisheyes_where_told(tmp_path: Path) -> None:
-    """By the field of OpenCV's sample, or by the user; else they are k1 k2 p1 p2."""
+def test_four_terms_are_fisheye_if_stated(tmp_path: Path) -> None:
+    """The field of OpenCV's sample, or the user, states a fisheye; otherwise the terms are k1 k2 p1 p2."""
     terms = TERMS[:, :4]
     by_file = read_opencv_lens(stored(tmp_path / "f.yml", fisheye_model=1, camera_matrix=MATRIX, dist=terms))
     by_user = read_opencv_lens(stored(tmp_path / "p.yml", camera_matrix=MATRIX, dist=terms), "fisheye")
@@ -93,8 +96,8 @@ def test_four_terms_are_the_fisheyes_where_told(tmp_path: Path) -> None:
     assert "fisheye of 4 distortion terms" in by_file.what
 
 
-def test_nested_in_a_mapping(tmp_path: Path) -> None:
-    """A camera that stands one level deeper, with nested rows, as JSON of scripts has it."""
+def test_nested_camera_mapping_is_read(tmp_path: Path) -> None:
+    """A camera one level deeper, with nested rows, is read as in the JSON of scripts."""
     path = tmp_path / "c.json"
     path.write_text('{"intrinsic": {"camera_matrix": [[500, 0, 320], [0, 500, 240], [0, 0, 1]], "dist": [0, 0, 0, 0]}}')
     np.testing.assert_array_equal(read_opencv_lens(path).camera.parameters, [500, 500, 320, 240, 0, 0, 0, 0])
@@ -116,8 +119,8 @@ def test_nested_in_a_mapping(tmp_path: Path) -> None:
         ("camera_matrix: [1]\ndistortion_model: equidistant\n", "basecal import camera-info"),
     ],
 )
-def test_no_lens_is_told(tmp_path: Path, text: str, message: str) -> None:
-    """With what the file holds, and what was expected."""
+def test_files_without_lens_are_reported(tmp_path: Path, text: str, message: str) -> None:
+    """The error states the contents of the file and what was expected."""
     path = tmp_path / "c.yml"
     path.write_text("%YAML:1.0\n---\n" + text if "[1, 2]" in text else text)
     with pytest.raises(DatasetError, match=message):

@@ -1,4 +1,4 @@
-"""`basecal import pixels`."""
+"""Tests of `basecal import pixels`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from basecal.cli import main
 from pose_files import options, pose_files
 
 
-def test_pixels_join_the_poses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Pixels join the robots' poses of their sample; without a cell to say what they are of, they are refused."""
+def test_pixels_are_added_to_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Pixels are added to the robots' poses of their sample.
+
+    Without a cell that describes the target they are refused.
+    """
     (tmp_path / "p.csv").write_text("sample,id,u,v\n0,0,10,20\n0,1,30,40\n3,2,50,60\n")
     files = pose_files(tmp_path)
     del files["camera-from-target"]

@@ -1,4 +1,4 @@
-"""`basecal import points`: what a tracker measured of reflectors."""
+"""Tests of `basecal import points`, a tracker's measurements of reflectors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ INCH_M = 0.0254
 
 
 def recorded(folder: Path, unit_m: float, heading: str) -> tuple[str, str]:
-    """Files of poses, and of what a tracker measured of two reflectors at each of them."""
+    """Write files of poses, and of a tracker's measurements of two reflectors at each of them."""
     rng = np.random.default_rng(1)
     poses = SE3.from_rotvec(rng.normal(0, 0.7, (15, 3)), np.array([0.4, 0.0, 0.5]) + rng.uniform(-0.4, 0.4, (15, 3)))
     rows = CONTROLLERS["ur"].to_numbers(poses)
@@ -38,8 +38,8 @@ def recorded(folder: Path, unit_m: float, heading: str) -> tuple[str, str]:
     ("unit_m", "heading"),
     [(INCH_M, "reflector,sample,x_inch,y_inch,z_inch"), (1e-3, "target,sample,x [mm],y [mm],z [mm]")],
 )
-def test_a_tracker_is_placed(tmp_path: Path, unit_m: float, heading: str) -> None:
-    """Poses, then points in the unit of their header: the tracker is found where it is, and the verdict is good."""
+def test_tracker_pose_is_calibrated(tmp_path: Path, unit_m: float, heading: str) -> None:
+    """Poses, then points in the unit of their header, give the tracker's true pose and a good verdict."""
     arm, points = recorded(tmp_path, unit_m, heading)
     cell = str(tmp_path / "c")
     assert main(["import", "poses", cell, "--robot", "arm", arm, "--format", "ur"]) == 0
@@ -62,8 +62,8 @@ def test_a_tracker_is_placed(tmp_path: Path, unit_m: float, heading: str) -> Non
         ("reflector,number,x_mm,q,z_mm", [], 3, "expected a header with x, y, z"),
     ],
 )
-def test_units_and_names_have_to_be_said(tmp_path, capsys, heading, more, code, words) -> None:
-    """Nothing is guessed, and nothing is written."""
+def test_units_and_reflector_names_are_required(tmp_path, capsys, heading, more, code, words) -> None:
+    """Neither is guessed, and no files are written."""
     _, points = recorded(tmp_path, 1e-3, heading)
     cell = str(tmp_path / "c")
     assert main(["import", "points", cell, points, "--camera", "tracker", "--robot", "arm", *more]) == code
@@ -79,24 +79,24 @@ def test_units_and_names_have_to_be_said(tmp_path, capsys, heading, more, code, 
         ("X Y Z", 1.0, 1.0, "1000 mm"),
     ],
 )
-def test_units_of_the_header(tmp_path, heading, length_m, size, unit):
-    """Lengths are in the unit that columns name, or in the stated one."""
+def test_length_unit_of_header_or_option(tmp_path, heading, length_m, size, unit):
+    """Lengths are in the unit of the column names, or in the stated one."""
     (tmp_path / "a.txt").write_text(f"{heading}\n1 2 3\n4 5 6\n")
     table = PointTable.read(str(tmp_path / "a.txt"), length_m)
     assert table.unit == unit
     assert table.points_m.ravel().tolist() == pytest.approx([size * k for k in (1, 2, 3, 4, 5, 6)])
 
 
-def test_two_units_are_an_error(tmp_path):
-    """Nothing is guessed."""
+def test_mixed_length_units_are_refused(tmp_path):
+    """The unit is not guessed from mixed ones."""
     (tmp_path / "a.txt").write_text("x_mm y_mm z_m\n1 2 3\n")
     with pytest.raises(DatasetError, match="several units"):
         PointTable.read(str(tmp_path / "a.txt"), None)
 
 
 @pytest.mark.parametrize("header", ["x_mm y_mm z_mm x_in", "X_mm Y_mm Z_mm x_mm", "x_mm y_mm z_mm x_mm"])
-def test_two_columns_of_one_coordinate_are_an_error(tmp_path: Path, header: str) -> None:
-    """Such as a nominal and a measured one, of which the last was read."""
+def test_duplicate_coordinate_columns_are_refused(tmp_path: Path, header: str) -> None:
+    """With a nominal and a measured column, for example, the last one was read before."""
     (tmp_path / "a.txt").write_text(f"{header}\n1 2 3 4\n")
     with pytest.raises(DatasetError, match=r"has two columns of one coordinate, [xX]_mm, x_(in|mm): keep one"):
         PointTable.read(str(tmp_path / "a.txt"), None)
@@ -107,7 +107,7 @@ def test_two_columns_of_one_coordinate_are_an_error(tmp_path: Path, header: str)
     ("note", "0 0 3 1", [[0], [1], [2], [3]]),
 ])  # fmt: skip
 def test_rows_of_one_sample_are_joined(tmp_path: Path, column: str, numbers: str, joined: list[list[int]]) -> None:
-    """Those of one number or time; without such a column each row is of its own."""
+    """Rows with equal number or time are joined; without such a column each row is its own sample."""
     rows = "".join(f"mark_{k},{number},{k},0,0\n" for k, number in enumerate(numbers.split()))
     (tmp_path / "points.csv").write_text(f"target,{column},x_m,y_m,z_m\n{rows}")
     found = read_points(tmp_path / "c", tmp_path / "points.csv", camera="tracker", robot="arm").rows
@@ -119,8 +119,8 @@ def table_of(folder: Path, text: str) -> Path:
     return folder / "points.csv"
 
 
-def test_what_the_cell_has_is_not_added_again(tmp_path: Path) -> None:
-    """Unknown reflectors are new on the robot, an unknown instrument on the world; known ones need no robot."""
+def test_existing_reflectors_and_trackers_are_kept(tmp_path: Path) -> None:
+    """Unknown reflectors are added on the robot and an unknown instrument on the world; known ones need no robot."""
     words = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}}
     there = {"cameras": {"laser": {"kind": "tracker", "on": "world"}}, "targets": {"top": {"on": "arm"}}}
     (tmp_path / "cell.yaml").write_text(yaml_text({**words, **there}))
@@ -136,8 +136,8 @@ def test_what_the_cell_has_is_not_added_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("sigma_m", [None, 2e-5])
-def test_the_sigma_of_points(tmp_path: Path, sigma_m: float | None) -> None:
-    """It is of every point if it is given, and else estimated."""
+def test_point_sigma_applies_to_every_point(tmp_path: Path, sigma_m: float | None) -> None:
+    """The sigma applies to every point if given, and is otherwise estimated."""
     file = table_of(tmp_path, "x_m,y_m,z_m\n1,2,3\n4,5,6\n")
     rows = read_points(tmp_path / "c", file, camera="laser", target="top", robot="arm", sigma_m=sigma_m).rows
     sigmas = [None if seen.sigma_m is None else seen.sigma_m.tolist() for row in rows for seen in row.observations]
@@ -145,14 +145,14 @@ def test_the_sigma_of_points(tmp_path: Path, sigma_m: float | None) -> None:
 
 
 @pytest.mark.parametrize(("text", "target"), [("target,x_m,y_m,z_m\na,1,2,3\n", "b"), ("x_m,y_m,z_m\n1,2,3\n", None)])
-def test_reflectors_are_named_once(tmp_path: Path, text: str, target: str | None) -> None:
-    """By the option or by the column, not by both or neither."""
+def test_reflector_is_named_by_option_or_column(tmp_path: Path, text: str, target: str | None) -> None:
+    """Exactly one of the option and the column must name the reflectors."""
     with pytest.raises(UsageError, match="name the measured reflector with either --target or a column"):
         read_points(tmp_path / "c", table_of(tmp_path, text), camera="laser", target=target, robot="arm")
 
 
-def test_a_sample_has_a_reflector_once(tmp_path: Path) -> None:
-    """Two points of one in a sample are an error; other reflectors, and other samples, are not."""
+def test_sample_with_repeated_reflector_is_refused(tmp_path: Path) -> None:
+    """Two points of one reflector in a sample are an error; other reflectors and other samples are accepted."""
     file = table_of(tmp_path, "target,sample,x_m,y_m,z_m\na,0,1,2,3\nb,0,1,2,3\na,1,1,2,3\n")
     assert len(read_points(tmp_path / "c", file, camera="laser", robot="arm").rows) == 2
     file = table_of(tmp_path, "target,sample,x_m,y_m,z_m\na,0,1,2,3\nb,0,1,2,3\na,0,1,2,3\n")

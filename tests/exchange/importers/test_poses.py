@@ -1,4 +1,4 @@
-"""`basecal import poses --robot`: tables of two controllers become one recording."""
+"""Tests of `basecal import poses --robot`: tables of two controllers become one recording."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def table(path: Path, name: str, separator: str = ";", images: bool = False) -> 
     return str(path)
 
 
-def test_two_controllers_one_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """UR's metres and KUKA's millimetres meet in the same samples; what was read is said with its units."""
+def test_tables_of_two_controllers_are_paired(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """UR's metres and KUKA's millimetres are paired in the same samples, and the units read are reported."""
     cell = str(tmp_path / "c")
     left, right = table(tmp_path / "left.csv", "ur"), table(tmp_path / "right.txt", "kuka", "\t")
     assert main(["import", "poses", cell, "--robot", "left", left, "--format", "ur", "--length-unit", "m"]) == 0
@@ -48,8 +48,8 @@ def test_two_controllers_one_recording(tmp_path: Path, capsys: pytest.CaptureFix
             np.testing.assert_allclose(state.base_from_flange.matrix, DRAWN[i].matrix, atol=1e-9)
 
 
-def test_formats_that_say_themselves_need_no_name(tmp_path: Path) -> None:
-    """A header of quaternions, and matrices."""
+def test_self_describing_formats_need_no_name(tmp_path: Path) -> None:
+    """A header of quaternions, and matrices, need no --format."""
     ros = table(tmp_path / "a.csv", "ros", ",")
     np.savetxt(tmp_path / "b.txt", DRAWN.matrix.reshape(-1, 4))
     assert main(["import", "poses", str(tmp_path / "c"), "--robot", "a", ros]) == 0
@@ -72,10 +72,10 @@ def test_formats_that_say_themselves_need_no_name(tmp_path: Path) -> None:
         (["--robot", "Left", "--format", "ur"], 3, "expected a name of a-z"),
     ],
 )
-def test_mistakes_leave_nothing(
+def test_invalid_pose_imports_create_no_cell(
     tmp_path: Path, words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One line that says what to do, and no cell is begun."""
+    """The error is one line with a remedy, and no cell is created."""
     path = table(tmp_path / "left.csv", "ur")
     assert main(["import", "poses", str(tmp_path / "c"), path, *words]) == code
     told = capsys.readouterr().err
@@ -84,16 +84,16 @@ def test_mistakes_leave_nothing(
     assert not (tmp_path / "c").exists()
 
 
-def test_a_program_of_poses_does_not_state_its_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Six numbers are no matrix: the error names the formats."""
+def test_pose_program_needs_stated_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Six numbers are not a matrix, so the error names the formats."""
     (tmp_path / "left.script").write_text("p[0.1, 0.2, 0.3, 0, 0, 1.5]\n")
     words = ["import", "poses", str(tmp_path / "c"), str(tmp_path / "left.script"), "--robot", "left"]
     assert main(words) == 3
     assert "does not state its format: give --format ur, kuka" in capsys.readouterr().err
 
 
-def test_a_robot_is_recorded_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A second import of the same robot, and one of another count, change nothing."""
+def test_repeated_robot_import_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A second import of the same robot, and one with another count, change no files."""
     cell, path = str(tmp_path / "c"), table(tmp_path / "left.csv", "ur")
     assert main(["import", "poses", cell, "--robot", "left", path, "--format", "ur"]) == 0
     before = (tmp_path / "c" / "recording" / "samples.jsonl").read_bytes()
@@ -107,8 +107,8 @@ def test_a_robot_is_recorded_once(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert list(read_cell(cell).robots) == ["left"]
 
 
-def test_poses_of_the_base_in_the_flange(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """--invert turns them round and it is said; the option of another file is a wrong use."""
+def test_inverted_base_poses_are_imported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """--invert inverts the poses and this is reported; the option of another file is a usage error."""
     cell, file = str(tmp_path / "c"), table(tmp_path / "a.csv", "ros")
     words = ["import", "poses", cell, "--robot", "arm", file, "--invert"]
     assert main([*words, "camera-from-target"]) == 2
@@ -123,8 +123,8 @@ def test_poses_of_the_base_in_the_flange(tmp_path: Path, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("deg", "rad", "angle_rad"), [(False, False, None), (True, False, math.radians(1)), (False, True, 1.0)]
 )
-def test_units_that_are_stated_are_read(deg: bool, rad: bool, angle_rad: float | None) -> None:
-    """Of angles one of two at most; a unit of lengths in metres; names of formats in any case."""
+def test_stated_units_define_reading(deg: bool, rad: bool, angle_rad: float | None) -> None:
+    """At most one of the two angle units is accepted. Lengths are converted to metres, and format names ignore case."""
     reading = table_reading("a.csv", "KUKA", "inch" if deg else None, deg, rad)
     assert (reading.name, reading.length_m, reading.angle_rad) == ("kuka", 0.0254 if deg else None, angle_rad)
     with pytest.raises(UsageError, match="--deg and --rad exclude each other"):
@@ -134,8 +134,8 @@ def test_units_that_are_stated_are_read(deg: bool, rad: bool, angle_rad: float |
 
 
 @pytest.mark.parametrize("frames", [{}, {"base": "BASE_3", "flange": None}, {"base": None, "flange": "TOOL_1"}])
-def test_stated_frames_replace_those_of_the_cell(tmp_path: Path, frames: dict[str, str | None]) -> None:
-    """Only those that are stated are written; without any, what the cell states stays."""
+def test_stated_frames_replace_those_of_cell(tmp_path: Path, frames: dict[str, str | None]) -> None:
+    """Only the stated frames are written; without any, the cell's are kept."""
     (tmp_path / "a.csv").write_text("0.1,0.2,0.3,0,0,0\n")
     found = _robot_poses("arm", str(tmp_path / "a.csv"), Reading("ur"), False, (), frames)
     stated = {name: frame for name, frame in frames.items() if frame}

@@ -1,4 +1,4 @@
-"""Tables of poses as streams: two files of two clocks become a recording by two commands."""
+"""Tests of tables of poses as streams: two files with two clocks become a recording by two commands."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def written(path: Path, stamps: list[float], poses: SE3, header: bool = True) ->
 
 
 def tables(folder: Path, header: bool) -> tuple[str, str]:
-    """A robot's records, and what its camera saw, inverted: the camera in the target."""
+    """Write a robot's records, and the views of its camera, inverted: the camera in the target."""
     samples = streamed(stated=False).recording.samples
     told = [(s.stamp_s, s.robots["arm"].base_from_flange) for s in samples if s.robots]
     seen = [(s.stamp_s, (TURNED @ s.observations[0].camera_from_target).inverse()) for s in samples if s.observations]
@@ -42,8 +42,8 @@ def tables(folder: Path, header: bool) -> tuple[str, str]:
 
 @pytest.mark.journey
 @pytest.mark.parametrize("header", quick([True, False], [True]))
-def test_two_clocks_by_two_commands(tmp_path: Path, header: bool, capsys: pytest.CaptureFixture[str]) -> None:
-    """The offset that was put in is found; a robot that is recorded is not recorded again."""
+def test_clock_offset_from_two_stream_files(tmp_path: Path, header: bool, capsys: pytest.CaptureFixture[str]) -> None:
+    """The simulated offset is recovered, and a recorded robot is not recorded again."""
     arm, tag = tables(tmp_path, header)
     cell = str(tmp_path / "c")
     by_robot = ["import", "poses", cell, "--robot", "arm", arm, "--format", "ros", "--streams"]
@@ -79,10 +79,10 @@ def test_two_clocks_by_two_commands(tmp_path: Path, header: bool, capsys: pytest
         ),
     ],
 )
-def test_what_does_not_go_together(
+def test_incompatible_stream_options_are_refused(
     tmp_path: Path, words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Told in a line; nothing is written."""
+    """The error is one line, and no files are written."""
     (tmp_path / "n.csv").write_text("x,y,z,rx,ry,rz\n.1,.2,.3,.1,.2,.3\n.2,.2,.3,.1,.2,.3\n")
     files = {"A": tables(tmp_path, True)[0], "N": str(tmp_path / "n.csv")}
     assert main(["import", "poses", str(tmp_path / "c"), *(files.get(word, word) for word in words)]) == code
@@ -93,8 +93,11 @@ def test_what_does_not_go_together(
 
 
 @pytest.mark.slow
-def test_a_published_recording_by_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two CSV files of two clocks: -17 ms within 3, held-out views within 3.9 mm and 0.63 deg, all views used."""
+def test_published_stream_recording_is_calibrated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two CSV files with two clocks give -17 ms within 3 ms.
+
+    Held-out views agree within 3.9 mm and 0.63 deg, with all views used.
+    """
     path = data_folder() / "eth_robot_arm_sr300" / "robot_arm_w_color_camera_real.zip"
     if not path.exists():
         pytest.skip(f"{path} is not there: set BASECAL_DATA to the folder of the published recordings")

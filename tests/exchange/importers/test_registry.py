@@ -1,4 +1,4 @@
-"""Every importer is typed, and those that are public names are those that import."""
+"""Tests that every importer is typed and public names are registered importers."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from basecal.exchange.importers.registry import IMPORTERS
 from basecal.exchange.importing.imported import Imported
 
 
-def test_public_names_are_importers() -> None:
-    """What `basecal` offers of this folder are the functions of the table."""
+def test_public_names_are_registered_importers() -> None:
+    """The functions that `basecal` exports from this folder are those of the table."""
     public = {getattr(basecal, name) for name, home in basecal._HOME.items() if home.startswith("exchange.importers.")}
     assert public <= set(IMPORTERS.values())
     assert basecal.read_poses in public
 
 
 @pytest.mark.parametrize("kind", IMPORTERS)
-def test_every_importer_is_typed(kind: str) -> None:
-    """Cell and source come first, all else has a name and a type."""
+def test_importer_signatures_are_typed(kind: str) -> None:
+    """Cell and source come first; all other parameters have a name and a type."""
     signature = inspect.signature(IMPORTERS[kind], eval_str=True)
     cell, source, *options = signature.parameters.values()
     assert {cell.kind, source.kind} == {inspect.Parameter.POSITIONAL_ONLY}
@@ -36,8 +36,8 @@ def test_every_importer_is_typed(kind: str) -> None:
     assert signature.return_annotation is Imported
 
 
-def test_every_module_is_registered() -> None:
-    """Each module of the folder has an importer that a line of the table names."""
+def test_every_importer_module_is_registered() -> None:
+    """Each module of the folder has an importer in the table."""
     folder = Path(inspect.getfile(IMPORTERS["poses"])).parent
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "registry"}
     unlisted = modules - {read.__module__.rpartition(".")[2] for read in IMPORTERS.values()}
@@ -45,7 +45,7 @@ def test_every_module_is_registered() -> None:
 
 
 def test_options_from_python_are_checked(tmp_path: Path) -> None:
-    """A value that is none of the choices is an error that names them, as on the command line."""
+    """An invalid value is an error that lists the choices, as on the command line."""
     (tmp_path / "photos").mkdir()
     photos = partial(basecal.read_images, tmp_path / "c", tmp_path / "photos", camera="cam", on="arm")
     tables = partial(basecal.read_poses, tmp_path / "c", tmp_path / "a.csv", robot="arm", format="ur")
@@ -65,8 +65,8 @@ def test_options_from_python_are_checked(tmp_path: Path) -> None:
             call()
 
 
-def test_formats_in_capitals(tmp_path: Path) -> None:
-    """The case of a maker's name is no matter."""
+def test_format_names_ignore_case(tmp_path: Path) -> None:
+    """The case of a maker's name does not matter."""
     (tmp_path / "a.txt").write_text("{X 100,Y 400,Z 655,A 12.4,B 3.1,C 178.2}\n")
     words = ["import", "poses", str(tmp_path / "c"), str(tmp_path / "a.txt"), "--robot", "r", "--format", "KUKA"]
     assert main(words) == 0

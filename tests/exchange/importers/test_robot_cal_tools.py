@@ -1,4 +1,4 @@
-"""`basecal import robot-cal-tools`."""
+"""Tests of `basecal import robot-cal-tools`."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ DATA = Path(os.environ.get("BASECAL_DATA", Path(__file__).parents[4] / "shared" 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="the project's shared data are not here")
-def test_a_data_set_of_robot_cal_tools(tmp_path: Path) -> None:
-    """Poses and images of a real set, laid out again as robot_cal_tools has them, come back as they were recorded."""
+def test_real_robot_cal_tools_data_set_is_imported(tmp_path: Path) -> None:
+    """Poses and images of a real set in the layout of robot_cal_tools are read back as recorded."""
     real = read_recording(DATA / "rct_10x10")
     (tmp_path / "poses").mkdir()
     listing = ""

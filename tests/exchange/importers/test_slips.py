@@ -1,4 +1,4 @@
-"""Slips in tables and names of files, each named with its cure before anything is written."""
+"""Tests of common mistakes in tables and file names, each reported with its fix before any file is written."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ def rows_of(matrices: list[np.ndarray]) -> str:
         ("x,y,z,rx,ry,rz\n0,1,0,2,0,3,0,0,0,5,1\n", "ur", "decimal commas need another separator"),
     ],
 )
-def test_tables(tmp_path: Path, text: str, form: str, told: str) -> None:
-    """A file of another controller, matrices by rows, and commas that mean something else."""
+def test_table_mistakes_are_reported_with_fix(tmp_path: Path, text: str, form: str, told: str) -> None:
+    """A file of another controller, matrices by rows, and commas with another meaning are reported."""
     with pytest.raises(DatasetError, match=told):
         read_poses(tmp_path, table(tmp_path, text, "poses.txt"), robot="arm", format=form)
 
 
 @pytest.mark.parametrize("image", ["image", ""])
-def test_transposed_matrices(tmp_path: Path, image: str) -> None:
-    """The last column of a matrix by rows is 0 0 0 1, beside images and without them."""
+def test_transposed_matrices_are_refused(tmp_path: Path, image: str) -> None:
+    """A transposed matrix has 0 0 0 1 in its last column, with image names and without."""
     text = ",".join(([image] if image else []) + [f"m{i}{j}" for i in range(4) for j in range(4)]) + "\n"
     for k, row in enumerate(rows_of([m.T for m in MATRICES]).splitlines()):
         text += f"{k}.png,{row}\n" if image else f"{row}\n"
@@ -59,8 +59,8 @@ def test_transposed_matrices(tmp_path: Path, image: str) -> None:
         read_poses(tmp_path, table(tmp_path, text), robot="arm", format="matrix")
 
 
-def test_matrices_beside_images(tmp_path: Path) -> None:
-    """A column `image` beside m00 ... m23 says where each row belongs."""
+def test_matrix_rows_pair_by_image_column(tmp_path: Path) -> None:
+    """A column `image` beside m00 ... m23 pairs each row."""
     text = "image," + ",".join(f"m{i}{j}" for i in range(3) for j in range(4)) + "\n"
     text += "".join(f"{k:04}.png,{row}\n" for k, row in enumerate(rows_of([m[:3] for m in MATRICES]).splitlines()))
     found = read_poses(tmp_path, table(tmp_path, text), robot="arm", format="matrix")
@@ -69,22 +69,22 @@ def test_matrices_beside_images(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("header", ["Bild", "anything"])
-def test_a_column_of_images_says_where_rows_belong(tmp_path: Path, header: str) -> None:
-    """By any name."""
+def test_any_column_of_images_pairs_rows(tmp_path: Path, header: str) -> None:
+    """The column may have any name."""
     text = f"{header},x,y,z,rx,ry,rz\n" + "".join(f"p{k}.png,{row}\n" for k, row in enumerate(UR.splitlines()))
     found = read_poses(tmp_path, table(tmp_path, text), robot="arm", format="ur")
     assert [row.image for row in found.rows] == [f"p{k}.png" for k in range(5)]
 
 
-def test_a_spreadsheet(tmp_path: Path) -> None:
-    """It is to be saved as CSV."""
+def test_damaged_spreadsheet_is_refused(tmp_path: Path) -> None:
+    """The error advises to save the file as CSV."""
     (tmp_path / "poses.xlsx").write_bytes(b"PK\x03\x04" + bytes(100))
     with pytest.raises(DatasetError, match="save it as CSV"):
         read_poses(tmp_path, str(tmp_path / "poses.xlsx"), robot="arm", format="ur")
 
 
-def test_an_arm_that_stands_still(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its one row is of every sample; more rows, or none to join, are refused."""
+def test_stationary_arm_applies_to_every_sample(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its single row applies to every sample; different rows, or no samples to pair with, are refused."""
     cell = str(tmp_path / "cell")
     still = ["import", "poses", cell, table(tmp_path, UR.splitlines()[0], "one.txt"), "--robot", "b", "--format", "ur"]
     assert main([*still, "--still"]) == 3
@@ -99,8 +99,8 @@ def test_an_arm_that_stands_still(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "holds 5 rows that differ" in capsys.readouterr().err
 
 
-def test_a_few_rows_in_millimetres(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """They are named by their lines, and nothing is written."""
+def test_rows_in_another_unit_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """They are reported by their lines, and no files are written."""
     rows = UR.splitlines()
     numbers = [float(cell) for cell in rows[2].split(",")]
     rows[2] = ", ".join(map(repr, [1e3 * 10 * value for value in numbers[:3]] + numbers[3:]))
@@ -110,15 +110,15 @@ def test_a_few_rows_in_millimetres(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "another length unit? Correct line 3; nothing is imported" in said
 
 
-def test_numbers_that_images_leave_out() -> None:
-    """The one that is missing among numbered images; names without numbers have none."""
+def test_missing_image_number_is_found() -> None:
+    """A missing number among numbered images is found; names without numbers have none."""
     assert missing_numbers([f"{k:02}.png" for k in range(12) if k != 7]) == ("07",)
     assert missing_numbers(["a.png", "b.png", "c.png"]) == ()
     assert missing_numbers(["1.png", "1000.png", "2000.png"]) == ()
 
 
-def test_a_lens_of_numbers_by_name(tmp_path: Path) -> None:
-    """fx, fy, cx, cy and terms, each under its name."""
+def test_lens_parameters_by_name_are_read(tmp_path: Path) -> None:
+    """fx, fy, cx, cy and terms are read by their names."""
     (tmp_path / "cell").mkdir()
     text = (
         "width: 640\nheight: 480\nfx: 600.0\nfy: 601.0\ncx: 320.0\ncy: 240.0\nk1: -0.1\nk2: 0.01\np1: 0.0\np2: 0.001\n"
@@ -128,8 +128,11 @@ def test_a_lens_of_numbers_by_name(tmp_path: Path) -> None:
     assert (lens["fx"], lens["cy"], lens["distortion"][0]) == (600.0, 240.0, -0.1)
 
 
-def test_detections_of_one_stop_are_all_used(tmp_path: Path) -> None:
-    """Each makes a sample of its own, in which the robot stands as in the first; so few are not judged."""
+def test_repeated_detections_become_samples(tmp_path: Path) -> None:
+    """Each detection of one stop makes its own sample with the robot's pose of the first.
+
+    So few are not checked for consistency.
+    """
     cell = str(tmp_path / "cell")
     poses = ["import", "poses", cell, "--robot", "arm", table(tmp_path, UR, "arm.txt"), "--format", "ur"]
     assert main(poses) == 0
@@ -143,8 +146,8 @@ def test_detections_of_one_stop_are_all_used(tmp_path: Path) -> None:
     np.testing.assert_allclose(stands[5:], np.repeat(POSES.matrix[:1], 2, axis=0), atol=1e-12)
 
 
-def test_a_image_that_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """By its number, where images are fewer than rows."""
+def test_missing_image_is_reported_by_number(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """If there are fewer images than rows, the missing number is reported."""
     cell, photos = str(tmp_path / "cell"), tmp_path / "photos"
     photos.mkdir()
     for k in (1, 2, 4, 5):

@@ -1,4 +1,4 @@
-"""`basecal import touches`: tables of two controllers become a base, without a camera."""
+"""Tests of `basecal import touches`: tables of two controllers give a base, without a camera."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIGMA_M = 1e-4
 def touch_table(
     path: Path, robot: str, name: str, rng: np.random.Generator, marks=tuple(MARKS), count: int = 12
 ) -> str:
-    """A file of touches of a robot, as its controller writes poses, with a column of marks."""
+    """Write a file of touches of a robot, as its controller writes poses, with a column of marks."""
     how, lines, marks = CONTROLLERS[name], [], list(MARKS)
     for k in range(count):
         mark = marks[k % len(marks)]
@@ -36,13 +36,16 @@ def touch_table(
 
 
 def _is_line_of(line: str, numbers: Sequence[float]) -> bool:
-    """Whether a line, such as `p[0.1, 0.2, ...]`, holds these numbers, as far as it has digits."""
+    """Return whether a line such as `p[0.1, 0.2, ...]` holds these numbers, up to its digits."""
     found = [float(each) for each in re.findall(r"-?\d+\.\d+", line)]
     return len(found) == len(numbers) and bool(np.allclose(found, numbers, atol=1e-3))
 
 
-def test_two_files_to_a_base_in_both_notations(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Four commands: two files of touches, calibrate, export; the verdict is good and the base is the true one."""
+def test_touches_of_two_arms_give_base(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two files of touches, calibrate and export give a good verdict.
+
+    The exported base is the true one, in both controllers' notation.
+    """
     rng, cell = np.random.default_rng(0), str(tmp_path / "c")
     left, right = (
         touch_table(tmp_path / n, r, how, rng) for n, r, how in (("l.csv", "eye", "kuka"), ("r.csv", "hand", "ur"))
@@ -66,8 +69,8 @@ def test_two_files_to_a_base_in_both_notations(tmp_path: Path, capsys: pytest.Ca
     assert len(read_recording(cell).samples) == 24
 
 
-def test_rows_of_other_robots_are_left_out(tmp_path: Path) -> None:
-    """One file may hold the touches of both; more of a robot may follow."""
+def test_touches_of_other_robots_are_skipped(tmp_path: Path) -> None:
+    """One file may hold the touches of both robots, and more touches of a robot may follow."""
     path = tmp_path / "all.csv"
     path.write_text("robot,mark,x,y,z,qx,qy,qz,qw\neye,a,0.4,0,0.5,0,0,0,1\nhand,1,0.5,0,0.5,0,0,0,1\n")
     for robot, count in (("eye", 1), ("hand", 2), ("eye", 3)):
@@ -78,8 +81,8 @@ def test_rows_of_other_robots_are_left_out(tmp_path: Path) -> None:
     assert read_recording(tmp_path / "c").samples[0].observations[0].sigma_m == pytest.approx(2e-4)
 
 
-def test_tips_that_meet(tmp_path: Path) -> None:
-    """The poses of one robot are there; touches of the other join them in order."""
+def test_meeting_tips_are_paired_in_order(tmp_path: Path) -> None:
+    """The poses of one robot are recorded first; touches of the other are paired with them in order."""
     rng, cell = np.random.default_rng(1), str(tmp_path / "c")
     for robot in TIPS:
         rows = [flange_pose(rng, robot, np.array([0.5, 0.1, 0.3])) for _ in range(4)]
@@ -109,8 +112,8 @@ def test_tips_that_meet(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "words"), [([], "no column `mark`"), (["--mark", "m", "--meets", "t"], "exclude each other")]
 )
-def test_what_was_touched_has_to_be_said(tmp_path: Path, capsys: pytest.CaptureFixture[str], more, words) -> None:
-    """Once, by the table or by an option."""
+def test_touched_mark_must_be_stated_once(tmp_path: Path, capsys: pytest.CaptureFixture[str], more, words) -> None:
+    """The mark is stated by the table or by one option."""
     (tmp_path / "a.csv").write_text("x,y,z,qx,qy,qz,qw\n0.4,0,0.5,0,0,0,1\n")
     path = str(tmp_path / "a.csv")
     assert main(["import", "touches", str(tmp_path / "c"), "--robot", "eye", path, "--format", "ros", *more]) == 2
@@ -118,8 +121,8 @@ def test_what_was_touched_has_to_be_said(tmp_path: Path, capsys: pytest.CaptureF
     assert not (tmp_path / "c").exists()
 
 
-def test_a_part_that_both_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A second table joins the samples of the first; the part is added to the cell, with its axis."""
+def test_clamped_part_is_imported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A second table is paired with the samples of the first; the part is added to the cell with its axis."""
     cell, how, poses = str(tmp_path / "c"), CONTROLLERS["ros"], held_poses(np.random.default_rng(0), 3)
     for robot in TIPS:
         rows = how.to_numbers(SE3.stack([each[robot] for each in poses]))
@@ -136,8 +139,8 @@ def test_a_part_that_both_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert [sample.observations[0].kind for sample in read_recording(cell).samples] == ["clamp"] * 3
 
 
-def test_rows_of_a_robot(tmp_path):
-    """Those of others are left out; a robot without any is an error that names those there are."""
+def test_touch_rows_are_selected_by_robot(tmp_path):
+    """Rows of other robots are skipped; a robot without rows is an error that lists the robots."""
     (tmp_path / "a.csv").write_text("robot,point,x\nleft,A,1\nright,B,2\nleft,C,3\n")
     path = str(tmp_path / "a.csv")
     assert touch_names(path, ("x",), "left", None) == ["a", "c"]
@@ -145,13 +148,13 @@ def test_rows_of_a_robot(tmp_path):
         touch_names(path, ("x",), "third", None)
 
 
-def test_a_row_without_its_mark_is_an_error_with_its_line(tmp_path):
-    """So is one whose last cells are left out."""
+def test_row_without_mark_is_refused(tmp_path):
+    """The error has the line, also if the last cells are missing."""
     (tmp_path / "a.csv").write_text("x,mark\n1,A\n2\n")
     with pytest.raises(DatasetError, match=r":3: mark: is empty in this row"):
         touch_names(str(tmp_path / "a.csv"), ("x",), "left", None)
 
 
-def test_new_rows_count_on(tmp_path: Path):
-    """From the first number that is free; numbers that rows have stay."""
+def test_new_touch_rows_get_free_numbers(tmp_path: Path):
+    """Numbers continue from the first free one; stated numbers are kept."""
     assert [row.sample for row in new_rows(tmp_path, NO_CELL, [Row(), Row(sample=7), Row()])] == [0, 7, 2]

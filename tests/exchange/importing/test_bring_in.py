@@ -1,4 +1,4 @@
-"""An import into a folder: made, completed, or nothing at all."""
+"""Tests of an import into a folder: the cell is made, completed, or left unchanged."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def poses(robot: str, count: int, names: bool = False, **more: object) -> Import
 
 
 def fine(cell: Cell, recording: Recording) -> tuple[str, ...]:
-    """Nothing is implausible."""
+    """Accept any cell and recording as plausible."""
     return ()
 
 
@@ -44,7 +44,7 @@ def content(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_cell_is_made_and_completed(tmp_path: Path) -> None:
+def test_cell_is_created_then_completed(tmp_path: Path) -> None:
     """The first robot makes cell and recording, the second completes both."""
     made = add_to_cell(tmp_path / "c", poses("left", 3), fine)
     assert (made.is_new_cell, made.made) == (True, 3)
@@ -54,8 +54,8 @@ def test_a_cell_is_made_and_completed(tmp_path: Path) -> None:
     assert [sorted(s.robots) for s in read_recording(tmp_path / "c").samples] == [["left", "right"]] * 3
 
 
-def test_further_views_of_a_sample_are_samples_of_their_own(tmp_path: Path) -> None:
-    """The first completes the sample; the robots of each other one stand as in it."""
+def test_further_views_of_sample_become_samples(tmp_path: Path) -> None:
+    """The first view completes the sample; each further one makes a sample with the same robot poses."""
     add_to_cell(tmp_path / "c", poses("left", 3), fine)
     views = [PoseObservation("cam", "board", SE3.from_rotvec([0, 0, 0], [0, 0, 1.0 + i])) for i in range(3)]
     rows = tuple(Row(observations=(view,), sample=sample) for view, sample in zip(views, (1, 1, 2), strict=True))
@@ -68,8 +68,8 @@ def test_further_views_of_a_sample_are_samples_of_their_own(tmp_path: Path) -> N
     np.testing.assert_allclose(stands[3].translation, stands[1].translation)
 
 
-def test_samples_that_will_not_be_used_are_reported(tmp_path: Path) -> None:
-    """Such as those with a point that their target does not have; those of earlier imports are not repeated."""
+def test_unusable_samples_are_reported(tmp_path: Path) -> None:
+    """A sample with a point that its target lacks is reported; those of earlier imports are not repeated."""
     add_to_cell(tmp_path / "c", poses("left", 3), fine)
     target = {"on": "world", "kind": "points", "points_m": [[0, 0, 0], [1, 0, 0]]}
     camera = {"on": "left", "size_px": [64, 48], "intrinsics": {"status": "free"}}
@@ -84,8 +84,8 @@ def test_samples_that_will_not_be_used_are_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("first", ["poses", "pictures"])
-def test_names_pair_in_either_order(tmp_path: Path, first: str) -> None:
-    """Images and a table that names them belong together whichever comes first, however they are sorted."""
+def test_image_names_pair_in_either_import_order(tmp_path: Path, first: str) -> None:
+    """Images and a table that names them are paired in either import order and sorting."""
     table = poses("left", 3, True)
     folder = images(tmp_path / "photos", ["IMG_2.png", "IMG_0.png", "IMG_1.png"])
     begin = Imported("", "", (), {"robots": {"left": {}}})
@@ -98,8 +98,8 @@ def test_names_pair_in_either_order(tmp_path: Path, first: str) -> None:
         assert pose.translation[1] == pytest.approx(0.1 * number)
 
 
-def test_what_fails_leaves_everything(tmp_path: Path) -> None:
-    """A robot recorded already, another count, and what the check refuses change nothing in the folder."""
+def test_failed_import_changes_no_file(tmp_path: Path) -> None:
+    """A recorded robot, another count, and a refusal by the check leave the folder unchanged."""
     add_to_cell(tmp_path, poses("left", 3), fine)
     before = content(tmp_path)
 
@@ -118,8 +118,8 @@ def test_what_fails_leaves_everything(tmp_path: Path) -> None:
     assert content(tmp_path) == before
 
 
-def test_sessions_and_arms_that_stand_still(tmp_path: Path) -> None:
-    """A second session is of any length; the one row of a still arm is of each sample that has no pose of it."""
+def test_sessions_and_stationary_arms_are_added(tmp_path: Path) -> None:
+    """A second session has any length; the single row of a stationary arm is added to each sample without its pose."""
     add_to_cell(tmp_path, poses("left", 3), fine)
     add_to_cell(tmp_path, replace(poses("right", 1), is_still=True), fine)
     add_to_cell(tmp_path, replace(poses("right", 5), is_session=True), fine)
@@ -132,8 +132,8 @@ def test_sessions_and_arms_that_stand_still(tmp_path: Path) -> None:
         add_to_cell(tmp_path, replace(poses("left", 1), is_still=True), fine)
 
 
-def test_images_of_two_days_have_one_name(tmp_path: Path) -> None:
-    """Those of the second session are kept under other names, and its table finds them by the names they had."""
+def test_equal_image_names_of_two_sessions(tmp_path: Path) -> None:
+    """Images of the second session are stored under other names, and its table finds them by their original names."""
     place = tmp_path / "c"
     add_to_cell(place, poses("left", 2, names=True), fine)
     add_to_cell(place, images(tmp_path / "one", ["IMG_0.png", "IMG_1.png"]), fine)
@@ -150,8 +150,8 @@ def test_images_of_two_days_have_one_name(tmp_path: Path) -> None:
     assert pose.translation[1] == 0
 
 
-def test_images_of_one_name_in_two_folders(tmp_path: Path) -> None:
-    """Each sample has its own image, and a path of an earlier session is not taken again."""
+def test_equal_image_names_of_two_folders(tmp_path: Path) -> None:
+    """Each sample has its own image, and the path of an earlier one is not reused."""
     (first,), (second,) = (images(tmp_path / name, ["IMG.png"]).rows for name in "ab")
     (tmp_path / "b" / "IMG.png").write_bytes(b"\x89PNG\r\n\x1a\nsecond")
     cell = {"robots": {"left": {}}, "cameras": {"cam": {"on": "left"}}}
@@ -161,8 +161,8 @@ def test_images_of_one_name_in_two_folders(tmp_path: Path) -> None:
     assert Path(paths[1]).name == "000001_IMG.png"
 
 
-def test_what_cannot_be_recorded_is_named_by_its_source(tmp_path: Path) -> None:
-    """Not by the line of a recording that is not written."""
+def test_import_error_names_source_file(tmp_path: Path) -> None:
+    """The error names the source, not the line of a recording that was not written."""
     rows = images(tmp_path / "photos", ["a\\b.png"])
     cell = {**rows.cell, "robots": {"left": {}}}
     with pytest.raises(DatasetError, match=rf"^{tmp_path}/photos: images.cam: .* is not a relative path"):
@@ -170,16 +170,16 @@ def test_what_cannot_be_recorded_is_named_by_its_source(tmp_path: Path) -> None:
     assert not (tmp_path / "c").exists()
 
 
-def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
-    """What was recorded before is not held against what comes now."""
+def test_plausibility_check_sees_new_samples_only(tmp_path: Path) -> None:
+    """Earlier recorded samples do not affect the check of new ones."""
     add_to_cell(tmp_path, poses("left", 2), fine)
     told: list[Recording] = []
     add_to_cell(tmp_path, poses("right", 2), lambda cell, recording: told.append(recording) or ())
     assert [sorted(sample.robots) for sample in told[0].samples] == [["right"]] * 2
 
 
-def test_the_controller_of_a_robot_is_that_of_its_poses(tmp_path: Path) -> None:
-    """What `cell.yaml` states stays, with its frames, until the poses are replaced."""
+def test_controller_follows_recorded_poses(tmp_path: Path) -> None:
+    """The controller in `cell.yaml` is kept with its frames until the poses are replaced."""
     folder, place = tmp_path / "c", frozenset({("robots", "left", "controller")})
     first = replace(poses("left", 3), cell={"robots": {"left": {"controller": {"format": "kuka", "base": "BASE_3"}}}})
     add_to_cell(folder, first, fine)
@@ -190,8 +190,8 @@ def test_the_controller_of_a_robot_is_that_of_its_poses(tmp_path: Path) -> None:
     assert read_cell(folder).robots["left"].controller == {"format": "abb"}
 
 
-def test_what_is_replaced_is_kept_and_all_else_stays(tmp_path: Path) -> None:
-    """Other robots, and what else is stated of this one; both files as they were are in `originals`."""
+def test_replaced_files_are_kept_in_originals(tmp_path: Path) -> None:
+    """Other robots and other fields of this one are kept; the previous files are copied to `originals`."""
     folder, noise = tmp_path / "c", {"sigma_t_m": 1e-4, "sigma_r_rad": 1e-4}
     add_to_cell(folder, replace(poses("left", 3), cell={"robots": {"left": {"noise": noise}}}), fine)
     add_to_cell(folder, poses("right", 3), fine)
@@ -207,8 +207,8 @@ def test_what_is_replaced_is_kept_and_all_else_stays(tmp_path: Path) -> None:
     assert content(kept)["samples.jsonl"] == before["recording/samples.jsonl"]
 
 
-def test_places_of_what_is_added() -> None:
-    """A pose or a lens is one place; a target has a place for each of its fields."""
+def test_locations_of_added_fields() -> None:
+    """A pose or a lens is one location; a target has one for each of its fields."""
     lens = {"status": "free", "guess": {"fx": 1}}
     target = {"kind": "charuco", "squares": [5, 7]}
     data = {"cameras": {"a": {"on": "b", "intrinsics": lens}}, "targets": {"t": target}, "reference": "b"}
@@ -221,8 +221,8 @@ def test_places_of_what_is_added() -> None:
     }
 
 
-def test_defaults_give_way_to_values() -> None:
-    """Only where the cell has a value, at any depth, and only for what is a default."""
+def test_defaults_yield_to_existing_values() -> None:
+    """A default is omitted only if the cell has a value there, at any depth."""
     new = {"robots": {"a": {"noise": 1, "controller": {"format": "ur"}}}}
     place = frozenset({("robots", "a", "controller")})
     assert _omit_defaults(new, place, {"robots": {"a": {"noise": 2, "controller": 3}}}) == {

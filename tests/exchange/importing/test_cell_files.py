@@ -1,4 +1,4 @@
-"""Files put into a cell, all or none."""
+"""Tests of placing files into a cell, all or none."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def source(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_link_is_no_file_of_the_cell(tmp_path: Path, source: Path) -> None:
-    """The file that it names is linked; the link itself would lead out of the cell, which no reader follows."""
+def test_symlinked_source_is_resolved(tmp_path: Path, source: Path) -> None:
+    """The file behind the link is linked; the link itself would lead out of the cell, which no reader follows."""
     (tmp_path / "named.png").symlink_to(source)
     with place_files({"recording/images/cam/a.png": tmp_path / "named.png"}, tmp_path / "cell", True):
         there = tmp_path / "cell" / "recording" / "images" / "cam" / "a.png"
@@ -28,8 +28,8 @@ def test_a_link_is_no_file_of_the_cell(tmp_path: Path, source: Path) -> None:
 
 
 @pytest.mark.parametrize("link", [False, True])
-def test_files_are_copied_or_linked(tmp_path: Path, source: Path, link: bool) -> None:
-    """A file is in the cell, as the same file where linked; a second time nothing changes."""
+def test_files_are_copied_or_hard_linked(tmp_path: Path, source: Path, link: bool) -> None:
+    """A file is in the cell, as the same file if linked; repeating it changes no files."""
     for _ in range(2):
         with place_files({"recording/images/cam/a.png": source}, tmp_path / "cell", link):
             pass
@@ -38,8 +38,8 @@ def test_files_are_copied_or_linked(tmp_path: Path, source: Path, link: bool) ->
     assert os.path.samefile(there, source) == link
 
 
-def test_a_failure_leaves_nothing(tmp_path: Path, source: Path) -> None:
-    """What follows fails: files and folders that were made are gone, others stay."""
+def test_failure_removes_placed_files(tmp_path: Path, source: Path) -> None:
+    """If a later step fails, new files and folders are removed, and others are kept."""
     (tmp_path / "cell").mkdir()
     with pytest.raises(ValueError, match="later"), place_files({"x/y/a.png": source}, tmp_path / "cell"):
         raise ValueError("later")
@@ -49,8 +49,8 @@ def test_a_failure_leaves_nothing(tmp_path: Path, source: Path) -> None:
     assert not (tmp_path / "new").exists()
 
 
-def test_another_file_is_not_overwritten(tmp_path: Path, source: Path) -> None:
-    """A file of other bytes stays, and is named."""
+def test_different_file_is_not_overwritten(tmp_path: Path, source: Path) -> None:
+    """A file with other bytes is kept and reported."""
     (tmp_path / "cell").mkdir()
     (tmp_path / "cell" / "a.png").write_bytes(b"older")
     with pytest.raises(InputError, match="exists and differs"), place_files({"a.png": source}, tmp_path / "cell"):
@@ -58,8 +58,8 @@ def test_another_file_is_not_overwritten(tmp_path: Path, source: Path) -> None:
     assert (tmp_path / "cell" / "a.png").read_bytes() == b"older"
 
 
-def test_nothing_leaves_the_cell(tmp_path: Path, source: Path) -> None:
-    """Neither by its path nor by a link."""
+def test_files_outside_cell_are_refused(tmp_path: Path, source: Path) -> None:
+    """Neither a path nor a link may lead out of the cell."""
     (tmp_path / "cell").mkdir()
     (tmp_path / "cell" / "out").symlink_to(tmp_path)
     for name in ("../b.png", "out/b.png"):
@@ -68,8 +68,8 @@ def test_nothing_leaves_the_cell(tmp_path: Path, source: Path) -> None:
     assert not (tmp_path / "b.png").exists()
 
 
-def test_a_scratch_folder_is_gone_if_what_follows_fails(tmp_path: Path) -> None:
-    """It is beside the cell, which need not be there, and stays until whoever holds it is done with it."""
+def test_scratch_folder_is_removed_on_failure(tmp_path: Path) -> None:
+    """It is beside the cell, which need not exist, and otherwise stays until its owner cleans it up."""
     with pytest.raises(ValueError, match="later"), scratch_folder(tmp_path / "new" / "cell"):
         raise ValueError("later")
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""Targets that options describe, for a new cell and for the images that show them."""
+"""Tests of targets described by options, for a new cell and for images that show them."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def tag(number: int) -> Target:
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-def test_each_kind_is_described_by_its_own_counts(kind: str) -> None:
-    """The fields are read as a cell's, lengths in metres."""
+def test_each_kind_has_its_own_size_options(kind: str) -> None:
+    """The fields are read as a cell's, with lengths in metres."""
     fields = target_fields(kind, SHAPES[kind])
     data = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}, "cameras": {"c": {"on": "arm"}}}
     target = cell_from_dict({**data, "targets": {"t": {"on": "world", **fields}}}, "c").targets["t"].target
@@ -50,13 +50,13 @@ def test_each_kind_is_described_by_its_own_counts(kind: str) -> None:
     (chessboard_target((8, 6), 0.03), chessboard_target((7, 5), 0.03), False),
     (tag(3), tag(4), False), (tag(3), tag(3), True), (tag(3), chessboard_target((8, 6), 0.03), False),
 ])  # fmt: skip
-def test_targets_with_equal_marks_are_not_told_apart(first: Target, second: Target, alike: bool) -> None:
-    """Boards of as many corners, whatever their size, and tags of one number."""
+def test_targets_with_equal_marks_are_indistinguishable(first: Target, second: Target, alike: bool) -> None:
+    """Boards with equal corner counts, whatever their size, and tags with one number are indistinguishable."""
     assert are_indistinguishable(first, second) == are_indistinguishable(second, first) == alike
 
 
-def test_all_kinds_are_tried() -> None:
-    """But those that no size describes."""
+def test_all_printable_kinds_are_tested() -> None:
+    """Every kind that sizes can describe is tested."""
     assert {*SHAPES} == {kind for kind, each in TARGETS.items() if each.printed is not None}
 
 
@@ -74,8 +74,8 @@ def test_all_kinds_are_tried() -> None:
         ("charuco", Shape(squares="5x7", square="4cm", set=("legacy",)), "--set takes FIELD=VALUE"),
     ],
 )
-def test_what_is_missing_is_named(kind: str, shape: Shape, said: str) -> None:
-    """Nothing that must be measured is guessed."""
+def test_missing_sizes_are_reported(kind: str, shape: Shape, said: str) -> None:
+    """Sizes that must be measured are not guessed."""
     with pytest.raises(InputError, match=said):
         target_fields(kind, shape)
 
@@ -89,8 +89,8 @@ def photos(folder: Path) -> str:
 BOARD = ["--target", "charuco", "--squares", "5x7", "--square", "40mm"]
 
 
-def test_a_new_cell_has_the_names_and_the_target_that_were_given(tmp_path: Path) -> None:
-    """It is what `new` writes, with nothing left to fill in."""
+def test_new_cell_has_given_names_and_target(tmp_path: Path) -> None:
+    """The cell is as `new` writes it, without placeholders."""
     assert main(["new", str(tmp_path / "c"), "--names", "left", "right", *BOARD]) == 0
     cell = read_cell(tmp_path / "c")
     assert (cell.reference, [*cell.robots], cell.targets["target"].on) == ("left", ["left", "right"], "right")
@@ -103,8 +103,8 @@ def test_a_new_cell_has_the_names_and_the_target_that_were_given(tmp_path: Path)
 @pytest.mark.parametrize(
     "words", [["--names", "a", "b", "--robots", "3"], ["--target", "pose", "--square", "3cm"], ["--names", "a", "a"]]
 )
-def test_what_contradicts_itself_makes_no_cell(tmp_path: Path, words: list[str]) -> None:
-    """Counts and names that differ, sizes of what has none, a name twice."""
+def test_contradictory_options_create_no_cell(tmp_path: Path, words: list[str]) -> None:
+    """Counts that differ from names, sizes of a target without any, and repeated names are refused."""
     assert main(["new", str(tmp_path / "c"), *words]) in (2, 3)
     assert not (tmp_path / "c").exists()
 
@@ -119,10 +119,10 @@ def test_what_contradicts_itself_makes_no_cell(tmp_path: Path, words: list[str])
         (["left"], "left", ["--target-on", "right"], "right"),
     ],
 )
-def test_images_bring_their_target(
+def test_images_add_their_target(
     tmp_path: Path, robots: list[str], on: str, words: list[str], carrier: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It is on the one robot without the camera, or on the world, if nothing else is said; and it is told where."""
+    """By default the target is on the one robot without the camera, or on the world; its carrier is reported."""
     cell = str(tmp_path / "c")
     poses = tmp_path / "t.csv"
     poses.write_text("x,y,z,rx,ry,rz\n0.4,0.1,0.3,0,0,0\n")
@@ -142,10 +142,10 @@ def test_images_bring_their_target(
         (["--target-on", "arm"], 2, "a target is described, but not its kind: add --target"),
     ],
 )
-def test_a_target_half_described_leaves_nothing(
+def test_incomplete_target_description_is_refused(
     tmp_path: Path, words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Where the robots are not known nobody guesses what carries it."""
+    """If the robots are unknown, the carrier is not guessed."""
     cell = str(tmp_path / "c")
     images = ["import", "images", cell, photos(tmp_path / "p"), "--camera", "cam", "--on", "arm"]
     assert main([*images, *words]) == code
@@ -153,8 +153,8 @@ def test_a_target_half_described_leaves_nothing(
     assert not (tmp_path / "c").exists()
 
 
-def test_boards_that_no_image_tells_apart_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A second one of the same dictionary: it may be the same board, or its dictionary is to be said."""
+def test_indistinguishable_boards_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A second board of the same dictionary may be the same board, unless another dictionary is stated."""
     cell = str(tmp_path / "c")
     places = ["--on", "arm", "--target-on", "world", *BOARD]
     assert main(["import", "images", cell, photos(tmp_path / "p"), "--camera", "cam", *places]) == 0
@@ -169,8 +169,8 @@ def test_boards_that_no_image_tells_apart_are_refused(tmp_path: Path, capsys: py
 
 
 @pytest.mark.parametrize(("columns", "rows", "name"), [(10, 10, "50"), (10, 11, "100"), (1, 101, "50"), (2, 51, "100")])
-def test_the_dictionary_has_a_marker_for_every_other_square(columns: int, rows: int, name: str) -> None:
-    """The smallest one with enough markers; one that is stated stays, and a marker has its share of the square."""
+def test_dictionary_has_marker_for_every_other_square(columns: int, rows: int, name: str) -> None:
+    """The smallest sufficient dictionary is chosen and a stated one is kept; a marker has its share of the square."""
     sizes = print_sizes(columns, rows, 0.04, None, None, "tag36h11", 0)
     assert sizes.dictionary == f"DICT_4X4_{name}"
     assert 0 < sizes.marker_m < sizes.square_m == 0.04

@@ -1,4 +1,4 @@
-"""Hand-eye recordings as what is brought into a cell."""
+"""Tests of the import of hand-eye recordings into a cell."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def brought(folder: Path, cell: KnownCell, record: HandEyeRecord, names: Names) 
 
 
 @pytest.mark.parametrize(("on_robot", "robot"), [(True, "eye"), (False, "hand")])
-def test_a_new_cell(tmp_path: Path, on_robot: bool, robot: str) -> None:
-    """The robot carries the camera or the target, the other stands on the world; frames and guesses are kept."""
+def test_hand_eye_recording_becomes_cell(tmp_path: Path, on_robot: bool, robot: str) -> None:
+    """The robot carries the camera or the target, the other is on the world; frames and guesses are kept."""
     names = chosen_names(NO_CELL, None, None, None, on_robot)
     assert names == Names(robot, "camera", "target")
     record = recorded(on_robot, frames={"base": "base_link"}, camera_mount=POSES[0])
@@ -66,8 +66,11 @@ def test_a_new_cell(tmp_path: Path, on_robot: bool, robot: str) -> None:
 
 
 @pytest.mark.parametrize("on_robot", [True, False])
-def test_a_guess_in_frames_of_the_files_robot_is_of_no_other(on_robot: bool) -> None:
-    """A target in the file's base is not the same pose in the flange of a second robot, nor is a camera."""
+def test_mount_guess_needs_same_robot(on_robot: bool) -> None:
+    """A target pose in the file's base is not its pose in the flange of a second robot.
+
+    The same applies to a camera.
+    """
     record, names = recorded(on_robot, camera_mount=POSES[0], target_mount=POSES[1]), Names("arm", "camera", "target")
     carried, other = ("camera", "target") if on_robot else ("target", "camera")
     for carrier, is_guessed in (("world", True), ("right", False)):
@@ -76,8 +79,8 @@ def test_a_guess_in_frames_of_the_files_robot_is_of_no_other(on_robot: bool) -> 
         assert ("guess" in cell[f"{other}s"][other]["mount"]) == is_guessed
 
 
-def test_a_cell_that_is_there_tells_names_and_arrangement(tmp_path: Path) -> None:
-    """The only camera and target, and the robot that carries the one that is carried; its mount stays as stated."""
+def test_existing_cell_provides_names_and_carrier(tmp_path: Path) -> None:
+    """The only camera and target, and the carrying robot, are used; a stated mount is kept."""
     mount = {"status": "fixed", "t_m": [0, 0, 0.1], "q_xyzw": [0, 0, 0, 1]}
     cell = cell_in(tmp_path, cameras={"wrist": {"on": "arm", "mount": mount}}, targets={"tag": {"on": "world"}})
     assert is_camera_on_robot(cell, None) is True
@@ -90,15 +93,15 @@ def test_a_cell_that_is_there_tells_names_and_arrangement(tmp_path: Path) -> Non
     assert is_camera_on_robot(cell, "other") is None
 
 
-def test_another_carrier_is_told(tmp_path: Path) -> None:
-    """Where cell.yaml has the camera on the world and the file on the robot, its line is named."""
+def test_contradicting_carrier_is_reported(tmp_path: Path) -> None:
+    """If cell.yaml has the camera on the world and the file on the robot, the line is reported."""
     cell = cell_in(tmp_path, cameras={"hall": {"on": "world"}}, targets={"tag": {"on": "arm"}})
     with pytest.raises(InputError, match=r"cell.yaml:\d+: cameras.hall.on: is world, but arm in the imported data"):
         brought(tmp_path, cell, recorded(True), Names("arm", "hall", "tag"))
 
 
-def test_the_other_arm_stands_still(tmp_path: Path) -> None:
-    """One arm carries the camera and the other the target: which of them moved, the user or the file says."""
+def test_stationary_second_arm_of_hand_eye(tmp_path: Path) -> None:
+    """One arm carries the camera and the other the target. The user or the file states which of them moved."""
     first = recorded(True)
     cell, _ = brought_by(tmp_path, first, Carriers("left", "right"), None)
     assert (cell.cameras["camera"].on, cell.targets["target"].on) == ("left", "right")
@@ -119,16 +122,16 @@ def brought_by(folder: Path, record: HandEyeRecord, carriers: Carriers, robot: s
     return done.cell, done.recording
 
 
-def test_several_of_a_kind_are_asked_for(tmp_path: Path) -> None:
-    """Two cameras, or two robots, need a name."""
+def test_choice_of_several_cameras_is_requested(tmp_path: Path) -> None:
+    """With two cameras, or two robots, a name is needed."""
     cell = cell_in(tmp_path, cameras={"a": {"on": "arm"}, "b": {"on": "arm"}}, targets={"t": {"on": "world"}})
     with pytest.raises(InputError, match=r"which camera\? --camera is one of: a, b"):
         chosen_names(cell, None, None, None, True)
     assert chosen_names(cell, None, "b", None, True) == Names("arm", "b", "t")
 
 
-def test_a_result_alone_has_no_samples() -> None:
-    """Nothing but what was found: no poses, images or sizes."""
+def test_hand_eye_result_has_no_samples() -> None:
+    """A result has no poses, images or sizes."""
     record = HandEyeRecord("a.calib", "a calibration", True)
     assert len(record.base_from_flange) == 0
     assert (record.camera_from_target, record.images, dict(record.lens)) == (None, (), {})
@@ -138,23 +141,26 @@ def test_a_result_alone_has_no_samples() -> None:
     (None, True, True), (Unknown(), True, True), (Unknown("free", POSES[1]), False, False),
     (Unknown("fixed", POSES[1]), False, False),
 ])  # fmt: skip
-def test_a_mount_of_which_nothing_is_known_is_guessed(unknown: Unknown | None, is_guessed: bool, is_open: bool) -> None:
-    """By the record's; what the cell states stays, and without an estimate only a new mount is open."""
+def test_unknown_mount_gets_guess(unknown: Unknown | None, is_guessed: bool, is_open: bool) -> None:
+    """The record's guess is used for an unknown mount; a stated one is kept.
+
+    Without an estimate only a new mount is open.
+    """
     assert ("guess" in _mount(unknown, POSES[0]).get("mount", {})) == is_guessed
     assert bool(_mount(unknown, POSES[0])) == is_open
     assert bool(_mount(unknown, None)) == (unknown is None)
 
 
-def test_the_carrier_of_one_of_two_cameras(tmp_path: Path) -> None:
-    """The camera that is named tells it; without a name, only what the user states counts."""
+def test_carrier_of_named_camera_is_used(tmp_path: Path) -> None:
+    """The named camera determines the carrier; without a name only the user's statement counts."""
     cell = cell_in(tmp_path, cameras={"a": {"on": "arm"}, "b": {"on": "world"}}, targets={"t": {"on": "world"}})
     assert [is_camera_on_robot(cell, name) for name in ("a", "b", None)] == [True, False, None]
     assert [is_camera_on_robot(cell, None, on) for on in ("robot", "world", "arm")] == [True, False, True]
     assert [is_camera_on_robot(cell, "b", "arm", robot) for robot in (None, "arm", "other")] == [True, True, False]
 
 
-def test_the_robot_is_the_one_that_carries(tmp_path: Path) -> None:
-    """Of two, that of the camera or of the target; things on the world leave it open."""
+def test_carrying_robot_is_chosen(tmp_path: Path) -> None:
+    """With two robots that of the camera or of the target is chosen; if they are on the world a choice is requested."""
     things = {"cameras": {"cam": {"on": "left"}}, "targets": {"tag": {"on": "right"}}}
     cell = cell_in(tmp_path, reference="left", robots={"left": {}, "right": {}}, **things)
     assert chosen_names(cell, None, None, None, True).robot == "left"
@@ -167,8 +173,8 @@ def test_the_robot_is_the_one_that_carries(tmp_path: Path) -> None:
         chosen_names(still, None, None, "tag", False)
 
 
-def test_the_shape_of_a_target_stays(tmp_path: Path) -> None:
-    """That of the file is taken for a target without one."""
+def test_shape_of_target_is_kept(tmp_path: Path) -> None:
+    """The file's shape is used only for a target without one."""
     shape = {"kind": "led"}
     cell = cell_in(tmp_path, cameras={"cam": {"on": "arm"}}, targets={"led": {"on": "world", "kind": "led"}})
     record = recorded(True, target=shape)
@@ -179,8 +185,8 @@ def test_the_shape_of_a_target_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("stated", "frame"), [({}, "camera_link"), ({"frame": "wrist_optical"}, "wrist_optical")])
-def test_the_frame_of_a_camera_is_added_but_not_replaced(tmp_path: Path, stated: dict[str, str], frame: str) -> None:
-    """A file's name for the camera's frame is used if the cell states none."""
+def test_camera_frame_is_added_not_replaced(tmp_path: Path, stated: dict[str, str], frame: str) -> None:
+    """The file's name for the camera's frame is used if the cell states none."""
     cell = cell_in(tmp_path, cameras={"wrist": {"on": "arm", **stated}}, targets={"tag": {"on": "world"}})
     names = chosen_names(cell, None, None, None, True)
     after, _ = brought(tmp_path, cell, recorded(True, camera_frame="camera_link"), names)

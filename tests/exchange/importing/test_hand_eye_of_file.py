@@ -1,4 +1,4 @@
-"""Hand-eye recordings, read for the cell in a folder."""
+"""Tests of hand-eye recordings read for the cell in a folder."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def recorded(on_robot: bool | None) -> HandEyeRecord:
 
 
 @pytest.mark.parametrize(("said", "camera"), [("robot", "eye"), ("world", "world")])
-def test_a_new_cell(tmp_path: Path, said: str, camera: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The camera is where the user says; the target is where it is not; all samples are there."""
+def test_hand_eye_file_becomes_cell(tmp_path: Path, said: str, camera: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The camera has the stated carrier, the target the other; all samples are imported."""
     asked = []
 
     def read(on_robot: bool | None) -> HandEyeRecord:
@@ -42,8 +42,8 @@ def test_a_new_cell(tmp_path: Path, said: str, camera: str, capsys: pytest.Captu
     assert "conventions are not determined by 3 views" in capsys.readouterr().out
 
 
-def test_a_cell_that_is_there_tells(tmp_path: Path) -> None:
-    """Nobody is asked what the cell says, and its names are taken."""
+def test_existing_cell_determines_carrier(tmp_path: Path) -> None:
+    """The carrier is taken from the cell without a request, and its names are used."""
     assert main(["new", str(tmp_path / "c"), "--robots", "1", "--target", "pose", "--names", "left"]) == 0
     asked = []
 

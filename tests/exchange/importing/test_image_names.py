@@ -1,4 +1,4 @@
-"""Names of images that come after their table."""
+"""Tests of names of images that are imported after their table."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from basecal.errors import DatasetError
 from basecal.exchange.importing.image_names import read_image_names, write_image_names
 
 
-def test_names_are_read_as_they_were_written(tmp_path: Path) -> None:
-    """A cell without them has none."""
+def test_image_names_round_trip(tmp_path: Path) -> None:
+    """A cell without stored names has none."""
     assert read_image_names(tmp_path) == {}
     write_image_names(tmp_path, {"IMG_1": 0, "größe 2": 7})
     assert read_image_names(tmp_path) == {"IMG_1": 0, "größe 2": 7}
@@ -20,8 +20,8 @@ def test_names_are_read_as_they_were_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ['{"samples_by_image": {"a": Infinity}}', '{"samples_by_image": 1}', "[" * 100_000, ""]
 )
-def test_damaged_names_of_images_are_said(text: str, tmp_path: Path) -> None:
-    """Names of an earlier table that are not as they were written are an error that says what to remove."""
+def test_damaged_image_names_are_reported(text: str, tmp_path: Path) -> None:
+    """Damaged names of an earlier table are an error that states what to remove."""
     write_image_names(tmp_path, {"a": 0})
     (tmp_path / "recording" / "image_names.json").write_text(text)
     with pytest.raises(DatasetError, match=r"image_names\.json: expected .* remove it and import the table again"):

@@ -1,4 +1,4 @@
-"""What an import read, as a noun."""
+"""Tests of the data that an import has read."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ BOTH = Cell("a", {"a": Robot("a"), "b": Robot("b")}, {}, {}, {})
 SEEN = Cell("a", BOTH.robots, {}, {"eye": CellCamera("eye", "a")}, {"tag": CellTarget("tag", "b")})
 
 
-def test_nothing_is_said_by_default() -> None:
-    """A row without keys is paired by order, and an import without a cell adds nothing to it."""
+def test_import_defaults_are_empty() -> None:
+    """A row without keys is paired by order, and an import without a cell adds no entries to it."""
     row, imported = Row(), Imported("a.csv", "poses")
     assert (row.image, row.sample, row.stamp_s) == (None, None, None)
     assert (imported.rows, dict(imported.cell), imported.new_cell) == ((), {}, None)
@@ -50,10 +50,8 @@ def test_nothing_is_said_by_default() -> None:
     ("name", "names", "usual", "chosen"),
     [("a", ("b", "c"), "", "a"), (None, ("b",), "d", "b"), (None, (), "d", "d")],
 )
-def test_the_given_name_then_the_only_one_then_the_usual_one(
-    name: str | None, names: tuple[str, ...], usual: str, chosen: str
-) -> None:
-    """In this order."""
+def test_name_choice_order(name: str | None, names: tuple[str, ...], usual: str, chosen: str) -> None:
+    """The given name is used, then the only one, then the usual one."""
     assert choose_name("camera", name, names, usual) == chosen
 
 
@@ -61,8 +59,8 @@ def test_the_given_name_then_the_only_one_then_the_usual_one(
     ("names", "usual", "said"),
     [(("b", "c"), "d", "which camera.*: b, c"), ((), "", "which camera.*: none in this cell: add a camera first")],
 )
-def test_a_name_that_is_not_clear_is_asked_for(names: tuple[str, ...], usual: str, said: str) -> None:
-    """Where there are several, or none where one must be."""
+def test_ambiguous_name_is_requested(names: tuple[str, ...], usual: str, said: str) -> None:
+    """A name is requested if there are several, or none though one is needed."""
     with pytest.raises(InputError, match=said):
         choose_name("camera", None, names, usual)
 
@@ -79,8 +77,8 @@ def test_a_name_that_is_not_clear_is_asked_for(names: tuple[str, ...], usual: st
         (ONE, "new", "arm2", "arm2"),
     ],
 )
-def test_what_carries_a_camera(cell: KnownCell, name: str, stated: str | None, carrier: str) -> None:
-    """As the cell has it, as stated, or its only robot; a robot may be new."""
+def test_camera_carrier_choice(cell: KnownCell, name: str, stated: str | None, carrier: str) -> None:
+    """The carrier is that of the cell, the stated one, or the only robot; a robot may be new."""
     assert choose_carrier(cell, "camera", name, stated) == carrier
 
 
@@ -98,14 +96,14 @@ def test_what_carries_a_camera(cell: KnownCell, name: str, stated: str | None, c
         (NO_CELL, "eye", "world", "camera 'eye' on the world needs a robot, and there is no cell.yaml"),
     ],
 )
-def test_a_carrier_that_is_not_clear_is_asked_for(cell: KnownCell, name: str, stated: str | None, said: str) -> None:
-    """It contradicts the cell, or is missing."""
+def test_unclear_carrier_is_requested(cell: KnownCell, name: str, stated: str | None, said: str) -> None:
+    """A carrier that contradicts the cell, or is missing, is an error."""
     with pytest.raises(InputError, match=said):
         choose_carrier(cell, "camera", name, stated, may_be_world=False)
 
 
-def test_a_misspelt_robot_or_world_is_told() -> None:
-    """A new name of a robot passes."""
+def test_misspelt_robot_or_world_is_reported() -> None:
+    """A new name of a robot is accepted."""
     check_robot(TWO, "third")
     with pytest.raises(InputError, match="did you mean 'world'"):
         check_robot(TWO, "wrold")
@@ -113,8 +111,8 @@ def test_a_misspelt_robot_or_world_is_told() -> None:
         check_robot(TWO, "lfet")
 
 
-def test_sections_of_what_is_new() -> None:
-    """With the robot that carries it, which may be new as well."""
+def test_new_entries_include_their_robot() -> None:
+    """The entry includes the carrying robot, which may be new as well."""
     camera = {"cameras": {"eye": {"on": "arm", "model": "pinhole"}}}
     assert carried_entry("cameras", "eye", "arm", model="pinhole") == {"robots": {"arm": {}}, **camera}
     assert carried_entry("targets", "tag", "world") == {"targets": {"tag": {"on": "world"}}}
@@ -130,13 +128,15 @@ def test_sections_of_what_is_new() -> None:
         (BOTH, ViewNames("eye", "tag", "world", "b"), ("world", "b")),
     ],
 )
-def test_carriers_of_what_is_seen(cell: KnownCell, sight: ViewNames, carriers: tuple[str, str]) -> None:
+def test_camera_and_target_carriers_of_view(cell: KnownCell, sight: ViewNames, carriers: tuple[str, str]) -> None:
+    """Camera and target get the stated carriers, or the robot and the world."""
     entry = view_entry(cell, sight)
     assert (entry["cameras"]["eye"]["on"], entry["targets"]["tag"]["on"]) == carriers
     assert set(entry["robots"]) == set(carriers) - {"world"}
 
 
-def test_what_the_cell_says_stays() -> None:
+def test_existing_camera_entry_is_kept() -> None:
+    """A camera of the cell keeps its entry."""
     assert view_entry(SEEN, ViewNames("eye", "tag"))["cameras"] == {"eye": {}}
 
 
@@ -151,12 +151,14 @@ def test_what_the_cell_says_stays() -> None:
         (ONE, ViewNames("eye", "tag", "arm", "arm"), "both on 'arm'"),
     ],
 )
-def test_what_is_not_clear_is_an_error(cell: KnownCell, sight: ViewNames, said: str) -> None:
+def test_unclear_view_carriers_are_refused(cell: KnownCell, sight: ViewNames, said: str) -> None:
+    """Missing, contradicting and equal carriers are errors."""
     with pytest.raises(InputError, match=said):
         view_entry(cell, sight)
 
 
-def test_each_row_gets_its_view() -> None:
+def test_each_row_gets_target_pose() -> None:
+    """Each row keeps its time and gets the pose of the target."""
     poses = SE3.exp(np.random.default_rng(0).normal(0, 0.3, (2, 6)))
     found = add_target_poses((Row(stamp_s=1.0), Row(stamp_s=2.0)), poses, ViewNames("eye", "tag"))
     assert [row.stamp_s for row in found] == [1.0, 2.0]
@@ -165,8 +167,8 @@ def test_each_row_gets_its_view() -> None:
     np.testing.assert_array_equal(view.camera_from_target.matrix, poses[1].matrix)
 
 
-def test_a_cell_that_may_be_there(tmp_path: Path) -> None:
-    """None before it is made, and no samples before they are recorded."""
+def test_missing_cell_and_recording_are_empty(tmp_path: Path) -> None:
+    """There is no cell before it is made, and no samples before they are recorded."""
     assert known_cell(tmp_path / "c") is NO_CELL
     main(["new", str(tmp_path / "c"), "--names", "left"])
     cell = known_cell(tmp_path / "c")
@@ -177,8 +179,8 @@ def test_a_cell_that_may_be_there(tmp_path: Path) -> None:
     assert recorded_samples(tmp_path / "c", cell) == ()
 
 
-def test_samples_that_are_recorded(tmp_path: Path) -> None:
-    """All of them."""
+def test_recorded_samples_are_read(tmp_path: Path) -> None:
+    """All recorded samples are returned."""
     main(["simulate", str(tmp_path / "c"), "--samples", "3"])
     cell = known_cell(tmp_path / "c")
     assert cell is not None
@@ -193,8 +195,8 @@ def test_samples_that_are_recorded(tmp_path: Path) -> None:
         ({"observations": [{"camera": "camera", "target": "target", "ids": [0], "pixels": [[1, 2]]}]}, False),
     ],
 )
-def test_a_size_is_open_until_something_was_seen(tmp_path: Path, seen: dict[str, object], is_open: bool) -> None:
-    """An image and an observation of the camera both rest on it."""
+def test_image_size_is_replaceable_until_recorded(tmp_path: Path, seen: dict[str, object], is_open: bool) -> None:
+    """An image, and an observation of the camera, both depend on the size."""
     main(["new", str(tmp_path), "--names", "left"])
     cell = known_cell(tmp_path)
     assert cell is not None

@@ -1,4 +1,4 @@
-"""Lenses and targets of files as what is brought into a cell."""
+"""Tests of lenses and targets of files, imported into a cell."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def brought(folder: Path, imported: Imported) -> Cell:
     return add_to_cell(folder, imported, lambda cell, recording: ()).cell
 
 
-def test_a_new_cell_has_the_camera_on_a_robot(tmp_path: Path) -> None:
-    """Without a cell one is made, whose robot carries the camera; beside a robot there must be one first."""
+def test_new_cell_has_camera_on_robot(tmp_path: Path) -> None:
+    """Without a cell one is made, whose robot carries the camera; a camera on the world needs a robot first."""
     cell = brought(tmp_path, lens_of_file(tmp_path, LENS, "a.yaml", "wrist", "left", "fixed"))
     assert (cell.reference, cell.cameras["wrist"].on) == ("left", "left")
     lens = cell.cameras["wrist"].intrinsics
@@ -56,8 +56,8 @@ def test_a_new_cell_has_the_camera_on_a_robot(tmp_path: Path) -> None:
         lens_of_file(tmp_path / "other", LENS, "a.yaml", "hall", "world", "fixed")
 
 
-def test_what_stood_there_is_replaced_and_the_rest_stays(tmp_path: Path) -> None:
-    """Model and intrinsics of the camera are the file's; its mount and carrier are not touched."""
+def test_lens_is_replaced_and_mount_kept(tmp_path: Path) -> None:
+    """Model and intrinsics of the camera are the file's; its mount and carrier are unchanged."""
     cell_in(tmp_path, cameras={"wrist": {**ON_ARM, "size_px": [640, 480], "intrinsics": {"status": "free"}}})
     imported = lens_of_file(tmp_path, LENS, "a.yaml", None, None, "free", mount=SE3.identity())
     after = brought(tmp_path, imported)
@@ -69,15 +69,15 @@ def test_what_stood_there_is_replaced_and_the_rest_stays(tmp_path: Path) -> None
     np.testing.assert_array_equal(after.cameras["wrist"].mount.mean.translation, [0.1, 0, 0])
 
 
-def test_another_size_is_told(tmp_path: Path) -> None:
-    """With both sizes and the camera."""
+def test_other_image_size_is_reported(tmp_path: Path) -> None:
+    """The error has both sizes and the camera."""
     cell_in(tmp_path, cameras={"wrist": {**ON_ARM, "size_px": [1280, 960], "intrinsics": {"status": "free"}}})
     with pytest.raises(InputError, match=r"a.yaml is of 640 x 480 px, camera 'wrist' in cell.yaml has 1280 x 960"):
         lens_of_file(tmp_path, LENS, "a.yaml", "wrist", None, "fixed")
 
 
-def test_which_camera(tmp_path: Path) -> None:
-    """The only one, or the one that is named; a new one needs to be told what carries it."""
+def test_camera_for_lens_is_chosen(tmp_path: Path) -> None:
+    """The only or the named camera gets the lens; a new one needs a carrier."""
     cell_in(tmp_path, cameras={"a": ON_ARM, "b": ON_ARM}, robots={"arm": {}, "other": {}})
     with pytest.raises(InputError, match=r"which camera\? --camera is one of: a, b"):
         lens_of_file(tmp_path, LENS, "a.yaml", None, None, "fixed")
@@ -88,8 +88,8 @@ def test_which_camera(tmp_path: Path) -> None:
     assert lens_of_file(tmp_path, LENS, "a.yaml", "only", None, "fixed").cell["cameras"]["only"]["on"] == "arm"
 
 
-def test_a_chain_of_cameras_gives_a_guess(tmp_path: Path) -> None:
-    """Where the camera before it is known, carrier_from_camera = carrier_from_previous @ previous_from_camera."""
+def test_camera_chain_gives_mount_guess(tmp_path: Path) -> None:
+    """If the previous camera is known, carrier_from_camera = carrier_from_previous @ previous_from_camera."""
     cell = cell_in(tmp_path, cameras={"cam0": ON_ARM, "cam1": {"on": "arm"}})
     camera_from_previous = SE3.from_rotvec([0, 0, np.pi / 2], [-0.11, 0, 0])
     first = StatedLens(LENS.camera, "a lens", "cam0")
@@ -106,8 +106,11 @@ def test_a_chain_of_cameras_gives_a_guess(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("stated", "on", "is_guessed"), [(None, "world", True), ("arm", "arm", False)])
-def test_a_guess_is_in_the_frame_of_its_carrier(tmp_path: Path, stated: str | None, on: str, is_guessed: bool) -> None:
-    """A camera of a chain on the world is on the world, too; on the arm its pose in the world is none."""
+def test_mount_guess_is_in_carrier_frame(tmp_path: Path, stated: str | None, on: str, is_guessed: bool) -> None:
+    """A camera of a chain on the world is on the world, too.
+
+    For a camera on the arm its pose in the world is no guess.
+    """
     cell_in(tmp_path)
     imported = lens_of_file(tmp_path, LENS, "a.yaml", "cam1", stated, "fixed", SE3.identity(), "world")
     camera = brought(tmp_path, imported).cameras["cam1"]
@@ -116,8 +119,8 @@ def test_a_guess_is_in_the_frame_of_its_carrier(tmp_path: Path, stated: str | No
     assert "mount" not in again.cell["cameras"]["cam1"]
 
 
-def test_targets(tmp_path: Path) -> None:
-    """A description completes the only target, or makes one where it is told what carries it."""
+def test_target_description_is_imported(tmp_path: Path) -> None:
+    """A description completes the only target, or makes one if its carrier is given."""
     board = {"kind": "chessboard", "corners": [6, 7], "square_m": 0.06}
     with pytest.raises(InputError, match=r"there is no cell.yaml to put the target of t.yaml into"):
         imported_target(NO_CELL, board, "t.yaml", None, None)
@@ -131,13 +134,13 @@ def test_targets(tmp_path: Path) -> None:
     assert brought(tmp_path, imported_target(after, board, "t.yaml", None, None)).targets.keys() == {"board"}
 
 
-def test_terms_are_those_of_the_lenses_there_are() -> None:
-    """The numbers of terms that are read are those that a pinhole may have."""
+def test_accepted_term_counts_match_lenses() -> None:
+    """The accepted numbers of terms are those of the pinhole lenses."""
     assert tuple(sorted({count for lens in model_lenses("pinhole") for count in lens.TERMS})) == OPENCV_TERMS
 
 
-def test_a_sensor_that_is_not_tilted_needs_no_tilt() -> None:
-    """Fourteen terms whose last two are zero are twelve; others, and odd numbers of them, are refused."""
+def test_zero_tilt_terms_are_dropped() -> None:
+    """Fourteen terms whose last two are zero become twelve; nonzero tilt and other counts are refused."""
     assert opencv_terms(HERE, [0.1] * 12 + [0.0, 0.0]) == [0.1] * 12
     with pytest.raises(DatasetError, match=r"a.yaml:1: k: the last two of 14 terms tilt the sensor"):
         opencv_terms(HERE, [0.1] * 14)
@@ -153,14 +156,17 @@ def test_a_sensor_that_is_not_tilted_needs_no_tilt() -> None:
         ([500, 1, 320, 0, 500, 240, 0, 0, 1], "a skew of 1 px"),
     ],
 )
-def test_no_camera_matrix_is_told(matrix: list[float], message: str) -> None:
-    """Zeros, as ROS has them of cameras that are not calibrated; columns for rows; a skew."""
+def test_invalid_camera_matrices_are_reported(matrix: list[float], message: str) -> None:
+    """Zeros as in ROS for uncalibrated cameras, a transposed matrix, and a skew are errors."""
     with pytest.raises(DatasetError, match=message):
         matrix_parameters(HERE, [float(value) for value in matrix])
 
 
-def test_a_lens_as_the_cell_has_it() -> None:
-    """Model, size, status, focal lengths, centre and terms; no lens is told at its place."""
+def test_camera_entry_of_lens() -> None:
+    """The entry has model, size, status, focal lengths, centre and terms.
+
+    An invalid lens is reported with its place.
+    """
     camera = make_camera(HERE, "pinhole", [500, 501, 320, 240, 0.1, 0, 0, 0], (640, 480))
     assert camera_entry(camera, "fixed") == {
         "model": "pinhole",
@@ -171,8 +177,8 @@ def test_a_lens_as_the_cell_has_it() -> None:
         make_camera(HERE, "pinhole", [-500, 500, 320, 240], None)
 
 
-def test_a_guess_that_is_there_stays(tmp_path: Path) -> None:
-    """A free mount without a guess gets the one of the file."""
+def test_existing_guess_is_kept(tmp_path: Path) -> None:
+    """A free mount without a guess gets the file's."""
     guess = {"status": "free", "guess": {"t_m": [0.2, 0, 0], "q_xyzw": [0, 0, 0, 1]}}
     for mount, x in (({"status": "free"}, 0.5), (guess, 0.2)):
         cell_in(tmp_path, cameras={"wrist": {"on": "arm", "mount": mount}})
@@ -184,7 +190,7 @@ def test_a_guess_that_is_there_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("size", "is_other"), [((640, 480), False), ((640, 360), True), ((320, 480), True)])
-def test_images_have_the_size_of_the_lens(tmp_path: Path, size: tuple[int, int], is_other: bool) -> None:
+def test_recorded_image_size_must_match_lens(tmp_path: Path, size: tuple[int, int], is_other: bool) -> None:
     """The first recorded image of the camera is compared."""
     cell_in(tmp_path, cameras={"wrist": {"on": "arm"}, "hall": {"on": "world"}})
     for name, pixels in (("wrist", size), ("hall", (8, 6))):

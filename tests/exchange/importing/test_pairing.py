@@ -1,4 +1,4 @@
-"""Which sample a row belongs to."""
+"""Tests of pairing rows with samples."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ def rows(*each: Row, by: PairingMethod | None = None) -> Imported:
     return Imported("table.csv", "rows", each, by=by)
 
 
-def test_first_rows_make_samples() -> None:
-    """Where nothing is recorded rows are numbered from 0, or as they say."""
+def test_first_rows_become_samples() -> None:
+    """Without a recording rows are numbered from 0, or by their own numbers."""
     assert pair(rows(Row(), Row()), [], {}).numbers == (0, 1)
     assert pair(rows(Row(sample=4), Row(sample=9)), [], {}).numbers == (4, 9)
 
 
-def test_by_order() -> None:
-    """As many rows as samples belong together in order; other counts are an error that names both."""
+def test_rows_pair_in_order() -> None:
+    """Equal counts of rows and samples are paired in order; other counts are an error with both."""
     assert pair(rows(Row(), Row(), Row()), IMAGES, {}).numbers == (0, 1, 2)
     with pytest.raises(InputError, match=r"table.csv holds 2, the recording has 3 samples"):
         pair(rows(Row(), Row()), IMAGES, {})
 
 
-def test_by_name() -> None:
-    """The name of an image says which, with or without folder and ending; what belongs to none is told."""
+def test_rows_pair_by_image_name() -> None:
+    """The image name decides, with or without folder and ending; unpaired rows and samples are reported."""
     paired = pair(rows(Row(image="IMG_2.png"), Row(image="x/IMG_0"), Row(image="IMG_7.png")), IMAGES, {})
     assert (paired.by, paired.numbers) == ("image", (2, 0, None))
     assert paired.unpaired_rows == ("IMG_7.png",)
     assert paired.unpaired_samples == (1,)
 
 
-def test_names_of_which_none_is_known_make_samples() -> None:
-    """A table, or a folder asked to go by name, tells of other images; a folder by itself goes in order."""
+def test_unknown_image_names_become_samples() -> None:
+    """A table, or a folder paired by name, with other images makes new samples; a folder alone is paired in order."""
     others = [Row(image="a.png"), Row(image="b.png"), Row(image="c.png")]
     assert pair(rows(*others), IMAGES, {}).numbers == (3, 4, 5)
     folder = [Row(images={"two": Path(row.image or "")}, image=row.image) for row in others]
@@ -54,14 +54,14 @@ def test_names_of_which_none_is_known_make_samples() -> None:
         pair(rows(*folder, by="image"), [Sample(0), Sample(1), Sample(2)], {})
 
 
-def test_by_names_of_an_earlier_table() -> None:
-    """Images belong to the samples whose rows named them before."""
+def test_images_pair_by_names_of_earlier_table() -> None:
+    """Images are paired with the samples whose rows named them before."""
     paired = pair(rows(Row(image="b.png"), Row(image="a.png")), [Sample(0), Sample(1)], {"a": 0, "b": 1})
     assert paired.numbers == (1, 0)
 
 
-def test_by_time() -> None:
-    """The nearest in time belong together, up to half a period of a slow camera; others are told."""
+def test_rows_pair_by_nearest_time() -> None:
+    """The nearest in time are paired, up to half a period of a slow camera; others are reported."""
     paired = pair(rows(Row(stamp_s=12.01), Row(stamp_s=9.97), Row(stamp_s=11.4)), TIMED, {})
     assert (paired.by, paired.numbers) == ("stamp_s", (2, 0, None))
     assert paired.unpaired_rows == ("row 3 (11.400 s)",)
@@ -69,27 +69,27 @@ def test_by_time() -> None:
         pair(rows(Row(stamp_s=1e9)), TIMED, {})
 
 
-def test_samples_without_a_time_are_left_out() -> None:
-    """Rows paired by time belong to the samples that have one; without any the message says so."""
+def test_samples_without_time_are_left_out() -> None:
+    """Rows paired by time use only timed samples; without any the message says so."""
     paired = pair(rows(Row(stamp_s=11.0), Row(stamp_s=12.0), by="stamp_s"), [Sample(7), *TIMED], {})
     assert (paired.numbers, paired.unpaired_samples) == ((1, 2), (7, 0))
     with pytest.raises(InputError, match="no recorded sample has a time to pair by"):
         pair(rows(Row(stamp_s=11.0), by="stamp_s"), [Sample(7)], {})
 
 
-def test_a_sample_twice_is_an_error() -> None:
-    """Two rows of one sample are named."""
+def test_two_rows_of_one_sample_are_refused() -> None:
+    """The error names both rows."""
     with pytest.raises(InputError, match=r"two rows belong to sample 1 \(IMG_1.png, IMG_1\)"):
         pair(rows(Row(image="IMG_1.png"), Row(image="IMG_1")), IMAGES, {})
 
 
-def test_asked_for() -> None:
-    """What is asked for wins over what the rows would say."""
+def test_requested_pairing_method_wins() -> None:
+    """The requested method takes precedence over the keys of the rows."""
     assert pair(rows(*[Row(image="IMG_2")] * 3, by="order"), IMAGES, {}).numbers == (0, 1, 2)
 
 
-def test_streams_get_lines_of_their_own() -> None:
-    """Numbers go on after those that are recorded; what is recorded is not recorded beside itself."""
+def test_streams_get_new_lines() -> None:
+    """Numbers continue after the recorded ones; a recorded robot is not recorded again at the same times."""
     samples = [Sample(7, 1.0, {"a": RobotState(SE3.identity())})]
     new = Imported("b.csv", "", (Row({"b": RobotState(SE3.identity())}, stamp_s=1.0),) * 2, is_stream=True)
     assert pair(new, samples, {}).numbers == (8, 9)
@@ -105,8 +105,8 @@ def later(imported: Imported, stamp_s: float) -> Imported:
     return replace(imported, rows=tuple(replace(row, stamp_s=stamp_s) for row in imported.rows))
 
 
-def test_a_session_makes_samples_of_its_own() -> None:
-    """Of any length; what comes next is paired with its samples, which do not hold it yet."""
+def test_session_makes_new_samples() -> None:
+    """A session has any length, and later rows are paired with those of its samples that lack them."""
     first = [Sample(n, None, {"a": at(n), "b": at(n)}) for n in range(3)]
     day_two = rows(*[Row({"a": at(n)}) for n in (7, 8)])
     with pytest.raises(InputError, match="robot 'a' is recorded already: add --session for other samples"):
@@ -116,8 +116,8 @@ def test_a_session_makes_samples_of_its_own() -> None:
     assert pair(rows(Row({"b": at(5)}), Row({"b": at(6)})), both, {}).numbers == (3, 4)
 
 
-def test_whole_rows_need_no_pairing() -> None:
-    """Rows of a robot and what a camera saw are a session by themselves, unless they are recorded already."""
+def test_complete_rows_need_no_pairing() -> None:
+    """Rows with a robot and a view form a session of their own, unless they are recorded already."""
     seen = PoseObservation("cam", "tag", SE3.identity())
     first = [Sample(n, None, {"a": at(n)}, (seen,)) for n in range(3)]
     assert pair(rows(*[Row({"b": at(n)}, (seen,)) for n in range(2)]), first, {}).numbers == (3, 4)
@@ -128,8 +128,8 @@ def test_whole_rows_need_no_pairing() -> None:
         pair(replace(again, is_session=True), first, {})
 
 
-def test_another_camera_of_the_same_poses_joins_its_samples() -> None:
-    """A robot that is where it was recorded is not recorded beside itself."""
+def test_second_camera_with_equal_poses_joins_samples() -> None:
+    """A robot at its recorded poses is not recorded again."""
     first = [Sample(n, None, {"a": at(n)}, (PoseObservation("one", "tag", SE3.identity()),)) for n in range(3)]
     second = PoseObservation("two", "tag", SE3.identity())
     assert pair(rows(*[Row({"a": at(n)}, (second,)) for n in range(3)]), first, {}).numbers == (0, 1, 2)
@@ -139,8 +139,8 @@ def at(place: float) -> RobotState:
     return RobotState(SE3.from_rotvec([0, 0, 0.1 * place], [0.1 * place, 0, 0.4]))
 
 
-def test_images_of_a_new_camera_are_of_the_samples_of_its_robot() -> None:
-    """Two arms that were recorded apart, three samples and two: a count that is of neither is an error as before."""
+def test_images_pair_with_samples_of_camera_robot() -> None:
+    """Two arms were recorded separately with three and two samples; a count that matches neither is an error."""
     apart = [Sample(n, None, {"left" if n < 3 else "right": at(0.1 * n)}) for n in range(5)]
 
     def folder(count: int) -> Imported:
@@ -156,14 +156,14 @@ def test_images_of_a_new_camera_are_of_the_samples_of_its_robot() -> None:
 
 
 @pytest.mark.parametrize(("off_s", "number"), [(0.0625, None), (0.05, 1), (-0.05, 1), (0.0, 1)])
-def test_times_are_near_within_half_a_period(off_s: float, number: int | None) -> None:
-    """Of ten images a second; either way."""
+def test_times_match_within_half_period(off_s: float, number: int | None) -> None:
+    """The tolerance is half a period of ten images per second, in either direction."""
     samples = [Sample(1, 0.0), Sample(2, 50.0)]
     assert pair(rows(Row(stamp_s=off_s), Row(stamp_s=50.0)), samples, {}).numbers == (number, 2)
 
 
-def test_of_two_rows_near_a_sample_the_nearer_is_its_own() -> None:
-    """The other belongs to none, though no other sample is nearer."""
+def test_nearer_of_two_rows_is_paired() -> None:
+    """The other row is unpaired, though no other sample is nearer."""
     found = pair(rows(Row(stamp_s=11.03), Row(stamp_s=11.01), Row(stamp_s=10.02)), TIMED, {})
     assert found.numbers == (None, 1, 0)
     assert found.unpaired_rows == ("row 1 (11.030 s)",)
@@ -173,16 +173,16 @@ def test_of_two_rows_near_a_sample_the_nearer_is_its_own() -> None:
 @pytest.mark.parametrize(
     ("rows_timed", "samples_timed", "by"), [(True, True, "stamp_s"), (False, True, "order"), (True, False, "order")]
 )
-def test_times_pair_where_all_have_them(rows_timed: bool, samples_timed: bool, by: str) -> None:
-    """One row or sample without a time makes it the order."""
+def test_times_pair_only_if_all_are_timed(rows_timed: bool, samples_timed: bool, by: str) -> None:
+    """One row or sample without a time makes it pairing by order."""
     samples = [*TIMED[:2], TIMED[2] if samples_timed else Sample(2)]
     made = rows(Row(stamp_s=10.0), Row(stamp_s=11.0), Row(stamp_s=12.0 if rows_timed else None))
     found = pair(made, samples, {})
     assert (found.by, found.numbers) == (by, (0, 1, 2))
 
 
-def test_numbers_say_which() -> None:
-    """Where all rows have one, new ones too; with one missing it is the order."""
+def test_rows_pair_by_sample_number() -> None:
+    """Numbers pair if all rows have one, including new ones; with one missing the order counts."""
     found = pair(rows(Row(sample=2), Row(sample=0), Row(sample=7)), IMAGES, {})
     assert (found.by, found.numbers, found.unpaired_samples) == ("sample", (2, 0, 7), (1,))
     found = pair(rows(Row(sample=2), Row(sample=0), Row()), IMAGES, {})
@@ -191,14 +191,14 @@ def test_numbers_say_which() -> None:
     assert pair(rows(Row({"a": at(0)}, sample=0)), full, {}, replace=True).numbers == (0,)
 
 
-def test_names_are_compared_without_folders_and_endings() -> None:
-    """Of both kinds of slash."""
+def test_image_names_ignore_folder_and_ending() -> None:
+    """Both kinds of slash are recognised."""
     assert [plain_name(name) for name in ("a/b.c.png", "a\\b.PNG", "b", ".b")] == ["b.c", "b", "b", ".b"]
 
 
 @pytest.mark.parametrize(("off", "is_same"), [(0.9e-9, True), (-1.1e-9, False)])
 def test_states_are_equal_within_rounding(off: float, is_same: bool) -> None:
-    """Of joints or of poses, of one kind alone; a larger tolerance may be given."""
+    """Joint states or poses of the same kind are compared; a larger tolerance may be given."""
     one, other = (RobotState(joints_rad=np.array([1.0, 2.0 + each])) for each in (0.0, off))
     assert is_same_state(one, other) == is_same
     assert is_same_state(one, other, 1e-6)
@@ -211,8 +211,8 @@ def test_states_are_equal_within_rounding(off: float, is_same: bool) -> None:
     ("begin_s", "end_s", "is_apart"),
     [(2.5, 3.0, True), (2.0, 3.0, False), (-1.0, 0.0, False), (-1.0, -0.5, True), (0.5, 0.6, False)],
 )
-def test_streams_join_where_times_are_apart(begin_s: float, end_s: float, is_apart: bool) -> None:
-    """Before or after what is recorded, not touching it."""
+def test_streams_need_separate_times(begin_s: float, end_s: float, is_apart: bool) -> None:
+    """A stream must lie before or after the recording, without touching it."""
     state = {"a": RobotState(SE3.identity())}
     recorded = [Sample(0, 0.0, state), Sample(1, 2.0, state)]
     stream = Imported(
@@ -225,8 +225,8 @@ def test_streams_join_where_times_are_apart(begin_s: float, end_s: float, is_apa
             pair(stream, recorded, {})
 
 
-def test_a_session_of_which_one_row_is_new_is_one() -> None:
-    """Copies are refused where all rows are; of other robots, other views and moved arms none is."""
+def test_session_with_one_new_row_is_accepted() -> None:
+    """Copies are refused only if all rows are copies; other robots, other views and moved arms are new."""
     seen, other = (PoseObservation(camera, "tag", SE3.identity()) for camera in ("one", "two"))
     recorded = [Sample(n, None, {"a": at(n), "b": at(n)}, (seen,)) for n in range(2)]
 
@@ -242,8 +242,8 @@ def test_a_session_of_which_one_row_is_new_is_one() -> None:
         session({"a": at(1)}, {"a": at(0), "b": at(0)})
 
 
-def test_the_method_of_pairing_follows_from_what_rows_have() -> None:
-    """Images by name if any name is known, tables by name, then samples, then times, then the order."""
+def test_pairing_method_follows_row_keys() -> None:
+    """Images pair by name if any is known, tables by name, then by sample, by time, and by order."""
     path, timed = Path("a.png"), Sample(0, 1.0)
     table, folder = Row(image="a.png", sample=1, stamp_s=1.0), Row(image="a.png", images={"cam": path})
     other = Row(image="b.png", images={"cam": path})

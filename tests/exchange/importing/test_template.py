@@ -1,4 +1,4 @@
-"""The text of new cells."""
+"""Tests of the text of new cells."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ def read(text):
 
 
 @pytest.mark.parametrize("robots", [1, 2, 4])
-def test_names_of_robots(robots):
-    """The eye carries the first camera, the hand the first target, the others are numbered on."""
+def test_template_robot_names(robots):
+    """The eye carries the first camera, the hand the first target, and the others are numbered."""
     assert robot_names(robots) == ["eye", "hand", "arm3", "arm4"][:robots]
 
 
 @pytest.mark.parametrize("kind", [*TARGETS, "pose"])
-def test_each_camera_sees_what_the_next_robot_carries(kind):
-    """Of three robots two pairs; the bases of all but the first are asked for."""
+def test_each_camera_sees_target_of_next_robot(kind):
+    """Three robots form two pairs; the bases of all but the first are requested."""
     cell = read(cell_text(3, kind))
     assert cell.reference == "eye"
     assert {name: camera.on for name, camera in cell.cameras.items()} == {"camera": "eye", "camera2": "hand"}
@@ -37,16 +37,16 @@ def test_each_camera_sees_what_the_next_robot_carries(kind):
     ("on_world", "robot", "camera_on", "target_on"),
     [(False, "eye", "eye", "world"), (True, "hand", "world", "hand")],
 )
-def test_a_single_robot_carries_the_one_or_the_other(on_world, robot, camera_on, target_on):
-    """The other stands on the world."""
+def test_single_robot_carries_camera_or_target(on_world, robot, camera_on, target_on):
+    """The other one is on the world."""
     cell = read(cell_text(1, "charuco", camera_on_world=on_world))
     assert list(cell.robots) == [robot]
     assert cell.cameras["camera"].on == camera_on
     assert cell.targets["target"].on == target_on
 
 
-def test_a_light_needs_a_lens_that_is_known():
-    """A board determines the lens, a single light does not; given poses nothing is said of pixels."""
+def test_led_needs_known_lens():
+    """A board determines the lens, a single LED does not; a cell of poses has no pixel noise."""
     assert read(cell_text(2, "charuco")).cameras["camera"].intrinsics.status == "free"
     light = cell_text(2, "led")
     assert read(light).cameras["camera"].intrinsics.status == "fixed"
@@ -58,15 +58,18 @@ def test_a_light_needs_a_lens_that_is_known():
 
 
 @pytest.mark.parametrize("robots", [1, 3])
-def test_no_line_ends_with_a_blank(robots):
-    """Nor is any a tab wide."""
+def test_template_has_no_trailing_blanks(robots):
+    """No line ends with a blank, and no line has a tab."""
     text = cell_text(robots, "charuco")
     assert all(line == line.rstrip() for line in text.splitlines())
     assert "\t" not in text
 
 
-def test_comments_name_the_transforms_that_are_requested():
-    """Mounts by their carrier, with the reference's base for the world; bases of all robots but the first."""
+def test_template_comments_name_requested_transforms():
+    """Mounts are named by their carrier, or by the reference's base if they are on the world.
+
+    All robots but the first have a base.
+    """
     text = cell_text(3, "charuco")
     assert [word for line in text.splitlines() for word in re.findall(r"# (\w+_from_\w+)\b", line)] == [
         "eye_base_from_hand_base", "eye_base_from_arm3_base", "eye_flange_from_camera", "hand_flange_from_camera2",
@@ -79,8 +82,8 @@ def test_comments_name_the_transforms_that_are_requested():
 
 
 @pytest.mark.parametrize("robots", [["left", "right"], ["left"]])
-def test_robots_may_have_names(robots):
-    """The first is the reference, and the only line of robots with the comment about noise."""
+def test_template_accepts_robot_names(robots):
+    """The first robot is the reference, and the only line with the comment about noise."""
     text = cell_text(robots, "charuco")
     cell = read(text)
     assert (cell.reference, list(cell.robots)) == ("left", robots)
@@ -90,8 +93,8 @@ def test_robots_may_have_names(robots):
     assert "optional: {noise" in next(line for line in text.splitlines() if line.startswith("  left: {}"))
 
 
-def test_targets_have_the_shape_that_is_given():
-    """All of them, marked apart; comments of the example are for the example alone."""
+def test_template_targets_have_given_shape():
+    """All targets have the shape with different markers; comments of the example are omitted."""
     shape = {"kind": "charuco", "squares": [4, 6], "square_m": 0.05, "marker_m": 0.03, "dictionary": "DICT_4X4_50"}
     given, example = cell_text(3, "charuco", shape=shape), cell_text(3, "charuco")
     targets = parse_yaml(given, "text").data["targets"]
@@ -100,8 +103,8 @@ def test_targets_have_the_shape_that_is_given():
     assert [text.count("columns, rows of squares") for text in (given, example)] == [0, 1]
 
 
-def test_fields_are_written_as_people_write_them():
-    """Text without quotes, lists and yes or no as YAML has them."""
+def test_template_fields_are_plain_yaml():
+    """Text has no quotes; lists and booleans are in YAML notation."""
     shape = {"kind": "charuco", "squares": [4, 6], "square_m": 0.05, "marker_m": 0.03, "dictionary": "DICT_4X4_50"}
     text = cell_text(1, "charuco", shape={**shape, "legacy_pattern": True})
     for line in (

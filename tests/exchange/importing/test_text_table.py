@@ -1,4 +1,4 @@
-"""Tables as people paste them."""
+"""Tests of text tables as users paste them."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ def values(text: str) -> list[list[float]]:
         "// x was low\n// z y x\n-30 2 0.1\n",
     ],
 )
-def test_one_row_however_it_is_written(text: str) -> None:
-    """Separators, decimal commas, headers, brackets and names in front of numbers all give the same row."""
+def test_row_notations_are_equivalent(text: str) -> None:
+    """Separators, decimal commas, headers, brackets and names before numbers all give the same row."""
     assert values(text) == [[0.1, 2, -30]]
 
 
-def test_a_image_in_front_needs_no_header() -> None:
-    """A first cell that ends as an image does names it, before a pose in brackets too."""
+def test_leading_image_name_needs_no_header() -> None:
+    """A first cell with an image's ending is the image name, also before a pose in brackets."""
     for line in ("a.png,1,2,3\n", "a.png;1;2;3\n", "a.png, p[1,2,3]\n", "a.png [1, 2, 3]\n"):
         (row,) = read_text_table(line, "t.csv", NAMES).rows
         assert row.cells["image"] == "a.png"
@@ -85,8 +85,8 @@ def test_a_image_in_front_needs_no_header() -> None:
         "x;y;z;comment\n[mm];[mm];[mm];\n1;2;3\n4;5;6;good\n",
     ],
 )
-def test_what_spreadsheets_add(text: str) -> None:
-    """Titles, units below the header, and cells at the end that are empty: comments need not be in every row."""
+def test_spreadsheet_additions_are_ignored(text: str) -> None:
+    """Titles, units below the header, and empty trailing cells are handled; comments need not be in every row."""
     table = read_text_table(text, "t.csv", NAMES)
     columns = NAMES if table.header is None else table.header[:3]
     assert list(rows_of_numbers(table, columns)) == [[1, 2, 3], [4, 5, 6]]
@@ -113,15 +113,15 @@ def test_what_spreadsheets_add(text: str) -> None:
         ("x,y,q\n1,2,3\n", "t.csv:2: has no z but x, y, q"),
     ],
 )
-def test_what_is_no_table_is_said(text: str, said: str) -> None:
-    """Each with its line, and what to do where it is known."""
+def test_invalid_tables_are_reported(text: str, said: str) -> None:
+    """Each error has its line, and the fix if it is known."""
     with pytest.raises(DatasetError) as error:
         values(text)
     assert said in str(error.value)
     assert ("thousands" in str(error.value)) == ("thousands" in said)
 
 
-def test_lines_are_those_of_the_file() -> None:
+def test_line_numbers_are_those_of_file() -> None:
     """Empty lines and comments count."""
     table: TextTable = read_text_table("x,y,z\n\n# one\n1,2,3\n", "t.csv", NAMES)
     assert table.rows[0].line == 4
@@ -129,8 +129,8 @@ def test_lines_are_those_of_the_file() -> None:
 
 
 @pytest.mark.parametrize(("text", "name"), [("A", "a"), (" Mark 1 ", "mark_1"), ("1", "mark_1"), ('"P-2"', "p_2")])
-def test_names_are_made_fit(text, name):
-    """Small letters, digits and _, a letter first."""
+def test_names_are_normalised(text, name):
+    """Names get lower-case letters, digits and _, and start with a letter."""
     assert as_name(text) == name
 
 
@@ -138,14 +138,14 @@ def test_names_are_made_fit(text, name):
     "text",
     ["a = [[1, 2, 3], [4, 5, 6]]\n", "[[1], [2, 3], [9]], [[4], [5, 6], [9]]\n", "[[1,2,3],[4,5,6],[7,8,9]],\n"],
 )
-def test_several_poses_in_a_line_are_refused(text: str) -> None:
-    """All but the first were passed over."""
+def test_several_poses_in_line_are_refused(text: str) -> None:
+    """Before, all but the first were ignored."""
     with pytest.raises(DatasetError, match=r"t.csv:1: several poses in one line: write one pose per line"):
         values(text)
 
 
-def test_records_of_json_are_rows() -> None:
-    """Lists and objects, on one line or on many."""
+def test_json_records_are_rows() -> None:
+    """Lists and objects are read, on one line or on several."""
     assert values("[[1, 2, 3], [4, 5, 6]]") == [[1, 2, 3], [4, 5, 6]]
     assert values('[\n {"z": 3,\n  "x": 1,\n  "y": 2}]') == [[1, 2, 3]]
     assert values('{"z": 3, "x": 1, "y": 2}\n{"z": 6, "x": 4, "y": 5, "note": "a"}\n') == [[1, 2, 3], [4, 5, 6]]
@@ -157,26 +157,26 @@ def test_records_of_json_are_rows() -> None:
     ("cell", "seconds"),
     [("12.5", 12.5), ("1970-01-01 00:01:00.5", 60.5), ("1970-01-01T01:01:00+01:00", 60.0), ("20240501", 20240501.0)],
 )
-def test_times_are_seconds_or_dates(cell: str, seconds: float) -> None:
-    """Of ISO 8601, in UTC if no zone is named; digits alone are seconds."""
+def test_times_are_seconds_or_iso_dates(cell: str, seconds: float) -> None:
+    """ISO 8601 is in UTC if no zone is given; digits alone are seconds."""
     assert parse_time(cell, "t.csv", 3, "time") == seconds
 
 
 @pytest.mark.parametrize("cell", ["01.05.2024 12:30:00", "12:30:00", "soon"])
-def test_other_times_are_refused(cell: str) -> None:
-    """The message has a form that is read."""
+def test_other_time_formats_are_refused(cell: str) -> None:
+    """The message shows an accepted form."""
     with pytest.raises(DatasetError, match=r"t.csv:3: time: .* is not a number"):
         parse_time(cell, "t.csv", 3, "time")
 
 
-def test_a_unit_in_a_cell_is_named() -> None:
-    """It belongs into the header."""
+def test_unit_in_cell_is_refused() -> None:
+    """The error advises to write the unit in the header."""
     with pytest.raises(DatasetError, match=r"'264.3 mm' is not a number: write its unit in the header"):
         values("x,y,z\n264.3 mm,1,2\n")
 
 
-def test_rows_of_one_of_several_robots() -> None:
-    """By the column `robot`; a table that names one robot alone is of the robot that the user names."""
+def test_robot_column_selects_rows() -> None:
+    """The column `robot` selects rows. A table with a single robot name belongs to the robot that the user names."""
     table = read_text_table("Robot,x,y,z\nUR 5,1,2,3\nkuka,4,5,6\nUR 5,7,8,9\n", "t.csv", NAMES)
     assert [row.line for row in select_robot(table, "ur_5").rows] == [2, 4]
     with pytest.raises(DatasetError, match="no row belongs to robot 'left'; there are: ur_5, kuka"):
@@ -186,8 +186,8 @@ def test_rows_of_one_of_several_robots() -> None:
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_rows_are_counted(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-    """As many as a recording may have, and not one more."""
+def test_row_count_is_limited(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """As many rows as a recording may have are read, and one more is refused."""
     monkeypatch.setattr(text_table, "MOST_SAMPLES", 2)
     text = "x,y,z\n" + "1,2,3\n" * count
     if count == 2:
@@ -198,8 +198,8 @@ def test_rows_are_counted(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
 
 
 @pytest.mark.parametrize("line", ['1, 2, 3, "a, b"', '1,2,3,"a, b"', '1 ,2 , 3,  "a, b"'])
-def test_quoted_cells_hold_separators(line: str) -> None:
-    """Also behind a blank, in rows and in the header."""
+def test_quoted_cells_may_contain_separators(line: str) -> None:
+    """Quotes are recognised after a blank, too, in rows and in the header."""
     table = read_text_table(f'x, y, z, "note, more"\n{line}\n', "t.csv", NAMES)
     assert table.header == ("x", "y", "z", "note, more")
     assert list(table.rows[0].cells.values()) == ["1", "2", "3", "a, b"]
@@ -209,8 +209,8 @@ def test_quoted_cells_hold_separators(line: str) -> None:
     ("a.png[1,2,3]", "a.png"), ("'a.png';[1,2,3]", "a.png"), ("a.png b.png p[1,2,3]", "a.png"), ("7 p[1,2,3]", None),
     ("[1,2,3] a.png", None),
 ])  # fmt: skip
-def test_an_image_stands_before_its_pose(line: str, image: str | None) -> None:
-    """The first word of a line, with or without a separator; what stands behind the pose is none."""
+def test_image_name_precedes_its_pose(line: str, image: str | None) -> None:
+    """The first word of a line is the image, with or without a separator; words after the pose are not."""
     (row,) = read_text_table(line, "t.csv", NAMES).rows
     assert row.cells.get("image") == image
     assert [row.cells[name] for name in NAMES] == ["1", "2", "3"]
@@ -221,8 +221,8 @@ def test_an_image_stands_before_its_pose(line: str, image: str | None) -> None:
     ("0,1,0,2,0,3,0", "t.csv:2: 7 columns, the header has 3"),
     ("0.1,2,0,3", "t.csv:2: 4 columns, the header has 3"),
 ])  # fmt: skip
-def test_decimal_commas_are_supposed_if_cells_may_be_halves(rows: str, message: str) -> None:
-    """Up to two cells a column, none with a point."""
+def test_decimal_commas_are_suspected_by_cell_count(rows: str, message: str) -> None:
+    """They are suspected for up to two cells per column, none with a point."""
     with pytest.raises(DatasetError) as error:
         values(f"x,y,z\n{rows}\n")
     assert message in str(error.value)
@@ -231,8 +231,8 @@ def test_decimal_commas_are_supposed_if_cells_may_be_halves(rows: str, message: 
 
 
 @pytest.mark.parametrize(("cell", "value"), [("1e12", 1e12), ("-1e12", -1e12), ("1,5e2,", 150.0), ('"-.5"', -0.5)])
-def test_numbers_reach_to_a_million_millions(cell: str, value: float) -> None:
-    """Either sign; quotes and a comma at the end are no part of them."""
+def test_numbers_up_to_1e12_are_parsed(cell: str, value: float) -> None:
+    """Either sign is accepted; quotes and a trailing comma are not part of the number."""
     assert parse_number(cell, "t.csv", 4, "x") == value
     for beyond in ("1.01e12", "-1.01e12", "inf"):
         with pytest.raises(DatasetError, match="is not finite, or beyond 1e"):
@@ -241,7 +241,7 @@ def test_numbers_reach_to_a_million_millions(cell: str, value: float) -> None:
         parse_number("1_0", "t.csv", 4, "x")
 
 
-def test_units_below_the_header_are_named_in_it() -> None:
+def test_units_below_header_join_column_names() -> None:
     """Columns without a unit keep their name; a row of other words is no row of units."""
     table = read_text_table("x;y;z;rx;n\n(mm);[mm];mm;deg\n1;2;3;4;5\n", "t.csv", NAMES)
     assert table.header == ("x [mm]", "y [mm]", "z [mm]", "rx [deg]", "n")
@@ -257,8 +257,8 @@ def test_units_below_the_header_are_named_in_it() -> None:
     ("{(0.1, 2), (-30, 5)}", False),  # joints
     ("{(0.1), (2)}", False),
 ])  # fmt: skip
-def test_lists_end_where_a_pose_does(line: str, found: bool) -> None:
-    """At a bracket, or anywhere in a single list."""
+def test_bracket_lists_end_at_pose_boundary(line: str, found: bool) -> None:
+    """A pose ends at a bracket, or anywhere in a single list."""
     if found:
         assert values(line) == [[0.1, 2, -30]]
     else:
@@ -271,19 +271,19 @@ def test_lists_end_where_a_pose_does(line: str, found: bool) -> None:
     "set_tcp(p[1,2,3])",
     "movej([1,2,3])", "wait (5)",
 ])  # fmt: skip
-def test_settings_are_no_poses(line: str) -> None:
-    """Tools, bases, and joints beside marked poses are passed over."""
+def test_settings_and_joints_are_skipped(line: str) -> None:
+    """Tools, bases, and joints beside marked poses are ignored."""
     assert values(f"{line}\nmovel(p[0.1,2,-30])\n") == [[0.1, 2, -30]]
 
 
-def test_joints_of_krl_are_no_pose() -> None:
-    """Named numbers are read by their names alone."""
+def test_krl_joints_are_no_pose() -> None:
+    """Named numbers are read by their names only."""
     with pytest.raises(DatasetError, match="3 numbers in brackets"):
         values("{A1 1, A2 2, A3 3}\n")
 
 
-def test_a_column_is_found_by_its_first_name() -> None:
-    """Without regard to case and blanks; no such column is none, and an empty cell is refused."""
+def test_column_is_found_by_first_known_name() -> None:
+    """Case and blanks are ignored; a missing column gives None, and an empty cell is refused."""
     table = read_text_table("x;y;z; Arm ;Mark\n1;2;3;A;b\n4;5;6;C;\n", "t.csv", NAMES)
     assert table.names("robot", "arm") == ["a", "c"]
     assert table.names("camera") is None
@@ -292,38 +292,38 @@ def test_a_column_is_found_by_its_first_name() -> None:
     assert read_text_table("1 2 3", "t.csv", NAMES).names("arm") is None
 
 
-def test_a_row_of_numbers_is_plain_beside_brackets() -> None:
+def test_point_names_with_brackets_are_not_poses() -> None:
     """Brackets with fewer numbers than a pose belong to names of points."""
     table = read_text_table("point;x;y;z\nP[1];1;2;3\nP[2];4;5;6\n", "t.csv", NAMES)
     assert [row.cells["point"] for row in table.rows] == ["P[1]", "P[2]"]
 
 
 @pytest.mark.parametrize("word", ["Mean", "avg:", "Max", "stdev", "SUMME "])
-def test_summaries_are_no_rows(word: str) -> None:
-    """Whatever column they stand in; a word that only holds one is a name."""
+def test_summary_rows_are_refused(word: str) -> None:
+    """Summary words are recognised in any column; a word that only contains one is a name."""
     with pytest.raises(DatasetError, match="is not a measured row: remove the row"):
         values(f"n,x,y,z\na,1,2,3\n{word},1,2,3\n")
     assert values("n,x,y,z\nmeander,1,2,3\n") == [[1, 2, 3]]
 
 
 @pytest.mark.parametrize("title", ["Hall 4", "Hall 4;;", ";Hall 4"])
-def test_a_title_has_one_cell(title: str) -> None:
-    """Before the header; a line of two words and no number is the header itself."""
+def test_title_line_has_one_cell(title: str) -> None:
+    """A title precedes the header; a line of several words without a number is the header itself."""
     assert read_text_table(f"{title}\nx;y;z\n1;2;3\n", "t.csv", NAMES).header == ("x", "y", "z")
     table = read_text_table("Hall;Monday;late\nx;y;z\n1;2;3\n", "t.csv", NAMES)
     assert table.header == ("Hall", "Monday", "late")
 
 
-def test_a_comma_beside_points_is_no_decimal_sign() -> None:
-    """It separates thousands, which would be read a thousand times too small."""
+def test_comma_beside_points_is_refused() -> None:
+    """The comma separates thousands, so the value would be a thousand times too small."""
     assert values("x;y;z;note\n1,234;500,5;7;a.b\n") == [[1.234, 500.5, 7]]
     assert values("x;y;z\n1,2;0,125;7.5\n") == [[1.2, 0.125, 7.5]]
     with pytest.raises(DatasetError, match=r"t.csv:3: x: '1,234' has a comma, '500.5' a point: remove the thousands"):
         values("x;y;z\n1;500.5;7\n1,234;501;7\n")
 
 
-def test_a_comment_of_any_mark_is_the_header() -> None:
-    """With units, and in capitals."""
+def test_comment_line_may_be_header() -> None:
+    """The header may be in a comment of any mark, with units and in capitals."""
     assert read_text_table("; Z X_mm Y\n1 2 3\n", "t.csv", NAMES).header == ("Z", "X_mm", "Y")
     assert read_text_table("// Z [mm], X [mm], Y [mm]\n1, 2, 3\n", "t.csv", NAMES).header == (
         "Z [mm]",
@@ -343,14 +343,14 @@ def test_a_comment_of_any_mark_is_the_header() -> None:
         "{A 1, B 2, C 3}",
     ],
 )
-def test_named_numbers_are_no_list(line: str) -> None:
-    """Their names are others than those expected, and their order is not known."""
+def test_named_numbers_are_not_positional(line: str) -> None:
+    """Their names differ from the expected ones, so their order is unknown."""
     with pytest.raises(DatasetError):
         values(f"{line}\n" * 3)
 
 
-def test_short_rows_take_no_memory_for_cells_that_they_lack() -> None:
-    """A header of many columns above many short rows filled gigabytes."""
+def test_short_rows_use_no_memory_for_missing_cells() -> None:
+    """A header of many columns above many short rows filled gigabytes before."""
     header = ",".join(["x", "y", "z", *(f"c{k}" for k in range(20_000))])
     table = read_text_table(header + "\n" + "1,2,3\n" * 2_000, "t.csv", NAMES)
     assert {len(row.cells) for row in table.rows} == {3}
@@ -361,8 +361,8 @@ def test_short_rows_take_no_memory_for_cells_that_they_lack() -> None:
         table.cell(table.rows[0], "w")
 
 
-def test_keys_may_be_missing_in_the_first_row() -> None:
-    """The header has them; a row that ends before its time is an error."""
+def test_missing_key_cell_is_refused() -> None:
+    """The header has the key, so a row that ends before its time is an error."""
     text = "x,y,z,time\n1,2,3\n4,5,6,7\n"
     with pytest.raises(DatasetError, match=r"t.csv:2: time: is empty in this row"):
         keyed_rows(read_text_table(text, "t.csv", NAMES))

@@ -1,4 +1,4 @@
-"""camera_info of ROS, in the layout that camera_calibration_parsers writes and in that of `ros2 topic echo`."""
+"""Tests of ROS camera_info in the layouts of camera_calibration_parsers and `ros2 topic echo`."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_calibration_file(tmp_path: Path) -> None:
-    """Matrix and coefficients as they stand, not the projection of rectified images; size and name."""
+def test_camera_info_file_is_read(tmp_path: Path) -> None:
+    """The matrix and coefficients are read unchanged, not the projection of rectified images, with size and name."""
     lens = read_camera_info(write(tmp_path, FILE))
     assert (lens.name, lens.camera.model, lens.camera.size_px) == ("narrow_stereo", "pinhole", (1280, 720))
     expected = [766.5, 765.4, 640.9, 358.8, -0.35, 0.179, 0.001, -0.002, 0]
@@ -74,8 +74,8 @@ def test_a_calibration_file(tmp_path: Path) -> None:
     assert "top-left pixel is (0, 0)" in lens.what
 
 
-def test_a_printed_message(tmp_path: Path) -> None:
-    """Small letters and capitals, eight terms, and the separator at the end."""
+def test_printed_camera_info_message_is_read(tmp_path: Path) -> None:
+    """Lower and upper case, eight terms, and the trailing separator are read."""
     lens = read_camera_info(write(tmp_path, MESSAGE))
     np.testing.assert_array_equal(lens.camera.parameters[:5], [610.1, 609.9, 322.3, 245.0, 0.5])
     assert (len(lens.camera.distortion), lens.camera.size_px) == (8, (640, 480))
@@ -84,16 +84,16 @@ def test_a_printed_message(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["equidistant", "fisheye"])
-def test_a_fisheye(tmp_path: Path, name: str) -> None:
-    """Four terms of an equidistant lens are the fisheye's."""
+def test_equidistant_lens_is_fisheye(tmp_path: Path, name: str) -> None:
+    """The four terms of an equidistant lens are the fisheye's."""
     text = FILE.replace("plumb_bob", name).replace("data: [-0.35, 0.179, 0.001, -0.002, 0]", "data: [0.1, 0, 0.02, 0]")
     lens = read_camera_info(write(tmp_path, text))
     assert lens.camera.model == "fisheye"
     np.testing.assert_array_equal(lens.camera.distortion, [0.1, 0, 0.02, 0])
 
 
-def test_no_distortion_at_all(tmp_path: Path) -> None:
-    """An empty list of terms and no model are a lens without distortion."""
+def test_empty_distortion_is_read(tmp_path: Path) -> None:
+    """An empty list of terms without a model is a lens without distortion."""
     text = MESSAGE.replace("distortion_model: rational_polynomial", "distortion_model: ''")
     start, end = text.index("d:\n-"), text.index("k: [")
     lens = read_camera_info(write(tmp_path, text[:start] + "d: []\n" + text[end:]))
@@ -125,8 +125,8 @@ def test_no_distortion_at_all(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_is_no_camera_info_is_told(tmp_path: Path, old: str, new: str, message: str) -> None:
-    """Path, line, field, what was expected, in one line."""
+def test_invalid_camera_info_is_reported(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """The error has path, line, field and the expected value on one line."""
     assert old in FILE
     with pytest.raises(DatasetError, match=message) as caught:
         read_camera_info(write(tmp_path, FILE.replace(old, new)))
@@ -140,8 +140,8 @@ def test_what_is_no_camera_info_is_told(tmp_path: Path, old: str, new: str, mess
         ("height: 0, width: 0", "height: 240, width: 320"),
     ],
 )
-def test_parts_of_an_image_are_refused(tmp_path: Path, old: str, new: str) -> None:
-    """Where images are binned or cropped the matrix is not theirs."""
+def test_binned_and_cropped_images_are_refused(tmp_path: Path, old: str, new: str) -> None:
+    """The matrix does not apply to binned or cropped images."""
     assert old in MESSAGE
     with pytest.raises(DatasetError, match="give the matrix of the images"):
         read_camera_info(write(tmp_path, MESSAGE.replace(old, new)))
@@ -157,8 +157,8 @@ def test_parts_of_an_image_are_refused(tmp_path: Path, old: str, new: str) -> No
         ("fisheye", 4, "equidistant", 4),
     ],
 )
-def test_terms_that_ours_leaves_out_are_zero(model, terms, name, count):
-    """The others stay in their order."""
+def test_missing_ros_terms_are_zero(model, terms, name, count):
+    """The other terms keep their order."""
     distortion = 0.01 * np.arange(1, terms + 1)
     named, full = ros_lens(Camera(model, np.concatenate([[800, 800, 320, 240], distortion])))
     assert (named, len(full)) == (name, count)
@@ -166,7 +166,7 @@ def test_terms_that_ours_leaves_out_are_zero(model, terms, name, count):
     assert not np.any(full[terms:])
 
 
-def test_a_lens_that_ros_does_not_have_is_said():
-    """A thin prism."""
+def test_lens_unknown_to_ros_is_refused():
+    """ROS has no name for a thin-prism lens."""
     with pytest.raises(InputError, match="ROS has no name for a pinhole lens with 12"):
         ros_lens(Camera("pinhole", np.array([800, 800, 320, 240, *np.full(12, 0.01)])))

@@ -1,4 +1,4 @@
-"""COLMAP's cameras, in the text and binary layout of its "Output Format" and src/colmap/sensor/models.h."""
+"""Tests of COLMAP's cameras in text and binary layout, by its "Output Format" and src/colmap/sensor/models.h."""
 
 from __future__ import annotations
 
@@ -29,8 +29,11 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def test_pixels_count_from_their_centres(tmp_path: Path) -> None:
-    """The middle of an image 3072 wide is 1536 for COLMAP and 1535.5 here; one focal length stands for both."""
+def test_pixel_centre_convention_is_converted(tmp_path: Path) -> None:
+    """The middle of an image 3072 wide is 1536 for COLMAP and 1535.5 here.
+
+    A single focal length applies to both axes.
+    """
     lenses = read_colmap_lenses(write(tmp_path, TEXT))
     assert list(lenses) == [1, 2, 3, 7]
     np.testing.assert_array_equal(lenses[1].camera.parameters, [2559.81, 2559.81, 1535.5, 1151.5])
@@ -56,8 +59,8 @@ POINTS = np.random.default_rng(3).uniform([-0.5, -0.4, 1.0], [0.5, 0.4, 2.0], (2
         ),
     ],
 )
-def test_points_fall_where_opencv_has_them(tmp_path: Path, model: str, parameters: str, terms: list[float]) -> None:
-    """The order of the terms is OpenCV's, judged by OpenCV's own projection."""
+def test_projections_match_opencv(tmp_path: Path, model: str, parameters: str, terms: list[float]) -> None:
+    """OpenCV's own projection confirms that the terms are in OpenCV's order."""
     camera = read_colmap_lenses(write(tmp_path, f"1 {model} 640 480 {parameters}\n"))[1].camera
     matrix = np.array([[800, 0, 319.5], [0, 800, 239.5], [0, 0, 1.0]])
     expected, _ = cv2.projectPoints(POINTS, np.zeros(3), np.zeros(3), matrix, np.array(terms))
@@ -72,8 +75,8 @@ def test_points_fall_where_opencv_has_them(tmp_path: Path, model: str, parameter
         ("RADIAL_FISHEYE", "300 400 300 0.1 0.02", [0.1, 0.02, 0, 0]),
     ],
 )
-def test_fisheyes_fall_where_opencv_has_them(tmp_path: Path, model: str, parameters: str, terms: list[float]) -> None:
-    """Likewise of the lenses that are OpenCV's fisheye with all or some of its terms."""
+def test_fisheye_projections_match_opencv(tmp_path: Path, model: str, parameters: str, terms: list[float]) -> None:
+    """Lenses that are OpenCV's fisheye with all or some of its terms agree, too."""
     camera = read_colmap_lenses(write(tmp_path, f"1 {model} 800 600 {parameters}\n"))[1].camera
     matrix = np.array([[300, 0, 399.5], [0, 300, 299.5], [0, 0, 1.0]])
     zero = np.zeros((3, 1))
@@ -86,8 +89,8 @@ def binary(*cameras: tuple[int, int, int, int, tuple[float, ...]]) -> bytes:
     return struct.pack("<Q", len(cameras)) + body
 
 
-def test_the_binary_says_the_same(tmp_path: Path) -> None:
-    """Numbers of models for their names; a folder is asked for the binary first."""
+def test_binary_cameras_equal_text(tmp_path: Path) -> None:
+    """The binary has model numbers instead of names, and is preferred in a folder."""
     content = binary((3, 2, 640, 480, (500.0, 320.0, 240.0, -0.02)), (4, 1, 640, 480, (500.0, 501.0, 320.0, 240.0)))
     (tmp_path / "cameras.bin").write_bytes(content)
     write(tmp_path, TEXT)
@@ -119,14 +122,14 @@ def test_the_binary_says_the_same(tmp_path: Path) -> None:
         ("# nothing", "holds no camera"),
     ],
 )
-def test_what_has_no_equal_is_told(tmp_path: Path, line: str, message: str) -> None:
-    """By its name, with its line."""
+def test_unsupported_colmap_models_are_reported(tmp_path: Path, line: str, message: str) -> None:
+    """The error has the model's name and the line."""
     with pytest.raises(DatasetError, match=message):
         read_colmap_lenses(write(tmp_path, line + "\n"))
 
 
-def test_a_folder_without_cameras(tmp_path: Path) -> None:
-    """What a reconstruction holds is said."""
+def test_folder_without_cameras_is_refused(tmp_path: Path) -> None:
+    """The error names the files that a reconstruction contains."""
     with pytest.raises(DatasetError, match=r"holds neither cameras.bin nor cameras.txt"):
         read_colmap_lenses(tmp_path)
 
@@ -136,8 +139,8 @@ def test_a_folder_without_cameras(tmp_path: Path) -> None:
     (5, "OPENCV_FISHEYE", 8), (6, "FULL_OPENCV", 12), (8, "SIMPLE_RADIAL_FISHEYE", 4), (9, "RADIAL_FISHEYE", 5),
     (7, "FOV", 5), (10, "THIN_PRISM_FISHEYE", 12), (11, "RAD_TAN_THIN_PRISM_FISHEYE", 16),
 ])  # fmt: skip
-def test_models_have_the_numbers_of_colmap(tmp_path: Path, number: int, name: str, count: int) -> None:
-    """A binary file says by its number what a text says by its name; so it is with models that have no equal."""
+def test_model_numbers_match_colmap(tmp_path: Path, number: int, name: str, count: int) -> None:
+    """The binary number and the text name of a model are equivalent, also for unsupported models."""
     parameters = tuple([500.0] * 2 + [0.01] * (count - 2)) if count > 3 else (500.0, 320.0, 240.0)
     (tmp_path / "cameras.bin").write_bytes(
         binary((1, number, 640, 480, parameters), (2, 0, 640, 480, (500.0, 320.0, 240.0)))

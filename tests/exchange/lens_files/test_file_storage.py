@@ -1,4 +1,4 @@
-"""Files that OpenCV's FileStorage itself wrote, as plain data."""
+"""Tests of files written by OpenCV's FileStorage, read as plain data."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ MATRIX = np.array([[766.5, 0, 640.9], [0, 765.4, 1e-7], [0, 0, 1]])
 
 
 @pytest.mark.parametrize("suffix", ["yml", "xml", "json"])
-def test_what_opencv_writes_is_read(tmp_path: Path, suffix: str) -> None:
-    """A matrix, whole and other numbers, text, a list and a mapping, exactly as OpenCV was given them."""
+def test_opencv_storage_is_read_exactly(tmp_path: Path, suffix: str) -> None:
+    """A matrix, integers, floats, text, a list and a mapping are read exactly as given to OpenCV."""
     path = tmp_path / f"calibration.{suffix}"
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     storage.write("image_width", 1280)
@@ -47,16 +47,16 @@ def test_what_opencv_writes_is_read(tmp_path: Path, suffix: str) -> None:
         ('{"a": [1, 2', "not YAML"),
     ],
 )
-def test_what_is_none_is_told(tmp_path: Path, text: str, message: str) -> None:
-    """Broken, with entities, or nested beyond what OpenCV writes."""
+def test_invalid_storage_is_reported(tmp_path: Path, text: str, message: str) -> None:
+    """Broken files, entities, and nesting deeper than OpenCV writes are errors."""
     path = tmp_path / "storage"
     path.write_text(text)
     with pytest.raises(DatasetError, match=message):
         read_file_storage(path)
 
 
-def test_comments_of_json_are_passed_over(tmp_path: Path) -> None:
-    """Those of one line and of several; faults behind them have the number of their own line."""
+def test_json_comments_are_skipped(tmp_path: Path) -> None:
+    """Comments on one or several lines are skipped; faults after them have their own line number."""
     path = tmp_path / "storage"
     path.write_text('{\n// one\n  // two "a": 1\n/* three\n "a": 2 */\n\t"a": 3, "url": "http://host" }')
     root = read_file_storage(path)
@@ -73,15 +73,15 @@ def test_comments_of_json_are_passed_over(tmp_path: Path) -> None:
     ("1.", 1.0), (".5e-3", 5e-4), ('"word"', "word"), ("3 x", [3, "x"]), ("", []), ("<_>1</_>", [1]),
     ("<_>1 2</_><_>3</_>", [[1, 2], 3]), ("<b>1</b><c>2</c>", {"b": 1, "c": 2}),
 ])  # fmt: skip
-def test_values_of_xml(tmp_path: Path, text: str, value: object) -> None:
-    """Whole numbers of up to 18 digits are exact; one word is itself and several are a list, as are elements `_`."""
+def test_xml_values_are_converted(tmp_path: Path, text: str, value: object) -> None:
+    """Integers of up to 18 digits are exact. One word is a scalar; several words, and elements `_`, are a list."""
     path = tmp_path / "storage"
     path.write_text(f"<opencv_storage><a>{text}</a></opencv_storage>")
     found = read_file_storage(path).find("a").data
     assert (found, isinstance(found, float)) == (value, text in {"1.", ".5e-3", "1234567890123456789"})
 
 
-def test_xml_may_be_as_deep_as_yaml(tmp_path: Path) -> None:
+def test_xml_nesting_limit(tmp_path: Path) -> None:
     """32 levels below the root are read, one more is refused."""
     path = tmp_path / "storage"
     path.write_text("<a>" * 33 + "</a>" * 33)
@@ -92,7 +92,7 @@ def test_xml_may_be_as_deep_as_yaml(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("tag", ["_", "a"])
-def test_files_are_as_deep_as_opencvs(tmp_path: Path, tag: str) -> None:
+def test_storage_nesting_limit_by_element(tmp_path: Path, tag: str) -> None:
     """Lists and mappings up to the limit are read, and one level more is refused."""
     for depth in (_DEEPEST - 1, _DEEPEST + 1):
         text = f"<{tag}>" * depth + "1 2" + f"</{tag}>" * depth

@@ -1,4 +1,4 @@
-"""A table of a plan."""
+"""Tests of the written forms of a plan."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from basecal.geometry import SE3
 from shared.motion_ways import HOLD_S, joint_way, planned_joints, pose_way
 
 
-def test_rows_are_samples() -> None:
-    """Joints of both arms and poses of their flanges, which agree by the arms' kinematics."""
+def test_table_rows_are_samples() -> None:
+    """Rows have the joints of both arms and the poses of their flanges, which agree by the arms' kinematics."""
     way = joint_way()
     rows = list(csv.DictReader(io.StringIO(write_table(way))))
     assert [int(row["sample"]) for row in rows] == [20, 21, 22]
@@ -31,15 +31,15 @@ def test_rows_are_samples() -> None:
         assert np.allclose(placed, [way.pose(robot, sample).translation for sample in way.samples], atol=1e-8)
 
 
-def test_a_robot_of_poses_has_poses_alone() -> None:
-    """No column of joints, and a unit quaternion."""
+def test_robot_of_poses_writes_poses_only() -> None:
+    """The table has no joint columns, and unit quaternions."""
     rows = list(csv.DictReader(io.StringIO(write_table(pose_way()))))
     assert list(rows[0]) == ["sample", *(f"hand_{name}" for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"))]
     quaternion = [float(rows[1][f"hand_q{axis}"]) for axis in "xyzw"]
     assert abs(np.linalg.norm(quaternion) - 1) < 1e-8
 
 
-def test_a_robot_with_joints_of_some_samples_has_poses_alone() -> None:
+def test_robot_with_some_joints_writes_poses_only() -> None:
     """Every row has as many numbers as the header."""
     way = joint_way("hand")
     first, *others = way.samples
@@ -49,8 +49,8 @@ def test_a_robot_with_joints_of_some_samples_has_poses_alone() -> None:
     assert lengths == {8}
 
 
-def test_every_digit_is_there() -> None:
-    """What is read back is the plan, in the chain's order."""
+def test_joints_file_keeps_every_digit() -> None:
+    """The plan is read back exactly, in the chain's order."""
     way = joint_way()
     found = json.loads(write_joints(way))
     assert found["samples"] == [20, 21, 22]
@@ -59,8 +59,11 @@ def test_every_digit_is_there() -> None:
         assert np.array_equal(of["joints_rad"], planned_joints(way, robot))
 
 
-def test_goals_are_in_step() -> None:
-    """A document for each arm with the fields of JointTrajectory; all are at each sample at once, and hold."""
+def test_goals_are_synchronised() -> None:
+    """Each arm has a document with the fields of JointTrajectory.
+
+    All arms reach each sample at the same time, and hold.
+    """
     way = joint_way()
     goals = [each["trajectory"] for each in YAML(typ="safe", pure=True).load_all(write_goals(way))]
     assert len(goals) == 2
@@ -79,8 +82,8 @@ def test_goals_are_in_step() -> None:
 
 
 @pytest.mark.parametrize("hold_s", [0.0, 2.0])
-def test_times_of_goals_increase(hold_s: float) -> None:
-    """Without a rest, and where no arm moves: controllers refuse a trajectory with two points at one time."""
+def test_goal_times_increase(hold_s: float) -> None:
+    """Times increase also without a rest and for a resting arm, since controllers refuse two points at one time."""
     way = joint_way()
     path = replace(way, samples=(*way.samples, way.samples[-1]), hold_s=hold_s)
     for goal in (each["trajectory"] for each in YAML(typ="safe", pure=True).load_all(write_goals(path))):
@@ -90,20 +93,20 @@ def test_times_of_goals_increase(hold_s: float) -> None:
         assert len(times) == (len(way.samples) if hold_s == 0 else 2 * len(path.samples) - 1)
 
 
-def test_poses_are_refused() -> None:
-    """A trajectory is of joints."""
+def test_goals_need_joints() -> None:
+    """A trajectory consists of joints, so poses are refused."""
     with pytest.raises(InputError, match="joints are unknown"):
         write_goals(pose_way())
 
 
 def moves(text: str) -> list[tuple[str, list[float]]]:
-    """Whether each `movej` has a pose, and its numbers."""
+    """Return whether each `movej` has a pose, and its numbers."""
     found = re.findall(r"movej\((p?)\[([^\]]*)\], a=[\d.]+, v=0\.5\)", text)
     return [(kind, [float(number) for number in numbers.split(",")]) for kind, numbers in found]
 
 
-def test_joints_are_gone_to_in_order() -> None:
-    """A move, a rest and a question for each sample; the program is begun, for one arm."""
+def test_ur_script_moves_in_order() -> None:
+    """Each sample has a move, a rest and a dialog. The program starts its function, and is for one arm."""
     text = write_ur_script(joint_way("eye"))
     assert np.allclose([numbers for _, numbers in moves(text)], planned_joints(joint_way(), "eye"), atol=1e-6)
     assert text.count("sleep(2)") == text.count("blocking=True") == 3
@@ -113,8 +116,8 @@ def test_joints_are_gone_to_in_order() -> None:
         write_ur_script(joint_way())
 
 
-def test_poses_are_rotation_vectors() -> None:
-    """Of the flange in the base, for a tool that is the flange."""
+def test_ur_script_poses_are_rotation_vectors() -> None:
+    """Poses are of the flange in the base, with the tool set to the flange."""
     way = pose_way()
     text = write_ur_script(way)
     assert "set_tcp(p[0, 0, 0, 0, 0, 0])" in text
@@ -124,8 +127,8 @@ def test_poses_are_rotation_vectors() -> None:
         assert np.abs(apart.log()).max() < 1e-6
 
 
-def test_samples_of_a_program_are_counted() -> None:
-    """From one, beside their numbers, in the order of the way."""
+def test_ur_script_counts_samples() -> None:
+    """Samples are counted from one beside their numbers, in the order of the path."""
     text = write_ur_script(joint_way("hand"))
     assert re.findall(r"textmsg\(.basecal: (.*?).\)", text) == [f"sample {19 + k}, {k} of 3" for k in (1, 2, 3)]
     assert re.findall(r"popup\(.(sample .*?): take", text) == [f"sample {19 + k}, {k} of 3" for k in (1, 2, 3)]
