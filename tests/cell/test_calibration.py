@@ -41,7 +41,10 @@ def test_notebook_shows_html_summary():
 
 
 def test_known_transforms_are_fixed_or_estimated():
-    """Known transforms are the estimated ones and the fixed ones of the cell; priors and guesses do not count."""
+    """Known transforms are the estimated ones, and the fixed ones of the cell.
+
+    Estimates take precedence, and priors and guesses do not count.
+    """
     known, guessed, found = (SE3.from_rotvec([0, 0, 0], [x, 0, 0]) for x in (1.0, 2.0, 3.0))
     cell = Cell(
         "eye",

@@ -249,7 +249,7 @@ def test_plate_names_transforms_of_its_targets():
 
 
 def test_default_cell_values():
-    """By default a cell sees targets only and noise is the repeatability.
+    """Unless stated otherwise, a cell sees targets only and noise is the repeatability.
 
     Lenses have errors, and all devices share one clock.
     """

@@ -56,13 +56,13 @@ def test_empty_sheet_has_no_shapes():
 
 
 def test_first_square_is_black():
-    """By default the corner square is black and its neighbours are white; another parity swaps the colours."""
+    """The default corner square is black and its neighbours are white; another parity swaps the colours."""
     np.testing.assert_allclose(black_squares(2, 2, 0.1), [[0, 0, 0.1, 0.1], [0.1, 0.1, 0.2, 0.2]])
     np.testing.assert_allclose(black_squares(2, 1, 0.1, 1), [[0.1, 0, 0.2, 0.1]])
 
 
 def test_marker_defaults():
-    """By default a marker has one cell of border and is upright."""
+    """A marker has one cell of border and is upright unless stated otherwise."""
     marker = Marker("DICT_4X4_50", 3, 0.0, 0.0, 0.1)
     assert (marker.border, marker.turns) == (1, 0)
 

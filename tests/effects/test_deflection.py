@@ -26,7 +26,7 @@ SEEN = np.ones(2, dtype=bool)
 FOUND = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([0.3, 0.4]), np.array([False, True]))
 
 
-def test_gravity_direction_is_that_of_chain_by_default():
+def test_gravity_direction_defaults_to_chains():
     """The chain's direction of gravity applies unless another is stated, whether compliances are estimated or not."""
     chain = six_axis()
     assert of.apply_gravity(chain, of.Stated()) is of.apply_gravity(chain, None) is chain
@@ -94,7 +94,7 @@ def test_batch_of_compliances_equals_single_evaluations():
 
 
 def test_gravity_direction_needs_one_non_zero_component():
-    """A direction along one axis is accepted and used as stated."""
+    """A direction along one axis, with a single nonzero component, is accepted and used as stated."""
     for down in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]):
         np.testing.assert_array_equal(of.apply_gravity(six_axis(), of.Stated(down=down)).masses.down, down)
     assert of.Stated(down=None).down is None

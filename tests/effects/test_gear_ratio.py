@@ -42,7 +42,7 @@ def test_gear_ratio_rotates_joint_by_its_angle():
 
 
 def test_gear_ratio_is_estimated_with_prior():
-    """With a prior the share is found within four sigmas, and the base as accurately as with exact joints."""
+    """The share is found within four sigmas if it has a prior, and the base is as accurate as with exact joints."""
     made, recording = recorded_short()
     stated = {of.NAME: of.Stated(status="prior", sigma=0.01)}
     hand = replace(made.cell.robots["hand"], parameters=stated)

@@ -171,7 +171,7 @@ def flange(kind, values):
 
 @pytest.mark.parametrize("name", ROBOT_PARAMETERS)
 def test_zero_parameters_leave_robot_unchanged(name):
-    """With zero values no flange moves, and unstated parameters are fixed."""
+    """No flange moves for zero values, and unstated parameters are fixed."""
     kind = ROBOT_PARAMETERS[name]
     np.testing.assert_array_equal(flange(kind, kind.zero(6)).matrix, ARM.forward(JOINTS).matrix)
     assert kind.stated().status == "fixed"

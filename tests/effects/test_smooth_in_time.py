@@ -81,7 +81,7 @@ def test_time_errors_are_reported_only_if_present():
 
 
 def test_stated_repeatability_allows_lag():
-    """With a lag of half a millimetre and a stated repeatability, no answer is doubtful and sigmas are correct."""
+    """A lag of half a millimetre beside a stated repeatability makes no answer doubtful, and sigmas are correct."""
     distances = []
     for seed in range(2):
         found = calibrated(seed, 0.3, stated_sigma=1e-4)

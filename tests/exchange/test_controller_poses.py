@@ -516,7 +516,7 @@ def test_stream_rows_need_times(tmp_path):
 
 
 def test_inverted_poses_are_inverted(tmp_path):
-    """With `is_inverted` poses of the base in the flange's frame are inverted; others are unchanged."""
+    """Poses of the base in the flange's frame are inverted with `is_inverted`; others are unchanged."""
     path = tmp_path / "a.csv"
     path.write_text("1,2,3,0.1,0.2,0.3\n")
     plain, turned = (

@@ -151,7 +151,7 @@ def test_file_contents_decide_on_image(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("count", [3, 4])
 def test_image_count_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-    """As many images as a recording may have are listed; one more is refused."""
+    """A folder may have as many images as a recording; one more is refused."""
     monkeypatch.setattr(images, "MOST_SAMPLES", 3)
     filled(tmp_path, *(f"{k}.png" for k in range(count)))
     if count == 3:

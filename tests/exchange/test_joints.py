@@ -168,7 +168,7 @@ def test_known_joint_model_is_taken_from_cell(tmp_path: Path) -> None:
 
 
 def test_joint_offset_prior_is_added(tmp_path: Path) -> None:
-    """The prior of each joint's offset is in radians beside the robot's other fields.
+    """The prior of each joint's offset (its zero) is in radians beside the robot's other fields.
 
     Sigmas outside 0 to 45 deg are refused.
     """

@@ -81,7 +81,7 @@ def zipped(path, name="a.npy", data=b"", method=zipfile.ZIP_DEFLATED):
     return str(path)
 
 
-def test_archives_that_cannot_be_unpacked_are_refused(tmp_path):
+def test_corrupt_archives_are_refused(tmp_path):
     """Encrypted archives, unknown methods, truncated files and wrong checksums are refused."""
     path = tmp_path / "a.npz"
     good = Path(zipped(path, data=npy_bytes("(2,)", bytes(16)))).read_bytes()

@@ -186,7 +186,7 @@ def test_matrix_error_has_first_line(tmp_path: Path, row: str, said: str) -> Non
 
 @pytest.mark.parametrize("count", [2, 3])
 def test_pose_count_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-    """As many poses as a recording may have are read, and one more is refused."""
+    """A file may have as many poses as a recording, and one more is refused."""
     monkeypatch.setattr(poses_module, "MOST_SAMPLES", 2)
     path = write(tmp_path, "a.txt", as_text(drawn(count).matrix))
     if count == 2:

@@ -31,7 +31,7 @@ def test_consent_applies_to_one_cell(memory, tmp_path):
 
 @pytest.mark.parametrize("text", ["", "[]", "null", '{"x": 1}', "{", "[[1]]"])
 def test_damaged_consent_file_allows_no_access(memory, tmp_path, text):
-    """With a damaged file the user is asked again, and the file is rewritten."""
+    """Access requires a new consent if the file is damaged, and the file is rewritten."""
     memory.parent.mkdir(parents=True)
     memory.write_text(text)
     assert not is_allowed(tmp_path, "a")
@@ -40,7 +40,7 @@ def test_damaged_consent_file_allows_no_access(memory, tmp_path, text):
 
 
 def test_unwritable_consent_file_is_no_error(tmp_path, monkeypatch):
-    """If consents cannot be stored, the user is asked again each time."""
+    """The user has to consent each time if consents cannot be stored."""
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_STATE_HOME", os.fspath(tmp_path / "file"))
     allow(tmp_path, ["a"])

@@ -43,8 +43,8 @@ def test_unsupported_yaml_is_refused(text, message):
 
 
 @pytest.mark.parametrize("text", ['{"a": [1, 2', '{"a": 0x\n "b": 1', '{"a": \x00}'])
-def test_invalid_json_file_is_called_json(text):
-    """The message for a `.json` file says JSON, not YAML."""
+def test_json_error_message_says_json(text):
+    """The message for a `.json` file calls it JSON, not YAML."""
     with pytest.raises(DatasetError, match=r"^f\.json(:\d)?: not JSON: "):
         parse_yaml(text, "f.json")
 

@@ -1,4 +1,4 @@
-"""Tests of additions to a recording: samples are joined by number, never overwritten, and other lines are unchanged."""
+"""Tests of additions to a recording: joined by sample number, never overwritten, other lines unchanged."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_observation_of_another_target_is_added(tmp_path: Path) -> None:
 
 
 def test_replace_overwrites_robot_state(tmp_path: Path) -> None:
-    """With `replace` a robot of a line has the new state, and other lines are kept to the byte."""
+    """A robot of a line gets the new state with `replace`, and other lines are kept to the byte."""
     other = LINE.replace('"sample":  0', '"sample":  1')
     folder = journal(tmp_path, LINE + other)
     text = completed_recording_text(folder, [Sample(0, None, {"left": STATE})], replace=True)

@@ -1,4 +1,4 @@
-"""Tests of `samples.jsonl`: the meaning of its lines, dropped samples, refused files, and no loss of recorded lines."""
+"""Tests of `samples.jsonl`: the meaning of lines, dropped samples, refused files, and no loss of lines."""
 
 from __future__ import annotations
 

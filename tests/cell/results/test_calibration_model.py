@@ -1,4 +1,4 @@
-"""What is no field of a `calibration.json` is refused with its place; every answer that can be written is read."""
+"""Tests that invalid fields of `calibration.json` are refused with their place, and valid calibrations are read."""
 
 from __future__ import annotations
 

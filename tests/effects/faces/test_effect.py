@@ -166,7 +166,10 @@ def test_tangent_length_is_per_part():
 
 
 def test_effect_defaults_are_false():
-    """By default effects are neither by place nor in time, sudden, certain or mapped; a detected effect is certain."""
+    """Effects are neither by place nor in time, sudden, certain or mapped unless stated.
+
+    A detected effect is certain.
+    """
     effect = Effect("made_up")
     assert (effect.is_by_place, effect.is_in_time, effect.faces) == (False, False, frozenset())
     random = RandomEffect(KINEMATICS, "")
@@ -192,7 +195,7 @@ def test_fault_units_are_si():
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
 def test_tangent_is_limited_to_known_directions(scale):
-    """As few directions with a huge sigma as needed are left out; the result is zero if none exceeds its sigma."""
+    """Directions with a huge sigma are left out, as few as needed; the result is zero if none exceeds its sigma."""
     size = scale * np.array([3e-3, 4e-3, 50e-3])
     covariance = scale**2 * np.diag([1e-8, 1e-8, 1e-2])
     np.testing.assert_allclose(_known_part(size, covariance), scale * np.array([3e-3, 4e-3, 0]), atol=scale * 1e-12)

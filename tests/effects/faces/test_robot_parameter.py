@@ -104,7 +104,7 @@ def test_parameter_derivative_by_joints_or_chain():
 
 
 def test_parameter_defaults_are_by_joint():
-    """By default a kind has one zero per joint in radians, any sigma, and an unchanged chain."""
+    """A kind has one zero per joint in radians, any sigma, and an unchanged chain unless stated otherwise."""
     kind = doubled()
     np.testing.assert_array_equal(kind.zero(3), np.zeros(3))
     assert kind.move_chain("chain", np.ones(3)) == "chain"

@@ -195,7 +195,7 @@ def test_camera_is_on_flange_of_joint_robot(arm: SerialChain) -> None:
 
 
 def test_camera_without_frame_is_on_only_robot() -> None:
-    """With several robots the carrier must be given."""
+    """The carrier must be given if there are several robots."""
     two = tree(("l_base", "l_tool0"), ("r_base", "r_tool0"))
     one = choose_sources(bag_of(), Survey(ARM, **images("/a/image_raw")), BagRequest(), NO_CELL)
     assert one.cameras["a"].on == "arm"
@@ -233,7 +233,7 @@ def test_camera_info_beside_images_is_used() -> None:
 
 
 def test_unknown_cameras_are_ignored_if_views_are_given() -> None:
-    """With views of targets, images that fit no camera of the cell are not needed."""
+    """Images that fit no camera of the cell are not needed if views of targets are given."""
     cell = Cell("arm", {"arm": Robot("arm")}, {}, {"wrist": CellCamera("wrist", "world")}, {})
     survey = Survey(ARM, **images("/w/image_raw", "/v/image_raw"))
     asked = BagRequest(views={("wrist", "box"): "tool0,base_link"})

@@ -157,7 +157,7 @@ def mcap_of_one_chunk(path: Path, content: bytes, compression: bytes, size: int)
 
 
 def test_decompression_bomb_is_refused(tmp_path: Path) -> None:
-    """A chunk of kilobytes that unpacks to gigabytes is an error, without memory use of this process."""
+    """A chunk of some kilobytes that unpacks to four gigabytes is an error, without memory use of this process."""
     from lz4.frame import LZ4FrameCompressor
 
     compressor, zeros = LZ4FrameCompressor(), b"\0" * 2**24

@@ -149,10 +149,10 @@ def cell() -> Cell:
 
 
 def as_published(camera_from_target: SE3, number: int, half_m: float) -> SE3:
-    """What the node computes: solvePnP of the square (-s,-s), (s,-s), (s,s), (-s,s) and of the detector's corners.
+    """Return the pose that the node computes, by solvePnP of the square (-s,-s), (s,-s), (s,s), (-s,s).
 
-    The detector begins lower left and goes against the clock: corners that `tag_corners` names by the target's ids are
-    the points of the target, which an image of the cube shows where they are.
+    The detector begins at the lower left and goes counter-clockwise. The corners that `tag_corners` names by the
+    target's ids are the target's points, at their places in an image of the cube.
     """
     shape = cell().targets["cube"].target
     assert shape is not None

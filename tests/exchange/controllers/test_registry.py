@@ -131,7 +131,7 @@ def test_denso_angles_rotate_about_fixed_axes():
 
 
 def test_denso_rz_rotates_base_x_about_z():
-    """As in the manual: with RZ alone, the flange's x is the base's x rotated about z by RZ."""
+    """The flange's x is the base's x rotated about z by RZ if RZ is the only angle, as stated in the manual."""
     x = CONTROLLERS["denso"].read(np.array([0, 0, 0, 0, 0, 30])).rotation[:, 0]
     np.testing.assert_allclose(x, [np.cos(np.pi / 6), 0.5, 0], atol=1e-15)
 

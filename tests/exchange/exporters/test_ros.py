@@ -48,7 +48,7 @@ def test_ros_types_accept_exported_pose(name):
 
 
 def test_message_holds_one_pose():
-    """With several transforms the error requests a choice."""
+    """The error requests a choice if there are several transforms."""
     both = replace(wanted(), transforms=(*wanted(BASE).transforms, *wanted(INVERSE).transforms))
     with pytest.raises(InputError, match=f"with --transform: {BASE}, {INVERSE}"):
         export_text(both)

@@ -34,7 +34,7 @@ def test_estimated_lens_precedes_stated_one():
 
 
 def test_only_camera_needs_no_name():
-    """With several cameras one must be named."""
+    """One of several cameras must be named."""
     assert choose_camera(ExportRequest((), (), ESTIMATED)) == "wrist"
     assert choose_camera(ExportRequest((), (), ESTIMATED, stating(None), camera="top")) == "top"
     with pytest.raises(InputError, match="with --camera: wrist, top"):

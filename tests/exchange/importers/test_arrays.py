@@ -259,7 +259,7 @@ def test_vectors_may_be_rows_or_columns(shape: tuple[int, ...]) -> None:
 
 
 def test_camera_is_on_robot_by_default(tmp_path: Path) -> None:
-    """With two arms the camera is always on the first; with one, the user may state the world."""
+    """The camera of two arms is always on the first; with one arm the user may state the world."""
     _saved(tmp_path / "a.npz", gripper2base=POSES[0], target2cam=POSES[1])
     for said, on_robot in ((None, True), (True, True), (False, False)):
         assert read_record_of_arrays(tmp_path / "a.npz", said, 1.0).camera_on_robot == on_robot

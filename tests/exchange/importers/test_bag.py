@@ -245,7 +245,7 @@ def test_carrier_of_unknown_cameras_is_requested(tmp_path: Path, capsys: pytest.
 
 
 def test_images_between_stops_are_left_out(tmp_path: Path) -> None:
-    """With continuous images each stop gets one image from its middle."""
+    """Each stop gets one image from its middle if images are recorded continuously."""
     where = SE3.exp(np.random.default_rng(2).normal(0, 0.3, (3, 6)))
     bag = new_bag(tmp_path, "ros1")
     for k, (time, stop, share) in enumerate(journey(3)):

@@ -26,7 +26,7 @@ def test_lens_is_imported_with_half_pixel_shift(tmp_path: Path) -> None:
 
 
 def test_camera_is_chosen_by_id(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With several cameras the error requests a choice; a folder stands for the file in it."""
+    """The error requests a choice if there are several cameras; a folder is read by the file in it."""
     first = "1 OPENCV 640 480 600 601 320.5 240.5 0.1 -0.2 0 0\n"
     (tmp_path / "cameras.txt").write_text(first + first.replace("1 OPENCV", "7 OPENCV").replace("600", "650"))
     words = ["import", "colmap", str(tmp_path / "c"), str(tmp_path), "--camera", "wrist", "--on", "left"]

@@ -146,7 +146,7 @@ def test_invalid_image_imports_create_no_cell(
 
 
 def test_camera_carrier_is_requested_with_two_robots(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """With two robots the carrier must be given, with one it is implied.
+    """The carrier must be given if there are two robots, and is implied by one.
 
     A carrier other than the cell's is an error.
     """

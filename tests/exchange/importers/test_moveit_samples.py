@@ -58,7 +58,7 @@ def test_moveit_samples_need_camera_carrier(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_moveit_samples_in_millimetres_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """MoveIt writes metres, and the message says so."""
+    """MoveIt writes metres, and the message states this."""
     words = ["import", "moveit-samples", str(tmp_path / "c"), saved(tmp_path / "s.yaml", 1e-3), "--camera-on", "world"]
     assert main(words) == 3
     assert "check that its lengths are metres" in capsys.readouterr().err

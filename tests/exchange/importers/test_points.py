@@ -96,7 +96,7 @@ def test_mixed_length_units_are_refused(tmp_path):
 
 @pytest.mark.parametrize("header", ["x_mm y_mm z_mm x_in", "X_mm Y_mm Z_mm x_mm", "x_mm y_mm z_mm x_mm"])
 def test_duplicate_coordinate_columns_are_refused(tmp_path: Path, header: str) -> None:
-    """With a nominal and a measured column, for example, the last one was read before."""
+    """Duplicate columns, such as a nominal and a measured one, are refused. Before, the last one was read."""
     (tmp_path / "a.txt").write_text(f"{header}\n1 2 3 4\n")
     with pytest.raises(DatasetError, match=r"has two columns of one coordinate, [xX]_mm, x_(in|mm): keep one"):
         PointTable.read(str(tmp_path / "a.txt"), None)

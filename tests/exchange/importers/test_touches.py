@@ -42,7 +42,7 @@ def _is_line_of(line: str, numbers: Sequence[float]) -> bool:
 
 
 def test_touches_of_two_arms_give_base(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two files of touches, calibrate and export give a good verdict.
+    """Four commands (two imports of touches, calibrate, export) give a good verdict.
 
     The exported base is the true one, in both controllers' notation.
     """

@@ -122,7 +122,7 @@ def test_contradictory_options_create_no_cell(tmp_path: Path, words: list[str]) 
 def test_images_add_their_target(
     tmp_path: Path, robots: list[str], on: str, words: list[str], carrier: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """By default the target is on the one robot without the camera, or on the world; its carrier is reported."""
+    """The default carrier of the target is the one robot without the camera, or the world; it is reported."""
     cell = str(tmp_path / "c")
     poses = tmp_path / "t.csv"
     poses.write_text("x,y,z,rx,ry,rz\n0.4,0.1,0.3,0,0,0\n")

@@ -123,7 +123,7 @@ def brought_by(folder: Path, record: HandEyeRecord, carriers: Carriers, robot: s
 
 
 def test_choice_of_several_cameras_is_requested(tmp_path: Path) -> None:
-    """With two cameras, or two robots, a name is needed."""
+    """A name is needed if there are two cameras, or two robots."""
     cell = cell_in(tmp_path, cameras={"a": {"on": "arm"}, "b": {"on": "arm"}}, targets={"t": {"on": "world"}})
     with pytest.raises(InputError, match=r"which camera\? --camera is one of: a, b"):
         chosen_names(cell, None, None, None, True)
@@ -160,7 +160,7 @@ def test_carrier_of_named_camera_is_used(tmp_path: Path) -> None:
 
 
 def test_carrying_robot_is_chosen(tmp_path: Path) -> None:
-    """With two robots that of the camera or of the target is chosen; if they are on the world a choice is requested."""
+    """The robot of the camera or of the target is chosen of two; if they are on the world a choice is requested."""
     things = {"cameras": {"cam": {"on": "left"}}, "targets": {"tag": {"on": "right"}}}
     cell = cell_in(tmp_path, reference="left", robots={"left": {}, "right": {}}, **things)
     assert chosen_names(cell, None, None, None, True).robot == "left"

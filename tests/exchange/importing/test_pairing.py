@@ -70,7 +70,7 @@ def test_rows_pair_by_nearest_time() -> None:
 
 
 def test_samples_without_time_are_left_out() -> None:
-    """Rows paired by time use only timed samples; without any the message says so."""
+    """Rows paired by time use only timed samples; without any the message states this."""
     paired = pair(rows(Row(stamp_s=11.0), Row(stamp_s=12.0), by="stamp_s"), [Sample(7), *TIMED], {})
     assert (paired.numbers, paired.unpaired_samples) == ((1, 2), (7, 0))
     with pytest.raises(InputError, match="no recorded sample has a time to pair by"):
@@ -144,7 +144,7 @@ def test_images_pair_with_samples_of_camera_robot() -> None:
     apart = [Sample(n, None, {"left" if n < 3 else "right": at(0.1 * n)}) for n in range(5)]
 
     def folder(count: int) -> Imported:
-        """So many images of a camera on the right arm."""
+        """Return an import of this many images of a camera on the right arm."""
         of_folder = tuple(Row(images={"eye": Path(f"{n}.png")}, image=f"{n}.png") for n in range(1, count + 1))
         return Imported("photos", "", of_folder, cell={"cameras": {"eye": {"on": "right"}}})
 

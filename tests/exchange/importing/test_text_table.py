@@ -187,7 +187,7 @@ def test_robot_column_selects_rows() -> None:
 
 @pytest.mark.parametrize("count", [2, 3])
 def test_row_count_is_limited(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-    """As many rows as a recording may have are read, and one more is refused."""
+    """A table may have as many rows as a recording, and one more is refused."""
     monkeypatch.setattr(text_table, "MOST_SAMPLES", 2)
     text = "x,y,z\n" + "1,2,3\n" * count
     if count == 2:
@@ -308,7 +308,7 @@ def test_summary_rows_are_refused(word: str) -> None:
 
 @pytest.mark.parametrize("title", ["Hall 4", "Hall 4;;", ";Hall 4"])
 def test_title_line_has_one_cell(title: str) -> None:
-    """A title precedes the header; a line of several words without a number is the header itself."""
+    """A title precedes the header; a line of two or more words without a number is the header itself."""
     assert read_text_table(f"{title}\nx;y;z\n1;2;3\n", "t.csv", NAMES).header == ("x", "y", "z")
     table = read_text_table("Hall;Monday;late\nx;y;z\n1;2;3\n", "t.csv", NAMES)
     assert table.header == ("Hall", "Monday", "late")
