@@ -63,11 +63,11 @@ def test_point_cannot_end_frame_between():
     """A point has no rotation, so neither end of `frame_between` may be one; the message names its transform."""
     of = {name: PoseEstimate.exact(SE3.identity()) for name in ("arm_flange_from_led", "arm_flange_from_wrist")}
     calibration = Calibration("good", of, points=frozenset({"arm_flange_from_led"}))
-    said = "'led' is a point and has no rotation: see arm_flange_from_led in calibration.json"
+    message = "'led' is a point and has no rotation: see arm_flange_from_led in calibration.json"
     for ends in (("led", "wrist"), ("wrist", "led")):
         with pytest.raises(InputError) as caught:
             calibration.frame_between(*ends)
-        assert str(caught.value) == said
+        assert str(caught.value) == message
     with pytest.raises(FrameNotFound, match=r"there are: arm_flange, wrist$"):
         calibration.frame_between("wrist", "lamp")
     assert calibration.frame_between("wrist", "arm_flange").mean.translation.tolist() == [0, 0, 0]
@@ -104,8 +104,8 @@ def test_repr_shows_verdict_and_transforms():
     estimate = PoseEstimate(
         SE3(np.eye(3), np.array([1.0, 0.0, -0.25])), np.diag([1e-6] * 3 + [np.radians(0.5) ** 2] * 3)
     )
-    told = repr(Calibration("good", {"a_from_b": estimate}))
-    assert told == "<good calibration: a_from_b [1000, 0, -250] ± [1, 1, 1] mm, [0, 0, 0] ± [0.5, 0.5, 0.5] deg>"
+    text = repr(Calibration("good", {"a_from_b": estimate}))
+    assert text == "<good calibration: a_from_b [1000, 0, -250] ± [1, 1, 1] mm, [0, 0, 0] ± [0.5, 0.5, 0.5] deg>"
     assert repr(Calibration("refused")) == "<refused calibration: no transform>"
 
 

@@ -93,13 +93,13 @@ def test_with_transform_replaces_one_transform():
 def test_inconsistent_names_are_refused():
     """A key that differs from the name, and a carrier or reference that is no robot, are refused at once."""
     eye, wrist = {"eye": Robot("eye")}, {"wrist": CellCamera("wrist", "eye")}
-    for wrong, told in (
+    for wrong, message in (
         (lambda: Cell("eye", {"eye": Robot("left")}), "'left' is listed under the name 'eye'"),
         (lambda: Cell("eye", {"eyes": Robot("eyes")}), "reference: no robot 'eye'.*did you mean 'eyes'"),
         (lambda: Cell("eye", eye, cameras={"wrist": CellCamera("wrist", "hand")}), "wrist: no robot 'hand'"),
         (lambda: Cell("eye", eye, bases={"hand": FIXED}, cameras=wrist), "hand: no robot 'hand'"),
     ):
-        with pytest.raises(InputError, match=told):
+        with pytest.raises(InputError, match=message):
             wrong()
     assert repr(Cell("eye", eye, cameras=wrist)) == "<cell of eye: wrist on eye>"
 
@@ -126,7 +126,7 @@ def test_clock_round_trip(data):
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         ({"status": "prior"}, "status prior takes sigma_s"),
         ({"status": "free", "sigma_s": 0.1}, "status free takes no sigma_s"),
@@ -137,9 +137,9 @@ def test_clock_round_trip(data):
         ({"jitter_s": 2.0}, "jitter_s"),
     ],
 )
-def test_invalid_clocks_are_refused(data, said):
+def test_invalid_clocks_are_refused(data, message):
     """Numbers of a clock are checked like those of other entries."""
-    with pytest.raises(ValidationError, match=said):
+    with pytest.raises(ValidationError, match=message):
         CameraEntry.model_validate({"on": "world", "clock": data})
 
 
@@ -158,7 +158,7 @@ def test_rolling_shutter_round_trip(data):
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         ({}, "status fixed takes line_time_s, the time from a row to the next"),
         ({"status": "prior", "line_time_s": 1e-5}, "status prior takes sigma_s"),
@@ -169,9 +169,9 @@ def test_rolling_shutter_round_trip(data):
         (3, "dictionary"),
     ],
 )
-def test_invalid_rolling_shutters_are_refused(data, said):
+def test_invalid_rolling_shutters_are_refused(data, message):
     """Numbers of a rolling shutter are checked like those of other entries."""
-    with pytest.raises(ValidationError, match=said):
+    with pytest.raises(ValidationError, match=message):
         CameraEntry.model_validate({"on": "world", "rolling_shutter": data})
 
 

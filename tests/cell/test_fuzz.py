@@ -34,7 +34,7 @@ _PIECES = (
 )
 
 
-def damaged(content: bytes, seed: int) -> bytes:
+def damage(content: bytes, seed: int) -> bytes:
     """Content with up to four pieces cut, duplicated, swapped or replaced."""
     chance = random.Random(seed)
     data = bytearray(content)
@@ -58,7 +58,7 @@ def refusal(read: Callable[[], object]) -> str | None:
 def test_damaged_cell_file_names_file(folder: Path, start: int) -> None:
     """A damaged cell.yaml either gives a cell or an InputError that names the file."""
     for seed in range(start, start + 50):
-        (folder / "cell.yaml").write_bytes(damaged(CELL.encode(), seed))
+        (folder / "cell.yaml").write_bytes(damage(CELL.encode(), seed))
         message = refusal(lambda: read_cell(folder))
         assert message is None or "cell.yaml" in message, seed
 
@@ -67,7 +67,7 @@ def test_damaged_samples_file_names_line(folder: Path) -> None:
     """A damaged samples.jsonl either gives a recording or an InputError that names the line."""
     cell, refused = read_cell(folder), 0
     for seed in range(300):
-        (folder / "recording" / "samples.jsonl").write_bytes(damaged(journal(*LINES), seed))
+        (folder / "recording" / "samples.jsonl").write_bytes(damage(journal(*LINES), seed))
         message = refusal(lambda: read_recording(folder, cell))
         assert message is None or "samples.jsonl:" in message, seed
         refused += message is not None
@@ -79,6 +79,6 @@ def test_damaged_calibration_file_names_file(tmp_path: Path) -> None:
     path = write_calibration(Calibration("good"), tmp_path)
     content = path.read_bytes()
     for seed in range(300):
-        path.write_bytes(damaged(content, seed))
+        path.write_bytes(damage(content, seed))
         message = refusal(lambda: read_calibration(path))
         assert message is None or "calibration.json" in message, seed

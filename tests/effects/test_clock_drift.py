@@ -32,15 +32,15 @@ def test_clock_drift_is_zero_in_middle():
     assert not list(clock_drifts(Situation(problem, of.state, problem, {})))
 
 
-@pytest.mark.parametrize(("count", "timed", "told"), [(6, True, True), (5, True, False), (6, False, False)])
-def test_clock_drift_needs_six_timed_samples(count, timed, told):
+@pytest.mark.parametrize(("count", "timed", "is_candidate"), [(6, True, True), (5, True, False), (6, False, False)])
+def test_clock_drift_needs_six_timed_samples(count, timed, is_candidate):
     """Drifts are candidates from six stamped samples on, from minus half to plus half of the offset."""
     of = Made(count, has_times=timed)
     found = list(clock_drifts(of))
     assert [(each.code, each.about, each.unit) for each in found] == (
-        [("clock-drift", ("wrist",), "s")] if told else []
+        [("clock-drift", ("wrist",), "s")] if is_candidate else []
     )
-    if told:
+    if is_candidate:
         (offset,) = clock_offsets(of)
         share = np.linspace(-0.5, 0.5, count)[:, None, None, None]
         np.testing.assert_allclose(found[0].moves[0], share * offset.moves[0], atol=1e-12)

@@ -19,7 +19,7 @@ SCENARIO = Scenario(samples=30, joints=True, robot_noise=(2e-5, 2e-5), position_
 SHARE, JOINT = 0.004, 2
 
 
-def recorded_short():
+def record_short_angles():
     """Return a recording whose hand's third joint rotates by more than recorded."""
     made = simulate(SCENARIO, 3)
     samples = []
@@ -43,7 +43,7 @@ def test_gear_ratio_rotates_joint_by_its_angle():
 
 def test_gear_ratio_is_estimated_with_prior():
     """The share is found within four sigmas if it has a prior, and the base is as accurate as with exact joints."""
-    made, recording = recorded_short()
+    made, recording = record_short_angles()
     stated = {of.NAME: of.Stated(status="prior", sigma=0.01)}
     hand = replace(made.cell.robots["hand"], parameters=stated)
     cell = replace(made.cell, robots={**made.cell.robots, "hand": hand})
@@ -58,7 +58,7 @@ def test_gear_ratio_is_estimated_with_prior():
 
 def test_unstated_gear_ratio_error_is_detected():
     """The verdict is not good, and a finding blames the arm's model."""
-    made, recording = recorded_short()
+    made, recording = record_short_angles()
     found = calibrate(made.cell, recording)
     assert found.verdict == "doubtful"
     (finding,) = [f for f in found.findings if f.code == "robot-model" and f.severity == "warning"]

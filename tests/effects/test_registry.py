@@ -320,10 +320,10 @@ def test_expected_sizes_match_their_source(name, least, most, is_stated):
 
 
 @pytest.mark.parametrize(("name", "load"), [("joint_offsets", 1.0), ("gear_ratio", np.pi), ("deflection", 100.0)])
-def test_free_joint_parameters_allow_a_third_of_radian(name, load):
-    """Free parameters may rotate a joint by about a third of a radian.
+def test_free_parameters_are_observable_below_third_radian(name, load):
+    """Free parameters count as observable if their sigma rotates a joint by less than a third of a radian.
 
-    This is applied to offsets directly, to gear ratios at half a turn, and to compliances at 100 Nm.
+    The load is 1 for an offset (its zero), half a turn for a gear ratio, and 100 Nm for a compliance.
     """
     assert 0.25 < ROBOT_PARAMETERS[name].largest_sigma * load < 0.35
 
@@ -350,10 +350,10 @@ def test_joint_values_are_reported_in_their_unit(name, value, shown):
 def test_length_errors_are_reported_in_percent(percent):
     """The message says poses are too short or too long, and targets larger or smaller."""
     found = replace(found_effect("hand", [percent / 100], 1e-4), code="length-scale")
-    told = EFFECTS["length_scale"].words(found).what
-    assert told == f"Poses of hand are {abs(percent):.3f} ± 0.010 % too {'short' if percent > 0 else 'long'}."
-    told = EFFECTS["target_size"].words(found).what
-    assert told == f"hand is {abs(percent):.3f} ± 0.010 % {'larger' if percent > 0 else 'smaller'} than stated."
+    message = EFFECTS["length_scale"].words(found).what
+    assert message == f"Poses of hand are {abs(percent):.3f} ± 0.010 % too {'short' if percent > 0 else 'long'}."
+    message = EFFECTS["target_size"].words(found).what
+    assert message == f"hand is {abs(percent):.3f} ± 0.010 % {'larger' if percent > 0 else 'smaller'} than stated."
 
 
 @pytest.mark.parametrize(

@@ -37,12 +37,12 @@ def test_covariance_includes_error_absorbed_by_base():
     """
     weights = 2e-3 * np.random.default_rng(0).standard_normal((6, 3))
 
-    def wrong(pose: SE3) -> SE3:
+    def recorded_pose(pose: SE3) -> SE3:
         """Return the pose that is recorded."""
         shift, turn = np.split(weights @ np.sin(4 * pose.translation), 2)
         return SE3(SE3.exp(np.append(0 * turn, turn)).rotation @ pose.rotation, pose.translation + shift)
 
-    names, integrated, alone = absorb_errors(30, 1, wrong)
+    names, integrated, alone = absorb_errors(30, 1, recorded_pose)
     assert names == ["smooth_by_place"]
     assert integrated < 20
     assert alone > 50

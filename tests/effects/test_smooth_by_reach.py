@@ -45,12 +45,12 @@ def test_covariance_includes_long_link_absorbed_by_base():
     The base absorbs this, and the covariance includes it.
     """
 
-    def wrong(pose: SE3) -> SE3:
+    def recorded_pose(pose: SE3) -> SE3:
         """Return the pose that is recorded."""
         outward = pose.translation * [1, 1, 0] / np.linalg.norm(pose.translation[:2])
         return SE3(pose.rotation, pose.translation + 3e-3 * outward + [0, 0, 2e-3])
 
-    names, integrated, alone = absorb_errors(24, 1, wrong)
+    names, integrated, alone = absorb_errors(24, 1, recorded_pose)
     assert names == ["smooth_by_reach"]
     assert integrated < 20
     assert alone > 50

@@ -44,7 +44,7 @@ def test_mode_density_is_constant_in_long_recordings():
     assert errors(two_ways).by_stop.shape[2] / 6 == pytest.approx(of_10, abs=2)
 
 
-def lagging(seed: int, size: float, stated_sigma: float | None = None) -> Streamed:
+def make_lagging_stream(seed: int, size: float, stated_sigma: float | None = None) -> Streamed:
     """A stream whose recorded poses are off by errors that last for a second, of `LAG` times a size.
 
     The arm states this sigma as its repeatability.
@@ -65,26 +65,26 @@ def lagging(seed: int, size: float, stated_sigma: float | None = None) -> Stream
 
 
 @cache
-def calibrated(seed: int, size: float, stated_sigma: float | None = None) -> Calibration:
+def calibrate_stream(seed: int, size: float, stated_sigma: float | None = None) -> Calibration:
     """Return the calibration of a stream with a lag."""
-    made = lagging(seed, size, stated_sigma)
+    made = make_lagging_stream(seed, size, stated_sigma)
     return calibrate(made.cell, made.recording)
 
 
 def test_time_errors_are_reported_only_if_present():
     """The noise reports lagging errors with their sigma at the flange, and none for a clean stream."""
-    clean, late = calibrated(0, 0.0), calibrated(0, 1.0)
+    clean, late = calibrate_stream(0, 0.0), calibrate_stream(0, 1.0)
     assert clean.noise["robots"]["arm"].get("smooth_in_time") is None
-    told = late.noise["robots"]["arm"]["smooth_in_time"]
-    assert told["lasts_s"] == LASTS_S
-    np.testing.assert_allclose(told["sigma"], LAG, rtol=0.6)
+    figures = late.noise["robots"]["arm"]["smooth_in_time"]
+    assert figures["lasts_s"] == LASTS_S
+    np.testing.assert_allclose(figures["sigma"], LAG, rtol=0.6)
 
 
 def test_stated_repeatability_allows_lag():
     """A lag of half a millimetre beside a stated repeatability makes no answer doubtful, and sigmas are correct."""
     distances = []
     for seed in range(2):
-        found = calibrated(seed, 0.3, stated_sigma=1e-4)
+        found = calibrate_stream(seed, 0.3, stated_sigma=1e-4)
         off = (found[NAME].mean.inverse() @ MOUNT).log()
         distances.append(off @ np.linalg.solve(found[NAME].covariance, off))
         assert found.verdict == "good"
@@ -95,13 +95,13 @@ def test_lag_is_not_attributed_to_stretch(monkeypatch):
     """Answers are good with correct sigmas. With only an error per stop, warnings concern poses and lengths."""
     distances = []
     for seed in (0, 2, 3):
-        found = calibrated(seed, 1.0)
+        found = calibrate_stream(seed, 1.0)
         off = (found[NAME].mean.inverse() @ MOUNT).log()
         distances.append(off @ np.linalg.solve(found[NAME].covariance, off))
         assert found.verdict == "good"
     assert 1 < np.mean(distances) < 12  # 6 on average
     monkeypatch.delitem(RANDOM_EFFECTS, "smooth_in_time")
-    alone = calibrate(*(lambda made: (made.cell, made.recording))(lagging(0, 1.0)))
+    alone = calibrate(*(lambda made: (made.cell, made.recording))(make_lagging_stream(0, 1.0)))
     assert "stretch" in {finding.code for finding in alone.findings if finding.severity == "warning"}
 
 
@@ -110,7 +110,7 @@ def test_moved_base_is_not_attributed_to_lag():
 
     Time errors whose sigma was estimated together with the move would absorb it.
     """
-    made = lagging(2, 0.5)
+    made = make_lagging_stream(2, 0.5)
     stamps = [sample.stamp_s for sample in made.recording.samples]
     samples = []
     for sample in made.recording.samples:

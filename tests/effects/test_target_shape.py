@@ -121,11 +121,11 @@ def test_collinear_points_have_no_area():
     assert has_area(np.vstack([line, [1.0, 0.0, 0.0]]))
 
 
-@pytest.mark.parametrize(("size_m", "told"), [(0.09e-3, False), (0.11e-3, True)])
-def test_reporting_threshold_is_tenth_of_millimetre(size_m, told):
+@pytest.mark.parametrize(("size_m", "is_reported"), [(0.09e-3, False), (0.11e-3, True)])
+def test_reporting_threshold_is_tenth_of_millimetre(size_m, is_reported):
     """A smaller bow is reported only if it exceeds three usual sigmas."""
     of_one = bow_height_m(BOARD.points, np.array([1.0, 0.0, 0.0]))
-    assert (words("board", BOARD.points, np.array([size_m / of_one, 0, 0])) is not None) == told
+    assert (words("board", BOARD.points, np.array([size_m / of_one, 0, 0])) is not None) == is_reported
     small = 0.05 * BOARD.points
     assert words("board", small, np.array([3.1, 0, 0])).severity == "warning"
     assert words("board", small, np.array([2.9, 0, 0])) is None

@@ -13,7 +13,7 @@ from basecal.exchange.columns import read_columns, read_table_text
 ALIASES = {"x": ("tx", "pos_x"), "time": ("stamp",)}
 
 
-def written(folder: Path, text: str) -> Path:
+def write_table(folder: Path, text: str) -> Path:
     path = folder / "table.csv"
     path.write_text(text, encoding="utf-8")
     return path
@@ -22,7 +22,7 @@ def written(folder: Path, text: str) -> Path:
 @pytest.mark.parametrize("header", ["x,time,y", "# TX , stamp,Y", "\ufeffpos_x,STAMP, y"])
 def test_columns_are_found_by_header_names(tmp_path, header):
     """Columns are found by any alias and case, with a leading # or byte-order mark; each row knows its line."""
-    table = read_columns(written(tmp_path, f"{header}\n1,2,3\n\n 4, 5.5 ,-6e1\n"), ALIASES)
+    table = read_columns(write_table(tmp_path, f"{header}\n1,2,3\n\n 4, 5.5 ,-6e1\n"), ALIASES)
     assert {name: values.tolist() for name, values in table.values.items()} == {
         "x": [1.0, 4.0],
         "time": [2.0, 5.5],
@@ -33,7 +33,7 @@ def test_columns_are_found_by_header_names(tmp_path, header):
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "said"),
+    ("text", "line", "message"),
     [
         ("", None, "is empty"),
         ("x,y\n", None, "has a header and no rows"),
@@ -45,10 +45,10 @@ def test_columns_are_found_by_header_names(tmp_path, header):
         pytest.param(f"x,y\n1,{'9' * 131_073}\n", 2, "field larger than field limit", id="field"),
     ],
 )
-def test_invalid_table_error_has_line(tmp_path, text, line, said):
+def test_invalid_table_error_has_line(tmp_path, text, line, message):
     """The error states the line and what was expected there."""
-    with pytest.raises(DatasetError, match=said) as caught:
-        read_columns(written(tmp_path, text), ALIASES)
+    with pytest.raises(DatasetError, match=message) as caught:
+        read_columns(write_table(tmp_path, text), ALIASES)
     assert caught.value.line == line
 
 
@@ -85,11 +85,11 @@ def test_all_line_endings_are_read(tmp_path, end):
 @pytest.mark.parametrize("sign", ["", "-", "\u2212"])
 def test_numbers_up_to_1e12_with_any_minus_sign(tmp_path, sign):
     """Numbers of either sign are read, also with the minus sign of word processors."""
-    assert read_columns(written(tmp_path, f"x\n{sign}1e12\n"), ALIASES).values["x"].tolist() == [
+    assert read_columns(write_table(tmp_path, f"x\n{sign}1e12\n"), ALIASES).values["x"].tolist() == [
         -1e12 if sign else 1e12
     ]
     with pytest.raises(DatasetError, match=r"x: '-?1\.1e12' is not finite, or beyond"):
-        read_columns(written(tmp_path, f"x\n{sign}1.1e12\n"), ALIASES)
+        read_columns(write_table(tmp_path, f"x\n{sign}1.1e12\n"), ALIASES)
 
 
 @pytest.mark.parametrize(
@@ -119,20 +119,20 @@ def test_old_spreadsheet_file_is_refused(tmp_path):
 
 def test_blank_rows_are_skipped(tmp_path):
     """Quoted cells may contain commas and line ends; the line of a row is that of its end."""
-    table = read_columns(written(tmp_path, 'x,"a, b"\n1,2\n , \n3,"4"\n'), ALIASES)
+    table = read_columns(write_table(tmp_path, 'x,"a, b"\n1,2\n , \n3,"4"\n'), ALIASES)
     assert {name: values.tolist() for name, values in table.values.items()} == {"x": [1, 3], "a, b": [2, 4]}
     assert list(table.lines) == [2, 4]
 
 
 def test_quotes_after_blank_are_recognised(tmp_path):
     """Cells of the header and of numbers may be quoted after a comma and a blank."""
-    table = read_columns(written(tmp_path, 'x, "y"\n1, "2"\n'), ALIASES)
+    table = read_columns(write_table(tmp_path, 'x, "y"\n1, "2"\n'), ALIASES)
     assert {name: values.tolist() for name, values in table.values.items()} == {"x": [1.0], "y": [2.0]}
 
 
 def test_numbers_beyond_1e12_are_refused(tmp_path):
     """The limit itself is read, for either sign."""
-    assert read_columns(written(tmp_path, "x\n1e12\n-1e12\n"), ALIASES).values["x"].tolist() == [1e12, -1e12]
+    assert read_columns(write_table(tmp_path, "x\n1e12\n-1e12\n"), ALIASES).values["x"].tolist() == [1e12, -1e12]
     for cell in ("1.01e12", "-1.01e12", "nan"):
         with pytest.raises(DatasetError, match="is not finite, or beyond"):
-            read_columns(written(tmp_path, f"x\n{cell}\n"), ALIASES)
+            read_columns(write_table(tmp_path, f"x\n{cell}\n"), ALIASES)

@@ -225,7 +225,7 @@ def test_stated_units_override_format(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "reading", "said"),
+    ("text", "reading", "message"),
     [
         ("0.1,0.2,0.3,0,180,0\n", Reading("ur"), "angles up to 180 are not radians: give --deg"),
         (
@@ -266,11 +266,11 @@ def test_stated_units_override_format(tmp_path: Path) -> None:
         ("x,y,z,rx,ry,rz,sample\n1,2,3,0,0,0,1.5\n", Reading("ur"), "1.5 is not a whole number from 0"),
     ],
 )
-def test_wrong_units_and_columns_are_reported(tmp_path: Path, text: str, reading: Reading, said: str) -> None:
+def test_wrong_units_and_columns_are_reported(tmp_path: Path, text: str, reading: Reading, message: str) -> None:
     """Units and columns that do not fit the format are refused, with the option to give instead."""
     with pytest.raises(DatasetError) as error:
         poses(tmp_path, text, reading)
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 def test_angle_unit_is_refused_for_formats_without_angles() -> None:
@@ -420,8 +420,8 @@ def test_fanuc_program_is_refused(tmp_path: Path) -> None:
 def test_units_of_other_controllers_are_suggested(controller, length, angle, words):
     """Another unit is suggested if lengths and angles both fit it; one of them alone may be intended."""
     numbers = np.random.default_rng(0).uniform(-1, 1, (30, 6)) * np.repeat([length, angle], 3)
-    said = _other_controllers(numbers, CONTROLLERS[controller], Reading(controller))
-    assert re.search(words, said) if words else said == ""
+    message = _other_controllers(numbers, CONTROLLERS[controller], Reading(controller))
+    assert re.search(words, message) if words else message == ""
     assert _other_controllers(numbers, CONTROLLERS[controller], Reading(controller, length_m=1e-3)) == ""
 
 
@@ -493,13 +493,13 @@ def test_degrees_below_three_are_refused(tmp_path, degrees, is_wrong):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [(3, ":1: 9 is not an angle in radians: correct line 1, 2, 3, or"), (4, "angles up to 9 are not radians")],
 )
-def test_three_wrong_rows_of_ten_are_named(tmp_path, wrong, said):
+def test_three_wrong_rows_of_ten_are_named(tmp_path, wrong, message):
     """If more rows are wrong, another unit is suggested."""
     text = "0.1,0.2,0.3,0,9,0\n" * wrong + "0.1,0.2,0.3,0,6.28,0\n" * (10 - wrong)
-    with pytest.raises(DatasetError, match=said):
+    with pytest.raises(DatasetError, match=message):
         poses(tmp_path, text, Reading("ur"))
 
 
@@ -564,8 +564,8 @@ def test_image_column_has_only_image_names():
 def test_fitting_unit_gives_no_advice(length, angle, advice):
     """Numbers in millimetres and degrees cause advice only if both are read in other units."""
     numbers = np.random.default_rng(0).uniform(-1, 1, (30, 6)) * np.repeat([400.0, 90.0], 3)
-    said = _other_controllers(numbers, replace(CONTROLLERS["kuka"], length=length, angle=angle), Reading("kuka"))
-    assert (advice in said) if advice else said == ""
+    message = _other_controllers(numbers, replace(CONTROLLERS["kuka"], length=length, angle=angle), Reading("kuka"))
+    assert (advice in message) if advice else message == ""
 
 
 @pytest.mark.parametrize(("length", "angle", "count", "is_told"), [

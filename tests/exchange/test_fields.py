@@ -150,12 +150,12 @@ def test_number_lists_have_requested_length() -> None:
         root.find("b").numbers(3, 4)
     with pytest.raises(DatasetError, match="a: has 0 numbers, expected 2"):
         root.find("a").numbers(2)
-    for name, said in (
+    for name, message in (
         ("d", r"d\[1\]: is a list of 1"),
         ("e", "e: is 3, expected a list of"),
         ("f", r"f\[1\]: is an empty"),
     ):
-        with pytest.raises(DatasetError, match=said):
+        with pytest.raises(DatasetError, match=message):
             root.find(name).numbers()
 
 

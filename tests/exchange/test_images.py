@@ -24,7 +24,7 @@ from basecal.exchange.images import (
 )
 
 
-def filled(folder: Path, *names: str) -> Path:
+def fill_folder(folder: Path, *names: str) -> Path:
     for name in names:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(b"")
@@ -33,34 +33,34 @@ def filled(folder: Path, *names: str) -> Path:
 
 def test_images_are_sorted_numerically(tmp_path: Path) -> None:
     """2 precedes 10, with or without leading zeros; hidden and other files are skipped."""
-    filled(tmp_path, "img10.png", "img2.JPG", "img001.png", ".img0.png", "notes.txt")
+    fill_folder(tmp_path, "img10.png", "img2.JPG", "img001.png", ".img0.png", "notes.txt")
     assert [path.name for path in list_images(tmp_path)] == ["img001.png", "img2.JPG", "img10.png"]
 
 
 @pytest.mark.parametrize(
-    ("names", "said"),
+    ("names", "message"),
     [
         ((), ": nothing; expected .png"),
         (("a.raw", "b.raw", "c.txt"), ": 2 of .raw, 1 of .txt; expected .png"),
         (("left/a.png", "right/a.png"), "folders of images: left, right; import one at a time"),
     ],
 )
-def test_folder_without_images_lists_its_contents(tmp_path: Path, names: tuple[str, ...], said: str) -> None:
+def test_folder_without_images_lists_its_contents(tmp_path: Path, names: tuple[str, ...], message: str) -> None:
     """The error lists other file endings, or folders of images inside."""
-    with pytest.raises(DatasetError, match=said):
-        list_images(filled(tmp_path, *names))
+    with pytest.raises(DatasetError, match=message):
+        list_images(fill_folder(tmp_path, *names))
 
 
 def test_file_in_place_of_folder_is_refused(tmp_path: Path) -> None:
     """A file and a missing folder are refused."""
     for name in ("a.png", "none"):
         with pytest.raises(DatasetError, match="is not a folder"):
-            list_images(filled(tmp_path, "a.png") / name)
+            list_images(fill_folder(tmp_path, "a.png") / name)
 
 
 def test_unreadable_image_formats_are_listed(tmp_path: Path) -> None:
     """Files that look like images or films are listed; text files are not."""
-    assert unreadable_images(filled(tmp_path, "a.png", "b.HEIC", "c.mp4", "d.txt")) == ("b.HEIC", "c.mp4")
+    assert unreadable_images(fill_folder(tmp_path, "a.png", "b.HEIC", "c.mp4", "d.txt")) == ("b.HEIC", "c.mp4")
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_file_contents_decide_on_image(tmp_path: Path) -> None:
 def test_image_count_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     """A folder may have as many images as a recording; one more is refused."""
     monkeypatch.setattr(images, "MOST_SAMPLES", 3)
-    filled(tmp_path, *(f"{k}.png" for k in range(count)))
+    fill_folder(tmp_path, *(f"{k}.png" for k in range(count)))
     if count == 3:
         assert len(list_images(tmp_path)) == 3
     else:
@@ -163,17 +163,17 @@ def test_image_count_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 
 def test_most_frequent_endings_are_listed(tmp_path: Path) -> None:
     """Three endings are listed, most frequent first, without hidden files; folders without images are not listed."""
-    filled(tmp_path, "1.a", "2.a", "3.a", "1.b", "2.b", "1.c", "2.c", "1.d", "e/1.txt", ".f.png")
+    fill_folder(tmp_path, "1.a", "2.a", "3.a", "1.b", "2.b", "1.c", "2.c", "1.d", "e/1.txt", ".f.png")
     with pytest.raises(DatasetError, match=r": 3 of \.a, 2 of \.b, 2 of \.c; expected"):
         list_images(tmp_path)
-    filled(tmp_path / "none", "bare")
+    fill_folder(tmp_path / "none", "bare")
     with pytest.raises(DatasetError, match=": 1 of no ending; expected"):
         list_images(tmp_path / "none")
 
 
 def test_folder_named_like_image_is_skipped(tmp_path: Path) -> None:
     """Images beside such a folder are listed."""
-    filled(tmp_path, "a.png/1.txt", "b.png")
+    fill_folder(tmp_path, "a.png/1.txt", "b.png")
     assert [path.name for path in list_images(tmp_path)] == ["b.png"]
 
 

@@ -21,7 +21,7 @@ ROWS = np.radians([[10, -90, 100, -45, 60, 340], [-20, -80, 90, -40, 70, -170], 
 
 
 @pytest.fixture
-def limited(arm: SerialChain) -> SerialChain:
+def limited_arm(arm: SerialChain) -> SerialChain:
     """Return the arm with the limits of a small industrial one, narrow at the wrist."""
     limits = np.radians([170, 190, 150, 180, 120, 350])
     return replace(arm, lower=-limits, upper=limits)
@@ -37,12 +37,12 @@ def lines(values: np.ndarray, separator: str = ",") -> str:
     return "".join(separator.join(f"{value:.12g}" for value in row) + "\n" for row in values)
 
 
-def test_joints_are_read_by_order_name_or_number(tmp_path: Path, limited: SerialChain) -> None:
+def test_joints_are_read_by_order_name_or_number(tmp_path: Path, limited_arm: SerialChain) -> None:
     """Without a header joints are in the chain's order.
 
     With one they are found by name in any order, by numbers from 0 or 1, and with `.pos`.
     """
-    names = list(limited.joint_names)
+    names = list(limited_arm.joint_names)
     turned = ROWS[:, ::-1]
     for text in (
         lines(ROWS),
@@ -53,14 +53,14 @@ def test_joints_are_read_by_order_name_or_number(tmp_path: Path, limited: Serial
         "\t".join(f"A{i}" for i in range(6, 0, -1)) + "\n" + lines(turned, "\t"),
         "".join(f"[{row}]\n" for row in lines(ROWS).splitlines()),
     ):
-        np.testing.assert_allclose(read(tmp_path, text, limited), ROWS, atol=1e-10)
+        np.testing.assert_allclose(read(tmp_path, text, limited_arm), ROWS, atol=1e-10)
 
 
-def test_unrelated_numbered_columns_are_ignored(tmp_path: Path, limited: SerialChain) -> None:
+def test_unrelated_numbered_columns_are_ignored(tmp_path: Path, limited_arm: SerialChain) -> None:
     """A quaternion q1 to q4 beside the joints j1 to j6 is ignored, as in logs of ABB."""
     header = ",".join([*(f"j{i}" for i in range(1, 7)), "x", *(f"q{i}" for i in range(1, 5))])
     text = f"{header}\n" + "".join(f"{row},0.4,1,0,0,0\n" for row in lines(ROWS).splitlines())
-    np.testing.assert_allclose(read(tmp_path, text, limited), ROWS, atol=1e-10)
+    np.testing.assert_allclose(read(tmp_path, text, limited_arm), ROWS, atol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -73,65 +73,67 @@ def test_unrelated_numbered_columns_are_ignored(tmp_path: Path, limited: SerialC
     ],
 )
 def test_duplicate_joint_columns_are_refused(
-    tmp_path: Path, limited: SerialChain, columns: Callable[[tuple[str, ...]], list[str]]
+    tmp_path: Path, limited_arm: SerialChain, columns: Callable[[tuple[str, ...]], list[str]]
 ) -> None:
     """Columns of two arms, of velocities or of torques are refused; before, the last ones were used."""
-    header = columns(limited.joint_names)
+    header = columns(limited_arm.joint_names)
     text = ",".join(header) + "\n" + "".join(f"{row},0,0,0,0,0,0\n" for row in lines(ROWS).splitlines())
-    expected = f"names the joint '{limited.joint_names[0]}' twice, {header[0]}, {header[6]}: keep one"
+    expected = f"names the joint '{limited_arm.joint_names[0]}' twice, {header[0]}, {header[6]}: keep one"
     with pytest.raises(DatasetError, match=expected):
-        read(tmp_path, text, limited)
+        read(tmp_path, text, limited_arm)
 
 
 @pytest.mark.parametrize("column", ["j{}_{}", "j{} [{}]", "j{}({})", "j{}.{}"])
-def test_header_units_must_match_option(tmp_path: Path, limited: SerialChain, column: str) -> None:
+def test_header_units_must_match_option(tmp_path: Path, limited_arm: SerialChain, column: str) -> None:
     """Units of the header must agree with --deg; the error states what to give."""
     header = {unit: ",".join(column.format(i, unit) for i in range(1, 7)) + "\n" for unit in ("deg", "rad")}
-    np.testing.assert_allclose(read(tmp_path, header["rad"] + lines(ROWS), limited), ROWS, atol=1e-10)
-    np.testing.assert_allclose(read(tmp_path, header["deg"] + lines(np.degrees(ROWS)), limited, True), ROWS, atol=1e-10)
+    np.testing.assert_allclose(read(tmp_path, header["rad"] + lines(ROWS), limited_arm), ROWS, atol=1e-10)
+    np.testing.assert_allclose(
+        read(tmp_path, header["deg"] + lines(np.degrees(ROWS)), limited_arm, True), ROWS, atol=1e-10
+    )
     with pytest.raises(DatasetError, match=r"j1.*the unit is deg, but another is read: give --deg"):
-        read(tmp_path, header["deg"] + lines(ROWS / 10), limited)
+        read(tmp_path, header["deg"] + lines(ROWS / 10), limited_arm)
     with pytest.raises(DatasetError, match=r"j1.*the unit is rad, but another is read: remove --deg"):
-        read(tmp_path, header["rad"] + lines(ROWS), limited, True)
+        read(tmp_path, header["rad"] + lines(ROWS), limited_arm, True)
 
 
-def test_joints_in_degrees_are_read(tmp_path: Path, limited: SerialChain) -> None:
+def test_joints_in_degrees_are_read(tmp_path: Path, limited_arm: SerialChain) -> None:
     """Joints in degrees are read with the option, also with decimal commas."""
     text = lines(np.degrees(ROWS), ";").replace(".", ",")
-    np.testing.assert_allclose(read(tmp_path, text, limited, True), ROWS, atol=1e-10)
+    np.testing.assert_allclose(read(tmp_path, text, limited_arm, True), ROWS, atol=1e-10)
 
 
-def test_degrees_read_as_radians_are_reported(tmp_path: Path, limited: SerialChain) -> None:
+def test_degrees_read_as_radians_are_reported(tmp_path: Path, limited_arm: SerialChain) -> None:
     """The error has the line, the joint, its limits and the option to give."""
-    name = limited.joint_names[0]
+    name = limited_arm.joint_names[0]
     expected = rf"q.csv:1: {name}: is at 10 rad, its limits are -2.967 to 2.967: give --deg, they look like degrees"
     with pytest.raises(DatasetError, match=expected):
-        read(tmp_path, lines(np.degrees(ROWS)), limited)
+        read(tmp_path, lines(np.degrees(ROWS)), limited_arm)
 
 
-def test_reversed_joint_order_is_suggested(tmp_path: Path, limited: SerialChain) -> None:
+def test_reversed_joint_order_is_suggested(tmp_path: Path, limited_arm: SerialChain) -> None:
     """The reverse order is suggested if no unit explains a joint beyond its limits but the reverse order does."""
-    order = re.escape(", ".join(limited.joint_names[::-1]))
-    assert np.abs(ROWS[:, 5]).max() > limited.upper[0]
+    order = re.escape(", ".join(limited_arm.joint_names[::-1]))
+    assert np.abs(ROWS[:, 5]).max() > limited_arm.upper[0]
     with pytest.raises(DatasetError, match=f"may be in another order, such as {order}"):
-        read(tmp_path, lines(np.degrees(ROWS)[:, ::-1]), limited, True)
+        read(tmp_path, lines(np.degrees(ROWS)[:, ::-1]), limited_arm, True)
 
 
-def test_radians_read_as_degrees_are_reported(tmp_path: Path, limited: SerialChain) -> None:
+def test_radians_read_as_degrees_are_reported(tmp_path: Path, limited_arm: SerialChain) -> None:
     """Angles within three degrees of zero are refused, since no arm calibrates there."""
     with pytest.raises(DatasetError, match="they look like radians: remove --deg"):
-        read(tmp_path, lines(ROWS / 2), limited, True)
+        read(tmp_path, lines(ROWS / 2), limited_arm, True)
 
 
-def test_unexplained_joint_values_are_reported(tmp_path: Path, limited: SerialChain) -> None:
+def test_unexplained_joint_values_are_reported(tmp_path: Path, limited_arm: SerialChain) -> None:
     """A joint that no unit or order explains, and columns of another arm, are errors."""
     wrong = ROWS.copy()
     wrong[2, 2] = wrong[2, 3] = 3.0
     wrong[0] = np.radians([10, 10, 160, 160, 10, 10])
     with pytest.raises(DatasetError, match=r"q.csv:1: .* check the order of the joints, and that the URDF is"):
-        read(tmp_path, lines(wrong), limited)
+        read(tmp_path, lines(wrong), limited_arm)
     with pytest.raises(DatasetError, match="or 6 numbered ones such as j1, q1 or A1"):
-        read(tmp_path, "a1,a2,a3\n1,2,3\n", limited)
+        read(tmp_path, "a1,a2,a3\n1,2,3\n", limited_arm)
 
 
 def test_degrees_are_recognised_without_joint_limits(tmp_path: Path, arm: SerialChain) -> None:
@@ -186,16 +188,16 @@ def test_joint_offset_prior_is_added(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("off", "is_inside"), [(0.9, True), (1.1, False)])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_joint_limits_have_small_tolerance(
-    tmp_path: Path, limited: SerialChain, off: float, is_inside: bool, sign: int
+    tmp_path: Path, limited_arm: SerialChain, off: float, is_inside: bool, sign: int
 ) -> None:
     """Joints may exceed their limits as far as controllers permit; beyond, the first such row is named."""
     rows = ROWS.copy()
-    rows[1:, 1] = sign * (limited.upper[1] + off * LIMIT_EXCESS_RAD)
+    rows[1:, 1] = sign * (limited_arm.upper[1] + off * LIMIT_EXCESS_RAD)
     if is_inside:
-        np.testing.assert_allclose(read(tmp_path, lines(rows), limited), rows, atol=1e-10)
+        np.testing.assert_allclose(read(tmp_path, lines(rows), limited_arm), rows, atol=1e-10)
     else:
-        with pytest.raises(DatasetError, match=rf"q.csv:2: {limited.joint_names[1]}: is at -?3\.426 rad"):
-            read(tmp_path, lines(rows), limited)
+        with pytest.raises(DatasetError, match=rf"q.csv:2: {limited_arm.joint_names[1]}: is at -?3\.426 rad"):
+            read(tmp_path, lines(rows), limited_arm)
 
 
 @pytest.mark.parametrize(("most", "count", "is_told"), [(3.1, 3, True), (3.2, 3, False), (3.1, 2, False)])
@@ -218,12 +220,12 @@ def test_joint_offset_sigma_of_45_degrees_is_accepted(tmp_path: Path) -> None:
         assert entry["joint_offsets"]["sigma_rad"] == pytest.approx(np.radians(sigma), abs=1e-5)
 
 
-def test_values_beyond_limits_as_degrees_suggest_order(tmp_path: Path, limited: SerialChain) -> None:
+def test_values_beyond_limits_as_degrees_suggest_order(tmp_path: Path, limited_arm: SerialChain) -> None:
     """If values exceed the limits as degrees too, the error advises to check the order."""
     rows = np.degrees(ROWS)
     rows[1, 2] = -400.0
     with pytest.raises(DatasetError, match="check the order of the joints"):
-        read(tmp_path, lines(rows), limited)
+        read(tmp_path, lines(rows), limited_arm)
 
 
 @pytest.mark.parametrize("given", [(True, False, False), (True, True, False), (False, True, True), (True, False, True)])

@@ -60,7 +60,7 @@ def test_each_object_becomes_record(text: str, records: Records) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ('[{"x": 1},\n{"x": 2}', "a.json:2: not JSON: Expecting ',' delimiter; expected objects of numbers by name"),
         ('{"x": 1}\n{"x": 2', "a.json:2: not JSON"),
@@ -73,11 +73,11 @@ def test_each_object_becomes_record(text: str, records: Records) -> None:
         ('[{"x": ' + "9" * 5000 + "}]", "a.json: not JSON: nested too deeply, or a number of thousands of digits"),
     ],
 )
-def test_damaged_objects_are_refused(text: str, said: str) -> None:
+def test_damaged_objects_are_refused(text: str, message: str) -> None:
     """Damaged objects were read as numbers in file order, whatever their names."""
     with pytest.raises(DatasetError) as caught:
         json_records(text, "a.json")
-    assert str(caught.value).startswith(said)
+    assert str(caught.value).startswith(message)
 
 
 def test_too_many_objects_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

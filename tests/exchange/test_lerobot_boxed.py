@@ -108,9 +108,9 @@ def test_run_lengths_use_little_memory(tmp_path: Path, rows: int, groups: int, n
     path = run_lengths(tmp_path, rows, groups, numbers)
     assert Path(path).stat().st_size < 10**6
     # In a process of its own, whose only child is the one that reads.
-    told = subprocess.run(
+    output = subprocess.run(
         [sys.executable, "-c", READS, str(tmp_path)], capture_output=True, text=True, check=True
     ).stdout
-    message, kilobytes = told.splitlines()
+    message, kilobytes = output.splitlines()
     assert re.search(r"has no episode 5|more memory", message)
     assert int(kilobytes) < 2**20

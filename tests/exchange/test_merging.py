@@ -110,7 +110,7 @@ def test_three_cells_are_merged(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("other", "said"),
+    ("other", "message"),
     [
         (BASE + CAMERA.replace("64, 48", "32, 24"), r"cameras.cam.size_px: .*a states \[64, 48\], .*b \[32, 24\]"),
         (BASE + CAMERA.replace("on: left", "on: world"), "cameras.cam.on: .*a states left, .*b world"),
@@ -121,11 +121,11 @@ def test_three_cells_are_merged(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_contradicting_fields_are_reported(tmp_path: Path, other: str, said: str) -> None:
+def test_contradicting_fields_are_reported(tmp_path: Path, other: str, message: str) -> None:
     """The error has both values with their cells and the field; no file is written."""
     a = cell(tmp_path / "a", BASE + CAMERA)
     b = cell(tmp_path / "b", other, robot="right" if "reference: right" in other else "left")
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         merge_cells([a, b], tmp_path / "c")
     assert not (tmp_path / "c").exists()
 

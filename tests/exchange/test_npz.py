@@ -45,7 +45,7 @@ def test_unreadable_archives_are_reported(tmp_path):
     np.save(tmp_path / "objects.npy", np.array([{}]), allow_pickle=True)
     (tmp_path / "rubbish.npz").write_bytes(b"PK rubbish")
     (tmp_path / "empty.npy").write_bytes(b"")
-    for asked, said in (
+    for asked, message in (
         (f"{path}:y", "has no array 'y'; it holds x, names"),
         (f"{path}:names", "expected numbers"),
         (str(tmp_path / "objects.npy"), "not a NumPy archive"),
@@ -53,7 +53,7 @@ def test_unreadable_archives_are_reported(tmp_path):
         (str(tmp_path / "empty.npy"), "not a NumPy archive"),
         (str(tmp_path / "none.npz"), "cannot be read"),
     ):
-        with pytest.raises(DatasetError, match=said):
+        with pytest.raises(DatasetError, match=message):
             read_arrays(asked)
 
 
@@ -75,7 +75,7 @@ def test_oversized_headers_use_no_memory(tmp_path, shape):
         read_arrays(str(path))
 
 
-def zipped(path, name="a.npy", data=b"", method=zipfile.ZIP_DEFLATED):
+def write_zip(path, name="a.npy", data=b"", method=zipfile.ZIP_DEFLATED):
     with zipfile.ZipFile(path, "w", method) as archive:
         archive.writestr(name, data)
     return str(path)
@@ -84,7 +84,7 @@ def zipped(path, name="a.npy", data=b"", method=zipfile.ZIP_DEFLATED):
 def test_corrupt_archives_are_refused(tmp_path):
     """Encrypted archives, unknown methods, truncated files and wrong checksums are refused."""
     path = tmp_path / "a.npz"
-    good = Path(zipped(path, data=npy_bytes("(2,)", bytes(16)))).read_bytes()
+    good = Path(write_zip(path, data=npy_bytes("(2,)", bytes(16)))).read_bytes()
     at_local, at_central = good.index(b"PK\x03\x04"), good.index(b"PK\x01\x02")
     damages = {"encrypted": (6, 8, b"\x01"), "method": (8, 10, b"\x63"), "sum": (14, 16, b"\x13\x37")}
     for local, central, value in damages.values():
@@ -177,7 +177,7 @@ def test_header_must_match_file_size(tmp_path, dtype):
     path, size = tmp_path / "a.npy", np.dtype(dtype).itemsize
     path.write_bytes(npy_bytes("(2, 3)", bytes(6 * size), dtype))
     assert read_arrays(str(path))[1]["array"].shape == (2, 3)
-    for count, said in ((7, "is cut off"), (7 + 128 // size, r"a header of shape .* does not match")):
+    for count, message in ((7, "is cut off"), (7 + 128 // size, r"a header of shape .* does not match")):
         path.write_bytes(npy_bytes(f"({count},)", bytes(6 * size), dtype))
-        with pytest.raises(DatasetError, match=said):
+        with pytest.raises(DatasetError, match=message):
             read_arrays(str(path))

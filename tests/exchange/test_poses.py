@@ -14,7 +14,7 @@ from basecal.exchange.poses import unit_length_m
 from basecal.geometry import SE3
 
 
-def drawn(count: int = 4) -> SE3:
+def draw_poses(count: int = 4) -> SE3:
     return SE3.exp(np.random.default_rng(5).normal(size=(count, 6)))
 
 
@@ -36,14 +36,14 @@ def write(folder: Path, name: str, text: str) -> Path:
 @pytest.mark.parametrize("separator", [" ", ", ", "\t", ","])
 def test_stacked_text_matrices_are_read(tmp_path: Path, separator: str) -> None:
     """Stacked 4x4 text gives the poses that were written, whatever separates the numbers."""
-    poses = drawn()
+    poses = draw_poses()
     stream = read_poses(write(tmp_path, "a.txt", "# robot\n\n" + as_text(poses.matrix, separator)), "m")
     np.testing.assert_allclose(stream.poses.matrix, poses.matrix, atol=1e-11)
 
 
 def test_length_unit_scales_translations_only(tmp_path: Path) -> None:
     """The length unit scales translations and leaves rotations unchanged."""
-    poses = drawn()
+    poses = draw_poses()
     path = write(tmp_path, "a.txt", as_text(poses.matrix))
     metres, millimetres = read_poses(path, "m").poses, read_poses(path, "mm").poses
     np.testing.assert_allclose(millimetres.translation * 1000, metres.translation, rtol=1e-12)
@@ -52,7 +52,7 @@ def test_length_unit_scales_translations_only(tmp_path: Path) -> None:
 
 def test_pose_archives_are_read(tmp_path: Path) -> None:
     """An array of a .npz by its key, its only array without a key, and a .npy give the same poses."""
-    poses = drawn()
+    poses = draw_poses()
     np.savez(tmp_path / "two.npz", a=poses.matrix, other=np.zeros(3))
     np.savez(tmp_path / "one.npz", a=poses.matrix)
     np.save(tmp_path / "bare.npy", poses.matrix)
@@ -63,7 +63,7 @@ def test_pose_archives_are_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize("header", ["x,y,z,qx,qy,qz,qw", "# T_X, t_y, tz, q_x, q_y, q_z, qw"])
 def test_quaternion_csv_is_read(tmp_path: Path, header: str) -> None:
     """Columns are found by their names and the usual aliases."""
-    poses = drawn()
+    poses = draw_poses()
     stream = read_poses(write(tmp_path, "a.csv", as_csv(poses, header)), "m")
     np.testing.assert_allclose(stream.poses.matrix, poses.matrix, atol=1e-12)
     assert stream.stamps_s is None
@@ -80,7 +80,7 @@ def test_csv_column_order_follows_header(tmp_path: Path) -> None:
 
 def test_matrix_csv_is_read(tmp_path: Path) -> None:
     """Columns m00 to m23 give the poses that were written."""
-    poses = drawn()
+    poses = draw_poses()
     header = ",".join(f"m{row}{column}" for row in range(3) for column in range(4))
     rows = [",".join(f"{value:.15g}" for value in matrix[:3].ravel()) for matrix in poses.matrix]
     stream = read_poses(write(tmp_path, "a.csv", "\n".join([header, *rows])), "m")
@@ -91,7 +91,7 @@ BOTTOM = "0 0 0 1"
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "line", "said"),
+    ("name", "text", "line", "message"),
     [
         ("a.txt", "1 0 0 0\n0 1 0 0\n0 0 1\n" + BOTTOM, 3, "rows of 4"),
         ("a.txt", "1 0 0 0\n0 1 0 0\n0 0 1 0\n", None, "3 rows"),
@@ -113,11 +113,11 @@ BOTTOM = "0 0 0 1"
     ],
 )
 def test_invalid_text_error_has_file_and_line(
-    tmp_path: Path, name: str, text: str, line: int | None, said: str
+    tmp_path: Path, name: str, text: str, line: int | None, message: str
 ) -> None:
     """Any fault is reported on one line with the file, the line and what was expected."""
     path = write(tmp_path, name, text)
-    with pytest.raises(DatasetError, match=said.replace("?", r"\?")) as caught:
+    with pytest.raises(DatasetError, match=message.replace("?", r"\?")) as caught:
         read_poses(path, "m")
     assert caught.value.line == line
     assert str(caught.value).startswith(str(path))
@@ -126,12 +126,12 @@ def test_invalid_text_error_has_file_and_line(
 
 def test_invalid_pose_archives_are_reported(tmp_path: Path) -> None:
     """A wrong key, shape, type or file is reported with the existing keys and the number of the matrix."""
-    bent = drawn().matrix
+    bent = draw_poses().matrix
     bent[2, 0, 0] += 0.1
-    np.savez(tmp_path / "a.npz", good=drawn().matrix, bent=bent, flat=np.zeros(3), words=np.array(["a"]))
+    np.savez(tmp_path / "a.npz", good=draw_poses().matrix, bent=bent, flat=np.zeros(3), words=np.array(["a"]))
     (tmp_path / "rubbish.npz").write_bytes(b"\x00\x01rubbish")
     np.savez(tmp_path / "objects.npz", a=np.array([None, {}], dtype=object))
-    for name, said in [
+    for name, message in [
         ("a.npz", "choose one as"),
         ("a.npz:goood", "it holds good, bent"),
         ("a.npz:bent", "matrix 2"),
@@ -143,7 +143,7 @@ def test_invalid_pose_archives_are_reported(tmp_path: Path) -> None:
         ("absent.txt", "cannot be read"),
         ("absent.csv", "cannot be read"),
     ]:
-        with pytest.raises(DatasetError, match=said):
+        with pytest.raises(DatasetError, match=message):
             read_poses(str(tmp_path / name), "m")
 
 
@@ -165,22 +165,22 @@ def test_implausible_translation_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("row", "said"), [("2 0 0 0", "not a rotation"), ("1 0 0 2e6", "a translation is beyond 1e\\+06")]
+    ("row", "message"), [("2 0 0 0", "not a rotation"), ("1 0 0 2e6", "a translation is beyond 1e\\+06")]
 )
-def test_matrix_error_has_first_line(tmp_path: Path, row: str, said: str) -> None:
+def test_matrix_error_has_first_line(tmp_path: Path, row: str, message: str) -> None:
     """The line is the first of the matrix, with comments and empty lines counted.
 
     In an archive the matrix has its number.
     """
     rest = f"0 1 0 0\n0 0 1 0\n{BOTTOM}\n"
     path = write(tmp_path, "a.txt", f"# one\n1 0 0 -1e6\n{rest}\n# two\n{row}\n{rest}")
-    with pytest.raises(DatasetError, match=said) as caught:
+    with pytest.raises(DatasetError, match=message) as caught:
         read_poses(path, "m")
     assert caught.value.line == 8
     second = np.eye(4)
     second[0] = [float(word) for word in row.split()]
     np.save(tmp_path / "a.npy", np.stack([np.eye(4), second]))
-    with pytest.raises(DatasetError, match=f"matrix 1: .*{said}"):
+    with pytest.raises(DatasetError, match=f"matrix 1: .*{message}"):
         read_poses(tmp_path / "a.npy", "m")
 
 
@@ -188,7 +188,7 @@ def test_matrix_error_has_first_line(tmp_path: Path, row: str, said: str) -> Non
 def test_pose_count_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     """A file may have as many poses as a recording, and one more is refused."""
     monkeypatch.setattr(poses_module, "MOST_SAMPLES", 2)
-    path = write(tmp_path, "a.txt", as_text(drawn(count).matrix))
+    path = write(tmp_path, "a.txt", as_text(draw_poses(count).matrix))
     if count == 2:
         assert len(read_poses(path, "m").poses) == 2
     else:

@@ -67,6 +67,6 @@ def test_ros_covariance_is_along_parent_axes() -> None:
     truth = known.mean @ SE3.exp(rng.multivariate_normal(np.zeros(6), known.covariance, 200_000))
     moved = truth.translation - known.mean.translation
     turned = SE3(truth.rotation @ known.mean.rotation.T, moved).rotvec
-    drawn, said = np.cov(np.hstack([moved, turned]).T), ros_covariance(known)
-    scale = np.sqrt(np.outer(np.diag(said), np.diag(said)))
-    np.testing.assert_allclose(drawn / scale, said / scale, atol=0.012)
+    drawn, computed = np.cov(np.hstack([moved, turned]).T), ros_covariance(known)
+    scale = np.sqrt(np.outer(np.diag(computed), np.diag(computed)))
+    np.testing.assert_allclose(drawn / scale, computed / scale, atol=0.012)

@@ -133,7 +133,7 @@ def test_pixel_archives_equal_csv(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("sample,id,u\n0,0,1\n", "has no v"),
         ("sample,id,u,v\n0,0.5,1,1\n", "whole number"),
@@ -143,10 +143,10 @@ def test_pixel_archives_equal_csv(tmp_path: Path) -> None:
         ("sample,id,u,v\n0,4,5,1\n0,5,1,1e7\n", r"a.csv: u, v: row 1 is beyond 1e\+06 px"),
     ],
 )
-def test_invalid_pixel_csv_is_reported(tmp_path: Path, text: str, said: str) -> None:
+def test_invalid_pixel_csv_is_reported(tmp_path: Path, text: str, message: str) -> None:
     """A fault in a table of points is reported with its file."""
     (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(DatasetError, match=said):
+    with pytest.raises(DatasetError, match=message):
         read_pixels(tmp_path / "a.csv")
 
 
@@ -156,12 +156,12 @@ def test_invalid_pixel_archives_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "length.npz", sample=two, id=two, u=np.zeros(3), v=np.zeros(3))
     np.savez(tmp_path / "shape.npz", sample=two, id=two, pixels=np.zeros((2, 3)))
     np.savez(tmp_path / "nan.npz", sample=two, id=two, pixels=np.full((2, 2), np.nan))
-    for name, said in [
+    for name, message in [
         ("length.npz", "u: has shape"),
         ("shape.npz", r"expected \(n, 2\)"),
         ("nan.npz", "row 0 is not finite"),
     ]:
-        with pytest.raises(DatasetError, match=said):
+        with pytest.raises(DatasetError, match=message):
             read_pixels(tmp_path / name)
 
 
@@ -268,6 +268,6 @@ def test_names_of_new_cell_follow_files() -> None:
         _new_names("c", replace(files, pixels="p.csv"), None, None)
     with pytest.raises(InputError, match="no robot: give"):
         _new_names("c", replace(files, eye=None), None, None)
-    for names, said in ((("cam", "target"), "'cam'"), (("camera", "tag"), "'camera'"), ((None, "tag"), "'tag'")):
-        with pytest.raises(InputError, match=f"has no cell.yaml to name {said}"):
+    for names, message in ((("cam", "target"), "'cam'"), (("camera", "tag"), "'camera'"), ((None, "tag"), "'tag'")):
+        with pytest.raises(InputError, match=f"has no cell.yaml to name {message}"):
             _new_names("c", files, *names)

@@ -42,7 +42,7 @@ def errors(chain: SerialChain, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture(params=ARMS)
-def corrected(request: pytest.FixtureRequest) -> tuple[str, tuple[str, str], SerialChain, np.ndarray, SE3]:
+def corrected_robot(request: pytest.FixtureRequest) -> tuple[str, tuple[str, str], SerialChain, np.ndarray, SE3]:
     """Return a corrected URDF, its ends, the original chain, joints, and the calibrated flange poses there."""
     ends, text = ARMS[request.param], (FOLDER / f"{request.param}.urdf").read_bytes()
     chain = parse_chain(text, *ends)
@@ -52,9 +52,9 @@ def corrected(request: pytest.FixtureRequest) -> tuple[str, tuple[str, str], Ser
     return corrected_urdf(text, *ends, offsets, links), ends, chain, joints, wanted
 
 
-def test_corrected_urdf_reads_back_to_calibrated_robot(corrected):
+def test_corrected_urdf_reads_back_to_calibrated_robot(corrected_robot):
     """The flange matches to rounding; names, axes and limits are unchanged."""
-    text, ends, chain, joints, wanted = corrected
+    text, ends, chain, joints, wanted = corrected_robot
     again = parse_chain(text, *ends)
     np.testing.assert_allclose(again.forward(joints).matrix, wanted.matrix, atol=1e-13)
     assert again.joint_names == chain.joint_names
@@ -62,10 +62,10 @@ def test_corrected_urdf_reads_back_to_calibrated_robot(corrected):
     np.testing.assert_array_equal([again.lower, again.upper], [chain.lower, chain.upper])
 
 
-def test_pinocchio_agrees_with_corrected_urdf(corrected):
+def test_pinocchio_agrees_with_corrected_urdf(corrected_robot):
     """Pinocchio's flange equals ours to 1e-9 m and rad."""
     pin = pytest.importorskip("pinocchio", reason="pin is not installed: pip install pin")
-    text, (base, flange), chain, joints, wanted = corrected
+    text, (base, flange), chain, joints, wanted = corrected_robot
     model = pin.buildModelFromXML(text)
     data = model.createData()
     for q, pose in zip(joints, wanted.matrix, strict=True):
@@ -78,13 +78,13 @@ def test_pinocchio_agrees_with_corrected_urdf(corrected):
         np.testing.assert_allclose((frames[0].inverse() * frames[1]).homogeneous, pose, atol=1e-9)
 
 
-def test_mujoco_agrees_with_corrected_urdf(corrected):
+def test_mujoco_agrees_with_corrected_urdf(corrected_robot):
     """MuJoCo's flange equals ours to 1e-9 m and rad.
 
     MuJoCo must keep links without a mass; otherwise it fuses them into their parents, or refuses them.
     """
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed: pip install mujoco")
-    text, (base, flange), chain, joints, wanted = corrected
+    text, (base, flange), chain, joints, wanted = corrected_robot
     options = '<mujoco><compiler fusestatic="false" boundmass="0.1" boundinertia="0.01"/></mujoco></robot>'
     model = mujoco.MjModel.from_xml_string(text.replace("</robot>", options))
     data = mujoco.MjData(model)

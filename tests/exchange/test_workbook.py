@@ -23,7 +23,7 @@ from basecal.exchange.workbook import workbook_text
 HEADER = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def saved(book: Workbook) -> bytes:
+def workbook_bytes(book: Workbook) -> bytes:
     data = BytesIO()
     book.save(data)
     return data.getvalue()
@@ -33,10 +33,10 @@ def workbook(*rows: tuple[object, ...]) -> bytes:
     book = Workbook()
     for row in rows:
         book.worksheets[0].append(row)
-    return saved(book)
+    return workbook_bytes(book)
 
 
-def changed(data: bytes, name: str, change: Callable[[str], str]) -> bytes:
+def replace_part(data: bytes, name: str, change: Callable[[str], str]) -> bytes:
     """Return the workbook with the text of one part replaced."""
     result = BytesIO()
     with ZipFile(BytesIO(data)) as source, ZipFile(result, "w", ZIP_DEFLATED) as archive:
@@ -51,7 +51,7 @@ def text(**cells: object) -> str:
     book = Workbook()
     for place, value in cells.items():
         book.worksheets[0][place] = value
-    return workbook_text(saved(book), "w.xlsx")
+    return workbook_text(workbook_bytes(book), "w.xlsx")
 
 
 def test_first_sheet_becomes_csv_text() -> None:
@@ -66,7 +66,7 @@ def test_skipped_rows_keep_line_numbers() -> None:
     sheet = book.worksheets[0]
     sheet["A2"], sheet["A5"] = "two", "five"
     sheet["C7"].alignment = Alignment(horizontal="center")
-    assert workbook_text(saved(book), "w.xlsx") == "\ntwo\n\n\nfive\n\n\n"
+    assert workbook_text(workbook_bytes(book), "w.xlsx") == "\ntwo\n\n\nfive\n\n\n"
 
 
 def test_poses_are_imported_from_workbook(tmp_path: Path) -> None:
@@ -101,21 +101,27 @@ ENTITY = '<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>'
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "message"),
     [
         (b"PK\x03\x04", "is a damaged Excel workbook: save it as CSV"),
         (workbook((1.0,))[:200], "is a damaged Excel workbook"),
-        (changed(workbook((1.0,)), SHEET, lambda _: ENTITY), "is a damaged Excel workbook"),
-        (changed(workbook((1.0,)), SHEET, lambda part: part[:-40]), "is a damaged Excel workbook"),
-        (changed(workbook((1,)), SHEET, lambda part: part.replace('t="n"', 't="s"')), "is a damaged Excel workbook"),
-        (changed(workbook((1.0,)), CONTENT, lambda _: "<a/>"), "is a damaged Excel workbook"),
-        (changed(workbook((1.0,)), SHEET, lambda part: part + " " * 2**25), "sheet1.xml unpacks to more than 32 MB"),
-        (changed(workbook((1.0,)), BOOK, lambda part: part.replace("visible", "hidden")), "holds no sheet"),
+        (replace_part(workbook((1.0,)), SHEET, lambda _: ENTITY), "is a damaged Excel workbook"),
+        (replace_part(workbook((1.0,)), SHEET, lambda part: part[:-40]), "is a damaged Excel workbook"),
+        (
+            replace_part(workbook((1,)), SHEET, lambda part: part.replace('t="n"', 't="s"')),
+            "is a damaged Excel workbook",
+        ),
+        (replace_part(workbook((1.0,)), CONTENT, lambda _: "<a/>"), "is a damaged Excel workbook"),
+        (
+            replace_part(workbook((1.0,)), SHEET, lambda part: part + " " * 2**25),
+            "sheet1.xml unpacks to more than 32 MB",
+        ),
+        (replace_part(workbook((1.0,)), BOOK, lambda part: part.replace("visible", "hidden")), "holds no sheet"),
     ],
 )
-def test_damaged_workbook_is_refused(data: bytes, said: str) -> None:
+def test_damaged_workbook_is_refused(data: bytes, message: str) -> None:
     """Damaged files, entities, decompression bombs and other archives are each reported on one line."""
-    with pytest.raises(DatasetError, match=said):
+    with pytest.raises(DatasetError, match=message):
         workbook_text(data, "w.xlsx")
 
 
@@ -127,7 +133,9 @@ def test_columns_beyond_limit_are_ignored(place: str, column: int | None) -> Non
 
 def test_row_numbers_beyond_excel_limit_end_table() -> None:
     """A row with a larger number ends the table, without cost in time or memory."""
-    data = changed(workbook((1.0,), (2.0,)), SHEET, lambda part: part.replace('<row r="2"', '<row r="99999999999"'))
+    data = replace_part(
+        workbook((1.0,), (2.0,)), SHEET, lambda part: part.replace('<row r="2"', '<row r="99999999999"')
+    )
     assert workbook_text(data, "w.xlsx") == "1\n" + "\n" * (2**20 - 1)
 
 
@@ -146,12 +154,12 @@ def test_first_visible_tab_is_read(first: str, state: str) -> None:
         book.create_sheet("Old", 0).append(["old"])
         book.worksheets[0].sheet_state = state
     assert book.sheetnames[0] == first
-    assert workbook_text(saved(book), "w.xlsx") == "poses\n"
+    assert workbook_text(workbook_bytes(book), "w.xlsx") == "poses\n"
 
 
 def test_formula_gives_stored_value() -> None:
     """Excel stores the last value beside the formula."""
-    data = changed(workbook((2, "=A1*2")), SHEET, lambda part: part.replace("<v />", "<v>4</v>"))
+    data = replace_part(workbook((2, "=A1*2")), SHEET, lambda part: part.replace("<v />", "<v>4</v>"))
     assert workbook_text(data, "w.xlsx") == "2,4\n"
 
 
@@ -164,7 +172,7 @@ def test_dates_are_written_in_iso_format(epoch: datetime | None) -> None:
     noon = datetime(2026, 5, 1, 12)
     book.worksheets[0].append([noon, noon.date(), noon + timedelta(seconds=0.25), time(12, 30), timedelta(hours=30)])
     book.worksheets[0].append([46143.5])
-    dates, numbers = workbook_text(saved(book), "w.xlsx").splitlines()
+    dates, numbers = workbook_text(workbook_bytes(book), "w.xlsx").splitlines()
     assert dates.split(",") == [
         "2026-05-01T12:00:00",
         "2026-05-01T00:00:00",
@@ -181,7 +189,7 @@ def test_formatted_numbers_are_not_dates(code: str) -> None:
     book = Workbook()
     book.worksheets[0]["A1"] = 46143.5
     book.worksheets[0]["A1"].number_format = code
-    assert workbook_text(saved(book), "w.xlsx") == "46143.5\n"
+    assert workbook_text(workbook_bytes(book), "w.xlsx") == "46143.5\n"
 
 
 def test_date_beyond_range_gives_value_error() -> None:
@@ -189,4 +197,4 @@ def test_date_beyond_range_gives_value_error() -> None:
     book = Workbook()
     book.worksheets[0]["A1"] = 1e300
     book.worksheets[0]["A1"].number_format = "yyyy-mm-dd"
-    assert workbook_text(saved(book), "w.xlsx") == "#VALUE!\n"
+    assert workbook_text(workbook_bytes(book), "w.xlsx") == "#VALUE!\n"

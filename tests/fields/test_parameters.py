@@ -18,11 +18,11 @@ def test_sigmas_match_status():
     """A prior needs all its sigmas and every other status takes none; the error names missing and surplus ones."""
     assert Two().status == "fixed"
     assert Two(status="prior", sigma_a=1.0, sigma_b=2.0).sigma_b == 2.0
-    for fields, said in (
+    for fields, message in (
         ({"status": "prior", "sigma_a": 1.0}, "status prior takes sigma_a and sigma_b, got sigma_a"),
         ({"status": "prior"}, "takes sigma_a and sigma_b, got none"),
         ({"status": "free", "sigma_a": 1.0}, "status free takes no sigma, got sigma_a"),
         ({"sigma_b": 1.0}, "status fixed takes no sigma, got sigma_b"),
     ):
-        with pytest.raises(ValidationError, match=said):
+        with pytest.raises(ValidationError, match=message):
             Two(**fields)

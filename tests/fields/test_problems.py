@@ -49,8 +49,8 @@ def test_line_number_of_missing_field_is_parents():
 
 def test_problems_are_reported_once_in_file_order():
     """Each problem is one line with path, line and field; the error's own line and field are the first problem's."""
-    told = [Problem(("c",), "last"), Problem(("a", "b"), "first"), Problem(("c",), "last")]
-    error = dataset_error("cell.yaml", told, LINES)
+    problems = [Problem(("c",), "last"), Problem(("a", "b"), "first"), Problem(("c",), "last")]
+    error = dataset_error("cell.yaml", problems, LINES)
     assert str(error) == "cell.yaml:3: a.b: first\ncell.yaml:9: c: last"
     assert (error.line, error.field) == (3, "a.b")
     assert str(dataset_error("cell.yaml", [Problem((), "empty")], {})) == "cell.yaml: empty"
@@ -59,5 +59,8 @@ def test_problems_are_reported_once_in_file_order():
 def test_problems_without_line_come_first():
     """Problems are sorted by line, then by field on one line; problems without a line precede them."""
     lines = {("z",): 1, ("y",): 2, ("b",): 7, ("a",): 7}
-    told = [Problem((name,), "bad") for name in ("y", "b", "nowhere", "z", "a")]
-    assert str(dataset_error("c", told, lines)) == "c: nowhere: bad\nc:1: z: bad\nc:2: y: bad\nc:7: a: bad\nc:7: b: bad"
+    problems = [Problem((name,), "bad") for name in ("y", "b", "nowhere", "z", "a")]
+    assert (
+        str(dataset_error("c", problems, lines))
+        == "c: nowhere: bad\nc:1: z: bad\nc:2: y: bad\nc:7: a: bad\nc:7: b: bad"
+    )

@@ -84,6 +84,6 @@ def test_file_in_place_of_folder_is_refused(tmp_path):
 @pytest.mark.parametrize("written", ["a" * 256, "ä" * 128 + "/b.png", "a/" * 501 + "b"])
 def test_overlong_paths_are_refused(tmp_path, written):
     """A name longer than any file system allows is refused before access, and is shortened in the error."""
-    with pytest.raises(InputError, match=r"is longer than|has more than") as told:
+    with pytest.raises(InputError, match=r"is longer than|has more than") as caught:
         path_resolver(str(tmp_path))(written)
-    assert len(str(told.value)) < 200
+    assert len(str(caught.value)) < 200

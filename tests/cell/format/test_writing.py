@@ -171,14 +171,14 @@ def test_staged_folder_appears_at_once(tmp_path, before):
 def test_failed_staging_leaves_no_files(tmp_path):
     """Any failure of staging leaves no files."""
 
-    def written(folder, error):
+    def stage_and_fail(folder, error):
         with stage_folder(folder) as part:
             write_atomically(part / "a", "x")
             raise error
 
     for error in (KeyboardInterrupt, InputError):
         with pytest.raises(error):
-            written(tmp_path / "cell", error)
+            stage_and_fail(tmp_path / "cell", error)
     with pytest.raises(InputError, match="cannot be written: No space left"), stage_folder(tmp_path / "cell"):
         fail(errno.ENOSPC)()
     assert names(tmp_path) == []
@@ -260,12 +260,12 @@ def test_bytes_and_text_are_written_to_pipe(tmp_path):
         os.close(reader)
 
 
-@pytest.mark.parametrize(("named", "told"), [(None, "cell"), ("other", "other")])
-def test_staging_error_names_failed_file(tmp_path, named, told):
+@pytest.mark.parametrize(("named", "expected"), [(None, "cell"), ("other", "other")])
+def test_staging_error_names_failed_file(tmp_path, named, expected):
     """The error names the failed file if it is known, else the folder."""
     folder = tmp_path / "cell"
     error = OSError(errno.ENOSPC, "No space left", named and str(tmp_path / named))
     with pytest.raises(InputError) as caught, stage_folder(folder):
         raise error
-    assert str(caught.value) == f"{tmp_path / told} cannot be written: No space left"
+    assert str(caught.value) == f"{tmp_path / expected} cannot be written: No space left"
     assert names(tmp_path) == []

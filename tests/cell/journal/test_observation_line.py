@@ -128,18 +128,18 @@ def test_point_observations_need_no_lens():
 TOUCHED, HELD = touch_cell(), clamp_cell("free")
 
 
-def touched(cell: Cell = TOUCHED, **written):
+def read_touch(cell: Cell = TOUCHED, **written):
     return observation(written, "observations[0]", HERE, cell, {})
 
 
 def test_touches_and_grips_are_read():
     """A tip at a mark, a tip at another tip, and a clamped part are read, each with or without sigmas."""
-    names, touch = touched(tip="eye_tip", touch="mark_a", sigma_m=1e-4)
+    names, touch = read_touch(tip="eye_tip", touch="mark_a", sigma_m=1e-4)
     assert names == ("eye_tip", "mark_a")
     assert (touch.tip, touch.mark, touch.sigma_m, touch.kind) == ("eye_tip", "mark_a", 1e-4, "touch")
-    _, meeting = touched(tip="hand_tip", tip2="eye_tip")
+    _, meeting = read_touch(tip="hand_tip", tip2="eye_tip")
     assert (meeting.tip, meeting.mark, meeting.sigma_m, meeting.kind) == ("hand_tip", "eye_tip", None, "tip2")
-    _, grip = touched(HELD, clamp="part", sigma_m=1e-4, sigma_rad=2e-3)
+    _, grip = read_touch(HELD, clamp="part", sigma_m=1e-4, sigma_rad=2e-3)
     assert (grip.tip, grip.sigma_m, grip.sigma_rad, grip.kind) == ("part", 1e-4, 2e-3, "clamp")
 
 
@@ -155,7 +155,7 @@ def test_touches_and_grips_are_read():
 def test_invalid_touches_are_refused(written, message):
     """The error for an invalid touch states its field and the expected value."""
     with pytest.raises(DatasetError, match=message):
-        touched(**written)
+        read_touch(**written)
 
 
 def test_tracks_are_read():
@@ -177,11 +177,11 @@ def test_tracks_are_read():
 @pytest.mark.parametrize("key", ["sigma_m", "sigma_rad"])
 def test_touch_has_one_sigma(key):
     """The sigma is a number or a list of one; a list of two, zero and text are refused."""
-    grip = touched(HELD, clamp="part", **{key: [2e-3]})[1]
+    grip = read_touch(HELD, clamp="part", **{key: [2e-3]})[1]
     assert getattr(grip, key) == 2e-3
     for wrong, message in (([1e-3, 1e-3], "or 1, got 2"), (0.0, "positive"), ("thin", key)):
         with pytest.raises(DatasetError, match=message) as caught:
-            touched(HELD, clamp="part", **{key: wrong})
+            read_touch(HELD, clamp="part", **{key: wrong})
         assert caught.value.field == f"observations[0].{key}"
 
 

@@ -46,7 +46,7 @@ def file(folder: Path) -> Path:
     return folder / "recording" / "samples.jsonl"
 
 
-def changed(change: Callable[[dict[str, Any]], Any], line: int = 0) -> bytes:
+def change_line(change: Callable[[dict[str, Any]], Any], line: int = 0) -> bytes:
     """Return the journal after `change` was applied to one of its lines."""
     lines = copy.deepcopy(list(LINES))
     change(lines[line])
@@ -226,7 +226,7 @@ def test_repeated_sample_number_drops_later_sample(folder: Path) -> None:
 @pytest.mark.parametrize(("ids", "words"), [([0, 24], "id 24 is not on 'board'"), ([-1, 0], "id -1"), ([3, 3], "id 3")])
 def test_invalid_point_ids_drop_sample(folder: Path, ids: list[int], words: str) -> None:
     """A sample with a point that is not on the target, or twice in one view, is dropped with a finding."""
-    file(folder).write_bytes(changed(setter("observations.0.ids", ids)))
+    file(folder).write_bytes(change_line(setter("observations.0.ids", ids)))
     recording = read_recording(folder)
     assert [sample.sample for sample in recording.samples] == [1, 2]
     (finding,) = recording.findings
@@ -297,7 +297,7 @@ def test_invalid_point_ids_drop_sample(folder: Path, ids: list[int], words: str)
 )
 def test_invalid_lines_are_refused(folder: Path, path: str, value: Any, field: str, words: str) -> None:
     """Unreadable content is an error with path, line, field and the expected value."""
-    file(folder).write_bytes(changed(setter(path, value)))
+    file(folder).write_bytes(change_line(setter(path, value)))
     with pytest.raises(DatasetError) as caught:
         read_recording(folder)
     assert (caught.value.line, caught.value.field) == (1, field)
@@ -309,7 +309,7 @@ def test_invalid_lines_are_refused(folder: Path, path: str, value: Any, field: s
 def test_pose_sigmas_are_given_together(folder: Path) -> None:
     """A measured pose has both sigmas or none."""
     pose = {"t_m": [0, 0, 1], "q_xyzw": [0, 0, 0, 1], "sigma_t_m": 0.1}
-    file(folder).write_bytes(changed(setter("observations.0.camera_from_target", pose), 1))
+    file(folder).write_bytes(change_line(setter("observations.0.camera_from_target", pose), 1))
     with pytest.raises(DatasetError, match=r"samples.jsonl:2: .*go together"):
         read_recording(folder)
 
@@ -492,8 +492,10 @@ def test_image_border_tolerance_is_twentieth_of_width(place, is_inside):
     if is_inside:
         check((1280, 720), recorded)
         return
-    said = r":2: observations: 40 of 60 pixels of 'wrist' lie outside its 1280 x 720 px; they reach to \(9000, 9000\):"
-    with pytest.raises(DatasetError, match=said):
+    message = (
+        r":2: observations: 40 of 60 pixels of 'wrist' lie outside its 1280 x 720 px; they reach to \(9000, 9000\):"
+    )
+    with pytest.raises(DatasetError, match=message):
         check((1280, 720), recorded)
 
 
@@ -503,20 +505,22 @@ def test_swapped_sides_are_reported_without_lens():
         check((720, 1280), samples(np.ones(2)), None)
 
 
-def dropped(sample: int, ids: set[int], target: str = "board") -> DroppedSample:
+def dropped_sample(sample: int, ids: set[int], target: str = "board") -> DroppedSample:
     return DroppedSample(sample, sample + 1, UnknownPoint(f"id {max(ids)} is not on it", target, frozenset(ids), KNOWN))
 
 
 def test_dropped_sample_finding_states_line() -> None:
     """The finding states the sample, its line and the reason."""
-    (found,) = unknown_point_findings([dropped(7, {3, 24})], "s.jsonl")
+    (found,) = unknown_point_findings([dropped_sample(7, {3, 24})], "s.jsonl")
     assert (found.code, found.severity, found.about) == ("dropped-sample", "info", ("7",))
     assert found.message == "s.jsonl:8: sample 7 is dropped: id 24 is not on it."
 
 
 def test_dropped_samples_are_grouped_by_target() -> None:
     """One finding per target is about all dropped samples, and its message describes the first."""
-    found = unknown_point_findings([dropped(1, {30}), dropped(2, {31}), dropped(4, {40}, "tag")], "s.jsonl")
+    found = unknown_point_findings(
+        [dropped_sample(1, {30}), dropped_sample(2, {31}), dropped_sample(4, {40}, "tag")], "s.jsonl"
+    )
     assert [each.about for each in found] == [("1", "2"), ("4",)]
     assert "sample 1 and 1 more are dropped" in found[0].message
     assert "subtract" not in found[0].message
@@ -524,7 +528,7 @@ def test_dropped_samples_are_grouped_by_target() -> None:
 
 def test_ids_counted_from_one_are_recognised() -> None:
     """If every id is one larger than the target's, the finding advises to subtract 1."""
-    (found,) = unknown_point_findings([dropped(1, {1, 5, 24}), dropped(2, {2, 24})], "s.jsonl")
+    (found,) = unknown_point_findings([dropped_sample(1, {1, 5, 24}), dropped_sample(2, {2, 24})], "s.jsonl")
     assert found.message.endswith("Subtract 1 from each id: they count from 0.")
-    (other,) = unknown_point_findings([dropped(1, {2, 24})], "s.jsonl")
+    (other,) = unknown_point_findings([dropped_sample(1, {2, 24})], "s.jsonl")
     assert "subtract" not in other.message

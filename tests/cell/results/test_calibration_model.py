@@ -37,7 +37,7 @@ NOISE = TypeAdapter(WrittenNoise)
 ROBOT_SIGMAS = {"sigma_t_m": [1e-3, None, 1e-3], "sigma_r_rad": [1e-3] * 3}
 
 
-def known(value: float | None) -> float:
+def nan_if_none(value: float | None) -> float:
     return math.nan if value is None else value
 
 
@@ -80,7 +80,8 @@ RESIDUALS = st.builds(
     ERROR,
     st.lists(st.builds(SampleResidual, COUNT, TEXT, TEXT, ERROR, ERROR, ERROR), max_size=2).map(tuple),
     st.lists(
-        st.builds(Loop, st.lists(TEXT, max_size=3).map(tuple), COUNT, ERROR.map(known), ERROR.map(known)), max_size=2
+        st.builds(Loop, st.lists(TEXT, max_size=3).map(tuple), COUNT, ERROR.map(nan_if_none), ERROR.map(nan_if_none)),
+        max_size=2,
     ).map(tuple),
 )
 TRANSFORMS = st.sampled_from(["eye_base_from_hand_base", "eye_flange_from_wrist", "hand_flange_from_board"])
@@ -126,15 +127,15 @@ def test_any_written_calibration_is_read_back(calibration: Calibration) -> None:
     again = calibration_to_dict(calibration_from_dict(json.loads(json.dumps(data, allow_nan=False))))
     assert again.keys() == data.keys()
     for key in data:
-        assert nearly(again[key], data[key]), key
+        assert is_close(again[key], data[key]), key
 
 
-def nearly(a: Any, b: Any) -> bool:
+def is_close(a: Any, b: Any) -> bool:
     """Return whether plain data are equal, numbers to 12 digits."""
     if isinstance(a, dict):
-        return a.keys() == b.keys() and all(nearly(a[key], b[key]) for key in a)
+        return a.keys() == b.keys() and all(is_close(a[key], b[key]) for key in a)
     if isinstance(a, list):
-        return len(a) == len(b) and all(map(nearly, a, b))
+        return len(a) == len(b) and all(map(is_close, a, b))
     return math.isclose(a, b, rel_tol=1e-12, abs_tol=1e-15) if isinstance(a, float) else bool(a == b)
 
 

@@ -85,17 +85,17 @@ def test_deflection_round_trip(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         ("{status: prior}", "takes sigma_rad_per_nm, got none"),
         ("{status: free, sigma_rad_per_nm: 1e-5}", "takes no sigma, got sigma_rad_per_nm"),
         ("{status: free, down: [0, 0, 0]}", "not zero"),
     ],
 )
-def test_invalid_deflection_is_refused(folder: Path, wrong: str, said: str) -> None:
+def test_invalid_deflection_is_refused(folder: Path, wrong: str, message: str) -> None:
     """A prior without its sigma, a free deflection with one, and a zero gravity direction are refused."""
     here = "joint_offsets: {status: prior, sigma_rad: 1e-3}"
-    assert said in error(folder, here, f"{here}, deflection: {wrong}")
+    assert message in error(folder, here, f"{here}, deflection: {wrong}")
 
 
 def test_round_trip(folder: Path) -> None:

@@ -16,20 +16,20 @@ LENS = {"fx": 500.0, "fy": 510.0, "cx": 320.0, "cy": 240.0}
 SIGMAS = {"sigma_focal_px": [1.0, 2.0], "sigma_center_px": [3.0, 4.0]}
 
 
-def noun(**sections):
+def make_cell(**sections):
     data = {"schema": "basecal/cell/1", "reference": "eye", "robots": {"eye": {}, "hand": {}}}
     return cell_from_entry(CellEntry.model_validate(data | sections), {})
 
 
 def lens(status, **fields):
     camera = {"on": "eye", "size_px": [640, 480], "intrinsics": {"status": status, **fields}}
-    return noun(cameras={"wrist": camera}).cameras["wrist"].intrinsics
+    return make_cell(cameras={"wrist": camera}).cameras["wrist"].intrinsics
 
 
 def test_bases_and_mounts_are_created_by_status():
     """A guess is the mean of a free transform, sigmas start with translation, and unstated transforms are free."""
     sigmas = {"sigma_t_m": 0.1, "sigma_r_rad": [0.2, 0.3, 0.4]}
-    cell = noun(
+    cell = make_cell(
         bases={"hand": {"status": "prior", **POSE, **sigmas}},
         cameras={"wrist": {"on": "eye"}, "hall": {"on": "world", "mount": {"guess": POSE}}},
         targets={"board": {"on": "hand", "mount": {"status": "fixed", **POSE}}},
@@ -39,26 +39,26 @@ def test_bases_and_mounts_are_created_by_status():
     hall, board = cell.cameras["hall"].mount, cell.targets["board"].mount
     assert (hall.status, hall.mean.translation.tolist(), hall.sigma) == ("free", [1, 2, 3], None)
     assert (board.status, board.mean.translation.tolist(), board.sigma) == ("fixed", [1, 2, 3], None)
-    assert noun().bases["hand"].status == "free"
+    assert make_cell().bases["hand"].status == "free"
 
 
 def test_point_mount_has_no_rotation_sigma():
     """The mount of an LED with a prior has three sigmas of translation and none of rotation."""
     mount = {"status": "prior", "t_m": [0, 0, 1], "sigma_t_m": [0.1, 0.2, 0.3]}
-    light = noun(targets={"light": {"on": "hand", "kind": "led", "mount": mount}}).targets["light"]
+    light = make_cell(targets={"light": {"on": "hand", "kind": "led", "mount": mount}}).targets["light"]
     assert light.mount.sigma.tolist() == [0.1, 0.2, 0.3, 0.0, 0.0, 0.0]
 
 
 def test_robots_are_created_from_entries():
     """Noise starts with translation; named frames, the chain and parameters are those stated."""
     robot = {"noise": {"sigma_t_m": [1, 2, 3], "sigma_r_rad": 4.0}, "frames": {"base": "link_0"}}
-    found = noun(robots={"eye": robot}).robots["eye"]
+    found = make_cell(robots={"eye": robot}).robots["eye"]
     assert found.noise.tolist() == [1, 2, 3, 4, 4, 4]
     assert found.frames == {"base": "link_0"}
     assert found.parameters == {}
     chain = {"urdf": "a.urdf", "base_link": "b", "flange_link": "f"}
     links = {"status": "prior", "sigma_rad": 0.1, "sigma_m": 0.2}
-    found = noun(robots={"eye": {**chain, "link_parameters": links}}).robots["eye"]
+    found = make_cell(robots={"eye": {**chain, "link_parameters": links}}).robots["eye"]
     assert (found.parameters["link_parameters"].sigma_rad, found.parameters["link_parameters"].sigma_m) == (0.1, 0.2)
     assert (found.urdf, found.base_link, found.flange_link, found.noise) == ("a.urdf", "b", "f", None)
 
@@ -94,15 +94,15 @@ def test_free_lens_has_no_camera():
 
 def test_noise_of_pixels_is_read():
     """Single-point and correlated pixel noise are read; both are None if unstated."""
-    cell = noun(noise={"pixel_px": 0.3, "correlated_px": 0.1})
+    cell = make_cell(noise={"pixel_px": 0.3, "correlated_px": 0.1})
     assert (cell.pixel_px, cell.correlated_px) == (0.3, 0.1)
-    assert (noun().pixel_px, noun().correlated_px) == (None, None)
+    assert (make_cell().pixel_px, make_cell().correlated_px) == (None, None)
 
 
 def test_noise_sigmas_are_read_only():
     """A robot is immutable, so its array of sigmas is read-only."""
     with pytest.raises(ValueError, match="read-only"):
-        noun(robots={"eye": {"noise": {"sigma_t_m": 1.0, "sigma_r_rad": 1.0}}}).robots["eye"].noise[0] = np.inf
+        make_cell(robots={"eye": {"noise": {"sigma_t_m": 1.0, "sigma_r_rad": 1.0}}}).robots["eye"].noise[0] = np.inf
 
 
 def test_lens_sigmas_need_all_groups():
@@ -121,12 +121,12 @@ def test_lens_sigmas_need_all_groups():
 )
 def test_target_size_sigma_by_entry(fields, size_sigma):
     """A target's size is exact, known up to scale, known with a sigma, or unstated."""
-    assert noun(targets={"tag": {"on": "hand", **fields}}).targets["tag"].size_sigma == size_sigma
+    assert make_cell(targets={"tag": {"on": "hand", **fields}}).targets["tag"].size_sigma == size_sigma
 
 
 def test_driver_separates_kind_from_options():
     """A driver's kind and options are stored separately; a robot without a driver has None."""
     robots = {"eye": {"driver": {"kind": "ur", "host": "10.0.0.9", "port": 30004}}, "hand": {}}
-    found = noun(robots=robots).robots
+    found = make_cell(robots=robots).robots
     assert (found["eye"].driver.kind, dict(found["eye"].driver.options)) == ("ur", {"host": "10.0.0.9", "port": 30004})
     assert found["hand"].driver is None

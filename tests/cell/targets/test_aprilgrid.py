@@ -59,7 +59,7 @@ def test_squares_touch_every_tag_corner() -> None:
     assert not np.any(around[0] == around[1])
 
 
-def upright(grid_middle: Array, turn: float, depth: float) -> SE3:
+def upright_pose(grid_middle: Array, turn: float, depth: float) -> SE3:
     rotation = SE3.from_rpy((0.3, -0.2, turn), np.zeros(3)).rotation @ np.diag([1.0, -1.0, -1.0])
     return SE3(rotation, np.array([0, 0, depth]) - rotation @ grid_middle)
 
@@ -70,7 +70,7 @@ def test_grid_is_detected_with_consistent_sigmas(spacing: float) -> None:
     grid = aprilgrid_target((6, 5), 0.03, spacing)
     ratios, count = [], 0
     for seed in range(2):
-        pose = upright(grid.points.mean(axis=0), 0.8 * seed, 0.45)
+        pose = upright_pose(grid.points.mean(axis=0), 0.8 * seed, 0.45)
         detection = find_target(render(WIDE, grid, pose, RenderSettings(noise=2.0, blur_px=0.8), seed), grid)
         assert detection is not None
         assert detection.ids is not None
@@ -85,7 +85,7 @@ def test_grid_is_detected_with_consistent_sigmas(spacing: float) -> None:
 def test_partial_grid_is_detected() -> None:
     """The corners of a partly visible grid that are inside the image are found with their own ids."""
     grid = aprilgrid_target((8, 8), 0.04, 0.3)
-    pose = upright(grid.points.max(axis=0), 0.1, 0.5)
+    pose = upright_pose(grid.points.max(axis=0), 0.1, 0.5)
     true = WIDE.project(pose @ grid.points)
     inside = ((true > 0) & (true < [1280, 720])).all(axis=1)
     assert 0.3 < inside.mean() < 0.9

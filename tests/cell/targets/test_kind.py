@@ -63,8 +63,8 @@ def test_numbered_targets_of_a_kind_are_valid(name: TargetKindName) -> None:
     for each in several:
         entry = kind.entries[kind.entry_index(each)]
         assert entry.model_validate({"on": "hand", **each}).shape() is not None
-    told = [not is_indistinguishable(kind, one, other) for one, other in combinations(several, 2)]
-    assert any(told) == told[0] == (several[1] != several[0])
+    distinguishable = [not is_indistinguishable(kind, one, other) for one, other in combinations(several, 2)]
+    assert any(distinguishable) == distinguishable[0] == (several[1] != several[0])
 
 
 @pytest.mark.parametrize("fields", [{"exact": True}, {"size_sigma": 1e-3}, {"kind": "led"}])

@@ -76,7 +76,7 @@ def test_parameter_values_and_sigmas_round_trip():
     assert to_dict("gears", ("ratio", "sigma_ratio"), {}) == {"gears": None}
 
 
-def doubled(turn=None, chain_derivative=None):
+def make_kind(turn=None, chain_derivative=None):
     """Return a kind whose joints rotate by a share of their angles, or one that changes only the chain."""
     unused = (None,) * 5
     return RobotParameter(None, "one", *unused, turn=turn, chain_derivative=chain_derivative)
@@ -84,28 +84,28 @@ def doubled(turn=None, chain_derivative=None):
 
 def test_parameter_shift_scales_joints():
     """One value per joint applies at all rows; a batch of values applies to the same rows."""
-    kind, joints = doubled(lambda chain, statement, joints: 2 * joints), np.arange(8.0).reshape(4, 2)
+    kind, joints = make_kind(lambda chain, statement, joints: 2 * joints), np.arange(8.0).reshape(4, 2)
     values = np.array([[1.0, 10.0], [3.0, -1.0], [0.0, 0.5]])
     np.testing.assert_array_equal(kind.shift(None, None, joints, values[0]), 2 * joints * [1, 10])
     many = kind.shift(None, None, joints, values)
     assert many.shape == (3, 4, 2)
     for found, value in zip(many, values, strict=True):
         np.testing.assert_array_equal(found, 2 * joints * value)
-    assert doubled().shift(None, None, joints, values[0]) == 0.0
+    assert make_kind().shift(None, None, joints, values[0]) == 0.0
 
 
 def test_parameter_derivative_by_joints_or_chain():
     """The derivative follows from the joints' rotation per unit value, or from the chain's own derivative."""
     chain, joints = six_axis(), np.random.default_rng(0).uniform(-1, 1, (3, 6))
     at = Posture(chain, joints, chain.posture(2 * joints))
-    found = doubled(lambda chain, statement, joints: 3 * joints).derivative(at, None, np.zeros(6))
+    found = make_kind(lambda chain, statement, joints: 3 * joints).derivative(at, None, np.zeros(6))
     np.testing.assert_allclose(found, chain.jacobian(2 * joints) * 3 * joints[:, None, :])
-    assert doubled(chain_derivative=lambda at, values: (at, values)).derivative(at, None, 7) == (at, 7)
+    assert make_kind(chain_derivative=lambda at, values: (at, values)).derivative(at, None, 7) == (at, 7)
 
 
 def test_parameter_defaults_are_by_joint():
     """A kind has one zero per joint in radians, any sigma, and an unchanged chain unless stated otherwise."""
-    kind = doubled()
+    kind = make_kind()
     np.testing.assert_array_equal(kind.zero(3), np.zeros(3))
     assert kind.move_chain("chain", np.ones(3)) == "chain"
     assert (kind.is_by_joint, kind.scale, kind.largest_sigma, kind.unobserved) == (True, 1.0, np.inf, None)

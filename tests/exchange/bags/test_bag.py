@@ -39,7 +39,7 @@ def test_header_without_time_uses_recording_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "said"),
+    ("name", "content", "message"),
     [
         ("none.bag", None, "there is no such bag"),
         ("a.txt", b"", "is not a bag: unknown file name extension"),
@@ -49,11 +49,11 @@ def test_header_without_time_uses_recording_time(tmp_path: Path) -> None:
         ("a.mcap", b"\x89MCAP0\r\n", "is damaged or was cut off"),
     ],
 )
-def test_invalid_bags_are_reported(name: str, content: bytes | None, said: str, tmp_path: Path) -> None:
+def test_invalid_bags_are_reported(name: str, content: bytes | None, message: str, tmp_path: Path) -> None:
     """A missing, foreign or damaged bag is an error on one line."""
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(DatasetError, match=said) as error, open_bag(tmp_path / name):
+    with pytest.raises(DatasetError, match=message) as error, open_bag(tmp_path / name):
         pass
     assert "\n" not in str(error.value)
 

@@ -199,10 +199,10 @@ def test_camera_without_frame_is_on_only_robot() -> None:
     two = tree(("l_base", "l_tool0"), ("r_base", "r_tool0"))
     one = choose_sources(bag_of(), Survey(ARM, **images("/a/image_raw")), BagRequest(), NO_CELL)
     assert one.cameras["a"].on == "arm"
-    for frame, said in (("", "of no name"), ("eye", "eye")):
+    for frame, message in (("", "of no name"), ("eye", "eye")):
         survey = Survey(two, **images("/a/image_raw", frames={"/a/image_raw": frame}))
         with pytest.raises(
-            InputError, match=rf"camera 'a' is unknown, its frame {said} is not in tf: give --on a=ROBOT"
+            InputError, match=rf"camera 'a' is unknown, its frame {message} is not in tf: give --on a=ROBOT"
         ):
             choose_sources(bag_of(), survey, BagRequest(), NO_CELL)
     posed = bag_of(Topic("/pose", POSE, 3))

@@ -21,13 +21,13 @@ from basecal.exchange.bags.bag import Bag, open_bag
 COUNT = 200
 
 
-def opened(path: Path) -> Bag:
+def open_path(path: Path) -> Bag:
     """Return an open bag."""
     with open_bag(path) as bag:
         return bag
 
 
-def written(folder: Path, kind: str, count: int = COUNT) -> Path:
+def write_joint_bag(folder: Path, kind: str, count: int = COUNT) -> Path:
     """Write a bag of joints."""
     folder.mkdir(exist_ok=True)
     writer = new_bag(folder, kind)
@@ -44,10 +44,10 @@ def storage(bag: Path) -> Path:
 @pytest.mark.parametrize("kind", ["ros1", "sqlite3", "mcap"])
 def test_bag_is_read_from_any_path(tmp_path: Path, kind: str) -> None:
     """A bag is read whatever characters the folders of its path contain."""
-    path = written(tmp_path / "plain", kind)
+    path = write_joint_bag(tmp_path / "plain", kind)
     folder = tmp_path / "a#b" / "a?b" / "a%41b" / "a b'\"" / "a\u00e9"
     folder.mkdir(parents=True)
-    bag = opened(path.rename(folder / path.name))
+    bag = open_path(path.rename(folder / path.name))
     assert len(list(bag.read(["/joint_states"]))) == COUNT
     assert not bag.damage
 
@@ -55,9 +55,9 @@ def test_bag_is_read_from_any_path(tmp_path: Path, kind: str) -> None:
 @pytest.mark.parametrize(("kind", "count"), [("sqlite3", 200), ("mcap", 600)])
 def test_truncated_bag_is_read_up_to_damage(tmp_path: Path, kind: str, count: int) -> None:
     """Completely written messages are read in order, and the bag states the damage."""
-    path = storage(written(tmp_path, kind, count))
+    path = storage(write_joint_bag(tmp_path, kind, count))
     os.truncate(path, path.stat().st_size * 6 // 10)
-    bag = opened(path)
+    bag = open_path(path)
     found = [message.data.position[0] for message in bag.read(["/joint_states"])]
     assert 0 < len(found) < count
     assert found == list(range(len(found)))
@@ -66,22 +66,22 @@ def test_truncated_bag_is_read_up_to_damage(tmp_path: Path, kind: str, count: in
 
 def test_damaged_index_is_reported(tmp_path: Path) -> None:
     """All messages are read, and the bag states why its index was not used, also if the error has no message."""
-    path = storage(written(tmp_path, "mcap"))
+    path = storage(write_joint_bag(tmp_path, "mcap"))
     content = bytearray(path.read_bytes())
     index = int.from_bytes(content[-28:-20], "little")
     content[index + 1 : index + 9] = (2**40).to_bytes(8, "little")  # length of its first record [bytes]
     path.write_bytes(content)
-    bag = opened(path)
+    bag = open_path(path)
     assert len(list(bag.read(["/joint_states"]))) == COUNT
     assert bag.damage == ["MemoryError"]
 
 
 def test_oversized_bag_is_not_called_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Repairing a bag beyond the limits would not help, so it is not called damaged."""
-    path = written(tmp_path, "ros1")
+    path = write_joint_bag(tmp_path, "ros1")
     monkeypatch.setattr(box, "_LEAST_OUTPUT_BYTES", 2**20)
     monkeypatch.setattr(box, "_OUTPUT_FACTOR", 0)
-    bag = opened(path)
+    bag = open_path(path)
     with pytest.raises(DatasetError, match=r"bag\.bag: gives more than 1 MB, the limit for its size$"):
         list(bag.read(["/joint_states"]))
 
@@ -112,7 +112,7 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
 def test_computed_tables_are_refused(tmp_path: Path, messages: str) -> None:
     """An endless view, computed columns and virtual tables are refused."""
     with pytest.raises(DatasetError, match="messages are not a plain table"):
-        opened(small_database(tmp_path / "a.db3", messages))
+        open_path(small_database(tmp_path / "a.db3", messages))
 
 
 @pytest.mark.parametrize("values", ["1, 'soon', x'00'", "1, 1, 1000000000"])
@@ -123,14 +123,14 @@ def test_invalid_rows_end_damaged_database(tmp_path: Path, values: str) -> None:
     content = bytearray(path.read_bytes())
     content[28:32] = (99).to_bytes(4, "big")  # pages that it says it has
     path.write_bytes(content)
-    bag = opened(path)
+    bag = open_path(path)
     assert not list(bag.read(["/joint_states"]))
     assert bag.damage
 
 
 def test_reader_fault_is_not_called_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A fault of the reader itself propagates unchanged with its traceback."""
-    path = written(tmp_path, "ros1")
+    path = write_joint_bag(tmp_path, "ros1")
     fault = box.BoxFault("TypeError")
 
     def faulty(*given: object) -> Iterator[box.Frame]:
@@ -139,7 +139,7 @@ def test_reader_fault_is_not_called_damage(tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.setattr(bags, "frames", faulty)
     with pytest.raises(box.BoxFault):
-        opened(path)
+        open_path(path)
 
 
 def mcap_of_one_chunk(path: Path, content: bytes, compression: bytes, size: int) -> Path:
@@ -165,13 +165,13 @@ def test_decompression_bomb_is_refused(tmp_path: Path) -> None:
     content = content[: len(content) - 4]
     path = mcap_of_one_chunk(tmp_path / "a.mcap", content, b"lz4", 2**30)
     with pytest.raises(DatasetError, match=r"a\.mcap: is damaged"):
-        opened(path)
+        open_path(path)
 
 
 def test_compressed_folder_bag_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A compressed file cannot fill the disk: unpacking stops at the limit, in a folder that is removed."""
     monkeypatch.setattr(box, "_LEAST_OUTPUT_BYTES", 2**26)
-    bag = written(tmp_path, "mcap")
+    bag = write_joint_bag(tmp_path, "mcap")
     path = storage(bag)
     zstd = pytest.importorskip("backports.zstd")
     compressor = zstd.ZstdCompressor()
@@ -185,7 +185,7 @@ def test_compressed_folder_bag_is_bounded(tmp_path: Path, monkeypatch: pytest.Mo
     metadata.write_text(text.replace("compression_mode: ''", "compression_mode: FILE"))
     assert "FILE" in metadata.read_text()
     with pytest.raises(DatasetError, match=r"is damaged|File too large"):
-        opened(bag)
+        open_path(bag)
 
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.db3", "a.bag"])
@@ -194,11 +194,11 @@ def test_pipes_and_devices_are_refused(tmp_path: Path, name: str) -> None:
     began_s = time.monotonic()
     os.mkfifo(tmp_path / name)
     with pytest.raises(DatasetError, match="is not a file but a pipe"):
-        opened(tmp_path / name)
+        open_path(tmp_path / name)
     (tmp_path / f"b{name}").symlink_to("/dev/zero")
     with pytest.raises(DatasetError, match="is not a file but a pipe"):
-        opened(tmp_path / f"b{name}")
+        open_path(tmp_path / f"b{name}")
     (tmp_path / "metadata.yaml").write_text("")
     with pytest.raises(DatasetError, match="is not a file but a pipe"):
-        opened(tmp_path)
+        open_path(tmp_path)
     assert time.monotonic() - began_s < 5

@@ -111,7 +111,7 @@ def add_tags(bag: BagWriter, time: float, *found: SimpleNamespace) -> None:
     bag.add("/detections", TAGS, time, bag.make(TAGS, bag.header(time), made))
 
 
-def written(folder: Path, kind: Kind) -> Path:
+def write_tag_bag(folder: Path, kind: Kind) -> Path:
     """Write a bag in which an arm rests at two poses and sees a board at each."""
     bag = new_bag(folder, kind)
     for name, text in DEFINITIONS.items():
@@ -128,7 +128,7 @@ def test_tag_detections_become_rows(kind: Kind, tmp_path: Path) -> None:
     """Each image with a detected tag is a row with its corners by the target's ids."""
     cell = cell_from_dict(parse_yaml(CELL, "cell.yaml").data)
     asked = BagRequest(robots={"arm": "/arm/pose"}, views={("wrist", "board"): "/detections"})
-    with open_bag(written(tmp_path, kind)) as bag:
+    with open_bag(write_tag_bag(tmp_path, kind)) as bag:
         survey = survey_bag(bag)
         taken = choose_sources(bag, survey, asked, cell)
         tracks = read_tracks(bag, survey, taken)
@@ -148,7 +148,7 @@ def cell() -> Cell:
     return cell_from_dict(parse_yaml(TAG_CELL, "cell.yaml").data)
 
 
-def as_published(camera_from_target: SE3, number: int, half_m: float) -> SE3:
+def published_pose(camera_from_target: SE3, number: int, half_m: float) -> SE3:
     """Return the pose that the node computes, by solvePnP of the square (-s,-s), (s,-s), (s,s), (-s,s).
 
     The detector begins at the lower left and goes counter-clockwise. The corners that `tag_corners` names by the
@@ -184,7 +184,7 @@ def tag_detection(bag: BagWriter, package: str, numbers: list[int], pose: SE3) -
     )
 
 
-def tag_written(folder: Path, package: str, *images: list[tuple[list[int], SE3]]) -> Path:
+def write_pose_bag(folder: Path, package: str, *images: list[tuple[list[int], SE3]]) -> Path:
     bag = new_bag(folder, "ros1")
     for name, text in DEFINITIONS.items():
         bag.store.register(get_types_from_msg(text, name))
@@ -214,7 +214,7 @@ def test_tag_poses_become_target_poses(package: str, tmp_path: Path) -> None:
 
     The nearer of two tags is used; unknown tags and bundles are not.
     """
-    by_three, by_seven = as_published(SEEN, 3, 0.04), as_published(SEEN, 7, 0.02)
+    by_three, by_seven = published_pose(SEEN, 3, 0.04), published_pose(SEEN, 7, 0.02)
     off = SE3.exp(np.array([0.0, 0, 0.3, 0, 0, 0]))
     images = [
         [([3], by_three)],
@@ -222,7 +222,7 @@ def test_tag_poses_become_target_poses(package: str, tmp_path: Path) -> None:
         [([3], off @ by_three), ([7], by_seven)],
         [([5], off), ([3, 7], off)],
     ]
-    found = views(tag_written(tmp_path, package, *images), "cube", tmp_path)
+    found = views(write_pose_bag(tmp_path, package, *images), "cube", tmp_path)
     assert len(found) == 3
     for pose in found:
         np.testing.assert_allclose(pose.matrix, SEEN.matrix, atol=1e-5)
@@ -231,7 +231,9 @@ def test_tag_poses_become_target_poses(package: str, tmp_path: Path) -> None:
 def test_target_without_tags_uses_only_detection(tmp_path: Path) -> None:
     """The pose is in the detector's own frame; an image with two tags is ambiguous and dropped."""
     near = SE3.exp(np.array([0.0, 0, 0.5, 0.1, 0, 0]))
-    found = views(tag_written(tmp_path, PACKAGES[0], [([12], SEEN)], [([12], SEEN), ([13], near)]), "plate", tmp_path)
+    found = views(
+        write_pose_bag(tmp_path, PACKAGES[0], [([12], SEEN)], [([12], SEEN), ([13], near)]), "plate", tmp_path
+    )
     assert len(found) == 1
     np.testing.assert_allclose(found[0].matrix, SEEN.matrix, atol=1e-12)
 

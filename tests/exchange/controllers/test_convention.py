@@ -73,13 +73,13 @@ def test_one_frame_in_notation_of_four_makers():
     frame = np.stack([x, np.cross(z, x), z], axis=-1)
     turn = Rotation.from_matrix(frame)
     point = [146.0, 150.0, 161.5]
-    said = {
+    notations = {
         "abb": [*point, *turn.as_quat(scalar_first=True)],
         "staubli": [*point, *turn.as_euler("XYZ", degrees=True)],
         "kuka": [*point, *turn.as_euler("ZYX", degrees=True)],
         "ur": [*np.array(point) / 1e3, *turn.as_rotvec()],
     }
-    for name, numbers in said.items():
+    for name, numbers in notations.items():
         read = CONTROLLERS[name].read(np.array(numbers))
         np.testing.assert_allclose(read.rotation, frame, atol=1e-12, err_msg=name)
         np.testing.assert_allclose(read.translation, [0.146, 0.15, 0.1615], atol=1e-15, err_msg=name)

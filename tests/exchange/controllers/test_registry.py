@@ -43,16 +43,16 @@ def test_kuka_quaternion_matches_camera_makers_formula():
 
 def test_kuka_matches_robodk():
     """Both directions of X, Y, Z [mm] and A, B, C [deg] agree with the matrix of `KUKA_2_Pose` of RoboDK 6.0.2."""
-    told = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
+    numbers = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
     matrix = [
         [0.694272044, -0.402886585, 0.596379685],
         [0.323744371, -0.565246574, -0.758739674],
         [0.64278761, 0.71984631, -0.26200263],
     ]
-    read = CONTROLLERS["kuka"].read(np.array(told))
+    read = CONTROLLERS["kuka"].read(np.array(numbers))
     np.testing.assert_allclose(read.rotation, matrix, atol=1e-9)
     np.testing.assert_allclose(read.translation, [0.1, -0.2, 0.3], atol=1e-15)
-    np.testing.assert_allclose(CONTROLLERS["kuka"].to_numbers(read), told, atol=1e-9)
+    np.testing.assert_allclose(CONTROLLERS["kuka"].to_numbers(read), numbers, atol=1e-9)
 
 
 def test_abb_matches_reference_manual():
@@ -87,16 +87,16 @@ def test_yaskawa_quaternion_matches_camera_makers_formula():
 @pytest.mark.parametrize("name", ["fanuc", "yaskawa"])
 def test_fanuc_and_yaskawa_match_robodk(name):
     """Both directions [mm, deg] agree with the matrix of `Fanuc_2_Pose` and `Motoman_2_Pose` of RoboDK 6.0.2."""
-    told = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
+    numbers = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
     matrix = [
         [-0.26200263, -0.758739674, 0.596379685],
         [0.71984631, -0.565246574, -0.402886585],
         [0.64278761, 0.323744371, 0.694272044],
     ]
-    read = CONTROLLERS[name].read(np.array(told))
+    read = CONTROLLERS[name].read(np.array(numbers))
     np.testing.assert_allclose(read.rotation, matrix, atol=1e-9)
     np.testing.assert_allclose(read.translation, [0.1, -0.2, 0.3], atol=1e-15)
-    np.testing.assert_allclose(CONTROLLERS[name].to_numbers(read), told, atol=1e-9)
+    np.testing.assert_allclose(CONTROLLERS[name].to_numbers(read), numbers, atol=1e-9)
 
 
 def test_staubli_angles_rotate_about_x_new_y_new_z():
@@ -110,16 +110,16 @@ def test_staubli_angles_rotate_about_x_new_y_new_z():
 
 def test_staubli_matches_robodk():
     """Both directions of X, Y, Z [mm] and Rx, Ry, Rz [deg] agree with `Staubli_2_Pose` of RoboDK 6.0.2."""
-    told = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
+    numbers = [100.0, -200.0, 300.0, 25.0, -40.0, 110.0]
     matrix = [
         [-0.26200263, -0.71984631, -0.64278761],
         [0.944561805, -0.054704465, -0.323744371],
         [0.197882839, -0.691974502, 0.694272044],
     ]
-    read = CONTROLLERS["staubli"].read(np.array(told))
+    read = CONTROLLERS["staubli"].read(np.array(numbers))
     np.testing.assert_allclose(read.rotation, matrix, atol=1e-9)
     np.testing.assert_allclose(read.translation, [0.1, -0.2, 0.3], atol=1e-15)
-    np.testing.assert_allclose(CONTROLLERS["staubli"].to_numbers(read), told, atol=1e-9)
+    np.testing.assert_allclose(CONTROLLERS["staubli"].to_numbers(read), numbers, atol=1e-9)
 
 
 def test_denso_angles_rotate_about_fixed_axes():

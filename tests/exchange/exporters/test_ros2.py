@@ -19,7 +19,7 @@ def launch(monkeypatch):
     for name, member, kept in (
         ("launch", "LaunchDescription", lambda nodes: nodes),
         ("launch_ros", "", None),
-        ("launch_ros.actions", "Node", lambda **told: told),
+        ("launch_ros.actions", "Node", lambda **arguments: arguments),
     ):
         module = ModuleType(name)
         setattr(module, member or "actions", kept)

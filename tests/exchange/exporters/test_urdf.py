@@ -28,7 +28,7 @@ OFFSETS = RobotParameters(CHAIN.joint_names, RAD, np.abs(RAD), np.isfinite(RAD))
 INPUTS = {"six_axis.urdf": f"sha256:{sha256((DATA / 'six_axis.urdf').read_bytes()).hexdigest()}"}
 
 
-def calibrated(**parameters):
+def calibration_with(**parameters):
     of_hand = {kind: {"hand": found} for kind, found in parameters.items()}
     return Calibration("good", robot_parameters=of_hand, inputs=INPUTS)
 
@@ -44,14 +44,14 @@ def flange_of(text: str, folder: Path):
 
 def test_urdf_contains_joint_offsets(tmp_path):
     """At the recorded joints its flange is the calibrated one; unknown offsets count as zero."""
-    found = flange_of(urdf_of(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand"), tmp_path)
+    found = flange_of(urdf_of(CELL, DATA, calibration_with(joint_offsets=OFFSETS), "hand"), tmp_path)
     wanted = CHAIN.forward(0.3 + np.nan_to_num(RAD))
     np.testing.assert_allclose(found.matrix, wanted.matrix, atol=1e-9)
 
 
 def test_folder_may_be_string():
     """A path as a string gives the same as a `Path`."""
-    calibration = calibrated(joint_offsets=OFFSETS)
+    calibration = calibration_with(joint_offsets=OFFSETS)
     texts = [export(calibration, "urdf", robot="hand", cell=CELL, folder=folder) for folder in (str(DATA), DATA)]
     assert texts[0] == texts[1]
 
@@ -60,13 +60,13 @@ def test_urdf_contains_link_errors(tmp_path):
     """Link errors are applied without offsets, too."""
     tangents = 1e-3 * np.random.default_rng(0).standard_normal((7, 6))
     links = RobotParameters((), tangents, np.ones((7, 6)), np.ones((7, 6), dtype=bool))
-    found = flange_of(urdf_of(CELL, DATA, calibrated(link_parameters=links), "hand"), tmp_path)
+    found = flange_of(urdf_of(CELL, DATA, calibration_with(link_parameters=links), "hand"), tmp_path)
     np.testing.assert_allclose(found.matrix, CHAIN.perturb_links(tangents).forward(np.full(6, 0.3)).matrix, atol=1e-9)
 
 
 def test_impossible_urdf_exports_are_refused():
     """An unknown robot, one without a URDF, and one without calibrated parameters are errors."""
-    good = calibrated(joint_offsets=OFFSETS)
+    good = calibration_with(joint_offsets=OFFSETS)
     with pytest.raises(FrameNotFound):
         urdf_of(CELL, DATA, good, "hnd")
     with pytest.raises(InputError, match="'eye' has no urdf"):
@@ -86,13 +86,13 @@ def test_impossible_urdf_exports_are_refused():
 
 def test_urdf_comment_has_source_hash():
     """A comment has the hash of the URDF that was calibrated."""
-    text = urdf_of(CELL, DATA, calibrated(joint_offsets=OFFSETS), "hand")
+    text = urdf_of(CELL, DATA, calibration_with(joint_offsets=OFFSETS), "hand")
     assert f"of {INPUTS['six_axis.urdf']}: joint offsets applied -->" in text
 
 
 def test_corrected_urdf_is_not_corrected_again(tmp_path):
     """A URDF with the correction applied, and one with an unknown hash, are refused."""
-    good = calibrated(joint_offsets=OFFSETS)
+    good = calibration_with(joint_offsets=OFFSETS)
     (tmp_path / "six_axis.urdf").write_text(urdf_of(CELL, DATA, good, "hand"))
     for calibration in (good, replace(good, inputs={})):
         with pytest.raises(InputError, match=r"six_axis\.urdf is not the file that was calibrated.*applied twice"):
@@ -103,13 +103,13 @@ def test_offsets_of_other_chain_are_refused():
     """Offsets do not fit if the cell now names another chain than the calibrated one."""
     short = RobotParameters(CHAIN.joint_names[:3], RAD[:3], RAD[:3], np.isfinite(RAD[:3]))
     with pytest.raises(InputError, match="3 joint offsets do not fit 6 joints"):
-        urdf_of(CELL, DATA, calibrated(joint_offsets=short), "hand")
+        urdf_of(CELL, DATA, calibration_with(joint_offsets=short), "hand")
 
 
 def test_pinocchio_agrees_with_exported_urdf(tmp_path):
     """Pinocchio reads the written file with the flange of our chain with added joint offsets."""
     (tmp_path / "six_axis.urdf").write_bytes((DATA / "six_axis.urdf").read_bytes())
-    (tmp_path / "out.urdf").write_text(urdf_of(CELL, tmp_path, calibrated(joint_offsets=OFFSETS), "hand"))
+    (tmp_path / "out.urdf").write_text(urdf_of(CELL, tmp_path, calibration_with(joint_offsets=OFFSETS), "hand"))
     model = pinocchio.buildModelFromUrdf(str(tmp_path / "out.urdf"))
     data = model.createData()
     joints = np.array([0.3, -0.4, 0.5, 0.6, -0.7, 0.8])

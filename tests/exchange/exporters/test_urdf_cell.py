@@ -25,7 +25,7 @@ CELL = Cell("eye", robots={"eye": EYE, "hand": HAND})
 BOTH = (DATA / "six_axis.urdf", DATA / "six_axis.urdf")
 
 
-def stands(text: str, parent: str, child: str):
+def relative_pose(text: str, parent: str, child: str):
     model = pinocchio.buildModelFromXML(text)
     data = model.createData()
     pinocchio.framesForwardKinematics(model, data, pinocchio.neutral(model))
@@ -36,19 +36,19 @@ def stands(text: str, parent: str, child: str):
 def test_robots_have_calibrated_poses():
     """The given URDFs are used; the base is the link that the cell names, or else the root."""
     text = export_text(ExportRequest((), ("made by",), CALIBRATION, CELL, DATA, urdfs=BOTH))
-    np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
+    np.testing.assert_allclose(relative_pose(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
     assert "<!-- made by -->" in text
     assert "<!-- hand: six_axis.urdf, its base is the link base_link -->" in text
     nameless = replace(CELL, robots={"eye": EYE, "hand": Robot("hand")})
     text = export_text(ExportRequest((), (), CALIBRATION, nameless, DATA, urdfs=BOTH))
-    np.testing.assert_allclose(stands(text, "eye_base_link", "hand_world"), POSE.matrix, atol=1e-12)
+    np.testing.assert_allclose(relative_pose(text, "eye_base_link", "hand_world"), POSE.matrix, atol=1e-12)
 
 
 def test_urdfs_of_cell_are_default():
     """Without given URDFs those in the cell's folder are used."""
     own = replace(CELL, robots={"eye": EYE, "hand": replace(EYE, name="hand")})
     text = export_text(ExportRequest((), (), CALIBRATION, own, DATA))
-    np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
+    np.testing.assert_allclose(relative_pose(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
 
 
 def test_cell_urdf_contains_bases_and_corrections(tmp_path):
@@ -63,13 +63,17 @@ def test_cell_urdf_contains_bases_and_corrections(tmp_path):
     )
     text = export_text(ExportRequest((), (), found, own, DATA))
     assert "its base is the link base_link; joint offsets applied -->" in text
-    np.testing.assert_allclose(stands(text, "hand_base_link", "hand_tool0"), chain.forward(turns).matrix, atol=1e-9)
-    np.testing.assert_allclose(stands(text, "eye_base_link", "eye_tool0"), chain.forward(0 * turns).matrix, atol=1e-9)
-    np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
+    np.testing.assert_allclose(
+        relative_pose(text, "hand_base_link", "hand_tool0"), chain.forward(turns).matrix, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        relative_pose(text, "eye_base_link", "eye_tool0"), chain.forward(0 * turns).matrix, atol=1e-9
+    )
+    np.testing.assert_allclose(relative_pose(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
     given = export_text(ExportRequest((), (), found, own, DATA, urdfs=BOTH))
     assert "; joint offsets are not in it -->" in given
     np.testing.assert_allclose(
-        stands(given, "hand_base_link", "hand_tool0"), chain.forward(0 * turns).matrix, atol=1e-9
+        relative_pose(given, "hand_base_link", "hand_tool0"), chain.forward(0 * turns).matrix, atol=1e-9
     )
     corrected = tmp_path / "corrected.urdf"
     corrected.write_text(urdf.export_text(ExportRequest((), (), found, own, DATA, robot="hand")))

@@ -19,7 +19,7 @@ OTHER = Camera("fisheye", np.array([300, 301, 320, 240, 0.1, 0.01, 0, 0]))
 ESTIMATED = replace(CALIBRATION, cameras={"wrist": (LENS, np.eye(9))})
 
 
-def stating(intrinsics):
+def cell_with_lens(intrinsics):
     """Return a cell with a second camera whose lens has these intrinsics."""
     top = CellCamera("top", "world", size_px=(100, 50), intrinsics=intrinsics)
     return replace(CELL, cameras={**CELL.cameras, "top": top})
@@ -27,7 +27,7 @@ def stating(intrinsics):
 
 def test_estimated_lens_precedes_stated_one():
     """A stated lens has the image size of its camera."""
-    both = ExportRequest((), (), ESTIMATED, stating(Intrinsics("fixed", OTHER)))
+    both = ExportRequest((), (), ESTIMATED, cell_with_lens(Intrinsics("fixed", OTHER)))
     assert exported_camera(both, "wrist") is LENS
     assert exported_camera(both, "top").model == "fisheye"
     assert exported_camera(both, "top").size_px == (100, 50)
@@ -36,15 +36,15 @@ def test_estimated_lens_precedes_stated_one():
 def test_only_camera_needs_no_name():
     """One of several cameras must be named."""
     assert choose_camera(ExportRequest((), (), ESTIMATED)) == "wrist"
-    assert choose_camera(ExportRequest((), (), ESTIMATED, stating(None), camera="top")) == "top"
+    assert choose_camera(ExportRequest((), (), ESTIMATED, cell_with_lens(None), camera="top")) == "top"
     with pytest.raises(InputError, match="with --camera: wrist, top"):
-        choose_camera(ExportRequest((), (), ESTIMATED, stating(None)))
+        choose_camera(ExportRequest((), (), ESTIMATED, cell_with_lens(None)))
 
 
 @pytest.mark.parametrize("intrinsics", [None, Intrinsics("free", OTHER), Intrinsics("free")])
 def test_unknown_lens_is_refused(intrinsics):
     """A guess is not a known lens."""
     with pytest.raises(InputError, match="the lens of 'top' is not known"):
-        exported_camera(ExportRequest((), (), ESTIMATED, stating(intrinsics)), "top")
+        exported_camera(ExportRequest((), (), ESTIMATED, cell_with_lens(intrinsics)), "top")
     with pytest.raises(FrameNotFound, match="no 'tap'"):
-        exported_camera(ExportRequest((), (), ESTIMATED, stating(intrinsics)), "tap")
+        exported_camera(ExportRequest((), (), ESTIMATED, cell_with_lens(intrinsics)), "tap")

@@ -17,28 +17,28 @@ from basecal.geometry import SE3, PoseEstimate
 from export_example import ESTIMATE
 
 
-def known(sigma_m: float, sigma_rad: float) -> PoseEstimate:
+def estimate_with(sigma_m: float, sigma_rad: float) -> PoseEstimate:
     return PoseEstimate(SE3.identity(), np.diag([sigma_m**2] * 3 + [sigma_rad**2] * 3))
 
 
 @pytest.mark.parametrize(("sigma_mm", "decimals"), [(0.052, 4), (0.099, 4), (0.11, 3), (1.1, 2), (52.0, 1), (520, 0)])
 def test_lengths_have_two_digits_beyond_sigma(sigma_mm, decimals):
     """A sigma of 0.05 mm justifies hundredths, plus two digits."""
-    assert length_decimals(known(sigma_mm * 1e-3, 1), 1e-3) == decimals
-    assert length_decimals(known(sigma_mm * 1e-3, 1), 1.0) == decimals + 3
+    assert length_decimals(estimate_with(sigma_mm * 1e-3, 1), 1e-3) == decimals
+    assert length_decimals(estimate_with(sigma_mm * 1e-3, 1), 1.0) == decimals + 3
 
 
 def test_exact_values_have_nanometre_digits():
     """Without a sigma lengths are written to a nanometre."""
-    assert length_decimals(known(0, 0), 1.0) == 9
-    assert length_decimals(known(0, 0), 1e-3) == 6
-    assert angle_decimals(known(0, 0), 1.0) == 9
+    assert length_decimals(estimate_with(0, 0), 1.0) == 9
+    assert length_decimals(estimate_with(0, 0), 1e-3) == 6
+    assert angle_decimals(estimate_with(0, 0), 1.0) == 9
 
 
 def test_quaternions_keep_unit_norm():
     """Quaternions have at least six decimals, however large the sigma."""
-    assert unit_decimals(known(1, 0.3)) == 6
-    assert unit_decimals(known(1, 3e-6)) == 8
+    assert unit_decimals(estimate_with(1, 0.3)) == 6
+    assert unit_decimals(estimate_with(1, 3e-6)) == 8
 
 
 def test_rounding_is_below_hundredth_of_sigma():
@@ -59,9 +59,9 @@ def test_negative_zeros_are_not_written():
 def test_angles_have_digits_of_their_unit(sigma_deg, decimals):
     """A sigma of 0.05 deg justifies hundredths of a degree plus two digits; radians have more decimals."""
     radians = np.radians(sigma_deg)
-    assert angle_decimals(known(1, radians), np.radians(1)) == decimals
-    assert angle_decimals(known(1, 1e-3), 1.0) == 5
-    assert angle_decimals(known(1, 0), np.radians(1)) == 8
+    assert angle_decimals(estimate_with(1, radians), np.radians(1)) == decimals
+    assert angle_decimals(estimate_with(1, 1e-3), 1.0) == 5
+    assert angle_decimals(estimate_with(1, 0), np.radians(1)) == 8
 
 
 def test_smallest_sigma_determines_digits():
@@ -74,6 +74,6 @@ def test_smallest_sigma_determines_digits():
 @pytest.mark.parametrize(("name", "decimals"), [("kuka", (4, 3)), ("ur", (7, 5)), ("abb", (4, 6)), ("ros", (7, 6))])
 def test_rotations_have_digits_of_their_format(name, decimals):
     """Degrees and radians have digits by sigma, quaternions at least six, beside lengths in millimetres or metres."""
-    numbers = format_pose(CONTROLLERS[name], known(5e-5, np.radians(0.2)))
+    numbers = format_pose(CONTROLLERS[name], estimate_with(5e-5, np.radians(0.2)))
     found = [len(number.partition(".")[2]) for number in numbers]
     assert found == [decimals[0]] * 3 + [decimals[1]] * (len(numbers) - 3)

@@ -23,7 +23,7 @@ ONE_ARM = {"gripper2base": MOUNT @ SEEN, "target2cam": SEEN}
 POSES = SE3.exp(np.random.default_rng(0).normal(size=(3, 5, 6)))
 
 
-def _saved(path: Path, **poses: SE3) -> None:
+def _save_poses(path: Path, **poses: SE3) -> None:
     arrays = {}
     for name, pose in poses.items():
         arrays[f"R_{name}"], arrays[f"t_{name}"] = pose.rotation, pose.translation
@@ -32,10 +32,10 @@ def _saved(path: Path, **poses: SE3) -> None:
 
 def test_archive_of_one_arm_becomes_cell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """An archive makes a cell of one arm, ready to be calibrated."""
-    _saved(tmp_path / "poses.npz", gripper2base=MOUNT @ SEEN, target2cam=SEEN)
+    _save_poses(tmp_path / "poses.npz", gripper2base=MOUNT @ SEEN, target2cam=SEEN)
     assert main(["import", "arrays", str(tmp_path / "cell"), str(tmp_path / "poses.npz"), "--camera-on", "world"]) == 0
-    told = capsys.readouterr().out
-    assert "12 samples under OpenCV's names: R_gripper2base" in told
+    message = capsys.readouterr().out
+    assert "12 samples under OpenCV's names: R_gripper2base" in message
     cell = read_cell(tmp_path / "cell")
     assert set(cell.transforms) == {"hand_base_from_camera", "hand_flange_from_target"}
 
@@ -43,7 +43,7 @@ def test_archive_of_one_arm_becomes_cell(tmp_path: Path, capsys: pytest.CaptureF
 def test_unit_option_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Millimetres read as metres are refused with the option that reads them."""
     in_mm = {name: SE3(pose.rotation, 1e3 * pose.translation) for name, pose in ONE_ARM.items()}
-    _saved(tmp_path / "poses.npz", **in_mm)
+    _save_poses(tmp_path / "poses.npz", **in_mm)
     words = ["import", "arrays", str(tmp_path / "cell"), str(tmp_path / "poses.npz")]
     assert main(words) == 3
     assert "all lengths are read in m: check --unit, or convert arrays of another unit;" in capsys.readouterr().err
@@ -52,7 +52,7 @@ def test_unit_option_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 def test_two_arms_are_named(tmp_path: Path) -> None:
     """The poses of two arms are assigned to the named robots."""
-    _saved(tmp_path / "poses.npz", eye_gripper2base=EYE, hand_gripper2base=HAND, target2cam=SEEN)
+    _save_poses(tmp_path / "poses.npz", eye_gripper2base=EYE, hand_gripper2base=HAND, target2cam=SEEN)
     names = ["--robot", "left", "--hand", "right"]
     assert main(["import", "arrays", str(tmp_path / "cell"), str(tmp_path / "poses.npz"), *names]) == 0
     cell = read_cell(tmp_path / "cell")
@@ -150,7 +150,7 @@ def test_second_arm_carries_target() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"R_target2cam": None}, "R_target2cam is not an array of numbers|R_target2cam has shape"),
         ({"R_target2cam": POSES[1].matrix}, r"R_target2cam has shape \(5, 4, 4\), expected \(n, 3, 3\) or \(n, 3\)"),
@@ -164,9 +164,9 @@ def test_second_arm_carries_target() -> None:
         ({"t_gripper2base": [[10**400, 0, 0]]}, "t_gripper2base is not an array of numbers"),
     ],
 )
-def test_invalid_arrays_are_named(change: dict[str, object], told: str) -> None:
+def test_invalid_arrays_are_named(change: dict[str, object], message: str) -> None:
     """An array of a wrong shape, length or type is refused by its name."""
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         record_of_arrays({**_arrays("gripper2base", "target2cam"), **change}, "test")
 
 
@@ -260,9 +260,9 @@ def test_vectors_may_be_rows_or_columns(shape: tuple[int, ...]) -> None:
 
 def test_camera_is_on_robot_by_default(tmp_path: Path) -> None:
     """The camera of two arms is always on the first; with one arm the user may state the world."""
-    _saved(tmp_path / "a.npz", gripper2base=POSES[0], target2cam=POSES[1])
-    for said, on_robot in ((None, True), (True, True), (False, False)):
-        assert read_record_of_arrays(tmp_path / "a.npz", said, 1.0).camera_on_robot == on_robot
+    _save_poses(tmp_path / "a.npz", gripper2base=POSES[0], target2cam=POSES[1])
+    for on_flag, on_robot in ((None, True), (True, True), (False, False)):
+        assert read_record_of_arrays(tmp_path / "a.npz", on_flag, 1.0).camera_on_robot == on_robot
     assert record_of_arrays(_arrays("gripper2base", "target2cam"), "test").camera_on_robot
     two = _arrays("eye_gripper2base", "hand_gripper2base", "target2cam")
     assert record_of_arrays(two, "test", camera_on_robot=False).camera_on_robot

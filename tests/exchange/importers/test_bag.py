@@ -24,68 +24,72 @@ STOPS = 10
 
 
 @pytest.fixture(scope="module")
-def simulated() -> SimulatedCell:
+def simulated_cell() -> SimulatedCell:
     """Two arms, and poses of a board as another program would measure them."""
     return simulate(Scenario(samples=STOPS, target="pose", state_observation_noise=False), 1)
 
 
 @pytest.fixture(scope="module")
-def expected(simulated: SimulatedCell) -> Calibration:
-    return calibrate(simulated.cell, simulated.recording)
+def expected_calibration(simulated_cell: SimulatedCell) -> Calibration:
+    return calibrate(simulated_cell.cell, simulated_cell.recording)
 
 
-def views(simulated: SimulatedCell) -> list[str]:
-    seen = simulated.recording.samples[0].observations
+def views(simulated_cell: SimulatedCell) -> list[str]:
+    seen = simulated_cell.recording.samples[0].observations
     return ["--view", *(f"{view.camera},{view.target}=/{view.camera}/{view.target}" for view in seen)]
 
 
 @pytest.mark.journey
 @pytest.mark.parametrize("kind", quick(KINDS, ["mcap"]))
 def test_bag_gives_same_base_as_cell(
-    kind: Kind, tmp_path: Path, simulated: SimulatedCell, expected: Calibration, capsys: pytest.CaptureFixture[str]
+    kind: Kind,
+    tmp_path: Path,
+    simulated_cell: SimulatedCell,
+    expected_calibration: Calibration,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The base agrees to 1e-9, with frames found by their names; --list writes no files."""
-    bag, cell = bag_by_tf(tmp_path, kind, simulated.recording).close(), tmp_path / "c"
-    write_cell(simulated.cell, cell)
+    bag, cell = bag_by_tf(tmp_path, kind, simulated_cell.recording).close(), tmp_path / "c"
+    write_cell(simulated_cell.cell, cell)
     before = sorted(tmp_path.rglob("*"))
-    assert main(["import", "bag", str(cell), str(bag), "--list", *views(simulated)]) == 0
-    said = capsys.readouterr().out
-    assert "/tf  tf2_msgs/msg/TFMessage" in said
-    assert "would take robot 'eye': tf, eye_base_link to eye_tool0" in said
+    assert main(["import", "bag", str(cell), str(bag), "--list", *views(simulated_cell)]) == 0
+    message = capsys.readouterr().out
+    assert "/tf  tf2_msgs/msg/TFMessage" in message
+    assert "would take robot 'eye': tf, eye_base_link to eye_tool0" in message
     assert sorted(tmp_path.rglob("*")) == before
-    assert main(["import", "bag", str(cell), str(bag), *views(simulated)]) == 0
+    assert main(["import", "bag", str(cell), str(bag), *views(simulated_cell)]) == 0
     assert f"{STOPS} stops" in capsys.readouterr().out
     found = calibrate(read_cell(cell), read_recording(cell))
-    for name in expected.transforms:
-        away = (expected[name].mean.inverse() @ found[name].mean).log()
+    for name in expected_calibration.transforms:
+        away = (expected_calibration[name].mean.inverse() @ found[name].mean).log()
         np.testing.assert_allclose(away, 0, atol=1e-9, err_msg=name)
-    assert main(["import", "bag", str(cell), str(bag), *views(simulated)]) == 3
+    assert main(["import", "bag", str(cell), str(bag), *views(simulated_cell)]) == 3
     assert "is recorded already" in capsys.readouterr().err
 
 
 @pytest.mark.journey
 @pytest.mark.parametrize("kind", quick(KINDS, ["sqlite3"]))
 def test_truncated_bag_is_read_up_to_cut(
-    kind: Kind, tmp_path: Path, simulated: SimulatedCell, capsys: pytest.CaptureFixture[str]
+    kind: Kind, tmp_path: Path, simulated_cell: SimulatedCell, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Data before the cut is read with one warning line that names the bag.
 
     If it has no robot or view no cell is made.
     """
-    bag = bag_by_tf(tmp_path, kind, simulated.recording).close()
+    bag = bag_by_tf(tmp_path, kind, simulated_cell.recording).close()
     file = bag if bag.is_file() else next(each for each in bag.iterdir() if each.suffix in (".db3", ".mcap"))
     whole = file.read_bytes()
-    recorded = [sample.robots["eye"].base_from_flange for sample in simulated.recording.samples]
+    recorded = [sample.robots["eye"].base_from_flange for sample in simulated_cell.recording.samples]
     counts = []
     for share in (0.0, 0.01, 0.3, 0.5, 0.9, 0.999):
         file.write_bytes(whole[: int(share * len(whole))])
         cell = tmp_path / f"c{share}"
-        code = main(["import", "bag", str(cell), str(bag), *views(simulated), "--on", "wrist=eye"])
-        said = capsys.readouterr().err
-        assert code == (0 if said.startswith("basecal: warning: ") else 3), (share, said)
-        assert code == 3 or "is read up to where it is damaged" in said
-        assert said.count("\n") == 1
-        assert str(bag) in said
+        code = main(["import", "bag", str(cell), str(bag), *views(simulated_cell), "--on", "wrist=eye"])
+        message = capsys.readouterr().err
+        assert code == (0 if message.startswith("basecal: warning: ") else 3), (share, message)
+        assert code == 3 or "is read up to where it is damaged" in message
+        assert message.count("\n") == 1
+        assert str(bag) in message
         assert cell.exists() == (code == 0)
         samples = read_recording(cell).samples if code == 0 else ()
         away = [[(of.robots["eye"].base_from_flange.inverse() @ pose).log() for pose in recorded] for of in samples]
@@ -165,13 +169,13 @@ def test_clock_offset_is_recovered_from_streams(tmp_path: Path, capsys: pytest.C
 
 
 @pytest.fixture(scope="module")
-def by_tf(simulated: SimulatedCell, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def by_tf(simulated_cell: SimulatedCell, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a bag that no test changes."""
-    return bag_by_tf(tmp_path_factory.mktemp("bag"), "ros1", simulated.recording).close()
+    return bag_by_tf(tmp_path_factory.mktemp("bag"), "ros1", simulated_cell.recording).close()
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "message"),
     [
         (["--robot", "eye=/eye/pose"], 3, "no '/eye/pose'; there are: /tf, /tf_static, /wrist/board"),
         (["--robot", "eye=eye_base,eye_tool0"], 3, "no 'eye_base' (did you mean 'eye_base_link'?)"),
@@ -188,16 +192,16 @@ def by_tf(simulated: SimulatedCell, tmp_path_factory: pytest.TempPathFactory) ->
 def test_missing_bag_sources_are_reported(
     words: list[str],
     code: int,
-    said: str,
+    message: str,
     tmp_path: Path,
     by_tf: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The error is one line, and no files are written."""
     assert main(["import", "bag", str(tmp_path / "c"), str(by_tf), *words]) == code
-    told = capsys.readouterr().err
-    assert said in told
-    assert told.count("\n") == 1
+    stderr = capsys.readouterr().err
+    assert message in stderr
+    assert stderr.count("\n") == 1
     assert not (tmp_path / "c").exists()
 
 
@@ -207,9 +211,9 @@ def test_list_works_without_recognised_robots(tmp_path: Path, capsys: pytest.Cap
     bag.pose("/left/pose", BEGIN_S, SE3.identity())
     bag.image("/cam/image_raw", BEGIN_S, np.zeros((8, 8), np.uint8))
     assert main(["import", "bag", str(tmp_path / "c"), str(bag.close()), "--list"]) == 0
-    said = capsys.readouterr().out
-    assert "/cam/image_raw  sensor_msgs/msg/Image" in said
-    assert "would take nothing: no robot was found from the names of frames: give --robot" in said
+    message = capsys.readouterr().out
+    assert "/cam/image_raw  sensor_msgs/msg/Image" in message
+    assert "would take nothing: no robot was found from the names of frames: give --robot" in message
     assert not (tmp_path / "c").exists()
 
 
@@ -232,15 +236,15 @@ def test_carrier_of_unknown_cameras_is_requested(tmp_path: Path, capsys: pytest.
             for camera, frame in zip(("a", "b"), frames, strict=True):
                 bag.image(f"/{camera}/image_raw", float(time), np.zeros((8, 8), np.uint8), frame=frame)
         code = main(["import", "bag", str(tmp_path / "c"), str(bag.close())])
-        said = capsys.readouterr()
+        message = capsys.readouterr()
         if frames[0]:
             assert code == 0
             cameras = read_cell(tmp_path / "c").cameras
             assert {name: camera.on for name, camera in cameras.items()} == {"a": "left", "b": "world"}
         else:
             assert code == 3
-            assert "the carrier of camera 'a' is unknown" in said.err
-            assert "--on a=ROBOT" in said.err
+            assert "the carrier of camera 'a' is unknown" in message.err
+            assert "--on a=ROBOT" in message.err
             assert not (tmp_path / "c").exists()
 
 

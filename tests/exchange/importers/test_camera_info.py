@@ -33,8 +33,8 @@ def test_lens_is_added_to_cell_with_images(tmp_path: Path, capsys: pytest.Captur
     for width in (640, 1280):
         (tmp_path / f"{width}.yaml").write_text(CAMERA_INFO.format(width=width))
     assert main(["import", "camera-info", str(cell), str(tmp_path / "1280.yaml"), "--camera", "wrist"]) == 3
-    told = capsys.readouterr().err
-    assert "1280.yaml is of 1280 x 480 px, recording/images/wrist/0.png has 640 x 480" in told
+    stderr = capsys.readouterr().err
+    assert "1280.yaml is of 1280 x 480 px, recording/images/wrist/0.png has 640 x 480" in stderr
     assert main(["import", "camera-info", str(cell), str(tmp_path / "640.yaml"), "--camera", "wrist"]) == 0
     assert "written to cell.yaml: cameras.wrist.model" in capsys.readouterr().out
     lens = read_cell(cell).cameras["wrist"].intrinsics

@@ -102,7 +102,7 @@ def test_images_are_sorted_by_number_in_name(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "says"),
+    ("line", "message"),
     [
         ("1 1 0 0 0 0 0 0", "images.txt:1: 8 words, expected IMAGE_ID QW"),
         ("1 1 0 0 0 0 0 x 1 a.png", "images.txt:1: '1 1 0 0 0 0 0 x 1 a.png' has a word that is not a number"),
@@ -111,10 +111,10 @@ def test_images_are_sorted_by_number_in_name(tmp_path: Path, name: str) -> None:
         ("# nothing", "holds no image"),
     ],
 )
-def test_invalid_image_line_is_reported(tmp_path: Path, line: str, says: str) -> None:
+def test_invalid_image_line_is_reported(tmp_path: Path, line: str, message: str) -> None:
     """The error names the line and what was expected."""
     (tmp_path / "images.txt").write_text(line + "\n\n")
-    with pytest.raises(DatasetError, match=re.escape(says)):
+    with pytest.raises(DatasetError, match=re.escape(message)):
         read_colmap_images(tmp_path)
 
 

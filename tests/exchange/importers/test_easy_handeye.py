@@ -185,9 +185,9 @@ def test_camera_carrier_is_found_in_several_places(tmp_path: Path) -> None:
         read_easy_handeye_record(path)
     assert not read_easy_handeye_record(path, camera_on_robot=False).camera_on_robot
     write(tmp_path, "run.calib", calib_text("eye_on_base", BASE_FROM_FLANGE[0]))
-    told = read_easy_handeye_record(path)
-    assert not told.camera_on_robot
-    assert "in run.calib" in told.what
+    from_calib = read_easy_handeye_record(path)
+    assert not from_calib.camera_on_robot
+    assert "in run.calib" in from_calib.what
     for name, on_robot in (("ur5-eob.samples", False), ("my_eih_calib.samples", True), ("geobase.samples", None)):
         named = write(tmp_path, name, text)
         if on_robot is None:

@@ -28,7 +28,7 @@ def table(path: Path, count: int, column: str = "", values: list[str] | None = N
     return str(path)
 
 
-def paired(cell: Path) -> dict[str, float]:
+def poses_by_image(cell: Path) -> dict[str, float]:
     """Return the y of the robot's pose [dm] by the name of the image of its sample."""
     found = {}
     for sample in read_recording(cell).samples:
@@ -49,7 +49,7 @@ def test_images_pair_with_rows_in_order(tmp_path: Path, capsys: pytest.CaptureFi
     }.items():
         for kind, *rest in words:
             assert main(["import", kind, str(tmp_path / name), *rest]) == 0
-        assert paired(tmp_path / name) == {"i1.png": 0, "i2.png": 1, "i10.png": 2}
+        assert poses_by_image(tmp_path / name) == {"i1.png": 0, "i2.png": 1, "i10.png": 2}
         camera = read_cell(tmp_path / name).cameras["cam"]
         assert (camera.on, camera.size_px) == ("arm", (64, 48))
     assert "3 images of 'cam', 64 x 48 px" in capsys.readouterr().out
@@ -64,10 +64,10 @@ def test_images_pair_with_rows_by_name(tmp_path: Path, first: str, capsys: pytes
     images = ["images", str(tmp_path / "c"), folder, "--camera", "cam", "--on", "arm"]
     for words in (poses, images) if first == "poses" else (images, poses):
         assert main(["import", *words]) == 0
-    assert paired(tmp_path / "c") == {"c.png": 0, "a.png": 1}
-    said = capsys.readouterr().out
+    assert poses_by_image(tmp_path / "c") == {"c.png": 0, "a.png": 1}
+    message = capsys.readouterr().out
     left_out = "b.png, d.png" if first == "poses" else "x.png"
-    assert f"not paired, and left out: {left_out}" in said
+    assert f"not paired, and left out: {left_out}" in message
 
 
 def test_images_pair_with_rows_by_time(tmp_path: Path) -> None:
@@ -78,7 +78,7 @@ def test_images_pair_with_rows_by_time(tmp_path: Path) -> None:
     cell = str(tmp_path / "c")
     assert main(["import", "poses", cell, "--robot", "arm", rows, "--format", "ur"]) == 0
     assert main(["import", "images", cell, folder, "--camera", "cam", "--by", "time"]) == 0
-    assert paired(tmp_path / "c") == {names[1]: 0, names[0]: 1}
+    assert poses_by_image(tmp_path / "c") == {names[1]: 0, names[0]: 1}
 
 
 def test_second_camera_pairs_in_order_and_links(tmp_path: Path) -> None:
@@ -119,15 +119,15 @@ def test_unusable_images_are_reported(tmp_path: Path, capsys: pytest.CaptureFixt
     (folder / "2.png").write_bytes(b"\x89PNG\r\n\x1a\n")
     (folder / "5.heic").write_bytes(b"x")
     assert main(["import", "images", str(tmp_path / "c"), str(folder), "--camera", "cam", "--on", "arm"]) == 0
-    said = capsys.readouterr().err
-    assert "left out, as they cannot be read: 2.png" in said
-    assert "left out, as most images have another size: 4.png (32 x 24)" in said
-    assert "left out, as they are not images: 5.heic" in said
+    message = capsys.readouterr().err
+    assert "left out, as they cannot be read: 2.png" in message
+    assert "left out, as most images have another size: 4.png (32 x 24)" in message
+    assert "left out, as they are not images: 5.heic" in message
     assert len(read_recording(tmp_path / "c").samples) == 4
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["--camera", "cam"], "camera 'cam' is new: give its carrier with --on, one of: a robot"),
         (["--camera", "cam", "--on", "world"], "camera 'cam' on the world needs a robot"),
@@ -136,12 +136,12 @@ def test_unusable_images_are_reported(tmp_path: Path, capsys: pytest.CaptureFixt
     ],
 )
 def test_invalid_image_imports_create_no_cell(
-    tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The error is one line, and no cell is created."""
     folder = photos(tmp_path / "p", ["1.png"])
     assert main(["import", "images", str(tmp_path / "c"), folder, *words]) == 3
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
 
 

@@ -29,7 +29,7 @@ DATA = Path(os.environ.get("BASECAL_DATA", Path(__file__).parents[4] / "shared" 
 WIDE_POSES = SE3.exp(np.random.default_rng(4).normal(size=(2, 3, 6)))
 
 
-def saved(path: Path, unit_m: float = 1.0) -> str:
+def write_samples(path: Path, unit_m: float = 1.0) -> str:
     """Write the output of the panel's "Save samples": for each sample two lists of 16 numbers, by rows."""
     text = ""
     for i in range(3):
@@ -45,7 +45,7 @@ def saved(path: Path, unit_m: float = 1.0) -> str:
 
 def test_moveit_samples_need_camera_carrier(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The samples do not state the camera's carrier, so it is requested; with it both poses of each are in a cell."""
-    words = ["import", "moveit-samples", str(tmp_path / "c"), saved(tmp_path / "s.yaml")]
+    words = ["import", "moveit-samples", str(tmp_path / "c"), write_samples(tmp_path / "s.yaml")]
     assert main(words) == 3
     assert "Give --camera-on robot or --camera-on world" in capsys.readouterr().err
     assert main([*words, "--camera-on", "world", "--robot", "arm"]) == 0
@@ -59,7 +59,14 @@ def test_moveit_samples_need_camera_carrier(tmp_path: Path, capsys: pytest.Captu
 
 def test_moveit_samples_in_millimetres_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """MoveIt writes metres, and the message states this."""
-    words = ["import", "moveit-samples", str(tmp_path / "c"), saved(tmp_path / "s.yaml", 1e-3), "--camera-on", "world"]
+    words = [
+        "import",
+        "moveit-samples",
+        str(tmp_path / "c"),
+        write_samples(tmp_path / "s.yaml", 1e-3),
+        "--camera-on",
+        "world",
+    ]
     assert main(words) == 3
     assert "check that its lengths are metres" in capsys.readouterr().err
 
@@ -79,7 +86,7 @@ def write(folder: Path, name: str, text: str) -> Path:
     return path
 
 
-def saved_samples() -> str:
+def samples_yaml() -> str:
     """Return the output of "Save samples": a list of maps, each with two lists of 16 numbers, by rows."""
     text = ""
     for i in range(3):
@@ -105,7 +112,7 @@ def test_real_moveit_samples_are_read() -> None:
 
 def test_moveit_samples_are_read_unchanged(tmp_path: Path) -> None:
     """Both poses are read to the last digit, whatever carries the camera, since MoveIt inverts none in its file."""
-    path = write(tmp_path, "samples.yaml", saved_samples())
+    path = write(tmp_path, "samples.yaml", samples_yaml())
     for on_robot in (True, False):
         record = read_moveit_record(path, on_robot)
         assert record.camera_on_robot is on_robot
@@ -124,7 +131,7 @@ def test_saved_joint_states_are_read(tmp_path: Path) -> None:
     states = read_joint_states(path)
     assert states.names == ("a", "b")
     np.testing.assert_array_equal(states.joints_rad, [[0.1, -1.5], [0.2, -1.6]])
-    assert not is_joint_states(write(tmp_path, "samples.yaml", saved_samples()))
+    assert not is_joint_states(write(tmp_path, "samples.yaml", samples_yaml()))
     with pytest.raises(DatasetError, match=r"joints.yaml:6: joint_values\[1\]: has 1 numbers, expected 2"):
         read_joint_states(
             write(

@@ -35,7 +35,7 @@ def test_image_size_option_completes_archive(tmp_path: Path, capsys: pytest.Capt
     assert "a.yml is of 1280 x 480 px: omit --size-px" in capsys.readouterr().err
 
 
-def stored(path: Path, **fields: object) -> Path:
+def write_storage(path: Path, **fields: object) -> Path:
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     for name, value in fields.items():
         storage.write(name, value)
@@ -57,7 +57,7 @@ def stored(path: Path, **fields: object) -> Path:
 def test_usual_field_names_are_read(tmp_path: Path, suffix: str, matrix: str, terms: str) -> None:
     """The names of OpenCV's samples and of most scripts are read, with a row or a column of terms."""
     fields = {"image_width": 1280, "image_height": 720, matrix: MATRIX, terms: TERMS.T}
-    lens = read_opencv_lens(stored(tmp_path / f"c.{suffix}", **fields))
+    lens = read_opencv_lens(write_storage(tmp_path / f"c.{suffix}", **fields))
     np.testing.assert_array_equal(lens.camera.parameters, EXPECTED)
     assert (lens.camera.model, lens.camera.size_px) == ("pinhole", (1280, 720))
 
@@ -78,7 +78,7 @@ def test_numpy_archives_of_lenses_are_read(tmp_path: Path, names: tuple[str, str
 
 def test_camera_of_stereo_file_is_chosen(tmp_path: Path) -> None:
     """The user chooses a camera of a stereo calibration; without a choice both are named."""
-    path = stored(tmp_path / "s.yml", M1=MATRIX, D1=TERMS, M2=2 * MATRIX - np.diag([0, 0, 1.0]), D2=TERMS)
+    path = write_storage(tmp_path / "s.yml", M1=MATRIX, D1=TERMS, M2=2 * MATRIX - np.diag([0, 0, 1.0]), D2=TERMS)
     assert read_opencv_lens(path, number=2).camera.parameters[0] == 1533.0
     with pytest.raises(DatasetError, match=r"holds two cameras \(M1, D1, M2, D2\): choose --which 1"):
         read_opencv_lens(path)
@@ -87,10 +87,10 @@ def test_camera_of_stereo_file_is_chosen(tmp_path: Path) -> None:
 def test_four_terms_are_fisheye_if_stated(tmp_path: Path) -> None:
     """The field of OpenCV's sample, or the user, states a fisheye; otherwise the terms are k1 k2 p1 p2."""
     terms = TERMS[:, :4]
-    by_file = read_opencv_lens(stored(tmp_path / "f.yml", fisheye_model=1, camera_matrix=MATRIX, dist=terms))
-    by_user = read_opencv_lens(stored(tmp_path / "p.yml", camera_matrix=MATRIX, dist=terms), "fisheye")
+    by_file = read_opencv_lens(write_storage(tmp_path / "f.yml", fisheye_model=1, camera_matrix=MATRIX, dist=terms))
+    by_user = read_opencv_lens(write_storage(tmp_path / "p.yml", camera_matrix=MATRIX, dist=terms), "fisheye")
     numbers = dict(zip(("fx", "fy", "cx", "cy"), (600.0, 601.0, 320.0, 240.0), strict=True))
-    by_name = read_opencv_lens(stored(tmp_path / "n.yml", fisheye_model=1, dist=terms, **numbers))
+    by_name = read_opencv_lens(write_storage(tmp_path / "n.yml", fisheye_model=1, dist=terms, **numbers))
     assert by_file.camera.model == by_user.camera.model == by_name.camera.model == "fisheye"
     assert read_opencv_lens(tmp_path / "p.yml").camera.model == "pinhole"
     assert "fisheye of 4 distortion terms" in by_file.what

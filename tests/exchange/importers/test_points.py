@@ -19,7 +19,7 @@ TRACKER = SE3.from_rpy((0.3, -0.2, 1.0), (3.0, 1.0, 0.5))
 INCH_M = 0.0254
 
 
-def recorded(folder: Path, unit_m: float, heading: str) -> tuple[str, str]:
+def write_measurements(folder: Path, unit_m: float, heading: str) -> tuple[str, str]:
     """Write files of poses, and of a tracker's measurements of two reflectors at each of them."""
     rng = np.random.default_rng(1)
     poses = SE3.from_rotvec(rng.normal(0, 0.7, (15, 3)), np.array([0.4, 0.0, 0.5]) + rng.uniform(-0.4, 0.4, (15, 3)))
@@ -40,7 +40,7 @@ def recorded(folder: Path, unit_m: float, heading: str) -> tuple[str, str]:
 )
 def test_tracker_pose_is_calibrated(tmp_path: Path, unit_m: float, heading: str) -> None:
     """Poses, then points in the unit of their header, give the tracker's true pose and a good verdict."""
-    arm, points = recorded(tmp_path, unit_m, heading)
+    arm, points = write_measurements(tmp_path, unit_m, heading)
     cell = str(tmp_path / "c")
     assert main(["import", "poses", cell, "--robot", "arm", arm, "--format", "ur"]) == 0
     assert main(["import", "points", cell, points, "--camera", "tracker", "--robot", "arm"]) == 0
@@ -64,7 +64,7 @@ def test_tracker_pose_is_calibrated(tmp_path: Path, unit_m: float, heading: str)
 )
 def test_units_and_reflector_names_are_required(tmp_path, capsys, heading, more, code, words) -> None:
     """Neither is guessed, and no files are written."""
-    _, points = recorded(tmp_path, 1e-3, heading)
+    _, points = write_measurements(tmp_path, 1e-3, heading)
     cell = str(tmp_path / "c")
     assert main(["import", "points", cell, points, "--camera", "tracker", "--robot", "arm", *more]) == code
     assert words in capsys.readouterr().err

@@ -38,9 +38,9 @@ def test_tables_of_two_controllers_are_paired(tmp_path: Path, capsys: pytest.Cap
         "4 poses left_base_from_left_flange as of ur (x, y, z, rx, ry, rz: m, rotation vec" in capsys.readouterr().out
     )
     assert main(["import", "poses", cell, "--robot", "right", right, "--format", "kuka"]) == 0
-    said = capsys.readouterr().out
-    assert "mm, angles about z, the new y, the new x in deg" in said
-    assert "paired with 4 samples in order" in said
+    message = capsys.readouterr().out
+    assert "mm, angles about z, the new y, the new x in deg" in message
+    assert "paired with 4 samples in order" in message
     assert (read_cell(cell).reference, list(read_cell(cell).robots)) == ("left", ["left", "right"])
     for i, sample in enumerate(read_recording(cell).samples):
         for state in sample.robots.values():
@@ -61,7 +61,7 @@ def test_self_describing_formats_need_no_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "message"),
     [
         (["--format", "ur"], 2, "--robot is missing"),
         (["--robot", "left", "--format", "urr"], 2, "did you mean 'ur'"),
@@ -73,14 +73,14 @@ def test_self_describing_formats_need_no_name(tmp_path: Path) -> None:
     ],
 )
 def test_invalid_pose_imports_create_no_cell(
-    tmp_path: Path, words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, words: list[str], code: int, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The error is one line with a remedy, and no cell is created."""
     path = table(tmp_path / "left.csv", "ur")
     assert main(["import", "poses", str(tmp_path / "c"), path, *words]) == code
-    told = capsys.readouterr().err
-    assert said in told
-    assert told.count("\n") == 1
+    stderr = capsys.readouterr().err
+    assert message in stderr
+    assert stderr.count("\n") == 1
     assert not (tmp_path / "c").exists()
 
 

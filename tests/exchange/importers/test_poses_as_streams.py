@@ -21,21 +21,21 @@ from quick import quick
 TURNED = SE3.exp(np.array([0, 0, 0, np.pi, 0, 0]))  # so that the camera looks at the tag
 
 
-def written(path: Path, stamps: list[float], poses: SE3, header: bool = True) -> str:
+def write_stream(path: Path, stamps: list[float], poses: SE3, header: bool = True) -> str:
     rows = np.column_stack([stamps, poses.translation, poses.quaternion])
     lines = [",".join(repr(float(value)) for value in row) for row in rows]
     path.write_text("\n".join((["stamp_s,x,y,z,qx,qy,qz,qw"] if header else []) + lines) + "\n")
     return str(path)
 
 
-def tables(folder: Path, header: bool) -> tuple[str, str]:
+def write_tables(folder: Path, header: bool) -> tuple[str, str]:
     """Write a robot's records, and the views of its camera, inverted: the camera in the target."""
     samples = streamed(stated=False).recording.samples
-    told = [(s.stamp_s, s.robots["arm"].base_from_flange) for s in samples if s.robots]
+    records = [(s.stamp_s, s.robots["arm"].base_from_flange) for s in samples if s.robots]
     seen = [(s.stamp_s, (TURNED @ s.observations[0].camera_from_target).inverse()) for s in samples if s.observations]
     arm, tag = (
-        written(folder / name, [t for t, _ in each], SE3.stack([p for _, p in each]), header)
-        for name, each in (("arm.csv", told), ("tag.csv", seen))
+        write_stream(folder / name, [t for t, _ in each], SE3.stack([p for _, p in each]), header)
+        for name, each in (("arm.csv", records), ("tag.csv", seen))
     )
     return arm, tag
 
@@ -44,7 +44,7 @@ def tables(folder: Path, header: bool) -> tuple[str, str]:
 @pytest.mark.parametrize("header", quick([True, False], [True]))
 def test_clock_offset_from_two_stream_files(tmp_path: Path, header: bool, capsys: pytest.CaptureFixture[str]) -> None:
     """The simulated offset is recovered, and a recorded robot is not recorded again."""
-    arm, tag = tables(tmp_path, header)
+    arm, tag = write_tables(tmp_path, header)
     cell = str(tmp_path / "c")
     by_robot = ["import", "poses", cell, "--robot", "arm", arm, "--format", "ros", "--streams"]
     by_camera = ["import", "poses", cell, tag, "--camera", "wrist", "--target", "tag", "--format", "ros", "--streams"]
@@ -65,7 +65,7 @@ def test_clock_offset_from_two_stream_files(tmp_path: Path, header: bool, capsys
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "message"),
     [
         (["--robot", "arm", "A", "--format", "ros", "--streams", "--on", "arm"], 2, "--on and --target-on belong to"),
         (["A", "--camera", "w", "--target", "t", "--format", "ros", "--streams"], 3, "give its carrier with --on"),
@@ -80,15 +80,15 @@ def test_clock_offset_from_two_stream_files(tmp_path: Path, header: bool, capsys
     ],
 )
 def test_incompatible_stream_options_are_refused(
-    tmp_path: Path, words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, words: list[str], code: int, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The error is one line, and no files are written."""
     (tmp_path / "n.csv").write_text("x,y,z,rx,ry,rz\n.1,.2,.3,.1,.2,.3\n.2,.2,.3,.1,.2,.3\n")
-    files = {"A": tables(tmp_path, True)[0], "N": str(tmp_path / "n.csv")}
+    files = {"A": write_tables(tmp_path, True)[0], "N": str(tmp_path / "n.csv")}
     assert main(["import", "poses", str(tmp_path / "c"), *(files.get(word, word) for word in words)]) == code
-    told = capsys.readouterr().err
-    assert said in told
-    assert told.count("\n") == 1
+    stderr = capsys.readouterr().err
+    assert message in stderr
+    assert stderr.count("\n") == 1
     assert not (tmp_path / "c").exists()
 
 

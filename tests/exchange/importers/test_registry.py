@@ -60,8 +60,8 @@ def test_options_from_python_are_checked(tmp_path: Path) -> None:
         (partial(basecal.import_into, tmp_path / "c", None), "expected what an importer read"),
     ]
     (tmp_path / "photos" / "1.png").write_bytes(b"\x89PNG\r\n\x1a\n")
-    for call, said in calls:
-        with pytest.raises(InputError, match=said):
+    for call, message in calls:
+        with pytest.raises(InputError, match=message):
             call()
 
 

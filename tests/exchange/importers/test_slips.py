@@ -34,7 +34,7 @@ def rows_of(matrices: list[np.ndarray]) -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "form", "told"),
+    ("text", "form", "message"),
     [
         (KUKA, "ur", "They look like millimetres and degrees: give --length-unit mm --deg, or --format kuka, "),
         (UR, "kuka", "They look like metres and radians: give --length-unit m --rad, or --format ur"),
@@ -43,9 +43,9 @@ def rows_of(matrices: list[np.ndarray]) -> str:
         ("x,y,z,rx,ry,rz\n0,1,0,2,0,3,0,0,0,5,1\n", "ur", "decimal commas need another separator"),
     ],
 )
-def test_table_mistakes_are_reported_with_fix(tmp_path: Path, text: str, form: str, told: str) -> None:
+def test_table_mistakes_are_reported_with_fix(tmp_path: Path, text: str, form: str, message: str) -> None:
     """A file of another controller, matrices by rows, and commas with another meaning are reported."""
-    with pytest.raises(DatasetError, match=told):
+    with pytest.raises(DatasetError, match=message):
         read_poses(tmp_path, table(tmp_path, text, "poses.txt"), robot="arm", format=form)
 
 
@@ -106,8 +106,8 @@ def test_rows_in_another_unit_are_reported(tmp_path: Path, capsys: pytest.Captur
     rows[2] = ", ".join(map(repr, [1e3 * 10 * value for value in numbers[:3]] + numbers[3:]))
     words = ["import", "poses", str(tmp_path / "cell"), table(tmp_path, "\n".join(rows)), "--robot", "arm"]
     assert main([*words, "--format", "ur"]) == 3
-    said = capsys.readouterr().err
-    assert "another length unit? Correct line 3; nothing is imported" in said
+    message = capsys.readouterr().err
+    assert "another length unit? Correct line 3; nothing is imported" in message
 
 
 def test_missing_image_number_is_found() -> None:

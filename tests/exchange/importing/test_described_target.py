@@ -61,7 +61,7 @@ def test_all_printable_kinds_are_tested() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "shape", "said"),
+    ("kind", "shape", "message"),
     [
         ("charuco", Shape(), "needs --squares COLUMNSxROWS and --square SIZE"),
         ("charuco", Shape(squares="5x7"), "needs --square SIZE"),
@@ -74,9 +74,9 @@ def test_all_printable_kinds_are_tested() -> None:
         ("charuco", Shape(squares="5x7", square="4cm", set=("legacy",)), "--set takes FIELD=VALUE"),
     ],
 )
-def test_missing_sizes_are_reported(kind: str, shape: Shape, said: str) -> None:
+def test_missing_sizes_are_reported(kind: str, shape: Shape, message: str) -> None:
     """Sizes that must be measured are not guessed."""
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         target_fields(kind, shape)
 
 
@@ -135,7 +135,7 @@ def test_images_add_their_target(
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "message"),
     [
         ([*BOARD], 3, "give the carrier of the target 'board': --target-on ROBOT or --target-on world"),
         (["--squares", "5x7"], 2, "a target is described, but not its kind: add --target"),
@@ -143,13 +143,13 @@ def test_images_add_their_target(
     ],
 )
 def test_incomplete_target_description_is_refused(
-    tmp_path: Path, words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, words: list[str], code: int, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """If the robots are unknown, the carrier is not guessed."""
     cell = str(tmp_path / "c")
     images = ["import", "images", cell, photos(tmp_path / "p"), "--camera", "cam", "--on", "arm"]
     assert main([*images, *words]) == code
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
 
 
@@ -160,9 +160,9 @@ def test_indistinguishable_boards_are_refused(tmp_path: Path, capsys: pytest.Cap
     assert main(["import", "images", cell, photos(tmp_path / "p"), "--camera", "cam", *places]) == 0
     second = ["import", "images", cell, photos(tmp_path / "q"), "--camera", "other", *places]
     assert main([*second, "--target-name", "plate"]) == 3
-    said = capsys.readouterr().err
-    assert "no image distinguishes 'plate' from 'board'" in said
-    assert "Otherwise state its own dictionary" in said
+    message = capsys.readouterr().err
+    assert "no image distinguishes 'plate' from 'board'" in message
+    assert "Otherwise state its own dictionary" in message
     assert [*read_cell(cell).targets] == ["board"]
     assert main([*second, "--target-name", "plate", "--dictionary", "DICT_5X5_50"]) == 0
     assert [*read_cell(cell).targets] == ["board", "plate"]

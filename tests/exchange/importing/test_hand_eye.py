@@ -29,7 +29,7 @@ POSES = SE3.exp(np.random.default_rng(7).normal(size=(3, 6)) * 0.4)
 SEEN = SE3.exp(np.random.default_rng(8).normal(size=(3, 6)) * 0.4)
 
 
-def recorded(on_robot: bool, **more: object) -> HandEyeRecord:
+def make_record(on_robot: bool, **more: object) -> HandEyeRecord:
     return HandEyeRecord("a.samples", "3 samples", on_robot, POSES, SEEN, **more)  # type: ignore[arg-type]
 
 
@@ -39,7 +39,7 @@ def cell_in(folder: Path, **more: object) -> Cell:
     return read_cell(folder)
 
 
-def brought(folder: Path, cell: KnownCell, record: HandEyeRecord, names: Names) -> tuple[Cell, Recording]:
+def import_record(folder: Path, cell: KnownCell, record: HandEyeRecord, names: Names) -> tuple[Cell, Recording]:
     done = add_to_cell(folder, imported_hand_eye(cell, record, names), lambda _, __: ())
     return done.cell, done.recording
 
@@ -49,8 +49,8 @@ def test_hand_eye_recording_becomes_cell(tmp_path: Path, on_robot: bool, robot: 
     """The robot carries the camera or the target, the other is on the world; frames and guesses are kept."""
     names = chosen_names(NO_CELL, None, None, None, on_robot)
     assert names == Names(robot, "camera", "target")
-    record = recorded(on_robot, frames={"base": "base_link"}, camera_mount=POSES[0])
-    cell, recording = brought(tmp_path, NO_CELL, record, names)
+    record = make_record(on_robot, frames={"base": "base_link"}, camera_mount=POSES[0])
+    cell, recording = import_record(tmp_path, NO_CELL, record, names)
     assert (cell.cameras["camera"].on, cell.targets["target"].on) == (
         (robot, "world") if on_robot else ("world", robot)
     )
@@ -71,7 +71,10 @@ def test_mount_guess_needs_same_robot(on_robot: bool) -> None:
 
     The same applies to a camera.
     """
-    record, names = recorded(on_robot, camera_mount=POSES[0], target_mount=POSES[1]), Names("arm", "camera", "target")
+    record, names = (
+        make_record(on_robot, camera_mount=POSES[0], target_mount=POSES[1]),
+        Names("arm", "camera", "target"),
+    )
     carried, other = ("camera", "target") if on_robot else ("target", "camera")
     for carrier, is_guessed in (("world", True), ("right", False)):
         cell = imported_hand_eye(NO_CELL, record, names, carriers=Carriers(carrier, carrier)).cell
@@ -86,7 +89,7 @@ def test_existing_cell_provides_names_and_carrier(tmp_path: Path) -> None:
     assert is_camera_on_robot(cell, None) is True
     names = chosen_names(cell, None, None, None, True)
     assert names == Names("arm", "wrist", "tag")
-    after, recording = brought(tmp_path, cell, recorded(True, camera_mount=POSES[0]), names)
+    after, recording = import_record(tmp_path, cell, make_record(True, camera_mount=POSES[0]), names)
     assert after.cameras["wrist"].mount.status == "fixed"
     assert len(recording.samples) == 3
     assert is_camera_on_robot(NO_CELL, None) is None
@@ -97,26 +100,26 @@ def test_contradicting_carrier_is_reported(tmp_path: Path) -> None:
     """If cell.yaml has the camera on the world and the file on the robot, the line is reported."""
     cell = cell_in(tmp_path, cameras={"hall": {"on": "world"}}, targets={"tag": {"on": "arm"}})
     with pytest.raises(InputError, match=r"cell.yaml:\d+: cameras.hall.on: is world, but arm in the imported data"):
-        brought(tmp_path, cell, recorded(True), Names("arm", "hall", "tag"))
+        import_record(tmp_path, cell, make_record(True), Names("arm", "hall", "tag"))
 
 
 def test_stationary_second_arm_of_hand_eye(tmp_path: Path) -> None:
     """One arm carries the camera and the other the target. The user or the file states which of them moved."""
-    first = recorded(True)
-    cell, _ = brought_by(tmp_path, first, Carriers("left", "right"), None)
+    first = make_record(True)
+    cell, _ = import_file(tmp_path, first, Carriers("left", "right"), None)
     assert (cell.cameras["camera"].on, cell.targets["target"].on) == ("left", "right")
     assert is_camera_on_robot(cell, None) is None
     assert is_camera_on_robot(cell, None, None, "right") is False
-    after, recording = brought_by(tmp_path, recorded(False), Carriers(), "right")
+    after, recording = import_file(tmp_path, make_record(False), Carriers(), "right")
     assert (after.cameras["camera"].on, after.targets["target"].on) == ("left", "right")
     assert [sorted(sample.robots) for sample in recording.samples] == [["left"]] * 3 + [["right"]] * 3
     with pytest.raises(InputError, match=r"no robot 'rihgt' \(did you mean 'right'\?\); there are: left, right"):
-        brought_by(tmp_path, first, Carriers("left", "rihgt"), None)
+        import_file(tmp_path, first, Carriers("left", "rihgt"), None)
     with pytest.raises(InputError, match="camera 'camera' and target 'target' are both on 'left'"):
-        brought_by(tmp_path, first, Carriers("left", "left"), None)
+        import_file(tmp_path, first, Carriers("left", "left"), None)
 
 
-def brought_by(folder: Path, record: HandEyeRecord, carriers: Carriers, robot: str | None) -> tuple[Cell, Recording]:
+def import_file(folder: Path, record: HandEyeRecord, carriers: Carriers, robot: str | None) -> tuple[Cell, Recording]:
     imported = hand_eye_of_file(folder, lambda _: record, carriers, robot, None, None)
     done = add_to_cell(folder, imported, lambda _, __: ())
     return done.cell, done.recording
@@ -177,7 +180,7 @@ def test_shape_of_target_is_kept(tmp_path: Path) -> None:
     """The file's shape is used only for a target without one."""
     shape = {"kind": "led"}
     cell = cell_in(tmp_path, cameras={"cam": {"on": "arm"}}, targets={"led": {"on": "world", "kind": "led"}})
-    record = recorded(True, target=shape)
+    record = make_record(True, target=shape)
     assert "kind" not in imported_hand_eye(cell, record, Names("arm", "cam", "led")).cell["targets"]["led"]
     assert imported_hand_eye(cell, record, Names("arm", "cam", "new")).cell["targets"]["new"]["kind"] == "led"
     bare = cell_in(tmp_path, cameras={"cam": {"on": "arm"}}, targets={"tag": {"on": "world"}})
@@ -189,5 +192,5 @@ def test_camera_frame_is_added_not_replaced(tmp_path: Path, stated: dict[str, st
     """The file's name for the camera's frame is used if the cell states none."""
     cell = cell_in(tmp_path, cameras={"wrist": {"on": "arm", **stated}}, targets={"tag": {"on": "world"}})
     names = chosen_names(cell, None, None, None, True)
-    after, _ = brought(tmp_path, cell, recorded(True, camera_frame="camera_link"), names)
+    after, _ = import_record(tmp_path, cell, make_record(True, camera_frame="camera_link"), names)
     assert after.cameras["wrist"].frame == frame

@@ -16,22 +16,24 @@ from basecal.geometry import SE3
 POSES = SE3.exp(np.random.default_rng(4).normal(size=(2, 3, 6)) * 0.3)
 
 
-def recorded(on_robot: bool | None) -> HandEyeRecord:
+def make_record(on_robot: bool | None) -> HandEyeRecord:
     return HandEyeRecord("s.yaml", "3 pairs of poses", bool(on_robot), POSES[0], POSES[1])
 
 
-@pytest.mark.parametrize(("said", "camera"), [("robot", "eye"), ("world", "world")])
-def test_hand_eye_file_becomes_cell(tmp_path: Path, said: str, camera: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("carrier", "camera"), [("robot", "eye"), ("world", "world")])
+def test_hand_eye_file_becomes_cell(
+    tmp_path: Path, carrier: str, camera: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The camera has the stated carrier, the target the other; all samples are imported."""
     asked = []
 
     def read(on_robot: bool | None) -> HandEyeRecord:
         asked.append(on_robot)
-        return recorded(on_robot)
+        return make_record(on_robot)
 
-    read_record = hand_eye_of_file(tmp_path / "c", read, Carriers(said), None, None, None)
+    read_record = hand_eye_of_file(tmp_path / "c", read, Carriers(carrier), None, None, None)
     assert finish_import(tmp_path / "c", read_record) == 0
-    assert asked == [said == "robot"]
+    assert asked == [carrier == "robot"]
     cell, samples = read_cell(tmp_path / "c"), read_recording(tmp_path / "c").samples
     assert [each.on for each in cell.cameras.values()] == [camera]
     assert [each.on for each in cell.targets.values()] == ["world" if camera == "eye" else "hand"]
@@ -49,7 +51,7 @@ def test_existing_cell_determines_carrier(tmp_path: Path) -> None:
 
     def read(on_robot: bool | None) -> HandEyeRecord:
         asked.append(on_robot)
-        return recorded(on_robot)
+        return make_record(on_robot)
 
     assert finish_import(tmp_path / "c", hand_eye_of_file(tmp_path / "c", read, Carriers(), None, None, None)) == 0
     assert asked == [True]

@@ -56,12 +56,12 @@ def test_name_choice_order(name: str | None, names: tuple[str, ...], usual: str,
 
 
 @pytest.mark.parametrize(
-    ("names", "usual", "said"),
+    ("names", "usual", "message"),
     [(("b", "c"), "d", "which camera.*: b, c"), ((), "", "which camera.*: none in this cell: add a camera first")],
 )
-def test_ambiguous_name_is_requested(names: tuple[str, ...], usual: str, said: str) -> None:
+def test_ambiguous_name_is_requested(names: tuple[str, ...], usual: str, message: str) -> None:
     """A name is requested if there are several, or none though one is needed."""
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         choose_name("camera", None, names, usual)
 
 
@@ -83,7 +83,7 @@ def test_camera_carrier_choice(cell: KnownCell, name: str, stated: str | None, c
 
 
 @pytest.mark.parametrize(
-    ("cell", "name", "stated", "said"),
+    ("cell", "name", "stated", "message"),
     [
         (
             FULL,
@@ -96,9 +96,9 @@ def test_camera_carrier_choice(cell: KnownCell, name: str, stated: str | None, c
         (NO_CELL, "eye", "world", "camera 'eye' on the world needs a robot, and there is no cell.yaml"),
     ],
 )
-def test_unclear_carrier_is_requested(cell: KnownCell, name: str, stated: str | None, said: str) -> None:
+def test_unclear_carrier_is_requested(cell: KnownCell, name: str, stated: str | None, message: str) -> None:
     """A carrier that contradicts the cell, or is missing, is an error."""
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         choose_carrier(cell, "camera", name, stated, may_be_world=False)
 
 
@@ -141,7 +141,7 @@ def test_existing_camera_entry_is_kept() -> None:
 
 
 @pytest.mark.parametrize(
-    ("cell", "sight", "said"),
+    ("cell", "sight", "message"),
     [
         (BOTH, ViewNames("eye", "tag"), "--on, one of: a, b, world"),
         (BOTH, ViewNames("eye", "tag", "world"), "--target-on, one of: a, b, world"),
@@ -151,9 +151,9 @@ def test_existing_camera_entry_is_kept() -> None:
         (ONE, ViewNames("eye", "tag", "arm", "arm"), "both on 'arm'"),
     ],
 )
-def test_unclear_view_carriers_are_refused(cell: KnownCell, sight: ViewNames, said: str) -> None:
+def test_unclear_view_carriers_are_refused(cell: KnownCell, sight: ViewNames, message: str) -> None:
     """Missing, contradicting and equal carriers are errors."""
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         view_entry(cell, sight)
 
 

@@ -40,13 +40,13 @@ def cell_in(folder: Path, **more: object) -> Cell:
     return read_cell(folder)
 
 
-def brought(folder: Path, imported: Imported) -> Cell:
+def import_into(folder: Path, imported: Imported) -> Cell:
     return add_to_cell(folder, imported, lambda cell, recording: ()).cell
 
 
 def test_new_cell_has_camera_on_robot(tmp_path: Path) -> None:
     """Without a cell one is made, whose robot carries the camera; a camera on the world needs a robot first."""
-    cell = brought(tmp_path, lens_of_file(tmp_path, LENS, "a.yaml", "wrist", "left", "fixed"))
+    cell = import_into(tmp_path, lens_of_file(tmp_path, LENS, "a.yaml", "wrist", "left", "fixed"))
     assert (cell.reference, cell.cameras["wrist"].on) == ("left", "left")
     lens = cell.cameras["wrist"].intrinsics
     assert lens is not None
@@ -60,7 +60,7 @@ def test_lens_is_replaced_and_mount_kept(tmp_path: Path) -> None:
     """Model and intrinsics of the camera are the file's; its mount and carrier are unchanged."""
     cell_in(tmp_path, cameras={"wrist": {**ON_ARM, "size_px": [640, 480], "intrinsics": {"status": "free"}}})
     imported = lens_of_file(tmp_path, LENS, "a.yaml", None, None, "free", mount=SE3.identity())
-    after = brought(tmp_path, imported)
+    after = import_into(tmp_path, imported)
     lens = after.cameras["wrist"].intrinsics
     assert lens is not None
     assert (lens.status, lens.camera is not None) == ("free", True)
@@ -83,7 +83,9 @@ def test_camera_for_lens_is_chosen(tmp_path: Path) -> None:
         lens_of_file(tmp_path, LENS, "a.yaml", None, None, "fixed")
     with pytest.raises(InputError, match=r"camera 'c' is new: give its carrier with --on, one of: arm, other"):
         lens_of_file(tmp_path, LENS, "a.yaml", "c", None, "fixed")
-    assert brought(tmp_path, lens_of_file(tmp_path, LENS, "a.yaml", "c", "world", "fixed")).cameras["c"].on == "world"
+    assert (
+        import_into(tmp_path, lens_of_file(tmp_path, LENS, "a.yaml", "c", "world", "fixed")).cameras["c"].on == "world"
+    )
     cell_in(tmp_path)
     assert lens_of_file(tmp_path, LENS, "a.yaml", "only", None, "fixed").cell["cameras"]["only"]["on"] == "arm"
 
@@ -98,7 +100,7 @@ def test_camera_chain_gives_mount_guess(tmp_path: Path) -> None:
     assert mount is not None
     # The previous camera's origin, 11 cm beside the new one's, is where the previous camera is.
     np.testing.assert_allclose(mount @ np.array([-0.11, 0, 0]), [0.1, 0, 0], atol=1e-12)
-    after = brought(tmp_path, lens_of_file(tmp_path, second, "a.yaml", "cam1", None, "fixed", mount))
+    after = import_into(tmp_path, lens_of_file(tmp_path, second, "a.yaml", "cam1", None, "fixed", mount))
     assert after.cameras["cam1"].mount.mean is not None
     np.testing.assert_allclose(after.cameras["cam1"].mount.mean.matrix, mount.matrix, atol=1e-12)
     assert mount_by_chain(cell, (first, second), "cam0") is None
@@ -113,7 +115,7 @@ def test_mount_guess_is_in_carrier_frame(tmp_path: Path, stated: str | None, on:
     """
     cell_in(tmp_path)
     imported = lens_of_file(tmp_path, LENS, "a.yaml", "cam1", stated, "fixed", SE3.identity(), "world")
-    camera = brought(tmp_path, imported).cameras["cam1"]
+    camera = import_into(tmp_path, imported).cameras["cam1"]
     assert (camera.on, camera.mount.mean is not None) == (on, is_guessed)
     again = lens_of_file(tmp_path, LENS, "a.yaml", "cam1", None, "fixed", SE3.identity(), "eye")
     assert "mount" not in again.cell["cameras"]["cam1"]
@@ -127,11 +129,11 @@ def test_target_description_is_imported(tmp_path: Path) -> None:
     cell = cell_in(tmp_path, robots={"arm": {}, "other": {}})
     with pytest.raises(InputError, match=r"target 'target' is new: give its carrier"):
         imported_target(cell, board, "t.yaml", None, None)
-    after = brought(tmp_path, imported_target(cell, board, "t.yaml", "board", "world"))
+    after = import_into(tmp_path, imported_target(cell, board, "t.yaml", "board", "world"))
     shape = after.targets["board"].target
     assert shape is not None
     assert (shape.kind, dict(shape.options)["corners"]) == ("chessboard", [6, 7])
-    assert brought(tmp_path, imported_target(after, board, "t.yaml", None, None)).targets.keys() == {"board"}
+    assert import_into(tmp_path, imported_target(after, board, "t.yaml", None, None)).targets.keys() == {"board"}
 
 
 def test_accepted_term_counts_match_lenses() -> None:
@@ -184,7 +186,7 @@ def test_existing_guess_is_kept(tmp_path: Path) -> None:
         cell_in(tmp_path, cameras={"wrist": {"on": "arm", "mount": mount}})
         moved = SE3(np.eye(3), np.array([0.5, 0, 0]))
         imported = lens_of_file(tmp_path, LENS, "a.yaml", None, None, "fixed", mount=moved)
-        mean = brought(tmp_path, imported).cameras["wrist"].mount.mean
+        mean = import_into(tmp_path, imported).cameras["wrist"].mount.mean
         assert mean is not None
         assert mean.translation[0] == x
 

@@ -96,12 +96,12 @@ def test_streams_get_new_lines() -> None:
     again = Imported("a.csv", "", (Row({"a": RobotState(SE3.identity())}, stamp_s=1.0),), is_stream=True)
     with pytest.raises(InputError, match="robot 'a' is recorded already: add --session"):
         pair(again, samples, {})
-    assert pair(replace(later(again, 9.0), is_session=True), samples, {}).numbers == (8,)
+    assert pair(replace(shift_times(again, 9.0), is_session=True), samples, {}).numbers == (8,)
     with pytest.raises(InputError, match="its times lie within those that are recorded"):
         pair(replace(again, is_session=True), samples, {})
 
 
-def later(imported: Imported, stamp_s: float) -> Imported:
+def shift_times(imported: Imported, stamp_s: float) -> Imported:
     return replace(imported, rows=tuple(replace(row, stamp_s=stamp_s) for row in imported.rows))
 
 

@@ -93,7 +93,7 @@ def test_spreadsheet_additions_are_ignored(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("", "holds no row of numbers, expected x, y, z"),
         ("x,y,z\n", "holds no row"),
@@ -113,12 +113,12 @@ def test_spreadsheet_additions_are_ignored(text: str) -> None:
         ("x,y,q\n1,2,3\n", "t.csv:2: has no z but x, y, q"),
     ],
 )
-def test_invalid_tables_are_reported(text: str, said: str) -> None:
+def test_invalid_tables_are_reported(text: str, message: str) -> None:
     """Each error has its line, and the fix if it is known."""
     with pytest.raises(DatasetError) as error:
         values(text)
-    assert said in str(error.value)
-    assert ("thousands" in str(error.value)) == ("thousands" in said)
+    assert message in str(error.value)
+    assert ("thousands" in str(error.value)) == ("thousands" in message)
 
 
 def test_line_numbers_are_those_of_file() -> None:
