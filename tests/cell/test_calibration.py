@@ -59,7 +59,7 @@ def test_known_transforms_are_fixed_or_estimated():
     assert calibration.known_transforms(cell) == {"eye_flange_from_first": known, "eye_flange_from_third": found}
 
 
-def test_point_cannot_end_frame_between():
+def test_frame_between_refuses_points():
     """A point has no rotation, so neither end of `frame_between` may be one; the message names its transform."""
     of = {name: PoseEstimate.exact(SE3.identity()) for name in ("arm_flange_from_led", "arm_flange_from_wrist")}
     calibration = Calibration("good", of, points=frozenset({"arm_flange_from_led"}))

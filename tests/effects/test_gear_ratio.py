@@ -53,7 +53,9 @@ def test_gear_ratio_is_estimated_with_prior():
     assert shares.sigma[JOINT] < 0.25 * SHARE
     name = "eye_base_from_hand_base"
     off = (made.truth[name].inverse() @ found.transforms[name].mean).log()
-    assert off @ np.linalg.solve(found.transforms[name].covariance, off) < 22.5  # one in a thousand of six freedoms
+    assert (
+        off @ np.linalg.solve(found.transforms[name].covariance, off) < 22.5
+    )  # 99.9 % limit of chi-square with 6 degrees of freedom
 
 
 def test_unstated_gear_ratio_error_is_detected():

@@ -45,7 +45,7 @@ def test_mount_play_message_has_mean_shift():
 def test_play_matrices_are_orthogonal_basis():
     """The matrices have equal norms and no trace; rotations of gravity come first, then springs, then stretches."""
     along = flange_tangents(np.eye(3))
-    matrices = np.moveaxis(along[:, :3], 0, 1)  # the columns are where each axis of gravity goes
+    matrices = np.moveaxis(along[:, :3], 0, 1)  # each column is the shift by gravity along one axis
     assert along.shape == (3, 6, 8)
     assert not along[:, 3:].any()
     np.testing.assert_allclose(np.einsum("ijk,ijl->kl", matrices, matrices), 2 * np.eye(8), atol=1e-15)

@@ -16,7 +16,7 @@ from basecal.geometry import SE3
 from stream_cells import MOUNT, Streamed, streamed
 
 NAME = "arm_flange_from_wrist"
-LAG = np.repeat([2e-3, 4e-3], 3)  # four times what views are off by
+LAG = np.repeat([2e-3, 4e-3], 3)  # four times the error of the views
 
 
 def test_covariance_of_modes_is_time_kernel():
@@ -45,9 +45,9 @@ def test_mode_density_is_constant_in_long_recordings():
 
 
 def make_lagging_stream(seed: int, size: float, stated_sigma: float | None = None) -> Streamed:
-    """A stream whose recorded poses are off by errors that last for a second, of `LAG` times a size.
+    """Return a stream whose recorded poses have errors of `LAG` times a size that last for a second.
 
-    The arm states this sigma as its repeatability.
+    The arm states `stated_sigma` as its repeatability.
     """
     made, rng = streamed(seed=seed, seconds=8.0, stated=False), np.random.default_rng(50 + seed)
     samples, last_s, off = [], -np.inf, np.zeros(6)

@@ -37,11 +37,11 @@ def poses(folder: Path, text: str, reading: Reading, name: str = "poses.txt") ->
 
 
 def by_angles(axes: str, *degrees: float) -> Rotation:
-    """Return one rotation: SciPy up to 1.15 makes a stack of one of a single axis' list of one angle."""
+    """Return one rotation. SciPy up to 1.15 makes a stack of one from a single axis and a list of one angle."""
     return Rotation.from_euler(axes, degrees if len(axes) > 1 else degrees[0], degrees=True)
 
 
-# What is written in a document, and the pose that the document says this is.
+# Text from a document, and the pose that the document states for it.
 EXAMPLES = {
     # The URScript Programming Language: rotvec2rpy([3.14, 1.57, 0]) is [-2.80856, -0.16202, 0.9].
     "ur": (
@@ -62,7 +62,7 @@ EXAMPLES = {
         [0.1, 0.2, 0.3],
         Rotation.from_quat([-0.606432, 0.562658, 0.543574, 0.142067]),
     ),
-    # RoboDK's KUKA_2_Pose is its Fanuc_2_Pose with the angles the other way round; the numbers as above.
+    # RoboDK's KUKA_2_Pose is its Fanuc_2_Pose with the angles in reverse order; the numbers as above.
     "kuka": (
         "DECL E6POS XP1={X 1620.0,Y 0.0,Z 1910.0,A 67.0,B 125.0,C -50.0,S 2,T 35,E1 0.0}",
         [1.62, 0, 1.91],
@@ -80,7 +80,7 @@ EXAMPLES = {
         [0.1, 0.2, 0.3],
         Rotation.from_matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]]),
     ),
-    # libfranka: column-major, metres; the start of its examples by its maker's DH parameters.
+    # libfranka: column-major, metres; the start pose of its examples by its maker's DH parameters.
     "franka": (
         "[1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0.3069, 0, 0.4869, 1]",
         [0.3069, 0, 0.4869],
@@ -88,7 +88,7 @@ EXAMPLES = {
     ),
     # UFACTORY's user manual: Rz(yaw) Ry(pitch) Rx(roll).
     "xarm": ("300, 0, 300, 180, 20, 30", [0.3, 0, 0.3], by_angles("Z", 30) * by_angles("Y", 20) * by_angles("X", 180)),
-    # DX100, "Configuration of Position Data": turned in the order Rz, Ry and Rx.
+    # DX100, "Configuration of Position Data": rotated in the order Rz, Ry and Rx.
     "yaskawa": (
         "1000.0,0.0,800.0,180.0000,-5.0000,30.0000",
         [1, 0, 0.8],
@@ -108,7 +108,7 @@ def test_documented_controller_examples_are_read(tmp_path: Path, name: str) -> N
     np.testing.assert_allclose(pose.translation, translation, atol=1e-12)
 
 
-# Whole programs, as KUKA's WorkVisual, ABB's RobotStudio and UR's PolyScope save them.
+# Complete programs, as KUKA's WorkVisual, ABB's RobotStudio and UR's PolyScope save them.
 KUKA_DAT = """&ACCESS RVP
 &REL 12
 &PARAM EDITMASK = *
@@ -460,7 +460,7 @@ def test_only_translation_columns_take_unit(tmp_path, name, column):
     row = ",".join("1" if k in (0, 5, 10, 15) else "0" for k in range(16))
 
     def read(place, unit):
-        """The file with a unit at one name."""
+        """Read the file with a unit at one name."""
         header = ",".join(f"{each} [{unit}]" if k == place else each for k, each in enumerate(names))
         return poses(tmp_path, f"{header}\n{row}\n", Reading(name))
 

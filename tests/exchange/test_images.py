@@ -105,9 +105,9 @@ def test_plain_numbers_are_not_times(name: str) -> None:
     [
         (("1.png", "2.png", "4.png"), ("3",)),
         (("left_0001.png", "left_0004.png", "left_0003.png"), ("0002",)),
-        (("1.png", "3.png"), ()),  # two make no numbering
+        (("1.png", "3.png"), ()),  # two names are no numbering
         (("1.png", "2.png", "last.png", "4.png"), ()),
-        (("10.png", "2.png", "4.png"), ()),  # numbers of something else
+        (("10.png", "2.png", "4.png"), ()),  # unrelated numbers
     ],
 )
 def test_missing_image_numbers_are_listed(names: tuple[str, ...], missing: tuple[str, ...]) -> None:

@@ -107,7 +107,7 @@ def test_run_lengths_use_little_memory(tmp_path: Path, rows: int, groups: int, n
     """Twelve million frames in 0.2 MB took 6 GB, and three rows of very many numbers would, too."""
     path = run_lengths(tmp_path, rows, groups, numbers)
     assert Path(path).stat().st_size < 10**6
-    # In a process of its own, whose only child is the one that reads.
+    # A separate process, whose only child is the reader.
     output = subprocess.run(
         [sys.executable, "-c", READS, str(tmp_path)], capture_output=True, text=True, check=True
     ).stdout

@@ -122,7 +122,9 @@ def test_links_are_replaced_not_followed(tmp_path):
         with pytest.raises(InputError, match="runs is a link, and files are written only inside the cell"):
             write_atomically(path, "x", base_folder=cell)
     (tmp_path / "named").symlink_to(cell)
-    write_atomically(tmp_path / "named" / "c", "x", base_folder=tmp_path / "named")  # the cell itself may be one
+    write_atomically(
+        tmp_path / "named" / "c", "x", base_folder=tmp_path / "named"
+    )  # the cell folder itself may be a link
     assert names(outside) == ["victim"]
     assert (outside / "victim").read_text() == "mine"
 
@@ -205,7 +207,7 @@ def test_private_file_is_readable_by_owner_only(tmp_path, monkeypatch):
     assert (tmp_path / "key").read_text() == "secret"
     assert (tmp_path / "key").stat().st_mode & 0o777 == 0o600
     assert (tmp_path / "open").stat().st_mode & 0o777 == 0o666
-    assert len(synced) == 2  # the open one and its folder
+    assert len(synced) == 2  # the public file and its folder
 
 
 def test_appended_lines_are_synchronised(tmp_path, monkeypatch):

@@ -168,7 +168,7 @@ def test_unknown_names_list_known_ones():
 
 def test_long_row_is_reported_by_its_length():
     """A row of up to sixty characters is reported as written, a longer one as a list with its length."""
-    short_row, long_row = [1] * 20, [1] * 21  # of three characters each, but for the first and the last
+    short_row, long_row = [1] * 20, [1] * 21  # three characters per item, except the first and the last
     for row, reported in ((short_row, str(short_row)), (long_row, "a list of 21")):
         with pytest.raises(DatasetError) as caught:
             numbers(FileLine("samples.jsonl", 3), "pixels", [[1, 2], row], 2)

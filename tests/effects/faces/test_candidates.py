@@ -79,7 +79,7 @@ def test_free_mount_absorbs_mean_of_gravity(status):
     pulls = []
 
     def move(down):
-        """A turn by each direction of gravity."""
+        """Return a rotation by each direction of gravity."""
         pulls.append(down)
         return np.concatenate([np.zeros((len(down), 3, 1)), down[..., None]], axis=1)
 

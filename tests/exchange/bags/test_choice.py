@@ -49,7 +49,7 @@ ARM = tree(("base_link", "link_1"), ("link_1", "tool0"))
             tree(("panda_link0", "panda_link7"), fixed=(("panda_link7", "panda_link8"),)),
             {"panda": ("panda_link0", "panda_link8")},
         ),
-        # A flange and a tool0 of one arm: the first of the usual names is it.
+        # An arm with a flange and a tool0: the first of the usual names is chosen.
         (tree(("base_link", "flange"), fixed=(("flange", "tool0"),)), {"arm": ("base_link", "tool0")}),
     ],
 )

@@ -48,7 +48,7 @@ def test_raw_encodings_are_lossless(pixels: np.ndarray, encoding: str, expected:
 
 
 def mosaic(bgr: np.ndarray, order: str) -> np.ndarray:
-    """Return of each pixel the colour that a sensor has there; `order` is that of the first two rows of two."""
+    """Return the colour that a sensor has at each pixel; `order` is that of the first two rows of two."""
     channel = np.array([["bgr".index(c) for c in row] for row in (order[:2], order[2:])])
     rows, columns = np.indices(bgr.shape[:2]) % 2
     return np.take_along_axis(bgr, channel[rows, columns][..., None], axis=2)[..., 0]

@@ -121,7 +121,7 @@ def test_invalid_rows_end_damaged_database(tmp_path: Path, values: str) -> None:
     table = "CREATE TABLE messages(topic_id, timestamp, data);"
     path = small_database(tmp_path / "a.db3", f"{table} INSERT INTO messages VALUES ({values})")
     content = bytearray(path.read_bytes())
-    content[28:32] = (99).to_bytes(4, "big")  # pages that it says it has
+    content[28:32] = (99).to_bytes(4, "big")  # stated number of pages
     path.write_bytes(content)
     bag = open_path(path)
     assert not list(bag.read(["/joint_states"]))

@@ -102,7 +102,7 @@ def test_read_back_noise_is_averaged() -> None:
     found = find_stops(tracks(noise=1e-4))
     assert len(found) == 4
     off = [np.abs(stop.robots["arm"].joints_rad - [k, -k]).max() for k, stop in enumerate(found)]
-    # A mean of 30 has a sigma of 0.018 mrad; four of these.
+    # A mean of 30 has a sigma of 0.018 mrad; the limit is four sigmas.
     assert max(off) < 8e-5
 
 

@@ -33,7 +33,7 @@ from basecal.exchange.bags.tags import (
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.geometry import SE3
 
-# As an image shows a tag that is upright for OpenCV: top left, top right, bottom right, bottom left.
+# Corners of an upright tag in an image by OpenCV: top left, top right, bottom right, bottom left.
 SQUARE = np.array([[10.0, 20.0], [50.0, 20.0], [50.0, 60.0], [10.0, 60.0]])
 CELL = """\
 schema: basecal/cell/1
@@ -138,7 +138,7 @@ def test_tag_detections_become_rows(kind: Kind, tmp_path: Path) -> None:
     views = [view for row in rows for view in row.observations]
     assert len(views) == 30
     assert isinstance(views[2], PixelObservation)
-    upright = [1, 0, 3, 2]  # of a tag of Kalibr's, whose images OpenCV's are turned against by half a turn
+    upright = [1, 0, 3, 2]  # Kalibr's tags are rotated by half a turn from OpenCV's
     by_id = dict(zip(views[2].ids.tolist(), views[2].pixels.tolist(), strict=True))
     np.testing.assert_allclose([by_id[k] for k in upright], SQUARE + 4)
     np.testing.assert_allclose([by_id[4 + k] for k in upright], SQUARE + 60)

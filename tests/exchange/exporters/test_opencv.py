@@ -63,7 +63,7 @@ def test_exported_lens_keeps_its_model(tmp_path, model):
 def test_several_transforms_are_separate_maps():
     """Several transforms are in one file."""
     both = replace(wanted(), transforms=(*wanted(BASE).transforms, *wanted("board_from_hand_flange").transforms))
-    file = storage(export_text(both))  # its nodes end with it
+    file = storage(export_text(both))  # its nodes are invalid after its deletion
     assert set(file.root().keys()) == {BASE, "board_from_hand_flange"}
 
 

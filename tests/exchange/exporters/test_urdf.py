@@ -113,7 +113,7 @@ def test_pinocchio_agrees_with_exported_urdf(tmp_path):
     model = pinocchio.buildModelFromUrdf(str(tmp_path / "out.urdf"))
     data = model.createData()
     joints = np.array([0.3, -0.4, 0.5, 0.6, -0.7, 0.8])
-    all_joints = np.zeros(model.nq)  # of the gripper too
+    all_joints = np.zeros(model.nq)  # includes the gripper's joints
     all_joints[[model.idx_qs[model.getJointId(name)] for name in CHAIN.joint_names]] = joints
     pinocchio.framesForwardKinematics(model, data, all_joints)
     found = data.oMf[model.getFrameId("tool0")]

@@ -53,7 +53,7 @@ def test_colliding_usd_names_use_cell_names():
 def test_several_transforms_are_one_stage():
     """Each transform is a tree of its own in one stage."""
     several = tuple(wanted(name).transforms[0] for name in (BASE, MOUNT))
-    stage = stage_of(export_text(replace(wanted(), transforms=several)))  # its prims end with it
+    stage = stage_of(export_text(replace(wanted(), transforms=several)))  # its prims are invalid after its deletion
     assert len(list(stage.Traverse())) == 4
 
 

@@ -97,7 +97,7 @@ def test_truncated_bag_is_read_up_to_cut(
         counts.append(len(samples))
         assert not list(tmp_path.glob(".import-*"))
     assert counts[:2] == [0, 0]
-    assert (max(counts) > 0) == (kind != "ros1")  # whose index stands at its end
+    assert (max(counts) > 0) == (kind != "ros1")  # a ROS 1 bag has its index at the end
 
 
 @pytest.mark.journey

@@ -38,7 +38,7 @@ TEXT = """\
 
 }
 """
-# Of LENSMODEL_OPENCV4, 5 and 8, with the pixels that mrcal's own test of its projections has (test-projections.py).
+# For LENSMODEL_OPENCV4, 5 and 8, with the pixels of mrcal's own test-projections.py.
 POINTS = np.array([[1.0, 2.0, 10.0], [-1.1, 0.3, 1.0], [-0.9, -1.5, 1.0]])
 
 

@@ -98,7 +98,7 @@ def test_camera_chain_gives_mount_guess(tmp_path: Path) -> None:
     second = StatedLens(LENS.camera, "a lens", "cam1", camera_from_previous)
     mount = mount_by_chain(cell, (first, second), "cam1")
     assert mount is not None
-    # The previous camera's origin, 11 cm beside the new one's, is where the previous camera is.
+    # The previous camera's origin is 11 cm beside the new camera's, at the stated mount.
     np.testing.assert_allclose(mount @ np.array([-0.11, 0, 0]), [0.1, 0, 0], atol=1e-12)
     after = import_into(tmp_path, lens_of_file(tmp_path, second, "a.yaml", "cam1", None, "fixed", mount))
     assert after.cameras["cam1"].mount.mean is not None

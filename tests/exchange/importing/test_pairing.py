@@ -231,7 +231,7 @@ def test_session_with_one_new_row_is_accepted() -> None:
     recorded = [Sample(n, None, {"a": at(n), "b": at(n)}, (seen,)) for n in range(2)]
 
     def session(*states: dict[str, RobotState], view: PoseObservation = seen) -> tuple[int | None, ...]:
-        """The numbers of a session."""
+        """Return the sample numbers of a session."""
         return pair(replace(rows(*[Row(each, (view,)) for each in states]), is_session=True), recorded, {}).numbers
 
     assert session({"a": at(0)}, {"a": at(5)}) == (2, 3)

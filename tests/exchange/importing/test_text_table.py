@@ -251,7 +251,7 @@ def test_units_below_header_join_column_names() -> None:
 
 
 @pytest.mark.parametrize(("line", "found"), [
-    ("[0.1, 2, -30, 5]", True),  # further numbers of one list are passed over
+    ("[0.1, 2, -30, 5]", True),  # further numbers of one list are ignored
     ("[[0.1, 2], [-30]]", True),
     ("[0, [0.1, 2, -30]]", True),
     ("{(0.1, 2), (-30, 5)}", False),  # joints

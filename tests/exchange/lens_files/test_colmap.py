@@ -43,7 +43,7 @@ def test_pixel_centre_convention_is_converted(tmp_path: Path) -> None:
     assert "Half a pixel" in lenses[1].what
 
 
-# fx fy cx cy as OpenCV counts them, and OpenCV's terms, of each of COLMAP's models.
+# fx fy cx cy and terms in OpenCV's convention, for each of COLMAP's models.
 POINTS = np.random.default_rng(3).uniform([-0.5, -0.4, 1.0], [0.5, 0.4, 2.0], (20, 3))
 
 
