@@ -1,4 +1,4 @@
-"""Scales of charts."""
+"""Tests of the scales, ticks and rules of charts."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from tests.drawings import ends, labels
 from basecal.reporting.charts import fitted_scale, horizontal_rules, value_text
 
 
-def test_a_scale_is_logarithmic_where_values_reach_far():
-    """If it is not said; its ends are beyond the values, and round values lie in it."""
+def test_scale_is_logarithmic_for_wide_ranges():
+    """A scale without a stated type is logarithmic if the values span a wide range.
+
+    Its ends lie beyond the values, and its ticks are round values.
+    """
     assert fitted_scale([1.0, 100.0], 0.0, 10.0).logarithmic
     near = fitted_scale([1.0, 2.0], 0.0, 10.0)
     assert not near.logarithmic
@@ -23,13 +26,13 @@ def test_a_scale_is_logarithmic_where_values_reach_far():
     ([1.0, 4.0], [1, 2, 3, 4]), ([1.0, 3.0], [1, 1.5, 2, 2.5, 3]), ([-20.0, 20.0], [-20, -10, 0, 10, 20]),
     ([1.0, 1.3], [1, 1.1, 1.2, 1.3]),
 ])  # fmt: skip
-def test_an_axis_has_four_round_values_at_least(values, ticks):
-    """Of the roundest step that gives as many."""
+def test_linear_axis_has_at_least_four_ticks(values, ticks):
+    """The ticks of a linear axis have the roundest step that gives at least four of them."""
     assert fitted_scale(values, 0.0, 10.0, logarithmic=False).ticks() == pytest.approx(ticks)
 
 
-def test_positions_and_margins():
-    """Ends of the drawing are 6 % beyond the outermost values; on a logarithmic scale of their logarithms."""
+def test_scale_has_margins_of_six_percent():
+    """The ends of the drawing lie 6 % beyond the outermost values, or their logarithms on a logarithmic scale."""
     scale = fitted_scale([1.0, 3.0], 100.0, 212.0, logarithmic=False)
     assert [scale.position(value) for value in (1.0, 2.0, 3.0)] == pytest.approx([106, 156, 206])
     log = fitted_scale([1.0, 100.0], 100.0, 212.0)
@@ -39,14 +42,14 @@ def test_positions_and_margins():
 
 
 @pytest.mark.parametrize(("values", "wide"), [([1.0, 8.0], False), ([1.0, 8.1], True), ([0.0, 9.0], False)])
-def test_a_wide_range_is_more_than_eight_times(values, wide):
-    """Of positive numbers."""
+def test_range_above_factor_eight_is_wide(values, wide):
+    """A scale of positive numbers is logarithmic if the largest is more than eight times the smallest."""
     assert fitted_scale(values, 0.0, 1.0).logarithmic == wide
 
 
 @pytest.mark.parametrize(("value", "low", "high"), [(4.0, 2.0, 6.0), (-4.0, -6.0, -2.0), (0.0, -1.0, 1.0)])
-def test_one_value_has_room_on_both_sides(value, low, high):
-    """Half of its size, or one about zero."""
+def test_scale_of_single_value_has_margins(value, low, high):
+    """A scale of a single value extends by half of its magnitude on both sides, or by one if the value is zero."""
     scale = fitted_scale([value], 0.0, 1.0)
     assert (scale.low, scale.high) == (low, high)
 
@@ -61,12 +64,12 @@ def test_one_value_has_room_on_both_sides(value, low, high):
     ],
 )
 def test_logarithmic_ticks_are_round(values, ticks):
-    """1, 2 and 5 of each decade, and powers of ten alone over three decades and more."""
+    """Logarithmic ticks are 1, 2 and 5 of each decade; ranges of three decades and more have only powers of ten."""
     assert fitted_scale(values, 0.0, 1.0, logarithmic=True).ticks() == pytest.approx(ticks)
 
 
-def test_rules_have_their_numbers_beside_them():
-    """A line from the left to the right at each tick, and its number before it."""
+def test_horizontal_rules_are_labelled_on_the_left():
+    """Each tick has a horizontal rule across the chart, with its number to the left of it."""
     scale = fitted_scale([1.0, 4.0], 200.0, 0.0, logarithmic=False)
     svg = "<svg>" + "".join(horizontal_rules(scale, 60.0, 300.0)) + "</svg>"
     rules, numbers = ends(svg, "rule"), labels(svg)
@@ -77,6 +80,6 @@ def test_rules_have_their_numbers_beside_them():
         assert box.top < rule[0, 1] < box.bottom
 
 
-def test_values_of_axes_are_short():
-    """Numbers without trailing zeros."""
+def test_axis_values_have_no_trailing_zeros():
+    """Values on axes are written without trailing zeros."""
     assert [value_text(value) for value in (5.0, 0.25, 7, "a", True)] == ["5", "0.25", "7", "a", "True"]

@@ -1,4 +1,4 @@
-"""Lines of equal value."""
+"""Tests of contour lines: their geometry, refinement and labels."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from tests.drawings import labels
 from basecal.reporting.contours import contours, level_segments, refine
 
 
-def test_a_plane_has_a_straight_line() -> None:
-    """Every end of its pieces is where the plane reaches the level; together they cross the grid."""
+def test_contour_of_plane_is_straight() -> None:
+    """The ends of all segments lie where the plane has the level; the segments together cross the grid."""
     x, y = np.meshgrid(np.arange(6.0), np.arange(4.0))
     found = level_segments(2 * x - y, 3.3)
     np.testing.assert_allclose(2 * found[..., 0] - found[..., 1], 3.3, atol=1e-12)
     assert np.linalg.norm(found[:, 1] - found[:, 0], axis=-1).sum() == pytest.approx(np.hypot(3, 1.5))
 
 
-def test_a_cone_has_a_circle() -> None:
-    """As long as its circumference, and closed: each end is the end of two pieces."""
+def test_contour_of_cone_is_closed_circle() -> None:
+    """The contour of a cone has the length of a circle and is closed: two segments share each end."""
     x, y = np.meshgrid(np.linspace(-1, 1, 41), np.linspace(-1, 1, 41))
     found = (level_segments(np.hypot(x, y), 0.71) - 20) / 20
     np.testing.assert_allclose(np.hypot(found[..., 0], found[..., 1]), 0.71, atol=2e-3)
@@ -30,8 +30,11 @@ def test_a_cone_has_a_circle() -> None:
 
 
 @pytest.mark.parametrize("count", [2, 3, 7])
-def test_what_is_refined_passes_through_its_values(count: int) -> None:
-    """A plane stays one up to its ends; between the ends a parabola stays one."""
+def test_refined_grid_interpolates_its_values(count: int) -> None:
+    """The refined grid contains the given values.
+
+    A plane is reproduced up to the borders, a parabola in the interior.
+    """
     rows = np.arange(float(count))
     fine = np.linspace(0, count - 1, 8 * (count - 1) + 1)
     np.testing.assert_allclose(refine(np.stack([rows, 3 - 2 * rows], axis=1)).T, [fine, 3 - 2 * fine], atol=1e-12)
@@ -40,8 +43,11 @@ def test_what_is_refined_passes_through_its_values(count: int) -> None:
     np.testing.assert_allclose(curved[8:-8, 0], fine[8:-8] ** 2, atol=1e-12)
 
 
-def test_each_line_says_its_value_once() -> None:
-    """At round values between the least and the largest, in the middles of squares; what is level has none."""
+def test_each_contour_has_one_label() -> None:
+    """Contours are at round values between the smallest and the largest, in coordinates of the squares' centres.
+
+    A constant grid has none.
+    """
     values = np.add.outer(np.zeros(4), np.arange(6.0))
     drawn = "".join(contours(values, 40.0))
     assert re.findall(r">([\d.]+)</text>", drawn) == ["1", "2", "3", "4"]
@@ -50,8 +56,11 @@ def test_each_line_says_its_value_once() -> None:
     assert contours(np.arange(6.0)[None], 40.0) == []
 
 
-def test_a_label_stands_on_its_line() -> None:
-    """And none overlaps another, of the lines that have room, however long its number is."""
+def test_contour_labels_lie_on_lines_without_overlap() -> None:
+    """Each label is centred on its contour.
+
+    Contours without enough room have no label, so that no labels overlap, however long the numbers are.
+    """
     values = np.add.outer(np.zeros(4), np.arange(6.0))
     drawn = "<svg>" + "".join(contours(values, 40.0)) + "</svg>"
     for box, x in zip(labels(drawn), (60, 100, 140, 180), strict=True):
@@ -66,8 +75,11 @@ def test_a_label_stands_on_its_line() -> None:
             assert beside or abs(float(y) - float(other_y)) >= 22.0
 
 
-def test_two_rows_and_two_columns_have_lines() -> None:
-    """One of either has none."""
+def test_smallest_grid_with_contours_is_two_by_two() -> None:
+    """A grid of two rows and two columns has contours.
+
+    A grid with a single column or with a value that is not a number has none.
+    """
     assert len(contours(np.array([[0.0, 5.0], [0.0, 5.0]]), 40.0)) > 1
     assert contours(np.array([[0.0], [5.0]]), 40.0) == []
     assert contours(np.array([[0.0, np.nan], [1.0, 5.0]]), 40.0) == []

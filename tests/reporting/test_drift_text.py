@@ -1,4 +1,4 @@
-"""Verifications and comparisons in words and as JSON."""
+"""Tests of verifications, comparisons and histories as text and as JSON."""
 
 import json
 from dataclasses import replace
@@ -37,7 +37,11 @@ JOINT = replace(
 MOVED = Verification(True, 1e-7, BASE, (JOINT,), 4e-4, (40, 41))
 
 
-def test_what_moved_is_named_with_its_size() -> None:
+def test_verification_text_states_moved_frame_and_shift() -> None:
+    """The text names the most likely frame with its shift and sigmas.
+
+    It also has the alternatives and the smallest detectable shift.
+    """
     text = verification_text(MOVED)
     assert text.startswith("MOVED: 2 samples are not explained (p = 1e-07)")
     assert "most likely hand_base, by 5.000 ± 0.060 mm and 0.50 ± 0.10 deg" in text
@@ -45,7 +49,8 @@ def test_what_moved_is_named_with_its_size() -> None:
     assert "a shift of 0.40 mm would be detected with a probability of 95 %" in text
 
 
-def test_as_json() -> None:
+def test_verification_is_written_as_json() -> None:
+    """The JSON of a verification has the verdict, the frame, its transform or joint, the shift in mm and p."""
     data = json.loads(json.dumps(verification_dict(MOVED), allow_nan=False))
     assert data["moved"] is True
     assert (data["frame"], data["transform"], data["joint"]) == ("hand_base", "eye_base_from_hand_base", None)
@@ -55,7 +60,8 @@ def test_as_json() -> None:
     assert verification_dict(replace(MOVED, shift=JOINT))["joint"] == 3
 
 
-def test_nothing_moved_names_nothing() -> None:
+def test_unmoved_cell_has_no_frame_or_shift() -> None:
+    """A verification without motion names no frame. It counts the samples that agree and lists outliers."""
     still = replace(MOVED, moved=False, chance=0.4, alternatives=(), outliers=(41,))
     data = verification_dict(still)
     assert (data["frame"], data["shift_mm"]) == (None, None)
@@ -68,14 +74,19 @@ def test_nothing_moved_names_nothing() -> None:
     assert "(p < 1e-300)" in verification_text(replace(MOVED, chance=0.0))
 
 
-def test_what_cannot_be_told_says_what_to_do() -> None:
+def test_undecided_verification_asks_for_more_samples() -> None:
+    """A verification without a verdict is undecided, asks for more samples and has no detectable shift."""
     blind = Verification(None, 1.0, None, (), None, ())
     assert verification_text(blind).startswith("UNDECIDED: these samples do not show whether anything moved. Take more")
     assert verification_dict(blind)["moved"] is None
     assert verification_dict(blind)["detectable_mm"] is None
 
 
-def test_comparisons() -> None:
+def test_comparison_is_written_as_text_and_json() -> None:
+    """A comparison lists the differences of transforms, files and settings of runs, as text and as JSON.
+
+    It disagrees if any pair of runs does.
+    """
     differing = {"a_from_b": Difference(2e-3, np.radians(0.1), 4.5, 1e-6), "b_from_c": Difference(0.0, 0.0, None, None)}
     found = Comparison(
         differing,
@@ -111,8 +122,8 @@ PAST = PastVerification(WHEN, "r1", 4, True, 1e-7, 4e-4, "hand_base", SHIFTS)
 DRIFT = Drift("a_from_b", "r1", 5, np.array([3e-4, 0, 4e-4]), np.array([0, 6e-5, 8e-5]), 1e-5)
 
 
-def test_a_single_sample_is_one() -> None:
-    """And an error of a joint is that of its zero, in degrees, with its sigma."""
+def test_shifted_joint_is_stated_in_degrees() -> None:
+    """A single sample is written in the singular. The shift of a joint is its offset in degrees, with its sigma."""
     one = replace(
         MOVED, samples=(40,), alternatives=(), shift=replace(JOINT, covariance=np.radians(0.05) ** 2 * np.eye(1))
     )
@@ -122,26 +133,31 @@ def test_a_single_sample_is_one() -> None:
     assert others[0] == "check what was bumped or loosened there, and calibrate again"
 
 
-def test_at_most_six_samples_are_listed_as_left_out() -> None:
+def test_at_most_six_outliers_are_listed() -> None:
+    """The text of a verification lists at most six excluded samples."""
     for count, lines in ((6, 6), (7, 6)):
         still = replace(MOVED, moved=False, alternatives=(), outliers=tuple(range(count)))
         assert verification_text(still).count("was left out") == lines
 
 
-def test_a_shift_without_a_size_is_undecided() -> None:
-    """Whatever else is known."""
+def test_verification_without_shift_is_undecided() -> None:
+    """A verification without a shift, or without a verdict, is undecided, whatever else is known."""
     assert verification_text(replace(MOVED, shift=None)).startswith("UNDECIDED")
     assert verification_text(replace(MOVED, moved=None)).startswith("UNDECIDED")
 
 
-def test_the_angle_of_a_shift_is_in_degrees() -> None:
+def test_shift_angle_is_in_degrees() -> None:
+    """The JSON has the angle of a shift in degrees and the equally likely alternatives.
+
+    The shift of a joint has no transform.
+    """
     assert round(verification_dict(MOVED)["shift_deg"], 9) == 0.5
     assert verification_dict(MOVED)["alike"] == ["joint 3 of hand"]
     assert verification_dict(replace(MOVED, shift=JOINT))["transform"] is None
 
 
-def test_a_history_has_a_line_for_each_verification() -> None:
-    """With its verdict, its chance and its shifts; then the drifts."""
+def test_history_has_one_line_per_verification() -> None:
+    """Each verification has a line with its verdict, p and shifts; the drifts follow."""
     other = replace(PAST, moved=False, chance=0.4, shifts={}), replace(PAST, moved=None, chance=1.0)
     assert history_text([PAST, *other], [DRIFT]).splitlines() == [
         "2026-03-04 05:06  MOVED, hand_base (p = 1e-07)  a_from_b 5.0 mm",
@@ -152,12 +168,13 @@ def test_a_history_has_a_line_for_each_verification() -> None:
     assert history_text([], []) == "nothing was verified yet: basecal verify CELL NEW.jsonl"
 
 
-def test_only_a_certain_drift_is_one() -> None:
+def test_insignificant_drift_is_denied() -> None:
+    """A drift with a large p is reported as no drift, with its rate and sigma."""
     assert drift_sentence(replace(DRIFT, chance=0.3)).startswith("a_from_b does not drift: 0.50 ± 0.10 mm a day")
 
 
-def test_a_history_as_json() -> None:
-    """Lengths in mm, rates in mm per day along each axis."""
+def test_history_is_written_as_json() -> None:
+    """The JSON of a history has lengths in mm and rates in mm per day along each axis."""
     data = json.loads(json.dumps(history_dict([PAST, replace(PAST, detectable_m=None)], [DRIFT])))
     first, second = data["verifications"]
     assert first == {
@@ -177,8 +194,11 @@ def test_a_history_as_json() -> None:
     assert (drift["transform"], drift["verifications"], drift["p"]) == ("a_from_b", 5, 1e-5)
 
 
-def test_runs_agree_if_all_do() -> None:
-    """One that disagrees decides, then one that is undecided; what is only in the first is named by it."""
+def test_runs_agree_if_all_comparisons_agree() -> None:
+    """One comparison that disagrees decides, then one that is undecided.
+
+    A transform that only the first run has is listed with that run's name.
+    """
     difference = {"a_from_b": Difference(2e-3, np.radians(0.1), 4.5, 1e-6)}
     same = Comparison(difference, {"c_from_d": 0}, (), {}, True)
     unknown, other = replace(same, agree=None), replace(same, agree=False)

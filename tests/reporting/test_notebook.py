@@ -1,4 +1,4 @@
-"""A calibration in a notebook."""
+"""Tests of the HTML summary of a calibration in a notebook."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def table_of(html: str) -> dict[str, list[str]]:
     return {row[0].text or "": [cell.text or "" for cell in row[1:]] for row in rows[1:]}
 
 
-def test_each_transform_is_a_row():
-    """With the digits of its sigma; what is fixed has none, and a point no rotation."""
+def test_each_transform_has_a_row():
+    """Each transform has a row, rounded by its sigma. A fixed transform has no sigmas, and a point no rotation."""
     rows = table_of(html_summary(CALIBRATION))
     assert list(rows) == list(CALIBRATION.transforms)
     assert rows[BASE][:2] == ["812.35, -400.00, 50.00", "0.20, 0.30, 0.50"]
@@ -27,21 +27,21 @@ def test_each_transform_is_a_row():
     assert rows[POINT][2:4] == ["", ""]
 
 
-def test_verdict_and_findings_are_said_as_text():
-    """Whatever they hold."""
+def test_verdict_and_findings_are_escaped():
+    """The verdict and the messages of findings are shown as text, even if they contain markup."""
     html = html_summary(replace(CALIBRATION, findings=(Finding("poor-fit", "warning", (), "<b>x</b> & y"),)))
     assert ">GOOD</b>" in html
     assert "<code>poor-fit</code> &lt;b&gt;x&lt;/b&gt; &amp; y" in html
 
 
 @pytest.mark.parametrize(("expected_m", "word"), [(2e-4, "PASS"), (2e-3, "FAIL")])
-def test_a_tolerance_comes_first(expected_m: float, word: str) -> None:
-    """One word, with the expected error beside it."""
+def test_tolerance_verdict_comes_first(expected_m: float, word: str) -> None:
+    """PASS or FAIL, with the expected error beside it, precedes the table and replaces the verdict."""
     html = html_summary(replace(CALIBRATION, tolerance=Tolerance(1e-3, expected_m, word == "PASS")))
     assert html.index(f">{word}</b> expected error {1e3 * expected_m:.2g}") < html.index("<table>")
     assert "GOOD" not in html
 
 
-def test_what_is_refused_has_no_table():
-    """Only why."""
+def test_refused_calibration_has_no_table():
+    """A refused calibration has only its reason, no table."""
     assert "<table>" not in html_summary(Calibration("refused"))

@@ -1,4 +1,4 @@
-"""What stands first on the page."""
+"""Tests of the overview at the top of the page."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from basecal.simulation import Scenario, simulate
 CELL = simulate(Scenario(samples=2, joints=True), 0).cell
 
 
-def test_what_when_of_what_and_how_good():
-    """In words, lengths in mm."""
+def test_overview_describes_calibration_and_cell():
+    """The overview describes the calibration and the cell in words.
+
+    It has the date, the requested transform, the robots, the camera and the target, with lengths in mm.
+    """
     answer, parts = dict(answer_words(CELL, datetime(2026, 11, 2, 4, 5, tzinfo=UTC))), list(cell_words(CELL))
     assert answer["Calibrated"] == "Monday 2 November 2026, 04:05 UTC"
     assert answer["Requested"] == "where hand_base is, seen from eye_base"
@@ -24,21 +27,21 @@ def test_what_when_of_what_and_how_good():
     assert cell["Target"].startswith("board, on the flange of hand, charuco, 7 x 7 squares, square 30 mm, marker 22 mm")
 
 
-def test_a_target_seen_as_poses_beside_the_robots():
-    """What has no shape and stands on the world."""
+def test_target_on_world_is_observed_as_poses():
+    """A target of unknown shape on the world is described as beside the robots and observed as poses."""
     cell = replace(CELL, targets={"tag": CellTarget("tag", "world", Unknown())})
     assert dict(cell_words(cell))["Target"] == "tag, beside the robots, seen as poses"
     assert "Calibrated" not in dict(answer_words(cell, None))
 
 
-def test_one_of_a_thing_is_not_several():
-    """A light has one point."""
+def test_count_of_one_is_singular():
+    """An LED has "1 point", in the singular."""
     light = simulate(Scenario(samples=2, target="led"), 0).cell
     assert dict(cell_words(light))["Target"].endswith(", led, 1 point")
 
 
-def test_tables():
-    """Files, versions, statuses and settings as they were; nothing where nothing is known."""
+def test_provenance_lists_files_versions_and_settings():
+    """The tables list input files, versions, statuses and settings. Tables without entries are omitted."""
     cell = simulate(Scenario(samples=2, target_mount="prior", robot_noise=(1e-4, 1e-4)), 0).cell
     calibration = Calibration(
         "good",
@@ -58,8 +61,8 @@ def test_tables():
     assert "Programs" not in provenance(cell, Calibration("good"))
 
 
-def test_noise_is_stated_estimated_or_none():
-    """Robots that state none are estimated where the calibration has their sigmas."""
+def test_provenance_distinguishes_stated_and_estimated_noise():
+    """The unstated noise of a robot is "estimated" if the calibration has its sigmas."""
     cell = simulate(Scenario(samples=2, robot_noise=(1e-4, 1e-4), state_robot_noise=False), 0).cell
     estimated = Calibration("good", noise={"robots": {"eye": {}}})
     known = provenance(cell, estimated)["What was known"]
@@ -69,8 +72,11 @@ def test_noise_is_stated_estimated_or_none():
     assert refused["What was known"]["noise of eye"] == "not estimated"
 
 
-def test_options_are_words_and_sizes():
-    """Lengths in mm, pairs of whole numbers as columns and rows, other lists by their number."""
+def test_target_options_are_described_in_words():
+    """Lengths of target options are in mm, and pairs of integers are columns and rows.
+
+    Other lists are given by their number of entries.
+    """
     options = {
         "squares": [5, 7],
         "square_m": 0.0305,
@@ -96,7 +102,8 @@ def test_options_are_words_and_sizes():
     ]
 
 
-def test_robots_of_poses_have_no_file_and_cameras_may_have_no_size():
+def test_pose_cell_has_no_robot_file_or_image_size():
+    """A robot with recorded poses has no file, and a camera without images has no image size or lens."""
     cell = simulate(Scenario(samples=2, target="pose"), 0).cell
     words = list(cell_words(cell))
     assert words[:2] == [("Robot", "eye, the reference, poses recorded"), ("Robot", "hand, poses recorded")]

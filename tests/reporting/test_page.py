@@ -1,4 +1,7 @@
-"""The page: the same as the text, whole, safe, small and alone."""
+"""Tests of the HTML page: contents, valid markup, safety and size.
+
+The page agrees with the text report and depends on no other file.
+"""
 
 from __future__ import annotations
 
@@ -112,8 +115,8 @@ def numbers(text: str) -> set[str]:
     return set(re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text))
 
 
-def test_page_says_what_the_text_says(made: tuple[Cell, Recording, Calibration], html: str) -> None:
-    """Every number of the text report, its first sentence and its findings stand on the page, as they are written."""
+def test_page_contains_text_report(made: tuple[Cell, Recording, Calibration], html: str) -> None:
+    """Every number of the text report, its first sentence and its findings are on the page, written the same way."""
     text, shown = text_report(made[0], made[2]), Walker(html).text
     assert len(numbers(text)) > 60
     assert numbers(text) - numbers(shown) == set()
@@ -125,8 +128,8 @@ def test_page_says_what_the_text_says(made: tuple[Cell, Recording, Calibration],
     assert "sha256:0123abcd" in shown
 
 
-def test_of_many_views_the_worst_have_a_row(made: tuple[Cell, Recording, Calibration]) -> None:
-    """Four hundred, in the order of their samples."""
+def test_table_lists_only_the_worst_views(made: tuple[Cell, Recording, Calibration]) -> None:
+    """The table has the 400 worst of 410 views, in the order of their samples."""
     views = tuple(SampleResidual(k, "wrist", "board", 0.1 + (k * 7 % 410) / 1000) for k in range(410))
     many = replace(made[2], residuals=Residuals(per_sample=views))
     rows = _fit(made[0], made[1], many, FitDetails())["rows"]
@@ -134,8 +137,11 @@ def test_of_many_views_the_worst_have_a_row(made: tuple[Cell, Recording, Calibra
     assert [row[0] for row in rows] == [str(k) for k in sorted(worst)]
 
 
-def test_refusal_has_a_page() -> None:
-    """A refused calibration gives the reason first, what was not found, and nothing that is not known."""
+def test_refused_calibration_has_a_page() -> None:
+    """The page of a refused calibration gives the reason first.
+
+    The transforms that were not estimated follow, without plots.
+    """
     cell, recording, calibration = refused()
     walker = Walker(page(cell, recording, calibration))
     text = text_report(cell, calibration)
@@ -146,8 +152,8 @@ def test_refusal_has_a_page() -> None:
     assert 'class="plot' not in page(cell, recording, calibration)
 
 
-def test_what_was_left_out_is_on_the_page(made: tuple[Cell, Recording, Calibration]) -> None:
-    """Held-out errors stand on the page, and each view or point that was not used with its reason, escaped."""
+def test_page_lists_outliers_and_validation(made: tuple[Cell, Recording, Calibration]) -> None:
+    """The page has the cross-validation errors, and each excluded view or point with its reason, escaped."""
     cell, recording, calibration = made
     left_out = (Outlier(3, "wrist", "board", (4, 5), HOSTILE),)
     walker = Walker(page(cell, recording, replace(calibration, outliers=left_out)))
@@ -159,8 +165,8 @@ def test_what_was_left_out_is_on_the_page(made: tuple[Cell, Recording, Calibrati
     assert "Outliers" not in bare
 
 
-def test_refused_number_is_behind_a_warning(made: tuple[Cell, Recording, Calibration]) -> None:
-    """Where a refused answer has numbers, what can be copied is folded away, and findings come before it."""
+def test_refused_numbers_are_behind_a_warning(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Snippets of a refused calibration with numbers are folded away. The findings precede the answer."""
     cell, recording, calibration = made
     shown = page(cell, recording, replace(calibration, verdict="refused"))
     assert shown.index("though the calibration is refused") < shown.index("static_transform_publisher")
@@ -168,8 +174,10 @@ def test_refused_number_is_behind_a_warning(made: tuple[Cell, Recording, Calibra
 
 
 @pytest.mark.parametrize(("met", "word", "colour"), [(True, "PASS", "good"), (False, "FAIL", "refused")])
-def test_a_tolerance_stands_first(made: tuple[Cell, Recording, Calibration], met: bool, word: str, colour: str) -> None:
-    """In the colour of the banner, with no other verdict beside it."""
+def test_tolerance_verdict_is_in_the_banner(
+    made: tuple[Cell, Recording, Calibration], met: bool, word: str, colour: str
+) -> None:
+    """PASS or FAIL has its colour in the banner, with no other verdict beside it."""
     cell, recording, calibration = made
     asked = replace(calibration, verdict="good", tolerance=Tolerance(1e-3, 0.5e-3 if met else 2e-3, met))
     html = page(cell, recording, asked)
@@ -179,8 +187,11 @@ def test_a_tolerance_stands_first(made: tuple[Cell, Recording, Calibration], met
     assert html.count(f">{word}<") == 1
 
 
-def test_a_missed_tolerance_says_what_to_do(made: tuple[Cell, Recording, Calibration]) -> None:
-    """The command that plans more, first; beside it every position's interval and how far it is beyond."""
+def test_missed_tolerance_offers_plan_command(made: tuple[Cell, Recording, Calibration]) -> None:
+    """The first item is the command that plans more samples.
+
+    The intervals of all positions beyond the tolerance are marked.
+    """
     cell, recording, calibration = made
     settings = {**calibration.settings, "tolerance_m": 1e-4}
     missed = replace(calibration, verdict="good", settings=settings, tolerance=Tolerance(1e-4, 2e-3, False))
@@ -194,8 +205,8 @@ def test_a_missed_tolerance_says_what_to_do(made: tuple[Cell, Recording, Calibra
     assert "beyond" not in met.replace("rect.beyond", "").replace(".interval.beyond", "")
 
 
-def test_an_error_that_is_not_known_is_above_nothing(made: tuple[Cell, Recording, Calibration]) -> None:
-    """Of a tolerance that is missed since something is unknown, the page says so, and offers no plan."""
+def test_unknown_error_offers_no_plan(made: tuple[Cell, Recording, Calibration]) -> None:
+    """If a tolerance is missed because a transform is unknown, the page states this and offers no plan."""
     cell, recording, calibration = made
     settings = {**calibration.settings, "tolerance_m": 1e-4}
     html = page(cell, recording, replace(calibration, settings=settings, tolerance=Tolerance(1e-4, None, False)))
@@ -205,16 +216,19 @@ def test_an_error_that_is_not_known_is_above_nothing(made: tuple[Cell, Recording
     assert "basecal plan" not in html
 
 
-def test_what_was_checked_is_told(made: tuple[Cell, Recording, Calibration], html: str) -> None:
-    """Checks that found nothing have their number and words, and those that found something are not among them."""
+def test_passed_checks_are_listed(made: tuple[Cell, Recording, Calibration], html: str) -> None:
+    """Checks without findings are counted and described; checks with findings are not among them."""
     passed = html[html.index("checks found nothing") :].split("</details>")[0]
     assert "<dt><code>overfit</code></dt><dd>prediction errors of held-out samples" in passed
     assert "<code>intrinsics</code>" not in passed
     assert "checks found nothing" not in page(*refused())
 
 
-def test_what_is_not_there_is_not_in_the_contents(html: str) -> None:
-    """Each entry leads to a section; a refusal has few, and no script that draws a cell."""
+def test_table_of_contents_omits_missing_sections(html: str) -> None:
+    """The contents of a full page have more than six entries.
+
+    The page of a refused calibration has no section of residuals and no script that draws a cell.
+    """
     walker = Walker(html)
     entries = [value for tag, name, value in walker.attributes if (tag, name) == ("a", "href")]
     assert len(entries) > 6
@@ -223,22 +237,22 @@ def test_what_is_not_there_is_not_in_the_contents(html: str) -> None:
     assert len(short) < 60_000
 
 
-def test_html_is_whole(html: str) -> None:
-    """Every tag is closed in its turn, no attribute and no id is given twice."""
+def test_html_is_well_formed(html: str) -> None:
+    """All tags are closed in order, and no attribute or id occurs twice."""
     walker = Walker(html)
     assert walker.faults == []
     assert len(set(walker.ids)) == len(walker.ids)
     assert html.startswith("<!DOCTYPE html>")
 
 
-def test_walker_bites() -> None:
-    """The walk finds a tag left open, one closed twice, and an attribute given twice."""
+def test_walker_detects_malformed_html() -> None:
+    """The HTML walker detects a tag left open, a tag closed twice, and an attribute given twice."""
     for bad in ("<p><b>x</p>", "<p>x</p></p>", '<p a="1" a="2">x</p>'):
         assert Walker(bad).faults
 
 
-def test_page_fetches_nothing(html: str) -> None:
-    """No attribute or style names another file, and the policy forbids any request."""
+def test_page_makes_no_requests(html: str) -> None:
+    """No attribute or style refers to another file, and the content security policy forbids any request."""
     walker = Walker(html)
     fetching = {"src", "href", "srcset", "data", "action", "poster", "xlink:href", "style"}
     named = [each for each in walker.attributes if each[1] in fetching or each[1].startswith("on")]
@@ -255,8 +269,8 @@ def policy(walker: Walker) -> str:
     return next(value for tag, name, value in walker.attributes if tag == "meta" and "default-src" in value)
 
 
-def test_policy_allows_its_own_scripts(html: str) -> None:
-    """Each script that runs, and the style, is allowed by the hash of what stands on the page, and nothing else is."""
+def test_policy_allows_only_own_scripts(html: str) -> None:
+    """The policy has the hashes of the page's own scripts and its style, and no others."""
     walker = Walker(html)
     *scripts, data, packed = walker.inside["script"]
     assert data.startswith('{"arms"')
@@ -266,8 +280,8 @@ def test_policy_allows_its_own_scripts(html: str) -> None:
     assert set(re.findall(r"sha256-[^']+", policy(walker))) == hashes
 
 
-def test_hostile_words_stay_words(made: tuple[Cell, Recording, Calibration]) -> None:
-    """Names and messages that look like HTML are shown as they are written and make no element."""
+def test_markup_in_names_is_escaped(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Names and messages that look like HTML are shown as text and create no element."""
     cell, recording, calibration = made
     bad = replace(
         calibration,
@@ -300,8 +314,11 @@ def many(samples: int, points: int) -> Iterator[PointResiduals]:
     yield PointResiduals("wrist", "board", np.repeat(np.arange(samples), points), np.arange(count), pixels, off, used)
 
 
-def test_size_is_bounded(made: tuple[Cell, Recording, Calibration]) -> None:
-    """300 samples of 100 points stay below 2 MB, and so do 20 times as many samples, what is left out being said."""
+def test_page_size_is_bounded(made: tuple[Cell, Recording, Calibration]) -> None:
+    """A page of 300 samples of 100 points is below 2 MB, and so is one of 20 times as many samples.
+
+    The page states what it omits.
+    """
     cell, recording, calibration = made
     for samples in (300, 6000):
         views = tuple(SampleResidual(k, "wrist", "board", 0.2 + 1e-5 * k, 1e-3, 1e-3) for k in range(samples))
@@ -314,10 +331,10 @@ def test_size_is_bounded(made: tuple[Cell, Recording, Calibration]) -> None:
     assert "401 of 6000 samples are shown" in html
 
 
-def test_arrows_are_the_fit(made: tuple[Cell, Recording, Calibration]) -> None:
-    """Residuals of the points, worked out again from the calibration alone, have the rms it states, within 0.5 %.
+def test_point_residuals_reproduce_stated_rms(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Residuals of the points, recomputed from the calibration alone, have the stated rms within 0.5 %.
 
-    The answer is moved by bends of mounts, which are estimated with it and are no part of the calibration.
+    The calibration does not contain the bends of mounts, which are estimated with it and change the residuals slightly.
     """
     cell, recording, calibration = made
     off = np.concatenate([each.off_px.ravel() for each in point_residuals(cell, recording, calibration)])
@@ -335,8 +352,8 @@ SEEN_BY_DUAL_ARMS = ("led", "points", "pose")
         *(pytest.param(target, "chain", marks=pytest.mark.slow) for target in KINDS),
     ],
 )
-def test_every_kind_of_cell_has_a_page(target: ObservedKind, layout: LayoutName) -> None:
-    """Whatever a cell sees, its page is whole and says what its text says."""
+def test_every_target_kind_has_a_page(target: ObservedKind, layout: LayoutName) -> None:
+    """The page is well formed and contains the numbers of the text report, for every kind of target and layout."""
     scenario = Scenario(samples=20 if layout == "chain" else 8, target=target, layout=layout, target_mount="fixed")
     simulated = simulate(scenario, 2)
     calibration = calibrate(simulated.cell, simulated.recording, Settings(robot_noise="stated"))
@@ -347,7 +364,7 @@ def test_every_kind_of_cell_has_a_page(target: ObservedKind, layout: LayoutName)
 
 
 def test_exact_fit_has_a_page() -> None:
-    """Without any noise, residuals of zero make no figure fail."""
+    """Residuals of exactly zero, as without any noise, do not break any figure."""
     simulated = simulate(Scenario(samples=8, pixel_px=0.0), 1)
     calibration = calibrate(simulated.cell, simulated.recording)
     details = fit_details(simulated.cell, simulated.recording, calibration)
@@ -355,8 +372,8 @@ def test_exact_fit_has_a_page() -> None:
     assert Walker(page(simulated.cell, simulated.recording, calibration, replace(details, points=zero))).faults == []
 
 
-def test_pictures_are_embedded(tmp_path: Path) -> None:
-    """Images that are recorded stand on the page as data, and it still fetches nothing."""
+def test_images_are_embedded(tmp_path: Path) -> None:
+    """Recorded images are embedded in the page as data, and the page still makes no requests."""
     assert main(["simulate", str(tmp_path / "cell"), "--images", "--samples", "5"]) == 0
     main(["calibrate", str(tmp_path / "cell")])
     run = latest_run(tmp_path / "cell")
@@ -366,11 +383,11 @@ def test_pictures_are_embedded(tmp_path: Path) -> None:
     assert len([value for tag, name, value in walker.attributes if (tag, name) == ("image", "href")]) == 5
     assert walker.faults == []
     assert len(html.encode()) < 3e6
-    test_page_fetches_nothing(html)
+    test_page_makes_no_requests(html)
 
 
-def test_what_is_to_be_typed_is_code(made: tuple[Cell, Recording, Calibration]) -> None:
-    """Words between backticks in a message, and nothing where one of a pair is missing; both escaped."""
+def test_backticks_in_messages_become_code(made: tuple[Cell, Recording, Calibration]) -> None:
+    """Text between backticks in a message is shown as code; an unpaired backtick has no effect. Both are escaped."""
     cell, recording, calibration = made
     findings = tuple(Finding("robot-model", "warning", (), said) for said in ("write `a: <b>` there", "a ` alone <i>"))
     html = page(cell, recording, replace(calibration, findings=findings))
@@ -378,8 +395,11 @@ def test_what_is_to_be_typed_is_code(made: tuple[Cell, Recording, Calibration]) 
     assert "a ` alone &lt;i&gt;" in html
 
 
-def test_a_task_has_what_more_samples_bring(made: tuple[Cell, Recording, Calibration]) -> None:
-    """Each number of samples with its error, the command that plans them, and every sentence about the task."""
+def test_task_shows_outlook_for_more_samples(made: tuple[Cell, Recording, Calibration]) -> None:
+    """The page shows the error for each number of samples and the command that plans them.
+
+    It has all sentences about the task.
+    """
     cell, recording, calibration = made
     at_task = replace(
         calibration,

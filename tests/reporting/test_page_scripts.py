@@ -1,4 +1,4 @@
-"""What the page does in a browser: its picker, its copy buttons and its slider; and what comes out of a printer."""
+"""Tests of the page in a browser: picker, copy buttons, slider, scene and print."""
 
 from __future__ import annotations
 
@@ -101,8 +101,11 @@ def used(path: Path) -> dict[str, Any]:
     return said
 
 
-def test_picker_copy_button_and_slider(written: Path) -> None:
-    """One pane is shown for a kind and a way round; what is copied is what is shown; slider and bars go together."""
+def test_picker_copy_button_and_slider_work(written: Path) -> None:
+    """Exactly one pane is shown for a format and a direction, and the copied text is the shown one.
+
+    The slider and the bars select the same sample.
+    """
     said = used(written)
     assert len(said["first"]) == 1
     assert said["kinds"] == said["pressed"] == ["ur"]
@@ -116,8 +119,11 @@ def test_picker_copy_button_and_slider(written: Path) -> None:
     assert said["after_a_bar"] == "7"
 
 
-def test_units_of_the_answer_are_seen_at_all_widths(written: Path, tmp_path: Path) -> None:
-    """The table of an answer fits its card; one that does not has a shade at the edge beyond which it goes on."""
+def test_answer_table_fits_at_all_widths(written: Path, tmp_path: Path) -> None:
+    """The table of an answer fits its card from 390 to 700 px.
+
+    A table that does not fit has a shade at the edge beyond which it continues.
+    """
     narrowed = "document.querySelector('.answer .scroll').style.width = '3rem'"
     shade = "getComputedStyle(document.querySelector('.answer .scroll')).backgroundImage.includes('gradient')"
     beyond = "(box => box.scrollWidth - box.clientWidth)(document.querySelector('.answer .scroll'))"
@@ -131,8 +137,8 @@ def test_units_of_the_answer_are_seen_at_all_widths(written: Path, tmp_path: Pat
         assert tab.value(shade)
 
 
-def test_the_scene_is_unpacked_under_the_policy(written: Path, tmp_path: Path) -> None:
-    """It takes the place of the still image, and the slider its sample; nothing is fetched, no error is told."""
+def test_scene_is_unpacked_under_the_policy(written: Path, tmp_path: Path) -> None:
+    """The scene replaces the still image, and the slider shows its sample. No request and no script error occurs."""
     with browsing(tmp_path) as tab:
         tab.go(written.as_uri(), selector=".live:not([hidden]) canvas")
         assert tab.value("document.querySelector('.live canvas') !== null && document.querySelector('.still').hidden")
@@ -141,8 +147,11 @@ def test_the_scene_is_unpacked_under_the_policy(written: Path, tmp_path: Path) -
         assert [asked for asked in tab.visit.requests if not asked.startswith(("file:", "data:"))] == []
 
 
-def test_the_scene_is_saved_as_gltf(written: Path) -> None:
-    """Bases by name where the cell has them, the other samples too if they are shown; all numbers in the buffer."""
+def test_scene_is_exported_as_gltf(written: Path) -> None:
+    """The exported nodes have the cell's names and poses, and include the other samples if they are shown.
+
+    All numbers are in the buffer.
+    """
     said = used(written)
     made = said["gltf"]
     assert len(made["nodes"]) > said["plain"] + 10
@@ -163,14 +172,17 @@ def test_the_scene_is_saved_as_gltf(written: Path) -> None:
             np.testing.assert_allclose(values.reshape(-1, 3).min(0), accessor["min"], rtol=1e-6)
 
 
-def test_print(written: Path) -> None:
-    """Two pages."""
+def test_page_prints_on_two_sheets(written: Path) -> None:
+    """The printed page has two sheets."""
     browser(written, "--no-pdf-header-footer", f"--print-to-pdf={written.with_suffix('.pdf')}")
     assert len(re.findall(rb"/Type\s*/Page[^s]", written.with_suffix(".pdf").read_bytes())) == 2
 
 
-def test_nothing_is_cut_at_any_size(tmp_path: Path) -> None:
-    """Pages of several situations at three sizes, light and dark: no text is cut, nothing is asked of the network."""
+def test_no_text_is_cut_at_any_size(tmp_path: Path) -> None:
+    """No text is cut and no request is made at three window sizes, in light and dark colours.
+
+    Pages of several situations are tested.
+    """
     shown = {name: made for name, made in situations() if name in ("fail", "empty", "three_robots")}
     paths = []
     for name, (cell, recording, calibration, details) in shown.items():

@@ -1,4 +1,4 @@
-"""PDF files: every object stands where the table says, and shapes are where they were asked for."""
+"""Tests of PDF files: the table of objects, and the positions of shapes."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def drawings(data: bytes) -> list[str]:
     return [zlib.decompress(stream).decode() for _, stream in streams]
 
 
-def test_objects_stand_where_the_table_says(written: bytes) -> None:
-    """Each offset leads to its number, and the end of the file to the table."""
+def test_cross_reference_table_has_true_offsets(written: bytes) -> None:
+    """Each offset of the table leads to the object of its number, and the end of the file to the table."""
     start = int(re.search(rb"startxref\n(\d+)\n%%EOF\n$", written)[1])
     table = written[start:]
     assert table.startswith(b"xref\n0 8\n0000000000 65535 f \n")
@@ -38,7 +38,7 @@ def test_objects_stand_where_the_table_says(written: bytes) -> None:
         assert written[offset:].startswith(b"%d 0 obj\n" % number)
 
 
-def test_lengths_are_millimetres_from_the_top(written: bytes) -> None:
+def test_coordinates_are_millimetres_from_the_top(written: bytes) -> None:
     """A corner at (10, 20) mm of an A4 page is 28.35 points from the left and 785.2 from below."""
     first, second = drawings(written)
     a, _, _, d, e, f = map(float, first.split(" cm")[0].split())
@@ -49,8 +49,8 @@ def test_lengths_are_millimetres_from_the_top(written: bytes) -> None:
     assert b"/MediaBox[0 0 283.4646 141.7323]" in written
 
 
-def test_a_circle_is_round() -> None:
-    """Its curves stay within 3e-4 of the radius."""
+def test_circle_is_accurate() -> None:
+    """The curves of a circle stay within 3e-4 of its radius."""
     numbers = [float(word) for word in re.findall(r"-?\d+\.\d+", pdf.circle(10, 20, 5))]
     points = np.array(numbers).reshape(-1, 2)
     t = np.linspace(0, 1, 21)[:, None]
@@ -61,12 +61,15 @@ def test_a_circle_is_round() -> None:
     np.testing.assert_allclose(points[-1], points[0])
 
 
-def test_words_cannot_leave_their_line(written: bytes) -> None:
-    """They are numbers: brackets end nothing, and a letter that is lacking is a question mark."""
+def test_text_is_written_as_hexadecimal(written: bytes) -> None:
+    """Text is written as hexadecimal numbers, so that brackets end nothing.
+
+    An unsupported letter becomes a question mark.
+    """
     shown = bytes.fromhex(re.search(r"<([0-9a-f]+)> Tj", drawings(written)[0])[1])
     assert shown.decode("cp1252") == "a(b) ü ?"
 
 
-def test_the_same_pages_give_the_same_bytes() -> None:
-    """No date or number is in them."""
+def test_document_is_deterministic() -> None:
+    """The same pages give the same bytes, without a date or a random number."""
     assert pdf.document([((1, 1), "")]) == pdf.document([((1, 1), "")])

@@ -1,4 +1,4 @@
-"""The study of the paper as text and as figures."""
+"""Tests of the study of the paper as text and as figures."""
 
 from __future__ import annotations
 
@@ -65,16 +65,22 @@ def numbers(line):
         ("table 3, 5%, from table 2 by eq.", 55, 25),
     ],
 )
-def test_the_paper_stands_left_of_ours(title, theirs, ours):
-    """Rows of the rotations, then the translations, with four decimals."""
+def test_results_of_the_paper_are_left_of_ours(title, theirs, ours):
+    """Each table has the numbers of the paper on the left and ours on the right.
+
+    The rows of the rotations come first, then the translations, with four decimals.
+    """
     _, *rows, last = BLOCKS[title]
     expected = [[*a, *b] for a, b in zip(transform(theirs)["R"], transform(ours)["R"], strict=True)]
     assert [numbers(line) for line in rows] == [pytest.approx(each) for each in expected]
     assert numbers(last) == pytest.approx([*transform(theirs)["t"], *transform(ours)["t"]])
 
 
-def test_single_draws_stand_among_many():
-    """The spread of ours, and how many are nearer the truth than the paper's."""
+def test_table_compares_single_draw_with_many():
+    """Table 1 states the standard deviation of our draws.
+
+    It also states the share of them that is nearer the truth than the paper's single draw.
+    """
     block = BLOCKS["table 1, 1% noise"]
     assert "ours: mean of 123 draws" in block[0]
     assert numbers(block[1])[:3] == pytest.approx(transform(34)["R"][0])
@@ -82,8 +88,11 @@ def test_single_draws_stand_among_many():
     assert block[-1].endswith("rotation 25%, translation 75%")
 
 
-def test_orders_lengths_and_slips_are_told():
-    """Before and after, one line a length, one line a slip."""
+def test_text_lists_orders_lengths_and_slips():
+    """The text states errors before and after orthonormalisation.
+
+    It has one line per shift length, and one line per slip of the paper.
+    """
     orders = next(lines for title, lines in BLOCKS.items() if title.startswith("error of the base's"))
     assert orders[2] == "  5%: 5.0000 before, 10.0000 after; rotations differ by 3e-16"
     lengths = next(lines for title, lines in BLOCKS.items() if title.startswith("rms error of one"))
@@ -91,8 +100,8 @@ def test_orders_lengths_and_slips_are_told():
     assert BLOCKS["errors of the paper:"] == ["errors of the paper:", "  - a sign", "  - a column"]
 
 
-def test_figures_have_a_line_for_each_way():
-    """Of rotation in deg and of translation in mm, with the pixel noise in the title."""
+def test_figures_have_one_line_per_method():
+    """The figures show the errors of rotation in deg and of translation in mm, with the pixel noise in the title."""
     figures = shift_length_figures(STUDY)
     assert figures.keys() == {"shift_length_rotation.svg", "shift_length_translation.svg"}
     for what, unit in (("rotation", "deg"), ("translation", "mm")):
@@ -110,21 +119,24 @@ def markers(drawing):
     return [(float(c.get("cx")), float(c.get("cy"))) for c in drawing.iter(f"{SVG}circle")]
 
 
-def test_points_lie_inside_the_frame():
+def test_markers_lie_inside_the_axes():
     """Every marker is within the axes."""
     found = markers(chart())
     assert len(found) == 5
     assert all(62 <= x <= 626 and 12 <= y <= 248 for x, y in found)
 
 
-def test_decades_are_evenly_apart():
-    """On a logarithmic axis 0.01, 0.1 and 1 stand at equal distances."""
+def test_decades_are_evenly_spaced():
+    """On a logarithmic axis 0.01, 0.1 and 1 have equal distances."""
     (x0, _), (x1, _), (x2, _), *_ = markers(chart())
     assert abs((x1 - x0) - (x2 - x1)) < 0.11
 
 
-def test_names_and_axes_are_told():
-    """Names below one another, each in its line's colour; what is across and upwards, above."""
+def test_chart_has_legend_and_axis_labels():
+    """The names of the lines are below one another, each in the colour of its line.
+
+    The labels of both axes are above the chart.
+    """
     drawing = chart()
     names = {t.text: t for t in drawing.iter(f"{SVG}text") if t.get("class", "").startswith("line-")}
     assert list(names) == ["\u25cf a < b", "\u25cf c"]
@@ -134,8 +146,8 @@ def test_names_and_axes_are_told():
     assert "error [deg] over length [m]" in [t.text for t in drawing.iter(f"{SVG}text")]
 
 
-def test_larger_values_stand_further_right_and_up():
-    """Points of a line of slope one are evenly apart along both axes."""
+def test_axes_increase_to_the_right_and_upwards():
+    """Points of a line of slope one are evenly spaced along both axes, larger values further right and up."""
     (x0, y0), (x1, y1), (x2, y2) = markers(chart({"a": [(1.0, 10.0), (10.0, 100.0), (100.0, 1000.0)]}))
     assert abs(x2 - 2 * x1 + x0) <= 0.2
     assert abs(y2 - 2 * y1 + y0) <= 0.2

@@ -1,4 +1,4 @@
-"""What the terminal shows of a calibration."""
+"""Tests of the summary of a calibration in the terminal."""
 
 from __future__ import annotations
 
@@ -45,8 +45,11 @@ def good(sigma_m: float = 1e-3, sigma_rad: float = 1e-3) -> Calibration:
     return Calibration("good", {BASE: estimate(sigma_m, sigma_rad)}, {BASE: "free"})
 
 
-def test_a_good_answer() -> None:
-    """The verdict with the norm of the sigmas, both halves above their sigmas, and what held-out samples say."""
+def test_summary_of_good_calibration() -> None:
+    """The summary has the verdict with the norms of the sigmas, and the cross-validation errors.
+
+    Translation and rotation are above their sigmas.
+    """
     told = replace(good(2e-3, 1e-4), validation=Validation("k-fold", 5, 0.2345, 4.123e-4, np.radians(0.0512)))
     assert summary(a_cell("eye", "hand"), told).splitlines() == [
         f"GOOD: {BASE} to 3.5 mm and 0.0099 deg (1 sigma, 3-D norm)",
@@ -62,14 +65,14 @@ def test_a_good_answer() -> None:
     ("sigma_mm", "shown"),
     [(0.0, "1234.5678"), (1e-9, "1234.567800"), (0.021, "1234.568"), (0.95, "1234.57"), (37.0, "1235")],
 )
-def test_digits_go_by_sigma(sigma_mm: float, shown: str) -> None:
-    """The smallest sigma of a row is shown with two digits, six decimals at most; four where nothing is uncertain."""
+def test_digits_follow_the_smallest_sigma(sigma_mm: float, shown: str) -> None:
+    """The smallest sigma of a row is shown with two digits, at most six decimals. Exact values have four decimals."""
     rows = summary(a_cell("eye", "hand"), good(sigma_mm * 1e-3)).splitlines()
     assert rows[1].split()[1] == shown
 
 
-def test_what_speaks_against_it_comes_first() -> None:
-    """The gravest finding with its code is the first line, the others follow, and nothing is said twice."""
+def test_gravest_finding_comes_first() -> None:
+    """The gravest finding is the first line with its code, the others follow, and no line is repeated."""
     warning = Finding("overfit", "warning", (), "the cross-validation error is 6 times the residual: record more")
     cause = Finding("outlier-samples", "warning", ("3",), "sample 3 was left out: look at it")
     doubtful = replace(good(), verdict="doubtful", findings=(INFO, warning, cause))
@@ -83,15 +86,15 @@ def test_what_speaks_against_it_comes_first() -> None:
     assert "sigma" not in refused
 
 
-def test_what_only_informs_is_named_where_there_is_no_room() -> None:
-    """Twenty of a kind are one word and their number."""
+def test_many_infos_are_counted_in_one_line() -> None:
+    """Twenty infos with the same code are summarised by the code and their number."""
     many = tuple(replace(INFO, what=f"{INFO.what}, {number}") for number in range(20))
     lines = summary(a_cell("eye", "hand"), replace(good(), findings=many)).splitlines()
     assert lines[-1] == "also found, see --verbose: same-stop (20)"
 
 
 def test_a_point_has_no_angles() -> None:
-    """Of a light's place there is a translation alone."""
+    """A transform of an LED has only a translation."""
     cell = Cell(
         "arm",
         {"arm": Robot("arm")},
@@ -107,8 +110,11 @@ def test_a_point_has_no_angles() -> None:
 @pytest.mark.parametrize("robots", [("eye", "hand"), ("a", "b", "c", "d", "e", "f", "g", "h", "i"), ("a", LONG)])
 @pytest.mark.parametrize("sigma", [0.0, 1e-12, 1e-4, 1e3])
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e5])
-def test_no_line_is_too_long(robots: tuple[str, ...], sigma: float, scale: float) -> None:
-    """However long names and messages are, and however large numbers; and the whole stays short."""
+def test_lines_have_limited_length(robots: tuple[str, ...], sigma: float, scale: float) -> None:
+    """Lines are at most as long as the limit, however long names and messages and however large numbers are.
+
+    The whole summary stays short.
+    """
     cell = a_cell(*robots)
     message = " ".join(["the poses of", robots[-1], *["are in millimetres: divide them by 1000"] * 6])
     findings = tuple(Finding(code, "warning", (), message) for code in ("length-unit", "poor-fit", "overfit"))
@@ -121,8 +127,8 @@ def test_no_line_is_too_long(robots: tuple[str, ...], sigma: float, scale: float
         assert not re.search(r"nan|inf\b|e[-+]\d", " ".join(line for line in lines if line.startswith("  t ")))
 
 
-def test_the_task_has_a_line() -> None:
-    """The whole error, and the sources that matter most."""
+def test_task_error_has_one_line() -> None:
+    """The error at the task has one line with the whole error and the sources that contribute most."""
     budget = tuple(
         BudgetEntry(f"source {k}", rms, rms**2 / 30e-6, 1e-3) for k, rms in enumerate((5e-3, 2e-3, 1e-3, 0.0))
     )
@@ -133,8 +139,8 @@ def test_the_task_has_a_line() -> None:
     )
 
 
-def test_rivals_have_a_line_each() -> None:
-    """Held-out errors of other methods stand below ours, and one that fails says so."""
+def test_each_compared_method_has_a_line() -> None:
+    """The held-out errors of other methods are below ours; a method that failed is reported as such."""
     rivals = (Rival("basecal", 1e-3, 0.01), Rival("OpenCV LI"))
     lines = summary(
         Cell("a", {"a": Robot("a")}), Calibration("good", validation=Validation("k-fold", 5, rivals=rivals))
@@ -151,8 +157,8 @@ def test_rivals_have_a_line_each() -> None:
         (Certificate(None, None, "a lens is free"), "certificate: not proven: a lens is free"),
     ],
 )
-def test_a_certificate_that_was_requested_has_a_line(certificate: Certificate | None, line: str | None) -> None:
-    """Whether the optimum is proven, or why not; nothing if it was not requested."""
+def test_requested_certificate_has_a_line(certificate: Certificate | None, line: str | None) -> None:
+    """The line states whether the optimum is proven, or why not. It is missing if no certificate was requested."""
     lines = summary(a_cell("eye", "hand"), replace(good(), certificate=certificate)).splitlines()
     assert [each for each in lines if each.startswith("certificate")] == ([] if line is None else [line])
 
@@ -162,8 +168,8 @@ def rows_of(lines: list[str]) -> int:
 
 
 @pytest.mark.parametrize(("robots", "full"), [(4, 3), (5, 3), (3, 2)])
-def test_three_transforms_have_their_numbers(robots: int, full: int) -> None:
-    """Every further one has its line alone."""
+def test_at_most_three_transforms_show_numbers(robots: int, full: int) -> None:
+    """Every further transform has a single line with its accuracy."""
     cell = a_cell(*(f"r{k}" for k in range(robots)))
     transforms = dict.fromkeys(cell.requested_transforms, estimate(1e-3, 1e-3))
     lines = summary(cell, replace(good(), transforms=transforms)).splitlines()
@@ -172,8 +178,8 @@ def test_three_transforms_have_their_numbers(robots: int, full: int) -> None:
 
 
 @pytest.mark.parametrize(("count", "also"), [(4, None), (5, "also found, see --verbose: code4")])
-def test_four_findings_have_their_text(count: int, also: str | None) -> None:
-    """Others are named, if there is no room for them."""
+def test_at_most_four_findings_show_text(count: int, also: str | None) -> None:
+    """Further findings are listed by their codes if there is no room for them."""
     long = " ".join(["it is said at length"] * 20)
     findings = tuple(Finding(f"code{k}", "warning", (), f"{k}: {long}") for k in range(count))
     lines = summary(a_cell("eye", "hand"), replace(good(), verdict="doubtful", findings=findings)).splitlines()
@@ -182,8 +188,8 @@ def test_four_findings_have_their_text(count: int, also: str | None) -> None:
 
 
 @pytest.mark.parametrize(("count", "full"), [(9, True), (10, False)])
-def test_infos_have_their_text_up_to_fourteen_lines(count: int, full: bool) -> None:
-    """Five lines of the answer and nine infos; of ten, their codes and numbers."""
+def test_infos_show_text_up_to_fourteen_lines(count: int, full: bool) -> None:
+    """Five lines of the answer and nine infos are shown in full. Ten infos are summarised by their codes and counts."""
     infos = tuple(Finding(f"code{k // 2}", "info", (), f"info {k}.") for k in range(count))
     lines = summary(a_cell("eye", "hand"), replace(good(), findings=infos)).splitlines()
     if full:
@@ -193,8 +199,11 @@ def test_infos_have_their_text_up_to_fourteen_lines(count: int, full: bool) -> N
         assert lines[-1] == "also found, see --verbose: code0 (2), code1 (2), code2 (2), code3 (2), code4 (2)"
 
 
-def test_a_tolerance_decides_first() -> None:
-    """Met or missed it comes first, with findings after it; doubt comes before it, and a refusal states none."""
+def test_tolerance_verdict_comes_first() -> None:
+    """PASS or FAIL comes first, with findings after it.
+
+    DOUBTFUL precedes it, and a refused calibration states no tolerance.
+    """
     warning = Finding("overfit", "warning", (), "It is overfit.")
     met = Tolerance(1e-3, 4e-4, True)
     sentence = "expected error 0.40 mm (95 %), tolerance 1 mm"

@@ -1,4 +1,4 @@
-"""Targets on paper: true scale in both formats, everything inside the page, a ruler that measures what it says."""
+"""Tests of printed targets: true scale in PDF and SVG, margins, rulers, cut marks and axes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SHAPES = {
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-def test_everything_lies_on_the_page(kind):
+def test_shapes_lie_on_the_page(kind):
     """Shapes keep 8 mm from the border and do not reach the ruler."""
     for page in printed_pages(SHAPES[kind], "title"):
         width, height = page.size_mm
@@ -41,8 +41,8 @@ def test_everything_lies_on_the_page(kind):
         assert np.all(ends[:, 1] <= height - 20)
 
 
-def test_squares_measure_what_was_asked():
-    """Inner corners of the printed board stand 30 mm apart, to a micrometre."""
+def test_printed_squares_have_requested_size():
+    """The corners of the printed squares are multiples of 30 mm apart, to a micrometre."""
     (page,) = printed_pages(SHAPES["charuco"], "title")
     squares = page.rectangles[np.isclose(page.rectangles[:, 2] - page.rectangles[:, 0], 30.0, atol=1e-3)]
     assert len(squares) == 18
@@ -52,7 +52,7 @@ def test_squares_measure_what_was_asked():
 
 
 def test_one_svg_unit_is_a_millimetre():
-    """The drawing's view box is its size in mm, and the ruler is 100 of them long."""
+    """The view box of the drawing is its size in mm, and the ruler is 100 mm long."""
     (page,) = printed_pages(SHAPES["charuco"], "a < b")
     svg = ElementTree.fromstring(page_svg(page))
     assert svg.get("viewBox") == "0 0 210.0 297.0"
@@ -61,7 +61,7 @@ def test_one_svg_unit_is_a_millimetre():
     assert ruler[2] - ruler[0] == 100.0
 
 
-def test_pdf_has_true_size_and_a_page_a_tag(tmp_path: Path):
+def test_pdf_has_true_size_and_one_page_per_tag(tmp_path: Path):
     """An A4 page is 595.28 x 841.89 points, and two tags make two pages."""
     (written,) = write_pages(printed_pages(SHAPES["apriltag"], "tags"), tmp_path / "tags.pdf")
     boxes = re.findall(rb"/MediaBox\[0 0 ([\d.]+) ([\d.]+)\]", written.read_bytes())
@@ -69,22 +69,22 @@ def test_pdf_has_true_size_and_a_page_a_tag(tmp_path: Path):
     np.testing.assert_allclose([float(v) for v in boxes[0]], [595.28, 841.89], atol=0.01)
 
 
-def test_several_svgs_are_numbered_and_other_endings_refused(tmp_path: Path):
-    """One SVG a tag; a .png is an error that says what is written."""
+def test_svg_files_are_numbered_and_png_is_refused(tmp_path: Path):
+    """Each tag has its own numbered SVG file. A .png is refused with a message that lists the supported formats."""
     pages = printed_pages(SHAPES["apriltag"], "tags")
     assert [p.name for p in write_pages(pages, tmp_path / "tags.svg")] == ["tags_0.svg", "tags_1.svg"]
     with pytest.raises(InputError, match=r"expected .pdf or .svg"):
         write_pages(pages, tmp_path / "tags.png")
 
 
-def test_a_template_must_be_flat():
-    """Lights that do not lie in a plane cannot be drawn on paper."""
+def test_non_planar_template_is_refused():
+    """Points that are not in a plane cannot be drawn on paper."""
     with pytest.raises(InputError, match="z must be 0"):
         printed_pages(points_target([[0, 0, 0], [0, 0, 0.1]]), "title")
 
 
-def test_rulers_stand_both_ways():
-    """Each is 100 mm long, clear of the board."""
+def test_page_has_horizontal_and_vertical_rulers():
+    """Each of the two rulers is 100 mm long, clear of the board."""
     (page,) = printed_pages(SHAPES["charuco"], "title")
     lengths = page.lines[:, 2:] - page.lines[:, :2]
     assert [100.0, 0.0] in lengths.tolist()
@@ -92,8 +92,8 @@ def test_rulers_stand_both_ways():
     assert upright[0] - 4 > page.rectangles[:, 2].max()
 
 
-def test_rulers_have_a_tick_a_centimetre():
-    """Longer ones at their ends and their middle, none longer than 4 mm."""
+def test_horizontal_ruler_has_tick_every_centimetre():
+    """The ticks at the ends and the middle of a ruler are longer; none is longer than 4 mm."""
     (page,) = printed_pages(SHAPES["charuco"], "title")
     x, y, end, _ = page.lines[0]
     ticks = [line for line in page.lines if line[1] == y and x <= line[0] == line[2] <= end]
@@ -101,8 +101,8 @@ def test_rulers_have_a_tick_a_centimetre():
     assert lengths == {mm: 4.0 if mm in (0, 50, 100) else 2.5 for mm in range(0, 101, 10)}
 
 
-def test_cut_marks_stand_where_the_sheet_is_cut():
-    """Two beside each corner, outside of it; its size is said above the ruler."""
+def test_cut_marks_are_at_sheet_corners():
+    """Two cut marks are beside each corner, outside of the sheet. The sheet's size is stated above the ruler."""
     (page,) = printed_pages(SHAPES["charuco"], "title")
     x, y = (210 - 14) / 2, (297 - 22) / 2
     low, high = np.array([x - 90, y - 120]), np.array([x + 90, y + 120])
@@ -114,8 +114,8 @@ def test_cut_marks_stand_where_the_sheet_is_cut():
 
 
 @pytest.mark.parametrize("kind", ["charuco", "chessboard", "circles", "apriltag"])
-def test_axes_begin_at_the_origin_and_point_along_the_target(kind):
-    """Points of the target are where the arrows say, on the paper."""
+def test_printed_axes_are_those_of_the_target(kind):
+    """The points of the target have the coordinates that the printed arrows define."""
     target = SHAPES[kind]
     page, sheet = printed_pages(target, "title")[0], target.sheets[0]
     arrows = page.lines[np.isclose(np.linalg.norm(page.lines[:, 2:] - page.lines[:, :2], axis=1), 10.0)]
@@ -131,8 +131,8 @@ def test_axes_begin_at_the_origin_and_point_along_the_target(kind):
         np.testing.assert_allclose(by_arrows, 1e3 * (sheet_from_target @ point)[:2] + shift, atol=1e-6)
 
 
-def test_heads_of_axes_are_alike_on_both_sides():
-    """Two lines back from each tip, whose middle is on the axis."""
+def test_arrow_heads_are_symmetric():
+    """Two lines lead back from each tip, symmetric about the axis."""
     page = printed_pages(SHAPES["chessboard"], "title")[0]
     arrows = page.lines[np.isclose(np.linalg.norm(page.lines[:, 2:] - page.lines[:, :2], axis=1), 10.0)]
     assert len(arrows) == 2
@@ -143,8 +143,8 @@ def test_heads_of_axes_are_alike_on_both_sides():
 
 
 @pytest.mark.parametrize(("paper", "pitch_mm"), [("A4", 30), ("letter", 30), ("A3", 44)])
-def test_the_largest_square_that_fits(paper, pitch_mm):
-    """A whole number of millimetres; one more is refused."""
+def test_largest_pitch_fits_on_paper(paper, pitch_mm):
+    """The largest pitch is a whole number of millimetres; a pitch larger by 1 mm is refused."""
     assert largest_pitch_mm(SHAPES["charuco"], paper) == pitch_mm
     fitting, larger = (
         charuco_target((5, 7), 1e-3 * size, 0.75e-3 * size, "DICT_4X4_50") for size in (pitch_mm, pitch_mm + 1)
@@ -157,8 +157,8 @@ def test_the_largest_square_that_fits(paper, pitch_mm):
 LEDS = led_target([[0, 0, 0], [0.05, 0.02, 0], [0.05, -0.03, 0]])
 
 
-def test_a_template_has_a_cross_and_a_ring_for_each_point():
-    """Crosses of 16 mm about rings of 5 mm, as far apart as the points, each with its number beside it."""
+def test_template_has_cross_and_ring_per_point():
+    """Crosses of 16 mm about rings of 5 mm are as far apart as the points, each with its number beside it."""
     (page,) = printed_pages(LEDS, "title")
     np.testing.assert_allclose(page.rings[:, 2], 2.5)
     np.testing.assert_allclose(page.rings[:, :2] - page.rings[0, :2], 1e3 * LEDS.points[:, :2], atol=1e-9)
@@ -173,8 +173,8 @@ def test_a_template_has_a_cross_and_a_ring_for_each_point():
     assert page.texts[2][2] == "a cross where each point goes"
 
 
-def test_points_of_a_template_may_be_a_micrometre_off():
-    """Not two."""
+def test_template_accepts_points_within_one_micrometre():
+    """Points of a template may be 0.9 um off the plane, but not 1.1 um."""
     for height, fits in ((0.9e-6, True), (-0.9e-6, True), (1.1e-6, False), (-1.1e-6, False)):
         target = points_target([[0, 0, 0], [0, 0.05, height]])
         if fits:
@@ -185,8 +185,11 @@ def test_points_of_a_template_may_be_a_micrometre_off():
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-def test_shapes_are_in_the_middle_between_border_and_rulers(kind):
-    """As far from the left as from the right ruler, and from the top as from the texts."""
+def test_shapes_keep_clear_of_border_and_rulers(kind):
+    """Shapes are at least 8 mm from the border.
+
+    They are 22 mm from the right edge with its ruler, and 30 mm from the lower edge with its texts.
+    """
     for page in printed_pages(SHAPES[kind], "title"):
         low, high = _extent(page)
         width, height = page.size_mm
@@ -206,8 +209,11 @@ def _extent(page):
     return every.min(0), every.max(0)
 
 
-def test_texts_and_rulers_can_be_read():
-    """On the page, clear of one another: an advice below the ruler, title and sizes above its ticks."""
+def test_texts_and_rulers_do_not_overlap():
+    """Texts and rulers are on the page and clear of one another.
+
+    The advice is below the ruler, title and sizes are above its ticks.
+    """
     (page,) = printed_pages(SHAPES["charuco"], "title")
     width, height = page.size_mm
     x, y, end, _ = page.lines[0]
@@ -226,8 +232,8 @@ def test_texts_and_rulers_can_be_read():
     assert upright[1] == y
 
 
-def test_ticks_of_the_upright_ruler_are_those_of_the_other():
-    """At its left, longer at ends and middle."""
+def test_vertical_ruler_has_same_ticks():
+    """The ticks of the vertical ruler are at its left, longer at the ends and the middle."""
     (page,) = printed_pages(SHAPES["charuco"], "title")
     x, y, _, end = page.lines[1]
     ticks = [line for line in page.lines if line[0] == x and end <= line[1] == line[3] <= y]
@@ -235,8 +241,8 @@ def test_ticks_of_the_upright_ruler_are_those_of_the_other():
     assert lengths == {mm: 4.0 if mm in (0, 50, 100) else 2.5 for mm in range(0, 101, 10)}
 
 
-def test_axes_lie_beside_the_sheet():
-    """Arrows with a bar at their start, clear of the squares, and names beyond their tips."""
+def test_printed_axes_lie_beside_the_sheet():
+    """The axes are arrows with a bar at their start, clear of the squares, with names beyond their tips."""
     (page,) = printed_pages(SHAPES["charuco"], "title")
     arrows = page.lines[np.isclose(np.linalg.norm(page.lines[:, 2:] - page.lines[:, :2], axis=1), 10.0)]
     names = {text: np.array([x, y]) for x, y, text in page.texts if text in ("x", "y")}
@@ -257,7 +263,7 @@ def test_axes_lie_beside_the_sheet():
 
 
 def test_cut_marks_are_clear_of_the_sheet():
-    """They begin 1.5 mm outside of it, so that none is left on the board."""
+    """Cut marks begin 1.5 mm outside of the sheet, so that none is left on the board."""
     (page,) = printed_pages(SHAPES["charuco"], "title")
     marks = page.lines[np.isclose(np.abs(page.lines[:, 2:] - page.lines[:, :2]).sum(1), 4.0)]
     board = np.array([(210 - 14) / 2, (297 - 22) / 2])
@@ -267,8 +273,11 @@ def test_cut_marks_are_clear_of_the_sheet():
     assert ticks == 6
 
 
-def test_the_smallest_paper_that_fits_is_chosen():
-    """From A4 on, upright first; beyond A0 a page of its own, of whole millimetres and with room for the ruler."""
+def test_smallest_fitting_paper_is_chosen():
+    """Papers are tried from A4 upwards, portrait first.
+
+    A larger target than A0 has a page of its own, of whole millimetres and with room for the ruler.
+    """
     for size_mm, name, shape in (
         ((180, 259), "A4", (210, 297)),
         ((181, 100), "A4", (297, 210)),
@@ -282,12 +291,12 @@ def test_the_smallest_paper_that_fits_is_chosen():
         assert (page.paper, tuple(page.size_mm)) == (name, shape), size_mm
 
 
-def test_one_page_keeps_the_name_of_its_file(tmp_path: Path):
-    """Numbers are for several."""
+def test_single_page_keeps_its_file_name(tmp_path: Path):
+    """Only several pages have numbers in their file names."""
     assert [p.name for p in write_pages(printed_pages(LEDS, "leds"), tmp_path / "leds.svg")] == ["leds.svg"]
 
 
-def test_a_pdf_has_every_shape_of_its_page(tmp_path: Path):
+def test_pdf_contains_all_shapes_of_the_page(tmp_path: Path):
     """Rectangles and discs are filled, lines and rings are strokes of 0.15 mm, and texts are 3.2 mm high."""
     for kind in ("circles", "led", "charuco"):
         pages = printed_pages(SHAPES[kind], "title")

@@ -1,4 +1,4 @@
-"""The text of a report, from calibrations made by hand."""
+"""Tests of the text of a report, with calibrations built directly."""
 
 from __future__ import annotations
 
@@ -75,13 +75,13 @@ def a_calibration() -> Calibration:
 
 
 def test_verdict_comes_first() -> None:
-    """The first line says the verdict and how well what was asked is known, from the covariance's traces."""
+    """The first line has the verdict and the accuracy of the requested transform, from the traces of its covariance."""
     first = text_report(a_cell(), a_calibration()).splitlines()[0]
     assert first == f"GOOD: {BASE} to 0.50 mm and 0.29 deg (1 sigma, 3-D norm)."
 
 
-def test_numbers_are_those_of_the_calibration() -> None:
-    """Translation in mm, angles in deg, sigmas per axis, lens, residuals and noise are all told."""
+def test_text_contains_numbers_of_the_calibration() -> None:
+    """The text has translation in mm, angles in deg, sigmas per axis, lens, residuals and noise."""
     text = " ".join(text_report(a_cell(), a_calibration()).split())
     for said in (
         "t 1250.00 -500.00 0.00 mm sigma 0.30 0.40 0.00 mm",
@@ -96,7 +96,7 @@ def test_numbers_are_those_of_the_calibration() -> None:
         assert said in text
 
 
-def test_only_what_was_asked_can_be_pasted() -> None:
+def test_only_requested_transform_has_snippets() -> None:
     """The base has its URDF and ROS 2 lines; the mount of a point has neither them nor angles."""
     text = text_report(a_cell(), a_calibration())
     assert text.count("<origin xyz=") == text.count("static_transform_publisher") == 1
@@ -105,8 +105,8 @@ def test_only_what_was_asked_can_be_pasted() -> None:
     assert "rpy" not in led
 
 
-def test_refusal_says_why() -> None:
-    """A refused calibration says the error's message first, and lists its findings by weight."""
+def test_refusal_states_its_reason() -> None:
+    """A refused calibration states the message of the error first, and lists its findings by severity."""
     why = Finding("too-few-samples", "error", ("recording",), "1 sample, at least 3 are needed: record more.")
     aside = Finding("dropped-sample", "info", ("7",), "sample 7 was cut short.")
     text = text_report(a_cell(), Calibration("refused", findings=(aside, why)))
@@ -114,8 +114,8 @@ def test_refusal_says_why() -> None:
     assert text.index("error: too-few-samples [recording]") < text.index("info: dropped-sample [7]")
 
 
-def test_doubt_says_number_and_reason() -> None:
-    """A doubtful answer gives its number together with the warning."""
+def test_doubtful_verdict_states_number_and_reason() -> None:
+    """A doubtful verdict states the accuracy together with the warning."""
     warning = Finding("intrinsics", "warning", ("wrist",), "the lens moved far from its prior.")
     doubtful = replace(a_calibration(), verdict="doubtful", findings=(warning,))
     assert str(headline(a_cell(), doubtful)) == (
@@ -132,20 +132,22 @@ def test_doubt_says_number_and_reason() -> None:
         ({"eye": {"base": "base_link"}, "hand": {"base": "base_link"}}, ("eye_base", "hand_base")),
     ],
 )
-def test_frames_of_other_programs(frames: dict[str, dict[str, str]], expected: tuple[str, str]) -> None:
-    """Robots' own frame names are used where they tell parent from child."""
+def test_robot_frame_names_are_used_if_unambiguous(
+    frames: dict[str, dict[str, str]], expected: tuple[str, str]
+) -> None:
+    """The frame names of robots are used if they distinguish parent and child."""
     assert frame_names(a_cell(**frames), BASE) == expected
 
 
 def test_fixed_transforms_have_no_sigma() -> None:
-    """A transform that was given is printed without sigmas."""
+    """A given transform is printed without sigmas."""
     fixed = replace(a_calibration(), status={BASE: "free", "hand_flange_from_led": "fixed"})
     block = text_report(a_cell(), fixed).split("hand_flange_from_led")[1].split("\n\n")[0]
     assert "sigma" not in block
 
 
-def test_good_says_what_it_predicts() -> None:
-    """The verdict tells the cross-validation error: at the target, or in pixels where there is no pose."""
+def test_good_verdict_states_cross_validation_error() -> None:
+    """The verdict states the cross-validation error: at the target, or in pixels if there is no pose."""
     at_target = Validation("k-fold", 5, 0.25, 4.1e-4, np.radians(0.052), 1.0)
     good = replace(a_calibration(), validation=at_target)
     assert str(headline(a_cell(), good)) == (
@@ -156,8 +158,8 @@ def test_good_says_what_it_predicts() -> None:
     assert str(headline(a_cell(), in_pixels)).endswith("; cross-validation error, rms: 0.25 px.")
 
 
-def test_the_cause_comes_before_what_follows_from_it() -> None:
-    """Of several findings the verdict gives the cause and counts the others that matter."""
+def test_verdict_states_cause_before_consequences() -> None:
+    """Of several findings the verdict gives the cause, and counts the other findings that matter."""
     follows = Finding("poor-fit", "warning", (), "residuals are large: check units.")
     cause = Finding("outlier-samples", "warning", ("3",), "sample 3 is off: leave it out.")
     aside = Finding("dropped-sample", "info", ("7",), "sample 7 was cut short.")
@@ -169,8 +171,8 @@ def test_the_cause_comes_before_what_follows_from_it() -> None:
     assert str(headline(a_cell(), refused)) == f"REFUSED: {error.message} (and 2 more findings)"
 
 
-def test_validation_and_outliers_are_told() -> None:
-    """Held-out errors, the answer's change in sigmas (the root of its square) and all that is left out are told."""
+def test_text_lists_validation_and_outliers() -> None:
+    """The text states held-out errors, the change of the answer in sigmas (the root of its square) and all outliers."""
     left_out = (
         Outlier(3, "wrist", "led", (4, 5), "8 px off", "images/wrist/IMG_4.png"),
         Outlier(7, "wrist", "led", (), "the arm was 12 sigmas off"),
@@ -186,8 +188,8 @@ def test_validation_and_outliers_are_told() -> None:
         assert said in text
 
 
-def test_the_worst_view_is_one_that_was_used() -> None:
-    """A view that was left out as a whole is neither the worst nor counted; nor is one without a loop counted."""
+def test_worst_view_is_not_an_excluded_view() -> None:
+    """An excluded view is neither the worst nor counted; a view without a loop is not counted either."""
     errors = (3, 90.0, 1e-3), (4, 0.7, 1e-3), (5, 0.3, 1e-3), (6, 0.2, None)
     views = tuple(SampleResidual(number, "wrist", "led", rms, loop_m, loop_m) for number, rms, loop_m in errors)
     left_out = (Outlier(3, "wrist", "led", (), "bumped"), Outlier(4, "wrist", "led", (2,), "8 px off"))
@@ -197,23 +199,23 @@ def test_the_worst_view_is_one_that_was_used() -> None:
     assert "rms over 2 views" in text
 
 
-def test_errors_over_the_workspace_are_those_of_the_map() -> None:
-    """The least and the greatest length [mm], and the greatest angle."""
+def test_workspace_errors_are_those_of_the_map() -> None:
+    """The text states the smallest and the largest length [mm] of the error map, and its largest angle."""
     errors = ErrorMap(np.zeros((2, 3)), np.array([1e-3, 2.34e-3]), np.radians([0.5, 0.25]))
     told = text_report(a_cell(), replace(a_calibration(), error_map=errors))
     assert "errors of one flange to another are expected below 1.0 to 2.3 mm and 0.50 deg" in " ".join(told.split())
 
 
-def test_any_estimate_has_rows_with_its_sigmas() -> None:
-    """Unless it is fixed; a point has no rotation."""
+def test_estimate_rows_have_sigmas() -> None:
+    """Rows of an estimate have sigmas unless it is fixed; a point has no rotation."""
     estimate = PoseEstimate(SE3.identity(), np.diag([1e-6] * 3 + [1e-4] * 3))
     assert [(row.unit, row.sigmas[0]) for row in estimate_rows(estimate)] == [("mm", "1.0"), ("deg", "0.57")]
     assert [row.unit for row in estimate_rows(estimate, True)] == ["mm"]
     assert [list(row.sigmas) for row in estimate_rows(estimate, False, True)] == [[], []]
 
 
-def test_what_was_not_computed_is_not_told() -> None:
-    """Without validation and outliers the text has no word of them."""
+def test_missing_validation_is_not_mentioned() -> None:
+    """The text does not mention cross-validation or outliers if there are none."""
     text = text_report(a_cell(), a_calibration())
     assert "cross-validation" not in text
     assert "outlier" not in text
@@ -245,8 +247,11 @@ def with_robots() -> Calibration:
     )
 
 
-def test_every_joint_is_told_with_how_it_is_known() -> None:
-    """In degrees and urad/Nm with sigmas; what only the prior knows says so, what nothing knows has no number."""
+def test_joint_parameters_state_their_observability() -> None:
+    """Joint parameters are in degrees and urad/Nm with sigmas.
+
+    A value that only the prior determines is marked, and an unobservable one has no number.
+    """
     offsets, links, compliances = ([" ".join(line.split()) for line in block] for block in robot_blocks(with_robots()))
     assert offsets == [
         "joint offsets of hand, to be added to its recorded joints",
@@ -263,8 +268,8 @@ def test_every_joint_is_told_with_how_it_is_known() -> None:
     ]
 
 
-def test_report_and_page_have_them() -> None:
-    """The text after the transforms, the page likewise."""
+def test_report_and_page_contain_joint_parameters() -> None:
+    """The text and the page have the joint offsets; the text states them after the transforms."""
     cell = Cell("eye", {"eye": Robot("eye"), "hand": Robot("hand")})
     for told in (text_report(cell, with_robots()), page(cell, Recording(), with_robots())):
         assert "joint offsets of hand" in told
@@ -276,7 +281,7 @@ def rows(**fields: object) -> list[str]:
     return [" ".join(line.split()) for line in text_report(a_cell(), replace(a_calibration(), **fields)).splitlines()]
 
 
-def test_a_transform_states_its_kind_and_its_quaternion() -> None:
+def test_transform_states_status_and_quaternion() -> None:
     """A fixed transform is not called estimated, and only a point has no quaternion."""
     lines = rows(status={BASE: "fixed", "hand_flange_from_led": "free"})
     assert f"fixed transform {BASE} (fixed): good" in lines
@@ -286,15 +291,15 @@ def test_a_transform_states_its_kind_and_its_quaternion() -> None:
     ]
 
 
-def test_lines_to_paste_follow_their_transform() -> None:
-    """URDF first, then ROS 2, as the last lines of the block."""
+def test_snippets_end_the_block_of_a_transform() -> None:
+    """URDF and then ROS 2 are the last lines of the block of a transform."""
     block = text_report(a_cell(), a_calibration()).split("\n\n")[1].splitlines()
     assert block[0].startswith(f"estimated transform {BASE}")
     assert [line.split(":")[0].strip() for line in block[-2:]] == ["URDF", "ROS 2"]
 
 
-def test_ids_of_outliers_are_cut_after_ten() -> None:
-    """Ten points are all listed; of eleven the list ends with dots."""
+def test_outlier_ids_are_cut_after_ten() -> None:
+    """Ten points are all listed; the list of eleven ends with dots."""
     ten, eleven = (Outlier(3, "wrist", "led", tuple(range(count)), "8 px off") for count in (10, 11))
     assert list(outlier_sentences(replace(a_calibration(), outliers=(ten, eleven)))) == [
         "sample 3, led by wrist, points 0, 1, 2, 3, 4, 5, 6, 7, 8, 9: 8 px off",
@@ -302,8 +307,8 @@ def test_ids_of_outliers_are_cut_after_ten() -> None:
     ]
 
 
-def test_loops_are_listed_if_there_are_several() -> None:
-    """Each with its path, error and views; a single loop is the rms of all."""
+def test_loops_are_listed_only_if_several() -> None:
+    """Each loop has its path, error and views; a single loop is the rms of all views and is not listed."""
     loops = (Loop(("eye", "wrist", "led"), 7, 1e-3, np.radians(0.1)), Loop(("hand", "led"), 1, 2e-3, np.radians(0.2)))
     told = replace(a_calibration(), residuals=Residuals(loops=loops))
     assert list(fit_sentences(told)) == [
@@ -313,7 +318,7 @@ def test_loops_are_listed_if_there_are_several() -> None:
     assert list(fit_sentences(replace(told, residuals=Residuals(loops=loops[:1])))) == []
 
 
-def test_a_certificate_is_stated_with_its_gap_or_reason() -> None:
+def test_certificate_states_gap_or_reason() -> None:
     proven, unproven = Certificate(2e-9, True), Certificate(None, False, "a dual did not converge")
     lines = [list(certificate_lines(replace(a_calibration(), certificate=each))) for each in (proven, unproven, None)]
     assert lines == [
@@ -324,7 +329,7 @@ def test_a_certificate_is_stated_with_its_gap_or_reason() -> None:
 
 
 def test_methods_are_compared_by_held_out_errors() -> None:
-    """In mm and deg; a method without one of both errors failed."""
+    """Held-out errors of methods are in mm and deg; a method that lacks one of them failed."""
     rivals = (
         Rival("tsai", 1.5e-3, np.radians(0.25)),
         Rival("no-angle", 1e-3, None),
@@ -339,8 +344,8 @@ def test_methods_are_compared_by_held_out_errors() -> None:
     ]
 
 
-def test_clocks_and_shutters_are_stated_in_ms_and_us() -> None:
-    """With their sigmas; a clock that is held has none."""
+def test_clock_offsets_and_line_times_have_units() -> None:
+    """Clock offsets are in ms and line times in us, with their sigmas; fixed ones have none."""
     told = replace(
         a_calibration(),
         clocks={"wrist": ClockOffset(12.5e-3, 0.25e-3), "eye": ClockOffset(-1e-3, 0.0)},
@@ -356,8 +361,11 @@ def test_clocks_and_shutters_are_stated_in_ms_and_us() -> None:
     ]
 
 
-def test_noise_of_each_camera_is_stated_if_they_differ() -> None:
-    """A single camera without a factor has the noise of all pixels; two are listed, and a factor always is."""
+def test_cameras_with_different_noise_are_listed() -> None:
+    """A single camera without a factor has the overall pixel noise.
+
+    Two cameras are listed, and a factor is always stated.
+    """
 
     def noise(**cameras: dict[str, float]) -> list[str]:
         return list(noise_sentences(replace(a_calibration(), noise={"pixel_px": 0.2, "cameras": cameras})))
@@ -372,15 +380,15 @@ def test_noise_of_each_camera_is_stated_if_they_differ() -> None:
     ]
 
 
-def test_unstated_noise_of_poses_has_no_number() -> None:
-    """A sigma that is None, and figures that are no sigma, are left out."""
+def test_missing_pose_sigma_is_omitted() -> None:
+    """A sigma that is None, and entries that are no sigma, are omitted."""
     sigmas = {"sigma_t_m": [1e-3] * 3, "sigma_r_rad": None, "stops": 12}
     told = replace(a_calibration(), noise={"robots": {"eye": sigmas}})
     assert list(noise_sentences(told)) == ["pose noise of robot eye, 1 sigma per axis: 1.0 mm"]
 
 
-def test_the_error_at_the_task_is_the_root_of_squares() -> None:
-    """Of 3 and 4 mm it is 5 mm; the three largest sources are in the sentence, all in the rows."""
+def test_task_error_is_root_sum_of_squares() -> None:
+    """Sources of 3 and 4 mm give 5 mm. The sentence has the three largest sources, the rows have all."""
     budget = tuple(
         BudgetEntry(name, rms, share, halved)
         for name, rms, share, halved in (
@@ -399,8 +407,8 @@ def test_the_error_at_the_task_is_the_root_of_squares() -> None:
     assert task_sentence(a_calibration()) == ""
 
 
-def test_local_calibrations_are_compared_with_the_global_one() -> None:
-    """The better one is recommended; a fit that failed leaves the global one."""
+def test_local_calibration_is_compared_with_global() -> None:
+    """The better of the local and the global calibration is recommended; the global one if a fit failed."""
     part = LocalFit(np.array([0.1, -0.2, 0.5]), (1, 2, 3), 2e-3, 1e-3, 0.012, True, {})
     place = "about 0.10 -0.20 0.50 m (3 samples): "
     errors = (
@@ -416,8 +424,8 @@ def test_local_calibrations_are_compared_with_the_global_one() -> None:
     ]
 
 
-def test_a_task_box_with_too_few_samples_has_a_line() -> None:
-    """Without a box, or without local fits at all, there is none."""
+def test_task_box_with_few_samples_is_reported() -> None:
+    """A task box with fewer than 10 samples has a line. Without a box or without local fits there is none."""
     boxed = replace(a_calibration(), local=(), settings={"task_box": [0, 0, 0, 1, 1, 1]})
     (line,) = local_rows(boxed)
     assert line.startswith("in the box: fewer than 10 samples")
@@ -425,8 +433,8 @@ def test_a_task_box_with_too_few_samples_has_a_line() -> None:
     assert list(local_rows(replace(boxed, local=None))) == []
 
 
-def test_findings_list_reasons_and_steps() -> None:
-    """What, then why, then what to do; what they are about in brackets, if it is known."""
+def test_findings_list_problem_cause_and_steps() -> None:
+    """A finding lists the problem, then the cause, then the steps. Its subjects are in brackets, if they are known."""
     finding = Finding("poor-fit", "warning", ("eye", "wrist"), "Residuals are large.", ("Check units.",), "An error.")
     bare = Finding("overfit", "info", (), "Few samples.")
     assert rows(findings=(bare, finding))[-6:] == [

@@ -1,4 +1,4 @@
-"""Transforms as the page shows them, with what is pasted."""
+"""Tests of transforms on the page, with their snippets to copy."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ BARE = Calibration(
 )
 
 
-def test_every_kind_is_offered_both_ways():
-    """What `export` writes, word for word, of the transform and of its inverse."""
+def test_all_formats_are_offered_in_both_directions():
+    """The page offers the exact text that `export` writes, for the transform and for its inverse."""
     pasted = pasteable(CALIBRATION, CELL, "run")
     found = copies(BASE, CELL, CALIBRATION, pasted)
     offered = {(copy.transform, copy.kind): copy.text for copy in found}
@@ -51,14 +51,14 @@ def test_every_kind_is_offered_both_ways():
     assert {"ur", "kuka", "abb", "ros", "matrix"} <= {copy.kind for copy in found}
 
 
-def test_a_point_is_not_pasted():
-    """Its rotation is not defined."""
+def test_point_has_no_snippets():
+    """A point has no snippets, because its rotation is undefined."""
     point = Calibration("good", CALIBRATION.transforms, points=frozenset({BASE}))
     assert copies(BASE, CELL, point, {BASE: {"ur": "p[0]"}}) == []
 
 
-def test_numbers_are_in_mm_and_deg_with_their_sigmas():
-    """Each along x, y and z, with two digits of the smallest sigma."""
+def test_transform_rows_are_in_mm_and_deg():
+    """Values and sigmas along x, y and z are in mm and deg, with two digits of the smallest sigma."""
     assert status_words(BASE, BARE) == "free"
     translation, rotation = transform_rows(BASE, BARE)
     assert [float(v) for v in translation.values] == [1250, -500, 0]
@@ -68,21 +68,21 @@ def test_numbers_are_in_mm_and_deg_with_their_sigmas():
     assert (translation.unit, rotation.unit) == ("mm", "deg")
 
 
-def test_the_quaternion_has_its_scalar_last():
-    """A quarter turn about z."""
+def test_quaternion_has_scalar_last():
+    """The quaternion on the page is in the order x, y, z, w, shown by a rotation of 90 deg about z."""
     first = re.findall("q_xyzw ([^<]*)<", page(BARE_CELL, Recording(), BARE))[0]
     assert [float(v) for v in first.split()] == pytest.approx([0, 0, np.sqrt(0.5), np.sqrt(0.5)])
 
 
-def test_what_is_fixed_has_no_sigmas():
-    """Its numbers alone; what has no status is free."""
+def test_fixed_transform_has_no_sigmas():
+    """A fixed transform has its numbers alone; a transform without status is free."""
     assert status_words(MOUNT, BARE) == "fixed"
     assert not any(row.sigmas for row in transform_rows(MOUNT, BARE))
     assert status_words(BASE, replace(BARE, status={})) == "free"
 
 
 def test_a_point_has_no_rotation():
-    """Nor forms for other programs, whose transforms turn; a fixed one has no sigma."""
+    """A point has no rotation and no snippets for other programs. A fixed point has no sigma."""
     assert status_words(LIGHT, BARE) == "free, a point"
     assert [row.name for row in transform_rows(LIGHT, BARE)] == ["t"]
     assert copies(LIGHT, BARE_CELL, BARE, {}) == []
