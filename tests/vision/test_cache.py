@@ -1,4 +1,4 @@
-"""Detections that are kept."""
+"""Tests of the cache of detections."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ LIGHTS = Detection(None, np.array([[1.5, 2.25]]), np.array([0.1]))
 
 
 @pytest.mark.parametrize("detection", [FOUND, LIGHTS, None], ids=["corners", "candidates", "nothing"])
-def test_read_as_written(detection: Detection | None, tmp_path: Path) -> None:
-    """What is kept comes back to the last bit, that there was nothing too."""
+def test_cached_detection_is_read_exactly(detection: Detection | None, tmp_path: Path) -> None:
+    """A cached detection is read to the last bit, and a cached failure to detect as well."""
     assert cache.read(tmp_path, "a") is None
     cache.write(tmp_path, "a", detection)
     kept = cache.read(tmp_path, "a")
@@ -35,8 +35,8 @@ def test_read_as_written(detection: Detection | None, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device", "link"])
-def test_only_files_of_the_cell_are_read(tmp_path: Path, kind: str) -> None:
-    """Neither a pipe, which would be waited for, nor what a link leads to outside."""
+def test_pipes_and_links_in_cache_are_ignored(tmp_path: Path, kind: str) -> None:
+    """The cache reads neither a pipe, which would block, nor the target of a link outside of the cell."""
     cache.write(tmp_path / "outside", "a", FOUND)
     cache.write(tmp_path / "cell", "b", FOUND)
     path = tmp_path / "cell" / "derived" / "detections" / "a.json"
@@ -46,8 +46,8 @@ def test_only_files_of_the_cell_are_read(tmp_path: Path, kind: str) -> None:
     assert cache.read(tmp_path / "cell", "a") is None
 
 
-def test_key_holds_all_that_matters(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another target, size, image, image without the light or version of the detectors has another name."""
+def test_cache_key_depends_on_all_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The key depends on the target, the size, the image, the background image and the version of the detectors."""
     tags, board = TARGETS["tags"], TARGETS["charuco"]
     given = [
         (tags, (640, 480), b"image", None),
@@ -78,8 +78,8 @@ def test_key_holds_all_that_matters(monkeypatch: pytest.MonkeyPatch) -> None:
         "\x00",
     ],
 )
-def test_broken_files_are_no_files(text: str, tmp_path: Path) -> None:
-    """A kept file that is not what was written is as if it were not there."""
+def test_damaged_cache_file_is_ignored(text: str, tmp_path: Path) -> None:
+    """A cached file that differs from what was written is treated as missing."""
     cache.write(tmp_path, "a", FOUND)
     (path,) = (tmp_path / "derived" / "detections").iterdir()
     path.write_text(text)

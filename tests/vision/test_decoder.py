@@ -1,4 +1,4 @@
-"""What decoders say of an image, and to whom."""
+"""Tests of the image decoder and of its warnings."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ PHOTO = scene(TARGETS["chessboard"])
 JPEG = bytes(cv2.imencode(".jpg", PHOTO, [cv2.IMWRITE_JPEG_QUALITY, 90])[1])
 
 
-def test_nothing_amiss(capfd: pytest.CaptureFixture[str]) -> None:
-    """A sound image has nothing damage, and nothing is printed."""
+def test_intact_image_has_no_damage(capfd: pytest.CaptureFixture[str]) -> None:
+    """An intact image has no damage, and nothing is printed."""
     assert decode(JPEG).damage == ""
     assert decode(JPEG[:-2] + bytes(20) + JPEG[-2:]).damage == ""  # padded before its end, as some cameras do
     assert capfd.readouterr() == ("", "")
 
 
-def test_every_damage_that_shows_is_told(capfd: pytest.CaptureFixture[str]) -> None:
-    """Of JPEGs with bytes lost or zeroed, no image that differs visibly passes for sound, and nothing is printed."""
+def test_visible_damage_of_jpeg_is_reported(capfd: pytest.CaptureFixture[str]) -> None:
+    """Every JPEG with missing or zeroed bytes that differs visibly is reported as damaged, and nothing is printed."""
     rng, sound, silent = np.random.default_rng(0), decode(JPEG).pixels, 0
     assert sound is not None
     for k in range(40):
@@ -41,8 +41,11 @@ def test_every_damage_that_shows_is_told(capfd: pytest.CaptureFixture[str]) -> N
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_stream_that_comes_out_short_is_damaged() -> None:
-    """One bit changed may shift all that follows by some pixels: what is left over at the end is no padding then."""
+def test_short_jpeg_stream_is_damaged() -> None:
+    """A single changed bit may shift all following blocks by some pixels.
+
+    The bytes that remain at the end are then damage, not padding.
+    """
     data = np.frombuffer(JPEG, np.uint8)
 
     def comes_out_short(at: int) -> bool:
@@ -54,13 +57,13 @@ def test_a_stream_that_comes_out_short_is_damaged() -> None:
     assert any(comes_out_short(at) for at in range(2000, len(JPEG) - 100, 397))
 
 
-def test_complaint_in_words() -> None:
-    """What is damage is told without the library's own prefix."""
+def test_damage_message_has_no_library_prefix() -> None:
+    """The message of a damage omits the prefix of the library."""
     assert decode(JPEG[:20000] + JPEG[-2:]).damage == "premature end of data segment"
 
 
-def test_what_others_write_is_passed_on(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
-    """A line that another thread writes to stderr meanwhile is not lost, nor taken for the decoder's."""
+def test_stderr_of_other_threads_is_kept(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """A line that another thread writes to stderr during decoding is neither lost nor attributed to the decoder."""
 
     def imdecode(*_: object) -> np.ndarray:
         os.write(2, b"a bar at 40 %\nCorrupt JPEG data: bad Huffman code\n")
@@ -71,8 +74,8 @@ def test_what_others_write_is_passed_on(monkeypatch: pytest.MonkeyPatch, capfd: 
     assert capfd.readouterr().err == "a bar at 40 %\n"
 
 
-def test_nothing_of_the_decoders_is_passed_on(capfd: pytest.CaptureFixture[str]) -> None:
-    """OpenCV's errors of several lines and libjpeg's warnings reach no terminal, and a warning is nothing damage."""
+def test_decoder_output_is_suppressed(capfd: pytest.CaptureFixture[str]) -> None:
+    """Multi-line errors of OpenCV and warnings of libjpeg are not printed, and a warning is no damage."""
     at = JPEG.index(b"JFIF\0") + 5
     assert decode(JPEG[:at] + b"\x10\x4a" + JPEG[at + 2 :]).damage == ""
     assert decode(b"BM" + bytes(40)).pixels is None
@@ -81,8 +84,8 @@ def test_nothing_of_the_decoders_is_passed_on(capfd: pytest.CaptureFixture[str])
 
 
 @pytest.mark.parametrize("quality", quick([30, 80, 95], [80]))
-def test_damaged_webp_is_told(quality: int) -> None:
-    """Of lossy WebPs with one byte changed, nineteen in twenty are told; of sound ones, even or noisy, none is."""
+def test_damaged_webp_is_reported(quality: int) -> None:
+    """Nineteen of twenty lossy WebPs with one changed byte are reported. Intact ones, even or noisy, are not."""
     rng, silent = np.random.default_rng(1), 0
     images = [PHOTO, np.full_like(PHOTO, 90), rng.integers(0, 256, (90, 70, 3)).astype(np.uint8)]
     for image in [*images, np.where(np.indices((64, 64)).sum(0) < 30, 20, 230).astype(np.uint8)]:

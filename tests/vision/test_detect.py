@@ -1,4 +1,4 @@
-"""Observations from the images of a recording."""
+"""Tests of the detection of targets in the images of a recording."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def ids_of(sample: Sample) -> list[list[int]]:
     return [each.ids.tolist() for each in sample.observations if isinstance(each, PixelObservation)]
 
 
-def test_every_view_keeps_its_sample(tmp_path: Path) -> None:
-    """A view without the target gets no observation, and the ones after it stay with their own samples."""
+def test_detections_stay_with_their_samples(tmp_path: Path) -> None:
+    """A view without the target gets no observation, and the following views stay with their own samples."""
     blank = np.full((480, 640), 100, np.uint8)
     depths = (0.4, None, 0.6, 0.8)
     found = detect(CELL, recording(tmp_path, *(blank if depth is None else image(depth) for depth in depths)), tmp_path)
@@ -85,8 +85,8 @@ BAD = {
 
 
 @pytest.mark.parametrize("bad", list(BAD))
-def test_bad_images(bad: str, tmp_path: Path) -> None:
-    """An image that cannot be used is a finding with its path and the reason; the others are detected."""
+def test_unusable_image_is_reported(bad: str, tmp_path: Path) -> None:
+    """An unusable image is a finding with its path and the reason; the other images are searched."""
     data, reason = BAD[bad]
     told = recording(tmp_path, image(0.5), None, image(0.6))
     if data is not None:
@@ -99,8 +99,8 @@ def test_bad_images(bad: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("depth", ["sixteen", "colour"])
-def test_other_images(depth: str, tmp_path: Path) -> None:
-    """Images of 16 bits and in colour are detected as grey ones of 8 bits are."""
+def test_sixteen_bit_and_colour_images_are_searched(depth: str, tmp_path: Path) -> None:
+    """Detections in images of 16 bits and in colour are those in grey images of 8 bits."""
     grey = image(0.5)
     other = grey.astype(np.uint16) * 257 if depth == "sixteen" else np.repeat(grey[..., None], 3, axis=2)
     one, two = detect(CELL, recording(tmp_path, grey, other), tmp_path).samples
@@ -109,8 +109,8 @@ def test_other_images(depth: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(one.observations[0].pixels, two.observations[0].pixels, atol=0.02)
 
 
-def test_what_is_there_stays(tmp_path: Path) -> None:
-    """An observation that is recorded stays as it is, and its image is not even read."""
+def test_recorded_observation_is_kept(tmp_path: Path) -> None:
+    """A recorded observation is unchanged, and its image is not read."""
     known = PoseObservation("wrist", "tag", seen_at(0.3))
     told = Recording((Sample(0, observations=(known,), images={"wrist": "none.png"}),))
     found = detect(CELL, told, tmp_path)
@@ -118,14 +118,14 @@ def test_what_is_there_stays(tmp_path: Path) -> None:
     assert found.findings == ()
 
 
-def test_camera_without_lens(tmp_path: Path) -> None:
-    """Images of a camera without intrinsics, whose pixels say nothing, are left alone."""
+def test_images_of_camera_without_lens_are_skipped(tmp_path: Path) -> None:
+    """Images of a camera without intrinsics are not searched, because their pixels carry no information."""
     told = Recording((Sample(0, images={"depth": "none.png"}),))
     assert detect(CELL, told, tmp_path).findings == ()
 
 
-def test_light_with_background(tmp_path: Path) -> None:
-    """A lamp that stays on is a candidate beside the light, unless there is an image with the light off."""
+def test_background_image_removes_other_lights(tmp_path: Path) -> None:
+    """A constant lamp is a candidate beside the LED, unless there is an image with the LED off."""
     light, lamp = np.array([0.1, 0.05, 1.0]), np.array([-0.2, 0.1, 1.0])
     exposed = LedSettings(photons=2e4, spot_px=1.5, photons_per_level=10)
     for name, points in (("on", [light, lamp]), ("off", [lamp])):
@@ -140,8 +140,8 @@ def test_light_with_background(tmp_path: Path) -> None:
     assert "gone.png is missing" in detect(LIT, lost, tmp_path).findings[1].message
 
 
-def test_second_time_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is detected twice; another image, target or size is detected anew."""
+def test_second_detection_uses_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No image is searched twice. A different image, target or size is searched anew."""
     calls = []
 
     def counted(*given: object) -> object:
@@ -169,8 +169,8 @@ def test_second_time_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", '{"pixels": [[1]]}', '{"ids": [1], "pixels": [[1, 2]], "sigma_px": []}']
 )
-def test_broken_cache(text: str, tmp_path: Path) -> None:
-    """A kept detection that cannot be read is made again and written again."""
+def test_damaged_cache_is_rewritten(text: str, tmp_path: Path) -> None:
+    """A cached detection that cannot be read is detected and written again."""
     told = recording(tmp_path, image(0.5))
     detect(CELL, told, tmp_path)
     (kept,) = (tmp_path / "derived" / "detections").iterdir()
@@ -180,14 +180,17 @@ def test_broken_cache(text: str, tmp_path: Path) -> None:
     assert json.loads(kept.read_text()) == json.loads(good)
 
 
-def test_folder_that_cannot_be_written(tmp_path: Path) -> None:
-    """Where nothing can be kept, detection works all the same."""
+def test_detection_works_without_cache_folder(tmp_path: Path) -> None:
+    """Detection succeeds if the cache cannot be written."""
     (tmp_path / "derived").write_text("a file where a folder should be")
     assert ids_of(detect(CELL, recording(tmp_path, image(0.5)), tmp_path).samples[0]) == [[8, 9, 10, 11]]
 
 
-def test_progress_and_folder(tmp_path: Path) -> None:
-    """Progress is told after every sample and after the survey; a recording knows where its images are."""
+def test_progress_is_reported_per_sample(tmp_path: Path) -> None:
+    """Progress is reported after every sample and after the survey.
+
+    The folder of the images is taken from the recording, or is required.
+    """
     told = recording(tmp_path, image(0.5), image(0.7))
     steps: list[tuple[int, int]] = []
     detect(CELL, replace(told, folder=str(tmp_path)), progress=lambda done, of: steps.append((done, of)))
@@ -196,8 +199,8 @@ def test_progress_and_folder(tmp_path: Path) -> None:
         detect(CELL, told)
 
 
-def test_two_targets_in_one_image(tmp_path: Path) -> None:
-    """One camera may see several targets at once."""
+def test_two_targets_in_one_image_are_detected(tmp_path: Path) -> None:
+    """One camera may observe several targets in one image."""
     both = replace(CELL, targets={**CELL.targets, "board": CellTarget("board", "hand", target=TARGETS["charuco"])})
     tag = render(PLAIN, TAG, SE3(np.eye(3), np.array([0.2, 0.0, 0.7])))
     board = render(PLAIN, TARGETS["charuco"], SE3(np.eye(3), np.array([-0.3, -0.14, 0.6])))
@@ -206,8 +209,8 @@ def test_two_targets_in_one_image(tmp_path: Path) -> None:
     assert {each.target for each in sample.observations} == {"tag", "board"}
 
 
-def test_a_wrong_number_is_named_first(tmp_path: Path) -> None:
-    """Told another tag than the one in its images, the first finding is a warning that names the one that is there."""
+def test_wrong_tag_id_is_the_first_finding(tmp_path: Path) -> None:
+    """If the stated tag differs from the one in the images, the first finding is a warning with the visible tag."""
     told = recording(tmp_path, *(image(depth) for depth in (0.4, 0.5, 0.6, 0.7)))
     other = apriltag_target("tag36h11", [(0, 0.1, SE3.identity())])
     found = detect(replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)}), told, tmp_path)
@@ -217,8 +220,8 @@ def test_a_wrong_number_is_named_first(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_damaged_images_are_dropped(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """A JPEG half of which is missing is a finding that names it, and no decoder prints anything."""
+def test_damaged_image_is_dropped(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """A JPEG of which half is missing is a finding with its path, and no decoder prints anything."""
     told = recording(tmp_path, *(image(depth) for depth in (0.4, 0.5, 0.6, 0.7)))
     data = bytes(cv2.imencode(".jpg", image(0.5))[1])
     (tmp_path / "1.png").write_bytes(data[: len(data) // 2] + data[-2:])
@@ -230,8 +233,8 @@ def test_damaged_images_are_dropped(tmp_path: Path, capfd: pytest.CaptureFixture
     assert capfd.readouterr() == ("", "")
 
 
-def test_turned_images_are_named(tmp_path: Path) -> None:
-    """Images that EXIF asks to turn are searched as they are stored, also from the cache, and that is told."""
+def test_exif_rotated_images_are_reported(tmp_path: Path) -> None:
+    """Images with an EXIF rotation are searched as stored, also from the cache, and are reported."""
     told = recording(tmp_path, image(0.5), image(0.6))
     (tmp_path / "0.png").write_bytes(with_exif(bytes(cv2.imencode(".jpg", image(0.5))[1]), 6))
     for _ in range(2):
@@ -242,8 +245,11 @@ def test_turned_images_are_named(tmp_path: Path) -> None:
         assert "EXIF rotates 1 image of 'wrist'" in finding.message
 
 
-def test_the_others_are_not_searched_where_the_first_tell_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of many images that show another tag eight are looked at; of few, or where one shows the target, all."""
+def test_search_stops_if_first_images_show_another_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only eight of 25 images that show another tag are searched.
+
+    All are searched if there are few, or if one shows the target.
+    """
     calls = []
 
     def counted(*given: object) -> object:

@@ -1,4 +1,4 @@
-"""Targets found in rendered images: where they are, and how sure that is."""
+"""Tests of targets detected in rendered images: their positions and sigmas."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ def errors(kind: str, camera: Camera, settings: RenderSettings, tilt: float = 0.
         ("tags", WIDE),
     ],
 )
-def test_corners_within_the_goal(kind: str, camera: Camera) -> None:
-    """With two grey levels of noise, corners are right within 0.06 px rms and nearly all are found."""
+def test_corner_error_is_below_0_06_px(kind: str, camera: Camera) -> None:
+    """With noise of two grey levels, corners have errors below 0.06 px rms, and more than 95 % are found."""
     seen = errors(kind, camera, RenderSettings(noise=2.0, blur_px=0.8))
     assert seen.rms < 0.06
     assert seen.found > 0.95
@@ -91,22 +91,22 @@ IMAGES_OF = [
 
 
 @pytest.mark.parametrize(("kind", "noise", "blur"), IMAGES_OF)
-def test_sigma_is_true(kind: str, noise: float, blur: float) -> None:
-    """Errors are as large as each corner's sigma says, within 20 %, whatever the noise, the blur and the tilt."""
+def test_corner_sigma_matches_error(kind: str, noise: float, blur: float) -> None:
+    """The errors of corners agree with their sigmas within 20 %, whatever the noise, the blur and the tilt."""
     seen = errors(kind, WIDE, RenderSettings(noise=noise, blur_px=blur), tilt=0.8)
     assert 0.8 < seen.ratio < 1.2
 
 
 @pytest.mark.parametrize("kind", quick(["circles", "asymmetric"], ["circles"]))
-def test_centres_of_discs(kind: str) -> None:
-    """Centres of circles are those of the discs, not of the ellipses they are seen as, within 0.005 px rms."""
+def test_disc_centres_are_unbiased(kind: str) -> None:
+    """Detected centres of circles are those of the discs, not of their elliptical images, within 0.005 px rms."""
     seen = errors(kind, WIDE, RenderSettings(noise=0.5))
     assert seen.rms < 0.005
     assert seen.found > 0.95
 
 
-def test_sigma_in_a_sharpened_image() -> None:
-    """Corners keep to their sigmas where the camera has sharpened the image, as most do."""
+def test_sigma_holds_in_sharpened_image() -> None:
+    """Corner errors agree with their sigmas in an image that the camera has sharpened, as most cameras do."""
     shape, errors_of, sigma = TARGETS["charuco"], [], []
     for index, pose in enumerate(poses(shape, 3, np.random.default_rng(5))):
         plain = render(WIDE, shape, pose, RenderSettings(noise=1.0, black=60, white=160), index).astype(np.float64)
@@ -121,8 +121,8 @@ def test_sigma_in_a_sharpened_image() -> None:
 
 
 @pytest.mark.parametrize("kind", quick(["charuco", "chessboard", "asymmetric", "tags"], ["charuco", "asymmetric"]))
-def test_sixteen_bits_say_the_same(kind: str) -> None:
-    """An image of 16 bits, or of 12 bits stored in 16, is searched as one of 8."""
+def test_sixteen_bit_image_gives_same_detection(kind: str) -> None:
+    """An image of 16 bits, or of 12 bits stored in 16, gives the detection of one of 8."""
     shape = TARGETS[kind]
     pose = poses(shape, 1, np.random.default_rng(4), tilt=0.3)[0]
     deep = render(WIDE, shape, pose, RenderSettings(bits=16))
@@ -135,15 +135,15 @@ def test_sixteen_bits_say_the_same(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", list(TARGETS))
-def test_nothing_in_noise(kind: str) -> None:
+def test_no_target_is_found_in_noise(kind: str) -> None:
     """No target is found in noise, in a plain image or in one of a few pixels."""
     noise = np.random.default_rng(0).integers(0, 256, (240, 320)).astype(np.uint8)
     for image in (noise, np.full((200, 200), 255, np.uint8), np.zeros((3, 5), np.uint16)):
         assert find_target(image, TARGETS[kind]) is None
 
 
-def test_board_half_hidden() -> None:
-    """Of a ChArUco board that leaves the image, the corners inside are found under their own ids."""
+def test_partly_visible_charuco_is_detected() -> None:
+    """The visible corners of a ChArUco board that leaves the image are found under their own ids."""
     shape = TARGETS["charuco"]
     pose = SE3(np.eye(3), np.array([-0.55, -0.14, 0.5]))
     true = WIDE.project(pose @ shape.points)
@@ -154,8 +154,8 @@ def test_board_half_hidden() -> None:
     np.testing.assert_allclose(detection.pixels, true[detection.ids], atol=0.1)
 
 
-def test_chessboard_counts_from_black() -> None:
-    """Where half a turn exchanges black and white, ids count from the corner whose outer square is black."""
+def test_chessboard_ids_start_at_black_square() -> None:
+    """If a half turn exchanges black and white, ids start at the corner whose outer square is black."""
     shape = TARGETS["chessboard"]
     for turn in (0.0, np.pi / 2, np.pi, 4.0):
         rotation = SE3.from_rpy((0.2, 0.1, turn), np.zeros(3)).rotation
@@ -165,8 +165,8 @@ def test_chessboard_counts_from_black() -> None:
         np.testing.assert_allclose(detection.pixels, PLAIN.project(pose @ shape.points), atol=0.1)
 
 
-def test_only_own_tags() -> None:
-    """Tags that are not on the target, and a tag that is seen twice, are left out."""
+def test_foreign_and_repeated_tags_are_excluded() -> None:
+    """Tags that are not on the target, and a tag that appears twice, are excluded."""
     two = apriltag_target("tag36h11", [(k, 0.08, SE3(np.eye(3), np.array([0.12 * k, 0, 0]))) for k in (0, 1)])
     pose = SE3(np.eye(3), np.array([-0.05, 0.0, 0.5]))
     one = apriltag_target("tag36h11", [(1, 0.08, SE3.identity())])
@@ -187,14 +187,14 @@ def test_only_own_tags() -> None:
         (apriltag_target("tagCustom48h12", [(0, 0.1, SE3.identity())]), np.zeros((99, 99), np.uint8), "tagCustom48h12"),
     ],
 )
-def test_what_cannot_be_searched(shape: Target, image: Any, message: str) -> None:
-    """An image that is not grey, and a target that cannot be found, are named errors."""
+def test_unsupported_image_or_target_is_refused(shape: Target, image: Any, message: str) -> None:
+    """An image that is not grey, and a target that cannot be detected, are input errors."""
     with pytest.raises(InputError, match=message):
         find_target(image, shape)
 
 
-def test_tags_with_a_wide_border() -> None:
-    """A tag printed with two cells of border, as some programs do, is found as one with one cell is."""
+def test_tag_with_wide_border_is_detected() -> None:
+    """A tag printed with two cells of border, as some programs do, is detected like one with one cell."""
     plain = apriltag_target("tag36h11", [(5, 0.1, SE3.identity())])
     (sheet,) = plain.sheets
     wide = replace(plain, sheets=(replace(sheet, markers=(replace(sheet.markers[0], border=2),)),))
@@ -205,8 +205,8 @@ def test_tags_with_a_wide_border() -> None:
 
 
 @pytest.mark.parametrize(("height", "found"), [(15, False), (16, True)])
-def test_images_have_sixteen_rows(height: int, found: bool) -> None:
-    """With less, OpenCV's detectors fail; an LED is sought in no smaller ones either."""
+def test_images_below_sixteen_rows_are_not_searched(height: int, found: bool) -> None:
+    """OpenCV's detectors fail on fewer than 16 rows or columns. An LED is not searched in smaller images either."""
     rows, columns = np.indices((height, 24))
     image = np.rint(200 * np.exp(-0.5 * ((rows - 7.2) ** 2 + (columns - 11.6) ** 2) / 1.5**2)).astype(np.uint8)
     for each in (image, image.T.copy()):

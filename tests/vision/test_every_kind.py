@@ -1,4 +1,4 @@
-"""What holds in images of every kind of target, a new one among them."""
+"""Tests of detection in images of every registered kind of target."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def nearest_reading(shape: Target, error: Array, back: Array) -> Array:
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_found_where_it_is_drawn(kind: TargetKindName) -> None:
-    """Every point of a usual target is found in its image within 0.1 px, under its own id."""
+def test_every_target_kind_is_detected(kind: TargetKindName) -> None:
+    """Every point of a typical target is found in its image within 0.1 px, under its own id."""
     shape = TARGETS[kind].usual(np.random.default_rng(0))
     if shape.found_by is None:
         return
@@ -44,10 +44,10 @@ def test_found_where_it_is_drawn(kind: TargetKindName) -> None:
 @pytest.mark.parametrize("kind", TARGETS)
 @pytest.mark.parametrize("levels", [{}, {"black": 0.0, "white": 255.0, "background": 255.0}])
 @pytest.mark.parametrize("lens", [PLAIN, WIDE])
-def test_found_flat_and_sharp(kind: TargetKindName, levels: dict[str, float], lens: Camera) -> None:
-    """A render from the front with lines along the pixels, without blur and noise, is found within its sigmas.
+def test_frontal_sharp_target_is_within_sigma(kind: TargetKindName, levels: dict[str, float], lens: Camera) -> None:
+    """The points of a frontal render along the pixel grid, without blur and noise, are found within their sigmas.
 
-    Centres of discs, of which many edges make the mean, may be off by some thousandths more.
+    Centres of discs are means over many edges and may be off by some thousandths of a pixel more.
     """
     shape = TARGETS[kind].usual(np.random.default_rng(0))
     if shape.found_by is None or not shape.sheets:

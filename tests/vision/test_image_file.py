@@ -1,4 +1,4 @@
-"""Images from files, whatever the files hold."""
+"""Tests of reading and writing image files, intact or damaged."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def encoded(suffix: str, picture: np.ndarray = IMAGE) -> bytes:
 
 
 @pytest.mark.parametrize("suffix", [".png", ".bmp", ".tiff", ".pgm", ".webp"])
-def test_grey_is_kept(suffix: str) -> None:
-    """An image stored without loss is given as it is."""
+def test_lossless_grey_image_is_exact(suffix: str) -> None:
+    """A losslessly stored image is read exactly."""
     picture = np.repeat(IMAGE[..., None], 3, axis=2) if suffix == ".webp" else IMAGE
     image = grey_image(encoded(suffix, picture), SIZE)
     assert not isinstance(image, str)
@@ -45,8 +45,8 @@ def test_sixteen_bits_are_kept() -> None:
 
 
 @pytest.mark.parametrize("channels", [3, 4])
-def test_colour_becomes_grey(channels: int) -> None:
-    """Of three equal colours, with or without transparency, grey is their common value."""
+def test_equal_colours_become_grey(channels: int) -> None:
+    """Three equal colour channels, with or without transparency, give their common value."""
     image = grey_image(encoded(".png", np.repeat(IMAGE[..., None], channels, axis=2)), SIZE)
     assert not isinstance(image, str)
     np.testing.assert_array_equal(image, IMAGE)
@@ -54,8 +54,8 @@ def test_colour_becomes_grey(channels: int) -> None:
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.99])
-def test_cut_files(suffix: str, share: float, capfd: pytest.CaptureFixture[str]) -> None:
-    """A file cut anywhere is said to be no whole image, and the decoder prints nothing."""
+def test_truncated_file_is_refused(suffix: str, share: float, capfd: pytest.CaptureFixture[str]) -> None:
+    """A file truncated anywhere is reported as incomplete, and the decoder prints nothing."""
     data = encoded(suffix)
     why = grey_image(data[: int(share * len(data))], SIZE)
     assert isinstance(why, str)
@@ -64,7 +64,7 @@ def test_cut_files(suffix: str, share: float, capfd: pytest.CaptureFixture[str])
 
 
 def test_padding_is_allowed() -> None:
-    """Bytes after the end of an image, as some cameras write them, do no harm."""
+    """Bytes after the end of an image, as some cameras write them, have no effect."""
     for suffix in (".png", ".jpg", ".bmp"):
         assert not isinstance(grey_image(encoded(suffix) + bytes(100), SIZE), str)
 
@@ -81,16 +81,16 @@ def test_padding_is_allowed() -> None:
     ],
     ids=["empty", "text", "mp4", "avi", "size", "float"],
 )
-def test_why_not(data: bytes, reason: str) -> None:
-    """What is no usable image is told in words."""
+def test_unusable_image_has_a_reason(data: bytes, reason: str) -> None:
+    """The reason why an image is unusable is given in words."""
     why = grey_image(data, SIZE)
     assert isinstance(why, str)
     assert reason in why
 
 
 @pytest.mark.filterwarnings("default")
-def test_random_bytes_never_fail() -> None:
-    """Whatever is changed in a file, an image or a sentence comes back."""
+def test_random_changes_do_not_raise() -> None:
+    """A file with random changes gives an image or a reason, never an exception."""
     rng = np.random.default_rng(1)
     for suffix in (".png", ".jpg", ".bmp", ".tiff", ".webp", ".pgm"):
         good = np.frombuffer(encoded(suffix), np.uint8)
@@ -101,8 +101,8 @@ def test_random_bytes_never_fail() -> None:
             assert isinstance(result, str) or result.shape == SIZE[::-1]
 
 
-def test_missing_and_folder(tmp_path: Path) -> None:
-    """A path that is not there or not a file is told in words."""
+def test_missing_file_and_folder_have_reasons(tmp_path: Path) -> None:
+    """A path that is missing or not a file gives a reason in words."""
     assert read_bytes(tmp_path / "none.png") == "is missing, its folder is empty"
     assert read_bytes(tmp_path / "no" / "none.png") == "is missing, as is its folder"
     assert read_bytes(tmp_path) == "cannot be read: Is a directory"
@@ -114,22 +114,22 @@ def test_missing_and_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes on this system")
-def test_pipes_devices_and_files_without_end(tmp_path: Path) -> None:
-    """A pipe that nobody writes to and a device without end are refused at once."""
+def test_pipe_and_device_are_refused(tmp_path: Path) -> None:
+    """A pipe without a writer and an endless device are refused immediately."""
     os.mkfifo(tmp_path / "pipe")
     assert str(read_bytes(tmp_path / "pipe")).startswith("is not a file but a pipe")
     assert str(read_bytes(Path("/dev/zero"))).startswith("is not a file but a pipe")
 
 
-def test_a_file_too_large(tmp_path: Path) -> None:
+def test_too_large_file_is_refused(tmp_path: Path) -> None:
     """A file larger than any image is refused by its size."""
     with (tmp_path / "large").open("wb") as file:
         file.truncate(2**31)
     assert str(read_bytes(tmp_path / "large")).startswith("has more than 256 MB")
 
 
-def test_a_file_of_the_largest_size_is_read_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And a file that says that it is empty no further than a byte more."""
+def test_size_limit_of_files_is_inclusive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file of exactly the size limit is read completely, and one that is a byte larger is refused."""
     monkeypatch.setattr(image_file, "_LARGEST_BYTES", 2**20)
     (tmp_path / "largest").write_bytes(bytes(2**20))
     assert read_bytes(tmp_path / "largest") == bytes(2**20)
@@ -137,8 +137,8 @@ def test_a_file_of_the_largest_size_is_read_whole(tmp_path: Path, monkeypatch: p
     assert read_bytes(tmp_path / "larger") == "has more than 1 MB, the limit of such files; is it the right one?"
 
 
-def test_a_bmp_may_hold_what_its_program_reserves() -> None:
-    """Four bytes after its length, which is all that tells whether it is cut off."""
+def test_reserved_bytes_of_bmp_are_ignored() -> None:
+    """The four reserved bytes after a BMP's length are ignored. Only the length determines whether it is truncated."""
     image = np.arange(48, dtype=np.uint8).reshape(6, 8)
     data = bytearray(cv2.imencode(".bmp", image)[1].tobytes())
     data[6:10] = b"\x07\x08\x09\x0a"
@@ -146,8 +146,8 @@ def test_a_bmp_may_hold_what_its_program_reserves() -> None:
     assert grey_image(bytes(data[:-1]), None) == "is truncated"
 
 
-def test_names_that_are_none(tmp_path: Path) -> None:
-    """A name that no file can have is told in words."""
+def test_impossible_file_names_have_reasons(tmp_path: Path) -> None:
+    """A name that no file can have gives a reason in words."""
     for name in ("a\0b.png", "\ud800.png"):
         assert "cannot be read" in str(read_bytes(tmp_path / name)) or read_bytes(tmp_path / name) == "is missing"
 
@@ -161,8 +161,8 @@ def huge(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(written)
 
 
-def test_huge_images_are_refused_before_their_pixels() -> None:
-    """An image of 90 megapixels is refused by its header, in no memory to speak of and no time."""
+def test_huge_image_is_refused_by_its_header() -> None:
+    """An image of 90 megapixels is refused by its header, within a second and a megabyte of memory."""
     data = huge(30000, 3000)
     tracemalloc.start()
     began = time.perf_counter()
@@ -173,8 +173,11 @@ def test_huge_images_are_refused_before_their_pixels() -> None:
     assert why == "has 30000 x 3000 pixels, expected 1 to 64 million"
 
 
-def test_scans_without_number() -> None:
-    """A JPEG of a megabyte whose ten thousand scans pass over 64 megapixels each took six minutes."""
+def test_jpeg_with_too_many_scans_is_refused() -> None:
+    """A JPEG with more than 100 scans is refused.
+
+    One of a megabyte whose ten thousand scans pass over 64 megapixels each took six minutes.
+    """
     data = cv2.imencode(".jpg", np.zeros((18, 24), np.uint8), [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])[1].tobytes()
     start, end = data.rfind(b"\xff\xc4"), data.rfind(b"\xff\xd9")
     assert isinstance(grey_image(data, None), np.ndarray)
@@ -182,8 +185,11 @@ def test_scans_without_number() -> None:
     assert grey_image(many, None) == "has 101 scans, expected at most 100: store it again"
 
 
-def test_pixels_of_too_many_bytes() -> None:
-    """Decoders hold an image twice: 60 megapixels of four channels and 16 bits would be a gigabyte."""
+def test_too_many_bytes_of_pixels_are_refused() -> None:
+    """An image with more than 256 MB of pixels is refused.
+
+    Decoders hold an image twice: 60 megapixels of four channels and 16 bits would be a gigabyte.
+    """
     start = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sIIBB", 13, b"IHDR", 8000, 7500, 16, 6)
     assert grey_image(start, None) == "has 457 MB of pixels, expected at most 256: store it grey, or with 8 bits"
 
@@ -191,16 +197,16 @@ def test_pixels_of_too_many_bytes() -> None:
 BOARD = scene(TARGETS["chessboard"])
 
 
-def test_half_a_board_is_none() -> None:
-    """A JPEG that decoders fill with grey for want of data is no image: its corners were hundreds of pixels off."""
+def test_half_missing_jpeg_is_refused() -> None:
+    """A JPEG with missing data, which decoders fill with grey, is refused: its corners were hundreds of pixels off."""
     data = encoded(".jpg", BOARD)
     why = grey_image(data[: len(data) // 2] + data[-2:], None)
     assert why == "is damaged (premature end of data segment)"
     assert isinstance(cv2.imdecode(np.frombuffer(data[: len(data) // 2] + data[-2:], np.uint8), 0), np.ndarray)
 
 
-def test_chunks_longer_than_their_file() -> None:
-    """A chunk of a PNG that says it has two gigabytes is refused before a decoder takes memory for it."""
+def test_png_chunk_longer_than_file_is_refused() -> None:
+    """A PNG chunk with a stated length of two gigabytes is refused before a decoder allocates memory for it."""
     data = encoded(".png")
     at = data.index(b"IDAT") - 4
     tracemalloc.start()
@@ -210,22 +216,22 @@ def test_chunks_longer_than_their_file() -> None:
     assert why == "is truncated"
 
 
-def test_cut_webp() -> None:
-    """A WebP that is shorter than it says is truncated."""
+def test_truncated_webp_is_refused() -> None:
+    """A WebP that is shorter than its stated length is truncated."""
     data = encoded(".webp", np.repeat(IMAGE[..., None], 3, axis=2))
     assert grey_image(data[:-20], SIZE) == "is truncated"
 
 
-def test_damaged_png() -> None:
-    """A PNG with one byte changed is no image."""
+def test_damaged_png_is_refused() -> None:
+    """A PNG with one changed byte is refused as damaged."""
     data = bytearray(encoded(".png", BOARD))
     data[len(data) // 2] ^= 1
     assert str(grey_image(bytes(data), None)).startswith("is damaged")
 
 
 @pytest.mark.parametrize("orientation", [1, 3, 6])
-def test_as_the_sensor_gave_it(orientation: int) -> None:
-    """EXIF turns no pixel, since lenses stay where they are; but it is told that it asks for that."""
+def test_exif_orientation_is_not_applied(orientation: int) -> None:
+    """The EXIF orientation does not rotate the pixels, since the lens model refers to the sensor. It is reported."""
     data = with_exif(encoded(".jpg"), orientation)
     image = grey_image(data, SIZE)
     assert not isinstance(image, str)
@@ -235,8 +241,8 @@ def test_as_the_sensor_gave_it(orientation: int) -> None:
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_a_tiff_as_the_sensor_gave_it(orientation: int, kind: type) -> None:
-    """OpenCV rotates and mirrors a TIFF by its orientation; its pixels are given as they are stored."""
+def test_tiff_orientation_is_not_applied(orientation: int, kind: type) -> None:
+    """OpenCV rotates and mirrors a TIFF by its orientation; its pixels are returned as they are stored."""
     stored = np.random.default_rng(0).integers(0, 255, (48, 64)).astype(kind)
     size = stored.itemsize
     tags = [(256, 64), (257, 48), (258, 8 * size), (259, 1), (262, 1), (273, 200), (274, orientation), (277, 1)]
@@ -249,8 +255,8 @@ def test_a_tiff_as_the_sensor_gave_it(orientation: int, kind: type) -> None:
 
 
 @pytest.mark.parametrize("exif", [b"", b"II*\0\xff\xff\xff\xff", b"no directory"])
-def test_broken_exif_is_no_broken_image(exif: bytes) -> None:
-    """Its pixels are whole, and no orientation is known."""
+def test_damaged_exif_does_not_damage_image(exif: bytes) -> None:
+    """The pixels of an image with damaged EXIF are intact, and its orientation is unknown."""
     jpeg = encoded(".jpg")
     data = jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 8) + b"Exif\0\0" + exif + jpeg[2:]
     np.testing.assert_array_equal(grey_image(data, SIZE), grey_image(jpeg, SIZE))
@@ -275,13 +281,16 @@ TO_DO = "use these images, or state size_px and the lens of the recorded images"
         ((60, 48), ""),
     ],
 )
-def test_cause_of_another_size(size_px: tuple[int, int], cause: str) -> None:
-    """Where the camera's size is the image's turned or scaled, that is said."""
+def test_size_mismatch_has_a_cause(size_px: tuple[int, int], cause: str) -> None:
+    """The message states if the size of the camera is that of the image swapped or scaled."""
     assert grey_image(encoded(".png"), size_px) == f"has 64 x 48 pixels, its camera {size_px[0]} x {size_px[1]}{cause}"
 
 
-def test_images_are_written_into_new_and_old_folders(tmp_path: Path) -> None:
-    """Of both depths, again over an old one; a file instead of the folder is one line."""
+def test_images_are_written_and_overwritten(tmp_path: Path) -> None:
+    """Images of both depths are written into new folders and over existing files.
+
+    A file in place of the folder is an error of one line.
+    """
     for image in (IMAGE, IMAGE.astype(np.uint16) * 251, IMAGE):
         write_png(tmp_path / "a" / "b" / "c.png", image)
         np.testing.assert_array_equal(grey_image((tmp_path / "a/b/c.png").read_bytes(), SIZE), image)

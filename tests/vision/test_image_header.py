@@ -1,4 +1,4 @@
-"""Headers of image files."""
+"""Tests of the headers of image files."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ FILES = {
 
 
 @pytest.mark.parametrize("name", list(FILES))
-def test_size(name: str) -> None:
-    """Width and height are told by every format, as the decoder has them."""
+def test_header_has_image_size(name: str) -> None:
+    """The header of every format gives the width and height that the decoder returns."""
     told = read_header(FILES[name])
     assert told is not None
     assert told[:2] == ((64, 48), 1)
 
 
-def test_the_size_of_a_jpeg_is_that_of_its_frame() -> None:
-    """Also of one that is coded arithmetically; tables and what is reserved before it hold no size."""
+def test_jpeg_size_is_that_of_its_frame() -> None:
+    """The size is in the frame, also with arithmetic coding. Tables and reserved segments before it have no size."""
     start, frame = FILES["jpeg"][:2], FILES["jpeg"][2:]
     assert read_header(start + frame.replace(b"\xff\xc0", b"\xff\xc9", 1)) == Header((64, 48))
     for marker in (0xC4, 0xC8, 0xCC):
@@ -52,8 +52,8 @@ def test_the_size_of_a_jpeg_is_that_of_its_frame() -> None:
 @pytest.mark.parametrize("suffix", [".png", ".tiff"])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
-def test_bytes_of_a_pixel(suffix: str, channels: int, kind: type) -> None:
-    """How large the pixels become is told before they are decoded."""
+def test_header_has_bytes_per_pixel(suffix: str, channels: int, kind: type) -> None:
+    """The header gives the number of bytes per pixel before decoding."""
     image = np.repeat(IMAGE[..., None], channels, axis=2).astype(kind)
     told = read_header(bytes(cv2.imencode(suffix, image)[1]))
     assert told is not None
@@ -61,8 +61,8 @@ def test_bytes_of_a_pixel(suffix: str, channels: int, kind: type) -> None:
 
 
 @pytest.mark.parametrize(("kind", "channels"), [(0, 1), (2, 3), (3, 4), (4, 4), (6, 4)])
-def test_bytes_of_a_pixel_by_the_type_of_a_png(kind: int, channels: int) -> None:
-    """Grey, colour, palette, and the two with transparency, which a decoder fills up to four."""
+def test_png_type_determines_bytes_per_pixel(kind: int, channels: int) -> None:
+    """The types are grey, colour, palette, and the two with transparency, which a decoder extends to four channels."""
     start = bytearray(cv2.imencode(".png", IMAGE)[1])
     start[25] = kind
     told = read_header(bytes(start))
@@ -72,13 +72,13 @@ def test_bytes_of_a_pixel_by_the_type_of_a_png(kind: int, channels: int) -> None
 
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("orientation", [1, 3, 6, 8])
-def test_orientation(orientation: int, order: str) -> None:
-    """How an image is meant to be turned is told, the size is that of what is stored."""
+def test_header_has_exif_orientation(orientation: int, order: str) -> None:
+    """The header gives the orientation of an image, and the size of the stored pixels."""
     assert read_header(with_exif(FILES["jpeg"], orientation, order)) == Header((64, 48), orientation)
 
 
-def test_orientation_of_png() -> None:
-    """In a PNG a chunk tells it, and not what looks like its name among the pixels."""
+def test_png_orientation_is_read_from_its_chunk() -> None:
+    """The orientation of a PNG is in the chunk eXIf, not in other data that resembles its name."""
     tiff = b"MM\0*" + struct.pack(">IHHHIHHI", 8, 1, 274, 3, 1, 6, 0, 0)
     start, rest = FILES["png"][:33], FILES["png"][33:]
     chunk = struct.pack(">I", len(tiff)) + b"eXIf" + tiff + b"crc "
@@ -87,20 +87,20 @@ def test_orientation_of_png() -> None:
     assert read_header(start + struct.pack(">I", len(text)) + b"tEXt" + text + b"crc " + rest) == Header((64, 48), 1, 1)
 
 
-def test_comments_of_netpbm() -> None:
-    """Comments between the numbers of a PGM do not count."""
+def test_netpbm_comments_are_skipped() -> None:
+    """Comments between the numbers of a PGM are skipped."""
     assert read_header(b"P5\n# a camera's\n640 # wide\n480\n255\n") == Header((640, 480))
 
 
-def test_huge_without_pixels() -> None:
-    """A file that only claims to be huge is read by its claim."""
+def test_header_of_huge_image_is_read() -> None:
+    """The header of a file that only states a huge size is read as stated."""
     start = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 30000, 30000) + bytes([8, 0])
     assert read_header(start) == Header((30000, 30000), 1, 1)
 
 
 @pytest.mark.parametrize("name", list(FILES))
-def test_any_bytes(name: str) -> None:
-    """Cut or changed anywhere, a header or nothing comes back, in a moment."""
+def test_damaged_header_does_not_raise(name: str) -> None:
+    """A file that is truncated or changed anywhere gives a header or None, quickly."""
     rng, good = np.random.default_rng(2), np.frombuffer(FILES[name], np.uint8)
     for cut in (*range(60), len(good) // 2):
         told = read_header(good[:cut].tobytes())
@@ -124,8 +124,11 @@ def tiff(*tags: tuple[int, int, int, int], order: str = "<", values: bytes = b""
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-def test_tags_of_a_tiff(order: str) -> None:
-    """Long and short numbers; the first of a list, which is elsewhere unless it fits into four bytes."""
+def test_tiff_tags_are_read(order: str) -> None:
+    """Tags have long or short numbers.
+
+    The first of a list is read, which is elsewhere unless the list fits into four bytes.
+    """
     size = ((256, 4, 1, 70000), (257, 3, 1, 480))
     assert read_header(tiff(*size, order=order)) == Header((70000, 480), 1, 1)
     listed = struct.pack(order + "HHH", 9, 8, 8)
@@ -140,8 +143,8 @@ def test_tags_of_a_tiff(order: str) -> None:
     )
 
 
-def test_other_types_of_a_tiff_are_skipped() -> None:
-    """A rational of the same number states nothing; without a size there is no header."""
+def test_unsupported_tiff_types_are_skipped() -> None:
+    """A rational orientation is ignored; there is no header without a size."""
     size = ((256, 4, 1, 640), (257, 4, 1, 480))
     assert read_header(tiff(*size, (274, 5, 1, 6))) == Header((640, 480), 1, 1)
     assert read_header(tiff(*size, (274, 3, 1, 6))) == Header((640, 480), 6, 1)
@@ -149,21 +152,24 @@ def test_other_types_of_a_tiff_are_skipped() -> None:
 
 
 @pytest.mark.parametrize(("before", "read"), [(498, True), (499, False)])
-def test_a_directory_is_read_for_five_hundred_tags(before: int, read: bool) -> None:
-    """Of a longer one the first five hundred."""
+def test_tiff_directory_is_limited_to_500_tags(before: int, read: bool) -> None:
+    """Only the first five hundred tags of a longer directory are read."""
     others = [(1000 + k, 3, 1, 0) for k in range(before)]
     assert (read_header(tiff(*others, (256, 4, 1, 640), (257, 4, 1, 480))) is not None) == read
 
 
-def test_sizes_of_bitmaps() -> None:
-    """The oldest header has two bytes a side; a negative height is of rows from the top."""
+def test_bmp_sizes_are_read() -> None:
+    """The oldest header has two bytes per side; a negative height means that rows start at the top."""
     old = b"BM".ljust(14, b"\0") + struct.pack("<IHH", 12, 640, 480)
     assert read_header(old) == Header((640, 480))
     assert read_header(b"BM".ljust(14, b"\0") + struct.pack("<Iii", 40, 70000, -480)) == Header((70000, 480))
 
 
-def test_sizes_of_webps() -> None:
-    """The extended one has three bytes a side, the lossless 14 bits, the lossy 14 of 16 with a scale."""
+def test_webp_sizes_are_read() -> None:
+    """The sizes in all three WebP headers are read.
+
+    The extended header has three bytes per side, the lossless one 14 bits, the lossy one 14 of 16 bits with a scale.
+    """
     start = b"RIFF\0\0\0\0WEBP"
     extended = start + b"VP8X" + bytes(8) + (69999).to_bytes(3, "little") + (479).to_bytes(3, "little")
     assert read_header(extended) == Header((70000, 480))
@@ -180,8 +186,8 @@ def png(*chunks: tuple[bytes, bytes], bits: int = 8, kind: int = 0) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(struct.pack(">I4s", len(d), n) + d + b"crc " for n, d in every)
 
 
-def test_only_whole_chunks_are_chunks() -> None:
-    """The last byte of the checksum is part of one; each is given by its content."""
+def test_incomplete_png_chunk_is_skipped() -> None:
+    """A chunk is complete with the last byte of its checksum, and is given by its content."""
     data = png((b"tEXt", b"hello"), (b"IEND", b""))
     found = [(name, data[start:end]) for name, start, end in png_chunks(data)]
     assert [name for name, _ in found] == [b"IHDR", b"tEXt", b"IEND"]
@@ -191,22 +197,22 @@ def test_only_whole_chunks_are_chunks() -> None:
 
 
 @pytest.mark.parametrize(("bits", "size"), [(1, 1), (8, 1), (16, 2)])
-def test_bits_of_a_png(bits: int, size: int) -> None:
-    """Up to eight are a byte; an unknown type is taken as the largest."""
+def test_png_bit_depth_determines_bytes(bits: int, size: int) -> None:
+    """Up to eight bits are a byte; an unknown type is treated as the largest."""
     assert read_header(png(bits=bits)) == Header((640, 480), 1, size)
     assert read_header(png(bits=bits, kind=7)) == Header((640, 480), 1, 4 * size)
 
 
-def test_segments_of_a_jpeg() -> None:
-    """Bytes between segments, fill bytes and markers without a length are passed over."""
+def test_jpeg_segments_are_skipped() -> None:
+    """Bytes between segments, fill bytes and markers without a length are skipped."""
     frame = b"\xff\xc0" + struct.pack(">HBHHB", 8, 8, 480, 640, 1)
     for between in (b"", b"\xff\xff", b"\xff\x01", b"\xff\xd0\xff\xd7", b"\0\1\2", b"\xff\xe1\0\2", b"\xff\xe0\0\0"):
         assert read_header(b"\xff\xd8" + b"\xff\xe0\0\4ab" + between + frame) == Header((640, 480))
     assert read_header(b"\xff\xd8" + b"\xff\xe0\0\4ab") is None
 
 
-def test_only_exif_states_an_orientation() -> None:
-    """Another segment with the same number does not, and one that is cut before its tags states none."""
+def test_orientation_is_only_read_from_exif() -> None:
+    """Another segment with the same marker has no orientation, nor has one that is truncated before its tags."""
     frame = b"\xff\xc0" + struct.pack(">HBHHB", 8, 8, 480, 640, 1)
     exif = tiff((274, 3, 1, 6))
     for name, marker, orientation in ((b"Exif\0\0", 0xE1, 6), (b"XMPx\0\0", 0xE1, 1), (b"Exif\0\0", 0xE2, 1)):
@@ -216,8 +222,8 @@ def test_only_exif_states_an_orientation() -> None:
     assert read_header(b"\xff\xd8" + cut + frame) == Header((640, 480))
 
 
-def test_exif_without_an_orientation_is_upright() -> None:
-    """In a JPEG and in a PNG."""
+def test_exif_without_orientation_is_upright() -> None:
+    """EXIF without an orientation means upright, in a JPEG and in a PNG."""
     frame = b"\xff\xc0" + struct.pack(">HBHHB", 8, 8, 480, 640, 1)
     exif = tiff((256, 3, 1, 6))
     segment = b"\xff\xe1" + struct.pack(">H", 8 + len(exif)) + b"Exif\0\0" + exif

@@ -1,4 +1,4 @@
-"""How far an image moves."""
+"""Tests of the measured shift between two images."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ def image_shift(first, second):
 
 
 def test_noise_is_no_motion():
-    """Of twenty images of the same board none seems to move."""
+    """No shift is measured between twenty noisy images of the same board."""
     first = expose(STILL, SETTINGS, 0)
     assert [image_shift(first, expose(STILL, SETTINGS, seed)) for seed in range(1, 21)] == [0.0] * 20
 
 
 @pytest.mark.parametrize("px", [0.2, 0.5, 1.0])
-def test_a_shift_is_measured(px):
-    """A fifth of a pixel is seen, and measured to a fifth of itself."""
+def test_subpixel_shift_is_measured(px):
+    """A shift of a fifth of a pixel is detected, and measured within 20 %."""
     assert image_shift(expose(STILL, SETTINGS, 0), expose(levels(px), SETTINGS, 1)) == pytest.approx(px, rel=0.2)
 
 
-def test_nothing_to_see_and_other_sizes():
-    """A plain image moves nowhere; an image of another size is another image."""
+def test_shift_of_plain_and_resized_images():
+    """A plain image has no shift; the shift to an image of another size is infinite."""
     plain = np.full((240, 320), 100, dtype=np.uint8)
     assert image_shift(plain, plain) == 0.0
     assert shift_between(reduce_image(plain), reduce_image(plain[:200])) == np.inf
@@ -57,29 +57,29 @@ def streak(turn, off, x0=120.0, y0=120.0):
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4, np.pi / 2, 2.0, 3 * np.pi / 4])
-def test_motion_is_measured_across_edges(turn):
-    """In any direction, either way."""
+def test_shift_is_measured_across_edges(turn):
+    """The shift across a streak is measured in any direction and with either sign."""
     for off in (0.4, -0.4):
         assert image_shift(streak(turn, 0.0), streak(turn, off)) == pytest.approx(0.4, rel=0.05)
 
 
-def test_the_part_that_moves_most_counts():
-    """Wherever it is."""
+def test_largest_local_shift_is_returned():
+    """The shift is that of the part that moves most, wherever it is."""
     for x0, y0 in ((40.0, 40.0), (280.0, 200.0), (280.0, 40.0)):
         first, second = (streak(0.0, 0.1 * k) + streak(0.0, 0.5 * k, x0, y0) for k in (0, 1))
         assert image_shift(first, second) == pytest.approx(0.5, rel=0.1)
 
 
-def test_blocks_without_structure_do_not_count():
-    """Flicker of a plain wall is no motion, and noise beyond structure none that is certain."""
+def test_blocks_without_structure_are_ignored():
+    """Flicker of a plain wall is no motion. Noise that exceeds the structure is no certain motion."""
     plain = np.full((240, 320), 100, dtype=np.uint8)
     assert image_shift(plain, plain + np.uint8(3)) == 0
     noisy = [100 + np.random.default_rng(k).normal(0, 4, (240, 320)) for k in range(2)]
     assert image_shift(*(levels.astype(np.uint8) for levels in noisy)) == 0
 
 
-def test_blocks_are_of_forty_pixels_or_more():
-    """As many as fit whole, and one of a small image; what is left at the borders has no say."""
+def test_blocks_have_at_least_forty_pixels():
+    """As many whole blocks as fit are used, one in a small image. The remaining borders are ignored."""
     levels = np.arange(85.0 * 130).reshape(85, 130).astype(np.float32)
     sums = _block_sums(levels)
     assert sums.shape == (2, 3)

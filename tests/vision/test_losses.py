@@ -1,4 +1,4 @@
-"""Images that gave nothing."""
+"""Tests of the findings about images without detections."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def searched(found: int, missed: int, **more: bool) -> list[SearchedImage]:
 
 
 @pytest.mark.parametrize(("found", "missed", "many"), [(10, 0, False), (8, 4, False), (7, 4, True), (1, 9, True)])
-def test_more_than_a_third(found: int, missed: int, many: bool, tmp_path: Path) -> None:
-    """Losing more than a third of the images is a warning, and goes first."""
+def test_loss_above_one_third_is_a_warning(found: int, missed: int, many: bool, tmp_path: Path) -> None:
+    """Losing more than a third of the images is a warning, and is the first finding."""
     told = list(image_findings(searched(found, missed), {"board": TARGETS["charuco"]}, tmp_path))
     codes = [(finding.code, finding.severity) for finding in told]
     assert codes == [("few-images", "warning")] * many + [("dropped-sample", "info")] * (missed > 0)
@@ -30,8 +30,8 @@ def test_more_than_a_third(found: int, missed: int, many: bool, tmp_path: Path) 
     )
 
 
-def test_targets_seen_in_turn(tmp_path: Path) -> None:
-    """Two targets that a camera sees in turn lose no image, though each is missed in half of them."""
+def test_alternating_targets_lose_no_image(tmp_path: Path) -> None:
+    """Two targets that a camera observes alternately lose no image, though each is missing in half of them."""
     pairs = [("one", "other"), ("other", "one")] * 4
     images = [
         SearchedImage(k, "wrist", "x.png", found=(seen,), missed=(not_seen,))
@@ -42,8 +42,8 @@ def test_targets_seen_in_turn(tmp_path: Path) -> None:
     assert told[0].message == "'other' is not found in 4 images of 'wrist': samples 0, 2, 4, 6."
 
 
-def test_unusable_images_count(tmp_path: Path) -> None:
-    """Images that cannot be used are lost as well, each reason is told once, and nothing is said of light."""
+def test_unusable_images_are_lost(tmp_path: Path) -> None:
+    """Unusable images count as lost, each reason is given once, and lighting is not mentioned."""
     images = [*searched(2, 0), *(SearchedImage(k, "wrist", f"{k}.png", unusable="is missing") for k in (2, 3))]
     few, dropped = image_findings(images, {"board": TARGETS["charuco"]}, tmp_path)
     assert few.why == "Each of them, such as 2.png, is missing."
@@ -52,14 +52,14 @@ def test_unusable_images_count(tmp_path: Path) -> None:
     assert dropped.message == "Each of samples 2, 3, such as 2.png, is missing. They are left out for 'wrist'."
 
 
-def test_one_unusable_image_is_told_by_itself(tmp_path: Path) -> None:
-    """With its path."""
+def test_single_unusable_image_states_its_path(tmp_path: Path) -> None:
+    """The finding of a single unusable image has its path."""
     (told,) = image_findings([*searched(9, 0), SearchedImage(9, "wrist", "9.png", unusable="is empty")], {}, tmp_path)
     assert told.message == "Sample 9: 9.png is empty. It is left out for 'wrist'."
 
 
-def test_why_there_is_nothing(tmp_path: Path) -> None:
-    """Known where images cannot be used or show something else; not where one shows a target."""
+def test_missing_targets_are_explained(tmp_path: Path) -> None:
+    """An explanation exists if images are unusable or show another target, but not if one of them shows a target."""
     board = {"board": TARGETS["charuco"]}
     cv2.imwrite(str(tmp_path / "0.png"), np.full((480, 640), 128, np.uint8))
     assert explain_no_target(searched(0, 1), board, tmp_path) == ""
@@ -69,8 +69,8 @@ def test_why_there_is_nothing(tmp_path: Path) -> None:
     assert explain_no_target([], board, tmp_path) == ""
 
 
-def test_what_is_there_instead(tmp_path: Path) -> None:
-    """Where most images show nothing, what they do show is named."""
+def test_visible_other_target_is_named(tmp_path: Path) -> None:
+    """If most images lack the target, the finding names the target that they show."""
     for k in range(1, 6):
         cv2.imwrite(str(tmp_path / f"{k}.png"), scene(TARGETS["legacy"]))
     (tmp_path / "3.png").write_bytes(b"no image")
@@ -81,23 +81,23 @@ def test_what_is_there_instead(tmp_path: Path) -> None:
     )
 
 
-def test_many_turned_images(tmp_path: Path) -> None:
-    """Of many samples the first ten are listed."""
+def test_first_ten_rotated_images_are_listed(tmp_path: Path) -> None:
+    """Of many samples with rotated images the first ten are listed."""
     (told,) = image_findings(searched(12, 0, turned=True), {"board": TARGETS["charuco"]}, tmp_path)
     assert told.code == "turned-images"
     assert told.what.endswith("samples " + ", ".join(map(str, np.arange(10))) + ", ....")
 
 
 @pytest.mark.parametrize(("count", "end"), [(10, "8, 9."), (11, "8, 9, ....")])
-def test_ten_samples_are_listed(count: int, end: str, tmp_path: Path) -> None:
-    """Of eleven the first ten."""
+def test_at_most_ten_samples_are_listed(count: int, end: str, tmp_path: Path) -> None:
+    """Of eleven samples the first ten are listed."""
     (told,) = image_findings(searched(count, 0, turned=True), {}, tmp_path)
     assert told.what.startswith(f"EXIF rotates {count} images of 'wrist'")
     assert told.what.endswith(end)
 
 
-def test_the_most_frequent_reason_comes_first(tmp_path: Path) -> None:
-    """Each with its samples, and all of a camera's as such."""
+def test_most_frequent_reason_comes_first(tmp_path: Path) -> None:
+    """Each reason has its samples; if it applies to all images of a camera, this is stated instead."""
     faults = ["is empty", "is missing", "is missing", "is empty", "is missing"]
     images = [SearchedImage(k, "wrist", f"{k}.png", unusable=fault) for k, fault in enumerate(faults)]
     assert explain_no_target(images, {}, tmp_path) == (
@@ -108,10 +108,10 @@ def test_the_most_frequent_reason_comes_first(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("missed", "surveyed"), [(9, [0, 3, 6]), (2, [0, 1]), (1, [0]), (5, [0, 1, 2])])
-def test_three_images_are_surveyed_over_the_recording(
+def test_three_images_across_the_recording_are_surveyed(
     missed: int, surveyed: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those in which the target was missed; what is seen there is said of each target."""
+    """The survey reads images in which the target was missed. Its result is given for each target."""
     asked: list[list[int]] = []
 
     def read(images: list[SearchedImage], folder: Path) -> list[int]:
@@ -126,10 +126,10 @@ def test_three_images_are_surveyed_over_the_recording(
 
 
 @pytest.mark.parametrize(("found", "hinted"), [(5, False), (4, True)])
-def test_images_are_surveyed_if_more_than_half_are_lost(
+def test_survey_requires_loss_above_one_half(
     found: int, hinted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of ten, five are not."""
+    """Images are surveyed if more than half are lost; five of ten do not suffice."""
     monkeypatch.setattr(losses, "_read_images", lambda *_: [])
     monkeypatch.setattr(losses, "describe_other_targets", lambda *_: "another board")
     first, *_ = image_findings(searched(found, 10 - found), {"board": TARGETS["charuco"]}, tmp_path)
@@ -137,8 +137,8 @@ def test_images_are_surveyed_if_more_than_half_are_lost(
     assert (first.do == ("'board': another board.",)) == hinted
 
 
-def test_unusable_images_are_a_cause_and_no_advice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A single image is one image."""
+def test_unusable_images_are_stated_as_cause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An unusable image is the cause of the finding, not its advice. A single image is written in the singular."""
     monkeypatch.setattr(losses, "_read_images", lambda *_: [])
     unusable = SearchedImage(5, "wrist", "5.png", unusable="is empty")
     few, _ = image_findings([unusable], {"board": TARGETS["charuco"]}, tmp_path)
@@ -147,8 +147,8 @@ def test_unusable_images_are_a_cause_and_no_advice(tmp_path: Path, monkeypatch: 
     assert turned.what == "EXIF rotates 1 image of 'wrist' for display: sample 5."
 
 
-def test_nothing_is_explained_if_an_image_shows_a_target(tmp_path: Path) -> None:
-    """Whatever the others lack; nor is it without images."""
+def test_visible_target_suppresses_explanation(tmp_path: Path) -> None:
+    """There is no explanation if an image shows a target, whatever the others lack, nor without images."""
     unusable = SearchedImage(5, "wrist", "5.png", unusable="is empty")
     assert explain_no_target([*searched(1, 0), unusable], {}, tmp_path) == ""
     assert explain_no_target([unusable], {}, tmp_path) == "sample 5: 5.png is empty"

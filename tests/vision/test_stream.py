@@ -1,4 +1,4 @@
-"""Images of a video, grey, one after another."""
+"""Tests of reading the grey images of a video in sequence."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def video(path):
     return path
 
 
-def test_a_film_is_read_to_its_end(tmp_path):
-    """Its images come in order as (h, w), to within what compression does; then there is none."""
+def test_video_is_read_to_its_end(tmp_path):
+    """Images of a video come in order as (h, w), within the accuracy of the compression; then the stream gives None."""
     film = open_stream(video(tmp_path / "film.avi"))
     levels = [film.read() for _ in LEVELS]
     assert {image.shape for image in levels} == {(48, 64)}
@@ -35,13 +35,13 @@ def test_a_film_is_read_to_its_end(tmp_path):
     film.close()
 
 
-def test_nothing_is_opened_where_there_is_nothing(tmp_path):
-    """A path without a film gives None, not an error."""
+def test_missing_video_gives_none(tmp_path):
+    """A path without a video gives None, not an error."""
     assert open_stream(tmp_path / "none.avi") is None
 
 
-def test_a_pipe_is_not_waited_for(tmp_path):
-    """A pipe with a film's name is no film; a playlist that names an address reaches nothing."""
+def test_pipe_and_playlist_are_refused(tmp_path):
+    """A pipe with the name of a video is refused without waiting. A playlist with an address opens no connection."""
     os.mkfifo(tmp_path / "film.avi")
     assert open_stream(tmp_path / "film.avi") is None
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -53,8 +53,8 @@ def test_a_pipe_is_not_waited_for(tmp_path):
             server.accept()
 
 
-def test_an_address_that_never_answers(monkeypatch):
-    """Nothing comes by UDP: given up once the timeouts are over, which are seconds."""
+def test_unresponsive_address_times_out(monkeypatch):
+    """An UDP address without data is given up after the timeouts, which are a few seconds."""
     assert stream._TIMEOUT_MS <= 5000
     short = [500 if each == stream._TIMEOUT_MS else each for each in stream._TIMEOUTS]
     monkeypatch.setattr(stream, "_TIMEOUTS", short)

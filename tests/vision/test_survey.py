@@ -1,4 +1,4 @@
-"""What is in images instead of the target."""
+"""Tests of the survey that describes images without the stated target."""
 
 from __future__ import annotations
 
@@ -86,16 +86,16 @@ LONG = {
 
 
 @pytest.mark.parametrize("case", quick(CASES, CASES.keys() - LONG))
-def test_what_else_is_named(case: str) -> None:
-    """Another number, family, dictionary, layout or size than the one stated is named."""
+def test_visible_other_target_is_described(case: str) -> None:
+    """The survey names the visible number, family, dictionary, layout or size if it differs from the stated one."""
     printed, stated, words = CASES[case]
     images = [shrunk(scene(TARGETS[printed], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
     assert all(find_target(image, stated) is None for image in images)
     assert describe_other_targets(images, stated) == words
 
 
-def test_ids_beyond_the_board() -> None:
-    """Markers of the right dictionary and no corner: which are there is told, and which the board has."""
+def test_marker_ids_beyond_board_are_listed() -> None:
+    """If markers of the right dictionary give no corner, the survey lists their ids and those of the stated board."""
     far = apriltag_target("DICT_4X4_50", [(40 + k, 0.1, SE3(np.eye(3), np.array([0.15 * k, 0, 0]))) for k in range(2)])
     words = describe_other_targets([scene(far)], TARGETS["charuco"])
     assert words is not None
@@ -103,16 +103,16 @@ def test_ids_beyond_the_board() -> None:
 
 
 @pytest.mark.parametrize("kind", quick(["chessboard", "circles"], ["chessboard"]))
-def test_markers_where_none_are_stated(kind: str) -> None:
-    """A board with markers is of another kind."""
+def test_markers_on_stated_plain_board_are_reported(kind: str) -> None:
+    """A board with markers is reported as another kind than the stated one."""
     images = [shrunk(scene(TARGETS["charuco"], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
     words = describe_other_targets(images, TARGETS[kind])
     assert words is not None
     assert words.startswith("DICT_4X4_50 has 17 markers here: write kind: charuco")
 
 
-def test_markers_of_a_print_that_is_said_to_have_none():
-    """They are named where the board is missed in some images, although it was found in others."""
+def test_print_error_names_unexpected_markers():
+    """Unexpected markers are reported if the board is missed in some images, even if it was found in others."""
     images = [shrunk(scene(TARGETS["charuco"]), 2)]
     assert "write kind: charuco" in (describe_print_error(images, TARGETS["chessboard"]) or "")
     assert describe_print_error([shrunk(scene(TARGETS["chessboard"]), 2)], TARGETS["chessboard"]) is None
@@ -120,8 +120,8 @@ def test_markers_of_a_print_that_is_said_to_have_none():
 
 
 @pytest.mark.parametrize("blur_px", [6.0, 12.0])
-def test_blur_is_named_with_its_width(blur_px: float) -> None:
-    """Within a third; what is read although it is blurred, and noise, are not called blurred."""
+def test_blur_is_reported_with_its_width(blur_px: float) -> None:
+    """The reported blur is accurate within a third. Readable blurred images and noise are not reported as blurred."""
     sharp = [scene(TARGETS["charuco"], pose=pose) for pose in (STRAIGHT, LEANT)]
     words = describe_blur([cv2.GaussianBlur(image, (0, 0), blur_px) for image in sharp])
     assert words is not None
@@ -132,8 +132,8 @@ def test_blur_is_named_with_its_width(blur_px: float) -> None:
 
 
 @pytest.mark.parametrize("kind", list(TARGETS))
-def test_nothing_is_made_up(kind: str) -> None:
-    """In clutter nothing is named, and in the dark that it is dark."""
+def test_clutter_gives_no_description(kind: str) -> None:
+    """The survey describes no target in clutter, and reports only the darkness of a dark image."""
     specks = (gaussian_filter(np.random.default_rng(k).normal(0, 1, (120, 160)), 3.0) for k in range(2))
     clutter = [np.clip(128 + 800 * each, 0, 255).astype(np.uint8) for each in specks]
     assert describe_other_targets(clutter, TARGETS[kind]) is None
@@ -143,8 +143,8 @@ def test_nothing_is_made_up(kind: str) -> None:
     assert words.startswith("the images are dark: 99 % of their pixels are below level 7 of 255; more light")
 
 
-def test_lights_and_no_images() -> None:
-    """Of lights nothing else is known, nor of no image at all."""
+def test_leds_and_missing_images_give_no_description() -> None:
+    """The survey has no description for LEDs, nor without images."""
     assert describe_other_targets([np.full((50, 50), 100, np.uint8)], led_target()) is None
     assert describe_other_targets([], TARGETS["tags"]) is None
 
@@ -159,16 +159,16 @@ BOARD = charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50")
 CAMERA = Camera("pinhole", np.array([600.0, 600.0, 319.5, 239.5, 0, 0, 0, 0, 0]), (640, 480))
 
 
-def test_mirrored_images_are_named() -> None:
-    """Markers are read in no mirrored image; which it is, the image turned round says."""
+def test_mirrored_images_are_reported() -> None:
+    """Markers cannot be read in a mirrored image. The survey detects this by mirroring the image back."""
     image = render(CAMERA, BOARD, print_of(BOARD, 0.0), None, 1)
     mirrored = np.fliplr(image).copy()
     assert find_target(mirrored, BOARD) is None
     assert "the images are mirrored" in (describe_other_targets([mirrored], BOARD) or "")
 
 
-def test_a_second_print_is_named() -> None:
-    """Two boards of the same markers in one image are no board, and said so."""
+def test_second_print_of_board_is_reported() -> None:
+    """Two boards with the same markers in one image are not detected as a board, and are reported."""
     both, other = (render(CAMERA, BOARD, print_of(BOARD, x), None, 1) for x in (0.17, -0.17))
     middle = both.shape[1] // 2
     both[:, :middle] = other[:, :middle]
@@ -176,23 +176,23 @@ def test_a_second_print_is_named() -> None:
     assert "its markers are seen twice in one image" in (describe_other_targets([both], BOARD) or "")
 
 
-def test_a_charuco_board_is_no_chessboard() -> None:
-    """Its few corners that look like a chessboard's are no views, and its markers are named."""
+def test_charuco_board_is_not_a_chessboard() -> None:
+    """A few corners of a ChArUco board that resemble a chessboard are no views, and its markers are reported."""
     image = render(CAMERA, BOARD, print_of(BOARD, 0.0), None, 1)
     described = chessboard_target((4, 6), 0.04)
     assert find_target(image, described) is None
     assert "DICT_4X4_50 has 17 markers here: write kind: charuco" in (describe_other_targets([image], described) or "")
 
 
-def test_a_dictionary_is_not_named_by_one_marker() -> None:
-    """One marker of another dictionary may be clutter."""
+def test_single_marker_suggests_no_dictionary() -> None:
+    """A single marker of another dictionary may be clutter."""
     image = render(CAMERA, tag("DICT_6X6_250", 3), SE3.from_rpy((np.pi, 0, 0), (0, 0, 0.6)), None, 1)
     assert "dictionary" not in (describe_other_targets([image, image], BOARD) or "")
 
 
 @pytest.mark.parametrize(("level", "dark"), [(39, True), (40, False)])
-def test_dark_images_are_named(level: int, dark: bool) -> None:
-    """If 99 % of the pixels of the brightest are below level 40; a few bright pixels change nothing."""
+def test_dark_images_are_reported(level: int, dark: bool) -> None:
+    """Images are dark if 99 % of the pixels of the brightest are below level 40. A few bright pixels have no effect."""
     image = np.full((100, 100), level, np.uint8)
     image[0, :50] = 255
     said = describe_darkness([np.zeros((100, 100), np.uint8), image])
@@ -207,15 +207,18 @@ def edge(sigma_px: float, height: float = 150.0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("sigma_px", [1.0, 2.0, 4.5, 8.0])
-def test_blur_is_the_sigma_of_the_sharpest_edges(sigma_px: float) -> None:
-    """To a fifth of a pixel; without contrast there is none."""
+def test_blur_is_sigma_of_sharpest_edges(sigma_px: float) -> None:
+    """The blur is accurate to a fifth of a pixel. It is None without contrast."""
     assert _edge_px(edge(sigma_px)) == pytest.approx(sigma_px, abs=0.2)
     assert _edge_px(edge(sigma_px, 39.0)) is None
     assert _edge_px(edge(sigma_px, 45.0)) is not None
 
 
-def test_images_are_blurred_if_all_are() -> None:
-    """By the sharpest of them; one that shows nothing tells nothing, and a sharp one is enough."""
+def test_blur_requires_all_images_blurred() -> None:
+    """Blur is reported only if all images are blurred, with the sigma of the sharpest.
+
+    A sharp image or one without contrast prevents the report.
+    """
     soft, softer, sharp = edge(5.0), edge(9.0), edge(1.0)
     said = describe_blur([soft, softer])
     assert said is not None
@@ -226,12 +229,12 @@ def test_images_are_blurred_if_all_are() -> None:
     assert describe_blur([]) is None
 
 
-def test_five_ids_are_listed() -> None:
-    """In order."""
+def test_at_most_five_ids_are_listed() -> None:
+    """Ids are listed in ascending order, and more than five end with dots."""
     assert _ids({3, 1, 2, 5, 4}) == "1, 2, 3, 4, 5"
     assert _ids({3, 1, 2, 5, 4, 6}) == "1, 2, 3, 4, 5, ..."
 
 
-def test_sizes_beside_a_stated_one() -> None:
-    """One more of either or both, then one less."""
+def test_near_sizes_of_stated_board() -> None:
+    """The tried sizes have one more in either or both directions, then one less."""
     assert _near_sizes(9, 6) == [(10, 6), (9, 7), (10, 7), (8, 6), (9, 5), (8, 5)]

@@ -1,4 +1,4 @@
-"""Small images of images."""
+"""Tests of thumbnails of images."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ def encoded(image):
 
 
 @pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint16, 4000)])
-def test_it_is_small_and_shows_the_same(dtype, white):
-    """A third as wide, the bright half bright and the dark half dark, also of 16 bits that are not filled."""
+def test_thumbnail_is_smaller_with_same_contents(dtype, white):
+    """A thumbnail of a third of the width has the bright and the dark half.
+
+    This holds for 16 bits that are not fully used, too.
+    """
     image = np.zeros((600, 900), dtype)
     image[:, 450:] = white
     small = cv2.imdecode(np.frombuffer(thumbnail(encoded(image), (900, 600), 300), np.uint8), cv2.IMREAD_UNCHANGED)
@@ -25,8 +28,8 @@ def test_it_is_small_and_shows_the_same(dtype, white):
     assert small[:, 160:].min() > 235
 
 
-def test_a_small_image_is_not_made_larger():
-    """It keeps its size."""
+def test_small_image_is_not_enlarged():
+    """A small image keeps its size."""
     small = thumbnail(encoded(np.zeros((40, 60), np.uint8)), None, 300)
     assert cv2.imdecode(np.frombuffer(small, np.uint8), cv2.IMREAD_UNCHANGED).shape == (40, 60)
 
@@ -34,8 +37,8 @@ def test_a_small_image_is_not_made_larger():
 @pytest.mark.parametrize(
     ("data", "size_px"), [(b"", None), (b"no image", None), (encoded(np.zeros((4, 4), np.uint8)), (5, 5))]
 )
-def test_what_is_no_such_image_has_none(data, size_px):
-    """Nothing, something else, or another size."""
+def test_unusable_image_has_no_thumbnail(data, size_px):
+    """An empty file, other data, or an image of another size has no thumbnail."""
     assert thumbnail(data, size_px, 300) is None
 
 
@@ -44,8 +47,11 @@ def shown(image, size_px=None, width=300):
     return cv2.imdecode(np.frombuffer(thumbnail(encoded(image), size_px, width), np.uint8), cv2.IMREAD_UNCHANGED)
 
 
-def test_levels_of_sixteen_bits_are_relative_to_the_brightest():
-    """A few hot pixels do not darken the others, half of the levels is half as bright, and black stays black."""
+def test_sixteen_bit_levels_are_relative_to_brightest():
+    """A few hot pixels do not darken the others.
+
+    Half of the brightest level is half as bright, and black stays black.
+    """
     image = np.full((100, 200), 2000, np.uint16)
     image[:, :100] = 1000
     image[0, :50] = 65535
@@ -57,6 +63,6 @@ def test_levels_of_sixteen_bits_are_relative_to_the_brightest():
 
 
 @pytest.mark.parametrize(("shape", "small"), [((1, 2000), (1, 300)), ((2000, 1), (2000, 1)), ((2, 900), (1, 300))])
-def test_narrow_images_keep_a_pixel(shape, small):
-    """No side becomes zero."""
+def test_narrow_image_keeps_one_pixel(shape, small):
+    """No side of a thumbnail becomes zero."""
     assert shown(np.zeros(shape, np.uint8)).shape == small
