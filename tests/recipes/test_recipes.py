@@ -1,4 +1,4 @@
-"""Every command of the recipes, the tutorial and the README runs as it stands there, and ends well."""
+"""Tests of the commands in the recipes, the tutorial and the README, run as printed."""
 
 from __future__ import annotations
 
@@ -36,12 +36,13 @@ def commands(page: Path) -> list[list[str]]:
 @pytest.mark.parametrize(
     "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in sorted(PAGES)]
 )
-def test_commands_run_and_end_in_good(
+def test_documented_commands_run(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Each ends with 0, and every cell that was calibrated is good; or doubtful, with 1, as the page says.
+    """Each command ends with 0, and every calibrated cell is good.
 
-    Of the README's ten stops the error is larger than the tolerance that it states: 5.
+    A page whose answer is doubtful has cells that are doubtful, with exit code 1. The error of the README's ten stops
+    exceeds the stated tolerance: exit code 5.
     """
     for library in NEEDED.get(name, ()):
         pytest.importorskip(library, reason=f"the extra for {library} is not installed")
@@ -58,8 +59,8 @@ def test_commands_run_and_end_in_good(
     assert {read_calibration(run).verdict for run in runs} == {"doubtful" if name in DOUBTFUL else "good"}
 
 
-def test_every_page_is_tried_and_listed() -> None:
-    """Pages, raw files, the documents' contents and the list of recipes name the same."""
+def test_every_page_is_tested_and_listed() -> None:
+    """Pages, raw files, the contents of the documentation and the list of recipes have the same names."""
     assert {*RAW} == {*PAGES}
     contents = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     for name, path in LISTED.items():

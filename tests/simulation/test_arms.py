@@ -1,4 +1,4 @@
-"""Arms of six axes: their stated and true kinematics, joints that reach poses, and scenes moved onto them."""
+"""Tests of simulated six-axis arms: stated and true kinematics, inverse kinematics, and scenes with joints."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def rng():
     return np.random.default_rng(3)
 
 
-def test_the_arm_has_the_lengths_it_is_said_to_have():
-    """Straight joints lay both links along one line: 0.42 and 0.39 m from the shoulder."""
+def test_arm_has_stated_link_lengths():
+    """The two long links are 0.42 and 0.39 m, and the masses of all links add up to 18.8 kg."""
     arm = six_axis()
     elbow = arm.origins[1].translation + arm.origins[2].translation
     assert arm.n == 6
@@ -32,15 +32,15 @@ def test_the_arm_has_the_lengths_it_is_said_to_have():
     np.testing.assert_allclose(arm.masses.kg.sum(), 18.8)
 
 
-def test_straight_joints_lay_the_arm_along_its_base():
-    """Places add up along the links: the flange is 0.81 m back, and looks along the base's y axis, backwards."""
+def test_forward_kinematics_at_zero_joints():
+    """At zero joints the flange is 0.81 m back and points along the negative y axis of the base."""
     at_zero = six_axis().forward(np.zeros(6))
     np.testing.assert_allclose(at_zero.translation, [-0.81, -0.255, 0.06], atol=1e-12)
     np.testing.assert_allclose(at_zero.rotation, [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-12)
 
 
-def test_joints_are_found_for_poses_within_reach():
-    """Those of poses a step away bring the flange there; of a pose two metres off none do, and that is said."""
+def test_inverse_kinematics_within_reach():
+    """Joints are found for poses a step away. A pose two metres off has none and is reported as not reached."""
     arm, step = six_axis(), 0.2 * rng().standard_normal((5, 6))
     wanted = arm.forward(HOME + step)
     found, reached = solve_joints(arm, wanted, HOME)
@@ -50,8 +50,8 @@ def test_joints_are_found_for_poses_within_reach():
     assert not solve_joints(arm, far, HOME)[1].any()
 
 
-def test_joints_beyond_their_limits_do_not_count():
-    """The pose is reached, the limit is not kept."""
+def test_inverse_kinematics_respects_joint_limits():
+    """A solution beyond a joint limit is reported as not reached, even if the pose is."""
     arm = six_axis()
     high = HOME + np.array([2 * np.pi, 0, 0, 0, 0, 0])
     assert solve_joints(arm, arm.forward(HOME[None]), HOME)[1].all()
@@ -59,8 +59,11 @@ def test_joints_beyond_their_limits_do_not_count():
 
 
 @pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand", "two_cameras"])
-def test_views_of_the_homes_stay_as_they_were(layout):
-    """Bases and what stands on the world move together; the first base is the world."""
+def test_home_views_are_unchanged_with_arms(layout):
+    """Bases and objects on the world move together, so that the views at home are unchanged.
+
+    The first base is the world.
+    """
     scenario = Scenario(layout=layout, joints=True)
     before = draw_scene(scenario, make_layout(layout), np.random.default_rng(1))
     after, arms = with_arms(before, scenario, rng())
@@ -76,8 +79,8 @@ def test_views_of_the_homes_stay_as_they_were(layout):
         np.testing.assert_allclose(home.matrix, arms[robot].chain.forward(arms[robot].home).matrix, atol=1e-12)
 
 
-def test_homes_are_on_both_sides_of_the_middle():
-    """Cells differ: each joint is somewhere else, within its reach of a bent arm."""
+def test_home_joints_vary_about_the_middle():
+    """Home joints differ between cells, on both sides of the middle, within 0.5 rad of a bent arm."""
     scenario, draws = Scenario(layout="eye_in_hand", joints=True), rng()
     scene = draw_scene(scenario, make_layout("eye_in_hand"), np.random.default_rng(1))
     homes = np.stack([arm.home for _ in range(20) for arm in with_arms(scene, scenario, draws)[1].values()])
@@ -87,8 +90,8 @@ def test_homes_are_on_both_sides_of_the_middle():
     assert np.all(np.abs(homes - middle)[:, 1:5] <= 0.5)
 
 
-def test_a_light_on_the_world_stays_without_rotation():
-    """Its mount is a point, whichever way the bases turned."""
+def test_led_on_world_has_no_rotation():
+    """The mount of an LED is a point, whatever the rotation of the bases."""
     scenario = Scenario(layout="eye_in_hand", target="led", joints=True)
     before = draw_scene(scenario, make_layout("eye_in_hand"), np.random.default_rng(1))
     after, _ = with_arms(before, scenario, rng())
@@ -100,8 +103,11 @@ def test_a_light_on_the_world_stays_without_rotation():
     )
 
 
-def test_true_arms_differ_by_the_sigmas_asked_for():
-    """Offsets, links and compliances of 40 arms have their sigmas to a fifth; without any the arm is as stated."""
+def test_true_arm_errors_have_requested_sigmas():
+    """Offsets, links and compliances of 40 arms have their sigmas within 20 %.
+
+    Without errors the true arm equals the stated one.
+    """
     scenario = Scenario(joints=True, joint_offset_rad=0.01, link_error=(1e-3, 2e-3), compliance=1e-4)
     drawn = np.random.default_rng(0)
     scene = draw_scene(scenario, make_layout("dual"), np.random.default_rng(1))
@@ -116,15 +122,15 @@ def test_true_arms_differ_by_the_sigmas_asked_for():
     np.testing.assert_allclose(exact.true.forward(HOME).matrix, exact.chain.forward(HOME).matrix, atol=1e-12)
 
 
-def test_several_homes_suit_no_arms():
-    """The layout is named, and what to do."""
+def test_layout_with_several_homes_refuses_arms():
+    """The error names the layout and states what to do."""
     scene = draw_scene(Scenario(layout="chain"), make_layout("chain"), rng())
     with pytest.raises(InputError, match="'chain' has robots with several homes"):
         with_arms(scene, Scenario(layout="chain"), rng())
 
 
-def test_joints_turn_once_either_way_and_masses_lie_on_their_links():
-    """Those of both long links near their middles."""
+def test_joint_limits_and_centres_of_mass():
+    """Joints rotate by one turn in both directions. The masses of both long links are near their middles."""
     arm = six_axis()
     np.testing.assert_allclose([arm.lower, arm.upper], [np.full(6, -2 * np.pi), np.full(6, 2 * np.pi)])
     np.testing.assert_array_equal(arm.axes, np.tile([0, 0, 1], (6, 1)))
@@ -134,8 +140,8 @@ def test_joints_turn_once_either_way_and_masses_lie_on_their_links():
     assert np.all(np.diff(arm.masses.kg[1:]) <= 0)
 
 
-def test_far_joints_are_found_in_bounded_steps():
-    """From joints that are a radian off; those of a single start serve all poses."""
+def test_inverse_kinematics_converges_from_far_start():
+    """The solution converges from joints that are a radian off. A single start serves all poses."""
     arm = six_axis()
     wanted = arm.forward(np.stack([HOME, HOME + 0.1]))
     found, reached = solve_joints(arm, wanted, HOME + np.array([1, 0.5, -0.5, 0.5, -0.3, 1]))
@@ -143,8 +149,11 @@ def test_far_joints_are_found_in_bounded_steps():
     np.testing.assert_allclose(arm.forward(found).matrix, wanted.matrix, atol=1e-8)
 
 
-def test_homes_turn_all_round_at_both_ends_of_the_arm():
-    """Shoulder and flange by half a turn either way, what is between by half a radian."""
+def test_home_joints_fill_their_ranges():
+    """Shoulder and flange of homes vary by half a turn in both directions.
+
+    The joints between them vary by up to half a radian.
+    """
     draws = rng()
     homes = np.stack([_arm(Scenario(joints=True), draws).home for _ in range(30)])
     reach = np.abs(homes - [0.0, -1.2, 1.5, -1.8, 1.4, 0.0]).max(0)

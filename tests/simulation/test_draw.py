@@ -1,4 +1,4 @@
-"""What is drawn has the distribution it is said to have."""
+"""Tests of the distributions of random draws of the simulation."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ def rng():
     return np.random.default_rng(0)
 
 
-def test_a_ball_is_filled_evenly(rng):
-    """Half the radius holds an eighth of 8,000 vectors (sigma 0.4 %), none is outside, and their mean is the centre."""
+def test_draws_in_ball_are_uniform(rng):
+    """Half the radius contains an eighth of 8,000 vectors (sigma 0.4 %).
+
+    None is outside, and their mean is the centre.
+    """
     vectors = draw.draw_in_ball(rng, 8000, 2.0)
     length = np.linalg.norm(vectors, axis=1)
     assert length.max() <= 2.0
@@ -26,7 +29,7 @@ def test_a_ball_is_filled_evenly(rng):
 
 
 def test_rotations_are_uniform(rng):
-    """Columns point everywhere alike, and the angle has the mean of uniform rotations, 126.5 deg (sigma 0.8)."""
+    """Columns have no preferred direction, and the angle has the mean of uniform rotations, 126.5 deg (sigma 0.8)."""
     matrices = draw.rotations(rng, 2000)
     np.testing.assert_allclose(np.linalg.det(matrices), 1)
     np.testing.assert_allclose(matrices.mean(0), 0, atol=0.06)
@@ -34,13 +37,13 @@ def test_rotations_are_uniform(rng):
     assert angle.mean() == pytest.approx(126.5, abs=3)
 
 
-def test_tangents_have_their_sigmas(rng):
-    """Translations the first, rotations the second, to 3 % of 4,000 draws."""
+def test_tangents_have_stated_sigmas(rng):
+    """Translations have the first sigma and rotations the second, within 4 % for 4,000 draws."""
     np.testing.assert_allclose(draw.tangents(rng, 4000, (1e-3, 0.2)).std(0), [1e-3] * 3 + [0.2] * 3, rtol=0.04)
 
 
-def test_a_mount_of_a_point_is_not_turned(rng):
-    """Both are within a decimetre; that of a board is turned."""
+def test_mount_of_point_has_no_rotation(rng):
+    """Both mounts are within a decimetre; only that of a board is rotated."""
     point, board = draw.mount(rng, True), draw.mount(rng, False)
     np.testing.assert_array_equal(point.rotation, np.eye(3))
     assert np.linalg.norm(board.rotvec) > 0.1
@@ -48,8 +51,11 @@ def test_a_mount_of_a_point_is_not_turned(rng):
 
 
 @pytest.mark.parametrize("model", lens_models())
-def test_a_lens_is_one_of_the_model_asked_for(rng, model):
-    """Its centre is within 15 px of the image's, its focal lengths half a percent of one another."""
+def test_lens_has_requested_model(rng, model):
+    """The lens is of the requested model.
+
+    Its centre is within 15 px of the image centre, and its focal lengths differ by at most half a percent.
+    """
     for _ in range(20):
         lens = draw.lens(rng, Scenario(lens=model))
         fx, fy, cx, cy = lens.parameters[:4]
@@ -60,8 +66,8 @@ def test_a_lens_is_one_of_the_model_asked_for(rng, model):
         assert abs(cy - 359.5) <= 15
 
 
-def test_what_the_scenario_states_is_not_drawn(rng):
-    """Its own lens and board are taken as they are, and leave the generator as it was."""
+def test_stated_lens_and_board_are_not_drawn(rng):
+    """The lens and the board of the scenario are used unchanged and leave the random generator untouched."""
     lens, board = draw.lens(rng, Scenario()), led_target()
     before = rng.bit_generator.state
     assert draw.lens(rng, Scenario(camera=lens)) is lens
@@ -70,6 +76,6 @@ def test_what_the_scenario_states_is_not_drawn(rng):
 
 
 @pytest.mark.parametrize(("seen", "kind"), [("pose", "charuco"), ("points3d", "points"), ("led", "led")])
-def test_a_target_suits_what_is_seen(rng, seen, kind):
-    """Poses are those of a board, 3-D points of points, and every kind is itself."""
+def test_target_shape_matches_observed_kind(rng, seen, kind):
+    """Poses are those of a board, 3-D points those of points, and every other kind is itself."""
     assert draw.shape(rng, Scenario(target=seen)).kind == kind

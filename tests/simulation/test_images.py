@@ -1,4 +1,4 @@
-"""Images of a simulated cell show what its recording says was seen."""
+"""Tests of rendered images of a simulated cell against its recording."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from basecal.simulation.images import camera_from_target, render_recording
 from basecal.simulation.scenario import ObservedKind
 
 
-def test_an_image_a_view_and_no_detections(tmp_path: Path):
-    """Every sample names an image of the camera's size and holds no observation."""
+def test_rendered_samples_have_images_without_observations(tmp_path: Path):
+    """Every sample names an image of the camera's size and has no observation."""
     s = simulate(Scenario(samples=3), seed=0)
     steps = []
     recording = render_recording(s, tmp_path, progress=lambda *count: steps.append(count))
@@ -27,7 +27,7 @@ def test_an_image_a_view_and_no_detections(tmp_path: Path):
 
 
 def test_true_poses_project_to_the_recorded_pixels():
-    """Noiseless pixels are the projection by the truth, robots' noise included."""
+    """Noiseless pixels are the projection by the true transforms, including the noise of robots."""
     s = simulate(Scenario(samples=4, pixel_px=0.0, robot_noise=(1e-3, 1e-3)), seed=1)
     board = s.cell.targets["board"].target
     for index, sample in enumerate(s.recording.samples):
@@ -36,8 +36,8 @@ def test_true_poses_project_to_the_recorded_pixels():
         np.testing.assert_allclose(s.cameras["wrist"].project(at), seen.pixels, atol=1e-6)
 
 
-def test_a_light_is_imaged_on_and_off(tmp_path: Path):
-    """The difference of both images is bright where the light is, and nowhere else."""
+def test_led_is_rendered_on_and_off(tmp_path: Path):
+    """The difference of both images is brightest at the LED."""
     s = simulate(Scenario(samples=1, target="led", camera_mount="fixed", target_mount="fixed", pixel_px=0.0), seed=0)
     (sample,) = render_recording(s, tmp_path).samples
     on, off = (
@@ -49,8 +49,8 @@ def test_a_light_is_imaged_on_and_off(tmp_path: Path):
 
 
 @pytest.mark.parametrize("target", ["pose", "points3d", "points"])
-def test_what_no_detector_finds_has_no_images(tmp_path: Path, target: ObservedKind):
-    """A camera that gives poses, and points that look alike, are refused in one sentence."""
+def test_undetectable_targets_have_no_images(tmp_path: Path, target: ObservedKind):
+    """A camera that measures poses, and indistinguishable points, are refused in one sentence."""
     with pytest.raises(InputError, match="has no images"):
         render_recording(simulate(Scenario(samples=1, target=target), seed=0), tmp_path)
     assert not [*tmp_path.iterdir()]

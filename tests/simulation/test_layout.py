@@ -1,4 +1,4 @@
-"""Plans of cells: who carries what and who sees whom."""
+"""Tests of layouts: the carriers of cameras and targets, and their views."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from basecal.simulation.scenario import LayoutName
 
 
 @pytest.mark.parametrize("name", get_args(LayoutName))
-def test_every_plan_is_whole(name):
-    """Whatever is seen has a carrier that exists, every camera and target is in a view, and every robot moves."""
+def test_every_layout_is_complete(name):
+    """All carriers exist, every camera and target is in a view, and every robot moves."""
     plan = make_layout(name)
     views = [view for group in plan.groups for view in group]
     assert {camera for camera, _ in views} == plan.cameras.keys()
@@ -32,23 +32,26 @@ def test_every_plan_is_whole(name):
         ("two_world_cameras", WORLD, "arm"),
     ],
 )
-def test_ends_are_carried_as_the_name_says(name, camera_on, target_on):
-    """By the carrier of the first view's camera and target."""
+def test_layout_name_determines_carriers(name, camera_on, target_on):
+    """The first view's camera and target are on the carriers that the name of the layout implies."""
     plan = make_layout(name)
     camera, target = plan.groups[0][0]
     assert (plan.carrier(camera), plan.carrier(target)) == (camera_on, target_on)
 
 
-def test_a_chain_is_a_ring_of_as_many_robots():
-    """Each sees the next, the last the first; one pair after another, its eye first."""
+def test_chain_closes_to_a_ring():
+    """Each robot observes the next, the last one the first.
+
+    The pairs follow one another, the robot with the camera first.
+    """
     plan = make_layout("chain", 4)
     assert plan.robots == ("r1", "r2", "r3", "r4")
     assert [plan.movers(group) for group in plan.groups] == [("r1", "r2"), ("r2", "r3"), ("r3", "r4"), ("r4", "r1")]
     assert plan.groups[-1] == (("camera4", "board1"),)
 
 
-def test_movers_are_named_once_and_cameras_first():
-    """Two cameras see one board on the world: their robots, in the order of the views."""
+def test_movers_are_unique_with_cameras_first():
+    """The robots of two cameras that observe one board are listed once, in the order of the views."""
     plan = make_layout("two_cameras")
     assert plan.movers(plan.groups[0]) == ("left", "right")
     assert make_layout("dual").movers(make_layout("dual").groups[0]) == ("eye", "hand")
@@ -66,8 +69,11 @@ def test_movers_are_named_once_and_cameras_first():
         ("chain", 2, [(1, 2), (2, 1)]),
     ],
 )
-def test_many_robots_see_their_neighbours(name, robots, seen):
-    """In a grid those to the right and below, in a ring the next two; parked ones are recorded in a chain alone."""
+def test_robots_observe_their_neighbours(name, robots, seen):
+    """In a grid the neighbours are those to the right and below, in a ring the next two.
+
+    Only a chain records parked robots.
+    """
     plan = make_layout(name, robots)
     assert plan.robots == tuple(f"r{k + 1}" for k in range(robots))
     assert plan.groups == tuple(((f"camera{a}", f"board{b}"),) for a, b in seen)

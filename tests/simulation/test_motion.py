@@ -1,4 +1,4 @@
-"""Where robots go, and what of a target is seen from there."""
+"""Tests of robot motions and of the points visible from them."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def drawn(scenario, scene=None):
     return draw_motions(scene or scene_of(scenario), scenario, np.random.default_rng(2), {})
 
 
-def test_points_are_those_of_the_target_where_it_stands():
-    """By the chain through bases, flanges and mounts, written out."""
+def test_points_in_camera_follow_the_chain():
+    """The points in the camera are those of the explicit chain of bases, flanges and mounts."""
     scene = scene_of(Scenario())
     home = scene.homes[0]
     eye = scene.bases["eye"] @ home["eye"] @ scene.mounts["wrist"]
@@ -39,8 +39,8 @@ def test_points_are_those_of_the_target_where_it_stands():
 
 
 @pytest.mark.parametrize(("angle_deg", "seen"), [(0, True), (70, True), (80, False), (180, False)])
-def test_a_board_is_seen_from_its_front_and_not_too_flat(angle_deg, seen):
-    """Turned about its middle, half a metre before the camera: cos 75.5 deg is a quarter."""
+def test_board_is_visible_from_its_front(angle_deg, seen):
+    """A board rotated about its centre at 2.5 m is visible up to 75.5 deg, whose cosine is a quarter."""
     scenario = Scenario(pixel_px=0.0)
     scene = scene_of(scenario)
     board = scene.shapes["board"]
@@ -53,8 +53,8 @@ def test_a_board_is_seen_from_its_front_and_not_too_flat(angle_deg, seen):
     assert seen_points(scene, scenario, VIEW, states).all() == seen
 
 
-def test_noise_widens_the_margin():
-    """By five sigmas of a pixel: what was in view at 2 px from the border is not where it may be moved by 30."""
+def test_pixel_noise_widens_image_margin():
+    """The margin grows by five sigmas of a pixel. A point that noise may move out of the image is not visible."""
     scene = scene_of(Scenario(pixel_px=0.0))
     states = {robot: pose[None] for robot, pose in scene.homes[0].items()}
     low = scene.lenses["wrist"].project(points_in_camera(scene, VIEW, states)).min()
@@ -66,8 +66,8 @@ def test_noise_widens_the_margin():
     ("arms", "eye_stops", "hand_stops"),
     [("both", 12, 12), ("eye_still", 1, 12), ("hand_still", 12, 1), ("halves", 7, 7), ("stations", 3, 12)],
 )
-def test_arms_stand_still_as_the_scenario_says(arms, eye_stops, hand_stops):
-    """Of 12 samples so many places of each."""
+def test_number_of_stops_follows_the_scenario(arms, eye_stops, hand_stops):
+    """Twelve samples have as many distinct poses of each arm as the scenario states."""
     motions = drawn(Scenario(samples=12, arms=arms, stations=3))
     for robot, stops in (("eye", eye_stops), ("hand", hand_stops)):
         places = np.concatenate([motion.recorded[robot].matrix for motion in motions])
@@ -75,8 +75,11 @@ def test_arms_stand_still_as_the_scenario_says(arms, eye_stops, hand_stops):
         assert len(np.unique(np.round(places, 9), axis=0)) == stops
 
 
-def test_a_still_robot_errs_once_and_a_moving_one_each_time():
-    """Errors of recorded poses, with their sigmas to a fifth."""
+def test_still_robot_has_one_pose_error():
+    """A still robot has a single error of its recorded pose.
+
+    A moving one has an error per sample, with sigmas within 20 %.
+    """
     scenario = Scenario(samples=200, arms="eye_still", robot_noise=(1e-3, 2e-3))
     (motion,) = drawn(scenario)
     eye, hand = ((motion.recorded[r].inverse() @ motion.true[r]).log() for r in ("eye", "hand"))
@@ -85,15 +88,15 @@ def test_a_still_robot_errs_once_and_a_moving_one_each_time():
     np.testing.assert_allclose(hand.std(0), np.repeat([1e-3, 2e-3], 3), rtol=0.2)
 
 
-def test_no_motion_is_one_place():
-    """Without spread nothing moves, whatever moves otherwise."""
+def test_zero_spread_means_no_motion():
+    """Robots do not move without spread of rotation and position."""
     (motion,) = drawn(Scenario(samples=3, spread_rad=0.0, position_m=0.0))
     for robot in ("eye", "hand"):
         assert np.ptp(motion.recorded[robot].matrix, axis=0).max() == 0
 
 
-def test_groups_share_the_samples():
-    """Seven samples of a ring of three: three, two, two, one pair after another."""
+def test_samples_are_divided_among_groups():
+    """Seven samples of a ring of three are divided into three, two and two, one pair after another."""
     motions = drawn(Scenario(samples=7, layout="chain"))
     assert [(motion.group, len(motion.recorded["r1" if motion.group != 1 else "r2"])) for motion in motions] == [
         (0, 3),
@@ -102,8 +105,8 @@ def test_groups_share_the_samples():
     ]
 
 
-def test_parts_of_a_view_are_kept_where_asked_for():
-    """Near the border whole boards are the only ones; partial views add those of eight points and more."""
+def test_partial_views_are_optional():
+    """Only whole boards are recorded by default. With `partial`, views of at least eight points are recorded, too."""
     near = Scenario(samples=30, distance_m=(0.25, 0.35), position_m=0.2)
     counts = {}
     for partial in (False, True):
@@ -117,14 +120,14 @@ def test_parts_of_a_view_are_kept_where_asked_for():
     assert 8 <= counts[True][0] < whole
 
 
-def test_too_few_that_see_the_target_are_said():
-    """An image of four pixels holds no board: how many were found, and what to change."""
+def test_too_few_visible_samples_are_refused():
+    """An image of four pixels cannot show a board. The error states how many samples were found, and what to change."""
     scenario = Scenario(samples=5, camera=Camera("pinhole", LENS.parameters, (4, 4)))
     with pytest.raises(InputError, match=r"only 0 of 5 samples see the target after 2600 tries: make spread_rad"):
         drawn(scenario)
 
 
-def test_one_robot_cannot_stand_still():
-    """There is no other to move."""
+def test_single_robot_cannot_be_still():
+    """A still robot requires a second robot that moves."""
     with pytest.raises(InputError, match="'eye_still' needs two robots"):
         drawn(Scenario(arms="eye_still", layout="eye_in_hand"))

@@ -1,4 +1,4 @@
-"""The page on capture says what the code does."""
+"""Tests of the documentation of capture against the code."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def rows(heading: str) -> list[list[str]]:
     return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in lines]
 
 
-def test_every_fault_is_described():
-    """Name, unit, usual size and what it does, in the words of the code."""
+def test_every_fault_is_documented():
+    """The page has the name, unit, default size and description of each fault, with the words of the code."""
     described = rows("A simulated cell that runs")
     stated = [[name, kind.unit, str(kind.default_size), kind.description] for name, kind in FAULTS.items()]
     wrong = ["| `{}` | {} |".format(row[0], " | ".join(row[1:])) for row in stated if row not in described]
@@ -27,7 +27,7 @@ def test_every_fault_is_described():
     assert described == stated, f"docs/capture.md: one row for each fault, in this order: {', '.join(FAULTS)}"
 
 
-def test_every_request_is_described():
-    """All that a running cell answers, and nothing else."""
+def test_every_request_is_documented():
+    """The page lists all requests that a running cell answers, and no others."""
     assert [row[0] for row in rows("What a running cell answers")] == list(REQUESTS)
     assert not re.search(r"TODO|TBD", PAGE)

@@ -1,4 +1,4 @@
-"""Scenarios that cannot be are said when they are made."""
+"""Tests of the validation of scenarios."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ PARAMETERS = ("joint_offsets", "link_parameters", "deflection")
 
 
 @pytest.mark.parametrize("name", [*CHOICES, *PARAMETERS])
-def test_choices_are_named(name):
-    """The field, what it is, and what it may be, the usual value among these."""
+def test_unknown_choice_is_refused(name):
+    """The error names the field, its value, and the possible values including the default."""
     with pytest.raises(InputError, match=rf"^{name} is 'unheard-of', expected one of: .*{getattr(Scenario(), name)}"):
         Scenario(**{name: "unheard-of"})
 
 
 @pytest.mark.parametrize("counts", [{"samples": 0}, {"stations": 0}, {"robots": 1}])
-def test_counts_have_a_least(counts):
-    """One less than the least is an error, the least is not."""
+def test_counts_have_a_minimum(counts):
+    """A count below the minimum is an error, the minimum is not."""
     ((name, count),) = counts.items()
     for value in (count, count + 1.5):
         with pytest.raises(InputError, match=rf"^{name} is {value}, expected a whole number >= {count + 1}$"):
@@ -31,8 +31,8 @@ def test_counts_have_a_least(counts):
 
 
 @pytest.mark.parametrize("distances", [(1, 0.5), (0.0, 0.5), (0.5, float("nan")), (0.5, float("inf"))])
-def test_distances_increase(distances):
-    """From more than zero; both may be equal."""
+def test_distances_must_increase(distances):
+    """Distances must be positive and not decreasing; both may be equal."""
     with pytest.raises(InputError, match=r"^distance_m is .*, expected the least and then the greatest distance > 0$"):
         Scenario(distance_m=distances)
     assert Scenario(distance_m=(0.5, 0.5)).distance_m == (0.5, 0.5)
@@ -40,8 +40,8 @@ def test_distances_increase(distances):
 
 @pytest.mark.parametrize("pair", [1e-3, (1e-3,), "x"])
 @pytest.mark.parametrize("name", ["robot_noise", "pose_noise", "link_error", "distance_m"])
-def test_pairs_have_two_numbers(name, pair):
-    """Of translation and rotation, or of a range."""
+def test_pairs_require_two_numbers(name, pair):
+    """Sigmas of translation and rotation, and ranges, require two numbers."""
     with pytest.raises(InputError, match=rf"^{name} is .*, expected two numbers$"):
         Scenario(**{name: pair})
 
@@ -51,8 +51,8 @@ def test_pairs_have_two_numbers(name, pair):
     "name",
     ["pixel_px", "correlated_px", "point_m", "joint_offset_rad", "compliance", "spread_rad", "position_m"],
 )
-def test_sigmas_and_spreads_are_not_negative(name, value):
-    """Nor are they no numbers; zero is."""
+def test_negative_or_nan_sigma_is_refused(name, value):
+    """Sigmas and spreads must be numbers and not negative; zero is allowed."""
     with pytest.raises(InputError, match="must be numbers >= 0"):
         Scenario(**{name: value})
     assert getattr(Scenario(**{name: 0.0}), name) == 0
@@ -60,16 +60,16 @@ def test_sigmas_and_spreads_are_not_negative(name, value):
 
 @pytest.mark.parametrize("name", ["robot_noise", "pose_noise", "link_error"])
 @pytest.mark.parametrize("place", [0, 1])
-def test_neither_sigma_of_a_pair_is_negative(name, place):
-    """Of translation and of rotation."""
+def test_negative_sigma_in_pair_is_refused(name, place):
+    """Neither the sigma of translation nor that of rotation may be negative."""
     pair = np.full(2, 1e-3)
     pair[place] = -1e-3
     with pytest.raises(InputError, match="must be numbers >= 0"):
         Scenario(**{name: tuple(pair)})
 
 
-def test_defaults_are_those_of_the_documents():
-    """As far as a study's fields are a scenario's."""
+def test_defaults_match_documentation():
+    """The defaults of a scenario are the documented ones of a study, for all fields that both have."""
     stated = {name: value for name, value in documented_defaults().items() if hasattr(Scenario(), name)}
     assert len(stated) > 12
     del stated["distance_m"]  # of which a study states the middle

@@ -1,4 +1,4 @@
-"""Scenes: bases apart, homes within reach, every camera looking at its target."""
+"""Tests of scenes: distances of bases, homes within reach, and cameras that face their targets."""
 
 from __future__ import annotations
 
@@ -25,8 +25,11 @@ def scene_of(seed=0, **fields):
 
 @pytest.mark.parametrize("layout", get_args(LayoutName))
 @pytest.mark.parametrize("seed", range(3))
-def test_homes_show_the_target_within_the_distances(layout, seed):
-    """Every first view of a group sees its whole target, its middle 0.5 to 0.9 m from the camera."""
+def test_target_is_visible_at_home(layout, seed):
+    """The first view of every group shows the whole target.
+
+    Its centre is 0.5 to 0.9 m from the camera, with a margin of 20 %.
+    """
     scene = scene_of(seed, layout=layout)
     for group, home in zip(scene.layout.groups, scene.homes, strict=True):
         camera, target = group[0]
@@ -36,8 +39,11 @@ def test_homes_show_the_target_within_the_distances(layout, seed):
         assert 0.5 <= np.linalg.norm(middle) <= 0.9 * 1.2
 
 
-def test_targets_at_home_are_on_all_sides_of_the_image_and_within_reach():
-    """The middle of a board is off the optical axis by a tenth of its distance at most; a flange 0.4 to 0.8 m off."""
+def test_home_targets_vary_about_the_optical_axis():
+    """The centre of a board is off the optical axis by at most a tenth of its distance.
+
+    A parked flange is 0.4 to 0.8 m from its base.
+    """
     scenes = [scene_of(seed) for seed in range(20)]
     seen = [scene.camera_from_target(scene.layout.groups[0][0], scene.homes[0]) for scene in scenes]
     middles = [pose @ scene.shapes["board"].points.mean(0) for pose, scene in zip(seen, scenes, strict=True)]
@@ -50,8 +56,8 @@ def test_targets_at_home_are_on_all_sides_of_the_image_and_within_reach():
 
 
 @pytest.mark.parametrize("layout", ["dual", "chain"])
-def test_bases_stand_apart_and_the_first_is_the_world(layout):
-    """Neighbours 1 to 2 m from one another, to the decimetre and a half of either's place."""
+def test_bases_are_apart_and_first_is_world(layout):
+    """Neighbouring bases are 1 to 2 m apart, within 0.35 m for the scatter of both. The first base is the world."""
     scene = scene_of(4, layout=layout)
     np.testing.assert_array_equal(scene.bases[scene.layout.robots[0]].matrix, np.eye(4))
     places = [scene.bases[robot].translation for robot in scene.layout.robots]
@@ -59,8 +65,8 @@ def test_bases_stand_apart_and_the_first_is_the_world(layout):
         assert 0.65 < np.linalg.norm(first - second) < 2.35
 
 
-def test_most_bases_are_upright_and_some_are_not():
-    """A fifth of 200 is turned anyhow (sigma 3 %), the others are tilted by 0.3 rad at most."""
+def test_most_bases_are_upright():
+    """A fifth of 200 bases has a random rotation (sigma 3 %), the others are tilted by at most 0.3 rad."""
     scenes = [scene_of(seed) for seed in range(200)]
     first = [scene.bases["hand"].rotation for scene in scenes]
     # Both bases may tilt, and the first one is taken for the world.
@@ -68,8 +74,8 @@ def test_most_bases_are_upright_and_some_are_not():
     assert 0.15 < np.mean(tilt > 0.6) < 0.45
 
 
-def test_a_thing_is_where_its_carrier_is():
-    """By base, flange and mount; on the world by its mount alone."""
+def test_body_pose_follows_its_carrier():
+    """A pose is the product of base, flange and mount; on the world it is the mount alone."""
     scene = scene_of(layout="eye_in_hand")
     home = scene.homes[0]
     expected = scene.bases["arm"] @ home["arm"] @ scene.mounts["wrist"]
@@ -82,22 +88,22 @@ def test_a_thing_is_where_its_carrier_is():
 
 
 @pytest.mark.parametrize(("target", "flat"), [("charuco", True), ("circles", True), ("points", False), ("led", False)])
-def test_boards_are_flat_and_bodies_are_not(target, flat):
-    """A light is seen from everywhere, too."""
+def test_boards_are_flat_targets(target, flat):
+    """Boards are flat, points in space are not. An LED is not flat either, since it is visible from all sides."""
     shape = scene_of(target=target).shapes["board"]
     assert is_flat(shape) is flat
 
 
-def test_the_front_of_a_board_is_a_rotation():
-    """That of its sheet; of what has none its own axes."""
+def test_front_of_board_is_sheet_rotation():
+    """The front of a board is the rotation of its sheet, that of a target without a sheet the identity."""
     board = scene_of(target="charuco").shapes["board"]
     np.testing.assert_allclose(front(board) @ front(board).T, np.eye(3), atol=1e-12)
     np.testing.assert_array_equal(front(board), board.sheets[0].target_from_sheet.rotation)
     np.testing.assert_array_equal(front(led_target()), np.eye(3))
 
 
-def test_a_pose_of_a_light_loses_its_rotation_and_not_its_place():
-    """The only point stays where it is, of one pose and of many."""
+def test_as_point_removes_only_rotation():
+    """The only point of an LED keeps its position, for one pose and for many."""
     light = led_target()
     poses = SE3(rotations(np.random.default_rng(0), 4), np.arange(12.0).reshape(4, 3))
     for pose in (poses, poses[1]):
@@ -106,16 +112,16 @@ def test_a_pose_of_a_light_loses_its_rotation_and_not_its_place():
         np.testing.assert_array_equal(bare.rotation, np.broadcast_to(np.eye(3), pose.rotation.shape))
 
 
-def test_a_seed_tells_the_scene_whatever_is_stated():
-    """Noise and statuses change nothing, another seed everything."""
+def test_seed_determines_the_scene():
+    """Noise and statuses do not change the scene, and another seed does."""
     plain, noisy = scene_of(7), scene_of(7, pixel_px=3.0, base="prior", robot_noise=(1e-3, 1e-3))
     np.testing.assert_array_equal(plain.bases["hand"].matrix, noisy.bases["hand"].matrix)
     np.testing.assert_array_equal(plain.homes[0]["eye"].matrix, noisy.homes[0]["eye"].matrix)
     assert np.abs(plain.bases["hand"].matrix - scene_of(8).bases["hand"].matrix).max() > 0.01
 
 
-def test_flanges_are_drawn_above_the_base_in_every_direction():
-    """0.4 to 0.8 m off, with any rotation."""
+def test_flanges_are_drawn_above_the_base():
+    """Flanges are 0.4 to 0.8 m from the base in every upward direction, with any rotation."""
     poses = _poses_in_reach(np.random.default_rng(0), 2000)
     away = np.linalg.norm(poses.translation, axis=1)
     assert 0.4 <= away.min() < 0.405 < 0.795 < away.max() <= 0.8
@@ -127,7 +133,10 @@ def test_flanges_are_drawn_above_the_base_in_every_direction():
 
 @pytest.mark.parametrize("target", ["charuco", "points", "led"])
 def test_views_are_near_the_optical_axis(target):
-    """Within a tenth of the distance, from the nearest to the farthest; a board is tilted by 0.4 rad at most."""
+    """Targets are within a tenth of the distance of the axis, at distances over the whole range.
+
+    A board is tilted by at most 0.4 rad.
+    """
     scenario = Scenario(target=target, distance_m=(0.5, 0.9))
     shape = scene_of(target=target).shapes["board"]
     seen = _draw_views(np.random.default_rng(0), scenario, shape, 1000)
@@ -147,8 +156,8 @@ def test_views_are_near_the_optical_axis(target):
 
 
 @pytest.mark.parametrize("count", [2, 3, 5])
-def test_neighbours_are_a_metre_and_a_half_apart_on_average(count):
-    """Up to half a metre more or less, and a decimetre of either's place; bases are about one height."""
+def test_mean_distance_of_neighbours_is_1_5_m(count):
+    """Distances vary by up to half a metre, and positions by a decimetre. Bases are at similar heights."""
     names = tuple(f"r{k}" for k in range(count))
     rng = np.random.default_rng(0)
     places = np.array([[base.translation for base in _draw_bases(rng, names).values()] for _ in range(100)])
@@ -161,19 +170,20 @@ def test_neighbours_are_a_metre_and_a_half_apart_on_average(count):
     assert np.ptp(directions) > 6
 
 
-def test_one_base_is_the_world():
+def test_single_base_is_drawn():
+    """A single robot has one base, which is the world."""
     assert list(_draw_bases(np.random.default_rng(0), ("arm",))) == ["arm"]
 
 
 def test_homes_are_within_reach():
-    """A quarter of a metre to 1.1 m from the base, of every robot."""
+    """The home of every robot is 0.25 to 1.1 m from its base."""
     scenes = [scene_of(seed, layout=layout) for seed in range(4) for layout in ("dual", "eye_in_hand", "eye_to_hand")]
     away = [np.linalg.norm(home.translation) for scene in scenes for group in scene.homes for home in group.values()]
     assert min(away) >= 0.25
     assert max(away) <= 1.1
 
 
-def test_two_points_in_a_plane_are_a_board():
-    """One point is a light; points off the plane are a body."""
+def test_two_planar_points_are_flat():
+    """Two points in a plane are flat like a board. A single point is not, nor are points off the plane."""
     assert [is_flat(points_target(points)) for points in ([[0, 0, 0]], [[0, 0, 0], [0.1, 0, 0]])] == [False, True]
     assert not is_flat(points_target([[0, 0, 0], [0.1, 0, 0.01]]))

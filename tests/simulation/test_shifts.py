@@ -1,4 +1,4 @@
-"""Recordings of a light that is shifted before a still camera."""
+"""Tests of simulated recordings of an LED shifted in front of a still camera."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def recorded(**options):
 
 
 @pytest.mark.parametrize(("two_sided", "count"), [(False, 4), (True, 7)])
-def test_directions_are_axes_after_the_origin(two_sided, count):
-    """Along each axis once, or to both sides."""
+def test_shift_directions_are_the_axes(two_sided, count):
+    """The origin is followed by a shift along each axis, in one or both directions."""
     directions = shift_directions(two_sided)
     assert directions.shape == (count, 3)
     assert not directions[0].any()
@@ -29,8 +29,8 @@ def test_directions_are_axes_after_the_origin(two_sided, count):
     np.testing.assert_array_equal(directions[4:], -np.eye(3)[: count - 4])
 
 
-def test_the_light_goes_along_its_own_axes_and_is_seen_there():
-    """At both stations the flange shifts by 0.05 m without a turn, and pixels are those of the truth."""
+def test_led_shifts_along_its_own_axes():
+    """At both stations the flange shifts by 0.05 m without rotation, and pixels are those of the true transforms."""
     simulated = recorded()
     samples = simulated.recording.samples
     assert len(samples) == 8
@@ -45,8 +45,8 @@ def test_the_light_goes_along_its_own_axes_and_is_seen_there():
         np.testing.assert_allclose(sample.observations[0].pixels[0], LENS.project(led_in_camera), atol=1e-9)
 
 
-def test_the_cell_states_all_but_the_base():
-    """Mounts are the identity, the truth is what was given, and where the robots were is kept."""
+def test_only_the_base_is_free():
+    """Mounts are fixed to the identity, and only the base is free. The truth and the true robot poses are kept."""
     simulated = recorded()
     assert simulated.cell.bases["hand"].status == "free"
     assert simulated.cell.cameras["camera"].mount.status == simulated.cell.targets["light"].mount.status == "fixed"
@@ -55,8 +55,8 @@ def test_the_cell_states_all_but_the_base():
     assert len(simulated.true_base_from_flange["hand"]) == 8
 
 
-def test_noise_has_its_sigma_and_its_seed():
-    """Stated where there is any; one seed draws the same again."""
+def test_pixel_noise_has_sigma_and_seed():
+    """The cell states the noise if there is any, and one seed gives the same pixels again."""
     exact, noisy, again = (
         recorded(is_two_sided=True),
         *(recorded(is_two_sided=True, pixel_px=0.5, seed=3) for _ in range(2)),

@@ -1,4 +1,4 @@
-"""What a simulated cell tells a solver of its truth."""
+"""Tests of the stated cell: the part of a simulation's truth that a solver receives."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ def told(seed=0, **fields):
     return scene, stated_cell(scene, scenario, np.random.default_rng(seed), arms)
 
 
-def test_free_tells_nothing_and_fixed_the_truth():
-    """Of bases and of mounts."""
+def test_free_transforms_have_no_value():
+    """Free bases and mounts have no value, and fixed ones have the true one."""
     scene, cell = told(base="free", camera_mount="fixed", target_mount="fixed")
     assert cell.bases["hand"].mean is None
     assert cell.cameras["wrist"].mount.mean is scene.mounts["wrist"]
     assert cell.targets["board"].mount.mean is scene.mounts["board"]
 
 
-def test_priors_miss_the_truth_by_their_sigmas():
-    """In units of these the truth is off by a unit normal: 300 tangents, the root of their mean square to 8 %."""
+def test_prior_errors_have_stated_sigmas():
+    """Normalised errors of 50 priors (300 tangent components) have a root mean square of one within 10 %."""
     off = []
     for seed in range(50):
         scene, cell = told(seed, base="prior", base_prior=(0.01, 0.02))
@@ -39,15 +39,18 @@ def test_priors_miss_the_truth_by_their_sigmas():
     assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1.0, abs=0.1)
 
 
-def test_the_prior_of_a_light_has_no_rotation():
-    """As its truth has none."""
+def test_prior_of_led_has_no_rotation():
+    """The prior of an LED has no rotation, like its truth; that of a board has."""
     _, cell = told(target="led", target_mount="prior")
     np.testing.assert_array_equal(cell.targets["board"].mount.mean.rotation, np.eye(3))
     assert np.abs(told(target="charuco", target_mount="prior")[1].targets["board"].mount.mean.rotvec).max() > 0
 
 
-def test_lenses_are_told_as_asked():
-    """Exactly, with a prior that misses by its sigmas, not at all but for the number of terms; none beside poses."""
+def test_stated_lens_follows_its_status():
+    """A fixed lens is exact, and a prior has errors of its sigmas.
+
+    A free lens has only its number of distortion terms, and a camera that measures poses has no lens.
+    """
     scene, cell = told(intrinsics="fixed")
     lens = scene.lenses["wrist"]
     assert cell.cameras["wrist"].intrinsics.camera is lens
@@ -73,22 +76,25 @@ def test_lenses_are_told_as_asked():
         ({"pixel_px": 0.3, "target": "points3d"}, None, None),
     ],
 )
-def test_noise_of_pixels_is_told_where_there_is_any(fields, pixel, common):
-    """And where the scenario says that it is."""
+def test_pixel_noise_is_stated_if_present(fields, pixel, common):
+    """The cell states pixel noise if there is any and the scenario allows it."""
     _, cell = told(**fields)
     assert (cell.pixel_px, cell.correlated_px) == (pixel, common)
 
 
-def test_noise_of_robots_is_told_where_there_is_any():
-    """Three sigmas of translation, three of rotation; none where it is zero or not to be told."""
+def test_robot_noise_is_stated_if_present():
+    """The cell states three sigmas of translation and three of rotation.
+
+    It states none if the noise is zero or is to be unstated.
+    """
     noise = (1e-3, 2e-3)
     assert told(robot_noise=noise)[1].robots["eye"].noise.tolist() == [1e-3] * 3 + [2e-3] * 3
     assert told(robot_noise=noise, state_robot_noise=False)[1].robots["eye"].noise is None
     assert told()[1].robots["eye"].noise is None
 
 
-def test_arms_state_their_parameters():
-    """A prior by its true sigmas, free ones by none, fixed ones not at all."""
+def test_arms_state_parameter_priors():
+    """A prior has the true sigmas of the parameters, free parameters have none, and fixed ones are not stated."""
     fields = {"joint_offset_rad": 0.01, "link_error": (1e-3, 2e-3), "compliance": 1e-4}
     _, cell = told(joints=True, joint_offsets="prior", link_parameters="prior", deflection="free", **fields)
     robot = cell.robots["eye"]
@@ -101,15 +107,15 @@ def test_arms_state_their_parameters():
     assert told()[1].robots["eye"].chain is None
 
 
-def test_targets_have_a_shape_unless_poses_are_seen():
-    """Then the solver is not told any."""
+def test_target_of_pose_camera_has_no_shape():
+    """The target has its shape, unless poses are observed."""
     scene, cell = told()
     assert cell.targets["board"].target is scene.shapes["board"]
     assert told(target="pose")[1].targets["board"].target is None
 
 
-def test_the_truth_has_every_transform_of_the_cell():
-    """By the cell's names."""
+def test_truth_has_every_transform():
+    """The truth has the same names of transforms as the cell."""
     scene, cell = told()
     named = truth(scene, cell)
     assert named.keys() == cell.transforms.keys()
@@ -117,8 +123,8 @@ def test_the_truth_has_every_transform_of_the_cell():
     assert named["eye_flange_from_wrist"] is scene.mounts["wrist"]
 
 
-def test_usual_priors_are_of_a_rough_measurement():
-    """Bases by a centimetre, mounts by 5 mm, lenses by 5 px and a hundredth."""
+def test_default_priors_are_rough():
+    """Default priors have sigmas of a centimetre for bases, 5 mm for mounts, and 5 px and 0.01 for lenses."""
     _, cell = told(base="prior", camera_mount="prior", target_mount="prior", intrinsics="prior")
     np.testing.assert_array_equal(cell.bases["hand"].sigma, [0.01] * 3 + [0.02] * 3)
     for thing in (cell.cameras["wrist"], cell.targets["board"]):

@@ -1,4 +1,4 @@
-"""Simulated cells agree with the equation they are drawn from, and their noise is what they say."""
+"""Tests of simulated cells: consistency with the measurement equation, and noise with the stated sigmas."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def _errors(sim: SimulatedCell, robot: str) -> Array:
 
 
 @pytest.mark.parametrize(("layout", "target", "arms"), COMBINATIONS)
-def test_noiseless_observations_obey_the_one_equation(layout: str, target: str, arms: str) -> None:
-    """Without noise every observation is what the true transforms say, in every layout, of every target."""
+def test_noiseless_observations_satisfy_the_equation(layout: str, target: str, arms: str) -> None:
+    """Without noise every observation equals the prediction of the true transforms, for every layout and target."""
     sim = simulate(Scenario(samples=9, layout=layout, target=target, arms=arms, **NOISELESS), 3)
     assert len(sim.recording.samples) == 9
     np.testing.assert_allclose(_residuals(sim), 0, atol=1e-8)
@@ -82,8 +82,8 @@ def test_noiseless_observations_obey_the_one_equation(layout: str, target: str, 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("target", ["charuco", "chessboard", "points", "led"])
 @pytest.mark.parametrize("lens", ["pinhole", "fisheye"])
-def test_every_point_is_in_the_image(layout: str, target: str, lens: str) -> None:
-    """All points of the target are seen, within the image, in front of the camera; a board shows its front."""
+def test_all_points_are_in_the_image(layout: str, target: str, lens: str) -> None:
+    """All points of the target are within the image and in front of the camera; a board shows its front."""
     sim = simulate(Scenario(samples=15, layout=layout, target=target, lens=lens), 8)
     for k, sample in enumerate(sim.recording.samples):
         assert len(sample.observations) == (2 if layout.startswith("two") else 1)
@@ -95,7 +95,7 @@ def test_every_point_is_in_the_image(layout: str, target: str, lens: str) -> Non
             assert target not in ("charuco", "chessboard") or pose.rotation[:, 2] @ pose.translation > 0
 
 
-def test_partial_views_keep_eight_points() -> None:
+def test_partial_views_have_at_least_eight_points() -> None:
     """With `partial` some views lack points, and each has eight or more."""
     sim = simulate(Scenario(samples=60, partial=True, distance_m=(0.25, 0.3), layout="eye_in_hand"), 1)
     counts = [len(sample.observations[0].ids) for sample in sim.recording.samples]
@@ -104,8 +104,11 @@ def test_partial_views_keep_eight_points() -> None:
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("spread", [0.1, 0.6, 1.5])
-def test_orientations_stay_within_the_spread(layout: str, spread: float) -> None:
-    """Any two recorded orientations of a moving robot are within twice the spread, and they use most of it."""
+def test_orientations_are_within_the_spread(layout: str, spread: float) -> None:
+    """Any two recorded orientations of a moving robot are within twice the spread.
+
+    The largest angle exceeds 70 % of it.
+    """
     sim = simulate(Scenario(samples=40, layout=layout, spread_rad=spread, robots=2), 5)
     for robot in sim.cell.robots:
         rotation = _recorded(sim, robot).rotation[: 20 if layout in ("chain", "ring") else None]
@@ -114,8 +117,8 @@ def test_orientations_stay_within_the_spread(layout: str, spread: float) -> None
         assert 0.7 * spread < angle.max() <= 2 * spread + 1e-9
 
 
-def test_pixel_noise_has_its_sigma() -> None:
-    """Residuals at the truth are normal with `pixel_px`, per coordinate and independent."""
+def test_pixel_noise_has_stated_sigma() -> None:
+    """Residuals at the truth have the sigma `pixel_px` per coordinate and are uncorrelated."""
     residual = _residuals(simulate(Scenario(samples=150, pixel_px=0.3), 2))
     assert residual.std() == pytest.approx(0.3, rel=0.03)
     assert abs(residual.mean()) < 0.015
@@ -123,7 +126,7 @@ def test_pixel_noise_has_its_sigma() -> None:
 
 
 @pytest.mark.parametrize(("target", "sigma"), [("pose", (2e-3, 5e-3)), ("points3d", (2e-3,))])
-def test_noise_of_poses_and_points_has_its_sigma(target: str, sigma: tuple[float, ...]) -> None:
+def test_pose_and_point_noise_have_stated_sigma(target: str, sigma: tuple[float, ...]) -> None:
     """Observed poses and 3-D points scatter about the truth with the sigmas that they state."""
     sim = simulate(Scenario(samples=300, target=target, pose_noise=(2e-3, 5e-3), point_m=2e-3), 4)
     seen = sim.recording.samples[0].observations[0]
@@ -133,8 +136,8 @@ def test_noise_of_poses_and_points_has_its_sigma(target: str, sigma: tuple[float
     np.testing.assert_array_equal(stated, expected)
 
 
-def test_robot_noise_has_its_sigmas() -> None:
-    """Moving robots draw an error per sample, in flange axes, with the sigmas the cell states."""
+def test_robot_noise_has_stated_sigmas() -> None:
+    """Moving robots have an error per sample, in flange axes, with the sigmas that the cell states."""
     sim = simulate(Scenario(samples=400, robot_noise=(1e-3, 2e-3)), 6)
     errors = np.concatenate([_errors(sim, "eye"), _errors(sim, "hand")])
     np.testing.assert_allclose(errors.std(0), np.repeat([1e-3, 2e-3], 3), rtol=0.12)
@@ -144,8 +147,8 @@ def test_robot_noise_has_its_sigmas() -> None:
 
 @pytest.mark.parametrize("layout", TWO_ARMS)
 @pytest.mark.parametrize(("arms", "stops"), [("eye_still", 1), ("halves", 11), ("stations", 4)])
-def test_one_stop_shares_one_error(layout: str, arms: str, stops: int) -> None:
-    """Consecutive samples of a robot share an error exactly where they share the recorded pose."""
+def test_samples_of_one_stop_share_error(layout: str, arms: str, stops: int) -> None:
+    """Consecutive samples of a robot share an error exactly if they share the recorded pose."""
     scenario = Scenario(samples=20, layout=layout, arms=arms, stations=4, robot_noise=(1e-3, 1e-3), robots=2)
     sim = simulate(scenario, 9)
     for robot in sim.cell.robots:
@@ -156,7 +159,7 @@ def test_one_stop_shares_one_error(layout: str, arms: str, stops: int) -> None:
             assert 1 + np.sum(~same_pose) == stops
 
 
-def test_halves_hold_the_hand_first() -> None:
+def test_halves_keep_the_hand_still_first() -> None:
     """In `halves` the hand is still while the eye moves, then the eye is still."""
     sim = simulate(Scenario(samples=10, arms="halves"), 1)
     eye, hand = _recorded(sim, "eye").translation, _recorded(sim, "hand").translation
@@ -164,8 +167,8 @@ def test_halves_hold_the_hand_first() -> None:
     assert np.ptp(eye[:5], axis=0).min() > 0.01 < np.ptp(hand[5:], axis=0).min()
 
 
-def test_a_seed_tells_everything() -> None:
-    """The same seed gives the same recording, another seed another cell."""
+def test_seed_determines_the_recording() -> None:
+    """The same seed gives the same recording, and another seed another cell."""
     first, again, other = (simulate(Scenario(samples=5), seed) for seed in (7, 7, 8))
     np.testing.assert_array_equal(_residuals(first), _residuals(again))
     name = "eye_base_from_hand_base"
@@ -173,8 +176,8 @@ def test_a_seed_tells_everything() -> None:
     assert np.linalg.norm(first.truth[name].translation - other.truth[name].translation) > 0.01
 
 
-def test_the_truth_does_not_depend_on_noise_or_statuses() -> None:
-    """A seed keeps its truth while noise, motion and what is told change."""
+def test_truth_is_independent_of_noise_and_statuses() -> None:
+    """The truth of a seed is the same for other noise, motions and statuses."""
     plain = Scenario(samples=5)
     changed = replace(plain, samples=9, robot_noise=(1e-3, 1e-3), base="prior", intrinsics="free", arms="halves")
     one, two = simulate(plain, 11), simulate(changed, 11)
@@ -182,8 +185,8 @@ def test_the_truth_does_not_depend_on_noise_or_statuses() -> None:
         np.testing.assert_array_equal(pose.matrix, two.truth[name].matrix)
 
 
-def test_bases_are_turned_anyhow() -> None:
-    """Over seeds the base's yaw covers the circle and it stands 0.8 to 2.2 m away; some are tilted far."""
+def test_base_rotation_and_distance_vary() -> None:
+    """Over seeds the yaw of the base covers the circle and its distance is 0.8 to 2.2 m. Some bases are tilted far."""
     bases = SE3.stack([simulate(Scenario(samples=1), seed).truth["eye_base_from_hand_base"] for seed in range(60)])
     distance = np.linalg.norm(bases.translation, axis=-1)
     assert np.all((distance > 0.8) & (distance < 2.2))
@@ -191,8 +194,8 @@ def test_bases_are_turned_anyhow() -> None:
     assert 2 <= np.sum(bases.rotation[:, 2, 2] < 0.9) <= 30
 
 
-def test_a_fixed_transform_is_the_truth_and_a_free_one_is_not_told() -> None:
-    """The cell tells fixed values exactly and gives no guess for free ones."""
+def test_fixed_transform_is_exact_and_free_unstated() -> None:
+    """The cell states fixed values exactly and has no guess for free ones."""
     sim = simulate(Scenario(samples=2, camera_mount="fixed", target="led"), 2)
     told = sim.cell.transforms
     np.testing.assert_array_equal(told["eye_flange_from_wrist"].mean.matrix, sim.truth["eye_flange_from_wrist"].matrix)
@@ -200,8 +203,8 @@ def test_a_fixed_transform_is_the_truth_and_a_free_one_is_not_told() -> None:
     np.testing.assert_array_equal(sim.truth["hand_flange_from_board"].rotation, np.eye(3))
 
 
-def test_priors_scatter_about_the_truth_with_their_sigmas() -> None:
-    """Truth is mean @ exp(xi) with xi of the stated sigmas; so are the parameters of a lens."""
+def test_priors_scatter_with_stated_sigmas() -> None:
+    """The truth is mean @ exp(xi) with xi of the stated sigmas, and the parameters of a lens scatter likewise."""
     scenario = Scenario(
         samples=1, base="prior", camera_mount="prior", target_mount="prior", intrinsics="prior", target="points"
     )
@@ -216,8 +219,8 @@ def test_priors_scatter_about_the_truth_with_their_sigmas() -> None:
     assert np.std(lenses) == pytest.approx(1, abs=0.15)
 
 
-def test_unstated_noise_is_not_told() -> None:
-    """Where the scenario keeps its noise to itself, neither the cell nor the recording tells it."""
+def test_unstated_noise_is_omitted() -> None:
+    """Neither the cell nor the recording states noise that the scenario keeps unstated."""
     silent = Scenario(
         samples=2,
         robot_noise=(1e-3, 1e-3),
@@ -232,7 +235,7 @@ def test_unstated_noise_is_not_told() -> None:
     assert stating.cell.pixel_px == 0.2
 
 
-def test_a_robot_that_may_not_move_stays_at_one_stop() -> None:
+def test_robot_without_spread_has_one_stop() -> None:
     """Without any spread all samples are one stop with one error."""
     sim = simulate(Scenario(samples=6, spread_rad=0.0, position_m=0.0, robot_noise=(1e-3, 1e-3)), 3)
     assert np.ptp(_recorded(sim, "hand").matrix, axis=0).max() == 0
@@ -249,14 +252,14 @@ def test_a_robot_that_may_not_move_stays_at_one_stop() -> None:
         ({"distance_m": (0.05, 0.06)}, "of 30 samples see the target"),
     ],
 )
-def test_what_cannot_be_simulated_is_said(fields: dict[str, object], message: str) -> None:
-    """A scenario that makes no sense is refused in one line."""
+def test_invalid_scenario_is_refused(fields: dict[str, object], message: str) -> None:
+    """An inconsistent scenario is refused in one line."""
     with pytest.raises(InputError, match=message):
         simulate(Scenario(**fields), 0)
 
 
-def test_pixel_observations_are_of_the_cell() -> None:
-    """Every observation names a camera and a target that exist, and stamps rise."""
+def test_observations_refer_to_the_cell() -> None:
+    """Every observation names a camera and a target of the cell, and stamps increase."""
     sim = simulate(Scenario(layout="chain", samples=7), 0)
     seen = [found for sample in sim.recording.samples for found in sample.observations]
     assert all(isinstance(found, PixelObservation) for found in seen)
@@ -270,8 +273,11 @@ def test_pixel_observations_are_of_the_cell() -> None:
 
 @pytest.mark.parametrize("target", ["charuco", "led", "pose"])
 @pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_cameras"])
-def test_arms_that_record_joints_agree_with_the_equation(layout, target):
-    """True flanges are the true kinematics at recorded joints, and what is seen is what they show; limits are kept."""
+def test_recorded_joints_satisfy_the_equation(layout, target):
+    """True flanges are the true kinematics at recorded joints, and observations agree with them.
+
+    Joint limits are kept.
+    """
     errors = {"joint_offset_rad": 0.01, "link_error": (1e-3, 2e-3)}
     sim = simulate(Scenario(samples=10, layout=layout, target=target, joints=True, **errors, **NOISELESS), 3)
     assert np.abs(_residuals(sim)).max() < 1e-8
@@ -284,15 +290,15 @@ def test_arms_that_record_joints_agree_with_the_equation(layout, target):
         assert np.all((joints >= true.chain.lower) & (joints <= true.chain.upper))
 
 
-def test_an_arm_that_stands_still_records_the_same_joints():
-    """To the last digit, so that its samples are one stop."""
+def test_still_arm_records_identical_joints():
+    """Joints of a still arm are identical to the last digit, so that its samples are one stop."""
     sim = simulate(Scenario(samples=12, arms="stations", stations=3, joints=True, robot_noise=(1e-3, 1e-3)), 0)
     eye = np.array([s.robots["eye"].joints_rad for s in sim.recording.samples])
     assert len(np.unique(eye, axis=0)) == 3
 
 
-def test_robots_with_several_homes_take_no_joints():
-    """A ring's robots meet two others each, at homes that one base does not bring within reach."""
+def test_chain_layout_refuses_joints():
+    """Each robot of a ring faces two others, at homes that one base does not bring within reach."""
     with pytest.raises(InputError, match="several homes"):
         simulate(Scenario(layout="chain", joints=True), 0)
 
@@ -300,8 +306,8 @@ def test_robots_with_several_homes_take_no_joints():
 @pytest.mark.parametrize(
     ("layout", "robots", "pairs"), [("ring", 5, 10), ("ring", 2, 2), ("grid", 6, 7), ("grid", 5, 5)]
 )
-def test_rings_and_grids_record_their_pairs(layout, robots, pairs):
-    """Each robot is seen, each pair in samples of its own, in which its two robots alone are recorded."""
+def test_rings_and_grids_record_only_pairs(layout, robots, pairs):
+    """Each robot is observed, each pair in separate samples, which record only its two robots."""
     made = simulate(Scenario(layout=layout, robots=robots, samples=2 * pairs), 1)
     seen = {(o.camera, o.target) for sample in made.recording.samples for o in sample.observations}
     assert len(seen) == pairs
@@ -312,13 +318,13 @@ def test_rings_and_grids_record_their_pairs(layout, robots, pairs):
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, None])
-def test_a_seed_is_a_whole_number(seed):
-    """And not negative."""
+def test_seed_must_be_a_whole_number(seed):
+    """A seed that is negative or not an integer is refused."""
     with pytest.raises(InputError, match=rf"^seed is {seed}, expected a whole number >= 0$"):
         simulate(Scenario(samples=1), seed)
 
 
-def test_what_is_no_scenario_is_refused():
+def test_wrong_scenario_type_is_refused():
     with pytest.raises(InputError, match=r"^scenario is of type int, expected Scenario$"):
         simulate(1, 1)
 
@@ -340,24 +346,27 @@ def residuals(scenario):
     return [found.pixels - exact[k] for k, (found,) in enumerate(seen)]
 
 
-def test_without_noise_the_truth_is_seen():
-    """All corners of a whole board, by their ids."""
+def test_noiseless_pixels_are_exact():
+    """All corners of a whole board are observed exactly, by their ids."""
     scenario = Scenario(samples=3, pixel_px=0.0)
     scene, _, seen = observed(scenario)
     assert all(np.array_equal(found.ids, scene.shapes["board"].ids) for (found,) in seen)
     assert max(np.abs(each).max() for each in residuals(scenario)) < 1e-9
 
 
-def test_errors_in_common_are_those_of_a_view():
-    """Points scatter by their own sigma, views' means by that in common; 300 views tell both to a tenth."""
+def test_correlated_noise_is_shared_by_a_view():
+    """Points scatter by their own sigma, the means of views by the shared one.
+
+    300 views determine both within 10 to 15 %.
+    """
     off = residuals(Scenario(samples=300, target="points", pixel_px=0.1, correlated_px=0.5))
     means = np.array([each.mean(0) for each in off])
     assert means.std() == pytest.approx(0.5, rel=0.1)
     assert np.concatenate([each - each.mean(0) for each in off]).std() == pytest.approx(0.1, rel=0.15)
 
 
-def test_only_points_that_are_seen_are_reported():
-    """Of a part of a board, each by its own id."""
+def test_only_visible_points_are_observed():
+    """The visible points of a part of a board are observed, each with its own id."""
     scenario = Scenario(samples=20, distance_m=(0.25, 0.35), position_m=0.2, partial=True, pixel_px=0.0)
     scene, motion, seen = observed(scenario)
     mask = seen_points(scene, scenario, VIEW, motion.true)
@@ -373,8 +382,8 @@ def residuals_of(scene, motion, seen, mask):
 
 
 @pytest.mark.parametrize("states", [True, False])
-def test_poses_err_in_the_axes_of_the_target(states):
-    """Translation and rotation by their sigmas, which the recording states or not."""
+def test_pose_noise_is_in_target_axes(states):
+    """Translation and rotation have their sigmas in the axes of the target. The recording states them or not."""
     scenario = Scenario(samples=300, target="pose", pose_noise=(1e-3, 4e-3), state_observation_noise=states)
     scene, motion, seen = observed(scenario)
     true = scene.camera_from_target(VIEW, motion.true)
@@ -387,8 +396,8 @@ def test_poses_err_in_the_axes_of_the_target(states):
 @pytest.mark.parametrize(
     ("point_m", "states", "stated"), [(2e-3, True, True), (2e-3, False, False), (0.0, True, False)]
 )
-def test_points_in_space_err_by_their_sigma(point_m, states, stated):
-    """Sigmas are stated where there are any and the scenario says so."""
+def test_point_noise_has_stated_sigma(point_m, states, stated):
+    """Sigmas of 3-D points are stated if there are any and the scenario allows it."""
     scenario = Scenario(samples=100, target="points3d", point_m=point_m, state_observation_noise=states)
     scene, motion, seen = observed(scenario)
     exact = points_in_camera(scene, VIEW, motion.true)
@@ -399,7 +408,7 @@ def test_points_in_space_err_by_their_sigma(point_m, states, stated):
         np.testing.assert_array_equal(seen[0][0].sigma_m, np.full(len(exact[0]), point_m))
 
 
-def test_every_view_of_a_group_is_reported_at_once():
-    """Two cameras, in the order of the views."""
+def test_all_views_of_a_group_are_observed():
+    """Two cameras observe in every sample, in the order of the views."""
     *_, seen = observed(Scenario(samples=2, layout="two_cameras"))
     assert [[found.camera for found in sample] for sample in seen] == [["left_camera", "right_camera"]] * 2
