@@ -1,4 +1,4 @@
-"""Samples that could be taken."""
+"""Tests of candidate samples of a plan."""
 
 from __future__ import annotations
 
@@ -42,7 +42,10 @@ def farthest(sketch, taught, found):
 
 @pytest.mark.parametrize("scenario", [{}, {"joints": True}, {"layout": "eye_to_hand"}, {"layout": "eye_in_hand"}])
 def test_every_candidate_is_feasible(scenario):
-    """Of arms sent by poses and by joints, and of a camera or a target on the world; numbered, none twice."""
+    """Candidates are feasible for arms with poses and with joints, and for cameras or targets on the world.
+
+    They are numbered and distinct.
+    """
     sketch, taught = made(**scenario)
     found = candidates(sketch, taught, 30, seed=1)
     most_rad = farthest(sketch, taught, found)[0]
@@ -58,8 +61,8 @@ def test_every_candidate_is_feasible(scenario):
     assert len(set(places)) == 30
 
 
-def test_draws_are_those_of_the_seed(two_arms):
-    """The same again, and others by another."""
+def test_candidates_are_reproducible_by_seed(two_arms):
+    """The same seed gives the same candidates, another seed others."""
     sketch, taught = two_arms
     first, again, other = (candidates(sketch, taught, 5, seed=s) for s in (1, 1, 2))
     at = [np.stack([sketch.camera_from_target(s).matrix for s in found]) for found in (first, again, other)]
@@ -67,8 +70,8 @@ def test_draws_are_those_of_the_seed(two_arms):
     assert not (at[0] == at[2]).all(axis=(-1, -2)).any()
 
 
-def test_poses_that_do_not_see_the_target_teach_nothing(two_arms):
-    """Both arms far from where the target is in view: it is said what to do."""
+def test_taught_poses_must_see_the_target(two_arms):
+    """Taught poses from which the target is not visible are refused, and the error states what to do."""
     sketch, taught = two_arms
     turned = {robot: type(state)(state.base_from_flange.inverse()) for robot, state in taught[0].items()}
     assert not is_feasible(sketch, Sample(0, robots=turned))
@@ -77,7 +80,7 @@ def test_poses_that_do_not_see_the_target_teach_nothing(two_arms):
 
 
 def test_arms_rotate_about_the_target(two_arms):
-    """A camera that only rotates keeps its distance to the middle of the target, and rotates by its reach at most."""
+    """A camera that only rotates keeps its distance to the centre of the target, and rotates at most by its reach."""
     sketch, taught = two_arms
     found = draw_feasible(sketch, taught[:1], 60, {"eye": (0.3, 0.0), "hand": (0.0, 0.0)}, np.random.default_rng(0))
     middle = sketch.target_points.mean(0)
@@ -90,7 +93,7 @@ def test_arms_rotate_about_the_target(two_arms):
 
 
 def test_arms_translate_within_their_reach(two_arms):
-    """An arm that only translates keeps its rotation."""
+    """An arm that only translates keeps its rotation and moves at most by its reach."""
     sketch, taught = two_arms
     found = draw_feasible(sketch, taught[:1], 60, {"eye": (0.0, 0.0), "hand": (0.0, 0.05)}, np.random.default_rng(0))
     most_rad, most_m = farthest(sketch, taught[:1], found)
@@ -98,8 +101,8 @@ def test_arms_translate_within_their_reach(two_arms):
     assert 0.04 < most_m <= 0.05
 
 
-def test_every_taught_pose_has_draws(two_arms):
-    """Without reach all samples are the taught poses, each about as often."""
+def test_taught_poses_are_drawn_equally(two_arms):
+    """With zero reach all samples are the taught poses, each about equally often."""
     sketch, taught = two_arms
     found = draw_feasible(sketch, taught[:3], 60, {"eye": (0.0, 0.0), "hand": (0.0, 0.0)}, np.random.default_rng(0))
     places = np.array([sketch.camera_from_target(each).translation for each in found])
@@ -109,7 +112,7 @@ def test_every_taught_pose_has_draws(two_arms):
     assert np.bincount(off.argmin(1), minlength=3).min() > 10
 
 
-def test_draws_fill_the_ball():
+def test_draws_in_ball_are_uniform():
     """The cube of the radius and each direction are uniform."""
     points = draw_in_ball(np.random.default_rng(0), 2000)
     radius = np.linalg.norm(points, axis=1)
@@ -120,8 +123,8 @@ def test_draws_fill_the_ball():
     np.testing.assert_allclose(np.mean(points**2, axis=0), 0.2, atol=0.02)
 
 
-def test_draws_of_a_grid_are_alike_along_each_axis():
-    """Each is within the ball, and its radius tells nothing of its place."""
+def test_draws_of_array_shape_are_uniform():
+    """Each row of an array of draws is within the ball, and the radius is independent of the row."""
     points = draw_in_ball(np.random.default_rng(1), 4, 500)
     radius = np.linalg.norm(points, axis=-1)
     assert points.shape == (4, 500, 3)

@@ -1,4 +1,4 @@
-"""Choosing among candidates, against inverses and exhaustive search."""
+"""Tests of the choice among candidates, against matrix inverses and exhaustive search."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ def criterion(roots, covariance, weight, chosen) -> float:
     return float(np.trace(weight @ np.linalg.inv(information)))
 
 
-def test_gains_are_those_of_the_inverse(made):
-    """Of each candidate by itself."""
+def test_gains_match_explicit_inverse(made):
+    """The gain of each single candidate equals the one by the explicit inverse."""
     roots, covariance, weight = made
     of_each = [criterion(*made, []) - criterion(*made, [k]) for k in range(len(roots))]
     np.testing.assert_allclose(gains(roots, covariance, weight), of_each, rtol=1e-10)
 
 
-def test_a_sample_goes_as_it_came(made):
-    """With and without are inverse to one another."""
+def test_removing_a_sample_inverts_adding(made):
+    """Removing a sample restores the covariance from before its addition."""
     roots, covariance, _ = made
     np.testing.assert_allclose(without_sample(with_sample(covariance, roots[0]), roots[0]), covariance, rtol=1e-9)
 
 
-def test_greedy_takes_each_once_and_the_best_first(made):
-    """The covariance told with each is that of all so far."""
+def test_greedy_takes_best_sample_first(made):
+    """Each sample is taken once, the best first. The covariance after each step is that of all samples so far."""
     steps = list(greedy_choices(*made))
     assert sorted(k for k, _ in steps) == list(range(14))
     assert steps[0][0] == np.argmin([criterion(*made, [k]) for k in range(14)])
@@ -48,8 +48,8 @@ def test_greedy_takes_each_once_and_the_best_first(made):
         assert np.trace(made[2] @ steps[count - 1][1]) == pytest.approx(criterion(*made, chosen), rel=1e-9)
 
 
-def test_exchange_is_within_a_hundredth_of_the_best(made):
-    """Of all 2,002 sets of five; the covariance is that of what is chosen."""
+def test_exchange_is_within_one_percent_of_best(made):
+    """The exchange is within 1 % of the best of all 2,002 sets of five. Its covariance is that of the chosen set."""
     roots, _, weight = made
     steps = list(islice(greedy_choices(*made), 5))
     chosen, after = exchange(roots, [k for k, _ in steps], steps[-1][1], weight)
@@ -59,8 +59,11 @@ def test_exchange_is_within_a_hundredth_of_the_best(made):
     assert criterion(*made, chosen) <= 1.01 * best
 
 
-def test_fewest_are_as_few_as_any(made):
-    """One less is not enough, whichever they are; none where nothing is needed, all tried where nothing is enough."""
+def test_choose_fewest_finds_smallest_set(made):
+    """No smaller set reaches the limit.
+
+    The set is empty if the limit is met already, and has the maximal size if no set reaches it.
+    """
     roots, covariance, weight = made
     limit = 1.02 * min(criterion(*made, each) for each in combinations(range(14), 4))
     chosen, reached = choose_fewest(roots, covariance, weight, 14, lambda c, _: bool(np.trace(weight @ c) <= limit))
@@ -71,8 +74,8 @@ def test_fewest_are_as_few_as_any(made):
     assert (len(tried), reached) == (3, False)
 
 
-def test_exchanges_end_where_a_pass_gains_hardly_anything(made, monkeypatch):
-    """Of three passes at most; a choice that is the best already has one, and nothing is exchanged."""
+def test_exchange_stops_after_negligible_gain(made, monkeypatch):
+    """At most three passes are made. An optimal set takes a single pass without exchanges."""
     roots, covariance, weight = made
     passes = []
     plain = choose.gains

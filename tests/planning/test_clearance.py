@@ -1,4 +1,4 @@
-"""How near arms come to one another and to boxes, beside Coal's distances and Pinocchio's kinematics."""
+"""Tests of clearances between arms and boxes, against Coal's distances and Pinocchio's kinematics."""
 
 from __future__ import annotations
 
@@ -95,8 +95,11 @@ def coal_capsules(sketch, robot, joints, first=0):
     ]
 
 
-def test_capsules_are_as_far_apart_as_coal_says(tmp_path):
-    """Of still arms the least distance of all their capsules, and of a box from all above the first joint."""
+def test_capsule_distances_match_coal(tmp_path):
+    """The clearance of still arms is the smallest distance of their capsules by Coal.
+
+    That of a box excludes the base and the first joint.
+    """
     box = KeepOut("post", SE3.from_rotvec([0.3, 0.2, 1.0], [0.5, 0.5, 0.6]), np.array([0.1, 0.2, 0.3]))
     rng, sketch = np.random.default_rng(0), two_arms(arm_with_bodies(tmp_path), post=box)
     shape = [(coal.Box(*box.size_m), in_coal(box.world_from_box.rotation, box.world_from_box.translation))]
@@ -111,8 +114,11 @@ def test_capsules_are_as_far_apart_as_coal_says(tmp_path):
             assert from_box - 0.006 <= post.gap_m <= from_box + 1e-6
 
 
-def test_clearances_are_never_larger_than_those_of_the_true_bodies(tmp_path):
-    """Meshes, boxes, cylinders and spheres at random postures, by Pinocchio and Coal; nor much smaller."""
+def test_clearances_bound_true_distances_from_below(tmp_path):
+    """Clearances are never larger than the true distances of the bodies, nor much smaller.
+
+    Meshes, boxes, cylinders and spheres are compared at random postures by Pinocchio and Coal.
+    """
     path = arm_with_bodies(tmp_path)
     rng, sketch = np.random.default_rng(1), two_arms(path)
     short = []
@@ -124,8 +130,8 @@ def test_clearances_are_never_larger_than_those_of_the_true_bodies(tmp_path):
     assert np.median(short) < 0.06
 
 
-def test_between_places_arms_are_farther_apart_than_nothing(tmp_path):
-    """At a hundred random places each, no clearance falls below that of the way by more than the air."""
+def test_path_clearance_bounds_poses_on_the_path(tmp_path):
+    """At a hundred random postures on each path, no clearance is below that of the path by more than the margin."""
     box = KeepOut("post", SE3(np.eye(3), np.array([0.4, 0.4, 0.5])), np.full(3, 0.1))
     rng, sketch = np.random.default_rng(2), two_arms(arm_with_bodies(tmp_path), post=box)
     for _ in range(3):
@@ -137,8 +143,8 @@ def test_between_places_arms_are_farther_apart_than_nothing(tmp_path):
                 assert each.gap_m > whole[each.other].gap_m - each.needed_m
 
 
-def test_only_what_moves_is_judged(tmp_path):
-    """Boxes are held against robots that are sent, and two robots of which none is sent are not."""
+def test_only_moving_robots_are_checked(tmp_path):
+    """Boxes are checked against robots with goals, and a pair of robots only if at least one of them has a goal."""
     box = KeepOut("post", SE3(np.eye(3), np.array([0.4, 0.4, 0.5])), np.full(3, 0.1))
     sketch, zeros = two_arms(arm_with_bodies(tmp_path), post=box), np.zeros(6)
     pairs = {
@@ -150,8 +156,11 @@ def test_only_what_moves_is_judged(tmp_path):
     assert pairs["none"] == []
 
 
-def test_a_body_that_cannot_be_read_is_named_and_replaced_by_a_line(tmp_path):
-    """As long as the link, with a radius of 60 mm; other links keep their bodies."""
+def test_unreadable_mesh_is_replaced_by_a_line(tmp_path):
+    """The unreadable mesh is named, and its link becomes a line of the link's length with a radius of 60 mm.
+
+    Other links keep their bodies.
+    """
     path = arm_with_bodies(tmp_path)
     whole, _ = robot_capsules(two_arms(path), "two")
     (path.parent / "meshes/upper.stl").unlink()
@@ -166,8 +175,11 @@ def test_a_body_that_cannot_be_read_is_named_and_replaced_by_a_line(tmp_path):
     np.testing.assert_array_equal(body.ends[body.frame == 3], whole.ends[whole.frame == 3])
 
 
-def test_what_an_arm_carries_goes_with_its_flange(tmp_path):
-    """A camera is a ball of 60 mm about its centre, in the frame behind the last joint; the other arm has none."""
+def test_camera_moves_with_its_flange(tmp_path):
+    """A camera is a ball of 60 mm about its centre, in the frame behind the last joint.
+
+    An arm without camera has no such ball.
+    """
     sketch = two_arms(arm_with_bodies(tmp_path))
     mount = SE3(np.eye(3), np.array([0.1, 0.2, 0.3]))
     sketch = replace(sketch, transforms={**sketch.transforms, "one_flange_from_wrist": mount})
@@ -178,8 +190,8 @@ def test_what_an_arm_carries_goes_with_its_flange(tmp_path):
     assert 7 not in robot_capsules(sketch, "two")[0].frame
 
 
-def test_a_robot_that_stays_has_no_path(tmp_path):
-    """Nor is there one that is known of a robot without joints, or that no sample has."""
+def test_path_length_of_still_robot_is_zero(tmp_path):
+    """A still robot has a path length of zero. It is unknown for a robot without joints, or one that a sample lacks."""
     sketch, zeros = two_arms(arm_with_bodies(tmp_path)), np.zeros(6)
     assert path_m_per_rad(sketch, at(zeros, zeros), at(zeros, zeros), "one") == 0.0
     poses = Sample(0, robots={"one": RobotState(SE3.identity())})
@@ -187,8 +199,11 @@ def test_a_robot_that_stays_has_no_path(tmp_path):
         assert path_m_per_rad(sketch, start, end, "one") is None
 
 
-def test_no_point_of_a_body_moves_farther_than_the_path_length(tmp_path):
-    """Points of bodies, with their shapes and poses by Pinocchio, over the steps of random ways."""
+def test_path_length_bounds_body_points(tmp_path):
+    """The path length bounds the motion of all points of bodies on random paths.
+
+    Shapes and poses of the bodies are Pinocchio's.
+    """
     path = arm_with_bodies(tmp_path, {"wrist_3": '<box size="0.3 0.02 0.02"/>', "forearm": '<sphere radius="0.2"/>'})
     rng, sketch = np.random.default_rng(4), two_arms(path)
     ends_of = 0.5 * np.array([0.4 * np.eye(3)[:2], [[0.3, 0.02, 0.02], [-0.3, -0.02, 0.02]]])  # in the tree's order
@@ -207,8 +222,11 @@ def test_no_point_of_a_body_moves_farther_than_the_path_length(tmp_path):
     assert 0.7 < max(fastest) < 1
 
 
-def test_a_sphere_that_spins_goes_its_radius(tmp_path):
-    """And its centre, 20 and 30 mm off the last joint's axis, goes round it; with a fiftieth for the arc."""
+def test_spinning_sphere_moves_by_its_radius(tmp_path):
+    """The path length is the radius plus the motion of the centre.
+
+    The centre is 20 and 30 mm off the last joint's axis, and 2 % are added for the arc.
+    """
     sketch = two_arms(arm_with_bodies(tmp_path, {"wrist_3": '<sphere radius="0.2"/>'}))
     begin, end = np.zeros(6), np.append(np.zeros(5), 0.3)
     assert path_m_per_rad(sketch, at(begin, begin), at(begin, end), "two") == pytest.approx(
@@ -221,8 +239,11 @@ def rods(*ends_and_radius):
     return np.array(ends_and_radius, dtype=float)
 
 
-def test_the_nearest_of_all_rods_decides(monkeypatch):
-    """Crossed, in a line, side by side or points; some at a time as well as all at once."""
+def test_arms_gap_is_that_of_nearest_capsules(monkeypatch):
+    """The gap is right for crossed, collinear and parallel capsules and for points.
+
+    It is the same if capsules are processed in parts.
+    """
     cross = rods([-1, 0, 0, 1, 0, 0, 0.1]), rods([0, -1, 0.5, 0, 1, 0.5, 0.2])
     line = rods([0, 0, 0, 1, 0, 0, 0.1]), rods([1.5, 0, 0, 3, 0, 0, 0.0])
     beside = rods([0, 0, 0, 1, 0, 0, 0.1]), rods([0.5, 0.7, 0, 9, 0.7, 0, 0.1])
@@ -239,8 +260,11 @@ def test_the_nearest_of_all_rods_decides(monkeypatch):
     np.testing.assert_allclose(reach, [1.1, 0.2, 4.35])
 
 
-def test_a_box_is_as_near_as_the_nearest_point_of_a_rod():
-    """By at most a hundredth of the length less; a rod that passes through it is its radius within."""
+def test_box_gap_is_that_of_nearest_point():
+    """The gap is at most a hundredth of the capsule's length too small.
+
+    A capsule through the box is inside by its radius.
+    """
     box = KeepOut("post", SE3(np.eye(3), np.array([0.0, 0.0, 1.0])), np.array([0.2, 0.4, 2.0]))
     beside, across = rods([1.1, -5, 0, 1.1, 5, 1, 0.25]), rods([-5, 0, 0.5, 5, 0, 0.5, 0.25])
     gap = _box_gap(np.concatenate([beside, rods([9, 9, 9, 9, 9, 9, 1])]), box)
@@ -257,8 +281,11 @@ def planar_arms(lengths):
 
 
 @pytest.mark.parametrize("turn", [0.01, -0.3, 2.0])
-def test_the_tip_of_an_arm_goes_the_longest_way(turn):
-    """All of its length per radian of its base, and a link's per radian of the elbow, with a fiftieth for its arc."""
+def test_path_length_is_that_of_the_tip(turn):
+    """The tip moves by the arm's length per radian of its base, and by a link's length per radian of the elbow.
+
+    A fiftieth is added for the arc.
+    """
     sketch, zeros = planar_arms((0.5, 0.4)), np.zeros(2)
     for joints, longest in (([turn, 0.0], 0.9), ([0.0, turn], 0.4), ([0.5 * turn, turn], 0.85)):
         found = path_m_per_rad(sketch, at(zeros, zeros), at(np.array(joints), zeros), "one")
@@ -266,8 +293,11 @@ def test_the_tip_of_an_arm_goes_the_longest_way(turn):
     assert path_m_per_rad(sketch, at(zeros, zeros), at(np.array([turn, 0.0]), zeros), "two") == 0.0
 
 
-def test_arms_that_stay_in_line_leave_the_rest_of_the_way():
-    """Less two radii of 60 mm for links without a body; two clearances are needed, and one from a box."""
+def test_clearance_of_collinear_arms():
+    """The gap is the distance less both arms and two radii of 60 mm for links without a body.
+
+    Two margins are needed between arms, one from a box.
+    """
     sketch, zeros = planar_arms((0.5, 0.4)), np.zeros(2)
     half = np.array([np.pi, 0.0])
     (apart,) = clearances(sketch, at(zeros, half), at(zeros, half), ["one"])

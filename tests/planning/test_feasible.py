@@ -1,4 +1,4 @@
-"""Whether a sample can be taken."""
+"""Tests of the feasibility of samples: visibility, limits, reach and clear paths."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def moved(**tangents):
 
 
 def test_home_is_feasible():
-    """Where the arms begin, everything is in order."""
+    """The home of the arms passes all checks."""
     assert is_feasible(SKETCH, Sample(0, robots=HOME))
 
 
@@ -54,14 +54,14 @@ def test_home_is_feasible():
     [{"hand": [-0.35, 0, 0, 0, 0, 0]}, {"hand": [0, 0, 0, 0, 1.4, 0]}, {"eye": [0, 0, 0, 0.6, 0, 0]}],
     ids=["aside", "from the side", "looking away"],
 )
-def test_what_is_out_of_view(tangents):
-    """A board that leaves the image, or is seen too flat, is not in view."""
+def test_target_out_of_view_is_detected(tangents):
+    """A board that leaves the image, or is seen at a grazing angle, is not in view."""
     assert is_in_view(SKETCH, Sample(0, robots=HOME))
     assert not is_in_view(SKETCH, moved(**tangents))
 
 
-def test_arms_that_meet():
-    """With bases nearer to one another the board comes within the room of a link, and that is not clear."""
+def test_touching_arms_are_not_clear():
+    """With bases closer to one another the board comes within the margin of a link, and the sample is not clear."""
     sample, base = Sample(0, robots=HOME), SKETCH.transforms["eye_base_from_hand_base"]
 
     def nearer(m):
@@ -72,16 +72,16 @@ def test_arms_that_meet():
     assert not is_clear(nearer(0.6), sample)
 
 
-def test_limits():
-    """Joints beyond a limit are out."""
+def test_joint_beyond_limit_is_infeasible():
+    """A sample with a joint beyond its limit is not within limits."""
     joints = WORLD.home["eye"].copy()
     joints[2] = 3.2
     assert is_within_limits(SKETCH, Sample(0, robots=HOME))
     assert not is_within_limits(SKETCH, Sample(0, robots={**HOME, "eye": RobotState(joints_rad=joints)}))
 
 
-def test_arms_that_pass_through_one_another():
-    """Two places that are clear, the way between which is not: an arm swings past the other, which is near."""
+def test_path_through_other_arm_is_blocked():
+    """Two postures are clear, but the path between them is not: an arm swings through the other one nearby."""
     near = moved(eye=[0, 0, 0.4, 0, 0, 0], hand=[0, 0, 0.15, 0, 0, 0]).robots
     swings = [RobotState(joints_rad=near["eye"].joints_rad + angle * np.eye(6)[0]) for angle in (-0.9, 0.9)]
     through = [Sample(k, robots={**near, "eye": swing}) for k, swing in zip((4, 7), swings, strict=True)]
@@ -90,8 +90,11 @@ def test_arms_that_pass_through_one_another():
     assert blocked_samples(SKETCH, through[0].robots, through) == [7]
 
 
-def test_a_short_way_at_home_is_clear():
-    """As the arms begin, half a metre apart, a turn of the wrist is no danger; of poses nothing is known."""
+def test_short_path_at_home_is_clear():
+    """A rotation of the wrist at home is clear, with the arms half a metre apart.
+
+    Paths of poses without joints are not checked.
+    """
     other = moved(eye=[0, 0, 0, 0, 0, 0.3])
     assert is_path_clear(SKETCH, Sample(0, robots=HOME), other)
     poses = Sample(1, robots={name: RobotState(SE3.identity()) for name in HOME})
@@ -102,16 +105,16 @@ ARM = Robot("eye", chain=ur5e())
 NEAR_STATE = RobotState(joints_rad=np.array([0.3, -1.3, -1.8, -3.0, -1.2, 3.0]))
 
 
-def test_joints_near_those_it_has():
-    """A pose a little away is reached by joints a little away, to 1e-9."""
+def test_nearby_pose_has_nearby_joints():
+    """A pose nearby is reached by joints nearby, to 1e-9."""
     there = ur5e().forward(NEAR_STATE.joints_rad) @ SE3.exp(np.array([0.05, -0.02, 0.03, 0.1, 0.0, -0.1]))
     found = reach_pose(ARM, there, NEAR_STATE)
     assert np.abs((ur5e().forward(found.joints_rad).inverse() @ there).log()).max() < 1e-9
     assert np.abs(found.joints_rad - NEAR_STATE.joints_rad).max() < 0.5
 
 
-def test_out_of_reach_and_by_poses():
-    """Two metres away there are none; a robot that is sent to poses is sent there."""
+def test_pose_out_of_reach_has_no_joints():
+    """A pose two metres away has no joints. A robot that is sent to poses gets the pose itself."""
     far = SE3(np.eye(3), np.array([2.0, 0, 0]))
     assert reach_pose(ARM, far, NEAR_STATE) is None
     assert reach_pose(Robot("eye"), far, RobotState(SE3.identity())).base_from_flange is far
@@ -119,16 +122,16 @@ def test_out_of_reach_and_by_poses():
 
 @pytest.mark.parametrize(("pixel", "seen"), [(1.9, False), (2.1, True), (96.9, True), (97.1, False)])
 @pytest.mark.parametrize("axis", [0, 1])
-def test_the_margin_is_kept_at_every_border(pixel, seen, axis):
-    """Two pixels inside of the first and the last pixel's centre, 0 and 99."""
+def test_image_margin_holds_at_every_border(pixel, seen, axis):
+    """The margin is two pixels inside of the centres of the first and the last pixel, 0 and 99."""
     at = np.array([49.5, 49.5])
     at[axis] = pixel
     point = np.append((at - 49.5) / 100, 1.0)
     assert points_in_image(LENS, point, 2.0) == seen
 
 
-def test_what_is_behind_is_not_seen():
-    """Of a camera that says its size, and of one that does not."""
+def test_points_behind_camera_are_not_visible():
+    """Points behind the camera are not visible, whether the camera has an image size or not."""
     ends = np.array([[0, 0, 1.0], [0, 0, -1.0]])
     assert points_in_image(LENS, ends, 2.0).tolist() == [True, False]
     assert points_in_image(Camera("pinhole", LENS.parameters), ends, 2.0).tolist() == [True, False]
@@ -153,15 +156,15 @@ def without_lens(sketch):
     return replace(sketch, cell=replace(sketch.cell, cameras={"wrist": wrist}))
 
 
-def test_targets_are_neither_too_near_nor_too_far():
-    """Every point is deeper than the nearest depth, and nearer than 3 m."""
+def test_target_depth_is_limited():
+    """Every point must be deeper than the minimal depth, and nearer than 3 m."""
     sketch = of_points(replace(SKETCH, nearest_m=0.3), np.array([[0.0, 0, 0], [0, 0, 0.1]]))
     poses = SE3(np.tile(np.eye(3), (4, 1, 1)), np.array([[0, 0, z] for z in (0.29, 0.31, 2.89, 2.91)]))
     assert visibility_mask(sketch, poses).tolist() == [False, True, True, False]
 
 
-def test_boards_are_seen_from_their_front():
-    """Up to a cosine of 0.35 between the normal and the ray, whichever way they are tilted."""
+def test_board_is_visible_only_from_its_front():
+    """A board is visible up to a cosine of 0.35 between the normal and the ray, for either sign of the tilt."""
     for degrees, seen in ((0, True), (68, True), (71, False), (-68, True), (-71, False), (180, False)):
         (found,) = visibility_mask(SKETCH, facing([0, 0, 1.0], tilt_rad=np.radians(degrees)))
         assert found == seen, degrees
@@ -169,8 +172,8 @@ def test_boards_are_seen_from_their_front():
     assert is_front_seen(normal, centre, 0.7).tolist() == [True, False, False]
 
 
-def test_targets_keep_a_margin_of_the_image():
-    """A twentieth of its width at each border."""
+def test_target_keeps_image_margin():
+    """The margin is a twentieth of the image width at each border."""
     sketch = of_points(SKETCH)
     lens = sketch.lens
     width, height = lens.size_px
@@ -189,16 +192,16 @@ def test_targets_keep_a_margin_of_the_image():
         assert visibility_mask(sketch, SE3.stack([pose])).tolist() == [seen], (u, v)
 
 
-def test_without_a_lens_targets_are_near_the_axis():
-    """Within 25.8 degrees of it, with every point."""
+def test_field_of_view_without_lens():
+    """Without a lens all points must be within 25.8 degrees of the optical axis."""
     sketch = of_points(without_lens(SKETCH), np.array([[0.0, 0, 0], [0.1, 0, 0]]))
     angles = np.radians([0, 24, 27])
     poses = SE3(np.tile(np.eye(3), (3, 1, 1)), np.array([[np.tan(a) - 0.1, 0, 1.0] for a in angles]))
     assert visibility_mask(sketch, poses).tolist() == [True, True, False]
 
 
-def test_a_plan_goes_as_near_as_was_seen():
-    """The least depth of views that show the target counts, and no depth beyond the one assumed."""
+def test_minimal_depth_is_that_of_views():
+    """The minimal depth is the smallest of views that show the target, and at most the assumed one."""
     start = Sample(0, robots=HOME)
     depth = (SKETCH.camera_from_target(start) @ SKETCH.target_points)[:, 2].min()
     away = moved(eye=[0, 0, -0.05, 0, 0, 0]).robots
@@ -210,8 +213,8 @@ def test_a_plan_goes_as_near_as_was_seen():
     assert with_seen_distances(SKETCH, [HOME]).nearest_m == SKETCH.nearest_m
 
 
-def test_joints_at_their_limits_are_within_them():
-    """Each joint counts by its own limits; nothing is known of a robot sent to poses, or without a chain."""
+def test_joints_at_limits_are_within_them():
+    """Each joint has its own inclusive limits. A robot that is sent to poses, or without a chain, has none."""
     chain = WORLD.cell.robots["eye"].chain
     for joints, inside in (
         (chain.lower, True),
@@ -224,8 +227,8 @@ def test_joints_at_their_limits_are_within_them():
     assert is_within_limits(SKETCH, Sample(0, robots={"eye": RobotState(SE3.identity())}))
 
 
-def test_poses_of_a_batch_are_reached_each():
-    """One out of reach has no joints; without joints to start from all are sent as they are."""
+def test_batch_of_poses_is_solved_individually():
+    """A pose out of reach has no joints, the others do. Without initial joints all poses are returned unchanged."""
     there = ur5e().forward(NEAR_STATE.joints_rad) @ SE3.exp(np.array([0.02, -0.01, 0.03, 0.1, 0.0, -0.1]))
     goals = SE3.stack([there, SE3(np.eye(3), np.array([2.0, 0, 0])), ur5e().forward(NEAR_STATE.joints_rad)])
     first, far, last = reach_poses(ARM, goals, [NEAR_STATE] * 3)
@@ -244,8 +247,8 @@ def test_poses_of_a_batch_are_reached_each():
 
 
 @pytest.mark.parametrize(("joints", "reached"), [(5, True), (6, False)])
-def test_arms_with_few_joints_come_as_near_as_they_can(joints, reached):
-    """An arm of six joints or more reaches a pose or not."""
+def test_arm_with_few_joints_approaches_pose(joints, reached):
+    """An arm of five joints approaches a pose as far as possible. An arm of six or more reaches it or fails."""
     whole = ur5e()
     parts = (getattr(whole, part)[:joints] for part in ("joint_names", "origins", "axes"))
     arm = SerialChain(*parts, whole.tip, whole.lower[:joints], whole.upper[:joints])

@@ -1,4 +1,4 @@
-"""Patterns by name."""
+"""Tests of the registry of patterns."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ from basecal.planning.patterns import PATTERNS
 
 
 def test_patterns_are_found_by_name():
-    """Each name gives the plan of its module."""
+    """Each name gives the plan function of its module."""
     assert {"poses": poses.plan, "shifts": shifts.plan} == PATTERNS

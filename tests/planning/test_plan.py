@@ -1,4 +1,4 @@
-"""Plans: what they reach is what they say."""
+"""Tests of plans for a task: their sample counts and their predicted errors."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def planned(cell):
     return plan_for_task(described, bare, calibration, point, tolerance_m=6e-4)
 
 
-def test_a_tolerance_is_reached_with_as_many_as_are_needed(planned):
-    """All of the samples are needed, none has an observation, and they are numbered beyond the recording."""
+def test_tolerance_is_reached_with_needed_samples(planned):
+    """All of the samples are needed, none has an observation, and they are numbered after the recording."""
     assert planned.reachable is True
     assert planned.needed == len(planned.samples) > 0
     assert planned.expected_m <= 6e-4 * 1.001
@@ -60,8 +60,8 @@ def test_a_tolerance_is_reached_with_as_many_as_are_needed(planned):
     assert sum(entry.share for entry in planned.budget) == pytest.approx(1.0, rel=1e-2)
 
 
-def test_what_is_recorded_counts(cell, planned):
-    """Fewer samples are needed beside a recording, and none where it is enough."""
+def test_recorded_samples_reduce_the_plan(cell, planned):
+    """Fewer samples are needed in addition to a recording, and none if the recording suffices."""
     described, recording, _, calibration, point = cell
     beside = plan_for_task(described, recording, calibration, point, tolerance_m=6e-4)
     assert beside.recorded == 12
@@ -70,8 +70,11 @@ def test_what_is_recorded_counts(cell, planned):
     assert (enough.needed, enough.samples, enough.reachable) == (0, (), True)
 
 
-def test_what_cannot_be_reached_is_said(cell):
-    """A micrometre is beyond the most that is planned; the sources stand in the budget, the worst first."""
+def test_unreachable_tolerance_is_reported(cell):
+    """A micrometre is unreachable with the maximal number of samples.
+
+    The budget lists the sources, the largest first.
+    """
     described, _, bare, calibration, point = cell
     found = plan_for_task(described, bare, calibration, point, tolerance_m=1e-6)
     assert (found.reachable, found.needed, len(found.samples)) == (False, None, MOST_SAMPLES)
@@ -79,8 +82,8 @@ def test_what_cannot_be_reached_is_said(cell):
     assert shares == sorted(shares, reverse=True)
 
 
-def test_so_many_are_planned_as_are_asked_for(cell):
-    """Another count than the tolerance needs, or without any; more of them leave a smaller error."""
+def test_requested_count_is_planned(cell):
+    """The plan has the requested number of samples, with or without a tolerance. More samples give a smaller error."""
     described, _, bare, calibration, point = cell
     twelve = plan_for_task(described, bare, calibration, point, count=12)
     assert (len(twelve.samples), twelve.needed, twelve.reachable) == (12, None, None)
@@ -89,8 +92,8 @@ def test_so_many_are_planned_as_are_asked_for(cell):
     assert both.expected_m < twelve.expected_m
 
 
-def test_a_plan_needs_a_taught_pose(cell):
-    """An empty recording says what to do."""
+def test_plan_requires_a_taught_pose(cell):
+    """An empty recording is refused with a message that states what to do."""
     described, _, _, calibration, point = cell
     with pytest.raises(InputError, match="taught poses"):
         plan_for_task(described, Recording(()), calibration, point, tolerance_m=1e-3)
@@ -112,8 +115,8 @@ def test_a_plan_needs_a_taught_pose(cell):
         ({"offers": []}, "^offers is empty"),
     ],
 )
-def test_what_is_no_task_is_refused(cell, options, message):
-    """A NaN or a negative tolerance plans nothing that looks like a plan."""
+def test_invalid_task_is_refused(cell, options, message):
+    """A NaN or a negative tolerance is refused rather than planned."""
     described, recording, _, calibration, point = cell
     with pytest.raises(InputError, match=message):
         plan_for_task(described, recording, calibration, **{"points_m": point, "count": 2, **options})
@@ -137,16 +140,22 @@ def meeting(variance_m2, stops_m2=0.0):
 QUANTILE = np.sqrt(7.8147)  # 95 % of a chi-square of three degrees of freedom
 
 
-def test_an_expected_error_is_that_of_the_worst_meeting():
-    """The 95 % quantile of the length, with the stops' own variance; a criterion sums all meetings."""
+def test_expected_error_is_that_of_worst_meeting():
+    """The expected error is the 95 % quantile of the length, including the variance of the stops.
+
+    The criterion is the sum of all meetings.
+    """
     goal = _Goal((meeting(1e-6), meeting(4e-6, 5e-6)), 1.0, 0, None, 0.0)
     assert goal.expected_m(np.eye(2), 0) == pytest.approx(3e-3 * QUANTILE, rel=1e-3)
     assert goal.expected_m(0.25 * np.eye(2), 9) == pytest.approx(np.sqrt(6e-6) * QUANTILE, rel=1e-3)
     np.testing.assert_allclose(goal.weight, 5e-6 * np.eye(2))
 
 
-def test_variance_beyond_the_noise_decreases_with_samples():
-    """It is shared by all samples; without additional samples the calibration's own error is the expected one."""
+def test_excess_variance_decreases_with_samples():
+    """The variance beyond the noise is shared by all samples.
+
+    Without additional samples the expected error is the calibration's own.
+    """
     now = MeetingError(7e-3, "task points", 2e-3)
     goal = _Goal((meeting(1e-6),), 1.0, 10, now, 9e-6)
     assert (goal.excess_m2(0), goal.excess_m2(10), goal.excess_m2(20)) == pytest.approx((9e-6, 4.5e-6, 3e-6))
@@ -155,8 +164,8 @@ def test_variance_beyond_the_noise_decreases_with_samples():
     assert _Goal((meeting(1e-6),), 1.0, 0, None, 9e-6).excess_m2(0) == 0.0
 
 
-def test_an_error_counts_at_its_own_points():
-    """That of a calibration at other points says nothing here."""
+def test_calibrated_error_is_used_at_its_own_points():
+    """The error of a calibration at other points is not used."""
     now = MeetingError(7e-3, "task points", 2e-3)
     known = Calibration("good", {}, meeting=now, settings={"task_point": [0.1, 0.2, 0.3]})
     assert _calibrated_meeting(known, np.array([[0.1, 0.2, 0.3]])) is now
@@ -167,8 +176,11 @@ def test_an_error_counts_at_its_own_points():
 
 @pytest.mark.parametrize("recorded", [frozenset(), frozenset({1, 2, 3})])
 @pytest.mark.parametrize("calibrated", [True, False])
-def test_a_goal_begins_at_what_is_recorded(monkeypatch, recorded, calibrated):
-    """Its error is the calibration's, of which the noise in use may explain a part; without samples there is none."""
+def test_goal_starts_at_recorded_error(monkeypatch, recorded, calibrated):
+    """The initial error is the calibration's, of which the noise in use may explain a part.
+
+    Without recorded samples there is none.
+    """
     now = MeetingError(7e-3, "task point", 2e-3)
     known = Calibration("good", {}, meeting=now, settings={"task_point": [0.1, 0.2, 0.3]}) if calibrated else None
     points = np.array([[0.1, 0.2, 0.3]])
@@ -194,8 +206,8 @@ def test_a_goal_begins_at_what_is_recorded(monkeypatch, recorded, calibrated):
         assert _make_goal(prospect, None, known, np.zeros((0, 3))).current_error is None
 
 
-def test_the_best_are_chosen_and_counted():
-    """Of independent roots the largest; errors after each group are counted in samples."""
+def test_best_candidates_are_chosen_and_counted():
+    """Of independent roots the largest are chosen. Errors after each group are counted in samples."""
     roots = np.array([1.0, 3.0, 2.0, 0.5])[:, None, None] * np.array([[1.0], [0.0]])
     prospect = SimpleNamespace(covariance=np.eye(2))
     for count, best, information in ((1, {1}, 10), (2, {1, 2}, 14), (3, {0, 1, 2}, 15)):
@@ -209,8 +221,8 @@ def test_the_best_are_chosen_and_counted():
     np.testing.assert_allclose([error for _, error in found], wanted, rtol=1e-3)
 
 
-def test_an_outlook_begins_at_the_calibration(cell, monkeypatch):
-    """Counts beyond the candidates are left out, and more samples lower the error."""
+def test_outlook_starts_at_the_calibration(cell, monkeypatch):
+    """Counts beyond the number of candidates are omitted, and more samples reduce the error."""
     described, recording, _, calibration, point = cell
     monkeypatch.setattr(plans, "OUTLOOK_CANDIDATES", 11)
     told = outlook(described, recording, replace(calibration, settings={"task_point": point[0].tolist()}), point)
@@ -219,8 +231,11 @@ def test_an_outlook_begins_at_the_calibration(cell, monkeypatch):
     assert told[0][1] > told[1][1] > told[2][1]
 
 
-def test_candidates_are_shared_by_the_views_that_were_seen(cell, monkeypatch):
-    """Each has its share, rounded up; views of which nothing is feasible are left out, and all of them an error."""
+def test_candidates_are_divided_among_observed_views(cell, monkeypatch):
+    """Each observed view has its share, rounded up.
+
+    Views without feasible candidates are omitted, and it is an error if all are.
+    """
     described, recording, bare, calibration, _ = cell
     (sketch,) = sketches(described, calibration)
     given = []
@@ -242,8 +257,8 @@ def test_candidates_are_shared_by_the_views_that_were_seen(cell, monkeypatch):
         draw_offers([sketch, sketch], recording, 10)
 
 
-def test_arms_are_taught_by_samples_that_see_the_target(cell):
-    """By those that observed it, else by those that would, else by all."""
+def test_taught_states_see_the_target(cell):
+    """Taught states are those that observed the target, else those from which it is visible, else all."""
     described, recording, bare, calibration, _ = cell
     (sketch,) = sketches(described, calibration)
     blind = [
@@ -256,8 +271,11 @@ def test_arms_are_taught_by_samples_that_see_the_target(cell):
     assert _taught_states(sketch, blind) == [dict(s.robots) for s in blind]
 
 
-def test_planned_samples_are_numbered_and_name_touches_alone(cell):
-    """Samples that may not part keep their order; others that move one arm go by their numbers."""
+def test_planned_samples_are_numbered_with_touches_only(cell):
+    """Groups that must stay together keep their order, other samples of one arm are sorted by number.
+
+    Only touches are kept as observations.
+    """
     described, recording, _, calibration, _ = cell
     (sketch,) = sketches(described, calibration)
     touch, view = TouchObservation("tip", "mark"), PixelObservation("wrist", "board", np.arange(4), np.zeros((4, 2)))
@@ -274,8 +292,8 @@ def test_planned_samples_are_numbered_and_name_touches_alone(cell):
     assert _order_samples(sketch, prospect, recording, [], True) == ()
 
 
-def test_stations_are_offered_whole(cell, monkeypatch):
-    """Of the first view, at the states that taught it."""
+def test_complete_stations_are_offered(cell, monkeypatch):
+    """The stations are those of the first view, at its taught states."""
     described, recording, _, calibration, point = cell
     given = []
     monkeypatch.setattr(plans, "draw_offers", lambda known, taught, count, seed: [(known[0], [])])
@@ -290,7 +308,7 @@ def test_stations_are_offered_whole(cell, monkeypatch):
 
 @pytest.mark.slow
 def test_three_robots_are_planned_together():
-    """Robots in a chain, of which none has seen another yet: both pairs are planned, and both bases are known then."""
+    """Both pairs of a chain of three robots without observations are planned, and both bases are then known."""
     made = simulate(Scenario(samples=6, layout="chain", robots=3, robot_noise=(1e-4, 2e-4)), 3)
     bare = Recording(tuple(Sample(s.sample, robots=s.robots) for s in made.recording.samples))
     guessed = Calibration("doubtful", {name: PoseEstimate(mean, np.eye(6)) for name, mean in made.truth.items()})
@@ -304,8 +322,8 @@ def test_three_robots_are_planned_together():
 
 
 @pytest.mark.slow
-def test_candidates_may_be_offered(cell):
-    """Chosen are those that are offered, and no others."""
+def test_only_offered_candidates_are_chosen(cell):
+    """If candidates are offered, only these are chosen."""
     described, _, bare, calibration, point = cell
     offered = draw_offers(sketches(described, calibration), bare, 30)
     found = plan_for_task(described, bare, calibration, point, count=8, offers=offered)
@@ -314,8 +332,11 @@ def test_candidates_may_be_offered(cell):
 
 
 @pytest.mark.slow
-def test_more_samples_bring_less_and_less(cell):
-    """Errors fall with planned samples, beginning at what is recorded; 40 leave less than 12 at random do."""
+def test_outlook_decreases_with_samples(cell):
+    """Errors decrease with planned samples, beginning at that of the recording.
+
+    Those of the last count are below half of it.
+    """
     described, recording, _, calibration, point = cell
     told = outlook(described, recording, calibration, point)
     assert [count for count, _ in told] == list(OUTLOOK_COUNTS)
@@ -327,8 +348,8 @@ def test_more_samples_bring_less_and_less(cell):
 
 
 @pytest.mark.slow
-def test_stations_of_shifts_are_planned_for_a_task(cell):
-    """Whole stations are taken, each with its camera still, and more of them leave a smaller error."""
+def test_shift_stations_are_planned_for_a_task(cell):
+    """Complete stations are planned, each with a still camera. More of them give a smaller error."""
     described, _, bare, calibration, point = cell
     found = [plan_stations(described, bare, calibration, point, count=count) for count in (28, 42)]
     assert [len(plan.samples) for plan in found] == [28, 42]
@@ -341,8 +362,8 @@ def test_stations_of_shifts_are_planned_for_a_task(cell):
     assert found[1].expected_m < found[0].expected_m
 
 
-def test_what_is_not_said_of_stations_is_left_to_the_plan(cell, monkeypatch):
-    """No tolerance and no count, and the same draw as of any other plan."""
+def test_plan_stations_passes_plan_defaults(cell, monkeypatch):
+    """Stations have no default tolerance or count, and the same default seed as other plans."""
     described, recording, _, calibration, point = cell
     given = []
     monkeypatch.setattr(plans, "draw_offers", lambda known, taught, *more: given.append(more) or [(known[0], [])])
@@ -352,8 +373,8 @@ def test_what_is_not_said_of_stations_is_left_to_the_plan(cell, monkeypatch):
     assert given == [(1, 0), 0]
 
 
-def test_where_no_view_was_seen_the_first_is_planned(cell, monkeypatch):
-    """Of those that have taught poses."""
+def test_first_view_is_planned_without_observations(cell, monkeypatch):
+    """Without observations the first view with taught poses is planned."""
     described, _, bare, calibration, _ = cell
     known = sketches(described, calibration)[0]
     board = described.targets[known.target.name]
@@ -369,8 +390,8 @@ def test_where_no_view_was_seen_the_first_is_planned(cell, monkeypatch):
     assert shares == [("board", 5), ("second", 5)]
 
 
-def test_a_budget_contains_the_variance_beyond_the_noise(monkeypatch):
-    """Of the worst meeting, with so many samples."""
+def test_budget_includes_excess_variance(monkeypatch):
+    """The budget is that of the worst meeting, with the excess variance of the planned number of samples."""
     monkeypatch.setattr(plans, "worst_meeting", lambda meetings, covariance: meetings[1])
     monkeypatch.setattr(plans, "budget", lambda solution, meeting, total_m2, known: (meeting.name, total_m2, known))
     meetings = [SimpleNamespace(name=name, mean_square_m2=lambda of: 3.0 * of) for name in ("a", "b")]
@@ -378,8 +399,8 @@ def test_a_budget_contains_the_variance_beyond_the_noise(monkeypatch):
     assert plans._budget(SimpleNamespace(covariance=2.0), goal, 4) == ("b", 6.25, {})
 
 
-def test_no_sample_is_a_choice():
-    """Of zero samples the choice is empty, and the covariance stays."""
+def test_choice_of_zero_samples_is_empty():
+    """A choice of zero samples is empty, and the covariance is unchanged."""
     prior = np.diag([2.0, 3.0])
     chosen, covariance = plans.choose_best(SimpleNamespace(covariance=prior), np.ones((3, 2, 1)), np.eye(2), 0)
     assert chosen == []

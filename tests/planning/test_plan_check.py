@@ -1,4 +1,4 @@
-"""Plans that are checked before anything moves."""
+"""Tests of the check of plans before any robot moves."""
 
 from __future__ import annotations
 
@@ -40,29 +40,29 @@ def words(plan, sketch=SKETCH, asks=WILLING):
     return [str(refusal) for refusal in check_plan(sketch, HOME, plan, LIMITS, asks).refusals]
 
 
-def test_a_sound_plan_is_not_refused():
-    """A wrist that turns a little is nowhere in the way, and every robot has its way to each sample."""
+def test_valid_plan_is_accepted():
+    """Small rotations of the wrist are clear, and every robot has a path to each sample."""
     found = check_plan(SKETCH, HOME, [turned("eye", 5, 0.3), turned("hand", 5, -0.3, 2)], LIMITS, WILLING)
     assert found.refusals == ()
     assert [(way.sample, way.robot) for way in found.paths] == [(1, "eye"), (1, "hand"), (2, "eye"), (2, "hand")]
 
 
-def test_a_joint_beyond_its_limits_is_named():
-    """With its value and its limits, whichever robot and sample it is."""
+def test_joint_beyond_limits_is_refused():
+    """The refusal names the joint with its value and its limits, for any robot and sample."""
     limit = WORLD.cell.robots["hand"].chain.upper[2]
     over = turned("hand", 2, limit + 0.01 - WORLD.home["hand"][2], 3)
     (why,) = words([turned("eye", 5, 0.1), over])
     assert why.startswith(f"sample 3: joint elbow of hand is {limit + 0.01:.4g} rad, but its limits are")
 
 
-def test_a_joint_that_is_not_a_number_is_named():
+def test_nan_joint_is_refused():
     """A NaN is beyond all limits."""
     (why,) = words([turned("eye", 4, np.nan)])
     assert why.startswith("sample 1: joint wrist_2 of eye is nan rad")
 
 
-def test_a_joint_without_limits_does_not_turn_round_and_round():
-    """Degrees that were given as radians to a joint that turns for ever are refused before its way is walked."""
+def test_unlimited_joint_is_bounded():
+    """Degrees given as radians to a continuous joint are refused before the path is checked."""
     free = replace(WORLD.cell.robots["eye"].chain, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
     robots = {**WORLD.cell.robots, "eye": replace(WORLD.cell.robots["eye"], chain=free)}
     endless = replace(SKETCH, cell=replace(WORLD.cell, robots=robots))
@@ -70,8 +70,8 @@ def test_a_joint_without_limits_does_not_turn_round_and_round():
         assert words([turned("eye", 5, wild)], sketch=endless)
 
 
-def test_a_controller_is_asked_for_every_sample():
-    """What it refuses is refused; robots that nobody sends are not asked."""
+def test_controller_is_asked_about_every_sample():
+    """The plan refuses what the controller refuses. Robots that are not sent are not asked."""
     asked = []
 
     def eye(state):
@@ -83,7 +83,7 @@ def test_a_controller_is_asked_for_every_sample():
     assert len(asked) == 2
 
 
-def test_boxes_are_kept_out_of_on_the_way_and_arms_may_stand_on_a_table():
+def test_keep_out_boxes_block_paths_except_tables():
     """A post between two samples is refused though both are clear of it; a table under the bases is not."""
     start, end = turned("eye", 0, -0.6, 1), turned("eye", 0, 0.6, 2)
     middle = SKETCH.body_pose(SKETCH.camera.name, turned("eye", 0, 0.0).robots).translation
@@ -107,8 +107,11 @@ def points_of(robots):
     )
 
 
-def test_no_point_is_faster_than_allowed():
-    """The speed of a way is that at which the fastest point of an arm moves as fast as it may; slow ways stay."""
+def test_speed_is_limited_by_fastest_point():
+    """The speed of a path is limited such that the fastest point of the arm reaches the limit.
+
+    Slow paths are unchanged.
+    """
     start, end = Sample(0, robots=HOME), turned("eye", 0, 0.5)
     way = timed_path(SKETCH, start, end, "eye", SpeedLimits(np.radians(30.0), 0.1))
     places = np.stack([points_of(turned("eye", 0, share * 0.5).robots) for share in np.linspace(0, 1, 400)])
@@ -120,8 +123,11 @@ def test_no_point_is_faster_than_allowed():
     assert wrist.tool_m_s < 0.25
 
 
-def test_a_robot_without_kinematics_has_a_bound():
-    """Sent to poses, its joints turn so slowly that no point exceeds the limit: three times its reach a radian."""
+def test_robot_without_kinematics_has_speed_bound():
+    """The joint speed of a robot sent to poses is limited by three times its reach per radian.
+
+    No point then exceeds the limit.
+    """
     bare = replace(WORLD.cell, robots={**WORLD.cell.robots, "eye": replace(WORLD.cell.robots["eye"], chain=None)})
     poses = [RobotState(SE3(np.eye(3), np.array([0.5, y, 0.0]))) for y in (0.0, 0.1)]
     start, end = (Sample(k, robots={"eye": pose}) for k, pose in enumerate(poses))
@@ -134,8 +140,8 @@ def test_a_robot_without_kinematics_has_a_bound():
 
 
 @pytest.mark.parametrize(("turns", "refused"), [(2.04, False), (2.06, True), (-2.04, False), (-2.06, True)])
-def test_two_turns_on_one_path_are_the_most(turns, refused):
-    """Of any joint without limits, either way; the words say what to do."""
+def test_path_is_limited_to_two_turns(turns, refused):
+    """A joint without limits may rotate by two turns in either direction. The refusal states what to do."""
     free = replace(WORLD.cell.robots["eye"].chain, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
     robots = {**WORLD.cell.robots, "eye": replace(WORLD.cell.robots["eye"], chain=free)}
     endless = replace(SKETCH, cell=replace(WORLD.cell, robots=robots))
@@ -148,8 +154,8 @@ def test_two_turns_on_one_path_are_the_most(turns, refused):
         )
 
 
-def test_a_robot_without_a_goal_is_where_it_was_sent_before():
-    """Beside it another arm passes as if its goal were stated again, and its next way begins there."""
+def test_robot_without_goal_keeps_last_goal():
+    """Another arm passes such a robot as if its goal were repeated, and its next path begins there."""
     first, second = turned("eye", 0, 0.5), turned("hand", 0, 0.1, 2).robots["hand"]
     full = [first, Sample(2, robots={**first.robots, "hand": second}), Sample(3, robots={"eye": first.robots["eye"]})]
     brief = [first, Sample(2, robots={"hand": second}), full[2]]
@@ -159,8 +165,8 @@ def test_a_robot_without_a_goal_is_where_it_was_sent_before():
 
 
 @pytest.mark.parametrize(("over_rad", "refused"), [(0.0, False), (0.9e-9, False), (1e-8, True)])
-def test_a_joint_at_its_limit_is_within_it(over_rad, refused):
-    """But for rounding, at either end."""
+def test_joint_at_limit_is_accepted(over_rad, refused):
+    """A joint at either limit is accepted, up to rounding."""
     chain = WORLD.cell.robots["eye"].chain
     for joint, limit in ((5, chain.lower[5] - over_rad), (5, chain.upper[5] + over_rad)):
         joints = WORLD.home["eye"].copy()
@@ -171,7 +177,7 @@ def test_a_joint_at_its_limit_is_within_it(over_rad, refused):
 
 
 def test_a_pose_out_of_reach_is_refused():
-    """Others are asked of the controller, whose reason is told."""
+    """The controller is asked about reachable poses, and its reason is reported."""
     far = RobotState(SE3(np.eye(3), np.array([9.0, 0, 0])))
     near = RobotState(SKETCH.base_from_flange("eye", HOME["eye"]))
 
@@ -186,8 +192,8 @@ def test_a_pose_out_of_reach_is_refused():
     ]
 
 
-def test_gaps_on_the_way_are_told_in_millimetres():
-    """Those that are too small; within a body it is none."""
+def test_small_gaps_are_reported_in_millimetres():
+    """Gaps that are too small are reported in mm; inside of a body the gap is zero."""
     gaps = [Clearance("eye", "post", gap_m, 0.02) for gap_m in (0.0123, 0.02, 0.0199, -0.3)]
     assert [each.what for each in _path_refusals(Sample(7), gaps)] == [
         f"eye comes within {gap} mm of 'post' on its way, 20 mm are required" for gap in (12, 20, 0)
@@ -195,8 +201,8 @@ def test_gaps_on_the_way_are_told_in_millimetres():
     assert {each.sample for each in _path_refusals(Sample(7), gaps)} == {7}
 
 
-def test_a_robot_that_stays_may_turn_at_the_joint_limit():
-    """Its points move nowhere; the gaps of a way are those of its robot."""
+def test_still_robot_has_joint_speed_limit():
+    """A still robot has no tool speed and the full joint speed. The gaps of a path are those of its robot."""
     pairs = (("eye", "hand"), ("hand", "post"), ("eye", "post"))
     gaps = [Clearance(robot, other, 0.1, 0.02) for robot, other in pairs]
     here = Sample(3, robots=HOME)
@@ -206,8 +212,8 @@ def test_a_robot_that_stays_may_turn_at_the_joint_limit():
     assert timed_path(SKETCH, here, here, "hand", LIMITS, gaps).gaps == (gaps[0], gaps[1])
 
 
-def test_robots_that_are_not_sent_stay_where_they_were():
-    """Each way begins where the last sample of its robot ended, from home on."""
+def test_unsent_robot_keeps_its_state():
+    """Each path begins at the last sample of its robot, initially at home."""
     alone = [Sample(1, robots={"eye": turned("eye", 5, 0.3).robots["eye"]}), Sample(2, robots={"hand": HOME["hand"]})]
     found = check_plan(SKETCH, HOME, alone, LIMITS, WILLING)
     assert [(way.sample, way.robot) for way in found.paths] == [(1, "eye"), (2, "hand")]
@@ -218,9 +224,10 @@ def test_robots_that_are_not_sent_stay_where_they_were():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["six_axis", "seven_axis"])
 def test_three_reaches_bound_the_fastest_point(name):
-    """Of an arm whose kinematics are hidden: the worst of many ways, made worse step by step, is slower than stated.
+    """Three times the reach bounds the fastest point of an arm with unknown kinematics.
 
-    The reach is 0.7 of the farthest flange, about what a data sheet states, and a camera is 0.3 m from the flange.
+    The worst of many random paths is made worse step by step, and stays slower than stated. The reach is 0.7 of the
+    farthest flange, about what a data sheet states, and a camera is 0.3 m from the flange.
     """
     ends = {"six_axis": ("base_link", "tool0"), "seven_axis": ("pedestal", "hand")}[name]
     chain = read_chain(Path(__file__).parents[1] / f"data/urdf/{name}.urdf", *ends)

@@ -1,4 +1,4 @@
-"""Poses all around a target."""
+"""Tests of the pattern of poses around a target."""
 
 from __future__ import annotations
 
@@ -21,8 +21,11 @@ WORLD = facing_arms()
 SKETCH, HOME = sketch_cell(WORLD.cell), home(WORLD)
 
 
-def test_every_pose_is_feasible_and_they_differ():
-    """Each passes what it was asked to, both arms turn by more than half a radian between some, numbers count up."""
+def test_planned_poses_are_feasible_and_varied():
+    """Each pose passes all checks, and numbers count up.
+
+    Both arms rotate by more than half a radian between some poses.
+    """
     plan = poses.plan(SKETCH, HOME, 12)
     assert [sample.sample for sample in plan] == list(range(12))
     assert all(is_feasible(SKETCH, sample) for sample in plan)
@@ -32,16 +35,16 @@ def test_every_pose_is_feasible_and_they_differ():
         assert max(turns) > 0.5
 
 
-def test_where_nothing_is_feasible_an_error_says_what_to_do(monkeypatch):
-    """A target that its camera does not see at home is seen at no pose nearby."""
+def test_no_feasible_pose_is_an_error(monkeypatch):
+    """A target that is not visible at home is visible at no pose nearby."""
     turned = {**HOME, "eye": RobotState(joints_rad=HOME["eye"].joints_rad + np.pi * np.eye(6)[4])}
     monkeypatch.setattr(poses, "_DRAW_ROUNDS", 2)
     with pytest.raises(InputError, match="only 0 of 1 poses"):
         poses.plan(SKETCH, turned, 1)
 
 
-def test_the_way_is_short():
-    """Put in order, the way from one to the next is no longer than as drawn."""
+def test_ordering_shortens_the_path():
+    """The ordered samples have a shorter path than the samples in random order."""
     drawn = [Sample(0, robots=sample.robots) for sample in poses.plan(SKETCH, HOME, 12, seed=3)]
     shuffled = [drawn[k] for k in np.random.default_rng(0).permutation(12)]
 
@@ -56,8 +59,11 @@ def states(**joints):
     return Sample(0, robots={name: RobotState(joints_rad=np.array(each)) for name, each in joints.items()})
 
 
-def test_a_path_is_as_long_as_its_farthest_joint():
-    """Of all robots that both samples have; of poses the largest translation or rotation."""
+def test_path_length_is_largest_joint_motion():
+    """The length is the largest of all robots that both samples have.
+
+    For poses it is the largest translation or rotation.
+    """
     start, end = states(eye=[0, 0, 0], hand=[0, 0, 0]), states(eye=[0.1, -0.3, 0], hand=[0.2, 0, 0])
     assert poses._path_length(SKETCH, start, end) == pytest.approx(0.3)
     assert poses._path_length(SKETCH, states(hand=[0, 0, 0]), end) == pytest.approx(0.2)
@@ -68,8 +74,8 @@ def test_a_path_is_as_long_as_its_farthest_joint():
     )
 
 
-def test_the_nearest_sample_with_a_clear_path_follows(monkeypatch):
-    """The nearest of all if no path is clear; numbers begin at zero."""
+def test_nearest_sample_with_clear_path_follows(monkeypatch):
+    """If no path is clear, the nearest sample follows. Numbers begin at zero."""
     samples = [states(eye=[at, 0.0]) for at in (3.5, 1.0, 2.0)]
 
     def ordered():
@@ -88,8 +94,8 @@ def test_the_nearest_sample_with_a_clear_path_follows(monkeypatch):
     assert ordered() == [2, 1, 3.5]
 
 
-def test_samples_with_an_unclear_path_are_drawn_anew(monkeypatch):
-    """The rest are kept, so many are drawn a round, and the message counts what is left."""
+def test_samples_with_blocked_path_are_redrawn(monkeypatch):
+    """The other samples are kept, and each round draws the same number with the same reach."""
     drawn, unclear = [], iter([[0, 2], []])
 
     def draw(sketch, views, count, reach, rng):
@@ -104,8 +110,8 @@ def test_samples_with_an_unclear_path_are_drawn_anew(monkeypatch):
     assert drawn == [(6, dict.fromkeys(("eye", "hand"), (0.6, 0.12)))] * 2
 
 
-def test_a_path_with_joints_at_one_end_alone_is_that_of_poses():
-    """Of the flange; robots of one sample alone do not count."""
+def test_path_length_with_joints_at_one_end():
+    """If only one end has joints, the length is that of the flange poses. Robots of only one sample do not count."""
     chain = planar(0.5, 0.4)
     sketch = SimpleNamespace(
         base_from_flange=lambda robot, state: (

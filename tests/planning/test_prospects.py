@@ -1,4 +1,4 @@
-"""What samples would say, against the solution of samples that were taken so."""
+"""Tests of the predicted information of samples, against the solution with these samples."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def cell():
     return made, calibration, sketch, drawn
 
 
-def test_information_adds_up_to_what_is_solved(cell):
+def test_information_roots_add_up_to_solution(cell):
     """The covariance of recorded and chosen samples by their roots is that of the problem with all of them."""
     made, calibration, sketch, drawn = cell
     prospect = prospects(made.cell, made.recording, calibration, [(sketch, drawn)])
@@ -50,8 +50,11 @@ def test_information_adds_up_to_what_is_solved(cell):
     )
 
 
-def test_what_was_recorded_is_known_as_well_as_calibrated(cell):
-    """With nothing chosen the covariance is the calibration's, less what bends of mounts add: at most a quarter."""
+def test_empty_choice_has_calibrated_covariance(cell):
+    """Without a choice the covariance is the calibration's, less the contribution of the bends of mounts.
+
+    It is at most a quarter.
+    """
     made, calibration, sketch, drawn = cell
     prospect = prospects(made.cell, made.recording, calibration, [(sketch, drawn)])
     solved = prospect.solution([]).transforms[BASE]
@@ -59,8 +62,8 @@ def test_what_was_recorded_is_known_as_well_as_calibrated(cell):
     assert np.all(solved.sigma_t >= 0.75 * calibration[BASE].sigma_t)
 
 
-def test_without_observations_nothing_is_recorded(cell):
-    """Then the assumed noise counts for what states none, and numbers go on after the taught samples."""
+def test_samples_without_observations_are_not_recorded(cell):
+    """Without observations the assumed noise replaces unstated noise, and numbers continue after the taught samples."""
     made, _, sketch, drawn = cell
     bare = Recording(tuple(Sample(s.sample, robots=s.robots) for s in made.recording.samples))
     quiet = replace(made.cell, pixel_px=None)
@@ -74,8 +77,8 @@ def test_without_observations_nothing_is_recorded(cell):
 @pytest.mark.parametrize(("target", "sigmas"), [
     ("charuco", [0.3]), ("pose", [1e-3] * 3 + [3e-3] * 3), ("points3d", [1e-3]),
 ])  # fmt: skip
-def test_noise_is_assumed_where_nothing_is_stated(target, sigmas):
-    """As docs/plan.md has it: 0.3 px of a view, 1 mm and 3 mrad of a pose, 1 mm of a point."""
+def test_unstated_noise_has_documented_defaults(target, sigmas):
+    """The defaults are those of docs/plan.md: 0.3 px of a view, 1 mm and 3 mrad of a pose, 1 mm of a point."""
     made = simulate(Scenario(samples=3, target=target, state_pixel_noise=False), 0)
     problem, _ = build_problem(made.cell, made.recording)
     bare = (replace(group, measurement=group.measurement.without_sigmas()) for group in problem.groups)
@@ -84,13 +87,13 @@ def test_noise_is_assumed_where_nothing_is_stated(target, sigmas):
     np.testing.assert_allclose(found, np.resize(sigmas, found.shape))
 
 
-def test_a_cell_without_guesses_needs_a_calibration(cell):
-    """The transform without a value is named."""
+def test_cell_without_guesses_requires_calibration(cell):
+    """The error names the transform without a value."""
     with pytest.raises(InputError, match=BASE):
         sketches(cell[0].cell, None)
 
 
-def test_what_nothing_is_known_of_is_open(cell):
+def test_unknown_transform_has_wide_prior(cell):
     """Without a recorded sample each direction has a sigma of 0.3 m or rad."""
     made, calibration, sketch, drawn = cell
     bare = Recording(tuple(Sample(s.sample, robots=s.robots) for s in made.recording.samples))
@@ -100,8 +103,8 @@ def test_what_nothing_is_known_of_is_open(cell):
 
 
 @pytest.mark.parametrize("size", [1, 5])
-def test_candidates_after_one_another_add_up(cell, size):
-    """Those that share no stop say together what they say alone."""
+def test_independent_candidates_add_up(cell, size):
+    """The information of consecutive candidates that share no stop is the sum of their own."""
     made, calibration, sketch, drawn = cell
     prospect = prospects(made.cell, made.recording, calibration, [(sketch, drawn)])
     alone = (prospect.roots @ prospect.roots.mT).reshape(-1, size, *prospect.covariance.shape).sum(1)
@@ -109,8 +112,8 @@ def test_candidates_after_one_another_add_up(cell, size):
     np.testing.assert_allclose(together @ together.mT, alone, rtol=0, atol=1e-6 * np.abs(alone).max())
 
 
-def test_a_sketch_has_the_calibrated_transforms_and_the_stated_cell(cell):
-    """A lens of which nothing is stated is that calibrated."""
+def test_sketch_has_calibrated_transforms(cell):
+    """The sketch has the calibrated transforms and the stated cell. An unstated lens is the calibrated one."""
     made, calibration, *_ = cell
     wrist = made.cell.cameras["wrist"]
     unknown = replace(wrist, intrinsics=Intrinsics("free", None), size_px=(1280, 720))
@@ -124,7 +127,7 @@ def test_a_sketch_has_the_calibrated_transforms_and_the_stated_cell(cell):
 
 
 def test_candidates_are_numbered_after_all_samples(cell):
-    """From zero on if there is no sample."""
+    """Candidates are numbered after all recorded samples, from zero if there is none."""
     made, calibration, sketch, drawn = cell
     later = replace(made.recording.samples[0], sample=40)
     for samples, first in (((later, *made.recording.samples[1:]), 41), ((), 0)):
@@ -135,8 +138,8 @@ def test_candidates_are_numbered_after_all_samples(cell):
         assert seen == prospect.recorded
 
 
-def test_predicted_covariances_are_those_of_the_noise(cell):
-    """They are not rescaled by residuals, which there are none of."""
+def test_predicted_covariance_is_not_rescaled(cell):
+    """Predicted covariances are those of the noise and are not rescaled by residuals, since there are none."""
     made, calibration, sketch, drawn = cell
     found = prospects(made.cell, made.recording, calibration, [(sketch, drawn)]).solution([0, 1])
     assert found.noise.factor == 1.0
@@ -145,8 +148,11 @@ def test_predicted_covariances_are_those_of_the_noise(cell):
     np.testing.assert_allclose(found.covariance @ hessian, np.eye(len(hessian)), atol=1e-6)
 
 
-def test_calibrated_noise_counts_before_assumed_noise():
-    """Of robots by name and of cameras by name; the calibration's own if a camera has none."""
+def test_calibrated_noise_precedes_assumed_noise():
+    """Calibrated noise of robots and cameras is used by name.
+
+    A camera without its own has the overall noise of the calibration.
+    """
     open_cell = simulate(Scenario(samples=3, robot_noise=(1e-4, 2e-4), state_robot_noise=False), 0)
     problem, _ = build_problem(open_cell.cell, open_cell.recording)
     bare = problem.with_groups(replace(g, measurement=g.measurement.without_sigmas()) for g in problem.groups)
@@ -160,8 +166,11 @@ def test_calibrated_noise_counts_before_assumed_noise():
         np.testing.assert_allclose(sigmas["hand"], ASSUMED_ROBOT_SIGMAS)
 
 
-def test_an_unknown_lens_is_open(cell):
-    """Without a recorded sample its focal lengths, centre and first terms have sigmas of a thousand."""
+def test_unknown_lens_has_wide_prior(cell):
+    """An unknown lens without a recorded sample has a wide prior.
+
+    Its focal lengths, centre and first distortion terms have sigmas of a thousand.
+    """
     made = simulate(Scenario(samples=3, intrinsics="free"), 0)
     calibration = cell[1]
     sketch = sketches(made.cell, replace(calibration, cameras={"wrist": (made.cameras["wrist"], np.eye(9))}))[0]
@@ -170,8 +179,8 @@ def test_an_unknown_lens_is_open(cell):
     np.testing.assert_allclose(np.sqrt(np.diag(prospect.covariance[where, where]))[:6], 1e3, rtol=1e-9)
 
 
-def test_views_are_predicted_by_what_the_sensor_measures(cell):
-    """Pixels of a camera with a lens, a pose without one or of a target without a shape, and a touch of a tip."""
+def test_predicted_observation_matches_sensor_kind(cell):
+    """A camera with a lens gives pixels, one without a lens or a target without a shape a pose, and a tip a touch."""
     made, _, sketch, drawn = cell
     seen = _predict_observation(sketch, drawn[0])
     pose, shape = sketch.camera_from_target(drawn[0]), sketch.target.target
@@ -189,8 +198,11 @@ def test_views_are_predicted_by_what_the_sensor_measures(cell):
     assert (found.tip, found.mark) == ("wrist", "board")
 
 
-def test_groups_of_views_are_joined_by_what_each_candidate_has():
-    """Of as many numbers they stand in one place, since no candidate is in both; of other numbers side by side."""
+def test_roots_of_view_groups_are_joined():
+    """Roots with equal numbers of columns share them, since no candidate is in both groups.
+
+    Others are placed side by side.
+    """
     rng = np.random.default_rng(0)
     first, second = rng.standard_normal((4, 5, 3)), rng.standard_normal((4, 5, 3))
     first[:2], second[2:] = 0, 0
@@ -201,8 +213,8 @@ def test_groups_of_views_are_joined_by_what_each_candidate_has():
         assert joined.shape == (4, 5, 3 + (more.shape[-1] if more.shape[-1] < 3 else 0))
 
 
-def test_arms_of_unknown_noise_are_as_noisy_as_arms_are():
-    """Between 0.1 and 0.5 mm, and 0.2 and 1 mrad, per axis; all three axes alike."""
+def test_assumed_robot_noise_is_realistic():
+    """The assumed noise is between 0.1 and 0.5 mm, and 0.2 and 1 mrad, per axis, equal for all three axes."""
     shift, turn = ASSUMED_ROBOT_SIGMAS[:3], ASSUMED_ROBOT_SIGMAS[3:]
     assert np.ptp(shift) == np.ptp(turn) == 0
     assert 1e-4 < shift[0] < 5e-4

@@ -1,4 +1,4 @@
-"""The paper's programmed shifts."""
+"""Tests of the pattern of the paper's programmed shifts."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ WORLD = facing_arms("led")
 SKETCH, HOME = sketch_cell(WORLD.cell), home(WORLD)
 
 
-def test_stations_are_as_the_paper_has_them():
-    """At each the camera looks straight at the light, and the light goes to both sides along its own axes."""
+def test_stations_follow_the_paper():
+    """At each station the camera looks straight at the LED, which shifts in both directions along its own axes."""
     plan = shifts.plan(SKETCH, HOME, 14)
     assert len(plan) == 14
     for station in (plan[:7], plan[7:]):
@@ -40,8 +40,8 @@ def test_stations_are_as_the_paper_has_them():
     assert not np.array_equal(plan[0].robots["eye"].joints_rad, plan[7].robots["eye"].joints_rad)
 
 
-def test_the_length_is_the_best():
-    """Of noise over the length and neglected depth over its square, the sum is least there."""
+def test_shift_length_minimises_the_error():
+    """The shift length minimises the sum of noise over the length and neglected depth over its square."""
     at = Sample(0, robots=HOME)
     length = shifts.shift_length(SKETCH, at)
     depth = np.linalg.norm(SKETCH.camera_from_target(at).translation)
@@ -52,8 +52,8 @@ def test_the_length_is_the_best():
     assert error(length) < min(error(0.97 * length), error(1.03 * length))
 
 
-def test_targets_that_nobody_carries():
-    """A light on the world cannot be shifted."""
+def test_led_on_world_cannot_be_shifted():
+    """An LED on the world is refused, because no robot can shift it."""
     light = replace(WORLD.cell.targets["light"], on="world")
     truth = {**SKETCH.transforms, "eye_base_from_light": SKETCH.transforms["hand_flange_from_light"]}
     still = replace(SKETCH, cell=replace(WORLD.cell, targets={"light": light}), transforms=truth)
@@ -68,8 +68,8 @@ def guessed(layout="dual"):
     return sketches(made.cell, known)[0], [dict(sample.robots) for sample in made.recording.samples]
 
 
-def test_stations_are_whole_and_can_be_taken():
-    """Seven samples each, all feasible; several lengths of shift are among them."""
+def test_stations_are_complete_and_feasible():
+    """Stations have seven feasible samples each, with several shift lengths among them."""
     sketch, taught = guessed()
     found = stations(sketch, taught)
     assert len(found) % STATION_SAMPLES == 0
@@ -79,14 +79,14 @@ def test_stations_are_whole_and_can_be_taken():
     assert max(lengths) > 1.9 * min(lengths)
 
 
-def test_a_target_that_stays_cannot_be_shifted():
+def test_board_on_world_has_no_stations():
     """A board on the world has no stations."""
     with pytest.raises(InputError, match="on the world"):
         stations(*guessed("eye_in_hand"))
 
 
-def test_unstated_noise_of_a_light_is_a_tenth_of_a_pixel():
-    """The length grows with the cube root of the noise."""
+def test_unstated_led_noise_is_0_1_px():
+    """The shift length for unstated noise is that for 0.1 px. It grows with the cube root of the noise."""
     at, cells = Sample(0, robots=HOME), [replace(WORLD.cell, pixel_px=noise) for noise in (None, 0.1, 0.8)]
     unstated, tenth, more = (shifts.shift_length(replace(SKETCH, cell=cell), at) for cell in cells)
     assert unstated == tenth
@@ -94,8 +94,11 @@ def test_unstated_noise_of_a_light_is_a_tenth_of_a_pixel():
 
 
 @pytest.mark.parametrize(("samples", "count"), [(0, 1), (1, 1), (7, 1), (8, 2), (14, 2)])
-def test_whole_stations_are_planned(monkeypatch, samples, count):
-    """As many as hold the samples, and one at least; those that are out of reach or blocked are drawn anew."""
+def test_number_of_stations_is_rounded_up(monkeypatch, samples, count):
+    """The plan has as many stations as hold the samples, at least one.
+
+    Unreachable or blocked stations are drawn anew.
+    """
     tried = []
 
     def draw(sketch, home, wanted, seed):
@@ -113,7 +116,7 @@ def test_whole_stations_are_planned(monkeypatch, samples, count):
 
 
 def test_too_few_stations_are_an_error(monkeypatch):
-    """It says how many there are of how many."""
+    """The error states how many of the requested stations are feasible."""
     monkeypatch.setattr(shifts.poses, "plan", lambda *given: [Sample(0, robots=HOME)])
     monkeypatch.setattr(shifts, "aim_camera", lambda sketch, sample: None)
     with pytest.raises(InputError, match="only 0 of 2 stations are feasible"):
@@ -123,8 +126,11 @@ def test_too_few_stations_are_an_error(monkeypatch):
         stations(SKETCH, [HOME])
 
 
-def test_each_origin_is_shifted_by_the_best_length_and_twice_and_four_times_it():
-    """Stations follow one another by length; one that an arm cannot reach ends those of its origin."""
+def test_stations_have_three_shift_lengths():
+    """Stations of an origin have one, two and four times the best length.
+
+    A station out of reach ends those of its origin.
+    """
     sketch, taught = guessed()
     first = stations(sketch, taught)[::STATION_SAMPLES]
     found = stations(sketch, taught)[1::STATION_SAMPLES]

@@ -1,4 +1,4 @@
-"""A cell as far as it is known."""
+"""Tests of the sketch of a cell: its known or guessed transforms."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ def with_truth(cell):
     )
 
 
-def test_it_predicts_what_is_seen():
-    """With the truth the board stands straight before the camera, 0.65 m away, as the cell was made."""
+def test_sketch_predicts_the_view():
+    """With the true transforms the board is straight in front of the camera at 0.65 m, as the cell was built."""
     seen = sketch_cell(with_truth(WORLD.cell)).camera_from_target(Sample(0, robots=home(WORLD)))
     middle = seen @ WORLD.cell.targets["board"].target.points.mean(0)
     np.testing.assert_allclose(middle, [0, 0, 0.65], atol=1e-9)
 
 
-def test_guesses_will_do():
-    """With what the cell states it is off by some centimetres, and says which arms move."""
+def test_sketch_accepts_guesses():
+    """With the guesses of the cell the prediction is off by some centimetres. The sketch lists the moving arms."""
     sketch = sketch_cell(WORLD.cell)
     middle = sketch.camera_from_target(Sample(0, robots=home(WORLD))) @ WORLD.cell.targets["board"].target.points.mean(
         0
@@ -46,8 +46,8 @@ def test_guesses_will_do():
     assert (sketch.view, sketch.movers) == (("wrist", "board"), ("eye", "hand"))
 
 
-def test_what_is_missing_is_named():
-    """A base nobody guessed, and a cell without a target, are told with what to write."""
+def test_missing_parts_are_named():
+    """A base without a guess, a missing target and a missing lens are reported with what to write."""
     with pytest.raises(InputError, match=r"give eye_base_from_hand_base a value, or .* `guess:"):
         sketch_cell(replace(WORLD.cell, bases={"hand": Unknown()}))
     with pytest.raises(InputError, match="no camera with a target"):
@@ -60,8 +60,8 @@ def test_what_is_missing_is_named():
         ).lens
 
 
-def test_who_moves_carries_the_camera_or_the_target():
-    """The camera's first; of a scene each that carries a camera."""
+def test_movers_carry_camera_or_target():
+    """The carrier of the camera comes first. The movers of a scene are all carriers of cameras."""
     assert sketch_cell(WORLD.cell).movers == ("eye", "hand")
     (wrist,), (board,) = WORLD.cell.cameras.values(), WORLD.cell.targets.values()
     still = replace(
@@ -73,8 +73,8 @@ def test_who_moves_carries_the_camera_or_the_target():
     assert (scene.movers, scene.view) == (("eye",), ("wrist", ""))
 
 
-def test_arms_that_are_led_need_a_camera():
-    """Of a scene; a cell with a target is sketched as ever."""
+def test_hand_guided_sketch_requires_a_camera():
+    """A hand-guided scene requires a camera. A cell with a target has its ordinary sketch."""
     assert hand_guided_sketch(WORLD.cell).view == ("wrist", "board")
     with pytest.raises(InputError, match="the cell has no camera"):
         hand_guided_sketch(replace(WORLD.cell, sees_scene=True, cameras={}, targets={}))
@@ -103,8 +103,8 @@ def everywhere():
     return Sketch(cell, known, ("wrist", "board"))
 
 
-def test_bodies_are_where_their_carriers_are():
-    """On either arm, on the world, and on a plate."""
+def test_body_poses_follow_their_carriers():
+    """Poses of bodies are right on either arm, on the world, and on a plate."""
     sketch, states = everywhere(), {"eye": RobotState(EYE), "hand": RobotState(HAND)}
     for name, pose in {
         "wrist": EYE @ ON_EYE,
@@ -119,8 +119,11 @@ def test_bodies_are_where_their_carriers_are():
     np.testing.assert_allclose(seen.matrix, wanted.matrix, atol=1e-12)
 
 
-def test_views_are_of_things_on_different_bodies():
-    """Each camera with each target that it is not mounted beside; the arms of a view move, the camera's first."""
+def test_possible_views_have_different_carriers():
+    """Each camera is paired with each target on another carrier.
+
+    The movers of a view are its arms, the camera's first.
+    """
     sketch = everywhere()
     assert possible_views(sketch.cell) == [
         ("wrist", "board"), ("wrist", "mark"), ("wrist", "still"), ("beside", "board"), ("beside", "mark"),
@@ -132,8 +135,8 @@ def test_views_are_of_things_on_different_bodies():
     assert movers["beside", "mark"] == ()
 
 
-def test_joints_need_kinematics():
-    """A robot that is sent to joints and has none is named; poses need none."""
+def test_joints_require_kinematics():
+    """A robot that is sent to joints without kinematics is named in the error; poses require none."""
     sketch = everywhere()
     assert sketch.base_from_flange("eye", RobotState(EYE)) is EYE
     with pytest.raises(InputError, match="eye: joints need urdf"):
@@ -141,7 +144,7 @@ def test_joints_need_kinematics():
 
 
 def test_a_target_without_a_shape_is_a_point():
-    """Its origin."""
+    """The only point of a target without a shape is its origin."""
     np.testing.assert_array_equal(target_points(None), np.zeros((1, 3)))
     board = WORLD.cell.targets["board"].target
     assert target_points(board) is board.points

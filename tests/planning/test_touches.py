@@ -1,4 +1,4 @@
-"""Plans of touches."""
+"""Tests of plans of touches."""
 
 from __future__ import annotations
 
@@ -32,8 +32,11 @@ def guessed_cell(names):
     return touch_cell(names, bases={"hand": {"status": "prior", **pose, "sigma_t_m": 0.05, "sigma_r_rad": 0.1}})
 
 
-def test_the_next_mark_is_off_the_line_and_touched_by_both():
-    """Of two marks that leave a rotation open: a third far off their line, and an error a tenth of that without it."""
+def test_next_mark_is_off_the_line():
+    """Two marks leave a rotation uncertain.
+
+    The next mark is far off their line, both arms touch it, and the error is a tenth of that without it.
+    """
     cell = guessed_cell(list(TWO))
     recording = recorded(cell, touch_lines(np.random.default_rng(0), 12, 2e-4, TWO))
     calibration = calibrate(cell, recording)
@@ -47,8 +50,8 @@ def test_the_next_mark_is_off_the_line_and_touched_by_both():
     assert plan.expected_m < 0.1 * sigma[3:].max() * 0.5
 
 
-def test_marks_of_a_plate_are_touched_again():
-    """A plate that was calibrated from nothing has a place: its marks are offered as others are."""
+def test_marks_of_calibrated_plate_are_offered():
+    """A plate that was calibrated without a guess has a pose, and its marks are offered like others."""
     cell = touch_cell((), marks={"plate": {"points_m": {name: place.tolist() for name, place in MARKS.items()}}})
     recording = recorded(cell, touch_lines(np.random.default_rng(0), 18, 2e-4))
     calibration = calibrate(cell, recording)
@@ -57,8 +60,8 @@ def test_marks_of_a_plate_are_touched_again():
     assert plan.expected_m < 3e-3
 
 
-def test_a_plan_begins_at_touches():
-    """Nothing touched yet: where arms reach is not known."""
+def test_touch_plan_requires_recorded_touches():
+    """The reach of the arms is unknown without recorded touches."""
     tips = {f"{name}_tip": {"on": name, "offset": {"guess": {"t_m": [0, 0, 0.1]}}} for name in ("eye", "hand")}
     base = {"hand": {"status": "free", "guess": {"t_m": [1, 0, 0], "q_xyzw": [0, 0, 0, 1]}}}
     cell = touch_cell((), tips=tips, marks={"a": {"points_m": [[0.4, 0, 0]]}}, bases=base)
@@ -66,8 +69,8 @@ def test_a_plan_begins_at_touches():
         plan_touches(cell, Recording(), None, TASK, count=4)
 
 
-def test_the_verb_says_where_to_make_the_mark(tmp_path, monkeypatch, capsys):
-    """A line for the mark, one for each touch; the file holds what is to be touched."""
+def test_plan_command_prints_mark_and_touches(tmp_path, monkeypatch, capsys):
+    """The command prints a line for the mark and one for each touch. The file has the touches to take."""
     monkeypatch.setattr(touches, "plan_touches", partial(plan_touches, places=1, rotations=20))
     cell = guessed_cell(list(TWO))
     folder = write_folder(
@@ -95,8 +98,8 @@ def touched():
     return Sketch(cell, means, ("eye_tip", "mark_a")), recording
 
 
-def test_touches_are_those_of_tips(touched):
-    """Each with the state of the robot that carries its tip."""
+def test_touches_have_tip_and_state(touched):
+    """Each touch has its tip and the state of the robot that carries it."""
     sketch, recording = touched
     found = list(_touches(sketch, recording))
     assert len(found) == 12
@@ -105,8 +108,11 @@ def test_touches_are_those_of_tips(touched):
         assert min(np.linalg.norm(place - mark) for mark in MARKS.values()) < 2e-3
 
 
-def test_a_next_mark_is_in_reach_of_all_arms_and_far_from_touches(touched):
-    """Within 0.6 m of their middle, no farther from a base than 1.05 times a touch, each far from the others."""
+def test_next_mark_is_reachable_and_far_from_touches(touched):
+    """New marks are within 0.6 m of the touches' centre and far from touches and each other.
+
+    They are at most 1.05 times as far from a base as a touch.
+    """
     sketch, recording = touched
     touches = list(_touches(sketch, recording))
     at = np.array([sketch.body_pose(tip, {tip.removesuffix("_tip"): state}).translation for tip, state in touches])
@@ -124,8 +130,8 @@ def test_a_next_mark_is_in_reach_of_all_arms_and_far_from_touches(touched):
     assert _places(sketch, touches, 0, np.random.default_rng(0)) == []
 
 
-def test_tips_touch_a_mark_from_all_sides(touched):
-    """The tip is at the mark, rotated by up to 1.6 rad from where it was."""
+def test_tips_touch_mark_with_varied_rotations(touched):
+    """The tip is at the mark, rotated by up to 1.6 rad from its initial rotation."""
     sketch, _ = touched
     start = RobotState(SE3.identity())
     for tip in ("eye_tip", "hand_tip"):
@@ -137,8 +143,8 @@ def test_tips_touch_a_mark_from_all_sides(touched):
         assert 1.4 < max(turns) <= 1.6
 
 
-def test_marks_are_added_where_they_are_guessed(touched):
-    """They are free points on the world, beside those of the cell."""
+def test_added_marks_have_guessed_positions(touched):
+    """Added marks are free points on the world, beside those of the cell."""
     cell = with_marks(touched[0].cell, {NEXT_MARK: np.array([0.1, 0.2, 0.3])})
     assert cell.targets.keys() == {*touched[0].cell.targets, NEXT_MARK}
     made = cell.targets[NEXT_MARK]
