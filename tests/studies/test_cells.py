@@ -1,4 +1,4 @@
-"""Cells of a study."""
+"""Tests of the simulated cells of a study."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ LAYOUTS = ["dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_camer
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_statuses_are_those_of_the_cell(layout: str) -> None:
-    """Names and statuses are known before a cell is made."""
+def test_statuses_match_the_simulated_cell(layout: str) -> None:
+    """Names and statuses are known before a cell is simulated."""
     settings = study(hold=f"layout: {layout}, {SMALL}, camera_mount: prior").points[0].settings
     made = simulate_cell(settings, 3)
     stated = {name: unknown.status for name, unknown in made.cell.transforms.items()}
@@ -21,8 +21,8 @@ def test_statuses_are_those_of_the_cell(layout: str) -> None:
     assert made.truth.keys() == stated.keys()
 
 
-def test_shifted_light_is_seen_where_it_is() -> None:
-    """Without noise the recorded pixels are what the truth predicts, at the distance asked for within a fifth."""
+def test_shifted_led_pixels_match_truth() -> None:
+    """Without noise the recorded pixels are the prediction of the truth, at the requested distance within a fifth."""
     settings = study(hold="layout: shifts, distance_m: 2.0, pixel_px: 0.0").points[0].settings
     made = simulate_cell(settings, 1)
     base = made.truth["eye_base_from_hand_base"]
@@ -33,15 +33,18 @@ def test_shifted_light_is_seen_where_it_is() -> None:
         np.testing.assert_allclose(sample.observations[0].pixels[0], made.cameras["camera"].project(seen), atol=1e-9)
 
 
-def test_one_number_is_one_cell_at_every_noise() -> None:
-    """Truth depends on the seed alone."""
+def test_truth_depends_on_seed_alone() -> None:
+    """The truth of a seed is the same for every noise."""
     first, other = study(axes="pixel_px: [0.1, 0.5]", hold=SMALL).points
     truths = [simulate_cell(point.settings, 5).truth["eye_base_from_hand_base"].matrix for point in (first, other)]
     assert np.array_equal(*truths)
 
 
-def test_the_shifted_light_is_near_the_axis_at_its_distance() -> None:
-    """A fifth more or less than the setting, and a tenth of it off the axis; bases are 1.5 m apart."""
+def test_shifted_led_is_near_the_axis() -> None:
+    """The LED is within a fifth of the set distance, and off the axis by at most a tenth of it.
+
+    Bases are 1.5 m apart.
+    """
     settings = study(hold="layout: shifts, distance_m: 2.0, pixel_px: 0.0, shift_m: 0.001").points[0].settings
     found = []
     for seed in range(40):
@@ -71,8 +74,8 @@ def test_the_shifted_light_is_near_the_axis_at_its_distance() -> None:
     ],
 )
 @pytest.mark.parametrize("layout", ["shifts", "paper"])
-def test_noise_of_shifting_robots_is_stated_if_it_is_to_be(layout: str, hold: str, noise: list[float] | None) -> None:
-    """Translations first."""
+def test_robot_noise_of_shifts_is_stated_on_request(layout: str, hold: str, noise: list[float] | None) -> None:
+    """The stated noise has the sigmas of translations first."""
     robots = simulate_cell(study(hold=f"layout: {layout}, {hold}").points[0].settings, 0).cell.robots.values()
     for robot in robots:
         assert (robot.noise is None) == (noise is None)
@@ -80,8 +83,8 @@ def test_noise_of_shifting_robots_is_stated_if_it_is_to_be(layout: str, hold: st
             np.testing.assert_array_equal(robot.noise, noise)
 
 
-def test_views_are_about_their_distance() -> None:
-    """A fifth nearer to a fifth farther."""
+def test_view_distances_are_within_a_fifth() -> None:
+    """The distances of views are from a fifth nearer to a fifth farther than set."""
     scenario = _scenario(study(hold="distance_m: 2.0, robot_sigma_t_m: 1e-4").points[0].settings)
     assert scenario.distance_m == pytest.approx((1.6, 2.4))
     assert scenario.robot_noise == (1e-4, 0.0)
@@ -91,8 +94,8 @@ def test_views_are_about_their_distance() -> None:
     ("hold", "stated"), [("pixel_px: 0.3", 0.3), ("pixel_px: 0.3, state_pixel_noise: false", None)]
 )
 @pytest.mark.parametrize("layout", ["shifts", "paper"])
-def test_noise_of_pixels_is_stated_if_it_is_to_be(layout: str, hold: str, stated: float | None) -> None:
-    """Else the recording is exact, and noise is drawn for each trial."""
+def test_pixel_noise_of_shifts_is_stated_on_request(layout: str, hold: str, stated: float | None) -> None:
+    """If pixel noise is unstated, the recording is exact, and noise is drawn for each trial."""
     made = simulate_cell(study(hold=f"layout: {layout}, {hold}").points[0].settings, 0)
     exact = simulate_cell(study(hold=f"layout: {layout}, pixel_px: 0.0").points[0].settings, 0)
     assert made.cell.pixel_px == stated

@@ -1,4 +1,4 @@
-"""A chunk worked on, kept and read again."""
+"""Tests of the chunks of a study: computing, storing and reading them."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from basecal.studies.solvers.solver import Answers
 from study_example import BOARD, SMALL, study
 
 
-def test_a_chunk_is_a_function_of_the_study() -> None:
-    """Worked on twice it gives the same numbers to the last digit, time apart."""
+def test_chunk_is_deterministic() -> None:
+    """A chunk computed twice has the same numbers to the last digit, except for times."""
     made = study(hold=SMALL)
     first, again = (compute_chunk(made, made.chunks[0]).trials for _ in range(2))
     for name in set(COLUMNS) - {"time_s"}:
         assert np.array_equal(getattr(first, name), getattr(again, name)), name
 
 
-def test_errors_are_judged_in_their_own_axes_and_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An answer that is off by 3 mm and 2 deg with sigmas of 1 mm and 1 deg an axis has a squared length of 9 + 4."""
+def test_trial_errors_and_nees(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An answer that is off by 3 mm and 2 deg with sigmas of 1 mm and 1 deg per axis has a NEES of 9 + 4.
+
+    A trial without a solution has NaN.
+    """
     made = study(trials=2, cells=1, hold=SMALL)
     degree = np.radians(1.0)
 
@@ -52,16 +55,16 @@ def test_errors_are_judged_in_their_own_axes_and_sigmas(monkeypatch: pytest.Monk
     assert result.reasons == ("no more",)
 
 
-def test_a_cell_that_cannot_be_made_says_why() -> None:
-    """Its trials have no answer, and the study goes on."""
+def test_failed_simulation_has_a_reason() -> None:
+    """The trials of a cell that cannot be simulated have no answer, and the study continues."""
     made = study(trials=3, cells=1, hold=f"{SMALL}, layout: eye_in_hand, arms: halves")
     result = compute_chunk(made, made.chunks[0])
     assert not result.trials.solved.any()
     assert "needs two robots" in result.reasons[0]
 
 
-def test_files_are_read_back_or_not_at_all(tmp_path: Path) -> None:
-    """What is written is read; what is damaged, cut short or of another study is no chunk."""
+def test_damaged_chunk_file_is_ignored(tmp_path: Path) -> None:
+    """A stored chunk is read exactly. A file that is damaged, truncated or of another study is ignored."""
     made = study(hold=SMALL)
     chunk = made.chunks[0]
     assert read_chunk(tmp_path, made, chunk) is None
@@ -89,8 +92,8 @@ def test_files_are_read_back_or_not_at_all(tmp_path: Path) -> None:
         assert read_chunk(tmp_path, made, chunk) is None
 
 
-def test_the_time_of_a_batch_is_shared_by_its_trials(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 6 s for three trials each has 2 s, also where there is no answer."""
+def test_batch_time_is_divided_among_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 6 s for three trials each has 2 s, also without an answer."""
     clock = iter((10.0, 16.0))
     monkeypatch.setattr(module.time, "perf_counter", lambda: next(clock))
     made = study(trials=3, cells=1, hold=f"{SMALL}, layout: eye_in_hand, arms: halves")
@@ -101,8 +104,8 @@ def test_the_time_of_a_batch_is_shared_by_its_trials(monkeypatch: pytest.MonkeyP
     assert trials.trial.tolist() == [0, 1, 2]
 
 
-def test_places_of_cells_and_trials_are_those_of_their_pieces() -> None:
-    """Three trials on two cells: two of the first, and the third of the second; each reason once."""
+def test_trials_are_assigned_to_cells() -> None:
+    """Three trials on two cells are two of the first cell and one of the second. Equal reasons are stored once."""
     made = study(trials=3, cells=2, hold=f"{BOARD}, layout: eye_in_hand, arms: halves", axes="samples: [5, 6]")
     result = compute_chunk(made, made.chunks[1])
     assert result.trials.cell.tolist() == [0, 0, 1]

@@ -1,4 +1,4 @@
-"""A Dask cluster does what processes of this machine do, or says in a line why not."""
+"""Tests of studies on a Dask cluster: the same results as local processes, and one-line errors."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def local_cluster(workers: int) -> Iterator[object]:
         yield cluster
 
 
-def test_no_scheduler_is_one_line(monkeypatch) -> None:
-    """The address, and what to do."""
+def test_missing_scheduler_is_reported(monkeypatch) -> None:
+    """The error is one line with the address and what to do."""
     pytest.importorskip("distributed")
     monkeypatch.setattr(module, "_PATIENCE_S", 0.2)
     with socket.socket() as taken:
@@ -47,16 +47,19 @@ def test_no_scheduler_is_one_line(monkeypatch) -> None:
         list(call_on_cluster("gossip://x", []))
 
 
-def test_without_dask_the_extra_is_named(monkeypatch) -> None:
-    """As other extras are."""
+def test_missing_dask_names_the_extra(monkeypatch) -> None:
+    """The error names the extra to install, as for other extras."""
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(MissingExtra, match=r"pip install 'basecal\[cluster\]'"):
         list(call_on_cluster("tcp://127.0.0.1:1", []))
 
 
 @pytest.mark.slow
-def test_workers_that_differ_are_refused() -> None:
-    """Of another version before anything is done; without a package as the first call needs it."""
+def test_incompatible_workers_are_refused() -> None:
+    """Workers of another version are refused before any job.
+
+    A missing package is reported at the first call that needs it.
+    """
     distributed = pytest.importorskip("distributed")
     with local_cluster(1) as cluster:
         with pytest.raises(InputError, match=r"a worker lacks a package .*no_such_package"):
@@ -68,8 +71,11 @@ def test_workers_that_differ_are_refused() -> None:
 
 
 @pytest.mark.slow
-def test_a_job_that_kills_its_workers_is_given_up() -> None:
-    """By Dask itself, after its first death; the others are done, those too that waited where it died."""
+def test_job_that_kills_its_worker_is_abandoned() -> None:
+    """Dask abandons the job after its first death.
+
+    The other jobs are done, including those queued on the dead worker.
+    """
     dask = pytest.importorskip("dask")
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}), local_cluster(2) as cluster:
         bad = Job(0, 1, partial(deadly, 0), lambda why: why.encode())
@@ -85,8 +91,11 @@ def test_a_job_that_kills_its_workers_is_given_up() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="kills a process")
 @pytest.mark.parametrize("workers", [2, 4])
-def test_the_same_table_by_any_number_of_workers(tmp_path: Path, workers: int) -> None:
-    """To the last digit as by this process, time apart; with two, one of them killed midway."""
+def test_table_is_independent_of_number_of_workers(tmp_path: Path, workers: int) -> None:
+    """The table equals that of a local process to the last digit, except for times.
+
+    With two workers, one of them is killed midway.
+    """
     made = study(trials=80, cells=8, hold=SMALL, axes="pixel_px: [0.1, 0.2, 0.3], robot_sigma_t_m: [0, 1e-4, 2e-4]")
     with local_cluster(workers) as cluster:
         if workers == 2:
@@ -106,8 +115,8 @@ def kill_after_a_chunk(cluster, folder: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have another malloc")
-def test_workers_keep_what_arrays_leave() -> None:
-    """As Dask starts its workers each array of a megabyte is new pages; after a call of ours hardly any are."""
+def test_workers_keep_freed_memory() -> None:
+    """By Dask's default each array of a megabyte maps new pages. With `_keep_memory` hardly any page faults occur."""
     code = """
 import resource, threading
 import numpy as np

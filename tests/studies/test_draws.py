@@ -1,4 +1,4 @@
-"""Draws of noise about a cell."""
+"""Tests of draws of noise for a cell."""
 
 from __future__ import annotations
 
@@ -15,42 +15,45 @@ def drawn(hold: str, count: int = 400, seed: int = 0) -> tuple[Draws, Settings]:
     return draw(draw_cell(settings, seed, 0, None), settings, (seed, 0, 0), count), settings
 
 
-def test_first_draws_do_not_depend_on_their_number() -> None:
-    """Ten draws are the first ten of twenty, also of robots' errors."""
+def test_draws_are_independent_of_their_count() -> None:
+    """Ten draws are the first ten of twenty, including the errors of robots."""
     hold = "pixel_px: 0.2, robot_sigma_t_m: 1e-4, robot_sigma_r_rad: 1e-4"
     few, many = (drawn(hold, count)[0].measurement().pixels for count in (10, 20))
     assert np.array_equal(few, many[:10])
 
 
-def test_pixel_noise_has_its_size() -> None:
-    """Its spread over draws is as stated, by 3 %: 400 draws of 8 x 12 x 2 numbers, 0.4 % of chance."""
+def test_pixel_noise_has_stated_sigma() -> None:
+    """The spread over draws is the stated one within 3 %: 400 draws of 8 x 12 x 2 numbers, 0.4 % of chance."""
     assert drawn("pixel_px: 0.3")[0].measurement().pixels.std(0).mean() == pytest.approx(0.3, rel=0.03)
 
 
-def test_common_noise_is_common() -> None:
-    """Without noise of single points all points of a view are off alike."""
+def test_correlated_noise_is_shared_by_a_view() -> None:
+    """Without noise of single points, all points of a view have the same error."""
     pixels = drawn("pixel_px: 0.0, correlated_px: 0.5")[0].measurement().pixels
     off = pixels - pixels.mean(0)
     assert np.abs(off - off.mean(2, keepdims=True)).max() < 1e-9
     assert off[:, :, 0].std() == pytest.approx(0.5, rel=0.03)
 
 
-def test_robots_errors_move_what_is_seen() -> None:
-    """Recorded poses stay and pixels move, by about focal length times angle; one error serves all points of a view."""
+def test_robot_errors_move_pixels() -> None:
+    """Recorded poses are unchanged, and pixels move by about focal length times angle.
+
+    One error is shared by all points of a view.
+    """
     draws, _ = drawn("pixel_px: 0.0, robot_sigma_r_rad: 1e-3")
     assert draws.problem.groups[0].eye.base_from_flange.shape == (8,)
     assert 0.5 < draws.measurement().pixels.std(0).mean() < 10
 
 
-def test_without_noise_pixels_are_the_recordings_own() -> None:
-    """Exact pixels are those that were simulated without noise."""
+def test_noiseless_draw_equals_recording() -> None:
+    """The pixels of a draw without noise are those of the simulated recording."""
     draws, settings = drawn("pixel_px: 0.0", count=2)
     own = draw_cell(settings, 0, 0, None).problem.groups[0].measurement
     np.testing.assert_allclose(draws.measurement().pixels[1], own.pixels, atol=1e-8)
 
 
-def test_faults_are_in_what_is_seen() -> None:
-    """Outliers are as many as asked; another board or focal length moves the points' image."""
+def test_faults_change_pixels() -> None:
+    """The share of outliers is the requested one. A scaled board or focal length moves the pixels."""
     exact = drawn("pixel_px: 0.0")[0].measurement().pixels
     off = np.abs(drawn("pixel_px: 0.0, outlier_share: 0.1")[0].measurement().pixels - exact).max(-1) > 1e-6
     assert off.mean() == pytest.approx(0.1, abs=0.01)
@@ -59,8 +62,8 @@ def test_faults_are_in_what_is_seen() -> None:
         assert 0.3 < moved.mean() < 20
 
 
-def test_noise_of_the_image_grows_with_the_distance_from_its_centre() -> None:
-    """By the stated share of it."""
+def test_image_noise_grows_from_the_centre() -> None:
+    """Image noise is the stated share of the distance from the image centre."""
     draws, _ = drawn("pixel_px: 0.0, image_noise: 0.01")
     pixels = draws.measurement().pixels
     off = pixels.mean(0) - draws.simulated.cameras["wrist"].center
@@ -68,8 +71,8 @@ def test_noise_of_the_image_grows_with_the_distance_from_its_centre() -> None:
     assert np.median(ratio) == pytest.approx(0.01, rel=0.02)
 
 
-def test_outliers_are_spread_evenly_up_to_their_size() -> None:
-    """In both directions of both coordinates."""
+def test_outliers_are_uniform_up_to_their_size() -> None:
+    """Outliers are uniform in both directions of both coordinates."""
     exact = drawn("pixel_px: 0.0", 1)[0].measurement().pixels
     off = drawn("pixel_px: 0.0, outlier_share: 1.0, outlier_px: 5.0")[0].measurement().pixels - exact
     assert -5 <= off.min() < -4.99
@@ -77,8 +80,8 @@ def test_outliers_are_spread_evenly_up_to_their_size() -> None:
     assert off.std() == pytest.approx(5 / np.sqrt(3), rel=0.01)
 
 
-def test_a_longer_focal_length_enlarges_the_image_about_its_centre() -> None:
-    """And a larger board enlarges what is seen of it."""
+def test_focal_scale_enlarges_image_about_centre() -> None:
+    """A longer focal length enlarges the image about its centre, and a larger board enlarges its own image."""
     draws, _ = drawn("pixel_px: 0.0, lens: pinhole", 1)
     exact = draws.measurement().pixels
     centre = draws.simulated.cameras["wrist"].center
@@ -90,8 +93,11 @@ def test_a_longer_focal_length_enlarges_the_image_about_its_centre() -> None:
     assert np.median(spread) == pytest.approx(1.01, abs=0.002)
 
 
-def test_errors_of_robots_have_their_sigmas_by_axis() -> None:
-    """Three translations and three rotations of each stop and robot; without sigmas there are none."""
+def test_robot_errors_have_sigmas_per_axis() -> None:
+    """Each stop of each robot has three translations and three rotations with their sigmas.
+
+    Without sigmas there are no errors.
+    """
     _, settings = drawn("robot_sigma_t_m: 1e-4, robot_sigma_r_rad: 2e-3", 1)
     cell = draw_cell(settings, 0, 0, None)
     errors = _robot_errors(cell.problem, settings, np.random.SeedSequence(0), 300)
@@ -103,8 +109,8 @@ def test_errors_of_robots_have_their_sigmas_by_axis() -> None:
     assert _robot_errors(cell.problem, exact, np.random.SeedSequence(0), 300) == {}
 
 
-def test_cells_and_trials_have_seeds_of_their_own() -> None:
-    """Another number is another cell, another seed of the study too; noise of another piece is other noise."""
+def test_cells_and_trials_have_separate_seeds() -> None:
+    """Another number or another seed of the study is another cell. Another piece has other noise."""
     _, settings = drawn("pixel_px: 0.2", 1)
     cells = [draw_cell(settings, *each, None) for each in ((0, 0), (0, 1), (1, 0), (0, 0))]
     truths = [cell.simulated.truth[cell.transform].translation for cell in cells]

@@ -1,4 +1,4 @@
-"""The study of the paper: its figures from ours, and maximum likelihood at the bound."""
+"""Tests of the study of the paper: its tables and figures, and maximum likelihood at the Cramer-Rao bound."""
 
 from __future__ import annotations
 
@@ -20,23 +20,26 @@ def study():
 
 
 def test_maximum_likelihood_reaches_the_bound(study):
-    """From 0.03 m on, rms within 1.03 of the Cramer-Rao bound but for chance: 2,000 draws, 4 sigma of 0.9 % more."""
+    """From 0.03 m on, the rms error is within 1.03 of the Cramer-Rao bound. 2,000 draws allow 4 sigma of 0.9 % more."""
     for row in study["shift_length"]:
         if row["shift_m"] >= 0.03:
             assert 0.95 < row["maximum_likelihood_deg"] / row["bound_deg"] < 1.03 + 0.036
             assert 0.95 < row["maximum_likelihood_mm"] / row["bound_mm"] < 1.03 + 0.036
 
 
-def test_closed_form_is_best_at_a_middle_length(study):
-    """Short shifts drown in noise and long ones neglect depth: 4.3, 1.13 and 4.4 deg at 0.01, 0.1 and 0.6 m, by 5 %."""
+def test_closed_form_is_best_at_medium_shift(study):
+    """Noise dominates short shifts and neglected depth long ones.
+
+    The errors are 4.3, 1.13 and 4.4 deg at 0.01, 0.1 and 0.6 m, within 5 %.
+    """
     by_length = {row["shift_m"]: row["closed_form_deg"] for row in study["shift_length"]}
     assert by_length[0.01] == pytest.approx(4.3, rel=0.05)
     assert by_length[0.1] == pytest.approx(1.13, rel=0.05)
     assert by_length[0.6] == pytest.approx(4.4, rel=0.05)
 
 
-def test_the_papers_single_draw_is_likely(study):
-    """Read as noise on image coordinates, every entry of Table 1 lies within 1.8 sigma of the mean of the draws."""
+def test_single_draw_of_the_paper_is_likely(study):
+    """If the noise is on image coordinates, every entry of Table 1 is within 1.8 sigma of the mean of the draws."""
     printed = paper_numbers()["table1_camera_from_led"]
     for key, entry in study["table1_camera_from_led"].items():
         for part in ("R", "t"):
@@ -47,8 +50,8 @@ def test_the_papers_single_draw_is_likely(study):
         assert all(0.01 < q < 0.99 for q in entry["paper_quantile"].values())
 
 
-def test_orthonormalising_first_is_better_for_the_translation(study):
-    """The two orders agree in rotation and differ in translation, as the paper says."""
+def test_orthonormalising_first_improves_translation(study):
+    """Both orders give the same rotation and different translations, in agreement with the paper."""
     for level, before, after in (("1%", 0.0445, 0.0503), ("5%", 0.184, 0.263)):
         order = study["orders_of_orthonormalising"][level]
         assert order["rotations_differ_by"] < 1e-12
@@ -56,10 +59,11 @@ def test_orthonormalising_first_is_better_for_the_translation(study):
         assert order["translation_error_after"] == pytest.approx(after, rel=5e-3)
 
 
-def test_the_study_of_the_noise_is_a_file():
-    """10,000 draws at each of the paper's levels; its closed form is off there as in the paper's own arithmetic.
+def test_noise_study_file_matches_the_paper():
+    """The closed form of the noise study has the errors of the paper's own arithmetic.
 
-    The medians of 10,000 draws from other seeds agree within 4 %: each is known to 1.3 %.
+    The study has 10,000 draws at each of the paper's noise levels. The medians of 10,000 draws from other seeds agree
+    within 4 %: each is known to 1.3 %.
     """
     file, bed = paper_study(), paper_cell(paper_numbers())
     assert (file.trials, file.seed, file.axes["image_noise"]) == (10_000, 0, (0.01, 0.05))
@@ -75,8 +79,8 @@ def test_the_study_of_the_noise_is_a_file():
         assert np.median(errors) == pytest.approx(angle, rel=0.04)
 
 
-def test_the_study_is_json_and_is_told(study):
-    """Its keys are the paper's, no number is NaN, and text and figures show them."""
+def test_study_is_json_with_text_and_figures(study):
+    """The study has the keys of the paper and no NaN. Text and figures are made from it."""
     told = json.loads(json.dumps(study, allow_nan=False))
     assert set(told["table1_camera_from_led"]) == set(told["paper"]["table1_camera_from_led"])
     assert "3.6092" in paper_text(study)
@@ -84,8 +88,8 @@ def test_the_study_is_json_and_is_told(study):
 
 
 @pytest.mark.parametrize(("key", "level"), [("1%", 0.01), ("5%", 0.05)])
-def test_quantiles_are_shares_of_draws_nearer_to_the_truth(study, key, level):
-    """Noise multiplies the coordinates; means, deviations and both quantiles are those of its draws."""
+def test_quantiles_are_shares_of_nearer_draws(study, key, level):
+    """Noise multiplies the coordinates. Means, deviations and both quantiles are those of its draws."""
     bed, entry = paper_cell(paper_numbers()), study["table1_camera_from_led"][key]
     printed = paper_numbers()["table1_camera_from_led"][key]
     exact = bed.image(bed.camera_from_led, bed.shift_m)
@@ -104,7 +108,7 @@ def test_quantiles_are_shares_of_draws_nearer_to_the_truth(study, key, level):
     assert entry["paper_quantile"]["rotation"] == np.mean(angles < own)
 
 
-def test_the_settings_are_those_that_were_used(study):
-    """Of a repetition they can be read off."""
+def test_study_records_its_settings(study):
+    """The study records its settings, so that it can be repeated."""
     assert study["settings"] == {"seed": 0, "draws": 4000, "length_draws": 2000, "sigma_px": 0.1}
     assert [row["shift_m"] for row in study["shift_length"]] == [0.01, 0.02, 0.03, 0.06, 0.1, 0.2, 0.3, 0.6]

@@ -1,4 +1,4 @@
-"""Studies worked through: the same tables however that is done, and whatever dies meanwhile."""
+"""Tests of running studies: the same tables for any number of processes and after interruptions."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ HOLD = f"{SMALL.removeprefix('samples: 8, ')}, layout: eye_in_hand, robot_sigma_
 
 
 @pytest.mark.slow
-def test_one_process_and_two_make_the_same_table(tmp_path: Path) -> None:
-    """To the last digit, time apart."""
+def test_table_is_independent_of_number_of_processes(tmp_path: Path) -> None:
+    """One and two processes give the same table to the last digit, except for times."""
     made = study(trials=60, hold=HOLD, axes=AXES)
     for workers in (1, 2):
         run_study(made, tmp_path / str(workers), WorkerPool(workers))
     assert numbers(made, tmp_path / "1") == numbers(made, tmp_path / "2")
 
 
-def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cut off after a chunk the study goes on with the second, and tells the trials done from the first on."""
+def test_interrupted_study_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study that is interrupted after a chunk resumes with the second. Progress counts all trials that are done."""
     made = study(hold=SMALL, axes="pixel_px: [0.1, 0.2, 0.3]")
     work, done = module.compute_chunk, []
 
@@ -84,8 +84,11 @@ def first_chunk(folder: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks for processes in /proc")
 @pytest.mark.parametrize("whom", ["a worker", "all"])
-def test_a_kill_changes_nothing(tmp_path: Path, whom: str) -> None:
-    """With -9, midway: a worker, and the study ends by itself; or the command, which is started again."""
+def test_killed_study_gives_the_same_table(tmp_path: Path, whom: str) -> None:
+    """After kill -9 of a worker the study continues.
+
+    After that of the command it is started again and keeps its chunks.
+    """
     file, folder = tmp_path / "long.yaml", tmp_path / "out"
     file.write_text(LONG)
     process = started(file, folder)
@@ -110,15 +113,15 @@ def test_a_kill_changes_nothing(tmp_path: Path, whom: str) -> None:
         assert all((folder / "chunks" / name).stat().st_mtime_ns == at for name, at in kept.items())
 
 
-def test_what_a_killed_study_left_is_no_other_file(tmp_path: Path) -> None:
-    """Its file was written in part, under a name of its own: the same command goes on."""
+def test_partial_file_of_killed_study_is_ignored(tmp_path: Path) -> None:
+    """A partially written study file has a name of its own, and the same command continues."""
     (tmp_path / ".study.yaml.0123abcd.part").write_text("schema")
     run_study(study(trials=2, hold=SMALL), tmp_path, WorkerPool(1))
     assert (tmp_path / "study.yaml").is_file()
 
 
-def test_another_study_is_not_mixed_in(tmp_path: Path) -> None:
-    """A folder that holds another study, or something else, is refused and left alone."""
+def test_folder_of_another_study_is_refused(tmp_path: Path) -> None:
+    """A folder with another study, or other files, is refused and unchanged."""
     run_study(study(trials=2, hold=SMALL), tmp_path / "one", WorkerPool(1))
     with pytest.raises(InputError, match="holds another study"):
         run_study(study(trials=3, hold=SMALL), tmp_path / "one", WorkerPool(1))

@@ -1,4 +1,4 @@
-"""A study's file, and everything wrong with one."""
+"""Tests of the file of a study and of its validation."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ MANY = f"axes: {{distance_m: {[1 + k / 100 for k in range(200)]}}}"
 HEAD = "schema: basecal/study/1\ntrials: 10\ncells: 2\n"
 
 
-def test_defaults() -> None:
-    """Title and axes may be left out: a study of one point, named by its file."""
+def test_minimal_study_has_defaults() -> None:
+    """Title and axes are optional: the study then has one point and the name of its file."""
     made = study_from_text(HEAD, "some/where.yaml")
     assert (made.title, len(made.points), made.seed, made.transform) == ("where", 1, 0, None)
     assert study_from_text("schema: basecal/study/1\ntrials: 10\n", "where.yaml").cells == 10  # as docs/studies.md says
 
 
-def test_defaults_are_those_of_the_documents() -> None:
-    """Each field has a row, and the row its default."""
+def test_defaults_match_documentation() -> None:
+    """Each field except the board has a documented default, which is the actual one."""
     settings = study_from_text(HEAD, "where.yaml").points[0].settings
     stated = documented_defaults()
     assert {name: settings[name] for name in stated} == stated
@@ -35,8 +35,8 @@ def test_defaults_are_those_of_the_documents() -> None:
 
 
 @pytest.mark.parametrize(("length", "is_read"), [(10_000, True), (10_001, False)])
-def test_what_is_said_is_bounded(length: int, is_read: bool) -> None:
-    """Ten thousand characters are enough."""
+def test_description_has_limited_length(length: int, is_read: bool) -> None:
+    """The description is limited to ten thousand characters."""
     text = f"{HEAD}about: {'x' * length}\n"
     if is_read:
         assert len(study_from_text(text, "where.yaml").about) == length
@@ -47,7 +47,7 @@ def test_what_is_said_is_bounded(length: int, is_read: bool) -> None:
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_examples_can_be_read(path: Path) -> None:
-    """Every example has points, a title and something said about it."""
+    """Every example has points, a title and a description."""
     made = read_study(path)
     assert len(made.points) > 4
     assert made.title
@@ -57,7 +57,7 @@ def test_examples_can_be_read(path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_examples_run(path: Path, tmp_path: Path) -> None:
-    """With a trial at each point, every one has an answer."""
+    """With one trial per point, every point of an example has an answer."""
     text = re.sub(r"^(trials|cells): .*$", r"\1: 1", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
     made = study_from_text(text, str(path))
     assert made.trials == made.cells == 1
@@ -65,8 +65,8 @@ def test_examples_run(path: Path, tmp_path: Path) -> None:
     assert all(point["solved"] == 1 for point in summarise(made, tmp_path / "out")["points"])
 
 
-def test_there_are_examples() -> None:
-    """The three questions that the documents answer."""
+def test_documented_examples_exist() -> None:
+    """The examples are the three questions of the documentation."""
     assert [path.stem for path in EXAMPLES] == ["how_many_samples", "which_board", "which_shift_length"]
 
 
@@ -117,30 +117,30 @@ def test_there_are_examples() -> None:
         ("schema: basecal/study/1\ntrials: 2\ncells: 5", 1, None, "2 trials cannot be spread over 5 cells"),
     ],
 )
-def test_mistakes_are_told_with_line_and_field(text: str, line: int, field: str | None, words: str) -> None:
-    """Each with what was expected."""
+def test_mistakes_are_reported_with_line_and_field(text: str, line: int, field: str | None, words: str) -> None:
+    """Each mistake is reported with what was expected."""
     with pytest.raises(DatasetError) as told:
         study_from_text(text, "study.yaml")
     assert (told.value.line, told.value.field) == (line, field)
     assert words in told.value.reason
 
 
-def test_all_mistakes_at_once() -> None:
-    """In the order of the file, a line each."""
+def test_all_mistakes_are_reported_together() -> None:
+    """Mistakes are in the order of the file, one per line."""
     with pytest.raises(DatasetError) as told:
         study_from_text(f"{HEAD}hold:\n  sampels: 3\n  pixel_px: much\n", "study.yaml")
     assert [line.split(": ")[0] for line in str(told.value).splitlines()] == ["study.yaml:5", "study.yaml:6"]
 
 
-def test_many_points_are_refused() -> None:
-    """Before they are made."""
+def test_too_many_points_are_refused() -> None:
+    """Too many points are refused before they are created."""
     values = ", ".join(str(k) for k in range(1, 1001))
     with pytest.raises(DatasetError, match="1000000 points"):
         study_from_text(f"{HEAD}axes:\n  samples: [{values}]\n  stations: [{values}]\n", "study.yaml")
 
 
-def test_missing_file(tmp_path: Path) -> None:
-    """The path is named."""
+def test_missing_file_is_reported(tmp_path: Path) -> None:
+    """The error names the path."""
     with pytest.raises(DatasetError, match="there is no such file"):
         read_study(tmp_path / "none.yaml")
 
@@ -166,7 +166,7 @@ def test_missing_file(tmp_path: Path) -> None:
     ],
 )
 def test_limits_are_inclusive(text: str, over: str, words: str) -> None:
-    """What is just at a limit is read, what is just beyond is refused with it."""
+    """A value at a limit is accepted, and one just beyond is refused with the limit."""
     read, refused = (each if "cells" in each else f"{each}\ncells: 1" for each in (text, over))
     study_from_text(f"schema: basecal/study/1\n{read}\n", "study.yaml")
     with pytest.raises(DatasetError) as told:
@@ -174,8 +174,11 @@ def test_limits_are_inclusive(text: str, over: str, words: str) -> None:
     assert words in str(told.value)
 
 
-def test_trials_in_all_are_those_of_all_points() -> None:
-    """A hundred million are read at ten points, one more at each is not; likewise a million cells."""
+def test_total_trials_and_cells_are_limited() -> None:
+    """A hundred million trials over ten points are accepted, at eleven points they are refused.
+
+    The same holds for a million cells.
+    """
     axes = f"axes: {{pixel_px: {[k / 10 for k in range(10)]}}}"
     hundred = f"axes: {{pixel_px: {[k / 10 for k in range(100)]}}}"
     head = "schema: basecal/study/1\n"
@@ -189,7 +192,7 @@ def test_trials_in_all_are_those_of_all_points() -> None:
         study_from_text(f"{head}trials: 10000\ncells: 10000\n{more}\n", "study.yaml")
 
 
-def test_an_axis_has_a_thousand_values_at_most() -> None:
+def test_axis_is_limited_to_thousand_values() -> None:
     head = "schema: basecal/study/1\ntrials: 1\ncells: 1\n"
     values = list(range(1001))
     with pytest.raises(DatasetError, match="1000"):

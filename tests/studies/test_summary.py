@@ -1,4 +1,4 @@
-"""What a study says of each point."""
+"""Tests of the summary and the table of a study."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from basecal.studies.summary import _point_summary, results, summarise, write_ta
 from study_example import SMALL, study
 
 
-def test_quantities_are_those_of_the_trials(tmp_path: Path) -> None:
-    """Quantiles, predicted sigmas, NEES and coverage as they are defined; JSON holds no NaN."""
+def test_summary_statistics_match_trials(tmp_path: Path) -> None:
+    """Quantiles, predicted sigmas, NEES and coverage follow their definitions; the JSON has no NaN."""
     made = study(trials=12, hold=SMALL)
     run_study(made, tmp_path / "out", WorkerPool(1))
     summary = summarise(made, tmp_path / "out")
@@ -36,8 +36,8 @@ def test_quantities_are_those_of_the_trials(tmp_path: Path) -> None:
     json.dumps(summary, allow_nan=False)
 
 
-def test_what_was_not_computed_is_null(tmp_path: Path) -> None:
-    """The closed form has no sigmas; a point without answers has nothing but why."""
+def test_missing_quantities_are_null(tmp_path: Path) -> None:
+    """The closed form has no sigmas. A point without answers has only its reasons."""
     made = study(trials=2, hold=f"{SMALL}, layout: shifts", axes="solver: [closed_form]")
     run_study(made, tmp_path / "out", WorkerPool(1))
     (point,) = summarise(made, tmp_path / "out")["points"]
@@ -51,8 +51,8 @@ def test_what_was_not_computed_is_null(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_predicted_sigmas_are_true(tmp_path: Path) -> None:
-    """Mean NEES over 400 trials on 40 cells with robots' noise within 6 +- 0.7: 4 sigma of chance."""
+def test_predicted_sigmas_are_calibrated(tmp_path: Path) -> None:
+    """The mean NEES over 400 trials on 40 cells with robot noise is within 6 +- 0.7: 4 sigma of chance."""
     made = study(400, 40, hold=f"{SMALL}, robot_sigma_t_m: 1e-4, robot_sigma_r_rad: 1e-4")
     run_study(made, tmp_path / "out", WorkerPool(1))
     (point,) = summarise(made, tmp_path / "out")["points"]
@@ -69,8 +69,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Path]:
     return study_, folder
 
 
-def test_parquet_has_all_trials(made: tuple[Study, Path]) -> None:
-    """The axes first; what the solver does not give is missing, not a number."""
+def test_parquet_contains_all_trials(made: tuple[Study, Path]) -> None:
+    """The axes come first. Quantities that the solver does not give are missing values."""
     pq = pytest.importorskip("pyarrow.parquet")
     found = pq.read_table(write_table(*made))
     assert found.column_names == ["shift_m", "solver", *COLUMNS]
@@ -80,8 +80,8 @@ def test_parquet_has_all_trials(made: tuple[Study, Path]) -> None:
     assert found.column("sigma_mm").null_count == 8
 
 
-def test_csv_where_there_is_no_pyarrow(made: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same numbers to the last digit, nothing where there is none."""
+def test_csv_is_written_without_pyarrow(made: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """CSV has the same numbers to the last digit, and empty fields for missing values."""
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     path = write_table(*made)
     assert path.name == "table.csv"
@@ -93,16 +93,16 @@ def test_csv_where_there_is_no_pyarrow(made: tuple[Study, Path], monkeypatch: py
     assert not list(path.parent.glob(".*"))
 
 
-def test_batches_join(made: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    """However many rows are held at a time, the table is the same."""
+def test_table_is_independent_of_batch_size(made: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The table is the same for any number of rows in memory."""
     pq = pytest.importorskip("pyarrow.parquet")
     whole = pq.read_table(write_table(*made))
     monkeypatch.setattr(module, "_ROWS", 1)
     assert pq.read_table(write_table(*made)).equals(whole)
 
 
-def test_a_missing_chunk_is_said(made: tuple[Study, Path], tmp_path: Path) -> None:
-    """No table of a part."""
+def test_missing_chunk_is_reported(made: tuple[Study, Path], tmp_path: Path) -> None:
+    """No partial table is written."""
     assert chunk_path(made[1], made[0].chunks[0]).exists()
     with pytest.raises(InputError, match="lacks the trials of chunk 0"):
         write_table(made[0], tmp_path)
@@ -135,7 +135,7 @@ def point_summary(*given: object) -> dict[str, object]:
 
 
 def test_only_solved_trials_count() -> None:
-    """But for time and number."""
+    """Statistics are those of solved trials, except for time and number."""
     found = point_summary([1.0, 12.5, 12.7, 99.0], [True, True, True, False])
     assert (found["trials"], found["solved"], found["reasons"]) == (4, 3, ["why"])
     assert found["error_mm"]["rms"] == pytest.approx(np.sqrt(14 / 3))
@@ -146,8 +146,8 @@ def test_only_solved_trials_count() -> None:
     assert found["coverage"] == {"share": pytest.approx(2 / 3), "expected": 0.95}
 
 
-def test_one_trial_has_no_standard_error() -> None:
-    """Two have; without directions there is no squared error at all, nor is there without a solution."""
+def test_single_trial_has_no_standard_error() -> None:
+    """Two trials have a standard error. Without directions or without a solution there is no NEES at all."""
     assert point_summary([3.0], [True])["nees"] == {"mean": 3.0, "expected": 6, "standard_error": None}
     assert point_summary([3.0, 5.0], [True, True])["nees"]["standard_error"] == pytest.approx(1.0)
     for found in (point_summary([3.0], [True], 0), point_summary([3.0], [False])):
@@ -155,8 +155,8 @@ def test_one_trial_has_no_standard_error() -> None:
     assert point_summary([3.0], [False])["error_mm"] is None
 
 
-def test_coverage_is_by_the_directions_that_are_known() -> None:
-    """A squared error of 8 is within 95 % of six directions and beyond those of three."""
+def test_coverage_depends_on_number_of_directions() -> None:
+    """A squared error of 8 is within 95 % for six directions and beyond it for three."""
     assert point_summary([8.0], [True], 6)["coverage"]["share"] == 1
     assert point_summary([8.0], [True], 3)["coverage"]["share"] == 0
 
