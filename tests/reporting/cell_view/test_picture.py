@@ -1,4 +1,4 @@
-"""The cell as a still image."""
+"""Tests of the still image of the cell."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def drawn() -> Scene:
     return scene(made.cell, made.recording.samples, calibrate(made.cell, made.recording))
 
 
-def test_everything_is_within_the_picture(drawn: Scene) -> None:
-    """Every point of a path, and the names of what is drawn; three axes at each base and flange."""
+def test_drawing_is_within_the_image(drawn: Scene) -> None:
+    """All points and the names of bodies are within the image. Each base and flange has three axes."""
     shown = picture(drawn)
     places = np.array([[float(x), float(y)] for x, y in re.findall(r"[ML](-?[\d.]+)[ ,](-?[\d.]+)", shown)])
     assert len(places) > 50
@@ -39,8 +39,8 @@ def test_everything_is_within_the_picture(drawn: Scene) -> None:
     assert shown.count('class="axis-x"') == 4
 
 
-def test_names_do_not_cover_one_another(drawn: Scene) -> None:
-    """A board that is where the camera is has its name below the camera's."""
+def test_names_do_not_overlap(drawn: Scene) -> None:
+    """A board at the position of the camera has its name below the camera's."""
     bodies = tuple(replace(body, mount=drawn.bodies[0].mount, on=drawn.bodies[0].on) for body in drawn.bodies)
     alike = tuple(replace(body, lines=drawn.bodies[0].lines, points=drawn.bodies[0].points) for body in bodies)
     found = re.findall(r'class="label" x="([^"]*)" y="([^"]*)">(\w+)<', picture(replace(drawn, bodies=alike)))
@@ -50,8 +50,8 @@ def test_names_do_not_cover_one_another(drawn: Scene) -> None:
     assert y_below - y >= 15
 
 
-def test_an_arm_whose_pose_is_not_known_has_no_reach(drawn: Scene) -> None:
-    """Its base is drawn, and what it carries is not."""
+def test_arm_without_pose_has_only_its_base(drawn: Scene) -> None:
+    """The base of an arm with unknown poses is drawn, and what it carries is not."""
     arms = tuple(
         replace(arm, known=np.zeros(len(arm.known), dtype=bool)) if arm.name == "hand" else arm for arm in drawn.arms
     )
@@ -61,8 +61,8 @@ def test_an_arm_whose_pose_is_not_known_has_no_reach(drawn: Scene) -> None:
     assert shown.count('class="axis-x"') == 3
 
 
-def test_labels_too_far_to_be_moved_end():
-    """At 1e18 a line's height is no step, which once never ended."""
+def test_placing_of_far_labels_terminates():
+    """At 1e18 the height of a line is below the resolution of floats; placing labels there once never ended."""
     labels = [Label("hand_base", np.array([1e18, 1e18])) for _ in range(3)]
     assert len(list(_place_labels(labels))) == 3
 
@@ -71,8 +71,8 @@ def shown_axes(svg: str) -> dict[str, list[np.ndarray]]:
     return {axis: ends(svg, f"axis-{axis}") for axis in "xyz"}
 
 
-def test_up_is_up_and_the_cell_fills_the_picture(drawn: Scene) -> None:
-    """Upright bases point upwards; everything keeps 44 px from the border, and touches it on two sides."""
+def test_upright_cell_fills_the_image(drawn: Scene) -> None:
+    """Upright bases point upwards. Everything keeps 44 px from the border, and touches this margin on two sides."""
     upright = tuple(replace(arm, world_from_base=SE3(np.eye(3), arm.world_from_base.translation)) for arm in drawn.arms)
     svg = picture(replace(drawn, arms=upright, bodies=()))
     for foot, tip in shown_axes(svg)["z"][1::2]:
@@ -92,8 +92,8 @@ def test_up_is_up_and_the_cell_fills_the_picture(drawn: Scene) -> None:
     assert low[1] + high[1] == pytest.approx(440, abs=0.2)
 
 
-def test_names_stand_at_what_they_name(drawn: Scene) -> None:
-    """Of a base below its foot, in its colour; of a body above it."""
+def test_names_are_next_to_their_bodies(drawn: Scene) -> None:
+    """The name of a base is below its foot, in its colour; that of a body is above it."""
     svg = picture(drawn)
     feet = {f"{arm.name}_base": ends(svg, "axis-x")[2 * k + 1][0] for k, arm in enumerate(drawn.arms)}
     found = re.findall(r'class="([^"]*)" x="([^"]*)" y="([^"]*)">(\w+)<', svg)
@@ -110,27 +110,30 @@ def test_names_stand_at_what_they_name(drawn: Scene) -> None:
 @pytest.mark.parametrize(
     ("off", "covered"), [((47, 16), True), ((-47, -16), True), ((49, 16), False), ((47, 18), False), ((0, 17), False)]
 )
-def test_labels_cover_one_another_by_their_letters(off: tuple[int, int], covered: bool) -> None:
-    """Of four and eight letters, six of 8 px beside, and a line of 17 px above or below."""
+def test_label_overlap_depends_on_text_length(off: tuple[int, int], covered: bool) -> None:
+    """Labels overlap according to the lengths of their texts.
+
+    Four and eight letters overlap within six letters of 8 px horizontally, and within a line of 17 px vertically.
+    """
     one, other = Label("abcd", np.array([100.0, 50.0])), Label("abcdefgh", np.array([100.0, 50.0]) + off)
     assert one.covers(other) == other.covers(one) == covered
 
 
-def test_covered_labels_move_down_line_by_line() -> None:
-    """Three at one place are below one another; one that is elsewhere stays."""
+def test_overlapping_labels_move_down_by_lines() -> None:
+    """Three labels at one position are placed below one another; one elsewhere is unchanged."""
     labels = [Label("base", np.array([10.0, 20.0]))] * 3 + [Label("base", np.array([90.0, 20.0]))]
     assert re.findall(r'x="(.*?)" y="(.*?)"', "".join(_place_labels(labels))) == [
         ("10.0", "20.0"), ("10.0", "37.0"), ("10.0", "54.0"), ("90.0", "20.0")
     ]  # fmt: skip
 
 
-def test_a_fifth_robot_has_the_colour_of_the_first(drawn: Scene) -> None:
+def test_fifth_robot_has_colour_of_first(drawn: Scene) -> None:
     many = replace(drawn, arms=tuple(replace(drawn.arms[0], name=f"r{k}") for k in range(5)), bodies=())
     assert re.findall(r'class="trail (robot-\d)"', picture(many)) == [f"robot-{k}" for k in (0, 1, 2, 3, 0)]
 
 
-def test_ellipsoids_are_drawn_in_the_scale_of_the_cell(drawn: Scene) -> None:
-    """A ball is a circle about its base; a long axis towards the right is as long as it is."""
+def test_ellipsoids_have_scale_of_the_cell(drawn: Scene) -> None:
+    """A ball is a circle about its base, and a long axis to the right has its own length."""
     right = drawn.across
     scales = []
     for axes in (0.1 * np.eye(3), np.column_stack([0.1 * right, 1e-6 * np.eye(3)[:, 1:]])):
@@ -147,8 +150,8 @@ def test_ellipsoids_are_drawn_in_the_scale_of_the_cell(drawn: Scene) -> None:
     assert line[1] < 1
 
 
-def test_what_is_farther_away_is_drawn_higher(drawn: Scene) -> None:
-    """The cell is seen from 0.45 rad above: of axes to the right, away and up each has its direction."""
+def test_farther_objects_are_drawn_higher(drawn: Scene) -> None:
+    """The viewpoint is 0.45 rad above the horizon. Axes to the right, away and up have their own directions."""
     right = drawn.across
     turned = SE3(np.column_stack([right, np.cross([0, 0, 1], right), [0, 0, 1]]), np.zeros(3))
     arms = (replace(drawn.arms[0], world_from_base=turned), *drawn.arms[1:])
@@ -160,8 +163,8 @@ def test_what_is_farther_away_is_drawn_higher(drawn: Scene) -> None:
     np.testing.assert_allclose([y, z], [[0, -length * np.sin(0.45)], [0, -length * np.cos(0.45)]], atol=0.25)
 
 
-def test_a_body_is_its_lines_and_its_points(drawn: Scene) -> None:
-    """Each drawn once; dots have no length."""
+def test_body_is_drawn_by_lines_and_points(drawn: Scene) -> None:
+    """Each line and each point is drawn once; dots have no length."""
     (board,) = (body for body in drawn.bodies if body.kind == "target")
     lines = ends(picture(drawn), "target")
     lengths = np.array([float(np.linalg.norm(line[-1] - line[0])) for line in lines])

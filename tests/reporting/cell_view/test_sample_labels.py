@@ -1,4 +1,4 @@
-"""Words about samples, and the worst of them."""
+"""Tests of the labels of samples, and of the worst sample."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CALIBRATION = Calibration(
 
 
 def test_every_number_has_its_name_and_unit():
-    """Views of a sample one after another; of a sample without views nothing."""
+    """Views of a sample follow one another; a sample without views has an empty label."""
     first, third, fourth, fifth = sample_labels([0, 3, 4, 5], CALIBRATION)
     assert first == "board seen by wrist: reprojection error 0.12 px, pose consistency error 1.0 mm and 0.50 deg"
     assert third == "board seen by wrist: reprojection error 0.50 px; board seen by top: pose consistency error 2.0 mm"
@@ -30,8 +30,8 @@ def test_every_number_has_its_name_and_unit():
     assert fifth == "board seen by wrist (left out): reprojection error 9.0 px"
 
 
-def test_the_worst_is_one_that_was_used():
-    """What was left out is not the worst; without residuals none is."""
+def test_worst_sample_is_not_excluded():
+    """An excluded view is not the worst, and there is none without residuals."""
     assert worst_sample(CALIBRATION) == 3
     assert worst_sample(Calibration("refused")) is None
     by_loop = replace(CALIBRATION, residuals=Residuals(per_sample=VIEWS[2:3]))
@@ -39,6 +39,6 @@ def test_the_worst_is_one_that_was_used():
 
 
 @pytest.mark.parametrize("views", [(), (SampleResidual(0, "wrist", "led"),)])
-def test_views_without_residuals(views):
+def test_views_without_residuals_have_a_label(views):
     """A label without numbers is no error."""
     assert len(sample_labels([0], Calibration("good", residuals=Residuals(per_sample=views)))) == 1

@@ -1,4 +1,4 @@
-"""The scene: where it opens, what it shows, arms by their URDF."""
+"""Tests of the scene: its initial sample, its bodies, and arms with their URDF."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ from shared.bodies import arm_with_bodies
 no_error_at_task = without_stages(find_error_at_task)
 
 
-def test_it_opens_at_the_worst_sample_which_is_always_shown():
-    """Of many samples some are shown, the worst among them."""
+def test_scene_opens_at_the_worst_sample():
+    """Only some of many samples are shown, always including the worst."""
     made = simulate(Scenario(samples=6), 0)
     calibration = calibrate(made.cell, made.recording)
     samples = [replace(made.recording.samples[k % 6], sample=k) for k in range(1000)]
@@ -48,15 +48,15 @@ def test_it_opens_at_the_worst_sample_which_is_always_shown():
     assert "reprojection error 1.2 px" in drawn.labels[drawn.opening]
 
 
-def test_it_opens_at_the_first_sample_if_none_is_the_worst():
-    """Of a calibration without residuals."""
+def test_scene_opens_at_first_without_residuals():
+    """The scene of a calibration without residuals opens at the first sample."""
     made = simulate(Scenario(samples=3), 0)
     calibration = replace(calibrate(made.cell, made.recording), residuals=Residuals())
     assert scene(made.cell, made.recording.samples, calibration).opening == 0
 
 
-def test_a_camera_shows_what_its_lens_sees():
-    """The rays of its frustum go through the corners of the image, by the stated lens if none was estimated."""
+def test_frustum_follows_the_lens():
+    """The rays of the frustum project to the corners of the image, by the stated lens if none was estimated."""
     made = simulate(Scenario(samples=4), 0)
     drawn = scene(made.cell, made.recording.samples, calibrate(made.cell, made.recording))
     (camera,) = (body for body in drawn.bodies if body.kind == "camera")
@@ -64,8 +64,8 @@ def test_a_camera_shows_what_its_lens_sees():
     np.testing.assert_allclose(np.sort(corners, axis=0), [[0, 0], [0, 0], [1279, 719], [1279, 719]], atol=0.1)
 
 
-def test_arms_stand_by_their_joints():
-    """Places of joints in the base lead from it to the flange; a robot known by poses has none."""
+def test_arm_is_drawn_by_its_joints():
+    """The joint positions lead from the base to the flange; a robot with recorded poses has none."""
     made = simulate(Scenario(samples=5, joints=True), 0)
     drawn = scene(made.cell, made.recording.samples, calibrate(made.cell, made.recording))
     for arm in drawn.arms:
@@ -86,8 +86,8 @@ def test_arms_stand_by_their_joints():
     assert 'class="reach robot-0"' in picture(posed)
 
 
-def test_a_sample_without_joints_hides_its_arm():
-    """It is drawn at zero and marked as not known."""
+def test_sample_without_joints_hides_its_arm():
+    """The arm has zero joints in this sample and is marked as unknown."""
     made = simulate(Scenario(samples=5, joints=True), 0)
     calibration = calibrate(made.cell, made.recording)
     first, *others = made.recording.samples
@@ -98,8 +98,8 @@ def test_a_sample_without_joints_hides_its_arm():
     assert hand.joints.translation.shape == (5, 6, 3)
 
 
-def test_bodies_of_links_are_drawn_if_all_can_be_read(tmp_path):
-    """Surfaces with whole poses of joints; if a mesh is missing, places of joints alone."""
+def test_link_bodies_require_all_meshes(tmp_path):
+    """Surfaces are drawn with complete poses of the joints. If a mesh is missing, only joint positions are drawn."""
     made = simulate(Scenario(samples=4, joints=True), 0)
     calibration = calibrate(made.cell, made.recording)
     chain = read_chain(arm_with_bodies(tmp_path), "base_link", "wrist_3")
@@ -113,8 +113,8 @@ def test_bodies_of_links_are_drawn_if_all_can_be_read(tmp_path):
     assert np.shape(data["arms"][0]["joints"]) == (4, 6, 3)
 
 
-def test_the_worst_place_is_named():
-    """In the data of the script and on the still image, with the error there."""
+def test_largest_error_is_labelled():
+    """The data of the script and the still image have the largest error with its position."""
     made = simulate(Scenario(samples=4), 0)
     errors = ErrorMap(np.array([[0.5, 0, 0.2], [0.6, 0, 0.2]]), np.array([1e-3, 2.34e-3]), np.zeros(2))
     drawn = scene(made.cell, made.recording.samples, replace(calibrate(made.cell, made.recording), error_map=errors))
@@ -149,16 +149,19 @@ def by_hand(*numbers: int, **fields: object) -> tuple[list[Sample], Calibration]
     return samples, Calibration("good", transforms=known, **fields)
 
 
-def test_up_to_four_hundred_samples_are_all_shown():
-    """Every second one of 401."""
+def test_up_to_400_samples_are_shown():
+    """Every second of 401 samples is shown."""
     for count, shown in ((400, 400), (401, 201), (1, 1)):
         samples, calibration = by_hand(*range(count))
         drawn = scene(CELL, samples, calibration)
         assert (len(drawn.samples), drawn.total, drawn.opening) == (shown, count, 0)
 
 
-def test_what_has_no_pose_is_named_as_missing():
-    """A camera in the world without a transform; a robot without a base, and what it carries."""
+def test_bodies_without_pose_are_listed_as_missing():
+    """A camera on the world without a transform is listed as missing.
+
+    So is a robot without a base, with all that it carries.
+    """
     samples, calibration = by_hand(0)
     drawn = scene(CELL, samples, calibration)
     assert drawn.missing == ("top",)
@@ -169,8 +172,8 @@ def test_what_has_no_pose_is_named_as_missing():
     assert [arm.name for arm in drawn.arms] == ["eye"]
 
 
-def test_the_size_is_the_diagonal_of_what_arms_reach():
-    """Bases a metre apart and flanges 0.5 m above them; a cell of one point has 0.2 m."""
+def test_scene_size_is_diagonal_of_arms():
+    """The bases are a metre apart and the flanges 0.5 m above them. A cell of a single point has 0.2 m."""
     samples, calibration = by_hand(0)
     assert scene(CELL, samples, calibration).size_m == pytest.approx(1.25**0.5)
     alone = Cell("eye", {"eye": Robot("eye")})
@@ -179,14 +182,14 @@ def test_the_size_is_the_diagonal_of_what_arms_reach():
     assert drawn.arms[0].world_from_flange(0) is None
 
 
-def test_the_view_is_from_beside_the_farthest_base():
-    """Right is towards it, rotated by 0.4 rad."""
+def test_viewpoint_is_beside_the_farthest_base():
+    """The right of the view is the direction to the farthest base, rotated by 0.4 rad."""
     samples, calibration = by_hand(0)
     np.testing.assert_allclose(scene(CELL, samples, calibration).across, [-np.sin(0.4), np.cos(0.4), 0], atol=1e-12)
 
 
-def test_ellipsoids_are_enlarged_until_they_are_seen():
-    """By a round factor that keeps the longest at about a thirtieth of the scene; axes are right-handed."""
+def test_ellipsoids_are_enlarged_to_be_visible():
+    """The round factor makes the longest axis about a thirtieth of the scene. The axes are right-handed."""
     samples, calibration = by_hand(0)
     drawn = scene(CELL, samples, calibration)
     hand = next(arm for arm in drawn.arms if arm.name == "hand")
@@ -198,8 +201,8 @@ def test_ellipsoids_are_enlarged_until_they_are_seen():
 
 
 @pytest.mark.parametrize(("sigma_m", "scale"), [(0.0, 1.0), (1.0, 1.0), (np.inf, 1.0), (0.01, 5.0)])
-def test_ellipsoids_are_never_drawn_smaller_than_one_sigma(sigma_m, scale):
-    """Nor is a transform of no or infinite sigma enlarged."""
+def test_ellipsoid_scale_is_at_least_one(sigma_m, scale):
+    """A transform with a sigma of zero or infinity is not enlarged."""
     samples, calibration = by_hand(0)
     covariance = np.diag([sigma_m**2, 0, 0, 0, 0, 0])
     base = {**calibration.transforms, "eye_base_from_hand_base": PoseEstimate(FAR, covariance)}
@@ -208,8 +211,11 @@ def test_ellipsoids_are_never_drawn_smaller_than_one_sigma(sigma_m, scale):
     assert (next(arm for arm in drawn.arms if arm.name == "hand").ellipsoid is None) == np.isinf(sigma_m)
 
 
-def test_a_frustum_without_a_lens_is_a_typical_one():
-    """Edges from the centre of a length, 0.8 wide and 0.6 high at distance one, and a loop of four."""
+def test_frustum_without_lens_has_default_shape():
+    """A frustum without a lens is 0.8 wide and 0.6 high at distance one.
+
+    Its edges from the centre have equal lengths, and a loop of four closes them.
+    """
     for camera in (None, Camera("pinhole", np.array([900.0, 900.0, 640.0, 360.0]))):
         lines = frustum(camera, 0.5)
         assert lines.shape == (8, 2, 3)
@@ -221,8 +227,8 @@ def test_a_frustum_without_a_lens_is_a_typical_one():
         np.testing.assert_array_equal(lines[4:], np.stack([ends, ends[[1, 2, 3, 0]]], axis=1))
 
 
-def test_outlines_are_boxes_about_points_or_tags():
-    """Of a board without tags, its bounding box; of tags, a square each; two points have none."""
+def test_outlines_enclose_points_or_tags():
+    """A board without tags has its bounding box, each tag a square, and two points have none."""
     grid = outline(chessboard_target((4, 3), 0.02))
     np.testing.assert_allclose(grid[:, 0], [[0, 0, 0], [0.06, 0, 0], [0.06, 0.04, 0], [0, 0.04, 0]], atol=1e-12)
     np.testing.assert_array_equal(grid[:, 1], grid[[1, 2, 3, 0], 0])
@@ -234,8 +240,8 @@ def test_outlines_are_boxes_about_points_or_tags():
     assert outline(None).shape == (0, 2, 3)
 
 
-def test_data_are_rounded_to_hundredths_of_a_millimetre():
-    """Poses are a translation and a quaternion; truth values stay."""
+def test_scene_data_is_rounded_to_0_01_mm():
+    """Poses are a translation and a quaternion; truth values are kept."""
     samples, calibration = by_hand(0)
     third = SE3(np.eye(3), np.full(3, 1 / 3))
     base = {**calibration.transforms, "eye_base_from_hand_base": PoseEstimate(third, np.zeros((6, 6)))}

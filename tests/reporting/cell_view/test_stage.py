@@ -1,4 +1,4 @@
-"""A scene as pages show it."""
+"""Tests of scenes as values for the templates of pages."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from shared.facing_arms import facing_arms
 HOME = {name: RobotState(joints_rad=joints) for name, joints in facing_arms().home.items()}
 
 
-def test_a_cell_is_drawn_as_it_is_stated() -> None:
-    """Bases where the sketch has them, nothing of sigmas, a sentence for what is seen."""
+def test_scene_of_stated_cell() -> None:
+    """The bases are those of the sketch, without ellipsoids of sigmas, and a sentence is the legend."""
     sketch = sketch_cell(facing_arms().cell)
     shown = scene_values(stated_scene(sketch, [Sample(0, robots=HOME)]))
     arms = {arm["name"]: arm for arm in json.loads(shown["scene_json"])["arms"]}
@@ -28,20 +28,20 @@ def test_a_cell_is_drawn_as_it_is_stated() -> None:
     assert shown["legend"] == ["Axes: x red, y green, z blue. Dots: flanges at each sample."]
 
 
-def test_without_samples_no_script_gets_data() -> None:
-    """The still image alone is left."""
+def test_scene_without_samples_has_no_script_data() -> None:
+    """Only the still image remains."""
     assert scene_values(stated_scene(sketch_cell(facing_arms().cell), []))["scene_json"] == ""
 
 
-def test_names_cannot_end_the_element() -> None:
-    """JSON stays JSON."""
+def test_json_inside_html_is_escaped() -> None:
+    """A name with markup does not end the script element, and the JSON is unchanged."""
     said = json_inside_html({"name": "</script><b>"})
     assert "<" not in said
     assert json.loads(said) == {"name": "</script><b>"}
 
 
-def test_the_legend_says_what_is_enlarged_coloured_and_left_out() -> None:
-    """The least and the largest error in millimetres, how much is shown, and what is missing."""
+def test_legend_describes_scale_colours_and_omissions() -> None:
+    """The legend has the smallest and the largest error in mm, the share of samples shown, and missing bodies."""
     plain = stated_scene(sketch_cell(facing_arms().cell), [Sample(0, robots=HOME)])
     errors = ErrorMap(np.zeros((3, 3)), np.array([2e-3, 1.2e-3, 5.1e-3]), np.zeros(3))
     arms = (replace(plain.arms[0], ellipsoid=np.eye(3)), *plain.arms[1:])

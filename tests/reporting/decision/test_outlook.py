@@ -1,4 +1,4 @@
-"""The error over samples."""
+"""Tests of figures of the error over samples, per axis and over the workspace."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ OUTLOOK = [(0, 3e-3), (10, 1.5e-3), (40, 1e-3)]
 ESTIMATE = PoseEstimate(SE3.identity(), np.diag([1e-6, 4e-6, 9e-6, 1, 1, 1]))
 
 
-def test_points_fall_and_have_words() -> None:
-    """Over the number of samples in all; the dashed line is the tolerance."""
+def test_outlook_curve_falls_with_samples() -> None:
+    """Errors are drawn over the total number of samples; the dashed line is the tolerance."""
     figure = outlook_figure(OUTLOOK, 12, 1.2e-3)
     heights = [float(found) for found in re.findall(r'cy="([0-9.]+)"', figure.svg)]
     assert heights == sorted(heights)
@@ -27,15 +27,15 @@ def test_points_fall_and_have_words() -> None:
     assert figure.caption == "3.0 mm with 12, 1.0 mm with 52 samples. Dashed: the tolerance, 1.2 mm."
 
 
-def test_without_a_tolerance_there_is_no_line() -> None:
-    """And no word of it."""
+def test_outlook_without_tolerance_has_no_line() -> None:
+    """The caption does not mention a tolerance either."""
     figure = outlook_figure(OUTLOOK, 12, None)
     assert "level" not in figure.svg
     assert "Dashed" not in figure.caption
 
 
-def test_intervals_are_as_long_as_their_sigmas() -> None:
-    """To scale, with their lengths in words; red only what is beyond the tolerance."""
+def test_intervals_are_proportional_to_sigmas() -> None:
+    """The intervals are to scale, with their lengths in words. Only intervals beyond the tolerance are red."""
     figure = component_figure("hand_base", ESTIMATE, 3e-3)
     lengths = [float(found) for found in re.findall(r"v12m0-6H([0-9.]+)m", figure.svg)]
     middle = float(re.findall(r"M([0-9.]+) 0V", figure.svg)[0])
@@ -46,15 +46,15 @@ def test_intervals_are_as_long_as_their_sigmas() -> None:
     assert "the tolerance, 3 mm" in figure.caption
 
 
-def test_without_a_tolerance_nothing_is_shaded() -> None:
-    """And nothing is red."""
+def test_intervals_without_tolerance_are_not_shaded() -> None:
+    """Without a tolerance no interval is red."""
     figure = component_figure("hand_base", ESTIMATE, None)
     assert "allowed" not in figure.svg
     assert "beyond" not in figure.svg
 
 
-def test_a_drawing_for_each_height():
-    """A square for each point, the largest error the darkest, x to the right and y upwards."""
+def test_workspace_has_one_drawing_per_height():
+    """Each point is a square, the largest error the darkest, with x to the right and y upwards."""
     points = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.5, 1.0)])
     lengths = np.full(8, 1e-3)
     lengths[-1] = 2e-3
@@ -73,15 +73,15 @@ def test_a_drawing_for_each_height():
     assert "worst" not in low.svg + low.caption
 
 
-def test_one_point():
-    """A place alone, exact, is a square."""
+def test_workspace_of_single_point_is_a_square():
+    """A single point with an error of zero is one square."""
     (only,) = workspace(ErrorMap(np.zeros((1, 3)), np.zeros(1), np.zeros(1)))
     assert only.x == ("x 0.00 m",)
     assert only.svg.count("<rect") == 2
 
 
-def test_each_axis_has_its_row() -> None:
-    """Three rows of 30, each with its axis, interval and number at one height."""
+def test_each_axis_has_a_row() -> None:
+    """Three rows of height 30 each have their axis, interval and number at one height."""
     figure = component_figure("hand_base", ESTIMATE, None)
     intervals = [float(found) + 6 for found in re.findall(r'interval within" d="M[0-9.]+ ([-0-9.]+)v12', figure.svg)]
     assert intervals == [15, 45, 75]
@@ -90,8 +90,8 @@ def test_each_axis_has_its_row() -> None:
 
 
 @pytest.mark.parametrize("tolerance_m", [None, 3e-3, 30e-3])
-def test_intervals_and_the_tolerance_have_one_scale(tolerance_m) -> None:
-    """About one middle, within the drawing, beside their labels."""
+def test_intervals_and_tolerance_share_a_scale(tolerance_m) -> None:
+    """Intervals and tolerance are symmetric about one centre, within the drawing, beside their labels."""
     svg = component_figure("hand_base", ESTIMATE, tolerance_m).svg
     check_labels(svg)
     whole, rule = view(svg), ends(svg, "rule")[0]
@@ -116,16 +116,19 @@ def test_intervals_and_the_tolerance_have_one_scale(tolerance_m) -> None:
     assert max(reach, allowed.right - middle) == pytest.approx(148 / 1.1, rel=0.01)
 
 
-def test_an_interval_has_ends_of_twelve() -> None:
-    """A bar at each end, and the line between their middles."""
+def test_interval_has_end_bars() -> None:
+    """A bar of length 12 is at each end, and the line connects their centres."""
     (found,) = re.findall(r'interval within" d="([^"]*)"', component_figure("a", ESTIMATE, 3e-3).svg)
     numbers = [float(each) for each in re.findall(r"-?[\d.]+", found)]
     assert numbers[2:5] == [12, 0, -6]
     assert numbers[6:] == [0, -6, 12]
 
 
-def test_the_tolerance_itself_is_within() -> None:
-    """Not a thousandth more; an exact estimate has a drawing."""
+def test_tolerance_limit_is_inclusive() -> None:
+    """A tolerance 0.1 % above the interval is met, and one 0.1 % below it is missed.
+
+    An exact estimate has a drawing, too.
+    """
     for share, kind in ((1.001, "within"), (0.999, "beyond")):
         svg = component_figure("hand_base", PoseEstimate(SE3.identity(), np.eye(6) * 1e-6), 1.96e-3 * share).svg
         assert re.findall(r"interval (\w+)", svg) == [kind] * 3
@@ -134,8 +137,11 @@ def test_the_tolerance_itself_is_within() -> None:
     assert exact.caption == "Intervals that hold 95 % of errors along each axis of hand_base."
 
 
-def test_squares_of_a_height_lie_by_their_place() -> None:
-    """Three along x and two along y, each square where its point is; shades are shares of the range in all."""
+def test_workspace_squares_are_at_their_positions() -> None:
+    """Three squares along x and two along y are at the positions of their points.
+
+    Shades are shares of the total range.
+    """
     points = np.array([[x, y, 0.5] for x in (0.0, 0.5, 1.0) for y in (0.0, 2.0)])
     lengths = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) * 1e-3
     (figure,) = workspace(ErrorMap(points, lengths, np.full(6, 0.01)))
@@ -152,8 +158,8 @@ def test_squares_of_a_height_lie_by_their_place() -> None:
     )
 
 
-def test_numbers_of_samples_have_an_even_scale() -> None:
-    """The middle of a wide range is half way."""
+def test_sample_axis_is_linear() -> None:
+    """The middle of a wide range of sample counts is half-way."""
     figure = error_curve("error", [(1, 21e-3), (26, 11e-3), (51, 1e-3)], None)
     places = [float(found) for found in re.findall(r'cx="([0-9.]+)"', figure.svg)]
     assert places[1] - places[0] == pytest.approx(places[2] - places[1], abs=0.2)

@@ -1,4 +1,4 @@
-"""The numbers of the first screen."""
+"""Tests of the tiles at the top of a page."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ CALIBRATION = Calibration(
 DOCUMENT = Path(__file__).parents[3] / "docs" / "findings.md"
 
 
-def test_what_is_known_is_a_tile() -> None:
-    """Each with two digits; a bar only beside a tolerance."""
+def test_known_quantities_have_tiles() -> None:
+    """Each quantity has two digits, and a bar only beside a tolerance."""
     found = [(tile.value, tile.name) for tile in tiles(CELL, RECORDING, CALIBRATION, DETAILS)]
     assert found == [
         ("0.44 mm", "expected error, 95 %"),
@@ -57,8 +57,8 @@ def test_what_is_known_is_a_tile() -> None:
     assert bare == []
 
 
-def test_the_tolerance_stands_beside_the_error() -> None:
-    """Met, missed, or still open; the expected error of a task comes before that where flanges meet."""
+def test_tolerance_is_beside_the_error() -> None:
+    """A tolerance is met, missed or open. The expected error at a task precedes that of the recorded places."""
     for expected, kind, shown in ((4e-4, "within", "0.40 mm"), (4e-3, "beyond", "4.0 mm")):
         told = replace(CALIBRATION, tolerance=Tolerance(1e-3, expected, kind == "within"))
         first = next(iter(tiles(CELL, RECORDING, told, DETAILS)))
@@ -70,8 +70,8 @@ def test_the_tolerance_stands_beside_the_error() -> None:
     assert expected_error_m(CELL, at_work, DETAILS) == 6e-4
 
 
-def test_remarks_count_and_point_ahead() -> None:
-    """Findings by severity, the largest source, and what more samples bring."""
+def test_remarks_summarise_findings_and_outlook() -> None:
+    """Remarks count findings by severity and state the largest source and the effect of more samples."""
     found = Finding("overfit", "warning", (), "x"), Finding("same-stop", "info", (), "y")
     budget = (BudgetEntry("repeatability of hand", 1e-3, 0.7, 5e-4),)
     told = list(remarks(replace(CALIBRATION, findings=found, budget=budget), [(0, 2e-3), (40, 1.234e-3)]))
@@ -83,16 +83,16 @@ def test_remarks_count_and_point_ahead() -> None:
     assert list(remarks(CALIBRATION, ())) == []
 
 
-def test_every_check_has_words_and_a_place_in_the_document() -> None:
-    """By the code of its finding."""
+def test_every_check_is_documented() -> None:
+    """Every check has words and an entry in docs/findings.md, by the code of its finding."""
     words, text = check_words(), DOCUMENT.read_text(encoding="utf-8")
     assert len(words) > 20
     assert all(f"`{code}`" in text for code in words)
     assert words["overfit"].startswith("prediction errors of held-out samples")
 
 
-def test_what_found_something_has_not_passed() -> None:
-    """Nothing has where nothing was calibrated."""
+def test_check_with_finding_has_not_passed() -> None:
+    """No check has passed if nothing was calibrated."""
     made = Calibration("good", {"a_base_from_b_base": PoseEstimate(SE3.identity(), np.eye(6))})
     doubted = Calibration("doubtful", made.transforms, findings=(Finding("overfit", "warning", (), "x"),))
     assert {code for code, _ in passed_checks(made)} - {code for code, _ in passed_checks(doubted)} == {"overfit"}
@@ -101,7 +101,7 @@ def test_what_found_something_has_not_passed() -> None:
 
 @pytest.mark.parametrize(("expected_mm", "tolerance_mm"), [(0.4, 1.0), (4.0, 1.0), (1.0, 1.0)])
 def test_bars_are_to_scale(expected_mm: float, tolerance_mm: float) -> None:
-    """The larger of error and tolerance ends just before the end; equal ones are within."""
+    """The larger of error and tolerance ends just before the end of the bar; equal values are within the tolerance."""
     tile = error_tile(1e-3 * expected_mm, 1e-3 * tolerance_mm)
     error, limit = tile.shares
     assert error / limit == pytest.approx(expected_mm / tolerance_mm)
@@ -111,8 +111,8 @@ def test_bars_are_to_scale(expected_mm: float, tolerance_mm: float) -> None:
     assert error_tile(4e-3, None).kind == ""
 
 
-def test_the_least_known_transform_is_shown() -> None:
-    """Of several; of a point without an angle."""
+def test_least_known_transform_is_shown() -> None:
+    """Of several transforms the least known is shown, a point without an angle."""
     cell = Cell("eye", {name: Robot(name) for name in ("eye", "hand", "third")})
     near, far = (f"eye_base_from_{name}_base" for name in ("hand", "third"))
     sigmas = {near: 1e-3, far: 2e-3}
@@ -124,8 +124,11 @@ def test_the_least_known_transform_is_shown() -> None:
     assert tile.value == "2.0 mm"
 
 
-def test_held_out_errors_stand_alone_or_beside() -> None:
-    """In the image beside the residuals, at the target as a tile; points left out are counted over all views."""
+def test_held_out_errors_have_tile_or_suffix() -> None:
+    """Errors in the image are beside the residuals, those at the target are a tile.
+
+    Excluded points are counted over all views.
+    """
     only_pixels = replace(CALIBRATION, validation=Validation("k-fold", 5, 1.069), outliers=None)
     names = [tile.name for tile in tiles(CELL, RECORDING, only_pixels, FitDetails())][1:]
     assert names == ["reprojection error, rms, held out 1.1 px", "samples used"]
@@ -135,15 +138,15 @@ def test_held_out_errors_stand_alone_or_beside() -> None:
     assert list(tiles(CELL, RECORDING, more, FitDetails()))[-1].name == "samples used, 3 points left out"
 
 
-def test_the_largest_of_complete_errors_counts() -> None:
-    """If one of the requested transforms is unknown, nothing is expected."""
+def test_largest_expected_error_is_used() -> None:
+    """There is no expected error if one of the requested transforms is unknown."""
     errors = (ExpectedError(BASE, 4e-4, np.zeros(3)), ExpectedError("other", 6e-4, np.zeros(3)))
     assert expected_error_m(CELL, CALIBRATION, FitDetails(errors=errors)) == 6e-4
     assert expected_error_m(CELL, CALIBRATION, FitDetails(errors=errors[1:])) is None
 
 
 def test_remarks_have_plurals() -> None:
-    """Errors first; a single step is no outlook."""
+    """Errors come first, with their plurals; a single step is no outlook."""
     codes = (("x", "info"), ("y", "warning"), ("z", "warning"), ("w", "error"))
     found = tuple(Finding(code, severity, (), "x") for code, severity in codes)
     assert list(remarks(replace(CALIBRATION, findings=found), [(40, 1e-3)])) == ["1 error, 2 warnings, 1 note."]

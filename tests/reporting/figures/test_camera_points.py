@@ -1,4 +1,4 @@
-"""Residuals of points put together."""
+"""Tests of the point residuals per camera."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from tests.seen_points import seen
 from basecal.reporting.figures.camera_points import points_by_camera, some_points
 
 
-def test_points_of_a_camera_are_those_of_all_its_targets() -> None:
-    """In their order; another camera has its own."""
+def test_camera_points_join_all_targets() -> None:
+    """Points of all targets of a camera are joined in their order, separately for each camera."""
     one, two = (seen([[1.0, 2.0]], [[0.1, 0.0]], camera=camera) for camera in ("wrist", "hall"))
     more = seen([[3.0, 4.0], [5.0, 6.0]], np.zeros((2, 2)), [True, False], target="plate")
     joined = points_by_camera([one, two, more])

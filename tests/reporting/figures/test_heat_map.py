@@ -1,4 +1,4 @@
-"""Maps over two axes."""
+"""Tests of heat maps over two axes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from basecal.reporting.svg import FAINTEST
 
 
 def test_larger_numbers_are_darker() -> None:
-    """The least faintest, the greatest strongest; what is missing has no shade."""
+    """The smallest number is the faintest and the largest the darkest; a missing number has no shade."""
     svg = heat_map("error", ("samples", [5, 10]), ("board", ["a", "b"]), [[1.0, 2.0], [None, 4.0]]).svg
     shades = [float(share) for share in re.findall(r'fill-opacity="([\d.]+)"', svg)]
     assert shades == sorted(shades)
@@ -19,8 +19,8 @@ def test_larger_numbers_are_darker() -> None:
     assert svg.count('class="frame"') == 1
 
 
-def test_long_labels_are_wrapped_and_told_whole() -> None:
-    """As the label's own title; beyond two lines they are cut."""
+def test_long_row_labels_are_wrapped() -> None:
+    """A wrapped label has its whole text as title; beyond two lines it is cut."""
     svg = heat_map("error", ("samples", [5]), ("board", ["w" * 50]), [[0.0]]).svg
     assert f"<title>{'w' * 50}</title>" in svg
     assert f">{'w' * 26}<tspan" in svg
@@ -29,8 +29,8 @@ def test_long_labels_are_wrapped_and_told_whole() -> None:
     assert "…</tspan>" in cut
 
 
-def test_long_names_of_columns_are_within_their_column() -> None:
-    """Below one another, and the drawing is higher."""
+def test_long_column_labels_are_wrapped() -> None:
+    """The lines of a label are below one another, and the drawing is higher."""
     short, long = (
         heat_map("error", ("board", [name]), ("samples", [5]), [[1.0]]).svg for name in ("a", "wide board of tags")
     )
@@ -42,8 +42,8 @@ def test_long_names_of_columns_are_within_their_column() -> None:
 LONG, WIDE = "a board of tags with large squares", "a wide board of small circles"
 
 
-def test_labels_lie_beside_their_tiles() -> None:
-    """Names of rows at the left of their tiles, of columns below them; every label can be read."""
+def test_labels_are_beside_their_tiles() -> None:
+    """Names of rows are at the left of their tiles, those of columns below them. Every label is readable."""
     values = [[1.0, 2.0, 123.0], [None, 0.0, 4.0]]
     svg = heat_map("error", ("samples", [5.0, 0.25, WIDE]), ("board", [LONG, "b"]), values).svg
     check_labels(svg)
@@ -61,8 +61,8 @@ def test_labels_lie_beside_their_tiles() -> None:
         assert boxes[3].bottom < column.top < boxes[3].bottom + 12
 
 
-def test_tiles_touch_and_hold_their_numbers() -> None:
-    """No tile lies on another, each touches its neighbours, and its number is in its middle."""
+def test_tiles_are_adjacent_with_centred_numbers() -> None:
+    """Tiles touch their neighbours without overlap, and each has its number in its centre."""
     svg = heat_map("error", ("samples", [5, 10]), ("board", ["a", "b"]), [[1.0, 2.0], [3.0, 4.0]]).svg
     one, right, below, last = rectangles(svg, "tile")
     assert (one.right, one.bottom) == (right.left, below.top)
@@ -73,8 +73,8 @@ def test_tiles_touch_and_hold_their_numbers() -> None:
         assert abs(label.top + label.bottom - box.top - box.bottom) < 4
 
 
-def test_shades_are_by_ratio_and_leave_numbers_readable() -> None:
-    """From 0.1 to 10 the middle of the shades is 1; the strongest stays below full, and equal numbers are faint."""
+def test_shades_are_logarithmic_and_not_full() -> None:
+    """From 0.1 to 10 the middle shade is that of 1. The darkest shade is below full, and equal numbers are faint."""
     svg = heat_map("error", ("samples", [1, 2, 3]), ("board", ["a"]), [[0.1, 1.0, 10.0]]).svg
     low, middle, high = (float(box.text) for box in rectangles(svg, "tile"))
     assert low == FAINTEST
@@ -84,16 +84,16 @@ def test_shades_are_by_ratio_and_leave_numbers_readable() -> None:
     assert {box.text for box in rectangles(equal, "tile")} == {f"{FAINTEST}"}
 
 
-def test_a_number_without_a_logarithm_has_a_frame() -> None:
-    """Zero is shown without a shade, and a missing number is a dash; neither changes the shades of others."""
+def test_zero_and_missing_numbers_have_frames() -> None:
+    """Zero is shown without a shade, and a missing number is a dash. Neither changes the shades of others."""
     svg = heat_map("error", ("samples", [1, 2, 3]), ("board", ["a"]), [[0.0, None, 0.5]]).svg
     assert [label.text for label in labels(svg)][:3] == ["0", "-", "0.50"]
     assert len(rectangles(svg, "frame")) == 2
     assert [box.text for box in rectangles(svg, "tile")] == [f"{FAINTEST}"]
 
 
-def test_the_drawing_ends_close_to_its_content() -> None:
-    """Less than 20 px beside the tiles and below the last line of labels, whatever the number of lines."""
+def test_drawing_has_narrow_margins() -> None:
+    """The margins beside the tiles and below the last line of labels are below 20 px, for any number of lines."""
     for name in ("a", WIDE):
         svg = heat_map("error", ("samples", [name]), ("board", ["b"]), [[1.0]]).svg
         (box,) = rectangles(svg, "tile")

@@ -1,4 +1,4 @@
-"""The chart of what was verified."""
+"""Tests of the chart of past verifications."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def past(day: float, length_m: float, run: str = "r") -> PastVerification:
     )
 
 
-def test_points_stand_by_day_and_length() -> None:
-    """Days are evenly spaced, a larger shift stands higher; other runs are not drawn."""
+def test_points_are_at_day_and_length() -> None:
+    """Days are evenly spaced, and a larger shift is higher. Other runs are not drawn."""
     figure = history_figure(
         [past(0, 9e-3, "before"), past(0, 8e-3, "before"), past(0, 1e-3), past(2, 2e-3), past(4, 3e-3)]
     )
@@ -35,12 +35,12 @@ def test_points_stand_by_day_and_length() -> None:
     assert "a_from_b" in figure.caption
 
 
-def test_no_history_is_no_figure() -> None:
+def test_empty_history_has_no_figure() -> None:
     assert history_figure([]) is None
 
 
-def test_hours_of_one_day_are_told_apart() -> None:
-    """And minutes of one hour; days where there are two and more."""
+def test_time_unit_depends_on_the_span() -> None:
+    """Hours of one day and minutes of one hour are distinguished; a span of two days or more is in days."""
     for last, unit in ((30.0, "days"), (0.5, "hours"), (0.01, "minutes")):
         figure = history_figure([past(0, 1e-3), past(last / 2, 2e-3), past(last, 3e-3)])
         assert figure.caption.startswith(f"{unit} since 2026-01-01 00:00 UTC")
@@ -56,8 +56,8 @@ def heights(figure: Figure) -> list[float]:
     return [low + (y - y_low) * scale for y in (foot[1], tip[1])]
 
 
-def test_whiskers_reach_two_sigma_and_not_below_zero() -> None:
-    """A shift of 1 mm with 0.1 mm per axis reaches 0.8 to 1.2 mm; one of 0.1 mm begins at zero."""
+def test_whiskers_are_two_sigma_and_not_negative() -> None:
+    """A shift of 1 mm with 0.1 mm per axis reaches from 0.8 to 1.2 mm; one of 0.1 mm begins at zero."""
     figure = history_figure([past(0, 1e-3), past(2, 1.1e-3)])
     np.testing.assert_allclose(heights(figure), [0.8, 1.2], atol=0.02)
     near = history_figure([past(0, 1e-4), past(2, 1e-3)])
@@ -65,22 +65,25 @@ def test_whiskers_reach_two_sigma_and_not_below_zero() -> None:
     assert "with 2 sigma; a_from_b" in near.caption
 
 
-def test_the_unit_is_the_largest_that_lasts_twice() -> None:
-    """Two days are days, less are hours; two hours are hours, less are minutes."""
+def test_time_unit_is_used_at_least_twice() -> None:
+    """Two days are in days, less are in hours; two hours are in hours, less are in minutes."""
     for last, unit in ((2.0, "days"), (1.99, "hours"), (2 / 24, "hours"), (1.99 / 24, "minutes"), (1e-3, "minutes")):
         assert history_figure([past(0, 1e-3), past(last, 2e-3)]).caption.startswith(f"{unit} since")
 
 
-def test_times_are_rounded_by_their_number() -> None:
-    """To hundredths of a day up to ten days, to tenths beyond."""
+def test_times_are_rounded_by_magnitude() -> None:
+    """Times are rounded to hundredths up to ten, and to tenths beyond."""
     for last, text in ((9.876, "9.88"), (10.876, "10.9")):
         svg = history_figure([past(0, 1e-3), past(last, 2e-3)]).svg
         assert f"<title>days {text}: " in svg
     assert "<title>minutes 90.0: " in history_figure([past(0, 1e-3), past(1.5 / 24, 2e-3)]).svg
 
 
-def test_the_last_verifications_of_six_transforms_are_drawn() -> None:
-    """Forty of fifty; a transform without a shift in a verification has a gap, and a seventh has no line."""
+def test_number_of_points_and_lines_is_limited() -> None:
+    """Forty of fifty verifications are drawn.
+
+    A transform without a shift in a verification has a gap, and a seventh transform has no line.
+    """
     figure = history_figure([past(k, 1e-3) for k in range(50)])
     assert figure.svg.count("<circle") == 40
     assert figure.caption.startswith("days since 2026-01-11 ")

@@ -1,4 +1,4 @@
-"""Squares of an image and what falls into them."""
+"""Tests of the grid of squares over an image, its coverage and lens uncertainty."""
 
 from __future__ import annotations
 
@@ -29,8 +29,11 @@ def lens_map() -> Figure:
     return figure
 
 
-def test_points_fall_into_their_squares():
-    """16 squares along the longer side; corners of the image are in the corner squares, the sums are theirs."""
+def test_points_are_assigned_to_squares():
+    """The longer side has 16 squares.
+
+    Points outside are in the nearest squares, and counts and means are those of the squares.
+    """
     pixels = np.array([[-0.5, -0.5], [1279.4, 719.4], [1279.4, 700.0], [80.0, 0.0]])
     grid = image_grid((1280, 720), pixels)
     assert (grid.shape, grid.pitch) == ((16, 9), 80.0)
@@ -43,8 +46,8 @@ def test_points_fall_into_their_squares():
     np.testing.assert_allclose(grid.middles[[0, 1, 143]], [[40, 40], [120, 40], [1240, 680]])
 
 
-def test_an_image_that_is_not_whole_squares_has_a_last_row_of_less():
-    """Of 1000 x 500 with squares of 62.5 all rows are there, and the last tile ends with the image."""
+def test_last_row_of_squares_is_cut():
+    """An image of 1000 x 510 px with squares of 62.5 px has all rows, and the last tile ends with the image."""
     grid = image_grid((1000, 510), np.array([[999.0, 509.0]]))
     assert grid.shape == (16, 9)
     drawn = grid.drawing("x", {9 * 16 - 1: (1.0, "last")}, ("0", "1"))
@@ -55,15 +58,15 @@ def test_an_image_that_is_not_whole_squares_has_a_last_row_of_less():
 
 
 @pytest.mark.parametrize("pixels", [np.zeros((1, 2)), np.array([[0.0, 5.0], [100.0, 5.0]])])
-def test_points_without_an_image_have_one(pixels):
-    """A single point, or points on a line, have a frame with some height."""
+def test_unknown_image_size_has_positive_extent(pixels):
+    """A single point, or points on a line, have a frame with a positive height."""
     grid = image_grid(None, pixels)
     assert np.all(grid.size > 0)
     assert np.all((grid.square >= 0) & (grid.square < grid.shape[0] * grid.shape[1]))
 
 
-def test_a_strip_says_how_large_the_image_is_and_what_shades_mean():
-    """From the faintest to full, between their words, below the image."""
+def test_strip_has_image_size_and_colour_bar():
+    """The colour bar below the image ranges from the faintest to full, between its labels."""
     grid = image_grid((1280, 720), np.array([[1.0, 2.0]]))
     strip = grid.drawing("x", {}, ("0", "0.5 px")).partition('height="360.0"')[2]
     shades = [float(shade) for shade in re.findall(r'fill-opacity="([0-9.]+)"', strip)]
@@ -73,8 +76,8 @@ def test_a_strip_says_how_large_the_image_is_and_what_shades_mean():
     assert min(float(y) for y in re.findall(r' y="([0-9.]+)"', strip)) > 360
 
 
-def test_squares_are_counted():
-    """Two squares of 144, with three points and with one."""
+def test_coverage_counts_squares():
+    """Two squares of 144 are covered, with three points and with one."""
     pixels = [[10.0, 10.0], [20.0, 10.0], [30.0, 10.0], [700.0, 500.0]]
     figure = image_coverage((1280, 720), seen(pixels, np.zeros((4, 2))))
     assert "in 2 of 144 squares (1 %), at most 3 in one" in figure.caption
@@ -83,8 +86,8 @@ def test_squares_are_counted():
     assert figure.svg.count('class="tile"') == 2
 
 
-def test_a_lens_has_contours_over_its_image() -> None:
-    """A square for each part of the image, shaded from the least to the most, and lines with their values."""
+def test_lens_uncertainty_has_contours() -> None:
+    """Each square is shaded from the smallest to the largest sigma, and contours have their values."""
     figure = lens_map()
     assert figure.title == "wrist, uncertainty of the lens"
     assert figure.svg.count('class="tile"') == 16 * 9
@@ -93,16 +96,16 @@ def test_a_lens_has_contours_over_its_image() -> None:
     assert figure.svg.count('class="contour-label"') >= 3
 
 
-def test_without_a_size_there_is_no_image() -> None:
-    """Nor is there a map of it; one of an exact lens has no lines."""
+def test_lens_uncertainty_requires_image_size() -> None:
+    """There is no map without an image size; the map of an exact lens has no contours."""
     assert lens_uncertainty("wrist", replace(CAMERA, size_px=None), COVARIANCE) is None
     exact = lens_uncertainty("wrist", CAMERA, 0 * COVARIANCE)
     assert exact is not None
     assert "contour" not in exact.svg
 
 
-def test_contours_lie_over_the_whole_image() -> None:
-    """The drawing is 640 wide and 360 high, without what stands below the image."""
+def test_contours_cover_the_image() -> None:
+    """The image is drawn 640 wide and 360 high, without the strip below it."""
     figure = lens_map()
     (lines,) = re.findall(r'class="contour" d="([^"]*)"', figure.svg)
     places = np.array([float(number) for number in re.findall(r"[-0-9.]+", lines)]).reshape(-1, 2)
@@ -112,8 +115,8 @@ def test_contours_lie_over_the_whole_image() -> None:
 
 
 @pytest.mark.parametrize("size_px", [(1280, 720), (480, 640)])
-def test_a_strip_can_be_read(size_px):
-    """The colour bar lies between its labels, below the image, and its parts touch."""
+def test_strip_is_readable(size_px):
+    """The colour bar is between its labels, below the image, and its parts touch."""
     svg = image_grid(size_px, np.array([[1.0, 2.0]])).drawing("x", {}, ("0.05", "0.5 px"))
     check_labels(svg)
     size, low, high = labels(svg)
@@ -131,8 +134,8 @@ def test_a_strip_can_be_read(size_px):
     np.testing.assert_allclose(frame.bottom, 640 * size_px[1] / size_px[0], atol=0.06)
 
 
-def test_an_unknown_image_is_the_box_of_its_points():
-    """Enlarged by 5 % on each side, and at least an eighth as high as wide."""
+def test_unknown_image_is_bounding_box_of_points():
+    """The box is enlarged by 5 % on each side, and is at least an eighth as high as wide."""
     grid = image_grid(None, np.array([[100.0, 50.0], [300.0, 150.0]]))
     np.testing.assert_allclose([grid.low, grid.size], [[90, 45], [220, 110]])
     line = image_grid(None, np.array([[0.0, 5.0], [160.0, 5.0]]))
@@ -140,8 +143,8 @@ def test_an_unknown_image_is_the_box_of_its_points():
     np.testing.assert_allclose(image_grid(None, np.zeros((1, 2))).size, [0.1375, 0.1375])
 
 
-def test_tiles_lie_on_their_squares():
-    """A point is inside the tile of its square, in the drawing's scale."""
+def test_tiles_are_at_their_squares():
+    """A point is inside of the tile of its square, in the scale of the drawing."""
     pixels = np.array([[10.0, 10.0], [700.0, 500.0], [1270.0, 30.0]])
     boxes = rectangles(image_coverage((1280, 720), seen(pixels, np.zeros((3, 2)))).svg, "tile")
     assert len(boxes) == 3
@@ -150,16 +153,16 @@ def test_tiles_lie_on_their_squares():
     assert {(round(box.right - box.left), round(box.bottom - box.top)) for box in boxes} == {(40, 40)}
 
 
-def test_shades_of_counts_are_their_roots():
-    """One of four points in a square is half as strong; all squares count for the share."""
+def test_coverage_shades_are_square_roots():
+    """A square with one point is half as dark as one with four. The caption's share is that of all squares."""
     pixels = [[10.0, 10.0]] * 4 + [[700.0, 500.0]]
     figure = image_coverage((1280, 720), seen(pixels, np.zeros((5, 2))))
     assert [box.text for box in rectangles(figure.svg, "tile")] == ["1.00", "0.56"]
     assert [label.text for label in labels(figure.svg)][1:] == ["1 point", "4"]
 
 
-def test_sigmas_of_a_lens_are_least_and_most_in_its_words():
-    """The faintest and the strongest square state the ends of the colour bar."""
+def test_lens_colour_bar_has_extreme_sigmas():
+    """The faintest and the darkest square are the ends of the colour bar."""
     figure = lens_map()
     words = [float(each) for each in re.findall(r"1 sigma ([0-9.]+) px", figure.svg)]
     _, low, high = (label.text for label in labels(figure.svg) if label.top > 360)
@@ -169,8 +172,8 @@ def test_sigmas_of_a_lens_are_least_and_most_in_its_words():
     assert words[int(np.argmin(shades))] <= 1.1 * min(words)
 
 
-def test_shades_of_a_lens_are_of_the_sigmas_at_the_middles_of_squares() -> None:
-    """On one scale from the least to the most, with a margin of 6 % on both sides."""
+def test_lens_shades_are_sigmas_at_square_centres() -> None:
+    """The scale ranges from the smallest to the largest sigma, with a margin of 6 % on both sides."""
     figure = lens_map()
     words = re.findall(r"1 sigma ([0-9.]+) px", figure.svg)
     places = np.stack(np.meshgrid(80 * np.arange(16) + 39.5, 80 * np.arange(9) + 39.5), -1).reshape(-1, 2)
@@ -183,20 +186,20 @@ def test_shades_of_a_lens_are_of_the_sigmas_at_the_middles_of_squares() -> None:
     assert len(set(shades)) > 20
 
 
-def test_sigmas_below_a_millionth_of_a_pixel_are_alike() -> None:
-    """They have one shade."""
+def test_tiny_lens_sigmas_have_one_shade() -> None:
+    """Sigmas below a millionth of a pixel have one shade."""
     figure = lens_uncertainty("wrist", CAMERA, 1e-20 * COVARIANCE)
     assert len({box.text for box in rectangles(figure.svg, "tile")}) == 1
 
 
-def test_squares_begin_at_the_border_of_the_first_pixel() -> None:
-    """Half a pixel before its centre, along both axes."""
+def test_squares_begin_at_border_of_first_pixel() -> None:
+    """The grid begins half a pixel before the centre of the first pixel, along both axes."""
     pixels = np.array([[79.4, 10.0], [79.6, 10.0], [10.0, 79.4], [10.0, 79.6]])
     assert image_grid((1280, 720), pixels).square.tolist() == [0, 1, 0, 16]
 
 
-def test_a_narrow_image_has_one_row() -> None:
-    """At least."""
+def test_narrow_image_has_one_row() -> None:
+    """An image has at least one row and one column of squares."""
     assert image_grid((1600, 1), np.zeros((1, 2))).shape == (16, 1)
     assert image_grid((1, 1600), np.zeros((1, 2))).shape == (1, 16)
     assert image_grid((1600, 102), np.zeros((1, 2))).shape == (16, 2)

@@ -1,4 +1,4 @@
-"""Residuals over the image."""
+"""Tests of the map of residuals over the image."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from basecal.reporting.figures.residual_map import residual_map
 THREE = [[10.0, 10.0], [20.0, 10.0], [30.0, 10.0]]
 
 
-def test_squares_say_their_rms_and_arrows_go_where_points_are_predicted():
-    """Three points off by (3, 4) px in one square: rms per coordinate 3.54 px, an arrow to the lower right."""
+def test_squares_have_rms_and_mean_arrow():
+    """Three points off by (3, 4) px in one square have an rms per coordinate of 3.54 px.
+
+    Their arrow points to the lower right.
+    """
     figure = residual_map((1280, 720), seen(THREE, [[3.0, 4.0]] * 3))
     assert "3 points, rms 3.5 px per coordinate" in figure.svg
     x, y, to_x, to_y = map(float, re.search(r'class="arrows" d="M(\S+) (\S+)L(\S+) ([0-9.]+)', figure.svg).groups())
@@ -22,7 +25,7 @@ def test_squares_say_their_rms_and_arrows_go_where_points_are_predicted():
     assert "3 points" in figure.caption
 
 
-def test_heads_of_arrows_are_shorter_than_arrows():
+def test_arrow_heads_are_shorter_than_arrows():
     """The only arrow fills most of its square of 40: a shaft, and two lines back from its tip."""
     figure = residual_map((1280, 720), seen(THREE, [[3.0, 4.0]] * 3))
     (lines,) = re.findall(r'class="arrows" d="([^"]*)"', figure.svg)
@@ -33,7 +36,7 @@ def test_heads_of_arrows_are_shorter_than_arrows():
         assert np.linalg.norm(end - back) < 0.5 * np.linalg.norm(shaft[1] - shaft[0])
 
 
-def test_what_was_left_out_moves_nothing():
+def test_excluded_points_have_no_effect():
     """An outlier is in no square and no rms."""
     points = seen([*THREE, [20.0, 12.0]], [[0.1, 0.0]] * 3 + [[50.0, 0.0]], [True] * 3 + [False])
     figure = residual_map((1280, 720), points)
@@ -42,22 +45,22 @@ def test_what_was_left_out_moves_nothing():
 
 
 def test_few_points_have_no_arrow():
-    """The mean of two points is their noise: no arrow, and the ruler still has a length."""
+    """The mean of two points is mostly noise: it has no arrow, and the ruler still has a length."""
     figure = residual_map((1280, 720), seen(THREE[:2], [[0.1, 0.0]] * 2))
     assert 'class="arrows" d=""' in figure.svg
     assert "nan" not in figure.svg
 
 
-def test_exact_points_are_drawn():
-    """Residuals of zero divide nothing by zero."""
+def test_zero_residuals_are_drawn():
+    """Residuals of zero cause no division by zero."""
     assert "rms 0 px" in residual_map(None, seen(THREE, [[0.0, 0.0]] * 3)).svg
 
 
 SIZE = (1280, 720)  # [px]: squares of 80 px, drawn with edges of 40
 
 
-def test_the_arrow_is_as_long_as_the_caption_and_its_ruler_say():
-    """A mean of 5 px fills 80 % of a square of 40, and the ruler of 5 px is as long."""
+def test_arrow_length_matches_ruler():
+    """A mean of 5 px fills 80 % of a square of 40, and the ruler of 5 px has the same length."""
     figure = residual_map(SIZE, seen(THREE, [[3.0, 4.0]] * 3))
     shaft = ends(figure.svg, "arrows")[0]
     (ruler,) = ends(figure.svg, "ruler")
@@ -68,7 +71,7 @@ def test_the_arrow_is_as_long_as_the_caption_and_its_ruler_say():
 
 
 def test_arrows_of_a_camera_have_one_scale():
-    """Means of 2 and of 1 px: both arrows are drawn with the length of the ruler of 2 px."""
+    """Means of 2 and of 1 px have arrows in the scale of the ruler of 2 px."""
     right = [[1270.0, 10.0], [1260.0, 10.0], [1250.0, 10.0]]
     off = [[-2.0, 0.0]] * 3 + [[0.0, 1.0]] * 3
     figure = residual_map(SIZE, seen([*right, *THREE], off))
@@ -78,8 +81,8 @@ def test_arrows_of_a_camera_have_one_scale():
     np.testing.assert_allclose(shades, [0.12 + 0.88 * 0.5**0.5 / 2, 0.12 + 0.88 * 2**0.5 / 2], atol=0.006)
 
 
-def test_the_ruler_lies_in_the_image_beside_its_label():
-    """At the lower left, clear of the strip below."""
+def test_ruler_is_in_the_image_beside_its_label():
+    """The ruler is at the lower left, clear of the strip below."""
     svg = residual_map(SIZE, seen(THREE, [[3.0, 4.0]] * 3)).svg
     check_labels(svg)
     (ruler,), label = ends(svg, "ruler"), labels(svg)[0]
@@ -88,8 +91,8 @@ def test_the_ruler_lies_in_the_image_beside_its_label():
     assert ruler[0, 1] > 330
 
 
-def test_heads_are_alike_on_both_sides_of_the_shaft():
-    """Lines of 4 px along the shaft and 2 px beside it, from its tip."""
+def test_arrow_heads_are_symmetric():
+    """The lines of a head extend 4 px along the shaft and 2 px beside it, from its tip."""
     shaft, *heads = ends(residual_map(SIZE, seen(THREE, [[3.0, 4.0]] * 3)).svg, "arrows")
     along = (shaft[1] - shaft[0]) / np.linalg.norm(shaft[1] - shaft[0])
     back = np.array([head[0] - shaft[1] for head in heads])
@@ -98,7 +101,7 @@ def test_heads_are_alike_on_both_sides_of_the_shaft():
 
 
 def test_short_arrows_have_no_head():
-    """An arrow of 7.5 px has none beside one of 32 px; an arrow of 8.5 px has one."""
+    """An arrow of 7.5 px has no head beside one of 32 px; an arrow of 8.5 px has one."""
     far = [[x + 320.0, y] for x, y in THREE]
     counts = []
     for length in (7.5, 8.5):
@@ -107,7 +110,7 @@ def test_short_arrows_have_no_head():
     assert counts == [4, 6]
 
 
-def test_the_ruler_fits_small_means():
+def test_ruler_fits_small_means():
     """Means of 0.03 and 0.04 px have a ruler of 0.05 px, which fills 80 % of a square."""
     figure = residual_map(SIZE, seen(THREE, [[0.03, 0.04]] * 3))
     assert labels(figure.svg)[0].text == "0.05 px"

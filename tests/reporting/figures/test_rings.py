@@ -1,4 +1,4 @@
-"""Places on a polar plot."""
+"""Tests of polar plots of residuals and orientations."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from basecal.reporting.figures.rings import (
 )
 
 
-def test_places():
-    """The middle, half way out, and on the outer ring what is beyond."""
+def test_points_are_placed_on_rings():
+    """Points are placed at the centre, half-way out, and on the outer ring if they are beyond it."""
     at = place_on_rings(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 8.0]]), 2.0)
     np.testing.assert_allclose(at, [[MIDDLE, MIDDLE], [MIDDLE + RADIUS / 2, MIDDLE], [MIDDLE, MIDDLE + RADIUS]])
 
 
-def test_rings_are_named():
-    """A circle and a name each, escaped."""
+def test_rings_are_labelled():
+    """Each ring is a circle with its label, escaped."""
     svg = polar_drawing("x", [(0.5, "1 <px>"), (1.0, "2 px")])
     assert svg.count("<circle") == 2
     assert "1 &lt;px&gt;" in svg
 
 
-def test_dots_stand_where_residuals_go():
-    """The middle of the cloud is the mean residual; right is right and down is down."""
+def test_dots_are_at_their_residuals():
+    """The centre of the cloud is the mean residual, with u to the right and v downwards."""
     off = np.random.default_rng(1).normal([0.5, 0.2], 0.1, (200, 2))
     figure = residual_polar(seen(np.zeros((200, 2)), off))
     cloud = re.search(r'class="cloud" d="([^"]*)"', figure.svg)[1]
@@ -46,8 +46,8 @@ def test_dots_stand_where_residuals_go():
     assert "50 % are below 0.5" in figure.caption
 
 
-def test_many_points_are_thinned_and_long_ones_stand_on_the_ring():
-    """Of 6000 at most 1500 are drawn, which is said, and none stands outside."""
+def test_many_residuals_are_thinned():
+    """Of 6000 points 1500 are drawn, and the caption states it. Long residuals are on the outer ring."""
     off = np.random.default_rng(1).normal(0, 0.2, (6000, 2))
     off[0] = 1e3, 0
     figure = residual_polar(seen(np.zeros((6000, 2)), off))
@@ -56,8 +56,8 @@ def test_many_points_are_thinned_and_long_ones_stand_on_the_ring():
     assert "1500 of 6000 points drawn" in figure.caption
 
 
-def test_what_was_left_out_is_red_and_apart():
-    """It is counted, drawn on its own, and does not widen the rings."""
+def test_excluded_residuals_are_marked():
+    """Excluded residuals are counted and drawn separately, and do not widen the rings."""
     points = seen(np.zeros((4, 2)), [[0.1, 0], [0, 0.1], [-0.1, 0], [30, 0]], [True, True, True, False])
     figure = residual_polar(points)
     assert "Orange, left out: 1 point." in figure.caption
@@ -74,8 +74,8 @@ def views(*tilts_deg, front=1.0):
 
 
 @pytest.mark.parametrize("front", [1.0, -1.0])
-def test_tilts_are_told_whichever_side_is_the_face(front):
-    """Straight on is the middle, 25 degrees is inside the ring of 30."""
+def test_tilts_are_independent_of_front_side(front):
+    """A frontal view is at the centre, and 25 degrees is inside of the ring of 30."""
     figure = orientation_figure(views(0, 10, 25, front=front))
     assert "Tilts of 0° to 25°" in figure.caption
     assert "sample 2: tilted by 25 deg" in figure.svg
@@ -83,18 +83,18 @@ def test_tilts_are_told_whichever_side_is_the_face(front):
     assert figure.svg.count('class="mark view"') == 3
 
 
-def test_what_is_seen_all_round_has_rings_to_the_back():
-    """Up to 180 degrees."""
+def test_views_from_all_sides_have_rings_to_180_deg():
+    """Views from the back extend the rings to 180 degrees."""
     assert ">180°<" in orientation_figure(views(0, 20, 170)).svg
 
 
 def test_many_views_are_thinned():
-    """At most 400 marks."""
+    """At most 400 views are drawn."""
     assert orientation_figure(views(*np.linspace(0, 20, 1000))).svg.count('class="mark view"') <= 400
 
 
-def test_axes_cross_in_the_middle_and_names_lie_on_their_rings():
-    """Two lines over the whole plot, and each name just above the top of its ring."""
+def test_polar_axes_and_ring_labels():
+    """Two axes cross at the centre over the whole plot, and each label is just above the top of its ring."""
     svg = polar_drawing("x", [(0.5, "1 px"), (1.0, "2 px")])
     check_labels(svg)
     across, down = ends(svg, "ring")
@@ -109,7 +109,7 @@ def test_axes_cross_in_the_middle_and_names_lie_on_their_rings():
 
 
 def test_rings_and_percentiles_of_residuals():
-    """Lengths 0.01 to 1 px: half are below 0.51, 95 % below 0.95, and the outer ring is 2 px, above 2.5 rms."""
+    """Of lengths from 0.01 to 1 px, 50 % are below 0.51 and 95 % below 0.95. The outer ring is 2 px, above 2.5 rms."""
     off = np.stack([np.arange(1, 101) / 100, np.zeros(100)], axis=-1)
     figure = residual_polar(seen(np.zeros((100, 2)), off))
     assert figure.caption.startswith("50 % are below 0.51 px, 95 % below 0.95 px. A cloud")
@@ -117,7 +117,10 @@ def test_rings_and_percentiles_of_residuals():
 
 
 def test_longer_residuals_are_counted():
-    """One of fifty is beyond the ring; all are drawn, and nothing is said of those that were not left out."""
+    """One of fifty is beyond the ring.
+
+    All are drawn, so that the caption mentions neither thinning nor excluded points.
+    """
     off = np.full((50, 2), 0.1)
     off[0] = 5, 0
     figure = residual_polar(seen(np.zeros((50, 2)), off))
@@ -134,8 +137,11 @@ def places(figure):
     return np.array(circles, float) - MIDDLE, along[:, 1] - along[:, 0], along.mean(1) - MIDDLE
 
 
-def test_tilts_are_radii_and_lines_the_x_axis():
-    """15 degrees are half of 30 towards x; the line of 12 px lies along the camera's x axis about its mark."""
+def test_marks_show_tilt_and_camera_x_axis():
+    """A tilt of 15 degrees towards x is half of the radius of 30.
+
+    The line of 12 px is along the camera's x axis about its mark.
+    """
     at, along, middles = places(orientation_figure(views(0, 15, 30)))
     np.testing.assert_allclose(at, [[0, 0], [RADIUS / 2, 0], [RADIUS, 0]], atol=0.06)
     np.testing.assert_allclose(middles, at, atol=0.06)
@@ -143,22 +149,22 @@ def test_tilts_are_radii_and_lines_the_x_axis():
 
 
 @pytest.mark.parametrize(("tilt", "names"), [(30, "10 20 30"), (31, "20 40 60"), (61, "30 60 90"), (91, "60 120 180")])
-def test_rings_are_named_by_thirds(tilt, names):
+def test_ring_labels_are_thirds(tilt, names):
     """The outer ring is the next of 30, 60, 90 and 180 degrees."""
     figure = orientation_figure(views(0, 0, tilt - 1e-9))
     assert [label.text for label in labels(figure.svg)] == [f"{each}°" for each in names.split()]
 
 
 @pytest.mark.parametrize(("given", "tilts"), [((0, 0, 180, 180), [0, 0, 180, 180]), ((0, 180, 180), [180, 0, 0])])
-def test_the_front_is_the_side_of_most_views(given, tilts):
-    """The side of positive z if half of the views are there."""
+def test_front_is_the_side_of_most_views(given, tilts):
+    """The front is the side of positive z if half of the views are there."""
     svg = orientation_figure(views(*given)).svg
     assert [int(each) for each in re.findall(r"tilted by (\d+) deg", svg)] == tilts
 
 
 @pytest.mark.parametrize(("count", "drawn"), [(1500, 1500), (1501, 751)])
-def test_up_to_1500_residuals_are_all_drawn(count, drawn):
-    """Every second of one more; of the residuals that were left out, the first ones."""
+def test_up_to_1500_residuals_are_drawn(count, drawn):
+    """Every second of 1501 is drawn; of excluded residuals, the first 1500."""
     off = np.random.default_rng(1).normal(0, 0.1, (2 * count, 2))
     figure = residual_polar(seen(np.zeros((2 * count, 2)), off, [True] * count + [False] * count))
     clouds = dict(re.findall(r'class="(cloud|left-out)" d="([^"]*)"', figure.svg))
@@ -166,7 +172,7 @@ def test_up_to_1500_residuals_are_all_drawn(count, drawn):
     assert ("points drawn" in figure.caption) == (drawn < count)
 
 
-def test_up_to_four_hundred_views_are_all_drawn():
-    """Every second of one more."""
+def test_up_to_400_views_are_drawn():
+    """Every second of 401 views is drawn."""
     for count, drawn in ((400, 400), (401, 201)):
         assert orientation_figure(views(*np.linspace(0, 20, count))).svg.count('class="mark view"') == drawn

@@ -1,4 +1,4 @@
-"""A fleet as a page."""
+"""Tests of the page and the text of a fleet."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from fleet_example import ROWS
 SUMMARY = summarise_fleet(Fleet(Path(), (), Path()), ROWS)
 
 
-def test_the_page_holds_every_cell_escaped() -> None:
-    """The worst first, its findings counted; names of folders are no HTML."""
+def test_fleet_page_lists_cells_escaped() -> None:
+    """The worst cells come first and findings are counted. Names of folders are escaped."""
     page = fleet_page(summarise_fleet(Fleet(Path(), (), Path()), ROWS), ROWS)
     assert "<td>drift</td><td>2</td>" in page
     assert "&lt;c&gt;" in page
@@ -26,8 +26,8 @@ def test_the_page_holds_every_cell_escaped() -> None:
     assert "default-src &#39;none&#39;" in page or "default-src 'none'" in page
 
 
-def test_a_row_shows_its_status_and_leads_to_its_answer() -> None:
-    """Where there is one; the whole sentence is there, and the worst status has its colour above."""
+def test_row_has_status_and_link_to_report() -> None:
+    """A row links to its report if there is one and has the whole message. The worst status colours the banner."""
     rows = [*ROWS, {**ROWS[1], "cell": "line 1/e", "said": "Let `basecal fix CELL` do so. " + "x" * 300}]
     page = fleet_page(summarise_fleet(Fleet(Path(), (), Path()), rows), rows)
     assert '<header class="verdict unreadable">' in page
@@ -54,13 +54,13 @@ def test_the_heading_counts_the_cells_that_need_attention(rows: list[dict[str, A
     assert f"<title>{heading}</title>" in page
 
 
-def test_those_that_need_somebody_come_first() -> None:
-    """By verdict, then by how badly the answer is known."""
+def test_cells_are_sorted_by_verdict() -> None:
+    """Cells are sorted by verdict, then by decreasing uncertainty."""
     assert [row["cell"] for row in sort_by_verdict(ROWS)] == ["<c>", "d", "b", "a"]
 
 
-def test_text_counts_and_names() -> None:
-    """How many have which verdict, and each that is not good."""
+def test_fleet_text_counts_verdicts() -> None:
+    """The text has the count of each verdict, and lists each cell that is not good."""
     lines = fleet_text(SUMMARY, ROWS).splitlines()
     assert lines[0] == "4 cells: 1 good, 2 doubtful, 1 unreadable"
     assert "median 1.5 mm" in lines[1]
@@ -75,15 +75,15 @@ def test_text_counts_and_names() -> None:
     assert max(map(len, lines)) < 130
 
 
-def test_rows_have_the_columns_of_the_head() -> None:
-    """A word for each, nothing where nothing is known."""
+def test_rows_match_column_titles() -> None:
+    """Each column has a text, which is empty if the value is unknown."""
     assert all(len(row_texts(row)) == len(COLUMN_TITLES) for row in ROWS)
     assert row_texts(ROWS[2])[:4] == ["<c>", "unreadable", "cell.yaml:1: <gossip>", ""]
 
 
 @pytest.mark.parametrize(("waiting", "end"), [(20, "c19: doubtful, it moved"), (21, "and 1 more")])
-def test_twenty_cells_are_named(waiting: int, end: str) -> None:
-    """A good one is not waiting; a spread that is unknown has no line."""
+def test_at_most_twenty_cells_are_listed(waiting: int, end: str) -> None:
+    """Good cells are not listed, and an unknown spread has no line."""
     rows = [ROWS[0], *({**ROWS[1], "cell": f"c{k:02}"} for k in range(waiting))]
     lines = fleet_text({**SUMMARY, "sigma_mm": None}, rows).splitlines()
     assert lines[-1] == end
@@ -91,7 +91,7 @@ def test_twenty_cells_are_named(waiting: int, end: str) -> None:
     assert "95 %" in fleet_text(SUMMARY, rows)
 
 
-def test_numbers_of_a_row_have_two_digits() -> None:
-    """Counts are whole."""
+def test_row_numbers_have_two_digits() -> None:
+    """Counts are integers."""
     texts = dict(zip(COLUMN_TITLES, row_texts({**ROWS[0], "sigma_mm": 0.456, "samples": 1234}), strict=True))
     assert (texts["sigma mm"], texts["samples"], texts["time s"], texts["held out mm"]) == ("0.46", "1234", "2.0", "")

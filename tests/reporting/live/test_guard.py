@@ -1,4 +1,4 @@
-"""Who may see a local page."""
+"""Tests of the access control of a local page."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def is_answered(method="GET", token=None, **headers):
     return not GUARD.refusal_reason(method, query, {"host": HOST, **headers})
 
 
-def test_the_token_opens():
-    """In the address or the cookie; a request that names the page itself as its origin is answered."""
+def test_token_grants_access():
+    """The token is in the address or the cookie. A request with the page itself as its origin is answered."""
     assert is_answered(token="secret")
     assert is_answered(**COOKIE)
     assert is_answered(token="secret", origin=f"http://{HOST}")
@@ -37,14 +37,14 @@ def test_the_token_opens():
         {"token": "secret", "origin": "null"},
     ],
 )
-def test_all_else_is_refused(given):
-    """A missing or wrong token, another name, another page."""
+def test_invalid_requests_are_refused(given):
+    """A missing or wrong token, another host, or another origin is refused."""
     assert not is_answered(**given)
     assert not is_answered("POST", **{**given, "origin": given.get("origin", f"http://{HOST}")})
 
 
-def test_what_changes_something_needs_cookie_and_origin():
-    """The address alone, which others may read, stops nothing; neither does a form of another page."""
+def test_post_requires_cookie_and_origin():
+    """The token in the address, which others may read, does not suffice for a POST, nor does a form of another page."""
     own = {"origin": f"http://{HOST}"}
     assert is_answered("POST", **COOKIE, **own)
     assert not is_answered("POST", **COOKIE)

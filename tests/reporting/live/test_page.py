@@ -1,4 +1,4 @@
-"""The local page of a capture: what it shows, whom it asks, and what its button does."""
+"""Tests of the local page of a capture: its contents, its requests and its button."""
 
 from __future__ import annotations
 
@@ -32,8 +32,11 @@ def cell():
 
 @pytest.mark.journey
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
-def test_in_a_browser(cell, tmp_path):
-    """Step, advice, sigma, image, points, arms and what failed; no error in the console, nobody else is asked."""
+def test_live_page_in_a_browser(cell, tmp_path):
+    """The page shows step, advice, sigma, image, points, arms and failures.
+
+    It has no console errors and contacts no other host.
+    """
     with page.serve_page(captured(cell), cell, print) as address:
         came = visit(address, tmp_path, selector="body:has(canvas) [data-camera] svg path.found[d]")
     assert came.errors == []
@@ -45,8 +48,8 @@ def test_in_a_browser(cell, tmp_path):
 
 @pytest.mark.journey
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
-def test_the_command_after_the_end_can_be_copied(cell, tmp_path):
-    """One button behind it as soon as the capture is over, which selects the command and says so."""
+def test_final_command_can_be_copied(cell, tmp_path):
+    """A button appears after the command when the capture is over. It selects the command and confirms it."""
     watch = captured(cell)
     button = "document.querySelector('.verdict .do button')"
     selected = f"{button}.click(), String(window.getSelection())"
@@ -61,8 +64,8 @@ def test_the_command_after_the_end_can_be_copied(cell, tmp_path):
     assert tab.visit.errors == []
 
 
-def test_its_button_stops_the_arms(cell):
-    """The page's own POST, which `Guard` has checked, is handed to the rig with its reason."""
+def test_stop_button_stops_the_arms(cell):
+    """The page's own POST, which `Guard` has checked, is passed to the rig with its reason."""
     reasons = []
     with page.serve_page(captured(cell), cell, reasons.append) as address:
         at = address.partition("?")[0]
@@ -73,8 +76,8 @@ def test_its_button_stops_the_arms(cell):
     assert reasons == [page.STOP_REASON]
 
 
-def test_the_end_is_a_verdict_with_what_to_type_next(cell):
-    """In the colours of verdicts; how long it takes still is left out."""
+def test_finished_capture_shows_verdict_and_command(cell):
+    """The verdict has its colour, and the remaining time is omitted."""
     watch = captured(cell)
     live = page.LivePage(watch, cell)
     assert not live.state()["over"]
@@ -90,8 +93,8 @@ def test_the_end_is_a_verdict_with_what_to_type_next(cell):
     assert "data-over" in state["html"]  # which hides the button
 
 
-def test_a_capture_that_was_stopped_is_seen_to_have_ended(cell, monkeypatch):
-    """The page answers a little longer, also after an error."""
+def test_stopped_capture_is_still_reported(cell, monkeypatch):
+    """The page is served a little longer after the end, also after an error."""
     monkeypatch.setattr(page, "_REFRESH_S", 1.0)
     watch, seen = captured(cell), []
 
@@ -110,16 +113,19 @@ def test_a_capture_that_was_stopped_is_seen_to_have_ended(cell, monkeypatch):
     assert "STOPPED" in seen[0]["html"]
 
 
-def test_what_is_left_to_go_has_the_digits_of_a_move(cell):
-    """Tenths of a millimetre and hundredths of a degree, also of an arm that has arrived to a nanometre."""
+def test_remaining_motion_has_fixed_digits(cell):
+    """The remaining motion is in tenths of a millimetre and hundredths of a degree.
+
+    This also holds for an arm that has arrived within a nanometre.
+    """
     state = RobotState(SE3(np.eye(3), np.array([0.4, 0.0, 0.5])))
     near = RobotState(SE3(np.eye(3), np.array([0.4, 0.0, 0.5 + 1e-12])))
     snapshot = SimpleNamespace(states={"hand": state}, goals={"hand": near})
     assert list(page.LivePage(captured(cell), cell)._motions(snapshot)) == ["hand: 0.0 mm and 0.00 deg to go"]
 
 
-def test_arms_are_where_they_are_and_where_they_were_sent(cell):
-    """The first flange of an arm is now, the second its goal; of a cell without guesses nothing is drawn."""
+def test_arms_show_current_and_goal_pose(cell):
+    """The first flange of an arm is its current pose, the second its goal. A cell without guesses has no drawing."""
     arms = {arm["name"]: arm["base_from_flange"] for arm in page.LivePage(captured(cell), cell).state()["arms"]}
     assert arms["eye"][0] == arms["eye"][1]
     assert np.linalg.norm(np.subtract(*arms["hand"])[:3]) > 0.05
@@ -127,8 +133,8 @@ def test_arms_are_where_they_are_and_where_they_were_sent(cell):
     assert page.LivePage(captured(cell), unknown).state()["arms"] == []
 
 
-def test_a_part_of_the_image_is_a_square(cell):
-    """As many full ones as parts in which something was seen, and the share in words."""
+def test_image_coverage_is_drawn_as_squares(cell):
+    """Each covered part of the image is a full square, and the share is stated in words."""
     shown = page.LivePage(captured(cell), cell).state()["html"]
     drawn = shown[shown.index("covered-live") :].partition("</svg>")[0]
     assert (drawn.count("<rect"), drawn.count('class="tile"')) == (np.prod(COVERAGE_GRID), 2)
@@ -137,8 +143,8 @@ def test_a_part_of_the_image_is_a_square(cell):
     assert "of the image covered" in shown
 
 
-def test_the_error_of_a_capture_is_drawn_beside_its_tolerance() -> None:
-    """Else the sigma of the base; one point is no line."""
+def test_progress_figure_shows_error_and_tolerance() -> None:
+    """Without a tolerance the figure shows the sigma of the base; a single point has no figure."""
     sigmas = tuple(Sigma(k, 2e-3 / k, 1e-3) for k in range(1, 6))
     assert page._progress_figure(Snapshot(sigmas=sigmas[:1])) is None
     alone = page._progress_figure(Snapshot(sigmas=sigmas))
@@ -150,8 +156,8 @@ def test_the_error_of_a_capture_is_drawn_beside_its_tolerance() -> None:
     assert task.svg.count('class="level"') == 1
 
 
-def test_the_last_image_is_drawn_with_its_points(cell):
-    """Each point that is found is marked, without a line; a camera without an image has none."""
+def test_last_image_shows_detected_points(cell):
+    """Each detected point is marked, without a residual line. A camera without an image has no drawing."""
     live = page.LivePage(captured(cell), cell)
     (camera,) = cell.cameras
     drawn = live.image(camera)
@@ -163,7 +169,7 @@ def test_the_last_image_is_drawn_with_its_points(cell):
     assert live.image("another") == ""
 
 
-def test_an_image_without_a_target_is_drawn_bare(cell):
+def test_image_without_target_has_no_points(cell):
     watch = captured(cell)
     (camera,) = cell.cameras
     watch.note_image(camera, np.full((48, 64), 90, dtype=np.uint8))
@@ -172,8 +178,8 @@ def test_an_image_without_a_target_is_drawn_bare(cell):
     assert 'viewBox="0 0 360 270"' in drawn
 
 
-def test_the_way_to_a_goal_is_a_length_and_an_angle(cell):
-    """Of an arm that has a state and a goal; in mm and deg."""
+def test_remaining_motion_is_length_and_angle(cell):
+    """The remaining motion of an arm with a state and a goal is in mm and deg."""
     here, there = SE3.identity(), SE3.from_rpy((0, 0, np.radians(2)), (0.0, 0.0, 0.0125))
     states = {"hand": RobotState(here), "eye": RobotState(here)}
     snapshot = SimpleNamespace(states=states, goals={"hand": RobotState(there)})
@@ -186,8 +192,8 @@ def tiles(**fields):
     return [(tile.value, tile.name) for tile in page._tiles(Snapshot(**fields))]
 
 
-def test_tiles_state_what_is_known():
-    """Counts, coverage and sigma of the last step, and the error only beside a tolerance."""
+def test_tiles_show_known_quantities():
+    """The tiles are counts, coverage and sigma of the last step, and the error only beside a tolerance."""
     coverage = Coverage(np.arange(np.prod(COVERAGE_GRID)).reshape(COVERAGE_GRID) < 6, {})
     step = Step(3, "", 7, 25, coverage, (2e-3, np.radians(0.5)))
     assert tiles() == []
@@ -201,16 +207,16 @@ def test_tiles_state_what_is_known():
     assert tiles(errors=((5, 8e-4),)) == tiles(tolerance_m=5e-4) == []
 
 
-def test_the_time_left_is_in_minutes_above_ninety_seconds():
-    """After the end there is none."""
+def test_remaining_time_is_in_minutes_above_90_s():
+    """There is no remaining time after the end."""
     step = Step(3, "", 7, 8, Coverage(np.zeros(COVERAGE_GRID, dtype=bool), {}), None)
     for seconds, text in ((90.0, "90 s"), (91.0, "2 min"), (0.0, "0 s")):
         assert tiles(step=step, times_s=(0.0, seconds))[-1] == (text, "left, at the pace so far")
     assert len(tiles(step=step, times_s=(0.0, 91.0), end=End("GOOD", ""))) == 2
 
 
-def test_two_errors_are_a_line():
-    """One is none, and then the sigmas are drawn if there are two."""
+def test_progress_figure_requires_two_values():
+    """If there is a single error, the sigmas are drawn instead, if there are two."""
     one, two = ((4, 1e-3),), ((4, 1e-3), (5, 8e-4))
     sigmas = (Sigma(1, 2e-3, 1e-3), Sigma(2, 1e-3, 1e-3))
     assert page._progress_figure(Snapshot(errors=one)) is None

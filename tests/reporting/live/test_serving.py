@@ -1,4 +1,4 @@
-"""A local page: what is served, and what is refused before it."""
+"""Tests of serving a local page and of refused requests."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def answer(address, method="GET", **headers):
         return refused.code, refused.headers, refused.read().decode()
 
 
-def test_only_who_has_the_token_is_served():
-    """By the page's own name, on this machine alone; the cookie that comes with the page opens the rest."""
+def test_serving_requires_the_token():
+    """The page is served by its own name, on this machine only. Its cookie grants access to the other routes."""
     with serving(ROUTES) as address:
         bare = address.partition("?")[0]
         at = urlsplit(address)
@@ -52,8 +52,8 @@ def test_only_who_has_the_token_is_served():
         answer(address)
 
 
-def test_what_cannot_be_answered_is_said():
-    """In the words of the error: a page can show them."""
+def test_route_error_is_sent_as_text():
+    """The message of an input error is sent with status 500, so that a page can show it."""
 
     def fail(query):
         raise InputError("calibrate again")
@@ -63,8 +63,8 @@ def test_what_cannot_be_answered_is_said():
     assert (status, words) == (500, "calibrate again\n")
 
 
-def test_a_fault_of_a_route_is_answered_and_printed_once(capfd):
-    """The page gets status 500 and the line that the terminal gets, however often it asks."""
+def test_route_fault_is_printed_once(capfd):
+    """The page gets status 500 and the line of the terminal, which is printed once, however often the page asks."""
 
     def fail(query):
         raise ZeroDivisionError("slice step\ncannot be zero")
@@ -77,8 +77,8 @@ def test_a_fault_of_a_route_is_answered_and_printed_once(capfd):
     assert printed == f"basecal: error: {words}"
 
 
-def test_a_port_that_is_taken_is_told():
-    """In a line."""
+def test_used_port_is_reported():
+    """The error is one line."""
     with socket.socket() as line:
         line.bind((HOST, 0))
         line.listen()
@@ -86,8 +86,11 @@ def test_a_port_that_is_taken_is_told():
             pass
 
 
-def test_peers_that_freeze_lie_or_die_delay_nobody():
-    """Others are answered while they last, in less than the patience with them, and the page ends at once."""
+def test_faulty_clients_do_not_block_others():
+    """Others are answered within half of the timeout while clients are frozen, invalid or disconnected.
+
+    The server then stops at once.
+    """
     lies = (
         b"",
         b"GET / HT",

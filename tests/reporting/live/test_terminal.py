@@ -1,4 +1,4 @@
-"""A capture in the terminal."""
+"""Tests of the view of a capture in the terminal."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ def printed(glance):
     return out.getvalue()
 
 
-def test_what_was_seen_is_full():
-    """A line a row, two signs a part of the image."""
+def test_covered_parts_are_filled():
+    """Each row of the image is a line, and each part has two characters."""
     rows = coverage_rows(covered()).split("\n")
     assert rows[0] == "██" + "··" * 5
     assert rows[3] == "··" * 5 + "██"
 
 
-def test_bars_fall_with_the_sigma():
-    """The first is the highest, the last is told in numbers."""
+def test_sigma_bars_decrease():
+    """The first bar is the highest, and the last sigma is given in numbers."""
     bars, size, word = sigma_row([Sigma(k, 1.2e-3 / k, 1e-3) for k in range(1, 9)]).split("\n")
     assert bars[0] == "█"
     assert bars[-1] == "▁"
@@ -42,8 +42,11 @@ def test_bars_fall_with_the_sigma():
     assert (size, word) == ("0.15 mm and 0.057 deg", "(1 sigma, 3-D norm)")
 
 
-def test_the_view_says_all_of_it():
-    """What is done, what became of samples, what comes next; before the first sample only the first of these."""
+def test_terminal_view_shows_progress():
+    """The view has the counts, the results of samples and the next step.
+
+    Before the first sample it has only a status.
+    """
     watch = Watch()
     assert "opening" in printed(watch.snapshot)
     watch.note(Step(7, "too similar to sample 4", 6, 25, covered(), None))
@@ -54,8 +57,8 @@ def test_the_view_says_all_of_it():
         assert words in shown
 
 
-def test_a_column_of_sigmas_has_a_head_once_there_are_any():
-    """At most forty bars, of the last; equal ones are low."""
+def test_sigma_column_has_conditional_header():
+    """The header appears with the first sigma. At most the last forty bars are drawn, and equal ones are low."""
     watch = Watch()
     watch.note(Step(7, None, 6, 25, covered(), None))
     assert "base" not in printed(replace(watch.snapshot, sigmas=()))

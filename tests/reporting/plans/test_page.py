@@ -1,4 +1,4 @@
-"""The page of a plan: the decision, the error over samples, the arms at each of them."""
+"""Tests of the page of a plan: the decision, the error over samples, and the arms at each sample."""
 
 from __future__ import annotations
 
@@ -27,8 +27,11 @@ def made():
     return simulated, calibrate(simulated.cell, simulated.recording)
 
 
-def test_it_says_whether_it_is_enough_and_what_to_type(made) -> None:
-    """The verdict, the tolerance as a line over the samples, a row for each, the scene with all of them."""
+def test_plan_page_shows_verdict_and_command(made) -> None:
+    """The page has the verdict, the command, and the tolerance as a line over the samples.
+
+    It has a row for each sample, and a scene with all of them.
+    """
     simulated, calibration = made
     plan = plan_for_task(simulated.cell, simulated.recording, calibration, POINT, 3e-3, 4)
     page = plan_page(
@@ -48,8 +51,8 @@ def test_it_says_whether_it_is_enough_and_what_to_type(made) -> None:
     assert errors[-1] == pytest.approx(plan.expected_m, rel=0.05)
 
 
-def test_a_plan_without_samples_has_nothing_to_record(made) -> None:
-    """What is reached already needs no command, no scene and no curve."""
+def test_plan_without_samples_has_no_command(made) -> None:
+    """A tolerance that is already reached needs no command, no scene and no curve."""
     simulated, calibration = made
     plan = plan_for_task(simulated.cell, simulated.recording, calibration, POINT, 1.0)
     page = plan_page(simulated.cell, plan, calibration, 1.0, title="my", steps=["`basecal capture my`"])
@@ -82,13 +85,13 @@ def plan(needed, reachable, recorded=12, count=3, place="recorded places"):
         (plan(None, None, 0), None, "GOOD: Expected error with 3 samples: 0.40 mm (95 %) where the arms worked."),
     ],
 )
-def test_the_decision_comes_first(made, tolerance_m, said) -> None:
-    """As verdicts of calibrations do: a word and a sentence."""
+def test_plan_headline_states_verdict(made, tolerance_m, said) -> None:
+    """Like the verdicts of calibrations, the headline is a word and a sentence."""
     assert str(plan_headline(made, tolerance_m)) == said
 
 
-def test_lines_are_said_once() -> None:
-    """What the samples lead to, then the error by source; nothing of samples where none is planned."""
+def test_plan_lines_are_not_repeated() -> None:
+    """The result of the samples is followed by the error by source. Samples are not mentioned if none is planned."""
     _, second, third = plan_lines(plan(3, True), 5e-4)
     assert second == "Expected error with 3 more samples: 0.40 mm (95 %) where the arms worked."
     assert third == "   90.0 % of the variance: views of wrist; total 0.10 mm rms if halved"
@@ -96,8 +99,8 @@ def test_lines_are_said_once() -> None:
     assert len(list(plan_lines(plan(0, True, count=0), 5e-4))) == 2
 
 
-def test_two_steps_are_a_curve(made) -> None:
-    """One is none."""
+def test_plan_curve_requires_two_steps(made) -> None:
+    """A single step has no curve."""
     simulated, calibration = made
     shown = [
         plan_page(
@@ -108,8 +111,8 @@ def test_two_steps_are_a_curve(made) -> None:
     assert ["0.50 mm with 13 samples" in each for each in shown] == [False, True]
 
 
-def test_the_needed_samples_may_be_all_that_are_planned() -> None:
-    """One more is doubtful; a tolerance that cannot be reached without a source has no cause."""
+def test_needed_samples_may_equal_planned_ones() -> None:
+    """One more needed sample is doubtful. An unreachable tolerance without a budget has no cause."""
     assert plan_headline(plan(3, True), 1e-3).word == "PASS"
     assert plan_headline(plan(4, True), 1e-3).word == "DOUBTFUL"
     unknown = replace(plan(None, False), budget=(), expected_m=None)
@@ -117,8 +120,8 @@ def test_the_needed_samples_may_be_all_that_are_planned() -> None:
     assert "an unknown error" in str(plan_headline(unknown, None))
 
 
-def test_ways_are_from_sample_to_sample() -> None:
-    """The first has none, nor has an arm that was not recorded in both; others are in mm and deg."""
+def test_motions_are_between_consecutive_samples() -> None:
+    """The first sample has no motion, nor has an arm that is not recorded in both. Others are in mm and deg."""
     arms = {"hand": RobotState(SE3.identity())}
     moved = {"hand": RobotState(SE3.from_rpy((0, 0, np.radians(2)), (0.0, 0.0, 0.0125)))}
     samples = (Sample(4, robots=arms), Sample(5, robots=moved), Sample(6))
@@ -130,7 +133,7 @@ def test_ways_are_from_sample_to_sample() -> None:
 
 
 def test_touches_are_listed_with_their_marks() -> None:
-    """Positions of new marks in m, and the orientation of the flange in deg if it is planned."""
+    """Positions of new marks are in m, and the orientation of the flange is in deg if it is planned."""
     seen = (TouchObservation("tip", "m1"),)
     turned = RobotState(SE3.from_rpy(np.radians([10, -20, 30]), np.zeros(3)))
     samples = (

@@ -1,4 +1,4 @@
-"""One verdict: its word, its sentence, and the exit code."""
+"""Tests of the verdict: its word, its sentence, and the exit code."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ KNOWN = {"eye_base_from_hand_base": PoseEstimate(SE3.identity(), 1e-8 * np.eye(6
         ("refused", 4.38e-3, "REFUSED", 4),
     ],
 )
-def test_one_word_and_its_code(verdict: Verdict, expected_m: float | None, word: str, code: int) -> None:
-    """The first word of terminal and report, and no other verdict beside it."""
+def test_verdict_has_one_word_and_exit_code(verdict: Verdict, expected_m: float | None, word: str, code: int) -> None:
+    """The first word of the terminal and the report is the verdict, and no other verdict is beside it."""
     tolerance = None if expected_m is None else Tolerance(1e-3, expected_m, verdict == "good" and expected_m < 1e-3)
     found = () if verdict == "good" else (replace(DOUBT, severity="error" if verdict == "refused" else "warning"),)
     made = Calibration(verdict, KNOWN, tolerance=tolerance, findings=found)
@@ -74,8 +74,8 @@ def test_one_word_and_its_code(verdict: Verdict, expected_m: float | None, word:
         assert headline(CELL, made).sentence.startswith(f"expected error {error} mm (95 %), tolerance 1 mm")
 
 
-def test_what_is_not_known_fails() -> None:
-    """A tolerance on something that was not found."""
+def test_tolerance_on_unknown_transform_fails() -> None:
+    """A tolerance for a transform that was not found is missed."""
     made = Calibration("good", KNOWN, tolerance=Tolerance(1e-3, None, False))
     assert str(headline(CELL, made)) == "FAIL: a requested transform is unknown, tolerance 1 mm"
 
@@ -88,10 +88,8 @@ def test_what_is_not_known_fails() -> None:
         ("task box", "in the task box"),
     ],
 )
-def test_the_error_at_the_work_comes_first(
-    where: Literal["task point", "task box", "recorded places"], words: str
-) -> None:
-    """Before the transform's sigma; a tolerance stands for it."""
+def test_expected_error_precedes_sigma(where: Literal["task point", "task box", "recorded places"], words: str) -> None:
+    """The expected error at the task precedes the transform's sigma; a tolerance replaces it."""
     made = Calibration("good", KNOWN, meeting=MeetingError(4.38e-4, where, 1.5e-4))
     for said in (str(headline(CELL, made)), summary(CELL, made)):
         assert said.startswith(f"GOOD: expected error 0.44 mm (95 %) {words}")
@@ -100,8 +98,8 @@ def test_the_error_at_the_work_comes_first(
     assert words not in summary(CELL, asked)
 
 
-def test_a_gauge_is_named_beside_the_sigma_that_it_makes() -> None:
-    """In the line of its transform in terminal and report."""
+def test_gauge_is_named_beside_its_sigma() -> None:
+    """The contribution of a gauge is in the line of its transform in the terminal and the report."""
     name, part = next(iter(KNOWN)), np.diag([0.0, 0.0, 0.0, 0.0, 0.0, 4e-9])
     gauges = (HeldGauge("hand", ("joint_offsets",), part), HeldGauge("eye", ("joint_offsets",), 0 * part))
     made = Calibration("good", KNOWN, order=(name,), joint_covariance=1e-8 * np.eye(6), gauges=gauges)
@@ -110,8 +108,8 @@ def test_a_gauge_is_named_beside_the_sigma_that_it_makes() -> None:
     assert clause in text_report(CELL, made)
 
 
-def test_a_scene_needs_more_images() -> None:
-    """No plan is made of a scene: images are captured by hand with drivers, or imported."""
+def test_missed_tolerance_of_scene_needs_images() -> None:
+    """A scene has no plan: images are captured by hand with drivers, or imported."""
     missed = Calibration("good", KNOWN, settings={"method": "scene"})
     assert missed_step(CELL, missed, "cell") == "import more images of each arm, then basecal calibrate cell --scene"
     assert missed_step(replace(CELL, sees_scene=True), missed, "cell").endswith("basecal calibrate cell")
@@ -132,28 +130,34 @@ def test_a_scene_needs_more_images() -> None:
         ({"method": "maximum-likelihood", "joins_scene": False}, False, ""),
     ],
 )
-def test_a_calibration_is_repeated_as_it_was_made(settings: dict[str, object], sees_scene: bool, option: str) -> None:
-    """With its scene, which the cell may request itself."""
+def test_calibrate_command_keeps_scene_option(settings: dict[str, object], sees_scene: bool, option: str) -> None:
+    """The command repeats the scene option, unless the cell itself requests it."""
     cell, made = replace(CELL, sees_scene=sees_scene), Calibration("doubtful", settings=settings)
     assert calibrate_command(cell, made, "cell") == f"basecal calibrate cell{option}"
 
 
 @pytest.mark.parametrize(("sigma", "decimals"), [(0.0, 4), (0.02, 3), (0.95, 2), (1.0, 1), (37.0, 0), (1e-9, 6)])
-def test_the_smallest_sigma_shows_two_digits(sigma: float, decimals: int) -> None:
-    """Whatever larger ones stand beside it; six decimals at most, four of what is exact."""
+def test_smallest_sigma_has_two_digits(sigma: float, decimals: int) -> None:
+    """The decimals follow the smallest sigma, whatever the larger ones.
+
+    There are at most six decimals, and four for exact values.
+    """
     assert shown_decimals(np.array([sigma, 100 * sigma, 0.0])) == decimals
 
 
-def test_errors_of_held_out_samples_are_at_the_target_and_in_the_image() -> None:
-    """Each as far as it is known; without a validation there are none."""
+def test_held_out_errors_are_listed_if_known() -> None:
+    """Held-out errors are at the target and in the image, as far as they are known.
+
+    There are none without a validation.
+    """
     assert held_out_errors(Validation("k-fold", 5, rms_px=0.31)) == ["0.31 px"]
     both = held_out_errors(Validation("k-fold", 5, target_m=2e-3, target_rad=np.radians(0.1), rms_px=0.31))
     assert both == ["2.0 mm and 0.10 deg at the target", "0.31 px"]
     assert held_out_errors(Validation("k-fold", 5, target_m=2e-3)) == held_out_errors(None) == []
 
 
-def test_a_tangent_is_two_lengths():
-    """In millimetres and degrees."""
+def test_tangent_is_written_as_two_lengths():
+    """The lengths are in mm and deg."""
     tangent = np.array([3e-3, 0, 4e-3, 0, *np.radians([0.6, 0.8])])
     assert tangent_text(tangent) == "5.0 mm and 1.0 deg"
 
@@ -162,8 +166,8 @@ def finding(code: str, severity: Literal["error", "warning", "info"] = "warning"
     return Finding(code, severity, (), f"It is {code}.")
 
 
-def test_the_reason_counts_the_other_findings() -> None:
-    """Of errors and warnings; a single one is a sentence, and infos do not count."""
+def test_reason_counts_other_findings() -> None:
+    """Errors and warnings are counted, infos are not; a single finding is a sentence."""
 
     def doubt(*codes: str) -> str:
         found = (*map(finding, codes), finding("same-stop", "info"))
@@ -175,15 +179,18 @@ def test_the_reason_counts_the_other_findings() -> None:
     assert doubt("outlier-samples", "overfit", "weak") == "It is outlier-samples (and 2 more findings)"
 
 
-def test_doubt_is_joined_to_the_sentence_by_the_word() -> None:
-    """`but` for a doubtful answer, `doubtful` for one that fails all the same; none without a reason."""
+def test_doubt_is_joined_by_verdict_word() -> None:
+    """The word is `but` for a doubtful answer and `doubtful` for one that fails anyway.
+
+    Without a reason there is none.
+    """
     assert str(Headline("DOUBTFUL", "a to 1 mm", "it is off")) == "DOUBTFUL: a to 1 mm, but: it is off"
     assert str(Headline("FAIL", "1 mm", "it is off")) == "FAIL: 1 mm; doubtful: it is off"
     assert str(Headline("GOOD", "a to 1 mm.")) == "GOOD: a to 1 mm."
 
 
 def test_causes_come_before_their_consequences() -> None:
-    """Errors first; samples that were lost before the finding that they are too few, and only beside it."""
+    """Errors come first. Dropped samples precede the finding that there are too few, but only beside it."""
     few = finding("too-few-samples", "error")
     lost, other = finding("dropped-sample"), finding("outlier-samples")
     poor = finding("poor-fit")
@@ -209,12 +216,12 @@ def test_causes_come_before_their_consequences() -> None:
     ],
 )
 def test_commands_repeat_task_and_tolerance(settings: dict[str, object], command: str) -> None:
-    """With the digits that were given."""
+    """The command repeats the task and the tolerance with the given digits."""
     assert calibrate_command(CELL, Calibration("good", settings=settings), "cell") == command
 
 
-def test_an_answer_of_several_transforms_or_none() -> None:
-    """Each with its sigma; with the first of the held-out errors."""
+def test_headline_of_several_or_no_transforms() -> None:
+    """Each transform has its sigma, with the first of the held-out errors at the end."""
     cell = replace(CELL, robots={name: Robot(name) for name in ("eye", "hand", "third")})
     third = {**KNOWN, "eye_base_from_third_base": next(iter(KNOWN.values()))}
     made = Calibration("good", third, validation=Validation("k-fold", 5, 0.3, 2e-3, np.radians(0.1)))

@@ -1,4 +1,4 @@
-"""A study as a page."""
+"""Tests of the page and the text of a study."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from sweep_example import HOSTILE, summary
 
 
 def test_page_has_curves_map_table_and_file() -> None:
-    """Two quantities over each axis, a map over both, a row for each point, the file as it is written."""
+    """Two quantities over each axis, a map over both, a row for each point, and the file in its own text."""
     html = sweep_page(summary(), "schema: x  # mine")
     assert html.count("<svg") == 2 * 2 + 1
     assert html.count("<tr>") == 1 + 6
     assert '<pre class="file" tabindex="0">schema: x  # mine</pre>' in html  # the keyboard scrolls it
 
 
-def test_hostile_words_stay_words() -> None:
-    """Nothing that a file says becomes an element, and nothing may run."""
+def test_markup_in_study_is_escaped() -> None:
+    """The text of a file creates no element, and no script may run."""
     html = sweep_page(summary(), HOSTILE)
     assert HOSTILE not in html
     assert "script-src &#39;none&#39;" in html or "script-src 'none'" in html
 
 
-def test_page_asks_nothing_of_any_server() -> None:
-    """No address in it is loaded."""
+def test_study_page_makes_no_requests() -> None:
+    """The page loads no address."""
     assert re.findall(r"(?:src|href|url)\s*[=(]", sweep_page(summary(), "")) == []
 
 
-def test_a_study_of_one_point_has_no_figures() -> None:
-    """But its row."""
+def test_study_of_one_point_has_no_figures() -> None:
+    """A study of one point has only its row."""
     one = summary(("small",))
     one["axes"] = {}
     one["points"] = [{**one["points"][0], "at": {}}]
@@ -39,8 +39,8 @@ def test_a_study_of_one_point_has_no_figures() -> None:
     assert html.count("<tr>") == 2
 
 
-def test_every_point_has_its_row() -> None:
-    """With the axes' values first; what was not computed is left out, and reasons are said once."""
+def test_every_point_has_a_row() -> None:
+    """The values of the axes come first. Missing values are omitted, and reasons are listed once."""
     lines = sweep_text(summary()).splitlines()
     assert lines[0] == "Some study"
     assert lines[1].split()[:2] == ["board", "samples"]
@@ -51,8 +51,8 @@ def test_every_point_has_its_row() -> None:
     assert "0/10" in lines[7]
 
 
-def test_a_row_has_each_number_in_its_place() -> None:
-    """Two digits of errors and sigmas, a share in percent, a time in ms; nothing of what was not computed."""
+def test_row_texts_have_units_and_digits() -> None:
+    """Errors and sigmas have two digits, a share is in percent, a time in ms. Missing values are empty."""
     point = {
         "solved": 9,
         "trials": 10,
@@ -70,8 +70,8 @@ def test_a_row_has_each_number_in_its_place() -> None:
     assert row_texts(bare) == ["9/10", *[""] * 8, "12.3"]
 
 
-def test_lines_and_maps_are_of_points_that_differ_only_there() -> None:
-    """A line for each value of the other axis, and one map over both with the medians in their places."""
+def test_lines_and_maps_group_points_by_axes() -> None:
+    """Each value of the other axis has a line, and one map over both has the medians at their positions."""
     made = summary()
     (first, *_), names = _curves(made, "samples")
     assert names == [f"board {value}" for value in made["axes"]["board"]]
@@ -84,7 +84,7 @@ def test_lines_and_maps_are_of_points_that_differ_only_there() -> None:
     ]
 
 
-def test_an_axis_of_one_value_has_no_figure() -> None:
+def test_axis_of_one_value_has_no_figure() -> None:
     one = summary()
     one["axes"] = {**one["axes"], "seed": [1]}
     for point in one["points"]:

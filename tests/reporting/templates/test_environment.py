@@ -1,4 +1,4 @@
-"""Pages that open offline."""
+"""Tests of the templates of pages that open offline."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def drawn(macro: str, *values: object) -> str:
     return str(getattr(environment().get_template("parts.html").module, macro)(*values))
 
 
-def test_parts_are_as_long_as_their_shares() -> None:
-    """One after the other; a small one has no number inside, and all are told when pointed at."""
+def test_budget_bar_parts_have_their_shares() -> None:
+    """The parts follow one another. A small one has no number inside, and all have a tooltip."""
     shares = (("a<", 0.75), ("b", 0.2), ("c", 0.05))
     bar = drawn("budget_bar", [BudgetEntry(name, 1e-3, share, 1e-3) for name, share in shares])
     assert [float(found) for found in re.findall(r' x="([0-9.]+)" width', bar)] == [0.0, 480.0, 608.0]
@@ -32,8 +32,11 @@ def test_parts_are_as_long_as_their_shares() -> None:
     assert "<title>a&lt;: 75 %</title>" in bar
 
 
-def test_the_tolerance_is_a_line_beside_the_bar() -> None:
-    """Right of it where it is met, and on it where it is missed; without a tolerance there is neither."""
+def test_tolerance_is_a_line_at_the_bar() -> None:
+    """The line is right of the bar if the tolerance is met, and on it if it is missed.
+
+    Without a tolerance there is neither.
+    """
     shown = drawn("tile_list", [error_tile(4e-4, 1e-3)])
     assert '<rect class="within" width="38.1"' in shown
     assert 'd="M95.2 0V8"' in shown
@@ -42,8 +45,8 @@ def test_the_tolerance_is_a_line_beside_the_bar() -> None:
     assert drawn("tile_list", []).strip() == ""
 
 
-def test_what_is_given_is_escaped() -> None:
-    """Words cannot become markup; between backticks they are what to type; drawings stay drawings."""
+def test_template_values_are_escaped() -> None:
+    """Text is escaped and text between backticks is code; drawings are inserted unchanged."""
     made = environment()
     said = "{{ a }} {{ a | words }} {{ b }}"
     shown = made.from_string(said).render(a="<i> `x<y`", b=element("svg"))
@@ -51,14 +54,14 @@ def test_what_is_given_is_escaped() -> None:
     assert made.from_string("{{ a | words }}").render(a="odd ` tick") == "odd ` tick"
 
 
-def test_what_is_not_given_is_an_error() -> None:
-    """A slip in a template is told."""
+def test_missing_template_value_is_an_error() -> None:
+    """A mistake in a template raises an error."""
     with pytest.raises(UndefinedError):
         environment().from_string("{{ missing }}").render()
 
 
-def test_the_policy_names_what_may_run() -> None:
-    """The hash of each script and of the style, and no address."""
+def test_policy_has_hashes_of_scripts_and_style() -> None:
+    """The policy has the hash of each script and of the style, and no address."""
     script, style = read_package_file("templates/page.js"), read_package_file("templates/page.css")
     said = policy(style, [script])
     for text in (script, style):
@@ -71,7 +74,7 @@ def test_the_policy_names_what_may_run() -> None:
 
 
 def test_templates_are_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Another process reads what one has compiled, until the template changes."""
+    """Another process reads the compiled template, until the template changes."""
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     kept = TemplateCache(tmp_path)
     bucket = kept.get_bucket(Environment(), "page", None, "{{ a }}")
@@ -82,10 +85,8 @@ def test_templates_are_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 
 
 @pytest.mark.parametrize("is_refused", [True, False])
-def test_templates_that_cannot_be_kept_are_filled_in(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, is_refused: bool
-) -> None:
-    """Neither a folder that is missing nor Python's own switch makes a page fail."""
+def test_templates_work_without_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, is_refused: bool) -> None:
+    """Neither a missing folder nor Python's own switch against bytecode makes a page fail."""
     monkeypatch.setattr(sys, "dont_write_bytecode", is_refused)
     folder = tmp_path if is_refused else tmp_path / "missing"
     made = environment().overlay(bytecode_cache=TemplateCache(folder))
@@ -94,7 +95,10 @@ def test_templates_that_cannot_be_kept_are_filled_in(
 
 
 def test_sentences_begin_with_a_capital_letter() -> None:
-    """Unless they begin with a name or code; code between backticks alternates with words."""
+    """Sentences begin with a capital letter unless they begin with a name or code.
+
+    Code between backticks alternates with words.
+    """
     made = environment()
     shown = made.from_string("{{ a | sentence }}|{{ b | sentence }}|{{ c | words }}|{{ d | breakable }}")
     assert shown.render(a="it moved", b="hand_base moved", c="`a` or `b`", d="a_from_b") == (

@@ -1,4 +1,4 @@
-"""The page of a cell's runs: what it says, what a browser does with it, and whom it asks."""
+"""Tests of the page of a cell's runs: its contents, its behaviour in a browser, and its requests."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def viewed() -> ViewPage:
     return ViewPage(made.cell, made.recording, Path("mycell"), (RUN,), lambda name: calibration)
 
 
-def test_the_whole_choice_is_in_each_request(viewed: ViewPage) -> None:
-    """So that two boxes clicked at once count as two: the page keeps no visitor's choice."""
+def test_request_contains_the_whole_selection(viewed: ViewPage) -> None:
+    """The server keeps no state of a visitor, so that two boxes clicked at once count as two."""
     page = viewed
     html = page.answer({"run": RUN, "without": "3,7"})
     assert "without 2 samples, 1 sigma" in html
@@ -41,8 +41,8 @@ def test_the_whole_choice_is_in_each_request(viewed: ViewPage) -> None:
     assert "with all samples, 1 sigma" in page.answer({})
 
 
-def test_the_sigma_is_that_of_the_report(viewed: ViewPage) -> None:
-    """On the first screen and in the terminal, too; the page has it before anything is asked for."""
+def test_sigma_matches_the_report(viewed: ViewPage) -> None:
+    """The page, its first tile and the terminal have the same sigma. The page has it before any request."""
     calibration, (name,) = viewed.read(RUN), viewed.cell.requested_transforms
     sigma = error_text(*calibration[name].sigma_norms)
     assert f"{name} to {sigma} (1 sigma, 3-D norm)" in summary(viewed.cell, calibration)
@@ -51,8 +51,8 @@ def test_the_sigma_is_that_of_the_report(viewed: ViewPage) -> None:
     assert sigma in viewed.page()
 
 
-def test_strange_choices_are_left_out(viewed: ViewPage) -> None:
-    """Runs that are not there, numbers that are none; where no sample is left it is said."""
+def test_invalid_selections_are_ignored(viewed: ViewPage) -> None:
+    """Unknown runs and invalid numbers are ignored. It is reported if no sample is left."""
     page = viewed
     html = page.answer({"run": "../../etc", "without": "3,x,,\N{SUPERSCRIPT TWO}," + "9" * 5000})
     assert "without 1 sample, 1 sigma" in html
@@ -65,8 +65,11 @@ def test_strange_choices_are_left_out(viewed: ViewPage) -> None:
 
 @pytest.mark.journey
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
-def test_in_a_browser(viewed: ViewPage, tmp_path: Path) -> None:
-    """Verdict, answer, bars and the first sample; no error in the console, nobody else is asked."""
+def test_view_page_in_a_browser(viewed: ViewPage, tmp_path: Path) -> None:
+    """The page shows verdict, answer, bars and the first sample.
+
+    It has no console errors and contacts no other host.
+    """
     with serve_view(viewed) as address:
         came = visit(address, tmp_path / "profile", selector=".bars .view.chosen")
         assert urlsplit(address).hostname == "127.0.0.1"
@@ -82,16 +85,16 @@ def made():
     return cell, calibrate(cell.cell, cell.recording)
 
 
-def test_views_of_a_sample() -> None:
-    """Those of this sample alone, with what is known of them."""
+def test_sample_words_list_its_views() -> None:
+    """Only the views of this sample are listed, with their known residuals."""
     views = [SampleResidual(1, "wrist", "board", 0.214, 1.5e-3, 0.01), SampleResidual(2, "wrist", "board")]
     loop = "pose consistency error 1.5 mm and 0.57 deg"
     assert sample_words(1, views, ()) == ["sample 1", f"board seen by wrist: reprojection error 0.21 px, {loop}"]
     assert sample_words(2, views, {2}) == ["sample 2, left out", "board seen by wrist: no residual"]
 
 
-def test_the_answer_beside_the_run(made) -> None:
-    """With all samples it is the run's; without some it has moved, and is known less well."""
+def test_answer_without_samples_is_compared_with_run(made) -> None:
+    """With all samples the answer is the run's. Without some of them it has moved and is less certain."""
     cell, calibration = made
     whole = without_samples(cell.cell, cell.recording, calibration, ())
     name, before, after, moved = next(answer_rows(cell.cell, calibration, whole))
@@ -105,22 +108,22 @@ def test_the_answer_beside_the_run(made) -> None:
     assert re.fullmatch(r"reprojection error [\d.]+ px rms; pose consistency error [\d.]+ mm rms\.", fit_sentence(less))
 
 
-def test_what_is_not_there_is_said(made) -> None:
-    """Neither an optimum nor a transform."""
+def test_missing_answer_is_reported(made) -> None:
+    """A missing transform and a missing optimum are reported."""
     cell, calibration = made
     nothing = WithoutSamples({}, Residuals(), False)
     assert next(answer_rows(cell.cell, calibration, nothing))[2] == "unobservable in some direction"
     assert fit_sentence(nothing) == "no optimum was found."
 
 
-def test_numbers_have_fifteen_digits_at_most() -> None:
-    """Longer ones, signs and fractions are left out."""
+def test_numbers_have_at_most_fifteen_digits() -> None:
+    """Longer numbers, signs and fractions are ignored."""
     long = "9" * 15
     assert page_module._numbers(f"0,12,{long},{long}9,-1,1.5, 3,") == (0, 12, int(long))
 
 
-def test_answers_state_what_is_known() -> None:
-    """A transform that neither has, one that the run lacks, and one that moved, in mm and deg."""
+def test_answer_rows_handle_unknown_transforms() -> None:
+    """The rows have a transform that moved, in mm and deg, one that the run lacks, and one that did not move."""
     cell = Cell("eye", {"eye": Robot("eye"), "hand": Robot("hand")})
     (name,) = cell.requested_transforms
     here = PoseEstimate(SE3.identity(), np.diag([1e-6] * 3 + [1e-6] * 3))
@@ -143,5 +146,5 @@ def test_answers_state_what_is_known() -> None:
         (Residuals(0.25), False, "reprojection error 0.25 px rms; no optimum was found."),
     ],
 )
-def test_the_fit_is_a_sentence_of_what_is_known(residuals: Residuals, converged: bool, said: str) -> None:
+def test_fit_sentence_states_known_residuals(residuals: Residuals, converged: bool, said: str) -> None:
     assert fit_sentence(WithoutSamples({}, residuals, converged)) == said
