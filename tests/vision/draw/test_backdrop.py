@@ -1,4 +1,4 @@
-"""Prints in images of what stands around them."""
+"""Tests of printing targets into images of their surroundings."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def backdrop(paper=1.0, level=200.0):
     return Backdrop(np.full((480, 640), level, np.float32), np.full((480, 640), paper, np.float32))
 
 
-def test_a_pixel_looks_where_the_lens_has_it():
-    """A ramp drawn without a lens is read off at the place where each pixel of the lens looks."""
+def test_backdrop_is_resampled_by_the_lens():
+    """A ramp drawn without a lens is sampled at the ray of each pixel of the lens."""
     flat = undistorted_camera(LENS)
     width, height = flat.size_px
     ramp = np.linspace(0, 255, width)
@@ -35,8 +35,8 @@ def test_a_pixel_looks_where_the_lens_has_it():
     assert np.allclose([levels[int(v), int(u)] for u, v in pixels], np.interp(at, np.arange(width), ramp), atol=0.6)
 
 
-def test_only_paper_is_told_by_its_colour():
-    """Grey is none, whatever its brightness; what has no blue is all paper, and black is nothing."""
+def test_paper_is_recognised_by_its_colour():
+    """Grey is no paper, whatever its brightness. A colour without blue is all paper, and black is none."""
     flat = undistorted_camera(Camera("pinhole", np.array([50.0, 50.0, 31.5, 31.5]), (64, 64)))
     colours = np.zeros((flat.size_px[1], flat.size_px[0], 3), dtype=np.uint8)
     colours[:, :20] = 77
@@ -47,8 +47,8 @@ def test_only_paper_is_told_by_its_colour():
     assert np.all(paper[45:] == 1)
 
 
-def test_a_print_on_paper_is_found_where_it_is():
-    """Corners of a board on paper all over are within a tenth of a pixel."""
+def test_print_on_paper_is_detected():
+    """Corners of a board on a backdrop that is all paper are detected within a tenth of a pixel."""
     image = expose(print_targets(LENS, [(BOARD, POSE)], backdrop(), SOFT), SOFT)
     found = find_target(image, BOARD)
     true = LENS.project(POSE @ BOARD.points)[BOARD.rows(found.ids)]
@@ -56,16 +56,16 @@ def test_a_print_on_paper_is_found_where_it_is():
     assert np.abs(found.pixels - true).max() < 0.1
 
 
-def test_nothing_is_printed_but_on_paper():
-    """Where the paper is hidden the backdrop stays; half hidden pixels are half as dark."""
+def test_targets_are_printed_only_on_paper():
+    """The backdrop is unchanged if the paper is hidden, and half hidden pixels are half as dark."""
     bare, half, whole = (print_targets(LENS, [(BOARD, POSE)], backdrop(share), SOFT) for share in (0.0, 0.5, 1.0))
     assert np.allclose(bare, 200.0, atol=1e-3)
     assert np.allclose(half, (bare + whole) / 2, atol=1e-3)
     assert whole.min() == pytest.approx(200 * SOFT.black / SOFT.white, abs=2)
 
 
-def test_a_lens_that_sees_to_the_side_is_refused():
-    """A fisheye of 180 degrees has no flat image."""
+def test_too_wide_lens_is_refused():
+    """A fisheye of 180 degrees has no undistorted image."""
     lens = Camera("fisheye", np.array([200.0, 200.0, 319.5, 239.5, 0.0, 0.0, 0.0, 0.0]), (640, 480))
     with pytest.raises(InputError, match="field of view of the lens is too wide"):
         undistorted_camera(lens)
@@ -75,14 +75,14 @@ def small(fx, fy, cx, cy, size=(64, 48)):
     return undistorted_camera(Camera("pinhole", np.array([fx, fy, cx, cy]), size))
 
 
-def test_the_flat_image_is_symmetric_and_reaches_the_farthest_side():
-    """Twice the way from the principal point to that side, and a pixel beyond."""
+def test_undistorted_image_is_symmetric():
+    """Its size is twice the distance from the principal point to the farthest side, and a pixel more."""
     assert small(50.0, 50.0, 30.5, 25.5).size_px == (2 * 33 + 2, 2 * 26 + 2)
     assert small(50.0, 50.0, 33.5, 20.5).size_px == (2 * 34 + 2, 2 * 27 + 2)
 
 
-def test_places_in_the_flat_image_are_about_its_middle():
-    """Both axes have the mean focal length."""
+def test_undistorted_pixels_are_about_the_centre():
+    """Both axes of the undistorted image have the mean focal length."""
     flat = small(50.0, 54.0, 30.0, 26.0)
     assert flat.focal_px == 52
     middle = (np.array(flat.size_px) - 1) / 2
@@ -92,8 +92,8 @@ def test_places_in_the_flat_image_are_about_its_middle():
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_the_flat_image_is_at_most_two_and_a_half_times_as_large(axis):
-    """Along each axis: 158 px for 64 are drawn, 160 are not."""
+def test_undistorted_image_has_maximal_size(axis):
+    """The undistorted image is at most 2.5 times as large along each axis: 158 px for 64 are accepted, 160 are not."""
     for off, drawn in ((77.5, True), (78.5, False)):
         centre = np.full(2, 31.5)
         centre[axis] = 63 - off

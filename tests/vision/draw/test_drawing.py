@@ -1,4 +1,4 @@
-"""What is printed."""
+"""Tests of the drawings of printed targets."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def is_black(sheet: Sheet, places: Array) -> Any:
 @pytest.mark.parametrize(
     ("squares", "legacy"), [((5, 7), False), ((5, 7), True), ((6, 4), False), ((6, 4), True), ((5, 8), True)]
 )
-def test_charuco_as_opencv_draws_it(squares: tuple[int, int], legacy: bool) -> None:
-    """A ChArUco board is black where OpenCV's own image of it is, legacy pattern or not."""
+def test_charuco_drawing_matches_opencv(squares: tuple[int, int], legacy: bool) -> None:
+    """A ChArUco board is black at the same places as OpenCV's own image of it, with and without the legacy pattern."""
     board = charuco_target(squares, 0.04, 0.02, "DICT_4X4_50", legacy)
     pitch = 120  # a cell of a marker is ten pixels
     image = charuco_board(board).generateImage((squares[0] * pitch, squares[1] * pitch))
@@ -46,8 +46,8 @@ def test_charuco_as_opencv_draws_it(squares: tuple[int, int], legacy: bool) -> N
     ("family", "number", "dictionary"),
     [("tag36h11", 5, cv2.aruco.DICT_APRILTAG_36h11), ("DICT_6X6_250", 17, cv2.aruco.DICT_6X6_250)],
 )
-def test_tag_as_opencv_draws_it(family: str, number: int, dictionary: int) -> None:
-    """A tag is drawn about its origin as OpenCV draws it, x right and y down."""
+def test_tag_drawing_matches_opencv(family: str, number: int, dictionary: int) -> None:
+    """A tag is drawn about its origin like OpenCV's image, x right and y down."""
     tag = apriltag_target(family, [(number, 0.08, SE3.identity())])
     image = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(dictionary), number, 80)
     row, column = (each.ravel() for each in np.mgrid[0:80:2, 0:80:2])
@@ -57,8 +57,8 @@ def test_tag_as_opencv_draws_it(family: str, number: int, dictionary: int) -> No
 
 
 @pytest.mark.parametrize("kind", ["charuco", "legacy", "chessboard"])
-def test_corners_are_where_squares_meet(kind: str) -> None:
-    """Round each point of a board the four quadrants are black and white in turn."""
+def test_board_points_are_square_corners(kind: str) -> None:
+    """The four quadrants around each point of a board alternate between black and white."""
     shape = TARGETS[kind]
     (sheet,) = target_drawing(shape)
     step = 0.05 * sheet.pitch * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
@@ -87,7 +87,7 @@ def test_circles_are_centred() -> None:
         (charuco_target((12, 9), 0.04, 0.03, "DICT_4X4_50"), "0 to 49"),
     ],
 )
-def test_what_cannot_be_drawn(shape: Target, message: str) -> None:
-    """What has no print, an unknown family and a number beyond the dictionary are named errors."""
+def test_undrawable_target_is_refused(shape: Target, message: str) -> None:
+    """A target without a print, an unknown family and a number beyond the dictionary are input errors."""
     with pytest.raises(InputError, match=message):
         target_drawing(shape)

@@ -1,4 +1,4 @@
-"""Rendered lights."""
+"""Tests of rendered LEDs."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from vision_scenes import SMALL
 PLACE = np.array([0.0213, -0.017, 1.0])
 
 
-def test_photons_are_where_the_lens_puts_them() -> None:
-    """All photons of a light are in the image, and their middle is its projection."""
+def test_photons_are_at_the_projection() -> None:
+    """All photons of an LED are in the image, and their centroid is its projection."""
     settings = LedSettings(photons=2e4, spot_px=1.5, photons_per_level=10)
     spot = led_levels(SMALL, PLACE, settings) - settings.background
     rows, columns = np.indices(spot.shape)
@@ -23,8 +23,8 @@ def test_photons_are_where_the_lens_puts_them() -> None:
     np.testing.assert_allclose(middle, SMALL.project(PLACE), atol=1e-9)
 
 
-def test_width_of_a_spot() -> None:
-    """A spot is as wide as it is set, and its pixels' own square besides."""
+def test_spot_has_stated_width() -> None:
+    """The variance of a spot is that of its setting and of the pixel's square."""
     settings = LedSettings(photons=1e4, spot_px=2.0, photons_per_level=1)
     spot = led_levels(SMALL, PLACE, settings) - settings.background
     columns = np.arange(spot.shape[1])
@@ -32,8 +32,8 @@ def test_width_of_a_spot() -> None:
     assert across @ (columns - across @ columns) ** 2 == pytest.approx(2.0**2 + 1 / 12, rel=1e-6)
 
 
-def test_noise_is_of_photons_and_read_out() -> None:
-    """The variance of a level is that of its photons, of the read-out and of rounding."""
+def test_noise_is_shot_and_read_noise() -> None:
+    """The variance of a level is the sum of shot noise, read noise and rounding."""
     settings = LedSettings(photons=0.0, background=50.0, photons_per_level=4.0, read_noise=1.5)
     image = render_led(SMALL, np.zeros((0, 3)), settings).astype(float)
     # Of 76800 pixels a variance is known within 0.5 %.
@@ -41,8 +41,11 @@ def test_noise_is_of_photons_and_read_out() -> None:
     assert image.mean() == pytest.approx(50, abs=0.1)
 
 
-def test_behind_and_beside() -> None:
-    """Lights behind the camera or beside its image leave it as it is; one too bright stays at the highest level."""
+def test_leds_outside_of_image_have_no_effect() -> None:
+    """LEDs behind the camera or outside of the image have no effect.
+
+    One that is too bright is clipped at the highest level.
+    """
     settings = LedSettings(read_noise=0.0, background=0.0)
     for point in ([0, 0, -1.0], [5.0, 0, 1.0]):
         assert not render_led(SMALL, np.array([point]), settings).any()
@@ -52,8 +55,8 @@ def test_behind_and_beside() -> None:
     assert not np.array_equal(bright, render_led(SMALL, PLACE, LedSettings(photons=1e7), seed=1))
 
 
-def test_camera_without_size() -> None:
-    """A camera of no size has no image."""
+def test_camera_without_size_is_refused() -> None:
+    """A camera without an image size has no image."""
     with pytest.raises(InputError, match="size"):
         render_led(Camera("pinhole", SMALL.parameters), PLACE)
 
@@ -63,7 +66,7 @@ def at_pixel(u: float, v: float) -> np.ndarray:
     return SMALL.undistort(np.array([[u, v]]))[0]
 
 
-def test_a_light_of_usual_exposure() -> None:
+def test_default_exposure_of_led() -> None:
     """30,000 photons make 1500 levels over a dark background of ten, in a spot of 1.2 px and its pixel."""
     levels = led_levels(SMALL, PLACE, LedSettings())
     assert levels[0, 0] == 10
@@ -78,8 +81,8 @@ def test_a_light_of_usual_exposure() -> None:
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (1, 0), (0, 1), (1, 1)])
-def test_a_light_on_a_corner_leaves_a_quarter_in_the_image(corner: tuple[int, int]) -> None:
-    """The first and the last row and column have their share."""
+def test_led_on_image_corner_is_a_quarter_visible(corner: tuple[int, int]) -> None:
+    """The first and the last row and column have their share of the photons."""
     u, v = np.array(corner) * SMALL.size_px - 0.5
     settings = LedSettings(background=0.0)
     levels = led_levels(SMALL, at_pixel(u, v), settings)
@@ -90,14 +93,14 @@ def test_a_light_on_a_corner_leaves_a_quarter_in_the_image(corner: tuple[int, in
     )
 
 
-def test_texture_is_of_the_scene() -> None:
-    """Images with other noise have the same texture; that of another scene is another."""
+def test_texture_belongs_to_the_scene() -> None:
+    """Images with different noise have the same texture; another scene has another one."""
     one, other = (led_levels(SMALL, PLACE, LedSettings(texture=3.0, scene=scene)) for scene in (0, 1))
     np.testing.assert_array_equal(one, led_levels(SMALL, PLACE, LedSettings(texture=3.0)))
     assert np.abs(one - other).max() > 1
 
 
-def test_lights_add_up() -> None:
-    """Of two at one place the levels are twice as high above the background."""
+def test_leds_add_up() -> None:
+    """Two LEDs at one position give twice the levels above the background."""
     once, twice = (led_levels(SMALL, np.array([PLACE] * count), LedSettings()) for count in (1, 2))
     np.testing.assert_allclose(twice - 10, 2 * (once - 10), atol=1e-9)

@@ -1,4 +1,4 @@
-"""Levels smeared along a line."""
+"""Tests of motion blur along a line."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from basecal.vision.draw.motion_blur import blur_motion
 
 
 @pytest.mark.parametrize("way", [(6.0, 0.0), (0.0, 4.5), (3.0, -5.0)])
-def test_a_point_becomes_a_line(way):
-    """Its light stays as much and in the same place, and spreads as a line of that length: variance L^2 / 12."""
+def test_point_becomes_a_line(way):
+    """The sum and the centroid of the levels are unchanged.
+
+    The levels spread as a line of the motion's length: variance L^2 / 12.
+    """
     image = np.zeros((41, 41))
     image[20, 20] = 100.0
     out = blur_motion(image, np.array(way))
@@ -23,15 +26,15 @@ def test_a_point_becomes_a_line(way):
     assert (weights * along**2).sum() == pytest.approx(np.hypot(*way) ** 2 / 12, abs=0.3)
 
 
-def test_what_stands_still_is_left_alone():
-    """A way of less than a fiftieth of a pixel changes nothing, not even the array."""
+def test_negligible_motion_changes_nothing():
+    """A motion below a fiftieth of a pixel returns the same array."""
     image = np.arange(12.0).reshape(3, 4)
     assert blur_motion(image, np.array([0.01, 0.0])) is image
 
 
 @pytest.mark.parametrize("way", [(6.0, 0.0), (0.0, -4.5), (3.0, -5.0), (0.5, 0.2)])
-def test_a_line_is_alike_on_both_sides(way):
-    """Also backwards, and a plain wall stays plain; no light is far from the line."""
+def test_motion_blur_is_symmetric(way):
+    """The blur is the same for the opposite motion, and a uniform image is unchanged. No level is far from the line."""
     image = np.zeros((41, 41))
     image[20, 20] = 100.0
     out = blur_motion(image, np.array(way))
@@ -43,8 +46,8 @@ def test_a_line_is_alike_on_both_sides(way):
     np.testing.assert_allclose(blur_motion(np.full((9, 9), 7.0), np.array(way)), 7.0)
 
 
-def test_a_line_has_equal_light_along_it():
-    """Twelve pixels along a row: a twelfth in each, and less at the ends."""
+def test_motion_blur_is_uniform_along_the_line():
+    """A motion of twelve pixels along a row gives a twelfth to each pixel, and less at the ends."""
     image = np.zeros((5, 41))
     image[2, 20] = 1.0
     out = blur_motion(image, np.array([12.0, 0.0]))
@@ -53,8 +56,8 @@ def test_a_line_has_equal_light_along_it():
     assert out[[0, 1, 3, 4]].max() < 1e-12
 
 
-def test_a_line_has_a_largest_length():
-    """Of 400 px, in the direction of the way."""
+def test_motion_blur_has_maximal_length():
+    """The line is limited to 400 px in the direction of the motion."""
     image = np.zeros((9, 901))
     image[4, 450] = 1.0
     out = blur_motion(image, np.array([800.0, 0.0]))
@@ -63,8 +66,8 @@ def test_a_line_has_a_largest_length():
     assert (columns.min(), columns.max()) == (pytest.approx(250, abs=2), pytest.approx(650, abs=2))
 
 
-def test_a_visible_way_blurs():
-    """From a fiftieth of a pixel on."""
+def test_motion_above_threshold_blurs():
+    """A motion of a fiftieth of a pixel or more blurs the image."""
     image = np.arange(12.0).reshape(3, 4)
     assert blur_motion(image, np.array([0.0, 0.019])) is image
     assert blur_motion(image, np.array([0.015, 0.015])) is not image

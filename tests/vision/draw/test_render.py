@@ -1,4 +1,4 @@
-"""Images of printed targets."""
+"""Tests of rendered images of printed targets."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ CLEAN = RenderSettings(noise=0.0)
 @pytest.mark.parametrize("camera", [PLAIN, WIDE, FISHEYE], ids=["plain", "wide", "fisheye"])
 @pytest.mark.parametrize("blur", quick([0.5, 1.0, 2.0], [0.5]))
 def test_corners_are_unbiased(camera: Camera, blur: float) -> None:
-    """Corners fitted in noiseless images are where the lens projects them, within 0.005 px rms."""
+    """Corners fitted in noiseless images are at their projections, within 0.005 px rms."""
     shape = TARGETS["chessboard"]
     error = []
     for pose in poses(shape, 3, np.random.default_rng(0)):
@@ -49,8 +49,8 @@ def test_corners_are_unbiased(camera: Camera, blur: float) -> None:
     assert np.sqrt(np.mean(np.concatenate(error) ** 2)) < 0.005
 
 
-def test_disc_by_its_darkness() -> None:
-    """A disc seen head on is missing the light of its exact area, about its exact centre."""
+def test_disc_has_exact_area_and_centre() -> None:
+    """The missing light of a frontal disc is that of its exact area, with its exact centroid."""
     dot = circles_target((1, 1), 0.1)
     middle = np.array([0.013, -0.021, 1.0])
     levels = radiance(PLAIN, [(dot, SE3(np.eye(3), middle))], replace(CLEAN, background=200.0, blur_px=1.5))
@@ -61,8 +61,8 @@ def test_disc_by_its_darkness() -> None:
     assert missing.sum() == pytest.approx(np.pi * (500 * 0.1 * RADIUS) ** 2, rel=1e-4)
 
 
-def test_step_is_an_error_function() -> None:
-    """An edge has the profile of the point spread, the pixel's square under a Gaussian, within half a percent."""
+def test_edge_profile_is_blurred_pixel_square() -> None:
+    """An edge has the profile of the pixel's square under a Gaussian, within half a percent."""
     board = chessboard_target((3, 3), 0.2)
     levels = radiance(PLAIN, [(board, SE3(np.eye(3), np.array([0.0, 0.0, 1.0])))], replace(CLEAN, blur_px=1.0))
     at = np.arange(310, 330)
@@ -71,7 +71,7 @@ def test_step_is_an_error_function() -> None:
     np.testing.assert_allclose(levels[190, at], 30 + 170 * share, atol=0.85)
 
 
-def test_noise_is_as_told() -> None:
+def test_background_has_stated_noise() -> None:
     """The plain background has the stated mean and noise, and another seed gives other noise."""
     behind = SE3(np.eye(3), np.array([0.0, 0.0, -1.0]))
     first, again, other = (
@@ -83,15 +83,15 @@ def test_noise_is_as_told() -> None:
     assert np.mean(first == other) < 0.2
 
 
-def test_sixteen_bits() -> None:
-    """An image of 16 bits holds the levels of one of 8 bits times 257."""
+def test_sixteen_bit_levels_are_scaled_by_257() -> None:
+    """A 16-bit image has the levels of an 8-bit one times 257."""
     pose = poses(TARGETS["tags"], 1, np.random.default_rng(1))[0]
     eight, sixteen = (render(PLAIN, TARGETS["tags"], pose, replace(CLEAN, bits=bits)) for bits in (8, 16))
     assert (eight.dtype, sixteen.dtype) == (np.uint8, np.uint16)
     np.testing.assert_allclose(sixteen / 257, eight, atol=0.51)
 
 
-def test_back_is_blank() -> None:
+def test_back_of_board_is_blank() -> None:
     """A board seen from behind is white paper."""
     board = chessboard_target((3, 3), 0.05)
     turned = SE3.from_rpy((np.pi, 0, 0), (-0.05, 0.05, 0.5))
@@ -99,8 +99,8 @@ def test_back_is_blank() -> None:
     assert set(np.unique(levels[220:260, 300:340].round(3))) == {200.0}
 
 
-def test_near_hides_far() -> None:
-    """Where two sheets overlap, the nearer one is seen, in whichever order they are named."""
+def test_nearer_sheet_occludes_farther_one() -> None:
+    """The nearer of two overlapping sheets is visible, in either order of the arguments."""
     near, far = (
         (chessboard_target((3, 3), size), SE3(np.eye(3), np.array([0.0, 0.0, z])))
         for size, z in ((0.02, 0.4), (0.1, 0.8))
@@ -110,8 +110,8 @@ def test_near_hides_far() -> None:
     np.testing.assert_allclose(both[230:260, 310:340], radiance(PLAIN, [near], CLEAN)[230:260, 310:340], atol=1e-3)
 
 
-def test_texture_is_behind() -> None:
-    """A structured background has the stated deviation and leaves the board as it is."""
+def test_texture_is_behind_the_board() -> None:
+    """A textured background has the stated deviation and does not change the board."""
     shape = TARGETS["chessboard"]
     pose = SE3(np.eye(3), np.array([-0.1, -0.07, 0.5]))
     plain, rough = (radiance(WIDE, [(shape, pose)], replace(CLEAN, texture=each)) for each in (0.0, 20.0))
@@ -120,8 +120,8 @@ def test_texture_is_behind() -> None:
     assert np.std(rough[:, :300]) == pytest.approx(20.0, rel=0.25)  # a few dozen independent patches at most
 
 
-def test_needs_a_size() -> None:
-    """A camera without an image size, and a number of bits that is none, are named errors."""
+def test_missing_size_and_invalid_bits_are_refused() -> None:
+    """A camera without an image size and an unsupported number of bits are input errors."""
     pose = SE3(np.eye(3), np.array([0.0, 0.0, 1.0]))
     with pytest.raises(InputError, match="size_px"):
         render(Camera("pinhole", PLAIN.parameters), TARGETS["tags"], pose)
@@ -143,22 +143,22 @@ def polygon(rng: np.random.Generator, middle: tuple[float, float], radius: float
     return np.array(middle) + radius * np.stack([np.cos(angle), np.sin(angle)], -1)
 
 
-def test_rectangle_shares() -> None:
-    """A rectangle covers of each pixel the product of what it covers along x and along y."""
+def test_coverage_of_rectangle_is_exact() -> None:
+    """The coverage of each pixel is the product of the coverages along x and along y."""
     loop = np.array([[1.25, 0.5], [3.1, 0.5], [3.1, 2.2], [1.25, 2.2]])
     across, down = np.array([0, 0.25, 1, 0.6, 0]), np.array([0, 1, 0.7, 0])
     np.testing.assert_allclose(coverage(edges(loop), (5, 4)), np.outer([0, *down[1:]], across), atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_area_is_kept(seed: int) -> None:
-    """The shares of all pixels add up to the polygon's area."""
+def test_coverage_adds_up_to_area(seed: int) -> None:
+    """The coverages of all pixels add up to the polygon's area."""
     loop = polygon(np.random.default_rng(seed), (15.3, 14.8), 11.0)
     assert coverage(edges(loop), (30, 30)).sum() == pytest.approx(area(loop), rel=1e-12)
 
 
-def test_against_samples() -> None:
-    """Each pixel's share is what a dense grid of samples inside it says, within the grid's resolution."""
+def test_coverage_matches_sampling() -> None:
+    """The coverage of each pixel agrees with a dense grid of samples, within the grid's resolution."""
     loop = polygon(np.random.default_rng(3), (6.2, 5.7), 5.0)
     fine = 64
     at = (np.arange(12 * fine) + 0.5) / fine - 0.5
@@ -168,8 +168,8 @@ def test_against_samples() -> None:
     np.testing.assert_allclose(coverage(edges(loop), (12, 12)), sampled, atol=0.01)
 
 
-def test_beyond_the_image() -> None:
-    """What lies left of, above, below and right of an image does not change what is covered inside."""
+def test_coverage_is_independent_of_outside() -> None:
+    """The parts of a polygon outside of the image do not change the coverage inside."""
     loop = polygon(np.random.default_rng(1), (4.0, 5.0), 9.0)
     whole = coverage(edges(loop + 20), (60, 60))[20:28, 20:30]
     np.testing.assert_allclose(coverage(edges(loop), (10, 8)), whole, atol=1e-9)
@@ -183,8 +183,8 @@ def test_shared_edges_cancel() -> None:
     np.testing.assert_allclose(coverage(edges(left, right), (10, 9)), coverage(edges(union), (10, 9)), atol=1e-12)
 
 
-def test_paper_has_its_area() -> None:
-    """From behind, on black: to a hundred-thousandth, about its middle."""
+def test_paper_has_exact_area() -> None:
+    """Paper seen from behind, on black, has its area to 1e-5 and its exact centroid."""
     board = chessboard_target((3, 3), 0.05)
     behind = SE3.from_rpy((np.pi, 0, 0), (-0.05, 0.05, 0.5))
     levels = radiance(PLAIN, [(board, behind)], replace(CLEAN, background=0.0))
@@ -197,8 +197,11 @@ def test_paper_has_its_area() -> None:
     np.testing.assert_allclose(centre, middle, atol=1e-4)
 
 
-def test_faint_texture_is_drawn() -> None:
-    """Of half a level, also in small images, about the level of the background; seeds draw others, the first is 0."""
+def test_faint_texture_has_mean_of_background() -> None:
+    """A texture of half a level is drawn, also in small images, about the level of the background.
+
+    Seeds give different textures, and the default is 0.
+    """
     rough, other = (background((320, 240), 110.0, 0.5, seed) for seed in (0, 1))
     assert rough.shape == (240, 320)
     assert 0.2 < rough.std() < 0.8
@@ -213,8 +216,8 @@ def test_faint_texture_is_drawn() -> None:
     assert np.any(expose(levels, settings) != expose(levels, settings, 1))
 
 
-def test_usual_exposure() -> None:
-    """Grey levels of 110 with a noise of two; 16 bits are 257 times as many."""
+def test_default_exposure() -> None:
+    """The default background has a level of 110 with a noise of two; 16 bits have 257 times as many levels."""
     plain = expose(background((320, 240), 110.0, 0.0, 0), RenderSettings()).astype(float)
     assert plain.mean() == pytest.approx(110, abs=0.05)
     assert plain.var() == pytest.approx(4 + 1 / 12, rel=0.03)
@@ -225,8 +228,8 @@ def test_usual_exposure() -> None:
     assert quantise(levels, 16).tolist() == [[0, 0, 32793, 65535, 65535]]
 
 
-def test_a_blur_of_zero_changes_nothing() -> None:
-    """And one of half a pixel keeps the sum of an inner spot."""
+def test_zero_blur_changes_nothing() -> None:
+    """A blur of half a pixel keeps the sum of an interior spot."""
     image = np.zeros((21, 21), np.float32)
     image[10, 10] = 1
     assert blur_image(image, 0.0) is image
@@ -235,23 +238,23 @@ def test_a_blur_of_zero_changes_nothing() -> None:
     assert blurred[10, 9] / blurred[10, 10] == pytest.approx(np.exp(-2), rel=1e-3)
 
 
-def test_blur_reaches_four_and_a_half_sigmas() -> None:
-    """There a spot of a million levels ends."""
+def test_blur_is_truncated_at_4_5_sigma() -> None:
+    """A spot of a million levels ends at 4.5 sigma."""
     image = np.zeros((41, 41), np.float32)
     image[20, 20] = 1e6
     assert np.flatnonzero(blur_image(image, 2.0)[20]).tolist() == list(range(11, 30))
 
 
-def test_usual_ink_and_paper() -> None:
-    """Are at 30 and 200 of 255 levels, before a background of 110."""
+def test_default_ink_and_paper_levels() -> None:
+    """Ink and paper have levels 30 and 200 of 255, before a background of 110."""
     levels = radiance(SMALL, [(chessboard_target((3, 3), 0.05), SE3(np.eye(3), np.array([-0.1, -0.1, 0.6])))], CLEAN)
     assert levels.min() == pytest.approx(30, abs=0.01)
     assert levels.max() == pytest.approx(200, abs=0.01)
     assert levels[0, -1] == pytest.approx(110, abs=0.01)
 
 
-def test_the_window_of_edges_ends_with_the_image() -> None:
-    """From the first row and column that edges touch to the last; edges outside have none."""
+def test_window_of_edges_is_clipped_to_image() -> None:
+    """The window is from the first to the last row and column that edges touch. Edges outside have none."""
     edges = np.array([[[-3.0, 2.5], [4.2, 9.0]]])
     assert _window(edges, (8, 20)) == (slice(2, 8), slice(0, 6))
     assert _window(edges + 5, (20, 20)) == (slice(7, 15), slice(2, 11))

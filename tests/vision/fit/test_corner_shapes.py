@@ -1,4 +1,4 @@
-"""Ideal corners."""
+"""Tests of the models of ideal corners."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def corner(opening: float, sharpness: float = 0.0) -> Array:
 
 
 @pytest.mark.parametrize("opening", ANGLES)
-def test_wedge_is_a_probability(opening: float) -> None:
-    """A blurred corner is the chance that a place, moved by the point spread, is inside it."""
+def test_wedge_is_a_bivariate_probability(opening: float) -> None:
+    """A blurred corner is the probability that a point, displaced by the point spread, is inside of it."""
     q = corner(opening)
     xy = np.random.default_rng(0).normal(0, 1.2, (1, 40, 2))
     lines = [np.array([-np.sin(a), np.cos(a)]) for a in q[0, 2:4]]
@@ -30,7 +30,7 @@ def test_wedge_is_a_probability(opening: float) -> None:
 
 
 @pytest.mark.parametrize("opening", ANGLES)
-def test_saddle_is_four_wedges(opening: float) -> None:
+def test_saddle_is_sum_of_four_wedges(opening: float) -> None:
     """A chessboard's corner is the two dark wedges less the two bright ones, sharpened or not."""
     xy = np.random.default_rng(1).normal(0, 2, (1, 40, 2))
     for sharpness in (0.0, 1.5):
@@ -41,7 +41,7 @@ def test_saddle_is_four_wedges(opening: float) -> None:
 
 
 def test_sharpening_overshoots() -> None:
-    """A sharpened edge goes beyond the levels of both its sides, far from it is as before."""
+    """A sharpened edge exceeds the levels of both its sides, and is unchanged far from it."""
     q = corner(np.pi / 2, sharpness=1.0)
     q[0, :4] = 0, 0, 0, -np.pi / 2
     across = np.stack([np.full(200, 30.0), np.linspace(-10, 10, 200)], -1)[None]
@@ -54,8 +54,8 @@ def test_sharpening_overshoots() -> None:
 @pytest.mark.parametrize("shape", [saddle, wedge], ids=["saddle", "wedge"])
 @pytest.mark.parametrize("opening", ANGLES)
 @pytest.mark.parametrize("sharpness", [0.0, 0.7, -0.3])
-def test_derivatives(shape: Corner, opening: float, sharpness: float) -> None:
-    """Derivatives to all six parameters, or the first of them, are those of the values."""
+def test_corner_derivatives_match_differences(shape: Corner, opening: float, sharpness: float) -> None:
+    """Derivatives with respect to all six parameters, or the first of them, match those of the values."""
     q = corner(opening, sharpness)
     xy = np.random.default_rng(3).normal(0, 2, (1, 40, 2))
     for free in (2, 4, 5, 6):
@@ -70,7 +70,7 @@ def test_derivatives(shape: Corner, opening: float, sharpness: float) -> None:
 
 
 def test_parallel_lines_give_finite_derivatives() -> None:
-    """Two lines on one another are no corner, and yet nothing of it overflows."""
+    """Two coincident lines are no corner, but no value or derivative overflows."""
     xy = np.random.default_rng(4).normal(0, 2, (1, 40, 2))
     for turn in (0.0, np.pi):
         q = np.array([[0.0, 0.0, 0.3, 0.3 + turn, np.log(0.8), 0.0]])
@@ -78,8 +78,8 @@ def test_parallel_lines_give_finite_derivatives() -> None:
             assert all(np.isfinite(each).all() for each in shape.linearise_shape(q, xy, 6))
 
 
-def test_spreads_beyond_the_bound_are_held() -> None:
-    """Beyond 55 px nothing changes with the spread, and the derivative says so."""
+def test_spread_is_bounded() -> None:
+    """Beyond 55 px the values are independent of the spread, and the derivative is zero."""
     xy = np.random.default_rng(5).normal(0, 2, (1, 40, 2))
     q = corner(np.pi / 2)
     q[0, 4] = 800.0

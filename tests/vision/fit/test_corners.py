@@ -1,4 +1,4 @@
-"""Corners refined in images."""
+"""Tests of the refinement of corners in images."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def board(noise: float, spread: float = 1.0, share: float = 0.0, seed: int = 0) 
 @pytest.mark.parametrize(
     ("noise", "spread", "share"), [(1.0, 0.7, 0.0), (4.0, 1.0, 0.0), (4.0, 2.0, 0.0), (2.0, 1.0, 1.0)]
 )
-def test_errors_are_as_large_as_sigmas(noise: float, spread: float, share: float) -> None:
-    """Corners up to a pixel away from where they are sought are found within their sigmas, sharpened images too."""
+def test_corner_errors_match_sigmas(noise: float, spread: float, share: float) -> None:
+    """Corners up to a pixel away from their start are found within their sigmas, in sharpened images as well."""
     errors, sigmas = [], []
     for seed in range(4):
         start = PLACES + np.random.default_rng(seed + 10).uniform(-1, 1, PLACES.shape)
@@ -59,8 +59,11 @@ def test_errors_are_as_large_as_sigmas(noise: float, spread: float, share: float
     assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, abs=0.15)
 
 
-def test_squares_of_pixels_matter_along_rows_and_columns() -> None:
-    """As much to either side of both, and less the more of them a line crosses, down to the diagonal's."""
+def test_pixel_error_is_largest_along_rows_and_columns() -> None:
+    """The error by the pixels' squares is symmetric about both axes.
+
+    It decreases with the number of pixels that a line crosses, down to the diagonal's.
+    """
     shapes = np.zeros((9, 6))
     along = np.array([0.0, 0.2, -0.2, np.pi / 2 + 0.2, np.pi / 2 - 0.2, 0.5, np.pi - 0.5, np.pi / 4, -3 * np.pi / 4])
     shapes[:, 2:4] = along[:, None]
@@ -76,15 +79,15 @@ def test_squares_of_pixels_matter_along_rows_and_columns() -> None:
     assert np.all(error < sharp[0])
 
 
-def test_gain_tells_which_side_is_bright() -> None:
-    """The step of a corner has its sign and size."""
+def test_gain_has_sign_of_the_corner() -> None:
+    """The gain of a corner has the sign and size of its step."""
     found = refine_corners(board(1.0), saddle, PLACES, AXES, WINDOW)
     row, column = np.divmod(np.arange(len(PLACES)), 8)
     np.testing.assert_allclose(found.gain, 60.0 * (-1.0) ** (row + column), atol=1.0)
 
 
-def test_no_corner_is_not_trusted() -> None:
-    """Where there is noise or an edge alone, nothing is trusted; without corners there is nothing."""
+def test_noise_and_edges_are_not_trusted() -> None:
+    """No fit is trusted in noise, and few on a single edge. Without corners the result is empty."""
     noise = 100 + np.random.default_rng(0).standard_normal((220, 260))
     edge = noise + 60 * (np.arange(260) > 130)
     assert not refine_corners(noise, saddle, PLACES, AXES, WINDOW).trusted.any()
@@ -92,8 +95,8 @@ def test_no_corner_is_not_trusted() -> None:
     assert len(refine_corners(noise, saddle, PLACES[:0], AXES[:0], WINDOW).pixels) == 0
 
 
-def test_large_windows_are_begun_with_a_part_of_their_pixels() -> None:
-    """Where a fifth of the pixels is enough to begin with, corners are as near and as sure as where it is not."""
+def test_thinned_start_keeps_accuracy() -> None:
+    """Large windows start with a fifth of their pixels. Corners are as accurate as with all pixels."""
     large = replace(WINDOW, arm_px=11.0, arm=0.45, outside=0.45, inside=0.45, before=0.45)
     start = PLACES + np.random.default_rng(1).uniform(-1, 1, PLACES.shape)
     found = refine_corners(board(2.0), saddle, start, AXES, large)
@@ -106,15 +109,15 @@ def test_large_windows_are_begun_with_a_part_of_their_pixels() -> None:
     assert np.linalg.norm(few.pixels[0] - PLACES[0]) < 4 * few.sigma_px[0]
 
 
-def test_thinned_pieces_have_pixels_of_every_row_and_column() -> None:
-    """One of five pixels is left, and each row and column of a piece has some."""
+def test_thinned_patch_covers_all_rows_and_columns() -> None:
+    """One of five pixels remains, and each row and column of a patch has some."""
     (xy,) = cut_patches(np.zeros((40, 40)), np.array([[20.0, 20.0]]), 7, 5).xy
     assert len(xy) == 15 * 15 / 5
     assert set(xy[:, 0]) == set(xy[:, 1]) == set(range(-7, 8))
 
 
-def test_pieces_at_the_border() -> None:
-    """Pixels of a piece that are outside the image weigh nothing."""
+def test_patch_pixels_outside_have_no_weight() -> None:
+    """Pixels of a patch outside of the image have zero weight."""
     image = np.arange(20.0).reshape(4, 5)
     patches = cut_patches(image, np.array([[0.0, 0.0], [2.0, 2.0]]), 1)
     np.testing.assert_array_equal(patches.weights[0].reshape(3, 3), [[0, 0, 0], [0, 1, 1], [0, 1, 1]])
@@ -134,8 +137,8 @@ def in_cross(
     return _cross_mask(context, q, np.array([[5.0, 7.0]]), np.array(xy)[None] + [5.0, 7.0])[0].tolist()
 
 
-def test_the_window_is_a_cross_along_both_lines() -> None:
-    """Each border is where it is stated, less the guard: of arms, beside them, and behind the corner."""
+def test_window_is_a_cross_along_both_lines() -> None:
+    """Each border is at its stated distance, less the guard: of arms, beside them, and behind the corner."""
     arms = [(13.9, 0.1), (14.1, 0.1), (0.1, 13.9), (0.1, 14.1)]
     inside = [(8, 4.9), (8, 5.1), (4.9, 8), (5.1, 8)]
     outside = [(8, -6.9), (8, -7.1), (-6.9, 8), (-7.1, 8), (-6.9, -8), (-7.1, -8)]
@@ -144,19 +147,19 @@ def test_the_window_is_a_cross_along_both_lines() -> None:
         assert in_cross(places) == [True, False] * (len(places) // 2)
 
 
-def test_arms_are_short_enough_for_straight_lines() -> None:
-    """In pixels, however large a pitch is."""
+def test_arm_length_is_limited_in_pixels() -> None:
+    """The arms are limited in pixels, for any pitch, so that the lines are straight."""
     assert in_cross([(8.9, 0.1), (9.1, 0.1), (0.1, 8.9), (0.1, 9.1)], replace(CROSS, arm_px=9.0)) == [True, False] * 2
 
 
-def test_wide_spreads_leave_a_band_along_the_lines() -> None:
-    """Of 1.6 px on each side, if the guard is wider than the window."""
+def test_wide_spread_keeps_band_along_lines() -> None:
+    """A band of 1.6 px on each side remains if the guard is wider than the window."""
     assert in_cross([(8, 1.5), (8, 1.7), (1.5, -1.9), (1.7, -1.9)], spread=4.0) == [True, False] * 2
     assert in_cross([(-1.9, 0.1), (-2.1, 0.1)], spread=4.0) == [True, False]
 
 
-def test_borders_of_a_slanted_cross_are_distances_from_its_lines() -> None:
-    """Of 4.8 px, less the guard of 1 px, from either line."""
+def test_slanted_window_borders_are_normal_distances() -> None:
+    """The borders are 4.8 px, less the guard of 1 px, from either line."""
     away = np.array([0.8, -0.6])
     along = np.array([6.0, 8.0])
     places = [(10, 3.7), (10, 3.9), *(tuple(along + length * away) for length in (3.7, 3.9))]
@@ -164,16 +167,16 @@ def test_borders_of_a_slanted_cross_are_distances_from_its_lines() -> None:
 
 
 @pytest.mark.parametrize(("noise", "share"), [(1.0, 0.0), (6.0, 0.0), (1.0, 0.5)])
-def test_the_lens_is_that_of_the_image(noise: float, share: float) -> None:
-    """Its spread within 3 %; a camera that does not sharpen is found to be one."""
+def test_blur_estimate_matches_image(noise: float, share: float) -> None:
+    """The estimated spread is within 3 %, and an image without sharpening has an estimate of zero."""
     log_spread, found = _estimate_blur(board(noise, 0.8, share), saddle, PLACES, AXES, WINDOW)
     assert np.exp(log_spread) == pytest.approx(0.8, rel=0.03)
     assert found == pytest.approx(share, abs=0.03)
     assert (found == 0) == (share == 0)
 
 
-def test_without_corners_the_lens_is_a_typical_one() -> None:
-    """A spread of a pixel, and no sharpening."""
+def test_blur_estimate_without_corners_has_defaults() -> None:
+    """The defaults are a spread of a pixel and no sharpening."""
     assert _estimate_blur(np.full((220, 260), 100.0), saddle, PLACES, AXES, WINDOW).tolist() == [0.0, 0.0]
 
 
@@ -187,23 +190,23 @@ def test_without_corners_the_lens_is_a_typical_one() -> None:
         ((0.0, 0.0), 1.0, False, False),
     ],
 )
-def test_a_fit_is_accepted_near_its_start(
+def test_fit_is_accepted_near_its_start(
     moved: tuple[float, float], spread: float, converged: bool, accepted: bool
 ) -> None:
-    """Within 3 px, with a spread below 6 px, if it converged."""
+    """A fit is accepted within 3 px, with a spread below 6 px, if it converged."""
     shape = np.array([[40 + moved[0], 30 + moved[1], 0.0, 0.0, np.log(spread), 0.0]])
     fit = Fit(shape, np.ones((1, 1)), np.zeros((1, 6, 6)), np.zeros((1, 1)), np.array([converged]))
     assert _accepted_fits(fit, np.array([[40.0, 30.0]])).tolist() == [accepted]
 
 
 def test_initial_lines_are_the_axes() -> None:
-    """The second is against its axis, so that both have the corner to their right."""
+    """The second line is opposite to its axis, so that both have the corner to their right."""
     q = _parameters(np.array([[40.0, 30.0]]), np.array([[[3.0, 3.0], [0.0, -2.0]]]))
     np.testing.assert_allclose(q, [[40, 30, np.pi / 4, np.pi / 2, 0, 0]])
 
 
-def test_noise_is_that_of_few_pixels_less_their_parameters() -> None:
-    """Of 36 pixels, ten numbers are fitted: errors over sigmas are those of Student's t with 26 degrees of freedom."""
+def test_noise_accounts_for_fitted_parameters() -> None:
+    """Ten numbers are fitted to 36 pixels. Errors over sigmas follow Student's t with 26 degrees of freedom."""
     small, ratio = replace(WINDOW, arm_px=3.0), []
     for seed in range(4):
         found = refine_corners(board(3.0, 0.8, 0.0, seed), saddle, PLACES, AXES, small)
@@ -213,8 +216,11 @@ def test_noise_is_that_of_few_pixels_less_their_parameters() -> None:
     assert np.sqrt(np.mean(np.square(ratio))) == pytest.approx(np.sqrt(26 / 24), abs=0.1)
 
 
-def test_squares_of_pixels_matter_less_the_wider_the_spread_is() -> None:
-    """As the first harmonic of a Gaussian with the spread, of which a pixel's square is a part; both lines count."""
+def test_pixel_error_decreases_with_spread() -> None:
+    """The error is the first harmonic of a Gaussian with the spread, of which the pixel's square is a part.
+
+    Both lines contribute.
+    """
     sharp, wide = (np.array([[0.0, 0, 0, 0, np.log(spread), 0]]) for spread in (0.2, 0.6))
     ratio = _pixel_error_px(wide)[0] / _pixel_error_px(sharp)[0]
     assert ratio == pytest.approx(np.exp(-2 * np.pi**2 * (0.36 - 1 / 12)), rel=1e-9)
@@ -224,7 +230,7 @@ def test_squares_of_pixels_matter_less_the_wider_the_spread_is() -> None:
     assert _pixel_error_px(mixed)[0] ** 2 == pytest.approx(np.mean(both))
 
 
-def test_guards_are_of_the_length_of_each_axis() -> None:
+def test_window_borders_follow_each_axis_length() -> None:
     """A band beside a line is measured along the other axis, of 10 and of 40 px here, each less 1 px."""
     axes = np.array([[10.0, 0.0], [0.0, 40.0]])
     window = Window(arm_px=100.0, arm=2.0, inside=0.45, outside=0.45, before=1.5)

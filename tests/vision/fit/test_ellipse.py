@@ -1,4 +1,4 @@
-"""Images of discs."""
+"""Tests of the model of images of discs."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from basecal.vision.fit.ellipse import ellipse
 from derivatives import check_derivative
 
 
-def test_ellipse_encloses_its_area() -> None:
-    """An ellipse's values add up to the area of its outline, whatever its axes."""
+def test_ellipse_values_add_up_to_area() -> None:
+    """The values of an ellipse add up to the area of its outline, for any axes."""
     xy = np.stack(np.meshgrid(np.arange(-40, 41), np.arange(-40, 41)), -1).reshape(1, -1, 2).astype(float)
     q = np.array([[0.3, 0.1, np.log(15), 0.3, np.log(12), np.log(0.7)]])
     assert ellipse(q, xy).sum() == pytest.approx(np.pi * 15 * 12, rel=5e-3)
 
 
-def test_derivatives() -> None:
-    """Derivatives are those of the values, as far as differences can tell."""
+def test_ellipse_derivatives_match_differences() -> None:
+    """Derivatives match those of the values, within the accuracy of finite differences."""
     q = np.array([[0.3, 0.1, np.log(6), 0.2, np.log(5), np.log(0.7)]])
     xy = np.random.default_rng(0).normal(0, 4, (1, 60, 2))
     _, derivatives = ellipse.linearise_shape(q, xy, 6)
@@ -31,8 +31,11 @@ def test_derivatives() -> None:
     check_derivative(moved, np.moveaxis(derivatives[0], 0, -1), step=3e-3, tolerance=1e-4)
 
 
-def test_values_are_shares_of_a_blurred_edge() -> None:
-    """Of a disc of 8 px with a blur of 0.7 px: by the distance to the edge; at the centre all, with derivatives."""
+def test_ellipse_values_follow_blurred_edge() -> None:
+    """The values of a disc of 8 px with a blur of 0.7 px depend on the distance to the edge.
+
+    At the centre they are one, with derivatives.
+    """
     q = np.array([[0.3, 0.1, np.log(8), 0.0, np.log(8), np.log(0.7)]])
     radii = np.array([0.0, 2.0, 7.3, 8.0, 8.7, 12.0])
     xy = np.stack([0.3 + 0.6 * radii, 0.1 + 0.8 * radii], axis=-1)[None]
@@ -46,8 +49,8 @@ def test_values_are_shares_of_a_blurred_edge() -> None:
     np.testing.assert_allclose(derivatives[0, 5, 2], -edge * 0.7, rtol=1e-9)
 
 
-def test_the_outline_is_the_image_of_the_unit_circle() -> None:
-    """By the exponential of a symmetric matrix: half of the level is there."""
+def test_outline_is_image_of_unit_circle() -> None:
+    """The outline, where the level is one half, is the unit circle mapped by the exponential of a symmetric matrix."""
     generator = np.array([[1.2, 0.5], [0.5, 2.0]])
     turn = np.linspace(0, 6, 20)
     outline = np.stack([np.cos(turn), np.sin(turn)], axis=-1) @ expm(generator)
@@ -57,14 +60,14 @@ def test_the_outline_is_the_image_of_the_unit_circle() -> None:
 
 @pytest.mark.parametrize("free", [2, 5, 6])
 def test_only_free_parameters_have_derivatives(free: int) -> None:
-    """The first ones, equal to those of all."""
+    """The derivatives of the first parameters equal those of all."""
     q = np.array([[0.3, 0.1, np.log(6), 0.2, np.log(5), np.log(0.7)]])
     xy = np.random.default_rng(0).normal(0, 4, (1, 9, 2))
     every = ellipse.linearise_shape(q, xy, 6)[1]
     np.testing.assert_array_equal(ellipse.linearise_shape(q, xy, free)[1], every[:, :free])
 
 
-def test_wild_parameters_stay_finite() -> None:
+def test_extreme_parameters_stay_finite() -> None:
     """Beyond 55 px the point spread is that of 55 px, and no longer depends on its parameter."""
     xy = np.random.default_rng(0).normal(0, 4, (1, 9, 2))
     disc = [0.0, 0.0, np.log(6), 0.0, np.log(6)]

@@ -1,4 +1,4 @@
-"""How a plane lies in an image around its points."""
+"""Tests of local maps from a plane to its image."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def seen(plane: Array, camera: object = PLAIN) -> Array:
 
 
 def test_axes_are_steps_of_a_pitch() -> None:
-    """A pitch along each axis is what the projection moves by, within a tenth of it in perspective."""
+    """The axes are the image motion of a pitch along each axis, within a tenth of it in perspective."""
     axes = local_axes(PLANE, PLANE, seen(PLANE), PITCH)
     for axis in (0, 1):
         half = np.eye(2)[axis] * PITCH / 2
@@ -29,14 +29,14 @@ def test_axes_are_steps_of_a_pitch() -> None:
 
 
 def test_axes_of_an_affine_map_are_exact() -> None:
-    """Where the plane is seen without perspective, a pitch is the same everywhere."""
+    """Without perspective a pitch is the same everywhere."""
     matrix = np.array([[400.0, 30.0], [-50.0, 380.0]])
     axes = local_axes(PLANE, PLANE, PLANE @ matrix.T + [100, 50], PITCH)
     np.testing.assert_allclose(axes, np.broadcast_to(matrix.T * PITCH, axes.shape), atol=1e-6)
 
 
 def test_homographies_are_exact_in_perspective() -> None:
-    """Around every point, the map of a pinhole takes any offset to its pixel, and nothing is bent."""
+    """The map of a pinhole around every point maps any offset to its pixel, without second-order terms."""
     matrix, bent = local_homographies(PLANE, seen(PLANE), PITCH)
     offsets = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [-0.5, 1.5, 1.0]])
     for k, place in enumerate(PLANE):
@@ -46,8 +46,8 @@ def test_homographies_are_exact_in_perspective() -> None:
     assert np.abs(bent).max() < 1e-3
 
 
-def test_a_lens_bends() -> None:
-    """Second derivatives beyond perspective are those of a lens, within a third."""
+def test_second_derivatives_match_the_lens() -> None:
+    """Second derivatives beyond perspective are those of the lens, within a third."""
     _, bent = local_homographies(PLANE, seen(PLANE, WIDE), PITCH)
     middle = len(PLANE) // 2
     homography, _ = local_homographies(PLANE, seen(PLANE, WIDE), PITCH)
@@ -62,8 +62,8 @@ def test_a_lens_bends() -> None:
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_right_handed(mirrored: bool) -> None:
-    """A grid read from its back has its rows put the other way; one read from its front stays."""
+def test_mirrored_grid_is_reversed(mirrored: bool) -> None:
+    """The rows of a grid read from its back are reversed; one read from its front is unchanged."""
     grid = seen(PLANE).reshape(5, 7, 2)
     np.testing.assert_array_equal(orient_grid(grid[::-1] if mirrored else grid), grid)
     axes = grid_axes(grid)
@@ -73,7 +73,7 @@ def test_right_handed(mirrored: bool) -> None:
 
 
 def test_second_derivatives_of_a_cubic_are_exact() -> None:
-    """Of each term, at any point of a grid, with any weights."""
+    """Second derivatives of each term are exact, at any point of a grid and with any weights."""
     offset = np.stack(np.meshgrid(np.arange(-2.0, 3), np.arange(-2.0, 3)), -1).reshape(1, -1, 2)
     x, y = offset[0].T
     values = 3 + x - 2 * y + 0.7 * x * x / 2 - 0.4 * x * y + 0.9 * y * y / 2
@@ -84,7 +84,10 @@ def test_second_derivatives_of_a_cubic_are_exact() -> None:
 
 
 def test_maps_are_local() -> None:
-    """A pixel's error moves the maps around its neighbours by a tenth or more, and those six pitches away hardly."""
+    """The error of a pixel moves the maps of its neighbours by a tenth or more.
+
+    It has hardly any effect six pitches away.
+    """
     pixels = seen(PLANE)
     wrong = pixels.copy()
     wrong[0] += [0.0, 1.0]
@@ -98,8 +101,8 @@ def test_maps_are_local() -> None:
     assert lengths[-1] < 1e-2
 
 
-def test_axes_are_weighted_by_their_distance() -> None:
-    """A line through pixels that no plane fits, with weights exp(-(distance / pitch)^2 / 2)."""
+def test_axes_are_weighted_by_distance() -> None:
+    """An affine map is fitted to noisy pixels with weights exp(-(distance / pitch)^2 / 2)."""
     rng = np.random.default_rng(0)
     pixels = seen(PLANE) + rng.normal(0, 3, PLANE.shape)
     offset = (PLANE - PLANE[16]) / PITCH
@@ -109,7 +112,7 @@ def test_axes_are_weighted_by_their_distance() -> None:
 
 
 def test_second_derivatives_are_weighted() -> None:
-    """Where no cubic fits, by least squares of weighted residuals."""
+    """The second derivatives minimise weighted squared residuals if no cubic fits."""
     rng = np.random.default_rng(0)
     offset = np.stack(np.meshgrid(np.arange(-2.0, 3), np.arange(-2.0, 3)), -1).reshape(-1, 2)
     weight, values = rng.uniform(0.1, 1.0, 25), rng.normal(size=(25, 2))
@@ -120,8 +123,8 @@ def test_second_derivatives_are_weighted() -> None:
     np.testing.assert_allclose(found[0], expected[3:6], atol=1e-4)
 
 
-def test_a_grid_is_turned_by_most_of_its_points() -> None:
-    """Rows of two points have the steps between them."""
+def test_grid_orientation_is_decided_by_majority() -> None:
+    """The axes of rows of two points are the steps between them."""
     grid = np.array([[[0.0, 0.0], [4.0, 1.0]], [[-1.0, 3.0], [3.0, 5.0]]])
     axes = grid_axes(grid)
     assert axes.tolist() == [[[4, 1], [-1, 3]], [[4, 1], [-1, 4]], [[4, 2], [-1, 3]], [[4, 2], [-1, 4]]]

@@ -1,4 +1,4 @@
-"""Shapes fitted to pieces of an image."""
+"""Tests of shapes fitted to patches of an image."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from basecal.vision.fit.patch_fit import Patches, Shape, fit_shapes, pack_patche
 
 
 @pytest.mark.parametrize(("shape", "size"), [(saddle, 6), (wedge, 6), (ellipse, 6)])
-def test_fit_finds_what_was_drawn(shape: Shape, size: int) -> None:
-    """Fits of many pieces with their own light end at the shapes they were made of, each with its own covariance."""
+def test_fit_recovers_shapes_with_true_covariance(shape: Shape, size: int) -> None:
+    """Fits of many patches with their own light recover the drawn shapes, each with its covariance."""
     rng = np.random.default_rng(2)
     xy = np.broadcast_to(np.stack(np.meshgrid(np.arange(-9, 10), np.arange(-9, 10)), -1).reshape(-1, 2), (20, 361, 2))
     first = [0, 0, np.log(5), 0, np.log(4), 0] if shape is ellipse else [0, 0, 0.2, -1.4, -0.2, 0.3]
@@ -27,8 +27,8 @@ def test_fit_finds_what_was_drawn(shape: Shape, size: int) -> None:
     assert squared.mean() == pytest.approx(size, abs=3.5)  # chi-squared of 120 values: a sigma of the mean is 0.8
 
 
-def test_held_parameters_stay() -> None:
-    """What is held is as it was, and the covariance is of the others."""
+def test_held_parameters_are_unchanged() -> None:
+    """The covariance is that of the other parameters."""
     xy = np.stack(np.meshgrid(np.arange(-9, 10), np.arange(-9, 10)), -1).reshape(1, -1, 2).astype(float)
     true = np.array([[0.1, -0.2, 0.2, -1.4, -0.2, 0.3]])
     start = true + np.array([0.2, 0.2, 0.1, 0.1, 0.3, 0.0])
@@ -39,8 +39,8 @@ def test_held_parameters_stay() -> None:
     np.testing.assert_allclose(fit.light, [[80, 50]], rtol=1e-3)
 
 
-def test_a_loose_end_comes_sooner() -> None:
-    """A fit that may leave a tenth of the residuals ends near the optimum, one sigma of hundred pixels' noise away."""
+def test_loose_tolerance_ends_within_two_sigma() -> None:
+    """A fit with a tolerance of a tenth ends near the optimum, within two sigmas of the pixels' noise."""
     rng = np.random.default_rng(5)
     xy = np.stack(np.meshgrid(np.arange(-6, 7), np.arange(-6, 7)), -1).reshape(1, -1, 2).astype(float)
     true = np.array([[0.1, -0.2, 0.2, -1.4, -0.2, 0.0]])
@@ -52,8 +52,8 @@ def test_a_loose_end_comes_sooner() -> None:
     assert not np.array_equal(loose.shape, tight.shape)
 
 
-def test_packed_keeps_what_weighs() -> None:
-    """Pixels without weight go, as far as all pieces have some."""
+def test_packing_removes_pixels_without_weight() -> None:
+    """Pixels without weight are removed, as far as all patches have some."""
     weights = np.array([[0, 1, 0, 2.0], [0, 0, 0, 3.0]])
     patches = Patches(np.arange(16.0).reshape(2, 4, 2), np.arange(8.0).reshape(2, 4), np.ones((2, 4)))
     kept = pack_patches(patches, weights)

@@ -1,4 +1,4 @@
-"""Spots fitted to pieces of an image."""
+"""Tests of spots fitted to patches of an image."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def spot(x: float, y: float, wide: float, high: float, brightness: float) -> Arr
     return brightness * np.outer(down, across)
 
 
-def test_exact_without_noise() -> None:
-    """A spot without noise is found as it was drawn, its two widths and its brightness too."""
+def test_noiseless_spot_is_fitted_exactly() -> None:
+    """A noiseless spot is recovered, including its two widths and its brightness."""
     found = fit_spot(spot(9.7, 10.4, 1.3, 1.8, 3000.0) + 12.0, np.ones((SIZE, SIZE), bool), (10, 10, 1.0))
     assert found is not None
     assert (found.x, found.y) == (pytest.approx(9.7, abs=1e-6), pytest.approx(10.4, abs=1e-6))
@@ -31,8 +31,8 @@ def test_exact_without_noise() -> None:
     assert found.brightness == pytest.approx(3000, rel=1e-5)
 
 
-def test_pixels_that_do_not_count() -> None:
-    """Pixels that are not usable have no say, whatever they are."""
+def test_unusable_pixels_have_no_effect() -> None:
+    """Unusable pixels have no effect, whatever their levels."""
     levels, usable = spot(9.7, 10.4, 1.5, 1.5, 3000.0) + 12.0, np.ones((SIZE, SIZE), bool)
     usable[9:12, 9:12] = False
     levels[~usable] = 255.0
@@ -41,8 +41,8 @@ def test_pixels_that_do_not_count() -> None:
     assert (found.x, found.y) == (pytest.approx(9.7, abs=1e-3), pytest.approx(10.4, abs=1e-3))
 
 
-def test_errors_are_as_large_as_sigmas() -> None:
-    """Under photons and read-out noise, errors are as large as sigmas say."""
+def test_spot_errors_match_sigmas() -> None:
+    """Errors agree with their sigmas under shot and read noise."""
     rng, ratio = np.random.default_rng(0), []
     for _ in range(150):
         x, y = rng.uniform(9.5, 10.5, 2)
@@ -55,8 +55,8 @@ def test_errors_are_as_large_as_sigmas() -> None:
 
 
 @pytest.mark.parametrize("log_width", [4.9, 5.1])
-def test_what_has_no_width_is_no_spot(monkeypatch: pytest.MonkeyPatch, log_width: float) -> None:
-    """Beyond 148 px, or a 148th: of such a piece no exponential is taken."""
+def test_extreme_width_is_no_spot(monkeypatch: pytest.MonkeyPatch, log_width: float) -> None:
+    """A width beyond 148 px, or below a 148th, is no spot, and no exponential of it is computed."""
     levels = spot(10, 10, 1.5, 1.5, 3000.0)
     end = np.array([[10.0, 10.0, log_width, 0.4, 3000.0, 12.0]])
     monkeypatch.setattr(spot_fit, "levenberg_marquardt", lambda *_: SimpleNamespace(state=end))
@@ -64,8 +64,8 @@ def test_what_has_no_width_is_no_spot(monkeypatch: pytest.MonkeyPatch, log_width
     assert (fit_spot(levels, np.ones((SIZE, SIZE), bool), (10, 10, 1.5)) is not None) == (log_width < 5)
 
 
-def test_too_few_pixels() -> None:
-    """Six unknowns need more than eleven pixels."""
+def test_too_few_pixels_give_no_spot() -> None:
+    """Six unknowns require more than eleven pixels."""
     usable = np.zeros((SIZE, SIZE), bool)
     usable[10, 5:16] = True
     assert fit_spot(spot(10, 10, 1.5, 1.5, 3000.0), usable, (10, 10, 1.5)) is None
@@ -80,7 +80,7 @@ def noisy(floor: float, slope: float) -> tuple[_Linearisation, Array]:
 
 @pytest.mark.parametrize(("floor", "slope"), [(1.0, 0.0), (4.0, 0.25), (0.5, 3.0)])
 def test_variance_is_linear_in_the_level(floor: float, slope: float) -> None:
-    """Of read-out and photons, from all pixels that count; others have no say."""
+    """The variance of read and shot noise is estimated from all usable pixels; others have no effect."""
     at, weights = noisy(floor, slope)
     np.testing.assert_allclose(_variance(at, weights, np.zeros((6, 6))), floor + slope * at.level, rtol=1e-9)
     weights[5::7] = 0.0
@@ -88,8 +88,8 @@ def test_variance_is_linear_in_the_level(floor: float, slope: float) -> None:
     np.testing.assert_allclose(_variance(at, weights, np.zeros((6, 6))), floor + slope * at.level, rtol=1e-9)
 
 
-def test_variance_is_not_below_that_of_rounding() -> None:
-    """Exact levels have that of rounding to whole numbers; noise that is lower in the spot has no slope."""
+def test_variance_is_at_least_that_of_rounding() -> None:
+    """Exact levels have the variance of rounding to integers. Noise that is lower in the spot has no slope."""
     at, weights = noisy(0.0, 0.0)
     np.testing.assert_allclose(_variance(at, weights, np.zeros((6, 6))), 1 / 12)
     falling = at._replace(residuals=np.where(at.level > 1, 0.5, 2.0) * np.where(np.arange(441) % 2, 1.0, -1.0))
@@ -98,16 +98,16 @@ def test_variance_is_not_below_that_of_rounding() -> None:
     assert found[0] > 1
 
 
-def test_residuals_are_corrected_by_their_leverage() -> None:
-    """Of a pixel that determines half of a parameter, the squared residual is half of its variance."""
+def test_residuals_are_corrected_by_leverage() -> None:
+    """The squared residual of a pixel that determines half of a parameter is half of its variance."""
     at, weights = noisy(1.0, 0.0)
     half = at._replace(jacobian=np.pad(np.full((1, 441), 0.5), ((0, 5), (0, 0))))
     np.testing.assert_allclose(_variance(half, weights, 2 * np.eye(6)), 2.0, rtol=1e-9)
     np.testing.assert_allclose(_variance(half, weights, 4 * np.eye(6)), 20.0, rtol=1e-9)
 
 
-def test_few_pixels_widen_the_variance() -> None:
-    """By Student's t: of ten equal pixels 10 / 8; never more than twice."""
+def test_variance_factor_follows_students_t() -> None:
+    """Ten equal pixels have a factor of 10 / 8 by Student's t; it is at most two."""
     at, weights = noisy(1.0, 0.0)
     for count, factor in ((10, 10 / 8), (3, 2.0), (100, 100 / 98)):
         jacobian = np.zeros((6, 441))
@@ -120,8 +120,8 @@ def test_few_pixels_widen_the_variance() -> None:
         assert _variance_factor(at._replace(jacobian=jacobian), weights) == pytest.approx(2500 / (2500 - 2 * 170))
 
 
-def test_twelve_pixels_are_enough_to_begin_with() -> None:
-    """Of a spot as bright and as high as its pixels show."""
+def test_spot_is_fitted_to_twelve_pixels() -> None:
+    """Twelve pixels that show its brightness and height suffice for a spot."""
     usable = np.zeros((SIZE, SIZE), bool)
     usable[9:12, 8:12] = True
     found = fit_spot(spot(9.7, 10.4, 1.3, 1.3, 3000.0) + 12.0, usable, (9.7, 10.4, 1.3))

@@ -1,4 +1,4 @@
-"""ChArUco boards in images that are not as they should be."""
+"""Tests of the detection of ChArUco boards in poor images."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ POOR = {
 
 
 @pytest.mark.parametrize("how", list(POOR))
-def test_poor_images(how: str) -> None:
-    """A board is found that is dark, blurred or small, with sigmas true within a factor of two and a half."""
+def test_charuco_is_detected_in_poor_images(how: str) -> None:
+    """A dark, blurred or small board is detected, with sigmas true within a factor of two and a half."""
     settings, block, count = POOR[how]
     found = detect(shrunk(scene(BOARD, settings), block), BOARD)
     error = errors_of(found, BOARD, block)
@@ -34,27 +34,27 @@ def test_poor_images(how: str) -> None:
     assert 0.4 < np.sqrt(np.mean((error / found.sigma_px[:, None]) ** 2)) < 2.5
 
 
-def test_another_board() -> None:
-    """A board of another dictionary is none."""
+def test_board_of_other_dictionary_is_not_detected() -> None:
+    """A board of another dictionary is not detected."""
     assert detect(scene(BOARD), charuco_target((5, 7), 0.04, 0.03, "DICT_6X6_50")) is None
 
 
-def test_too_few_markers() -> None:
-    """A board that needs more markers than its dictionary has is a named error."""
+def test_board_beyond_its_dictionary_is_refused() -> None:
+    """A board that requires more markers than its dictionary has is an input error."""
     with pytest.raises(InputError, match="DICT_4X4_50 has 50 markers, a 20x20 board needs 200"):
         detect(scene(BOARD), charuco_target((20, 20), 0.04, 0.03, "DICT_4X4_50"))
 
 
-def test_fewer_squares_than_printed() -> None:
-    """Markers of the dictionary beyond those of the board stated are passed over."""
+def test_markers_beyond_stated_board_are_ignored() -> None:
+    """Markers of the dictionary beyond those of the stated board are ignored."""
     found = detect(scene(BOARD), charuco_target((5, 5), 0.04, 0.03, "DICT_4X4_50"))
     assert found is not None
     assert len(found.ids) == 16
 
 
 @pytest.mark.parametrize("lacking", ["corners", "markers"])
-def test_half_a_reading_is_none(lacking: str) -> None:
-    """Markers without a corner between them, or corners without markers, are no reading."""
+def test_incomplete_opencv_reading_is_empty(lacking: str) -> None:
+    """Markers without a corner between them, or corners without markers, give an empty reading."""
 
     class Detector:
         """Reads half a board."""

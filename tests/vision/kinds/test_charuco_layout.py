@@ -1,4 +1,4 @@
-"""Squares of a board by where its markers stand."""
+"""Tests of the layout of a ChArUco board derived from its markers."""
 
 from __future__ import annotations
 
@@ -28,8 +28,11 @@ def layout(board):
         ("legacy", charuco_target((4, 4), 0.04, 0.03, "DICT_5X5_50")),
     ],
 )
-def test_the_printed_board_comes_first(printed, stated):
-    """Whatever is stated, seen from the front and leant; of the dictionary stated, which has enough markers."""
+def test_printed_board_is_the_best_candidate(printed, stated):
+    """The printed board is found from frontal and tilted views, whatever is stated.
+
+    It has the stated dictionary, which has enough markers.
+    """
     images = [shrunk(scene(TARGETS[printed], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
     (squares, legacy, dictionary) = layout(next(likely_boards(images, stated)))
     of = TARGETS[printed].options
@@ -37,8 +40,8 @@ def test_the_printed_board_comes_first(printed, stated):
     assert dictionary == stated.options["dictionary"]
 
 
-def test_without_markers_there_is_no_board():
-    """Neither in images of a chessboard, nor of a dictionary that begins as no other."""
+def test_images_of_other_markers_have_no_board():
+    """Images of a chessboard have no candidates, nor does a dictionary that shares no markers with the printed one."""
     assert list(likely_boards([scene(TARGETS["chessboard"])], TARGETS["charuco"])) == []
     alone = charuco_target((5, 7), 0.04, 0.03, "DICT_ARUCO_MIP_36H12")
     assert list(likely_boards([scene(TARGETS["charuco"])], alone)) == []
@@ -53,15 +56,15 @@ def seen_markers(board, count, noise=0.0):
 
 
 @pytest.mark.parametrize(("count", "known"), [(5, False), (6, True)])
-def test_six_markers_are_needed(monkeypatch, count, known):
-    """In one image."""
+def test_layout_requires_six_markers(monkeypatch, count, known):
+    """Six markers must be visible in one image."""
     monkeypatch.setattr(charuco_layout, "_MOST_COLUMNS", 7)
     monkeypatch.setattr(charuco_layout, "detect_markers", lambda *_: seen_markers(TARGETS["charuco"], count))
     assert bool(list(likely_boards([BLANK], TARGETS["charuco"]))) == known
 
 
 def test_at_most_three_boards_are_tried(monkeypatch):
-    """The best first; with all seventeen markers there is one, and its rows reach the highest number."""
+    """The best candidate comes first. With all seventeen markers it is the printed board."""
     board = TARGETS["charuco"]
     monkeypatch.setattr(charuco_layout, "_MOST_COLUMNS", 7)
     monkeypatch.setattr(charuco_layout, "detect_markers", lambda *_: seen_markers(board, 6, 3.0))
@@ -72,7 +75,7 @@ def test_at_most_three_boards_are_tried(monkeypatch):
 
 
 def test_images_without_markers_have_no_board(monkeypatch):
-    """Nor have no images."""
+    """There are no candidates without markers or without images."""
     monkeypatch.setattr(charuco_layout, "detect_markers", lambda *_: (np.zeros(0, int), np.zeros((0, 4, 2))))
     assert list(likely_boards([BLANK], TARGETS["charuco"])) == []
     assert list(likely_boards([], TARGETS["charuco"])) == []

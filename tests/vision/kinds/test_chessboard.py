@@ -1,4 +1,4 @@
-"""Chessboards in images that are not as they should be."""
+"""Tests of the detection of chessboards in poor images."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ POOR = {
 
 
 @pytest.mark.parametrize("how", list(POOR))
-def test_poor_images(how: str) -> None:
-    """Found where dark, blurred or small, with sigmas true within a factor of two and a half."""
+def test_chessboard_is_detected_in_poor_images(how: str) -> None:
+    """A dark, blurred or small board is detected, with sigmas true within a factor of two and a half."""
     check_poor_image(detect, SHAPE, *POOR[how])
 
 
-def test_less_than_a_board() -> None:
-    """A board with fewer squares than stated is none."""
+def test_smaller_board_is_not_detected() -> None:
+    """A board with fewer squares than stated is not detected."""
     image = shrunk(scene(SHAPE), 2)
     assert detect(image, SHAPE) is not None
     assert detect(image, chessboard_target((10, 7), 0.03)) is None
 
 
-def test_no_corner_is_lost_by_the_smaller_image(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leaning so far that some corners are lost at half the size, a board is sought at its own."""
+def test_tilted_board_is_searched_at_full_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A board tilted so far that some corners are lost at half the size is searched at full size as well."""
     rotation = SE3.from_rpy((-0.707, 0.565, 1.723), np.zeros(3)).rotation
     image = scene(SHAPE, RenderSettings(blur_px=2.0, noise=1.0), SE3(rotation, np.array([0.05, 0.0, 0.42])))
     ways, counts = chessboard._PREPROCESSINGS, []

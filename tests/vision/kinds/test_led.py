@@ -1,4 +1,4 @@
-"""Lights found in rendered images, against the bound that their photons set."""
+"""Tests of the detection of LEDs, against the Cramer-Rao bound of their photons."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ def errors(settings: LedSettings, count: int, pair: bool) -> tuple[Array, Array]
 @pytest.mark.parametrize("pair", [False, True], ids=["single", "pair"])
 @pytest.mark.parametrize("spot", quick([0.8, 1.5], [1.5]))
 @pytest.mark.parametrize("photons", [3e3, 3e5])
-def test_as_precise_as_photons_allow(photons: float, spot: float, pair: bool) -> None:
-    """A light is found at the Cramer-Rao bound of its image, or of both images of a pair, and its sigma says so."""
+def test_led_detection_reaches_cramer_rao_bound(photons: float, spot: float, pair: bool) -> None:
+    """The error is at the Cramer-Rao bound of the image, or of both images of a pair, and the sigma agrees with it."""
     settings = exposed(photons, spot)
     error, sigma = errors(settings, 40, pair)
     efficiency = np.sqrt(np.mean(error**2)) / bound(settings, places(1)[0], pair)
@@ -74,8 +74,8 @@ def test_as_precise_as_photons_allow(photons: float, spot: float, pair: bool) ->
     assert 0.7 < np.sqrt(np.mean((error / sigma[:, None]) ** 2)) < 1.25
 
 
-def test_saturated_light() -> None:
-    """Where the middle of a light is too bright for the image, its flanks still place it without bias."""
+def test_saturated_led_is_unbiased() -> None:
+    """The flanks of an LED whose centre is saturated determine its position without bias."""
     settings = replace(exposed(3e5, 2.0), photons_per_level=exposed(3e5, 2.0).photons_per_level / 3)
     error, sigma = errors(settings, 40, pair=False)
     assert np.sqrt(np.mean(error**2)) < 0.02
@@ -83,8 +83,8 @@ def test_saturated_light() -> None:
     assert np.sqrt(np.mean((error / sigma[:, None]) ** 2)) == pytest.approx(1.0, abs=0.3)
 
 
-def test_candidates_brightest_first() -> None:
-    """Several bright spots are all given, without ids, the brightest first."""
+def test_candidates_are_sorted_by_brightness() -> None:
+    """Several bright spots are all returned, without ids, the brightest first."""
     spots = places(3, seed=1)
     levels = sum(
         led_levels(PLAIN, spot, replace(exposed(3e4, 1.5), photons=photons, background=3.0))
@@ -97,8 +97,8 @@ def test_candidates_brightest_first() -> None:
     np.testing.assert_allclose(found.pixels, PLAIN.project(spots[[1, 2, 0]]), atol=0.1)
 
 
-def test_lamp_that_stays_on() -> None:
-    """A brighter spot that is there with the light off too is not the light."""
+def test_constant_lamp_is_not_the_led() -> None:
+    """A brighter spot that is also visible with the LED off is not the LED."""
     settings, (light, lamp) = exposed(3e4, 1.5), places(2, seed=2)
     both = render_led(PLAIN, np.stack([light, lamp]), settings, 1)
     only_lamp = render_led(PLAIN, lamp, settings, 2)
@@ -109,8 +109,8 @@ def test_lamp_that_stays_on() -> None:
     np.testing.assert_allclose(pair.pixels[0], PLAIN.project(light), atol=0.05)
 
 
-def test_structured_scene() -> None:
-    """A light on a structured scene is found in the difference of on and off."""
+def test_led_is_detected_on_structured_scene() -> None:
+    """An LED on a structured scene is detected in the difference of on and off."""
     settings = replace(exposed(3e4, 1.2), background=60.0, texture=25.0, photons=1e4)
     place = places(1, seed=3)[0]
     on, off = (render_led(PLAIN, place, each, seed) for seed, each in enumerate((settings, replace(settings, **OFF))))
@@ -119,24 +119,24 @@ def test_structured_scene() -> None:
     np.testing.assert_allclose(found.pixels[0], PLAIN.project(place), atol=0.15)
 
 
-def test_at_the_border() -> None:
-    """A light partly outside the image is placed by what is inside."""
+def test_led_at_the_border_is_detected() -> None:
+    """The visible part of an LED at the border determines its position."""
     place = np.array([-0.3184, 0.1, 1.0])  # pixel 0.3
     found = detect(render_led(PLAIN, place, exposed(1e5, 1.5)), LIGHT)
     assert found is not None
     np.testing.assert_allclose(found.pixels[0], PLAIN.project(place), atol=0.05)
 
 
-def test_nothing_in_the_dark() -> None:
-    """No light is found where there is none: in the dark, in noise, or where on and off are alike."""
+def test_dark_images_have_no_led() -> None:
+    """No LED is detected in the dark, in noise, or if on and off are equal."""
     dark = render_led(PLAIN, places(1)[0], LedSettings(photons=0.0))
     assert detect(np.zeros((100, 100), np.uint8), LIGHT) is None
     assert detect(dark, LIGHT, dark) is None
 
 
 @pytest.mark.parametrize(("radius", "slant"), [(2, 7), (3, 7), (7, 5)])
-def test_a_saturated_light_with_a_streak(radius: int, slant: int) -> None:
-    """A disc of which no pixel tells a level is no spot of any width, and does not end the search."""
+def test_saturated_disc_with_streak_is_no_spot(radius: int, slant: int) -> None:
+    """A saturated disc without any usable level is no spot of any width, and does not stop the search."""
     image = np.full((96, 128), 20, dtype=np.uint8)
     cv2.circle(image, (60, 40), radius, 255, -1)
     cv2.line(image, (60, 40 + radius), (60 + slant, 60), 180, 1)
@@ -144,14 +144,14 @@ def test_a_saturated_light_with_a_streak(radius: int, slant: int) -> None:
     assert found is None or np.linalg.norm(found.pixels[0] - [60, 40]) > radius
 
 
-def test_several_lights_at_once() -> None:
-    """Of several lights at once nothing is detected: which is which is not known."""
+def test_several_simultaneous_leds_are_not_detected() -> None:
+    """Several LEDs at once give no detection, because their identities are unknown."""
     two = led_target([[0, 0, 0], [0.1, 0, 0]])
     assert detect(render_led(PLAIN, places(2), exposed(3e4, 1.5)), two) is None
 
 
-def test_background_of_another_size() -> None:
-    """An image of the light off that does not fit is a named error."""
+def test_background_of_other_size_is_refused() -> None:
+    """A background image of another size is an input error."""
     with pytest.raises(InputError, match="differs in size"):
         detect(np.zeros((50, 50), np.uint8), LIGHT, np.zeros((50, 40), np.uint8))
 
@@ -165,8 +165,8 @@ def gaussians(*spots: tuple[float, float, float, float], shape: tuple[int, int] 
     return np.rint(levels).astype(np.uint16)
 
 
-def test_bright_spots_are_about_where_and_as_wide_as_they_are() -> None:
-    """To a pixel; a Gaussian is 3.3 sigmas wide at a quarter of its height."""
+def test_bright_spots_have_rough_position_and_width() -> None:
+    """The position is accurate to a pixel. A Gaussian is 3.3 sigmas wide at a quarter of its height."""
     for x, y, sigma in ((50.3, 40.8, 2.0), (101.0, 77.5, 4.0)):
         (place,) = _bright_spots(gaussians((x, y, 4000, sigma)))
         assert (place.x, place.y) == (pytest.approx(x, abs=1.1), pytest.approx(y, abs=1.1))
@@ -174,21 +174,21 @@ def test_bright_spots_are_about_where_and_as_wide_as_they_are() -> None:
 
 
 @pytest.mark.parametrize(("height", "count"), [(1200, 2), (800, 1)])
-def test_a_spot_has_a_quarter_of_the_height_of_the_brightest(height: int, count: int) -> None:
+def test_spot_requires_quarter_of_brightest_height(height: int, count: int) -> None:
     assert len(_bright_spots(gaussians((40, 60, 4000, 2.0), (110, 60, height, 2.0)))) == count
 
 
 @pytest.mark.parametrize(("side", "count"), [(44, 1), (56, 0)])
-def test_large_bright_areas_are_no_spots(side: int, count: int) -> None:
-    """Windows and walls."""
+def test_large_bright_areas_are_not_spots(side: int, count: int) -> None:
+    """Windows and walls are too large for a spot."""
     for wide, high in ((side, side), (side, 20), (20, side)):
         image = np.zeros((120, 160), np.uint16)
         image[20 : 20 + high, 30 : 30 + wide] = 4000
         assert len(_bright_spots(image)) == count
 
 
-def test_the_eight_brightest_spots_are_candidates() -> None:
-    """Of eight all in the order of the image, of more without the darkest."""
+def test_eight_brightest_spots_are_candidates() -> None:
+    """All of eight spots are candidates; of ten the two darkest are omitted."""
     every = [(16 + 32 * (k % 5), 20 + 36 * (k // 5), 2000 + 200 * k, 2.0) for k in range(10)]
     assert len(_bright_spots(gaussians(*every[:8]))) == 8
     found = _bright_spots(gaussians(*every))
@@ -198,7 +198,7 @@ def test_the_eight_brightest_spots_are_candidates() -> None:
 
 
 def test_noise_has_no_spots() -> None:
-    """Nor has a wall; six sigmas above it is one."""
+    """Noise and a uniform wall have no spots; a spot more than six sigmas above the noise is one."""
     noise = np.random.default_rng(0).normal(1000, 40, (480, 640))
     assert _bright_spots(noise.astype(np.uint16)) == []
     assert _bright_spots(np.full((120, 160), 1000, np.uint16)) == []
@@ -209,8 +209,8 @@ def fitted(image: Array, x: float, y: float, extent: float, background: Array | 
     return _fit_rough_spot(image, background, 65535.0, _RoughSpot(x, y, extent))
 
 
-def test_a_spot_is_fitted_wherever_it_is_in_the_image() -> None:
-    """Also beside its border, and from a pixel away; a background is subtracted."""
+def test_spot_is_fitted_anywhere_in_the_image() -> None:
+    """A spot is fitted beside the border as well, and from a start a pixel away. A background is subtracted."""
     for x, y in ((80.3, 60.8), (1.4, 2.6), (157.6, 118.2)):
         image = gaussians((x, y, 30000, 2.0))
         background = np.full_like(image, 500)
@@ -220,14 +220,14 @@ def test_a_spot_is_fitted_wherever_it_is_in_the_image() -> None:
 
 
 @pytest.mark.parametrize(("sigma", "fits"), [(0.05, False), (0.6, True), (12.0, True), (20.0, False)])
-def test_spots_have_the_width_of_a_light(sigma: float, fits: bool) -> None:
-    """Neither that of a hot pixel nor that of a window."""
+def test_spot_width_is_limited(sigma: float, fits: bool) -> None:
+    """The widths of a hot pixel and of a window are refused."""
     image = gaussians((80.0, 60.0, 30000, sigma))
     assert (fitted(image, 80.0, 60.0, max(3.3 * sigma, 1.0)) is not None) == fits
 
 
-def test_a_dark_spot_or_another_one_is_none() -> None:
-    """A spot that is far from where it was sought."""
+def test_dark_or_distant_spot_is_refused() -> None:
+    """A dark spot, or one far from the start of the search, is refused."""
     dark = (40000 - gaussians((80.0, 60.0, 30000, 2.0))).astype(np.uint16)
     assert fitted(dark, 80.0, 60.0, 7) is None
     assert fitted(gaussians((92.0, 60.0, 30000, 2.0)), 80.0, 60.0, 7) is None

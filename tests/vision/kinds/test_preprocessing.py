@@ -1,4 +1,4 @@
-"""Ways to search an image."""
+"""Tests of the preprocessing of images before a search, and of markers."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from vision_scenes import TARGETS
     "preprocessing",
     [Preprocessing(), Preprocessing(0.5), Preprocessing(2.0), Preprocessing(2.0, stretched=True, sharpened=True)],
 )
-def test_places_are_those_of_the_image(preprocessing: Preprocessing) -> None:
-    """A bright spot in the image as a way shows it has its place in the image itself, to half a pixel."""
+def test_original_pixels_invert_preprocessing(preprocessing: Preprocessing) -> None:
+    """The position of a bright spot in a preprocessed image maps to that in the original one, to half a pixel."""
     y, x = np.mgrid[:120, :160]
     image = (20 + 60 * np.exp(-((x - 70.3) ** 2 + (y - 41.8) ** 2) / 50)).astype(np.uint8)
     shown = preprocessing.apply(image).astype(float)
@@ -37,8 +37,8 @@ def test_places_are_those_of_the_image(preprocessing: Preprocessing) -> None:
     np.testing.assert_allclose(preprocessing.original_pixels(middle), [[70.3, 41.8]], atol=0.5)
 
 
-def test_stretched_uses_all_levels() -> None:
-    """Of a dark image the darkest level becomes black and the brightest white, whatever a few pixels are."""
+def test_stretching_uses_all_levels() -> None:
+    """The darkest level of a dark image becomes black and the brightest white, irrespective of a few outliers."""
     image = np.random.default_rng(0).integers(4, 14, (100, 100)).astype(np.uint8)
     image[0, :3] = 255
     shown = Preprocessing(stretched=True).apply(image)
@@ -46,8 +46,8 @@ def test_stretched_uses_all_levels() -> None:
     assert Preprocessing(stretched=True).apply(np.full((50, 50), 7, np.uint8)).std() == 0
 
 
-def test_sizes_that_suit() -> None:
-    """Nothing is searched in less than 16 pixels, and nothing large is enlarged."""
+def test_preprocessing_is_limited_by_image_size() -> None:
+    """Images below 16 pixels are not searched, and large images are not enlarged."""
     small, large = np.zeros((20, 30), np.uint8), np.zeros((2000, 3000), np.uint8)
     assert Preprocessing().suits(small)
     assert not Preprocessing(0.5).suits(small)
@@ -59,8 +59,8 @@ def test_sizes_that_suit() -> None:
 @pytest.mark.parametrize(
     ("counts", "tried", "found"), [([5, 9], 1, 5), ([2, 3, 1], 3, 3), ([0, 1, 0], 3, 1), ([0, 0, 0], 3, None)]
 )
-def test_best_of_several(counts: list[int], tried: int, found: int | None) -> None:
-    """The first way that finds enough ends the search; else the one that found most counts."""
+def test_search_ends_at_first_sufficient_result(counts: list[int], tried: int, found: int | None) -> None:
+    """The first preprocessing with enough results ends the search; otherwise the one with most results is used."""
     calls: list[Preprocessing] = []
 
     def search(image: Grey, preprocessing: Preprocessing) -> list[int]:
@@ -75,14 +75,14 @@ def test_best_of_several(counts: list[int], tried: int, found: int | None) -> No
 
 
 def test_every_dictionary_is_known() -> None:
-    """Every name that a cell may have gives a dictionary, and each set is of names that a cell may have."""
+    """Every name that a cell may have gives a dictionary, and each marker set consists of such names."""
     assert all(len(dictionary(name).bytesList) for name in DICTIONARIES)
     surveyed = {name for names in MARKER_SETS for name in names}
     assert surveyed - {"tag16h5", "tag25h9", "tag36h10", "tag36h11"} <= set(DICTIONARIES)
 
 
 @pytest.mark.parametrize("names", [names for names in MARKER_SETS if len(names) > 1], ids=lambda names: names[0])
-def test_sets_begin_alike(names: tuple[str, ...]) -> None:
+def test_smaller_dictionaries_are_prefixes(names: tuple[str, ...]) -> None:
     """The smaller dictionaries of a set are the beginning of its largest."""
     largest = dictionary(names[-1]).bytesList
     sizes = [len(dictionary(name).bytesList) for name in names]
@@ -92,8 +92,8 @@ def test_sets_begin_alike(names: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize("border", [1, 2])
-def test_cells_are_read_back(border: int) -> None:
-    """A marker drawn from its black cells is read as itself, and its border is black all round."""
+def test_drawn_marker_is_detected(border: int) -> None:
+    """A marker drawn from its black cells is read as itself, and its border is black on all sides."""
     cells = black_cells("tag36h11", 7, border)
     assert cells.shape == (6 + 2 * border, 6 + 2 * border)
     assert cells[:border].all()
@@ -106,8 +106,8 @@ def test_cells_are_read_back(border: int) -> None:
     assert ids.ravel().tolist() == [7]
 
 
-def test_names_and_numbers_that_are_none() -> None:
-    """An unknown family, a marker beyond its dictionary and a board that needs more markers are named errors."""
+def test_unknown_names_and_numbers_are_refused() -> None:
+    """An unknown family, a marker beyond its dictionary and a board that needs more markers are input errors."""
     with pytest.raises(InputError, match="'tagCircle21h7' can be neither drawn nor detected"):
         dictionary("tagCircle21h7")
     with pytest.raises(InputError, match="DICT_4X4_50 has markers 0 to 49, not 50"):
@@ -118,8 +118,8 @@ def test_names_and_numbers_that_are_none() -> None:
         charuco_board(charuco_target((10, 14), 0.04, 0.03, "DICT_APRILTAG_25h9"))
 
 
-def test_corners_of_markers() -> None:
-    """Markers of a board are squares of their size, in the middle of the squares of the board."""
+def test_marker_corners_are_centred_in_squares() -> None:
+    """Markers of a board are squares of their size, centred in the squares of the board."""
     corners = marker_corners(TARGETS["charuco"])
     assert corners.shape == (17, 4, 2)
     np.testing.assert_allclose(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2), 0.03, atol=1e-7)
@@ -138,13 +138,13 @@ def test_corners_of_markers() -> None:
         (Preprocessing(2.0), (8, 8), True),
     ],
 )
-def test_sizes_that_just_suit(preprocessing: Preprocessing, shape: tuple[int, int], suits: bool) -> None:
-    """Sixteen pixels after the change of scale; an image that is not enlarged may have any size."""
+def test_size_limits_are_inclusive(preprocessing: Preprocessing, shape: tuple[int, int], suits: bool) -> None:
+    """The limit is sixteen pixels after scaling. An image that is not enlarged may have any size."""
     assert preprocessing.suits(np.zeros(shape, np.uint8)) == suits
 
 
-def test_enlarged_images_have_a_largest_size() -> None:
-    """It is the same for wide and high ones."""
+def test_enlarged_images_have_maximal_size() -> None:
+    """The limit is the same for wide and high images."""
     sides = [side for side in range(500, 5000, 100) if Preprocessing(2.0).suits(np.zeros((side, side // 2), np.uint8))]
     assert sides == [
         side for side in range(500, 5000, 100) if Preprocessing(2.0).suits(np.zeros((side // 2, side), np.uint8))
@@ -152,8 +152,8 @@ def test_enlarged_images_have_a_largest_size() -> None:
     assert 1000 < max(sides) < 4900
 
 
-def test_levels_are_stretched_evenly() -> None:
-    """A level halfway between the darkest and the brightest is grey; one that is outside is clipped."""
+def test_levels_are_stretched_linearly() -> None:
+    """A level halfway between the darkest and the brightest becomes grey; one outside is clipped."""
     image = np.zeros((96, 96), np.uint8)
     image[:, :48], image[:, 48:] = 40, 60
     image[40:42] = 50
@@ -164,7 +164,7 @@ def test_levels_are_stretched_evenly() -> None:
 
 
 def test_sharpening_steepens_edges() -> None:
-    """Levels beside an edge go beyond those far from it, by less than their step; flat areas stay."""
+    """Levels beside an edge overshoot those far from it by less than the step. Uniform areas are unchanged."""
     image = np.full((60, 60), 100, np.uint8)
     image[:, 30:] = 140
     shown = Preprocessing(sharpened=True).apply(image).astype(int)
@@ -173,8 +173,8 @@ def test_sharpening_steepens_edges() -> None:
     assert 145 < shown.max() <= 180
 
 
-def test_an_equal_result_does_not_replace_an_earlier_one() -> None:
-    """And one that is just enough ends the search."""
+def test_equal_result_does_not_replace_earlier_one() -> None:
+    """A result that is just sufficient ends the search."""
     counts = iter([2, 2, 3, 9])
     found = best_result(
         np.zeros((50, 50), np.uint8), [Preprocessing()] * 4, lambda image, preprocessing: [next(counts)] * 2, 3

@@ -1,4 +1,4 @@
-"""Tags in images that are not as they should be."""
+"""Tests of the detection of tags in poor images."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ POOR = {
 
 
 @pytest.mark.parametrize("how", list(POOR))
-def test_poor_images(how: str) -> None:
-    """Found where dark, blurred or small, with sigmas true within a factor of two and a half."""
+def test_tags_are_detected_in_poor_images(how: str) -> None:
+    """Dark, blurred or small tags are detected, with sigmas true within a factor of two and a half."""
     check_poor_image(detect, SHAPE, *POOR[how])
 
 
 @pytest.mark.parametrize("bits", [8, 16])
-def test_tags_whose_corners_touch_squares(bits: int) -> None:
+def test_aprilgrid_corners_are_saddle_points(bits: int) -> None:
     """All corners of Kalibr's grid are found as corners between four fields, to a twentieth of a pixel."""
     front = SE3(STRAIGHT.rotation @ GRID.sheets[0].target_from_sheet.rotation.T, STRAIGHT.translation)
     found = detect(scene(GRID, RenderSettings(bits=bits), front), GRID)
@@ -37,7 +37,7 @@ def test_tags_whose_corners_touch_squares(bits: int) -> None:
     np.testing.assert_allclose(found.pixels, WIDE.project(at(GRID, front) @ GRID.points), rtol=0, atol=0.05)
 
 
-def test_tags_of_another_family() -> None:
-    """Tags of another family, and a target without tags, give nothing."""
+def test_tags_of_other_family_are_not_detected() -> None:
+    """Tags of another family, and a target without tags, give no detection."""
     assert detect(scene(SHAPE), TARGETS["aruco"]) is None
     assert detect(scene(SHAPE), TARGETS["chessboard"]) is None

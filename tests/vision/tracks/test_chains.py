@@ -1,4 +1,4 @@
-"""Matches of pairs of images become tracks."""
+"""Tests of tracks chained from matches of image pairs."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ def tracks_of(found) -> set[frozenset[tuple[int, int]]]:
     }
 
 
-def test_pairs_are_chained() -> None:
-    """Feature 2 of image 0, 0 of 1 and 1 of 2 are one track through images 0-1 and 1-2 alone."""
+def test_matches_are_chained_to_tracks() -> None:
+    """Feature 2 of image 0, 0 of 1 and 1 of 2 are one track, connected by the pairs 0-1 and 1-2 only."""
     found = chain_matches([3, 2, 2], {(0, 1): matches((2, 0), (0, 1)), (1, 2): matches((0, 1), (1, 0))}, 3)
     assert tracks_of(found) == {frozenset({(0, 2), (1, 0), (2, 1)}), frozenset({(0, 0), (1, 1), (2, 0)})}
 
 
-def test_short_tracks_are_left_out() -> None:
-    """A track of two images is none if three are needed, and is one if two are."""
+def test_short_tracks_are_excluded() -> None:
+    """A track of two images is excluded if three are required, and kept if two are."""
     given = {(0, 1): matches((0, 0), (1, 1)), (1, 2): matches((0, 0))}
     assert tracks_of(chain_matches([2, 2, 2], given, 3)) == {frozenset({(0, 0), (1, 0), (2, 0)})}
     assert len(tracks_of(chain_matches([2, 2, 2], given, 2))) == 2
 
 
-def test_a_image_in_which_a_track_stands_twice_is_left_out() -> None:
-    """Two features of image 2 end in one track: it keeps the images 0, 1 and 3, and neither of the two."""
+def test_image_with_track_twice_is_excluded() -> None:
+    """Two features of image 2 are in one track: it keeps the images 0, 1 and 3, and neither of the two features."""
     given = {(0, 1): matches((0, 0)), (0, 2): matches((0, 0)), (1, 2): matches((0, 1)), (0, 3): matches((0, 0))}
     assert tracks_of(chain_matches([1, 1, 2, 1], given, 3)) == {frozenset({(0, 0), (1, 0), (3, 0)})}
 
 
 def test_without_matches_there_are_no_tracks() -> None:
-    """Features alone are no tracks."""
+    """Features without matches give no tracks."""
     found = chain_matches([4, 3], {}, 2)
     assert [len(part) for part in found] == [0, 0, 0]
 
 
-def test_the_longest_tracks_are_kept() -> None:
-    """In the order of their numbers, of equal ones the first; all, if there are not more."""
+def test_longest_tracks_are_kept() -> None:
+    """Tracks keep their order, and the first of equal ones is kept. All are kept if there are not more."""
     view = np.array([0, 1, 0, 1, 2, 1, 2, 0, 1, 2])
     track = np.array([0, 0, 1, 1, 1, 2, 2, 3, 3, 3])
     chains = Chains(view, np.arange(10), track)
@@ -62,8 +62,11 @@ def test_the_longest_tracks_are_kept() -> None:
     assert longest_chains(chains, 9).track.tolist() == track.tolist()
 
 
-def test_a_track_counts_the_images_in_which_it_is_single() -> None:
-    """Of four images with two features in one of them, three are enough; the last feature of the last image counts."""
+def test_track_length_counts_unambiguous_images() -> None:
+    """Of four images with two features in one of them, three count.
+
+    The last feature of the last image counts as well.
+    """
     given = {(0, 1): matches((0, 0), (1, 1)), (1, 2): matches((0, 0), (1, 1), (0, 2)), (2, 3): matches((0, 0), (1, 1))}
     assert tracks_of(chain_matches([2, 2, 3, 2], given, 3)) == {
         frozenset({(0, 0), (1, 0), (3, 0)}),

@@ -1,4 +1,4 @@
-"""Features of an image: where they are, how they are spread, and what is left out."""
+"""Tests of image features: their positions, distribution, masks and cache."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def blots(seed: int = 1, shape: tuple[int, int] = (300, 400)) -> np.ndarray:
     return np.clip(128 + 40 * level, 0, 255).astype(np.uint8)
 
 
-def test_descriptors_are_of_unit_length() -> None:
-    """Every feature is inside the image, with a descriptor of length one."""
+def test_descriptors_have_unit_length() -> None:
+    """Every feature is inside of the image, with a descriptor of length one."""
     found = find_features(blots())
     assert 100 < len(found) <= MAX_FEATURES
     assert found.descriptors.shape == (len(found), DESCRIPTOR_LENGTH)
@@ -48,7 +48,7 @@ def test_descriptors_are_of_unit_length() -> None:
 
 
 def test_features_move_with_the_image() -> None:
-    """Two crops of one image have features at the same places, to 0.1 px in the median, without bias."""
+    """Two crops of one image have features at the same positions, to 0.1 px in the median, without bias."""
     large = blots(2)
     right, down = SHIFT
     whole, crop = find_features(large), find_features(np.ascontiguousarray(large[down:, right:]))
@@ -62,8 +62,11 @@ def test_features_move_with_the_image() -> None:
     assert np.abs(off[near].mean(0)).max() < 0.02
 
 
-def test_spots_are_found_at_their_middle() -> None:
-    """The centre of the top-left pixel is (0, 0): features of round spots are there to 0.03 px in the mean."""
+def test_spots_are_found_at_their_centres() -> None:
+    """Features of round spots are at their centres to 0.03 px in the mean.
+
+    The centre of the top-left pixel is (0, 0).
+    """
     rng = np.random.default_rng(5)
     rows = np.stack(np.meshgrid(np.arange(40, 600, 50), np.arange(40, 440, 50)), -1).reshape(-1, 2)
     middles = rows + rng.uniform(-5, 5, rows.shape)
@@ -76,14 +79,14 @@ def test_spots_are_found_at_their_middle() -> None:
     assert np.abs(off[near].mean(0)).max() < 0.03
 
 
-def test_no_two_features_share_a_place() -> None:
-    """A place with two directions of its gradient counts once."""
+def test_features_have_unique_positions() -> None:
+    """A position with two gradient directions counts once."""
     pixels = np.round(find_features(blots(3)).pixels, 2)
     assert len(np.unique(pixels, axis=0)) == len(pixels)
 
 
-def test_covered_places_have_no_features() -> None:
-    """Nothing is found within the hull of a moving target; elsewhere as much as before."""
+def test_masked_regions_have_no_features() -> None:
+    """No features are found within the hull of a moving target; elsewhere there are as many as before."""
     square = np.array([[100.0, 80.0], [200.0, 80.0], [200.0, 180.0], [100.0, 180.0]])
     every, found = find_features(blots()), find_features(blots(), [square])
     inside = ((found.pixels > 100) & (found.pixels < [200, 180])).all(1) & (found.pixels > [0, 80]).all(1)
@@ -93,7 +96,7 @@ def test_covered_places_have_no_features() -> None:
 
 
 def test_many_features_are_thinned_evenly() -> None:
-    """A large image keeps at most `MAX_FEATURES` features, about a quarter of them in every quarter of it."""
+    """A large image keeps at most `MAX_FEATURES` features, about a quarter of them in each quarter of it."""
     found = find_features(blots(4, (900, 1200)))
     assert len(found) == MAX_FEATURES
     right, lower = (found.pixels > [600, 450]).T
@@ -101,8 +104,8 @@ def test_many_features_are_thinned_evenly() -> None:
     assert quarters.min() > 0.2 * MAX_FEATURES
 
 
-def test_a_blank_image_has_none() -> None:
-    """No texture, no features, and still arrays of the right shape."""
+def test_blank_image_has_no_features() -> None:
+    """An image without texture gives empty arrays of the right shape."""
     found = find_features(np.full((120, 160), 90, dtype=np.uint8))
     assert found.pixels.shape == (0, 2)
     assert found.descriptors.shape == (0, DESCRIPTOR_LENGTH)
@@ -113,8 +116,8 @@ def kept_files(folder: Path) -> list[Path]:
     return sorted((folder / "derived" / "features").iterdir())
 
 
-def test_kept_features_equal_those_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A second call reads the file, finds nothing anew, and gives the same to the last bit."""
+def test_cached_features_equal_computed_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second call reads the file, computes no features, and gives the same to the last bit."""
     first = cached_features(tmp_path, "key", IMAGE, [])
     assert len(first) > 50
 
@@ -128,16 +131,16 @@ def test_kept_features_equal_those_found(tmp_path: Path, monkeypatch: pytest.Mon
     np.testing.assert_allclose(np.linalg.norm(again.descriptors, axis=1), 1.0, atol=1e-5)
 
 
-def test_another_image_or_mask_is_another_file(tmp_path: Path) -> None:
-    """The name holds the hash of the image and of what covers it."""
+def test_cache_name_depends_on_image_and_mask(tmp_path: Path) -> None:
+    """The name of the file has the hash of the image and of its mask."""
     for key, covered in (("key", []), ("other", []), ("key", [SQUARE]), ("key", [])):
         cached_features(tmp_path, key, IMAGE, covered)
     assert len(kept_files(tmp_path)) == 3
 
 
 @pytest.mark.parametrize("broken", [b"x" * 17, np.full(2, np.nan).tobytes() + bytes(128)])
-def test_a_broken_file_is_no_file(tmp_path: Path, broken: bytes) -> None:
-    """Of a wrong length or with places that are no numbers: features are found and kept again."""
+def test_damaged_cache_file_is_rewritten(tmp_path: Path, broken: bytes) -> None:
+    """A file of a wrong length, or with positions that are no numbers, is computed and written again."""
     first = cached_features(tmp_path, "key", IMAGE, [])
     (path,) = kept_files(tmp_path)
     whole = path.read_bytes()
@@ -146,21 +149,21 @@ def test_a_broken_file_is_no_file(tmp_path: Path, broken: bytes) -> None:
     assert path.read_bytes() == whole
 
 
-def test_a_folder_that_takes_no_files_is_only_slower(tmp_path: Path) -> None:
-    """Where `derived` is a file features are found all the same."""
+def test_unwritable_folder_is_tolerated(tmp_path: Path) -> None:
+    """Features are found even if `derived` is a file."""
     (tmp_path / "derived").write_text("")
     assert len(cached_features(tmp_path, "key", IMAGE, [])) > 50
 
 
-def test_the_strongest_of_each_cell_come_first() -> None:
-    """The second of a cell comes after the first of all; a place counts once, by its strongest."""
+def test_strongest_feature_of_each_cell_comes_first() -> None:
+    """The second of a cell comes after the first of all cells. A position counts once, with its strongest feature."""
     pixels = np.array([[5.0, 5.0], [6.0, 6.0], [5.0, 5.0], [395.0, 295.0], [30.0, 5.0], [5.0, 30.0]])
     response = np.array([0.5, 0.6, 0.9, 0.1, 0.2, 0.3])
     assert _distributed_indices(pixels, response, (300, 400)).tolist() == [2, 5, 4, 3, 1]
 
 
 def test_cells_are_a_grid_over_the_image() -> None:
-    """Its last column and row reach to the border; pixels just beyond are in them."""
+    """The last column and row of cells extend to the border and include pixels just beyond it."""
     pixels = np.array([[16.6, 0.0], [16.7, 0.0], [400.4, 300.4], [399.0, 299.0], [-0.4, -0.4]])
     order = _distributed_indices(pixels, np.array([0.9, 0.8, 0.7, 0.6, 0.5]), (300, 400)).tolist()
     assert order == [0, 1, 2, 3, 4]
@@ -168,8 +171,8 @@ def test_cells_are_a_grid_over_the_image() -> None:
     assert _distributed_indices(pixels[[2, 3, 1]], np.array([0.9, 0.8, 0.1]), (300, 400)).tolist() == [0, 2, 1]
 
 
-def test_masks_are_enlarged_about_their_middle() -> None:
-    """By 30 %; two pixels cover nothing, and every target has its own."""
+def test_masks_are_enlarged_about_their_centre() -> None:
+    """Masks are enlarged by 30 %. Two pixels mask nothing, and every target has its own mask."""
     square = np.array([[100.0, 80.0], [200.0, 80.0], [200.0, 180.0], [100.0, 180.0]])
     other = square + np.array([150, 100])
     rows, columns = np.nonzero(_mask((300, 400), [square, square[:2], other]) == 0)
@@ -180,8 +183,8 @@ def test_masks_are_enlarged_about_their_middle() -> None:
     assert set(np.unique(_mask((300, 400), [square]))) == {0, 255}
 
 
-def test_named_points_have_a_look_of_their_own() -> None:
-    """The same each time, of length one, without negative numbers; negative names are names."""
+def test_identified_points_have_unique_descriptors() -> None:
+    """The descriptor of a number is reproducible, of length one and non-negative. Negative numbers are allowed."""
     looks = identified_features(np.array([3, -3, 3]), np.zeros((3, 2))).descriptors
     np.testing.assert_array_equal(looks[0], looks[2])
     assert looks.min() >= 0
@@ -190,8 +193,8 @@ def test_named_points_have_a_look_of_their_own() -> None:
     assert identified_features(np.array([], dtype=int), np.zeros((0, 2))).descriptors.shape == (0, DESCRIPTOR_LENGTH)
 
 
-def test_descriptors_survive_their_bytes() -> None:
-    """To half a level; one of zeros remains zero."""
+def test_descriptors_survive_quantisation() -> None:
+    """Descriptors as bytes are accurate to half a level, and a zero one stays zero."""
     shares = np.zeros((2, DESCRIPTOR_LENGTH), dtype=np.float32)
     shares[0, :4] = 0.5
     levels = descriptor_levels(shares)

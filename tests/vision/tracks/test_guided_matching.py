@@ -1,4 +1,4 @@
-"""Features found where they are predicted, against chance."""
+"""Tests of features matched at predicted positions, against chance."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def grid(seed: int = 1) -> tuple[Features, np.ndarray]:
     return Features(pixels, unit_rows(looks + 0.02 * rng.standard_normal(looks.shape))), looks
 
 
-def test_predicted_points_are_found() -> None:
-    """Predictions 2 px off find their own features, none by chance; a point that is not seen finds none."""
+def test_predicted_points_are_matched() -> None:
+    """Predictions 2 px off match their own features, none by chance. A point that is not visible has no match."""
     features, looks = grid()
     predicted = features.pixels + np.array([1.6, -1.2])
     predicted[3] = np.nan
@@ -32,15 +32,15 @@ def test_predicted_points_are_found() -> None:
     assert found.by_chance == 0
 
 
-def test_near_and_alike_are_both_needed() -> None:
-    """A feature that looks alike but is beyond the radius, or is near but looks otherwise, is not found."""
+def test_match_requires_position_and_descriptor() -> None:
+    """A similar feature beyond the radius is not matched, nor is a close one with another descriptor."""
     features, looks = grid()
     assert len(match_predictions(features, features.pixels + 8.0, looks, RADIUS_PX).point) == 0
     assert len(match_predictions(features, features.pixels, looks[::-1], RADIUS_PX).point) == 0
 
 
-def test_each_feature_is_found_once() -> None:
-    """Of two predictions at one feature the more alike one has it."""
+def test_each_feature_is_matched_once() -> None:
+    """Of two predictions at one feature the one with the more similar descriptor is matched."""
     features, looks = grid()
     worse = unit_rows(looks + 0.03 * np.random.default_rng(2).standard_normal(looks.shape))
     found = match_predictions(
@@ -50,8 +50,8 @@ def test_each_feature_is_found_once() -> None:
     assert (found.point >= len(looks)).all()
 
 
-def test_a_image_that_looks_alike_everywhere_is_chance() -> None:
-    """If all features look alike as many are found beside the predictions as at them."""
+def test_uniform_image_matches_by_chance() -> None:
+    """If all features are similar, as many are matched beside the predictions as at them."""
     rng = np.random.default_rng(3)
     looks = unit_rows(np.ones((4000, 128)) + 0.1 * rng.standard_normal((4000, 128)))
     features = Features(rng.uniform(0, 1, (4000, 2)) * [640, 480], looks)
@@ -60,8 +60,8 @@ def test_a_image_that_looks_alike_everywhere_is_chance() -> None:
     assert found.by_chance > 0.8 * len(found.point)
 
 
-def test_no_features_give_nothing() -> None:
-    """An empty image, or no prediction inside of it, finds none."""
+def test_empty_image_has_no_matches() -> None:
+    """An image without features, or without predictions inside of it, has no matches."""
     features, looks = grid()
     empty = Features(np.zeros((0, 2)), np.zeros((0, 128), dtype=np.float32))
     assert match_predictions(empty, features.pixels, looks, RADIUS_PX).by_chance == 0
@@ -69,15 +69,15 @@ def test_no_features_give_nothing() -> None:
 
 
 @pytest.mark.parametrize(("off_px", "found"), [(4.9, True), (5.1, False)])
-def test_the_radius_is_a_border(off_px: float, found: bool) -> None:
+def test_match_radius_is_a_limit(off_px: float, found: bool) -> None:
     features, looks = grid()
     near = match_predictions(features, features.pixels + off_px * np.array([0.6, 0.8]), looks, RADIUS_PX)
     assert len(near.point) == (len(looks) if found else 0)
 
 
 @pytest.mark.parametrize(("squared", "found"), [(0.33, True), (0.37, False)])
-def test_descriptors_have_a_largest_distance(squared: float, found: bool) -> None:
-    """Of 0.35 of their squared length."""
+def test_descriptor_distance_is_limited(squared: float, found: bool) -> None:
+    """The squared distance is limited to 0.35 of the squared length."""
     looks = np.zeros((1, 128), dtype=np.float32)
     looks[0, 0] = 1.0
     other = np.zeros((1, 128), dtype=np.float32)
@@ -88,8 +88,8 @@ def test_descriptors_have_a_largest_distance(squared: float, found: bool) -> Non
 
 
 @pytest.mark.parametrize("way", [(50.0, 0.0), (-50.0, 0.0), (0.0, 50.0), (0.0, -50.0)])
-def test_chance_is_the_mean_of_four_sides(way: tuple[float, float]) -> None:
-    """A feature that is 50 px beside its prediction is found by chance on one of them."""
+def test_chance_is_mean_of_four_directions(way: tuple[float, float]) -> None:
+    """A feature 50 px beside its prediction is matched by chance in one of four directions."""
     looks = np.zeros((1, 128), dtype=np.float32)
     looks[0, 0] = 1.0
     place = np.array([[300.0, 200.0]])

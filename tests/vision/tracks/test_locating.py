@@ -1,4 +1,4 @@
-"""Where a camera is that sees points of a known scene."""
+"""Tests of locating a camera by points of a known scene."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def located(count: int, wrong: float, noise_px: float = 0.3) -> tuple[Located | 
     return locate_camera(features, looks, points, LENS), order
 
 
-def test_a_pose_is_found_among_wrong_matches() -> None:
-    """With half of the matches wrong, to 2 mm and 0.3 deg, and wrong ones are left out."""
+def test_pose_is_found_despite_wrong_matches() -> None:
+    """With half of the matches wrong the pose is found to 2 mm and 0.3 deg, and the wrong ones are excluded."""
     found, order = located(200, 0.5)
     assert found is not None
     off = (POSE.inverse() @ found.camera_from_world).log()
@@ -39,21 +39,21 @@ def test_a_pose_is_found_among_wrong_matches() -> None:
 
 
 def test_few_points_give_no_pose() -> None:
-    """One point less than are needed, and matches that are all wrong."""
+    """One point less than required, or only wrong matches, give no pose."""
     assert located(FEWEST_POINTS - 1, 0.0)[0] is None
     assert located(200, 1.0)[0] is None
 
 
 def test_thirty_points_give_a_pose() -> None:
-    """All of them are its inliers; points behind the camera are no points."""
+    """All of the points are its inliers."""
     found, _ = located(FEWEST_POINTS, 0.0)
     assert found is not None
     assert sorted(found.point.tolist()) == list(range(FEWEST_POINTS))
     assert np.linalg.norm((POSE.inverse() @ found.camera_from_world).log()) < 0.02
 
 
-def test_wrong_pixels_are_no_inliers() -> None:
-    """Beyond 3 px."""
+def test_distant_pixels_are_not_inliers() -> None:
+    """Points more than 3 px off are no inliers."""
     for off_px, count in ((2.0, 0), (6.0, 20)):
         rng = np.random.default_rng(3)
         points = rng.uniform(-0.2, 0.2, (100, 3)) * [1, 1, 0.5]

@@ -1,4 +1,4 @@
-"""Matches: of features that look alike, those that a rigid scene can have."""
+"""Tests of matching features by descriptor and by the geometry of a rigid scene."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def two_images(count: int, wrong: int = 0, seed: int = 1) -> tuple[Features, Fea
     return first, second, (planes[0], planes[1][order]), np.argsort(order)
 
 
-def test_each_finds_its_own() -> None:
+def test_noisy_copies_are_matched_one_to_one() -> None:
     """Noisy copies in another order are matched one to one."""
     first, second, _, of_point = two_images(80)
     found = match_descriptors(first.descriptors, second.descriptors)
@@ -35,8 +35,11 @@ def test_each_finds_its_own() -> None:
     np.testing.assert_array_equal(found.second, of_point)
 
 
-def test_looks_that_stand_twice_are_not_matched() -> None:
-    """A feature that two of the other image look like is passed over; from the other side the more alike wins."""
+def test_ambiguous_descriptors_are_not_matched() -> None:
+    """A feature that two of the other image resemble is skipped.
+
+    In the other direction the more similar one is matched.
+    """
     rng = np.random.default_rng(3)
     looks = random_looks(rng, 30)
     twice = unit_rows(looks[[*range(30), *range(5)]] + 0.02 * rng.standard_normal((35, 128)))
@@ -46,15 +49,15 @@ def test_looks_that_stand_twice_are_not_matched() -> None:
     assert sorted(back) == list(range(30))
 
 
-def test_unlike_features_are_not_matched() -> None:
-    """Of descriptors drawn apart hardly any pass; of fewer than two none."""
+def test_unrelated_features_are_not_matched() -> None:
+    """Hardly any of independently drawn descriptors match, and none if there are fewer than two."""
     rng = np.random.default_rng(4)
     assert len(match_descriptors(random_looks(rng, 200), random_looks(rng, 200)).first) < 3
     assert len(match_descriptors(random_looks(rng, 1), random_looks(rng, 200)).first) == 0
 
 
-def test_matches_off_the_epipolar_geometry_go() -> None:
-    """Of 120 matches 30 are elsewhere: nearly all of these are left out, and nearly all others kept."""
+def test_epipolar_outliers_are_excluded() -> None:
+    """Of 120 matches 30 are wrong: nearly all of these are excluded, and nearly all others are kept."""
     first, second, planes, of_point = two_images(120, wrong=30)
     found = match_rigid(first, second, planes, FOCAL_PX)
     assert found is not None
@@ -63,8 +66,8 @@ def test_matches_off_the_epipolar_geometry_go() -> None:
     assert np.count_nonzero(found.first >= 90) <= 4
 
 
-def test_what_rides_with_the_camera_is_left_out() -> None:
-    """Features that stay at their place in the image, as a gripper's do, are no matches."""
+def test_features_moving_with_camera_are_excluded() -> None:
+    """Features with constant positions in the image, like those of a gripper, are not matched."""
     first, second, planes, of_point = two_images(100)
     for pixels in (second.pixels, planes[1]):
         scale = FOCAL_PX if pixels is second.pixels else 1.0
@@ -75,8 +78,8 @@ def test_what_rides_with_the_camera_is_left_out() -> None:
     assert len(found.first) >= 78
 
 
-def test_few_matches_are_none() -> None:
-    """Below `MIN_MATCHES`, or if no geometry explains them, a pair of images shares nothing."""
+def test_too_few_matches_are_refused() -> None:
+    """A pair of images has no matches below `MIN_MATCHES`, or if no geometry explains them."""
     first, second, planes, _ = two_images(MIN_MATCHES - 1)
     assert match_rigid(first, second, planes, FOCAL_PX) is None
     first, second, planes, _ = two_images(2 * MIN_MATCHES, wrong=2 * MIN_MATCHES - 6)
@@ -91,8 +94,11 @@ def at_angles(*degrees: float) -> np.ndarray:
     return looks
 
 
-def test_the_nearest_is_clearly_nearer_than_the_second() -> None:
-    """By less than 0.8 of its distance: chords of 10 deg beside those of 12 and of 13 deg."""
+def test_ratio_test_of_descriptors() -> None:
+    """The nearest descriptor must be within 0.8 of the distance of the second.
+
+    Chords of 10 deg are tested beside those of 12 and of 13 deg.
+    """
     for second, count in ((12.0, 0), (13.0, 1)):
         found = match_descriptors(at_angles(0.0, 90.0), at_angles(10.0, -second, 140.0))
         assert np.count_nonzero(found.first == 0) == count
@@ -101,21 +107,21 @@ def test_the_nearest_is_clearly_nearer_than_the_second() -> None:
 
 
 def test_equal_features_are_matched_once() -> None:
-    """By the first of them."""
+    """The first of equal features is matched."""
     found = match_descriptors(at_angles(0.0, 0.0, 90.0), at_angles(1.0, 91.0))
     assert (found.first.tolist(), found.second.tolist()) == ([0, 2], [0, 1])
 
 
 def test_fifteen_matches_are_enough() -> None:
-    """If they moved by more than 3 px."""
+    """The minimal number of matches suffices if they moved by more than 3 px."""
     first, second, planes, _ = two_images(MIN_MATCHES)
     found = match_rigid(first, second, planes, FOCAL_PX)
     assert found is not None
     assert len(found.first) == MIN_MATCHES
 
 
-def test_features_move_by_three_pixels() -> None:
-    """Less is a feature of the camera's own mount."""
+def test_features_must_move_by_three_pixels() -> None:
+    """A feature that moves less is on the camera's own mount."""
     looks = at_angles(*np.linspace(0, 170, 40))
     pixels = np.random.default_rng(0).uniform(0, 600, (40, 2))
     for off, expected in ((2.9, False), (3.1, True)):
