@@ -1,4 +1,4 @@
-"""An arm in time, and what is wrong with it."""
+"""Tests of a running arm over time, with its faults."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def away_m(one, joints, now):
     return float(np.linalg.norm(one.base_from_flange(now).translation - ur5e().forward(joints).translation))
 
 
-def test_it_goes_from_rest_to_rest_within_its_speed():
-    """The way is smooth, no joint is faster than asked, and the end is reached; then it stays."""
+def test_move_is_smooth_and_within_speed():
+    """The path is smooth from rest to rest, no joint exceeds the requested speed, and the arm stays at its end."""
     one = arm()
     one.move(THERE, 0.5, 1.0)
     times = np.linspace(1.0, 4.0, 3001)
@@ -38,8 +38,8 @@ def test_it_goes_from_rest_to_rest_within_its_speed():
     assert away_m(one, THERE, 4.0) < STILL_M
 
 
-def test_it_stops_on_the_way():
-    """After a stop it rests between start and goal within a fifth of a second, and can be sent on."""
+def test_stop_halts_the_arm_on_its_path():
+    """After a stop the arm is at rest between start and goal within a fifth of a second, and can be sent on."""
     one = arm()
     one.move(THERE, 0.5, 0.0)
     one.stop(0.6)
@@ -50,8 +50,8 @@ def test_it_stops_on_the_way():
     np.testing.assert_array_equal(one.commanded_joints(20.0), THERE)
 
 
-def test_the_same_place_has_the_same_error():
-    """It stands elsewhere than sent by some hundredths of a millimetre, by the same whenever it is sent there."""
+def test_positioning_error_is_repeatable():
+    """The pose differs from the goal by some hundredths of a millimetre, identically for every move to it."""
     one, again = arm(), arm()
     one.move(THERE, 1.0, 0.0)
     again.move(HOME + 0.1, 1.0, 0.0)
@@ -60,8 +60,8 @@ def test_the_same_place_has_the_same_error():
     np.testing.assert_array_equal(one.base_from_flange(20.0).matrix, again.base_from_flange(20.0).matrix)
 
 
-def test_backlash_depends_on_the_side_it_comes_from():
-    """From both sides the flange comes to rest in two places, apart by the play of the joint that moved."""
+def test_backlash_depends_on_direction():
+    """The flange comes to rest at two poses from both directions, apart by the play of the joint that moved."""
     play = np.radians(0.5)
     one = arm("backlash=0.5")
     rests = []
@@ -74,7 +74,10 @@ def test_backlash_depends_on_the_side_it_comes_from():
 
 
 def test_ringing_ends_after_half_a_second():
-    """The flange swings by millimetres after it arrives, less and less, until it rests; encoders see nothing."""
+    """The flange oscillates by millimetres after its arrival, with decreasing amplitude until it rests.
+
+    Encoders do not measure it.
+    """
     one = arm("ringing=5")
     one.move(THERE, 1.0, 0.0)
     arrival = next(t for t in np.arange(0, 5, 1e-3) if np.array_equal(one.commanded_joints(t), THERE))
@@ -86,8 +89,8 @@ def test_ringing_ends_after_half_a_second():
     assert np.array_equal(one.reported_joints(arrival + 0.01), THERE)
 
 
-def test_joints_stray_on_their_way_and_arrive():
-    """By another amount each, most in the middle, of which encoders see nothing."""
+def test_following_error_vanishes_at_arrival():
+    """Each joint has its own following error, largest in the middle of the path, which encoders do not measure."""
     one, exact = arm("following-error=0.1"), arm()
     for each in (one, exact):
         each.move(THERE, 1.0, 0.0)
@@ -97,8 +100,8 @@ def test_joints_stray_on_their_way_and_arrive():
     assert np.array_equal(one.reported_joints(0.3), exact.reported_joints(0.3))
 
 
-def test_encoders_are_noisy():
-    """States scatter by the size of the noise, and the flange does not."""
+def test_encoder_noise_affects_only_states():
+    """States scatter with the sigma of the noise, and the flange does not."""
     one = arm("encoder-noise=0.1")
     one.move(THERE, 1.0, 0.0)
     states = np.stack([one.reported_joints(10.0 + t) for t in range(400)])
@@ -107,8 +110,8 @@ def test_encoders_are_noisy():
 
 
 @pytest.mark.parametrize(("joints", "speed"), [(np.zeros(5), 1.0), (np.full(6, 4.0), 1.0), (HOME, 0.0)])
-def test_what_it_cannot_do(joints, speed):
-    """Too few joints, joints beyond their limits and no speed are refused, and it stays where it is."""
+def test_impossible_moves_are_refused(joints, speed):
+    """Too few joints, joints beyond their limits and a speed of zero are refused, and the arm stays."""
     one = arm()
     with pytest.raises(InputError):
         one.move(joints, speed, 0.0)
@@ -116,8 +119,8 @@ def test_what_it_cannot_do(joints, speed):
 
 
 @pytest.mark.parametrize(("way", "speed", "peak_speed"), [(3.0, 10.0, np.pi), (0.4, 0.5, 0.5)])
-def test_no_joint_is_faster_than_it_can_be(way, speed, peak_speed):
-    """Nor than asked; the duration follows."""
+def test_speed_is_limited(way, speed, peak_speed):
+    """No joint exceeds its maximal or the requested speed; the duration follows."""
     one = arm()
     one.move(HOME - np.array([way, 0, 0, 0, 0, 0]), speed, 1.0)
     middle = 1.0 + (one.arrival_s - 1.0) / 2
@@ -126,8 +129,8 @@ def test_no_joint_is_faster_than_it_can_be(way, speed, peak_speed):
     assert one.goal[0] == HOME[0] - way
 
 
-def test_short_ways_are_limited_by_acceleration():
-    """Eight rad/s^2 at most, at a fifth of the way."""
+def test_short_moves_are_limited_by_acceleration():
+    """The acceleration is at most eight rad/s^2, at a fifth of the path."""
     one = arm()
     one.move(HOME + 0.01, 3.0, 0.0)
     times = np.linspace(0, one.arrival_s, 400)
@@ -136,16 +139,22 @@ def test_short_ways_are_limited_by_acceleration():
     assert np.abs(acceleration).max() == pytest.approx(8.0, rel=0.01)
 
 
-def test_a_share_of_the_way_is_smooth():
-    """Zero before, half in the middle, one after; of a way without duration all."""
+def test_path_share_is_smooth():
+    """The share is zero before the path, half in the middle and one after it.
+
+    A path without duration has a share of one.
+    """
     leg = Leg(2.0, 4.0, HOME, THERE, np.ones(6), np.zeros(6), np.zeros(6))
     shares = [leg.share(t) for t in (0.0, 2.0, 3.0, 4.0, 5.0, 6.0, 9.0)]
     assert shares == pytest.approx([0, 0, 0.103515625, 0.5, 0.896484375, 1, 1])
     assert Leg(2.0, 0.0, HOME, HOME, np.ones(6), np.zeros(6), np.zeros(6)).share(1.0) == 1
 
 
-def test_a_joint_that_stays_keeps_its_side_and_its_error_changes_on_the_way():
-    """Sides of joints that move are those of their direction."""
+def test_backlash_side_follows_moving_joints():
+    """The sides of moving joints are those of their directions; a still joint keeps its side.
+
+    Positioning errors change along the path.
+    """
     goal = HOME + np.array([0.1, -0.1, 0, 1e-10, 0, 0])
     before = np.array([-1.0, 1, -1, 1, 1, -1])
     leg = Leg(0.0, 1.0, HOME, goal, before, np.zeros(6), np.ones(6))
@@ -156,7 +165,7 @@ def test_a_joint_that_stays_keeps_its_side_and_its_error_changes_on_the_way():
 
 
 def test_a_stop_after_the_arrival_changes_nothing():
-    """Before it the arm comes to rest 0.15 s later, where it would have been in half of that time."""
+    """Before its arrival a stopped arm comes to rest 0.15 s later, where it would have been in half of that time."""
     one, other = arm(), arm()
     for each in (one, other):
         each.move(THERE, 0.5, 0.0)
@@ -168,14 +177,14 @@ def test_a_stop_after_the_arrival_changes_nothing():
     np.testing.assert_allclose(other.goal, one.commanded_joints(0.675))
 
 
-def test_positioning_errors_are_those_of_an_industrial_arm():
-    """Of 600 joints 3e-5 rad rms, to a tenth."""
+def test_positioning_error_is_realistic():
+    """The positioning errors of 600 joints have 3e-5 rad rms, within a tenth, as industrial arms do."""
     errors = [arm()._positioning_error(HOME + 0.01 * k) for k in range(100)]
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(3e-5, rel=0.1)
 
 
-def test_joints_may_go_to_their_limits():
-    """Not beyond."""
+def test_joints_may_move_to_their_limits():
+    """A goal at the limits is accepted, and one beyond is refused."""
     one = arm()
     one.move(one.chain.upper, 1.0, 0.0)
     one.move(one.chain.lower, 1.0, 100.0)
@@ -184,8 +193,8 @@ def test_joints_may_go_to_their_limits():
         one.move(one.chain.upper + 1e-6, 1.0, 200.0)
 
 
-def test_straying_is_largest_halfway():
-    """By 4 s (1 - s) of its size there."""
+def test_following_error_is_largest_halfway():
+    """The following error is 4 s (1 - s) of its size at a share s of the path."""
     one, exact = arm("following-error=0.1"), arm()
     for each in (one, exact):
         each.move(THERE, 1.0, 0.0)
@@ -196,8 +205,8 @@ def test_straying_is_largest_halfway():
     assert 0.3 < np.sqrt(np.mean(half**2)) / np.radians(0.1) < 2
 
 
-def test_ringing_has_nine_periods_a_second():
-    """It begins with its size, crosses zero after a 36th of a second, and decays linearly."""
+def test_ringing_has_nine_periods_per_second():
+    """The oscillation begins with its size, crosses zero after a 36th of a second, and decays linearly."""
     one, exact = arm("ringing=5"), arm()
     for each in (one, exact):
         each.move(THERE, 1.0, 0.0)

@@ -1,4 +1,4 @@
-"""Faults as they are switched on."""
+"""Tests of the faults of a running cell as they are switched on."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from basecal.simulation.running.plant import Clock, Plant
 from shared.facing_arms import facing_arms
 
 
-def test_sizes_in_their_units():
-    """A size counts in the unit of its kind, one that is left out is the usual one, and what is off has none."""
+def test_fault_sizes_have_units_and_defaults():
+    """A size is in the unit of its fault, a missing size is the default, and an inactive fault has size zero."""
     faults = read_faults(["joint-offsets=1", "sag", "base-bumped=3@7"])
     assert faults.size("joint-offsets") == pytest.approx(np.radians(1))
     assert faults.size("sag") == pytest.approx(np.radians(FAULTS["sag"].default_size))
@@ -22,8 +22,8 @@ def test_sizes_in_their_units():
     assert faults.size("backlash") == 0
 
 
-def test_every_fault_can_be_switched_on():
-    """Each has a usual size above 0, which is what its name alone gives."""
+def test_every_fault_has_a_default_size():
+    """Each fault has a positive default size, which its name alone selects."""
     faults = read_faults(list(FAULTS))
     assert all(faults.size(name) == kind.default_size * kind.scale > 0 for name, kind in FAULTS.items())
 
@@ -40,8 +40,8 @@ def test_every_fault_can_be_switched_on():
         (["sag", "sag=1"], "given twice"),
     ],
 )
-def test_what_is_no_fault(written, message):
-    """It is refused in a line that says what was expected."""
+def test_invalid_fault_is_refused(written, message):
+    """The error is one line that states the expected form."""
     with pytest.raises(InputError, match=message):
         read_faults(written)
 
@@ -65,8 +65,11 @@ def answers(*faults: str) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_every_fault_acts(name):
-    """A cell with four times its usual size answers otherwise than a sound one: the simulator passes none over."""
+def test_every_fault_has_an_effect(name):
+    """A cell with four times the default size answers differently from an intact one.
+
+    The simulator thus ignores no fault.
+    """
     fault = f"{name}={4 * FAULTS[name].default_size}{'@1' if FAULTS[name].is_sudden else ''}"
     pairs = zip(answers(fault), answers(), strict=True)
     acts = not all(np.array_equal(wrong, right) for wrong, right in pairs)
@@ -75,8 +78,8 @@ def test_every_fault_acts(name):
     )
 
 
-def test_sudden_faults_come_after_twelve_moves():
-    """Unless another number is given; one from the start is given as none. Others act from the start."""
+def test_sudden_faults_act_after_twelve_moves():
+    """Another number may be stated, zero included. Other faults act from the start."""
     for written, moves in (("base-bumped", 12), ("base-bumped=3", 12), ("base-bumped@1=", None), ("base-bumped=@1", 1),
                            ("base-bumped=3@0", 0), ("sag=1", 0), ("sag=1@0", 0)):  # fmt: skip
         if moves is None:
@@ -88,14 +91,14 @@ def test_sudden_faults_come_after_twelve_moves():
 
 
 @pytest.mark.parametrize("size", ["0", "inf", "-0.0"])
-def test_sizes_are_above_zero_and_finite(size):
+def test_fault_sizes_must_be_positive_and_finite(size):
     with pytest.raises(InputError, match="size above 0"):
         read_faults([f"sag={size}"])
     assert read_faults(["sag=1e-9"]).size("sag") > 0
 
 
-def test_a_fault_acts_from_the_start_unless_moves_are_stated():
-    """Sizes of one name add up; without any there are no faults."""
+def test_fault_acts_from_start_by_default():
+    """Sizes of the same name add up; no faults have size zero."""
     faults = Faults((Fault("base-bumped", 0.003), Fault("base-bumped", 0.001, 4)))
     assert (faults.delay_moves("base-bumped"), faults.size("base-bumped")) == (0, 0.004)
     assert Faults().size("base-bumped") == 0

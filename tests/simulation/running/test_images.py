@@ -1,4 +1,4 @@
-"""What a camera of a running cell sees."""
+"""Tests of the images of a camera of a running cell."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def brightest(image):
     return tuple(int(k) for k in np.unravel_index(np.argmax(image), image.shape)[::-1])
 
 
-def test_a_light_is_on_or_off():
-    """It stands where the lens has it while it is on, and is gone when it is off."""
+def test_led_is_visible_only_when_on():
+    """The LED is at its projection while it is on, and invisible when it is off."""
     view = CameraView(LENS, 0.0)
     lit = view.image(lambda at: LIGHT, 0.0, 0.01, True, 1)
     dark = view.image(lambda at: LIGHT, 0.0, 0.01, False, 2)
@@ -30,8 +30,8 @@ def test_a_light_is_on_or_off():
     assert int(lit.max()) > 100 > 40 > int(dark.max())
 
 
-def test_the_table_shows_it_again():
-    """A reflection stands where the mirrored point is, weaker by its share."""
+def test_table_reflects_the_led():
+    """The reflection is at the mirrored point, weaker by its share."""
     plain, mirrored = (
         CameraView(LENS, share).image(lambda at: LIGHT, 0.0, 0.01, True, 1).astype(float) for share in (0.0, 0.4)
     )
@@ -40,8 +40,8 @@ def test_the_table_shows_it_again():
     assert more / light == pytest.approx(0.4, abs=0.15)  # noise of 900 pixels twice: 0.04
 
 
-def test_a_reflection_moves_without_the_light():
-    """Both arms may move rigidly: the camera then sees the same light, and another mirror image."""
+def test_reflection_moves_independently_of_led():
+    """If both arms move rigidly together, the camera sees the LED unchanged, and another reflection."""
     view = CameraView(LENS, 0.4)
     first, second = (
         view.image(lambda at, y=y: replace(LIGHT, reflected=np.array([[0.0, y, 1.0]])), 0.0, 0.01, True, 1)
@@ -51,8 +51,8 @@ def test_a_reflection_moves_without_the_light():
     assert int(second[65:75].max()) > 30 > int(second[165:175].max())
 
 
-def test_a_moving_light_is_smeared():
-    """One that goes 10 mm while the shutter is open, 5 px, is wider along its way, and in the middle of it."""
+def test_moving_led_is_blurred():
+    """An LED that moves 10 mm (5 px) during the exposure is wider along its path, and centred on it."""
 
     def seen(at):
         return replace(LIGHT, camera_from_target=SE3(np.eye(3), np.array([at, 0.0, 1.0])))
@@ -69,7 +69,7 @@ def test_a_moving_light_is_smeared():
     assert spread[0] > 1.15 * spread[1]
 
 
-def test_noise_is_new_in_every_image():
+def test_each_image_has_new_noise():
     """Two images of the same board differ by noise of some levels, and no more."""
     world = facing_arms()
     board = world.cell.targets["board"].target

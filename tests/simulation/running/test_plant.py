@@ -1,4 +1,4 @@
-"""A cell that runs, and the faults that only show as it does."""
+"""Tests of a running cell, and of faults that act over time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def arrive(running, robot, joints):
 
 
 def test_states_and_images_share_a_clock():
-    """Stamps rise through states of both arms and images, by what each takes."""
+    """Stamps of states of both arms and of images increase by the duration of each request."""
     _, running = plant()
     stamps = [running.state("eye")[0], running.shot("wrist").stamp_s, running.state("hand")[0]]
     assert stamps == sorted(stamps)
@@ -43,15 +43,15 @@ def test_states_and_images_share_a_clock():
 
 
 @pytest.mark.parametrize(("fault", "ahead_s"), [("clock-offset=0.5", 0.5), ("late-trigger=0.5", 0.0)])
-def test_stamps_of_the_camera(fault, ahead_s):
-    """A clock that is ahead stamps so; a late trigger does not show in the stamp."""
+def test_camera_stamps_have_clock_offset(fault, ahead_s):
+    """A camera clock that is ahead has stamps ahead; a late trigger does not change the stamp."""
     _, running = plant(fault)
     _, sound = plant()
     assert running.shot("wrist").stamp_s - sound.shot("wrist").stamp_s == pytest.approx(ahead_s)
 
 
-def test_a_late_trigger_takes_what_is_there_later():
-    """While an arm moves, the image shows the light where it will be."""
+def test_late_trigger_shows_later_scene():
+    """While an arm moves, the image shows the LED at its later position."""
     late, sound = plant("late-trigger=0.3"), plant()
     places = []
     for world, running in (late, sound):
@@ -65,7 +65,7 @@ def test_a_late_trigger_takes_what_is_there_later():
     [({}, "the cell has no target, and a running cell draws no scene"), (None, "as all targets are")],
 )
 def test_a_camera_without_a_target_is_refused(targets, message):
-    """A cell without any is none that runs; an image of a camera that no target faces is refused."""
+    """A cell without targets cannot run. An image of a camera that faces no target is refused."""
     world = facing_arms("led")
     light = replace(world.cell.targets["light"], on=world.cell.cameras["wrist"].on)
     world = replace(world, cell=replace(world.cell, targets={"light": light} if targets is None else targets))
@@ -73,8 +73,8 @@ def test_a_camera_without_a_target_is_refused(targets, message):
         Plant(world, Clock(0)).shot("wrist")
 
 
-def test_frames_are_lost():
-    """Of many images the share asked for never comes: the others take as much longer, and are none the worse."""
+def test_dropped_frames_delay_images():
+    """The requested share of frames is lost. The other images take accordingly longer, and are unaffected."""
     _, running = plant("dropped-frames=0.5")
     stamps = [running.shot("wrist").stamp_s for _ in range(16)]
     frames = np.rint(np.diff(stamps) * 30)
@@ -83,8 +83,8 @@ def test_frames_are_lost():
 
 
 @pytest.mark.parametrize(("fault", "robot"), [("base-bumped=20@1", "hand"), ("board-remounted=20@1", "hand")])
-def test_something_is_pushed_after_some_moves(fault, robot):
-    """At the second move of the arm, not at the first, the light is seen elsewhere than in a sound cell."""
+def test_sudden_fault_acts_at_stated_move(fault, robot):
+    """The LED is displaced at the second move of the arm, not at the first."""
     off, sound = plant(fault), plant()
     for moves in (1, 2):
         for world, running in (off, sound):
@@ -94,8 +94,8 @@ def test_something_is_pushed_after_some_moves(fault, robot):
 
 
 @pytest.mark.parametrize(("fault", "is_turn"), [("mount-bend=5", True), ("mount-play=5", False)])
-def test_mounts_give_way_to_gravity(fault, is_turn):
-    """By the size where gravity is across the flange's axis: of both arms, whatever else is in the image."""
+def test_mounts_deflect_by_gravity(fault, is_turn):
+    """The mounts of both arms deflect by the size if gravity is across the axis of the flange."""
     off, sound = plant(fault), plant()
     for name, on in (("wrist", "eye"), ("light", "hand")):
         bent, straight = (running._pose_in_world(name, on, 0.0) for _, running in (off, sound))
@@ -106,8 +106,8 @@ def test_mounts_give_way_to_gravity(fault, is_turn):
         np.testing.assert_allclose(moved, expected, atol=1e-12)
 
 
-def test_what_it_does_follows_from_what_it_is_asked():
-    """Two cells that are asked the same give the same images, to the last bit; a new arrival begins them anew."""
+def test_running_cell_is_deterministic():
+    """Two cells with the same requests give the same images, to the last bit. A new arrival restarts the noise."""
     images = []
     for _ in range(2):
         world, running = plant()
@@ -120,8 +120,11 @@ def test_what_it_does_follows_from_what_it_is_asked():
     assert not np.array_equal(images[0], images[1])
 
 
-def test_a_tray_shows_a_light_again():
-    """Mirrored at a plane below where the light begins; not where the light went below it, nor without the fault."""
+def test_tray_reflects_the_led():
+    """The reflection is mirrored at a plane below the initial LED.
+
+    There is none if the LED is below the plane, or without the fault.
+    """
     world, running = plant("reflection")
     seen = running._camera_scene("wrist", 0.0)
     scene = running._carrier("eye", 0.0) @ running._mount("wrist", "eye")
@@ -135,8 +138,8 @@ def test_a_tray_shows_a_light_again():
     assert len(running._camera_scene("wrist", 0.0).reflected) == 0
 
 
-def test_unknown_names():
-    """A robot or camera that is not there is named with those that are."""
+def test_unknown_names_are_refused():
+    """The error for an unknown robot or camera lists the existing ones."""
     _, running = plant()
     with pytest.raises(InputError, match="no robot 'foot'; there are: eye, hand"):
         running.state("foot")
@@ -144,8 +147,8 @@ def test_unknown_names():
         running.shot("hall")
 
 
-def test_when_arms_arrive():
-    """The last arm is where it was sent when that is said, and not before."""
+def test_arrival_time_is_that_of_last_arm():
+    """The last arm reaches its goal at the stated time, and not before."""
     world, running = plant()
     running.move("eye", world.home["eye"] + 0.1, 1.0)
     running.move("hand", world.home["hand"] + 0.3, 1.0)
@@ -159,15 +162,15 @@ def test_when_arms_arrive():
     )
 
 
-def test_time_goes_on_as_it_is_spent():
-    """At speed 0 only waiting passes time, exactly as much, at once."""
+def test_clock_at_speed_zero_advances_by_waiting():
+    """At speed 0 only waiting advances the time, exactly and immediately."""
     clock, began = Clock(0), time.monotonic()
     assert [clock.time_s(), clock.wait(1000.0), clock.time_s()] == [0.0, 1000.0, 1000.0]
     assert time.monotonic() - began < 10
 
 
-def test_time_goes_faster():
-    """At speed 100 a second of waiting is over in a hundredth of one, and time passes by itself."""
+def test_clock_speed_scales_time():
+    """At speed 100 a second of waiting takes a hundredth of a second, and time advances continuously."""
     clock, began = Clock(100), time.monotonic()
     assert clock.wait(1.0) >= 1.0
     assert time.monotonic() - began < 1.0
@@ -176,8 +179,8 @@ def test_time_goes_faster():
     assert clock.time_s() - before >= 1.0
 
 
-def test_what_stands_in_the_world_is_never_pushed():
-    """An arm's is after more than the stated moves."""
+def test_objects_on_world_are_never_displaced():
+    """An object on an arm is displaced after more than the stated moves."""
     world, running = plant("board-remounted=5@1")
     assert not running._is_pushed("board-remounted", "world")
     pushed = []
@@ -188,8 +191,8 @@ def test_what_stands_in_the_world_is_never_pushed():
     assert not running._is_pushed("board-remounted", "eye")
 
 
-def test_a_clock_goes_in_real_time(monkeypatch):
-    """From its start, unless another speed is stated."""
+def test_clock_runs_in_real_time(monkeypatch):
+    """The clock runs in real time from its start, unless another speed is stated."""
     now = iter((5.0, 7.5, 5.0, 7.5))
     monkeypatch.setattr(time, "monotonic", lambda: next(now))
     for clock, passed_s in ((Clock, 2.5), (partial(Clock, 4.0), 10.0)):

@@ -1,4 +1,4 @@
-"""A running cell in a second process, reached as its folder says."""
+"""Tests of a running cell in a second process, addressed by its folder."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def process(tmp_path_factory):
         process.kill()
 
 
-def test_it_says_where_it_is(process):
-    """Its first line names the port and the file with the token, which only its owner may read."""
+def test_process_prints_its_address(process):
+    """The first line of the process has the port and the file with the token, which only its owner can read."""
     started, folder, said = process
     address = read_address(folder)
     assert (said["port"], said["host"]) == (address.port, "127.0.0.1")
@@ -50,8 +50,8 @@ def test_it_says_where_it_is(process):
     assert (folder / "truth.yaml").exists()
 
 
-def test_it_answers(process):
-    """States, images and the light, over one line."""
+def test_process_answers_requests(process):
+    """States, images and the LED are served over one connection."""
     line = connect(read_address(process[1]))
     first, second = (line.ask(do="state", robot="eye") for _ in range(2))
     assert second["stamp_s"] > first["stamp_s"]
@@ -60,8 +60,8 @@ def test_it_answers(process):
     line.close()
 
 
-def test_it_ends_with_ctrl_c(process):
-    """It takes its address away, and whoever asks then is told to start it."""
+def test_process_ends_with_ctrl_c(process):
+    """The process removes its address, and later clients are told to start it."""
     started, folder, _ = process
     line = connect(read_address(folder))
     line.ask(do="state", robot="eye")
@@ -77,16 +77,16 @@ def test_it_ends_with_ctrl_c(process):
         connect(address)
 
 
-def test_lines():
-    """A message is a line, and a line a message; half a line is none."""
+def test_messages_are_single_lines():
+    """A message is a line of one JSON object; an incomplete line is refused."""
     assert decode(encode({"do": "state"})) == {"do": "state"}
     for line in (b'{"do": "state"}', b"", b"[]\n", b"{\n", b"[" * 100_000 + b"\n"):
         with pytest.raises(InputError):
             decode(line)
 
 
-def test_an_address_that_is_none(tmp_path):
-    """A file that holds something else is no address."""
+def test_invalid_address_file_is_refused(tmp_path):
+    """A file with other contents is no address."""
     (tmp_path / "derived").mkdir()
     (tmp_path / "derived" / "simulated.json").write_text('{"port": "x"}')
     with pytest.raises(DriverError):
@@ -94,8 +94,8 @@ def test_an_address_that_is_none(tmp_path):
     assert Address(port=1, token="t", pid=2).port == 1
 
 
-def test_the_address_of_a_cell_is_its_owners_and_goes_with_it(tmp_path, monkeypatch):
-    """Its use is allowed while it runs; a cell that has ended twice has ended."""
+def test_address_file_is_private_and_removed(tmp_path, monkeypatch):
+    """The address is allowed while the cell runs. Removing it twice is no error."""
     allowed = []
     monkeypatch.setattr(protocol, "allow", lambda folder, words: allowed.extend(words))
     monkeypatch.setattr(protocol, "withdraw", lambda folder, word: allowed.clear())
@@ -111,8 +111,8 @@ def test_the_address_of_a_cell_is_its_owners_and_goes_with_it(tmp_path, monkeypa
     assert allowed == []
 
 
-def test_a_cell_that_does_not_answer_is_given_up_at_the_deadline():
-    """Whatever it has sent of a line by then."""
+def test_unresponsive_cell_times_out():
+    """The exchange ends at its deadline, whatever part of a line has arrived."""
     ours, theirs = socket.socketpair()
     with ours, theirs:
         theirs.sendall(b"{")

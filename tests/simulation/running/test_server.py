@@ -1,4 +1,4 @@
-"""What a running cell answers, whatever it is asked."""
+"""Tests of the answers of a running cell's server."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def address(server, token=TOKEN):
     return Address(port=server.port, token=token, pid=0)
 
 
-def test_it_listens_on_this_machine_alone(server):
-    """Its address is loopback."""
+def test_server_listens_on_loopback_only(server):
+    """The address of the server is loopback."""
     assert server.server_address[0] == "127.0.0.1"
 
 
-def test_a_move_is_seen_in_the_states(server):
-    """An arm that is sent somewhere says so, and stops when it is told to."""
+def test_states_follow_move_and_stop(server):
+    """The states of an arm show its move, and its stop on request."""
     line = connect(address(server))
     joints = np.array(line.ask(do="state", robot="hand")["joints_rad"])
     line.ask(do="move", robot="hand", joints_rad=(joints + 0.3).tolist(), speed_rad_s=0.5)
@@ -70,8 +70,8 @@ def test_a_move_is_seen_in_the_states(server):
         ("not JSON", "one JSON object"),
     ],
 )
-def test_what_it_refuses(server, said, message):
-    """Anything but a request with the right token gets a line that says why, and the line stays open."""
+def test_invalid_requests_are_refused(server, said, message):
+    """Anything but a request with the right token gets a line with the reason, and the connection stays open."""
     with socket.create_connection(("127.0.0.1", server.port), timeout=10) as line, line.makefile("rb") as answers:
         line.sendall((said if said == "not JSON" else json.dumps(said)).encode() + b"\n")
         answer = json.loads(answers.readline())
@@ -80,15 +80,15 @@ def test_what_it_refuses(server, said, message):
         assert json.loads(answers.readline()) == {"ok": True}
 
 
-def test_a_line_without_end_is_cut(server):
-    """More than a request needs, without a newline, is refused and the line closed."""
+def test_endless_line_is_refused(server):
+    """A line without a newline that exceeds a request is refused, and the connection is closed."""
     with socket.create_connection(("127.0.0.1", server.port), timeout=10) as line, line.makefile("rb") as answers:
         line.sendall(b"x" * 2**16)
         assert json.loads(answers.readline())["ok"] is False
 
 
-def test_wrong_tokens_by_the_driver(server):
-    """A driver with the wrong token is told so."""
+def test_wrong_token_of_driver_is_reported(server):
+    """A driver with a wrong token gets an error that states it."""
     line = connect(address(server, "guess"))
     with pytest.raises(DriverError, match="token is missing or wrong"):
         line.ask(do="state", robot="eye")
@@ -104,8 +104,8 @@ def test_wrong_tokens_by_the_driver(server):
         (0.4, True, True, []),
     ],
 )
-def test_arms_stop_in_silence(monkeypatch, silent_s, is_real_time, is_busy, stopped):
-    """In real time, unless a request is being answered."""
+def test_arms_stop_without_requests(monkeypatch, silent_s, is_real_time, is_busy, stopped):
+    """Arms stop in real time if no request arrives, unless one is being answered."""
     now, arms = [100.0], []
     monkeypatch.setattr(server_module.time, "monotonic", lambda: now[0])
     plant = SimpleNamespace(is_real_time=is_real_time, robots=("eye", "hand"), stop=arms.append)
@@ -118,8 +118,8 @@ def test_arms_stop_in_silence(monkeypatch, silent_s, is_real_time, is_busy, stop
     assert arms == stopped
 
 
-def test_every_request_breaks_the_silence(monkeypatch):
-    """A refused one does not."""
+def test_valid_requests_reset_the_watchdog(monkeypatch):
+    """A refused request does not reset the watchdog."""
     now, arms = [100.0], []
     monkeypatch.setattr(server_module.time, "monotonic", lambda: now[0])
     plant = SimpleNamespace(is_real_time=True, robots=("eye",), stop=arms.append)

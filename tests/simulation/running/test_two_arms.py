@@ -1,4 +1,4 @@
-"""Two arms that face each other."""
+"""Tests of the world of two arms that face each other."""
 
 from __future__ import annotations
 
@@ -24,8 +24,11 @@ from basecal.vision.detectors import find_target
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_target_is_seen_whole_from_where_they_begin(seed):
-    """Every corner of the board is found in the first image; what the cell states is near the truth, not it."""
+def test_target_is_fully_visible_at_home(seed):
+    """Every corner of the board is found in the first image.
+
+    The stated transforms are near the true ones, but not equal.
+    """
     world = two_arms("charuco", seed)
     board = world.cell.targets["board"].target
     found = find_target(Plant(world, Clock(0)).shot("wrist").image, board)
@@ -40,8 +43,8 @@ def test_the_target_is_seen_whole_from_where_they_begin(seed):
     assert 1e-3 < np.linalg.norm(off[3:]) < 0.4
 
 
-def test_a_light_has_known_mounts():
-    """As the paper has it: mounts fixed as they are, the base free."""
+def test_led_cell_has_fixed_mounts():
+    """As in the paper, the mounts of a cell with an LED are fixed, and the base is free."""
     cell = two_arms("led", 1).cell
     assert {name: unknown.status for name, unknown in cell.transforms.items()} == {
         "eye_base_from_hand_base": "free",
@@ -54,8 +57,8 @@ SHAPES = {kind: TARGETS[kind].usual(np.random.default_rng(0)) for kind in ("char
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-def test_targets_are_upright_on_the_optical_axis_at_home(kind):
-    """Their middle is 0.65 m away; a board shows its front, x to the right and y down."""
+def test_targets_are_upright_on_optical_axis(kind):
+    """The centre of the target is 0.65 m away at home. A board shows its front, x to the right and y down."""
     shape = SHAPES[kind]
     seen = _camera_from_target(shape)
     np.testing.assert_allclose(seen @ shape.points.mean(0), [0, 0, 0.65], atol=1e-12)
@@ -66,8 +69,11 @@ def test_targets_are_upright_on_the_optical_axis_at_home(kind):
 
 
 @pytest.mark.parametrize("kind", SHAPES)
-def test_plates_are_in_front_of_the_flange_and_face_away(kind):
-    """Their middle is 60 mm ahead, within 20 mm; a board is tilted by 0.06 rad at most, a point not at all."""
+def test_plates_face_away_from_the_flange(kind):
+    """Their centre is 60 mm ahead of the flange, within 20 mm.
+
+    A board is tilted by at most 0.06 rad, a point not at all.
+    """
     shape, offs, tilts = SHAPES[kind], [], []
     rng = np.random.default_rng(0)
     for _ in range(50):
@@ -81,15 +87,15 @@ def test_plates_are_in_front_of_the_flange_and_face_away(kind):
     assert (max(tilts) > 0.04) == (not shape.is_point)
 
 
-def test_poses_are_drawn_with_their_sigmas():
-    """Translation first."""
+def test_drawn_poses_have_stated_sigmas():
+    """The sigma of translation comes first."""
     rng = np.random.default_rng(0)
     drawn = np.array([_draw_pose(rng, (0.03, 0.08)).log() for _ in range(150)])
     np.testing.assert_allclose(drawn.std(0), [0.03] * 3 + [0.08] * 3, rtol=0.2)
 
 
-def test_what_is_stated_is_a_guess_or_the_truth():
-    """A guess is off by 20 mm and 50 mrad; mounts of a cell with a light are known, its base is not."""
+def test_stated_transforms_are_guesses_or_exact():
+    """A guess has errors of 20 mm and 50 mrad. The mounts of a cell with an LED are exact, its base is not."""
     rng, true = np.random.default_rng(0), SE3.from_rpy((0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
     guesses = [_stated_unknown("eye_flange_from_wrist", true, rng, False) for _ in range(150)]
     off = np.array([(true.inverse() @ guess.mean).log() for guess in guesses])
@@ -101,7 +107,7 @@ def test_what_is_stated_is_a_guess_or_the_truth():
 
 
 def test_arms_reach_their_home_within_half_a_turn():
-    """Far from singular postures; a pose out of reach is refused."""
+    """The home is far from singular postures; a pose out of reach is refused."""
     chain = ur5e()
     joints = _home_joints(chain, _REACHED_POSE)
     np.testing.assert_allclose(chain.forward(joints).matrix, _REACHED_POSE.matrix, atol=1e-8)

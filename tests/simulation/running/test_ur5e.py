@@ -1,4 +1,4 @@
-"""The UR5e's chain against what its maker publishes."""
+"""Tests of the UR5e's chain against the manufacturer's data."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def frames_by_denavit_hartenberg(joints):
     return np.array(frames[1:])
 
 
-def test_forward_kinematics_are_the_published_ones():
-    """The flange is where the published parameters have it, to 1e-12, at joints drawn at random."""
+def test_forward_kinematics_match_published_parameters():
+    """The flange agrees with the published Denavit-Hartenberg parameters to 1e-12, at random joints."""
     for joints in np.random.default_rng(0).uniform(-np.pi, np.pi, (20, 6)):
         np.testing.assert_allclose(ur5e().forward(joints).matrix, frames_by_denavit_hartenberg(joints)[-1], atol=1e-12)
 
 
-def test_centres_of_mass_are_the_published_ones():
-    """Where each link's mass is, at joints drawn at random."""
+def test_centres_of_mass_match_published_ones():
+    """The position of each link's mass is the published one, at random joints."""
     masses = ur5e().masses
     np.testing.assert_array_equal(masses.kg, MASSES)
     for joints in np.random.default_rng(0).uniform(-np.pi, np.pi, (5, 6)):
@@ -44,8 +44,8 @@ def test_centres_of_mass_are_the_published_ones():
         np.testing.assert_allclose((ur5e().joint_frames(joints) @ masses.centres), published, atol=1e-12)
 
 
-def test_joints_turn_once_either_way_but_for_the_elbow():
-    """Which turns half."""
+def test_joint_limits_are_one_turn_except_elbow():
+    """Joints rotate by one turn in both directions, the elbow by half a turn."""
     chain = ur5e()
     np.testing.assert_allclose(chain.upper, np.radians([360, 360, 180, 360, 360, 360]))
     np.testing.assert_allclose(chain.lower, -chain.upper)

@@ -1,4 +1,4 @@
-"""Faults of a cell as they are drawn: each is there, of its size, and nothing else is."""
+"""Tests of the faults drawn for a world: each is present with its size, and no other is."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def world(*faults):
         ("sag=0.1", "deflection", np.radians(0.1) / 50),
     ],
 )
-def test_arms_are_built_wrongly(fault, kind, sigma):
-    """Each arm has the parameters of the fault alone, of its size to a factor of two, as few numbers tell it."""
+def test_robot_faults_set_only_their_parameters(fault, kind, sigma):
+    """Each arm has only the parameters of the fault, of its size within a factor of two, given the few numbers."""
     drawn = world(fault).robots
     assert all(list(robot.values) == [kind] for robot in drawn.values())
     values = np.concatenate([robot.values[kind].ravel() for robot in drawn.values()])
@@ -34,8 +34,8 @@ def test_arms_are_built_wrongly(fault, kind, sigma):
 
 
 @pytest.mark.parametrize(("fault", "name"), [("base-bumped=4", BASE), ("board-remounted=4", MOUNT)])
-def test_something_is_pushed(fault, name):
-    """Base or mount move by the size, turned by a milliradian a millimetre, and nothing else moves."""
+def test_displacement_fault_has_its_size(fault, name):
+    """Base or mount move by the size and rotate by a milliradian per millimetre, and all else is unchanged."""
     pushed = world(fault)
     assert set(pushed.pushed) == {name}
     moved = pushed.transform(name, is_pushed=False).inverse() @ pushed.transform(name, is_pushed=True)
@@ -44,16 +44,16 @@ def test_something_is_pushed(fault, name):
     assert np.array_equal(pushed.transform(BASE, False).matrix, world().truth[BASE].matrix)
 
 
-def test_nothing_is_wrong_by_itself():
-    """Without faults the arms are as stated and nothing is pushed."""
+def test_world_without_faults_is_as_stated():
+    """Without faults the arms are as stated and no object is displaced."""
     sound = world()
     assert not sound.pushed
     assert not any(robot.values for robot in sound.robots.values())
 
 
 @pytest.mark.parametrize("fault", ["focal-length", "principal-point", "distortion"])
-def test_a_lens_is_not_as_stated(fault):
-    """The true lens alone; the cell states the other."""
+def test_lens_faults_change_only_the_true_lens(fault):
+    """The cell states the unchanged lens."""
     wrong, right = world(fault), world()
     assert not np.array_equal(wrong.lenses["wrist"].parameters, right.lenses["wrist"].parameters)
     stated = wrong.cell.cameras["wrist"].intrinsics.camera

@@ -1,4 +1,4 @@
-"""A running cell in its folder."""
+"""Tests of a running cell in its folder."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from basecal.simulation.running.world_file import read_world, write_world, write
 from shared.facing_arms import facing_arms
 
 
-def test_a_world_is_read_back(tmp_path):
-    """Truth, arms and where they begin come back to the last bit, the cell names its drivers."""
+def test_world_is_read_as_written(tmp_path):
+    """Truth, arms and home joints are read to the last bit, and the cell names its drivers."""
     world = facing_arms(seed=4)
     write_world(world, tmp_path)
     again = read_world(tmp_path)
@@ -27,8 +27,11 @@ def test_a_world_is_read_back(tmp_path):
 
 
 @pytest.mark.parametrize("name", list(FAULTS))
-def test_the_truth_of_each_fault_is_written(tmp_path, name):
-    """Its size and unit; of what is pushed where it stands then; of arms that are built wrongly their parameters."""
+def test_each_fault_is_written_to_the_truth(tmp_path, name):
+    """The file has the size and unit of the fault.
+
+    It also has the later pose of a displaced object, and the parameters of erroneous arms.
+    """
     world = facing_arms(faults=read_faults([name]))
     write_world(world, tmp_path)
     written = read_truth_extra(tmp_path)
@@ -49,8 +52,8 @@ def test_the_truth_of_each_fault_is_written(tmp_path, name):
     read_truth(tmp_path)
 
 
-def test_arms_of_a_user_run_as_an_mjcf_says(tmp_path):
-    """A cell whose arm is an MJCF in place of its URDF is the same to the last image."""
+def test_mjcf_arm_equals_urdf_arm(tmp_path):
+    """A cell with an MJCF in place of its arm's URDF gives the same image."""
     pytest.importorskip("mujoco", reason="pip install 'basecal[sim]'")
     world = facing_arms(seed=2)
     write_world(world, tmp_path)
@@ -89,8 +92,8 @@ def _text(numbers):
     return " ".join(repr(float(value)) for value in numbers)
 
 
-def test_faults_belong_to_a_run(tmp_path):
-    """A cell that runs again with another fault draws it for the same cell, and its truth says so."""
+def test_faults_are_drawn_for_each_run(tmp_path):
+    """A cell that runs again with another fault is the same cell, and its truth has the new fault."""
     write_world(facing_arms(faults=read_faults(["sag"])), tmp_path)
     world = read_world(tmp_path, read_faults(["joint-offsets"]))
     write_world_truth(world, tmp_path)
@@ -98,8 +101,8 @@ def test_faults_belong_to_a_run(tmp_path):
     assert set(read_truth_extra(tmp_path)["robot_parameters"]["eye"]) == {"joint_offsets"}
 
 
-def test_what_cannot_be_run(tmp_path):
-    """A cell without truth, or whose truth does not say where arms begin, is told what it lacks."""
+def test_cell_without_run_data_is_refused(tmp_path):
+    """A cell without a truth, or whose truth lacks home joints, is refused with what is missing."""
     write_world(facing_arms(), tmp_path)
     path = tmp_path / "truth.yaml"
     path.write_text(path.read_text().replace("running:", "jogging:"))

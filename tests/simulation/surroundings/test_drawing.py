@@ -1,4 +1,4 @@
-"""What MuJoCo draws agrees with what is so."""
+"""Tests of MuJoCo's images against the true geometry."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def looking_down(target, height_m=1.0):
     return BodyPoses(world_from_camera, world_from_camera @ SE3(np.eye(3), np.array([0.0, 0.0, 0.5])), {})
 
 
-def test_corners_are_where_they_project(world):
-    """Of a running cell, through a lens that distorts: found within 0.2 px of the truth."""
+def test_detected_corners_match_projection(world):
+    """Corners in the image of a running cell, through a distorting lens, are within 0.2 px of the truth."""
     running = Plant(world, Clock(0), surroundings=True)
     try:
         shape = world.cell.targets["board"].target
@@ -56,7 +56,7 @@ def test_corners_are_where_they_project(world):
         running.close()
 
 
-def test_paper_is_where_it_projects(board):
+def test_paper_matches_its_projection(board):
     """The border of the plate that MuJoCo draws is that of the sheet, through the lens, within a third of a pixel."""
     view = around(board)
     scene = looking_down(board)
@@ -78,8 +78,8 @@ def test_paper_is_where_it_projects(board):
     assert np.allclose([np.average(each, weights=paper) for each in (across, down)], middle, atol=0.2)
 
 
-def test_an_arm_hides_the_board(board):
-    """Where a link stands before it there is no paper; elsewhere there is as much as before."""
+def test_arm_occludes_the_board(board):
+    """A link in front of the board covers its paper; elsewhere the paper is unchanged."""
     view = around(board, {"eye": ur5e()})
     free = looking_down(board)
     frames = [FAR] * 7
@@ -94,8 +94,8 @@ def test_an_arm_hides_the_board(board):
     assert (left - shown).max() < 0.01
 
 
-def test_a_light_is_hidden_and_mirrored():
-    """What stands before a light hides it; the tray shows it again where nothing is between, and where it lies."""
+def test_led_is_occluded_and_mirrored():
+    """Objects in front of an LED occlude it. The tray reflects it if it is in the right place and the view is free."""
     light, height = led_target(), 0.1
     view = around(light, tray=np.array([0.1, 0.0, height]))
     at, away = np.array([[0.0, 0.0, 0.3]]), np.array([50.0, 0.0, 0.0])
@@ -113,7 +113,7 @@ def test_a_light_is_hidden_and_mirrored():
         view.close()
 
 
-def test_a_image_follows_from_where_things_are(board):
+def test_image_depends_only_on_the_scene(board):
     """The same scene gives the same image again, after another one."""
     view = around(board)
     scene, other = looking_down(board), looking_down(board, 1.1)

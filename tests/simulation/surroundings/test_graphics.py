@@ -1,4 +1,4 @@
-"""Whether MuJoCo can draw."""
+"""Tests of whether MuJoCo can render."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import pytest
 from basecal.simulation.surroundings import graphics
 
 
-def test_a_machine_without_a_library_is_told_the_line(monkeypatch):
-    """Of Linux without EGL and OSMesa the answer is the line that brings them."""
+def test_missing_libraries_give_install_command(monkeypatch):
+    """Linux without EGL and OSMesa gets the command that installs them."""
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setattr(graphics, "find_library", lambda name: None)
     assert graphics.APT_LINE in graphics.missing_graphics()
 
 
-def test_the_first_library_there_is_chosen(monkeypatch):
-    """Where only OSMesa is found, MuJoCo is told so, unless somebody has chosen."""
+def test_available_library_is_selected(monkeypatch):
+    """If only OSMesa is found, it is selected for MuJoCo, unless the environment selects another."""
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr(graphics, "find_library", lambda name: name if name == "OSMesa" else None)
     monkeypatch.setattr(graphics, "_try_rendering", lambda: None)
@@ -31,14 +31,14 @@ def test_the_first_library_there_is_chosen(monkeypatch):
         assert graphics.os.environ["MUJOCO_GL"] == after
 
 
-def test_without_mujoco_the_extra_is_named(monkeypatch):
-    """One line says what to install."""
+def test_missing_mujoco_names_the_extra(monkeypatch):
+    """One line states what to install."""
     monkeypatch.setattr(graphics, "find_spec", lambda name: None)
     assert graphics.missing_graphics().endswith("pip install 'basecal[sim]'")
 
 
-def test_a_library_that_does_not_load_is_an_answer_and_no_error():
-    """Whatever OpenGL's bindings raise ends in one line."""
+def test_unloadable_library_is_a_reason():
+    """Any error of OpenGL's bindings becomes a reason in one line, not an exception."""
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'basecal[sim]'")
     code = "from basecal.simulation.surroundings.graphics import missing_graphics; print(missing_graphics())"
     said = subprocess.run(

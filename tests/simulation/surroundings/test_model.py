@@ -1,4 +1,4 @@
-"""The cell as MuJoCo reads it."""
+"""Tests of the MuJoCo model of a cell."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ def stage(target):
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_every_target_is_read(kind):
-    """MuJoCo takes the model, whose bodies are all put somewhere from outside."""
+def test_model_of_every_target_is_valid(kind):
+    """MuJoCo reads the model, all of whose bodies are positioned from outside."""
     of = stage(TARGETS[kind].usual(np.random.default_rng(0)))
     model = mujoco.MjModel.from_xml_string(mjcf(of, (64, 48), 40.0))
     assert model.nmocap == len(body_names(of)) + 1
     assert {model.body(k).name for k in range(1, model.nbody)} == {*body_names(of), "eye"}
 
 
-def test_the_tray_is_where_it_is_said():
-    """Its top is where a light is mirrored; without one there is none."""
+def test_tray_is_at_its_stated_position():
+    """The top of the tray is the mirror of the LED; there is no tray without one stated."""
     tray = np.array([0.8, 0.1, 0.4])
     plain = stage(led_target())
     model = mujoco.MjModel.from_xml_string(mjcf(replace(plain, tray=tray), (64, 48), 40.0))
@@ -39,8 +39,8 @@ def test_the_tray_is_where_it_is_said():
     assert TRAY not in mjcf(plain, (64, 48), 40.0)
 
 
-def test_another_seed_is_other_clutter():
-    """And nothing else."""
+def test_seed_changes_only_the_clutter():
+    """Another seed changes the clutter, and no other part of the model."""
     one, other = (mjcf(Stage({}, {"eye": np.zeros(3)}, led_target(), seed), (64, 48), 40.0) for seed in (0, 1))
     different = [(a, b) for a, b in zip(one.splitlines(), other.splitlines(), strict=True) if a != b]
     assert len(different) == 1
@@ -57,8 +57,8 @@ def numbers(geom, key):
     return np.array([float(word) for word in geom.get(key).split()])
 
 
-def test_the_table_reaches_beyond_the_bases():
-    """By 1.3 m on all sides; its top is at its height, and the floor is below."""
+def test_table_extends_beyond_the_bases():
+    """The table extends by 1.3 m on all sides; its top is at its height, and the floor is below."""
     (table, floor, *_), _ = geoms(mjcf(stage(led_target()), (64, 48), 40.0))
     middle, half = numbers(table, "pos"), numbers(table, "size")
     np.testing.assert_allclose(middle[:2] - half[:2], [-1.3, -1.3])
@@ -67,8 +67,8 @@ def test_the_table_reaches_beyond_the_bases():
     assert numbers(floor, "pos")[2] < TABLE_M - 0.5
 
 
-def test_clutter_stands_on_the_table_out_of_the_way():
-    """Sixteen grey things on both sides of the line between the bases, each on its lowest point."""
+def test_clutter_is_on_the_table_beside_the_arms():
+    """Sixteen grey objects are on both sides of the line between the bases, each on its lowest point."""
     (_, _, *things), _ = geoms(mjcf(stage(led_target()), (64, 48), 40.0))
     assert len(things) == 16
     places = np.array([numbers(thing, "pos") for thing in things])
@@ -85,8 +85,8 @@ def test_clutter_stands_on_the_table_out_of_the_way():
         assert alpha == 1
 
 
-def test_links_lead_from_joint_to_joint_and_become_thinner():
-    """From 55 to 40 mm, with housings along the axes that are a fifth thicker."""
+def test_links_connect_joints_with_decreasing_radius():
+    """Radii decrease from 55 to 40 mm; housings along the axes are a fifth thicker."""
     _, bodies = geoms(mjcf(stage(led_target()), (64, 48), 40.0))
     chain, radii = ur5e(), []
     for k in range(7):
@@ -106,7 +106,7 @@ def test_links_lead_from_joint_to_joint_and_become_thinner():
 
 
 def test_plates_are_behind_their_paper():
-    """As large as the sheet and 4 mm thick, with a stem of 46 mm from the middle of their back."""
+    """The plate has the size of the sheet and a thickness of 4 mm, with a stem of 46 mm from the centre of its back."""
     target = TARGETS["chessboard"].usual(np.random.default_rng(0))
     _, bodies = geoms(mjcf(stage(target), (64, 48), 40.0))
     (sheet,), (plate, stem) = target.sheets, bodies["target"]
@@ -124,8 +124,8 @@ def test_plates_are_behind_their_paper():
     np.testing.assert_allclose([numbers(each, "pos") for each in lights["target"]], [[0, 0, 0], [0.05, 0.02, 0]])
 
 
-def test_surroundings_are_about_bases_anywhere():
-    """The table ends 1.3 m beyond the outermost along each axis; clutter ends 0.8 m beyond the farthest."""
+def test_surroundings_follow_the_bases():
+    """The table ends 1.3 m beyond the outermost base along each axis, the clutter 0.8 m beyond the farthest."""
     bases = {"eye": np.zeros(3), "hand": np.array([2.7, -0.6, 0.4])}
     (table, _, *things), _ = geoms(mjcf(Stage({}, bases, led_target(), 0), (64, 48), 40.0))
     middle, half = numbers(table, "pos"), numbers(table, "size")
@@ -136,14 +136,14 @@ def test_surroundings_are_about_bases_anywhere():
     assert 2.7 < places.max() <= 3.5
 
 
-def test_the_tray_is_a_flat_square_of_half_a_metre():
-    """Six millimetres thick."""
+def test_tray_is_a_square_of_half_a_metre():
+    """The tray is six millimetres thick."""
     (_, _, tray, *_), _ = geoms(mjcf(replace(stage(led_target()), tray=np.array([0.8, 0.1, 0.4])), (64, 48), 40.0))
     np.testing.assert_allclose(2 * numbers(tray, "size"), [0.5, 0.5, 0.006])
 
 
-def test_rods_without_a_length_are_balls():
-    """Of less than a tenth of a millimetre; a stem is as thick as the thinnest link."""
+def test_rods_of_zero_length_are_spheres():
+    """A rod below a tenth of a millimetre is a sphere. A stem has the thickness of the thinnest link."""
     for length, kind in ((9e-5, "sphere"), (1.1e-4, "capsule")):
         geom = ElementTree.fromstring(_rod(np.zeros(3), np.array([0, 0, length]), 0.01, "metal"))
         assert (geom.get("type"), geom.get("size")) == (kind, "0.01")

@@ -1,4 +1,4 @@
-"""What a cell gives: a row, whatever is wrong with it."""
+"""Tests of the row of a cell in a fleet, valid or faulty."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_good_cell_has_numbers(folder) -> None:
-    """Those of its calibration, which is given too, with hashes of what was read."""
+def test_row_of_good_cell_has_its_results(folder) -> None:
+    """The row has the numbers of the calibration, which is returned as well, with hashes of its inputs."""
     found = json.loads(calibrate_row(str(folder), "a"))
     row, made = found["row"], calibration_from_dict(found["calibration"])
     assert tuple(row) == COLUMNS
@@ -37,8 +37,8 @@ def test_a_good_cell_has_numbers(folder) -> None:
     assert found["fault"] == ""
 
 
-def test_a_page_is_made_of_the_calibration(folder) -> None:
-    """Of cell, recording and calibration with its hashes, under the cell's path."""
+def test_page_is_made_from_calibration(folder) -> None:
+    """The page gets the cell, the recording and the calibration with its hashes, titled by the cell's path."""
 
     def make_page(cell, recording, made, title):
         """Words of what it is given."""
@@ -49,8 +49,8 @@ def test_a_page_is_made_of_the_calibration(folder) -> None:
     assert json.loads(calibrate_row(str(folder), "a"))["page"] == ""
 
 
-def test_a_cell_that_cannot_be_read_is_a_row(folder) -> None:
-    """With what `calibrate` says of it, on one line."""
+def test_unreadable_cell_has_a_row(folder) -> None:
+    """The row has the message of `calibrate`, on one line."""
     (folder / "a" / "cell.yaml").write_text("gossip: 1\n")
     found = json.loads(calibrate_row(str(folder), "a"))
     assert found["row"]["verdict"] == "unreadable"
@@ -60,8 +60,8 @@ def test_a_cell_that_cannot_be_read_is_a_row(folder) -> None:
     assert json.loads(calibrate_row(str(folder), "none"))["row"]["verdict"] == "unreadable"
 
 
-def test_a_refused_cell_has_its_finding(folder) -> None:
-    """Its code, and what it says."""
+def test_row_of_refused_cell_has_its_finding(folder) -> None:
+    """The row has the code of the finding, and its message."""
     samples = folder / "a" / "recording" / "samples.jsonl"
     samples.write_text(samples.read_text().splitlines()[0] + "\n")
     row = json.loads(calibrate_row(str(folder), "a"))["row"]
@@ -73,8 +73,8 @@ def test_a_refused_cell_has_its_finding(folder) -> None:
 @pytest.mark.parametrize(
     ("error", "said"), [(TypeError("odd"), "TypeError: odd"), (MemoryError(), "not enough memory")]
 )
-def test_a_fault_is_a_row(folder, monkeypatch, error, said) -> None:
-    """Of ours with its traceback; of too little memory without."""
+def test_internal_fault_has_a_row(folder, monkeypatch, error, said) -> None:
+    """A fault of basecal has its traceback, an error of memory has none."""
 
     def fails(cell, recording):
         """As a fault does."""
@@ -87,14 +87,14 @@ def test_a_fault_is_a_row(folder, monkeypatch, error, said) -> None:
     assert ("Traceback" in found["fault"]) == isinstance(error, TypeError)
 
 
-def test_a_cell_that_kills_is_a_row() -> None:
-    """It says why."""
+def test_killed_cell_has_a_row() -> None:
+    """The row states the reason."""
     row = json.loads(killed_row("a", "is there enough memory?"))["row"]
     assert (row["cell"], row["verdict"], row["said"]) == ("a", "failed", "is there enough memory?")
 
 
-def test_a_row_has_the_numbers_of_its_calibration() -> None:
-    """Findings once each, the worst first and infos left out; lengths in mm, angles in degrees."""
+def test_row_has_the_numbers_of_its_calibration() -> None:
+    """Each finding is listed once, the worst first, without infos. Lengths are in mm, angles in degrees."""
     cell = Cell("eye", {"eye": Robot("eye"), "hand": Robot("hand")})
     pose = SE3.from_rpy((0, 0, np.pi / 2), (1.0, 2.0, 3.0))
     covariance = np.diag(np.array([1e-3, 2e-3, 2e-3, *np.radians([1, 2, 2])]) ** 2)

@@ -1,4 +1,4 @@
-"""A fleet worked through: each cell once, until it changes."""
+"""Tests of running a fleet: each cell is calibrated once, until it changes."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def without_time(fleet) -> list[dict]:
     return [{name: value for name, value in row.items() if name != "time_s"} for row in fleet_rows(fleet)]
 
 
-def test_what_has_not_changed_is_not_done_again(tmp_path, monkeypatch) -> None:
-    """Cut off after a cell the run goes on with the next; a cell that changes is calibrated anew, alone."""
+def test_unchanged_cells_are_not_repeated(tmp_path, monkeypatch) -> None:
+    """An interrupted run resumes with the next cell, and only a changed cell is calibrated again."""
     folder, done = make(tmp_path / "cells", ["a", "b", "line/c"]), []
     fleet = make_fleet(folder, tmp_path / "out")
 
@@ -57,8 +57,8 @@ def test_what_has_not_changed_is_not_done_again(tmp_path, monkeypatch) -> None:
     assert done[3:] == ["b"]
 
 
-def test_calibrations_are_kept_beside_rows(tmp_path) -> None:
-    """And nothing is written among the cells; damaged rows are made again."""
+def test_calibrations_are_stored_with_rows(tmp_path) -> None:
+    """No file is written among the cells, and damaged rows are computed again."""
     folder = make(tmp_path / "cells", ["a"])
     before = sorted(path for path in folder.rglob("*"))
     fleet = make_fleet(folder, tmp_path / "out")
@@ -74,8 +74,8 @@ def test_calibrations_are_kept_beside_rows(tmp_path) -> None:
 
 
 @pytest.mark.slow
-def test_one_process_and_two_make_the_same_rows(tmp_path) -> None:
-    """To the last digit, time apart."""
+def test_rows_are_independent_of_number_of_processes(tmp_path) -> None:
+    """One and two processes give the same rows to the last digit, except for times."""
     folder = make(tmp_path / "cells", ["a", "b", "c", "d"])
     (folder / "c" / "cell.yaml").write_text("gossip: 1\n")
     for workers in (1, 2):
@@ -83,8 +83,8 @@ def test_one_process_and_two_make_the_same_rows(tmp_path) -> None:
     assert without_time(make_fleet(folder, tmp_path / "1")) == without_time(make_fleet(folder, tmp_path / "2"))
 
 
-def test_folders_for_what_comes_out(tmp_path) -> None:
-    """None among the cells, none with other things in it."""
+def test_invalid_output_folder_is_refused(tmp_path) -> None:
+    """The output folder must not be among the cells or contain other files."""
     folder = make(tmp_path / "cells", ["a"])
     with pytest.raises(InputError, match="is among the cells"):
         make_fleet(folder, folder / "out")
@@ -102,8 +102,11 @@ def cell(folder, text="x"):
     return folder
 
 
-def test_cells_at_any_depth(tmp_path) -> None:
-    """In their order, nothing inside of one, no hidden folder, no link; one that lacks its cell.yaml is among them."""
+def test_cells_are_found_at_any_depth(tmp_path) -> None:
+    """Cells are found in order, without cells inside of others, hidden folders and links.
+
+    A cell without its cell.yaml is included.
+    """
     cell(tmp_path / "b" / "two")
     cell(tmp_path / "a")
     cell(tmp_path / "a" / "inner")
@@ -114,16 +117,16 @@ def test_cells_at_any_depth(tmp_path) -> None:
     assert find_cells(tmp_path) == ("a", "b/two", "bare")
 
 
-def test_no_cell_is_told(tmp_path) -> None:
-    """Of a folder without any, and of a path that is no folder."""
+def test_folder_without_cells_is_refused(tmp_path) -> None:
+    """A folder without cells, and a path that is no folder, are refused."""
     with pytest.raises(InputError, match="holds no cell"):
         find_cells(tmp_path)
     with pytest.raises(InputError, match="is not a folder"):
         find_cells(tmp_path / "none")
 
 
-def test_fingerprints_tell_changes(tmp_path) -> None:
-    """Of any file but those that programs make of a cell, and of what the answer depends on besides."""
+def test_fingerprint_detects_changes(tmp_path) -> None:
+    """The fingerprint depends on all files except generated ones, and on what else determines the answer."""
     folder = cell(tmp_path / "a")
     first = fingerprint(folder, "1")
     for made in ("runs", "derived"):

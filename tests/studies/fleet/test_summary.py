@@ -1,4 +1,4 @@
-"""What a fleet's rows say together."""
+"""Tests of the summary and the table of a fleet."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from basecal.studies.fleet.summary import fleet_rows, summarise_fleet, write_fle
 from fleet_example import ROWS
 
 
-def test_counts_and_spreads(tmp_path) -> None:
-    """Verdicts and findings are counted, numbers spread over the cells that have them."""
+def test_summary_has_counts_and_quantiles(tmp_path) -> None:
+    """Verdicts and findings are counted, and quantiles are those of the cells that have the number."""
     found = summarise_fleet(Fleet(tmp_path, ("a", "b", "<c>", "d"), tmp_path / "out"), ROWS)
     assert found["verdicts"] == {"good": 1, "doubtful": 2, "refused": 0, "unreadable": 1, "failed": 0}
     assert found["findings"] == {"drift": 2, "few-images": 1}
@@ -21,8 +21,8 @@ def test_counts_and_spreads(tmp_path) -> None:
     assert found["held_out_mm"] is None
 
 
-def test_the_table_has_a_row_for_each_cell(tmp_path) -> None:
-    """Of every column, what is not known missing."""
+def test_table_has_one_row_per_cell(tmp_path) -> None:
+    """The table has all columns, with missing values for unknown ones."""
     pq = pytest.importorskip("pyarrow.parquet")
     table = pq.read_table(write_fleet_table(ROWS, tmp_path)).to_pydict()
     assert tuple(table) == COLUMNS
@@ -31,7 +31,7 @@ def test_the_table_has_a_row_for_each_cell(tmp_path) -> None:
     assert table["samples"] == [30, 30, None, 30]
 
 
-def test_a_row_that_is_not_there_is_told(tmp_path) -> None:
-    """With what to do."""
+def test_missing_row_is_reported(tmp_path) -> None:
+    """The error states what to do."""
     with pytest.raises(InputError, match="lacks the row of a: run the command again"):
         fleet_rows(Fleet(tmp_path, ("a",), tmp_path / "out"))

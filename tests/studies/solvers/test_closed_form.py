@@ -1,4 +1,4 @@
-"""The paper's closed form on batches of draws."""
+"""Tests of the paper's closed form on batches of draws."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from study_example import study
 HOLD = "layout: shifts, distance_m: 3, pixel_px: 0.0"
 
 
-def test_as_the_estimators_own() -> None:
-    """Without noise it is what the method gives for the cell's own recording, to 1e-9."""
+def test_closed_form_matches_the_estimator() -> None:
+    """Without noise the result is that of the method for the cell's own recording, to 1e-9."""
     settings = study(hold=HOLD).points[0].settings
     cell = draw_cell(settings, 0, 0, None)
     found = solve(draw(cell, settings, (0, 0, 0), 2))

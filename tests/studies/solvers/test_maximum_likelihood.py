@@ -1,4 +1,4 @@
-"""Our solver on batches of draws."""
+"""Tests of the maximum-likelihood solver on batches of draws."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def drawn(hold: str, count: int = 4) -> Draws:
     "hold",
     ["pixel_px: 0.2", "state_pixel_noise: false", "robot_sigma_t_m: 2e-4, robot_sigma_r_rad: 2e-4, arms: stations"],
 )
-def test_together_is_as_one_by_one(hold: str) -> None:
-    """Transform and covariance of each trial as `solve` has them from nothing, to a thousandth of a sigma."""
+def test_batch_matches_individual_solutions(hold: str) -> None:
+    """Transform and covariance of each trial are those of `solve` without a guess, to a thousandth of a sigma."""
     draws = drawn(hold)
     found = solve(draws)
     group = draws.problem.groups[0]
@@ -41,8 +41,8 @@ def test_together_is_as_one_by_one(hold: str) -> None:
         np.testing.assert_allclose(found.covariance[trial], own.covariance, rtol=1e-2, atol=1e-5 * own.covariance.max())
 
 
-def test_own_starts_need_no_other_trial(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each is solved from nothing, and ends where the batch does."""
+def test_own_starts_solve_trials_independently(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each trial is solved without a guess, and has the solution of the batch."""
     together = solve(drawn("pixel_px: 0.2", 2))
     monkeypatch.delattr(maximum_likelihood, "solve_batch")
     alone = solve(drawn("pixel_px: 0.2, own_starts: true", 2))
@@ -50,8 +50,8 @@ def test_own_starts_need_no_other_trial(monkeypatch: pytest.MonkeyPatch) -> None
     np.testing.assert_allclose(alone.transform.matrix, together.transform.matrix, atol=1e-7)
 
 
-def test_a_trial_in_another_valley_is_solved_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that the batch leaves at a great cost, or without an end, ends where its own solution is."""
+def test_trial_in_local_minimum_is_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A trial with a large cost in the batch, or without convergence, gets its individual solution."""
     draws = drawn("pixel_px: 0.2", 5)
     right, batch = solve(draws), maximum_likelihood.solve_batch
 
@@ -70,16 +70,19 @@ def test_a_trial_in_another_valley_is_solved_by_itself(monkeypatch: pytest.Monke
     np.testing.assert_allclose(found.transform.matrix, right.transform.matrix, atol=1e-8)
 
 
-def test_what_cannot_be_seen_has_no_answer() -> None:
-    """Two samples leave the base open."""
+def test_unobservable_trials_have_no_answer() -> None:
+    """Two samples leave the base undetermined."""
     settings = study(hold=SMALL.replace("samples: 8", "samples: 2")).points[0].settings
     found = solve(draw(draw_cell(settings, 0, 0, None), settings, (0, 0, 0), 3))
     assert not found.solved.any()
     assert found.reason
 
 
-def test_a_trial_that_cannot_be_solved_again_has_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Although the batch converged there: the others keep their answers, and the reason is told."""
+def test_trial_that_fails_again_has_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The trial has no answer although the batch converged for it.
+
+    The others keep their answers, and the reason is given.
+    """
     draws = drawn("pixel_px: 0.2")
     batch, alone = maximum_likelihood.solve_batch, maximum_likelihood._solve_trial
 
@@ -104,7 +107,7 @@ def test_a_trial_that_cannot_be_solved_again_has_no_answer(monkeypatch: pytest.M
 
 
 def test_trials_are_solved_again_above_four_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the root of the cost, relative to the median of the trials."""
+    """The limit is that of the root of the cost, relative to the median of the trials."""
     draws, asked = drawn("pixel_px: 0.2"), []
     first = maximum_likelihood._solve_trial(draws, 0)
     batch = maximum_likelihood.solve_batch(draws.problem, first.state.repeat(draws.problem, 4))
@@ -116,8 +119,8 @@ def test_trials_are_solved_again_above_four_sigmas(monkeypatch: pytest.MonkeyPat
     assert asked == [0, 0, 1]
 
 
-def test_a_mount_is_solved_trial_by_trial() -> None:
-    """Its columns stand behind those of the base; the covariance is of its six directions."""
+def test_mount_is_solved_for_each_trial() -> None:
+    """The columns of the mount follow those of the base; the covariance is that of its six directions."""
     settings = study(hold=f"{SMALL}, pixel_px: 0.2, own_starts: true").points[0].settings
     cell = draw_cell(settings, 2, 0, "hand_flange_from_board")
     found = solve(draw(cell, settings, (2, 0, 0), 1))

@@ -1,4 +1,4 @@
-"""OpenCV's robot-world solver on draws."""
+"""Tests of OpenCV's robot-world solver on draws."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LAYOUTS = {
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_exact_pixels_give_the_truth(layout: str) -> None:
-    """Both unknowns of each layout, to a micrometre and a microradian."""
+    """Both unknowns of each layout are exact to a micrometre and a microradian."""
     settings = (
         study(hold=f"{SMALL}, layout: {layout}, pixel_px: 0.0, camera_mount: {_mount(layout)}").points[0].settings
     )
@@ -33,8 +33,8 @@ def _mount(layout: str) -> str:
     return "fixed" if layout == "dual" else "free"
 
 
-def test_what_it_cannot_solve_is_said() -> None:
-    """Three unknowns, a free lens."""
+def test_unsupported_problems_have_a_reason() -> None:
+    """Three unknowns and a free lens are not supported."""
     for hold in ("layout: dual", "layout: eye_in_hand, intrinsics: free"):
         assert "opencv" in refusal_reason(study(hold=hold).points[0].settings)
     assert refusal_reason(study(hold="layout: eye_to_hand").points[0].settings) is None

@@ -1,4 +1,4 @@
-"""The face of solvers."""
+"""Tests of the interface of solvers."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from study_example import study
 
 
 @pytest.mark.parametrize("name", SOLVERS)
-def test_every_solver_has_the_face(name: str) -> None:
-    """Blocks of a chunk, what it cannot solve, and the verb."""
+def test_every_solver_implements_the_interface(name: str) -> None:
+    """Each solver has its blocks per chunk, the reason of a refusal, and the function that solves."""
     found = SOLVERS[name]
     assert found.blocks >= 1
     assert callable(found.solve)
@@ -20,8 +20,8 @@ def test_every_solver_has_the_face(name: str) -> None:
     assert refusal is None if name == "maximum_likelihood" else name in refusal
 
 
-def test_unsolved_has_no_answers() -> None:
-    """But a reason."""
+def test_no_answers_have_only_a_reason() -> None:
+    """Trials without answers have only a reason."""
     none = no_answers(3, "because")
     assert not none.solved.any()
     assert (len(none.transform), none.covariance, none.reason) == (3, None, "because")
