@@ -16,8 +16,8 @@ from basecal.planning.prospects import sketches
 from basecal.simulation import Scenario, simulate
 
 
-def made(**scenario):
-    """A sketch of a calibrated cell, and where its robots stood."""
+def make_sketch(**scenario):
+    """Sketch of a calibrated cell, and the robot states of its recording."""
     simulated = simulate(Scenario(samples=12, **scenario), 3)
     sketch = sketches(simulated.cell, calibrate(simulated.cell, simulated.recording, Settings(robot_noise="stated")))[0]
     return sketch, [dict(sample.robots) for sample in simulated.recording.samples]
@@ -25,7 +25,7 @@ def made(**scenario):
 
 @pytest.fixture(scope="module")
 def two_arms():
-    return made()
+    return make_sketch()
 
 
 def farthest(sketch, taught, found):
@@ -46,7 +46,7 @@ def test_every_candidate_is_feasible(scenario):
 
     They are numbered and distinct.
     """
-    sketch, taught = made(**scenario)
+    sketch, taught = make_sketch(**scenario)
     found = candidates(sketch, taught, 30, seed=1)
     most_rad = farthest(sketch, taught, found)[0]
     assert most_rad <= (1.0 if scenario.get("joints") else 0.6)

@@ -42,8 +42,8 @@ def at(one, two, number=0):
     return Sample(number, robots={"one": RobotState(joints_rad=one), "two": RobotState(joints_rad=two)})
 
 
-def placed(path, joints, bases):
-    """Coal's bodies of each arm in the world by Pinocchio: shape and pose."""
+def coal_bodies(path, joints, bases):
+    """Coal's bodies of each arm in the world, as shapes and poses by Pinocchio."""
     model = pin.buildModelFromUrdf(str(path))
     bodies = pin.buildGeomFromUrdf(model, str(path), pin.COLLISION, package_dirs=[str(path.parents[1])])
     root = model.frames[model.getFrameId("base_link")]
@@ -63,12 +63,12 @@ def placed(path, joints, bases):
 
 
 def true_gap(one, other):
-    """Least distance of two lists of bodies, by Coal."""
+    """Smallest distance of two lists of bodies, by Coal."""
     return min(coal.distance(*a, *b, coal.DistanceRequest(), coal.DistanceResult()) for a in one for b in other)
 
 
 def in_coal(rotation, translation):
-    """A pose of Coal's."""
+    """Convert a pose to Coal's type."""
     return coal.Transform3s(np.array(rotation), np.array(translation))
 
 
@@ -77,7 +77,7 @@ def random_joints(rng, chain):
 
 
 def capsule(ends, radius):
-    """A capsule of Coal's, which is along z."""
+    """Capsule in Coal, whose axis is z."""
     along = ends[1] - ends[0]
     length = np.linalg.norm(along)
     turned = pin.Quaternion.FromTwoVectors(np.array([0, 0, 1.0]), along if length else np.array([0, 0, 1.0])).matrix()
@@ -85,7 +85,7 @@ def capsule(ends, radius):
 
 
 def coal_capsules(sketch, robot, joints, first=0):
-    """Capsules of a robot at joints, from one frame on, as Coal has them."""
+    """Capsules of a robot at joints in Coal, beginning with a frame."""
     chain, (body, _) = sketch.cell.robots[robot].chain, robot_capsules(sketch, robot)
     frames = [SE3.identity(), *chain.joint_frames(joints), chain.forward(joints)]
     return [
@@ -107,7 +107,7 @@ def test_capsule_distances_match_coal(tmp_path):
         joints = [random_joints(rng, sketch.cell.robots["one"].chain) for _ in range(2)]
         arms, post = clearances(sketch, at(*joints), at(*joints), ["one"])
         want = true_gap(*(coal_capsules(sketch, *each) for each in zip(("one", "two"), joints, strict=True)))
-        if want > 0:  # within a capsule Coal gives how deep, Euclidean distances do not
+        if want > 0:  # inside of a capsule Coal gives the depth
             assert arms.gap_m == pytest.approx(want, abs=1e-6)
         from_box = true_gap(coal_capsules(sketch, "one", joints[0], first=2), shape)
         if from_box > 0:
@@ -125,7 +125,7 @@ def test_clearances_bound_true_distances_from_below(tmp_path):
     for _ in range(40):
         joints = [random_joints(rng, sketch.cell.robots["one"].chain) for _ in range(2)]
         (found,) = clearances(sketch, at(*joints), at(*joints), ["two"])
-        short.append(true_gap(*placed(path, joints, [SE3.identity(), APART])) - found.gap_m)
+        short.append(true_gap(*coal_bodies(path, joints, [SE3.identity(), APART])) - found.gap_m)
     assert min(short) > -1e-6
     assert np.median(short) < 0.06
 
@@ -137,7 +137,7 @@ def test_path_clearance_bounds_poses_on_the_path(tmp_path):
     for _ in range(3):
         ends = [[random_joints(rng, sketch.cell.robots["one"].chain) for _ in range(2)] for _ in range(2)]
         whole = {each.other: each for each in clearances(sketch, at(*ends[0]), at(*ends[1]), ["one"])}
-        for share, other in rng.uniform(0, 1, (100, 2)):  # each goes at its own pace
+        for share, other in rng.uniform(0, 1, (100, 2)):  # each at its own speed
             here = at(*(a + s * (b - a) for a, b, s in zip(*ends, (share, other), strict=True)))
             for each in clearances(sketch, here, here, ["one"]):
                 assert each.gap_m > whole[each.other].gap_m - each.needed_m
@@ -213,7 +213,7 @@ def test_path_length_bounds_body_points(tmp_path):
         most = path_m_per_rad(sketch, at(start, start), at(end, end), "two")
         places = []
         for share in np.linspace(0, 1, 100):
-            poses = [pose for _, pose in placed(path, [start + share * (end - start)], [APART])[0]]
+            poses = [pose for _, pose in coal_bodies(path, [start + share * (end - start)], [APART])[0]]
             places.append(
                 [p @ pose.getRotation().T + pose.getTranslation() for p, pose in zip(ends_of, poses, strict=True)]
             )
@@ -274,7 +274,7 @@ def test_box_gap_is_that_of_nearest_point():
 
 
 def planar_arms(lengths):
-    """Two arms in a plane, whose links are lines, and the second's base three metres aside."""
+    """Sketch of two planar arms whose links are lines, with bases three metres apart."""
     robots = {name: Robot(name, None, planar(*lengths)) for name in ("one", "two")}
     aside = SE3(np.eye(3), np.array([3.0, 0.0, 0.0]))
     return Sketch(Cell("one", robots), {"one_base_from_two_base": aside}, ("wrist", "board"))

@@ -35,8 +35,8 @@ SKETCH, HOME = sketch_cell(WORLD.cell), home(WORLD)
 LENS = Camera("pinhole", np.array([100.0, 100.0, 49.5, 49.5]), (100, 100))
 
 
-def moved(**tangents):
-    """The home with flanges moved by tangents in their own axes."""
+def move_flanges(**tangents):
+    """Sample at home with flanges moved by tangents in their own axes."""
     states = dict(HOME)
     for robot, tangent in tangents.items():
         flange = SKETCH.base_from_flange(robot, HOME[robot]) @ SE3.exp(np.array(tangent, dtype=float))
@@ -57,7 +57,7 @@ def test_home_is_feasible():
 def test_target_out_of_view_is_detected(tangents):
     """A board that leaves the image, or is seen at a grazing angle, is not in view."""
     assert is_in_view(SKETCH, Sample(0, robots=HOME))
-    assert not is_in_view(SKETCH, moved(**tangents))
+    assert not is_in_view(SKETCH, move_flanges(**tangents))
 
 
 def test_touching_arms_are_not_clear():
@@ -82,7 +82,7 @@ def test_joint_beyond_limit_is_infeasible():
 
 def test_path_through_other_arm_is_blocked():
     """Two postures are clear, but the path between them is not: an arm swings through the other one nearby."""
-    near = moved(eye=[0, 0, 0.4, 0, 0, 0], hand=[0, 0, 0.15, 0, 0, 0]).robots
+    near = move_flanges(eye=[0, 0, 0.4, 0, 0, 0], hand=[0, 0, 0.15, 0, 0, 0]).robots
     swings = [RobotState(joints_rad=near["eye"].joints_rad + angle * np.eye(6)[0]) for angle in (-0.9, 0.9)]
     through = [Sample(k, robots={**near, "eye": swing}) for k, swing in zip((4, 7), swings, strict=True)]
     assert all(is_clear(SKETCH, end) for end in through)
@@ -95,7 +95,7 @@ def test_short_path_at_home_is_clear():
 
     Paths of poses without joints are not checked.
     """
-    other = moved(eye=[0, 0, 0, 0, 0, 0.3])
+    other = move_flanges(eye=[0, 0, 0, 0, 0, 0.3])
     assert is_path_clear(SKETCH, Sample(0, robots=HOME), other)
     poses = Sample(1, robots={name: RobotState(SE3.identity()) for name in HOME})
     assert is_path_clear(SKETCH, other, poses)
@@ -138,7 +138,7 @@ def test_points_behind_camera_are_not_visible():
 
 
 def facing(*centres, tilt_rad=0.0):
-    """Poses of the board in the camera, its middle at these places [m], its front tilted about x."""
+    """Poses of the board in the camera, with given centres [m] and a tilt about x."""
     turned = SE3.from_rotvec([tilt_rad, 0.0, 0.0], [0.0, 0.0, 0.0])
     middle = turned @ SKETCH.target_points.mean(0)
     return SE3.stack([SE3(turned.rotation, np.array(centre) - middle) for centre in centres])
@@ -204,8 +204,8 @@ def test_minimal_depth_is_that_of_views():
     """The minimal depth is the smallest of views that show the target, and at most the assumed one."""
     start = Sample(0, robots=HOME)
     depth = (SKETCH.camera_from_target(start) @ SKETCH.target_points)[:, 2].min()
-    away = moved(eye=[0, 0, -0.05, 0, 0, 0]).robots
-    aside = moved(eye=[0, 0, 0.2, 0.6, 0, 0]).robots
+    away = move_flanges(eye=[0, 0, -0.05, 0, 0, 0]).robots
+    aside = move_flanges(eye=[0, 0, 0.2, 0.6, 0, 0]).robots
     assert not is_in_view(SKETCH, Sample(0, robots=aside))
     far = replace(SKETCH, nearest_m=1.0)
     assert with_seen_distances(far, [away, HOME, aside]).nearest_m == pytest.approx(depth)

@@ -44,28 +44,28 @@ def cell():
 
 
 @pytest.fixture(scope="module")
-def planned(cell):
-    """A plan from nothing recorded, for 0.6 mm."""
+def tolerance_plan(cell):
+    """Plan for 0.6 mm without a recording."""
     described, _, bare, calibration, point = cell
     return plan_for_task(described, bare, calibration, point, tolerance_m=6e-4)
 
 
-def test_tolerance_is_reached_with_needed_samples(planned):
+def test_tolerance_is_reached_with_needed_samples(tolerance_plan):
     """All of the samples are needed, none has an observation, and they are numbered after the recording."""
-    assert planned.reachable is True
-    assert planned.needed == len(planned.samples) > 0
-    assert planned.expected_m <= 6e-4 * 1.001
-    assert [sample.sample for sample in planned.samples] == list(range(12, 12 + planned.needed))
-    assert not any(sample.observations for sample in planned.samples)
-    assert sum(entry.share for entry in planned.budget) == pytest.approx(1.0, rel=1e-2)
+    assert tolerance_plan.reachable is True
+    assert tolerance_plan.needed == len(tolerance_plan.samples) > 0
+    assert tolerance_plan.expected_m <= 6e-4 * 1.001
+    assert [sample.sample for sample in tolerance_plan.samples] == list(range(12, 12 + tolerance_plan.needed))
+    assert not any(sample.observations for sample in tolerance_plan.samples)
+    assert sum(entry.share for entry in tolerance_plan.budget) == pytest.approx(1.0, rel=1e-2)
 
 
-def test_recorded_samples_reduce_the_plan(cell, planned):
+def test_recorded_samples_reduce_the_plan(cell, tolerance_plan):
     """Fewer samples are needed in addition to a recording, and none if the recording suffices."""
     described, recording, _, calibration, point = cell
     beside = plan_for_task(described, recording, calibration, point, tolerance_m=6e-4)
     assert beside.recorded == 12
-    assert beside.needed < planned.needed
+    assert beside.needed < tolerance_plan.needed
     enough = plan_for_task(described, recording, calibration, point, tolerance_m=0.1)
     assert (enough.needed, enough.samples, enough.reachable) == (0, (), True)
 
@@ -225,10 +225,10 @@ def test_outlook_starts_at_the_calibration(cell, monkeypatch):
     """Counts beyond the number of candidates are omitted, and more samples reduce the error."""
     described, recording, _, calibration, point = cell
     monkeypatch.setattr(plans, "OUTLOOK_CANDIDATES", 11)
-    told = outlook(described, recording, replace(calibration, settings={"task_point": point[0].tolist()}), point)
-    assert [count for count, _ in told] == [0, 5, 10]
-    assert told[0][1] == calibration.meeting.expected_95_m
-    assert told[0][1] > told[1][1] > told[2][1]
+    steps = outlook(described, recording, replace(calibration, settings={"task_point": point[0].tolist()}), point)
+    assert [count for count, _ in steps] == [0, 5, 10]
+    assert steps[0][1] == calibration.meeting.expected_95_m
+    assert steps[0][1] > steps[1][1] > steps[2][1]
 
 
 def test_candidates_are_divided_among_observed_views(cell, monkeypatch):
@@ -338,9 +338,9 @@ def test_outlook_decreases_with_samples(cell):
     Those of the last count are below half of it.
     """
     described, recording, _, calibration, point = cell
-    told = outlook(described, recording, calibration, point)
-    assert [count for count, _ in told] == list(OUTLOOK_COUNTS)
-    lengths = [length for _, length in told]
+    steps = outlook(described, recording, calibration, point)
+    assert [count for count, _ in steps] == list(OUTLOOK_COUNTS)
+    lengths = [length for _, length in steps]
     assert lengths == sorted(lengths, reverse=True)
     now = plan_for_task(described, recording, calibration, point, tolerance_m=1.0)
     assert lengths[0] == pytest.approx(now.expected_m, rel=0.02)

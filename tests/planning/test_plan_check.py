@@ -23,8 +23,8 @@ LIMITS = SpeedLimits(np.radians(30.0), 0.25)
 WILLING = dict.fromkeys(HOME, lambda state: "")
 
 
-def turned(robot, joint, by_rad, number=1):
-    """A sample in which one joint of one robot is elsewhere than at home."""
+def rotate_joint(robot, joint, by_rad, number=1):
+    """Sample at home with one joint of one robot rotated."""
     joints = WORLD.home[robot].copy()
     joints[joint] += by_rad
     return Sample(number, robots={**HOME, robot: RobotState(joints_rad=joints)})
@@ -36,13 +36,13 @@ def box_at(point, size_m=0.02):
 
 
 def words(plan, sketch=SKETCH, asks=WILLING):
-    """What is refused, in words."""
+    """Texts of the refusals of a plan."""
     return [str(refusal) for refusal in check_plan(sketch, HOME, plan, LIMITS, asks).refusals]
 
 
 def test_valid_plan_is_accepted():
     """Small rotations of the wrist are clear, and every robot has a path to each sample."""
-    found = check_plan(SKETCH, HOME, [turned("eye", 5, 0.3), turned("hand", 5, -0.3, 2)], LIMITS, WILLING)
+    found = check_plan(SKETCH, HOME, [rotate_joint("eye", 5, 0.3), rotate_joint("hand", 5, -0.3, 2)], LIMITS, WILLING)
     assert found.refusals == ()
     assert [(way.sample, way.robot) for way in found.paths] == [(1, "eye"), (1, "hand"), (2, "eye"), (2, "hand")]
 
@@ -50,14 +50,14 @@ def test_valid_plan_is_accepted():
 def test_joint_beyond_limits_is_refused():
     """The refusal names the joint with its value and its limits, for any robot and sample."""
     limit = WORLD.cell.robots["hand"].chain.upper[2]
-    over = turned("hand", 2, limit + 0.01 - WORLD.home["hand"][2], 3)
-    (why,) = words([turned("eye", 5, 0.1), over])
+    over = rotate_joint("hand", 2, limit + 0.01 - WORLD.home["hand"][2], 3)
+    (why,) = words([rotate_joint("eye", 5, 0.1), over])
     assert why.startswith(f"sample 3: joint elbow of hand is {limit + 0.01:.4g} rad, but its limits are")
 
 
 def test_nan_joint_is_refused():
     """A NaN is beyond all limits."""
-    (why,) = words([turned("eye", 4, np.nan)])
+    (why,) = words([rotate_joint("eye", 4, np.nan)])
     assert why.startswith("sample 1: joint wrist_2 of eye is nan rad")
 
 
@@ -67,26 +67,26 @@ def test_unlimited_joint_is_bounded():
     robots = {**WORLD.cell.robots, "eye": replace(WORLD.cell.robots["eye"], chain=free)}
     endless = replace(SKETCH, cell=replace(WORLD.cell, robots=robots))
     for wild in (50.0, 1e3):
-        assert words([turned("eye", 5, wild)], sketch=endless)
+        assert words([rotate_joint("eye", 5, wild)], sketch=endless)
 
 
 def test_controller_is_asked_about_every_sample():
     """The plan refuses what the controller refuses. Robots that are not sent are not asked."""
-    asked = []
+    angles = []
 
     def eye(state):
-        asked.append(state.joints_rad[5])
-        return "" if len(asked) < 2 else "the goal is beyond the safety limits"
+        angles.append(state.joints_rad[5])
+        return "" if len(angles) < 2 else "the goal is beyond the safety limits"
 
-    (why,) = words([turned("eye", 5, 0.1), turned("eye", 5, 0.2, 2)], asks={"eye": eye})
+    (why,) = words([rotate_joint("eye", 5, 0.1), rotate_joint("eye", 5, 0.2, 2)], asks={"eye": eye})
     assert why.startswith("sample 2: eye: the goal is beyond the safety limits")
-    assert len(asked) == 2
+    assert len(angles) == 2
 
 
 def test_keep_out_boxes_block_paths_except_tables():
     """A post between two samples is refused though both are clear of it; a table under the bases is not."""
-    start, end = turned("eye", 0, -0.6, 1), turned("eye", 0, 0.6, 2)
-    middle = SKETCH.body_pose(SKETCH.camera.name, turned("eye", 0, 0.0).robots).translation
+    start, end = rotate_joint("eye", 0, -0.6, 1), rotate_joint("eye", 0, 0.6, 2)
+    middle = SKETCH.body_pose(SKETCH.camera.name, rotate_joint("eye", 0, 0.0).robots).translation
     alone = replace(WORLD.cell, keep_out={"post": box_at(middle)})
     before = {**HOME, **start.robots}
     found = check_plan(replace(SKETCH, cell=alone), before, [end], LIMITS, {"eye": lambda state: ""})
@@ -95,11 +95,11 @@ def test_keep_out_boxes_block_paths_except_tables():
     ]
     table = KeepOut("table", SE3(np.eye(3), np.array([0.0, 0.0, -10.0])), np.full(3, 20.0))
     on_table = replace(WORLD.cell, keep_out={"table": table})
-    assert words([turned("eye", 5, 0.3)], sketch=replace(SKETCH, cell=on_table)) == []
+    assert words([rotate_joint("eye", 5, 0.3)], sketch=replace(SKETCH, cell=on_table)) == []
 
 
 def points_of(robots):
-    """Where the origins of the eye's joints, its flange and its camera are, by the kinematics alone."""
+    """Origins of the eye's joints, its flange and its camera, by the kinematics alone."""
     chain = WORLD.cell.robots["eye"].chain
     frames = [*chain.joint_frames(robots["eye"].joints_rad), chain.forward(robots["eye"].joints_rad)]
     return np.stack(
@@ -112,13 +112,13 @@ def test_speed_is_limited_by_fastest_point():
 
     Slow paths are unchanged.
     """
-    start, end = Sample(0, robots=HOME), turned("eye", 0, 0.5)
+    start, end = Sample(0, robots=HOME), rotate_joint("eye", 0, 0.5)
     way = timed_path(SKETCH, start, end, "eye", SpeedLimits(np.radians(30.0), 0.1))
-    places = np.stack([points_of(turned("eye", 0, share * 0.5).robots) for share in np.linspace(0, 1, 400)])
+    places = np.stack([points_of(rotate_joint("eye", 0, share * 0.5).robots) for share in np.linspace(0, 1, 400)])
     metres = np.linalg.norm(np.diff(places, axis=0), axis=-1).max() * 399 / 0.5
     assert way.joint_rad_s * metres == pytest.approx(0.1 / 1.02, rel=0.005)
     assert way.tool_m_s == pytest.approx(0.1)
-    wrist = timed_path(SKETCH, start, turned("eye", 5, 0.5), "eye", LIMITS)
+    wrist = timed_path(SKETCH, start, rotate_joint("eye", 5, 0.5), "eye", LIMITS)
     assert wrist.joint_rad_s == pytest.approx(np.radians(30.0))
     assert wrist.tool_m_s < 0.25
 
@@ -145,7 +145,7 @@ def test_path_is_limited_to_two_turns(turns, refused):
     free = replace(WORLD.cell.robots["eye"].chain, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
     robots = {**WORLD.cell.robots, "eye": replace(WORLD.cell.robots["eye"], chain=free)}
     endless = replace(SKETCH, cell=replace(WORLD.cell, robots=robots))
-    found = words([turned("eye", 5, turns * 2 * np.pi)], sketch=endless)
+    found = words([rotate_joint("eye", 5, turns * 2 * np.pi)], sketch=endless)
     assert bool(found) == refused
     for why in found:
         assert why == (
@@ -156,7 +156,7 @@ def test_path_is_limited_to_two_turns(turns, refused):
 
 def test_robot_without_goal_keeps_last_goal():
     """Another arm passes such a robot as if its goal were repeated, and its next path begins there."""
-    first, second = turned("eye", 0, 0.5), turned("hand", 0, 0.1, 2).robots["hand"]
+    first, second = rotate_joint("eye", 0, 0.5), rotate_joint("hand", 0, 0.1, 2).robots["hand"]
     full = [first, Sample(2, robots={**first.robots, "hand": second}), Sample(3, robots={"eye": first.robots["eye"]})]
     brief = [first, Sample(2, robots={"hand": second}), full[2]]
     ways, brief_ways = (check_plan(SKETCH, HOME, plan, LIMITS, WILLING).paths for plan in (full, brief))
@@ -214,7 +214,10 @@ def test_still_robot_has_joint_speed_limit():
 
 def test_unsent_robot_keeps_its_state():
     """Each path begins at the last sample of its robot, initially at home."""
-    alone = [Sample(1, robots={"eye": turned("eye", 5, 0.3).robots["eye"]}), Sample(2, robots={"hand": HOME["hand"]})]
+    alone = [
+        Sample(1, robots={"eye": rotate_joint("eye", 5, 0.3).robots["eye"]}),
+        Sample(2, robots={"hand": HOME["hand"]}),
+    ]
     found = check_plan(SKETCH, HOME, alone, LIMITS, WILLING)
     assert [(way.sample, way.robot) for way in found.paths] == [(1, "eye"), (2, "hand")]
     assert found.paths[0].tool_m_s > 0

@@ -61,8 +61,8 @@ def test_led_on_world_cannot_be_shifted():
         shifts.plan(still, HOME, 7)
 
 
-def guessed(layout="dual"):
-    """The sketch of a cell at its truth, and where its target was seen."""
+def make_sketch(layout="dual"):
+    """Sketch of a cell at its truth, and the robot states of its recording."""
     made = simulate(Scenario(samples=5, layout=layout), 3)
     known = Calibration("doubtful", {name: PoseEstimate(mean, np.eye(6)) for name, mean in made.truth.items()})
     return sketches(made.cell, known)[0], [dict(sample.robots) for sample in made.recording.samples]
@@ -70,7 +70,7 @@ def guessed(layout="dual"):
 
 def test_stations_are_complete_and_feasible():
     """Stations have seven feasible samples each, with several shift lengths among them."""
-    sketch, taught = guessed()
+    sketch, taught = make_sketch()
     found = stations(sketch, taught)
     assert len(found) % STATION_SAMPLES == 0
     assert all(is_feasible(sketch, sample) for sample in found)
@@ -82,7 +82,7 @@ def test_stations_are_complete_and_feasible():
 def test_board_on_world_has_no_stations():
     """A board on the world has no stations."""
     with pytest.raises(InputError, match="on the world"):
-        stations(*guessed("eye_in_hand"))
+        stations(*make_sketch("eye_in_hand"))
 
 
 def test_unstated_led_noise_is_0_1_px():
@@ -131,7 +131,7 @@ def test_stations_have_three_shift_lengths():
 
     A station out of reach ends those of its origin.
     """
-    sketch, taught = guessed()
+    sketch, taught = make_sketch()
     first = stations(sketch, taught)[::STATION_SAMPLES]
     found = stations(sketch, taught)[1::STATION_SAMPLES]
     ratios = set()

@@ -18,7 +18,7 @@ WORLD = facing_arms()
 
 
 def with_truth(cell):
-    """The cell with every transform known as it is."""
+    """Cell with all transforms fixed at their true values."""
     known = {name: Unknown("fixed", true) for name, true in WORLD.truth.items()}
     camera, board = cell.cameras["wrist"], cell.targets["board"]
     return replace(
@@ -84,7 +84,7 @@ RNG = np.random.default_rng(0)
 BASE, ON_EYE, ON_HAND, BESIDE, ON_PLATE, PLATE, EYE, HAND = SE3.exp(RNG.standard_normal((8, 6)))
 
 
-def everywhere():
+def make_full_sketch():
     """A cell with cameras on an arm and beside it, and targets on the other arm, on a plate and on the world."""
     cameras = {"wrist": CellCamera("wrist", "eye"), "beside": CellCamera("beside", "world")}
     places = {"board": "hand", "mark": "plate", "still": "world"}
@@ -105,7 +105,7 @@ def everywhere():
 
 def test_body_poses_follow_their_carriers():
     """Poses of bodies are right on either arm, on the world, and on a plate."""
-    sketch, states = everywhere(), {"eye": RobotState(EYE), "hand": RobotState(HAND)}
+    sketch, states = make_full_sketch(), {"eye": RobotState(EYE), "hand": RobotState(HAND)}
     for name, pose in {
         "wrist": EYE @ ON_EYE,
         "beside": BESIDE,
@@ -124,7 +124,7 @@ def test_possible_views_have_different_carriers():
 
     The movers of a view are its arms, the camera's first.
     """
-    sketch = everywhere()
+    sketch = make_full_sketch()
     assert possible_views(sketch.cell) == [
         ("wrist", "board"), ("wrist", "mark"), ("wrist", "still"), ("beside", "board"), ("beside", "mark"),
     ]  # fmt: skip
@@ -137,7 +137,7 @@ def test_possible_views_have_different_carriers():
 
 def test_joints_require_kinematics():
     """A robot that is sent to joints without kinematics is named in the error; poses require none."""
-    sketch = everywhere()
+    sketch = make_full_sketch()
     assert sketch.base_from_flange("eye", RobotState(EYE)) is EYE
     with pytest.raises(InputError, match="eye: joints need urdf"):
         sketch.base_from_flange("eye", RobotState(joints_rad=np.zeros(6)))

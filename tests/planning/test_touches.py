@@ -26,7 +26,7 @@ TWO = {name: MARKS[name] for name in ("mark_a", "mark_b")}
 
 
 def guessed_cell(names):
-    """The cell of these marks, whose base is known to some centimetres and degrees."""
+    """Cell with these marks, whose base is known to some centimetres and degrees."""
     guess = TRUTH @ SE3.exp(np.array([0.03, -0.02, 0.02, 0.05, 0.03, -0.06]))
     pose = {"t_m": guess.translation.tolist(), "q_xyzw": guess.quaternion.tolist()}
     return touch_cell(names, bases={"hand": {"status": "prior", **pose, "sigma_t_m": 0.05, "sigma_r_rad": 0.1}})
@@ -82,15 +82,15 @@ def test_plan_command_prints_mark_and_touches(tmp_path, monkeypatch, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert sum(line.startswith("Make a mark near (") for line in lines) == 1
     assert sum(line.startswith("  touch ") for line in lines) == 12
-    assert not any(line.startswith("next") for line in lines)  # no command sends arms to touch
+    assert not any(line.startswith("next") for line in lines)  # no command makes arms touch
     data = json.loads(file.read_text())
     assert set(data["marks"]) == {NEXT_MARK}
     assert {"touch", "tip"} <= data["samples"][0]["observations"][0].keys()
 
 
 @pytest.fixture(scope="module")
-def touched():
-    """A sketch of the truth of two arms that touched three marks, and their touches."""
+def touch_sketch():
+    """Sketch at the truth of two arms that touched three marks, and their recording."""
     cell = touch_cell()
     recording = recorded(cell, touch_lines(np.random.default_rng(0), 12, 2e-4))
     means = {BASE: TRUTH, **{f"{robot}_flange_from_{robot}_tip": SE3(np.eye(3), tip) for robot, tip in TIPS.items()}}
@@ -98,9 +98,9 @@ def touched():
     return Sketch(cell, means, ("eye_tip", "mark_a")), recording
 
 
-def test_touches_have_tip_and_state(touched):
+def test_touches_have_tip_and_state(touch_sketch):
     """Each touch has its tip and the state of the robot that carries it."""
-    sketch, recording = touched
+    sketch, recording = touch_sketch
     found = list(_touches(sketch, recording))
     assert len(found) == 12
     for tip, state in found:
@@ -108,12 +108,12 @@ def test_touches_have_tip_and_state(touched):
         assert min(np.linalg.norm(place - mark) for mark in MARKS.values()) < 2e-3
 
 
-def test_next_mark_is_reachable_and_far_from_touches(touched):
+def test_next_mark_is_reachable_and_far_from_touches(touch_sketch):
     """New marks are within 0.6 m of the touches' centre and far from touches and each other.
 
     They are at most 1.05 times as far from a base as a touch.
     """
-    sketch, recording = touched
+    sketch, recording = touch_sketch
     touches = list(_touches(sketch, recording))
     at = np.array([sketch.body_pose(tip, {tip.removesuffix("_tip"): state}).translation for tip, state in touches])
     places = np.array(_places(sketch, touches, 5, np.random.default_rng(0)))
@@ -130,9 +130,9 @@ def test_next_mark_is_reachable_and_far_from_touches(touched):
     assert _places(sketch, touches, 0, np.random.default_rng(0)) == []
 
 
-def test_tips_touch_mark_with_varied_rotations(touched):
+def test_tips_touch_mark_with_varied_rotations(touch_sketch):
     """The tip is at the mark, rotated by up to 1.6 rad from its initial rotation."""
-    sketch, _ = touched
+    sketch, _ = touch_sketch
     start = RobotState(SE3.identity())
     for tip in ("eye_tip", "hand_tip"):
         view = replace(sketch, view=(tip, "mark_b"))
@@ -143,10 +143,10 @@ def test_tips_touch_mark_with_varied_rotations(touched):
         assert 1.4 < max(turns) <= 1.6
 
 
-def test_added_marks_have_guessed_positions(touched):
+def test_added_marks_have_guessed_positions(touch_sketch):
     """Added marks are free points on the world, beside those of the cell."""
-    cell = with_marks(touched[0].cell, {NEXT_MARK: np.array([0.1, 0.2, 0.3])})
-    assert cell.targets.keys() == {*touched[0].cell.targets, NEXT_MARK}
+    cell = with_marks(touch_sketch[0].cell, {NEXT_MARK: np.array([0.1, 0.2, 0.3])})
+    assert cell.targets.keys() == {*touch_sketch[0].cell.targets, NEXT_MARK}
     made = cell.targets[NEXT_MARK]
     assert (made.on, made.mount.status, made.target.kind) == ("world", "free", "mark")
     np.testing.assert_array_equal(made.mount.mean.translation, [0.1, 0.2, 0.3])

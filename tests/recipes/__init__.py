@@ -1,1 +1,1 @@
-"""The recipes and the tutorial: what they tell users to type."""
+"""Tests of the commands in the recipes and the tutorial."""

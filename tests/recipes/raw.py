@@ -1,4 +1,4 @@
-"""The raw files that each recipe begins with, by the name of its page."""
+"""Raw input files of each recipe, by the name of its page."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def ur(folder: Path) -> None:
 
 
 def readme(folder: Path) -> None:
-    """A shipped example, and what the recipe of UR arms begins with."""
+    """A shipped example, and the raw files of the recipe for UR arms."""
     example = Path(__file__).parents[2] / "examples" / "ur5e_dual"
     copytree(example, folder / "examples" / "ur5e_dual", ignore=ignore_patterns("runs", "derived"))
     ur(folder)
@@ -60,7 +60,7 @@ def ros2(folder: Path) -> None:
 
 
 def lerobot(folder: Path) -> None:
-    """Episodes of two arms whose zeros are off, and frames."""
+    """Episodes of two arms with joint offsets, and frames."""
     made = cell(samples=40, seed=1, joints=True, joint_offset_rad=np.radians(OFFSET_DEG), robot_noise=(0.0, 0.0))
     photographs(made, folder, frame_name)
     for robot, name in (("eye", "leader"), ("hand", "follower")):
@@ -68,7 +68,7 @@ def lerobot(folder: Path) -> None:
 
 
 def two_cameras(folder: Path) -> None:
-    """Two arms, a camera on each; both look at one board at every sample."""
+    """Two arms with a camera each; both observe one board in every sample."""
     made = cell(samples=15, seed=4, layout="two_cameras")
     for robot in ("left", "right"):
         written(folder / f"{robot}.txt", teach_pendant(*recorded(made, robot)))
@@ -81,14 +81,14 @@ def two_cameras(folder: Path) -> None:
 
 
 def camera_beside(folder: Path) -> None:
-    """One arm that shows a board to a camera on a tripod."""
+    """One arm that moves a board in front of a camera on a tripod."""
     made = cell(samples=18, seed=6, layout="eye_to_hand")
     photographs(made, folder, lambda i: f"{i + 1}.png")
     written(folder / "arm.txt", teach_pendant(*recorded(made, "arm")))
 
 
 def three_robots(folder: Path) -> None:
-    """Two cameras, each of which has images of samples of its own; tables name them."""
+    """Two cameras, each with images of its own samples, which tables name."""
     made = _with_another_board(cell(samples=45, seed=7, layout="chain"), "r3")
     pairs = [("r1", "r2"), ("r2", "r3")]
     on = {name: camera.on for name, camera in made.cell.cameras.items()}
@@ -128,7 +128,7 @@ def _of(made: SimulatedCell, samples: list) -> SimulatedCell:  # type: ignore[ty
 
 
 def tutorial(folder: Path) -> None:
-    """A first day and a second of the same cell, in which nothing has moved."""
+    """Recordings of the same cell on two days, between which no part has moved."""
     made = cell(samples=24, seed=8)
     first, later = made.recording.samples[:20], made.recording.samples[20:]
     photographs(made, folder, lambda i: f"{i + 1:02d}.png")
@@ -141,7 +141,7 @@ def tutorial(folder: Path) -> None:
 
 
 def scene(folder: Path) -> None:
-    """Poses of two arms, and what the camera of each sees of a table without a target."""
+    """Poses of two arms, and images of a table without a target from both cameras."""
     program = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "scene" / "make.py"))
     program["make"](folder / "rendered_scene", views=14, size=(400, 300))
     made = folder / "rendered_scene"
@@ -163,7 +163,7 @@ def scene(folder: Path) -> None:
 
 
 def scene_bag(folder: Path, samples: dict[str, list[Sample]]) -> None:
-    """A bag of the same: both arms stop for each image at once, and go on."""
+    """A bag of the same scene: both arms stop simultaneously for each image, and move on."""
     from tests.bag_of_cell import BagWriter, between, journey, middles
 
     bag = BagWriter("mcap", folder / "recording")
@@ -179,7 +179,7 @@ def scene_bag(folder: Path, samples: dict[str, list[Sample]]) -> None:
 
 
 def nothing(folder: Path) -> None:
-    """A page that begins with nothing."""
+    """A page without raw files."""
 
 
 RAW: dict[str, Callable[[Path], None]] = {

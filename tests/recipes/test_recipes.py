@@ -27,7 +27,7 @@ DOUBTFUL = {"scene"}
 
 
 def commands(page: Path) -> list[list[str]]:
-    """The words of each command of a page, in order; lines that end in a backslash go on."""
+    """Words of each command of a page, in order; a backslash continues a line."""
     blocks = re.findall(r"^```bash\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     lines = "".join(blocks).replace("\\\n", " ").splitlines()
     return [words for line in lines if (words := shlex.split(line, comments=True))]

@@ -1,4 +1,4 @@
-"""The raw files of the recipes without a camera: touches of marks, of sockets and of tips, and what a tracker saw."""
+"""Raw files of the recipes without a camera: touches of marks, sockets and tips, and tracker measurements."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ tips:
 
 
 def table(path: Path, notation: str, poses: Sequence[SE3], marks: Sequence[str] = ()) -> None:
-    """A file of poses as a controller writes them, with a column of marks."""
+    """Write poses like a controller, with an optional column of marks."""
     how = CONTROLLERS[notation]
     heads = [*(["mark"] if marks else []), *how.names]
     rows = [[f"{value:.10g}" for value in row] for row in how.to_numbers(SE3.stack(list(poses)))]
@@ -39,7 +39,7 @@ def table(path: Path, notation: str, poses: Sequence[SE3], marks: Sequence[str] 
 
 
 def touches(folder: Path) -> None:
-    """Two arms at three marks, two tips that meet, and an arm at two sockets."""
+    """Touches of three marks by two arms, of two tips by each other, and of two sockets by one arm."""
     rng, names = np.random.default_rng(0), [list(MARKS)[k % 3] for k in range(15)]
     for robot, name, notation in (("eye", "left", "kuka"), ("hand", "right", "ur")):
         places = [MARKS[mark] + SIGMA_M * rng.standard_normal(3) for mark in names]
@@ -59,7 +59,7 @@ def touches(folder: Path) -> None:
 
 
 def tracker(folder: Path) -> None:
-    """Poses of an arm, and two reflectors as a tracker measured them at each."""
+    """Poses of an arm, and a tracker's measurements of two reflectors at each."""
     rng, world_from_tracker = np.random.default_rng(1), SE3.from_rpy((0.3, -0.2, 1.0), (3.0, 1.0, 0.5))
     poses = [flange_pose(rng, "eye", np.array([0.5, 0.0, 0.4]) + rng.uniform(-0.3, 0.3, 3)) for _ in range(15)]
     table(folder / "arm.csv", "ur", poses)

@@ -4,4 +4,4 @@ from tests.shared.stages import without_stages
 
 from basecal.accuracy.stages.solving import screen_conventions
 
-no_conventions = without_stages(screen_conventions)  # a search for mix-ups, of which right cells have none
+no_conventions = without_stages(screen_conventions)  # skips the search for mistakes, which correct cells lack

@@ -49,7 +49,7 @@ HOSTILE = '</script><script>alert(1)</script><img src=x onerror="alert(2)">&\'"'
 
 
 class Walker(HTMLParser):
-    """Tags that do not match, words outside scripts and styles, attributes, and what scripts and styles hold."""
+    """Parser that collects mismatched tags, text, attributes, ids, and contents of scripts and styles."""
 
     def __init__(self, html: str) -> None:
         super().__init__()
@@ -90,7 +90,7 @@ class Walker(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def made() -> tuple[Cell, Recording, Calibration]:
+def calibrated_cell() -> tuple[Cell, Recording, Calibration]:
     """A calibrated cell with a prior, a free lens and noise of robots and pixels."""
     scenario = Scenario(samples=15, robot_noise=(1e-4, 2e-4), target_mount="prior", intrinsics="free")
     simulated = simulate(scenario, 4)
@@ -101,12 +101,12 @@ def made() -> tuple[Cell, Recording, Calibration]:
 
 
 @pytest.fixture(scope="module")
-def html(made: tuple[Cell, Recording, Calibration]) -> str:
-    cell, recording, calibration = made
+def html(calibrated_cell: tuple[Cell, Recording, Calibration]) -> str:
+    cell, recording, calibration = calibrated_cell
     return page(cell, recording, calibration, fit_details(cell, recording, calibration), title="mycell")
 
 
-def refused() -> tuple[Cell, Recording, Calibration]:
+def refused_cell() -> tuple[Cell, Recording, Calibration]:
     cell = simulate(Scenario(samples=2), 0).cell
     return cell, Recording(), calibrate(cell, Recording())
 
@@ -115,24 +115,29 @@ def numbers(text: str) -> set[str]:
     return set(re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text))
 
 
-def test_page_contains_text_report(made: tuple[Cell, Recording, Calibration], html: str) -> None:
+def test_page_contains_text_report(calibrated_cell: tuple[Cell, Recording, Calibration], html: str) -> None:
     """Every number of the text report, its first sentence and its findings are on the page, written the same way."""
-    text, shown = text_report(made[0], made[2]), Walker(html).text
+    text, shown = text_report(calibrated_cell[0], calibrated_cell[2]), Walker(html).text
     assert len(numbers(text)) > 60
     assert numbers(text) - numbers(shown) == set()
-    first = headline(made[0], made[2])
+    first = headline(calibrated_cell[0], calibrated_cell[2])
     assert first.doubt
     assert all(part.lower() in shown.lower() for part in (first.word, first.sentence, first.doubt))
-    for line in (*re.findall(r"(?:<origin|ros2 run).*", text), made[2].findings[0].message, "rms", "worst view"):
+    for line in (
+        *re.findall(r"(?:<origin|ros2 run).*", text),
+        calibrated_cell[2].findings[0].message,
+        "rms",
+        "worst view",
+    ):
         assert line in shown
     assert "sha256:0123abcd" in shown
 
 
-def test_table_lists_only_the_worst_views(made: tuple[Cell, Recording, Calibration]) -> None:
+def test_table_lists_only_the_worst_views(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """The table has the 400 worst of 410 views, in the order of their samples."""
     views = tuple(SampleResidual(k, "wrist", "board", 0.1 + (k * 7 % 410) / 1000) for k in range(410))
-    many = replace(made[2], residuals=Residuals(per_sample=views))
-    rows = _fit(made[0], made[1], many, FitDetails())["rows"]
+    many = replace(calibrated_cell[2], residuals=Residuals(per_sample=views))
+    rows = _fit(calibrated_cell[0], calibrated_cell[1], many, FitDetails())["rows"]
     worst = sorted(range(410), key=lambda k: k * 7 % 410)[10:]
     assert [row[0] for row in rows] == [str(k) for k in sorted(worst)]
 
@@ -142,7 +147,7 @@ def test_refused_calibration_has_a_page() -> None:
 
     The transforms that were not estimated follow, without plots.
     """
-    cell, recording, calibration = refused()
+    cell, recording, calibration = refused_cell()
     walker = Walker(page(cell, recording, calibration))
     text = text_report(cell, calibration)
     assert walker.faults == []
@@ -152,9 +157,9 @@ def test_refused_calibration_has_a_page() -> None:
     assert 'class="plot' not in page(cell, recording, calibration)
 
 
-def test_page_lists_outliers_and_validation(made: tuple[Cell, Recording, Calibration]) -> None:
+def test_page_lists_outliers_and_validation(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """The page has the cross-validation errors, and each excluded view or point with its reason, escaped."""
-    cell, recording, calibration = made
+    cell, recording, calibration = calibrated_cell
     left_out = (Outlier(3, "wrist", "board", (4, 5), HOSTILE),)
     walker = Walker(page(cell, recording, replace(calibration, outliers=left_out)))
     assert walker.faults == []
@@ -165,9 +170,9 @@ def test_page_lists_outliers_and_validation(made: tuple[Cell, Recording, Calibra
     assert "Outliers" not in bare
 
 
-def test_refused_numbers_are_behind_a_warning(made: tuple[Cell, Recording, Calibration]) -> None:
+def test_refused_numbers_are_behind_a_warning(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """Snippets of a refused calibration with numbers are folded away. The findings precede the answer."""
-    cell, recording, calibration = made
+    cell, recording, calibration = calibrated_cell
     shown = page(cell, recording, replace(calibration, verdict="refused"))
     assert shown.index("though the calibration is refused") < shown.index("static_transform_publisher")
     assert shown.index(">REFUSED<") < shown.index('class="card answer"')
@@ -175,24 +180,24 @@ def test_refused_numbers_are_behind_a_warning(made: tuple[Cell, Recording, Calib
 
 @pytest.mark.parametrize(("met", "word", "colour"), [(True, "PASS", "good"), (False, "FAIL", "refused")])
 def test_tolerance_verdict_is_in_the_banner(
-    made: tuple[Cell, Recording, Calibration], met: bool, word: str, colour: str
+    calibrated_cell: tuple[Cell, Recording, Calibration], met: bool, word: str, colour: str
 ) -> None:
     """PASS or FAIL has its colour in the banner, with no other verdict beside it."""
-    cell, recording, calibration = made
-    asked = replace(calibration, verdict="good", tolerance=Tolerance(1e-3, 0.5e-3 if met else 2e-3, met))
-    html = page(cell, recording, asked)
+    cell, recording, calibration = calibrated_cell
+    with_tolerance = replace(calibration, verdict="good", tolerance=Tolerance(1e-3, 0.5e-3 if met else 2e-3, met))
+    html = page(cell, recording, with_tolerance)
     banner = html[html.index("<header") : html.index("</header>")]
     assert f'<header class="verdict {colour}">' in banner
     assert "GOOD" not in banner
     assert html.count(f">{word}<") == 1
 
 
-def test_missed_tolerance_offers_plan_command(made: tuple[Cell, Recording, Calibration]) -> None:
+def test_missed_tolerance_offers_plan_command(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """The first item is the command that plans more samples.
 
     The intervals of all positions beyond the tolerance are marked.
     """
-    cell, recording, calibration = made
+    cell, recording, calibration = calibrated_cell
     settings = {**calibration.settings, "tolerance_m": 1e-4}
     missed = replace(calibration, verdict="good", settings=settings, tolerance=Tolerance(1e-4, 2e-3, False))
     html = page(cell, recording, missed, title="my cell")
@@ -205,9 +210,9 @@ def test_missed_tolerance_offers_plan_command(made: tuple[Cell, Recording, Calib
     assert "beyond" not in met.replace("rect.beyond", "").replace(".interval.beyond", "")
 
 
-def test_unknown_error_offers_no_plan(made: tuple[Cell, Recording, Calibration]) -> None:
+def test_unknown_error_offers_no_plan(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """If a tolerance is missed because a transform is unknown, the page states this and offers no plan."""
-    cell, recording, calibration = made
+    cell, recording, calibration = calibrated_cell
     settings = {**calibration.settings, "tolerance_m": 1e-4}
     html = page(cell, recording, replace(calibration, settings=settings, tolerance=Tolerance(1e-4, None, False)))
     first = html[html.index('<ol class="findings">') :].split("</li>")[0]
@@ -216,12 +221,12 @@ def test_unknown_error_offers_no_plan(made: tuple[Cell, Recording, Calibration])
     assert "basecal plan" not in html
 
 
-def test_passed_checks_are_listed(made: tuple[Cell, Recording, Calibration], html: str) -> None:
+def test_passed_checks_are_listed(calibrated_cell: tuple[Cell, Recording, Calibration], html: str) -> None:
     """Checks without findings are counted and described; checks with findings are not among them."""
     passed = html[html.index("checks found nothing") :].split("</details>")[0]
     assert "<dt><code>overfit</code></dt><dd>prediction errors of held-out samples" in passed
     assert "<code>intrinsics</code>" not in passed
-    assert "checks found nothing" not in page(*refused())
+    assert "checks found nothing" not in page(*refused_cell())
 
 
 def test_table_of_contents_omits_missing_sections(html: str) -> None:
@@ -232,7 +237,7 @@ def test_table_of_contents_omits_missing_sections(html: str) -> None:
     walker = Walker(html)
     entries = [value for tag, name, value in walker.attributes if (tag, name) == ("a", "href")]
     assert len(entries) > 6
-    short = page(*refused())
+    short = page(*refused_cell())
     assert "#residuals" not in short
     assert len(short) < 60_000
 
@@ -280,9 +285,9 @@ def test_policy_allows_only_own_scripts(html: str) -> None:
     assert set(re.findall(r"sha256-[^']+", policy(walker))) == hashes
 
 
-def test_markup_in_names_is_escaped(made: tuple[Cell, Recording, Calibration]) -> None:
+def test_markup_in_names_is_escaped(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """Names and messages that look like HTML are shown as text and create no element."""
-    cell, recording, calibration = made
+    cell, recording, calibration = calibrated_cell
     bad = replace(
         calibration,
         findings=(Finding(HOSTILE, "warning", (HOSTILE,), HOSTILE),),
@@ -301,7 +306,7 @@ def test_markup_in_names_is_escaped(made: tuple[Cell, Recording, Calibration]) -
     assert walker.faults == []
     assert (
         len(walker.inside["script"]) == 5
-    )  # data of the scene, what draws it and unpacks that, copying, the page's own
+    )  # scene data, its renderer, the unpacker, copying, and the page's own script
     assert "img" not in {tag for tag, _, _ in walker.attributes}
     assert walker.text.count("alert(2)") >= 12
 
@@ -314,12 +319,12 @@ def many(samples: int, points: int) -> Iterator[PointResiduals]:
     yield PointResiduals("wrist", "board", np.repeat(np.arange(samples), points), np.arange(count), pixels, off, used)
 
 
-def test_page_size_is_bounded(made: tuple[Cell, Recording, Calibration]) -> None:
+def test_page_size_is_bounded(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """A page of 300 samples of 100 points is below 2 MB, and so is one of 20 times as many samples.
 
     The page states what it omits.
     """
-    cell, recording, calibration = made
+    cell, recording, calibration = calibrated_cell
     for samples in (300, 6000):
         views = tuple(SampleResidual(k, "wrist", "board", 0.2 + 1e-5 * k, 1e-3, 1e-3) for k in range(samples))
         record = Recording(tuple(replace(recording.samples[k % 15], sample=k) for k in range(samples)))
@@ -331,12 +336,12 @@ def test_page_size_is_bounded(made: tuple[Cell, Recording, Calibration]) -> None
     assert "401 of 6000 samples are shown" in html
 
 
-def test_point_residuals_reproduce_stated_rms(made: tuple[Cell, Recording, Calibration]) -> None:
+def test_point_residuals_reproduce_stated_rms(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """Residuals of the points, recomputed from the calibration alone, have the stated rms within 0.5 %.
 
     The calibration does not contain the bends of mounts, which are estimated with it and change the residuals slightly.
     """
-    cell, recording, calibration = made
+    cell, recording, calibration = calibrated_cell
     off = np.concatenate([each.off_px.ravel() for each in point_residuals(cell, recording, calibration)])
     assert calibration.residuals.rms_px == pytest.approx(float(np.sqrt(np.mean(off**2))), rel=5e-3)
 
@@ -386,21 +391,23 @@ def test_images_are_embedded(tmp_path: Path) -> None:
     test_page_makes_no_requests(html)
 
 
-def test_backticks_in_messages_become_code(made: tuple[Cell, Recording, Calibration]) -> None:
+def test_backticks_in_messages_become_code(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """Text between backticks in a message is shown as code; an unpaired backtick has no effect. Both are escaped."""
-    cell, recording, calibration = made
-    findings = tuple(Finding("robot-model", "warning", (), said) for said in ("write `a: <b>` there", "a ` alone <i>"))
+    cell, recording, calibration = calibrated_cell
+    findings = tuple(
+        Finding("robot-model", "warning", (), message) for message in ("write `a: <b>` there", "a ` alone <i>")
+    )
     html = page(cell, recording, replace(calibration, findings=findings))
     assert "write <code>a: &lt;b&gt;</code> there" in html
     assert "a ` alone &lt;i&gt;" in html
 
 
-def test_task_shows_outlook_for_more_samples(made: tuple[Cell, Recording, Calibration]) -> None:
+def test_task_shows_outlook_for_more_samples(calibrated_cell: tuple[Cell, Recording, Calibration]) -> None:
     """The page shows the error for each number of samples and the command that plans them.
 
     It has all sentences about the task.
     """
-    cell, recording, calibration = made
+    cell, recording, calibration = calibrated_cell
     at_task = replace(
         calibration,
         settings={**calibration.settings, "task_point": [0.5, 0.1, 0.3]},

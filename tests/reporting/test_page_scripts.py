@@ -24,9 +24,9 @@ from basecal.simulation import Scenario, simulate
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
-LONGEST_S = 120  # beside other programs
+LONGEST_S = 120  # on a busy machine
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
-# Does what a user does, and leaves what he sees in an attribute of the document.
+# Simulates a user, and stores the visible state in an attribute of the document.
 USER = """
 document.addEventListener("scene", async () => {
   const shown = () => [...document.querySelectorAll(".answer .copy")].filter((pane) => !pane.hidden);
@@ -70,8 +70,8 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page in a file."""
+def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """File with a page."""
     made = simulate(Scenario(samples=12, robot_noise=(1e-4, 2e-4)), 4)
     calibration = calibrate(made.cell, made.recording)
     path = tmp_path_factory.mktemp("page") / "report.html"
@@ -81,15 +81,15 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def browser(path: Path, *words: str) -> str:
-    """What the browser prints about a page."""
+    """Output of the browser for a page."""
     assert CHROMIUM is not None
     profile = f"--user-data-dir={path.parent / 'profile'}"
     command = [CHROMIUM, *FLAGS, profile, *words, path.as_uri()]
     return subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_S, check=True).stdout
 
 
-def used(path: Path) -> dict[str, Any]:
-    """What a user sees who picks, copies and slides; the policy, which forbids such a script, is taken out for it."""
+def use_page(path: Path) -> dict[str, Any]:
+    """State of a page after a simulated user picks, copies and slides; the policy is removed for its script."""
     text = POLICY.sub("", path.read_text(encoding="utf-8"), count=1).replace(
         "</body>", f"<script>{USER}</script></body>"
     )
@@ -97,29 +97,29 @@ def used(path: Path) -> dict[str, Any]:
     tried.write_text(text.replace("</body>", f"<script>{USER}</script></body>"), encoding="utf-8")
     found = re.search(r'data-said="([^"]*)"', browser(tried, "--virtual-time-budget=3000", "--dump-dom"))
     assert found is not None, "a script of the page ended with an error"
-    said: dict[str, Any] = json.loads(html.unescape(found[1]))
-    return said
+    state: dict[str, Any] = json.loads(html.unescape(found[1]))
+    return state
 
 
-def test_picker_copy_button_and_slider_work(written: Path) -> None:
+def test_picker_copy_button_and_slider_work(page_file: Path) -> None:
     """Exactly one pane is shown for a format and a direction, and the copied text is the shown one.
 
     The slider and the bars select the same sample.
     """
-    said = used(written)
-    assert len(said["first"]) == 1
-    assert said["kinds"] == said["pressed"] == ["ur"]
-    assert said["ways"] == [said["wanted"]]
-    assert said["button"] in ("copied", "selected")
-    assert said["selected"].strip() == said["pasted"].strip() != ""
-    assert said["opening"].endswith("deg")
-    assert ", the worst" in said["opening"]
-    assert said["moved"].startswith("sample 3")
-    assert said["chosen"] == ["3"]
-    assert said["after_a_bar"] == "7"
+    state = use_page(page_file)
+    assert len(state["first"]) == 1
+    assert state["kinds"] == state["pressed"] == ["ur"]
+    assert state["ways"] == [state["wanted"]]
+    assert state["button"] in ("copied", "selected")
+    assert state["selected"].strip() == state["pasted"].strip() != ""
+    assert state["opening"].endswith("deg")
+    assert ", the worst" in state["opening"]
+    assert state["moved"].startswith("sample 3")
+    assert state["chosen"] == ["3"]
+    assert state["after_a_bar"] == "7"
 
 
-def test_answer_table_fits_at_all_widths(written: Path, tmp_path: Path) -> None:
+def test_answer_table_fits_at_all_widths(page_file: Path, tmp_path: Path) -> None:
     """The table of an answer fits its card from 390 to 700 px.
 
     A table that does not fit has a shade at the edge beyond which it continues.
@@ -130,37 +130,37 @@ def test_answer_table_fits_at_all_widths(written: Path, tmp_path: Path) -> None:
     with browsing(tmp_path) as tab:
         for width in (390, 479, 485, 500, 530, 560, 605, 700):
             tab.resize(width, 900)
-            tab.go(written.as_uri(), ".answer .scroll")
+            tab.go(page_file.as_uri(), ".answer .scroll")
             assert tab.value(beyond) == 0, width
         tab.value(narrowed)
         assert tab.value(beyond) > 0
         assert tab.value(shade)
 
 
-def test_scene_is_unpacked_under_the_policy(written: Path, tmp_path: Path) -> None:
+def test_scene_is_unpacked_under_the_policy(page_file: Path, tmp_path: Path) -> None:
     """The scene replaces the still image, and the slider shows its sample. No request and no script error occurs."""
     with browsing(tmp_path) as tab:
-        tab.go(written.as_uri(), selector=".live:not([hidden]) canvas")
+        tab.go(page_file.as_uri(), selector=".live:not([hidden]) canvas")
         assert tab.value("document.querySelector('.live canvas') !== null && document.querySelector('.still').hidden")
         assert tab.value("document.querySelector('.slider output').textContent").startswith("sample ")
         assert tab.visit.errors == []
-        assert [asked for asked in tab.visit.requests if not asked.startswith(("file:", "data:"))] == []
+        assert [address for address in tab.visit.requests if not address.startswith(("file:", "data:"))] == []
 
 
-def test_scene_is_exported_as_gltf(written: Path) -> None:
+def test_scene_is_exported_as_gltf(page_file: Path) -> None:
     """The exported nodes have the cell's names and poses, and include the other samples if they are shown.
 
     All numbers are in the buffer.
     """
-    said = used(written)
-    made = said["gltf"]
-    assert len(made["nodes"]) > said["plain"] + 10
+    state = use_page(page_file)
+    made = state["gltf"]
+    assert len(made["nodes"]) > state["plain"] + 10
     data = base64.b64decode(made["buffers"][0]["uri"].partition(",")[2])
     assert len(data) == made["buffers"][0]["byteLength"]
     assert all(view["byteOffset"] + view["byteLength"] <= len(data) for view in made["bufferViews"])
     nodes = {node.get("name"): node for node in made["nodes"]}
     assert {"world", "eye_base", "hand_base", "wrist", "board"} <= nodes.keys()
-    scene = json.loads(re.search(r'id="scene-data">(.*?)</script>', written.read_text(encoding="utf-8"))[1])
+    scene = json.loads(re.search(r'id="scene-data">(.*?)</script>', page_file.read_text(encoding="utf-8"))[1])
     for arm in scene["arms"]:
         assert nodes[f"{arm['name']}_base"]["matrix"][12:15] == pytest.approx(arm["world_from_base"][:3])
     for accessor in made["accessors"]:
@@ -172,10 +172,10 @@ def test_scene_is_exported_as_gltf(written: Path) -> None:
             np.testing.assert_allclose(values.reshape(-1, 3).min(0), accessor["min"], rtol=1e-6)
 
 
-def test_page_prints_on_two_sheets(written: Path) -> None:
+def test_page_prints_on_two_sheets(page_file: Path) -> None:
     """The printed page has two sheets."""
-    browser(written, "--no-pdf-header-footer", f"--print-to-pdf={written.with_suffix('.pdf')}")
-    assert len(re.findall(rb"/Type\s*/Page[^s]", written.with_suffix(".pdf").read_bytes())) == 2
+    browser(page_file, "--no-pdf-header-footer", f"--print-to-pdf={page_file.with_suffix('.pdf')}")
+    assert len(re.findall(rb"/Type\s*/Page[^s]", page_file.with_suffix(".pdf").read_bytes())) == 2
 
 
 def test_no_text_is_cut_at_any_size(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from basecal.reporting import pdf
 
 
 @pytest.fixture(scope="module")
-def written() -> bytes:
-    """Two pages of shapes."""
+def pdf_bytes() -> bytes:
+    """PDF with two pages of shapes."""
     drawing = pdf.page_content(
         [pdf.rectangle(10, 20, 40, 60)], [pdf.line(0, 0, 5, 5)], [pdf.text(10, 20, "a(b) ü 漢", 3.2)], 0.15
     )
@@ -21,32 +21,32 @@ def written() -> bytes:
 
 
 def drawings(data: bytes) -> list[str]:
-    """What each page draws."""
+    """Drawing commands of each page."""
     streams = re.findall(rb"/Length (\d+)>>\nstream\n(.*?)\nendstream", data, re.DOTALL)
     assert all(int(length) == len(stream) for length, stream in streams)
     return [zlib.decompress(stream).decode() for _, stream in streams]
 
 
-def test_cross_reference_table_has_true_offsets(written: bytes) -> None:
+def test_cross_reference_table_has_true_offsets(pdf_bytes: bytes) -> None:
     """Each offset of the table leads to the object of its number, and the end of the file to the table."""
-    start = int(re.search(rb"startxref\n(\d+)\n%%EOF\n$", written)[1])
-    table = written[start:]
+    start = int(re.search(rb"startxref\n(\d+)\n%%EOF\n$", pdf_bytes)[1])
+    table = pdf_bytes[start:]
     assert table.startswith(b"xref\n0 8\n0000000000 65535 f \n")
     offsets = [int(each) for each in re.findall(rb"(\d{10}) 00000 n \n", table)]
     assert len(offsets) == 7
     for number, offset in enumerate(offsets, start=1):
-        assert written[offset:].startswith(b"%d 0 obj\n" % number)
+        assert pdf_bytes[offset:].startswith(b"%d 0 obj\n" % number)
 
 
-def test_coordinates_are_millimetres_from_the_top(written: bytes) -> None:
+def test_coordinates_are_millimetres_from_the_top(pdf_bytes: bytes) -> None:
     """A corner at (10, 20) mm of an A4 page is 28.35 points from the left and 785.2 from below."""
-    first, second = drawings(written)
+    first, second = drawings(pdf_bytes)
     a, _, _, d, e, f = map(float, first.split(" cm")[0].split())
     left, top, width, height = map(float, re.search(r"\n(.*) re f", first)[1].split())
     assert (a * left + e, d * top + f) == pytest.approx((28.3465, 785.197), abs=1e-3)
     assert (a * width, d * height) == pytest.approx((85.0394, -113.386), abs=1e-3)
     assert second.strip().endswith("cm")
-    assert b"/MediaBox[0 0 283.4646 141.7323]" in written
+    assert b"/MediaBox[0 0 283.4646 141.7323]" in pdf_bytes
 
 
 def test_circle_is_accurate() -> None:
@@ -61,12 +61,12 @@ def test_circle_is_accurate() -> None:
     np.testing.assert_allclose(points[-1], points[0])
 
 
-def test_text_is_written_as_hexadecimal(written: bytes) -> None:
+def test_text_is_written_as_hexadecimal(pdf_bytes: bytes) -> None:
     """Text is written as hexadecimal numbers, so that brackets end nothing.
 
     An unsupported letter becomes a question mark.
     """
-    shown = bytes.fromhex(re.search(r"<([0-9a-f]+)> Tj", drawings(written)[0])[1])
+    shown = bytes.fromhex(re.search(r"<([0-9a-f]+)> Tj", drawings(pdf_bytes)[0])[1])
     assert shown.decode("cp1252") == "a(b) ü ?"
 
 

@@ -50,8 +50,8 @@ def test_summary_of_good_calibration() -> None:
 
     Translation and rotation are above their sigmas.
     """
-    told = replace(good(2e-3, 1e-4), validation=Validation("k-fold", 5, 0.2345, 4.123e-4, np.radians(0.0512)))
-    assert summary(a_cell("eye", "hand"), told).splitlines() == [
+    calibration = replace(good(2e-3, 1e-4), validation=Validation("k-fold", 5, 0.2345, 4.123e-4, np.radians(0.0512)))
+    assert summary(a_cell("eye", "hand"), calibration).splitlines() == [
         f"GOOD: {BASE} to 3.5 mm and 0.0099 deg (1 sigma, 3-D norm)",
         "  t            1234.6         -12.3       12345.7 mm",
         "  sigma           2.0           2.0           2.0",
@@ -132,10 +132,10 @@ def test_task_error_has_one_line() -> None:
     budget = tuple(
         BudgetEntry(f"source {k}", rms, rms**2 / 30e-6, 1e-3) for k, rms in enumerate((5e-3, 2e-3, 1e-3, 0.0))
     )
-    told = summary(a_cell("eye", "hand"), replace(good(), budget=budget))
+    text = summary(a_cell("eye", "hand"), replace(good(), budget=budget))
     assert (
         "error at the task 5.5 mm rms; shares of its variance: source 0 83 %, source 1 13 %, source 2 3 %"
-        in told.splitlines()
+        in text.splitlines()
     )
 
 

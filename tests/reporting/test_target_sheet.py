@@ -193,7 +193,7 @@ def test_shapes_keep_clear_of_border_and_rulers(kind):
     for page in printed_pages(SHAPES[kind], "title"):
         low, high = _extent(page)
         width, height = page.size_mm
-        if kind != "led":  # its numbers and crosses have a margin of their own
+        if kind != "led":  # its numbers and crosses have their own margin
             assert low[0] >= 8
             assert low[1] >= 8
         assert np.all(high <= np.array([width - 22, height - 30]) + 1e-6)

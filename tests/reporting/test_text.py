@@ -83,7 +83,7 @@ def test_verdict_comes_first() -> None:
 def test_text_contains_numbers_of_the_calibration() -> None:
     """The text has translation in mm, angles in deg, sigmas per axis, lens, residuals and noise."""
     text = " ".join(text_report(a_cell(), a_calibration()).split())
-    for said in (
+    for part in (
         "t 1250.00 -500.00 0.00 mm sigma 0.30 0.40 0.00 mm",
         "rpy 0.00 0.00 90.00 deg sigma 0.17 0.00 0.23 deg",
         "fx 900.0 sigma 2.0 px",
@@ -93,7 +93,7 @@ def test_text_contains_numbers_of_the_calibration() -> None:
         "measurement noise, 1 sigma per axis: 0.21 px",
         "pose noise of robot eye, 1 sigma per axis: 0.30 0.10 0.30 mm, 0.50 mrad",
     ):
-        assert said in text
+        assert part in text
 
 
 def test_only_requested_transform_has_snippets() -> None:
@@ -179,13 +179,13 @@ def test_text_lists_validation_and_outliers() -> None:
     )
     validation = Validation("k-fold", 5, 0.25, 4.1e-4, np.radians(0.052), 6.25)
     text = text_report(a_cell(), replace(a_calibration(), validation=validation, outliers=left_out))
-    for said in (
+    for part in (
         "cross-validation error (k-fold, 5 folds), rms: 0.41 mm and 0.052 deg at the target, 0.25 px",
         "fold spread over predicted sigma: 2.50",
         "outlier: sample 3 (IMG_4.png), led by wrist, points 4, 5: 8 px off",
         "outlier: sample 7, led by wrist, the whole view: the arm was 12 sigmas off",
     ):
-        assert said in text
+        assert part in text
 
 
 def test_worst_view_is_not_an_excluded_view() -> None:
@@ -193,8 +193,8 @@ def test_worst_view_is_not_an_excluded_view() -> None:
     errors = (3, 90.0, 1e-3), (4, 0.7, 1e-3), (5, 0.3, 1e-3), (6, 0.2, None)
     views = tuple(SampleResidual(number, "wrist", "led", rms, loop_m, loop_m) for number, rms, loop_m in errors)
     left_out = (Outlier(3, "wrist", "led", (), "bumped"), Outlier(4, "wrist", "led", (2,), "8 px off"))
-    told = replace(a_calibration(), residuals=Residuals(0.2, 0.1, 4e-4, 1e-3, views), outliers=left_out)
-    text = text_report(a_cell(), told)
+    calibration = replace(a_calibration(), residuals=Residuals(0.2, 0.1, 4e-4, 1e-3, views), outliers=left_out)
+    text = text_report(a_cell(), calibration)
     assert "worst view: sample 4 by wrist, 0.70 px rms" in text
     assert "rms over 2 views" in text
 
@@ -202,8 +202,8 @@ def test_worst_view_is_not_an_excluded_view() -> None:
 def test_workspace_errors_are_those_of_the_map() -> None:
     """The text states the smallest and the largest length [mm] of the error map, and its largest angle."""
     errors = ErrorMap(np.zeros((2, 3)), np.array([1e-3, 2.34e-3]), np.radians([0.5, 0.25]))
-    told = text_report(a_cell(), replace(a_calibration(), error_map=errors))
-    assert "errors of one flange to another are expected below 1.0 to 2.3 mm and 0.50 deg" in " ".join(told.split())
+    text = text_report(a_cell(), replace(a_calibration(), error_map=errors))
+    assert "errors of one flange to another are expected below 1.0 to 2.3 mm and 0.50 deg" in " ".join(text.split())
 
 
 def test_estimate_rows_have_sigmas() -> None:
@@ -230,7 +230,7 @@ JOINTS = ("pan", "lift", "elbow")
 
 
 def with_robots() -> Calibration:
-    """Joint 1 known by its prior, 2 by the data, 3 not at all."""
+    """Calibration with joint 1 known by its prior, 2 by the data, 3 unknown."""
     rad = np.radians([0.0, 0.31, np.nan])
     sigma = np.radians([0.2, 0.02, np.nan])
     seen = np.array([False, True, False])
@@ -271,9 +271,9 @@ def test_joint_parameters_state_their_observability() -> None:
 def test_report_and_page_contain_joint_parameters() -> None:
     """The text and the page have the joint offsets; the text states them after the transforms."""
     cell = Cell("eye", {"eye": Robot("eye"), "hand": Robot("hand")})
-    for told in (text_report(cell, with_robots()), page(cell, Recording(), with_robots())):
-        assert "joint offsets of hand" in told
-        assert "+0.3100 deg" in told
+    for text in (text_report(cell, with_robots()), page(cell, Recording(), with_robots())):
+        assert "joint offsets of hand" in text
+        assert "+0.3100 deg" in text
 
 
 def rows(**fields: object) -> list[str]:
@@ -310,12 +310,12 @@ def test_outlier_ids_are_cut_after_ten() -> None:
 def test_loops_are_listed_only_if_several() -> None:
     """Each loop has its path, error and views; a single loop is the rms of all views and is not listed."""
     loops = (Loop(("eye", "wrist", "led"), 7, 1e-3, np.radians(0.1)), Loop(("hand", "led"), 1, 2e-3, np.radians(0.2)))
-    told = replace(a_calibration(), residuals=Residuals(loops=loops))
-    assert list(fit_sentences(told)) == [
+    calibration = replace(a_calibration(), residuals=Residuals(loops=loops))
+    assert list(fit_sentences(calibration)) == [
         "pose consistency error of eye - wrist - led: 1.0 mm and 0.10 deg over 7 views",
         "pose consistency error of hand - led: 2.0 mm and 0.20 deg over 1 view",
     ]
-    assert list(fit_sentences(replace(told, residuals=Residuals(loops=loops[:1])))) == []
+    assert list(fit_sentences(replace(calibration, residuals=Residuals(loops=loops[:1])))) == []
 
 
 def test_certificate_states_gap_or_reason() -> None:
@@ -346,13 +346,13 @@ def test_methods_are_compared_by_held_out_errors() -> None:
 
 def test_clock_offsets_and_line_times_have_units() -> None:
     """Clock offsets are in ms and line times in us, with their sigmas; fixed ones have none."""
-    told = replace(
+    calibration = replace(
         a_calibration(),
         clocks={"wrist": ClockOffset(12.5e-3, 0.25e-3), "eye": ClockOffset(-1e-3, 0.0)},
         line_times={"wrist": LineTime(15e-6, 0.5e-6), "top": LineTime(20e-6, 0.0)},
         noise={"clocks": {"wrist": {"jitter_s": 1.5e-3}}},
     )
-    assert list(clock_sentences(told)) == [
+    assert list(clock_sentences(calibration)) == [
         "clock of wrist: +12.500 ms to be added to its stamps, sigma 0.250 ms",
         "clock of eye: -1.000 ms to be added to its stamps",
         "stamps of wrist jitter by 1.50 ms (1 sigma)",
@@ -383,8 +383,8 @@ def test_cameras_with_different_noise_are_listed() -> None:
 def test_missing_pose_sigma_is_omitted() -> None:
     """A sigma that is None, and entries that are no sigma, are omitted."""
     sigmas = {"sigma_t_m": [1e-3] * 3, "sigma_r_rad": None, "stops": 12}
-    told = replace(a_calibration(), noise={"robots": {"eye": sigmas}})
-    assert list(noise_sentences(told)) == ["pose noise of robot eye, 1 sigma per axis: 1.0 mm"]
+    calibration = replace(a_calibration(), noise={"robots": {"eye": sigmas}})
+    assert list(noise_sentences(calibration)) == ["pose noise of robot eye, 1 sigma per axis: 1.0 mm"]
 
 
 def test_task_error_is_root_sum_of_squares() -> None:

@@ -86,7 +86,7 @@ def test_a_point_has_no_rotation():
     assert status_words(LIGHT, BARE) == "free, a point"
     assert [row.name for row in transform_rows(LIGHT, BARE)] == ["t"]
     assert copies(LIGHT, BARE_CELL, BARE, {}) == []
-    said = page(BARE_CELL, Recording(), BARE)
-    assert "t in hand_flange; ± 1 sigma per axis of led." in said
+    html = page(BARE_CELL, Recording(), BARE)
+    assert "t in hand_flange; ± 1 sigma per axis of led." in html
     fixed = page(BARE_CELL, Recording(), replace(BARE, status={LIGHT: "fixed"}))
     assert "t in hand_flange." in fixed

@@ -23,7 +23,7 @@ def scene_of(scenario):
     return draw_scene(scenario, make_layout(scenario.layout, scenario.robots), np.random.default_rng(1))
 
 
-def drawn(scenario, scene=None):
+def make_motions(scenario, scene=None):
     return draw_motions(scene or scene_of(scenario), scenario, np.random.default_rng(2), {})
 
 
@@ -68,7 +68,7 @@ def test_pixel_noise_widens_image_margin():
 )
 def test_number_of_stops_follows_the_scenario(arms, eye_stops, hand_stops):
     """Twelve samples have as many distinct poses of each arm as the scenario states."""
-    motions = drawn(Scenario(samples=12, arms=arms, stations=3))
+    motions = make_motions(Scenario(samples=12, arms=arms, stations=3))
     for robot, stops in (("eye", eye_stops), ("hand", hand_stops)):
         places = np.concatenate([motion.recorded[robot].matrix for motion in motions])
         assert len(places) == 12
@@ -81,7 +81,7 @@ def test_still_robot_has_one_pose_error():
     A moving one has an error per sample, with sigmas within 20 %.
     """
     scenario = Scenario(samples=200, arms="eye_still", robot_noise=(1e-3, 2e-3))
-    (motion,) = drawn(scenario)
+    (motion,) = make_motions(scenario)
     eye, hand = ((motion.recorded[r].inverse() @ motion.true[r]).log() for r in ("eye", "hand"))
     np.testing.assert_allclose(eye, np.tile(eye[0], (200, 1)), atol=1e-12)
     assert np.abs(eye[0]).max() > 0
@@ -90,14 +90,14 @@ def test_still_robot_has_one_pose_error():
 
 def test_zero_spread_means_no_motion():
     """Robots do not move without spread of rotation and position."""
-    (motion,) = drawn(Scenario(samples=3, spread_rad=0.0, position_m=0.0))
+    (motion,) = make_motions(Scenario(samples=3, spread_rad=0.0, position_m=0.0))
     for robot in ("eye", "hand"):
         assert np.ptp(motion.recorded[robot].matrix, axis=0).max() == 0
 
 
 def test_samples_are_divided_among_groups():
     """Seven samples of a ring of three are divided into three, two and two, one pair after another."""
-    motions = drawn(Scenario(samples=7, layout="chain"))
+    motions = make_motions(Scenario(samples=7, layout="chain"))
     assert [(motion.group, len(motion.recorded["r1" if motion.group != 1 else "r2"])) for motion in motions] == [
         (0, 3),
         (1, 2),
@@ -112,7 +112,7 @@ def test_partial_views_are_optional():
     for partial in (False, True):
         scenario = replace(near, partial=partial)
         scene = scene_of(scenario)
-        (motion,) = drawn(scenario, scene)
+        (motion,) = make_motions(scenario, scene)
         seen = seen_points(scene, scenario, VIEW, motion.true).sum(1)
         counts[partial] = seen.min(), seen.max()
     whole = counts[False][1]
@@ -124,10 +124,10 @@ def test_too_few_visible_samples_are_refused():
     """An image of four pixels cannot show a board. The error states how many samples were found, and what to change."""
     scenario = Scenario(samples=5, camera=Camera("pinhole", LENS.parameters, (4, 4)))
     with pytest.raises(InputError, match=r"only 0 of 5 samples see the target after 2600 tries: make spread_rad"):
-        drawn(scenario)
+        make_motions(scenario)
 
 
 def test_single_robot_cannot_be_still():
     """A still robot requires a second robot that moves."""
     with pytest.raises(InputError, match="'eye_still' needs two robots"):
-        drawn(Scenario(arms="eye_still", layout="eye_in_hand"))
+        make_motions(Scenario(arms="eye_still", layout="eye_in_hand"))

@@ -72,5 +72,5 @@ def test_defaults_match_documentation():
     """The defaults of a scenario are the documented ones of a study, for all fields that both have."""
     stated = {name: value for name, value in documented_defaults().items() if hasattr(Scenario(), name)}
     assert len(stated) > 12
-    del stated["distance_m"]  # of which a study states the middle
+    del stated["distance_m"]  # a study states its mean
     assert {name: getattr(Scenario(), name) for name in stated} == stated

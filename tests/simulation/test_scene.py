@@ -69,7 +69,7 @@ def test_most_bases_are_upright():
     """A fifth of 200 bases has a random rotation (sigma 3 %), the others are tilted by at most 0.3 rad."""
     scenes = [scene_of(seed) for seed in range(200)]
     first = [scene.bases["hand"].rotation for scene in scenes]
-    # Both bases may tilt, and the first one is taken for the world.
+    # Both bases may tilt, and the first one is the world.
     tilt = np.array([np.arccos(np.clip(each[2, 2], -1, 1)) for each in first])
     assert 0.15 < np.mean(tilt > 0.6) < 0.45
 

@@ -13,7 +13,7 @@ EYE_FROM_HAND = SE3.from_rotvec([0.1, -0.2, 2.0], [0.9, 0.3, 0.1])
 EYE_FROM_CAMERA = SE3.stack([SE3.from_rotvec([0.0, 0.1 * k, 0.0], [0.2, 0.1, 0.3]) for k in range(2)])
 
 
-def recorded(**options):
+def record_shifts(**options):
     camera_from_led = SE3.from_rotvec([0.3, 0.2, 0.1], [0.05, -0.04, 0.8])
     light = EYE_FROM_HAND.inverse() @ EYE_FROM_CAMERA @ camera_from_led
     return simulate_shifts(EYE_FROM_HAND, EYE_FROM_CAMERA, light, LENS, 0.05, **options)
@@ -31,7 +31,7 @@ def test_shift_directions_are_the_axes(two_sided, count):
 
 def test_led_shifts_along_its_own_axes():
     """At both stations the flange shifts by 0.05 m without rotation, and pixels are those of the true transforms."""
-    simulated = recorded()
+    simulated = record_shifts()
     samples = simulated.recording.samples
     assert len(samples) == 8
     for k, sample in enumerate(samples):
@@ -47,7 +47,7 @@ def test_led_shifts_along_its_own_axes():
 
 def test_only_the_base_is_free():
     """Mounts are fixed to the identity, and only the base is free. The truth and the true robot poses are kept."""
-    simulated = recorded()
+    simulated = record_shifts()
     assert simulated.cell.bases["hand"].status == "free"
     assert simulated.cell.cameras["camera"].mount.status == simulated.cell.targets["light"].mount.status == "fixed"
     assert simulated.truth["eye_base_from_hand_base"] is EYE_FROM_HAND
@@ -58,8 +58,8 @@ def test_only_the_base_is_free():
 def test_pixel_noise_has_sigma_and_seed():
     """The cell states the noise if there is any, and one seed gives the same pixels again."""
     exact, noisy, again = (
-        recorded(is_two_sided=True),
-        *(recorded(is_two_sided=True, pixel_px=0.5, seed=3) for _ in range(2)),
+        record_shifts(is_two_sided=True),
+        *(record_shifts(is_two_sided=True, pixel_px=0.5, seed=3) for _ in range(2)),
     )
     assert exact.cell.pixel_px is None
     assert noisy.cell.pixel_px == 0.5

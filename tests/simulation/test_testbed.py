@@ -31,7 +31,7 @@ COMBINATIONS = [
 
 
 def _world_from(sim: SimulatedCell, name: str, k: int) -> SE3:
-    """Where a camera or target is in the reference's base, by the names of transforms alone."""
+    """Pose of a camera or target in the reference's base, by the names of transforms alone."""
     cell = sim.cell
     on = (cell.cameras.get(name) or cell.targets[name]).on
     if on == WORLD:
@@ -41,7 +41,7 @@ def _world_from(sim: SimulatedCell, name: str, k: int) -> SE3:
 
 
 def _predicted(sim: SimulatedCell, seen: Observation, k: int) -> SE3:
-    """The one equation."""
+    """Predicted pose of a target in a camera."""
     return _world_from(sim, seen.camera, k).inverse() @ _world_from(sim, seen.target, k)
 
 
@@ -197,9 +197,11 @@ def test_base_rotation_and_distance_vary() -> None:
 def test_fixed_transform_is_exact_and_free_unstated() -> None:
     """The cell states fixed values exactly and has no guess for free ones."""
     sim = simulate(Scenario(samples=2, camera_mount="fixed", target="led"), 2)
-    told = sim.cell.transforms
-    np.testing.assert_array_equal(told["eye_flange_from_wrist"].mean.matrix, sim.truth["eye_flange_from_wrist"].matrix)
-    assert told["eye_base_from_hand_base"].mean is None
+    stated = sim.cell.transforms
+    np.testing.assert_array_equal(
+        stated["eye_flange_from_wrist"].mean.matrix, sim.truth["eye_flange_from_wrist"].matrix
+    )
+    assert stated["eye_base_from_hand_base"].mean is None
     np.testing.assert_array_equal(sim.truth["hand_flange_from_board"].rotation, np.eye(3))
 
 
@@ -211,8 +213,8 @@ def test_priors_scatter_with_stated_sigmas() -> None:
     scaled, lenses = [], []
     for seed in range(60):
         sim = simulate(scenario, seed)
-        for name, told in sim.cell.transforms.items():
-            scaled.append((told.mean.inverse() @ sim.truth[name]).log() / told.sigma)
+        for name, prior in sim.cell.transforms.items():
+            scaled.append((prior.mean.inverse() @ sim.truth[name]).log() / prior.sigma)
         lens = sim.cell.cameras["wrist"].intrinsics
         lenses.append((sim.cameras["wrist"].parameters - lens.camera.parameters) / lens.sigma)
     np.testing.assert_allclose(np.std(scaled, axis=0), 1, atol=0.2)
@@ -332,16 +334,16 @@ def test_wrong_scenario_type_is_refused():
 VIEW = ("wrist", "board")
 
 
-def observed(scenario):
-    """The scene, the motion, and what is seen in it."""
+def observe_scenario(scenario):
+    """Scene, motion and observations of a scenario."""
     scene = draw_scene(scenario, make_layout(scenario.layout), np.random.default_rng(1))
     (motion,) = draw_motions(scene, scenario, np.random.default_rng(2), {})
     return scene, motion, observe(motion, scene, scenario, np.random.default_rng(3))
 
 
 def residuals(scenario):
-    """Pixels less those of the truth, by sample."""
-    scene, motion, seen = observed(scenario)
+    """Pixels minus those of the truth, by sample."""
+    scene, motion, seen = observe_scenario(scenario)
     exact = scene.lenses["wrist"].project(points_in_camera(scene, VIEW, motion.true))
     return [found.pixels - exact[k] for k, (found,) in enumerate(seen)]
 
@@ -349,7 +351,7 @@ def residuals(scenario):
 def test_noiseless_pixels_are_exact():
     """All corners of a whole board are observed exactly, by their ids."""
     scenario = Scenario(samples=3, pixel_px=0.0)
-    scene, _, seen = observed(scenario)
+    scene, _, seen = observe_scenario(scenario)
     assert all(np.array_equal(found.ids, scene.shapes["board"].ids) for (found,) in seen)
     assert max(np.abs(each).max() for each in residuals(scenario)) < 1e-9
 
@@ -368,7 +370,7 @@ def test_correlated_noise_is_shared_by_a_view():
 def test_only_visible_points_are_observed():
     """The visible points of a part of a board are observed, each with its own id."""
     scenario = Scenario(samples=20, distance_m=(0.25, 0.35), position_m=0.2, partial=True, pixel_px=0.0)
-    scene, motion, seen = observed(scenario)
+    scene, motion, seen = observe_scenario(scenario)
     mask = seen_points(scene, scenario, VIEW, motion.true)
     assert not mask.all()
     for k, (found,) in enumerate(seen):
@@ -385,7 +387,7 @@ def residuals_of(scene, motion, seen, mask):
 def test_pose_noise_is_in_target_axes(states):
     """Translation and rotation have their sigmas in the axes of the target. The recording states them or not."""
     scenario = Scenario(samples=300, target="pose", pose_noise=(1e-3, 4e-3), state_observation_noise=states)
-    scene, motion, seen = observed(scenario)
+    scene, motion, seen = observe_scenario(scenario)
     true = scene.camera_from_target(VIEW, motion.true)
     off = np.stack([(true[k].inverse() @ found.camera_from_target).log() for k, (found,) in enumerate(seen)])
     np.testing.assert_allclose(off.std(0), np.repeat([1e-3, 4e-3], 3), rtol=0.15)
@@ -399,7 +401,7 @@ def test_pose_noise_is_in_target_axes(states):
 def test_point_noise_has_stated_sigma(point_m, states, stated):
     """Sigmas of 3-D points are stated if there are any and the scenario allows it."""
     scenario = Scenario(samples=100, target="points3d", point_m=point_m, state_observation_noise=states)
-    scene, motion, seen = observed(scenario)
+    scene, motion, seen = observe_scenario(scenario)
     exact = points_in_camera(scene, VIEW, motion.true)
     off = np.stack([found.points_in_camera - exact[k] for k, (found,) in enumerate(seen)])
     assert off.std() == pytest.approx(point_m, rel=0.1, abs=1e-12)
@@ -410,5 +412,5 @@ def test_point_noise_has_stated_sigma(point_m, states, stated):
 
 def test_all_views_of_a_group_are_observed():
     """Two cameras observe in every sample, in the order of the views."""
-    *_, seen = observed(Scenario(samples=2, layout="two_cameras"))
+    *_, seen = observe_scenario(Scenario(samples=2, layout="two_cameras"))
     assert [[found.camera for found in sample] for sample in seen] == [["left_camera", "right_camera"]] * 2

@@ -33,11 +33,11 @@ def test_trial_errors_and_nees(monkeypatch: pytest.MonkeyPatch) -> None:
     degree = np.radians(1.0)
 
     class Off:
-        """A solver that is off by what is known."""
+        """Solver with known errors."""
 
         @staticmethod
         def solve(draws):
-            """The truth, moved."""
+            """Truth moved by a known error."""
             off = SE3.exp([0.003, 0, 0, 0, 0, 0]) @ SE3.exp([0, 0, 0, 0, 2 * degree, 0])
             covariance = np.diag([1e-6] * 3 + [degree**2] * 3)
             moved = SE3.stack([draws.truth @ off.inverse()] * 2)
@@ -83,7 +83,7 @@ def test_damaged_chunk_file_is_ignored(tmp_path: Path) -> None:
         {"about": about[1:], **columns},
         {"about": np.frombuffer(b"[]", dtype=np.uint8), **columns},
         columns,
-        {"about": about, **columns, "more": np.zeros(2**24 + 1)},  # a kilobyte a megabyte
+        {"about": about, **columns, "more": np.zeros(2**24 + 1)},  # a megabyte compressed to a kilobyte
     ):
         np.savez_compressed(path, **other)
         assert read_chunk(tmp_path, made, chunk) is None

@@ -106,7 +106,7 @@ def test_table_is_independent_of_number_of_workers(tmp_path: Path, workers: int)
 
 
 def kill_after_a_chunk(cluster, folder: Path) -> None:
-    """A worker, with -9, once a chunk is kept."""
+    """Kill a worker with -9 once a chunk is stored."""
     end = time.monotonic() + 60
     while not list(folder.glob("chunks/*.npz")):
         assert time.monotonic() < end

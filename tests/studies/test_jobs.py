@@ -27,10 +27,10 @@ def test_every_job_is_done_once(workers: int) -> None:
 
 def test_progress_includes_earlier_work() -> None:
     """Progress is reported before the first job and after each, including work done earlier."""
-    told, kept = list[tuple[int, int]](), list[int]()
+    steps, kept = list[tuple[int, int]](), list[int]()
     few = [Job(number, size, partial(named, number)) for number, size in ((3, 2), (4, 5))]
-    run_jobs(few, WorkerPool(), 10, lambda job, content: kept.append(job.number), lambda *step: told.append(step))
-    assert told == [(3, 10), (5, 10), (10, 10)]
+    run_jobs(few, WorkerPool(), 10, lambda job, content: kept.append(job.number), lambda *step: steps.append(step))
+    assert steps == [(3, 10), (5, 10), (10, 10)]
     assert kept == [3, 4]
 
 

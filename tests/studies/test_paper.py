@@ -81,8 +81,8 @@ def test_noise_study_file_matches_the_paper():
 
 def test_study_is_json_with_text_and_figures(study):
     """The study has the keys of the paper and no NaN. Text and figures are made from it."""
-    told = json.loads(json.dumps(study, allow_nan=False))
-    assert set(told["table1_camera_from_led"]) == set(told["paper"]["table1_camera_from_led"])
+    data = json.loads(json.dumps(study, allow_nan=False))
+    assert set(data["table1_camera_from_led"]) == set(data["paper"]["table1_camera_from_led"])
     assert "3.6092" in paper_text(study)
     assert set(shift_length_figures(study)) == {"shift_length_rotation.svg", "shift_length_translation.svg"}
 

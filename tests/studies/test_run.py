@@ -37,7 +37,7 @@ def test_interrupted_study_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     work, done = module.compute_chunk, []
 
     def once(study, chunk):
-        """A chunk, until one was done."""
+        """Compute a chunk, and interrupt the second time."""
         if done:
             raise KeyboardInterrupt
         done.append(chunk.index)
@@ -47,10 +47,10 @@ def test_interrupted_study_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     with pytest.raises(KeyboardInterrupt):
         run_study(made, tmp_path / "cut", WorkerPool(1))
     monkeypatch.setattr(module, "compute_chunk", lambda study, chunk: done.append(chunk.index) or work(study, chunk))
-    told: list[tuple[int, int]] = []
-    run_study(made, tmp_path / "cut", WorkerPool(1), lambda *at: told.append(at))
+    steps: list[tuple[int, int]] = []
+    run_study(made, tmp_path / "cut", WorkerPool(1), lambda *at: steps.append(at))
     assert done == [0, 1, 2]
-    assert told == [(8, 24), (16, 24), (24, 24)]
+    assert steps == [(8, 24), (16, 24), (24, 24)]
     run_study(made, tmp_path / "whole", WorkerPool(1))
     assert numbers(made, tmp_path / "cut") == numbers(made, tmp_path / "whole")
 
@@ -63,13 +63,13 @@ axes: {{samples: [6, 8, 10, 12, 14, 16]}}
 """
 
 
-def started(file: Path, folder: Path) -> subprocess.Popen[bytes]:
+def start_study(file: Path, folder: Path) -> subprocess.Popen[bytes]:
     words = [sys.executable, "-m", "basecal", "study", str(file), "--workers", "2", "-o", str(folder)]
     return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
 
 
 def children(process: subprocess.Popen[bytes]) -> list[int]:
-    """Processes that work for one, by Linux."""
+    """Worker processes of a process, on Linux."""
     ids = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     return [pid for pid in map(int, ids) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
@@ -91,20 +91,20 @@ def test_killed_study_gives_the_same_table(tmp_path: Path, whom: str) -> None:
     """
     file, folder = tmp_path / "long.yaml", tmp_path / "out"
     file.write_text(LONG)
-    process = started(file, folder)
+    process = start_study(file, folder)
     first_chunk(folder)
     workers = children(process)
     os.kill(workers[0] if whom == "a worker" else process.pid, signal.SIGKILL)
     if whom == "all":
         process.communicate(timeout=60)
         end = time.monotonic() + 30
-        while any(Path(f"/proc/{pid}").exists() for pid in workers):  # none outlives who asked it
+        while any(Path(f"/proc/{pid}").exists() for pid in workers):  # no worker outlives the command
             assert time.monotonic() < end
             time.sleep(0.02)
         kept = {path.name: path.stat().st_mtime_ns for path in folder.glob("chunks/*.npz")}
-        process = started(file, folder)
-    _, said = process.communicate(timeout=120)
-    assert process.returncode == 0, said
+        process = start_study(file, folder)
+    _, stderr = process.communicate(timeout=120)
+    assert process.returncode == 0, stderr
     made = study_from_text(LONG, "long.yaml")
     run_study(made, tmp_path / "whole", WorkerPool(1))
     assert numbers(made, folder) == numbers(made, tmp_path / "whole")

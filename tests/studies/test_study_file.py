@@ -119,17 +119,17 @@ def test_documented_examples_exist() -> None:
 )
 def test_mistakes_are_reported_with_line_and_field(text: str, line: int, field: str | None, words: str) -> None:
     """Each mistake is reported with what was expected."""
-    with pytest.raises(DatasetError) as told:
+    with pytest.raises(DatasetError) as error:
         study_from_text(text, "study.yaml")
-    assert (told.value.line, told.value.field) == (line, field)
-    assert words in told.value.reason
+    assert (error.value.line, error.value.field) == (line, field)
+    assert words in error.value.reason
 
 
 def test_all_mistakes_are_reported_together() -> None:
     """Mistakes are in the order of the file, one per line."""
-    with pytest.raises(DatasetError) as told:
+    with pytest.raises(DatasetError) as error:
         study_from_text(f"{HEAD}hold:\n  sampels: 3\n  pixel_px: much\n", "study.yaml")
-    assert [line.split(": ")[0] for line in str(told.value).splitlines()] == ["study.yaml:5", "study.yaml:6"]
+    assert [line.split(": ")[0] for line in str(error.value).splitlines()] == ["study.yaml:5", "study.yaml:6"]
 
 
 def test_too_many_points_are_refused() -> None:
@@ -169,9 +169,9 @@ def test_limits_are_inclusive(text: str, over: str, words: str) -> None:
     """A value at a limit is accepted, and one just beyond is refused with the limit."""
     read, refused = (each if "cells" in each else f"{each}\ncells: 1" for each in (text, over))
     study_from_text(f"schema: basecal/study/1\n{read}\n", "study.yaml")
-    with pytest.raises(DatasetError) as told:
+    with pytest.raises(DatasetError) as error:
         study_from_text(f"schema: basecal/study/1\n{refused}\n", "study.yaml")
-    assert words in str(told.value)
+    assert words in str(error.value)
 
 
 def test_total_trials_and_cells_are_limited() -> None:

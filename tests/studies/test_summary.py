@@ -62,55 +62,55 @@ def test_predicted_sigmas_are_calibrated(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Path]:
+def study_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Path]:
     study_ = study(trials=4, hold=f"layout: shifts, {SMALL}", axes="shift_m: [0.1, 0.2], solver: [closed_form]")
     folder = tmp_path_factory.mktemp("table") / "out"
     run_study(study_, folder, WorkerPool(1))
     return study_, folder
 
 
-def test_parquet_contains_all_trials(made: tuple[Study, Path]) -> None:
+def test_parquet_contains_all_trials(study_run: tuple[Study, Path]) -> None:
     """The axes come first. Quantities that the solver does not give are missing values."""
     pq = pytest.importorskip("pyarrow.parquet")
-    found = pq.read_table(write_table(*made))
+    found = pq.read_table(write_table(*study_run))
     assert found.column_names == ["shift_m", "solver", *COLUMNS]
     assert found.column("shift_m").to_pylist() == [0.1] * 4 + [0.2] * 4
-    expected = np.concatenate([result.trials.error_mm for _, result in results(*made)])
+    expected = np.concatenate([result.trials.error_mm for _, result in results(*study_run)])
     assert np.array_equal(found.column("error_mm").to_numpy(), expected)
     assert found.column("sigma_mm").null_count == 8
 
 
-def test_csv_is_written_without_pyarrow(made: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_csv_is_written_without_pyarrow(study_run: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """CSV has the same numbers to the last digit, and empty fields for missing values."""
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    path = write_table(*made)
+    path = write_table(*study_run)
     assert path.name == "table.csv"
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    expected = np.concatenate([result.trials.error_mm for _, result in results(*made)])
+    expected = np.concatenate([result.trials.error_mm for _, result in results(*study_run)])
     assert [float(row["error_mm"]) for row in rows] == expected.tolist()
     assert {row["sigma_mm"] for row in rows} == {""}
     assert not list(path.parent.glob(".*"))
 
 
-def test_table_is_independent_of_batch_size(made: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_table_is_independent_of_batch_size(study_run: tuple[Study, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """The table is the same for any number of rows in memory."""
     pq = pytest.importorskip("pyarrow.parquet")
-    whole = pq.read_table(write_table(*made))
+    whole = pq.read_table(write_table(*study_run))
     monkeypatch.setattr(module, "_ROWS", 1)
-    assert pq.read_table(write_table(*made)).equals(whole)
+    assert pq.read_table(write_table(*study_run)).equals(whole)
 
 
-def test_missing_chunk_is_reported(made: tuple[Study, Path], tmp_path: Path) -> None:
+def test_missing_chunk_is_reported(study_run: tuple[Study, Path], tmp_path: Path) -> None:
     """No partial table is written."""
-    assert chunk_path(made[1], made[0].chunks[0]).exists()
+    assert chunk_path(study_run[1], study_run[0].chunks[0]).exists()
     with pytest.raises(InputError, match="lacks the trials of chunk 0"):
-        write_table(made[0], tmp_path)
+        write_table(study_run[0], tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
 def trials(nees: list[float], solved: list[bool], directions: int = 6) -> Trials:
-    """Trials with errors of 1, 2, ... mm, and as many degrees."""
+    """Trials with errors of 1, 2, ... mm, and twice as many degrees."""
     count = len(nees)
     numbers = np.arange(1.0, count + 1)
     whole = np.zeros(count, dtype=np.int64)

@@ -44,7 +44,7 @@ def image(depth: float) -> np.ndarray:
 
 
 def recording(folder: Path, *images: np.ndarray | None) -> Recording:
-    """A sample for each image; None is written as no file."""
+    """Recording with a sample for each image; None is a missing file."""
     samples = []
     for index, picture in enumerate(images):
         if picture is not None:
@@ -88,10 +88,10 @@ BAD = {
 def test_unusable_image_is_reported(bad: str, tmp_path: Path) -> None:
     """An unusable image is a finding with its path and the reason; the other images are searched."""
     data, reason = BAD[bad]
-    told = recording(tmp_path, image(0.5), None, image(0.6))
+    views = recording(tmp_path, image(0.5), None, image(0.6))
     if data is not None:
         (tmp_path / "1.png").write_bytes(data)
-    found = detect(CELL, told, tmp_path)
+    found = detect(CELL, views, tmp_path)
     assert [len(sample.observations) for sample in found.samples] == [1, 0, 1]
     (finding,) = found.findings
     assert (finding.code, finding.severity, finding.about) == ("dropped-sample", "info", ("1", "wrist"))
@@ -112,16 +112,16 @@ def test_sixteen_bit_and_colour_images_are_searched(depth: str, tmp_path: Path) 
 def test_recorded_observation_is_kept(tmp_path: Path) -> None:
     """A recorded observation is unchanged, and its image is not read."""
     known = PoseObservation("wrist", "tag", seen_at(0.3))
-    told = Recording((Sample(0, observations=(known,), images={"wrist": "none.png"}),))
-    found = detect(CELL, told, tmp_path)
+    views = Recording((Sample(0, observations=(known,), images={"wrist": "none.png"}),))
+    found = detect(CELL, views, tmp_path)
     assert found.samples[0].observations == (known,)
     assert found.findings == ()
 
 
 def test_images_of_camera_without_lens_are_skipped(tmp_path: Path) -> None:
     """Images of a camera without intrinsics are not searched, because their pixels carry no information."""
-    told = Recording((Sample(0, images={"depth": "none.png"}),))
-    assert detect(CELL, told, tmp_path).findings == ()
+    views = Recording((Sample(0, images={"depth": "none.png"}),))
+    assert detect(CELL, views, tmp_path).findings == ()
 
 
 def test_background_image_removes_other_lights(tmp_path: Path) -> None:
@@ -131,12 +131,12 @@ def test_background_image_removes_other_lights(tmp_path: Path) -> None:
     for name, points in (("on", [light, lamp]), ("off", [lamp])):
         cv2.imwrite(str(tmp_path / f"{name}.png"), render_led(PLAIN, np.array(points), exposed, len(points)))
     images, background = {"wrist": "on.png"}, {"wrist": "off.png"}
-    told = Recording((Sample(0, images=images), Sample(1, images=images, background=background)))
-    alone, pair = (sample.observations[0] for sample in detect(LIT, told, tmp_path).samples)
+    views = Recording((Sample(0, images=images), Sample(1, images=images, background=background)))
+    alone, pair = (sample.observations[0] for sample in detect(LIT, views, tmp_path).samples)
     assert isinstance(alone, CandidateObservation)
     assert isinstance(pair, PixelObservation)
     np.testing.assert_allclose(pair.pixels, [PLAIN.project(light)], atol=0.1)
-    lost = replace(told, samples=(Sample(2, images=images, background={"wrist": "gone.png"}),))
+    lost = replace(views, samples=(Sample(2, images=images, background={"wrist": "gone.png"}),))
     assert "gone.png is missing" in detect(LIT, lost, tmp_path).findings[1].message
 
 
@@ -150,8 +150,8 @@ def test_second_detection_uses_the_cache(tmp_path: Path, monkeypatch: pytest.Mon
 
     find = detect_module.find_target
     monkeypatch.setattr(detect_module, "find_target", counted)
-    told = recording(tmp_path, image(0.5), np.zeros((480, 640), np.uint8))
-    first, again = (detect(CELL, told, tmp_path) for _ in range(2))
+    views = recording(tmp_path, image(0.5), np.zeros((480, 640), np.uint8))
+    first, again = (detect(CELL, views, tmp_path) for _ in range(2))
     assert len(calls) == 2
     assert first.findings == again.findings
     one, two = first.samples[0].observations[0], again.samples[0].observations[0]
@@ -160,10 +160,10 @@ def test_second_detection_uses_the_cache(tmp_path: Path, monkeypatch: pytest.Mon
     np.testing.assert_array_equal(one.pixels, two.pixels)
     np.testing.assert_array_equal(one.sigma_px, two.sigma_px)
     other = apriltag_target("tag36h11", [(3, 0.1, SE3.identity())])
-    detect(replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)}), told, tmp_path)
+    detect(replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)}), views, tmp_path)
     assert len(calls) == 4
     narrow = replace(CELL, cameras={"wrist": replace(CELL.cameras["wrist"], size_px=(600, 480))})
-    assert [f.code for f in detect(narrow, told, tmp_path).findings] == ["few-images", "dropped-sample"]
+    assert [f.code for f in detect(narrow, views, tmp_path).findings] == ["few-images", "dropped-sample"]
 
 
 @pytest.mark.parametrize(
@@ -171,12 +171,12 @@ def test_second_detection_uses_the_cache(tmp_path: Path, monkeypatch: pytest.Mon
 )
 def test_damaged_cache_is_rewritten(text: str, tmp_path: Path) -> None:
     """A cached detection that cannot be read is detected and written again."""
-    told = recording(tmp_path, image(0.5))
-    detect(CELL, told, tmp_path)
+    views = recording(tmp_path, image(0.5))
+    detect(CELL, views, tmp_path)
     (kept,) = (tmp_path / "derived" / "detections").iterdir()
     good = kept.read_text()
     kept.write_text(text)
-    assert ids_of(detect(CELL, told, tmp_path).samples[0]) == [[8, 9, 10, 11]]
+    assert ids_of(detect(CELL, views, tmp_path).samples[0]) == [[8, 9, 10, 11]]
     assert json.loads(kept.read_text()) == json.loads(good)
 
 
@@ -191,12 +191,12 @@ def test_progress_is_reported_per_sample(tmp_path: Path) -> None:
 
     The folder of the images is taken from the recording, or is required.
     """
-    told = recording(tmp_path, image(0.5), image(0.7))
+    views = recording(tmp_path, image(0.5), image(0.7))
     steps: list[tuple[int, int]] = []
-    detect(CELL, replace(told, folder=str(tmp_path)), progress=lambda done, of: steps.append((done, of)))
+    detect(CELL, replace(views, folder=str(tmp_path)), progress=lambda done, of: steps.append((done, of)))
     assert steps == [(1, 3), (2, 3), (3, 3)]
     with pytest.raises(InputError, match="folder of the images is unknown"):
-        detect(CELL, told)
+        detect(CELL, views)
 
 
 def test_two_targets_in_one_image_are_detected(tmp_path: Path) -> None:
@@ -211,9 +211,9 @@ def test_two_targets_in_one_image_are_detected(tmp_path: Path) -> None:
 
 def test_wrong_tag_id_is_the_first_finding(tmp_path: Path) -> None:
     """If the stated tag differs from the one in the images, the first finding is a warning with the visible tag."""
-    told = recording(tmp_path, *(image(depth) for depth in (0.4, 0.5, 0.6, 0.7)))
+    views = recording(tmp_path, *(image(depth) for depth in (0.4, 0.5, 0.6, 0.7)))
     other = apriltag_target("tag36h11", [(0, 0.1, SE3.identity())])
-    found = detect(replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)}), told, tmp_path)
+    found = detect(replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)}), views, tmp_path)
     first = found.findings[0]
     assert (first.code, first.severity, first.about) == ("few-images", "warning", ("wrist",))
     assert first.message == "4 of 4 images of 'wrist' show no target. 'tag': tag 2 is there, not 0."
@@ -222,10 +222,10 @@ def test_wrong_tag_id_is_the_first_finding(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("error")
 def test_damaged_image_is_dropped(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """A JPEG of which half is missing is a finding with its path, and no decoder prints anything."""
-    told = recording(tmp_path, *(image(depth) for depth in (0.4, 0.5, 0.6, 0.7)))
+    views = recording(tmp_path, *(image(depth) for depth in (0.4, 0.5, 0.6, 0.7)))
     data = bytes(cv2.imencode(".jpg", image(0.5))[1])
     (tmp_path / "1.png").write_bytes(data[: len(data) // 2] + data[-2:])
-    found = detect(CELL, told, tmp_path)
+    found = detect(CELL, views, tmp_path)
     assert [len(sample.observations) for sample in found.samples] == [1, 0, 1, 1]
     (finding,) = found.findings
     assert finding.code == "dropped-sample"
@@ -235,10 +235,10 @@ def test_damaged_image_is_dropped(tmp_path: Path, capfd: pytest.CaptureFixture[s
 
 def test_exif_rotated_images_are_reported(tmp_path: Path) -> None:
     """Images with an EXIF rotation are searched as stored, also from the cache, and are reported."""
-    told = recording(tmp_path, image(0.5), image(0.6))
+    views = recording(tmp_path, image(0.5), image(0.6))
     (tmp_path / "0.png").write_bytes(with_exif(bytes(cv2.imencode(".jpg", image(0.5))[1]), 6))
     for _ in range(2):
-        found = detect(CELL, told, tmp_path)
+        found = detect(CELL, views, tmp_path)
         assert [ids_of(sample) for sample in found.samples] == [[[8, 9, 10, 11]]] * 2
         (finding,) = found.findings
         assert (finding.code, finding.severity, finding.about) == ("turned-images", "info", ("wrist",))
@@ -258,18 +258,18 @@ def test_search_stops_if_first_images_show_another_target(tmp_path: Path, monkey
 
     find = detect_module.find_target
     monkeypatch.setattr(detect_module, "find_target", counted)
-    told = recording(tmp_path, *[image(0.5)] * 25)
+    views = recording(tmp_path, *[image(0.5)] * 25)
     for number, data in enumerate(Path(tmp_path).glob("*.png")):
         data.write_bytes(data.read_bytes() + bytes([number]))
     other = apriltag_target("tag36h11", [(3, 0.1, SE3.identity())])
     stated = replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)})
-    found = detect(stated, told, tmp_path)
+    found = detect(stated, views, tmp_path)
     assert len(calls) == 8
     assert found.findings[0].message.startswith("8 of 8 images of 'wrist' show no target. 'tag': tag 2 is there, not 3")
     assert [sample.sample for sample in found.samples] == list(range(25))
     calls.clear()
-    detect(stated, replace(told, samples=told.samples[:19]), tmp_path)
+    detect(stated, replace(views, samples=views.samples[:19]), tmp_path)
     assert len(calls) >= 11
     calls.clear()
-    assert detect(CELL, told, tmp_path).findings == ()
+    assert detect(CELL, views, tmp_path).findings == ()
     assert len(calls) == 25

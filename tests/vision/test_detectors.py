@@ -21,13 +21,13 @@ from basecal.vision.draw.render import RenderSettings, render
 from quick import quick
 from vision_scenes import FISHEYE, PLAIN, TARGETS, WIDE, poses
 
-# By 320 coordinates a ratio of errors to sigmas is known within 0.04; of targets of few points four images do.
+# 320 coordinates determine the ratio of errors to sigmas within 0.04; targets of few points have four images.
 COORDINATES, MOST_IMAGES = 320, 4
 
 
 @dataclass
 class Errors:
-    """Of all points of some images: errors [px], sigmas [px], and the share of points found."""
+    """Errors [px] and sigmas [px] of all points of some images, and the share of points found."""
 
     error: Array
     sigma: Array
@@ -43,7 +43,7 @@ class Errors:
 
 
 def by_id(shape: Target, detection: Detection, true: Array) -> Array:
-    """Errors of a detection, taken from whichever end of a symmetric grid it counts."""
+    """Errors of a detection, from the end of a symmetric grid at which it starts."""
     assert detection.ids is not None
     forth = detection.pixels - true[shape.rows(detection.ids)]
     if shape.kind != "circles" and not (shape.kind == "chessboard" and sum(shape.options["corners"]) % 2 == 0):
@@ -117,7 +117,7 @@ def test_sigma_holds_in_sharpened_image() -> None:
         sigma.append(detection.sigma_px)
     ratio = np.concatenate(errors_of) / np.concatenate(sigma)[:, None]
     assert np.concatenate(errors_of).std() < 0.03
-    assert 0.7 < ratio.std() < 1.3  # sharpening also makes the noise of neighbours alike
+    assert 0.7 < ratio.std() < 1.3  # sharpening also correlates the noise of neighbours
 
 
 @pytest.mark.parametrize("kind", quick(["charuco", "chessboard", "asymmetric", "tags"], ["charuco", "asymmetric"]))

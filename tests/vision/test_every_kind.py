@@ -15,7 +15,7 @@ from vision_scenes import PLAIN, WIDE
 
 
 def seen_from_the_front(shape: Target) -> SE3:
-    """Half a metre ahead of a camera and not quite upright."""
+    """Pose half a metre in front of a camera, slightly tilted."""
     front = shape.sheets[0].target_from_sheet.rotation if shape.sheets else np.eye(3)
     rotation = SE3.from_rpy((0.2, -0.15, 0.3), np.zeros(3)).rotation @ front.T
     return SE3(rotation, np.array([0.01, 0.02, 0.5]) - rotation @ shape.points.mean(axis=0))

@@ -153,7 +153,7 @@ def test_impossible_file_names_have_reasons(tmp_path: Path) -> None:
 
 
 def huge(width: int, height: int) -> bytes:
-    """A PNG of a few megabytes that opens to gigabytes."""
+    """PNG of a few megabytes that decodes to gigabytes."""
     rows = zlib.compressobj(9)
     body = b"".join(rows.compress(bytes(1 + width)) for _ in range(height)) + rows.flush()
     chunks = ((b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)), (b"IDAT", body), (b"IEND", b""))

@@ -36,9 +36,9 @@ FILES = {
 @pytest.mark.parametrize("name", list(FILES))
 def test_header_has_image_size(name: str) -> None:
     """The header of every format gives the width and height that the decoder returns."""
-    told = read_header(FILES[name])
-    assert told is not None
-    assert told[:2] == ((64, 48), 1)
+    header = read_header(FILES[name])
+    assert header is not None
+    assert header[:2] == ((64, 48), 1)
 
 
 def test_jpeg_size_is_that_of_its_frame() -> None:
@@ -55,9 +55,9 @@ def test_jpeg_size_is_that_of_its_frame() -> None:
 def test_header_has_bytes_per_pixel(suffix: str, channels: int, kind: type) -> None:
     """The header gives the number of bytes per pixel before decoding."""
     image = np.repeat(IMAGE[..., None], channels, axis=2).astype(kind)
-    told = read_header(bytes(cv2.imencode(suffix, image)[1]))
-    assert told is not None
-    assert told.pixel_bytes == channels * np.dtype(kind).itemsize
+    header = read_header(bytes(cv2.imencode(suffix, image)[1]))
+    assert header is not None
+    assert header.pixel_bytes == channels * np.dtype(kind).itemsize
 
 
 @pytest.mark.parametrize(("kind", "channels"), [(0, 1), (2, 3), (3, 4), (4, 4), (6, 4)])
@@ -65,9 +65,9 @@ def test_png_type_determines_bytes_per_pixel(kind: int, channels: int) -> None:
     """The types are grey, colour, palette, and the two with transparency, which a decoder extends to four channels."""
     start = bytearray(cv2.imencode(".png", IMAGE)[1])
     start[25] = kind
-    told = read_header(bytes(start))
-    assert told is not None
-    assert told.pixel_bytes == channels
+    header = read_header(bytes(start))
+    assert header is not None
+    assert header.pixel_bytes == channels
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -103,18 +103,18 @@ def test_damaged_header_does_not_raise(name: str) -> None:
     """A file that is truncated or changed anywhere gives a header or None, quickly."""
     rng, good = np.random.default_rng(2), np.frombuffer(FILES[name], np.uint8)
     for cut in (*range(60), len(good) // 2):
-        told = read_header(good[:cut].tobytes())
-        assert told is None or isinstance(told, Header)
+        header = read_header(good[:cut].tobytes())
+        assert header is None or isinstance(header, Header)
     for _ in range(300):
         data = good.copy()
         data[rng.integers(0, min(len(data), 200), 4)] = rng.integers(0, 256, 4)
-        told = read_header(data.tobytes())
-        assert told is None or min(told.size_px) >= -(2**31)
+        header = read_header(data.tobytes())
+        assert header is None or min(header.size_px) >= -(2**31)
     assert read_header(io.BytesIO(b"RIFF\x24\x00\x00\x00AVI LIST").getvalue() + bytes(500)) is None
 
 
 def tiff(*tags: tuple[int, int, int, int], order: str = "<", values: bytes = b"") -> bytes:
-    """A TIFF whose directory has such tags: number, type, count and value or position; `values` follow at byte 100."""
+    """TIFF with tags of number, type, count and value or offset; `values` follow at byte 100."""
     start = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(order + "IH", 8, len(tags))
     fields = [
         struct.pack(order + ("HHIHH" if tag[1] == 3 and tag[2] == 1 else "HHII"), *tag, *[0] * (tag[1:3] == (3, 1)))
@@ -180,7 +180,7 @@ def test_webp_sizes_are_read() -> None:
 
 
 def png(*chunks: tuple[bytes, bytes], bits: int = 8, kind: int = 0) -> bytes:
-    """A PNG of 640 x 480 without pixels and with such chunks."""
+    """PNG of 640 x 480 without pixels and with given chunks."""
     size = struct.pack(">IIBB", 640, 480, bits, kind) + bytes(3)
     every = ((b"IHDR", size), *chunks)
     return b"\x89PNG\r\n\x1a\n" + b"".join(struct.pack(">I4s", len(d), n) + d + b"crc " for n, d in every)

@@ -17,7 +17,7 @@ AT = SE3(np.eye(3), np.array([0.0, 0.0, 0.65]) - BOARD.points.mean(0))
 
 
 def levels(px):
-    """The board moved by so many pixels, along both axes alike."""
+    """Image of the board moved by pixels, equally along both axes."""
     along = px / 1010 * 0.65 / np.sqrt(2)
     return radiance(LENS, [(BOARD, SE3(np.eye(3), np.array([along, along, 0])) @ AT)], SETTINGS)
 
@@ -26,7 +26,7 @@ STILL = levels(0.0)
 
 
 def image_shift(first, second):
-    """How far an image moves [px]."""
+    """Shift between two images [px]."""
     return shift_between(reduce_image(first), reduce_image(second))
 
 
@@ -50,7 +50,7 @@ def test_shift_of_plain_and_resized_images():
 
 
 def streak(turn, off, x0=120.0, y0=120.0):
-    """A wall with a bright streak, moved across its length, without rounding, (240, 320)."""
+    """Wall with a bright streak, moved across its length, without rounding, (240, 320)."""
     x, y = np.meshgrid(np.arange(320.0) - x0, np.arange(240.0) - y0)
     across, along = x * np.cos(turn) + y * np.sin(turn) - off, y * np.cos(turn) - x * np.sin(turn)
     return 100 * (1 + np.exp(-0.5 * (across / 6) ** 2 - 0.5 * (along / 18) ** 2))

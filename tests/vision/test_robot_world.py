@@ -17,7 +17,7 @@ def test_camera_from_target_is_exact() -> None:
     true = SE3.exp([-0.1, 0.05, 0.8, 0.2, -0.3, 0.1])
     seen = np.array([True] * 5 + [False])
     pixels = LENS.project(true @ points)
-    pixels[5] = 1e4  # not looked at
+    pixels[5] = 1e4  # unused
     found = camera_from_target(LENS, points, pixels, seen)
     np.testing.assert_allclose((true.inverse() @ found).log(), 0, atol=1e-6)
 

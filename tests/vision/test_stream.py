@@ -17,7 +17,7 @@ LEVELS = (40, 120, 200)
 
 
 def video(path):
-    """A film of three images, each of one grey level."""
+    """Video of three images, each of one grey level."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, (64, 48))
     for level in LEVELS:
         writer.write(np.full((48, 64, 3), level, dtype=np.uint8))

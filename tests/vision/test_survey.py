@@ -150,7 +150,7 @@ def test_leds_and_missing_images_give_no_description() -> None:
 
 
 def print_of(target: Target, x_m: float) -> SE3:
-    """Where a board is that stands straight before the camera, to one side."""
+    """Pose of a frontal board, displaced to one side."""
     turn = SE3.from_rpy((np.pi, 0.1, 0.1), (0, 0, 0)).rotation @ np.diag([1, -1, -1.0])
     return SE3(turn, np.array([x_m, 0, 0.9]) - turn @ target.points.mean(0))
 
@@ -195,9 +195,9 @@ def test_dark_images_are_reported(level: int, dark: bool) -> None:
     """Images are dark if 99 % of the pixels of the brightest are below level 40. A few bright pixels have no effect."""
     image = np.full((100, 100), level, np.uint8)
     image[0, :50] = 255
-    said = describe_darkness([np.zeros((100, 100), np.uint8), image])
-    assert (said is not None) == dark
-    assert said is None or f"99 % of their pixels are below level {level + 1} of 255; more light" in said
+    words = describe_darkness([np.zeros((100, 100), np.uint8), image])
+    assert (words is not None) == dark
+    assert words is None or f"99 % of their pixels are below level {level + 1} of 255; more light" in words
     assert describe_darkness([]) is None
 
 
@@ -220,9 +220,9 @@ def test_blur_requires_all_images_blurred() -> None:
     A sharp image or one without contrast prevents the report.
     """
     soft, softer, sharp = edge(5.0), edge(9.0), edge(1.0)
-    said = describe_blur([soft, softer])
-    assert said is not None
-    assert "by about 5 px" in said
+    words = describe_blur([soft, softer])
+    assert words is not None
+    assert "by about 5 px" in words
     assert describe_blur([softer, sharp]) is None
     assert describe_blur([softer, np.full((60, 60), 90, np.uint8)]) is None
     assert describe_blur([edge(3.7)]) is None

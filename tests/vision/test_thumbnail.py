@@ -10,7 +10,7 @@ from basecal.vision.thumbnail import thumbnail
 
 
 def encoded(image):
-    """As the bytes of a PNG."""
+    """PNG bytes of an image."""
     return cv2.imencode(".png", image)[1].tobytes()
 
 
@@ -42,8 +42,8 @@ def test_unusable_image_has_no_thumbnail(data, size_px):
     assert thumbnail(data, size_px, 300) is None
 
 
-def shown(image, size_px=None, width=300):
-    """A thumbnail as levels."""
+def thumbnail_levels(image, size_px=None, width=300):
+    """Levels of a thumbnail."""
     return cv2.imdecode(np.frombuffer(thumbnail(encoded(image), size_px, width), np.uint8), cv2.IMREAD_UNCHANGED)
 
 
@@ -55,14 +55,14 @@ def test_sixteen_bit_levels_are_relative_to_brightest():
     image = np.full((100, 200), 2000, np.uint16)
     image[:, :100] = 1000
     image[0, :50] = 65535
-    small = shown(image)
+    small = thumbnail_levels(image)
     assert abs(int(small[50, 50]) - 127) < 4
     assert small[50, 150] > 250
-    assert shown(np.zeros((40, 60), np.uint16)).max() < 4
-    assert shown(np.full((40, 60), 2, np.uint16)).min() > 250
+    assert thumbnail_levels(np.zeros((40, 60), np.uint16)).max() < 4
+    assert thumbnail_levels(np.full((40, 60), 2, np.uint16)).min() > 250
 
 
 @pytest.mark.parametrize(("shape", "small"), [((1, 2000), (1, 300)), ((2000, 1), (2000, 1)), ((2, 900), (1, 300))])
 def test_narrow_image_keeps_one_pixel(shape, small):
     """No side of a thumbnail becomes zero."""
-    assert shown(np.zeros(shape, np.uint8)).shape == small
+    assert thumbnail_levels(np.zeros(shape, np.uint8)).shape == small

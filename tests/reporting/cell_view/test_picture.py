@@ -21,15 +21,15 @@ no_error_at_task = without_stages(find_error_at_task)
 
 
 @pytest.fixture(scope="module")
-def drawn() -> Scene:
-    """Two arms known by poses, a camera and a board."""
+def cell_scene() -> Scene:
+    """Scene of two arms with recorded poses, a camera and a board."""
     made = simulate(Scenario(samples=6, target="pose"), 0)
     return scene(made.cell, made.recording.samples, calibrate(made.cell, made.recording))
 
 
-def test_drawing_is_within_the_image(drawn: Scene) -> None:
+def test_drawing_is_within_the_image(cell_scene: Scene) -> None:
     """All points and the names of bodies are within the image. Each base and flange has three axes."""
-    shown = picture(drawn)
+    shown = picture(cell_scene)
     places = np.array([[float(x), float(y)] for x, y in re.findall(r"[ML](-?[\d.]+)[ ,](-?[\d.]+)", shown)])
     assert len(places) > 50
     assert np.all(places >= 0)
@@ -39,23 +39,28 @@ def test_drawing_is_within_the_image(drawn: Scene) -> None:
     assert shown.count('class="axis-x"') == 4
 
 
-def test_names_do_not_overlap(drawn: Scene) -> None:
+def test_names_do_not_overlap(cell_scene: Scene) -> None:
     """A board at the position of the camera has its name below the camera's."""
-    bodies = tuple(replace(body, mount=drawn.bodies[0].mount, on=drawn.bodies[0].on) for body in drawn.bodies)
-    alike = tuple(replace(body, lines=drawn.bodies[0].lines, points=drawn.bodies[0].points) for body in bodies)
-    found = re.findall(r'class="label" x="([^"]*)" y="([^"]*)">(\w+)<', picture(replace(drawn, bodies=alike)))
+    bodies = tuple(
+        replace(body, mount=cell_scene.bodies[0].mount, on=cell_scene.bodies[0].on) for body in cell_scene.bodies
+    )
+    alike = tuple(
+        replace(body, lines=cell_scene.bodies[0].lines, points=cell_scene.bodies[0].points) for body in bodies
+    )
+    found = re.findall(r'class="label" x="([^"]*)" y="([^"]*)">(\w+)<', picture(replace(cell_scene, bodies=alike)))
     places = {name: (float(x), float(y)) for x, y, name in found}
     (x, y), (x_below, y_below) = places["wrist"], places["board"]
     assert x == x_below
     assert y_below - y >= 15
 
 
-def test_arm_without_pose_has_only_its_base(drawn: Scene) -> None:
+def test_arm_without_pose_has_only_its_base(cell_scene: Scene) -> None:
     """The base of an arm with unknown poses is drawn, and what it carries is not."""
     arms = tuple(
-        replace(arm, known=np.zeros(len(arm.known), dtype=bool)) if arm.name == "hand" else arm for arm in drawn.arms
+        replace(arm, known=np.zeros(len(arm.known), dtype=bool)) if arm.name == "hand" else arm
+        for arm in cell_scene.arms
     )
-    shown = picture(replace(drawn, arms=arms))
+    shown = picture(replace(cell_scene, arms=arms))
     assert ">hand_base<" in shown
     assert ">board<" not in shown
     assert shown.count('class="axis-x"') == 3
@@ -71,10 +76,12 @@ def shown_axes(svg: str) -> dict[str, list[np.ndarray]]:
     return {axis: ends(svg, f"axis-{axis}") for axis in "xyz"}
 
 
-def test_upright_cell_fills_the_image(drawn: Scene) -> None:
+def test_upright_cell_fills_the_image(cell_scene: Scene) -> None:
     """Upright bases point upwards. Everything keeps 44 px from the border, and touches this margin on two sides."""
-    upright = tuple(replace(arm, world_from_base=SE3(np.eye(3), arm.world_from_base.translation)) for arm in drawn.arms)
-    svg = picture(replace(drawn, arms=upright, bodies=()))
+    upright = tuple(
+        replace(arm, world_from_base=SE3(np.eye(3), arm.world_from_base.translation)) for arm in cell_scene.arms
+    )
+    svg = picture(replace(cell_scene, arms=upright, bodies=()))
     for foot, tip in shown_axes(svg)["z"][1::2]:
         assert tip[0] == foot[0]
         assert tip[1] < foot[1] - 5
@@ -92,10 +99,10 @@ def test_upright_cell_fills_the_image(drawn: Scene) -> None:
     assert low[1] + high[1] == pytest.approx(440, abs=0.2)
 
 
-def test_names_are_next_to_their_bodies(drawn: Scene) -> None:
+def test_names_are_next_to_their_bodies(cell_scene: Scene) -> None:
     """The name of a base is below its foot, in its colour; that of a body is above it."""
-    svg = picture(drawn)
-    feet = {f"{arm.name}_base": ends(svg, "axis-x")[2 * k + 1][0] for k, arm in enumerate(drawn.arms)}
+    svg = picture(cell_scene)
+    feet = {f"{arm.name}_base": ends(svg, "axis-x")[2 * k + 1][0] for k, arm in enumerate(cell_scene.arms)}
     found = re.findall(r'class="([^"]*)" x="([^"]*)" y="([^"]*)">(\w+)<', svg)
     for number, (name, foot) in enumerate(feet.items()):
         kind, x, y = next((kind, float(x), float(y)) for kind, x, y, word in found if word == name)
@@ -127,19 +134,19 @@ def test_overlapping_labels_move_down_by_lines() -> None:
     ]  # fmt: skip
 
 
-def test_fifth_robot_has_colour_of_first(drawn: Scene) -> None:
-    many = replace(drawn, arms=tuple(replace(drawn.arms[0], name=f"r{k}") for k in range(5)), bodies=())
+def test_fifth_robot_has_colour_of_first(cell_scene: Scene) -> None:
+    many = replace(cell_scene, arms=tuple(replace(cell_scene.arms[0], name=f"r{k}") for k in range(5)), bodies=())
     assert re.findall(r'class="trail (robot-\d)"', picture(many)) == [f"robot-{k}" for k in (0, 1, 2, 3, 0)]
 
 
-def test_ellipsoids_have_scale_of_the_cell(drawn: Scene) -> None:
+def test_ellipsoids_have_scale_of_the_cell(cell_scene: Scene) -> None:
     """A ball is a circle about its base, and a long axis to the right has its own length."""
-    right = drawn.across
+    right = cell_scene.across
     scales = []
     for axes in (0.1 * np.eye(3), np.column_stack([0.1 * right, 1e-6 * np.eye(3)[:, 1:]])):
-        base = replace(drawn.arms[0], world_from_base=SE3.identity(), ellipsoid=axes)
-        others = (replace(arm, ellipsoid=None) for arm in drawn.arms[1:])
-        svg = picture(replace(drawn, arms=(base, *others), bodies=()))
+        base = replace(cell_scene.arms[0], world_from_base=SE3.identity(), ellipsoid=axes)
+        others = (replace(arm, ellipsoid=None) for arm in cell_scene.arms[1:])
+        svg = picture(replace(cell_scene, arms=(base, *others), bodies=()))
         outline = np.concatenate(ends(svg, "ellipsoid"))
         foot = ends(svg, "axis-x")[1][0]
         np.testing.assert_allclose((outline.max(0) + outline.min(0)) / 2, foot, atol=0.2)
@@ -150,12 +157,12 @@ def test_ellipsoids_have_scale_of_the_cell(drawn: Scene) -> None:
     assert line[1] < 1
 
 
-def test_farther_objects_are_drawn_higher(drawn: Scene) -> None:
+def test_farther_objects_are_drawn_higher(cell_scene: Scene) -> None:
     """The viewpoint is 0.45 rad above the horizon. Axes to the right, away and up have their own directions."""
-    right = drawn.across
+    right = cell_scene.across
     turned = SE3(np.column_stack([right, np.cross([0, 0, 1], right), [0, 0, 1]]), np.zeros(3))
-    arms = (replace(drawn.arms[0], world_from_base=turned), *drawn.arms[1:])
-    axes = shown_axes(picture(replace(drawn, arms=arms, bodies=())))
+    arms = (replace(cell_scene.arms[0], world_from_base=turned), *cell_scene.arms[1:])
+    axes = shown_axes(picture(replace(cell_scene, arms=arms, bodies=())))
     x, y, z = (np.subtract(*axes[axis][1][::-1]) for axis in "xyz")
     length = float(x[0])
     assert length > 20
@@ -163,10 +170,10 @@ def test_farther_objects_are_drawn_higher(drawn: Scene) -> None:
     np.testing.assert_allclose([y, z], [[0, -length * np.sin(0.45)], [0, -length * np.cos(0.45)]], atol=0.25)
 
 
-def test_body_is_drawn_by_lines_and_points(drawn: Scene) -> None:
+def test_body_is_drawn_by_lines_and_points(cell_scene: Scene) -> None:
     """Each line and each point is drawn once; dots have no length."""
-    (board,) = (body for body in drawn.bodies if body.kind == "target")
-    lines = ends(picture(drawn), "target")
+    (board,) = (body for body in cell_scene.bodies if body.kind == "target")
+    lines = ends(picture(cell_scene), "target")
     lengths = np.array([float(np.linalg.norm(line[-1] - line[0])) for line in lines])
     assert len(lines) == len(board.lines) + len(board.points)
     assert np.count_nonzero(lengths > 0.5) == len(board.lines)

@@ -35,9 +35,9 @@ def test_scene_without_samples_has_no_script_data() -> None:
 
 def test_json_inside_html_is_escaped() -> None:
     """A name with markup does not end the script element, and the JSON is unchanged."""
-    said = json_inside_html({"name": "</script><b>"})
-    assert "<" not in said
-    assert json.loads(said) == {"name": "</script><b>"}
+    text = json_inside_html({"name": "</script><b>"})
+    assert "<" not in text
+    assert json.loads(text) == {"name": "</script><b>"}
 
 
 def test_legend_describes_scale_colours_and_omissions() -> None:

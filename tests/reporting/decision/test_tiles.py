@@ -60,8 +60,8 @@ def test_known_quantities_have_tiles() -> None:
 def test_tolerance_is_beside_the_error() -> None:
     """A tolerance is met, missed or open. The expected error at a task precedes that of the recorded places."""
     for expected, kind, shown in ((4e-4, "within", "0.40 mm"), (4e-3, "beyond", "4.0 mm")):
-        told = replace(CALIBRATION, tolerance=Tolerance(1e-3, expected, kind == "within"))
-        first = next(iter(tiles(CELL, RECORDING, told, DETAILS)))
+        calibration = replace(CALIBRATION, tolerance=Tolerance(1e-3, expected, kind == "within"))
+        first = next(iter(tiles(CELL, RECORDING, calibration, DETAILS)))
         assert (first.kind, first.value, first.name) == (kind, shown, "expected error, 95 %; tolerance 1 mm")
     assert error_tile(4e-3, 1e-3, is_final=False).kind == "open"
     assert expected_error_m(CELL, replace(CALIBRATION, tolerance=Tolerance(1e-3, None, False)), DETAILS) is None
@@ -74,8 +74,8 @@ def test_remarks_summarise_findings_and_outlook() -> None:
     """Remarks count findings by severity and state the largest source and the effect of more samples."""
     found = Finding("overfit", "warning", (), "x"), Finding("same-stop", "info", (), "y")
     budget = (BudgetEntry("repeatability of hand", 1e-3, 0.7, 5e-4),)
-    told = list(remarks(replace(CALIBRATION, findings=found, budget=budget), [(0, 2e-3), (40, 1.234e-3)]))
-    assert told == [
+    sentences = list(remarks(replace(CALIBRATION, findings=found, budget=budget), [(0, 2e-3), (40, 1.234e-3)]))
+    assert sentences == [
         "1 warning, 1 note.",
         "70 % of the variance at the task comes from repeatability of hand.",
         "40 more samples would leave 1.2 mm (95 %).",

@@ -34,8 +34,8 @@ def test_quantity_without_values_has_no_figure():
     assert bar_figure(VIEWS[:1], QUANTITIES[0], 2, VIEWS) is not None
 
 
-def shown(*values_px, most=10, left_out=()):
-    """A figure of such views, and its bars."""
+def draw_bars(*values_px, most=10, left_out=()):
+    """Figure of views with given residuals, and its bars."""
     views = [SampleResidual(k, "wrist", "board", value) for k, value in enumerate(values_px)]
     figure = bar_figure(views, QUANTITIES[0], most, [views[k] for k in left_out])
     return figure, rectangles(figure.svg, "bar")
@@ -43,7 +43,7 @@ def shown(*values_px, most=10, left_out=()):
 
 def test_bar_heights_match_axis_labels():
     """A bar of 4 px on an axis up to 5 px is 80 % high. The middle of the axis is half of its end."""
-    figure, bars = shown(1.0, 4.0)
+    figure, bars = draw_bars(1.0, 4.0)
     assert figure.y == ("5 px", "2.5", "0")
     assert [round(box.bottom - box.top) for box in bars] == [20, 80]
     assert bars[0].right < bars[1].left
@@ -52,7 +52,7 @@ def test_bar_heights_match_axis_labels():
 
 def test_level_line_is_at_the_rms():
     """The rms of 3 and 4 px is 3.54 px, 71 % of 5 px, across the whole figure."""
-    figure, _ = shown(3.0, 4.0)
+    figure, _ = draw_bars(3.0, 4.0)
     (level,) = ends(figure.svg, "level")
     np.testing.assert_allclose(level, [[0, 29.29], [20, 29.29]], atol=0.01)
     assert figure.caption == "dashed: rms over the views used, 3.5 px"
@@ -60,18 +60,18 @@ def test_level_line_is_at_the_rms():
 
 def test_number_of_bars_is_limited():
     """The first of equal views are shown. The caption counts them only if some are omitted."""
-    figure, bars = shown(1.0, 1.0, 1.0, most=2)
+    figure, bars = draw_bars(1.0, 1.0, 1.0, most=2)
     assert len(bars) == 2
     assert figure.caption.startswith("the 2 largest of 3 views; ")
     assert figure.x == ("sample 0", "1")
-    assert shown(1.0, 1.0, most=2)[0].caption.startswith("dashed")
-    assert shown(1.0)[0].x == ("sample 0",)
-    assert shown(1.0, 2.0, 1.0)[0].x == ("sample 0", "2")
+    assert draw_bars(1.0, 1.0, most=2)[0].caption.startswith("dashed")
+    assert draw_bars(1.0)[0].x == ("sample 0",)
+    assert draw_bars(1.0, 2.0, 1.0)[0].x == ("sample 0", "2")
 
 
 def test_caption_omits_hidden_excluded_views():
     """An excluded view that is too small for the figure needs no explanation of its colour."""
-    assert "orange" not in shown(0.1, 1.0, 2.0, most=2, left_out=[0])[0].caption
+    assert "orange" not in draw_bars(0.1, 1.0, 2.0, most=2, left_out=[0])[0].caption
 
 
 def test_quantities_are_in_their_units():
@@ -83,4 +83,4 @@ def test_quantities_are_in_their_units():
 
 def test_bar_figure_is_stretched():
     """The bars stretch with the page."""
-    assert 'preserveAspectRatio="none"' in shown(1.0)[0].svg
+    assert 'preserveAspectRatio="none"' in draw_bars(1.0)[0].svg

@@ -15,7 +15,7 @@ from basecal.reporting.svg import Figure
 
 
 def past(day: float, length_m: float, run: str = "r") -> PastVerification:
-    """A shift of a length along x."""
+    """Past verification with a shift along x."""
     shifts = {"a_from_b": MeasuredShift(np.array([length_m, 0, 0]), np.full(3, 1e-4))}
     return PastVerification(
         datetime(2026, 1, 1, tzinfo=UTC) + timedelta(days=day), run, 4, False, 0.5, 1e-3, None, shifts

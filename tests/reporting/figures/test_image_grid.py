@@ -23,7 +23,7 @@ COVARIANCE = np.diag(np.array([1.0, 1.0, 2.0, 2.0, 2e-3, 3e-3, 1e-4, 1e-4, 3e-3]
 
 @cache
 def lens_map() -> Figure:
-    """Of the lens with its covariance."""
+    """Uncertainty map of the lens."""
     figure = lens_uncertainty("wrist", CAMERA, COVARIANCE)
     assert figure is not None
     return figure

@@ -65,7 +65,7 @@ def test_excluded_residuals_are_marked():
 
 
 def views(*tilts_deg, front=1.0):
-    """Half a metre off, tilted about y."""
+    """Views from half a metre, tilted about y."""
     angles = np.radians(tilts_deg)
     away = np.stack([np.sin(angles), 0 * angles, front * np.cos(angles)], -1)
     turn = np.stack([0 * angles, angles, 0 * angles], -1)
@@ -130,7 +130,7 @@ def test_longer_residuals_are_counted():
 
 
 def places(figure):
-    """Middles of the marks from the middle of the plot, and the direction of their lines."""
+    """Positions of the marks from the plot's centre, and directions and centres of their lines."""
     circles = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="3"', figure.svg)
     lines = re.findall(r'<path d="M([\d.]+) ([\d.]+)L([\d.]+) ([\d.]+)"', figure.svg)
     along = np.array(lines, float).reshape(-1, 2, 2)

@@ -24,7 +24,7 @@ CALIBRATION = Calibration("good", residuals=Residuals(0.2))
 
 
 def points(*errors_px, left_out=()):
-    """Two points in each sample, as far off as is said."""
+    """Two points per sample with given residuals."""
     made = seen([[300.0, 200.0], [640.0, 360.0]] * len(errors_px), np.repeat(errors_px, 2)[:, None] * [1.0, 0.0])
     sample = np.repeat(np.arange(len(errors_px)), 2)
     return replace(made, sample=sample, used=~np.isin(sample, left_out))
@@ -100,12 +100,12 @@ def test_points_are_drawn_on_the_image():
 
 
 @pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Thumbnails are chosen, and not drawn."""
+def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Select thumbnails without drawing them."""
     monkeypatch.setattr(thumbnails_module, "_picture", lambda *_: Markup("<svg></svg>"))
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("no_drawing")
 def test_number_of_views_is_limited(recording):
     """Eighteen used and six excluded views with the largest rms of their points are shown."""
     found = [points(*np.linspace(0.1, 0.9, 30), left_out=range(20, 30))]
@@ -114,7 +114,7 @@ def test_number_of_views_is_limited(recording):
     assert caption.startswith("24 of 30 views.")
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("no_drawing")
 @pytest.mark.parametrize(("rms_px", "longest"), [(0.2, "0.5"), (None, "2"), (2.2, "5")])
 def test_lines_have_the_scale_of_the_calibration(recording, rms_px, longest):
     """A twentieth of the width is twice the calibration's rms, rounded up.
@@ -126,7 +126,7 @@ def test_lines_have_the_scale_of_the_calibration(recording, rms_px, longest):
     assert f"; {longest} px are drawn as a twentieth" in caption
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("no_drawing")
 def test_view_rms_is_per_coordinate_of_used_points(recording):
     """Two points are 3 and 40 px off in one coordinate, of which the second is excluded: the rms is 2.1 px."""
     found = points(3.0)
@@ -159,7 +159,7 @@ def test_excluded_points_have_no_residual_line():
     assert [each.tolist() for each in ends(svg, "left-out")] == [[[1.0, 1.2], [1.0, 1.2]]]
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("no_drawing")
 def test_view_of_single_point_is_drawn(recording):
     """The view of an LED has a single point."""
     one = seen([[300.0, 200.0]], [[0.3, 0.4]])

@@ -53,14 +53,14 @@ def test_final_command_can_be_copied(cell, tmp_path):
     watch = captured(cell)
     button = "document.querySelector('.verdict .do button')"
     selected = f"{button}.click(), String(window.getSelection())"
-    said = f"new Promise((done) => setTimeout(() => done({button}.textContent), 100))"
+    button_text = f"new Promise((done) => setTimeout(() => done({button}.textContent), 100))"
     with page.serve_page(watch, cell, print) as address, browsing(tmp_path) as tab:
         tab.go(address, selector="[data-camera] svg")
         assert tab.value("document.querySelectorAll('.do button').length") == 0
         watch.end(End("GOOD", "all directions are known", "basecal calibrate 'my cell'"))
         tab.go(address, selector=".verdict .do button")
         assert tab.value(selected) == "basecal calibrate 'my cell'"
-        assert tab.value(said) in ("copied", "selected")
+        assert tab.value(button_text) in ("copied", "selected")
     assert tab.visit.errors == []
 
 
@@ -81,7 +81,7 @@ def test_finished_capture_shows_verdict_and_command(cell):
     watch = captured(cell)
     live = page.LivePage(watch, cell)
     assert not live.state()["over"]
-    assert 'class="word">CAPTURING<' in live.page()  # before anything is asked for
+    assert 'class="word">CAPTURING<' in live.page()  # before any request
     assert "left, at the pace so far" in live.state()["html"]
     watch.end(End("FAIL", "0.5 mm at the task needs 9 samples more", "basecal calibrate mycell"))
     watch.end(End("GOOD", "a later end does not count"))
@@ -90,7 +90,7 @@ def test_finished_capture_shows_verdict_and_command(cell):
     assert 'class="verdict refused"' in state["html"]
     assert "next: <code>basecal calibrate mycell</code>" in state["html"]
     assert "left, at the pace so far" not in state["html"]
-    assert "data-over" in state["html"]  # which hides the button
+    assert "data-over" in state["html"]  # hides the button
 
 
 def test_stopped_capture_is_still_reported(cell, monkeypatch):

@@ -103,7 +103,7 @@ def test_faulty_clients_do_not_block_others():
         frozen = [socket.create_connection((HOST, at.port)) for _ in range(8 * len(lies))]
         for line, lie in zip(frozen, lies * 8, strict=True):
             line.sendall(lie)
-        for line in frozen[::2]:  # these die
+        for line in frozen[::2]:  # these disconnect
             line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             line.close()
         with urllib.request.urlopen(address, timeout=TIMEOUT_S / 2) as found:

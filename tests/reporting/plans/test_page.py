@@ -22,17 +22,17 @@ BUDGET = (BudgetEntry("views of wrist", 2e-4, 0.9, 1e-4),)
 
 
 @pytest.fixture(scope="module")
-def made():
+def calibrated_cell():
     simulated = simulate(Scenario(samples=8, target="points"), 3)
     return simulated, calibrate(simulated.cell, simulated.recording)
 
 
-def test_plan_page_shows_verdict_and_command(made) -> None:
+def test_plan_page_shows_verdict_and_command(calibrated_cell) -> None:
     """The page has the verdict, the command, and the tolerance as a line over the samples.
 
     It has a row for each sample, and a scene with all of them.
     """
-    simulated, calibration = made
+    simulated, calibration = calibrated_cell
     plan = plan_for_task(simulated.cell, simulated.recording, calibration, POINT, 3e-3, 4)
     page = plan_page(
         simulated.cell, plan, calibration, 3e-3, title="my<cell>", steps=["`basecal capture my --plan p.jsonl`"]
@@ -44,16 +44,16 @@ def test_plan_page_shows_verdict_and_command(made) -> None:
     assert rows == [str(sample.sample) for sample in plan.samples]
     assert page.count('class="level"') == 1
     assert "Where the arms will be" in page
-    assert 'max="3" value="0"' in page  # the arms are shown where they go first
+    assert 'max="3" value="0"' in page  # the first goal of the arms is shown
     assert [count for count, _ in plan.steps] == [0, 1, 2, 3, 4]
     errors = [error_m for _, error_m in plan.steps]
     assert errors == sorted(errors, reverse=True)
     assert errors[-1] == pytest.approx(plan.expected_m, rel=0.05)
 
 
-def test_plan_without_samples_has_no_command(made) -> None:
+def test_plan_without_samples_has_no_command(calibrated_cell) -> None:
     """A tolerance that is already reached needs no command, no scene and no curve."""
-    simulated, calibration = made
+    simulated, calibration = calibrated_cell
     plan = plan_for_task(simulated.cell, simulated.recording, calibration, POINT, 1.0)
     page = plan_page(simulated.cell, plan, calibration, 1.0, title="my", steps=["`basecal capture my`"])
     assert "already reached" in page
@@ -66,7 +66,7 @@ def plan(needed, reachable, recorded=12, count=3, place="recorded places"):
 
 
 @pytest.mark.parametrize(
-    ("made", "tolerance_m", "said"),
+    ("plan_result", "tolerance_m", "message"),
     [
         (plan(3, True), 5e-4, "PASS: 0.5 mm where the arms worked: 3 samples reach it."),
         (plan(1, True), 5e-4, "PASS: 0.5 mm where the arms worked: 1 sample reaches it."),
@@ -85,9 +85,9 @@ def plan(needed, reachable, recorded=12, count=3, place="recorded places"):
         (plan(None, None, 0), None, "GOOD: Expected error with 3 samples: 0.40 mm (95 %) where the arms worked."),
     ],
 )
-def test_plan_headline_states_verdict(made, tolerance_m, said) -> None:
+def test_plan_headline_states_verdict(plan_result, tolerance_m, message) -> None:
     """Like the verdicts of calibrations, the headline is a word and a sentence."""
-    assert str(plan_headline(made, tolerance_m)) == said
+    assert str(plan_headline(plan_result, tolerance_m)) == message
 
 
 def test_plan_lines_are_not_repeated() -> None:
@@ -99,9 +99,9 @@ def test_plan_lines_are_not_repeated() -> None:
     assert len(list(plan_lines(plan(0, True, count=0), 5e-4))) == 2
 
 
-def test_plan_curve_requires_two_steps(made) -> None:
+def test_plan_curve_requires_two_steps(calibrated_cell) -> None:
     """A single step has no curve."""
-    simulated, calibration = made
+    simulated, calibration = calibrated_cell
     shown = [
         plan_page(
             simulated.cell, replace(plan(None, None, count=0), steps=steps), calibration, None, title="", steps=()

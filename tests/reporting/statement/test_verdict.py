@@ -65,9 +65,9 @@ def test_verdict_has_one_word_and_exit_code(verdict: Verdict, expected_m: float 
     tolerance = None if expected_m is None else Tolerance(1e-3, expected_m, verdict == "good" and expected_m < 1e-3)
     found = () if verdict == "good" else (replace(DOUBT, severity="error" if verdict == "refused" else "warning"),)
     made = Calibration(verdict, KNOWN, tolerance=tolerance, findings=found)
-    for said in (str(headline(CELL, made)), summary(CELL, made), text_report(CELL, made)):
-        assert said.startswith(f"{word}: ")
-        assert not {"PASS:", "FAIL:", "GOOD:", "DOUBTFUL:", "REFUSED:"} - {f"{word}:"} & set(said.split())
+    for text in (str(headline(CELL, made)), summary(CELL, made), text_report(CELL, made)):
+        assert text.startswith(f"{word}: ")
+        assert not {"PASS:", "FAIL:", "GOOD:", "DOUBTFUL:", "REFUSED:"} - {f"{word}:"} & set(text.split())
     assert exit_code(made) == code
     if word in ("PASS", "FAIL") and expected_m is not None:
         error = {4.38e-4: "0.44", 4.38e-3: "4.4"}[expected_m]
@@ -91,11 +91,11 @@ def test_tolerance_on_unknown_transform_fails() -> None:
 def test_expected_error_precedes_sigma(where: Literal["task point", "task box", "recorded places"], words: str) -> None:
     """The expected error at the task precedes the transform's sigma; a tolerance replaces it."""
     made = Calibration("good", KNOWN, meeting=MeetingError(4.38e-4, where, 1.5e-4))
-    for said in (str(headline(CELL, made)), summary(CELL, made)):
-        assert said.startswith(f"GOOD: expected error 0.44 mm (95 %) {words}")
+    for text in (str(headline(CELL, made)), summary(CELL, made)):
+        assert text.startswith(f"GOOD: expected error 0.44 mm (95 %) {words}")
     assert "eye_base_from_hand_base to 0.17 mm" in summary(CELL, made)
-    asked = replace(made, tolerance=Tolerance(1e-3, 4.38e-4, True))
-    assert words not in summary(CELL, asked)
+    with_tolerance = replace(made, tolerance=Tolerance(1e-3, 4.38e-4, True))
+    assert words not in summary(CELL, with_tolerance)
 
 
 def test_gauge_is_named_beside_its_sigma() -> None:
@@ -198,8 +198,8 @@ def test_causes_come_before_their_consequences() -> None:
     assert sort_by_severity([note, poor, other, lost, few]) == [lost, few, other, poor, note]
     cut = finding("not-converged", "error")
     assert sort_by_severity([poor, lost, cut]) == [cut, lost, poor]
-    told = finding("dropped-sample", "info")
-    assert sort_by_severity([told, few]) == [few, told]
+    lost_note = finding("dropped-sample", "info")
+    assert sort_by_severity([lost_note, few]) == [few, lost_note]
 
 
 @pytest.mark.parametrize(

@@ -17,15 +17,15 @@ from basecal.reporting.svg import element
 from basecal.reporting.templates.environment import TemplateCache, environment, policy, read_package_file
 
 
-def drawn(macro: str, *values: object) -> str:
-    """What a macro of the parts draws."""
+def render_macro(macro: str, *values: object) -> str:
+    """Render a macro of the page's parts."""
     return str(getattr(environment().get_template("parts.html").module, macro)(*values))
 
 
 def test_budget_bar_parts_have_their_shares() -> None:
     """The parts follow one another. A small one has no number inside, and all have a tooltip."""
     shares = (("a<", 0.75), ("b", 0.2), ("c", 0.05))
-    bar = drawn("budget_bar", [BudgetEntry(name, 1e-3, share, 1e-3) for name, share in shares])
+    bar = render_macro("budget_bar", [BudgetEntry(name, 1e-3, share, 1e-3) for name, share in shares])
     assert [float(found) for found in re.findall(r' x="([0-9.]+)" width', bar)] == [0.0, 480.0, 608.0]
     assert [float(found) for found in re.findall(r'width="([0-9.]+)" height="34"', bar)] == [480.0, 128.0, 32.0]
     assert re.findall(r">(\d+ %)</text>", bar) == ["75 %", "20 %"]
@@ -37,19 +37,19 @@ def test_tolerance_is_a_line_at_the_bar() -> None:
 
     Without a tolerance there is neither.
     """
-    shown = drawn("tile_list", [error_tile(4e-4, 1e-3)])
+    shown = render_macro("tile_list", [error_tile(4e-4, 1e-3)])
     assert '<rect class="within" width="38.1"' in shown
     assert 'd="M95.2 0V8"' in shown
     assert "<title>expected error 0.40 mm, tolerance 1 mm</title>" in shown
-    assert "<svg" not in drawn("tile_list", [error_tile(4e-4, None)])
-    assert drawn("tile_list", []).strip() == ""
+    assert "<svg" not in render_macro("tile_list", [error_tile(4e-4, None)])
+    assert render_macro("tile_list", []).strip() == ""
 
 
 def test_template_values_are_escaped() -> None:
     """Text is escaped and text between backticks is code; drawings are inserted unchanged."""
     made = environment()
-    said = "{{ a }} {{ a | words }} {{ b }}"
-    shown = made.from_string(said).render(a="<i> `x<y`", b=element("svg"))
+    template = "{{ a }} {{ a | words }} {{ b }}"
+    shown = made.from_string(template).render(a="<i> `x<y`", b=element("svg"))
     assert shown == "&lt;i&gt; `x&lt;y` &lt;i&gt; <code>x&lt;y</code> <svg></svg>"
     assert made.from_string("{{ a | words }}").render(a="odd ` tick") == "odd ` tick"
 
@@ -63,13 +63,13 @@ def test_missing_template_value_is_an_error() -> None:
 def test_policy_has_hashes_of_scripts_and_style() -> None:
     """The policy has the hash of each script and of the style, and no address."""
     script, style = read_package_file("templates/page.js"), read_package_file("templates/page.css")
-    said = policy(style, [script])
+    text_of_policy = policy(style, [script])
     for text in (script, style):
-        assert base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() in said
-    assert said.startswith("default-src 'none'; ")
-    assert "http" not in said
+        assert base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() in text_of_policy
+    assert text_of_policy.startswith("default-src 'none'; ")
+    assert "http" not in text_of_policy
     assert "script-src 'none'" in policy(style)
-    assert "connect-src" not in said
+    assert "connect-src" not in text_of_policy
     assert "connect-src 'self'" in policy(style, [script], is_served=True)
 
 

@@ -26,38 +26,40 @@ RUN = "20260102T030405Z"
 
 
 @pytest.fixture(scope="module")
-def viewed() -> ViewPage:
-    made = simulate(Scenario(samples=12), 4)
-    calibration = calibrate(made.cell, made.recording)
-    return ViewPage(made.cell, made.recording, Path("mycell"), (RUN,), lambda name: calibration)
+def view_page() -> ViewPage:
+    simulated = simulate(Scenario(samples=12), 4)
+    calibration = calibrate(simulated.cell, simulated.recording)
+    return ViewPage(simulated.cell, simulated.recording, Path("mycell"), (RUN,), lambda name: calibration)
 
 
-def test_request_contains_the_whole_selection(viewed: ViewPage) -> None:
+def test_request_contains_the_whole_selection(view_page: ViewPage) -> None:
     """The server keeps no state of a visitor, so that two boxes clicked at once count as two."""
-    page = viewed
+    page = view_page
     html = page.answer({"run": RUN, "without": "3,7"})
     assert "without 2 samples, 1 sigma" in html
     assert re.findall(r'class="view stranger" data-sample="(\d+)"', html) == ["3", "7"] * 3
     assert "with all samples, 1 sigma" in page.answer({})
 
 
-def test_sigma_matches_the_report(viewed: ViewPage) -> None:
+def test_sigma_matches_the_report(view_page: ViewPage) -> None:
     """The page, its first tile and the terminal have the same sigma. The page has it before any request."""
-    calibration, (name,) = viewed.read(RUN), viewed.cell.requested_transforms
+    calibration, (name,) = view_page.read(RUN), view_page.cell.requested_transforms
     sigma = error_text(*calibration[name].sigma_norms)
-    assert f"{name} to {sigma} (1 sigma, 3-D norm)" in summary(viewed.cell, calibration)
-    tile = next(each for each in tiles(viewed.cell, viewed.recording, calibration, FitDetails()) if name in each.name)
+    assert f"{name} to {sigma} (1 sigma, 3-D norm)" in summary(view_page.cell, calibration)
+    tile = next(
+        each for each in tiles(view_page.cell, view_page.recording, calibration, FitDetails()) if name in each.name
+    )
     assert tile.value == sigma.replace(" and ", ", ")
-    assert sigma in viewed.page()
+    assert sigma in view_page.page()
 
 
-def test_invalid_selections_are_ignored(viewed: ViewPage) -> None:
+def test_invalid_selections_are_ignored(view_page: ViewPage) -> None:
     """Unknown runs and invalid numbers are ignored. It is reported if no sample is left."""
-    page = viewed
+    page = view_page
     html = page.answer({"run": "../../etc", "without": "3,x,,\N{SUPERSCRIPT TWO}," + "9" * 5000})
     assert "without 1 sample, 1 sigma" in html
     assert f"run {RUN}" in html
-    everyone = ",".join(str(sample.sample) for sample in viewed.recording.samples)
+    everyone = ",".join(str(sample.sample) for sample in view_page.recording.samples)
     assert "no sample is left" in page.answer({"without": everyone})
     assert "sample 99" in page.sample({"number": "99,4"})
     assert "sample 0" in page.sample({})
@@ -65,12 +67,12 @@ def test_invalid_selections_are_ignored(viewed: ViewPage) -> None:
 
 @pytest.mark.journey
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
-def test_view_page_in_a_browser(viewed: ViewPage, tmp_path: Path) -> None:
+def test_view_page_in_a_browser(view_page: ViewPage, tmp_path: Path) -> None:
     """The page shows verdict, answer, bars and the first sample.
 
     It has no console errors and contacts no other host.
     """
-    with serve_view(viewed) as address:
+    with serve_view(view_page) as address:
         came = visit(address, tmp_path / "profile", selector=".bars .view.chosen")
         assert urlsplit(address).hostname == "127.0.0.1"
     assert came.errors == []
@@ -80,7 +82,7 @@ def test_view_page_in_a_browser(viewed: ViewPage, tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def made():
+def calibrated_cell():
     cell = simulate(Scenario(samples=12), 4)
     return cell, calibrate(cell.cell, cell.recording)
 
@@ -93,9 +95,9 @@ def test_sample_words_list_its_views() -> None:
     assert sample_words(2, views, {2}) == ["sample 2, left out", "board seen by wrist: no residual"]
 
 
-def test_answer_without_samples_is_compared_with_run(made) -> None:
+def test_answer_without_samples_is_compared_with_run(calibrated_cell) -> None:
     """With all samples the answer is the run's. Without some of them it has moved and is less certain."""
-    cell, calibration = made
+    cell, calibration = calibrated_cell
     whole = without_samples(cell.cell, cell.recording, calibration, ())
     name, before, after, moved = next(answer_rows(cell.cell, calibration, whole))
     assert name == "eye_base_from_hand_base"
@@ -108,9 +110,9 @@ def test_answer_without_samples_is_compared_with_run(made) -> None:
     assert re.fullmatch(r"reprojection error [\d.]+ px rms; pose consistency error [\d.]+ mm rms\.", fit_sentence(less))
 
 
-def test_missing_answer_is_reported(made) -> None:
+def test_missing_answer_is_reported(calibrated_cell) -> None:
     """A missing transform and a missing optimum are reported."""
-    cell, calibration = made
+    cell, calibration = calibrated_cell
     nothing = WithoutSamples({}, Residuals(), False)
     assert next(answer_rows(cell.cell, calibration, nothing))[2] == "unobservable in some direction"
     assert fit_sentence(nothing) == "no optimum was found."
@@ -138,7 +140,7 @@ def test_answer_rows_handle_unknown_transforms() -> None:
 
 
 @pytest.mark.parametrize(
-    ("residuals", "converged", "said"),
+    ("residuals", "converged", "sentence"),
     [
         (Residuals(), True, ""),
         (Residuals(0.25), True, "reprojection error 0.25 px rms."),
@@ -146,5 +148,5 @@ def test_answer_rows_handle_unknown_transforms() -> None:
         (Residuals(0.25), False, "reprojection error 0.25 px rms; no optimum was found."),
     ],
 )
-def test_fit_sentence_states_known_residuals(residuals: Residuals, converged: bool, said: str) -> None:
-    assert fit_sentence(WithoutSamples({}, residuals, converged)) == said
+def test_fit_sentence_states_known_residuals(residuals: Residuals, converged: bool, sentence: str) -> None:
+    assert fit_sentence(WithoutSamples({}, residuals, converged)) == sentence

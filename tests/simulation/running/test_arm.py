@@ -13,7 +13,7 @@ from basecal.simulation.running.ur5e import ur5e
 
 HOME = np.array([0.3, -1.3, -1.8, -3.0, -1.2, 3.0])
 THERE = HOME + np.array([0.4, 0, 0.2, -0.3, 0, 0])
-STILL_M = 3e-4  # what stops differ by where nothing is wrong: ten times the repeatability at a reach of a metre
+STILL_M = 3e-4  # largest difference of stops without faults: ten times the repeatability at a reach of a metre
 
 
 def arm(*faults, seed=0):
@@ -21,7 +21,7 @@ def arm(*faults, seed=0):
 
 
 def away_m(one, joints, now):
-    """How far its flange is from where these joints have it [m]."""
+    """Distance of the flange from its pose at given joints [m]."""
     return float(np.linalg.norm(one.base_from_flange(now).translation - ur5e().forward(joints).translation))
 
 

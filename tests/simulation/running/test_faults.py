@@ -48,7 +48,7 @@ def test_invalid_fault_is_refused(written, message):
 
 @cache
 def answers(*faults: str) -> list[np.ndarray]:
-    """States, places, a stamp and an image of a running cell while its arms move twice."""
+    """States, poses, a stamp and an image of a running cell while its arms move twice."""
     world = facing_arms("led", faults=read_faults(faults))
     running, found = Plant(world, Clock(0)), []
     for way in (0.05, -0.05):

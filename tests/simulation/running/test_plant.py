@@ -23,7 +23,7 @@ def plant(*faults, target="led"):
 
 
 def spot(cell):
-    """Where the light is seen [px]."""
+    """Pixel of the detected LED."""
     world, running = cell
     return find_target(running.shot("wrist").image, world.cell.targets["light"].target).pixels[0]
 

@@ -20,7 +20,7 @@ from basecal.simulation.running.protocol import Address, Connection, connect, de
 
 @pytest.fixture(scope="module")
 def process(tmp_path_factory):
-    """A cell with a light that runs in its own process, and its folder."""
+    """Cell with an LED in its own process, its folder, and its first line."""
     folder = tmp_path_factory.mktemp("cell") / "running"
     words = [
         sys.executable,
@@ -42,11 +42,11 @@ def process(tmp_path_factory):
 
 def test_process_prints_its_address(process):
     """The first line of the process has the port and the file with the token, which only its owner can read."""
-    started, folder, said = process
+    started, folder, first_line = process
     address = read_address(folder)
-    assert (said["port"], said["host"]) == (address.port, "127.0.0.1")
+    assert (first_line["port"], first_line["host"]) == (address.port, "127.0.0.1")
     assert address.pid == started.pid
-    assert stat.S_IMODE(os.stat(said["address"]).st_mode) == 0o600
+    assert stat.S_IMODE(os.stat(first_line["address"]).st_mode) == 0o600
     assert (folder / "truth.yaml").exists()
 
 

@@ -55,7 +55,7 @@ def test_states_follow_move_and_stop(server):
 
 
 @pytest.mark.parametrize(
-    ("said", "message"),
+    ("request_line", "message"),
     [
         ({"do": "state", "robot": "eye"}, "token"),
         ({"token": "wrong", "do": "state", "robot": "eye"}, "token"),
@@ -70,10 +70,10 @@ def test_states_follow_move_and_stop(server):
         ("not JSON", "one JSON object"),
     ],
 )
-def test_invalid_requests_are_refused(server, said, message):
+def test_invalid_requests_are_refused(server, request_line, message):
     """Anything but a request with the right token gets a line with the reason, and the connection stays open."""
     with socket.create_connection(("127.0.0.1", server.port), timeout=10) as line, line.makefile("rb") as answers:
-        line.sendall((said if said == "not JSON" else json.dumps(said)).encode() + b"\n")
+        line.sendall((request_line if request_line == "not JSON" else json.dumps(request_line)).encode() + b"\n")
         answer = json.loads(answers.readline())
         assert (answer["ok"], message in answer["error"]) == (False, True), answer
         line.sendall(json.dumps({"token": TOKEN, "do": "light", "on": True}).encode() + b"\n")

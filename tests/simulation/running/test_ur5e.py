@@ -11,7 +11,7 @@ A, D = (0, -0.425, -0.3922, 0, 0, 0), (0.1625, 0, 0, 0.1333, 0.0997, 0.0996)
 ALPHA = (np.pi / 2, 0, 0, np.pi / 2, -np.pi / 2, 0)
 
 
-# And of its links: mass [kg], and its centre in the frame of these parameters [m].
+# Links: mass [kg], and its centre in the frame of these parameters [m].
 MASSES = (3.761, 8.058, 2.846, 1.37, 1.3, 0.365)
 CENTRES = (
     (0, -0.02561, 0.00193), (0.2125, 0, 0.11336), (0.15, 0, 0.0265),

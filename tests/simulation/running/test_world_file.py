@@ -66,12 +66,12 @@ def test_mjcf_arm_equals_urdf_arm(tmp_path):
     again = read_world(tmp_path)
     np.testing.assert_allclose(again.cell.robots["hand"].chain.upper, chain.upper)
     after = Plant(again, Clock(0)).shot("wrist").image
-    # Places differ by rounding, on which a level in a thousand turns.
+    # Positions differ by rounding, which changes one level in a thousand.
     assert np.mean(before != after) < 1e-3
 
 
 def _mjcf(chain, base, flange):
-    """A chain as MuJoCo writes it, each joint in a body of its own."""
+    """MJCF of a chain, with a body for each joint."""
     bodies = [f'<body name="{base}">']
     for k, name in enumerate(chain.joint_names):
         low, high = chain.lower[k], chain.upper[k]

@@ -18,7 +18,7 @@ from shared.facing_arms import facing_arms
 WHY = missing_graphics()
 pytestmark = pytest.mark.skipif(WHY is not None, reason=f"MuJoCo draws nothing here: {WHY}")
 LENS = Camera("pinhole", np.array([500.0, 498.0, 322.0, 236.0, -0.2, 0.08, 0.001, -0.001, 0.0]), (640, 480))
-FAR = SE3(np.eye(3), np.array([0.0, 0.0, -50.0]))  # where nothing is in the way
+FAR = SE3(np.eye(3), np.array([0.0, 0.0, -50.0]))  # out of view
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def around(target, chains=None, tray=None):
 
 
 def looking_down(target, height_m=1.0):
-    """A camera above the table that looks down at a target half way."""
+    """Poses of a camera above the table that looks down at a target half-way."""
     down = np.diag([1.0, -1.0, -1.0])
     world_from_camera = SE3(down, np.array([0.0, 0.0, height_m]))
     return BodyPoses(world_from_camera, world_from_camera @ SE3(np.eye(3), np.array([0.0, 0.0, 0.5])), {})

@@ -41,11 +41,11 @@ def test_unloadable_library_is_a_reason():
     """Any error of OpenGL's bindings becomes a reason in one line, not an exception."""
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'basecal[sim]'")
     code = "from basecal.simulation.surroundings.graphics import missing_graphics; print(missing_graphics())"
-    said = subprocess.run(
+    output = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True,
         text=True,
         env={**graphics.os.environ, "MUJOCO_GL": "nothing"},
     ).stdout
-    assert said.startswith("MuJoCo cannot draw (")
-    assert said.count("\n") == 1
+    assert output.startswith("MuJoCo cannot draw (")
+    assert output.count("\n") == 1

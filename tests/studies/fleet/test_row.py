@@ -41,7 +41,7 @@ def test_page_is_made_from_calibration(folder) -> None:
     """The page gets the cell, the recording and the calibration with its hashes, titled by the cell's path."""
 
     def make_page(cell, recording, made, title):
-        """Words of what it is given."""
+        """Text of the arguments."""
         return f"{title} {cell.reference} {len(recording.samples)} {sorted(made.inputs)}"
 
     found = json.loads(calibrate_row(str(folder), "a", make_page))
@@ -71,19 +71,19 @@ def test_row_of_refused_cell_has_its_finding(folder) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "said"), [(TypeError("odd"), "TypeError: odd"), (MemoryError(), "not enough memory")]
+    ("error", "message"), [(TypeError("odd"), "TypeError: odd"), (MemoryError(), "not enough memory")]
 )
-def test_internal_fault_has_a_row(folder, monkeypatch, error, said) -> None:
+def test_internal_fault_has_a_row(folder, monkeypatch, error, message) -> None:
     """A fault of basecal has its traceback, an error of memory has none."""
 
     def fails(cell, recording):
-        """As a fault does."""
+        """Raise the error."""
         raise error
 
     monkeypatch.setattr(module, "calibrate", fails)
     found = json.loads(calibrate_row(str(folder), "a"))
     assert found["row"]["verdict"] == "failed"
-    assert said in found["row"]["said"]
+    assert message in found["row"]["said"]
     assert ("Traceback" in found["fault"]) == isinstance(error, TypeError)
 
 

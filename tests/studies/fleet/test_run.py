@@ -35,7 +35,7 @@ def test_unchanged_cells_are_not_repeated(tmp_path, monkeypatch) -> None:
     fleet = make_fleet(folder, tmp_path / "out")
 
     def once(of, cell, make_page):
-        """A row of nothing, until one was made."""
+        """Make an empty row, and interrupt the second time."""
         if len(done) == 1:
             raise KeyboardInterrupt
         done.append(cell)
@@ -47,10 +47,10 @@ def test_unchanged_cells_are_not_repeated(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(
         module, "calibrate_row", lambda of, cell, make_page: done.append(cell) or module.killed_row(cell, "not tried")
     )
-    told: list[tuple[int, int]] = []
-    run_fleet(fleet, WorkerPool(1), lambda *at: told.append(at))
+    steps: list[tuple[int, int]] = []
+    run_fleet(fleet, WorkerPool(1), lambda *at: steps.append(at))
     assert done == ["a", "b", "line/c"]
-    assert told == [(1, 3), (2, 3), (3, 3)]
+    assert steps == [(1, 3), (2, 3), (3, 3)]
     samples = folder / "b" / "recording" / "samples.jsonl"
     samples.write_text(samples.read_text() + "\n")
     run_fleet(make_fleet(folder, tmp_path / "out"), WorkerPool(1))

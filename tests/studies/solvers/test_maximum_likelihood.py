@@ -18,7 +18,7 @@ from study_example import SMALL, study
 
 
 @cache
-def drawn(hold: str, count: int = 4) -> Draws:
+def make_draws(hold: str, count: int = 4) -> Draws:
     settings = study(hold=f"{SMALL}, {hold}").points[0].settings
     return draw(draw_cell(settings, 2, 0, None), settings, (2, 0, 0), count)
 
@@ -29,7 +29,7 @@ def drawn(hold: str, count: int = 4) -> Draws:
 )
 def test_batch_matches_individual_solutions(hold: str) -> None:
     """Transform and covariance of each trial are those of `solve` without a guess, to a thousandth of a sigma."""
-    draws = drawn(hold)
+    draws = make_draws(hold)
     found = solve(draws)
     group = draws.problem.groups[0]
     for trial in range(draws.count):
@@ -43,20 +43,20 @@ def test_batch_matches_individual_solutions(hold: str) -> None:
 
 def test_own_starts_solve_trials_independently(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each trial is solved without a guess, and has the solution of the batch."""
-    together = solve(drawn("pixel_px: 0.2", 2))
+    together = solve(make_draws("pixel_px: 0.2", 2))
     monkeypatch.delattr(maximum_likelihood, "solve_batch")
-    alone = solve(drawn("pixel_px: 0.2, own_starts: true", 2))
+    alone = solve(make_draws("pixel_px: 0.2, own_starts: true", 2))
     assert alone.solved.all()
     np.testing.assert_allclose(alone.transform.matrix, together.transform.matrix, atol=1e-7)
 
 
 def test_trial_in_local_minimum_is_solved_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A trial with a large cost in the batch, or without convergence, gets its individual solution."""
-    draws = drawn("pixel_px: 0.2", 5)
+    draws = make_draws("pixel_px: 0.2", 5)
     right, batch = solve(draws), maximum_likelihood.solve_batch
 
     def astray(problem, starts) -> SolutionBatch:
-        """A batch whose first two entries went wrong."""
+        """Batch with wrong results for its first two entries."""
         found = batch(problem, starts)
         cost, converged = found.cost.copy(), found.converged.copy()
         cost[0], converged[1] = 1e9, False
@@ -83,11 +83,11 @@ def test_trial_that_fails_again_has_no_answer(monkeypatch: pytest.MonkeyPatch) -
 
     The others keep their answers, and the reason is given.
     """
-    draws = drawn("pixel_px: 0.2")
+    draws = make_draws("pixel_px: 0.2")
     batch, alone = maximum_likelihood.solve_batch, maximum_likelihood._solve_trial
 
     def far(problem, starts) -> SolutionBatch:
-        """A batch whose third entry ends at a great cost."""
+        """Batch with a large cost for its third entry."""
         found = batch(problem, starts)
         return replace(found, cost=np.where(np.arange(4) == 2, 1e9, found.cost))
 
@@ -108,15 +108,15 @@ def test_trial_that_fails_again_has_no_answer(monkeypatch: pytest.MonkeyPatch) -
 
 def test_trials_are_solved_again_above_four_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
     """The limit is that of the root of the cost, relative to the median of the trials."""
-    draws, asked = drawn("pixel_px: 0.2"), []
+    draws, solved_again = make_draws("pixel_px: 0.2"), []
     first = maximum_likelihood._solve_trial(draws, 0)
     batch = maximum_likelihood.solve_batch(draws.problem, first.state.repeat(draws.problem, 4))
-    monkeypatch.setattr(maximum_likelihood, "_solve_trial", lambda of, k: asked.append(k) or first)
+    monkeypatch.setattr(maximum_likelihood, "_solve_trial", lambda of, k: solved_again.append(k) or first)
     for above in (15.9, 16.1):
         found = replace(batch, cost=np.array([1.0, above, 1.0, 0.5]))
         monkeypatch.setattr(maximum_likelihood, "solve_batch", lambda *_, found=found: found)
         assert solve(draws).solved.all()
-    assert asked == [0, 0, 1]
+    assert solved_again == [0, 0, 1]
 
 
 def test_mount_is_solved_for_each_trial() -> None:

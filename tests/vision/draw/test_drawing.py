@@ -20,7 +20,7 @@ from vision_scenes import TARGETS
 
 
 def is_black(sheet: Sheet, places: Array) -> Any:
-    """Whether places, (n, 2) [m], are black."""
+    """Whether positions, (n, 2) [m], are black."""
     x, y = places[:, None, 0], places[:, None, 1]
     left, top, right, bottom = sheet.rectangles.T
     inside = ((x > left) & (x < right) & (y > top) & (y < bottom)).any(axis=1)

@@ -36,7 +36,7 @@ def test_noise_is_shot_and_read_noise() -> None:
     """The variance of a level is the sum of shot noise, read noise and rounding."""
     settings = LedSettings(photons=0.0, background=50.0, photons_per_level=4.0, read_noise=1.5)
     image = render_led(SMALL, np.zeros((0, 3)), settings).astype(float)
-    # Of 76800 pixels a variance is known within 0.5 %.
+    # 76800 pixels determine a variance within 0.5 %.
     assert image.var() == pytest.approx(50 / 4 + 1.5**2 + 1 / 12, rel=0.03)
     assert image.mean() == pytest.approx(50, abs=0.1)
 
@@ -62,7 +62,7 @@ def test_camera_without_size_is_refused() -> None:
 
 
 def at_pixel(u: float, v: float) -> np.ndarray:
-    """A point a metre or so off that is seen at a pixel."""
+    """Point about a metre away that projects to a pixel."""
     return SMALL.undistort(np.array([[u, v]]))[0]
 
 

@@ -22,7 +22,7 @@ def test_point_becomes_a_line(way):
     assert out.sum() == pytest.approx(100.0)
     assert (weights * u).sum() == pytest.approx(20.0, abs=0.01)
     along = ((u - 20) * way[0] + (v - 20) * way[1]) / np.hypot(*way)
-    # Sharing between pixels adds up to a quarter.
+    # The distribution over neighbouring pixels adds up to a quarter.
     assert (weights * along**2).sum() == pytest.approx(np.hypot(*way) ** 2 / 12, abs=0.3)
 
 

@@ -78,7 +78,7 @@ def test_background_has_stated_noise() -> None:
         render(PLAIN, TARGETS["chessboard"], behind, RenderSettings(noise=3.0), k) for k in (1, 1, 2)
     )
     np.testing.assert_array_equal(first, again)
-    assert first.mean() == pytest.approx(110, abs=0.05)  # 5 sigmas of the mean of 307,200 pixels are 0.03
+    assert first.mean() == pytest.approx(110, abs=0.05)  # 5 sigmas of the mean over 307,200 pixels are 0.03
     assert first.std() == pytest.approx(np.sqrt(9 + 1 / 12), rel=0.01)
     assert np.mean(first == other) < 0.2
 

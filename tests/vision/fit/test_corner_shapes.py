@@ -65,7 +65,7 @@ def test_corner_derivatives_match_differences(shape: Corner, opening: float, sha
         def moved(step: Array, free: int = free) -> Array:
             return shape(q + np.pad(step, (0, 6 - free)), xy)[0]
 
-        # Sharp corners bend more within a step than other functions here.
+        # Sharp corners have a larger second derivative than other functions.
         check_derivative(moved, np.moveaxis(derivatives[0], 0, -1), step=3e-3, tolerance=3e-3 if opening < 1 else 1e-4)
 
 

@@ -30,7 +30,7 @@ AXES = np.broadcast_to(PITCH * np.eye(2), (len(PLACES), 2, 2))
 
 
 def board(noise: float, spread: float = 1.0, share: float = 0.0, seed: int = 0) -> Array:
-    """Levels of squares whose corners stand at PLACES, each piece drawn about its own corner, (220, 260)."""
+    """Levels of squares with corners at PLACES, each patch drawn about its own corner, (220, 260)."""
     image = np.full((220, 260), 100.0)
     steps = np.stack(np.meshgrid(np.arange(-12, 13), np.arange(-12, 13)), -1).reshape(1, -1, 2)
     for k, place in enumerate(PLACES):
@@ -55,7 +55,7 @@ def test_corner_errors_match_sigmas(noise: float, spread: float, share: float) -
         errors.append((found.pixels - PLACES)[found.trusted])
         sigmas.append(found.sigma_px[found.trusted])
     ratio = np.concatenate(errors) / np.concatenate(sigmas)[:, None]
-    # Of 384 coordinates an rms has a sigma of 3.6 %.
+    # The rms of 384 coordinates has a sigma of 3.6 %.
     assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, abs=0.15)
 
 
@@ -73,9 +73,9 @@ def test_pixel_error_is_largest_along_rows_and_columns() -> None:
     np.testing.assert_allclose(error[8], error[7])
     assert error[0] > error[1] > error[5] > error[7]
     crossed = 2 * BOARD_ARM_PX * np.tan(0.2)
-    assert error[0] / error[1] == pytest.approx(1 + np.pi * crossed)  # what a harmonic leaves over so many periods
+    assert error[0] / error[1] == pytest.approx(1 + np.pi * crossed)  # remainder of a harmonic
     sharp = [_pixel_error_px(shapes + log_spread * np.eye(6)[4]) for log_spread in (-5.0, -7.0)]
-    np.testing.assert_allclose(sharp[0], sharp[1])  # narrower than a pixel the spread is that of its square
+    np.testing.assert_allclose(sharp[0], sharp[1])  # the spread is at least that of the pixel's square
     assert np.all(error < sharp[0])
 
 
@@ -104,7 +104,7 @@ def test_thinned_start_keeps_accuracy() -> None:
     ratio = (found.pixels - PLACES) / found.sigma_px[:, None]
     assert found.trusted.all()
     assert few.trusted.all()
-    # Of 96 coordinates an rms has a sigma of 7 %.
+    # The rms of 96 coordinates has a sigma of 7 %.
     assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, abs=0.3)
     assert np.linalg.norm(few.pixels[0] - PLACES[0]) < 4 * few.sigma_px[0]
 
@@ -131,7 +131,7 @@ SQUARE, SLANTED = np.array([[20.0, 0.0], [0.0, 20.0]]), np.array([[20.0, 0.0], [
 def in_cross(
     xy: list[tuple[float, float]], window: Window = CROSS, spread: float = 0.5, axes: Array = SQUARE
 ) -> list[bool]:
-    """Whether places [px] beside a corner are in its window; the guard is twice the spread."""
+    """Whether positions [px] beside a corner are in its window; the guard is twice the spread."""
     q = np.array([[0.0, 0.0, 0.0, 0.0, np.log(spread), 0.0]])
     context = _Context(np.zeros((1, 1)), saddle, axes[None], window)
     return _cross_mask(context, q, np.array([[5.0, 7.0]]), np.array(xy)[None] + [5.0, 7.0])[0].tolist()
@@ -212,7 +212,7 @@ def test_noise_accounts_for_fitted_parameters() -> None:
         found = refine_corners(board(3.0, 0.8, 0.0, seed), saddle, PLACES, AXES, small)
         assert found.trusted.all()
         ratio.append((found.pixels - PLACES) / found.sigma_px[:, None])
-    # Of 384 coordinates an rms has a sigma of 3.6 %.
+    # The rms of 384 coordinates has a sigma of 3.6 %.
     assert np.sqrt(np.mean(np.square(ratio))) == pytest.approx(np.sqrt(26 / 24), abs=0.1)
 
 

@@ -14,17 +14,17 @@ PLANE = np.stack(np.meshgrid(np.arange(7), np.arange(5)), -1).reshape(-1, 2) * P
 POSE = SE3.from_rpy((0.4, -0.3, 0.5), (-0.08, -0.05, 0.5))
 
 
-def seen(plane: Array, camera: object = PLAIN) -> Array:
+def project_plane(plane: Array, camera: object = PLAIN) -> Array:
     points = POSE @ np.column_stack([plane, np.zeros(len(plane))])
     return (WIDE if camera is WIDE else PLAIN).project(points)
 
 
 def test_axes_are_steps_of_a_pitch() -> None:
     """The axes are the image motion of a pitch along each axis, within a tenth of it in perspective."""
-    axes = local_axes(PLANE, PLANE, seen(PLANE), PITCH)
+    axes = local_axes(PLANE, PLANE, project_plane(PLANE), PITCH)
     for axis in (0, 1):
         half = np.eye(2)[axis] * PITCH / 2
-        step = seen(PLANE + half) - seen(PLANE - half)
+        step = project_plane(PLANE + half) - project_plane(PLANE - half)
         assert np.linalg.norm(axes[:, axis] - step, axis=1).max() < 0.1 * np.linalg.norm(step, axis=1).min()
 
 
@@ -37,24 +37,24 @@ def test_axes_of_an_affine_map_are_exact() -> None:
 
 def test_homographies_are_exact_in_perspective() -> None:
     """The map of a pinhole around every point maps any offset to its pixel, without second-order terms."""
-    matrix, bent = local_homographies(PLANE, seen(PLANE), PITCH)
+    matrix, bent = local_homographies(PLANE, project_plane(PLANE), PITCH)
     offsets = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [-0.5, 1.5, 1.0]])
     for k, place in enumerate(PLANE):
         mapped = offsets @ matrix[k].T
-        expected = seen(place + offsets[:, :2] * PITCH)
+        expected = project_plane(place + offsets[:, :2] * PITCH)
         np.testing.assert_allclose(mapped[:, :2] / mapped[:, 2:], expected, atol=1e-4)
     assert np.abs(bent).max() < 1e-3
 
 
 def test_second_derivatives_match_the_lens() -> None:
     """Second derivatives beyond perspective are those of the lens, within a third."""
-    _, bent = local_homographies(PLANE, seen(PLANE, WIDE), PITCH)
+    _, bent = local_homographies(PLANE, project_plane(PLANE, WIDE), PITCH)
     middle = len(PLANE) // 2
-    homography, _ = local_homographies(PLANE, seen(PLANE, WIDE), PITCH)
+    homography, _ = local_homographies(PLANE, project_plane(PLANE, WIDE), PITCH)
 
     def beyond(offset: Array) -> Array:
         mapped = homography[middle] @ [*offset, 1.0]
-        return seen((PLANE[middle] + offset * PITCH)[None], WIDE)[0] - mapped[:2] / mapped[2]
+        return project_plane((PLANE[middle] + offset * PITCH)[None], WIDE)[0] - mapped[:2] / mapped[2]
 
     for row, axis in ((0, np.array([1.0, 0.0])), (2, np.array([0.0, 1.0]))):
         numeric = beyond(axis) - 2 * beyond(0 * axis) + beyond(-axis)
@@ -64,7 +64,7 @@ def test_second_derivatives_match_the_lens() -> None:
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_mirrored_grid_is_reversed(mirrored: bool) -> None:
     """The rows of a grid read from its back are reversed; one read from its front is unchanged."""
-    grid = seen(PLANE).reshape(5, 7, 2)
+    grid = project_plane(PLANE).reshape(5, 7, 2)
     np.testing.assert_array_equal(orient_grid(grid[::-1] if mirrored else grid), grid)
     axes = grid_axes(grid)
     assert axes.shape == (35, 2, 2)
@@ -88,7 +88,7 @@ def test_maps_are_local() -> None:
 
     It has hardly any effect six pitches away.
     """
-    pixels = seen(PLANE)
+    pixels = project_plane(PLANE)
     wrong = pixels.copy()
     wrong[0] += [0.0, 1.0]
     (before, _), (after, _) = (local_homographies(PLANE, each, PITCH) for each in (pixels, wrong))
@@ -104,7 +104,7 @@ def test_maps_are_local() -> None:
 def test_axes_are_weighted_by_distance() -> None:
     """An affine map is fitted to noisy pixels with weights exp(-(distance / pitch)^2 / 2)."""
     rng = np.random.default_rng(0)
-    pixels = seen(PLANE) + rng.normal(0, 3, PLANE.shape)
+    pixels = project_plane(PLANE) + rng.normal(0, 3, PLANE.shape)
     offset = (PLANE - PLANE[16]) / PITCH
     root = np.exp(-0.25 * (offset**2).sum(axis=1))[:, None]
     expected, *_ = np.linalg.lstsq(root * np.column_stack([offset, np.ones(35)]), root * pixels, rcond=None)

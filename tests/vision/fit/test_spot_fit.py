@@ -50,7 +50,7 @@ def test_spot_errors_match_sigmas() -> None:
         found = fit_spot(levels, np.ones((SIZE, SIZE), bool), (10, 10, 1.2))
         assert found is not None
         ratio += [(found.x - x) / found.sigma_px, (found.y - y) / found.sigma_px]
-    # Of 300 coordinates an rms has a sigma of 4 %.
+    # The rms of 300 coordinates has a sigma of 4 %.
     assert np.sqrt(np.mean(np.square(ratio))) == pytest.approx(1.0, abs=0.15)
 
 
@@ -116,7 +116,7 @@ def test_variance_factor_follows_students_t() -> None:
         assert _variance_factor(at._replace(jacobian=jacobian), weights) == pytest.approx(factor)
     for axis in (0, 1):
         jacobian = np.zeros((6, 441))
-        jacobian[axis, :20] = np.repeat([1.0, 2.0], 10)  # which count as 50^2 / 170 equal ones
+        jacobian[axis, :20] = np.repeat([1.0, 2.0], 10)  # equivalent to 50^2 / 170 equal pixels
         assert _variance_factor(at._replace(jacobian=jacobian), weights) == pytest.approx(2500 / (2500 - 2 * 170))
 
 

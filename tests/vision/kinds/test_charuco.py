@@ -13,8 +13,8 @@ from basecal.vision.kinds.preprocessing import MARKER_PREPROCESSINGS
 from vision_scenes import BLURRED, DARK, TARGETS, errors_of, scene, shrunk
 
 BOARD = TARGETS["charuco"]
-# Images, blocks of pixels that become one, corners that are found; as most images are searched the last three
-# give none, seven and none.
+# Images, pixels binned into one, and corners found. Without further preprocessing the last three give none, seven
+# and none.
 POOR = {
     "as it should be": (RenderSettings(), 1, 24),
     "dark": (DARK, 1, 24),
@@ -57,7 +57,7 @@ def test_incomplete_opencv_reading_is_empty(lacking: str) -> None:
     """Markers without a corner between them, or corners without markers, give an empty reading."""
 
     class Detector:
-        """Reads half a board."""
+        """Detector that returns half of a reading."""
 
         def detectBoard(self, _):
             some, ids = np.zeros((1, 1, 2)), np.zeros((1, 1))

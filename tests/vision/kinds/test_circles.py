@@ -197,7 +197,7 @@ def test_levels_are_those_of_the_nearest_pixel() -> None:
 
 
 def discs(columns: int, rows: int, lacking: int = 0) -> tuple[np.ndarray, Array]:
-    """A picture of discs 20 px apart, without so many in its first row, and the centres of the other rows."""
+    """Image of discs 20 px apart with some missing in its first row, and the centres of the other rows."""
     image = np.full((20 * rows, 20 * columns), 220, np.uint8)
     centres = np.stack(np.meshgrid(20 * np.arange(columns) + 10, 20 * np.arange(rows) + 10), -1)
     for row, column in np.ndindex(rows, columns):
@@ -235,15 +235,15 @@ FRONT = SE3(np.eye(3), np.array([0.0, 0.0, 0.6]))
 
 
 @pytest.fixture(scope="module")
-def seen() -> tuple[np.ndarray, Array]:
-    """An image of discs, and where their centres are."""
+def disc_image() -> tuple[np.ndarray, Array]:
+    """Image of discs, and the pixels of their centres."""
     pose = at(SHAPE, FRONT)
     return render(SMALL, SHAPE, pose), SMALL.project(pose @ SHAPE.points)
 
 
-def test_outlines_are_trusted_only_at_discs(seen: tuple[np.ndarray, Array]) -> None:
+def test_outlines_are_trusted_only_at_discs(disc_image: tuple[np.ndarray, Array]) -> None:
     """An outline is not trusted if the search began more than 3 px away, nor on bare paper."""
-    image, start = seen[0].copy(), seen[1].copy()
+    image, start = disc_image[0].copy(), disc_image[1].copy()
     left, top = np.rint(start[9]).astype(int) - 9
     image[top : top + 19, left : left + 19] = 200 + np.random.default_rng(0).integers(-2, 3, (19, 19))
     start[20] += [3.5, 0.0]
@@ -251,14 +251,14 @@ def test_outlines_are_trusted_only_at_discs(seen: tuple[np.ndarray, Array]) -> N
     outlines = _fit_outlines(image, SHAPE, start)
     assert np.flatnonzero(~outlines.trusted).tolist() == [9, 20]
     kept = outlines.trusted
-    np.testing.assert_allclose(outlines.shape[kept, :2], seen[1][kept], atol=0.1)
+    np.testing.assert_allclose(outlines.shape[kept, :2], disc_image[1][kept], atol=0.1)
     assert outlines.shared_residual[kept].max() < 0.1
     assert np.all((outlines.variance[kept] > 1e-5) & (outlines.variance[kept] < 1e-2))
 
 
-def test_reversed_rows_are_reordered(monkeypatch: pytest.MonkeyPatch, seen: tuple[np.ndarray, Array]) -> None:
+def test_reversed_rows_are_reordered(monkeypatch: pytest.MonkeyPatch, disc_image: tuple[np.ndarray, Array]) -> None:
     """A grid found in reverse order is reordered, because a print cannot be seen from behind."""
-    image, places = seen
+    image, places = disc_image
     for order in (places, places.reshape(5, 8, 2)[::-1].reshape(-1, 2)):
         monkeypatch.setattr(circles, "best_result", lambda *_, order=order: order)
         found = detect(image, SHAPE)
@@ -268,10 +268,10 @@ def test_reversed_rows_are_reordered(monkeypatch: pytest.MonkeyPatch, seen: tupl
 
 @pytest.mark.parametrize(("count", "left", "known"), [(4, 0.09, True), (3, 0.09, False), (4, 0.11, False)])
 def test_grid_requires_four_round_discs(
-    monkeypatch: pytest.MonkeyPatch, seen: tuple[np.ndarray, Array], count: int, left: float, known: bool
+    monkeypatch: pytest.MonkeyPatch, disc_image: tuple[np.ndarray, Array], count: int, left: float, known: bool
 ) -> None:
     """Residuals beyond noise must be below a tenth of the contrast. Sigmas are at least those of the model."""
-    image, places = seen
+    image, places = disc_image
     shape = np.column_stack([places, np.tile([2.0, 0.0, 2.0, 0.0], (40, 1))])
     trusted = np.isin(np.arange(40), [0, 7, 32, 39][:count])
     outlines = _Outlines(shape, np.zeros(40), trusted, np.full(40, left))

@@ -21,8 +21,8 @@ LIGHT = led_target()
 OFF = {"photons": 0.0}
 
 
-def exposed(photons: float, spot: float) -> LedSettings:
-    """A light whose brightest pixel is at about 170 of 255 levels."""
+def make_exposure(photons: float, spot: float) -> LedSettings:
+    """Settings of an LED whose brightest pixel has about 170 of 255 levels."""
     return LedSettings(photons, spot, photons / (2 * np.pi * (spot**2 + 1 / 12) * 160))
 
 
@@ -32,7 +32,7 @@ def places(count: int, seed: int = 0) -> Array:
 
 
 def bound(settings: LedSettings, place: Array, pair: bool) -> float:
-    """Cramer-Rao bound per coordinate [px] where place, width, brightness and background are all unknown."""
+    """Cramer-Rao bound per coordinate [px] with unknown position, width, brightness and background."""
     step = 1e-4
     shifts = [np.zeros(3), np.array([step, 0, 0]), np.array([0, step, 0])]
     at, right, down = (led_levels(PLAIN, place + shift, settings).ravel() for shift in shifts)
@@ -65,18 +65,18 @@ def errors(settings: LedSettings, count: int, pair: bool) -> tuple[Array, Array]
 @pytest.mark.parametrize("photons", [3e3, 3e5])
 def test_led_detection_reaches_cramer_rao_bound(photons: float, spot: float, pair: bool) -> None:
     """The error is at the Cramer-Rao bound of the image, or of both images of a pair, and the sigma agrees with it."""
-    settings = exposed(photons, spot)
+    settings = make_exposure(photons, spot)
     error, sigma = errors(settings, 40, pair)
     efficiency = np.sqrt(np.mean(error**2)) / bound(settings, places(1)[0], pair)
-    # 80 coordinates: an rms has a sigma of 8 %, so that 1.1 becomes 1.25 with two of them.
+    # The rms of 80 coordinates has a sigma of 8 %: 1.1 plus two of them is 1.25.
     assert 0.8 < efficiency < 1.25
-    # Sigmas have a floor besides, which of 300,000 photons in a small spot makes them a sixth larger.
+    # Sigmas have a floor, which makes them a sixth larger for 300,000 photons in a small spot.
     assert 0.7 < np.sqrt(np.mean((error / sigma[:, None]) ** 2)) < 1.25
 
 
 def test_saturated_led_is_unbiased() -> None:
     """The flanks of an LED whose centre is saturated determine its position without bias."""
-    settings = replace(exposed(3e5, 2.0), photons_per_level=exposed(3e5, 2.0).photons_per_level / 3)
+    settings = replace(make_exposure(3e5, 2.0), photons_per_level=make_exposure(3e5, 2.0).photons_per_level / 3)
     error, sigma = errors(settings, 40, pair=False)
     assert np.sqrt(np.mean(error**2)) < 0.02
     assert np.all(np.abs(error.mean(axis=0)) < 4 * error.std() / np.sqrt(len(error)))
@@ -87,7 +87,7 @@ def test_candidates_are_sorted_by_brightness() -> None:
     """Several bright spots are all returned, without ids, the brightest first."""
     spots = places(3, seed=1)
     levels = sum(
-        led_levels(PLAIN, spot, replace(exposed(3e4, 1.5), photons=photons, background=3.0))
+        led_levels(PLAIN, spot, replace(make_exposure(3e4, 1.5), photons=photons, background=3.0))
         for spot, photons in zip(spots, (1.4e4, 3e4, 2e4), strict=True)
     )
     noisy = levels + np.random.default_rng(0).normal(0, 1, levels.shape)
@@ -99,7 +99,7 @@ def test_candidates_are_sorted_by_brightness() -> None:
 
 def test_constant_lamp_is_not_the_led() -> None:
     """A brighter spot that is also visible with the LED off is not the LED."""
-    settings, (light, lamp) = exposed(3e4, 1.5), places(2, seed=2)
+    settings, (light, lamp) = make_exposure(3e4, 1.5), places(2, seed=2)
     both = render_led(PLAIN, np.stack([light, lamp]), settings, 1)
     only_lamp = render_led(PLAIN, lamp, settings, 2)
     alone, pair = detect(both, LIGHT), detect(both, LIGHT, only_lamp)
@@ -111,7 +111,7 @@ def test_constant_lamp_is_not_the_led() -> None:
 
 def test_led_is_detected_on_structured_scene() -> None:
     """An LED on a structured scene is detected in the difference of on and off."""
-    settings = replace(exposed(3e4, 1.2), background=60.0, texture=25.0, photons=1e4)
+    settings = replace(make_exposure(3e4, 1.2), background=60.0, texture=25.0, photons=1e4)
     place = places(1, seed=3)[0]
     on, off = (render_led(PLAIN, place, each, seed) for seed, each in enumerate((settings, replace(settings, **OFF))))
     found = detect(on, LIGHT, off)
@@ -122,7 +122,7 @@ def test_led_is_detected_on_structured_scene() -> None:
 def test_led_at_the_border_is_detected() -> None:
     """The visible part of an LED at the border determines its position."""
     place = np.array([-0.3184, 0.1, 1.0])  # pixel 0.3
-    found = detect(render_led(PLAIN, place, exposed(1e5, 1.5)), LIGHT)
+    found = detect(render_led(PLAIN, place, make_exposure(1e5, 1.5)), LIGHT)
     assert found is not None
     np.testing.assert_allclose(found.pixels[0], PLAIN.project(place), atol=0.05)
 
@@ -147,7 +147,7 @@ def test_saturated_disc_with_streak_is_no_spot(radius: int, slant: int) -> None:
 def test_several_simultaneous_leds_are_not_detected() -> None:
     """Several LEDs at once give no detection, because their identities are unknown."""
     two = led_target([[0, 0, 0], [0.1, 0, 0]])
-    assert detect(render_led(PLAIN, places(2), exposed(3e4, 1.5)), two) is None
+    assert detect(render_led(PLAIN, places(2), make_exposure(3e4, 1.5)), two) is None
 
 
 def test_background_of_other_size_is_refused() -> None:
@@ -157,7 +157,7 @@ def test_background_of_other_size_is_refused() -> None:
 
 
 def gaussians(*spots: tuple[float, float, float, float], shape: tuple[int, int] = (120, 160)) -> Array:
-    """Levels on black of spots: x, y, height and sigma [px]."""
+    """Levels of spots on black: x, y, height and sigma [px]."""
     rows, columns = np.indices(shape)
     levels = np.zeros(shape)
     for x, y, height, sigma in spots:
@@ -205,7 +205,7 @@ def test_noise_has_no_spots() -> None:
     assert len(_bright_spots((noise + gaussians((300, 200, 400, 2.0), shape=(480, 640))).astype(np.uint16))) == 1
 
 
-def fitted(image: Array, x: float, y: float, extent: float, background: Array | None = None) -> Spot | None:
+def fit_spot_at(image: Array, x: float, y: float, extent: float, background: Array | None = None) -> Spot | None:
     return _fit_rough_spot(image, background, 65535.0, _RoughSpot(x, y, extent))
 
 
@@ -214,7 +214,7 @@ def test_spot_is_fitted_anywhere_in_the_image() -> None:
     for x, y in ((80.3, 60.8), (1.4, 2.6), (157.6, 118.2)):
         image = gaussians((x, y, 30000, 2.0))
         background = np.full_like(image, 500)
-        for found in (fitted(image, x + 0.7, y - 0.6, 7), fitted(image + background, x, y, 7, background)):
+        for found in (fit_spot_at(image, x + 0.7, y - 0.6, 7), fit_spot_at(image + background, x, y, 7, background)):
             assert found is not None
             assert (found.x, found.y) == (pytest.approx(x, abs=2e-3), pytest.approx(y, abs=2e-3))
 
@@ -223,11 +223,11 @@ def test_spot_is_fitted_anywhere_in_the_image() -> None:
 def test_spot_width_is_limited(sigma: float, fits: bool) -> None:
     """The widths of a hot pixel and of a window are refused."""
     image = gaussians((80.0, 60.0, 30000, sigma))
-    assert (fitted(image, 80.0, 60.0, max(3.3 * sigma, 1.0)) is not None) == fits
+    assert (fit_spot_at(image, 80.0, 60.0, max(3.3 * sigma, 1.0)) is not None) == fits
 
 
 def test_dark_or_distant_spot_is_refused() -> None:
     """A dark spot, or one far from the start of the search, is refused."""
     dark = (40000 - gaussians((80.0, 60.0, 30000, 2.0))).astype(np.uint16)
-    assert fitted(dark, 80.0, 60.0, 7) is None
-    assert fitted(gaussians((92.0, 60.0, 30000, 2.0)), 80.0, 60.0, 7) is None
+    assert fit_spot_at(dark, 80.0, 60.0, 7) is None
+    assert fit_spot_at(gaussians((92.0, 60.0, 30000, 2.0)), 80.0, 60.0, 7) is None

@@ -9,7 +9,7 @@ from basecal.vision.tracks.matching import Matches
 
 
 def matches(*pairs: tuple[int, int]) -> Matches:
-    """Features of two images."""
+    """Matches of features of two images."""
     first, second = np.array(pairs).T
     return Matches(first, second)
 

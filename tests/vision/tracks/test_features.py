@@ -112,7 +112,7 @@ def test_blank_image_has_no_features() -> None:
 
 
 def kept_files(folder: Path) -> list[Path]:
-    """What is kept."""
+    """Files of the cache."""
     return sorted((folder / "derived" / "features").iterdir())
 
 

@@ -12,8 +12,8 @@ LENS = Camera("pinhole", np.array([600.0, 600.0, 319.5, 239.5, -0.1, 0.02, 0.0, 
 POSE = SE3.from_rpy((0.1, -0.2, 0.3), (0.05, -0.02, 0.8))
 
 
-def located(count: int, wrong: float, noise_px: float = 0.3) -> tuple[Located | None, Array]:
-    """What is found of so many points on a table, of which a share looks like others; and the true pixels."""
+def locate_scene(count: int, wrong: float, noise_px: float = 0.3) -> tuple[Located | None, Array]:
+    """Located camera for points on a table of which a share is mistaken, and the true order."""
     rng = np.random.default_rng(3)
     points = rng.uniform(-0.2, 0.2, (count, 3)) * [1, 1, 0.2]
     looks = np.abs(rng.standard_normal((count, DESCRIPTOR_LENGTH)))
@@ -28,7 +28,7 @@ def located(count: int, wrong: float, noise_px: float = 0.3) -> tuple[Located | 
 
 def test_pose_is_found_despite_wrong_matches() -> None:
     """With half of the matches wrong the pose is found to 2 mm and 0.3 deg, and the wrong ones are excluded."""
-    found, order = located(200, 0.5)
+    found, order = locate_scene(200, 0.5)
     assert found is not None
     off = (POSE.inverse() @ found.camera_from_world).log()
     assert np.linalg.norm(off[:3]) < 2e-3
@@ -40,13 +40,13 @@ def test_pose_is_found_despite_wrong_matches() -> None:
 
 def test_few_points_give_no_pose() -> None:
     """One point less than required, or only wrong matches, give no pose."""
-    assert located(FEWEST_POINTS - 1, 0.0)[0] is None
-    assert located(200, 1.0)[0] is None
+    assert locate_scene(FEWEST_POINTS - 1, 0.0)[0] is None
+    assert locate_scene(200, 1.0)[0] is None
 
 
 def test_thirty_points_give_a_pose() -> None:
     """All of the points are its inliers."""
-    found, _ = located(FEWEST_POINTS, 0.0)
+    found, _ = locate_scene(FEWEST_POINTS, 0.0)
     assert found is not None
     assert sorted(found.point.tolist()) == list(range(FEWEST_POINTS))
     assert np.linalg.norm((POSE.inverse() @ found.camera_from_world).log()) < 0.02

@@ -14,7 +14,7 @@ SECOND_FROM_FIRST = SE3.from_rpy((0.02, -0.1, 0.3), (0.2, -0.05, 0.04))
 
 
 def two_images(count: int, wrong: int = 0, seed: int = 1) -> tuple[Features, Features, tuple, np.ndarray]:
-    """Points before two cameras, the last so many elsewhere in the second; planes; which feature shows which point."""
+    """Features of points in two cameras, wrong ones last; planes, and the feature of each point."""
     rng = np.random.default_rng(seed)
     points = rng.uniform([-0.4, -0.3, 0.8], [0.4, 0.3, 1.4], (count, 3))
     other = SECOND_FROM_FIRST @ points
@@ -87,7 +87,7 @@ def test_too_few_matches_are_refused() -> None:
 
 
 def at_angles(*degrees: float) -> np.ndarray:
-    """Descriptors in one plane, at such angles."""
+    """Descriptors in one plane, at given angles."""
     angles = np.radians(degrees)
     looks = np.zeros((len(degrees), 128), dtype=np.float32)
     looks[:, 0], looks[:, 1] = np.cos(angles), np.sin(angles)
