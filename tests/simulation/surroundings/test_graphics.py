@@ -23,10 +23,10 @@ def test_available_library_is_selected(monkeypatch):
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr(graphics, "find_library", lambda name: name if name == "OSMesa" else None)
     monkeypatch.setattr(graphics, "_try_rendering", lambda: None)
-    for before, after in ((None, "osmesa"), ("glfw", "glfw")):
-        monkeypatch.delenv("MUJOCO_GL", raising=False)
-        if before:
-            monkeypatch.setenv("MUJOCO_GL", before)
+    for before, after in (("", "osmesa"), ("glfw", "glfw")):
+        monkeypatch.setenv("MUJOCO_GL", before)  # restored at the end, also if the code sets it
+        if not before:
+            monkeypatch.delenv("MUJOCO_GL")
         assert graphics.missing_graphics() is None
         assert graphics.os.environ["MUJOCO_GL"] == after
 
