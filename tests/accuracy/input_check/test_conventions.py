@@ -1,4 +1,7 @@
-"""Mix-ups are named, symmetries are told, and clean cells left alone; `benchmarks.mutations` is the whole matrix."""
+"""Tests of `check_conventions`: mix-ups are named, symmetries reported, clean cells pass.
+
+All mutations are in `benchmarks.mutations`.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,7 @@ LIGHT = simulate(Scenario(samples=24, target="led", camera_mount="fixed", target
 
 
 def mixed_up(made, name):
-    """What `calibrate` finds after the mix-up of that name."""
+    """`calibrate` after the mix-up of that name."""
     each = next(m for m in mutations(made.cell, lines_of(made.recording), 0) if m.name.startswith(name))
     return calibrate(each.cell, recording_of(each.lines(lines_of(made.recording)), each.cell))
 
@@ -68,22 +71,22 @@ def named(calibration):
         ),
     ],
 )
-def test_a_mix_up_is_named(made, name, code, about):
-    """The finding holds the code and the names, and nothing is given for good."""
+def test_mix_up_is_named(made, name, code, about):
+    """Each mix-up yields an error with its code and the names involved, and the verdict is "refused"."""
     calibration = mixed_up(made, name)
     assert (code, about) in named(calibration)
     assert calibration.verdict == "refused"
 
 
 def none_survives(*given):
-    """As `_screen_hypotheses`: it asks for no fit and has no hypothesis."""
+    """Replacement of `_screen_hypotheses` that requests no fit and returns no hypothesis."""
     yield from ()
     return []
 
 
 @pytest.mark.parametrize("look", ["quick", pytest.param("none", marks=pytest.mark.slow)])
 def test_exchanged_joints_are_named(look, monkeypatch):
-    """Two arms of one model: also where a mount is known by a prior, and no loop closes without it."""
+    """Exchanged joints of two arms of one model are named, even if no loop closes without a mount's prior."""
     if look == "none":
         monkeypatch.setattr(conventions, "_screen_hypotheses", none_survives)
     made = simulate(Scenario(samples=12, joints=True, target_mount="prior"), 3)
@@ -93,14 +96,14 @@ def test_exchanged_joints_are_named(look, monkeypatch):
 
 
 @pytest.mark.parametrize("made", [BOARD, POSES, LIGHT])
-def test_clean_cells_are_left_alone(made):
-    """Two arms that turn freely: no other reading comes near, and the verdict is good."""
+def test_clean_cells_get_verdict_good(made):
+    """Clean cells of two freely rotating arms get the verdict "good": no other hypothesis comes near."""
     assert calibrate(made.cell, made.recording).verdict == "good"
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.2])
-def test_links_explain_no_mix_up(factor):
-    """Arms by joints, whose links are estimated: no mix-up is suspected, and a size that is wrong is found."""
+def test_estimated_links_cause_no_false_mix_up(factor):
+    """Arms with joints and estimated links raise no suspicion of a mix-up, and a wrong target size is still found."""
     scenario = Scenario(samples=16, joints=True, link_error=(5e-4, 1e-3), link_parameters="prior")
     made = simulate(scenario, 7)
     cell = resized(made.cell, {"board": factor})
@@ -111,10 +114,11 @@ def test_links_explain_no_mix_up(factor):
 
 
 @pytest.mark.slow
-def test_exchanged_robots_and_an_inverted_target_are_one():
-    """A target whose z points to the camera stays before it when inverted: both mix-ups fit alike and both are named.
+def test_exchanged_robots_and_inverted_target_are_both_named():
+    """Exchanged robots and an inverted target are both named if both fit equally well.
 
-    Turns are measured so well that noise does not tell the two ends of a pose apart.
+    The z axis of the target points to the camera, so the inverted target stays in front of it; rotations are measured
+    so well that noise does not distinguish the two ends of a pose.
     """
     made = simulate(Scenario(samples=20, target="pose", pose_noise=(1e-3, 1e-5)), 7)
     half = SE3.from_rotvec([np.pi, 0, 0], [0, 0, 0])
@@ -123,8 +127,11 @@ def test_exchanged_robots_and_an_inverted_target_are_one():
     assert {code for code, _ in found} - {"unobservable-direction"} == {"target-pose-inverted", "robots-swapped"}
 
 
-def test_a_still_arm_by_poses_is_ambiguous():
-    """Its one pose may be inverted, which no data could tell: listed, with how to tell, and no doubt."""
+def test_poses_of_still_arm_are_ambiguous():
+    """An arm with a single pose gives an "ambiguous-convention" finding of severity info.
+
+    No data can show whether that pose is inverted; the finding says how to check, and the verdict stays "good".
+    """
     made = simulate(Scenario(samples=15, arms="eye_still", camera_mount="fixed"), 0)
     calibration = calibrate(made.cell, made.recording)
     (finding,) = [f for f in calibration.findings if f.code == "ambiguous-convention"]
@@ -134,8 +141,11 @@ def test_a_still_arm_by_poses_is_ambiguous():
 
 
 @pytest.mark.slow
-def test_nao_and_its_twin_are_ambiguous():
-    """The head's poses inverted fit as well and put the base 0.58 m away: said of the recording and of its twin."""
+def test_inverted_head_poses_of_nao_are_ambiguous():
+    """NAO's inverted head poses fit as well and put the base 0.58 m away.
+
+    The ambiguity is reported for the recording and for its inverted twin.
+    """
     try:
         cell, recording = nao_cell()
     except DatasetError as error:
@@ -147,8 +157,8 @@ def test_nao_and_its_twin_are_ambiguous():
         assert "the poses of eye are inverted" in finding.message
 
 
-def test_rct_with_a_wrong_fixed_lens_names_it():
-    """The guess that ships with the recording, 1400 px and no distortion, stated as fixed: `intrinsics`."""
+def test_wrong_fixed_lens_of_rct_is_named():
+    """The lens guess shipped with the RCT recording (1400 px, no distortion), stated as fixed, yields `intrinsics`."""
     cell, recording = example("rct_charuco")
     camera = cell.cameras["camera"]
     lens = Camera("pinhole", np.array([1400.0, 1400.0, 800.0, 600.0, 0, 0, 0, 0, 0]), camera.size_px)
@@ -161,22 +171,28 @@ def test_rct_with_a_wrong_fixed_lens_names_it():
     assert right.verdict != "refused"
 
 
-def test_a_reading_that_leaves_the_answer_is_not_mentioned():
-    """A camera alone moves and the board lies on the world: a chessboard's half turn moves nothing but its mount."""
+def test_half_turn_without_effect_on_answer_is_not_reported():
+    """A chessboard's half turn that only changes the board's own mount is not reported.
+
+    Only the camera moves, and the board lies on the world.
+    """
     made = simulate(Scenario(samples=15, layout="eye_in_hand", target="chessboard"), 0)
     assert calibrate(made.cell, made.recording).verdict == "good"
 
 
-def test_a_size_off_by_a_thousandth_is_no_mix_up():
-    """What hardly improves the fit is not named, though it moves the answer."""
+def test_size_error_of_one_thousandth_is_not_named():
+    """A target size off by a thousandth is not named: it hardly improves the fit, though it moves the answer."""
     made = simulate(Scenario(samples=20, robot_noise=(3e-4, 5e-4)), 1)
     found = calibrate(resized(made.cell, {"board": 1.001}), made.recording)
     assert "board-size" not in {f.code for f in found.findings}
 
 
 @pytest.mark.slow
-def test_poses_that_fit_nothing_are_not_good():
-    """Observed poses disturbed by half a metre and radian fit no reading: none is named, and it is not good."""
+def test_disturbed_poses_are_not_good():
+    """Observed poses disturbed by half a metre and radian fit no hypothesis.
+
+    None is named, and the verdict is not good.
+    """
     rng = np.random.default_rng(0)
     made = simulate(Scenario(samples=20, target="pose", state_observation_noise=False), 0)
     wild = with_targets(made.recording, lambda poses: poses @ SE3.exp(0.5 * rng.normal(size=(len(poses), 6))))
@@ -186,14 +202,17 @@ def test_poses_that_fit_nothing_are_not_good():
 
 
 @pytest.mark.parametrize(("samples", "can"), [(5, False), (6, True)])
-def test_two_of_three_folds_leave_more_equations_than_unknowns(samples, can):
-    """Of measured poses, six equations each for 18 unknowns: by a quarter more from six of them."""
+def test_hold_out_needs_six_pose_samples(samples, can):
+    """Hold-out needs six samples of measured poses for 18 unknowns.
+
+    Each gives six equations; two of three folds must leave a quarter more equations than unknowns.
+    """
     made = simulate(Scenario(samples=samples, target="pose"), 0)
     assert conventions._can_hold_out(build_problem(made.cell, made.recording)[0]) == can
 
 
 def hypothesis(words, code="length-unit", about=("eye",), is_wider=False):
-    """One that changes nothing."""
+    """A hypothesis that changes nothing."""
     return ConventionHypothesis(code, about, words, "", "", lambda reading: reading, is_wider)
 
 
@@ -203,7 +222,7 @@ def surviving(monkeypatch, offs, among=None, is_led=False, made=BOARD):
     inputs_seen = []
 
     def screened(inputs, lenses):
-        """As `_screened`, with fits that are known."""
+        """Replacement of `_fit_readings` with known fits."""
         inputs_seen.extend(inputs)
         yield from ()
         return fits
@@ -227,19 +246,22 @@ def surviving(monkeypatch, offs, among=None, is_led=False, made=BOARD):
         ((0.06, 0.051), True, []),
     ],
 )
-def test_hypotheses_that_close_loops_about_as_well_as_the_best_are_fitted(monkeypatch, offs, is_led, words):
-    """Within three times the best and a floor, the best first; none where even the best leaves loops open."""
+def test_hypotheses_near_best_loop_fit_are_fitted(monkeypatch, offs, is_led, words):
+    """Hypotheses within three times the best loop error, or a floor, are fitted, the best first.
+
+    If even the best leaves loops open, none is.
+    """
     assert surviving(monkeypatch, offs, is_led=is_led) == (words, len(offs))
 
 
-def test_no_more_than_eight_hypotheses_are_fitted(monkeypatch):
-    """The best of them."""
+def test_at_most_eight_hypotheses_are_fitted(monkeypatch):
+    """At most the eight best hypotheses are fitted."""
     words, _ = surviving(monkeypatch, [0.02, *np.linspace(0.03, 0.02, 12)])
     assert words == [str(k) for k in range(12, 4, -1)]
 
 
-def test_what_a_quick_look_cannot_tell_is_left_out_of_it(monkeypatch):
-    """Wider models, and samples paired one late with robots that never move."""
+def test_quick_look_skips_undecidable_hypotheses(monkeypatch):
+    """The quick look omits wider models, and samples paired one late with robots that never move."""
     late = [hypothesis("both", "pairing-shifted", ("eye", "hand")), hypothesis("hand", "pairing-shifted", ("hand",))]
     among = [hypothesis("wider", is_wider=True), *late, hypothesis("exchanged", about=("eye", "hand"))]
     still = simulate(Scenario(samples=6, arms="eye_still"), 0)
@@ -251,15 +273,18 @@ def test_what_a_quick_look_cannot_tell_is_left_out_of_it(monkeypatch):
     (np.repeat([0.01, 0.1], [7, 3]), (), False),  # a session of three samples stays unexplained
     (np.full(10, 0.01), ("a fact",), False),
 ])  # fmt: skip
-def test_what_leaves_a_session_unexplained_ends_no_search(off, facts, explains):
-    """A hypothesis that explains all and contradicts no fact does."""
+def test_partial_explanation_does_not_end_search(off, facts, explains):
+    """The search ends only at a hypothesis that explains all sessions and contradicts no fact."""
     solution = SimpleNamespace(converged=True, cost=1.0, noise=SimpleNamespace(estimated=("pose_m",)))
     tried = TriedHypothesis(hypothesis("inverted"), HypothesisFit(solution, off, np.arange(10), False), facts)
     assert conventions._explains_all(tried) is explains
 
 
-def test_a_hypothesis_is_out_of_the_race_at_twice_the_declared_error(monkeypatch):
-    """So much it is told that its error may be; nothing is fitted where a fact stands against it."""
+def test_fit_limit_is_twice_declared_error(monkeypatch):
+    """The fit of a hypothesis stops at twice the declared error.
+
+    The limit is passed to the fit, and a hypothesis that contradicts a fact is not fitted.
+    """
     limits = []
     monkeypatch.setattr(conventions, "fit_hypothesis", lambda *given: limits.append(given[-1]))
     whole = HypothesisFit(None, np.full(10, 0.03), np.arange(10), True)
@@ -272,19 +297,22 @@ def test_a_hypothesis_is_out_of_the_race_at_twice_the_declared_error(monkeypatch
 
 
 @pytest.mark.parametrize(("equations", "enough"), [(6, False), (33, False), (34, True), (100, True)])
-def test_two_thirds_of_the_samples_need_a_quarter_more_equations_than_unknowns(equations, enough):
-    """Of 18 unknowns 22.5 must be left in two folds: 34 equations leave 22.7, one less is too few."""
+def test_hold_out_needs_quarter_more_equations(equations, enough):
+    """Two thirds of the samples need a quarter more equations than unknowns.
+
+    For 18 unknowns, 22.5 must be left in two folds: 34 equations leave 22.7, 33 are too few.
+    """
     measurement = SimpleNamespace(equations=lambda: np.array([equations - 3, 3]))
     problem = SimpleNamespace(groups=(SimpleNamespace(measurement=measurement),), width=18)
     assert conventions._can_hold_out(problem) == enough
 
 
-def test_what_closes_loops_is_known_by_the_declared_fit_of_a_light(monkeypatch):
-    """A hypothesis of poses beside it is held to a light's limits."""
+def test_led_loop_limits_apply_to_pose_hypotheses(monkeypatch):
+    """If the declared fit is that of an LED, a pose hypothesis beside it is held to the LED's limits."""
     fits = [{("wrist", "board"): LoopFit((), np.full(4, off), light)} for off, light in ((0.06, True), (0.055, False))]
 
     def screened(inputs, lenses):
-        """As `_screened`, with fits that are known."""
+        """Replacement of `_fit_readings` with known fits."""
         yield from ()
         return fits
 
@@ -293,19 +321,19 @@ def test_what_closes_loops_is_known_by_the_declared_fit_of_a_light(monkeypatch):
 
 
 def ended(check):
-    """What a check that asks for nothing ends with."""
+    """Return value of a check that requests no fit."""
     with pytest.raises(StopIteration) as end:
         next(check)
     return end.value.value
 
 
-def test_checks_in_step_get_their_own_answers(monkeypatch):
-    """One asks twice, one never, one once for two pairs; each is told the fits of what it asked for."""
+def test_parallel_checks_get_their_own_fits(monkeypatch):
+    """Checks in step receive the fits that they requested: one asks twice, one never, one once for two pairs."""
     asked = []
     monkeypatch.setattr(conventions, "fit_loops", lambda pairs: asked.append(pairs) or [f"fit of {p}" for p in pairs])
 
     def check(*wanted):
-        """Asks for these, one after the other."""
+        """Requests these fits, one after the other."""
         told = []
         for each in wanted:
             told.append((yield each))
@@ -316,8 +344,8 @@ def test_checks_in_step_get_their_own_answers(monkeypatch):
     assert asked[:2] == [["a", "c", "d"], ["b"]]
 
 
-def test_cells_of_many_robots_are_checked_pair_by_pair(monkeypatch):
-    """Eight at a time go side by side, in their order, and what they find is brought together."""
+def test_many_robots_are_checked_in_pairs(monkeypatch):
+    """Cells of many robots are checked in pairs, eight at a time and in order, and their findings are merged."""
     pairs = [SimpleNamespace(reading=f"reading {k}", state=k) for k in range(17)]
     told, parts, steps = [], [], []
     in_step = conventions._run_checks
@@ -342,14 +370,14 @@ def test_cells_of_many_robots_are_checked_pair_by_pair(monkeypatch):
 
 
 def fit_of(core=0.01, good=True, tail=False, explained=True, best=False):
-    """A fit by what is asked of it."""
+    """A fit with the given properties."""
     solution = SimpleNamespace(state="known", problem=None)
     return SimpleNamespace(trimmed_rms=core, good=good, tail=tail, explained=explained, best=best, solution=solution)
 
 
 @pytest.fixture
 def judged_by_name(monkeypatch):
-    """Fits of `fit_of` are judged by what they say of themselves."""
+    """Makes plausibility, tail and comparison of `fit_of` fits follow their fields."""
     monkeypatch.setattr(conventions, "is_plausible", lambda fit: fit.good)
     monkeypatch.setattr(conventions, "has_tail", lambda fit: fit.tail)
     monkeypatch.setattr(TriedHypothesis, "compare", lambda tried, other: SimpleNamespace(is_taken=tried.fit.best))
@@ -377,13 +405,13 @@ PAIRING = ["slip", "turned"]
         (fit_of(good=False), (), {"turned": fit_of(good=False)}, COMMON + PAIRING + ["rare"]),
     ],
 )
-def test_what_is_tried_goes_by_what_explains_so_far(judged_by_name, fitted, facts, found, tried):
-    """Rarer mix-ups one after the other, until something that can be explains the views."""
+def test_rarer_hypotheses_follow_until_views_are_explained(judged_by_name, fitted, facts, found, tried):
+    """Rarer mix-ups are tried one after the other until a plausible one explains the views."""
     assert stages(judged_by_name, fitted, facts, found) == tried
 
 
 def stages(monkeypatch, fitted, facts=(), found=None, facts_found=(), odd=0.081, survive=True, status="free"):
-    """Words of the hypotheses that are fitted in earnest, each from where it is to start."""
+    """Words of the fully fitted hypotheses; asserts the start of each."""
     common, wider = hypothesis("common"), hypothesis("wider", is_wider=True)
     tried, starts = [], {"common": ({}, {}), "slip": ({"slip": 1}, {}), "rare": ({}, {}), "turned": None}
 
@@ -393,7 +421,7 @@ def stages(monkeypatch, fitted, facts=(), found=None, facts_found=(), odd=0.081,
         return [(each, {}) for each in among if not each.is_wider] if survive else []
 
     def try_one(reading, each, settings, start, about):
-        """What is known of it."""
+        """The known fit of the hypothesis."""
         tried.append(each.words)
         assert start == starts.get(each.words, "known")
         fit = (found or {}).get(each.words)
@@ -416,23 +444,23 @@ def stages(monkeypatch, fitted, facts=(), found=None, facts_found=(), odd=0.081,
     return tried
 
 
-def test_what_contradicts_facts_explains_nothing(judged_by_name):
-    """However well it fits, the others are tried."""
+def test_hypothesis_against_facts_does_not_end_search(judged_by_name):
+    """A hypothesis that contradicts facts does not end the search, however well it fits: the others are tried."""
     found = {"common": fit_of(best=True)}
     tried = stages(judged_by_name, fit_of(good=False), found=found, facts_found=("a fact",))
     assert tried == [*COMMON, *PAIRING, "rare"]
 
 
-def test_rare_mix_ups_are_tried_where_much_motion_is_unexplained(judged_by_name):
-    """From eight hundredths of it on."""
+def test_rare_mix_ups_need_unexplained_motion(judged_by_name):
+    """Rare mix-ups are tried only if at least 8 % of the motion is unexplained."""
     assert "rare" not in stages(judged_by_name, fit_of(good=False), odd=0.079)
 
 
 @pytest.mark.parametrize(
     ("status", "good", "tried"), [("prior", False, COMMON), ("free", False, []), ("prior", True, [])]
 )
-def test_loops_that_only_priors_close_rank_nothing(judged_by_name, status, good, tried):
-    """Where a quick look leaves no hypothesis, all are fitted if there are priors and the declared one cannot be."""
+def test_priors_alone_allow_fits_of_all_hypotheses(judged_by_name, status, good, tried):
+    """If the quick look leaves no hypothesis, all are fitted if priors exist and the declared one is implausible."""
     fitted = fit_of(good=good)
     assert stages(judged_by_name, fitted, odd=0.0, survive=False, status=status)[: len(tried)] == tried
     assert ("common" in stages(judged_by_name, fitted, odd=0.0, survive=False, status=status)) == bool(tried)
@@ -451,12 +479,12 @@ def test_loops_that_only_priors_close_rank_nothing(judged_by_name, status, good,
         (None, None, "guess", None),
     ],
 )
-def test_a_guess_that_misled_is_no_mix_up(judged_by_name, first, anew, start, expected):
-    """Where the declared fit from it cannot be, the better one of it and of one without a guess counts."""
+def test_misleading_guess_is_no_mix_up(judged_by_name, first, anew, start, expected):
+    """If the declared fit from a guess is implausible, the better of it and of a fit without a guess counts."""
     asked = []
 
     def fit(cell, problem, settings, known=None):
-        """The first with what is known, then without."""
+        """The first fit if a state is given, then the one without."""
         asked.append((len(problem.groups[0]), settings.start, known))
         return first if known is not None else anew
 
@@ -482,18 +510,18 @@ def test_a_guess_that_misled_is_no_mix_up(judged_by_name, first, anew, start, ex
         (5, True, fit_of(good=False), (), False, True),
     ],
 )
-def test_when_hypotheses_are_compared(judged_by_name, samples, can, whole, facts, observable, decided):
-    """Where samples can be held out, and what fits as declared is not merely left open by the data."""
+def test_comparison_needs_hold_out_and_observability(judged_by_name, samples, can, whole, facts, observable, decided):
+    """Hypotheses are compared if samples can be held out, and if a plausible declared fit is observable."""
     told = {}
 
     def tried(reading, as_is, settings):
-        """Nothing."""
+        """Records its arguments."""
         yield from ()
         told.update(declared=as_is, start=settings.start)
         return ["tried"]
 
     def decide(cell, as_is, found, explained, still):
-        """What was told."""
+        """Records its arguments."""
         told.update(found=found, explained=explained, still=still)
         return ("finding",)
 
@@ -518,8 +546,8 @@ def test_when_hypotheses_are_compared(judged_by_name, samples, can, whole, facts
 
 
 @pytest.mark.parametrize("links", ["free", "fixed"])
-def test_links_take_no_part(monkeypatch, links):
-    """Where any robot's links are estimated the problem is that without them; joint offsets are estimated still."""
+def test_link_parameters_are_excluded_from_check(monkeypatch, links):
+    """If links of any robot are estimated, the check uses the problem without them; joint offsets stay estimated."""
     made = simulate(Scenario(samples=6, joints=True, joint_offsets="free", link_parameters=links), 0)
     reading = declared(made.cell, made.recording)
     values = {"joint_offsets": np.full(6, 0.1), "link_parameters": np.ones((7, 6))}
@@ -538,16 +566,16 @@ def test_links_take_no_part(monkeypatch, links):
         assert (found, known) == (reading, state)
 
 
-def test_hypotheses_by_order_are_applied_to_all_samples(monkeypatch):
-    """The others to as many as tell."""
+def test_order_hypotheses_use_all_samples(monkeypatch):
+    """Hypotheses that depend on the sample order use all samples, others only a sufficient number."""
     monkeypatch.setattr(conventions, "_REWRITTEN_SAMPLES", 6)
     for depends_on_order, count in ((True, 20), (False, 6)):
         each = replace(hypothesis("other"), depends_on_order=depends_on_order)
         assert len(conventions._reread(each, declared(BOARD.cell, BOARD.recording)).order) == count
 
 
-def test_a_fit_begins_where_loops_were_closed(monkeypatch):
-    """The state that a quick look found for the samples that are solved; or the one that is given."""
+def test_fit_starts_from_loop_closure_state(monkeypatch):
+    """A fit starts from the state that the quick look found for the solved samples, or from a given state."""
     begun = []
     monkeypatch.setattr(conventions, "_SOLVED_SAMPLES", 7)
     monkeypatch.setattr(conventions, "pair_state", lambda problem, fits, lenses: (len(problem.groups[0]), fits, lenses))
@@ -558,8 +586,8 @@ def test_a_fit_begins_where_loops_were_closed(monkeypatch):
     assert begun == [(7, {"fit": 1}, {"lens": 2}), "a state"]
 
 
-def test_a_quick_look_names_the_fits_of_each_hypothesis(monkeypatch):
-    """By camera and target; a hypothesis of which one pair cannot be fitted has none."""
+def test_quick_look_fits_are_keyed_by_camera_and_target(monkeypatch):
+    """Quick-look fits are keyed by camera and target; a hypothesis with a pair that cannot be fitted has none."""
 
     def pair(camera):
         return SimpleNamespace(group=SimpleNamespace(camera=camera, target="board")), None
@@ -574,12 +602,12 @@ def test_a_quick_look_names_the_fits_of_each_hypothesis(monkeypatch):
 
 
 @pytest.mark.parametrize("is_led", [True, False])
-def test_of_a_light_fewer_views_are_looked_at(is_led):
-    """Its search is longer; a cell that makes no problem has no pairs."""
+def test_fewer_views_of_leds_are_searched(is_led):
+    """Fewer views of an LED are used because its search is longer; a cell without a problem has no pairs."""
     counts = []
 
     def of(group, views):
-        """Views without poses of their own where they show a light."""
+        """Views without candidate poses if they show an LED."""
         counts.append(views)
         return SimpleNamespace(candidates=None if is_led else 1, views=views)
 
@@ -591,8 +619,8 @@ def test_of_a_light_fewer_views_are_looked_at(is_led):
 
 
 @pytest.mark.parametrize("error", [BasecalError("no"), np.linalg.LinAlgError()])
-def test_what_cannot_be_made_ready_has_no_pairs(error):
-    """As where no view has a pose."""
+def test_failed_preparation_gives_no_pairs(error):
+    """Views whose preparation fails, e.g. because no view has a pose, give no pairs."""
 
     def fails(*given):
         raise error
@@ -603,8 +631,11 @@ def test_what_cannot_be_made_ready_has_no_pairs(error):
 @pytest.mark.parametrize(
     ("stated", "good", "lens"), [("stated", True, "stated"), (None, True, "solved"), (None, False, "by views")]
 )
-def test_lenses_are_stated_or_solved_or_seen(judged_by_name, stated, good, lens):
-    """By the views of that camera alone, of which those of pixels count."""
+def test_lens_source_is_stated_solved_or_views(judged_by_name, stated, good, lens):
+    """The lens is the stated one, else the solved one of a plausible fit, else that from the camera's own views.
+
+    Only views with pixels count.
+    """
     (group,) = build_problem(BOARD.cell, BOARD.recording)[0].groups
     poses = SimpleNamespace(camera="wrist", measurement="poses")
     other = SimpleNamespace(camera="other", measurement=replace(group.measurement))
@@ -622,6 +653,9 @@ def test_lenses_are_stated_or_solved_or_seen(judged_by_name, stated, good, lens)
     [(1.14, (), False, True), (1.16, (), False, False), (1.14, ("pixel_px",), False, False), (1.14, (), True, False)],
 )
 def test_stated_sigmas_explain_residuals_of_their_size(judged_by_name, share, estimated, tail, explained):
-    """Within 15 %, sigmas that were estimated say nothing, nor do those of most views where some are far off."""
+    """Residuals within 15 % of stated sigmas are explained.
+
+    Estimated sigmas explain nothing, nor do residuals with a tail of far views.
+    """
     solution = SimpleNamespace(noise=SimpleNamespace(estimated=estimated), cost=100 * share**2, dof=100)
     assert conventions._is_explained(SimpleNamespace(solution=solution, tail=tail)) == explained

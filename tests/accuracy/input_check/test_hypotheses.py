@@ -1,4 +1,4 @@
-"""Each hypothesis undoes the mix-up that it is about, and is made where the mix-up can be."""
+"""Tests of the convention hypotheses: each undoes its mix-up, and is made only if the mix-up is possible."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def hypotheses(made, code):
 
 
 def told(made):
-    """How many of each code."""
+    """Number of hypotheses of each code."""
     codes = [h.code for h in convention_hypotheses(declared(made.cell, made.recording))]
     return {code: codes.count(code) for code in codes}
 
@@ -57,7 +57,7 @@ def seen_of(reading):
 
 
 def undone(made, mixed, hypothesis):
-    """Whether a hypothesis about what was mixed up gives back what was made, in the problem as well."""
+    """Whether a hypothesis restores the original recording, in the problem as well."""
     right, wrong = declared(made.cell, made.recording), declared(made.cell, mixed)
     found = hypothesis.reread(wrong)
     robots, true = robots_of(found), robots_of(right)
@@ -72,24 +72,31 @@ def undone(made, mixed, hypothesis):
 PAIRINGS = {"pairing-shifted": 6}  # seven samples allow shifts by one; three streams
 
 
-def test_a_board_by_pixels_and_poses():
-    """Every subset of two arms inverted, in units, by quaternions; exchanged; its size, and the lens."""
+def test_hypotheses_of_pixel_board_with_poses():
+    """Hypotheses of board pixels with robot poses.
+
+    Every subset of two arms may be inverted, in other units, or have reordered quaternions; also exchanged arms, the
+    board size and the lens.
+    """
     assert told(BOARD) == {
         "robot-pose-inverted": 3, "length-unit": 8, "quaternion-order": 6, "robots-swapped": 1, **PAIRINGS,
         "board-size": 1, "intrinsics": 1,
     }  # fmt: skip
 
 
-def test_observed_poses_have_conventions_of_their_own():
-    """Inverted, in units, by quaternions and mirrored; a size or a lens they have not."""
+def test_hypotheses_of_observed_poses():
+    """Observed poses may be inverted, in other units, mirrored, or have reordered quaternions.
+
+    They have no size or lens.
+    """
     assert told(POSES) == {
         "robot-pose-inverted": 3, "target-pose-inverted": 1, "length-unit": 10, "quaternion-order": 8,
         "robots-swapped": 1, **PAIRINGS, "mirrored": 1,
     }  # fmt: skip
 
 
-def test_3d_points_and_lights():
-    """Points in 3-D may be in millimetres or mirrored; a light has no size."""
+def test_hypotheses_of_3d_points_and_leds():
+    """3-D points may be in millimetres or mirrored; an LED has no size."""
     assert told(POINTS) == {
         "robot-pose-inverted": 3, "length-unit": 10, "quaternion-order": 6, "robots-swapped": 1, **PAIRINGS,
         "board-size": 1, "mirrored": 1,
@@ -97,13 +104,16 @@ def test_3d_points_and_lights():
     assert "board-size" not in told(LIGHT)
 
 
-def test_joints_have_angles_and_no_poses():
-    """Degrees or radians for each arm and for both; exchanged; nothing is inverted or in millimetres."""
+def test_joints_have_angle_unit_hypotheses_only():
+    """Joints have degree or radian hypotheses for each arm and both, and exchange.
+
+    None is inverted or in millimetres.
+    """
     assert told(JOINTS) == {"angle-unit": 6, "robots-swapped": 1, **PAIRINGS, "board-size": 1, "intrinsics": 1}
 
 
-def test_joints_of_arms_with_other_axes_are_not_exchanged():
-    """Six joints cannot stand where seven are asked for."""
+def test_arms_with_different_joint_counts_are_not_exchanged():
+    """Arms with different joint counts cannot be exchanged: six joints do not fit seven axes."""
     given = declared(JOINTS.cell, JOINTS.recording)
     hand = given.tracks["hand"]
     longer = replace(hand, joints=np.pad(hand.joints, ((0, 0), (0, 1))))
@@ -111,8 +121,8 @@ def test_joints_of_arms_with_other_axes_are_not_exchanged():
     assert "robots-swapped" not in {h.code for h in convention_hypotheses(given)}
 
 
-def test_a_lens_that_is_not_fixed_is_not_doubted():
-    """Free or known by a prior it is estimated anyway."""
+def test_only_fixed_lens_has_intrinsics_hypothesis():
+    """Only a fixed lens has an `intrinsics` hypothesis; a free one or one with a prior is estimated anyway."""
     made = simulate(Scenario(samples=7, intrinsics="prior"), 0)
     assert hypotheses(made, "intrinsics") == []
     (wrong,) = hypotheses(BOARD, "intrinsics")
@@ -121,15 +131,15 @@ def test_a_lens_that_is_not_fixed_is_not_doubted():
 
 
 @pytest.mark.parametrize("robots", [("eye",), ("hand",), ("eye", "hand")])
-def test_inverted_robots(robots):
-    """Flange from base, of one arm or both."""
+def test_inverted_robot_poses_are_undone(robots):
+    """Inverted poses (flange from base) of one arm or both are undone."""
     (hypothesis,) = [h for h in hypotheses(BOARD, "robot-pose-inverted") if h.about == robots]
     assert undone(BOARD, rewriting.with_robots(BOARD.recording, dict.fromkeys(robots, rewriting.inverted)), hypothesis)
 
 
 @pytest.mark.parametrize(("made", "factor", "words"), [(POSES, 1e3, "millimetres"), (POSES, 1e-3, "too small")])
-def test_units_of_lengths(made, factor, words):
-    """Robots, observed poses, and everything together, in millimetres or divided once too often."""
+def test_length_units_of_poses_are_undone(made, factor, words):
+    """Robot poses, observed poses, or all lengths in millimetres or divided once too often are undone."""
     of = [h for h in hypotheses(made, "length-unit") if words in h.words]
     robots = rewriting.with_robots(made.recording, dict.fromkeys(("eye", "hand"), rewriting.scaled(factor)))
     assert sum(undone(made, robots, h) for h in of) == 1
@@ -142,8 +152,8 @@ def test_units_of_lengths(made, factor, words):
     np.testing.assert_allclose(robots_of(found)["eye"], robots_of(right)["eye"])
 
 
-def test_units_of_3d_points_and_sizes():
-    """Points a thousand times too far; a board whose squares are in millimetres."""
+def test_length_units_of_points_and_boards_are_undone():
+    """Points a thousand times too far, and a board whose squares are in millimetres, are undone."""
     far = rewriting.with_points(POINTS.recording, 1e3)
     of = [h for h in hypotheses(POINTS, "length-unit") if "3-D points" in h.words]
     assert [undone(POINTS, far, h) for h in of] == [True, False]
@@ -156,15 +166,15 @@ def test_units_of_3d_points_and_sizes():
 
 
 @pytest.mark.parametrize(("factor", "row"), [(180 / np.pi, 0), (np.pi / 180, 1)])
-def test_units_of_angles(factor, row):
-    """Joints in degrees, or turned into radians once too often."""
+def test_angle_units_are_undone(factor, row):
+    """Joints in degrees, or converted to radians once too often, are undone."""
     mixed = rewriting.with_joints(JOINTS.recording, "hand", factor)
     of = [h for h in hypotheses(JOINTS, "angle-unit") if h.about == ("hand",)]
     assert [undone(JOINTS, mixed, h) for h in of] == [k == row for k in range(2)]
 
 
-def test_quaternions_written_in_another_order():
-    """As w, x, y, z, and turned round though they were right; of arms and of what was observed."""
+def test_quaternion_orders_are_undone():
+    """Quaternions written as w, x, y, z, or reordered though right, are undone for robots and observed poses."""
     for order in ((3, 0, 1, 2), (1, 2, 3, 0)):
         arm = rewriting.with_robots(POSES.recording, {"hand": rewriting.reordered(order)})
         seen = rewriting.with_targets(POSES.recording, rewriting.reordered(order))
@@ -173,8 +183,8 @@ def test_quaternions_written_in_another_order():
         assert sum(undone(POSES, seen, h) for h in of) == 1
 
 
-def test_robots_exchanged_and_targets_inverted_or_mirrored():
-    """Each by the one hypothesis of its code."""
+def test_exchanged_inverted_and_mirrored_are_undone():
+    """Exchanged robots and inverted or mirrored targets are each undone by the one hypothesis of their code."""
     mixed = {
         "robots-swapped": rewriting.exchanged(POSES.recording, "eye", "hand"),
         "target-pose-inverted": rewriting.with_targets(POSES.recording, rewriting.inverted),
@@ -187,8 +197,11 @@ def test_robots_exchanged_and_targets_inverted_or_mirrored():
     assert undone(POINTS, rewriting.with_points(POINTS.recording, -1.0), mirrored)
 
 
-def test_streams_that_may_be_late():
-    """What was seen, and each of several robots; a single one only against what was seen."""
+def test_streams_of_pairing_shifts():
+    """Pairing shifts concern the observations and each of several robots.
+
+    A single robot only against the observations.
+    """
     assert streams(["eye", "hand"]) == [None, "eye", "hand"]
     assert streams(["arm"]) == [None]
     assert [h.about for h in hypotheses(BOARD, "pairing-shifted")] == [(), (), ("eye",), ("eye",), ("hand",), ("hand",)]
@@ -205,8 +218,8 @@ def test_streams_that_may_be_late():
         (2, 4, 17, "what hand recorded from sample 17 on belongs 2 samples later"),
     ],
 )
-def test_a_shift_in_words(by, start, first, words):
-    """How far, which way, and from where."""
+def test_wording_of_shift_hypothesis(by, start, first, words):
+    """A shift hypothesis states its size, its direction and the sample at which it starts."""
     found = shift_hypothesis("hand", by, start, first)
     assert found.words == words
     assert ("missed" in found.fix) == bool(start)
@@ -215,8 +228,11 @@ def test_a_shift_in_words(by, start, first, words):
     assert len(found.reread(declared(BOARD.cell, BOARD.recording)).order) == 7 - abs(by)
 
 
-def test_half_turns_of_poses_of_a_symmetric_board():
-    """Observed poses of a chessboard of even and odd corners may count from its other end; ChArUco boards cannot."""
+def test_symmetric_board_poses_have_half_turn_hypothesis():
+    """Observed poses of an even-by-odd chessboard may be counted from its other end.
+
+    Pixels of a chessboard have no such hypothesis.
+    """
     chess = simulate(Scenario(samples=7, target="chessboard"), 0)
     board = chess.cell.targets["board"]
     cell = replace(POSES.cell, targets={"board": replace(POSES.cell.targets["board"], target=board.target)})
@@ -229,8 +245,8 @@ def test_half_turns_of_poses_of_a_symmetric_board():
     assert hypotheses(chess, "board-symmetry") == []
 
 
-def test_a_half_turn_is_of_one_target_alone():
-    """The observed poses of another target stay."""
+def test_half_turn_changes_one_target_only():
+    """A half-turn hypothesis leaves the observed poses of another target unchanged."""
     chess = simulate(Scenario(samples=7, target="chessboard"), 0)
     board = replace(POSES.cell.targets["board"], target=chess.cell.targets["board"].target)
     cell = replace(POSES.cell, targets={"board": board, "second": replace(POSES.cell.targets["board"], name="second")})
@@ -251,8 +267,11 @@ def test_a_half_turn_is_of_one_target_alone():
     assert changes["second"] == 0.0
 
 
-def test_a_size_that_is_found():
-    """Points grow by it, observed poses move off by it, and what the square would be is said."""
+def test_size_hypothesis_scales_points_or_poses():
+    """A size hypothesis scales target points, or the distances of observed poses.
+
+    It states the resulting square size.
+    """
     found = size_hypothesis("board", 1.25, BOARD.cell)
     board = declared(BOARD.cell, BOARD.recording)
     reading = found.reread(board)
@@ -277,14 +296,14 @@ def test_a_size_that_is_found():
 
 
 def test_as_declared_changes_nothing():
-    """It has no code and gives back what it is given."""
+    """`AS_DECLARED` has no code and returns the reading that it is given."""
     given = declared(BOARD.cell, BOARD.recording)
     assert AS_DECLARED.reread(given) is given
     assert AS_DECLARED.code == ""
 
 
-def test_robots_with_some_poses_only_are_not_reread():
-    """An arm that gives joints in one sample has neither poses nor joints throughout."""
+def test_robots_with_mixed_states_have_no_hypothesis():
+    """An arm with joints in only one sample has neither poses nor joints throughout, and gets no hypothesis."""
     first = BOARD.recording.samples[0]
     mixed = replace(first, robots={**first.robots, "hand": replace(JOINTS.recording.samples[0].robots["hand"])})
     recording = replace(BOARD.recording, samples=(mixed, *BOARD.recording.samples[1:]))
@@ -293,8 +312,8 @@ def test_robots_with_some_poses_only_are_not_reread():
     assert about == {("eye",)}
 
 
-def test_units_are_told_in_whole_words():
-    """Of each robot, of both, of what was seen and of all: what is wrong and what to do."""
+def test_wording_of_unit_hypotheses():
+    """Unit hypotheses of each robot, both, the observations and all lengths state the problem and the fix in full."""
     found = hypotheses(POSES, "length-unit")
     who = ["the poses of eye", "the poses of hand", "the poses of eye and hand", "the observed poses"]
     who += ["all lengths, of robots and targets,"]
@@ -316,8 +335,8 @@ def test_units_are_told_in_whole_words():
 
 
 @pytest.mark.parametrize("samples", [6, 7, 9, 10])
-def test_streams_are_late_by_less_than_a_third_of_the_samples(samples):
-    """By one and two samples, and either way."""
+def test_shifts_are_below_a_third_of_samples(samples):
+    """Streams are shifted by one or two samples, less than a third of the recording, in both directions."""
     made = simulate(Scenario(samples=samples), 0)
     late = {h.words for h in hypotheses(made, "pairing-shifted") if h.about == ()}
     wanted = [by for by in (1, 2) if by < samples // 3]
@@ -328,23 +347,26 @@ def test_streams_are_late_by_less_than_a_third_of_the_samples(samples):
     }
 
 
-def test_subsets_are_each_and_all():
-    """All together only where there are several."""
+def test_robot_subjects_are_each_and_all():
+    """Robot subsets are each robot alone, and all together if there are several."""
     assert [[*robot_subjects(names)] for names in ([], ["a"], ["a", "b", "c"])] == [
         [], [("a",)], [("a",), ("b",), ("c",), ("a", "b", "c")],
     ]  # fmt: skip
     assert robot_subjects(["a", "b"])["a", "b"] == "a and b"
 
 
-def test_a_shift_of_all_samples_goes_by_their_order():
-    """It is no wider model, and asks for no missed detection; what is declared is neither."""
+def test_whole_shift_depends_on_sample_order():
+    """A shift of all samples depends on their order, is no wider model, and mentions no missed detection.
+
+    `AS_DECLARED` has neither property.
+    """
     whole = shift_hypothesis(None, 1)
     assert (whole.fix, whole.depends_on_order, whole.is_wider) == ("pair it accordingly", True, False)
     assert (AS_DECLARED.depends_on_order, AS_DECLARED.is_wider) == (False, False)
 
 
-def test_all_lengths_are_not_mistaken_where_an_arm_tells_joints():
-    """Its kinematics are in metres: only poses of the other arm may be in millimetres."""
+def test_all_lengths_hypothesis_needs_poses_of_all_arms():
+    """If one arm gives joints, its kinematics are in metres: only the poses of the other arm may be in millimetres."""
     samples = [
         replace(s, robots={"eye": s.robots["eye"], "hand": j.robots["hand"]})
         for s, j in zip(BOARD.recording.samples, JOINTS.recording.samples, strict=True)
@@ -356,8 +378,8 @@ def test_all_lengths_are_not_mistaken_where_an_arm_tells_joints():
     assert not [h for h in convention_hypotheses(declared(JOINTS.cell, none)) if h.code == "length-unit"]
 
 
-def test_the_size_of_what_is_seen_as_poses_does_not_matter():
-    """Though the cell states it."""
+def test_observed_poses_have_no_board_size_hypothesis():
+    """A target observed as poses has no size hypothesis, though the cell states its size."""
     cell = replace(POSES.cell, targets=BOARD.cell.targets)
     assert not [h for h in convention_hypotheses(declared(cell, POSES.recording)) if h.code == "board-size"]
 
@@ -386,14 +408,14 @@ def camera(center, size_px):
         ((-5, -5), (1280, 720), ""),
     ],
 )
-def test_another_resolution_is_named(center, size_px, clause):
-    """Where the centre lies at one share of the middle both ways, and it is another."""
+def test_other_image_resolution_is_named(center, size_px, clause):
+    """Another resolution is named if the principal point is at one ratio of the centre in both axes, and not 1."""
     found = other_resolution(camera(center, size_px), PROBLEM)
     assert re.search(clause, found) if clause else found == ""
 
 
-def test_without_a_lens_nothing_is_said():
-    """A camera that gives poses has no camera matrix."""
+def test_camera_without_lens_has_no_resolution_clause():
+    """A camera that gives poses has no camera matrix, hence no clause on its resolution."""
     assert other_resolution(CellCamera("wrist", "eye"), PROBLEM) == ""
 
 
@@ -408,8 +430,11 @@ def test_without_a_lens_nothing_is_said():
         ((2.0, 2.38), False),
     ],
 )
-def test_a_quarter_is_another_resolution_and_both_sides_agree(factors, told):
-    """To a seventh of one another; the size is that of the images by the mean of both factors."""
+def test_resolution_ratio_limits(factors, told):
+    """Another resolution is named from a ratio of a quarter on, if both axes agree within a seventh.
+
+    The stated size is that of the images by the mean of both ratios.
+    """
     center = np.array(factors) * np.array([1280, 720]) / 2 - 0.5
     found = other_resolution(camera(center, (1280, 720)), PROBLEM)
     mean = np.sqrt(factors[0] * factors[1])
@@ -419,7 +444,10 @@ def test_a_quarter_is_another_resolution_and_both_sides_agree(factors, told):
 
 
 @pytest.mark.parametrize(("center", "told"), [((479.6, 275.4), False), ((479.4, 275.4), True), ((479.4, 275.6), False)])
-def test_points_reach_beyond_smaller_images(center, told):
-    """A quarter beyond twice the centre both ways, by the pixels of this camera alone."""
+def test_points_beyond_smaller_images_are_reported(center, told):
+    """Points over a quarter beyond twice the principal point in both axes are reported.
+
+    This camera's pixels alone count.
+    """
     found = other_resolution(camera(center, None), PROBLEM)
     assert found == (": points reach to (1200, 690) px, its camera matrix is of smaller images" if told else "")

@@ -1,4 +1,4 @@
-"""Which fitted hypotheses are named, by how well they predict, what they move and what cannot be."""
+"""Tests of `decide_hypotheses`: hypotheses are named by error, effect on the answer, and plausibility."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ASKED = "eye_base_from_hand_base"
 
 
 def predicted(core, whole=None, sigma=1e-3, moved=0.0, unobservable=()):
-    """A fit whose views are off by so much [rad], with what is asked moved by so many of its sigmas."""
+    """A fit with the given view errors [rad], and the requested transform moved by so many sigmas."""
     off = np.full(10, core)
     off[7:] = np.sqrt((10 * (whole or core) ** 2 - 7 * core**2) / 3)
     solution = SimpleNamespace(
@@ -52,7 +52,7 @@ def predicted(core, whole=None, sigma=1e-3, moved=0.0, unobservable=()):
 def findings_about(
     declared, *others, impossible=(), is_wider=False, code="inverted", explained=False, still=frozenset()
 ):
-    """Findings about other readings."""
+    """Findings about other hypotheses."""
     cell = SimpleNamespace(requested_transforms=(ASKED,), mount_name=lambda name: "mount")
     tried = []
     for k, other in enumerate(others):
@@ -63,20 +63,23 @@ def findings_about(
 
 
 def decided(declared, other, impossible=(), is_wider=False, code="inverted"):
-    """Codes of the findings about one other reading."""
+    """Codes of the findings about one other hypothesis."""
     found = findings_about(declared, other, impossible=impossible, is_wider=is_wider, code=code)
     return [f.code for f in found]
 
 
 @pytest.mark.parametrize(("moved", "found"), [(2.9, []), (3.1, ["ambiguous-convention"])])
-def test_a_reading_that_fits_as_well_must_move_what_is_asked(moved, found):
-    """Readings that predict as well are told from three sigmas on."""
+def test_equal_fit_is_ambiguous_beyond_three_sigmas(moved, found):
+    """A hypothesis that predicts equally well is reported if it moves the requested transform by over three sigmas."""
     assert decided(predicted(1e-3), predicted(1e-3, moved=moved)) == found
 
 
 @pytest.mark.parametrize(("core", "found"), [(0.92e-3, []), (0.9e-3, ["inverted"])])
-def test_a_better_reading_is_a_tenth_better(core, found):
-    """What moves the answer is believed if it predicts a tenth better; what does not is not named."""
+def test_better_hypothesis_needs_ten_percent(core, found):
+    """A hypothesis that moves the answer is an error if it predicts 10 % better.
+
+    One that does not move it is not named.
+    """
     assert decided(predicted(1e-3), predicted(core, moved=5), code="inverted")[:1] == (
         found or ["ambiguous-convention"]
     )
@@ -84,43 +87,46 @@ def test_a_better_reading_is_a_tenth_better(core, found):
 
 
 @pytest.mark.parametrize(("declared", "found"), [(0.029, []), (0.031, ["inverted"])])
-def test_what_moves_nothing_is_named_beside_what_is_implausible(declared, found):
-    """A reading that leaves what is requested alone is of no interest if the declared one can be."""
+def test_implausible_declared_reading_names_unmoved_hypothesis(declared, found):
+    """A hypothesis that leaves the requested transform unchanged is named only if the declared one is implausible."""
     assert decided(predicted(declared), predicted(1e-3)) == found
 
 
 @pytest.mark.parametrize(("core", "found"), [(0.6e-3, []), (0.56e-3, ["inverted"])])
-def test_a_wider_model_must_be_much_better(monkeypatch, core, found):
-    """A reading with more freedoms is named from a ratio of likelihoods of 2 on, and never as ambiguous."""
+def test_wider_model_needs_double_likelihood_ratio(monkeypatch, core, found):
+    """A hypothesis with more freedoms is named from a likelihood ratio of 2 on, and never as ambiguous."""
     monkeypatch.setattr(hypothesis_choice, "noise_evidence", lambda fit, declared: None)
     assert decided(predicted(1e-3), predicted(core, moved=50), is_wider=True) == found
 
 
-def test_facts_decide_between_equals():
-    """Where the declared reading contradicts a fact, one that predicts as well is named, a wider one is not."""
+def test_facts_decide_between_equal_fits():
+    """If the declared reading contradicts a fact, an equally good hypothesis is named; a wider one is not."""
     assert decided(predicted(1e-3), predicted(1.09e-3), impossible=("reach 9 m",)) == ["inverted"]
     assert decided(predicted(1e-3), predicted(1.11e-3), impossible=("reach 9 m",)) == []
     assert decided(predicted(1e-3), predicted(1e-3), impossible=("reach 9 m",), is_wider=True) == []
 
 
-def test_loops_that_nothing_closes_are_told():
-    """A declared reading beyond 0.03 rad with no better one is a poor fit; so is no reading that is not seen."""
+def test_open_loops_are_poor_fit():
+    """A declared error above 0.03 rad without a better hypothesis is a poor fit.
+
+    An unobservable hypothesis is not named.
+    """
     assert decided(predicted(0.029), predicted(0.05)) == []
     assert decided(predicted(0.031), predicted(0.05)) == ["poor-fit"]
     assert decided(predicted(0.031), predicted(1e-3, unobservable=[ASKED])) == ["poor-fit"]
     assert decided(predicted(1e-3, unobservable=[ASKED]), predicted(1e-3, moved=5)) == []
 
 
-def test_what_explains_the_data_better_is_an_error_with_both_errors():
-    """Its words, how well it predicts and how well what is declared does, and what to do."""
+def test_better_hypothesis_reports_both_errors():
+    """A better hypothesis is an error that states its words, both cross-validation errors, and the fix."""
     (found,) = findings_about(predicted(1e-3), predicted(0.5e-3, moved=5))
     assert (found.severity, found.about) == ("error", ("eye", "hand0"))
     errors = "0.50 mm/m (mrad) instead of 1.0 mm/m (mrad)"
     assert found.message == f"Words 0. Under this hypothesis the cross-validation error is {errors}. Fix. {FIX}"
 
 
-def test_what_cannot_be_is_said():
-    """Where a reading only fits as well, but the declared one contradicts facts."""
+def test_implausible_answer_is_reported():
+    """If a hypothesis fits equally well but the declared one contradicts facts, the message lists those facts."""
     (found,) = findings_about(predicted(1e-3), predicted(1e-3), impossible=("a reach of 9 m", "a board in a wall"))
     assert found.message == (
         "Words 0. The declared convention fits equally well, but gives an implausible answer: a reach of 9 m and "
@@ -130,21 +136,21 @@ def test_what_cannot_be_is_said():
     assert found.severity == "error"
 
 
-def test_a_wider_model_beside_what_is_implausible_is_an_error():
-    """No noise could explain the declared reading."""
+def test_wider_model_beside_implausible_fit_is_error():
+    """A wider model is an error if the declared fit is so bad that no noise could explain it."""
     (found,) = findings_about(predicted(0.04), predicted(0.021, moved=5), is_wider=True)
     assert found.severity == "error"
 
 
-def test_readings_about_as_good_as_the_best_are_all_named():
-    """Within a tenth of it."""
+def test_hypotheses_near_best_are_all_named():
+    """All hypotheses within a tenth of the best one are named."""
     others = (predicted(core, moved=5) for core in (4e-4, 4.3e-4, 5e-4))
     found = findings_about(predicted(1e-3), *others)
     assert [f.about[1] for f in found] == ["hand0", "hand1"]
 
 
-def test_ambiguous_readings_are_one_finding():
-    """With how far each moves what is asked, all that they are about once, and how to tell them apart once."""
+def test_ambiguous_hypotheses_share_one_finding():
+    """Ambiguous hypotheses share one finding with each shift, all names once, and how to distinguish them once."""
     (found,) = findings_about(predicted(1e-3), predicted(1e-3, moved=5), predicted(1.05e-3, moved=7), predicted(1e-3))
     assert (found.code, found.severity, found.about) == ("ambiguous-convention", "warning", ("eye", "hand0", "hand1"))
     assert f"words 0 (inverted: 1.0 mm/m (mrad), {ASKED} 5.0 mm away) or words 1" in found.message
@@ -152,8 +158,8 @@ def test_ambiguous_readings_are_one_finding():
     assert found.message.endswith("Check which is true. Tell.")
 
 
-def test_a_reading_that_is_no_answer_is_not_named():
-    """Contradicting facts, not seeing what is asked, or implausible."""
+def test_invalid_hypotheses_are_not_named():
+    """A hypothesis is not named if the requested transform is unobservable under it or its fit did not converge."""
     good = predicted(0.5e-3, moved=5)
     assert findings_about(predicted(1e-3), good) != ()
     for wrong in (
@@ -163,8 +169,11 @@ def test_a_reading_that_is_no_answer_is_not_named():
         assert findings_about(predicted(1e-3), wrong) == ()
 
 
-def test_a_mount_that_a_symmetry_moves_does_not_count():
-    """A board's own mount, free, moves by half a turn where the grid is read from its other end; fixed it counts."""
+def test_free_mount_moved_by_symmetry_is_ignored():
+    """A board's own free mount moves by half a turn if the grid is read from its other end, and is ignored.
+
+    A fixed one counts.
+    """
     for status, codes in (("free", []), ("fixed", ["ambiguous-convention"])):
         transforms = {ASKED: SimpleNamespace(status=status)}
         cell = SimpleNamespace(requested_transforms=(ASKED,), mount_name=lambda name: ASKED, transforms=transforms)
@@ -175,8 +184,11 @@ def test_a_mount_that_a_symmetry_moves_does_not_count():
         assert [f.code for f in found] == codes
 
 
-def test_a_target_on_another_carrier_has_another_mount():
-    """A requested mount that the rival does not have has moved; how far cannot be said."""
+def test_missing_requested_mount_counts_as_moved():
+    """A requested mount that the rival does not have counts as moved, without a stated distance.
+
+    The rival puts the target on another carrier.
+    """
     rival = predicted(1e-3)
     rival.solution.state.transforms["b_from_c"] = rival.solution.state.transforms.pop(ASKED)
     (found,) = findings_about(predicted(1e-3), rival, code="wrong-carrier")
@@ -187,13 +199,16 @@ def test_a_target_on_another_carrier_has_another_mount():
 @pytest.mark.parametrize(
     ("core", "whole", "tail"), [(1e-3, 1.9e-3, False), (1e-3, 2.1e-3, True), (np.inf, np.inf, False)]
 )
-def test_a_tail_is_twice_as_far_off_as_most(core, whole, tail):
-    """Where anything is predicted at all."""
+def test_tail_is_twice_trimmed_error(core, whole, tail):
+    """Errors have a tail if the rms of all views is over twice the trimmed rms; infinite errors have none."""
     assert has_tail(SimpleNamespace(trimmed_rms=core, rms=whole)) == tail
 
 
-def test_readings_are_compared_by_the_samples_that_both_have():
-    """Each sample by the mean square of its views; what is no number counts as far off."""
+def test_comparison_uses_shared_samples():
+    """Hypotheses are compared on their shared samples, each by the mean square of its views.
+
+    Errors that are NaN count as far off.
+    """
     one = replace(predicted(1e-3), sample=np.repeat(np.arange(5), 2))
     other = replace(predicted(2e-3), sample=np.repeat(np.arange(2, 7), 2))
     np.testing.assert_allclose(one.squares(np.arange(2, 5)), 1e-6)
@@ -213,8 +228,11 @@ def test_readings_are_compared_by_the_samples_that_both_have():
         (None, "warning"),
     ],
 )
-def test_a_wider_model_is_held_against_noise_of_arms(monkeypatch, evidence, explained, severity):
-    """By its likelihood with noise beside it, certain from a hundred on; by other views it is only a doubt."""
+def test_wider_model_is_compared_with_robot_noise(monkeypatch, evidence, explained, severity):
+    """A wider model is compared by its likelihood against robot noise, and is an error from a gain of 100 on.
+
+    If the noise evidence is missing, it is only a warning.
+    """
     monkeypatch.setattr(hypothesis_choice, "noise_evidence", lambda fit, declared: evidence)
     found = findings_about(predicted(1e-3), predicted(0.5e-3, moved=9), is_wider=True, explained=explained)
     assert [f.severity for f in found] == ([] if severity is None else [severity])
@@ -225,7 +243,7 @@ STATED = Settings(robot_noise="stated")
 
 
 def with_lens(cell, shift_px=0.0, status="fixed"):
-    """The cell with the principal point stated off by so much."""
+    """The cell with the stated principal point shifted."""
     camera = cell.cameras["wrist"]
     parameters = camera.intrinsics.camera.parameters.copy()
     parameters[2] += shift_px
@@ -245,14 +263,14 @@ def of_size(made, factor):
 
 
 def of_lens(made, cell):
-    """Evidence for a lens that is not as the cell states."""
+    """Evidence for a lens that differs from the stated one."""
     given = declared(cell, made.recording)
     return noise_evidence(fitted(given.restate(with_lens(cell, status="free"))), fitted(given))
 
 
 @pytest.mark.parametrize("seed", quick(range(3), [0]))
-def test_noise_of_arms_is_no_size(seed):
-    """By 0.3 % a board may seem larger where arms are off by 0.1 mm: likelihoods do not ask for it; for 3 % they do."""
+def test_robot_noise_causes_no_size_evidence(seed):
+    """Robot noise of 0.1 mm may make a board seem 0.3 % larger, without evidence for it; 3 % are detected."""
     made = simulate(FEW, seed)
     assert of_size(made, 1.003).chance > 1e-3
     true = resized(made.cell, {"board": 1.03})
@@ -263,15 +281,15 @@ def test_noise_of_arms_is_no_size(seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
-def test_pixels_of_any_size_scatter_alike(seed):
-    """Pixels bent as no lens bends them say nothing for or against a size of 2 % where arms are off by millimetres."""
+def test_systematic_pixels_give_no_size_evidence(seed):
+    """Pixels distorted as by no lens give no evidence for or against a size of 2 % if arms err by millimetres."""
     made = simulate(replace(FEW, samples=12, robot_noise=(3e-3, 5e-3), intrinsics="free", pixel_px=0.1), seed)
     bent = with_pixels(made.recording, lambda uv: uv + 6.0 * np.sin(uv[:, ::-1] / (90.0, 70.0)))
     assert abs(of_size(replace(made, recording=bent), 1.02).gain) < 2.0
 
 
-def test_points_in_space_show_their_size():
-    """Distances between points that are measured in space tell a size of 5 % whatever arms do."""
+def test_points_in_space_show_target_size():
+    """Distances between points measured in space show a size error of 5 %, whatever the robot noise."""
     made = simulate(replace(FEW, target="points3d"), 0)
     wrong = resized(made.cell, {"board": 1.05})
     found = of_size(replace(made, cell=wrong), 1 / 1.05)
@@ -280,16 +298,16 @@ def test_points_in_space_show_their_size():
 
 
 @pytest.mark.parametrize("seed", quick(range(3), [1]))
-def test_noise_of_arms_is_no_lens(seed):
-    """A lens as stated has chance; one whose centre is stated 30 px off has none."""
+def test_robot_noise_causes_no_lens_evidence(seed):
+    """The correctly stated lens is plausible; a lens with its centre stated 30 px off is not."""
     made = simulate(FEW, seed)
     assert of_lens(made, made.cell).chance > 1e-3
     assert of_lens(made, with_lens(made.cell, 30.0)).chance < 1e-6
 
 
 @pytest.mark.parametrize("stated", [True, False])
-def test_points_in_space_speak_for_the_size_about_which_they_scatter_less(stated):
-    """The true size gains over one a hundredth off what that loses over it, and nothing over itself."""
+def test_scatter_gain_prefers_true_size(stated):
+    """The true size gains over one 1 % off exactly as much as that loses, and gains zero over itself."""
     made = simulate(Scenario(samples=6, target="points3d", state_pixel_noise=stated), 0)
     if not stated:
         unstated = [replace(o, sigma_m=None) for s in made.recording.samples for o in s.observations]
@@ -303,14 +321,14 @@ def test_points_in_space_speak_for_the_size_about_which_they_scatter_less(stated
 
 
 def known(monkeypatch, narrower, wider):
-    """Evidence of a fit beside the declared one, whose solutions with noise are these."""
+    """Evidence of a fit beside the declared one, with these solutions at their noise modes."""
     fits = [
         SimpleNamespace(solution=SimpleNamespace(problem=of, state=None, views=of.views)) for of in (wider, narrower)
     ]
     told = {}
 
     def solve(problem, state, settings, guess=None):
-        """As it is told."""
+        """Records the initial guess."""
         told[problem.name] = guess
         return problem
 
@@ -333,8 +351,11 @@ def solution_of(name, minus_2_log_evidence=0.0, columns=(), views=5):
 
 
 @pytest.mark.parametrize(("minus_2_log_evidence", "scatter"), [(7.0, 2.0), (3.0, -1.0), (12.0, 1.0)])
-def test_a_gain_is_of_both_likelihoods(monkeypatch, minus_2_log_evidence, scatter):
-    """What the declared noise is surprised by more, and by how much less points scatter; one freedom gives a chance."""
+def test_gain_adds_evidence_and_scatter(monkeypatch, minus_2_log_evidence, scatter):
+    """The gain adds the difference of the negative log evidence and the decrease of scatter.
+
+    One freedom gives a p-value.
+    """
     monkeypatch.setattr(module, "_scatter_gain", lambda wider, narrower: scatter)
     found = known(monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", minus_2_log_evidence, ["a"]))
     gain = 10.0 - minus_2_log_evidence + scatter
@@ -342,8 +363,11 @@ def test_a_gain_is_of_both_likelihoods(monkeypatch, minus_2_log_evidence, scatte
     assert found.chance == pytest.approx(chi2.sf(max(gain, 0.0), 1))
 
 
-def test_of_what_is_freed_it_is_how_far_it_is_from_what_was_stated(monkeypatch):
-    """Of all that only the hypothesis estimates, squares and freedoms together."""
+def test_gain_of_freed_parameters_is_their_distance(monkeypatch):
+    """The gain of freed parameters is their squared distance from the stated values.
+
+    Squares and freedoms of all that only the hypothesis estimates add up.
+    """
     squares = {"b": (5.0, 4), "c": (7.0, 9)}
     monkeypatch.setattr(module, "state_step", lambda problem, before, after: "step")
     monkeypatch.setattr(module, "_squared_distance", lambda solution, step, name: squares[name])
@@ -352,13 +376,16 @@ def test_of_what_is_freed_it_is_how_far_it_is_from_what_was_stated(monkeypatch):
     assert found.chance == pytest.approx(chi2.sf(12.0, 13))
 
 
-def test_other_views_have_other_likelihoods(monkeypatch):
-    """Nothing is compared."""
+def test_different_views_are_not_compared(monkeypatch):
+    """Fits of different views have no comparable likelihoods: the evidence is None."""
     assert known(monkeypatch, solution_of("narrower"), solution_of("wider", views=4)) is None
 
 
-def test_scatter_counts_by_its_squares_or_their_logarithm(monkeypatch):
-    """Where sigmas are stated by the squares, else by how many times less, for each freedom; of none not at all."""
+def test_scatter_gain_uses_squares_or_logarithm(monkeypatch):
+    """Scatter gains by its squares if sigmas are stated, else by the log ratio for each freedom.
+
+    Without scatter there is no gain.
+    """
     of = {
         "wider": {
             "stated": (10.0, 30.0),
@@ -379,8 +406,8 @@ def test_scatter_counts_by_its_squares_or_their_logarithm(monkeypatch):
     assert _scatter_gain("wider", "narrower") == pytest.approx(4.5 + 23 * np.log(2.0))
 
 
-def test_scatter_is_that_of_all_points_in_space(monkeypatch):
-    """Of every group of them, by what their sigmas are; pixels have none."""
+def test_scatter_sums_groups_of_points(monkeypatch):
+    """Scatter sums the groups of points in space by their sigma; pixels have none."""
     groups = [
         build_problem(made.cell, made.recording)[0].groups[0]
         for made in (simulate(Scenario(samples=2, target=target), 0) for target in ("points3d", "charuco", "points3d"))
@@ -388,7 +415,7 @@ def test_scatter_is_that_of_all_points_in_space(monkeypatch):
     estimates = [{"stated": (1.0, 2)}, {"stated": (100.0, 200)}, {"stated": (4.0, 8), "point_m": (16.0, 32)}]
 
     def view_estimates(problem, group, state):
-        """Squares and freedoms of each."""
+        """Squares and freedoms of each group."""
         of = estimates[[id(g) for g in groups].index(id(group))]
         return {name: SimpleNamespace(white=white, white_count=count) for name, (white, count) in of.items()}
 
@@ -398,8 +425,11 @@ def test_scatter_is_that_of_all_points_in_space(monkeypatch):
 
 
 @pytest.mark.parametrize("size", [6, 3])
-def test_what_is_freed_is_off_by_its_part_of_the_step_in_sigmas(size):
-    """Of a point's mount the translation alone."""
+def test_squared_distance_uses_step_over_sigma(size):
+    """The squared distance of a freed transform is its step over sigma.
+
+    Of a point's mount, the translation alone counts.
+    """
     step, sigma = np.array([3e-3, -1e-3, 5e-4, 0.01, 0.0, -0.02]), np.array([1e-3, 2e-3, 5e-4, 0.01, 0.02, 0.01])
     solution = SimpleNamespace(
         problem=SimpleNamespace(columns={"a_from_b": slice(1, 1 + size)}),

@@ -1,4 +1,4 @@
-"""How well a hypothesis predicts views: their distances, what of them counts, and what is plausible."""
+"""Tests of `fit_hypothesis`: view errors, their trimmed rms, and plausibility of a fit."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ def fit(off, in_pixels=False, **solution):
     return HypothesisFit(SimpleNamespace(**usual | solution), np.full(10, off), np.arange(10), in_pixels)
 
 
-def test_core_and_whole():
-    """Rms of the seven best of ten, and of all."""
+def test_trimmed_rms_and_rms():
+    """The trimmed rms covers the best seven of ten views, the rms all of them."""
     found = HypothesisFit(None, np.array([1.0] * 7 + [5.0] * 3), np.arange(10), False)
     assert found.trimmed_rms == pytest.approx(1.0)
     assert found.rms == pytest.approx(np.sqrt((7 + 75) / 10))
 
 
-def test_errors_in_words():
-    """Pixels, or a length a metre; nothing finite is nothing predicted."""
+def test_wording_of_errors():
+    """Errors are stated in pixels, or as a length per metre; an infinite error is "not at all"."""
     assert fit(1.234e-3, True).error_in_words() == "1.2 px"
     assert fit(1.234e-3).error_in_words() == "1.2 mm/m (mrad)"
     assert fit(np.inf).error_in_words() == "not at all"
@@ -47,13 +47,13 @@ def test_errors_in_words():
 @pytest.mark.parametrize(("off", "in_pixels", "expected"), [
     (2.9e-3, True, True), (3.1e-3, True, False), (2.9e-2, False, True), (3.1e-2, False, False),
 ])  # fmt: skip
-def test_plausible_errors(off, in_pixels, expected):
-    """Three pixels, or three hundredths of a radian."""
+def test_plausibility_limit_of_errors(off, in_pixels, expected):
+    """Errors are plausible up to three pixels or three hundredths of a radian."""
     assert is_plausible(fit(off, in_pixels)) is expected
 
 
-def test_plausible_fits():
-    """An optimum, of finite cost, of four stated sigmas at most; sigmas that are estimated may be anything."""
+def test_plausibility_of_fit():
+    """A plausible fit converged with finite cost, at most four stated sigmas; estimated sigmas have no limit."""
     assert not is_plausible(fit(1e-3, converged=False))
     assert not is_plausible(fit(1e-3, cost=np.inf))
     assert is_plausible(fit(1e-3, cost=30 * 3.9**2))
@@ -62,8 +62,8 @@ def test_plausible_fits():
     assert residual_ratio(SimpleNamespace(cost=9.0, dof=0)) == 3.0
 
 
-def test_what_is_declared_rightly_predicts_and_what_is_not_does_not():
-    """A board's held-out views are within the pixels' noise; with the eye's poses inverted the fit is implausible."""
+def test_inverted_eye_poses_make_fit_implausible():
+    """Held-out views of a board are within the pixel noise; inverted eye poses make the fit implausible."""
     made = simulate(Scenario(samples=12), 0)
     right = fit_hypothesis(made.cell, build_problem(made.cell, made.recording)[0], STATED)
     assert right is not None
@@ -76,8 +76,8 @@ def test_what_is_declared_rightly_predicts_and_what_is_not_does_not():
     assert wrong is None or not is_plausible(wrong)
 
 
-def test_a_fit_may_start_where_another_ended():
-    """From the truth the same optimum, and held-out errors larger than those that were fitted."""
+def test_fit_starts_from_given_state():
+    """A fit from the true state reaches the same optimum; held-out errors are larger than fitted ones."""
     made = simulate(Scenario(samples=12), 0)
     problem, _ = build_problem(made.cell, made.recording)
     start = State(made.truth, made.cameras, np.zeros((0, 6)))
@@ -87,8 +87,8 @@ def test_a_fit_may_start_where_another_ended():
     assert found.rms > np.sqrt(np.mean(view_errors(problem, problem.groups[0], found.solution.state) ** 2))
 
 
-def test_a_few_views_that_are_far_off_do_not_hide_it():
-    """One of twenty with the hand 5 cm aside: the others are predicted as if it were not there."""
+def test_single_far_view_does_not_affect_others():
+    """With one of twenty hand poses 5 cm off, the other views are predicted as if it were absent."""
     made = simulate(Scenario(samples=20), 0)
 
     def bumped(sample):
@@ -103,8 +103,8 @@ def test_a_few_views_that_are_far_off_do_not_hide_it():
     assert found.rms > 1e-2
 
 
-def test_nothing_to_fit_is_no_fit():
-    """Without a view there is none."""
+def test_recording_without_views_has_no_fit():
+    """A recording without views has no fit."""
     made = simulate(Scenario(samples=4), 0)
     assert fit_hypothesis(made.cell, build_problem(made.cell, Recording())[0], STATED) is None
 
@@ -112,8 +112,8 @@ def test_nothing_to_fit_is_no_fit():
 @pytest.mark.parametrize(
     ("near", "predicted", "off"), [(True, [3.0], [3.0]), (True, None, [1.0, 2.0]), (False, [3.0], [1.0, 2.0])]
 )
-def test_errors_are_held_out_where_a_fit_is_near(monkeypatch, near, predicted, off):
-    """Else, and where nothing can be held out, they are those that it was fitted to."""
+def test_errors_are_held_out_if_fit_is_near(monkeypatch, near, predicted, off):
+    """Errors are held out if the fit is near the data; else, and if no hold-out is possible, they are fitted errors."""
     made = simulate(Scenario(samples=2, target="pose"), 0)
     held_out = None if predicted is None else (np.array(predicted), np.array([3]))
     solution = SimpleNamespace(state=None)
@@ -127,8 +127,8 @@ def test_errors_are_held_out_where_a_fit_is_near(monkeypatch, near, predicted, o
     np.testing.assert_array_equal(found.errors, off)
 
 
-def test_of_folds_each_predicts_its_own_views(monkeypatch):
-    """Those that it was not fitted to, one fold after the other; none where samples cannot be parted."""
+def test_each_fold_predicts_its_held_out_views(monkeypatch):
+    """Each fold predicts the views that it was not fitted to; without a split there are no held-out errors."""
     split = SimpleNamespace(folds="folds")
     groups = [SimpleNamespace(off=off, sample=np.array([off + 1])) for off in (10, 20)]
     refits = [SimpleNamespace(optimum=SimpleNamespace(state=k), views=SimpleNamespace(groups=groups)) for k in (1, 2)]
@@ -143,14 +143,17 @@ def test_of_folds_each_predicts_its_own_views(monkeypatch):
 
 
 @pytest.mark.parametrize(("far", "times"), [((), 0), ((5.0,), 0), ((8.0,), 2), ((30.0,) * 3, 2)])
-def test_a_fit_is_repeated_without_views_far_off(monkeypatch, far, times):
-    """Those beyond seven tenths of the views, twice at most, where all are off twice as far as most."""
+def test_fit_is_repeated_without_far_views(monkeypatch, far, times):
+    """A fit is repeated without the views beyond the best 70 %, at most twice.
+
+    It is repeated if the rms is over twice the trimmed rms.
+    """
     off = [np.array([*[1.0] * (12 - len(far)), *far]), np.zeros(0)]
     groups = [SimpleNamespace(k=0, take=lambda rows: range(len(rows))), SimpleNamespace(k=1, take=lambda rows: ())]
     kept = []
 
     def solve(problem, state, settings):
-        """The rest, of which the same views are far off as before."""
+        """The rest, in which the same views are far off as before."""
         kept.append(problem.groups)
         return SimpleNamespace(problem=whole, state=None)
 
@@ -165,8 +168,8 @@ def test_a_fit_is_repeated_without_views_far_off(monkeypatch, far, times):
         assert [len(group) for group in each] == [np.count_nonzero(off[0] <= np.quantile(off[0], 0.7))]
 
 
-def test_errors_of_samples_are_means_of_squares_over_their_views():
-    """Samples that are not asked for do not count; an error without a number is a thousand."""
+def test_squares_of_samples_are_means_over_views():
+    """Squares of a sample are means over its views; samples not requested are ignored, and NaN counts as 1000."""
     off, sample = np.array([1.0, 3.0, 2.0, np.nan, 5.0]), np.array([4, 4, 7, 9, 5])
     found = HypothesisFit(None, off, sample, False).squares(np.array([4, 7, 9]))
     np.testing.assert_allclose(found, [5.0, 4.0, 1e6])

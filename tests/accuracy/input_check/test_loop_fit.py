@@ -1,4 +1,4 @@
-"""How nearly loops can be closed, readings side by side."""
+"""Tests of `fit_loops`: loop closure of many hypotheses in one batch."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def pairs_of(made, problem):
 
 
 @pytest.mark.parametrize("target", ["charuco", "pose", "led"])
-def test_readings_do_not_know_of_one_another(target):
-    """Fits of all readings at once are those of each alone, and only the declared one closes its loops."""
+def test_batch_fits_equal_separate_fits(target):
+    """Fits of all hypotheses in one batch equal those of each alone, and only the declared one closes its loops."""
     mounts = "fixed" if target == "led" else "free"
     made = simulate(Scenario(samples=VIEWS, target=target, camera_mount=mounts, target_mount=mounts), 3)
     given = declared(made.cell, made.recording)
@@ -51,8 +51,11 @@ def test_readings_do_not_know_of_one_another(target):
     assert min(scores[1:]) > 0.05
 
 
-def test_views_are_made_ready_once_a_set_of_pixels():
-    """Every reading gets the views that it would get alone; those that change only robots share their poses."""
+def test_prepared_views_are_shared_by_hypotheses():
+    """The view cache gives each hypothesis the views that it would get alone.
+
+    Hypotheses that change only robots share target poses.
+    """
     made = simulate(Scenario(samples=VIEWS, target="charuco"), 3)
     codes = {"robot-pose-inverted", "pairing-shifted", "length-unit"}
     given = declared(made.cell, made.recording)
@@ -68,8 +71,11 @@ def test_views_are_made_ready_once_a_set_of_pixels():
     assert len(ready.prepared) < len(readings) / 2
 
 
-def test_trimmed_counts_what_is_not_finite_as_the_largest():
-    """Of ten values seven count; where more than three are lost nothing is left to go by."""
+def test_trimmed_rms_counts_non_finite_as_largest():
+    """The trimmed rms keeps seven of ten values and counts non-finite ones as the largest.
+
+    If more than three are lost, it is infinite.
+    """
     off = np.array([3.0, 4.0, 3.0, 4.0, 3.0, 4.0, 5.0, np.nan, np.inf, 99.0])
     assert trimmed_rms(off) == pytest.approx(np.sqrt(np.mean(off[:7] ** 2)))
     assert trimmed_rms(np.append(off, [np.nan] * 4)) == np.inf
@@ -78,7 +84,7 @@ def test_trimmed_counts_what_is_not_finite_as_the_largest():
 
 
 def ready(scenario, seed=1, rows=None):
-    """The only pair of a recording with its views made ready, and the truth of X, Y and Z."""
+    """The only pair of a recording with prepared views, and the true X, Y and Z."""
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -91,8 +97,8 @@ def ready(scenario, seed=1, rows=None):
 
 @pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
 @pytest.mark.parametrize("target", ["charuco", "pose"])
-def test_loops_are_closed_wherever_robots_stand(layout, target):
-    """Everything free, with camera or target on the world: views are off by their noise, the triple is the truth."""
+def test_loops_close_in_all_layouts(layout, target):
+    """With all transforms free, in each layout, view errors are at the noise and the fit is the truth."""
     sight, problem, truth = ready(Scenario(samples=12, target=target, layout=layout, pose_noise=(1e-4, 1e-3)))
     (fit,) = fit_loops([(sight, problem)])
     assert not fit.is_led
@@ -104,8 +110,8 @@ def test_loops_are_closed_wherever_robots_stand(layout, target):
 @pytest.mark.parametrize(
     "known", [("camera_mount",), ("target_mount",), ("base",), ("base", "camera_mount", "target_mount")]
 )
-def test_what_is_fixed_is_taken_as_it_is(known):
-    """Mounts and bases that the cell states as fixed are those of the fit."""
+def test_fixed_transforms_are_kept(known):
+    """Mounts and bases that the cell states as fixed are unchanged in the fit."""
     sight, problem, truth = ready(Scenario(samples=10, **dict.fromkeys(known, "fixed")))
     (fit,) = fit_loops([(sight, problem)])
     for name, found, true in zip(("camera_mount", "base", "target_mount"), fit.triple, truth, strict=True):
@@ -114,15 +120,18 @@ def test_what_is_fixed_is_taken_as_it_is(known):
     assert trimmed_rms(fit.errors) < 0.01
 
 
-def test_a_prior_is_not_taken_for_known():
-    """Only what is fixed is."""
+def test_prior_is_not_assumed_exact():
+    """A mount with a prior is estimated; only fixed ones are assumed exact."""
     sight, problem, truth = ready(Scenario(samples=10, camera_mount="prior"))
     (fit,) = fit_loops([(sight, problem)])
     assert np.abs((fit.triple[0].inverse() @ truth[0]).log()).max() > 1e-7
 
 
-def test_views_are_off_by_angle_and_length_over_distance():
-    """Two views measured elsewhere: by 0.3 rad, and by 0.2 m at the median distance; of two candidates the nearer."""
+def test_view_errors_are_angle_and_relative_length():
+    """View errors are angles, and lengths over the median distance.
+
+    Two views are measured off by 0.3 rad and 0.2 m; of two candidates the nearer counts.
+    """
     sight, _, truth = ready(Scenario(samples=6, target="pose", pose_noise=(0.0, 0.0)))
     np.testing.assert_allclose(loop_errors(sight, truth), 0.0, atol=1e-7)
     poses = sight.candidates[:, 0]
@@ -141,8 +150,8 @@ def test_views_are_off_by_angle_and_length_over_distance():
     np.testing.assert_allclose(loop_errors(replace(sight, candidates=one), truth), 0.0, atol=1e-7)
 
 
-def test_lights_are_off_by_their_directions():
-    """A chord, where the light was seen; NaN where it was not."""
+def test_led_errors_are_chords_of_directions():
+    """LED errors are chords between directions, and NaN in views that do not show the LED."""
     sight, _, truth = ready(Scenario(samples=8, target="led", pixel_px=0.0, state_pixel_noise=False))
     of = sight.group.measurement
     bearings, weight = of.bearings_in_camera.copy(), of.weight.copy()
@@ -158,8 +167,8 @@ def test_lights_are_off_by_their_directions():
 
 
 @pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
-def test_a_fit_of_the_only_pair_is_a_state(layout):
-    """Its transforms under their names, with the lens; stops have no errors."""
+def test_fit_of_single_pair_gives_state(layout):
+    """The fit of a single pair gives a state: its transforms by name, the lens, and zero stop errors."""
     scenario = Scenario(samples=10, layout=layout, robot_noise=(1e-3, 1e-3))
     made = simulate(scenario, 1)
     _, problem, truth = ready(scenario)
@@ -173,8 +182,8 @@ def test_a_fit_of_the_only_pair_is_a_state(layout):
     assert not state.stop_errors.any()
 
 
-def test_what_is_no_state():
-    """A light has no rotation of its own, two pairs have two fits, and a pair without a fit none."""
+def test_incomplete_fits_give_no_state():
+    """No state results from an LED (no rotation of its own), two pairs (two fits), or a pair without a fit."""
     _, problem, truth = ready(Scenario(samples=10))
     (group,) = problem.groups
     key = (group.camera, group.target)
@@ -185,8 +194,8 @@ def test_what_is_no_state():
     assert pair_state(more, {key: LoopFit(truth, np.zeros(10))}, {}) is None
 
 
-def test_the_second_pose_of_a_plane_is_taken_where_it_closes_the_loop():
-    """Candidates the wrong way round in two of twenty views: the others' fit tells which is right."""
+def test_second_planar_pose_is_used_if_it_closes_loop():
+    """The second pose of a plane is used if it closes the loop: two of twenty views have swapped candidates."""
     sight, problem, truth = ready(Scenario(samples=20))
     swapped = np.isin(np.arange(20), [3, 8])
     order = np.where(swapped[:, None], [1, 0], [0, 1])
@@ -199,8 +208,8 @@ def test_the_second_pose_of_a_plane_is_taken_where_it_closes_the_loop():
 
 
 @pytest.mark.parametrize(("known", "count"), [("xyz", 1), ("xz", 3), ("yz", 3), ("z", 6)])
-def test_a_light_is_searched_from_more_starts_the_more_is_unknown(monkeypatch, known, count):
-    """By the rotations that its directions depend on, those of X and Y; it is refined as a point."""
+def test_led_start_count_increases_with_unknowns(monkeypatch, known, count):
+    """An LED is searched from more starts the more of the rotations X and Y are unknown. It is refined as a point."""
     asked = []
     monkeypatch.setattr(loop_fit, "led_search", lambda sight, loop, most: asked.append((loop, most)) or (1, 2, [3]))
     loop = SimpleNamespace(**{k: SE3.identity() if k in known else None for k in "xyz"})
@@ -211,7 +220,7 @@ def test_a_light_is_searched_from_more_starts_the_more_is_unknown(monkeypatch, k
 
 
 def drawn_loop(known, n=8, spread=1.0, seed=0):
-    """A loop that closes, of which some factors are known; and its three rotations."""
+    """A closed loop of which some factors are known, and its true X, Y and Z."""
     rng = np.random.default_rng(seed)
     a, c = (SE3.exp(spread * rng.normal(size=(n, 6))) for _ in range(2))
     x, y, z = (SE3.exp(rng.normal(size=6)) for _ in range(3))
@@ -220,8 +229,11 @@ def drawn_loop(known, n=8, spread=1.0, seed=0):
     return Loop(a, b, c, *factors, np.ones(n)), (x, y, z)
 
 
-def test_only_what_the_closed_form_leaves_open_is_searched(monkeypatch):
-    """Three rotations are settled on the samples, those that are not clear searched, those of two taken as they are."""
+def test_unclear_rotations_are_searched(monkeypatch):
+    """Three unknown rotations are refined on the samples and searched if they are unclear.
+
+    Two come from the closed form.
+    """
     settled, searched = [], []
 
     def settle(loops, near):
@@ -244,8 +256,8 @@ def test_only_what_the_closed_form_leaves_open_is_searched(monkeypatch):
             np.testing.assert_allclose(of.matrix, is_so.matrix, atol=1e-6 if loop.x is not None else 1e-3)
 
 
-def test_distances_are_to_the_likelier_poses():
-    """The first candidate of each view tells how far the target is, whatever the others say."""
+def test_distance_uses_likelier_pose():
+    """The first candidate of each view gives the distance of the target, whatever the others are."""
     sight, _, truth = ready(Scenario(samples=5, target="pose", pose_noise=(0.0, 0.0)))
     poses = sight.candidates[:, 0]
     shifted = poses.translation + np.array([0.0, 0.1, 0.0])

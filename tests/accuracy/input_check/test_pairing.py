@@ -1,4 +1,4 @@
-"""Where the pairing slips, and which views of a grid are upside down."""
+"""Tests of the pairing hypotheses: slips of the pairing, and inverted views of a symmetric grid."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
-def test_the_sample_of_a_missed_detection_is_found():
-    """Observations from sample 9 on one too early: the first guess moves them back from there."""
+def test_missed_detection_is_located():
+    """Observations one too early from sample 9 on are shifted back from there by the first hypothesis."""
     made = simulate(Scenario(samples=24), 3)
     wrong = rewriting.shifted(made.recording, None, -1, start=9)
     first, fits = slip_hypotheses(declared(made.cell, wrong), made.cameras, [None, "eye", "hand"])[0]
@@ -34,8 +34,11 @@ def test_the_sample_of_a_missed_detection_is_found():
     assert trimmed_rms(fit.errors, 1.0) < 0.01
 
 
-def test_the_last_few_samples_are_no_slip():
-    """The last two observations are of one sample later: no guess is from there on, which outliers would explain."""
+def test_last_samples_are_no_slip():
+    """No slip starts in the last samples, which outliers would explain.
+
+    The last two observations belong one sample later.
+    """
     made = simulate(Scenario(samples=24), 3)
     wrong = rewriting.shifted(made.recording, None, -1, start=21)
     given = declared(made.cell, wrong)
@@ -48,14 +51,14 @@ def test_the_last_few_samples_are_no_slip():
         assert min(number for number, pixels in pairs if np.any(pixels != recorded[number])) <= 20
 
 
-def test_few_samples_give_no_slip():
-    """With fewer than six samples to either side there is nothing to start from."""
+def test_slip_needs_six_samples_on_each_side():
+    """With fewer than six samples on each side, no slip is proposed."""
     made = simulate(Scenario(samples=11), 0)
     assert slip_hypotheses(declared(made.cell, made.recording), made.cameras, [None]) == []
 
 
 def test_turned_views_are_found():
-    """Of the two readings one turns exactly the views that were read from the other end."""
+    """One of the two hypotheses turns exactly the views that were read from the other end."""
     board = chessboard_target((8, 6), 0.03)
     made = simulate(Scenario(samples=12, target="pose", board=board), 0)
     cell = replace(made.cell, targets={n: replace(t, target=board) for n, t in made.cell.targets.items()})
@@ -71,7 +74,7 @@ def test_turned_views_are_found():
 
 @pytest.mark.parametrize(("count", "more"), [(10, False), (11, True)])
 def test_ten_turned_views_are_listed(count, more):
-    """Of more the first ten stand in the words, and all are turned."""
+    """At most ten turned views are listed in the message, and all of them are turned."""
     board = chessboard_target((8, 6), 0.03)
     made = simulate(Scenario(samples=26, target="pose", board=board), 0)
     cell = replace(made.cell, targets={n: replace(t, target=board) for n, t in made.cell.targets.items()})
@@ -94,8 +97,11 @@ def test_ten_turned_views_are_listed(count, more):
 
 @pytest.mark.parametrize("at", [4, 9, 15, 16])
 @pytest.mark.parametrize("lost", [0, 1])
-def test_the_change_is_where_fewest_samples_are_off(at, lost):
-    """Before it as recorded, after it as shifted; what is lost there is off in neither way, and is not counted."""
+def test_slip_is_at_fewest_large_errors(at, lost):
+    """The slip is where the fewest samples are off: before it as recorded, after it as shifted.
+
+    A sample lost there is off both ways and not counted.
+    """
     rng = np.random.default_rng(0)
     fine, off = 0.002 * rng.uniform(0.8, 1.2, 20), 0.3 * rng.uniform(0.8, 1.2, 20)
     before = np.where(np.arange(20) < at, fine, off)
@@ -106,8 +112,11 @@ def test_the_change_is_where_fewest_samples_are_off(at, lost):
     assert score == pytest.approx(np.sqrt(np.sum(counted**2) / 20))
 
 
-def test_a_change_nearer_to_an_end_than_four_samples_is_none():
-    """The best of the others is told, at which what is off counts as off by four times the rest, whatever it is."""
+def test_slip_is_four_samples_from_ends():
+    """A slip nearer than four samples to an end is rejected, and the best other one is returned.
+
+    There, a large error counts as four times the rest.
+    """
     before, after = np.full(20, 0.01), np.full(20, np.nan)
     before[18:] = 7.0
     after[18:] = 0.01
@@ -117,8 +126,8 @@ def test_a_change_nearer_to_an_end_than_four_samples_is_none():
     assert pairing._find_slip(before / 100, after / 100, 0)[1] == 16
 
 
-def test_loops_that_close_well_are_alike():
-    """Below 5 mrad what is smaller still is no better: four times that is as far as a sample can be off."""
+def test_small_loop_errors_are_equal():
+    """Loop errors below 5 mrad are equally good; four times that is the largest error of a sample."""
     before, after = np.full(20, 1e-6), np.full(20, 1.0)
     before[10:], after[10:] = 1.0, 1e-6
     before[5] = 0.9
@@ -127,8 +136,8 @@ def test_loops_that_close_well_are_alike():
     assert score == pytest.approx(np.sqrt((19 * 1e-12 + 0.02**2) / 20))
 
 
-def test_what_counts_as_off_goes_by_the_best_two_fifths():
-    """Of either pairing: half of the samples of the better one are off by as much as a sample can be."""
+def test_error_cap_uses_best_two_fifths():
+    """The cap on sample errors uses the best two fifths of the better pairing. Half of its samples may be far off."""
     for k in (0, 1):
         both = [np.full(20, 0.5), np.where(np.arange(20) < 10, 0.5, 0.01)]
         before, after = both if k else both[::-1]
@@ -142,8 +151,11 @@ def test_what_counts_as_off_goes_by_the_best_two_fifths():
     assert pairing._find_slip(fine, fine, 0) == (pytest.approx(0.01), 4)
 
 
-def test_the_halves_are_fitted_as_recorded_and_as_shifted(monkeypatch):
-    """The first half as it is, the second with each stream one sample later and earlier; twelve samples are enough."""
+def test_halves_are_fitted_recorded_and_shifted(monkeypatch):
+    """The first half is fitted as recorded, the second with each stream one sample later and earlier.
+
+    Twelve samples are enough.
+    """
     made = simulate(Scenario(samples=13, target="pose"), 0)
     fitted = []
 
@@ -169,8 +181,8 @@ def test_the_halves_are_fitted_as_recorded_and_as_shifted(monkeypatch):
 
 
 @pytest.mark.parametrize(("count", "some"), [(11, False), (12, True)])
-def test_six_samples_to_either_side_are_needed(monkeypatch, count, some):
-    """And the two likeliest slips are given, best first."""
+def test_slip_search_needs_twelve_samples(monkeypatch, count, some):
+    """Twelve samples are needed, six on each side; the two likeliest slips are returned, best first."""
     made = simulate(Scenario(samples=count, target="pose"), 0)
     monkeypatch.setattr(pairing, "_fit_readings", lambda readings, lenses: [{k: k} for k in range(len(readings))])
     monkeypatch.setattr(
@@ -180,8 +192,8 @@ def test_six_samples_to_either_side_are_needed(monkeypatch, count, some):
     assert [fits for _, fits in found] == ([{6: 6}, {5: 5}] if some else [])
 
 
-def test_a_stream_that_comes_later_leaves_a_sample_out(monkeypatch):
-    """Where it changes nothing is left for that sample; one that comes earlier loses its last."""
+def test_later_stream_loses_sample_at_slip(monkeypatch):
+    """A stream shifted to later leaves one sample out at the slip; one shifted to earlier loses its last."""
     made = simulate(Scenario(samples=12, target="pose"), 0)
     lost = []
     monkeypatch.setattr(pairing, "_fit_readings", lambda readings, lenses: [{} for _ in readings])
@@ -191,8 +203,8 @@ def test_a_stream_that_comes_later_leaves_a_sample_out(monkeypatch):
     assert "from sample 5 on belongs 1 sample later" in found[0][0].words
 
 
-def test_how_far_samples_are_off(monkeypatch):
-    """Root of the mean square over the views of a sample, of pairs that were fitted; NaN where it has none."""
+def test_sample_errors_are_rms_over_views(monkeypatch):
+    """Sample errors are the rms over the views of fitted pairs; NaN for a sample without views."""
     offs = {"a": [0.1, 0.2, 0.3], "b": [0.4, 0.5], "c": [9.0, 9.0]}
     monkeypatch.setattr(pairing, "loop_errors", lambda sight, triple: np.array(offs[triple]))
     pairs = [
@@ -205,8 +217,8 @@ def test_how_far_samples_are_off(monkeypatch):
     np.testing.assert_allclose(pairing._sample_errors(pairs, order, fits), expected)
 
 
-def test_views_are_turned_to_the_end_of_the_first():
-    """Few or many that were read from the other end, but for noise."""
+def test_turned_views_align_with_first_view():
+    """Views read from the other end are found relative to the first view, few or many of them, but for noise."""
     turn = half_turn(chessboard_target((8, 6), 0.03))
     poses = SE3.exp(0.3 * np.random.default_rng(0).standard_normal((9, 6)))
     for other in ([1], [2, 5, 7], [1, 2, 3, 4, 5, 6, 7]):
@@ -218,8 +230,11 @@ def test_views_are_turned_to_the_end_of_the_first():
     assert not pairing._is_nearer_turned(poses, poses).any()
 
 
-def test_views_far_from_the_first_are_turned_to_the_others():
-    """Views spread by half a radian: told in nine of ten recordings, by the first view alone in six or seven."""
+def test_turned_views_are_found_in_wide_spread():
+    """Turned views spread by half a radian are found in nine of ten recordings.
+
+    By the first view alone it would be six or seven.
+    """
     turn, rng, told = half_turn(chessboard_target((8, 6), 0.03)), np.random.default_rng(1), 0
     for _ in range(100):
         poses = SE3.exp(np.pad(0.5 * rng.standard_normal((20, 3)), ((0, 0), (3, 0))))
@@ -231,8 +246,11 @@ def test_views_far_from_the_first_are_turned_to_the_others():
 
 
 @pytest.mark.parametrize("count", [5, 6])
-def test_six_views_of_a_grid_show_which_are_turned(count):
-    """Of this target alone: views of others do not count, nor does what was seen otherwise."""
+def test_half_turns_need_six_views(count):
+    """Six views of a grid show which ones are turned.
+
+    Views of other targets, or of other measurements, do not count.
+    """
     board = chessboard_target((8, 6), 0.03)
     made = simulate(Scenario(samples=count, target="pose", board=board), 0)
     (entry,) = made.cell.targets.values()

@@ -1,4 +1,4 @@
-"""What cannot be, at its limits."""
+"""Tests of `impossible_input` and `impossible_answer` at their limits."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def told(robots=(), observations=((),), size=0.2, chain=None):
 
 
 @pytest.mark.parametrize(("far", "found"), [(0.019, True), (0.021, False), (4.9, False), (5.1, True)])
-def test_reach_of_the_farthest_flange(far, found):
-    """From 2 cm to 5 m; nearer poses do not matter."""
+def test_reach_limits_of_flange(far, found):
+    """The farthest flange must be 2 cm to 5 m from its base; nearer poses have no effect."""
     assert told([RobotState(at(far)), RobotState(at(far))]) == ((f"flange of eye {far:.3g} m",) if found else ())
 
 
@@ -69,8 +69,8 @@ def test_reach_of_the_farthest_flange(far, found):
         ([0.0, -7.0], "a joint of eye at 7 rad"),
     ],
 )
-def test_joints_stay_near_their_limits(joints, words):
-    """Within 0.1 rad of limits of 1 rad, and within 2.2 half turns whatever the limits are."""
+def test_joint_limits_have_tolerance(joints, words):
+    """Joints must be within 0.1 rad of limits of 1 rad, and within 2.2 half turns whatever the limits."""
     chain = SimpleNamespace(lower=-np.ones(2), upper=np.ones(2))
     states = [RobotState(joints_rad=np.zeros(2)), RobotState(joints_rad=np.array(joints))]
     assert told(states, chain=chain) == ((words,) if words else ())
@@ -82,14 +82,17 @@ def seen_points(z=1.0):
 
 
 @pytest.mark.parametrize(("size", "found"), [(1.9e-3, True), (2.1e-3, False), (4.9, False), (5.1, True)])
-def test_sizes_of_targets(size, found):
-    """From 2 mm to 5 m, of targets of which points are seen."""
+def test_size_limits_of_targets(size, found):
+    """Targets whose points are seen must be 2 mm to 5 m large."""
     assert told(observations=[[seen_points()]], size=size) == ((f"size of board {size:.3g} m",) if found else ())
     assert told(observations=[[PoseObservation("wrist", "board", at(z=1.0))]], size=size) == ()
 
 
-def test_a_target_without_an_extent_has_no_size():
-    """A single point, a target that is seen without being stated, or one of three coordinates far from its origin."""
+def test_target_without_extent_has_no_size_limit():
+    """A single point and a seen target without a statement have no size.
+
+    A target far from its origin has its extent.
+    """
     cell = Cell("eye", {"eye": Robot("eye")}, cameras={"wrist": CellCamera("wrist", "eye")}, targets={
         name: CellTarget(name, "world", target=of)
         for name, of in (("light", points_target([[0, 0, 0]])), ("bare", None), ("far", points_target(
@@ -102,8 +105,8 @@ def test_a_target_without_an_extent_has_no_size():
 
 @pytest.mark.parametrize(("distance", "found"), [(0.019, True), (0.021, False), (19.9, False), (20.1, True)])
 @pytest.mark.parametrize("kind", ["pose", "points"])
-def test_distances(kind, distance, found):
-    """From 2 cm to 20 m, the median over the views."""
+def test_distance_limits_of_targets(kind, distance, found):
+    """The median distance of a target over its views must be 2 cm to 20 m."""
     one = [PoseObservation("wrist", "board", at(z=distance))] if kind == "pose" else [seen_points(distance)]
     far = [seen_points(1e3)]
     words = (f"distance to the target {distance:.3g} m",) if found else ()
@@ -111,8 +114,8 @@ def test_distances(kind, distance, found):
 
 
 @pytest.mark.parametrize(("behind", "found"), [(4, False), (5, True)])
-def test_views_behind_the_camera(behind, found):
-    """More than four fifths of them."""
+def test_targets_behind_camera_are_impossible(behind, found):
+    """Targets are reported as behind the camera if more than four fifths of the views are."""
     views = [[seen_points(-0.5 if k < behind else 0.5)] for k in range(5)]
     assert told(observations=views) == (("targets behind the camera",) if found else ())
 
@@ -135,36 +138,36 @@ def answered(status="free", on="hand", chain=None, more=(), **places):
 
 
 @pytest.mark.parametrize(("far", "found"), [(0.019, True), (0.021, False), (19.9, False), (20.1, True)])
-def test_bases(far, found):
-    """From 2 cm to 20 m apart, where they are not fixed."""
+def test_distance_limits_of_bases(far, found):
+    """Bases that are not fixed must be 2 cm to 20 m apart."""
     assert answered(**{BASE: at(far)}) == ((f"{BASE} {far:.3g} m",) if found else ())
     assert answered("fixed", **{BASE: at(far)}) == ()
 
 
 @pytest.mark.parametrize(("far", "found"), [(19.9, False), (20.1, True)])
-def test_bases_in_a_row(far, found):
-    """Not from the reference, but from the nearest one: a long row of arms reaches farther than any two stand apart."""
+def test_base_distance_uses_nearest_base(far, found):
+    """The distance of a base is to the nearest other base, not the reference: a long row of arms exceeds any limit."""
     places = {BASE: at(300.0 + far), "eye_base_from_next_base": at(300.0), "eye_base_from_last_base": at(0.0)}
     assert answered(more=("next", "last"), **places) == ((f"{BASE} {300 + far:.3g} m",) if found else ())
 
 
 @pytest.mark.parametrize(("far", "found"), [(0.0, False), (20.1, True)])
-def test_bases_of_arms_by_joints(far, found):
-    """Chains of two arms may begin at one link."""
+def test_bases_of_kinematic_chains_may_coincide(far, found):
+    """Bases of arms with kinematic chains may coincide: two chains may begin at one link."""
     assert answered(chain=SimpleNamespace(), **{BASE: at(far)}) == ((f"{BASE} {far:.3g} m",) if found else ())
 
 
 @pytest.mark.parametrize(("far", "found"), [(0.0, False), (1.9, False), (2.1, True)])
-def test_mounts(far, found):
-    """On a flange up to 2 m, on the world up to 20."""
+def test_length_limits_of_mounts(far, found):
+    """Mounts may be up to 2 m on a flange and up to 20 m on the world."""
     assert answered(**{CAMERA: at(far)}) == ((f"{CAMERA} {far:.3g} m",) if found else ())
     assert answered(on="world", **{BOARD: at(10 * far)}) == ((f"{BOARD} {10 * far:.3g} m",) if found else ())
 
 
 @pytest.mark.parametrize("target", ["pose", "points3d", "charuco"])
 @pytest.mark.parametrize("factor", [1.0, 1e3])
-def test_a_reading_is_held_to_the_same_facts(target, factor):
-    """As the recording that it would be, whatever is a thousand times too large in it."""
+def test_reading_has_same_limits_as_recording(target, factor):
+    """A reading is held to the limits of its recording, whichever quantity is a thousand times too large."""
     made = simulate(Scenario(samples=5, target=target), 0)
     pairs = [
         (made.cell, with_robots(made.recording, {"eye": scaled(factor)})),
@@ -177,8 +180,8 @@ def test_a_reading_is_held_to_the_same_facts(target, factor):
         assert impossible_reading(declared(cell, recording)) == impossible_input(cell, recording)
 
 
-def test_joints_of_a_reading_are_held_to_their_limits():
-    """Ten times as far they are beyond them, as the recording would be."""
+def test_joints_of_reading_have_same_limits():
+    """Joints ten times too large are beyond their limits in a reading as in a recording."""
     made = simulate(Scenario(samples=5, joints=True), 0)
     far = with_joints(made.recording, "eye", 10.0)
     assert impossible_reading(declared(made.cell, far)) == impossible_input(made.cell, far) != ()
@@ -195,6 +198,6 @@ def test_joints_of_a_reading_are_held_to_their_limits():
         (21e3, "another unit", "State lengths in metres."),
     ],
 )
-def test_units_are_those_in_which_a_length_is_usual(length, unit, advice):
-    """Of up to 2.5 m here; beyond 20 m of millimetres none is likely."""
+def test_likely_unit_depends_on_usual_length(length, unit, advice):
+    """The likely unit is one in which the length is usual, here up to 2.5 m; beyond 20 m of millimetres none is."""
     assert likely_unit(length, 2.5) == (unit, advice)

@@ -1,4 +1,4 @@
-"""Rare mix-ups are each undone by their hypothesis, and named where nothing usual explains the data."""
+"""Tests of the rare hypotheses: each undoes its mix-up, and is named if no usual one explains the data."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def rotations(recording, robot="hand"):
 
 
 def reread(hypothesis, recording, robot="hand"):
-    """Rotations of a robot as a hypothesis has them."""
+    """Rotations of a robot under a hypothesis."""
     return hypothesis.reread(declared(MADE.cell, recording)).tracks[robot].pose.rotation
 
 
@@ -60,9 +60,11 @@ def read_as(recording, listed, read):
     return with_robots(recording, {"hand": of})
 
 
-def test_how_many_there_are():
-    """Of each stream the reverse order, two by name and shifts by 3 to 5 both ways; of each subset of arms 43 lists,
-    and inches for millimetres and for metres; of the target the world instead of an arm.
+def test_number_of_rare_hypotheses():
+    """Numbers of rare hypotheses by code.
+
+    Each stream has the reverse order, two orders by name and shifts by 3 to 5 both ways. Each subset of arms has 43
+    angle lists, and inches for millimetres and for metres; the target may be on the world instead of an arm.
     """
     assert Counter(h.code for h in rare_hypotheses(declared(MADE.cell, MADE.recording))) == {
         "pairing-shifted": 3 * (1 + 2 + 6), "matrix-transposed": 3, "euler-order": 3 * (5 + 10 * 3 + 4 * 2),
@@ -75,8 +77,11 @@ def test_how_many_there_are():
     }  # fmt: skip
 
 
-def test_arms_of_as_many_joints_may_be_exchanged_in_a_session():
-    """In each of two sessions, or where they stood still; arms of five and six joints, or of one session, cannot."""
+def test_arms_with_equal_joint_counts_may_be_exchanged():
+    """Arms with equal joint counts may be exchanged in either of two sessions, or where they stood still.
+
+    Arms of five and six joints, or of a single session, cannot.
+    """
     made = simulate(Scenario(samples=24, arms="halves", joints=True), 1)
     given = declared(made.cell, made.recording)
     hand = replace(given.tracks["hand"], joints=given.tracks["hand"].joints[:, :5])
@@ -106,8 +111,8 @@ def _wrong_halves(kind):
     ("session", "The arms eye and hand are exchanged in samples 12 to 23"),
     ("places", "The places where eye (samples 12 to 23) and hand (samples 0 to 11) stood still are exchanged"),
 ])  # fmt: skip
-def test_arms_exchanged_in_one_session_are_named_and_fixed(kind, words):
-    """Of two in which an arm stood still; the fix brings back the poses as they were."""
+def test_exchanged_session_is_named_and_fixed(kind, words):
+    """Arms exchanged in one of two sessions with an arm at rest are named, and the fix restores the poses."""
     recording = _wrong_halves(kind)
     found = calibrate(HALVES.cell, recording)
     assert [(each.code, each.what) for each in found.findings if each.severity == "error"] == [
@@ -122,8 +127,11 @@ def test_arms_exchanged_in_one_session_are_named_and_fixed(kind, words):
 
 
 @pytest.mark.slow
-def test_places_exchanged_where_one_session_fits_inverted_poses(tmp_path, monkeypatch):
-    """A draw whose longer session fits inverted poses of one arm as well, and whose shorter one does not."""
+def test_exchanged_places_with_inverted_pose_rival(tmp_path, monkeypatch):
+    """Exchanged places are named, though the longer session fits inverted poses of one arm equally well.
+
+    The shorter session does not.
+    """
     monkeypatch.chdir(tmp_path)
     for command in ros_sessions(tmp_path, 9).commands[:-1]:
         assert main(shlex.split(command)[1:]) == 0
@@ -142,8 +150,8 @@ def test_places_exchanged_where_one_session_fits_inverted_poses(tmp_path, monkey
 @pytest.mark.parametrize(("listed", "read", "count"), [
     ("xyz", "XYZ", 1), ("XYZ", "xyz", 1), ("XYZ", "ZYX", 1), ("ZYX", "XYZ", 1), ("ZYX", "xyz", 1),
 ])  # fmt: skip
-def test_angles_read_in_another_order_are_undone(listed, read, count):
-    """By the one hypothesis that says so, also where each order is the other one backwards."""
+def test_euler_orders_are_undone(listed, read, count):
+    """Angles read in another order are undone by exactly one hypothesis, also if the orders are reverses."""
     mixed = read_as(MADE.recording, listed, read)
     back = [h for h in hypotheses(MADE, "euler-order") if h.about == ("hand",)]
     undone = [h for h in back if np.allclose(reread(h, mixed), rotations(MADE.recording))]
@@ -152,8 +160,11 @@ def test_angles_read_in_another_order_are_undone(listed, read, count):
 
 
 @pytest.mark.parametrize(("listed", "read"), [("", "xyz"), ("", "XYZ"), ("ZYZ", "xyz"), ("xyz", "ZYZ")])
-def test_numbers_beyond_a_quarter_turn_read_as_angles_are_undone(listed, read):
-    """Of the two lists of angles that give a rotation either may be meant: each is the choice of a hypothesis."""
+def test_large_angles_read_as_other_lists_are_undone(listed, read):
+    """Rotations beyond a quarter turn that were read as other angles are undone.
+
+    A rotation has two lists of angles; each choice is one hypothesis.
+    """
     mixed = read_as(MADE.recording, listed, read)
     true, right = rotations(MADE.recording), np.zeros(20, dtype=bool)
     for h in hypotheses(MADE, "euler-order"):
@@ -163,7 +174,7 @@ def test_numbers_beyond_a_quarter_turn_read_as_angles_are_undone(listed, read):
 
 
 def test_transposed_matrices_are_undone():
-    """Rotations alone; the places stay."""
+    """Transposed rotations are undone, and translations stay."""
     mixed = with_robots(
         MADE.recording, {"hand": lambda poses: SE3(np.swapaxes(poses.rotation, -1, -2), poses.translation)}
     )
@@ -178,8 +189,8 @@ def test_transposed_matrices_are_undone():
     (turned_round(MADE.recording, "hand"), "pairing-shifted", "What hand recorded is in reverse order"),
     (read_as(MADE.recording, "xyz", "XYZ"), "euler-order", "angles about moving axes x, y, z (Staubli)"),
 ])  # fmt: skip
-def test_calibrate_names_them(mixed, code, words):
-    """Refused, by an error that says what is so; a clean recording knows nothing of it."""
+def test_calibrate_names_rare_mix_ups(mixed, code, words):
+    """`calibrate` refuses a rare mix-up with an error that names it; a clean recording gets no such finding."""
     found = calibrate(MADE.cell, mixed)
     assert found.verdict == "refused"
     assert [f.code for f in found.findings if f.severity == "error"] == [code]
@@ -189,7 +200,10 @@ def test_calibrate_names_them(mixed, code, words):
 
 @pytest.mark.parametrize("robots", [("hand",), ("eye", "hand")])
 def test_radians_read_as_degrees_are_undone(robots):
-    """Rolls, pitches and yaws, where no flange turns far from its base's axes; of arms in order there are none."""
+    """Roll, pitch and yaw read as degrees are undone if no flange rotates far from its base's axes.
+
+    Correct arms have no such hypothesis.
+    """
     assert hypotheses(MADE, "angle-unit") == []
 
     def as_degrees(poses):
@@ -202,8 +216,8 @@ def test_radians_read_as_degrees_are_undone(robots):
         assert any(np.allclose(reread(each, mixed, robot), rotations(MADE.recording, robot)) for each in found)
 
 
-def test_what_is_stated_inverted_is_undone():
-    """A base and both mounts, where they are stated; nothing is said of what is free."""
+def test_inverted_stated_transforms_are_undone():
+    """A stated base and both stated mounts may be inverted; free transforms have no such hypothesis."""
     known = simulate(Scenario(samples=5, base="fixed", camera_mount="prior", target_mount="fixed"), 1)
     found = hypotheses(known, "transform-inverted")
     assert {h.about[0] for h in found} == set(known.cell.transforms)
@@ -216,8 +230,8 @@ def test_what_is_stated_inverted_is_undone():
         np.testing.assert_array_equal(reading.problem.unknowns[name].mean.matrix, once.transforms[name].mean.matrix)
 
 
-def test_pixels_are_exchanged():
-    """Of every view, and twice is as it was."""
+def test_exchanged_pixel_axes_are_undone():
+    """The hypothesis exchanges u and v of every view."""
     (swap,) = hypotheses(MADE, "pixels-swapped")
     given = declared(MADE.cell, MADE.recording)
     (before,), (once,) = given.problem.groups, swap.reread(given).problem.groups
@@ -225,8 +239,11 @@ def test_pixels_are_exchanged():
 
 
 @pytest.mark.parametrize("listing", ["xyz", "XYZ", "ZYX", "ZYZ", ""])
-def test_two_lists_of_numbers_give_one_rotation(listing):
-    """The usual one first; of angles within half a turn, of a rotation vector the other is the long way round."""
+def test_rotation_has_two_number_triples(listing):
+    """Two number triples give one rotation, the usual one first.
+
+    Angles are within half a turn; the second rotation vector is the long way round.
+    """
     turns = Rotation.random(9, random_state=0)
     found = _number_triples(turns.as_matrix(), listing)
     assert found.shape == (9, 2, 3)
@@ -241,14 +258,14 @@ def test_two_lists_of_numbers_give_one_rotation(listing):
         np.testing.assert_allclose(np.linalg.norm(found, axis=-1).sum(1), 2 * np.pi)
 
 
-def test_no_turn_has_a_vector():
-    """Of no length, both ways."""
+def test_identity_has_zero_rotation_vector():
+    """Both rotation vectors of the identity have zero length."""
     np.testing.assert_array_equal(_number_triples(np.eye(3)[None], ""), 0.0)
 
 
 @pytest.mark.parametrize("home", [(0.3, -0.2, 0.4), (3.1, 0.2, -3.1)])
-def test_lists_are_chosen_whose_rotations_lie_together(home):
-    """About a home, also where angles go round at half a turn, whatever the first of them is."""
+def test_nearest_lists_are_chosen_about_home(home):
+    """The chosen lists give rotations near one home, also if angles wrap at half a turn, whichever list is first."""
     rng = np.random.default_rng(0)
     near = Rotation.from_rotvec(0.5 * rng.standard_normal((30, 3))) * Rotation.from_euler("xyz", home)
     far = Rotation.random(30, random_state=rng)
@@ -259,8 +276,8 @@ def test_lists_are_chosen_whose_rotations_lie_together(home):
     assert np.count_nonzero(chosen != second) <= 2  # some of the others are near by chance
 
 
-def test_rotations_that_turn_far_about_their_home_are_relisted():
-    """Roll, pitch and yaw read as a rotation vector: lists that are near mislead, rotations that are near do not."""
+def test_far_rotations_are_reinterpreted_by_rotation_distance():
+    """Roll, pitch and yaw read as a rotation vector are undone by near rotations; near number lists would mislead."""
     rng = np.random.default_rng(3)
     turns = Rotation.random(random_state=rng) * Rotation.from_rotvec(0.6 * rng.standard_normal((40, 3)))
     read = Rotation.from_rotvec(turns.as_euler("xyz"))
@@ -269,15 +286,18 @@ def test_rotations_that_turn_far_about_their_home_are_relisted():
     assert np.count_nonzero(off > 1e-6) <= 2
 
 
-def test_the_shorter_list_has_the_lesser_sum_of_squares():
-    """Of each rotation by itself."""
+def test_shorter_list_has_smaller_sum_of_squares():
+    """The shorter list of each rotation has the smaller sum of squares."""
     numbers = np.array([[[1.0, 1, 1], [0, 0, 1.5]], [[0, 0, 1], [1, 1, 1]]])
     np.testing.assert_array_equal(_choose_shorter(numbers, np.zeros((2, 2, 3, 3))), [1, 0])
 
 
 @pytest.mark.parametrize(("samples", "shifts"), [(9, []), (12, [3]), (20, [3, 4, 5]), (60, [3, 4, 5, 6])])
-def test_streams_are_shifted_by_up_to_six_samples(samples, shifts):
-    """Both ways, by less than a third of the recording; each goes by the order of all samples."""
+def test_order_hypotheses_shift_up_to_six_samples(samples, shifts):
+    """Streams are shifted by up to six samples both ways, by less than a third of the recording.
+
+    Each hypothesis depends on the order of all samples.
+    """
     for stream, who in ((None, "what the cameras saw"), ("hand", "what hand recorded")):
         turned, *others = _order_hypotheses([stream], samples)
         by_name = others[: 2 * (samples > 10)]
@@ -291,8 +311,8 @@ def test_streams_are_shifted_by_up_to_six_samples(samples, shifts):
 
 
 @pytest.mark.parametrize(("turn_rad", "small"), [(0.109, True), (0.110, False)])
-def test_angles_that_may_be_radians_are_below_two_pi_degrees(turn_rad, small):
-    """Three angles of half a turn each, read as degrees, are no longer than that: 0.1097 rad."""
+def test_angle_unit_needs_small_rotations(turn_rad, small):
+    """Rotations read as degrees that may be radians are at most 0.1097 rad: three angles of half a turn each."""
     turns = [[0.0, turn_rad, 0.0]] * 19 + [[0.0, 0.0, 0.0]]
     recording = with_robots(MADE.recording, {"hand": lambda poses: SE3.from_rotvec(turns, poses.translation)})
     reading = declared(MADE.cell, recording)
@@ -301,8 +321,8 @@ def test_angles_that_may_be_radians_are_below_two_pi_degrees(turn_rad, small):
     assert found == ([("hand",)] * 2 if small else [])
 
 
-def test_a_mean_of_what_is_free_is_not_stated():
-    """A value to start from may be anything."""
+def test_free_mean_is_not_stated_transform():
+    """The mean of a free transform is only an initial value, so no inversion hypothesis is made of it."""
     known = simulate(Scenario(samples=2, base="fixed", camera_mount="fixed", target_mount="fixed"), 1).cell
     ((name, base),) = known.bases.items()
     cell = replace(known, bases={name: Unknown("free", base.mean)})
@@ -312,8 +332,8 @@ def test_a_mean_of_what_is_free_is_not_stated():
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_rows_sorted_as_text_are_put_in_order(first):
-    """By the hypothesis that names that order: 1, 10, 11, 12, 2."""
+def test_rows_sorted_as_text_are_reordered(first):
+    """Rows sorted as text (1, 10, 11, 12, 2) are restored by the hypothesis that names this order."""
     made = simulate(Scenario(samples=13), 3)
     order = [int(text) - first for text in sorted(map(str, range(first, first + 13)))]
     samples = made.recording.samples
@@ -339,8 +359,8 @@ def test_rows_sorted_as_text_are_put_in_order(first):
         ("z with the wrong sign", [[1, 0, 0], [0, 1, 0], [0, 0, -1]]),
     ],
 )
-def test_axes_of_positions_are_put_right(words, read):
-    """Exchanged axes and wrong signs are undone, rotations stay."""
+def test_position_axes_are_undone(words, read):
+    """Exchanged axes and wrong signs of positions are undone, and rotations stay."""
     swapped = with_robots(MADE.recording, {"hand": lambda p: SE3(p.rotation, p.translation @ np.array(read))})
     known = [h for h in hypotheses(MADE, "position-axes") if h.about == ("hand",)]
     (hypothesis,) = (each for each in known if words in each.words)
@@ -350,7 +370,7 @@ def test_axes_of_positions_are_put_right(words, read):
 
 
 def track(*stand):
-    """A robot at these stops; -1 for a sample without its state."""
+    """A track of a robot at these stops; -1 for a sample without its state."""
     stand = np.array(stand)
     return Track(stand >= 0, SE3.identity((len(stand),)), None, stand, True)
 
@@ -369,13 +389,16 @@ def track(*stand):
     ],
 )
 def test_sessions_at_rest_are_runs_of_one_stop(stand, runs):
-    """They have five samples and a tenth of all at least, and not all of them; their numbers are the samples'."""
+    """A session at rest is a run of one stop with at least five samples and a tenth of all, but not all.
+
+    Runs contain sample numbers.
+    """
     order = 100 + np.arange(len(stand))
     assert [run.tolist() for run in _still_runs(order, track(*stand))] == [[100 + k for k in run] for run in runs]
 
 
-def test_a_target_on_the_world_is_put_on_its_arm():
-    """The reading with the arm that carries it has the same views and ends as the cell that states that arm."""
+def test_target_on_world_is_moved_to_arm():
+    """A target on the world moved to its arm gives the views and ends of a cell that states that arm."""
     told = replace(MADE.cell, targets={n: replace(t, on="world") for n, t in MADE.cell.targets.items()})
     read = declared(told, MADE.recording)
     (hypothesis,) = (h for h in rare_hypotheses(read) if h.code == "wrong-carrier")
@@ -387,13 +410,13 @@ def test_a_target_on_the_world_is_put_on_its_arm():
     )
 
 
-def test_a_target_is_on_no_carrier_of_a_camera_that_sees_it():
-    """Of two cameras, neither of the arms that carry them is proposed."""
+def test_target_is_not_on_carrier_of_its_camera():
+    """With two cameras, no target is proposed on an arm that carries a camera which sees it."""
     made = simulate(Scenario(samples=8, layout="two_cameras"), 1)
     assert not hypotheses(made, "wrong-carrier")
 
 
-def test_inches_that_were_read_as_millimetres():
+def test_inches_read_as_millimetres_are_undone():
     """Poses that are 25.4 times too small are undone."""
     small = with_robots(MADE.recording, {"hand": lambda p: SE3(p.rotation, p.translation / 25.4)})
     found = [h for h in hypotheses(MADE, "length-unit") if h.about == ("hand",) and "millimetres" in h.words]

@@ -1,4 +1,4 @@
-"""The size that a target would have to have."""
+"""Tests of the search for the size of a target."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def sizes(cell, recording):
 
 @pytest.mark.parametrize("target", ["charuco", "points3d", "pose"])
 @pytest.mark.parametrize("factor", [0.5, 0.9, 1.2, 2.0])
-def test_the_factor_is_found(target, factor):
-    """A target stated too large by a factor is found smaller by it, within a hundredth; so are poses further away."""
+def test_size_factor_is_found(target, factor):
+    """A target stated too large by a factor is found smaller by it within 1 %; likewise observed poses too far away."""
     made = simulate(Scenario(samples=15, target=target, pose_noise=(2e-4, 5e-4)), 0)
     cell, recording = made.cell, made.recording
     if target == "pose":
@@ -45,31 +45,31 @@ def test_the_factor_is_found(target, factor):
     assert found * factor == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_light_has_no_size():
-    """A single point gives no size to find."""
+def test_led_has_no_size():
+    """An LED is a single point and has no size."""
     made = simulate(Scenario(samples=15, target="led", camera_mount="fixed"), 0)
     assert sizes(made.cell, made.recording) == []
 
 
 @pytest.mark.parametrize("target", ["charuco", "points3d"])
-def test_the_right_size_is_not_searched_for_another(target):
-    """Nothing would be gained, nor by a size off by a thousandth beside noise of robots."""
+def test_correct_size_is_not_changed(target):
+    """No other size is found for a correct one, nor for one off by a thousandth with robot noise."""
     made = simulate(Scenario(samples=12, target=target), 0)
     assert sizes(made.cell, made.recording) == []
     noisy = simulate(Scenario(samples=12, target=target, robot_noise=(1e-3, 2e-3)), 0)
     assert sizes(resized(noisy.cell, {"board": 1.001}), noisy.recording) == []
 
 
-def test_a_spread_is_about_the_points_mean():
-    """Wherever a target's points are written from."""
+def test_spread_is_about_mean_of_points():
+    """The spread is about the mean of the points, wherever their origin is."""
     points = np.random.default_rng(0).normal(size=(6, 3))
     assert _spread(points + np.array([3.0, -1.0, 2.0])) == pytest.approx(_spread(points), rel=1e-12)
     assert _spread(2 * points) == pytest.approx(2 * _spread(points))
     assert _spread(np.array([[1.0, 2.0, 2.0], [-1.0, -2.0, -2.0]])) == pytest.approx(3.0)
 
 
-def test_a_size_is_told_whole_and_taken():
-    """Words to four digits, advice with the field to five."""
+def test_wording_of_size_hypothesis():
+    """A size hypothesis states the factor to four digits and the corrected field to five."""
     made = simulate(Scenario(samples=2, target="pose"), 0)
     reading = size_hypothesis("board", 1.23456, made.cell)
     assert reading.words == "board is 1.235 times as large as stated"
@@ -81,11 +81,11 @@ def test_a_size_is_told_whole_and_taken():
 
 
 def steps(monkeypatch, gain, sizes_left, spread=None, costs=(1.0,)):
-    """The factor by steps that go so far, one after the other; the logarithms at which they were taken."""
+    """The best factor with steps of these lengths, and the logarithms at which the steps were taken."""
     taken = []
 
     def step(reading, name, log, state):
-        """The next of them."""
+        """The next of the steps."""
         k = len(taken)
         taken.append(log)
         return _Step(costs[min(k, len(costs) - 1)], gain, sizes_left[min(k, len(sizes_left) - 1)], state)
@@ -96,8 +96,11 @@ def steps(monkeypatch, gain, sizes_left, spread=None, costs=(1.0,)):
 
 
 @pytest.mark.parametrize(("gain", "is_found"), [(0.24, False), (0.26, True)])
-def test_a_quarter_of_the_squares_is_worth_a_search(monkeypatch, gain, is_found):
-    """By the first step alone; of points in space the size of their spread has to gain as much."""
+def test_size_search_needs_quarter_of_squares(monkeypatch, gain, is_found):
+    """The size search needs a gain of a quarter of the squares in its first step.
+
+    The spread of points in space must gain as much.
+    """
     found, taken = steps(monkeypatch, gain, [0.2, 0.0])
     assert (found is not None) == is_found
     assert len(taken) == (2 if is_found else 1)
@@ -106,8 +109,8 @@ def test_a_quarter_of_the_squares_is_worth_a_search(monkeypatch, gain, is_found)
     np.testing.assert_allclose(taken, [0.0, np.log(1.5)])
 
 
-def test_steps_go_on_until_the_size_has_settled(monkeypatch):
-    """Each from where the last ended, ten at most after the first."""
+def test_size_steps_end_at_convergence(monkeypatch):
+    """Steps continue from the last size until it converges, at most ten after the first."""
     found, taken = steps(monkeypatch, 1.0, [0.2, 0.1, -1e-6])
     assert found == pytest.approx(np.exp(0.3))
     np.testing.assert_allclose(taken, [0.0, 0.2, 0.3])
@@ -115,7 +118,9 @@ def test_steps_go_on_until_the_size_has_settled(monkeypatch):
 
 
 @pytest.mark.parametrize("error", [BasecalError("no"), np.linalg.LinAlgError()])
-def test_a_size_that_cannot_be_solved_for_is_none(monkeypatch, error):
+def test_failed_size_step_gives_no_hypothesis(monkeypatch, error):
+    """A target whose size step fails gets no size hypothesis."""
+
     def fails(*given):
         raise error
 
@@ -125,8 +130,8 @@ def test_a_size_that_cannot_be_solved_for_is_none(monkeypatch, error):
     assert size_hypotheses(SimpleNamespace(cell=cell, problem=problem), None) == []
 
 
-def test_a_light_has_no_step():
-    """Its optimum is at hand, with nothing to gain."""
+def test_led_has_no_size_step():
+    """An LED has no size to gain: its step is zero at the optimum."""
     made = simulate(Scenario(samples=8, target="led", camera_mount="fixed", pixel_px=0.0, state_pixel_noise=False), 0)
     reading = declared(made.cell, made.recording)
     found = _step(reading, "board", 0.0, solve(made.cell, made.recording).state)
@@ -135,8 +140,8 @@ def test_a_light_has_no_step():
 
 
 @pytest.mark.parametrize(("count", "known"), [(0, False), (1, False), (2, True), (3, True)])
-def test_two_points_have_a_spread(count, known):
-    """The factor is the median over views of at least two points, of the named target."""
+def test_spread_factor_needs_two_points(count, known):
+    """The spread factor is the median over views with at least two points of the named target."""
     made = simulate(Scenario(samples=3, target="points3d"), 0)
     reading = declared(made.cell, made.recording)
     (group,) = reading.problem.groups

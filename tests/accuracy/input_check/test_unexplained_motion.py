@@ -1,4 +1,4 @@
-"""What of the targets' motion the robots leave unexplained, and when that is hopeless."""
+"""Tests of the share of target motion that robot poses leave unexplained, and of its limits."""
 
 from __future__ import annotations
 
@@ -38,14 +38,17 @@ def reordered(order):
     return replace(MADE.recording, samples=tuple(changed))
 
 
-def test_at_the_truth_only_noise_is_left():
-    """0.2 px of some hundred."""
+def test_true_state_leaves_noise_only():
+    """At the true state only noise is unexplained: 0.2 px of some hundred."""
     assert unexplained_motion(PROBLEM, TRUE) < 0.01
     assert not is_hopeless(PROBLEM, TRUE)
 
 
-def test_of_shuffled_poses_nearly_all_is_left():
-    """Whatever is fitted to them; said in words, with what to look at."""
+def test_shuffled_poses_leave_motion_unexplained():
+    """Shuffled poses leave much of the motion unexplained, whatever is fitted.
+
+    The finding states the share and what to check.
+    """
     mixed = solve(MADE.cell, reordered(np.random.default_rng(0).permutation(16)))
     share = unexplained_motion(mixed.problem, mixed.state)
     assert 0.3 < share <= 1.0
@@ -56,15 +59,18 @@ def test_of_shuffled_poses_nearly_all_is_left():
 
 
 @pytest.mark.slow
-def test_such_a_recording_is_refused_in_these_words_alone():
-    """No unobservable direction, no solver that did not converge: the poses are of other samples."""
+def test_shuffled_recording_is_refused_as_poor_fit():
+    """A shuffled recording is refused with "poor-fit" alone.
+
+    No unobservable direction and no failed convergence are reported: the poses are of other samples.
+    """
     found = calibrate(MADE.cell, reordered(np.random.default_rng(0).permutation(16)))
     assert found.verdict == "refused"
     assert [f.code for f in found.findings if f.severity != "info"] == ["poor-fit"]
 
 
-def test_clocks_that_were_searched_are_named_with_their_reach():
-    """Those of devices: a camera's line time is none."""
+def test_searched_clocks_are_named_with_their_range():
+    """Searched device clocks are named with their range; the line time of a camera is not one."""
     problem, _ = build_problem(MADE.cell, MADE.recording)
     state = State(MADE.truth, MADE.cameras, np.zeros((len(problem.stops), 6)))
     assert "one instant" in hopeless_finding(problem, state).do[0]
@@ -72,8 +78,11 @@ def test_clocks_that_were_searched_are_named_with_their_reach():
     assert first.startswith("If the clock of wrist is off by more than 1 s, state `clock: {status: free")
 
 
-def test_arms_that_record_joints_are_told_to_check_these():
-    """Their poses are computed, so a wrong direction or length of a pose is no cause."""
+def test_joint_robots_get_joint_advice():
+    """Arms that record joints are advised to check URDF, units and signs.
+
+    Their poses are computed, so a wrong direction or length of a pose is no cause.
+    """
     made = simulate(Scenario(samples=6, joints=True), 0)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
@@ -84,15 +93,15 @@ def test_arms_that_record_joints_are_told_to_check_these():
     assert "base_from_flange in metres" in hopeless_finding(problem, state).do[1]
 
 
-def test_the_better_half_counts():
-    """Of 16 views 7 are far off: the others are explained."""
+def test_best_half_of_views_counts():
+    """With 7 of 16 views far off, the others are explained: the best half counts."""
     order = [*np.roll(range(7), 3), *range(7, 16)]
     problem, _ = build_problem(MADE.cell, reordered(order))
     assert not is_hopeless(problem, TRUE)
 
 
-def test_many_views_of_one_stop_count_once():
-    """Nine copies of one view, beside which the others move, are no target that stands still."""
+def test_views_of_one_stop_count_once():
+    """Nine copies of one view count once, so the motion of the other views is not hidden."""
     samples = MADE.recording.samples
     many = Recording(tuple(replace(samples[max(k - 9, 0)], sample=k) for k in range(18)))
     problem, _ = build_problem(MADE.cell, many)
@@ -106,8 +115,8 @@ def _first(count):
     return problem, TRUE
 
 
-def test_what_hardly_moves_says_nothing():
-    """Copies of one view: noise is all of their motion, and nobody's fault; so it is of no views at all."""
+def test_small_motion_is_not_unexplained():
+    """Copies of one view have no unexplained motion: all of it is noise. Without views the share is zero, too."""
     samples = MADE.recording.samples
     same = Recording(tuple(replace(samples[0], sample=k) for k in range(6)))
     problem, _ = build_problem(MADE.cell, same)
@@ -130,7 +139,10 @@ def through_a_long_lens(off_px, count=16):
 
 @pytest.mark.parametrize(("off_px", "lost"), [(0.0, False), (49.0, False), (51.0, True)])
 def test_residuals_of_fifty_pixels_are_hopeless(off_px, lost):
-    """However far the target moves in the images, and told in pixels then; four stops are too few to say so."""
+    """Residuals above 50 px are hopeless however far the target moves, and are reported in pixels.
+
+    Four stops are too few for this limit.
+    """
     problem, state = through_a_long_lens(off_px)
     assert unexplained_motion(problem, state) < 0.2
     assert is_hopeless(problem, state) == lost
@@ -141,14 +153,14 @@ def test_residuals_of_fifty_pixels_are_hopeless(off_px, lost):
 
 
 def looks(off, moved, in_pixels=True, stands=None):
-    """A group of views, each of a stop of its own unless told."""
+    """A group of views, each of its own stop by default."""
     rows = range(len(off)) if stands is None else stands
     ends = [end(stop_number=stand) for stand in (np.array(rows), np.array(rows) % 2)]
     return Group(ends, np.array(off), np.array(moved), in_pixels)
 
 
 class Group:
-    """Views of stops, which are off and move by so much."""
+    """Views of stops with the given errors and motion."""
 
     def __init__(self, ends, off, moved, in_pixels):
         self.ends = ends
@@ -166,7 +178,7 @@ class Group:
 
 @pytest.fixture
 def by_number(monkeypatch):
-    """Groups of `looks` say themselves how far they are off, and how far they move."""
+    """Makes groups of `looks` state their own errors and motion."""
     monkeypatch.setattr(module, "view_errors", lambda problem, group, state: group.off)
     monkeypatch.setattr(module, "view_deviations", lambda measurement: measurement.moved)
     monkeypatch.setattr(module, "trimmed_rms", lambda off, share: float(np.sqrt(np.mean(off**2))))
@@ -177,8 +189,11 @@ def share_of(*groups):
     return unexplained_motion(SimpleNamespace(groups=groups), None)
 
 
-def test_the_share_is_of_what_is_left_in_what_moves(by_number):
-    """Over all groups' stops, one view each; at most all of it, and none where hardly anything moves."""
+def test_share_is_unexplained_over_total_motion(by_number):
+    """The share is unexplained over total motion of all groups, one view per stop.
+
+    It is at most one, and zero if hardly anything moves.
+    """
     one, two = looks([0.3, 0.4], [1.0, 2.0]), looks([0.1, 9.0, 0.5], [2.0, 9.0, 4.0], stands=[1, 1, 2])
     expected = np.sqrt((0.09 + 0.16 + 0.01 + 0.25) / (1 + 4 + 4 + 16))
     assert share_of(one, looks([], []), two) == pytest.approx(expected)
@@ -189,8 +204,8 @@ def test_the_share_is_of_what_is_left_in_what_moves(by_number):
 
 
 @pytest.mark.parametrize(("stops", "px"), [(4, 0.0), (5, 60.0)])
-def test_residuals_in_images_are_of_five_stops_and_more(by_number, stops, px):
-    """In pixels, one view a stop; what is seen otherwise does not count."""
+def test_pixel_residual_needs_five_stops(by_number, stops, px):
+    """The pixel residual needs five stops and counts one view per stop; other measurements do not count."""
     pixels = looks([0.06] * stops + [9.0], [1.0] * (stops + 1), stands=[*range(stops), 0])
     groups = [looks([], []), pixels, looks([5.0] * 9, [1.0] * 9, in_pixels=False)]
     assert module._residual_px(SimpleNamespace(groups=groups), None) == pytest.approx(px)
@@ -200,8 +215,8 @@ def test_residuals_in_images_are_of_five_stops_and_more(by_number, stops, px):
     ("share", "left_px", "said"),
     [(0.19, 49.0, None), (0.21, 0.0, "21 % of it."), (0.19, 51.0, "residuals of 51 px")],
 )
-def test_hopeless_is_a_fifth_of_the_motion_or_fifty_pixels(monkeypatch, share, left_px, said):
-    """Either is told."""
+def test_hopeless_limits_are_fifth_of_motion_or_fifty_pixels(monkeypatch, share, left_px, said):
+    """A fit is hopeless above a fifth of the motion or 50 px; the finding reports the one exceeded."""
     monkeypatch.setattr(module, "unexplained_motion", lambda problem, state: share)
     monkeypatch.setattr(module, "_residual_px", lambda problem, state: left_px)
     assert is_hopeless(None, None) == (said is not None)
@@ -212,8 +227,11 @@ def test_hopeless_is_a_fifth_of_the_motion_or_fifty_pixels(monkeypatch, share, l
 ARMS = Scenario(samples=16, joints=True, joint_offset_rad=np.radians(8.0))
 
 
-def test_offsets_of_degrees_are_named():
-    """Of each arm the largest that is seen, as it is to a degree or two; the entry has a prior that holds them."""
+def test_joint_offsets_of_degrees_are_named():
+    """The largest visible joint offset of each arm is named to a degree or two.
+
+    The advised entry has a prior that covers it.
+    """
     made = simulate(ARMS, 1)
     solution = solve(made.cell, made.recording)
     assert is_hopeless(solution.problem, solution.state)
@@ -228,8 +246,8 @@ def test_offsets_of_degrees_are_named():
     assert "`joint_offsets: {status: prior, sigma_rad: 0." in found.do[0]
 
 
-def test_offsets_do_not_explain_views_of_other_samples():
-    """Whatever is fitted to them; nor is anything said of robots that record poses."""
+def test_joint_offsets_do_not_explain_wrong_samples():
+    """Joint offsets do not explain views of other samples; robots that record poses get no such finding."""
     for joints in (True, False):
         made = simulate(replace(ARMS, joints=joints, joint_offset_rad=0.0), 0)
         samples = made.recording.samples

@@ -1,4 +1,4 @@
-"""How far views are off, and how far they move, whatever shows them."""
+"""Tests of view errors and view deviations, for all kinds of measurements."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
-def test_poses_are_off_by_angle_and_length_over_distance():
-    """Over all six numbers: a third of a radian, and a metre at two metres."""
+def test_pose_errors_are_angle_and_relative_length():
+    """Pose errors are angles and lengths over distance, over six numbers: a third of a radian, and 1 m at 2 m."""
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
     (group,) = problem.groups
     far = SE3.exp(np.array([[0, 0, 2.0, 0, 0, 0]] * 3))
@@ -33,7 +33,7 @@ def test_poses_are_off_by_angle_and_length_over_distance():
 
 
 def of_views(target, change):
-    """Distances at the truth of a recording without noise, whose measurement is changed."""
+    """View errors at the true state of a noise-free recording with a changed measurement."""
     made = simulate(Scenario(samples=4, target=target, pixel_px=0.0, point_m=0.0, state_pixel_noise=False), 0)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -42,8 +42,8 @@ def of_views(target, change):
     return view_errors(problem, replace(group, measurement=measurement), state), group.reach_m
 
 
-def test_pixels_are_off_by_milliradians():
-    """Corners of a view 3 px right and 4 px down are off by 5 / sqrt(2) thousandths; those not seen do not count."""
+def test_pixel_errors_are_in_milliradians():
+    """Corners 3 px right and 4 px down are off by 5 / sqrt(2) thousandths; unseen ones do not count."""
 
     def change(of):
         pixels, seen = of.pixels.copy(), of.seen.copy()
@@ -55,8 +55,8 @@ def test_pixels_are_off_by_milliradians():
     np.testing.assert_allclose(of_views("charuco", change)[0], [0, 5e-3 / np.sqrt(2), 0, 0], atol=1e-9)
 
 
-def test_3d_points_are_off_over_the_reach_of_arms():
-    """Points of a view 3 cm off: a third of the square each coordinate, over how far flanges are, not points."""
+def test_point_errors_are_relative_to_reach():
+    """3-D points 3 cm off are divided by sqrt(3) and by the reach of the flanges, not the points' distance."""
 
     def change(of):
         points, seen = of.points_in_camera.copy(), of.seen.copy()
@@ -70,8 +70,8 @@ def test_3d_points_are_off_over_the_reach_of_arms():
     assert off[1] == pytest.approx(0.03 / np.sqrt(3) / reach, rel=1e-9)
 
 
-def test_robots_are_taken_as_recorded():
-    """The errors of stops that explain a view count against a hypothesis."""
+def test_stop_errors_do_not_reduce_view_errors():
+    """View errors use robot poses as recorded: stop errors that explain a view count against a hypothesis."""
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6), stop_sigma=np.full(6, 0.1))
     shifted = replace(state, stop_errors=np.ones((2, 6)))
     np.testing.assert_array_equal(
@@ -80,15 +80,18 @@ def test_robots_are_taken_as_recorded():
 
 
 def measured(target, change):
-    """The first three views of a recording without noise, all equal but for what is changed."""
+    """Three equal views of a noise-free recording, with a changed measurement."""
     made = simulate(Scenario(samples=4, target=target, pixel_px=0.0, point_m=0.0, state_pixel_noise=False), 0)
     (group,) = build_problem(made.cell, made.recording)[0].groups
     views = group.take(np.array([0, 0, 0]))
     return replace(views, measurement=change(views.measurement))
 
 
-def test_pixels_move_from_their_median():
-    """One view of three 6 px aside; a point that one view does not see has the median of the others."""
+def test_pixel_deviation_is_from_median():
+    """Pixels deviate from their median: one view of three is 6 px aside.
+
+    A point unseen in one view has the median of the others.
+    """
 
     def change(of):
         pixels, seen = of.pixels.copy(), of.seen.copy()
@@ -106,8 +109,11 @@ def test_pixels_move_from_their_median():
     assert others < expected + 1e-9
 
 
-def test_points_move_over_the_reach_and_poses_over_their_distance():
-    """0.3 m aside: of three coordinates or six numbers; poses by their angles too."""
+def test_deviations_of_points_and_poses_are_relative():
+    """Points 0.3 m aside deviate relative to the reach, poses relative to their distance.
+
+    Poses also by their angles.
+    """
 
     def change(of):
         points = of.points_in_camera.copy()
@@ -123,14 +129,17 @@ def test_points_move_over_the_reach_and_poses_over_their_distance():
 
 
 def views_of(problem, camera_from_target):
-    """The views of a problem of poses, seen at these."""
+    """The views of a problem of poses, with these observations."""
     (group,) = problem.groups
     measurement = replace(group.measurement, measured_camera_from_target=camera_from_target)
     return replace(group, measurement=measurement)
 
 
-def test_most_of_four_poses_tell_where_the_target_stands():
-    """Coordinate by coordinate: one off by 0.3 m and one by 0.4 rad move the others by nothing."""
+def test_deviation_uses_median_pose():
+    """Deviations are from the median of each coordinate.
+
+    A view 0.3 m off and one with another angle do not affect the rest.
+    """
     problem, _ = pose_problem(np.zeros((5, 6)), np.ones(6))
     seen = np.tile([0.1, 0.2, 2.0, 0, 0, 0], (5, 1))
     seen[1, 0] += 0.3
@@ -141,8 +150,8 @@ def test_most_of_four_poses_tell_where_the_target_stands():
     np.testing.assert_allclose(view_deviations(poses), expected, atol=1.5e-4)
 
 
-def test_a_view_of_one_point_counts_that_point():
-    """By its own coordinates, and one of none is not off at all."""
+def test_view_of_one_point_counts_its_coordinates():
+    """A view of one point counts its own coordinates only, and a view without points has zero error."""
 
     def change(of):
         pixels, seen = of.pixels.copy(), np.zeros_like(of.seen)
@@ -154,7 +163,7 @@ def test_a_view_of_one_point_counts_that_point():
     np.testing.assert_allclose(of_views("charuco", change)[0], [5e-3 / np.sqrt(2), 0, 0, 0], atol=1e-9)
 
 
-def test_other_measurements_are_not_known():
-    """What is neither pixels nor poses nor points has no place."""
+def test_unknown_measurement_is_input_error():
+    """A measurement that is neither pixels, poses nor points raises an InputError."""
     with pytest.raises(InputError, match="expected pixels, poses or points"):
         view_deviations(SimpleNamespace(measurement=object()))
