@@ -1,4 +1,4 @@
-"""Evidence that says only what a check asks of it."""
+"""Fixture of evidence with only the fields that checks read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 
 def stand_in(**changed):
-    """Evidence of a good answer about the base of `hand`, but for what is changed."""
+    """Evidence of a good answer about the base of `hand`, except for the changed fields."""
     usual = {
         "cell": SimpleNamespace(requested_transforms=["base"]),
         "settings": SimpleNamespace(robot_noise="estimated"),
@@ -40,7 +40,7 @@ def stand_in(**changed):
 
 @pytest.fixture
 def evidence():
-    """Makes evidence, with `solution` changed field by field."""
+    """Factory of evidence, with `solution` changed field by field."""
 
     def make(solution=None, **changed):
         made = stand_in(**changed)

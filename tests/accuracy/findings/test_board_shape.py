@@ -1,4 +1,4 @@
-"""`board-shape`: a board that is not as flat as stated, points in space that are off."""
+"""Tests of the finding `board-shape`: boards that are not flat as stated, and points in space that are off."""
 
 from __future__ import annotations
 
@@ -26,27 +26,33 @@ def made(evidence, bow, sigma=0.1):
     ("bow", "severity"),
     [((0.3, 0.0, 0.3), None), ((1.0, 0.0, 0.5), "info"), ((0.0, 2.9, 0.0), "info"), ((0.0, 3.1, 0.0), "warning")],
 )
-def test_a_bow_beyond_chance_is_told(evidence, bow, severity):
-    """Nothing within four sigmas; an info of what prints are, a warning beyond."""
+def test_bow_beyond_chance_is_reported(evidence, bow, severity):
+    """A bow beyond chance is an info up to the size of usual prints, and a warning above three sigmas."""
     told = board_shape(made(evidence, bow))
     assert [f.severity for f in told] == ([] if severity is None else [severity])
 
 
-def test_the_height_is_in_the_message(evidence):
-    """A twist of one sigma lifts corners by 0.3 % of the half size times their u v: 0.36 mm here."""
+def test_bow_height_is_in_message(evidence):
+    """The message contains the height of the bow.
+
+    A twist of one sigma lifts corners by 0.3 % of the half size times their u v: 0.36 mm here.
+    """
     (found,) = board_shape(made(evidence, (0.0, 1.0, 0.0)))
     assert "up to 0.36 mm from their plane" in found.message
     assert found.about == ("board",)
 
 
-def test_less_than_a_tenth_of_a_millimetre_is_not_worth_a_word(evidence):
-    """A bow that is known to a hundredth of its prior, and small."""
+def test_bow_below_tenth_of_millimetre_is_ignored(evidence):
+    """A bow below 0.1 mm is ignored, though it is known to a hundredth of its prior."""
     assert board_shape(made(evidence, (0.1, 0.0, 0.05), sigma=0.003)) == []
 
 
 @pytest.mark.parametrize(("times", "severity"), [(0.5, None), (1.0, "info"), (3.1, "warning")])
-def test_points_in_space_that_are_off_are_told(evidence, times, severity):
-    """Coordinates off by so many sigmas, known to 0.6 of one: chance, what bodies are made to, and more than that."""
+def test_offsets_of_points_in_space_are_reported(evidence, times, severity):
+    """Points in space that are off by several sigmas are reported.
+
+    Known to 0.6 sigma, they are chance, usual tolerance (info), or more (warning).
+    """
     shape = times * np.where(np.arange(36) % 2, 1.0, -1.0) * np.sqrt(30 / 36)
     of = evidence({"noise": SimpleNamespace(shapes={"board": (shape, 0.36 * np.eye(36))})})
     of.cell.targets = {"board": SimpleNamespace(target=BODY)}
@@ -55,8 +61,8 @@ def test_points_in_space_that_are_off_are_told(evidence, times, severity):
     assert all("Points of board are up to" in f.message for f in found)
 
 
-def test_a_target_without_points_has_no_shape(evidence):
-    """Of one that is seen only as poses nothing is told, of the next it is, in whole words."""
+def test_target_without_points_has_no_shape(evidence):
+    """A target that is seen only as poses has no shape finding; the next target gets its full message."""
     of = made(evidence, (0.0, 1.0, 0.0))
     of.solution.noise.shapes = {"posed": of.solution.noise.shapes["board"], **of.solution.noise.shapes}
     of.cell.targets["posed"] = SimpleNamespace(target=None)

@@ -1,4 +1,4 @@
-"""`dropped-sample` as a warning."""
+"""Tests of the finding `dropped-sample` as a warning."""
 
 from types import SimpleNamespace
 
@@ -16,15 +16,21 @@ def given(kept, dropped):
 
 
 @pytest.mark.parametrize(("kept", "dropped", "found"), [(9, 1, False), (8, 1, True), (18, 2, False), (17, 2, True)])
-def test_more_than_a_tenth(kept, dropped, found):
-    """Each sample counts once, however often it is told or seen."""
+def test_over_a_tenth_dropped_is_warning(kept, dropped, found):
+    """More than a tenth of dropped samples is a warning.
+
+    Each sample counts once, however often it is reported or seen.
+    """
     made = many_dropped_samples(given(kept, dropped))
     assert [f.severity for f in made] == (["warning"] if found else [])
     assert not found or made[0].message.startswith(f"{dropped} of {kept + dropped} samples could not be used")
 
 
-def test_the_reason_of_most_samples_is_told():
-    """Not that of other findings, however many they are about; nothing beside images that are too few."""
+def test_most_frequent_drop_reason_is_reported():
+    """The warning states the reason of most dropped samples, not that of other findings.
+
+    It is omitted beside "few-images".
+    """
     reasons = (
         Finding("dropped-sample", "info", ("1",), "one reason"),
         Finding("dropped-sample", "info", ("2", "3"), "another reason"),

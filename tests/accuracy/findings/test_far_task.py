@@ -1,4 +1,4 @@
-"""`far-task`: a task far from where arms were recorded."""
+"""Tests of the finding `far-task`: a task point far from the recorded robot poses."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -16,7 +16,7 @@ MADE = simulate(Scenario(samples=8), 0)
 
 
 def evidence_at(made, aside_m):
-    """Evidence of a task point so far above all flanges of both arms; without one if None."""
+    """Evidence with a task point so far above all flanges of both arms; without one if None."""
     solution = solve(made.cell, made.recording)
     flanges = solution.problem.robot_ends("eye")[0].base_from_flange.translation
     highest = flanges[np.argmax(flanges[:, 2])]
@@ -25,14 +25,20 @@ def evidence_at(made, aside_m):
 
 
 @pytest.mark.parametrize(("aside_m", "robots"), [(None, ()), (0.0, ()), (3.0, ("eye", "hand"))])
-def test_a_task_far_from_samples_is_named(aside_m, robots):
-    """With all arms whose errors there are not those of their samples; not if one was recorded there."""
+def test_far_task_names_arms(aside_m, robots):
+    """A far task names all arms whose errors there differ from those of their samples.
+
+    It names none if one was recorded there.
+    """
     assert [finding.about for finding in far_task(evidence_at(MADE, aside_m))] == ([robots] if robots else [])
 
 
 @pytest.mark.parametrize(("far", "told"), [((0.34, 2.0), False), ((2.0, 0.36), True), ((), False)])
-def test_half_the_length_of_smooth_errors_is_far(monkeypatch, far, told):
-    """Of the nearest arm; without arms of recorded poses nothing is."""
+def test_task_is_far_from_half_the_error_length(monkeypatch, far, told):
+    """A task is far from half the length scale of smooth errors on, of the nearest arm.
+
+    Without arms of recorded poses, none is.
+    """
     distances = zip(("eye", "hand"), far, strict=False)
     monkeypatch.setattr("basecal.accuracy.findings.far_task._distances", lambda evidence, point_m: distances)
     found = far_task(SimpleNamespace(settings=Settings(task_point=(0.0, 0.0, 0.0))))
@@ -41,14 +47,14 @@ def test_half_the_length_of_smooth_errors_is_far(monkeypatch, far, told):
         assert each.what == "The task point is 0.36 m from the nearest recorded flange of eye and hand."
 
 
-def test_arms_that_record_joints_are_not():
-    """What their joints and links are off by is known elsewhere, too."""
+def test_joint_robots_have_no_far_task():
+    """Arms that record joints have no far task: errors of joints and links are known elsewhere, too."""
     made = simulate(Scenario(samples=8, joints=True), 0)
     assert far_task(evidence_at(made, 3.0)) == []
 
 
-def test_words_have_the_distance():
-    """The smallest of all arms."""
+def test_far_task_message_has_smallest_distance():
+    """The message states the smallest distance of all arms."""
     (found,) = far_task(evidence_at(MADE, 3.0))
     assert found.severity == "info"
     assert found.message.startswith("The task point is ")

@@ -1,4 +1,4 @@
-"""`held-out-places`: touches at places that were held out are farther off than expected."""
+"""Tests of the finding `held-out-places`: touches at held-out marks are farther off than expected."""
 
 from __future__ import annotations
 
@@ -11,22 +11,25 @@ from basecal.accuracy.findings.held_out_places import held_out_places
 
 
 @pytest.mark.parametrize(("ratio", "marks"), [(1.4, ("b",)), (1.05, ()), (0.5, ())])
-def test_the_worst_mark_is_named_if_it_is_beyond_chance(ratio, marks):
-    """By how many mm it is off, and how many are expected; errors that are smaller than expected are no finding."""
+def test_worst_mark_beyond_chance_is_named(ratio, marks):
+    """The worst mark is named if its error is beyond chance, with its error and the expected one in mm.
+
+    Errors smaller than expected give no finding.
+    """
     errors = (PlaceError("a", 2e-4, 1.0, 90.0), PlaceError("b", 2.8e-4, ratio, 90.0))
     found = held_out_places(SimpleNamespace(held_out_places=errors))
     assert tuple(each.about[0] for each in found) == marks
     assert all("off by 0.28 mm; 0.20 mm is expected" in each.what for each in found)
 
 
-def test_nothing_is_said_of_no_places():
-    """Cells without touches, or of two places."""
+def test_cells_without_places_have_no_finding():
+    """Cells without touches, or with two places, have no finding."""
     assert held_out_places(SimpleNamespace(held_out_places=())) == []
 
 
 @pytest.mark.parametrize(("freedoms", "named"), [(20.0, False), (200.0, True)])
-def test_few_touches_scatter_more_by_chance(freedoms, named):
-    """An error 1.3 times the expected one is beyond chance for many touches alone."""
+def test_chance_limit_depends_on_touch_count(freedoms, named):
+    """An error 1.3 times the expected one is beyond chance only for many touches."""
     (place,) = [PlaceError("a", 3.9e-4, 1.3, freedoms)]
     found = held_out_places(SimpleNamespace(held_out_places=(place,)))
     assert len(found) == named

@@ -1,4 +1,4 @@
-"""One file for two robots."""
+"""Tests of the finding `identical-robots`: one file for two robots."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def codes(recording: Recording) -> list[str]:
     return [each.code for each in identical_robots(Input(build_problem(MADE.cell, recording)[0], ()))]
 
 
-def test_identical_poses_are_an_error() -> None:
-    """Both robots have the poses of one; recorded as they were, and still, they are no error."""
+def test_identical_poses_are_error() -> None:
+    """Equal poses of both robots are an error; poses as recorded, and robots at rest, are not."""
     samples = MADE.recording.samples
     same = tuple(replace(s, robots=dict.fromkeys(s.robots, s.robots["eye"])) for s in samples)
     assert codes(replace(MADE.recording, samples=same)) == ["identical-robots"]
@@ -32,7 +32,7 @@ def test_identical_poses_are_an_error() -> None:
 
 
 def poses_of(first: list[int], second: list[int], recorded: list[int], joints: bool = False) -> list[tuple[str, ...]]:
-    """Who is named where two robots have poses of these numbers at samples of these numbers, in two groups."""
+    """Robots named if two have poses of these numbers at samples of these numbers, in two groups."""
 
     def end(numbers: list[int]) -> SimpleNamespace:
         poses = SE3.from_rotvec(np.zeros((len(numbers), 3)), np.array(numbers, dtype=float)[:, None] * [1.0, 0.0, 0.0])
@@ -49,8 +49,11 @@ def poses_of(first: list[int], second: list[int], recorded: list[int], joints: b
     return [each.about for each in identical_robots(SimpleNamespace(problem=problem))]  # type: ignore[arg-type]
 
 
-def test_three_poses_are_not_shared_by_chance() -> None:
-    """Two that repeat are; poses count in the order of samples, and joints are none."""
+def test_three_shared_poses_are_beyond_chance() -> None:
+    """Three different shared poses are beyond chance, two repeated ones are not.
+
+    Poses count in sample order, and joints do not count.
+    """
     assert poses_of([1, 2, 3], [1, 2, 3], [0, 1, 2]) == [("a", "b")]
     assert poses_of([1, 2, 2, 1], [1, 2, 2, 1], [0, 1, 2, 3]) == []
     assert poses_of([1, 2, 3], [3, 1, 2], [0, 1, 2]) == []

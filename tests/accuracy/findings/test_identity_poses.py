@@ -1,4 +1,4 @@
-"""`identity-poses`."""
+"""Tests of the finding `identity-poses`."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -16,8 +16,8 @@ from basecal.simulation import Scenario, simulate
 
 
 @pytest.mark.parametrize(("mount", "severity"), [("free", "warning"), ("fixed", "info")])
-def test_a_driver_that_gives_nothing_is_named(mount, severity):
-    """The robot and what to look at; one whose poses differ from the identity once is not named."""
+def test_robot_with_identity_poses_is_named(mount, severity):
+    """A robot whose poses are all the identity is named with what to check; one other pose is enough to avoid it."""
     made = simulate(Scenario(samples=4, target="led", camera_mount=mount), 0)
     still = RobotState(SE3.identity())
     samples = [replace(s, robots={**s.robots, "eye": still}) for s in made.recording.samples]
@@ -28,8 +28,11 @@ def test_a_driver_that_gives_nothing_is_named(mount, severity):
     assert identity_poses(Input(build_problem(made.cell, Recording(tuple(samples)))[0], ())) == []
 
 
-def test_only_a_robot_that_gave_poses_is_named():
-    """Not what stands in the world, nor an arm given by its joints, whose flange may be anywhere."""
+def test_only_robots_with_poses_are_named():
+    """Only robots with poses are named, not devices on the world.
+
+    An arm given by joints is not named: its flange may be anywhere.
+    """
     still = SE3.identity((3,))
     unknowns = {name: SimpleNamespace(status="free") for name in ("camera", "target")}
     for joints, about in ((None, [("arm",)]), (np.zeros((3, 6)), [])):

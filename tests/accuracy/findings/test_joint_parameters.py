@@ -1,4 +1,4 @@
-"""Offsets and compliances that the data do not tell are named, each with the reason."""
+"""Tests of findings about joint offsets and compliances that the data do not determine, each with its reason."""
 
 from __future__ import annotations
 
@@ -22,8 +22,11 @@ def told(**scenario):
     return {f.about[0]: f for f in unobserved_joint_parameters(of)}
 
 
-def test_ends_that_priors_alone_hold():
-    """The first joint moves the arm as its base does, the last as its mounts do; sigmas of the bases hold them."""
+def test_first_and_last_offset_rest_on_prior():
+    """The first joint acts as the base and the last as the mounts, so only priors determine their offsets.
+
+    The sigmas of the bases contain the uncertainty.
+    """
     found = told(**PRIOR)
     start = "offsets known from their prior alone: joints 1 (shoulder_pan) and 6 (wrist_3): "
     why = "the first joint moves the arm as its base does, the last one as the mounts on its flange do; "
@@ -35,8 +38,8 @@ def test_ends_that_priors_alone_hold():
     assert {(f.code, f.severity) for f in found.values()} == {("prior-dominated", "info")}
 
 
-def test_gauge_covariances_free_offsets():
-    """They are fixed at zero; a still arm's others hardly move by themselves."""
+def test_unobservable_free_offsets_are_fixed_gauges():
+    """Unobservable free offsets are fixed at zero as gauges; other joints of a still arm hardly move alone."""
     free = {**PRIOR, "joint_offsets": "free", "camera_mount": "fixed"}
     found = told(**free, arms="eye_still")
     assert {f.code for f in found.values()} == {"fixed-gauge"}
@@ -49,8 +52,8 @@ def test_gauge_covariances_free_offsets():
     assert "eye_base_from_hand_base and the mounts compensate" in found["hand"].message
 
 
-def test_what_is_seen_is_not_told():
-    """With base and mounts known every offset is seen."""
+def test_observable_offsets_are_not_reported():
+    """With base and mounts known, every offset is observable and none is reported."""
     assert told(**PRIOR, base="fixed", camera_mount="fixed", target_mount="fixed") == {}
     assert told() == {}
 
@@ -58,8 +61,8 @@ def test_what_is_seen_is_not_told():
 @pytest.mark.parametrize(("status", "code", "how"), [
     ("prior", "prior-dominated", "known from their prior alone"), ("free", "fixed-gauge", "that are unobservable"),
 ])  # fmt: skip
-def test_compliances_that_gravity_does_not_show(status, code, how):
-    """Of the upright first joint, always."""
+def test_compliances_invisible_to_gravity_are_reported(status, code, how):
+    """Compliances that gravity does not show are reported, always that of the upright first joint."""
     found = told(compliance=1e-4, deflection=status)
     for robot, finding in found.items():
         assert (finding.code, finding.severity) == (code, "info")
@@ -71,12 +74,12 @@ def test_compliances_that_gravity_does_not_show(status, code, how):
     assert found.keys() == {"eye", "hand"}
 
 
-def test_a_single_joint_stands_alone():
-    """With the camera's mount fixed the eye's first offset alone is open."""
+def test_single_unobservable_joint_is_in_singular():
+    """With the camera mount fixed, only the first offset of the eye is open, and the message is in the singular."""
     found = told(**PRIOR, camera_mount="fixed")
     assert "alone: joint 1 (shoulder_pan): the first joint moves" in found["eye"].message
 
 
-def test_links_are_told_together_or_not_at_all():
-    """What is not joint by joint has no joints to name."""
+def test_link_parameters_name_no_joints():
+    """Link parameters have no finding by joint."""
     assert told(link_error=(1e-4, 2e-4), link_parameters="prior", samples=8) == {}

@@ -1,4 +1,4 @@
-"""Images that were not taken at the times of their stamps."""
+"""Tests of the finding about images that were not taken at the times of their stamps."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ from stream_cells import Streamed, streamed
 
 
 def late(sample: Sample, by_s: float) -> Sample:
-    """Its image was taken so much later than its stamp says."""
+    """The sample with an image taken so much later than its stamp."""
     assert sample.stamp_s is not None
     return replace(sample, stamp_s=sample.stamp_s - by_s)
 
@@ -38,8 +38,8 @@ def said(made: Streamed, changed: dict[int, Sample]) -> list[Finding]:
     return [f for f in found.findings if f.code == "clock-offset"]
 
 
-def test_late_triggers_are_named_with_their_delay():
-    """One of 60 ms and one 80 ms early, among seventy; the clock is that of the others."""
+def test_late_images_are_named_with_delay():
+    """A 60 ms late and an 80 ms early image among seventy are named with their delays; the clock fits the others."""
     made = streamed()
     views = {s.sample: s for s in made.recording.samples if s.observations}
     (finding,) = said(made, {21: late(views[21], 0.06), 44: late(views[44], -0.08)})
@@ -56,13 +56,15 @@ def test_late_triggers_are_named_with_their_delay():
     assert "early)" in finding.message
 
 
-def test_what_is_off_otherwise_is_not_called_late():
+def test_moved_view_is_not_late():
+    """A view that is off in another way is not reported as late."""
     made = streamed()
     views = {s.sample: s for s in made.recording.samples if s.observations}
     assert said(made, {21: bumped(views[21])}) == []
 
 
-def test_many_are_a_warning():
+def test_many_late_images_are_warning():
+    """Three late images are a warning."""
     made = streamed()
     views = {s.sample: s for s in made.recording.samples if s.observations}
     (finding,) = said(made, {k: late(views[k], 0.09) for k in (11, 27, 48)})
@@ -80,8 +82,8 @@ def test_many_are_a_warning():
         (6, ", 10 ms early, 30 ms early, 50 ms early, ...)."),
     ],
 )
-def test_the_first_five_delays_are_told(count: int, words: str) -> None:
-    """Late or early, to a millisecond; of more images than that an ellipsis says so."""
+def test_five_delays_are_listed(count: int, words: str) -> None:
+    """The first five delays are listed as late or early, to a millisecond; more images end in an ellipsis."""
     late = [_Late(10 + k, 0.03 - 0.02 * k) for k in range(count)]
     assert words in _problem_sentence("wrist", late)
     assert ("..." in _problem_sentence("wrist", late)) == (count > 5)
@@ -92,9 +94,10 @@ ACROSS = np.array([0.2, 0.1, 0.0, 0.0, 0.0, 0.0])
 
 
 def seen_late(*late_s: float, aside: float = 0.0, samples: int = 100) -> list[Finding]:
-    """What is told of images so late that were left out, of which views are aside of the way by a share of it.
+    """Findings about left-out images so late, of which views are off the path by a share of the delay's motion.
 
-    The next one is as late and was used, of a second camera, that stood still, left out. Of that another was used.
+    The next image is as late and was used; one of a second camera that stood still was left out, and another of it
+    used.
     """
     way = np.array([*late_s, late_s[0]])[:, None] * MOTION
     across = ACROSS / np.linalg.norm(ACROSS) * np.linalg.norm(way, axis=-1, keepdims=True)
@@ -113,8 +116,11 @@ def seen_late(*late_s: float, aside: float = 0.0, samples: int = 100) -> list[Fi
     return late_images(of)
 
 
-def test_a_delay_is_how_far_along_its_way_a_view_is() -> None:
-    """To the millisecond, late and early, of the images of one camera that were left out; others say nothing."""
+def test_delay_is_distance_along_motion() -> None:
+    """The delay is the distance of a view along the camera's motion, to the millisecond, late and early.
+
+    Only left-out images of one camera count.
+    """
     (finding,) = seen_late(0.06, -0.08, 0.04)
     assert (finding.code, finding.about) == ("clock-offset", ("camera", "0", "1", "2"))
     assert (
@@ -127,8 +133,8 @@ def test_a_delay_is_how_far_along_its_way_a_view_is() -> None:
     assert seen_late(0.06, samples=33)[0].severity == "warning"
 
 
-def test_an_image_of_two_targets_is_named_once() -> None:
-    """With the mean of both delays; it is one image of a hundred."""
+def test_image_of_two_targets_is_named_once() -> None:
+    """An image of two targets is named once, with the mean of both delays; it counts as one image."""
     way = np.array([[0.06], [0.06]]) * MOTION
     problem, state = pose_problem(way, np.ones(6))
     (group,) = problem.groups
@@ -149,14 +155,14 @@ def test_an_image_of_two_targets_is_named_once() -> None:
 @pytest.mark.parametrize(("late_s", "aside", "told"), [
     (0.49, 0.0, True), (0.51, 0.0, False), (-0.51, 0.0, False), (0.05, 0.3, True), (0.05, 0.36, False),
 ])  # fmt: skip
-def test_time_takes_away_nine_tenths_of_what_a_view_is_off_by(late_s: float, aside: float, told: bool) -> None:
-    """Of its square, and is half a second at most."""
+def test_delay_must_explain_nine_tenths_of_error(late_s: float, aside: float, told: bool) -> None:
+    """A delay must explain nine tenths of the squared error of a view, and be at most half a second."""
     assert bool(seen_late(late_s, aside=aside)) == told
 
 
 @pytest.mark.parametrize("status", ["fixed", "free"])
-def test_images_are_late_as_poses_are(status: str) -> None:
-    """Of a board that was seen where it is a moment later, through a lens that is known or not."""
+def test_delays_of_images_equal_those_of_poses(status: str) -> None:
+    """Delays of board images through a known or unknown lens are found as those of poses."""
     made = simulate(Scenario(samples=3, intrinsics=status), 0)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))

@@ -1,4 +1,4 @@
-"""`lens-model`."""
+"""Tests of the finding `lens-model`."""
 
 from types import SimpleNamespace
 
@@ -12,8 +12,11 @@ def of(moved_mm):
     return (SimpleNamespace(camera="wrist", rms_px=0.31, chance=3e-6, moved=moved),)
 
 
-def test_a_warning_where_the_answer_moves(evidence):
-    """Sigmas are 1 mm and 1 mrad: half a sigma is an info, two are a warning."""
+def test_lens_model_warns_if_answer_moves(evidence):
+    """A lens structure is an info if it moves the answer by half a sigma, a warning at two.
+
+    Sigmas are 1 mm and 1 mrad.
+    """
     assert lens_model(evidence(lens_structures=())) == []
     (little,) = lens_model(evidence(lens_structures=of(0.5)))
     (much,) = lens_model(evidence(lens_structures=of(2.0)))
@@ -23,8 +26,11 @@ def test_a_warning_where_the_answer_moves(evidence):
     assert "by up to 2.0 sigma" in much.message
 
 
-def test_the_transform_that_moves_most_counts(evidence):
-    """To either side, of those asked for that have columns; none at all is an info."""
+def test_largest_movement_of_requested_transforms_counts(evidence):
+    """The largest movement in either direction counts, of requested transforms with columns.
+
+    Without any it is an info.
+    """
     made = evidence(lens_structures=of(-2.0))
     made.cell.requested_transforms = ["base", "fixed"]
     (found,) = lens_model(made)
@@ -39,8 +45,8 @@ def test_the_transform_that_moves_most_counts(evidence):
     assert found.why.startswith("Its lens model cannot represent them (p = 3e-06). They move the answer by up to ")
 
 
-def test_a_transform_moves_by_its_own_columns(evidence):
-    """A point has three of them, behind those of others."""
+def test_movement_uses_own_columns(evidence):
+    """The movement of a transform uses its own columns; a point has three of them, after those of others."""
     made = evidence(lens_structures=of(0.0))
     made.lens_structures[0].moved = np.array([9.0, 9, 9, 9, 9, 9, 1e-3, -3e-3, 2e-3, 9, 9])
     made.solution.problem.columns = {"other": slice(0, 6), "base": slice(6, 9), "more": slice(9, 11)}

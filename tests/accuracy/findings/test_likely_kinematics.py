@@ -1,4 +1,4 @@
-"""What arms are likely built otherwise, where the covariance counts it."""
+"""Tests of likely kinematic errors that the covariance includes."""
 
 from __future__ import annotations
 
@@ -33,8 +33,11 @@ OF = "of eye and hand"
         ("deflection", "deflection", f"Joints {OF} likely yield to the weight of the links by 0.11", "deflection: {st"),
     ],
 )
-def test_what_is_likely_is_an_info(evidence, monkeypatch, term, code, what, entry):
-    """With its size, and what to write; of what yields to gravity where that is taken to pull."""
+def test_likely_kinematic_error_is_info(evidence, monkeypatch, term, code, what, entry):
+    """A likely kinematic error is an info with its size and the entry to write.
+
+    For deflection it states the assumed direction of gravity.
+    """
     monkeypatch.setattr(module, "describe_gravity", lambda *_: "gravity pulls")
     (found,) = likely_kinematics(evidence(noise(term)))
     assert (found.code, found.severity, found.about) == (code, "info", ("eye", "hand"))
@@ -43,15 +46,15 @@ def test_what_is_likely_is_an_info(evidence, monkeypatch, term, code, what, entr
     assert ("gravity pulls" in found.message) == (term == "deflection")
 
 
-def test_what_may_be_chance_or_is_smooth_is_none(evidence):
-    """Nor where stops have nothing in common."""
+def test_chance_and_smooth_errors_give_no_finding(evidence):
+    """Errors that may be chance, smooth errors, and stops without a shared error give no finding."""
     assert likely_kinematics(evidence(noise("joint_offsets", 9.0))) == []
     assert likely_kinematics(evidence(noise("smooth"))) == []
     assert likely_kinematics(evidence({"noise": SimpleNamespace(common={})})) == []
 
 
-def test_it_is_told_once(evidence, monkeypatch):
-    """Where a test of joints or the held-out samples say so it is left to them."""
+def test_kinematic_error_is_reported_once(evidence, monkeypatch):
+    """A kinematic error is not repeated if a joint test or the robot-model finding reports it."""
     error = FoundEffect("bending", "deflection", "eye", False, False, None, "", np.ones(1), np.eye(1), np.zeros(6))
     assert likely_kinematics(evidence(noise("joint_offsets"), systematic_error=error)) == []
     monkeypatch.setattr(module, "robot_model", lambda _: ["finding"])

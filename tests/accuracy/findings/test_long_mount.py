@@ -1,4 +1,4 @@
-"""Mounts that look exchanged with bases."""
+"""Tests of the finding `long-mount`: mounts that look exchanged with bases."""
 
 from __future__ import annotations
 
@@ -31,8 +31,11 @@ def calibrated(gripper: SE3, camera_on: Literal["robot", "world"]) -> ArrayCalib
     return hand_eye(gripper.rotation, gripper.translation, SEEN.rotation, SEEN.translation, camera_on=camera_on)
 
 
-def test_inverse_poses_of_a_still_camera_are_doubted() -> None:
-    """OpenCV's page has them so; a cell with the camera on the arm fits as exactly, and names a mount of a metre."""
+def test_inverse_poses_of_still_camera_are_doubtful() -> None:
+    """Inverse poses of a still camera, as on OpenCV's page, are doubtful.
+
+    A cell with the camera on the arm fits as exactly, with a mount of a metre.
+    """
     found = calibrated(ARM.inverse(), "robot")
     assert found.verdict == "doubtful"
     (finding,) = found.findings
@@ -41,8 +44,8 @@ def test_inverse_poses_of_a_still_camera_are_doubted() -> None:
     assert finding.do[-1] == "If camera is not on the gripper, give the inverse poses, with camera_on='world'."
 
 
-def test_poses_in_order_are_not() -> None:
-    """The camera is on the world; a mount that is stated is no answer."""
+def test_correct_poses_have_no_long_mount() -> None:
+    """Correct poses with the camera on the world have no finding, nor has a stated mount."""
     assert calibrated(ARM, "world").findings == ()
     other = calibrated(ARM.inverse(), "robot")
     evidence = evidence_of(other.cell, solve(other.cell, other.recording))
@@ -53,7 +56,7 @@ def test_poses_in_order_are_not() -> None:
 
 
 def told(mount_m: float, stand_m: float, camera_on: str = "arm", joints: bool = False, **change: object) -> list[str]:
-    """What is said of a cell with one arm, whose carried device is so far from its flange."""
+    """Findings of a cell with one arm, whose carried device is so far from its flange."""
     on = {"camera": camera_on, "board": WORLD if camera_on == "arm" else "arm"}
     carried = "camera" if camera_on == "arm" else "board"
     devices = {name: {name: SimpleNamespace(on=on[name])} for name in on}
@@ -79,8 +82,11 @@ def told(mount_m: float, stand_m: float, camera_on: str = "arm", joints: bool = 
     ("mount_m", "stand_m", "named"),
     [(0.41, 0.1, True), (0.39, 0.1, False), (0.9, 0.44, True), (0.9, 0.46, False), (0.3, 0.01, False)],
 )
-def test_a_mount_is_long_from_forty_centimetres_on(mount_m: float, stand_m: float, named: bool, camera_on: str) -> None:
-    """If it is twice as long as the other device is far from the base, too, whichever device it holds."""
+def test_mount_is_long_from_forty_centimetres(mount_m: float, stand_m: float, named: bool, camera_on: str) -> None:
+    """A mount is long from 40 cm on if it is also twice the other device's distance from the base.
+
+    The carried device may be the camera or the target.
+    """
     found = told(mount_m, stand_m, camera_on)
     assert len(found) == named
     carried, other = ("camera", "board") if camera_on == "arm" else ("board", "camera")
@@ -104,7 +110,10 @@ def test_a_mount_is_long_from_forty_centimetres_on(mount_m: float, stand_m: floa
         {"joints": True},
     ],
 )
-def test_only_a_plain_cell_may_have_its_mounts_exchanged(change: dict[str, object]) -> None:
-    """Of one arm with recorded poses, one camera and one target, of which one stands still, and both mounts open."""
+def test_exchanged_mounts_need_plain_cell(change: dict[str, object]) -> None:
+    """The check needs one arm with recorded poses, one camera and one target.
+
+    One of these is on the world, and both mounts are free.
+    """
     assert len(told(1.0, 0.1)) == 1
     assert told(1.0, 0.1, **change) == []  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Bases that are found nearly in one place."""
+"""Tests of the finding about bases that nearly coincide."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NAME = "eye_base_from_hand_base"
 
 
 def test_robots_in_one_frame_are_named() -> None:
-    """Poses of the hand in the eye's frame give bases that coincide; where they stand apart nothing is said."""
+    """Hand poses in the eye's frame give coinciding bases, which are named; separate bases are not."""
     made = simulate(Scenario(samples=10), 0)
     evidence = evidence_of(made.cell, solve(made.cell, made.recording))
     assert near_bases(evidence) == []
@@ -36,7 +36,7 @@ def named(
     stated: tuple[str, ...] = ("b", "c"),
     hidden: tuple[str, ...] = (),
 ) -> list[str]:
-    """Pairs named of robots a (the reference), b and c with bases along x, of which those hidden are unobservable."""
+    """Named pairs of robots a (the reference), b and c with bases along x; hidden ones are unobservable."""
     cell = SimpleNamespace(
         reference="a",
         base_name=lambda name: name,
@@ -52,8 +52,8 @@ def named(
     return ["".join(each.about) for each in found]
 
 
-def test_feet_are_a_decimetre_wide() -> None:
-    """Every pair counts, of which one base is not stated, and whose robots stand in the same cell."""
+def test_bases_within_a_decimetre_are_near() -> None:
+    """Bases within 10 cm are near, for every pair with one base that is not stated and both observable."""
     assert named({"a": 0.0, "b": 0.099}) == ["ab"]
     assert named({"a": 0.0, "b": 0.101}) == []
     assert named({"a": 0.0, "b": 1.0, "c": 1.05}) == ["bc"]

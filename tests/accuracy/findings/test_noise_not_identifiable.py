@@ -1,4 +1,4 @@
-"""`noise-not-identifiable`: noise of robots that the data cannot tell."""
+"""Tests of the finding `noise-not-identifiable`: robot noise that the data do not determine."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -21,12 +21,12 @@ def recorded(stops, unstated=("eye",)):
 
 @pytest.mark.parametrize(("stops", "few"), [(1, {}), (2, {"eye": 2}), (11, {"eye": 11}), (12, {})])
 def test_two_to_eleven_stops_are_few(stops, few):
-    """A single stop is no noise of its own, twelve are enough."""
+    """Two to eleven stops are few: a single stop has no noise of its own, and twelve are enough."""
     assert robots_with_few_stops(recorded(stops)) == few
 
 
-def test_robots_are_named_with_their_stops(evidence):
-    """Where their noise is estimated; what the solver found follows."""
+def test_robots_with_few_stops_are_named(evidence):
+    """Robots with few stops are named if their noise is estimated; findings of the solver follow."""
     made = evidence({"findings": ("of the solver",)}, recorded=recorded(5))
     few, other = noise_not_identifiable(made)
     assert (few.severity, few.about, other) == ("info", ("eye",), "of the solver")
@@ -37,8 +37,8 @@ def test_robots_are_named_with_their_stops(evidence):
 
 
 @pytest.mark.parametrize(("stops", "told"), [(1, ["eye"]), (2, [])])
-def test_a_single_stop_tells_no_noise(evidence, stops, told):
-    """It is told as such, of robots that state none; two stops are few, but more than one."""
+def test_single_stop_is_reported(evidence, stops, told):
+    """A single stop of a robot without stated noise is reported as such; two stops are few, but more than one."""
     assert robots_with_one_stop(recorded(stops)) == told
     assert robots_with_one_stop(recorded(stops, unstated=())) == []
     (found,) = noise_not_identifiable(evidence(recorded=recorded(stops)))

@@ -1,4 +1,4 @@
-"""`not-validated`: samples that could not be held out."""
+"""Tests of the finding `not-validated`: samples that could not be held out."""
 
 from types import SimpleNamespace
 
@@ -7,8 +7,8 @@ import pytest
 from basecal.accuracy.findings.not_validated import not_validated
 
 
-def test_samples_without_which_nothing_is_observable(evidence):
-    """They are named, the first ten of them in words, with what is asked."""
+def test_indispensable_samples_are_named(evidence):
+    """Samples without which a requested transform is unobservable are named, the first ten in the message."""
     assert not_validated(evidence()) == []
     assert not_validated(evidence(cross_validation=SimpleNamespace(skipped=(), summary="any"))) == []
     (found,) = not_validated(evidence(cross_validation=SimpleNamespace(skipped=(11, 2), summary="any")))
@@ -24,22 +24,22 @@ def test_samples_without_which_nothing_is_observable(evidence):
 
 
 @pytest.mark.parametrize(("count", "ending"), [(10, "16, 18 could"), (11, "16, 18, ... could")])
-def test_many_are_cut_short(evidence, count, ending):
-    """Ten are written out."""
+def test_long_sample_lists_are_cut(evidence, count, ending):
+    """Ten samples are listed in the message, more end in an ellipsis."""
     (found,) = not_validated(evidence(cross_validation=SimpleNamespace(skipped=range(0, 2 * count, 2), summary=None)))
     assert ending in found.message
     assert len(found.about) == count
 
 
-def test_no_folds_at_all(evidence):
-    """Then that is said, about no sample."""
+def test_missing_folds_name_no_sample(evidence):
+    """If no folds exist, the finding says so and names no sample."""
     (found,) = not_validated(evidence(cross_validation=SimpleNamespace(skipped=(), summary=None)))
     assert found.about == ()
     assert "cannot be split into folds" in found.message
 
 
-def test_only_what_is_estimated_can_be_unobservable(evidence):
-    """Of what is asked for; the solution if nothing is."""
+def test_only_estimated_transforms_are_unobservable(evidence):
+    """The finding names only requested transforms that are estimated."""
     made = evidence(cross_validation=SimpleNamespace(skipped=(4,), summary="any"))
     made.cell.requested_transforms = ["base", "fixed"]
     (found,) = not_validated(made)

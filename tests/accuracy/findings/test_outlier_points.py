@@ -1,4 +1,4 @@
-"""`outlier-points`: points that were left out."""
+"""Tests of the finding `outlier-points`: points that were left out."""
 
 from types import SimpleNamespace
 
@@ -10,13 +10,13 @@ from basecal.accuracy.findings.outlier_points import outlier_points
 
 @pytest.fixture(autouse=True)
 def reason(monkeypatch):
-    """The words of a reason have tests of their own."""
+    """Replaces the wording of reasons, which has tests of its own."""
     monkeypatch.setattr(module, "list_outliers", lambda outliers, _: f"At sample {outliers[0].sample}, the reason.")
 
 
 @pytest.mark.parametrize(("kept", "severity"), [(27, "info"), (26, "warning")])
-def test_a_tenth_is_many(evidence, kept, severity):
-    """Up to a tenth of all points, those left out among them, is the detector's everyday business."""
+def test_over_a_tenth_of_points_is_warning(evidence, kept, severity):
+    """Up to a tenth of all points may be left out, as detectors do; more is a warning."""
     outliers = tuple(SimpleNamespace(sample=s, ids=ids) for s, ids in ((5, (1, 2)), (3, (0,)), (9, ())))
     (found,) = outlier_points(evidence(robust=SimpleNamespace(outliers=outliers, points=kept)))
     assert (found.severity, found.about) == (severity, ("3", "5"))
@@ -24,8 +24,8 @@ def test_a_tenth_is_many(evidence, kept, severity):
     assert "At sample 5, the reason." in found.message
 
 
-def test_without_points_left_out_nothing_is_said(evidence):
-    """Whole views are told elsewhere."""
+def test_without_outlier_points_no_finding(evidence):
+    """Without left-out points there is no finding; whole views have their own."""
     assert outlier_points(evidence()) == []
     views = (SimpleNamespace(sample=5, ids=()),)
     assert outlier_points(evidence(robust=SimpleNamespace(outliers=views, points=10))) == []

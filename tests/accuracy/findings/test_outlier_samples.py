@@ -1,4 +1,4 @@
-"""What was left out is told: which samples and points, why, and how much that matters."""
+"""Tests of the findings about outliers: the samples and points left out, their causes, and their effect."""
 
 from __future__ import annotations
 
@@ -48,8 +48,11 @@ def with_stray(sample, row):
     return replace(sample, observations=(replace(seen, pixels=pixels),))
 
 
-def test_bumped_samples_are_told_and_make_doubtful():
-    """Three of thirty samples: a warning that names them and why; each still has its residual, in no mean."""
+def test_bumped_samples_make_answer_doubtful():
+    """Three bumped samples of thirty give a warning that names them and the cause.
+
+    Each still has its residual, which counts in no mean.
+    """
     s = simulate(Scenario(robot_noise=(1e-4, 2e-4)), seed=0)
     samples = tuple(bumped(x) if x.sample in (4, 5, 6) else x for x in s.recording.samples)
     found = calibrate(s.cell, Recording(samples))
@@ -64,8 +67,11 @@ def test_bumped_samples_are_told_and_make_doubtful():
 
 
 @pytest.mark.slow
-def test_a_base_that_was_moved_meanwhile_is_told():
-    """With 9 of 22 samples on the other side of the move: these are left out, and the words say when and what."""
+def test_moved_base_is_reported():
+    """A base moved during the recording is reported with the time, and 9 of 22 samples are left out.
+
+    The answer is that of the other side of the move.
+    """
     s = simulate(Scenario(samples=22, robot_noise=(3e-4, 5e-4)), seed=0)
     moved = SE3.exp([0.02, -0.01, 0.0, 0.0, 0.01, 0.02])
     samples = tuple(x if x.sample < 9 else _from(moved, x) for x in s.recording.samples)
@@ -85,8 +91,8 @@ def _from(moved: SE3, sample: Sample) -> Sample:
     return replace(sample, robots={**sample.robots, "hand": state})
 
 
-def test_a_few_stray_points_are_told_and_leave_it_good():
-    """Two of 540 corners: an info that names their samples."""
+def test_stray_points_leave_answer_good():
+    """Two stray corners of 540 are an info that names their samples, and the answer stays good."""
     s = simulate(Scenario(samples=15), seed=0)
     samples = tuple(with_stray(x, 3) if x.sample in (7, 9) else x for x in s.recording.samples)
     found = calibrate(s.cell, Recording(samples))
@@ -97,15 +103,15 @@ def test_a_few_stray_points_are_told_and_leave_it_good():
     assert [(o.sample, len(o.ids)) for o in found.outliers] == [(7, 1), (9, 1)]
 
 
-def test_clean_data_have_no_outliers():
-    """An empty list, and not null: they were looked for."""
+def test_clean_data_have_empty_outlier_list():
+    """Clean data have an empty outlier list, not null: outliers were searched."""
     s = simulate(Scenario(samples=12), seed=0)
     assert calibrate(s.cell, s.recording).outliers == ()
 
 
 @pytest.mark.slow
-def test_a_recording_that_mostly_had_to_go_is_doubtful():
-    """Half of a light's views are reflections: doubtful, and half of the samples are named."""
+def test_mostly_left_out_recording_is_doubtful():
+    """If half of an LED's views are reflections, the answer is doubtful and the left-out samples are named."""
     s = simulate(Scenario(target="led", camera_mount="fixed", target_mount="fixed", samples=40), seed=2)
     rng = np.random.default_rng(2)
     samples = []
@@ -120,7 +126,7 @@ def test_a_recording_that_mostly_had_to_go_is_doubtful():
 
 
 def robust(left_out=(), kept=(), agreeing=(), errors=(), points=(), samples=100):
-    """A robust solution that left out these samples, with errors of stops, each that of its own kept sample."""
+    """A robust solution without these samples, with stop errors, each of its own kept sample."""
     numbers = np.array(kept, dtype=np.int64)
     stops = np.arange(len(numbers))
     group = replace(views(end(mount="lens"), end("hand", stop=stops), camera="wrist", target="board"), sample=numbers)
@@ -146,8 +152,8 @@ def robust(left_out=(), kept=(), agreeing=(), errors=(), points=(), samples=100)
         ((0, 1, 2), (), "Look at them (samples count from 0), and record with arms at rest"),
     ],
 )
-def test_what_it_means_that_samples_were_left_out(left_out, kept, words):
-    """Three and more at one end of the recording were taken when something stood elsewhere."""
+def test_outliers_at_one_end_mean_movement(left_out, kept, words):
+    """Three or more outliers at one end of the recording mean that a device was moved; others do not."""
     (finding,) = outlier_samples(robust(left_out, kept))
     assert words in finding.message
     assert ("As if" in finding.message) == words.startswith("As if")
@@ -159,8 +165,11 @@ def test_what_it_means_that_samples_were_left_out(left_out, kept, words):
     assert finding.about == tuple(map(str, left_out))
 
 
-def test_the_one_thing_that_moved_is_named():
-    """That all outliers depend on, and nothing of the same end that was kept; by how much, if they are points."""
+def test_moved_device_is_named():
+    """The moved device is the one on which all outliers and no kept samples of that end depend.
+
+    Points give the distance.
+    """
     case = robust((7, 8, 9), range(7))
     (group,) = case.solution.problem.groups
     other = replace(group, target="light", ends=(group.eye, replace(group.hand, mount="flange_from_light")))
@@ -174,16 +183,16 @@ def test_the_one_thing_that_moved_is_named():
 
 
 @pytest.mark.parametrize(("count", "severity"), [(3, "info"), (4, "warning")])
-def test_three_in_a_hundred_may_go(count, severity):
-    """More make it doubtful; points that went are told elsewhere."""
+def test_over_three_percent_outliers_is_warning(count, severity):
+    """Three outlier samples in a hundred are an info, more a warning. Outlier points have their own finding."""
     (finding,) = outlier_samples(robust(range(0, 2 * count, 2), range(1, 50, 2), points=[9]))
     assert finding.severity == severity
     assert f"({count} of 100)" in finding.message
     assert outlier_samples(robust((), range(9), points=[4])) == []
 
 
-def test_samples_that_close_the_loop_among_themselves_are_told():
-    """Where no answer rests on most of them; else nothing."""
+def test_agreeing_samples_are_named():
+    """If the answer rests on a minority of samples, those that agree are named; else there is no finding."""
     assert agreeing_samples(robust()) == []
     (finding,) = agreement_findings(robust(agreeing=(5, 3, 4), samples=20).robust, None)
     assert (finding.severity, finding.about) == ("warning", ("3", "4", "5"))
@@ -195,8 +204,8 @@ def test_samples_that_close_the_loop_among_themselves_are_told():
 
 
 @pytest.mark.parametrize(("error", "told"), [(5.9, False), (6.1, True), (-6.1, True)])
-def test_stops_far_off_are_told(error, told):
-    """From six sigmas on, by their samples; not where samples were left out, which were the outliers."""
+def test_stops_beyond_six_sigmas_are_named(error, told):
+    """Stops beyond six sigmas are named by their samples, unless samples were left out as the outliers."""
     found = far_stops(robust(kept=range(10, 15), errors=(0.5, error)))
     assert [f.about for f in found] == ([("11",)] if told else [])
     assert not told or "by up to 6 of its sigmas at sample 11." in found[0].message
@@ -233,8 +242,11 @@ def _abb(copy: Path) -> tuple[Cell, Recording]:
 
 
 @pytest.mark.slow
-def test_two_abb_of_which_half_the_samples_close_the_loop(tmp_path):
-    """Lens and mounts unknown: never good, and the samples that close the loop are named: 10 to 19, and one at most."""
+def test_abb_with_ten_inconsistent_samples_is_not_good(tmp_path):
+    """The dual ABB recording is not good, and the samples that close the loop are named.
+
+    They are 10 to 19, and one more at most. Lens and mounts are unknown.
+    """
     cell, recording = _abb(tmp_path)
     found = calibrate(cell, detect(cell, recording))
     assert found.verdict != "good"
@@ -244,8 +256,11 @@ def test_two_abb_of_which_half_the_samples_close_the_loop(tmp_path):
     assert "10 to 19" in finding.message
 
 
-def test_where_few_samples_agree_their_stops_are_not_told():
-    """That is said by itself; and of two stops far off both samples and the larger error are told."""
+def test_far_stops_are_omitted_beside_agreeing_samples():
+    """Far stops are not reported beside agreeing samples.
+
+    Of two far stops, both samples and the larger error are stated.
+    """
     assert far_stops(robust(kept=range(10, 15), errors=(0.5, 9.0), agreeing=(10, 11))) == []
     (found,) = far_stops(robust(kept=range(10, 15), errors=(7.0, 0.5, -9.4)))
     assert found.what == "A robot's pose was off by up to 9 of its sigmas at samples 10, 12."
@@ -271,21 +286,21 @@ def causes(recording: Recording, numbers: list[int]) -> list[str]:
 
 
 def test_exchanged_rows_are_named() -> None:
-    """Two rows of one robot that stand in each other's place."""
+    """Two exchanged rows of one robot are named as the cause."""
     poses = [sample.robots["hand"].base_from_flange for sample in MADE.recording.samples]
     recording = with_poses("hand", lambda k, pose: poses[{7: 8, 8: 7}.get(k, k)])
     assert causes(recording, [7, 8]) == ["The poses of hand at samples 7 and 8 are exchanged."]
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "millimetres"), (1e-3, "metres among millimetres")])
-def test_rows_in_another_unit_are_named(factor: float, unit: str) -> None:
-    """Of two outliers in another unit both."""
+def test_rows_in_other_unit_are_named(factor: float, unit: str) -> None:
+    """Both outliers with rows in another unit are named."""
     recording = with_poses("eye", lambda k, p: SE3(p.rotation, p.translation * (factor if k in (4, 11) else 1)))
     assert causes(recording, [4, 11]) == [f"The poses of eye at samples 4, 11 look like {unit}."]
 
 
-def test_a_cause_that_two_targets_show_is_named_once() -> None:
-    """Of a single row, in the singular."""
+def test_cause_of_two_targets_is_named_once() -> None:
+    """A cause shown by two targets is named once, for a single row in the singular."""
     recording = with_poses("eye", lambda k, p: SE3(p.rotation, p.translation * (1e3 if k == 4 else 1)))
     problem, _ = build_problem(MADE.cell, recording)
     state = replace(SOLUTION.state, stop_errors=0 * SOLUTION.state.stop_errors)
@@ -293,8 +308,8 @@ def test_a_cause_that_two_targets_show_is_named_once() -> None:
     assert outlier_causes(twice, state, [4]) == ["The pose of eye at sample 4 looks like millimetres."]
 
 
-def test_a_bump_has_no_such_cause() -> None:
-    """A pose that is off by itself is none of these."""
+def test_bump_has_no_row_cause() -> None:
+    """A bumped pose has none of these causes."""
     bump = SE3.exp([0.02, 0, 0, 0, 0.02, 0])
     assert causes(with_poses("hand", lambda k, pose: pose @ bump if k in (4, 9) else pose), [4, 9]) == []
 
@@ -322,8 +337,11 @@ MOUNT, BASE = "eye_flange_from_wrist", "eye_base_from_hand_base"
         ([], ""),
     ],
 )
-def test_outliers_after_or_before_all_others_tell_of_a_frame(samples, sentence):
-    """That of the fewest views; other cameras that share the base go on."""
+def test_outliers_at_one_end_name_frame(samples, sentence):
+    """Outliers after or before all others name the frame with the fewest views.
+
+    Other cameras that share the base go on.
+    """
     inliers = SimpleNamespace(
         groups=[seen_by("wrist", (MOUNT, BASE), [3, 5, 7]), seen_by("other", (BASE,), [0, 9, 12])]
     )
@@ -331,8 +349,11 @@ def test_outliers_after_or_before_all_others_tell_of_a_frame(samples, sentence):
     assert found == (f" The outliers look as if {sentence}" if sentence else "")
 
 
-def test_frames_with_the_same_views_are_not_told_apart():
-    """Points say how far they are off; a frame without an inlier says nothing."""
+def test_frames_with_equal_views_are_not_distinguished():
+    """Frames with equal views are not distinguished.
+
+    Points state their distance, and a frame without an inlier gives no sentence.
+    """
     both = SimpleNamespace(groups=[seen_by("wrist", (MOUNT, BASE), [3, 5, 7])])
     found = _moved_sentence(left_out([8, 9, 10], off_m=2e-3), both)
     assert found.startswith(" The outliers look as if a base, a mount or the target was moved by 2.0 mm after sample 7")

@@ -1,4 +1,4 @@
-"""`overfit`: held-out samples predicted much worse than is expected of them."""
+"""Tests of the finding `overfit`: held-out samples are predicted much worse than expected."""
 
 from types import SimpleNamespace
 
@@ -19,8 +19,11 @@ def compared(used, predicted, summary=True):
 
 
 @pytest.mark.parametrize(("ratio", "found"), [(1.0, False), (3.8, False), (4.0, True), (np.inf, True)])
-def test_four_times_worse(evidence, ratio, found):
-    """Beyond what chance makes once in ten thousand, in sigmas; both errors are told."""
+def test_ratio_of_four_is_overfit(evidence, ratio, found):
+    """A held-out error about four times the expected one is overfit, beyond a chance of one in ten thousand.
+
+    Both errors are stated.
+    """
     validated = compared(errors(1.0, px=0.25), errors(ratio**2, px=1.0))
     made = overfit(evidence(cross_validation=validated))
     assert [f.severity for f in made] == (["warning"] if found else [])
@@ -28,20 +31,20 @@ def test_four_times_worse(evidence, ratio, found):
     assert not found or "(1.0 px against 0.25 px)" in made[0].message
 
 
-def test_lengths_where_there_are_no_pixels(evidence):
-    """Then the errors are told in millimetres."""
+def test_errors_without_pixels_are_in_millimetres(evidence):
+    """Without pixels, both errors are stated in millimetres."""
     (made,) = overfit(evidence(cross_validation=compared(errors(1.0, metres=1e-3), errors(25.0, metres=5e-3))))
     assert "(5.0 mm against 1.0 mm)" in made.message
 
 
-def test_rounding_is_no_error(evidence):
-    """A cell that fits to rounding is not overfitted; one that fits exactly and predicts badly is."""
+def test_rounding_errors_are_no_overfit(evidence):
+    """A cell that fits to rounding is not overfit; one that fits exactly and predicts badly is."""
     assert overfit(evidence(cross_validation=compared(errors(0.0, px=0.0), errors(9e-12, px=0.0)))) == []
     assert len(overfit(evidence(cross_validation=compared(errors(0.0, px=0.0), errors(1.1e-11, px=0.0))))) == 1
 
 
-def test_without_cross_validation_nothing_is_said(evidence):
-    """Nor where nothing could be held out."""
+def test_missing_cross_validation_gives_no_finding(evidence):
+    """Without cross-validation, or if no sample could be held out, there is no finding."""
     assert overfit(evidence()) == []
     assert overfit(evidence(cross_validation=compared(errors(1.0), errors(100.0), summary=None))) == []
 
@@ -49,21 +52,21 @@ def test_without_cross_validation_nothing_is_said(evidence):
 @pytest.mark.parametrize(("used", "predicted"), [
     ((1.0,), (25.0, 1.0)), ((1.0, 0.2), (25.0,)), ((1.0,), (25.0,)), ((1.0, None, 1e-3), (25.0,)),
 ])  # fmt: skip
-def test_what_cannot_be_compared_in_pixels_or_lengths_is_told_by_its_ratio(evidence, used, predicted):
-    """Where one of them has none."""
+def test_incomparable_errors_state_ratio_only(evidence, used, predicted):
+    """If fitted and held-out errors have no shared unit, the message states only their ratio."""
     (made,) = overfit(evidence(cross_validation=compared(errors(*used), errors(*predicted))))
     assert "is 5.0 times its expected value. The covariance" in made.message
 
 
-def test_the_ratio_is_of_both_costs(evidence):
-    """A fit that costs little is overfitted where one that costs more is not, by the same held-out error."""
+def test_ratio_uses_both_costs(evidence):
+    """The ratio uses both costs: of equal held-out errors, the one with the smaller fitted cost is overfit."""
     assert overfit(evidence(cross_validation=compared(errors(4.0), errors(60.0)))) == []
     (made,) = overfit(evidence(cross_validation=compared(errors(0.25), errors(60.0))))
     assert "is 15.5 times its expected value" in made.message
 
 
-def test_what_the_covariance_expects_is_no_overfit(evidence):
-    """Held-out views that few others predict, by what these leave uncertain."""
+def test_expected_uncertainty_is_no_overfit(evidence):
+    """Held-out errors that the covariance expects are no overfit, e.g. of views that few others predict."""
     assert overfit(evidence(cross_validation=compared(errors(1.0), errors(100.0, uncertain=20.0)))) == []
     (made,) = overfit(evidence(cross_validation=compared(errors(1.0), errors(100.0, uncertain=3.0))))
     assert "is 5.0 times" in made.message

@@ -1,4 +1,4 @@
-"""`poor-fit`: residuals that nothing explains."""
+"""Tests of the finding `poor-fit`: unexplained residuals."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -15,8 +15,11 @@ from basecal.simulation import Scenario, simulate
 
 
 @pytest.mark.parametrize(("ratio", "severity"), [(0.5, "info"), (1.09, "info"), (1.11, "warning")])
-def test_sigmas_that_are_contradicted(evidence, ratio, severity):
-    """Too large a sigma, and one that is off by less than a tenth, is an info; whose it is and by how much is told."""
+def test_contradicted_sigmas_are_reported(evidence, ratio, severity):
+    """A contradicted sigma is reported with its owner and factor.
+
+    It is an info if too large or off by less than a tenth, else a warning.
+    """
     of = ContradictedSigma("wrist", False, ratio, 1e-20)
     (finding,) = poor_fit(evidence(contradicted_sigmas=(of,)))
     assert (finding.severity, finding.about) == (severity, ("wrist",))
@@ -27,8 +30,8 @@ def test_sigmas_that_are_contradicted(evidence, ratio, severity):
 
 
 @pytest.mark.parametrize(("rms", "found"), [(2.9, False), (3.1, True), (None, False)])
-def test_residuals_beyond_any_detector(evidence, rms, found):
-    """Where pixels' noise is estimated, from 3 px rms on; a cost of any size says nothing then."""
+def test_residuals_beyond_detectors_are_poor_fit(evidence, rms, found):
+    """With estimated pixel noise, residuals above 3 px rms are a poor fit; the cost has no effect then."""
     noise = SimpleNamespace(estimated=("pixel_px",), robots={})
     made = poor_fit(evidence({"noise": noise, "cost": 1e6}, residuals=SimpleNamespace(rms_px=rms)))
     assert len(made) == found
@@ -41,8 +44,8 @@ def test_residuals_beyond_any_detector(evidence, rms, found):
     ("metres", "radians", "found"), [(2.9e-3, 9e-3, False), (3.1e-3, 1e-4, True), (1e-4, 1.1e-2, True)]
 )
 @pytest.mark.parametrize("axis", range(3))
-def test_noise_beyond_any_arm(evidence, axis, metres, radians, found):
-    """Estimated noise of a robot above 3 mm or 10 mrad is no arm's: the worst of each is told."""
+def test_noise_beyond_robots_is_poor_fit(evidence, axis, metres, radians, found):
+    """Estimated robot noise above 3 mm or 10 mrad is a poor fit; the worst of each is stated."""
     robots = {"eye": np.full(6, 1e-5), "hand": np.full(6, 1e-5)}
     robots["hand"][[axis, 3 + axis]] = metres, radians
     made = poor_fit(evidence({"noise": SimpleNamespace(estimated=("pixel_px",), robots=robots)}))
@@ -51,16 +54,16 @@ def test_noise_beyond_any_arm(evidence, axis, metres, radians, found):
         assert f"{1e3 * metres:.1f} mm and {np.degrees(radians):.2f} deg" in made[0].message
 
 
-def test_what_is_contradicted_as_a_whole_is_everything(evidence):
-    """About nobody; too large sigmas alike."""
+def test_overall_contradiction_has_no_owner(evidence):
+    """A sigma contradicted as a whole concerns all data and names no device; too large sigmas likewise."""
     for ratio, severity in ((1.5, "warning"), (0.5, "info")):
         (finding,) = poor_fit(evidence(contradicted_sigmas=(ContradictedSigma("", False, ratio, 1e-9),)))
         assert (finding.severity, finding.about) == (severity, ())
         assert "of all data" in finding.message
 
 
-def test_sigmas_that_are_too_large_leave_other_reasons(evidence):
-    """They are told after what is wrong; where sigmas are too small that is the reason, and all there is to say."""
+def test_too_large_sigmas_follow_other_causes(evidence):
+    """Too large sigmas are listed after other causes; too small sigmas are the only cause listed."""
     noise = SimpleNamespace(estimated=("pixel_px",), robots={})
     large, small = (ContradictedSigma("wrist", False, ratio, 1e-9) for ratio in (0.5, 2.0))
     of = {"noise": noise}, {"residuals": SimpleNamespace(rms_px=4.0)}
@@ -72,8 +75,11 @@ def test_sigmas_that_are_too_large_leave_other_reasons(evidence):
     assert "times what the stated sigmas explain" in found[0].message
 
 
-def test_a_sigma_typed_in_other_units_is_named_with_what_the_data_show():
-    """Metres for millimetres: the noise hides directions until it is estimated, and the finding has both numbers."""
+def test_sigma_in_wrong_unit_is_named():
+    """A sigma stated in metres instead of millimetres is named with the value that the data show.
+
+    Its noise hides directions until it is estimated.
+    """
     made = simulate(Scenario(samples=12, layout="eye_in_hand", robot_noise=(1e-4, 2e-4)), 1301)
     arm = made.cell.robots["arm"]
     robots = {"arm": replace(arm, noise=1e3 * arm.noise)}
@@ -84,8 +90,11 @@ def test_a_sigma_typed_in_other_units_is_named_with_what_the_data_show():
     assert found.unobservable == ()
 
 
-def test_arms_in_the_same_views_are_doubted_together():
-    """The noise of one is stated a hundred times too small: that of the other takes up its errors."""
+def test_robots_in_same_views_are_named_together():
+    """Robots in the same views are named together.
+
+    Noise of one, stated a hundred times too small, is absorbed by the other.
+    """
     made = simulate(Scenario(samples=20, robot_noise=(2e-4, 4e-4)), 0)
     eye = made.cell.robots["eye"]
     cell = replace(made.cell, robots={**made.cell.robots, "eye": replace(eye, noise=eye.noise / 100)})

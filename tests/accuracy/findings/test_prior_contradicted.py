@@ -1,4 +1,4 @@
-"""Priors that the data contradict are told; true ones are not."""
+"""Tests of the finding `prior-contradicted`."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ MOUNT = "eye_flange_from_wrist"
 
 @pytest.mark.parametrize("intrinsics", ["fixed", "prior"])
 def test_true_priors_are_not_contradicted(intrinsics):
-    """Over ten cells whose priors were drawn as stated no finding is made: by chance once in 250 such tests."""
+    """Ten cells with priors drawn as stated give no finding; by chance one in 250 such tests does."""
     for seed in range(10):
         s = simulate(replace(TOLD, intrinsics=intrinsics), seed)
         assert contradicted_priors(s.cell, solve(s.cell, s.recording)) == []
 
 
-def test_a_wrong_prior_is_named():
-    """A mount stated eight sigmas off is contradicted, by name, and the verdict is doubtful."""
+def test_wrong_prior_is_named():
+    """A mount stated eight sigmas off is contradicted by name, and the verdict is doubtful."""
     s = simulate(TOLD, 0)
     (camera,) = s.cell.cameras.values()
     off = SE3.exp(np.array([8 * camera.mount.sigma[0], 0, 0, 0, 0, 0]))
@@ -44,8 +44,8 @@ def test_a_wrong_prior_is_named():
     assert calibration.verdict == "doubtful"
 
 
-def test_a_prior_of_which_the_data_say_nothing_is_not_judged():
-    """With a still eye, its mount's prior and the base stand for each other: the prior is all there is to know."""
+def test_prior_without_data_is_not_judged():
+    """A prior that the data do not test is not judged: with a still eye, mount and base compensate each other."""
     s = simulate(replace(TOLD, arms="eye_still", base="free", target_mount="fixed"), 0)
     (camera,) = s.cell.cameras.values()
     mount = replace(camera.mount, mean=camera.mount.mean @ SE3.exp(np.array([0.1, 0, 0, 0, 0, 0])))
@@ -53,8 +53,8 @@ def test_a_prior_of_which_the_data_say_nothing_is_not_judged():
     assert contradicted_priors(cell, solve(cell, s.recording)) == []
 
 
-def test_a_wrong_prior_of_a_lens_is_named():
-    """Focal lengths stated 60 px too long, with 5 px: `fix` frees the lens."""
+def test_wrong_lens_prior_is_named():
+    """A focal length stated 60 px too long with a sigma of 5 px is named; `fix` frees the lens."""
     s = simulate(Scenario(samples=12, intrinsics="prior"), 1)
     wrist = s.cell.cameras["wrist"]
     longer = replace(wrist.intrinsics.camera, parameters=wrist.intrinsics.camera.parameters + np.eye(9)[0] * 60)
@@ -69,8 +69,11 @@ def test_a_wrong_prior_of_a_lens_is_named():
     ("joint_offsets", {"joint_offset_rad": 0.02}, {"sigma_rad": 0.002}),
     ("link_parameters", {"link_error": (2e-3, 2e-3)}, {"sigma_rad": 2e-4, "sigma_m": 2e-4}),
 ])  # fmt: skip
-def test_wrong_priors_of_robots_are_named_with_wider_ones(kind, faults, sigmas):
-    """A tenth of the true sigmas: the line to write has as many times the sigma as the answer is away, at least two."""
+def test_wrong_robot_priors_get_wider_entries(kind, faults, sigmas):
+    """Robot priors with a tenth of the true sigmas are named with a wider entry.
+
+    Its sigma grows by the distance in sigmas, at least twofold.
+    """
     s = simulate(Scenario(samples=30, joints=True, **faults, **{kind: "prior"}), 1)
     robots = {}
     for name, robot in s.cell.robots.items():
@@ -87,8 +90,8 @@ def test_wrong_priors_of_robots_are_named_with_wider_ones(kind, faults, sigmas):
         assert offered_places(cell, told) == {("robots", robot, kind): {"status": "prior", **wider}}
 
 
-def test_what_has_no_entry_of_its_own_is_not_freed():
-    """A mark of a plate that is 3 mm off: no fix is promised."""
+def test_mark_without_entry_is_not_freed():
+    """A plate mark 3 mm off has no entry of its own, so no fix is offered."""
     points = {**{name: place.tolist() for name, place in MARKS.items()}, "mark_d": [0.5, 0.0, 0.1]}
     wrong = {**points, "mark_b": [points["mark_b"][0] + 3e-3, *points["mark_b"][1:]]}
     cell = touch_cell((), marks={"plate": {"points_m": wrong}})
@@ -101,8 +104,11 @@ def test_what_has_no_entry_of_its_own_is_not_freed():
 
 
 @pytest.mark.parametrize("wider", [[1.0, 1.0, 1.0], [2.0, 1.0, 5.0]])
-def test_estimates_vary_as_data_under_unit_priors_do(wider):
-    """Data d have covariance I + P^-1, and the estimate from them is C P d, whatever priors are in use."""
+def test_innovation_covariance_is_independent_of_priors(wider):
+    """Estimates vary as data under unit priors do.
+
+    Data d have covariance I + P^-1, and the estimate from them is C P d, whatever priors are in use.
+    """
     root = np.random.default_rng(0).standard_normal((3, 3))
     by_data, wider = root @ root.T, np.array(wider)
     covariance = np.linalg.inv(by_data + np.diag(wider**-2))
@@ -114,8 +120,11 @@ def test_estimates_vary_as_data_under_unit_priors_do(wider):
 @pytest.mark.parametrize(
     ("sigmas", "sigma_m", "sigma_rad"), [(1.5, 2e-3, 4e-3), (2.0, 2e-3, 4e-3), (2.1, 3e-3, 6e-3), (7.9, 8e-3, 0.016)]
 )
-def test_wider_entries_hold_the_value(sigmas, sigma_m, sigma_rad):
-    """By as many times as it is away, rounded up, and twice at least; what is not stated is not written."""
+def test_wider_entries_contain_value(sigmas, sigma_m, sigma_rad):
+    """Wider entries have as many times the sigma as the value is away, rounded up, at least twofold.
+
+    Fields that are not stated are not written.
+    """
     stated = Stated(status="prior", sigma_m=1e-3, sigma_rad=2e-3)
     entry = f"`link_parameters: {{status: prior, sigma_rad: {sigma_rad}, sigma_m: {sigma_m}}}`"
     assert _wider_entry("link_parameters", stated, sigmas) == entry

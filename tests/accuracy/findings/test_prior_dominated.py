@@ -1,4 +1,4 @@
-"""What is known of a transform by its prior alone is told, along the directions in which it is."""
+"""Tests of the finding `prior-dominated` and its directions."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def with_share(axis, share):
 
 
 @pytest.mark.parametrize("axis", range(6))
-def test_one_direction_is_told_from_nineteen_twentieths_on(axis):
-    """Where the posterior's sigma is 0.96 of the prior's there is a finding about it, at 0.94 there is none."""
+def test_direction_is_reported_from_95_percent(axis):
+    """A direction is reported if its posterior sigma exceeds 95 % of the prior: at 0.96, not at 0.94."""
     (finding,) = told(with_share(axis, 0.96))
     assert (finding.code, finding.severity, finding.about) == ("prior-dominated", "info", (MOUNT,))
     assert ("translation of camera" if axis < 3 else "rotation of camera") in finding.message
@@ -45,8 +45,8 @@ def test_one_direction_is_told_from_nineteen_twentieths_on(axis):
     assert told(with_share(axis, 0.94)) == []
 
 
-def test_directions_are_said_together():
-    """Nothing but the prior along two shifts and a turn."""
+def test_directions_share_one_finding():
+    """Two translations and a rotation known only from the prior share one finding."""
     sigma = GOOD.copy()
     sigma[[0, 1, 5]] = 10.0
     (finding,) = told(sigma)
@@ -54,15 +54,18 @@ def test_directions_are_said_together():
     assert "rotation of camera about the axis" in finding.message
 
 
-def test_a_prior_that_the_data_improve_is_not_told():
-    """Nor a transform without a prior, nor what is no answer."""
+def test_improved_prior_is_not_reported():
+    """A prior that the data improve is not reported, nor a transform without a prior, nor a failed solution."""
     assert told(GOOD) == []
     assert told(with_share(0, 0.5), status="free") == []
     assert told(with_share(0, 0.96), converged=False) == []
 
 
-def test_the_offset_of_a_light_has_three_directions():
-    """Known to ten micrometres beforehand, which a few views do not better: all of them are told, and no turn."""
+def test_led_offset_has_three_directions():
+    """An LED offset has three directions and no rotation.
+
+    It is known to 10 um beforehand, which a few views do not improve.
+    """
     scenario = Scenario(samples=5, target="led", camera_mount="fixed", target_mount="prior", mount_prior=(1e-5, 1e-5))
     made = simulate(scenario, 0)
     (found,) = prior_dominated(SimpleNamespace(solution=solve(made.cell, made.recording), cell=made.cell))

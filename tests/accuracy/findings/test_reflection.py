@@ -1,4 +1,4 @@
-"""`reflection`: spots beside a light."""
+"""Tests of the finding `reflection`: other spots beside an LED."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def made():
 
 
 def with_spots(made, beside):
-    """The recording with other spots at `beside`, by sample [px] from the light."""
+    """The recording with other spots at `beside`, by sample [px] from the LED."""
     samples = []
     for sample in made.recording.samples:
         (seen,) = sample.observations
@@ -42,8 +42,8 @@ def found(made, beside):
     return [finding for finding in findings if finding.code == "reflection"]
 
 
-def test_spots_beside_a_light_are_told(made):
-    """With the images that have them, and how many there are; the light is told from them."""
+def test_spots_beside_led_are_reported(made):
+    """Spots beside an LED are reported with their number and images; the LED is distinguished from them."""
     rng = np.random.default_rng(0)
     beside = {k: rng.uniform(40, 90, 2) for k in range(2, 9)}
     (finding,) = found(made, beside)
@@ -52,8 +52,8 @@ def test_spots_beside_a_light_are_told(made):
     assert f"in 7 of {SAMPLES} images" in finding.message
 
 
-def test_spots_near_the_light_are_a_warning(made):
-    """Two pixels away they can be either; a tenth of the images is borne."""
+def test_spots_near_led_are_warning(made):
+    """Spots two pixels from the LED are ambiguous and a warning; a tenth of the images is tolerated."""
     near = np.array([1.6, 1.2])
     for count, severity in ((1, "info"), (2, "warning")):
         (finding,) = found(made, dict.fromkeys(range(count), near))
@@ -61,15 +61,15 @@ def test_spots_near_the_light_are_a_warning(made):
     assert "In 2 images both are near the predicted position" in finding.message
 
 
-def test_without_another_spot_nothing_is_said(made, evidence):
-    """Neither of a light alone, nor where nothing is seen by a camera."""
+def test_single_spots_give_no_finding(made, evidence):
+    """Without other spots, or without cameras, there is no finding."""
     assert found(made, {}) == []
     assert reflection(evidence()) == []
 
 
 @pytest.mark.parametrize(("off_px", "severity"), [((0.5, 0.4), None), ((1.2, 0.9), "warning"), ((2.6, 2.8), "info")])
-def test_spots_within_a_pixel_are_one_and_beyond_three_are_clear(made, off_px, severity):
-    """Between them they could be taken for the light."""
+def test_spots_between_one_and_three_pixels_are_ambiguous(made, off_px, severity):
+    """Spots within a pixel are one, beyond three they are distinct; between them they are ambiguous."""
     assert [f.severity for f in found(made, dict.fromkeys(range(4), np.array(off_px)))] == (
         [severity] if severity else []
     )

@@ -1,4 +1,4 @@
-"""Every finding that the source can make is documented, and the documents name no other."""
+"""Tests that docs/findings.md and the registry list exactly the findings of the source."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ def documented_codes() -> set[str]:
     return set(re.findall(r"^#+ `([a-z0-9-]+)`", text, re.MULTILINE))
 
 
-def test_every_code_is_documented_and_no_other():
-    """Codes in the source and headings of docs/findings.md are the same."""
+def test_codes_equal_documented_headings():
+    """Codes in the source equal the headings of docs/findings.md."""
     made, described = codes_in_source(), documented_codes()
     assert not made - described, f"describe in docs/findings.md, by a heading `### `CODE``: {sorted(made - described)}"
     assert not described - made, f"remove from docs/findings.md, nothing makes them: {sorted(described - made)}"
 
 
 def test_every_check_is_registered():
-    """Each file of findings but the registry and its types gives a check that the registry lists."""
+    """Each file of findings except the registry and its types gives a check that the registry lists."""
     listed = {check.__module__.rpartition(".")[2] for check in (*registry.INPUT_CHECKS, *registry.ANSWER_CHECKS)}
     unlisted = {path.stem for path in FINDINGS.glob("*.py")} - {"__init__", "evidence", "registry"} - listed
     assert not unlisted, f"add to INPUT_CHECKS or ANSWER_CHECKS of findings/registry.py: {sorted(unlisted)}"

@@ -1,4 +1,4 @@
-"""`robot-model`: what to free of the robots, and by how much it helps."""
+"""Tests of the finding `robot-model`: robot parameters to free, and the gain."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def choice(chosen, better=None, none=NONE, robots=()):
 
 @pytest.fixture(autouse=True)
 def offsets(monkeypatch):
-    """Offsets of two robots: joint 2 of `hand` stands out most from its sigma, what is not seen does not count."""
+    """Offsets of two robots: joint 2 of `hand` is the clearest in sigmas; unobservable ones do not count."""
     found = {
         "arm": SimpleNamespace(
             values=np.array([0.02, 9.0]), sigma=np.array([0.01, 1e-3]), seen=np.array([True, False])
@@ -40,14 +40,14 @@ def offsets(monkeypatch):
     return found
 
 
-def test_robots_as_stated_are_no_finding(evidence):
-    """Nor is nothing to choose."""
+def test_robots_as_stated_give_no_finding(evidence):
+    """Robots as stated give no finding, nor does a missing choice."""
     assert robot_model(evidence()) == []
     assert robot_model(evidence(robot_model=choice(NONE))) == []
 
 
-def test_too_few_samples_to_decide():
-    """A better model that is not sure is an info about its robots."""
+def test_uncertain_robot_model_is_info():
+    """A better model that too few samples confirm is an info about its robots."""
     (found,) = robot_model_findings(choice(NONE, candidate("joint", joint=2, error_m=1e-3)))
     assert (found.severity, found.about) == ("info", ("arm",))
     words = (
@@ -57,8 +57,8 @@ def test_too_few_samples_to_decide():
     assert found.message.startswith(words)
 
 
-def test_offsets_that_help():
-    """A warning with the clearest offset, and what to write."""
+def test_helpful_offsets_are_warning():
+    """Helpful offsets are a warning with the clearest offset and the entry to write."""
     (found,) = robot_model_findings(choice(candidate("offsets", ("arm", "hand"), error_m=2e-3)))
     assert (found.severity, found.about) == ("warning", ("arm", "hand"))
     gain, entry = f"{found.what} {found.why}", *found.do
@@ -69,8 +69,8 @@ def test_offsets_that_help():
     assert entry == "Write `joint_offsets: {status: prior, sigma_rad: 0.02}` at arm and hand in cell.yaml."
 
 
-def test_a_single_joint(offsets):
-    """Its offset is told as such; where none is seen, that."""
+def test_single_joint_states_its_offset(offsets):
+    """A single joint states its offset, or that no single offset stands out."""
     (found,) = robot_model_findings(choice(candidate("joint", joint=1), none=candidate(rms=2.5)))
     assert "from 2.5 to 1.0 sigmas rms. Its offset is -0.57 ± 0.11 deg" in found.message
     for each in offsets.values():
@@ -79,8 +79,8 @@ def test_a_single_joint(offsets):
     assert "No single offset stands out." in found.message
 
 
-def test_links_that_help():
-    """How far the worst link of any robot is off, and both entries to write; a better model beside is named."""
+def test_helpful_links_state_worst_link():
+    """Helpful links state the worst link of any robot and both entries to write. An undecided better model is named."""
     links = np.zeros((3, 6))
     links[1], links[2] = [3e-3, 4e-3, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0.01]
     robots = [SimpleNamespace(kind_values={"link_parameters": each}.get) for each in (np.zeros((2, 6)), links)]
@@ -107,8 +107,8 @@ def found(effect, about="hand", is_certain=True, alternatives=()):
     (found("step"), "joint", False),
     (None, "joint", False),
 ])  # fmt: skip
-def test_offsets_that_stand_in_for_another_effect_are_left_out(evidence, other, chosen, is_left_out):
-    """A certain effect of the same robot's joints that is no offset, and that the data tell from one."""
+def test_offsets_that_imitate_other_effect_are_omitted(evidence, other, chosen, is_left_out):
+    """Offsets are omitted if a certain effect of the same joints, distinguishable from an offset, explains them."""
     arm = SimpleNamespace(kind_values=lambda _: np.zeros((7, 6)))
     chosen_model = choice(candidate(chosen, ("hand",), 1, error_m=2e-3), robots=(arm,))
     made = evidence(robot_model=chosen_model, systematic_error=other)

@@ -1,4 +1,4 @@
-"""`rounded-poses`."""
+"""Tests of the finding `rounded-poses`."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ from basecal.simulation import Scenario, simulate
 
 
 def found_in(read, noise=(3e-4, 3e-4)):
-    """Findings where the hand's poses are read otherwise, and the noise in use is such."""
+    """Findings if the hand's poses are changed by `read`, with the given noise in use."""
     made = simulate(Scenario(samples=12, target="pose"), 0)
     samples = []
     for sample in made.recording.samples:
@@ -32,8 +32,8 @@ def in_steps(step):
     return lambda pose: SE3(pose.rotation, step * np.round(pose.translation / step))
 
 
-def test_all_digits_are_silent():
-    """Poses as they are give nothing."""
+def test_unrounded_poses_give_no_finding():
+    """Poses with all digits give no finding."""
     assert found_in(lambda pose: pose) == []
 
 
@@ -48,8 +48,8 @@ def test_all_digits_are_silent():
         (1e-4, 3e-5, "warning"),
     ],
 )
-def test_translations(step, noise_m, severity):
-    """Multiples of a step are named; a warning if rounding is much of the noise in use. Less noise has other causes."""
+def test_rounded_translations_are_reported(step, noise_m, severity):
+    """Translations in multiples of a step are reported, as a warning if rounding is a good part of the noise in use."""
     (finding,) = found_in(in_steps(step), (noise_m, 3e-4))
     assert (finding.code, finding.about, finding.severity) == ("rounded-poses", ("hand",), severity)
     assert f"multiples of {1e3 * step:g} mm" in finding.message
@@ -58,8 +58,8 @@ def test_translations(step, noise_m, severity):
 
 
 @pytest.mark.parametrize("step_deg", [0.1, 0.01])
-def test_angles(step_deg):
-    """Roll, pitch and yaw in few digits of a degree are told."""
+def test_rounded_euler_angles_are_reported(step_deg):
+    """Roll, pitch and yaw with few digits of a degree are reported."""
 
     def read(pose):
         """The pose in round angles."""
@@ -69,14 +69,14 @@ def test_angles(step_deg):
     assert f"Angles of hand are all multiples of {step_deg:g} deg" in finding.message
 
 
-def test_few_places_say_nothing():
-    """An arm that stands at one round place is no arm whose poses are rounded."""
+def test_single_round_pose_gives_no_finding():
+    """An arm at rest at one round pose is not reported."""
     assert found_in(lambda pose: SE3(np.eye(3), np.array([0.4, 0.1, 0.3]))) == []
 
 
 @pytest.mark.parametrize("step_rad", [1e-2, 1e-3, 1e-4])
-def test_angles_in_radians(step_rad):
-    """Rotation vectors in few digits of a radian are told, in milliradians."""
+def test_rounded_rotation_vectors_are_reported(step_rad):
+    """Rotation vectors with few digits of a radian are reported, in milliradians."""
 
     def read(pose):
         """The pose by a round rotation vector."""
@@ -88,8 +88,8 @@ def test_angles_in_radians(step_rad):
     assert finding.severity == "info"
 
 
-def test_places_and_angles_are_one_finding():
-    """The coarser of those that are warnings is the worst; both are listed."""
+def test_translations_and_angles_share_one_finding():
+    """Translations and angles share one finding; the worst severity counts, and both are listed."""
 
     def read(pose):
         """The pose in whole millimetres and tenths of a degree."""
@@ -109,8 +109,8 @@ def test_places_and_angles_are_one_finding():
 
 
 @pytest.mark.parametrize("step", [1e-2, 1e-3, 1e-4])
-def test_quaternions(step):
-    """Components in few digits are told, though they are normalised; each rotates by twice its error."""
+def test_rounded_quaternions_are_reported(step):
+    """Quaternion components with few digits are reported, though normalised; each rotates by twice its error."""
 
     def read(pose):
         """The pose by round components of its quaternion."""
@@ -123,15 +123,15 @@ def test_quaternions(step):
     assert finding.severity == "warning"
 
 
-def test_quaternions_of_a_few_turns_say_nothing():
-    """Quarter turns have round components by themselves."""
+def test_quaternions_of_quarter_turns_give_no_finding():
+    """Quaternions of quarter turns have round components anyway and give no finding."""
     turns = iter(np.resize([0.0, 0.5, 1.0], 12) * np.pi)
     assert found_in(lambda pose: SE3.from_rpy([next(turns), 0.0, 0.0], pose.translation + 1e-5 * np.pi)) == []
 
 
 @pytest.mark.parametrize("noisy", [True, False])
-def test_joints_in_few_digits(noisy):
-    """Tenths of a degree, of an arm recorded by its joints; where it is taken for exact it is an info."""
+def test_rounded_joints_are_reported(noisy):
+    """Joints in tenths of a degree are reported; if the robot is assumed exact, as an info."""
     made = simulate(Scenario(samples=8, joints=True), 0)
     samples = []
     for sample in made.recording.samples:
@@ -148,7 +148,7 @@ def test_joints_in_few_digits(noisy):
 
 @pytest.mark.parametrize(("count", "told"), [(9, False), (10, True)])
 def test_ten_different_numbers_are_enough(count, told):
-    """Fewer may all be round by chance."""
+    """Ten different numbers are enough; fewer may all be round by chance."""
     numbers = iter(np.resize(1e-3 * np.arange(1, count + 1), 36))
 
     def read(pose):
@@ -158,8 +158,8 @@ def test_ten_different_numbers_are_enough(count, told):
     assert bool(found_in(read)) == told
 
 
-def test_the_noise_in_use_is_that_of_the_robot_whose_poses_are_rounded():
-    """Each arm is told beside its own."""
+def test_rounding_is_compared_with_own_noise():
+    """The rounding of each arm is compared with its own noise."""
     made = simulate(Scenario(samples=12, target="pose"), 0)
     samples = []
     for sample in made.recording.samples:
@@ -186,14 +186,17 @@ def test_the_noise_in_use_is_that_of_the_robot_whose_poses_are_rounded():
     (np.arange(10) + 1.1e-3, None),
     (np.append(np.arange(10.0), 0.1), 0.1),  # one that is not is enough
 ])  # fmt: skip
-def test_the_largest_step_of_which_all_are_multiples(values, step):
-    """To a thousandth of it, from ten numbers that differ."""
+def test_step_is_largest_common_divisor(values, step):
+    """The step is the largest one of which all values are multiples, to a thousandth.
+
+    At least ten different numbers are needed.
+    """
     assert _step(values.reshape(-1, 1) / 100) == (None if step is None else pytest.approx(step / 100))
 
 
 @pytest.mark.parametrize(("step_deg", "told"), [(1.0, "1 deg"), (0.1, "0.1 deg"), (0.01, "0.01 deg")])
-def test_steps_of_angles_are_those_of_displays(step_deg, told):
-    """A degree, its tenths and hundredths, of joints that all differ."""
+def test_angle_steps_are_display_digits(step_deg, told):
+    """Steps of angles are a degree, its tenths and hundredths, if all joints differ."""
     joints = np.radians(step_deg * np.arange(1, 37).reshape(6, 6))
     stops = Stops(np.array([[1, 1, 1, 2, 9, 9], [9, 9, 9, 9, 9, 9.0]]), ("hand", "hand"))
     problem = problem_of(views(end(), end("hand", joints=joints)), stops=stops)
@@ -205,16 +208,19 @@ def test_steps_of_angles_are_those_of_displays(step_deg, told):
 @pytest.mark.parametrize(("noise", "severity"), [
     (0.49, "info"), (0.51, "warning"), (1.99, "warning"), (2.01, "info"),
 ])  # fmt: skip
-def test_rounding_that_makes_a_good_part_of_the_noise_is_a_warning(noise, severity):
-    """From half to twice what is in use; a step makes a uniform error of its length over the root of twelve."""
+def test_rounding_of_half_to_twice_noise_is_warning(noise, severity):
+    """Rounding of half to twice the noise in use is a warning.
+
+    A step adds a uniform error of its length over sqrt(12).
+    """
     rounding = _Rounding("angles", np.sqrt(12.0), "", noise)
     assert rounding.sigma == pytest.approx(1.0)
     assert rounding.severity == severity
 
 
 @pytest.mark.parametrize(("least", "told"), [(-3, 0), (-4, 1)])
-def test_quaternions_of_ten_different_numbers_are_enough(least, told):
-    """Of nine nothing is said; numbers are those before they were normalised."""
+def test_quaternions_need_ten_different_numbers(least, told):
+    """Quaternions need ten different numbers before normalisation; with nine there is no finding."""
     numbers = np.array([[k, 0, 0, 100] for k in range(least, 5) if k], dtype=float)
     quaternions = numbers / np.linalg.norm(numbers, axis=-1, keepdims=True)
     np.testing.assert_array_equal(_multiples(quaternions, 0.01), numbers)
@@ -225,8 +231,8 @@ def test_quaternions_of_ten_different_numbers_are_enough(least, told):
 
 
 @pytest.mark.parametrize("norm", [99, 100, 101])
-def test_numbers_of_a_quaternion_are_found_a_step_beside_its_norm(norm):
-    """Two steps beside it there are none."""
+def test_quaternion_numbers_allow_norm_off_by_one_step(norm):
+    """Quaternion numbers are found if the norm is off by one step, but not by two."""
     for off, is_found in ((0, True), (2, False)):
         numbers = np.array([[60.0, -20.0, 0.0, 0.0]])
         numbers[0, 3] = np.round(np.sqrt((norm + off) ** 2 - 4000))

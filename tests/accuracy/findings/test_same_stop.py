@@ -1,4 +1,4 @@
-"""`same-stop`."""
+"""Tests of the finding `same-stop`."""
 
 from dataclasses import replace
 
@@ -15,8 +15,11 @@ from basecal.simulation import Scenario, simulate
 
 
 @pytest.mark.parametrize("jitter_m", [0.0, 2e-5])
-def test_jitter_within_stops_is_told(jitter_m):
-    """The robot whose read-back varies is named with how far; stops read back alike, and paths, say nothing."""
+def test_jitter_within_stops_is_reported(jitter_m):
+    """A robot whose read-back varies within stops is named with the distance.
+
+    Equal read-backs and paths give no finding.
+    """
     made = simulate(Scenario(samples=12, target="led", arms="stations", stations=3), 0)
     rng = np.random.default_rng(0)
     samples = []
@@ -32,7 +35,10 @@ def test_jitter_within_stops_is_told(jitter_m):
 
 
 def stops_of(*moves, stands):
-    """Poses of a robot that carries a target, off by these tangents, at such stops, after one group of the camera's."""
+    """Findings about a robot that carries a target, at these stops, with poses off by these tangents.
+
+    The first pose is in a group of the camera's own.
+    """
     recorded = SE3.exp(np.array(moves, dtype=float))
     first = views(end("arm", recorded[:1], stop_number=stands[:1]), end())
     others = views(end(), end("arm", recorded[1:], stop_number=stands[1:]))
@@ -49,8 +55,11 @@ PLACE = [0.5, 0.2, 0.1, 0.0, 0.0, 0.0]
     ([0, 0, 0, 0, 0, 9e-10], None),
     ([1.1e-9, 0, 0, 0, 0, 0], "0.000001 mm and 0 mrad"),
 ])  # fmt: skip
-def test_the_farthest_from_the_first_of_a_stop_is_told(off, told):
-    """Shift and turn by themselves, whichever group has seen it; other stops are other places, rounding is none."""
+def test_largest_difference_within_stop_is_reported(off, told):
+    """The largest translation and rotation from the first pose of a stop are reported, in any group.
+
+    Other stops do not count, nor does rounding.
+    """
     found = stops_of(np.zeros(6), PLACE, off, stands=[4, 7, 4])
     assert [f.about for f in found] == ([] if told is None else [("arm",)])
     assert told is None or f"Poses within one stop of arm differ by up to {told}, at 2 stops." in found[0].message

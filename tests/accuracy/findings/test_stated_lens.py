@@ -1,4 +1,4 @@
-"""`intrinsics`: lenses that are not as stated."""
+"""Tests of the finding `intrinsics`: lenses that differ from their statement."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MADE = simulate(Scenario(samples=18, layout="eye_in_hand", robot_noise=(1e-4, 2e
 
 
 def calibrated(change):
-    """The calibration where the lens is stated with other parameters, and not as exact."""
+    """The calibration with changed stated lens parameters that are not assumed exact."""
     wrist = MADE.cell.cameras["wrist"]
     camera = wrist.intrinsics.camera
     lens = replace(wrist.intrinsics, camera=camera.with_parameters(change(camera.parameters)), exact=False)
@@ -26,8 +26,11 @@ def calibrated(change):
 @pytest.mark.parametrize(("factor", "shift_px", "named"), [
     (1.0, 0.0, None), (1.0, 1.0, None), (1.0, 25.0, "cx by {} px"), (1.02, 0.0, "fx is off by {} %"),
 ])  # fmt: skip
-def test_it_is_named_and_the_answer_holds(factor, shift_px, named):
-    """A lens as stated, or a pixel off, is not accused; each other is, by how much, and no transform is wrong."""
+def test_wrong_lens_is_named_and_answer_holds(factor, shift_px, named):
+    """A wrong lens is named with its error, and no transform is wrong.
+
+    A lens as stated, or one pixel off, is not named.
+    """
     found = calibrated(lambda p: p * np.where(np.arange(9) < 2, factor, 1.0) + shift_px * (np.arange(9) == 2))
     messages = [f.message for f in found.findings if f.code == "intrinsics"]
     assert (found.verdict, len(messages)) == (("good", 0) if named is None else ("doubtful", 1))
@@ -40,8 +43,11 @@ def test_it_is_named_and_the_answer_holds(factor, shift_px, named):
         assert np.abs(error / np.sqrt(np.diag(estimate.covariance))).max() < 4
 
 
-def test_an_innovation_is_the_same_under_wider_priors():
-    """Of estimates that the data determine, by whatever priors; under unit priors it is what these lose."""
+def test_innovation_is_independent_of_wider_priors():
+    """The innovation of estimates that the data determine is independent of wider priors.
+
+    Under unit priors it is the uncertainty that the data remove.
+    """
     rng = np.random.default_rng(0)
     by_data = rng.standard_normal((3, 9))
     by_data = 1e6 * by_data @ by_data.T

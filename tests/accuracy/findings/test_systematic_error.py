@@ -1,4 +1,4 @@
-"""`length-scale`, `clock-offset`, `base-moved`, `drift`, `deflection` in words."""
+"""Tests of the wording of `length-scale`, `clock-offset`, `base-moved`, `drift` and `deflection`."""
 
 from dataclasses import replace
 
@@ -90,8 +90,8 @@ WORDS = {
 
 
 @pytest.mark.parametrize("kind", WORDS)
-def test_words(evidence, monkeypatch, kind):
-    """Each is a warning about whom it concerns, with its size, its sigma in the same unit, and its direction."""
+def test_wording_of_effects(evidence, monkeypatch, kind):
+    """Each effect is a warning about its device, with its size, its sigma in the same unit, and its direction."""
     error, words = WORDS[kind]
     monkeypatch.setattr("basecal.accuracy.findings.systematic_error.describe_gravity", lambda *_: "gravity pulls")
     (finding,) = systematic_error(evidence(systematic_error=error))
@@ -102,8 +102,8 @@ def test_words(evidence, monkeypatch, kind):
     assert ("gravity pulls" in finding.message) == (error.unit == "rad/Nm")
 
 
-def test_a_joint_that_is_off_is_said_once(evidence, monkeypatch):
-    """Its offset and what to write; nothing where the choice of robot models names its robots already."""
+def test_single_joint_offset_is_reported_once(evidence, monkeypatch):
+    """A single joint offset is reported with its entry, unless the robot-model finding names its robot."""
     error = replace(found("joint-offset", [np.radians(0.25)], np.radians(0.01)), joint=2)
     (finding,) = systematic_error(evidence(systematic_error=error))
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
@@ -114,8 +114,11 @@ def test_a_joint_that_is_off_is_said_once(evidence, monkeypatch):
     assert len(systematic_error(evidence(systematic_error=bent))) == 1
 
 
-def test_several_joints_that_are_off(evidence, monkeypatch):
-    """The one that stands out most from its sigma, and a prior that the largest does not contradict; said once."""
+def test_several_joint_offsets_are_reported_once(evidence, monkeypatch):
+    """Several joint offsets name the clearest in sigmas and a prior wide enough for the largest.
+
+    They are reported once.
+    """
     error = found("joint-offsets", np.radians([0.1, -0.3, 0.7]), np.radians([0.01, 0.02, 0.3]))
     (finding,) = systematic_error(evidence(systematic_error=error))
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
@@ -125,21 +128,24 @@ def test_several_joints_that_are_off(evidence, monkeypatch):
     assert systematic_error(evidence(systematic_error=error)) == []
 
 
-def test_the_covariance_of_joints_that_are_degrees_off_is_not_promised(evidence):
-    """Bases of arms whose joints are 1 deg off are within it, those of 2 deg are not."""
+def test_covariance_of_large_joint_offsets_is_not_promised(evidence):
+    """The covariance of bases covers joints 1 deg off, but is not promised for 2 deg."""
     for size, words in ((0.017, "its covariance is wider"), (0.035, "Its covariance may be too small")):
         effect = found("joint-offsets", [1e-3, -size], 1e-3, unit="rad")
         (finding,) = systematic_error(evidence(systematic_error=effect))
         assert words in finding.why
 
 
-def test_nothing_found_is_silent(evidence):
-    """Without an error there is no finding."""
+def test_missing_effect_gives_no_finding(evidence):
+    """Without an effect there is no finding."""
     assert systematic_error(evidence()) == []
 
 
-def test_what_may_be_chance_is_an_info(evidence):
-    """It is not stated as a fact: its probability is given, the covariance contains it, and the verdict stays."""
+def test_uncertain_effect_is_info(evidence):
+    """An effect that may be chance is an info with its probability.
+
+    It is not stated as a fact, the covariance contains it, and the verdict stays.
+    """
     error, words = WORDS["short"]
     (finding,) = systematic_error(evidence(systematic_error=replace(error, is_certain=False, probability=0.855)))
     assert (finding.code, finding.severity) == ("length-scale", "info")
@@ -151,8 +157,8 @@ def test_what_may_be_chance_is_an_info(evidence):
     assert certain.what.startswith(words)
 
 
-def test_effects_that_the_data_do_not_tell_apart_are_all_named(evidence):
-    """Each with what to do, once, and whom it is about."""
+def test_indistinguishable_effects_are_all_named(evidence):
+    """Effects that the data do not distinguish are all named, each with its device and its advice once."""
     drift = replace(found("drift", [0, 0, -2e-3, 0, np.radians(-0.1), 0], 1e-3, "hand_base"), alternatives=(STEP,))
     (finding,) = systematic_error(evidence(systematic_error=drift))
     assert (finding.code, finding.about) == ("drift", ("hand_base", "eye_base"))
@@ -166,8 +172,8 @@ def test_effects_that_the_data_do_not_tell_apart_are_all_named(evidence):
 @pytest.mark.parametrize(("kind", "size", "late"), [
     ("camera", -3e-4, True), ("camera", 3e-4, False), ("robot", 3e-4, True), ("robot", -3e-4, False),
 ])  # fmt: skip
-def test_who_is_late_goes_by_the_sign_alone(evidence, code, kind, size, late):
-    """Images to be stamped earlier and poses to be read later are late, by however little."""
+def test_late_device_follows_from_sign(evidence, code, kind, size, late):
+    """The sign alone determines who is late: images to be stamped earlier, and poses to be read later, are late."""
     error = found(code, [size], 1e-5, "device", "s", kind=kind)
     (finding,) = systematic_error(evidence(systematic_error=error))
     way = {"clock-offset": "lag behind", "clock-drift": "fall behind"}[code] if late else "run ahead of"
@@ -175,14 +181,17 @@ def test_who_is_late_goes_by_the_sign_alone(evidence, code, kind, size, late):
     assert f" {way} the other devices by 0.300 ± 0.010 ms" in finding.message
 
 
-def test_fractions_are_given_in_percent(evidence):
-    """Both the size and its sigma, to the last digit shown."""
+def test_fractions_are_in_percent(evidence):
+    """Fractions and their sigmas are stated in percent, to the last digit shown."""
     (finding,) = systematic_error(evidence(systematic_error=found("length-scale", [0.08], 9.46e-3)))
     assert "8.00 ± 0.95 %" in finding.message
 
 
-def test_a_joint_of_which_nothing_is_known_is_not_the_clearest(evidence):
-    """One that the data do not tell has a sigma of zero; the others are compared by their sigmas, on either side."""
+def test_joint_with_zero_sigma_is_not_clearest(evidence):
+    """A joint that the data do not determine has a sigma of zero and is not the clearest.
+
+    The others are compared by their sigmas, on either side.
+    """
     error = found("joint-offsets", np.radians([0.5, 0.1, -0.2]), np.radians([0.0, 0.01, 0.01]))
     (finding,) = systematic_error(evidence(systematic_error=error))
     assert "the clearest is joint 3, by -0.200 ± 0.010 deg" in finding.message
@@ -199,8 +208,11 @@ OF_TARGET = replace(OF_ROBOT, about="board", is_target=True, size=np.array([0.12
 
 
 @pytest.mark.parametrize("found", [OF_TARGET, replace(OF_ROBOT, alternatives=(OF_TARGET,))])
-def test_a_size_that_both_tests_find_is_told_once(found):
-    """By the test that knows the arms' noise, with its sigma and what to write; other findings stay."""
+def test_size_found_by_both_tests_is_reported_once(found):
+    """A size found by both tests is reported once, with its sigma and the entry to write.
+
+    The test with robot noise counts. Other findings stay.
+    """
     told = deduplicate_size_findings(CELL, [SIZE, OTHER, LENGTH], found)
     assert [f.code for f in told] == ["board-size", "poor-fit"]
     assert "board is 1.136 ± 0.013 times as large as stated" in told[0].message
@@ -208,8 +220,8 @@ def test_a_size_that_both_tests_find_is_told_once(found):
     assert ("which the data do not determine" in told[0].message) == bool(found.alternatives)
 
 
-def test_of_two_robots_the_one_whose_lengths_are_off_is_told():
-    """A target's size that took up a robot's lengths is not suspected any more."""
+def test_robot_length_scale_replaces_target_size():
+    """A robot's length scale replaces the target size that absorbed it."""
     assert deduplicate_size_findings(CELL, [SIZE, LENGTH, OTHER], OF_ROBOT) == [LENGTH, OTHER]
 
 
@@ -218,18 +230,18 @@ def test_of_two_robots_the_one_whose_lengths_are_off_is_told():
     [None, replace(OF_TARGET, is_certain=False), replace(OF_TARGET, code="drift")],
     ids=["none", "doubt", "drift"],
 )
-def test_a_size_that_nothing_else_finds_stays(found):
-    """Nothing better is known of it."""
+def test_size_without_better_test_stays(found):
+    """A size finding stays if no certain length scale explains it."""
     assert deduplicate_size_findings(CELL, [SIZE, OTHER], found) == [SIZE, OTHER]
 
 
-def test_a_length_without_a_suspected_size_stays():
-    """There is nothing to tell once."""
+def test_length_scale_without_size_finding_stays():
+    """A length scale without a suspected size stays unchanged."""
     assert deduplicate_size_findings(CELL, [LENGTH], replace(OF_ROBOT, alternatives=(OF_TARGET,))) == [LENGTH]
 
 
-def test_a_board_stated_too_large_is_told_as_smaller():
-    """Two arms with noise, the stated board 3 % larger than the true one: it is smaller than stated."""
+def test_board_stated_too_large_is_reported_smaller():
+    """A board stated 3 % too large, with noise of two arms, is reported as smaller than stated."""
     made = simulate(Scenario(samples=12, robot_noise=(5e-4, 1e-3), state_robot_noise=False), 0)
     found = calibrate(resized(made.cell, {"board": 1.03}), made.recording)
     (said,) = [f for f in found.findings if f.code in ("length-scale", "board-size")]
@@ -237,8 +249,11 @@ def test_a_board_stated_too_large_is_told_as_smaller():
     assert "% smaller than stated" in said.message
 
 
-def test_an_answer_contains_errors_of_an_expected_size():
-    """It excludes the others; joints that are more than 30 mrad off are not linear, other errors of any size are."""
+def test_answer_contains_linear_errors():
+    """The answer contains errors of an expected size and excludes others.
+
+    Joints more than 30 mrad off are not linear; other errors of any size are.
+    """
     error = found("joint-offset", [0.029], 1e-3, unit="rad")
     for effect, size, words in (
         (next(iter(CONTAINED)), 5.0, "contains it, and"),

@@ -1,4 +1,4 @@
-"""`too-few-samples`: no view left to check the others by."""
+"""Tests of the finding `too-few-samples`: no redundant view is left."""
 
 from __future__ import annotations
 
@@ -23,13 +23,16 @@ def messages(problem, unit_count=0):
 
 @pytest.mark.parametrize(("views", "found"), [(2, False), (3, False)])
 def test_one_unknown_pose_needs_two_views(views, found):
-    """Six unknowns and views of six equations: without the largest there are enough from two on."""
+    """One unknown pose needs two views: six unknowns, six equations each, and the largest view is left out."""
     assert bool(messages(pose_problem(np.zeros((views, 6)), np.ones(6))[0])) == found
 
 
 @pytest.mark.parametrize(("views", "found"), [(2, True), (3, False)])
-def test_two_unknown_poses_need_three(views, found):
-    """Equations and unknowns are told; what a prior holds is no unknown."""
+def test_two_unknown_poses_need_three_views(views, found):
+    """Two unknown poses need three views, and the message states equations and unknowns.
+
+    A pose with a prior is no unknown.
+    """
     problem, _ = pose_problem(np.zeros((views, 6)), np.ones(6))
     columns = {MOUNT: slice(0, 6), TARGET: slice(6, 12)}
     free = replace(problem, columns=columns, unknowns={MOUNT: Unknown(), TARGET: Unknown()})
@@ -40,8 +43,8 @@ def test_two_unknown_poses_need_three(views, found):
     assert messages(replace(free, unknowns=held)) == []
 
 
-def test_a_unit_is_an_unknown():
-    """Three views of two poses are checked by none if their length unit is unknown."""
+def test_length_unit_is_unknown():
+    """A length unit is an unknown: three views of two poses are not redundant with it."""
     problem, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
     columns = {MOUNT: slice(0, 6), TARGET: slice(6, 12)}
     free = replace(problem, columns=columns, unknowns={MOUNT: Unknown(), TARGET: Unknown()})
@@ -49,8 +52,8 @@ def test_a_unit_is_an_unknown():
     assert messages(free, unit_count=1)[0].startswith("3 samples give 18 equations for 13 unknowns")
 
 
-def test_a_second_view_from_one_place_checks_nothing():
-    """Three views of which two are from one place are two for twelve unknowns: their copy shows noise alone."""
+def test_second_view_of_place_is_not_redundant():
+    """A second view from one place shows only noise: three views from two places count as two."""
     problem, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
     free = replace(problem, columns={MOUNT: slice(0, 6), TARGET: slice(6, 12)})
     free = replace(free, unknowns={MOUNT: Unknown(), TARGET: Unknown()})
@@ -64,7 +67,7 @@ def test_a_second_view_from_one_place_checks_nothing():
 
 
 def test_one_sample_is_too_few():
-    """And so is none, however little is unknown."""
+    """One sample is too few, and so is none, however few the unknowns."""
     one, _ = pose_problem(np.zeros((1, 6)), np.ones(6))
     fixed = replace(one, columns={})
     assert messages(fixed)[0].startswith("Only one sample has a view of a target")
@@ -72,8 +75,8 @@ def test_one_sample_is_too_few():
 
 
 @pytest.mark.parametrize(("sigma", "few"), [(None, True), (np.ones(6), False)])
-def test_free_parameters_of_robots_are_unknowns(sigma, few):
-    """Six offsets beside a pose leave nothing to check three views by; those that a prior holds do not count."""
+def test_free_robot_parameters_are_unknowns(sigma, few):
+    """Six free joint offsets beside a pose leave no redundant view; those with a prior do not count."""
     problem, _ = pose_problem(np.zeros((2, 6)), np.ones(6))
     model = SimpleNamespace(widths={"eye_joint_offsets": 6}, sigmas={"eye_joint_offsets": sigma})
     told = messages(replace(problem, models={"eye": model}))
@@ -81,8 +84,8 @@ def test_free_parameters_of_robots_are_unknowns(sigma, few):
     assert not few or told[0].startswith("2 samples give 12 equations for 12 unknowns")
 
 
-def test_images_that_were_not_searched_are_named():
-    """Without a view the call that finds targets is named, unless a search has found none."""
+def test_unsearched_images_are_named():
+    """Without a view, the call that finds targets is named, unless a search has found none."""
     problem, _ = pose_problem(np.zeros((1, 6)), np.ones(6))
     empty = problem.with_groups([])
     (found,) = too_few_samples(SimpleNamespace(problem=empty, findings=(), image_count=20))

@@ -1,4 +1,4 @@
-"""`touch-noise`: touches that scatter more than stated."""
+"""Tests of the finding `touch-noise`: touches that scatter more than stated."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from basecal.geometry import SE3
 
 
 @pytest.mark.parametrize(("scatter_m", "codes", "verdict"), [(3e-4, {"touch-noise"}, "good"), (1e-4, set(), "good")])
-def test_a_small_stated_sigma_is_named(scatter_m, codes, verdict):
-    """It is no poor fit: the answer is good, by the noise that the touches show, which is in the message."""
+def test_too_small_touch_sigma_is_named(scatter_m, codes, verdict):
+    """A too small stated sigma is named and is no poor fit.
+
+    The answer is good, and the message has the noise of the touches.
+    """
     lines = touch_lines(np.random.default_rng(0), 24, scatter_m, MARKS, True)
     for line in lines:
         line["observations"][0]["sigma_m"] = 1e-4
@@ -28,8 +31,11 @@ def test_a_small_stated_sigma_is_named(scatter_m, codes, verdict):
     assert all("0.1 mm is stated" in each.what and "sigma_m: 0.000" in each.do[0] for each in found.findings)
 
 
-def test_a_small_stated_sigma_is_named_beside_an_arm_of_unknown_noise():
-    """The arm's noise makes up for it: both are named, the answer is good, and no convention is doubted."""
+def test_too_small_touch_sigma_beside_unknown_robot_noise():
+    """A too small touch sigma is named with the tip even if unknown robot noise compensates it.
+
+    The answer is good, and no convention is doubted.
+    """
     lines = touch_lines(np.random.default_rng(0), 36, 2e-4, MARKS, True)
     for line in lines:
         line["observations"][0]["sigma_m"] = 2e-5
@@ -42,8 +48,8 @@ def test_a_small_stated_sigma_is_named_beside_an_arm_of_unknown_noise():
     assert "poor-fit" not in {each.code for each in found.findings}
 
 
-def test_scatter_that_no_touch_has_is_a_poor_fit():
-    """Above 3 mm something else is wrong."""
+def test_scatter_above_three_millimetres_is_poor_fit():
+    """Scatter above 3 mm has another cause and is a poor fit."""
     lines = touch_lines(np.random.default_rng(0), 24, 6e-3, MARKS, True)
     for line in lines:
         line["observations"][0]["sigma_m"] = 1e-3
@@ -77,16 +83,19 @@ def arm_evidence(arm_m: float, arm_rad: float, sigma_m: float = 1e-4, stated: bo
 
 
 @pytest.mark.parametrize(("arm_m", "arm_rad"), [(2e-4, 0.0), (0.0, 1e-3), (2e-4, 1e-3)])
-def test_noise_of_an_arm_adds_to_its_touches(arm_m, arm_rad):
-    """Turns act at the lever of the tip, along two of three axes."""
+def test_robot_noise_adds_to_touches(arm_m, arm_rad):
+    """Robot noise adds to touches; rotations act at the lever of the tip, along two of three axes."""
     found = _sigma_with_arm("tip", arm_evidence(arm_m, arm_rad))
     error_m2 = arm_m**2 + 2 / 3 * (0.3 * arm_rad) ** 2
     assert found.ratio == pytest.approx(np.sqrt(1 + error_m2 / 1e-8))
     assert (found.about, found.of_robot) == ("tip", False)
 
 
-def test_an_arm_as_quiet_as_its_touches_contradicts_nothing():
-    """Nor does an arm whose noise is not known, nor touches without a stated sigma, nor errors of millimetres."""
+def test_quiet_robot_contradicts_no_touch_sigma():
+    """A robot as quiet as its touches gives no finding.
+
+    Nor does one of unknown noise, touches without a stated sigma, or errors of millimetres.
+    """
     assert _sigma_with_arm("tip", arm_evidence(2e-5, 1e-5)) is None
     assert _sigma_with_arm("tip", arm_evidence(2e-4, 1e-3, robot="other")) is None
     assert _sigma_with_arm("tip", arm_evidence(4e-3, 0.0)) is None
@@ -96,8 +105,8 @@ def test_an_arm_as_quiet_as_its_touches_contradicts_nothing():
     assert info.why == "The noise is that of the touches or of the arm. The covariance is that of the larger noise."
 
 
-def test_the_stated_sigma_of_touches_is_the_mean_of_their_groups():
-    """Of each group by its mean weight; groups of other cameras and other measurements do not count."""
+def test_stated_touch_sigma_is_mean_of_groups():
+    """The stated sigma is the mean over the tip's groups of touches; other cameras and measurements do not count."""
     of = arm_evidence(0.0, 0.0, 1e-4)
     coarse = arm_evidence(0.0, 0.0, 3e-4).recorded.groups[0]
     other = SimpleNamespace(camera="other", measurement=coarse.measurement)
@@ -116,8 +125,8 @@ def test_the_stated_sigma_of_touches_is_the_mean_of_their_groups():
         ({"systematic_error": SimpleNamespace(is_certain=True)}, False),
     ],
 )
-def test_scatter_of_touches_is_noise_if_nothing_else_explains_it(change, is_noise):
-    """Up to 3 mm, of a tip whose stated sigma is too small."""
+def test_unexplained_touch_scatter_is_noise(change, is_noise):
+    """Touch scatter up to 3 mm of a tip with too small a sigma is noise if nothing else explains it."""
     of = SimpleNamespace(**{**arm_evidence(0.0, 0.0).__dict__, **change})
     assert is_touch_noise(ContradictedSigma("tip", False, 20.0, 1e-9), of) == is_noise
     assert is_touch_noise(ContradictedSigma("tip", False, 29.9, 1e-9), of) == is_noise

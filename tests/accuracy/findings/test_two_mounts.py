@@ -1,4 +1,4 @@
-"""A tool frame that was changed between samples is found, whatever their order, though the noise takes it up."""
+"""Tests of the finding `two-mounts`: a tool frame that changed between samples, in any order."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OTHER = (2, 3, 7, 8, 12)
 
 
 def found_with(shift_m, layout="eye_to_hand", robot="arm"):
-    """Findings where some recorded poses of a robot are of a tool frame so far along x."""
+    """Findings if some recorded poses of a robot are of a tool frame shifted along x."""
     made = simulate(Scenario(samples=14, layout=layout, **QUIET), 1)
     other = SE3(np.eye(3), np.array([shift_m, 0.0, 0.0]))
     samples = list(made.recording.samples)
@@ -37,27 +37,27 @@ def found_with(shift_m, layout="eye_to_hand", robot="arm"):
 @pytest.mark.parametrize(("layout", "robot", "mount"), [
     ("eye_to_hand", "arm", "arm_flange_from_board"), ("dual", "hand", "hand_flange_from_board"),
 ])  # fmt: skip
-def test_both_sets_of_samples_are_found(layout, robot, mount):
-    """With how far apart they are, and which samples are the fewer."""
+def test_both_sample_sets_are_found(layout, robot, mount):
+    """Both sets of samples are found, with their distance and the samples of the smaller set."""
     (finding,) = found_with(5e-3, layout, robot)
     assert (finding.code, finding.severity, finding.about) == ("two-mounts", "warning", (mount,))
     assert "mm at samples 2, 3, 7, 8, 12." in finding.what
     assert 3.5 < float(finding.what.split(" by ")[1].split()[0]) < 6.5
 
 
-def test_noise_alone_is_no_second_place():
-    """Nor is a mount that nothing is known of."""
+def test_noise_is_no_second_mount():
+    """Noise alone gives no second mount."""
     assert found_with(0.0) == []
 
 
-def test_what_is_certain_explains_it(evidence):
-    """An answer that is none says nothing, either."""
+def test_certain_effect_replaces_second_mount(evidence):
+    """A certain systematic effect explains the split, so no second mount is reported."""
     certain = type("Found", (), {"is_certain": True})()
     assert two_mounts(evidence(systematic_error=certain)) == []
 
 
-def test_links_that_are_off_are_no_second_place():
-    """Errors that the stops of an arm share explain what a split of them does."""
+def test_link_errors_are_no_second_mount():
+    """Link errors, which the stops of an arm share, explain the split of the samples."""
     scenario = Scenario(samples=30, joints=True, link_error=(5e-4, 5e-4), **QUIET | {"robot_noise": (5e-5, 1e-4)})
     made = simulate(scenario, 0)
     solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
@@ -71,8 +71,8 @@ def shifts(rng, count):
     return _Shifts(np.arange(count), rng.standard_normal((count, 3)), roots @ roots.mT + np.eye(3))
 
 
-def test_shifts_are_averaged_by_their_information():
-    """Squares of the first shifts are those about their own mean."""
+def test_shifts_are_averaged_by_information():
+    """Shifts are averaged by their information; squares of the first shifts are about their own mean."""
     of = shifts(np.random.default_rng(0), 6)
     for k, square in enumerate(of.squares(), start=1):
         few = of.take(np.arange(k))
@@ -84,8 +84,11 @@ def test_shifts_are_averaged_by_their_information():
 
 
 @pytest.mark.parametrize(("logs", "explains", "is_so"), [(None, False, True), ((), True, True), ((), False, False)])
-def test_any_samples_may_be_those_of_the_other_place(monkeypatch, logs, explains, is_so):
-    """All ways to divide them count against it; where noise is stated the chance of the split is enough."""
+def test_all_splits_count_against_significance(monkeypatch, logs, explains, is_so):
+    """All possible splits of the samples count against the significance.
+
+    If noise is stated, the chance of the split is enough.
+    """
     given = []
     minority, majority = (shifts(np.random.default_rng(k), count) for k, count in ((0, 3), (1, 8)))
     group = SimpleNamespace(sample=np.array([0, 2, 5]))

@@ -1,4 +1,4 @@
-"""`unit-length` gives the length with its sigma, and is silent about metres."""
+"""Tests of the finding `unit-length`: the length with its sigma."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
 
-def test_the_length_and_its_sigma() -> None:
-    """A board whose poses were taken for metres has a unit of a metre, to half a percent."""
+def test_unit_length_is_stated_with_sigma() -> None:
+    """A board whose poses were assumed in metres has a unit of one metre, to half a percent.
+
+    Without units there is no finding.
+    """
     made = simulate(Scenario(target="pose", layout="eye_in_hand", robot_noise=(1e-4, 2e-4)), 1)
     solution = solve(made.cell, made.recording)
     assert unit_lengths(SimpleNamespace(solution=solution, units_m={})) == []

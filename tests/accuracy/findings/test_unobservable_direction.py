@@ -1,4 +1,4 @@
-"""What is not seen, in words, for each motion that leaves something open; and the same cell, moved well, is good."""
+"""Tests of `unobservable-direction`: wording for each degenerate motion, and good verdicts for general motion."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def calibrated(made: SimulatedCell, settings: Settings = EXACT) -> Calibration:
 
 @pytest.mark.parametrize("target", quick(SEEN, ["charuco"]))
 def test_general_motion_is_good(target):
-    """Both arms turning about every axis: good, whatever is seen."""
+    """Both arms that rotate about every axis give the verdict good, for each target."""
     assert calibrated(recorded(SEEN[target], 3), DEFAULT).verdict == "good"
 
 
@@ -72,8 +72,11 @@ DEGENERATE = {
 @pytest.mark.parametrize("wobble", [0.0, 1e-3])
 @pytest.mark.parametrize("target", [pytest.param(t, marks=[pytest.mark.slow] * (t == "led")) for t in SEEN])
 @pytest.mark.parametrize("kind", DEGENERATE)
-def test_a_hand_that_moves_too_little_is_refused(kind, target, wobble):
-    """The words name the motion and what it hides; nothing hidden has a number, the still hand's noise estimated."""
+def test_insufficient_hand_motion_is_refused(kind, target, wobble):
+    """Insufficient hand motion is refused with the motion and the directions that it hides.
+
+    Hidden transforms have no estimate; the still hand's noise is estimated.
+    """
     move, said = DEGENERATE[kind]
     made = recorded(SEEN[target], 3, hand=wobbling(move, wobble) if wobble else move)
     found = calibrated(made, DEFAULT if kind == "still" else EXACT)
@@ -89,8 +92,8 @@ def test_a_hand_that_moves_too_little_is_refused(kind, target, wobble):
         assert set(found.transforms) <= {CAMERA}
 
 
-def test_the_axis_is_named_in_the_eye_base():
-    """The shift that a planar hand hides is along its axis, as seen from the eye's base."""
+def test_hidden_axis_is_in_eye_base():
+    """The translation that a planar hand hides is along its axis, in the eye's base frame."""
     made = recorded(SEEN["charuco"], 3, hand=SCARA)
     axis = made.truth[BASE].rotation @ np.array([0.48, -0.6, 0.64])
     axis *= np.sign(axis[np.argmax(np.abs(axis))])
@@ -102,8 +105,8 @@ def test_the_axis_is_named_in_the_eye_base():
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["shifts", "scara"])
 @pytest.mark.parametrize("stated", [True, False])
-def test_noise_of_the_poses_is_no_motion(kind, stated):
-    """Recorded poses that turn by their noise alone: no number, though pixels seem to tell the hidden direction."""
+def test_pose_noise_is_no_motion(kind, stated):
+    """Poses that rotate only by noise give no estimate, though pixels seem to determine the hidden direction."""
     move = DEGENERATE[kind][0]
     for seed in range(2):
         made = recorded(Scenario(samples=30), seed, hand=move)
@@ -123,7 +126,7 @@ def test_noise_of_the_poses_is_no_motion(kind, stated):
 
 
 def test_both_arms_are_named():
-    """Where both arms only shift both are told, each once, and what to state."""
+    """If both arms only translate, both are named once, and no transform is estimated."""
     found = calibrated(recorded(SEEN["charuco"], 3, eye=SHIFTS, hand=SHIFTS))
     said = findings(found, "unobservable-direction")
     assert "eye only translates" in said
@@ -131,15 +134,18 @@ def test_both_arms_are_named():
     assert not found.transforms
 
 
-def test_a_still_light_leaves_turns_open():
-    """A light that stays where it is says where it is: with its offset known, turns of the base about it are open."""
+def test_still_led_leaves_rotations_unobservable():
+    """A still LED with a known offset shows its position, but leaves rotations of the base about it unobservable."""
     found = calibrated(recorded(replace(SEEN["led"], target_mount="fixed"), 3, hand=still))
     assert found.unobservable == ("any rotation of hand_base",)
     assert "hand never moves in 30 samples. Move hand" in findings(found, "unobservable-direction")
 
 
-def test_a_light_shifted_with_known_mounts_is_seen():
-    """Shifts alone are enough where both mounts are known, as in the paper; what the still eye's pose means is open."""
+def test_translated_led_with_known_mounts_is_observable():
+    """Translations alone are enough if both mounts are known, as in the paper.
+
+    The convention of the still eye's pose stays ambiguous.
+    """
     known = replace(SEEN["led"], camera_mount="fixed", target_mount="fixed")
     found = calibrated(recorded(known, 3, eye=still, hand=SHIFTS))
     assert BASE in found.transforms
@@ -148,12 +154,12 @@ def test_a_light_shifted_with_known_mounts_is_seen():
 
 @pytest.mark.parametrize("axes", ["zyyy", "zyyyx"])
 def test_arms_of_four_and_five_joints_are_good(axes):
-    """A turning base and parallel joints after it turn the flange about two directions: all is seen."""
+    """A rotating base and parallel joints after it rotate the flange about two directions, so all is observable."""
     assert calibrated(recorded_arm(SEEN["charuco"], 0, axes, 0.3)).verdict == "good"
 
 
-def test_an_arm_that_cannot_turn_otherwise_is_not_told_to():
-    """An arm whose axes are all parallel cannot turn about another: the advice is to state what is known."""
+def test_parallel_axes_get_no_rotation_advice():
+    """An arm with parallel axes cannot rotate about another one; the advice is to state a known transform."""
     found = calibrated(recorded_arm(SEEN["charuco"], 0, "zzz", 0.3))
     said = findings(found, "unobservable-direction")
     assert "all joint axes of hand are parallel" in said
@@ -161,8 +167,8 @@ def test_an_arm_that_cannot_turn_otherwise_is_not_told_to():
     assert "add poses" not in said
 
 
-def test_what_a_prior_holds_is_told():
-    """A planar hand with a prior on the board: good, and the one direction held by the prior alone is told."""
+def test_prior_held_direction_is_reported():
+    """A planar hand with a prior on the board is good, and the one direction known only from the prior is reported."""
     made = recorded(replace(SEEN["charuco"], target_mount="prior"), 3, hand=SCARA)
     found = calibrated(made)
     (told,) = [f for f in found.findings if f.code == "prior-dominated"]
@@ -174,14 +180,14 @@ def test_what_a_prior_holds_is_told():
     assert np.linalg.norm(found[BASE].sigma_t) == pytest.approx(5e-3, rel=0.05)
 
 
-def test_a_prior_that_the_data_improve_is_not_told():
-    """With every arm moving a prior of 5 mm and 50 mrad counts for nothing."""
+def test_improved_prior_is_not_reported():
+    """With all arms moving, a prior of 5 mm and 50 mrad is improved by the data and not reported."""
     found = calibrated(recorded(replace(SEEN["charuco"], target_mount="prior", camera_mount="prior"), 3))
     assert findings(found, "prior-dominated") == ""
 
 
-def test_poorly_known_is_doubtful():
-    """A base that rests on a prior of 200 mrad is known to eleven degrees: doubtful, and the motion is named."""
+def test_poorly_known_base_is_doubtful():
+    """A base known to eleven degrees, from a prior of 200 mrad, is doubtful, and the motion is named."""
     scenario = replace(SEEN["charuco"], target_mount="prior", mount_prior=(5e-3, 0.2))
     found = calibrated(recorded(scenario, 3, hand=still))
     assert found.verdict == "doubtful"
@@ -189,8 +195,8 @@ def test_poorly_known_is_doubtful():
 
 
 @pytest.mark.slow
-def test_a_recording_tells_by_itself_where_the_solver_fails():
-    """An arm of which everything is free and which only shifts is named from its poses, solved or not."""
+def test_degenerate_arm_is_named_if_solve_fails():
+    """An arm with everything free that only translates is named from its poses, solved or not."""
     made = recorded(Scenario(samples=20), 0, hand=SHIFTS)
     robots = {n: replace(r, noise=np.full(6, 1e-4)) for n, r in made.cell.robots.items()}
     found = calibrate(replace(made.cell, robots=robots), made.recording)
@@ -198,8 +204,8 @@ def test_a_recording_tells_by_itself_where_the_solver_fails():
     assert "ny translation of hand_base" in findings(found, "unobservable-direction")
 
 
-def test_too_few_samples_say_how_the_arms_moved():
-    """Two samples between which the hand did not move: the refusal says so."""
+def test_too_few_samples_report_robot_motion():
+    """The refusal of two samples reports that the hand did not move between them."""
     made = simulate(Scenario(samples=2, arms="hand_still"), 0)
     found = calibrate(made.cell, made.recording)
     assert "hand never moves in 2 samples" in findings(found, "too-few-samples")
@@ -209,8 +215,8 @@ def problem_of(made: SimulatedCell):
     return build_problem(made.cell, made.recording)[0]
 
 
-def test_the_poses_alone_tell_what_no_view_could_show():
-    """An error about the base and what it carries, in words and with what to do; none of arms that turn about."""
+def test_unobservable_directions_follow_from_poses():
+    """Recorded poses alone give an error about the base and its devices, with advice. Arms that rotate give none."""
     made = recorded(SEEN["charuco"], 3, hand=SHIFTS)
     (found,) = unobservable_by_poses(made.cell, problem_of(made))
     assert (found.code, found.severity, found.about) == ("unobservable-direction", "error", (BASE, BOARD))
@@ -220,16 +226,16 @@ def test_the_poses_alone_tell_what_no_view_could_show():
     assert unobservable_by_poses(made.cell, problem_of(recorded(SEEN["charuco"], 3))) == []
 
 
-def test_what_is_known_is_not_left_open_by_the_poses():
-    """With the board's mount fixed the base is told, however the hand moves."""
+def test_known_mount_removes_unobservable_direction():
+    """With the board's mount fixed, the base is observable however the hand moves."""
     made = recorded(replace(SEEN["charuco"], target_mount="fixed"), 3, hand=SHIFTS)
     assert unobservable_by_poses(made.cell, problem_of(made)) == []
 
 
 @pytest.mark.parametrize("converged", [True, False])
 @pytest.mark.parametrize("by_poses", [(), ("by poses",)])
-def test_where_nothing_was_solved_the_poses_are_asked_first(monkeypatch, converged, by_poses):
-    """What the solution says counts where there is one, or where the poses say nothing."""
+def test_poses_are_checked_first_if_solve_failed(monkeypatch, converged, by_poses):
+    """If the solve failed, the check by poses comes first; else, or if it finds nothing, the solution counts."""
     made = recorded(SEEN["charuco"], 3, hand=SHIFTS)
     solution = replace(solve_problem(problem_of(made), made.cell, EXACT), converged=converged)
     monkeypatch.setattr(unobservable_direction, "unobservable_by_poses", lambda *given: list(by_poses))
@@ -259,8 +265,8 @@ AXES = np.eye(3)
         (["mark_a"], "all", "Touch three marks, 0.3 m apart and not on one line, with eye_tip and hand_tip."),
     ],
 )
-def test_the_next_mark(names, twists, words):
-    """Off the line that is the axis, where two marks are on it; else three marks."""
+def test_next_mark_advice(names, twists, words):
+    """The advised mark is off the line of two marks that is the axis; else three marks are advised."""
     marks = {name: MARKS[name] for name in names}
     cell = touch_cell(names)
     problem, _ = build_problem(cell, touched(cell, touch_lines(np.random.default_rng(0), 12, 0.0, marks)))
@@ -274,8 +280,8 @@ def test_the_next_mark(names, twists, words):
     assert found[0][0].startswith(words)
 
 
-def test_a_mark_beside_the_axis_is_not_on_the_line():
-    """One that holds nothing, as a single arm touched it: the line is through the two marks on the axis."""
+def test_mark_beside_axis_is_not_on_line():
+    """A mark touched by one arm only does not fix the axis; the line is through the two marks on it."""
     names = ["mark_c", "mark_a", "mark_b"]
     cell = touch_cell(names)
     lines = touch_lines(np.random.default_rng(0), 12, 0.0, {name: MARKS[name] for name in names})
@@ -291,8 +297,8 @@ def test_a_mark_beside_the_axis_is_not_on_the_line():
     assert found[1] == "All marks that determine hand_base are on one line."
 
 
-def test_other_directions_are_not_of_touches():
-    """A translation, and a mount on a flange, are left to the motion of robots."""
+def test_other_directions_get_no_touch_advice():
+    """A translation and a mount on a flange get advice about robot motion, not about touches."""
     cell = touch_cell(["mark_a"]).with_transform(BASE, Unknown())
     lines = touch_lines(np.random.default_rng(0), 12, 0.0, {"mark_a": MARKS["mark_a"]})
     problem, _ = build_problem(cell, touched(cell, lines))
@@ -302,8 +308,8 @@ def test_other_directions_are_not_of_touches():
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 30.0])
-def test_how_far_a_mark_is_from_an_axis(size: float) -> None:
-    """Along the line itself it is none; the size of the twist does not matter, nor its pitch."""
+def test_distance_of_mark_from_axis(size: float) -> None:
+    """The distance of a mark from an axis is zero along it, and independent of the size and pitch of the twist."""
     rng = np.random.default_rng(0)
     axis = np.array([0.48, 0.6, 0.64])
     beside, at = np.cross(axis, [1.0, 0.0, 0.0]), rng.standard_normal(3)

@@ -1,4 +1,4 @@
-"""`weak-direction`: observable, but poorly known."""
+"""Tests of the finding `weak-direction`: observable, but poorly known."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from basecal.accuracy.findings.weak_direction import weak_directions
 
 @pytest.fixture(autouse=True)
 def cause(monkeypatch):
-    """The words about motions have tests of their own."""
+    """Replaces the wording about motions, which has tests of its own."""
     monkeypatch.setattr(weak_direction, "advise_observability", lambda *_: (("Do.",), "The cause."))
     monkeypatch.setattr(weak_direction, "motions", lambda _: [])
 
@@ -25,8 +25,8 @@ def cause(monkeypatch):
         (5, 0.151, 2.0, True),
     ],
 )
-def test_above_fifteen_hundredths(evidence, k, sigma, length_m, found):
-    """Of a radian, or of the viewing distance; the worst axis of each is told."""
+def test_sigma_above_0_15_is_weak(evidence, k, sigma, length_m, found):
+    """Sigmas above 0.15 rad, or 0.15 of the viewing distance, are weak; the worst axis of each is stated."""
     covariance = 1e-8 * np.eye(6)
     covariance[k, k] = sigma**2
     made = evidence({"joint_transform_covariance": lambda names: covariance})
@@ -40,8 +40,8 @@ def test_above_fifteen_hundredths(evidence, k, sigma, length_m, found):
         )
 
 
-def test_what_has_no_number_is_not_weak(evidence):
-    """Unobservable or fixed transforms, and answers that are none, are told elsewhere."""
+def test_transforms_without_estimate_are_not_weak(evidence):
+    """Unobservable or fixed transforms, and failed solutions, have findings of their own."""
     weak = {"joint_transform_covariance": lambda names: np.eye(6)}
     assert len(weak_directions(evidence(weak))) == 1
     assert weak_directions(evidence({**weak, "converged": False})) == []
