@@ -1,4 +1,4 @@
-"""Held-out blocks: what is in all of them is confirmed, what chance put into one is not."""
+"""Tests of the confirmation by held-out blocks: effects in all blocks are confirmed, in a single one not."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -33,30 +33,33 @@ def situation(factor):
 
 
 @pytest.mark.parametrize("factor", [0.99, 1.01])
-def test_lengths_that_are_off_predict_held_out_blocks(factor):
-    """One per cent is confirmed, whichever way."""
+def test_wrong_length_scale_predicts_held_out_blocks(factor):
+    """A length scale off by one per cent predicts held-out blocks and is confirmed, in both directions."""
     of = situation(factor)
     (scale,) = [c for c in length_scales(of) if c.about == ("hand",)]
     assert HeldOut(of, of.linearisation).confirms(scale)
 
 
-def test_what_is_in_one_block_is_not_confirmed():
-    """An error of a single view predicts no other."""
+def test_error_in_one_block_is_not_confirmed():
+    """An error of a single view predicts no other and is not confirmed."""
     of = situation(1.0)
     moves = np.zeros((25, 1, 6, 1))
     moves[7, 0, 0, 0] = 1.0
     assert not HeldOut(of, of.linearisation).confirms(Candidates("", ("hand",), (None,), "", (moves,)))
 
 
-def test_blocks_in_time_are_fifths():
-    """Of as many samples each as there can be, in their order; none of none."""
+def test_time_blocks_are_fifths():
+    """Time blocks are fifths of equal sizes in sample order; without samples there are none."""
     for count, wanted in ((5, [0, 1, 2, 3, 4]), (10, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]), (3, [0, 1, 3]), (0, [])):
         assert _time_blocks(SimpleNamespace(samples=np.zeros(count))).tolist() == wanted
 
 
 @pytest.mark.parametrize("robots", [("eye", "hand"), ("hand",)])
-def test_blocks_in_configuration_go_along_the_widest_spread(robots):
-    """Of all robots' places, each sample's in its row, whichever group has it; what stands nowhere spreads nothing."""
+def test_configuration_blocks_follow_widest_spread(robots):
+    """Configuration blocks follow the widest spread of all robots' positions, each sample in its row, in any group.
+
+    Without positions there is no spread.
+    """
     rng = np.random.default_rng(3)
     along = rng.permutation(10)
     places = 1e-3 * rng.standard_normal((10, 3)) + (along[:, None] - 4.5) * np.array([0.1, -0.3, 0.2]) + 5.0
@@ -79,8 +82,11 @@ def test_blocks_in_configuration_go_along_the_widest_spread(robots):
     assert _configuration_blocks(nowhere).tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
 
 
-def test_the_gain_is_what_held_out_blocks_cost_less():
-    """By fits of the others with and without the error, each a system of linear equations; views are nearly linear."""
+def test_gain_is_cost_decrease_of_held_out_blocks():
+    """The gain is the cost decrease of held-out blocks, by fits of the others with and without the effect.
+
+    Each fit is a linear system, as views are nearly linear.
+    """
     rng = np.random.default_rng(6)
     problem, state = pose_problem(1e-3 * rng.standard_normal((8, 6)), np.array([1e-3, 2e-3, 1e-3, 1e-3, 3e-3, 1e-3]))
     of = Situation(problem, state, problem, {})
@@ -102,8 +108,8 @@ def test_the_gain_is_what_held_out_blocks_cost_less():
 @pytest.mark.parametrize(("gains", "wanted"), [
     ((0.1, 0.1), True), ((0.1, -0.1), False), ((-0.1, 0.1), False), ((0.1, 0.0), False), ((0.0, 0.1), False),
 ])  # fmt: skip
-def test_blocks_of_both_kinds_have_to_gain(monkeypatch, gains, wanted):
-    """Those of time and those of configuration, by however little; nothing is no gain."""
+def test_both_kinds_of_blocks_must_gain(monkeypatch, gains, wanted):
+    """Blocks of time and of configuration must both gain, by however little; zero is no gain."""
     monkeypatch.setattr(confirm, "_gain", lambda fold, candidate: fold)
     monkeypatch.setattr(HeldOut, "folds", [(0.25, gain - 0.25) for gain in gains])
     assert HeldOut(None, None).confirms(None) == wanted

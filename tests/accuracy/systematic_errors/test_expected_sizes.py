@@ -1,4 +1,4 @@
-"""What effects of an expected size leave uncertain, and by how much they move the answer."""
+"""Tests of effects of an expected size: their uncertainty, and how far they move the answer."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def with_board(cell, share=1.0, **stated):
-    """A cell whose board is larger by a share, or states more."""
+    """A cell whose board is larger by a share, or has other statements."""
     board = cell.targets["board"]
     target = replace(board.target, points=board.target.points * share)
     return replace(cell, targets={"board": replace(board, target=target, **stated)})
 
 
 def alone(solution, module, *sigmas):
-    """What one effect does to an answer."""
+    """Mean and covariance of one effect alone."""
     problem = solution.noise.hold_sigmas(solution.problem)
     situation = Situation(problem, solution.state, problem, {}, solution.noise)
     candidates = module.candidates(situation)
@@ -64,7 +64,10 @@ def alone(solution, module, *sigmas):
 
 
 def bent(made, size_rad, robot="hand"):
-    """A recording whose mount on a robot turns by l x g, with l along x of the flange: the poses err the other way."""
+    """A recording whose mount on a robot rotates by l x g, with l along x of the flange.
+
+    The poses err the other way.
+    """
 
     def recorded(pose):
         turn = np.cross([size_rad, 0.0, 0.0], pose.rotation.T @ DOWN)
@@ -77,8 +80,11 @@ def bent(made, size_rad, robot="hand"):
     return replace(made.recording, samples=samples)
 
 
-def test_one_sigma_moves_the_answer_as_a_larger_board_does():
-    """A sigma far below what the data tell spreads the columns by its own difference quotient."""
+def test_sigma_of_size_moves_answer_as_larger_board():
+    """A small sigma of the target size moves the answer as a larger board does.
+
+    It is far below what the data determine and spreads the columns by their own difference quotient.
+    """
     sigma, share = 1e-7, 1e-4
     solution = solve(MADE.cell, MADE.recording, STATED)
     larger = solve(with_board(MADE.cell, 1 + share), MADE.recording, STATED)
@@ -88,8 +94,8 @@ def test_one_sigma_moves_the_answer_as_a_larger_board_does():
 
 
 @pytest.mark.parametrize("module", [target_size, mount_bend, lens_sag])
-def test_a_wide_sigma_counts_as_far_as_the_data_tell(module):
-    """A sigma a hundred times as wide as another that is far beyond the data's own changes little."""
+def test_wide_sigma_is_limited_by_data(module):
+    """A sigma a hundred times wider than one far beyond the data's own changes the covariance little."""
     solution = solve(QUIET.cell, QUIET.recording, STATED)
     first, second = (alone(solution, module, sigma) for sigma in (1.0, 100.0))
     np.testing.assert_allclose(
@@ -109,8 +115,11 @@ def test_a_wide_sigma_counts_as_far_as_the_data_tell(module):
         (simulate(replace(OPEN, target="led"), 3), {}, None, False),
     ],
 )
-def test_which_targets_have_a_size_that_counts(monkeypatch, made, stated, found, counts):
-    """Those whose views state no noise, or that state a sigma: not exact, not found, not single points."""
+def test_targets_whose_size_counts(monkeypatch, made, stated, found, counts):
+    """A size counts if the target's views state no noise or a sigma of the size is stated.
+
+    Exact sizes, found ones, and single points do not count.
+    """
     name = next(iter(made.cell.targets))
     cell = replace(made.cell, targets={name: replace(made.cell.targets[name], **stated)})
     solution = solve(cell, made.recording, STATED)
@@ -125,22 +134,22 @@ def test_which_targets_have_a_size_that_counts(monkeypatch, made, stated, found,
     assert any(each.effect == "mount_bend" for each in given)
 
 
-def test_an_answer_that_fails_stays_as_it_is():
-    """Of a solve that did not converge."""
+def test_failed_answer_is_unchanged():
+    """The answer of a solve that did not converge is unchanged."""
     failed = replace(solve(MADE.cell, MADE.recording, STATED), converged=False)
     assert with_expected_sizes(MADE.cell, failed, None) is failed
 
 
-def test_the_size_of_a_target_moves_no_answer():
-    """It is that of the size as stated; its covariance covers that which the data would have, too."""
+def test_target_size_does_not_move_answer():
+    """The answer stays that of the stated size; its covariance covers that of the data's size, too."""
     solution = solve(with_board(MADE.cell, 1.001), MADE.recording, STATED)
     known, wide = (alone(solution, target_size, sigma) for sigma in (1e-6, 1e-2))
     assert not wide.mean.any()
     assert np.sqrt(np.trace(wide.covariance)) > 100 * np.sqrt(np.trace(known.covariance))
 
 
-def test_a_mount_that_bends_moves_the_answer_to_the_truth():
-    """By three milliradians the base is far off without it, and within its sigmas with it."""
+def test_bending_mount_moves_answer_to_truth():
+    """With the effect, a mount that bends by 3 mrad leaves the base within its sigmas, without it far off."""
     recording = bent(QUIET, 3e-3)
     before = solve(QUIET.cell, recording, STATED)
     after = with_expected_sizes(QUIET.cell, before, None)
@@ -158,8 +167,8 @@ def distance(solution):
     return float(off @ np.linalg.solve(solution.transforms[name].covariance, off))
 
 
-def test_a_clean_answer_stays_nearly_as_sharp():
-    """Sigmas that the data tell to be small leave little: below a fifth on the mean of the base's axes."""
+def test_clean_answer_stays_precise():
+    """Effects that the data show to be small widen the base's sigmas by less than a fifth on average."""
     before = solve(QUIET.cell, QUIET.recording, STATED)
     after = with_expected_sizes(QUIET.cell, before, None)
     name = QUIET.cell.requested_transforms[0]
@@ -167,8 +176,8 @@ def test_a_clean_answer_stays_nearly_as_sharp():
     assert 1.0 <= np.exp(0.5 * np.mean(wider[0] - wider[1])) < 1.2
 
 
-def test_many_effects_count_by_mount(monkeypatch):
-    """Of more sizes than go together, those of one robot, mount or target at a time."""
+def test_many_effects_are_computed_by_mount(monkeypatch):
+    """Too many effects for one computation are handled by robot, mount or target."""
     robots = {name: replace(robot, is_total_noise=False) for name, robot in MADE.cell.robots.items()}
     cell, solution, given = replace(MADE.cell, robots=robots), solve(MADE.cell, MADE.recording, STATED), []
     monkeypatch.setattr(expected_sizes, "_MOST_TOGETHER", 3)
@@ -191,16 +200,19 @@ def test_many_effects_count_by_mount(monkeypatch):
     assert (np.linalg.eigvalsh(after.covariance - solution.covariance) > -1e-18).all()
 
 
-def test_tips_that_touch_neither_bend_nor_slide():
-    """Of exact arms whose tips touch marks the covariance is what touches leave, and the answer stays."""
+def test_touching_tips_have_no_bend_or_play():
+    """Tips of exact arms that touch marks neither bend nor slide.
+
+    The covariance is that of the touches, and the answer stays.
+    """
     cell = touch_cell()
     solution = solve(cell, recorded(cell, touch_lines(np.random.default_rng(1), 24, 2e-4, is_stated=True)))
     found = with_expected_sizes(cell, solution, None)
     np.testing.assert_allclose(found.covariance, solution.covariance, rtol=1e-3, atol=1e-12)
 
 
-def test_what_carries_a_single_point_neither_bends_nor_slides():
-    """Lights and reflectors are light: the camera's bracket bends, theirs does not."""
+def test_mounts_of_single_points_have_no_bend_or_play():
+    """LEDs and reflectors are light: their mounts have no bend or play, the camera's has."""
     made = simulate(Scenario(samples=20, target="led"), 2)
     solution = solve(made.cell, made.recording, STATED)
     problem = solution.noise.hold_sigmas(solution.problem)
@@ -211,8 +223,11 @@ def test_what_carries_a_single_point_neither_bends_nor_slides():
 
 
 @pytest.mark.parametrize("clock", [Clock("free", 0.03), Clock("prior", 0.0315, 1e-3)])
-def test_sizes_and_offsets_of_clocks_are_one_posterior(monkeypatch, clock):
-    """Answer, offset and bend, solved at once by the normal equations of all three, one millisecond off the optimum."""
+def test_sizes_and_clock_offsets_share_posterior(monkeypatch, clock):
+    """Answer, clock offset and bend have one posterior.
+
+    The reference solves the normal equations of all three, one millisecond off the optimum.
+    """
     made, sigma = streamed(clock=clock), 3e-3
     offsets_s = {"arm": 0.0, "wrist": 0.031}
     streams = recording_streams(made.cell, made.recording)
@@ -248,13 +263,13 @@ def test_sizes_and_offsets_of_clocks_are_one_posterior(monkeypatch, clock):
 
 
 def drawn(rng, options, width):
-    """A prior of so many sigmas of so many sizes, the first of them none."""
+    """A prior over several options of sigmas of several sizes, the first option all zero."""
     sigmas = np.concatenate([np.zeros((1, width)), rng.uniform(0.1, 2, (options - 1, width))])
     return SigmaPrior(sigmas, rng.dirichlet(np.ones(options)))
 
 
 def all_at_once(gradient, information, priors):
-    """Each combination of sigmas alone: logarithms of the evidence, means and covariances, and prior shares."""
+    """Each combination of sigmas alone: prior shares, logarithms of the evidence, means and covariances."""
     shares, evidences, means, covariances = [], [], [], []
     for each in product(*(zip(p.sigmas, p.probabilities, strict=True) for p in priors)):
         s = np.diag(np.concatenate([sigmas for sigmas, _ in each]))
@@ -267,8 +282,8 @@ def all_at_once(gradient, information, priors):
 
 
 @pytest.mark.parametrize("widths", [(3,), (2, 3), (4, 1, 2), (0, 2, 0)])
-def test_levels_are_all_combinations_at_once(widths):
-    """Sizes eliminated one level after another have the posterior of every combination of sigmas solved alone."""
+def test_posterior_by_levels_equals_all_combinations(widths):
+    """Sizes eliminated level by level have the posterior of all combinations of sigmas solved separately."""
     rng, q = np.random.default_rng(3), sum(widths)
     root, gradient = rng.normal(size=(q + 2, q)), rng.normal(size=q)
     priors = [drawn(rng, options, width) for options, width in zip((3, 4, 5), widths, strict=False)]
@@ -287,8 +302,8 @@ def test_levels_are_all_combinations_at_once(widths):
 
 
 @pytest.mark.parametrize("sigmas", [None, [], [0.1, 0.2]])
-def test_a_solution_that_failed_moves_no_clock(monkeypatch, sigmas):
-    """Nothing is added, for as many clocks as there are."""
+def test_failed_solution_moves_no_clock(monkeypatch, sigmas):
+    """A failed solution adds zero to each clock offset, for any number of clocks."""
     offsets = None if sigmas is None else SimpleNamespace(sigma_s=np.array(sigmas))
     monkeypatch.setattr(
         expected_sizes, "situate", lambda solution, offsets: SimpleNamespace(problem=SimpleNamespace(width=6))
@@ -311,8 +326,8 @@ def test_a_solution_that_failed_moves_no_clock(monkeypatch, sigmas):
         ([{"point_m": 4}], 0.0),
     ],
 )
-def test_views_of_unknown_noise_leave_a_targets_size_open(counts, size):
-    """Those of the target itself; a stated size counts whatever was measured."""
+def test_unstated_noise_leaves_target_size_uncertain(counts, size):
+    """Views of unstated noise leave the target's own size uncertain; a stated size sigma counts for any measurement."""
     groups = [SimpleNamespace(target="board", measurement=SimpleNamespace(counts=lambda of=of: of)) for of in counts]
     groups.append(SimpleNamespace(target="other", measurement=SimpleNamespace(counts=lambda: {"pixel_px": 3})))
     for stated, found in ((None, size), (0.0, 0.0), (2e-3, 2e-3)):
@@ -321,8 +336,8 @@ def test_views_of_unknown_noise_leave_a_targets_size_open(counts, size):
         assert expected_sizes._size_sigma(cell, tuple(groups), "board") == found
 
 
-def test_the_unit_of_each_target_is_its_own(monkeypatch):
-    """With its own mean and sigma, without any prior beside it."""
+def test_unit_error_is_per_target(monkeypatch):
+    """The unit of each target has its own mean and sigma, without other priors beside it."""
     asked = []
     candidates = [SimpleNamespace(about=(name,)) for name in ("first", "second")]
     monkeypatch.setattr(expected_sizes.target_size, "candidates", lambda situation: iter(candidates))

@@ -1,4 +1,4 @@
-"""A change in time is judged beside what differs from place to place."""
+"""Tests of the place scatter: changes in time are compared with errors that differ between places."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SETTINGS = Settings(robot_noise="stated")
 
 
 def recorded(seed=0, size_m=0.0, moved=0.0):
-    """Forty samples in the order of their places, the hand read with errors by place, and moved in the last half."""
+    """Forty samples in the order of their places, with errors of the hand by place, moved in the last half."""
     scenario = Scenario(samples=40, position_m=0.3, spread_rad=0.8, robot_noise=(1e-4, 1e-4), target="pose")
     made = simulate(scenario, seed)
     rng = np.random.default_rng(seed)
@@ -50,7 +50,7 @@ def solved(*of, **how):
 
 
 def scatter_of(solution):
-    """That beside the likeliest step of the base."""
+    """Place scatter beside the likeliest step of the base."""
     of = Situation(solution.problem, solution.state, solution.problem, {})
     (step,) = [each for each in steps(of) if each.about[0] == BASE]
     best = int(np.argmax(score(of.linearisation, step).statistic))
@@ -58,20 +58,20 @@ def scatter_of(solution):
 
 
 @pytest.mark.parametrize("moved", [0.0, 3e-3])
-def test_noise_alone_is_its_own_scatter(moved):
-    """Over four cells the ratio is below 1.4, by some 70 freedoms, and a base that moves is no scatter."""
+def test_noise_has_no_place_scatter(moved):
+    """Noise alone gives a ratio below 1.4 in four cells, with some 70 freedoms. A moved base is no scatter."""
     # Of 70 freedoms and more the ratio has a sigma of 0.17 at most: in one of fifty it is above 1.4.
     found = [scatter_of(solved(seed, moved=moved)) for seed in range(4)]
     assert all(1.0 <= each.ratio < 1.4 for each in found)
     assert all(40 < each.freedoms < 130 for each in found)
 
 
-def test_errors_by_place_scatter():
-    """Of 5 mm from place to place more than thrice as much as noise."""
+def test_errors_by_place_increase_scatter():
+    """Errors of 5 mm between places scatter more than three times as much as noise."""
     assert min(scatter_of(solved(seed, 5e-3)).ratio for seed in range(4)) > 3.0
 
 
-def test_one_place_has_no_scatter(monkeypatch):
+def test_single_place_has_no_scatter(monkeypatch):
     """A recording whose flanges stay at one place cannot be split by place."""
     solution = solved()
     stay = np.zeros((40, 24))
@@ -88,20 +88,26 @@ def named(seed, **how):
 
 
 def test_errors_by_place_are_no_change_in_time(monkeypatch):
-    """A recording that goes from place to place shows them as steps and drifts, which without the scatter are named."""
+    """Errors by place look like steps and drifts if the recording moves from place to place.
+
+    Without the scatter they are named.
+    """
     seeds = range(6)
     assert not {named(seed, size_m=5e-3) for seed in seeds} & {"base-moved", "drift"}
     monkeypatch.setattr(search, "CHANGES_IN_TIME", ())
     assert {named(seed, size_m=5e-3) for seed in seeds} & {"base-moved", "drift"}
 
 
-def test_a_base_that_moves_is_named_though_places_are_in_order():
-    """By 10 mm and 10 mrad, in each of four cells, of which one sees its target to some millimetres alone."""
+def test_moved_base_is_named_despite_ordered_places():
+    """A base moved by 10 mm and 10 mrad is named in each of four cells.
+
+    One of them sees its target only to some millimetres.
+    """
     assert [named(seed, moved=1e-2) for seed in range(4)] == ["base-moved"] * 4
 
 
-def test_a_change_is_compared_with_the_scatter():
-    """By Fisher's ratio; by chi-square where noise is alone."""
+def test_change_is_compared_with_scatter():
+    """A change is compared with the scatter by Fisher's ratio, and by chi-square if noise is alone."""
     assert PlaceScatter().log_chance(30.0, 6) < PlaceScatter(1.0, 50.0).log_chance(30.0, 6)
     assert PlaceScatter(2.0, 50.0).log_chance(30.0, 6) == PlaceScatter(1.0, 50.0).log_chance(15.0, 6)
 
@@ -111,13 +117,16 @@ ONE = Suspect(
 )
 
 
-def test_one_of_many_ranks_behind():
-    """By half the logarithm of their number."""
+def test_rank_includes_number_of_candidates():
+    """The rank of a suspect increases by half the logarithm of the number of candidates."""
     assert ONE.rank == pytest.approx(-22.0 + 0.5 * np.log(32))
 
 
-def test_a_change_in_time_is_judged_by_the_larger_of_score_and_gain():
-    """Beside what differs by place; other errors keep their chance."""
+def test_change_in_time_uses_larger_of_score_and_gain():
+    """The larger of score and gain of a change in time is compared with the place scatter.
+
+    Other errors keep their chance.
+    """
     moved = replace(ONE, scatter=PlaceScatter(2.0, 50.0))
     assert ONE.log_chance_beside_places(90.0, -31.0) == -31.0
     assert moved.log_chance_beside_places(10.0, -31.0) == pytest.approx(
@@ -129,7 +138,10 @@ def test_a_change_in_time_is_judged_by_the_larger_of_score_and_gain():
 
 
 def test_places_are_split_into_thirds(monkeypatch):
-    """Across each direction in which flanges went, by the samples that show the frame; others are on either side."""
+    """Places are split into thirds along each direction of flange motion, by the samples that show the frame.
+
+    Other samples are on either side.
+    """
     poses = np.zeros((10, 1, 12))
     poses[:, 0, 0] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 100]
     poses[:, 0, 1] = 0.1 * np.array([0, 1, 0, 1, 0, 1, 0, 1, 0, 1])

@@ -1,4 +1,4 @@
-"""Fields of errors of arms that record poses alone."""
+"""Tests of error fields and axis lengths of robots that record only poses."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def with_kind(cell, is_total):
 
 
 def stretched(share):
-    """A recording whose hand records poses that are too long along x of its base by a share."""
+    """A recording whose hand poses are too long along x of its base by a share."""
 
     def recorded(pose):
         return RobotState(SE3(pose.rotation, pose.translation * [1 + share, 1, 1]))
@@ -58,22 +58,22 @@ def about(recording):
 
 
 @pytest.mark.parametrize(("is_total", "robots"), [(False, ["eye", "hand"]), (True, [])])
-def test_a_repeatability_says_nothing_of_accuracy(is_total, robots):
-    """Arms that state it have fields; those that state all their noise have none."""
+def test_repeatability_leaves_accuracy_unknown(is_total, robots):
+    """Robots that state repeatability have a field; those that state their total noise have none."""
     situation, _ = about(MADE.recording)
     assert [field.robot for field in stated_fields(with_kind(MADE.cell, is_total), situation)] == robots
 
 
-def test_arms_that_record_joints_have_none():
-    """Their joints and links are what errs."""
+def test_joint_robots_have_no_field():
+    """Robots that record joints have no field: their joints and links err."""
     made = simulate(Scenario(samples=12, joints=True, robot_noise=(3e-5, 1e-4)), 2)
     solution = solve(made.cell, made.recording, STATED)
     situation = Situation(solution.problem, solution.state, solution.problem, {}, solution.noise)
     assert pose_field(situation, "eye") is None
 
 
-def test_errors_that_stops_share_hold_the_field(monkeypatch):
-    """Of a robot in the random effects there is none beside them; nor of one with few stops."""
+def test_shared_stop_errors_replace_field(monkeypatch):
+    """A robot with shared stop errors in the random effects has no field, nor one with few stops."""
     situation, _ = about(MADE.recording)
     common = {"smooth": {"hand": np.array([1e-4, 2e-4])}}
     beside = replace(situation, noise=replace(situation.noise, common=common))
@@ -84,16 +84,19 @@ def test_errors_that_stops_share_hold_the_field(monkeypatch):
         assert (pose_field(situation, "hand") is None) == is_none
 
 
-def test_a_sigma_of_a_field_is_that_of_arms():
-    """None as often as of two kinds that are both none in one case of two; else from 0.1 mm to 2 mm of length."""
+def test_field_prior_has_typical_robot_sigmas():
+    """A field is absent as often as two kinds are both absent in one case of two.
+
+    Else its sigma is from 0.1 mm to 2 mm of length.
+    """
     np.testing.assert_allclose(FIELD_PRIOR_M.probabilities, [np.sqrt(0.5), *[(1 - np.sqrt(0.5)) / 3] * 3])
     lengths = np.sqrt(3) * FIELD_PRIOR_M.sigmas
     assert lengths[0] == 0
     assert 9e-5 < lengths[1] < lengths[2] < lengths[3] < 2e-3
 
 
-def test_a_field_is_all_of_its_variance_far_away():
-    """At recorded poses hardly any is left; at two metres from all of them nothing is known."""
+def test_field_variance_is_full_far_away():
+    """The unknown share of a field is small at recorded poses, and full at two metres from all of them."""
     situation, _ = about(MADE.recording)
     field = pose_field(situation, "hand")
     poses = situation.recorded_pose(0, "hand")
@@ -104,8 +107,11 @@ def test_a_field_is_all_of_its_variance_far_away():
     np.testing.assert_allclose(variances(4e-8), [4e-8, 1.6e-7])
 
 
-def test_the_data_tell_how_large_a_field_is():
-    """An arm that is right has hardly any; one that is half a percent long along an axis, as much as expected."""
+def test_data_determine_field_size():
+    """The data show a small field of a correct robot.
+
+    A robot half a percent long along an axis has the expected size.
+    """
     sizes = []
     for share in (0.0, 5e-3):
         situation, _ = about(stretched(share))
@@ -115,8 +121,8 @@ def test_the_data_tell_how_large_a_field_is():
     assert np.sqrt(sizes[1]) <= FIELD_PRIOR_M.sigmas.max()
 
 
-def test_an_answer_is_as_wide_as_its_arms_are_wrong():
-    """Of right arms by a fifth at most, of a long one by several times; and it does not move by a field."""
+def test_answer_covariance_grows_with_robot_error():
+    """Fields widen the answer of correct robots by a fifth at most, of a long one by several times."""
     ratios = []
     for share in (0.0, 5e-3):
         _, solution = about(stretched(share))
@@ -135,7 +141,7 @@ CELL = replace(
 
 
 def lengthened(shares):
-    """A recording whose robots' true poses are longer than what is recorded, along x of their bases."""
+    """A recording whose robots' true poses are longer than recorded, along x of their bases."""
 
     def recorded(state, share):
         pose = state.base_from_flange
@@ -155,8 +161,11 @@ def solved(recording, cell=CELL):
     return Situation(problem, solution.state, problem, {}, solution.noise), solution
 
 
-def test_arms_that_record_poses_alone_have_them():
-    """Unless they state all their errors, record joints, or made few stops."""
+def test_pose_robots_have_axis_lengths():
+    """Robots that record only poses have axis lengths unless they state all their errors or made few stops.
+
+    Robots that record joints have none.
+    """
     situation, _ = solved(LONG_MADE.recording)
     assert axis_lengths(CELL, situation) == [AxisLengths("eye"), AxisLengths("hand")]
     total = replace(CELL, robots={**CELL.robots, "eye": LONG_MADE.cell.robots["eye"]})
@@ -167,8 +176,11 @@ def test_arms_that_record_poses_alone_have_them():
     assert axis_lengths(by_joints.cell, solved(by_joints.recording, by_joints.cell)[0]) == []
 
 
-def test_flanges_move_by_a_share_of_their_place():
-    """Along each axis of the base, in the axes of the flange; recorded poses tell it everywhere."""
+def test_axis_length_moves_flange_proportionally():
+    """Flanges move by a share of their position along each axis of the base, in flange axes.
+
+    Recorded poses determine it everywhere.
+    """
     pose = LONG_MADE.recording.samples[0].robots["hand"].base_from_flange
     poses = SE3(pose.rotation[None], pose.translation[None])
     (tangents,) = AxisLengths("hand").flange_tangents(poses)
@@ -177,8 +189,8 @@ def test_flanges_move_by_a_share_of_their_place():
     assert AxisLengths("hand").unknown_share(poses) == [0.0]
 
 
-def test_an_arm_has_none_or_one():
-    """None as likely as of two kinds that are both none in one case of two; else along one axis."""
+def test_axis_length_prior_has_none_or_one_axis():
+    """An axis length is absent as often as two kinds are both absent in one case of two. Else it is along one axis."""
     assert LENGTHS_PRIOR.sigmas.shape == (10, 3)
     np.testing.assert_allclose(LENGTHS_PRIOR.probabilities.sum(), 1)
     np.testing.assert_allclose(LENGTHS_PRIOR.probabilities @ (LENGTHS_PRIOR.sigmas == 0).all(1), np.sqrt(0.5))
@@ -188,8 +200,8 @@ def test_an_arm_has_none_or_one():
     )
 
 
-def test_the_data_tell_a_length_of_one_arm():
-    """0.3 % along x, within a few of its sigmas; of right arms hardly a sigma of any is left."""
+def test_data_determine_axis_length_of_one_arm():
+    """A length error of 0.3 % along x is found within a few sigmas; correct robots have hardly any sigma left."""
     sizes = []
     for share in (0.0, 3e-3):
         situation, _ = solved(lengthened({"hand": share}))
@@ -203,8 +215,11 @@ def test_the_data_tell_a_length_of_one_arm():
 
 
 @pytest.mark.parametrize("shares", [{"eye": 1e-3, "hand": 1e-3}, {"eye": -5e-4, "hand": -1e-3}, {"hand": 1e-3}])
-def test_the_base_of_long_arms_is_within_its_sigmas(shares):
-    """Beyond all of them without lengths. Right arms lose a quarter of their sharpness at most."""
+def test_base_of_long_arms_is_within_sigmas(shares):
+    """The base of long arms is within its sigmas, and far beyond without axis lengths.
+
+    Correct robots lose a quarter of their precision at most.
+    """
     _, solution = solved(lengthened(shares))
     wide = with_expected_sizes(CELL, solution, None)
     assert distance(solution) > 50

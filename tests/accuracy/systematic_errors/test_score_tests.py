@@ -1,4 +1,4 @@
-"""Score tests against solving for what they test."""
+"""Tests of score tests, compared with solving for the tested effect."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -33,7 +33,7 @@ NOISE = (1e-4, 1e-4)
 
 
 def solved(scenario, seed=0, off=None):
-    """A cell whose camera mount is known, off by a tangent."""
+    """A cell whose camera mount is fixed, off by a tangent."""
     made = simulate(scenario, seed)
     camera = made.cell.cameras["wrist"]
     mount = Unknown("fixed", made.truth[MOUNT] @ SE3.exp(np.zeros(6) if off is None else off))
@@ -51,8 +51,8 @@ def mount_freed(of):
     )
 
 
-def test_what_is_seen_badly_is_not_found_larger_than_it_is_expected():
-    """Of two sizes one is seen well, and is what the data show; the other is a tenth of the largest at most."""
+def test_bounded_score_limits_poorly_seen_sizes():
+    """The bound limits a poorly seen size to a tenth of the largest; the other is well seen and shown by the data."""
     model = SimpleNamespace(step=np.zeros(1), inverse=np.eye(1))
     sums = Sums(np.array([[-2e6, -3.0]]), np.zeros((1, 2, 1)), np.diag([1e6, 1.0])[None])
     plain, bounded = score_from_sums(model, sums), score_from_sums(model, sums, 0.1)
@@ -64,8 +64,8 @@ def test_what_is_seen_badly_is_not_found_larger_than_it_is_expected():
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
-def test_statistic_is_what_solving_for_the_error_gains(arms):
-    """The drop of the cost when a mount is freed, and where it goes then, with private stops and with shared ones."""
+def test_statistic_equals_cost_decrease_of_solve(arms):
+    """Statistic and size equal the cost decrease and movement of a freed mount, with private and shared stops."""
     off = np.array([1e-4, -2e-4, 1e-4, 2e-4, 1e-4, -1e-4])
     of, solution, freed = solved(Scenario(samples=16, arms=arms, robot_noise=NOISE), off=off)
     found = score(linearise_views(of.problem, of.state), mount_freed(of))
@@ -77,8 +77,8 @@ def test_statistic_is_what_solving_for_the_error_gains(arms):
     np.testing.assert_allclose(sigma, np.sqrt(np.diag(freed.joint_transform_covariance([MOUNT]))), rtol=0.02)
 
 
-def test_what_an_unknown_takes_up_is_not_tested():
-    """An error that moves views as a free mount does has no freedoms, and no size."""
+def test_effect_absorbed_by_unknown_has_no_freedoms():
+    """An effect that moves views as a free mount does has no freedoms and zero size."""
     of, _, freed = solved(Scenario(samples=12))
     of = Situation(freed.problem, freed.state, freed.problem, {})
     found = score(linearise_views(of.problem, of.state), mount_freed(of))
@@ -87,8 +87,8 @@ def test_what_an_unknown_takes_up_is_not_tested():
     assert found.log_chance.tolist() == [0.0]
 
 
-def test_several_at_once_are_as_each_alone():
-    """Errors side by side are tested one by one."""
+def test_batch_scores_equal_separate_scores():
+    """Scores of several effects in one batch equal those of each alone."""
     of, _, _ = solved(Scenario(samples=12, arms="stations", robot_noise=NOISE))
     one = mount_freed(of)
     moves = tuple(np.concatenate([m, 2 * m[::-1]], 1) for m in one.moves)
@@ -100,8 +100,8 @@ def test_several_at_once_are_as_each_alone():
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
-def test_views_that_do_not_count(arms):
-    """Views of weight zero are as if they had not been taken, and views that all count as if not weighed."""
+def test_views_of_zero_weight_do_not_count(arms):
+    """Views of weight zero count as absent, and views of weight one as unweighted."""
     of, _, _ = solved(Scenario(samples=12, arms=arms, robot_noise=NOISE, target_mount="prior"))
     about, keep = linearise_views(of.problem, of.state), np.arange(12) % 3 > 0
     fewer = replace(of, problem=of.problem.with_groups(g.take(np.flatnonzero(keep)) for g in of.problem.groups))
@@ -114,8 +114,8 @@ def test_views_that_do_not_count(arms):
         )
 
 
-def test_chance_has_no_end():
-    """Logarithms of chances fall steadily where the chances themselves are no numbers any more."""
+def test_log_chance_has_no_lower_limit():
+    """Log chances decrease steadily even if the chances themselves underflow."""
     of, _, _ = solved(Scenario(samples=12))
     found = score(linearise_views(of.problem, of.state), mount_freed(of))
     far = (10.0, 1000.0, 1300.0, 1500.0, 5000.0)
@@ -125,10 +125,10 @@ def test_chance_has_no_end():
 
 
 @pytest.mark.parametrize("hidden", [False, True])
-def test_a_score_is_the_elimination_of_the_unknowns(hidden):
-    """Of random sums: the Schur complement of the joint information, and the best sizes of the joint minimum.
+def test_score_eliminates_unknowns(hidden):
+    """Scores of random sums equal the Schur complement and the best sizes of the joint minimum.
 
-    What the unknowns take up whole has neither a size nor a freedom.
+    An effect fully absorbed by the unknowns has zero size and no freedom.
     """
     rng = np.random.default_rng(5)
     root = rng.standard_normal((9, 12))
@@ -153,8 +153,8 @@ def test_a_score_is_the_elimination_of_the_unknowns(hidden):
     np.testing.assert_allclose(found.gradient[1], 3 * found.gradient[0], atol=1e-12)
 
 
-def test_sums_are_those_over_views_of_every_group():
-    """Of each error by itself; groups that it does not move say nothing."""
+def test_sums_add_views_of_all_groups():
+    """Sums of each effect add the views of all groups; groups that it does not move are omitted."""
     rng = np.random.default_rng(1)
     one, state = pose_problem(1e-3 * rng.standard_normal((4, 6)), np.array([1e-3, 2e-3, 1e-3, 3e-3, 1e-3, 1e-3]))
     (group,) = one.groups
@@ -173,8 +173,8 @@ def test_sums_are_those_over_views_of_every_group():
             np.testing.assert_allclose(got[b], want, rtol=1e-9, atol=1e-6)
 
 
-def test_weights_and_priors_are_in_the_sums_of_the_unknowns():
-    """Each view by its weight; a prior counts in full."""
+def test_sums_of_unknowns_include_weights_and_priors():
+    """Sums of the unknowns weigh each view, and include priors in full."""
     rng = np.random.default_rng(1)
     prior = Unknown("prior", SE3.exp(np.full(6, 2e-3)), np.full(6, 1e-2))
     problem, state = pose_problem(1e-3 * rng.standard_normal((4, 6)), np.full(6, 1e-3), prior)
@@ -192,15 +192,15 @@ def test_weights_and_priors_are_in_the_sums_of_the_unknowns():
     np.testing.assert_allclose(found.step, np.linalg.solve(hessian, gradient), rtol=1e-6)
 
 
-def test_each_score_has_its_own_chance():
-    """By its own freedoms."""
+def test_each_score_has_own_chance():
+    """Each score has the chance of its own freedoms."""
     score = Score(np.zeros((2, 1)), np.zeros((2, 1, 1)), np.array([3.0, 20.0]), np.array([1, 4]), np.zeros((2, 1)))
     np.testing.assert_allclose(score.log_chance, [chi2.logsf(3.0, 1), chi2.logsf(20.0, 4)])
 
 
 @pytest.mark.parametrize(("share", "freedoms"), [(0.9e-4, 0), (1.1e-4, 1)])
-def test_an_error_of_which_a_ten_thousandth_is_left_is_seen(share, freedoms):
-    """Below, it stands for what is unknown anyhow, whatever its units."""
+def test_effect_with_ten_thousandth_left_is_testable(share, freedoms):
+    """An effect of which one ten-thousandth is left is testable. Below that it equals the unknowns, in any units."""
     for unit in (1.0, 1e-3):
         across = unit * np.sqrt(1 - share)
         known = Sums(np.full((1, 1), unit), np.array([[[across]]]), np.array([[[unit**2]]]))
@@ -210,8 +210,11 @@ def test_an_error_of_which_a_ten_thousandth_is_left_is_seen(share, freedoms):
 
 
 @pytest.mark.parametrize(("sizes", "residuals"), [(1, 6.0), (2, 20.0), (6, 300.5)])
-def test_a_gain_has_the_chance_of_the_ratio_of_variances(sizes, residuals):
-    """Of normal residuals twice the log likelihood gains n log(1 + q F / (n - q)), with Fisher's ratio F of q sizes."""
+def test_chance_of_gain_follows_variance_ratio(sizes, residuals):
+    """The chance of a gain is that of the variance ratio.
+
+    Of normal residuals, twice the log likelihood gains n log(1 + q F / (n - q)), with Fisher's ratio F of q sizes.
+    """
     left = residuals - sizes
     for ratio in (0.1, 1.0, 30.0):
         gain = residuals * np.log1p(sizes * ratio / left)
@@ -219,8 +222,8 @@ def test_a_gain_has_the_chance_of_the_ratio_of_variances(sizes, residuals):
         assert found == pytest.approx(f.logsf(ratio, sizes, left), rel=1e-9)
 
 
-def test_the_chance_of_a_gain_has_bounds():
-    """A loss is certain, and so is any gain where nothing is left to tell the noise; a large one stays a number."""
+def test_chance_of_gain_has_bounds():
+    """A loss is certain, and so is any gain without residual freedoms; a large gain keeps a finite log chance."""
     assert log_chance_of_gain(-3.0, 1, 20.0) == 0.0
     assert log_chance_of_gain(50.0, 3, 3.0) == log_chance_of_gain(50.0, 0, 20.0) == 0.0
     near, far = log_chance_of_gain(1300.0, 2, 50.0), log_chance_of_gain(1500.0, 2, 50.0)
@@ -228,15 +231,15 @@ def test_the_chance_of_a_gain_has_bounds():
 
 
 @pytest.mark.parametrize(("sigma", "held"), [(1e-9, 6), (1e6, 0)])
-def test_an_unknown_that_its_prior_holds_takes_no_freedom_of_the_residuals(sigma, held):
-    """The equations of four poses, less the unknowns that views determine."""
+def test_unknown_held_by_prior_uses_no_residual_freedom(sigma, held):
+    """The residual freedoms are the equations of four poses, less the unknowns that views determine."""
     prior = Unknown("prior", SE3.exp(np.full(6, 2e-3)), np.full(6, sigma))
     problem, state = pose_problem(1e-3 * np.random.default_rng(1).standard_normal((4, 6)), np.full(6, 1e-3), prior)
     assert linearise_views(problem, state).residual_freedoms == pytest.approx(24 - problem.width + held, abs=1e-3)
 
 
-def test_candidates_move_poses_and_not_lenses():
-    """Of views whose lens is estimated the numbers of the pose alone count; groups that do not move count nothing."""
+def test_candidates_move_poses_not_lenses():
+    """Candidates move only the pose if the lens is estimated; groups that do not move are omitted."""
     rng = np.random.default_rng(4)
     root = rng.standard_normal((5, 8, 8))
     view = SimpleNamespace(

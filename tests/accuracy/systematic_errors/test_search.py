@@ -1,4 +1,4 @@
-"""Systematic errors put into simulated cells are found, with their size; clean cells have none."""
+"""Tests of the search: simulated systematic errors are found with their size, and clean cells have none."""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -36,7 +36,7 @@ MOST_SQUARED = 22.5  # of six freedoms: one in a thousand
 
 
 def as_recorded(read, scenario=SCENARIO, seed=0):
-    """A recording whose hand is read otherwise."""
+    """A recording whose hand poses are changed by `read`."""
     made = simulate(scenario, seed)
     samples = []
     for k, sample in enumerate(made.recording.samples):
@@ -54,7 +54,7 @@ def found_in(cell, recording):
 
 
 def sagged(_, pose):
-    """The hand bends by 20 mrad a metre, which it does not know."""
+    """The hand bends by 20 mrad per metre without recording it."""
     turn = np.concatenate([np.zeros(3), np.cross(pose.translation, [0, 0, -0.02])])
     return SE3.exp(turn).inverse() @ pose
 
@@ -69,8 +69,8 @@ KINDS = {
 
 
 @pytest.mark.parametrize("code", KINDS)
-def test_what_is_put_in_is_found(code):
-    """The kind, whom it is about, and its size within four of its sigmas; the finding says so."""
+def test_simulated_effect_is_found(code):
+    """The effect is found with its kind, its device, and its size within four sigmas; the finding reports it."""
     read, size, words = KINDS[code]
     cell, recording = as_recorded(read)
     solution, error = found_in(cell, recording)
@@ -89,8 +89,8 @@ def test_what_is_put_in_is_found(code):
     assert words in finding.message
 
 
-def test_the_error_that_gains_most_is_named_whatever_scores_best(monkeypatch):
-    """A step is named as one where a drift of the same base is suspected after it, or before."""
+def test_effect_with_largest_gain_is_named(monkeypatch):
+    """The effect with the largest gain is named, in any order of scores: a step, not a drift of the same base."""
     cell, recording = as_recorded(KINDS["base-moved"][0], replace(SCENARIO, state_robot_noise=False))
     problem, _ = build_problem(cell, recording)
     exact = solve_problem(problem, cell, SETTINGS)
@@ -105,8 +105,8 @@ def test_the_error_that_gains_most_is_named_whatever_scores_best(monkeypatch):
         assert (error.code, error.about, error.is_certain) == ("base-moved", "eye_base_from_hand_base", True)
 
 
-def test_the_covariance_covers_the_answer_without_the_error():
-    """A step halfway moves the base by half of it, beyond its sigmas; the wider covariance holds both."""
+def test_covariance_covers_answer_without_effect():
+    """A step halfway moves the base by half of it, beyond its sigmas; the wider covariance covers both."""
     cell, recording = as_recorded(lambda k, pose: SE3.exp(3 * STEP * (k >= HALF)) @ pose)
     solution, error = found_in(cell, recording)
     assert error is not None
@@ -119,14 +119,14 @@ def test_the_covariance_covers_the_answer_without_the_error():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_clean_cells_have_none(seed):
-    """Nothing is found where nothing was put in."""
+def test_clean_cells_have_no_effect(seed):
+    """No effect is found in clean cells."""
     cell, recording = as_recorded(lambda _, pose: pose, seed=seed)
     assert found_in(cell, recording)[1] is None
 
 
 def on_a_path(lag_s, grows_s=0.0):
-    """Poses of a hand on a path, and of what a world camera saw a moment before, which may grow to the end."""
+    """Poses of a hand on a path and of what a world camera saw earlier, by a lag that may grow."""
     made = simulate(Scenario(samples=1, layout="eye_to_hand", target="pose"), 0)
     cell, first = made.cell, made.recording.samples[0]
     home = first.robots["arm"].base_from_flange
@@ -134,7 +134,7 @@ def on_a_path(lag_s, grows_s=0.0):
     phase, size = rng.uniform(0, 6, 6), np.repeat([0.1, 0.3], 3)
 
     def at(seconds):
-        """Where the arm is."""
+        """The arm's pose at a time."""
         return home @ SE3.exp(size * np.sin(0.4 * np.arange(1, 7) * seconds + phase))
 
     overhead_from_base = made.truth["arm_base_from_overhead"].inverse()
@@ -149,8 +149,8 @@ def on_a_path(lag_s, grows_s=0.0):
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.05])
-def test_a_camera_that_lags(lag_s):
-    """Its stamps less the lag are the arm's, within four sigmas; none without a lag."""
+def test_camera_lag_is_found(lag_s):
+    """A camera lag is found within four sigmas; without a lag there is no effect."""
     cell, recording = on_a_path(lag_s)
     _, error = found_in(cell, recording)
     if not lag_s:
@@ -162,8 +162,8 @@ def test_a_camera_that_lags(lag_s):
     assert error.sigma < 0.01
 
 
-def test_a_camera_whose_clock_drifts():
-    """By how much more it lags at the end than at the beginning, within four sigmas."""
+def test_camera_clock_drift_is_found():
+    """A camera clock drift is found: the lag grows by 0.2 s over the recording, within four sigmas."""
     _, error = found_in(*on_a_path(0.0, 0.2))
     assert error is not None
     assert (error.code, error.about, error.unit) == ("clock-drift", "overhead", "s")
@@ -171,8 +171,8 @@ def test_a_camera_whose_clock_drifts():
     assert error.sigma < 0.03
 
 
-def test_an_error_that_reconciles_residuals_with_their_sigmas():
-    """Contradicted sigmas that an error explains are not estimated away; sigmas that are merely wrong are no error."""
+def test_effect_reconciles_contradicted_sigmas():
+    """Contradicted sigmas explained by an effect are not estimated away; merely wrong sigmas give no effect."""
     cell, moved = as_recorded(lambda k, pose: SE3.exp(4 * STEP * (k >= HALF)) @ pose)
     halved = []
     for sample in as_recorded(lambda _, pose: pose)[1].samples:
@@ -187,8 +187,8 @@ def test_an_error_that_reconciles_residuals_with_their_sigmas():
         assert (None if found is None else found.code) == code
 
 
-def test_robots_whose_kinematics_are_estimated():
-    """A target that slipped in the hand is found, by as much, while joint offsets of the arms are estimated."""
+def test_slipped_target_is_found_beside_joint_offsets():
+    """A target that slipped in the hand is found with its size while joint offsets of the arms are estimated."""
     scenario = Scenario(samples=30, joints=True, joint_offset_rad=1e-3, joint_offsets="prior", target="pose")
     made = simulate(scenario, 1)
     slip = np.array([5e-3, 0, 0, 0, 0.02, 0])
@@ -204,8 +204,8 @@ def test_robots_whose_kinematics_are_estimated():
     assert np.all(np.abs(error.size - slip) < 4 * np.sqrt(np.diag(error.covariance)))
 
 
-def test_a_joint_that_is_off_is_found():
-    """Joint 3 of the hand by 0.3 deg: which it is, its offset within four sigmas, and the wider covariance holds it."""
+def test_single_joint_offset_is_found():
+    """An offset of 0.3 deg of joint 3 is found within four sigmas, and the wider covariance covers it."""
     made = simulate(Scenario(samples=40, joints=True, robot_noise=(1e-4, 1e-4)), 1)
     wrong, samples = np.radians(0.3), []
     for sample in made.recording.samples:
@@ -226,8 +226,8 @@ def test_a_joint_that_is_off_is_found():
     assert off @ np.linalg.solve(both, off) < MOST_SQUARED
 
 
-def test_joints_that_are_all_off_are_found():
-    """Offsets of all joints of which none alone explains much are told as what they are, and the answer is widened."""
+def test_offsets_of_all_joints_are_found():
+    """Offsets of all joints, of which none alone explains much, are found as such, and the answer is widened."""
     made = simulate(Scenario(samples=40, joints=True, robot_noise=(1e-4, 1e-4)), 3)
     wrong = np.radians(0.12) * np.random.default_rng(5).standard_normal(6)
     samples = []
@@ -243,8 +243,8 @@ def test_joints_that_are_all_off_are_found():
     np.testing.assert_array_less(np.abs(error.size - wrong)[1:5], 4 * sigmas[1:5])
 
 
-def test_what_chance_may_make_is_kept_where_held_out_blocks_confirm_it(monkeypatch):
-    """At a level that nothing reaches the same error is found, and said to be uncertain."""
+def test_uncertain_effect_needs_held_out_confirmation(monkeypatch):
+    """At a level that no effect reaches, the same confirmed effect is found as uncertain."""
     cell, recording = as_recorded(KINDS["length-scale"][0])
     _, certain = found_in(cell, recording)
     monkeypatch.setattr(search, "discoveries", lambda doubts, tests, share: np.zeros(len(doubts), dtype=bool))
@@ -261,11 +261,11 @@ def candidates(code, *about, since=None):
 
 
 def suspected(monkeypatch, *kinds):
-    """Suspects among candidates with such logarithms of chances; sizes are numbered, each with two freedoms."""
+    """Suspects among candidates with such log chances; sizes are numbered, each with two freedoms."""
     chances = {id(kind): np.array(logs) for kind, logs in kinds}
 
     def scored(_, kind, largest):
-        """As `score`."""
+        """Replacement of `score` with known chances."""
         logs = chances[id(kind)]
         return SimpleNamespace(
             log_chance=logs,
@@ -282,8 +282,11 @@ def suspected(monkeypatch, *kinds):
     return search._suspects(SimpleNamespace(linearisation=None, null_model=lambda effect, about: None))
 
 
-def test_the_least_likely_of_each_code_and_name_is_suspected(monkeypatch):
-    """Its chance is that of any of its code, in all rows; what one of so many has by chance is none."""
+def test_most_unlikely_candidate_of_each_code_and_name_is_suspected(monkeypatch):
+    """The most unlikely candidate of each code and name is suspected.
+
+    Its chance counts all candidates of its code, in all rows; a chance expected of so many is none.
+    """
     steps = candidates("step", "a", "a", "b", since=(4, 6, 8))
     more = candidates("step", "c")
     found = suspected(monkeypatch, (steps, [-10.0, -12.0, -5.2]), (more, [-5.4]))
@@ -296,8 +299,8 @@ def test_the_least_likely_of_each_code_and_name_is_suspected(monkeypatch):
     assert (earlier.candidate.since, earlier.size.tolist()) == ((4,), [0])
 
 
-def test_one_in_fifty_is_suspected(monkeypatch):
-    """Of a single test; of two of its code one in a hundred each."""
+def test_suspects_need_chance_of_one_in_fifty(monkeypatch):
+    """Suspects need a chance below one in fifty; of two tests of a code, one in a hundred each."""
     for chance, count in ((0.021, 0), (0.019, 1)):
         assert len(suspected(monkeypatch, (candidates("drift", "a"), [np.log(chance)]))) == count
     for chance, count in ((0.0105, 0), (0.0095, 1)):
@@ -305,22 +308,28 @@ def test_one_in_fifty_is_suspected(monkeypatch):
 
 
 @pytest.mark.parametrize(("chance", "first"), [(-11.35, "step"), (-11.4, "drift")])
-def test_one_of_many_costs_half_the_logarithm_of_their_number(monkeypatch, chance, first):
-    """Of four steps, by log 2: the best of them is before a drift that is alone in its code, or behind."""
+def test_many_candidates_cost_half_log_of_number(monkeypatch, chance, first):
+    """A candidate among many costs half the logarithm of their number.
+
+    Of four steps that is log 2, so the best is before or behind a single drift.
+    """
     steps = candidates("step", "a", "a", "a", "a", since=(3, 4, 5, 6))
     found = suspected(monkeypatch, (steps, [0, -12.07, 0, 0]), (candidates("drift", "a"), [chance]))
     assert found[0].candidate.code == first
     assert len(found) == 2
 
 
-def test_suspects_are_in_order(monkeypatch):
-    """The least likely first."""
+def test_suspects_are_sorted_by_chance(monkeypatch):
+    """Suspects are sorted, the most unlikely first."""
     found = suspected(monkeypatch, (candidates("drift", *"abcde"), [-20.0, -30.0, -25.0, -10.0, -40.0]))
     assert [each.candidate.about[0] for each in found] == ["e", "b", "c", "a", "d"]
 
 
-def test_three_are_solved_for_at_most(monkeypatch):
-    """The least likely, but none that moves the data exactly as one before it does."""
+def test_three_suspects_are_solved_at_most(monkeypatch):
+    """At most three suspects are solved, the most unlikely first.
+
+    One that moves the data exactly as an earlier one is skipped.
+    """
     every = [suspect(about=name) for name in "abcde"]
     monkeypatch.setattr(
         search, "_remaining_chi_square", lambda of, one, other: (0.0, int(one.candidate.about[0] != "b"))
@@ -337,7 +346,7 @@ def suspect(
 
 
 def surprised(plain, logs=True):
-    """A solution of such evidence, and of half of it with a random effect."""
+    """A solution of such evidence, and half of it with a random effect."""
     noise = SimpleNamespace(
         logs=np.zeros(1) if logs else None, plain_minus_2_log_evidence=plain, minus_2_log_evidence=plain / 2, common={}
     )
@@ -345,10 +354,10 @@ def surprised(plain, logs=True):
 
 
 @pytest.mark.parametrize("name", ["", "smooth"])
-def test_a_gain_counts_by_the_freedoms_of_the_residuals(monkeypatch, name):
-    """Of forty freedoms two are of the error.
+def test_gain_uses_residual_freedoms(monkeypatch, name):
+    """The chance of a gain uses the residual freedoms: two of forty are those of the effect.
 
-    By the evidence with the random effect that the error is tested beside, before it is taken out and after.
+    The evidence includes the random effect beside it, before and after the effect is removed.
     """
     error = suspect(size=(0.5, 0.1), log_count=1.5)
     of = SimpleNamespace(
@@ -361,7 +370,7 @@ def test_a_gain_counts_by_the_freedoms_of_the_residuals(monkeypatch, name):
     monkeypatch.setattr(search, "_minus_2_log_evidence", lambda solution, name: after[name])
 
     def chance(before, left, **changed):
-        """That of what is gained from one evidence to another."""
+        """Log chance of the gain from one evidence to another."""
         after[name] = left / (2 if name else 1)
         return search._log_chance(of, error, search._gain(of, error, surprised(before, **changed)))
 
@@ -373,13 +382,13 @@ def test_a_gain_counts_by_the_freedoms_of_the_residuals(monkeypatch, name):
 
 @dataclass(frozen=True)
 class Solved:
-    """A problem and nothing else."""
+    """A solution with only a problem."""
 
     problem: Problem
 
 
-def test_without_an_error_the_hand_is_where_views_move_by_it():
-    """Each view moves by its moves times the sizes; groups that have none stay."""
+def test_removing_effect_moves_views_by_its_size():
+    """Removing an effect moves each view by its moves times the sizes; groups without moves stay."""
     made = simulate(Scenario(samples=4), 0)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -395,7 +404,7 @@ def test_without_an_error_the_hand_is_where_views_move_by_it():
 
 @dataclass(frozen=True)
 class Described:
-    """Of a solution what describing an error reads."""
+    """The fields of a solution that the description of an effect reads."""
 
     problem: str
     noise: NoiseEstimate
@@ -410,8 +419,11 @@ class Described:
         ("drift", "board", False, True),
     ],
 )
-def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, about, is_camera, is_target):
-    """Its size corrected by what is left of it beside the same random effects, its covariance by its information."""
+def test_effect_description_names_its_device(monkeypatch, code, about, is_camera, is_target):
+    """The description names the device of the effect.
+
+    Its size is corrected by the remainder beside the same random effects, its covariance is from its information.
+    """
     again = SimpleNamespace(size=np.array([[0.25]]), information=np.array([[[4.0]]]))
     monkeypatch.setattr(search, "situate", lambda solution, *of: SimpleNamespace(null_model=lambda *of: solution))
     told = "corrected", {"smooth": {}}
@@ -434,11 +446,11 @@ ERROR = FoundEffect("drift", "drift", "arm", False, False, None, "", np.zeros(1)
 
 
 def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solution):
-    """Which suspect is described, with its size, and whether it is certain; `gains` are by name, refuted ones too."""
+    """The described suspect, its size, and whether it is certain; `gains` and `refuted` are by name."""
     described = []
 
     def told(of, error, before, after):
-        """As `_described`."""
+        """Replacement of `_describe` that records its arguments."""
         described.append((error.candidate.about[0], error.size.tolist(), before.name, after.name))
         return ERROR
 
@@ -463,8 +475,11 @@ def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solutio
     return None if found is None else (*described[0], found.is_certain)
 
 
-def test_the_least_likely_by_score_or_by_gain_is_the_error(monkeypatch):
-    """Of those that held-out blocks confirm, each solved without itself, one of many for half their number's log."""
+def test_best_suspect_by_score_or_gain_is_chosen(monkeypatch):
+    """The most unlikely suspect by score or gain is chosen, of those that held-out blocks confirm.
+
+    Each is solved without itself; one of many costs half their number's logarithm.
+    """
     pair = suspect(about="a", log_chance=-20.0), suspect(about="b", log_chance=-21.0)
     assert searched(monkeypatch, pair) == ("b", [0.5], "answer", "b again", True)
     assert searched(monkeypatch, pair, {"a": -22.0})[0] == "a"
@@ -477,8 +492,8 @@ def test_the_least_likely_by_score_or_by_gain_is_the_error(monkeypatch):
     assert searched(monkeypatch, (suspect(about="a", log_chance=-20.0, log_count=1.9), pair[1]))[0] == "b"
 
 
-def test_what_is_certain_beside_places_goes_before_what_is_not(monkeypatch):
-    """A change in time that places may make is named only where nothing is certain, and as what chance may make."""
+def test_certain_effect_precedes_change_explained_by_places(monkeypatch):
+    """A certain effect comes before a change in time that places may explain; alone, the change is uncertain."""
     moved = replace(suspect(about="a", log_chance=-30.0), scatter=PlaceScatter(5.0, 40.0))
     assert searched(monkeypatch, (moved, suspect(about="b", log_chance=-20.0)))[0] == "b"
     assert searched(monkeypatch, (moved,))[::4] == ("a", False)
@@ -487,9 +502,9 @@ def test_what_is_certain_beside_places_goes_before_what_is_not(monkeypatch):
 
 @pytest.mark.parametrize(("chance", "is_certain"), [(2.4e-4, True), (6e-4, False)])
 def test_one_false_discovery_in_four_hundred_is_allowed(monkeypatch, chance, is_certain):
-    """Of ten codes one in four thousand is certain.
+    """One false discovery in four hundred is allowed, so with ten codes a chance of one in four thousand is certain.
 
-    What is likelier may be chance; of arms whose kinematics are estimated it is not reported, and corrects nothing.
+    A larger one may be chance; with estimated kinematics it is not reported and corrects nothing.
     """
     possible = suspect(about="a", log_chance=np.log(chance))
     assert searched(monkeypatch, [possible])[-1] == is_certain
@@ -498,8 +513,8 @@ def test_one_false_discovery_in_four_hundred_is_allowed(monkeypatch, chance, is_
     assert (searched(monkeypatch, [possible], models=("arm",)) is not None) == is_certain
 
 
-def test_what_is_no_answer_has_no_error(monkeypatch):
-    """Nor one without views, or of a cost that is no number."""
+def test_failed_solution_has_no_effect(monkeypatch):
+    """A failed solution has no effect, nor one without views or with infinite cost."""
     some = [suspect()]
     assert searched(monkeypatch, some) is not None
     for changed in ({"converged": False}, {"cost": np.inf}, {"problem": SimpleNamespace(groups=(), models=())}):
@@ -519,8 +534,11 @@ def test_what_is_no_answer_has_no_error(monkeypatch):
         (None, "certain", False, None),
     ],
 )
-def test_a_running_error_is_the_first_that_is_certain(monkeypatch, first, second, has_shared, found):
-    """Beside errors that stops share only those are tested again that these may hold."""
+def test_running_error_is_first_certain_effect(monkeypatch, first, second, has_shared, found):
+    """The running error is the first certain effect.
+
+    Beside shared stop errors, only effects that these may contain are tested again.
+    """
     effects = [
         None if kind is None else SimpleNamespace(name=name, is_certain=kind == "certain")
         for name, kind in (("first", first), ("second", second))
@@ -558,15 +576,15 @@ def test_a_running_error_is_the_first_that_is_certain(monkeypatch, first, second
         ("drift", "joint_offsets", "arm", 10.1, False),
     ],
 )
-def test_errors_of_joints_hold_what_joints_may_do(effect, kind, about, gain, is_contained):
-    """Of the same robot, if their evidence is very strong."""
+def test_joint_random_effect_contains_joint_errors(effect, kind, about, gain, is_contained):
+    """A joint random effect contains joint errors of the same robot if its evidence is very strong."""
     noise = SimpleNamespace(common={kind: {about: None}}, plain_minus_2_log_evidence=gain, minus_2_log_evidence=0.0)
     suspected = replace(suspect(), effect=effect)
     assert search._is_contained(SimpleNamespace(noise=noise), suspected) is is_contained
 
 
-def test_an_error_moves_the_answer_as_its_correction_does():
-    """To first order: the recording corrected by the size, and solved again."""
+def test_effect_moves_answer_as_its_correction():
+    """To first order, an effect moves the answer as solving the corrected recording does."""
     cell, recording = as_recorded(lambda _, pose: SE3(pose.rotation, 1.005 * pose.translation))
     problem, _ = build_problem(cell, recording)
     solution = solve_problem(problem, cell, SETTINGS)
@@ -583,7 +601,7 @@ def test_an_error_moves_the_answer_as_its_correction_does():
 
 
 def one_robot(read):
-    """Findings of a robot that carries a camera over a board, read otherwise."""
+    """Effect found for a robot that carries a camera over a board, with changed poses."""
     made = simulate(replace(SCENARIO, layout="eye_in_hand"), 0)
     samples = [
         replace(s, robots={"arm": RobotState(read(k, s.robots["arm"].base_from_flange))}, stamp_s=float(k))
@@ -592,8 +610,8 @@ def one_robot(read):
     return found_in(made.cell, Recording(tuple(samples)))[1]
 
 
-def test_lengths_of_one_robot_and_its_target_are_not_told_apart():
-    """They move the data exactly alike, each by as much the other way."""
+def test_lengths_of_robot_and_target_are_not_distinguished():
+    """Lengths of one robot and its target move the data equally, with opposite signs."""
     error = one_robot(lambda _, pose: SE3(pose.rotation, 1.005 * pose.translation))
     (other,) = error.alternatives
     assert {error.about, other.about} == {"arm", "board"}
@@ -602,24 +620,30 @@ def test_lengths_of_one_robot_and_its_target_are_not_told_apart():
 
 
 @pytest.mark.parametrize("factor", [0.8, 4])
-def test_what_the_data_tell_apart_has_no_alternatives(factor):
-    """A small step in the middle of a recording may be a drift; a large one is none."""
+def test_distinguishable_effects_have_no_alternatives(factor):
+    """A small step in the middle of a recording may be a drift; a large one has no alternatives."""
     cell, recording = as_recorded(lambda k, pose: SE3.exp(factor * STEP * (k >= HALF)) @ pose)
     _, error = found_in(cell, recording)
     assert error.code == "base-moved"
     assert ("drift" in {each.code for each in error.alternatives}) == (factor < 1)
 
 
-def test_links_that_are_off_are_not_reported_as_joints():
-    """What stops evidently share contains what a joint may do by chance; neither reported nor counted twice."""
+def test_link_errors_are_not_reported_as_joints():
+    """Link errors that stops evidently share contain what joints do by chance.
+
+    They are neither reported nor counted twice.
+    """
     arms = Scenario(samples=30, joints=True, link_error=(5e-4, 5e-4), robot_noise=(5e-5, 1e-4))
     made = simulate(replace(arms, state_robot_noise=False, state_pixel_noise=False), 0)
     solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
     assert systematic_error(solution, solution.problem, {}, Settings()) is None
 
 
-def test_a_gear_ratio_of_a_joint_that_hardly_turns_is_no_offset_alone():
-    """Random offsets hold most of what a joint at 1.66 +- 0.27 rad does that turns by 0.26 % too much."""
+def test_gear_ratio_of_small_rotation_keeps_alternative():
+    """A gear ratio of a joint that hardly rotates is not reported as offsets alone.
+
+    Random offsets hold most of the effect of a joint at 1.66 +- 0.27 rad that rotates 0.26 % too far.
+    """
     unstated = Scenario(samples=40, joints=True, state_robot_noise=False, state_pixel_noise=False)
     made = simulate(replace(unstated, robot_noise=(5e-5, 1e-4), position_m=0.25), 5031)
     samples = []

@@ -1,4 +1,4 @@
-"""What systematic errors know of a solved problem."""
+"""Tests of `Situation`: derivatives, paths, times and null models of a solved problem."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -31,7 +31,7 @@ def situation(scenario, seed=0, stamps=None):
     return Situation(problem, solution.state, problem, times)
 
 
-def test_frames_move_views_as_unknowns_do():
+def test_frames_move_views_as_unknowns():
     """Bases and mounts move `camera_from_target` by the same adjoints as the columns of the normal equations."""
     of = situation(Scenario(samples=8))
     (group,) = of.problem.groups
@@ -43,8 +43,8 @@ def test_frames_move_views_as_unknowns_do():
 
 
 @pytest.mark.parametrize("robot", ["eye", "hand"])
-def test_flanges_move_views_as_their_poses_do(robot):
-    """A small tangent of a recorded pose moves the view by what `flange_jacobian` says."""
+def test_flanges_move_views_as_recorded_poses(robot):
+    """A small tangent of a recorded pose moves the view as `flange_jacobian` predicts."""
     of = situation(Scenario(samples=8))
     (group,) = of.problem.groups
     tangent = np.array([1e-6, -2e-6, 3e-6, 2e-6, 1e-6, -1e-6])
@@ -54,13 +54,13 @@ def test_flanges_move_views_as_their_poses_do(robot):
     np.testing.assert_allclose((before.inverse() @ after).log(), of.flange_jacobian(0, robot) @ tangent, atol=1e-10)
 
 
-def test_robots_that_move():
-    """A robot that stands still has no errors of its own that could be told."""
+def test_still_robot_has_no_effects():
+    """A robot at rest has no observable effects of its own and is excluded."""
     assert situation(Scenario(samples=8, arms="eye_still", camera_mount="fixed")).robots == ("hand",)
 
 
-def test_times():
-    """Seconds where every sample has a stamp, else the order of the samples."""
+def test_times_are_stamps_or_sample_order():
+    """Times are seconds if every sample has a stamp, else the order of the samples."""
     of = situation(Scenario(samples=6), stamps={k: 10.0 + 0.5 * k for k in range(6)})
     assert of.has_times
     np.testing.assert_allclose(of.times, 10.0 + 0.5 * np.arange(6))
@@ -69,13 +69,13 @@ def test_times():
     np.testing.assert_allclose(of.times, np.arange(6))
 
 
-def test_no_velocity_off_a_path():
-    """Poses one after another in no order have none."""
+def test_unordered_poses_have_no_velocity():
+    """Poses that are not on a path have no velocity."""
     assert situation(Scenario(samples=20)).velocity("hand") is None
 
 
 def seen(samples, arm=None, stands=None, eye=None):
-    """Views of these samples, with a target on an arm whose flange was at these poses."""
+    """Views of these samples, with a target on an arm with these flange poses."""
     world = end(None, SE3.identity((len(samples),)))
     hand = world if arm is None else end("arm", arm, stop_number=samples if stands is None else stands)
     return replace(views(eye or world, hand), sample=np.array(samples))
@@ -86,8 +86,8 @@ def recorded(*groups, stamps=()):
     return Situation(problem, None, problem, dict(stamps))
 
 
-def test_samples_in_their_order_in_time():
-    """Each once, whichever groups have it; by their numbers if one has no stamp."""
+def test_samples_are_sorted_by_time():
+    """Samples are sorted by time and unique over groups; if one has no stamp, by their numbers."""
     groups = seen([7, 3, 5]), seen([5, 9, 3])
     of = recorded(*groups, stamps={7: 0.0, 3: 2.0, 5: 1.0, 9: 3.0})
     assert of.samples.tolist() == [7, 5, 3, 9]
@@ -100,8 +100,8 @@ def test_samples_in_their_order_in_time():
     assert recorded(*groups, stamps={3: 4.0, 5: 4.0, 7: 4.0, 9: 4.1}).has_times
 
 
-def test_robots_that_stood_in_two_places_whichever_views_tell():
-    """In views of one group or of two; an arm that never moved, and the world, are none."""
+def test_moving_robots_have_two_stops():
+    """Robots with two stops in one group or several are included; an arm that never moved, and the world, are not."""
     pose = SE3.identity((2,))
     eye = end("still", stop_number=[4, 4])
     assert recorded(seen([0, 1], pose, [2, 2], eye)).robots == ()
@@ -116,8 +116,11 @@ def on_the_way(seconds):
     return SE3.from_rotvec([0.3, -0.2, 0.5], [0.4, 0.1, 0.3]) @ SE3.exp(np.asarray(seconds, float)[:, None] * TWIST)
 
 
-def test_the_velocity_on_a_path_is_that_of_its_twist():
-    """At its ends and between, at uneven times, of views in any order of two groups; nothing where it has no view."""
+def test_velocity_on_path_is_its_twist():
+    """The velocity is the path's twist at its ends and between, at uneven times, in any order of two groups.
+
+    Samples without a view have zero.
+    """
     seconds = np.array([0, 0.8, 2, 3, 4.2, 5, 6, 7.1, 8, 9])
     shuffled = np.array([3, 0, 8, 5, 2])
     rest = np.setdiff1d(np.arange(10), shuffled)
@@ -133,8 +136,8 @@ def test_the_velocity_on_a_path_is_that_of_its_twist():
     assert of.velocity("other") is None
 
 
-def test_an_arm_that_moves_in_no_time_has_no_velocity_there():
-    """Where the neighbours of a view have the same stamp."""
+def test_equal_stamps_give_zero_velocity():
+    """The velocity is zero if the neighbours of a view have the same stamp."""
     stamps = {k: float(max(k - 2, 0)) for k in range(10)}
     found = recorded(seen(np.arange(10), on_the_way(np.arange(10))), stamps=stamps).velocity("arm")
     np.testing.assert_array_equal(found[1], 0)
@@ -142,12 +145,13 @@ def test_an_arm_that_moves_in_no_time_has_no_velocity_there():
 
 
 @pytest.mark.parametrize(("count", "on_path"), [(7, False), (8, True)])
-def test_eight_poses_make_a_path(count, on_path):
+def test_path_needs_eight_poses(count, on_path):
+    """A path needs eight poses."""
     assert (recorded(seen(np.arange(count), on_the_way(np.arange(count)))).velocity("arm") is not None) == on_path
 
 
 def to_and_fro(aside, turn, count=9):
-    """Along x by a metre each, to one side and the other by turns, and turned about x so."""
+    """Along x by a metre each, with alternating side steps and rotations about x."""
     way = np.where(np.arange(count) % 2, 1.0, -1.0)[:, None]
     places = np.arange(count)[:, None] * [1.0, 0, 0] + aside * way * [0, 1.0, 0]
     return SE3.from_rotvec(turn * way * [1.0, 0, 0], places)
@@ -156,18 +160,22 @@ def to_and_fro(aside, turn, count=9):
 @pytest.mark.parametrize(("aside", "turn", "on_path"), [
     (0.24, 0.0, True), (0.26, 0.0, False), (0.0, 0.49, True), (0.0, 0.51, False),
 ])  # fmt: skip
-def test_a_path_is_smooth(aside, turn, on_path):
-    """Poses are off the middle of their neighbours by less than a quarter of how far these are apart, angles by 0.5 m.
+def test_path_is_smooth(aside, turn, on_path):
+    """Poses of a path are off the middle of their neighbours by less than a quarter of their distance.
 
-    Those between are off by twice as much as to one side, and their neighbours are two metres apart.
+    Angles count by 0.5 m. Poses between are off by twice as much as to one side, and their neighbours are two metres
+    apart.
     """
     of = recorded(seen(np.arange(9), to_and_fro(aside, turn)))
     assert (of.velocity("arm") is not None) == on_path
 
 
 @pytest.mark.parametrize("where", [1, 6])
-def test_every_pose_but_the_ends_tells_whether_a_path_is_smooth(where):
-    """Of eight in a line, one that is off by 1.2 of their distance is too much, 1.0 is not, the first as the last."""
+def test_each_inner_pose_tests_path_smoothness(where):
+    """Each pose except the ends tests the smoothness.
+
+    Of eight in a line, the first or last inner one may be off by 1.0 of their distance, not by 1.2.
+    """
     for aside, on_path in ((1.0, True), (1.2, False)):
         places = np.arange(8)[:, None] * np.array([1.0, 0, 0])
         places[where, 1] = aside
@@ -175,8 +183,11 @@ def test_every_pose_but_the_ends_tells_whether_a_path_is_smooth(where):
         assert (of.velocity("arm") is not None) == on_path
 
 
-def test_views_move_with_each_frame_as_it_stands_in_the_chain():
-    """Against those on the camera's side, with those on the target's; what carries nothing is at the identity."""
+def test_frame_jacobians_follow_chain():
+    """Views move with negative sign for frames on the camera's side and positive sign on the target's.
+
+    The last frame has the identity, a frame outside the chain zero, and a missing robot the identity pose.
+    """
     rng = np.random.default_rng(4)
     camera, eye, hand = (SE3.exp(rng.standard_normal((2, 6))) for _ in range(3))
     at = SE3.identity((2,))
@@ -191,8 +202,11 @@ def test_views_move_with_each_frame_as_it_stands_in_the_chain():
     np.testing.assert_array_equal(of.recorded_pose(0, "arm").matrix, np.tile(np.eye(4), (2, 1, 1)))
 
 
-def test_errors_in_time_hold_changes_in_time_alone():
-    """A moved frame is looked for without them, other effects beside them; joints are never random and unknown."""
+def test_time_errors_contain_changes_in_time_only():
+    """Random errors in time are omitted only for tests of a moved frame.
+
+    Joint effects are never random and unknown at once.
+    """
     problem, sigmas = problem_of(seen([0, 1])), {"arm": np.ones(2)}
     of_kinds = {
         kinds: Situation(problem, None, problem, {}, SimpleNamespace(common=dict.fromkeys(kinds, sigmas)))
@@ -213,8 +227,8 @@ def candidate(moves):
     return Candidates("", ("camera",), (None,), "", (moves[:, None],))
 
 
-def test_a_score_is_that_of_the_covariance_with_random_effects_in_it():
-    """As by generalised least squares with the dense covariance of all views, noise and random effects together."""
+def test_score_equals_generalised_least_squares():
+    """The score equals generalised least squares with the dense covariance of noise and random effects of all views."""
     rng = np.random.default_rng(2)
     problem, state = pose_problem(1e-3 * rng.standard_normal((8, 6)), np.full(6, 1e-3))
     by_effects, by_error = 1e-3 * rng.standard_normal((8, 6, 3)), rng.standard_normal((8, 6, 2))
@@ -236,8 +250,8 @@ def test_a_score_is_that_of_the_covariance_with_random_effects_in_it():
     np.testing.assert_allclose(again.hessian, model.hessian, rtol=1e-9, atol=1e-9 * np.abs(model.hessian).max())
 
 
-def test_random_effects_that_views_do_not_show_are_left_out():
-    """Of three, one a multiple of another and one next to nothing, one is left, which moves views as both did."""
+def test_invisible_random_effects_are_omitted():
+    """Random effects that are multiples of each other are merged and tiny ones omitted; one of three remains."""
     rng = np.random.default_rng(3)
     problem, state = pose_problem(1e-3 * rng.standard_normal((8, 6)), np.full(6, 1e-3))
     model, one = linearise_views(problem, state), 1e-3 * rng.standard_normal((8, 6, 1))
@@ -257,8 +271,8 @@ def test_random_effects_that_views_do_not_show_are_left_out():
         ("step", "eye_base", "joint_offsets"),
     ],
 )
-def test_an_effect_is_never_unknown_and_random_at_once(effect, about, name):
-    """The offsets of the hand's joints are tested against the model without them as random effects, all else beside."""
+def test_effect_is_not_unknown_and_random(effect, about, name):
+    """Offsets of the hand's joints are tested without them as random effects, other effects beside these."""
     noise = SimpleNamespace(common={"joint_offsets": {"hand": np.ones(2)}})
     of = Situation(None, None, None, {}, noise)
     assert of.random_effect(effect, about) == name
@@ -267,7 +281,7 @@ def test_an_effect_is_never_unknown_and_random_at_once(effect, about, name):
 
 @pytest.fixture(scope="module")
 def bent():
-    """A hand whose recorded poses lack errors that are smooth in its pose, 0.5 mm and 0.5 mrad; nothing is stated."""
+    """A hand whose recorded poses lack errors smooth in its pose, 0.5 mm and 0.5 mrad, with unstated noise."""
     made = simulate(Scenario(samples=40, robot_noise=(5e-5, 1e-4), state_robot_noise=False, position_m=0.3), 4)
     weights = np.random.default_rng(4).standard_normal((6, 3)) * np.repeat([2e-3, 2e-3], 3)[:, None]
     samples = []
@@ -281,8 +295,8 @@ def bent():
     return problem, integrate_solution(with_noise(plain, SETTINGS))
 
 
-def test_errors_of_stops_are_as_long_in_the_null_model(bent, monkeypatch):
-    """In metres and radians, by whichever sigmas they are scaled."""
+def test_stop_errors_keep_length_in_null_model(bent, monkeypatch):
+    """Stop errors keep their length in metres and radians in the null model, for any sigmas that scale them."""
     problem, solution = bent
     linearised = []
     linearise = module.linearise_views
@@ -294,8 +308,8 @@ def test_errors_of_stops_are_as_long_in_the_null_model(bent, monkeypatch):
     np.testing.assert_allclose(state.stop_errors * beside.stops.sigma, solution.state.stop_errors * held.stops.sigma)
 
 
-def test_single_stops_do_not_absorb_what_stops_share(bent):
-    """Their errors are smaller in the null model, and a drift is told better."""
+def test_single_stops_do_not_absorb_shared_errors(bent):
+    """In the null model the errors of single stops are smaller, and a drift is better determined."""
     problem, solution = bent
     assert list(solution.noise.common) == ["smooth_by_place"]
     assert np.all(solution.noise.beside_common.robots["hand"] < solution.noise.robots["hand"])
@@ -310,8 +324,11 @@ def test_single_stops_do_not_absorb_what_stops_share(bent):
 
 @pytest.mark.parametrize("noise", [None, SimpleNamespace(beside_common=None), SimpleNamespace(beside_common="noise")])
 @pytest.mark.parametrize("has_offsets", [False, True])
-def test_the_null_model_has_what_stops_share_and_clocks(monkeypatch, noise, has_offsets):
-    """Each if there is any; a clock's offset moves views by its sigma."""
+def test_null_model_includes_shared_errors_and_clocks(monkeypatch, noise, has_offsets):
+    """The null model includes shared stop errors and clock offsets if present.
+
+    A clock offset moves views by its sigma.
+    """
     monkeypatch.setattr(module, "linearise_views", lambda problem, state: "plain")
     monkeypatch.setattr(module, "null_model", lambda problem, state, noise, jacobian: "shared")
     monkeypatch.setattr(module, "with_random_effects", lambda *given: given)
