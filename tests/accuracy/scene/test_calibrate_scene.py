@@ -1,4 +1,4 @@
-"""Cameras and bases from a static scene, end to end."""
+"""Tests of `calibrate_scene`: cameras and bases from a static scene, end to end."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ TARGETLESS = Finding("few-images", "warning", ("left_eye",), "12 of 12 images of
 def calibrated(
     monkeypatch: pytest.MonkeyPatch, images: Images, reference: str = "left", findings: tuple[Finding, ...] = ()
 ) -> Calibration:
-    """The answer from made-up images."""
+    """The answer from simulated images."""
     monkeypatch.setattr(room, "read_images", lambda *_: images)
     views = images.views
     cell = {
@@ -63,17 +63,17 @@ def calibrated(
 
 
 def with_true_mounts(monkeypatch: pytest.MonkeyPatch, scene: Scene) -> None:
-    """Spare the search for each camera's mount."""
+    """Replace the search for each camera's mount by the true mounts."""
     monkeypatch.setattr(find_scene, "solve_camera", lambda images, camera, _: solved_camera(scene, images, camera))
 
 
 def errors(answer: Calibration) -> set[str]:
-    """Codes of what refuses it."""
+    """Codes of the errors of an answer."""
     return {each.code for each in answer.findings if each.severity == "error"}
 
 
 def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Mounts and base are within their 99.99 % ellipsoids (27.9 of 6), and the joint covariance holds all three."""
+    """Mounts and base are within their 99.99 % ellipsoids (27.9 of 6), and the joint covariance contains all three."""
     scene = made_scene(1, arms=2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
     answer = calibrated(monkeypatch, images_of_scene(scene), findings=(TARGETLESS,))
@@ -99,10 +99,10 @@ def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     ("off_m", "sigma_m", "verdict"),
     [(0.01, 0.02, "good"), (0.0, 0.5, "doubtful"), (0.3, 0.02, "refused"), (0.3, 0.5, "doubtful")],
 )
-def test_a_stated_place_of_the_base_is_second_evidence(
+def test_base_prior_excludes_copies_or_contradicts_scene(
     monkeypatch: pytest.MonkeyPatch, off_m: float, sigma_m: float, verdict: str
 ) -> None:
-    """A base stated to 20 mm excludes copies, one to 0.5 m does not; one 0.3 m away contradicts the scene."""
+    """A base stated to 20 mm excludes copies, one to 0.5 m does not; one stated 0.3 m away contradicts the scene."""
     scene = made_scene(1, arms=2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
     sigma = np.array([sigma_m] * 3 + [0.5] * 3)
@@ -115,8 +115,8 @@ def test_a_stated_place_of_the_base_is_second_evidence(
         assert np.linalg.norm(off[:3]) < 3e-3
 
 
-def test_a_scene_that_creeps_gives_no_false_base(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A scene that moves by 0.5 mm from image to image moves the base by 6 mm: named, and in the covariance.
+def test_slowly_moving_scene_gives_no_false_base(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scene that moves 0.5 mm per image shifts the base by 6 mm, which is reported and in the covariance.
 
     Without it the squared Mahalanobis distance of the base is 87; its 99.99 % point is 27.9.
     """
@@ -132,7 +132,7 @@ def test_a_scene_that_creeps_gives_no_false_base(monkeypatch: pytest.MonkeyPatch
     assert off @ np.linalg.solve(base.covariance, off) < 27.9
 
 
-def test_any_robot_may_be_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_any_robot_may_be_reference(monkeypatch: pytest.MonkeyPatch) -> None:
     """If the reference is the robot of the second camera, the base of the first is the inverse."""
     scene = made_scene(1, arms=2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
@@ -144,8 +144,8 @@ def test_any_robot_may_be_the_reference(monkeypatch: pytest.MonkeyPatch) -> None
     assert np.linalg.norm(off[:3]) < 3e-3
 
 
-def test_a_stated_mount_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A mount that is fixed is where the cell states it, not where a search ends."""
+def test_fixed_mount_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fixed mount is that of the cell, not that of a search."""
     scene = made_scene(2, count=12, points=150)
     stated = replace(scene.views.cameras[0], mount=Unknown("fixed", MOUNT))
     images = images_of_scene(replace(scene, views=replace(scene.views, cameras=(stated,))))
@@ -154,8 +154,8 @@ def test_a_stated_mount_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.linalg.norm(off.log()) < 1e-12
 
 
-def test_one_arm_needs_no_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a single camera the mount is the answer, to 3 mm."""
+def test_single_arm_gives_mount_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The answer of a single camera is its mount, to 3 mm."""
     scene = made_scene(2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
     answer = calibrated(monkeypatch, images_of_scene(scene))
@@ -165,8 +165,8 @@ def test_one_arm_needs_no_second(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.linalg.norm(off.translation) < 3e-3
 
 
-def test_arms_that_see_different_things_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If no point looks alike to both there is no base, and what to do is said."""
+def test_arms_without_shared_points_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If no point looks equal to both arms, there is no base, and the errors state what to do."""
     scene = made_scene(1, arms=2, count=12, points=150)
     rng = np.random.default_rng(5)
     looks = tuple(random_looks(rng, scene.tracks.count) for _ in range(2))
@@ -177,8 +177,8 @@ def test_arms_that_see_different_things_are_refused(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize(("is_seen_apart", "code"), [(False, "scene-rival"), (True, "scene-overlap")])
-def test_a_repeated_object_gives_no_base(monkeypatch: pytest.MonkeyPatch, is_seen_apart: bool, code: str) -> None:
-    """Whether both arms see both of two equal objects, or each another one: refused."""
+def test_repeated_object_gives_no_base(monkeypatch: pytest.MonkeyPatch, is_seen_apart: bool, code: str) -> None:
+    """A repeated object is refused, whether both arms see both copies or each a different one."""
     scene, looks = repeated_object(is_seen_apart)
     with_true_mounts(monkeypatch, scene)
     answer = calibrated(monkeypatch, images_of_scene(scene, looks=looks))
@@ -186,7 +186,7 @@ def test_a_repeated_object_gives_no_base(monkeypatch: pytest.MonkeyPatch, is_see
 
 
 def test_images_without_texture_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Features of which no two images share any, as of noise, are no scene."""
+    """Features that no two images share, as of noise, are refused for lack of texture."""
     images = images_of_scene(made_scene(1, arms=2, count=8, points=60))
     rng = np.random.default_rng(6)
     noise = tuple(replace(each, descriptors=random_looks(rng, len(each))) for each in images.features)
@@ -202,8 +202,8 @@ def test_few_views_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (answer.verdict, errors(answer)) == ("refused", {"too-few-samples"})
 
 
-def test_a_recording_without_images_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """There is nothing to answer."""
+def test_recording_without_images_is_input_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recording without images of a camera on a robot is an InputError; it gives the first reason."""
     images = images_of_scene(made_scene(1, count=3, points=20))
     empty = replace(images, views=take(images.views, np.zeros(0, dtype=np.int64)), features=())
     with pytest.raises(InputError, match="no camera on a robot has images"):
@@ -216,7 +216,7 @@ def test_a_recording_without_images_is_an_error(monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.slow
 def test_documented_example_is_calibrated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Rendered images through the verb, as docs/recipes/scene.md has it: the base within 3 mm and 0.15 deg."""
+    """Rendered images give the base within 3 mm and 0.15 deg by the command of docs/recipes/scene.md."""
     make = ROOT / "examples" / "scene" / "make.py"
     subprocess.run([sys.executable, make, tmp_path, "--views", "10", "--size", "480x360"], check=True)
     assert main(["calibrate", str(tmp_path), "--json"]) == 1
@@ -246,7 +246,7 @@ def fitted(seed: int) -> SceneFit:
 
 
 def described(is_total: bool = False) -> Cell:
-    """The cell of these arms, whose noise may be stated as all that they are off by."""
+    """The cell of these arms, whose noise may be stated as their total error."""
     stated = {"noise": {"sigma_t_m": ARM_M, "sigma_r_rad": ARM_RAD, "kind": "total"}} if is_total else {}
     return cell_from_dict(
         {
@@ -260,12 +260,12 @@ def described(is_total: bool = False) -> Cell:
 
 
 def whole_covariance(fit: SceneFit) -> Array:
-    """Of all columns but errors of stops."""
+    """Covariance of all columns except errors of stops."""
     return scene_covariance(fit) + shared_covariance(fit, 0) + shared_covariance(fit, 1)
 
 
-def test_the_error_is_expected_where_the_arms_worked() -> None:
-    """Of four scenes errors of base and stops have the expected size within a factor of two."""
+def test_expected_error_at_recorded_places() -> None:
+    """Errors of base and stops have the expected size within a factor of two over four scenes."""
     squares, variances = [], []
     for seed in range(4):
         fit = fitted(seed)
@@ -280,8 +280,8 @@ def test_the_error_is_expected_where_the_arms_worked() -> None:
     assert 0.5 < np.sqrt(np.mean(squares) / np.mean(variances)) < 2
 
 
-def test_it_is_expected_at_the_task() -> None:
-    """A point 2 m away, at which neither arm was, is known less than the middle; a point has its own words."""
+def test_expected_error_at_task_point() -> None:
+    """A task point 2 m away, far from both arms, has a larger expected error than the middle, and is named."""
     fit = fitted(1)
     near, far = (
         scene_meeting(described(), fit, whole_covariance(fit), Settings(task_point=point))
@@ -293,8 +293,11 @@ def test_it_is_expected_at_the_task() -> None:
     assert far.expected_95_m > 1.3 * near.expected_95_m
 
 
-def test_arms_that_share_no_errors_meet_better() -> None:
-    """By the noise of base and stops alone, as computed for one point by hand."""
+def test_total_noise_reduces_meeting_error() -> None:
+    """Arms without shared errors meet better.
+
+    The variance is that of base and stops, as computed by hand for one point.
+    """
     fit, point = fitted(1), np.array([0.7, 0.0, 0.4])
     alone = scene_meeting(described(is_total=True), fit, scene_covariance(fit), Settings(task_point=tuple(point)))
     shared = scene_meeting(described(), fit, whole_covariance(fit), Settings(task_point=tuple(point)))
@@ -313,8 +316,8 @@ def test_arms_that_share_no_errors_meet_better() -> None:
     assert np.isclose(wider.variance_m2 - alone.variance_m2, 3e-6 - np.sum(first**2))
 
 
-def test_one_arm_meets_nobody() -> None:
-    """Nothing is placed in the reference's base."""
+def test_single_arm_has_no_meeting_error() -> None:
+    """A single arm has no meeting error: nothing is placed in the reference's base."""
     scene = made_scene(2, count=12, points=100)
     fit = fit_scene(scene.views, scene.tracks, scene.truth, scene.truth.lenses, (None,))
     cell = cell_from_dict(
@@ -329,8 +332,8 @@ def test_one_arm_meets_nobody() -> None:
     assert scene_meeting(cell, fit, scene_covariance(fit), Settings()) is None
 
 
-def test_errors_that_stops_share_widen_the_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A robot whose stated noise is total has none."""
+def test_shared_stop_errors_widen_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shared stop errors widen the covariance, except of a robot whose stated noise is total."""
     monkeypatch.setattr(room, "scene_covariance", lambda fit: np.eye(2))
     monkeypatch.setattr(room, "shared_covariance", lambda fit, robot: np.diag([1.0, 10.0])[robot])
     fit = SimpleNamespace(views=SimpleNamespace(robots=("left", "right")))
@@ -340,8 +343,11 @@ def test_errors_that_stops_share_widen_the_covariance(monkeypatch: pytest.Monkey
         np.testing.assert_array_equal(_covariance(cell, fit), np.eye(2) + shared)
 
 
-def test_what_a_scene_answers_is_named_after_the_cell() -> None:
-    """The base of the reference is no unknown; a fixed transform has no covariance."""
+def test_results_are_named_after_cell() -> None:
+    """Bases, mounts, lenses and robot noise are named after the cell.
+
+    The base of the reference is no unknown; a fixed transform has no covariance.
+    """
     fit = fitted(1)
     covariance = np.random.default_rng(0).standard_normal(fit.information.shape)
     bases, mounts = _transforms(described(), fit)
@@ -371,8 +377,8 @@ def test_what_a_scene_answers_is_named_after_the_cell() -> None:
     assert noise.keys() == {"left", "right"}
 
 
-def test_residuals_of_a_scene_are_those_of_its_views() -> None:
-    """Rms per axis over all points and over those of each view; views without points are left out."""
+def test_residuals_of_scene_are_those_of_views() -> None:
+    """Residuals are the rms per axis over all points and over those of each view; views without points are omitted."""
     fit = fitted(1)
     off, view = residuals_px(fit.views, fit.tracks, fit.state), fit.tracks.view
     found = _residuals(fit)
@@ -387,8 +393,11 @@ def test_residuals_of_a_scene_are_those_of_its_views() -> None:
     assert [each.sample for each in _residuals(few).per_sample] == [k for k in range(24) if k != 3]
 
 
-def test_a_statement_is_compared_with_the_scene_alone() -> None:
-    """What the statement contributed to the base is taken out, and the offset has the covariance of both."""
+def test_statement_is_compared_with_scene_alone() -> None:
+    """A stated base is compared with the scene alone.
+
+    Its own contribution is removed, and the offset has the covariance of both.
+    """
     rng = np.random.default_rng(0)
     root = 1e-3 * rng.standard_normal((6, 6))
     of_scene, sigma = root @ root.T + 1e-6 * np.eye(6), np.array([2e-3, 3e-3, 4e-3, 1e-3, 2e-3, 5e-3])

@@ -1,4 +1,4 @@
-"""What speaks against an answer from a scene."""
+"""Tests of the findings about an answer from a scene."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ NAMES = ("left_eye", "right_eye")
 
 
 def sightings(count: int) -> Tracks:
-    """So many image points."""
+    """The given number of image points."""
     none = np.zeros(count, dtype=np.int64)
     return Tracks(none, none, np.zeros((count, 2)), none)
 
@@ -55,13 +55,13 @@ def told(one: OneCamera) -> list[tuple[str, str]]:
     return [(each.code, each.severity) for each in camera_findings("eye", one)]
 
 
-def test_good_images_lack_nothing(good: OneCamera) -> None:
-    """Twelve views with texture and right poses are told nothing of."""
+def test_good_images_have_no_finding(good: OneCamera) -> None:
+    """Twelve views with texture and correct poses have no finding."""
     assert told(good) == []
 
 
-def test_each_lack_of_a_camera_has_its_word(good: OneCamera) -> None:
-    """Views, pairs, poses and points are named in this order, each with what to do."""
+def test_camera_findings_by_cause(good: OneCamera) -> None:
+    """Lack of views, pairs, poses and points is reported in this order, each with advice."""
     assert good.start is not None
     few = replace(good, rows=np.arange(FEWEST_VIEWS - 1))
     fewer = replace(good, rows=np.arange(FEWEST_VIEWS))
@@ -75,8 +75,8 @@ def test_each_lack_of_a_camera_has_its_word(good: OneCamera) -> None:
     assert all(finding.do for one in (few, fewer) for finding in camera_findings("eye", one))
 
 
-def test_each_lack_of_a_join_has_its_word() -> None:
-    """No agreement, agreement as by chance, a rival, few points or few images are refused; else nothing is."""
+def test_join_findings_by_cause() -> None:
+    """Missing or chance agreement, a rival, few points or few images refuse a join."""
 
     def codes(found: Join | None, shared: int = 300, of_each: tuple[int, int] = (12, 12)) -> list[str]:
         return [each.code for each in join_findings(NAMES, found, shared, of_each)]
@@ -101,8 +101,8 @@ def test_each_lack_of_a_join_has_its_word() -> None:
     assert codes(replace(GOOD, rival=0.34)) == codes(replace(GOOD, common=0.44)) == ["scene-rival"]
 
 
-def test_a_motion_is_named_with_its_length_and_time() -> None:
-    """Below one in a thousand it is a warning: steadily, or at a sample; else there is none."""
+def test_scene_motion_is_warning_below_one_in_thousand() -> None:
+    """A motion with a chance below one in a thousand is a warning with its length, as steady or at a sample."""
     steady = SceneMotion(1e-4, None, 0.0095, np.zeros(6))
     assert list(motion_findings(steady._replace(chance=0.01))) == []
     (found,) = motion_findings(steady)
@@ -112,8 +112,8 @@ def test_a_motion_is_named_with_its_length_and_time() -> None:
     assert "9.5 mm at sample 7" in sudden.what
 
 
-def test_points_that_one_scene_does_not_keep_refuse_it() -> None:
-    """Below half of them, or below a hundred, what was taken for shared was not."""
+def test_lost_shared_points_refuse_join() -> None:
+    """A join is refused if fewer than half of its points, or fewer than a hundred, are kept: they were not shared."""
     for before, after in ((300, 200), (300, 150), (200, 100)):
         assert list(kept_findings(NAMES, before, after)) == []
     for before, after in ((300, 149), (150, 99)):
@@ -121,7 +121,7 @@ def test_points_that_one_scene_does_not_keep_refuse_it() -> None:
 
 
 def test_unknown_directions_are_refused() -> None:
-    """Along any axis: above 10 mm or 0.5 deg a warning, above 100 mm or 5 deg an error."""
+    """Along any axis, a sigma above 10 mm or 0.5 deg is a warning, above 100 mm or 5 deg an error."""
     turned = SE3.from_rpy((0.4, 0.5, 0.6), (0, 0, 0)).rotation
 
     def codes(shift_m: float, turn_deg: float) -> list[str]:
@@ -135,8 +135,11 @@ def test_unknown_directions_are_refused() -> None:
     assert codes(0.11, 0.4) == codes(9e-3, 5.1) == ["unobservable-direction"]
 
 
-def test_poses_that_scatter_are_named_as_a_cause() -> None:
-    """Beyond 2 mm or 3 mrad a robot is named with its noise, and a weak direction says to check it first."""
+def test_scattering_poses_are_named_as_cause() -> None:
+    """A robot whose poses scatter beyond 2 mm or 3 mrad is named with its noise.
+
+    A weak direction then advises to check it first.
+    """
     scene = made_scene(1, arms=2, count=12, points=120)
     fit = solved_camera(scene, images_of_scene(scene), 0).adjustment
     for sound in (np.full(6, 1e-3), np.repeat([1.9e-3, 2.9e-3], 3)):
@@ -152,10 +155,10 @@ def test_poses_that_scatter_are_named_as_a_cause() -> None:
     assert (plain.why, plain.do) == ("", found.do[1:])
 
 
-def test_joints_that_are_to_be_estimated_are_not() -> None:
-    """A scene takes recorded poses with their noise: the robot and what is open of it are named.
+def test_joint_parameters_are_not_estimated_from_scene() -> None:
+    """A scene uses recorded poses with their noise, so the robot and its free joint parameters are named.
 
-    What has a prior is information; what is free was asked for, and is missing from the answer.
+    A parameter with a prior is an info; a free one was requested and is missing from the answer.
     """
     arms = {
         "left": Robot("left", parameters={"joint_offsets": Parameters(status="free")}),
@@ -168,8 +171,8 @@ def test_joints_that_are_to_be_estimated_are_not() -> None:
     assert [each.severity for each in joint_findings(Cell("left", known, {}, {}, {}), ["left"])] == ["info"]
 
 
-def test_bases_of_robots_without_images_are_missing() -> None:
-    """Each that is free is an error; that of the reference, and one that is known, is none."""
+def test_missing_bases_are_errors() -> None:
+    """Each free base of a robot without images is an error; the reference and a fixed base are not."""
     robots = {name: Robot(name) for name in ("left", "right", "third")}
     cell = Cell("left", robots, {"right": Unknown(), "third": Unknown("fixed", SE3.identity())}, {}, {})
     assert list(missing_base_findings(cell, ["left", "right"])) == []
@@ -181,8 +184,8 @@ def test_bases_of_robots_without_images_are_missing() -> None:
     )
 
 
-def test_points_are_counted_with_those_of_two_cameras() -> None:
-    """Two views of one camera are one camera; of a single camera nothing is shared."""
+def test_points_are_counted_with_shared_ones() -> None:
+    """Points are counted with those seen by two cameras; two views of one camera do not make a point shared."""
     scene = made_scene(1, arms=2, count=12, points=120)
     fit = solved_camera(scene, images_of_scene(scene), 0).adjustment
     views = replace(scene.views, camera=np.repeat([0, 1], 12))
@@ -197,15 +200,18 @@ def test_points_are_counted_with_those_of_two_cameras() -> None:
 
 
 @pytest.mark.parametrize(("sigma_m", "code"), [(0.019, ""), (0.5, "not-validated")])
-def test_coarse_evidence_of_a_base_validates_nothing(sigma_m: float, code: str) -> None:
-    """An agreement that chance explains in a room is none."""
+def test_coarse_base_evidence_does_not_validate(sigma_m: float, code: str) -> None:
+    """Agreement with coarse evidence, which chance explains in a room, does not validate a base."""
     found = base_findings("left_base_from_right_base", np.full(3, 1e-3), sigma_m**2 * np.eye(3))
     assert [each.code for each in found] == [code] * bool(code)
 
 
 @pytest.mark.parametrize(("off_m", "code"), [(0.1, "scene-rival"), (0.02, ""), (None, "not-validated")])
-def test_other_evidence_of_a_base_contradicts_it_or_speaks_for_it(off_m: float | None, code: str) -> None:
-    """Ten sigmas do, two do not; without any the base rests on the scene."""
+def test_base_evidence_contradicts_or_confirms(off_m: float | None, code: str) -> None:
+    """Other evidence of a base contradicts it at ten sigmas and confirms it at two.
+
+    Without any, the base rests on the scene.
+    """
     offset = None if off_m is None else np.array([off_m, 0.0, 0.0])
     found = [each.code for each in base_findings("left_base_from_right_base", offset, 1e-4 * np.eye(3))]
     assert found == [code] * bool(code)
@@ -222,8 +228,8 @@ def test_other_evidence_of_a_base_contradicts_it_or_speaks_for_it(off_m: float |
         (12, 10, 59, ["scene-texture"]),
     ],
 )
-def test_a_camera_needs_images_pairs_and_points(images: int, pairs: int, points: int, codes: list[str]) -> None:
-    """Eight, ten and sixty; fewer than twelve images are few."""
+def test_camera_needs_images_pairs_and_points(images: int, pairs: int, points: int, codes: list[str]) -> None:
+    """A camera needs eight images, ten pairs and sixty points; fewer than twelve images are few."""
     start = SimpleNamespace(misfit=(False, 0.5), is_behind=False, median_px=0.5)
     fit = SimpleNamespace(tracks=SimpleNamespace(count=points))
     one = SimpleNamespace(rows=np.arange(images), fit=fit, start=start, matched_pairs=pairs)

@@ -1,4 +1,4 @@
-"""A scene found from its images."""
+"""Tests of `find_scene`."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from scene_images import images_of_scene, solved_camera
 from scene_points import BASE, LENS, PIXEL, Scene, looks, made_scene
 
 
-def test_two_cameras_are_joined_into_one_scene(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The base is found to 3 mm, nothing is reported, and most points are seen by both."""
+def test_two_cameras_share_one_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two cameras share one scene: the base is found to 3 mm without findings, and most points are seen by both."""
     scene = made_scene(1, arms=2, count=12, points=220)
     images, report = images_of_scene(scene), Report()
     monkeypatch.setattr(room, "solve_camera", lambda images, camera, _: solved_camera(scene, images, camera))
@@ -55,8 +55,11 @@ def with_fixed_camera(scene: Scene, lens: Intrinsics) -> tuple[Scene, SE3]:
 
 
 @pytest.mark.parametrize("is_stated", [True, False])
-def test_a_camera_beside_the_arms_joins_by_the_points(monkeypatch: pytest.MonkeyPatch, is_stated: bool) -> None:
-    """Its pose is found to 2 mm and 0.2 deg if its lens is stated; else it is left out, and why is said."""
+def test_fixed_camera_is_located_by_points(monkeypatch: pytest.MonkeyPatch, is_stated: bool) -> None:
+    """The pose of a camera beside the arms is found to 2 mm and 0.2 deg if its lens is stated.
+
+    Else it is left out with the reason.
+    """
     scene, true = with_fixed_camera(made_scene(1, arms=2, count=12, points=220), Intrinsics("fixed", LENS))
     images, report = images_of_scene(scene), Report()
     images = replace(images, is_guessed=(False, False, not is_stated))
@@ -74,8 +77,8 @@ def test_a_camera_beside_the_arms_joins_by_the_points(monkeypatch: pytest.Monkey
         assert np.degrees(np.linalg.norm(off[3:])) < 0.2
 
 
-def test_a_fixed_camera_that_sees_too_little_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What to do is said, and the scene of the arms stays as it is."""
+def test_fixed_camera_with_few_points_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fixed camera that sees too few points is left out with advice, and the scene of the arms is unchanged."""
     scene, _ = with_fixed_camera(made_scene(1, arms=2, count=4, points=60), Intrinsics("fixed", LENS))
     images, report = images_of_scene(scene), Report()
     fit = SimpleNamespace(
@@ -89,8 +92,8 @@ def test_a_fixed_camera_that_sees_too_little_is_left_out(monkeypatch: pytest.Mon
     assert found.do == (SAME_SPOT,)
 
 
-def test_cameras_that_share_nothing_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first with each other one; without a transform no point is shared."""
+def test_cameras_without_shared_points_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first camera is checked with each other one; without a transform no point is shared."""
     told: list[tuple[object, ...]] = []
     monkeypatch.setattr(room, "find_join", lambda images, first, second: second if second == "two" else None)
     monkeypatch.setattr(room, "merged_tracks", lambda ones, joins: joins)
@@ -102,8 +105,8 @@ def test_cameras_that_share_nothing_are_named(monkeypatch: pytest.MonkeyPatch) -
     assert told == [(("a", "b"), "two", 7, (2, 1)), (("a", "c"), None, 0, (0, 0))]
 
 
-def test_each_camera_is_solved_with_the_noise_of_its_arm(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of its own images; how far it is is told from one on."""
+def test_each_camera_uses_noise_of_its_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each camera is solved from its own images with the noise of its arm; progress is counted from one."""
     monkeypatch.setattr(room, "solve_camera", lambda images, camera, noise: (camera, noise))
     views = SimpleNamespace(camera=np.array([1, 0, 0, 1]), robot=np.array([0, 1, 1, 0]), cameras=("a", "b"))
     told: list[tuple[int, int]] = []

@@ -1,4 +1,4 @@
-"""Whether anything moved, from new images of a scene that a calibration kept."""
+"""Tests of `verify` with new images of a scene that a calibration kept."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NOISE = np.repeat([ARM_M, ARM_RAD], 3)
 
 
 def calibrated_cell(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Scene:
-    """A cell calibrated by tracks, spared the search for mounts."""
+    """A cell calibrated by tracks, without the search for mounts."""
     scene = made_scene(1, arms=2, count=12, points=220)
     write_tracks(folder, scene)
     monkeypatch.setattr(find_scene, "solve_camera", lambda images, camera, _: solved_camera(scene, images, camera))
@@ -40,7 +40,7 @@ def calibrated_cell(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Scene:
 
 
 def new_samples(folder: Path, scene: Scene, count: int = 4, base: SE3 = BASE, mount: SE3 = MOUNT) -> Path:
-    """New tracks of the same points with each arm, the right one's base and mount perhaps elsewhere by now."""
+    """New tracks of the same points for each arm; the right base and mount may have moved."""
     rng, lines = np.random.default_rng(99), []
     for arm, (name, at, hand) in enumerate((("left", SE3.identity(), MOUNT), ("right", base, mount))):
         for world_from_camera in looks(rng, count, 2.0 * arm - 1):
@@ -58,17 +58,17 @@ def new_samples(folder: Path, scene: Scene, count: int = 4, base: SE3 = BASE, mo
 
 
 def verified(folder: Path, samples: Path, capsys: pytest.CaptureFixture[str]) -> dict:
-    """What the verb prints."""
+    """The output of `verify`."""
     capsys.readouterr()
     assert main(["verify", str(folder), str(samples), "--json"]) in (0, 1)
     return json.loads(capsys.readouterr().out)
 
 
 @pytest.mark.slow
-def test_what_moved_is_seen_by_the_scene(
+def test_moved_base_and_mount_are_detected(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nothing is reported if nothing moved; a base and a mount that moved by 5 mm are named, with their shift."""
+    """A base and a mount moved by 5 mm are named with their shift; without a move there is no report."""
     scene = calibrated_cell(tmp_path, monkeypatch)
     aside = SE3.exp(np.array([0.005, 0, 0, 0, 0, 0]))
     still, base, mount = (
@@ -83,7 +83,7 @@ def test_what_moved_is_seen_by_the_scene(
         assert found["shift_mm"] == pytest.approx(5.0, abs=1.5)
 
 
-def test_new_images_of_a_scene_join_its_recording(
+def test_recalibration_adds_new_tracks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """If nothing moved, `--recalibrate` adds new tracks to the recording; images are copied under new names."""
@@ -102,8 +102,8 @@ def test_new_images_of_a_scene_join_its_recording(
     assert files == {"recording/images/000040_a.png": Path("today/recording/images/a.png")}
 
 
-def test_the_points_that_an_image_shows_are_observed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the order of their numbers, with a sigma of one and a half times what their scatter says."""
+def test_scene_points_are_observed_in_image(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scene points in an image are ordered by number, with a sigma of 1.5 times their scatter."""
     points = np.array([[0.1, 0.2, 2.0], [-0.1, 0.1, 1.5], [0.0, -0.1, 1.0], [0.3, 0.0, 2.0]])
     off = np.array([[0.5, -0.5], [0.4, 0.6], [-0.5, 0.5]])
     where, shown = SE3.from_rotvec([0.0, 0.1, 0.0], [0.0, 0.0, 0.1]), np.array([3, 0, 1])
@@ -120,8 +120,11 @@ def test_the_points_that_an_image_shows_are_observed(monkeypatch: pytest.MonkeyP
     assert room._observe_scene(images, 0, LENS, None, target) is None
 
 
-def test_a_scene_is_an_exact_target_on_the_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Under a name that is free; each image is seen with the lens of the calibration, or with its own."""
+def test_scene_is_exact_target_on_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scene is an exact target on the world, under an unused name.
+
+    Each image uses the lens of the calibration, or its own.
+    """
     write_tracks(tmp_path, made_scene(1, arms=2, count=2, points=12))
     cell = read_cell(tmp_path)
     points = np.arange(9.0).reshape(3, 3)

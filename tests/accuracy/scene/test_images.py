@@ -1,4 +1,4 @@
-"""The images of a recording as views of a scene."""
+"""Tests of `read_images`: images of a recording as views of a scene."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LEFT, RIGHT = (
 
 
 def write(folder: Path, samples: list[dict]) -> None:
-    """A cell with an image of each sample's images."""
+    """A cell with image files for each sample."""
     (folder / "recording").mkdir(parents=True, exist_ok=True)
     (folder / "cell.yaml").write_text(CELL)
     lines = [json.dumps({"sample": k, **sample}) for k, sample in enumerate(samples)]
@@ -48,14 +48,14 @@ def write(folder: Path, samples: list[dict]) -> None:
 
 
 def read(folder: Path) -> Images:
-    """Its images."""
+    """The images of a folder."""
     cell = read_cell(folder)
     recording = read_recording(folder, cell)
     return read_images(cell, recording)
 
 
-def test_each_image_with_a_pose_is_a_view(tmp_path: Path) -> None:
-    """Images without a pose of the arm that carries their camera, and samples without images, are passed over."""
+def test_each_image_with_pose_is_view(tmp_path: Path) -> None:
+    """Images without a pose of their camera's arm, and samples without images, are skipped."""
     write(
         tmp_path,
         [
@@ -74,8 +74,8 @@ def test_each_image_with_a_pose_is_a_view(tmp_path: Path) -> None:
     assert min(len(each) for each in found.features) > 20
 
 
-def test_an_unstated_lens_is_guessed(tmp_path: Path) -> None:
-    """Of the lens that is stated nothing is guessed; the other is a usual one for the image's size."""
+def test_unstated_lens_is_guessed(tmp_path: Path) -> None:
+    """An unstated lens is guessed as a usual one for the image size; a stated lens is kept."""
     write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"left_eye": "a.png", "right_eye": "bb.png"}}])
     found = read(tmp_path)
     assert found.is_guessed == (False, True)
@@ -84,8 +84,8 @@ def test_an_unstated_lens_is_guessed(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.lenses[1].parameters[:4], [144, 144, 79.5, 59.5])
 
 
-def test_what_moves_with_a_robot_is_no_scene(tmp_path: Path) -> None:
-    """Where a board that an arm carries was seen no features are taken."""
+def test_features_on_carried_targets_are_excluded(tmp_path: Path) -> None:
+    """Features are excluded where a board carried by an arm was seen."""
     write(tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}])
     every = read(tmp_path).features[0].pixels
     corners = [[20, 20], [140, 20], [80, 100]]
@@ -98,8 +98,8 @@ def test_what_moves_with_a_robot_is_no_scene(tmp_path: Path) -> None:
     assert not inside.any()
 
 
-def test_joints_need_a_urdf(tmp_path: Path) -> None:
-    """A robot that is recorded by joints alone and has no chain is one clear error."""
+def test_joints_without_urdf_are_input_error(tmp_path: Path) -> None:
+    """A robot recorded by joints without a URDF is an InputError."""
     write(tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}])
     cell = read_cell(tmp_path)
     recording = read_recording(tmp_path, cell)
@@ -108,8 +108,8 @@ def test_joints_need_a_urdf(tmp_path: Path) -> None:
         read_images(cell, replace(recording, samples=(by_joints,)))
 
 
-def test_robots_that_recorded_joints_are_known(tmp_path: Path) -> None:
-    """A URDF alone does not make joints of poses; one robot may record joints, and the other poses."""
+def test_robots_with_recorded_joints_are_listed(tmp_path: Path) -> None:
+    """Robots with recorded joints are listed; a URDF alone does not count, and another robot may record poses."""
     chain = planar(1.0, 1.0)
     write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"left_eye": "a.png", "right_eye": "bb.png"}}])
     cell = read_cell(tmp_path)
@@ -129,8 +129,8 @@ def test_robots_that_recorded_joints_are_known(tmp_path: Path) -> None:
         ("model: fisheye, size_px: [160, 120], intrinsics: {status: free}", "fisheye", 4),
     ],
 )
-def test_a_guess_is_of_the_model_asked_for(tmp_path: Path, stated: str, model: str, terms: int) -> None:
-    """A lens of which nothing is stated has the model and as many terms as the cell asks for, all zero."""
+def test_guessed_lens_has_requested_model(tmp_path: Path, stated: str, model: str, terms: int) -> None:
+    """A guessed lens has the model and number of distortion terms of the cell, all zero."""
     write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"right_eye": "bb.png"}}])
     (tmp_path / "cell.yaml").write_text(CELL.replace("{on: right}", f"{{on: right, {stated}}}"))
     (lens,) = read(tmp_path).lenses
@@ -138,16 +138,16 @@ def test_a_guess_is_of_the_model_asked_for(tmp_path: Path, stated: str, model: s
     assert lens.distortion.tolist() == [0.0] * terms
 
 
-def test_images_need_a_folder(tmp_path: Path) -> None:
-    """A recording of images that was not read from a cell is one clear error."""
+def test_recording_without_folder_is_input_error(tmp_path: Path) -> None:
+    """A recording of images without a folder, not read from a cell, is an InputError."""
     write(tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}])
     cell = read_cell(tmp_path)
     with pytest.raises(InputError, match="read the recording from its cell's folder"):
         read_images(cell, replace(read_recording(tmp_path, cell), folder=None))
 
 
-def test_a_image_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    """The others are used."""
+def test_unreadable_image_is_named(tmp_path: Path) -> None:
+    """An unreadable image is named in a finding, and the others are used."""
     write(
         tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}, {"robots": LEFT, "images": {"left_eye": "b.png"}}]
     )
@@ -157,8 +157,8 @@ def test_a_image_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     assert [(each.code, each.about) for each in found.lost] == [("dropped-sample", ("1", "left_eye"))]
 
 
-def test_each_image_that_is_read_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """Features of an image take up to a second: how many are read is told one after another."""
+def test_progress_of_images_is_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Each image that is read is logged, since its features take up to a second."""
     write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"left_eye": "a.png", "right_eye": "bb.png"}}])
     cell = read_cell(tmp_path)
     with caplog.at_level("INFO", logger="basecal"):
@@ -166,14 +166,14 @@ def test_each_image_that_is_read_is_told(tmp_path: Path, caplog: pytest.LogCaptu
     assert [each.message for each in caplog.records] == ["1 of 2", "2 of 2"]
 
 
-def test_an_image_contains_all_tracked_pixels() -> None:
-    """It is one pixel wider and higher than the last of them, and two at the least."""
+def test_extent_contains_all_tracked_pixels() -> None:
+    """The extent is one pixel beyond the last tracked pixel, and at least two."""
     assert _extent(np.array([[10.2, 3.0], [4.0, 7.5]])) == (12, 9)
     assert _extent(np.zeros((0, 2))) == (2, 2)
 
 
-def test_targets_that_robots_carry_move(tmp_path: Path) -> None:
-    """Those seen by this camera as pixels count; targets on the world belong to the scene."""
+def test_carried_targets_move(tmp_path: Path) -> None:
+    """Targets on robots seen by this camera as pixels count as moving; targets on the world belong to the scene."""
     write(tmp_path, [])
     cell = read_cell(tmp_path)
     still = replace(cell.targets["board"], name="still", on="world")

@@ -1,4 +1,4 @@
-"""Tracks of the static scene beside a board, in one solution."""
+"""Tests of `join_scene`: tracks of the static scene beside a board, in one solution."""
 
 from __future__ import annotations
 
@@ -80,8 +80,8 @@ def off_base(answer: Calibration) -> tuple[float, float, float]:
 
 
 @pytest.mark.slow
-def test_scene_and_board_are_one_answer(tmp_path: Path) -> None:
-    """The base is good, within its 99.99 % ellipsoid, and its sigma is less than three quarters of the board's."""
+def test_scene_and_board_give_one_answer(tmp_path: Path) -> None:
+    """The base is good, within its 99.99 % ellipsoid, and its sigma is below three quarters of the board's alone."""
     scene = made_scene(1, arms=2, count=12, points=220)
     cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=12)
     no_target = Finding("few-images", "warning", ("right_eye",), "12 of 12 images show no target.")
@@ -99,10 +99,10 @@ def test_scene_and_board_are_one_answer(tmp_path: Path) -> None:
 
 
 def shifted(recording: Recording, shift: SE3) -> Recording:
-    """The recording as if all that the right eye sees had been moved in the world before it looked."""
+    """The recording as if the world had moved before the right eye looked."""
 
     def moved(sample: Sample) -> Sample:
-        """A sample of the right eye with the pose that shows it the same of what moved."""
+        """A sample of the right eye with the pose that gives the same view of the moved world."""
         pose = sample.robots["right"].base_from_flange
         assert pose is not None
         return replace(sample, robots={"right": RobotState(BASE.inverse() @ shift @ BASE @ pose)})
@@ -112,8 +112,11 @@ def shifted(recording: Recording, shift: SE3) -> Recording:
 
 
 @pytest.mark.slow
-def test_a_scene_that_contradicts_the_board_is_left_out(tmp_path: Path) -> None:
-    """If what the right arm sees moved by 5 cm before it looked, the board's answer stays as it is, and a warning."""
+def test_scene_contradicting_board_is_left_out(tmp_path: Path) -> None:
+    """A scene that contradicts the board is left out with a warning, and the answer is unchanged.
+
+    The right arm's part moved by 5 cm before it looked.
+    """
     scene = made_scene(1, arms=2, count=12, points=220)
     cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=12)
     away = shifted(recording, SE3.exp(np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])))
@@ -124,8 +127,8 @@ def test_a_scene_that_contradicts_the_board_is_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_scene_of_few_images_is_left_out(tmp_path: Path) -> None:
-    """Of nine images of an arm and three of outliers none counts: the board's answer stays, and why is said."""
+def test_scene_of_few_images_is_left_out(tmp_path: Path) -> None:
+    """A scene of nine images and three outliers is left out with the reason, and the board's answer is unchanged."""
     scene = made_scene(1, arms=2, count=12, points=220)
     cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=12)
     solution = solve(cell, recording, Settings())
@@ -136,8 +139,11 @@ def test_a_scene_of_few_images_is_left_out(tmp_path: Path) -> None:
     assert "9 images of left_eye" in finding.what
 
 
-def test_the_world_of_a_scene_is_the_base_of_one_robot(tmp_path: Path) -> None:
-    """Those of the others are open, whatever the board says of them: both answers are compared."""
+def test_world_of_scene_is_base_of_one_robot(tmp_path: Path) -> None:
+    """The world of the scene is the base of one robot; other bases are free, whatever the board determines.
+
+    Both answers are compared.
+    """
     cell, recording = board_beside_tracks(tmp_path, made_scene(1, arms=2, count=6, points=60), 1, boards=6)
     images = read_images(cell, recording, Settings())
     solution = solve(cell, recording, Settings(robot_noise="stated"))
@@ -155,8 +161,8 @@ def test_the_world_of_a_scene_is_the_base_of_one_robot(tmp_path: Path) -> None:
         assert placed.mounts == ("mount", None)
 
 
-def test_without_images_there_is_no_scene(tmp_path: Path) -> None:
-    """The answer stays as it is, and the missing images are named."""
+def test_missing_images_leave_answer_unchanged(tmp_path: Path) -> None:
+    """Without images the answer is unchanged, and the finding names the missing images."""
     cell, recording = board_beside_tracks(tmp_path, made_scene(1, arms=2, count=6, points=60), 1, boards=6)
     bare = replace(recording, samples=tuple(replace(each, tracks=()) for each in recording.samples))
     solution = solve(cell, bare, Settings(robot_noise="stated"))
@@ -176,8 +182,8 @@ def test_without_images_there_is_no_scene(tmp_path: Path) -> None:
         (None, False, True, ["report", "points"]),
     ],
 )
-def test_a_scene_is_used_if_it_agrees_and_predicts(monkeypatch, severity, few, better, outcome) -> None:
-    """Without a finding on a base it has to predict held-out views; what contradicts a base is a warning."""
+def test_scene_must_agree_and_predict(monkeypatch, severity, few, better, outcome) -> None:
+    """A scene is used if it does not contradict a base and, without a base finding, predicts held-out views."""
     found = [] if severity is None else [Finding("rival", severity, (), "They disagree.")]
     fit = SimpleNamespace()
 
@@ -215,8 +221,8 @@ def test_a_scene_is_used_if_it_agrees_and_predicts(monkeypatch, severity, few, b
 
 
 @pytest.mark.parametrize(("gain", "is_better"), [(0.1, True), (0.0, False), (-0.1, False)])
-def test_a_scene_predicts_better_if_scores_fall(monkeypatch, gain, is_better) -> None:
-    """With nothing to hold out it is believed."""
+def test_scene_predicts_better_if_scores_decrease(monkeypatch, gain, is_better) -> None:
+    """A scene is used if it decreases held-out scores, or if no sample can be held out."""
     solution = SimpleNamespace(problem=Tied("tracks"), state="state")
     monkeypatch.setattr(room, "splits", lambda problem: iter(["split"]))
     monkeypatch.setattr(
@@ -237,8 +243,8 @@ class Tied:
     tied: object
 
 
-def test_a_scene_is_placed_in_the_world_of_the_cell() -> None:
-    """Bases, points and cameras on the world go with the base of the robot; mounts on flanges stay."""
+def test_scene_is_placed_in_world_of_cell() -> None:
+    """Bases, points and cameras on the world move with the base of the robot; mounts on flanges stay."""
     rng = np.random.default_rng(0)
     mounts, bases = SE3.exp(rng.standard_normal((2, 6))), SE3.exp(rng.standard_normal((2, 6)))
     points = rng.standard_normal((4, 3))
@@ -260,8 +266,8 @@ class Fit:
     state: SceneState
 
 
-def test_noise_of_a_robot_is_that_of_its_own_stops() -> None:
-    """Without stops in the other observations it is not known."""
+def test_robot_noise_is_that_of_own_stops() -> None:
+    """The noise of a robot is that of its own stops, and unknown without stops in the other observations."""
     stops = SimpleNamespace(first={"right": 2, "left": 0}, sigma=np.arange(24.0).reshape(4, 6))
     solution = SimpleNamespace(problem=SimpleNamespace(stops=stops))
     np.testing.assert_array_equal(room._noise(solution, "right"), np.arange(12.0, 18))
@@ -272,8 +278,8 @@ def test_noise_of_a_robot_is_that_of_its_own_stops() -> None:
 CELL = SimpleNamespace(reference="left", base_name=lambda n: f"base {n}", mount_name=lambda n: f"mount {n}")
 
 
-def test_what_a_solution_leaves_open_starts_as_the_scene_has_it() -> None:
-    """Bases, mounts and lenses that it knows stay; the reference has no base."""
+def test_unobservable_transforms_start_from_scene() -> None:
+    """Unobservable bases, mounts and lenses start from the scene; known ones stay, and the reference has no base."""
     views = SimpleNamespace(robots=("left", "right"), cameras=[SimpleNamespace(name=n) for n in ("a", "b")])
     of_scene = SimpleNamespace(bases=["none", "base"], mounts=["m a", "m b"], lenses=["lens a", "lens b"])
     state = State(
@@ -288,9 +294,9 @@ def test_what_a_solution_leaves_open_starts_as_the_scene_has_it() -> None:
 
 @pytest.mark.parametrize("logs", [None, "estimated"])
 def test_tracks_are_linearised_twice(monkeypatch, logs) -> None:
-    """The second time about the first optimum, with the groups that the first kept; noise that is not estimated stays.
+    """Tracks are linearised a second time about the first optimum, with the groups kept by the first.
 
-    Samples count for the camera that took them.
+    Noise that is not estimated stays; samples count for the camera that took them.
     """
     told: list[object] = []
     monkeypatch.setattr(room, "widening_factor", lambda fit: 3.0)

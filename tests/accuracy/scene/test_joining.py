@@ -1,4 +1,4 @@
-"""Which transform joins two scenes: found where there is one, with its rivals."""
+"""Tests of the transform that joins two scenes, and of its rivals."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ NAMES = ("left_eye", "right_eye")
 
 
 def joined(scene: Scene, looks: tuple[Descriptors, Descriptors] | None = None) -> tuple[Images, Join | None]:
-    """Images of two cameras, and what joins them."""
+    """Images of two cameras, and their join."""
     images = images_of_scene(scene, looks=looks)
     return images, find_join(images, *(solved_camera(scene, images, camera) for camera in (0, 1)))
 
 
 def codes(found: Join | None) -> list[str]:
-    """Of the refusals, if enough points are shared."""
+    """Codes of the refusals, if enough points are shared."""
     return [each.code for each in join_findings(NAMES, found, 200, (12, 12))]
 
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    """Two arms before one table."""
+    """Two arms in front of one table."""
     return made_scene(1, arms=2, count=12, points=220)
 
 
-def test_common_points_join_two_arms(scene: Scene) -> None:
-    """The base is within 2 mm and 0.1 deg of the truth, nothing is found by chance, and there is no rival."""
+def test_shared_points_join_two_arms(scene: Scene) -> None:
+    """The base is within 2 mm and 0.1 deg of the truth, with no chance agreement and no rival."""
     _, found = joined(scene)
     assert found is not None
     off = (BASE @ found.second_from_first).log()
@@ -61,8 +61,8 @@ def test_common_points_join_two_arms(scene: Scene) -> None:
     assert codes(found) == []
 
 
-def test_sightings_are_of_the_same_points(scene: Scene) -> None:
-    """What is found in images of the second shows the points of the first that it is said to show."""
+def test_sightings_show_same_points(scene: Scene) -> None:
+    """Sightings in images of the second camera show the stated points of the first."""
     looks = random_looks(np.random.default_rng(4), scene.tracks.count)
     images, found = joined(scene, (looks, looks))
     assert found is not None
@@ -75,8 +75,8 @@ def test_sightings_are_of_the_same_points(scene: Scene) -> None:
     assert np.sum(of_points * np.array(shown), 1).min() > 0.8
 
 
-def test_pairs_are_of_one_point(scene: Scene) -> None:
-    """Paired points of the two scenes are one point of the world to their tolerance."""
+def test_pairs_show_one_point(scene: Scene) -> None:
+    """Paired points of both scenes are one point of the world within their tolerance."""
     images = images_of_scene(scene)
     first, second = (solved_camera(scene, images, camera) for camera in (0, 1))
     pairs, tolerance = paired_points(images, first, second)
@@ -88,15 +88,15 @@ def test_pairs_are_of_one_point(scene: Scene) -> None:
     assert tolerance.max() < 0.05
 
 
-def test_scenes_without_a_common_part_are_not_joined(scene: Scene) -> None:
-    """If no point looks alike to both arms they are refused for want of overlap."""
+def test_scenes_without_overlap_are_not_joined(scene: Scene) -> None:
+    """If no point looks equal to both arms, the join is refused for lack of overlap."""
     rng = np.random.default_rng(5)
     _, found = joined(scene, tuple(random_looks(rng, scene.tracks.count) for _ in range(2)))
     assert codes(found) == ["scene-overlap"]
 
 
-def test_a_repeated_object_has_a_rival() -> None:
-    """Where all that both arms share stands twice, another base explains half as much, and the answer is refused."""
+def test_repeated_object_has_rival() -> None:
+    """If the shared part occurs twice, another base explains half as much, and the join is refused."""
     scene, looks = repeated_object(is_seen_apart=False)
     _, found = joined(scene, looks)
     assert found is not None
@@ -105,22 +105,25 @@ def test_a_repeated_object_has_a_rival() -> None:
 
 
 def share(ones: tuple[OneCamera, OneCamera], sightings: Tracks) -> float:
-    """Of places of the first camera that the second shows."""
+    """Share of the first camera's places that the second shows."""
     return common_share(ones[0].adjustment.state.points, ones[1].adjustment, BASE.inverse(), sightings)
 
 
 @pytest.fixture(scope="module")
 def few() -> tuple[Scene, tuple[OneCamera, OneCamera]]:
-    """Two arms before one table of fewer points, solved."""
+    """Two arms in front of one table of fewer points, solved."""
     scene = made_scene(1, arms=2, count=8, points=120)
     images = images_of_scene(scene)
     return scene, (solved_camera(scene, images, 0), solved_camera(scene, images, 1))
 
 
-def test_places_within_both_views_are_one(
+def test_share_counts_places_in_both_views(
     few: tuple[Scene, tuple[OneCamera, OneCamera]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Most are; with a quarter of the sightings most are not; without places it is unknown."""
+    """Most places within both views are shared, fewer with a quarter of the sightings.
+
+    Without places the share is None.
+    """
     monkeypatch.setattr(joining, "_CUBE_M", 0.5)
     seen = true_join(*few).sightings
     assert share(few[1], seen) > 0.7
@@ -130,10 +133,11 @@ def test_places_within_both_views_are_one(
     assert share(few[1], seen) is None
 
 
-def test_places_count_equally_however_many_points_they_have(
-    few: tuple[Scene, tuple[OneCamera, OneCamera]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two equal objects have most of the points, and what is around them contradicts that they are one."""
+def test_places_count_equally(few: tuple[Scene, tuple[OneCamera, OneCamera]], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Places count equally however many points they have.
+
+    Two equal objects have most of the points, and their surroundings contradict that they are one.
+    """
     monkeypatch.setattr(joining, "_CUBE_M", 0.25)
     seen = true_join(*few).sightings
     cubes = np.floor(few[1][0].adjustment.state.points / 0.25).astype(np.int64)
@@ -143,8 +147,8 @@ def test_places_count_equally_however_many_points_they_have(
     assert share(few[1], take(seen, np.isin(seen.point, largest))) < 0.5
 
 
-def test_an_object_that_moved_is_no_rival() -> None:
-    """A box of most points that stood elsewhere before the second arm looked has a base of its own, at few places."""
+def test_moved_object_is_no_rival() -> None:
+    """A moved box with most of the points has a base of its own but few places, so it is no rival."""
     scene, looks = moved_object()
     _, found = joined(scene, looks)
     assert found is not None
@@ -152,8 +156,8 @@ def test_an_object_that_moved_is_no_rival() -> None:
     assert np.linalg.norm((BASE @ found.second_from_first).translation) < 5e-3
 
 
-def test_a_rival_is_judged_by_its_score_alone_if_no_places_count() -> None:
-    """A scene so sparse that no place counts contradicts no rival."""
+def test_rival_without_places_is_judged_by_score() -> None:
+    """A rival is judged by its score alone if no place counts, as in a sparse scene."""
     best = Join(BASE, made_tracks(100), 1.0, 0.9)
     rival = replace(best, sightings=made_tracks(60), common=0.1)
     assert _evidence_share(rival, best) == pytest.approx(1 / 9)
@@ -162,30 +166,32 @@ def test_a_rival_is_judged_by_its_score_alone_if_no_places_count() -> None:
 
 
 def made_tracks(count: int) -> Tracks:
-    """So many sightings."""
+    """The given number of sightings."""
     return Tracks(*(np.zeros(count, dtype=np.int64) for _ in range(2)), np.zeros((count, 2)), np.zeros(count, int))
 
 
 @pytest.fixture(scope="module")
 def scene_of_merging() -> Scene:
-    """Two arms before one table."""
+    """Two arms in front of one table."""
     return made_scene(1, arms=2, count=8, points=120)
 
 
 @pytest.fixture(scope="module")
 def images(scene_of_merging: Scene) -> Images:
-    """What their cameras see."""
+    """Images of their cameras."""
     return images_of_scene(scene_of_merging)
 
 
 @pytest.fixture(scope="module")
 def ones(scene_of_merging: Scene, images: Images) -> tuple[OneCamera, OneCamera]:
-    """What each camera's images say."""
+    """Solutions of both cameras."""
     return solved_camera(scene_of_merging, images, 0), solved_camera(scene_of_merging, images, 1)
 
 
-def test_one_point_is_one_track(scene_of_merging: Scene, images: Images, ones: tuple[OneCamera, OneCamera]) -> None:
-    """Joined as in truth, tracks are the true ones: as many, and each of one point."""
+def test_merged_tracks_are_true_ones(
+    scene_of_merging: Scene, images: Images, ones: tuple[OneCamera, OneCamera]
+) -> None:
+    """With the true join, merged tracks are as many as the true ones, and each shows one point."""
     tracks = merged_tracks(ones, {1: true_join(scene_of_merging, ones)})
     at = point_by_place(scene_of_merging)
     true = np.array([at[int(v), *map(float, px)] for v, px in zip(tracks.view, tracks.pixels, strict=True)])
@@ -194,7 +200,7 @@ def test_one_point_is_one_track(scene_of_merging: Scene, images: Images, ones: t
 
 
 def test_shared_points_are_counted(scene_of_merging: Scene, images: Images, ones: tuple[OneCamera, OneCamera]) -> None:
-    """A point is shared if two views of each show it; without a join none is."""
+    """A point is shared if two views of each camera show it; without a join none is."""
     own = [true_points(scene_of_merging, one) for one in ones]
     many = [set(np.flatnonzero(np.bincount(points) >= 2).tolist()) for points in own]
     tracks = merged_tracks(ones, {1: true_join(scene_of_merging, ones)})
@@ -202,10 +208,10 @@ def test_shared_points_are_counted(scene_of_merging: Scene, images: Images, ones
     assert shared_points(scene_of_merging.views, merged_tracks(ones, {}), 1) == (0, (0, 0))
 
 
-def test_a_few_false_sightings_tie_nothing(
+def test_false_sightings_do_not_mix_tracks(
     scene_of_merging: Scene, images: Images, ones: tuple[OneCamera, OneCamera]
 ) -> None:
-    """One image point in six that shows another point than it is said to: most of each track decide, none is mixed."""
+    """With one false sighting in six, the majority of each track decides, and none is mixed."""
     join = true_join(scene_of_merging, ones)
     point = join.sightings.point
     rng = np.random.default_rng(2)
@@ -217,10 +223,8 @@ def test_a_few_false_sightings_tie_nothing(
     assert shared_points(scene_of_merging.views, merged_tracks(ones, {1: mixed}), 1)[0] > 0.85 * right
 
 
-def test_two_features_of_one_view_are_no_image_of_a_point(
-    scene_of_merging: Scene, images: Images, ones: tuple[OneCamera, OneCamera]
-) -> None:
-    """No view shows a point twice in what is merged."""
+def test_view_shows_point_once(scene_of_merging: Scene, images: Images, ones: tuple[OneCamera, OneCamera]) -> None:
+    """No view shows a point twice after merging."""
     join = true_join(scene_of_merging, ones)
     few = take(join.sightings, np.arange(40))
     beside = replace(few, feature=few.feature * 0)
@@ -229,8 +233,11 @@ def test_two_features_of_one_view_are_no_image_of_a_point(
     assert len(np.unique(places, axis=0)) == len(places)
 
 
-def test_a_point_is_shared_by_two_views_of_both_cameras() -> None:
-    """Views are counted that show such a point; other cameras do not matter."""
+def test_shared_point_needs_two_views_of_each_camera() -> None:
+    """A shared point needs two views of both cameras.
+
+    Views that show one are counted, and other cameras have no effect.
+    """
     views = replace(made_scene(1, arms=2, count=4, points=40).views, camera=np.array([0, 0, 0, 1, 1, 1, 2, 2]))
     of_point = {0: [0, 1, 3, 4], 1: [0, 3, 4, 5], 2: [0, 1, 2, 3, 6, 7], 3: [1, 2, 4, 5, 6]}
     seen = np.array([(view, point) for point, shown in of_point.items() for view in shown])
@@ -239,10 +246,10 @@ def test_a_point_is_shared_by_two_views_of_both_cameras() -> None:
     assert shared_points(views, tracks, 2) == (1, (3, 2))
 
 
-def test_image_points_of_own_tracks_tie_points() -> None:
-    """An own point is the other camera's point that most of its matched features show; the rest are new sightings.
+def test_own_tracks_tie_points() -> None:
+    """An own point is tied to the other camera's point that most of its matched features show.
 
-    The last views may show no own point.
+    The rest are new sightings; the last views may show no own point.
     """
 
     def tracks(*rows: tuple[int, int, int]) -> Tracks:

@@ -1,4 +1,4 @@
-"""One camera: its mount and scene from its own images."""
+"""Tests of `solve_camera`: mount and scene of one camera from its own images."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def images() -> Images:
 
 @pytest.fixture(scope="module")
 def solved(images: Images) -> OneCamera:
-    """What they say."""
+    """The solution of these images."""
     return solve_camera(images, 0, None)
 
 
-def test_mount_is_found_without_a_guess(solved: OneCamera) -> None:
-    """From features and poses alone the mount is within 3 mm and 0.2 deg, image points fit to their noise."""
+def test_mount_is_found_without_guess(solved: OneCamera) -> None:
+    """Features and poses alone give the mount within 3 mm and 0.2 deg, and image points fit to their noise."""
     assert solved.fit is not None
     off = (MOUNT.inverse() @ solved.fit.state.mounts[0]).log()
     assert np.linalg.norm(off[:3]) < 3e-3
@@ -37,8 +37,8 @@ def test_mount_is_found_without_a_guess(solved: OneCamera) -> None:
     assert list(camera_findings("eye", replace(solved, rows=np.arange(20)))) == []
 
 
-def test_features_are_those_of_the_image_points(images: Images, solved: OneCamera) -> None:
-    """The feature of each image point of the fit stands at its pixels, and looks like the mean of its point."""
+def test_features_match_image_points(images: Images, solved: OneCamera) -> None:
+    """The feature of each fitted image point has its pixels and resembles the mean descriptor of its point."""
     assert solved.fit is not None
     tracks = solved.tracks
     at = [images.features[v] for v in tracks.view]
@@ -49,8 +49,8 @@ def test_features_are_those_of_the_image_points(images: Images, solved: OneCamer
     assert alike.min() > 0.9
 
 
-def test_inverted_poses_do_not_fit() -> None:
-    """Poses recorded as `flange_from_base` leave features far from their epipolar geometry: refused as poor fit."""
+def test_inverted_poses_are_poor_fit() -> None:
+    """Poses recorded as `flange_from_base` leave features far from their epipolar lines and are a poor fit."""
     scene = made_scene(2, count=10, points=200)
     inverted = replace(scene, views=with_inverted_poses(scene.views, 0))
     found = list(camera_findings("eye", solve_camera(images_of_scene(inverted), 0, None)))
@@ -58,8 +58,8 @@ def test_inverted_poses_do_not_fit() -> None:
     assert "base_from_flange" in found[0].message
 
 
-def test_positions_of_the_wrong_sign_do_not_fit() -> None:
-    """Negated positions fit all epipolar lines, and put what is seen behind the camera: joints are to be checked."""
+def test_negated_positions_are_poor_fit() -> None:
+    """Negated positions fit all epipolar lines but put points behind the camera; the advice is to check the joints."""
     scene = made_scene(2, count=10, points=200)
     poses = scene.views.base_from_flange
     views = replace(scene.views, base_from_flange=SE3(poses.rotation, -poses.translation))
@@ -70,8 +70,8 @@ def test_positions_of_the_wrong_sign_do_not_fit() -> None:
     assert "base_from_flange" not in found.message
 
 
-def test_images_without_common_features_have_no_start() -> None:
-    """Where each image's features look otherwise no pair is matched, and there is neither start nor fit."""
+def test_images_without_shared_features_have_no_start() -> None:
+    """If all images' features differ, no pair is matched, and there is neither start nor fit."""
     images = images_of_scene(made_scene(2, count=10, points=100))
     rng = np.random.default_rng(3)
     blank = [replace(each, descriptors=random_looks(rng, len(each))) for each in images.features]
@@ -79,8 +79,8 @@ def test_images_without_common_features_have_no_start() -> None:
     assert (found.start, found.fit, found.matched_pairs) == (None, None, 0)
 
 
-def test_a_camera_stands_alone_with_its_robot() -> None:
-    """The second camera's views have one camera, one robot at the origin, and stops from 0 on."""
+def test_own_views_contain_one_camera_and_robot() -> None:
+    """The views of the second camera have one camera, one robot at the origin, and stops numbered from 0."""
     views, rows = own_views(made_scene(1, arms=2, count=4, points=40).views, 1)
     np.testing.assert_array_equal(rows, [4, 5, 6, 7])
     np.testing.assert_array_equal(views.stop, [0, 1, 2, 3])
@@ -89,8 +89,8 @@ def test_a_camera_stands_alone_with_its_robot() -> None:
     assert views.bases[0].status == "fixed"
 
 
-def test_many_images_are_matched_with_similar_ones() -> None:
-    """Up to 60 images are all paired; of more each with those of the most similar directions."""
+def test_many_images_are_paired_by_similar_direction() -> None:
+    """Up to 60 images are all paired; more are paired with those of the most similar directions."""
     turns = SE3.exp(np.outer(np.arange(100), [0, 0, 0, 0, 0, 0.02]))
     assert len(image_pairs(turns[:60])) == 60 * 59 // 2
     pairs = image_pairs(turns)

@@ -1,4 +1,4 @@
-"""Errors that are smooth by place widen the answer of arms that have them, and that of sound arms a little."""
+"""Tests of scene motion, and of smooth robot errors, which widen mainly the answer of wrong arms."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from scene_points import BASE, made_scene, moved_in_time
 
 
 def sagging(pose: SE3, rad_per_m: float) -> SE3:
-    """A recorded pose that does not know that the arm sinks in proportion to its reach."""
+    """A recorded pose of an arm that sags in proportion to its reach without recording it."""
     x, y, _ = pose.translation
     turn = rad_per_m * np.array([-y, x, 0.0])
     return SE3.exp(np.r_[np.zeros(3), turn]) @ pose
@@ -50,8 +50,8 @@ def base_covariances(fit: SceneFit) -> tuple[Array, Array]:
     return without[where, where], within[where, where]
 
 
-def test_arms_that_sag_have_wider_sigmas() -> None:
-    """Of 3 mrad a metre the squared Mahalanobis distance of the base is 32 without, and 11 with smooth errors."""
+def test_sagging_arms_have_wider_sigmas() -> None:
+    """With a sag of 3 mrad per metre, the squared Mahalanobis distance of the base is 32, with smooth errors 11."""
     fit = fitted(3e-3)
     off = (BASE.inverse() @ fit.state.bases[1]).log()
     without, within = (float(off @ np.linalg.solve(each, off)) for each in base_covariances(fit))
@@ -59,14 +59,14 @@ def test_arms_that_sag_have_wider_sigmas() -> None:
     assert within < 16
 
 
-def test_sound_arms_pay_little() -> None:
-    """Sigmas of the base grow by 1 to 40 %: data hardly have such errors."""
+def test_correct_arms_are_widened_little() -> None:
+    """Sigmas of the base of correct arms grow by 1 to 40 %, as the data show hardly any such error."""
     without, within = base_covariances(fitted(0.0))
     assert 1.01 < np.sqrt(np.trace(within[:3, :3]) / np.trace(without[:3, :3])) < 1.4
 
 
-def test_a_response_is_weighed_against_what_is_expected() -> None:
-    """One error of which the data know as much as is expected of it is half of what they say, and moves by that."""
+def test_posterior_weighs_response_and_prior() -> None:
+    """With equal information of data and prior, the posterior mean of one error is half of the data's."""
     response = Response(np.array([-8.0]), np.array([[4.0]]), np.array([[0.5]]))
     mean, covariance = response.posterior(np.array([0.25]))
     assert mean == pytest.approx([1.0])
@@ -78,35 +78,38 @@ WAY = np.array([0.6, 0.8, 0.0])
 
 
 def motion_of(seed: int, shifts_m: Array) -> SceneMotion:
-    """The most likely motion of a scene that two arms see, ten images each, shifted by so much along a way."""
+    """The most likely motion of a scene seen by two arms with ten images each, shifted along a direction."""
     scene = moved_in_time(made_scene(seed, arms=2, count=10, points=100), shifts_m[:, None] * WAY)
     return scene_motion(fit_scene(scene.views, scene.tracks, scene.truth, scene.truth.lenses, (None, None)))
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_still_scene_does_not_move(seed: int) -> None:
-    """The chance of its score is above one in a thousand, as it is of 20 seeds of 20."""
+def test_still_scene_has_no_motion(seed: int) -> None:
+    """The chance of a still scene's score is above one in a thousand, as in 20 seeds of 20."""
     assert motion_of(seed, np.zeros(20)).chance > 1e-3
 
 
-def test_a_steady_motion_is_measured() -> None:
-    """Of 0.5 mm from image to image, 9.5 mm in all, the length is found to a fifth."""
+def test_steady_motion_is_measured() -> None:
+    """A steady motion of 0.5 mm per image, 9.5 mm in all, is measured within a fifth."""
     found = motion_of(1, 5e-4 * np.arange(20))
     assert found.chance < 1e-6
     assert found.first_sample is None
     assert found.length_m == pytest.approx(9.5e-3, rel=0.2)
 
 
-def test_a_sudden_motion_is_named_by_its_sample() -> None:
-    """A table that is pushed by 4 mm before sample 5 is found, to a quarter of that."""
+def test_sudden_motion_has_sample_and_length() -> None:
+    """A table pushed by 4 mm before sample 5 is found at that sample, within a quarter of the length."""
     found = motion_of(2, np.where(np.arange(20) < 5, 0.0, 4e-3))
     assert found.chance < 1e-6
     assert found.first_sample == 5
     assert found.length_m == pytest.approx(4e-3, rel=0.25)
 
 
-def test_a_descent_that_ends_early_is_no_motion() -> None:
-    """The base is left 20 um off. Between the arms, before sample 10, a motion of the scene is one of the base."""
+def test_early_end_of_descent_is_no_motion() -> None:
+    """A base left 20 um off by an early end of the descent is no motion.
+
+    Between the arms, before sample 10, a motion of the scene equals one of the base.
+    """
     scene = made_scene(1, arms=2, count=10, points=100)
     fit = fit_scene(scene.views, scene.tracks, scene.truth, scene.truth.lenses, (None, None))
     columns = fit.columns
@@ -118,8 +121,8 @@ def test_a_descent_that_ends_early_is_no_motion() -> None:
     assert scene_motion(scene_fit(task, take_step(fit.state, columns, step))).chance > 1e-3
 
 
-def test_second_moments_are_those_of_all_likely_sigmas() -> None:
-    """Each sigma counts by its prior and evidence, and none as the error without variance; the mean adds its square."""
+def test_second_moments_mix_likely_sigmas() -> None:
+    """Second moments mix all likely sigmas by prior and evidence, zero as no error; the squared mean is added."""
     response = Response(np.array([-8.0]), np.array([[4.0]]), np.zeros((1, 1)))
     prior = SimpleNamespace(sigmas=np.array([0.0, 0.5, 1.0]), probabilities=np.array([0.5, 0.2, 0.3]))
     ways = []
@@ -132,8 +135,8 @@ def test_second_moments_are_those_of_all_likely_sigmas() -> None:
     assert square == pytest.approx(sum(weight * each for weight, _, each in ways) / total)
 
 
-def test_second_moments_are_finite_for_overwhelming_evidence() -> None:
-    """Stated noise far below the true errors gives an evidence beyond the range of its exponential."""
+def test_second_moments_are_finite_for_extreme_evidence() -> None:
+    """Second moments are finite if stated noise far below the true errors overflows the exponential of the evidence."""
     response = Response(np.array([-1e3]), np.array([[100.0]]), np.zeros((1, 1)))
     prior = SimpleNamespace(sigmas=np.array([0.0, 1.0]), probabilities=np.array([0.5, 0.5]))
     moment, square = _second_moment(response, prior)
@@ -142,8 +145,11 @@ def test_second_moments_are_finite_for_overwhelming_evidence() -> None:
     assert square == 1.0
 
 
-def test_motions_are_steady_or_between_three_samples() -> None:
-    """Samples go by their numbers, whichever stop they were at; a camera on the world has none."""
+def test_motion_profiles_are_steady_or_sudden() -> None:
+    """Motions are steady or sudden with three samples on each side, by sample numbers, whatever the stop.
+
+    A camera on the world has none.
+    """
     views = SimpleNamespace(
         robot=np.array([0, 0, 0, 1, 1, 1, 1, -1]),
         stop=np.array([0, 1, 2, 3, 4, 5, 6, -1]),
@@ -156,8 +162,11 @@ def test_motions_are_steady_or_between_three_samples() -> None:
     assert [profile.tolist() for _, profile in steps] == [[0, 0, 1, 0, 1, 1, 1], [0, 0, 1, 0, 0, 1, 1]]
 
 
-def test_what_no_recorded_pose_shows_is_as_large_as_expected(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Far away all of the variance at the arm's reach, at recorded poses next to none; lengths are known anywhere."""
+def test_smooth_error_is_full_far_from_recorded_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Smooth errors have full variance far from recorded poses and nearly none at them.
+
+    Length errors are known anywhere.
+    """
     priors = []
     monkeypatch.setattr(room, "compute_response", lambda fit, by_stop: SimpleNamespace(moves=by_stop))
     monkeypatch.setattr(room, "_second_moment", lambda response, prior: priors.append(prior) or ("moment", 4e-6))
@@ -177,8 +186,11 @@ def test_what_no_recorded_pose_shows_is_as_large_as_expected(monkeypatch: pytest
     assert sigmas.max() <= middle * factor**3
 
 
-def test_the_likeliest_motion_has_the_length_of_its_translation(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its chance is that of the best of all profiles, and at most one."""
+def test_most_likely_motion_has_length_of_translation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The most likely motion has the length of its translation.
+
+    Its chance is the best of all profiles times their number, at most one.
+    """
     motion = np.array([3e-3, 0.0, 4e-3, 1.0, 2.0, 3.0])
     scores = {None: 5.0, 4: 40.0, 6: 20.0}
     monkeypatch.setattr(room, "_profiles", lambda fit: ((number, number) for number in scores))

@@ -1,4 +1,4 @@
-"""Tracks of a static scene in `samples.jsonl`, through the verb."""
+"""Tests of tracks of a static scene in `samples.jsonl`, through the command line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from scene_tracks import write_tracks
 
 
 def refused(folder: Path, observations: list[dict], capsys: pytest.CaptureFixture[str]) -> str:
-    """What the verb prints of a line that cannot be read."""
+    """Error output of the command for an unreadable line."""
     (folder / "recording" / "samples.jsonl").write_text(json.dumps({"sample": 0, "observations": observations}) + "\n")
     assert main(["calibrate", str(folder)]) == 3
     return capsys.readouterr().err
@@ -43,8 +43,8 @@ def test_tracks_give_mounts_and_base(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert page.read_text() == fresh
 
 
-def test_tracks_are_written_as_they_were_read(tmp_path: Path) -> None:
-    """A recording with tracks survives being written."""
+def test_tracks_survive_write_and_read(tmp_path: Path) -> None:
+    """A recording with tracks is read back as it was written."""
     write_tracks(tmp_path, made_scene(1, count=3, points=40))
     cell = read_cell(tmp_path)
     before = read_recording(tmp_path, cell)
@@ -67,18 +67,18 @@ def test_tracks_are_written_as_they_were_read(tmp_path: Path) -> None:
         ([{"camera": "nobody", "tracks": [1], "pixels": [[0, 0]]}], "nobody"),
     ],
 )
-def test_a_wrong_line_is_one_clear_error(
+def test_invalid_track_line_is_one_clear_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], observations: list[dict], reason: str
 ) -> None:
-    """Its place and the reason are printed."""
+    """An invalid line prints its place and the reason."""
     write_tracks(tmp_path, made_scene(1, count=3, points=40))
     message = refused(tmp_path, observations, capsys)
     assert reason in message
     assert "samples.jsonl:1: observations[" in message
 
 
-def test_a_scene_that_is_refused_proposes_no_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of seven images too few are named, and the command that failed is no next step but after what is said."""
+def test_refused_scene_does_not_repeat_failed_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Seven images are reported as too few, and the failed command is proposed only after the advice."""
     write_tracks(tmp_path, made_scene(1, arms=2, count=7, points=100))
     assert main(["calibrate", str(tmp_path), "--scene"]) == 4
     printed = capsys.readouterr()
