@@ -1,4 +1,4 @@
-"""What is known of errors of arms, found once."""
+"""Tests of `ArmErrors`: error models of robots, computed once."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def solved(request):
     return request.param, made, solve(made.cell, made.recording, Settings(robot_noise="estimated"))
 
 
-def test_models_are_those_of_what_arms_record(solved):
-    """Joints and links where joints are recorded; without shared errors, and with them, where there are poses."""
+def test_models_match_recorded_states(solved):
+    """Robots with joints have joint and link models; robots with poses have models without and with shared errors."""
     scenario, made, solution = solved
     arms = ArmErrors(made.cell, solution, solution)
     assert [kinds for kinds, _ in arms.joint_models] == (
@@ -33,8 +33,8 @@ def test_models_are_those_of_what_arms_record(solved):
     assert ("smooth_by_reach" in solution.noise.models) != scenario.joints
 
 
-def test_they_are_found_once(solved, monkeypatch):
-    """However often they are requested; nodes of their sigmas too."""
+def test_models_are_computed_once(solved, monkeypatch):
+    """Models are computed once however often they are requested, and so are the nodes of their sigmas."""
     _, made, solution = solved
     arms = ArmErrors(made.cell, solution, solution)
     first = arms.joint_models, arms.sizes, solution.noise.models[""].nodes
@@ -45,7 +45,7 @@ def test_they_are_found_once(solved, monkeypatch):
 
 
 def test_stated_noise_leaves_no_models():
-    """Only fields and sizes are left."""
+    """With stated noise there are no models; only fields and sizes remain."""
     made = simulate(replace(POSES, state_robot_noise=True), 1)
     solution = solve(made.cell, made.recording)
     assert (ArmErrors(made.cell, solution, solution).joint_models, solution.noise.models) == ([], {})

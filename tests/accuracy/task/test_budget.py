@@ -1,4 +1,4 @@
-"""The error at the task by source: sums, and what halving brings, against trials."""
+"""Tests of the error budget: sums of sources, and gains of halving them, compared with trials."""
 
 from __future__ import annotations
 
@@ -48,10 +48,11 @@ def at(made, solution: Solution, name: str) -> tuple[Meeting, float]:
     ],
     ids=["poses", "stops shared by views", "priors"],
 )
-def test_sources_add_to_the_total(scenario, seed):
-    """Within 0.1 % of the covariance's own variance, nothing left over being called a source.
+def test_sources_add_to_total(scenario, seed):
+    """Sources add to the covariance's own variance within 0.1 %, without a remainder.
 
-    One halved brings three quarters of its variance and, as the others weigh less then, more; all halved a quarter.
+    Halving one gains three quarters of its variance and more, as the others weigh less then; halving all leaves a
+    quarter.
     """
     made = simulate(scenario, seed)
     solution = solve(made.cell, made.recording)
@@ -64,8 +65,8 @@ def test_sources_add_to_the_total(scenario, seed):
         assert 0.249 * total < entry.halved_rms_m**2 < 1.001 * total - 0.75 * entry.rms_m**2
 
 
-def test_what_is_added_is_a_source(of_poses):
-    """A widening has its own line, is quartered when halved, and what remains is said to be of the sigmas."""
+def test_additions_are_sources(of_poses):
+    """A widening has its own line and is quartered when halved; the remainder is attributed to the sigmas."""
     made, solution, _ = of_poses
     task, total = at(made, solution, "eye_base_from_hand_base")
     entries = {e.source: e for e in budget(solution, task, 3 * total, {"clocks": total})}
@@ -82,10 +83,11 @@ HALVED = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("source", HALVED)
-def test_halving_a_source_does_what_is_told(source):
-    """Over 150 cells whose arm makes as large errors as the views the true error falls as told, within 10 %.
+def test_halving_source_reduces_error_as_predicted(source):
+    """Halving a source reduces the true error as predicted, within 10 %, over 150 cells.
 
-    The draws are the same with the whole sigma and half of it, so that chance leaves about 4 % of the ratio.
+    Robot and view errors are equally large. The draws are the same with the whole sigma and half of it, so that chance
+    leaves about 4 % of the ratio.
     """
     scenario = Scenario(samples=12, target="pose", layout="eye_in_hand", robot_noise=(8e-4, 2.5e-3))
     halved = replace(scenario, **HALVED[source])
@@ -103,13 +105,16 @@ def test_halving_a_source_does_what_is_told(source):
 
 
 def error_m2(truth, solution: Solution) -> float:
-    """By how much the point is off where the calibration has it [m^2]."""
+    """Squared error of the point under the calibration [m^2]."""
     true, found = truth["arm_base_from_board"], solution.state.transforms["arm_base_from_board"]
     return float(np.sum((found @ true.inverse() @ np.array(POINT) - POINT) ** 2))
 
 
-def test_a_calibration_has_a_budget_where_a_task_is_named():
-    """It adds up to the error of the base at the task, estimated noise and all; without a task there is none."""
+def test_calibration_with_task_has_budget():
+    """A calibration with a task has a budget that adds up to the base's error at the task, with estimated noise.
+
+    Without a task there is none.
+    """
     made = simulate(Scenario(samples=15, robot_noise=(1e-4, 2e-4), state_robot_noise=False), 4)
     calibration = calibrate(made.cell, made.recording, Settings(task_point=POINT))
     total = calibration.meeting.variance_m2
@@ -127,8 +132,8 @@ def of_poses():
 
 
 @pytest.mark.parametrize("common", [{}, {"smooth": {"eye": np.array([1e-4, 1e-4])}}])
-def test_what_is_left_over_is_called_by_what_was_estimated(of_poses, common):
-    """How well the noise is known; where arms' poses have errors in common, these too."""
+def test_remainder_is_named_by_estimate(of_poses, common):
+    """The remainder is named as the uncertainty of the noise, or of shared errors if robot poses have them."""
     made, solution, calibration = of_poses
     total = at(made, solution, "eye_base_from_hand_base")[1]
     wide = replace(calibration.meeting, sigma_m=np.sqrt(total))  # three times the variance
@@ -148,8 +153,11 @@ def of_priors():
     return solution, *at(made, solution, "eye_base_from_hand_base")
 
 
-def test_a_prior_has_the_share_of_its_information(of_priors):
-    """J C W C J' with W that of the prior alone, C the covariance and J how what meets goes with base and arms."""
+def test_prior_share_is_that_of_its_information(of_priors):
+    """A prior's share is J C W C J'.
+
+    W is the information of the prior alone, C the covariance, and J the derivative of the meeting by base and arms.
+    """
     solution, task, total = of_priors
     name = "eye_flange_from_wrist"
     where, sigma = solution.problem.columns[name], solution.problem.unknowns[name].sigma
@@ -160,8 +168,11 @@ def test_a_prior_has_the_share_of_its_information(of_priors):
     assert entry.share == pytest.approx(own / total, rel=6e-3)
 
 
-def test_all_shrink_where_the_answer_is_known_better_than_by_its_sources(of_priors):
-    """Half the variance is half of each source's, and halving one still brings the same share; the largest first."""
+def test_sources_shrink_with_total(of_priors):
+    """If the total is half, the variance of each source is half, and halving one gains the same share.
+
+    The largest is first.
+    """
     solution, task, total = of_priors
     whole, half = (budget(solution, task, of, {}) for of in (total, total / 2))
     assert [entry.source for entry in half] == [entry.source for entry in whole if entry.source != NOISE_SOURCE]
@@ -174,15 +185,18 @@ def test_all_shrink_where_the_answer_is_known_better_than_by_its_sources(of_prio
 
 
 @pytest.mark.parametrize(("variance", "gain", "left"), [(4.0, 3.0, 13.0**0.5), (4.0, 17.0, 0.0)])
-def test_an_entry_is_a_root_a_share_and_what_is_left(variance, gain, left):
-    """Of sixteen; more than all cannot be gained."""
+def test_entry_has_root_share_and_remainder(variance, gain, left):
+    """An entry has the root, the share of sixteen, and the error left after the gain; the gain is at most the total."""
     found = _entry("views", variance, 16.0, gain)
     assert (found.source, found.rms_m, found.share, found.halved_rms_m) == ("views", 2.0, 0.25, pytest.approx(left))
 
 
 @pytest.mark.parametrize(("left", "told"), [(0.9e-4, False), (1.1e-4, True)])
-def test_what_is_left_over_is_told_from_a_ten_thousandth_on(monkeypatch, left, told):
-    """Three quarters of its variance go where it is halved; sources that make no error have no line."""
+def test_remainder_above_ten_thousandth_is_reported(monkeypatch, left, told):
+    """A remainder above one ten-thousandth is reported, and loses three quarters if halved.
+
+    Sources without error have no line.
+    """
     monkeypatch.setattr(module, "_variance", lambda *given: 1.0)
     monkeypatch.setattr(module, "error_sources", lambda problem: [])
     solution = SimpleNamespace(problem=None, state=None)
@@ -191,8 +205,11 @@ def test_what_is_left_over_is_told_from_a_ten_thousandth_on(monkeypatch, left, t
     assert not told or found[1].halved_rms_m ** 2 == pytest.approx(1 - 0.75 * left)
 
 
-def test_a_share_is_the_derivative_to_the_logarithm_of_a_variance(monkeypatch):
-    """Of a part that grows by the square of its sigma beside one that does not; halving brings three quarters of it."""
+def test_share_is_derivative_by_log_variance(monkeypatch):
+    """A share is the derivative by the log variance of a part that grows with its squared sigma.
+
+    Halving it gains three quarters.
+    """
     part = SimpleNamespace(name="part", scale_sigma=lambda problem, state, factor: (factor, None))
     monkeypatch.setattr(module, "_variance", lambda solution, weight, problem, state: 3.0 * problem**2 + 2.0)
     monkeypatch.setattr(module, "error_sources", lambda problem: [part])
@@ -219,8 +236,8 @@ def solution():
     return solve(made.cell, made.recording)
 
 
-def test_every_source_has_a_name(solution):
-    """Views, robots' stops, and each kind of prior."""
+def test_every_source_has_name(solution):
+    """Views, stops of robots, and each kind of prior have a source name."""
     assert [source.name for source in error_sources(solution.problem)] == [
         "views of wrist",
         "repeatability of eye",
@@ -232,8 +249,8 @@ def test_every_source_has_a_name(solution):
     ]
 
 
-def test_all_sources_together_scale_the_covariance(solution):
-    """With every sigma twice as large the information is a quarter, to rounding: no source is forgotten."""
+def test_sources_together_scale_covariance(solution):
+    """With every sigma doubled the information is a quarter, to rounding: no source is missing."""
     problem, state = solution.problem, solution.state
     before = linearise(problem, state).hessian
     for source in error_sources(problem):
@@ -242,8 +259,8 @@ def test_all_sources_together_scale_the_covariance(solution):
     np.testing.assert_allclose(4 * after, before, rtol=0, atol=1e-7 * np.abs(before).max())
 
 
-def test_a_scaled_source_leaves_the_state_where_it_is(solution):
-    """Errors of stops stay what they are in metres: every view is predicted as before."""
+def test_scaled_source_keeps_state(solution):
+    """A scaled source keeps stop errors in metres, so every view is predicted as before."""
     (source,) = [each for each in error_sources(solution.problem) if each.name == "repeatability of eye"]
     problem, state = source.scale_sigma(solution.problem, solution.state, 3.0)
     (group,) = problem.groups
@@ -251,8 +268,8 @@ def test_a_scaled_source_leaves_the_state_where_it_is(solution):
     np.testing.assert_allclose(state.camera_from_target(group, problem.stops).matrix, before.matrix, atol=1e-14)
 
 
-def test_a_source_is_that_of_its_name_alone():
-    """Views of one of two cameras, stops of one of two robots and the prior of one of them; the others stay."""
+def test_source_scales_its_device_only():
+    """A source scales only the views of its camera, the stops of its robot, or its own prior."""
     made = simulate(EVERYTHING, 3)
     twin = replace(made.cell.cameras["wrist"], name="second")
     cell = replace(made.cell, cameras={**made.cell.cameras, "second": twin})
@@ -282,8 +299,8 @@ def test_a_source_is_that_of_its_name_alone():
             np.testing.assert_allclose(other.lenses[camera].sigma, factor * lens.sigma)
 
 
-def test_halves_are_told_by_source(monkeypatch):
-    """A half of an addition or of what is left over leaves a quarter of its variance, and so do stops at the task."""
+def test_halves_are_computed_by_source(monkeypatch):
+    """Halving an addition or the remainder leaves a quarter of its variance; likewise the stops at the task."""
     scaled = SimpleNamespace(name="views of wrist", scale_sigma=lambda problem, state, factor: ("views", factor))
     stops = SimpleNamespace(name="repeatability of eye", scale_sigma=lambda problem, state, factor: ("stops", factor))
     variances = {("all", None): 10.0, ("views", 0.5): 6.0, ("stops", 0.5): 9.0}
@@ -302,8 +319,8 @@ def test_halves_are_told_by_source(monkeypatch):
         assert entry == _entry(name, shares[name], 20.0, gains[name])
 
 
-def test_variances_are_scaled_by_the_noise_found(of_priors):
-    """As the covariance of the answer is."""
+def test_variance_scales_with_noise_factor(of_priors):
+    """Variances scale with the estimated noise factor, as the covariance of the answer does."""
     solution = of_priors[0]
     weight = np.eye(solution.problem.width)
     more = replace(solution, noise=replace(solution.noise, factor=3 * solution.noise.factor))

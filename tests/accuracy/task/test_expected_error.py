@@ -1,4 +1,4 @@
-"""Expected errors against random draws, and tolerances against them."""
+"""Tests of expected errors, compared with random draws, and of tolerances."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BASE = "eye_base_from_hand_base"
 
 
 def turned(variances):
-    """A covariance with these variances along axes that are turned."""
+    """A covariance with these variances along rotated axes."""
     rotation = SE3.exp(np.array([0, 0, 0, 0.4, -0.7, 0.2])).rotation
     return rotation @ np.diag(variances) @ rotation.T
 
@@ -45,13 +45,13 @@ def turned(variances):
         ([9, 9, 0], 3 * chi.ppf(0.95, 2)),
     ],
 )
-def test_quantile_of_known_shapes(variances, quantile):
-    """A ball, a disc and a needle have closed forms; the mean over directions is within 1e-6 of them."""
+def test_quantile_of_special_shapes(variances, quantile):
+    """Quantiles of a ball, a disc and a needle equal their closed forms within 1e-6."""
     assert length_quantile(turned(variances)) == pytest.approx(quantile, rel=1e-6)
 
 
-def test_quantile_of_any_shape_against_draws():
-    """Of 200,000 draws 95 % are shorter, within three sigmas of their number (0.15 %)."""
+def test_quantile_matches_draws():
+    """95 % of 200,000 draws are shorter than the quantile, within three sigmas of their number (0.15 %)."""
     covariance = turned([1.0, 0.3, 0.02])
     drawn = np.random.default_rng(1).multivariate_normal(np.zeros(3), covariance, 200_000)
     shorter = np.mean(np.linalg.norm(drawn, axis=1) < length_quantile(covariance))
@@ -60,23 +60,23 @@ def test_quantile_of_any_shape_against_draws():
 
 @pytest.mark.parametrize("variances", [[1.0, 0.3, 0.02], [1.0, 1.0, 1.0], [1.0, 1e-9, 0.0]])
 @pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
-def test_quantile_about_a_mean_against_draws(variances, size):
-    """What is known to be off is no doubt: of 200,000 draws about it 94 to 96 % are shorter."""
+def test_quantile_about_mean_matches_draws(variances, size):
+    """94 to 96 % of 200,000 draws about a known offset are shorter than the quantile."""
     covariance, mean = turned(variances), size * np.array([0.6, -0.5, 0.6])
     drawn = np.random.default_rng(1).multivariate_normal(mean, covariance, 200_000)
     (length,) = length_quantiles(covariance[None], mean[None])
     assert 0.94 < np.mean(np.linalg.norm(drawn, axis=1) < length) < 0.96
 
 
-def test_a_mean_of_nothing_changes_nothing():
-    """By the four cumulants within a hundredth of what is exact."""
+def test_tiny_mean_has_no_effect():
+    """A tiny mean changes the quantile by at most a hundredth: four cumulants approximate the exact value."""
     covariances = np.stack([turned([1.0, 0.3, 0.02])] * 2)
     exact, about = length_quantiles(covariances), length_quantiles(covariances, np.array([[0.0, 0, 0], [1e-9, 0, 0]]))
     np.testing.assert_allclose(about, exact, rtol=1e-2)
 
 
-def test_no_uncertainty_is_no_error():
-    """What is exact has a quantile of zero, and what is off by as much as is known that length."""
+def test_zero_covariance_has_quantile_of_mean():
+    """A zero covariance has a quantile of zero, and with a mean the length of the mean."""
     assert length_quantile(np.zeros((3, 3))) == 0.0
     np.testing.assert_allclose(length_quantiles(np.zeros((1, 3, 3)), np.array([[0.3, 0.0, 0.4]])), 0.5)
 
@@ -88,8 +88,8 @@ def dual():
     return made, calibrate(made.cell, made.recording)
 
 
-def test_expected_error_is_that_of_a_point_carried_over(dual):
-    """Draws of the transform move the point that is named by as much as is said, and no recorded flange by more."""
+def test_expected_error_is_that_of_transformed_point(dual):
+    """Draws of the transform move the stated point by the expected error, and no recorded flange by more."""
     made, calibration = dual
     (error,) = fit_details(made.cell, made.recording, calibration).errors
     estimate = calibration[BASE]
@@ -106,8 +106,8 @@ def test_expected_error_is_that_of_a_point_carried_over(dual):
     assert max(quantile(flange, moved[:10_000]) for flange in flanges) <= 1.05 * error.length_m
 
 
-def test_errors_of_mounts_are_where_the_target_is():
-    """Those of a camera are at the target's distance, those of a target at one of its points."""
+def test_mount_errors_are_at_target():
+    """The error of a camera mount is at the target's distance, that of a target at one of its points."""
     made = simulate(Scenario(samples=15, layout="eye_in_hand", robot_noise=(1e-4, 2e-4)), 4)
     calibration = calibrate(made.cell, made.recording)
     details = fit_details(made.cell, made.recording, calibration)
@@ -121,8 +121,8 @@ def test_errors_of_mounts_are_where_the_target_is():
     assert any(np.allclose(at, point) for point in target.target.points)
 
 
-def test_tolerances(dual):
-    """Passed where the error is below it and the verdict good, and everything asked for is there."""
+def test_tolerance_needs_small_error_and_good_verdict(dual):
+    """A tolerance is met if the error is below it, the verdict good, and every requested transform present."""
     made, calibration = dual[0], replace(dual[1], meeting=None)
     errors = [ExpectedError(BASE, 4e-4, np.zeros(3))]
 
@@ -152,8 +152,8 @@ def test_tolerances(dual):
     assert (found.expected_95_m, found.met) == (0.0, True)
 
 
-def test_a_target_seen_only_as_poses_is_used_at_its_origin():
-    """Of no shape, its mount is looked at in one point of space; a board's at all of its points."""
+def test_pose_target_is_used_at_origin():
+    """A target seen only as poses has no shape and is used at its origin; a board is used at all of its points."""
     for target, count in (("pose", 1), ("charuco", 36)):
         made = simulate(Scenario(samples=4, target=target), 0)
         if target == "pose":
@@ -166,15 +166,18 @@ def test_a_target_seen_only_as_poses_is_used_at_its_origin():
 
 @pytest.mark.parametrize("sigma", [0.02, 3.0])
 @pytest.mark.parametrize("mean", [[0.1, 0.0, 0.0], [1.0, -2.0, 2.0]])
-def test_quantile_of_a_ball_about_a_mean(sigma, mean):
-    """Its squared length is a noncentral chi-square of three freedoms, which four cumulants give exactly."""
+def test_quantile_of_ball_about_mean(sigma, mean):
+    """The squared length of a ball about a mean is noncentral chi-square with three freedoms.
+
+    Four cumulants give it exactly.
+    """
     mean = sigma * np.array(mean)
     (length,) = length_quantiles(sigma**2 * np.eye(3)[None], mean[None])
     assert length == pytest.approx(sigma * np.sqrt(ncx2.ppf(0.95, 3, mean @ mean / sigma**2)), rel=1e-6)
 
 
-def test_means_of_zero_are_none():
-    """What is exact without a mean is so with one of nothing, and each of many has its own mean."""
+def test_zero_mean_equals_no_mean():
+    """A zero mean gives the exact quantile without mean, and each of many covariances has its own mean."""
     covariances = np.stack([turned([1.0, 0.3, 0.02]), turned([4.0, 1.0, 1.0])])
     exact = length_quantiles(covariances)
     np.testing.assert_array_equal(length_quantiles(covariances, np.zeros((2, 3))), exact)
@@ -186,7 +189,7 @@ def test_means_of_zero_are_none():
 
 
 def test_covariances_at_points():
-    """A turn moves a point across itself by its distance, a shift all points alike; both go together by their part."""
+    """A rotation moves a point by its distance, a translation all points equally; their correlation counts."""
     shift, turn = 1e-3, 2e-3
     covariance = np.diag([shift**2] * 3 + [0.0, 0.0, turn**2])
     covariance[0, 5] = covariance[5, 0] = 0.5 * shift * turn
@@ -195,8 +198,11 @@ def test_covariances_at_points():
     np.testing.assert_allclose(at, expected, atol=1e-15)
 
 
-def test_the_error_told_is_that_at_the_worst_place(monkeypatch):
-    """Of each transform that is asked for and known; of one without a place, or without a covariance, none."""
+def test_error_is_at_worst_place(monkeypatch):
+    """The error of each requested transform is that at its worst place.
+
+    Without a place or finite covariance there is none.
+    """
     covariance = np.diag([1e-6] * 3 + [4e-6] * 3)
     places = {"a": [np.array([[0.1, 0, 0], [0, 0.5, 0]]), np.array([[0, 0, 0.2]])], "b": [], "d": [np.zeros((1, 3))]}
     monkeypatch.setattr(expected_error, "_places", lambda name, cell, fitted: iter(places[name]))
@@ -210,8 +216,8 @@ def test_the_error_told_is_that_at_the_worst_place(monkeypatch):
     assert found.length_m == pytest.approx(length_quantile(np.diag(variances)), rel=1e-9)
 
 
-def test_transforms_are_used_where_the_arms_worked():
-    """Bases at their robots' flanges, a camera's mount at its targets, a target's at its points; of each group."""
+def test_transforms_are_used_at_recorded_places():
+    """Bases are used at their robots' flanges, camera mounts at targets, target mounts at points, for each group."""
     made = simulate(Scenario(samples=4), 0)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -235,8 +241,8 @@ def test_transforms_are_used_where_the_arms_worked():
 
 
 @pytest.mark.parametrize("off", [0.0, 1.0])
-def test_a_pooled_quantile_is_that_of_all_draws_together(off):
-    """Of three normals, each drawn 40,000 times: within a hundredth, and the noise of so many draws."""
+def test_pooled_quantile_matches_draws(off):
+    """The pooled quantile of three normals matches 40,000 draws of each within a hundredth and the sampling noise."""
     rng = np.random.default_rng(0)
     roots, means = rng.standard_normal((3, 3, 3)), off * rng.standard_normal((3, 3))
     drawn = np.concatenate(
@@ -246,8 +252,8 @@ def test_a_pooled_quantile_is_that_of_all_draws_together(off):
     assert found == pytest.approx(np.quantile(np.linalg.norm(drawn, axis=1), 0.95), rel=0.015)
 
 
-def test_what_is_certain_is_its_own_quantile():
-    """Of one mean, of two alike, and beside what is not."""
+def test_pooled_quantile_of_exact_values():
+    """Exact values have their length as the quantile, alone, twice, and beside an uncertain one."""
     nothing = np.zeros((2, 3, 3))
     assert pooled_quantile(nothing[:1], np.ones((1, 3))) == pytest.approx(np.sqrt(3))
     assert pooled_quantile(nothing, np.ones((2, 3))) == pytest.approx(np.sqrt(3))

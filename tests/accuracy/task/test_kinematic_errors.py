@@ -1,4 +1,4 @@
-"""How flanges move with errors of their arms' joints and links, against arms that have them."""
+"""Tests of flange derivatives by errors of joints and links, compared with arms that have them."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def problem_and_state(scenario: Scenario):
 
 
 def shifted(chain, error: int) -> Kinematics:
-    """An arm of one error: offsets first, then links."""
+    """An arm with one error: offsets first, then links."""
     values = np.zeros(chain.n + 6 * (chain.n + 1))
     values[error] = STEP
     return Kinematics(chain, {"joint_offsets": values[: chain.n], "link_parameters": values[chain.n :].reshape(-1, 6)})
 
 
-def test_errors_move_stops_and_points_as_they_move_the_arm():
-    """Each column is the derivative to its error, of the flange at its stops and, in base axes, sent there."""
+def test_errors_move_stops_and_points_as_arm():
+    """Each column is the derivative by its error, of the flange at its stops and, in base axes, at points."""
     made, problem, state = problem_and_state(JOINTS)
     joints = np.array([sample.robots["hand"].joints_rad for sample in made.recording.samples])
     chain = problem.chains["hand"]
@@ -56,15 +56,15 @@ def test_errors_move_stops_and_points_as_they_move_the_arm():
         np.testing.assert_allclose((after @ before.inverse()).rotvec / STEP, at_points[:, 3:, error], atol=1e-5)
 
 
-def test_turns_are_offsets_and_turns_of_links():
-    """Six offsets, then of each link three shifts and three turns."""
+def test_rotational_errors_are_offsets_and_link_rotations():
+    """Rotational errors are six offsets, then three of the six errors of each link."""
     _, problem, state = problem_and_state(JOINTS)
     found = kinematic_errors(problem, state, "eye")
     np.testing.assert_array_equal(found.is_turn, [True] * 6 + 7 * [False, False, False, True, True, True])
 
 
 def test_models_are_parts_of_all_errors():
-    """Offsets alone are the first six columns, links alone the others, at stops and at points."""
+    """Offsets are the first six columns, links the others, at stops and at points."""
     made, problem, state = problem_and_state(JOINTS)
     places = made.true_base_from_flange["hand"].translation
     every, at_points = kinematic_errors(problem, state, "hand"), error_jacobian(problem, state, "hand", places)
@@ -79,14 +79,14 @@ def test_models_are_parts_of_all_errors():
 @pytest.mark.parametrize(
     ("stated", "count"), [({}, 48), ({"joint_offsets": "prior"}, 42), ({"joint_offsets": "free"}, 48)]
 )
-def test_what_has_a_prior_is_not_open(stated, count):
-    """Kinds whose sigmas are stated are estimated by these; a free kind is held by errors where nothing shows it."""
+def test_kinds_with_prior_are_excluded(stated, count):
+    """Kinds with stated sigmas are estimated by these and excluded; a free kind is held by errors if unobservable."""
     _, problem, state = problem_and_state(replace(JOINTS, joint_offset_rad=1e-3, **stated))
     assert len(kinematic_errors(problem, state, "hand").is_turn) == count
 
 
-def test_robots_by_poses_have_none():
-    """Without a chain, or with all kinds under priors."""
+def test_robots_with_poses_have_no_kinematic_errors():
+    """A robot without a chain, or with priors on all kinds, has no kinematic errors."""
     _, problem, state = problem_and_state(Scenario(samples=6))
     assert kinematic_errors(problem, state, "hand") is None
     stated = {"joint_offsets": "prior", "link_parameters": "prior"}
@@ -101,8 +101,8 @@ def arms():
     return made, problem, State(made.truth, made.cameras, np.zeros((0, 6)), made.robots)
 
 
-def test_derivative_is_of_the_flange_in_its_base(arms):
-    """At the recorded poses of an arm, where its joints are known, each column moves place and turn as told."""
+def test_jacobian_moves_flange_in_base(arms):
+    """At recorded poses, each column moves the position and rotation of the flange in its base as the arm does."""
     made, problem, state = arms
     joints = np.array([sample.robots["hand"].joints_rad for sample in made.recording.samples])
     model = problem.models["hand"]
@@ -119,23 +119,23 @@ def test_derivative_is_of_the_flange_in_its_base(arms):
         np.testing.assert_allclose(turned, found[:, 3:, column], atol=1e-5)
 
 
-def test_points_out_of_reach_have_the_nearest(arms):
-    """A point ten metres away is given the arm where it comes nearest; numbers stay finite."""
+def test_unreachable_point_uses_nearest_pose(arms):
+    """An unreachable point, ten metres away, uses the nearest pose of the arm, with finite values."""
     _, problem, state = arms
     found, _ = kinematics_jacobian(problem, state, "hand", np.array([[10.0, 0.0, 0.0]]))
     assert np.all(np.isfinite(found))
 
 
-def test_nothing_of_arms_as_stated(arms):
-    """A robot of which nothing is estimated, or recorded by poses, moves with nothing."""
+def test_robots_without_estimates_have_no_jacobian(arms):
+    """A robot without estimated parameters, or recorded by poses, has no kinematics Jacobian."""
     made = simulate(Scenario(samples=4), 2)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
     assert kinematics_jacobian(problem, state, "hand", np.zeros((1, 3))) is None
 
 
-def test_an_arm_is_sent_to_points_turned_as_in_the_nearest_pose(arms):
-    """Its kinematics as estimated bring the flange to within a tenth of the millimetres from the recorded poses."""
+def test_arm_reaches_points_with_nearest_rotation(arms):
+    """The arm reaches points a few millimetres from its poses within a tenth, with the nearest pose's rotation."""
     made, problem, state = arms
     recorded = np.array([sample.robots["eye"].joints_rad for sample in made.recording.samples])
     kinematics = kinematics_of_robot(problem, state, "eye")
@@ -147,8 +147,8 @@ def test_an_arm_is_sent_to_points_turned_as_in_the_nearest_pose(arms):
     np.testing.assert_allclose((poses[order].inverse() @ sent).rotvec, 0, atol=1e-3)
 
 
-def test_derivatives_in_the_axes_of_the_base():
-    """Shifts and turns of the flange, each by its rotation."""
+def test_derivatives_are_rotated_to_base_axes():
+    """Translations and rotations of the flange are each rotated to base axes."""
     rng = np.random.default_rng(0)
     by_columns, rotation = rng.standard_normal((2, 6, 4)), SE3.exp(rng.standard_normal((2, 6))).rotation
     found = to_base_axes(by_columns, rotation)

@@ -1,4 +1,4 @@
-"""Local calibrations: recommended where arms bend, and not where there is noise alone."""
+"""Tests of local fits: recommended if arms bend, not for noise alone."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ def made() -> SimulatedCell:
     return simulate(WIDE, 5)
 
 
-def test_without_an_observable_base_there_is_none(made: SimulatedCell) -> None:
-    """Arms that only translate leave no base to report, and a task point was then a fault of this program."""
+def test_unobservable_base_has_no_local_fits(made: SimulatedCell) -> None:
+    """Without an observable base there are no local fits. Arms that only translate once made a task point fail."""
     assert local_fits(solve(made.cell, made.recording), []) == ()
 
 
-def test_noise_alone_is_best_averaged_over_all(made: SimulatedCell) -> None:
-    """No part is predicted clearly better; every sample is in one part, each with enough."""
+def test_noise_alone_has_no_better_part(made: SimulatedCell) -> None:
+    """With noise alone no part is clearly better; every sample is in one part, each with enough samples."""
     found = local_fits(solve(made.cell, made.recording), [BASE])
     assert len(found) == MOST_PARTS
     assert sorted(number for part in found for number in part.samples) == list(range(48))
@@ -67,8 +67,8 @@ def test_noise_alone_is_best_averaged_over_all(made: SimulatedCell) -> None:
 
 
 @pytest.mark.slow
-def test_differences_of_noise_alone_have_any_chance_alike() -> None:
-    """Chances of forty parts without a wave are spread evenly, within what a Kolmogorov test passes at 0.1 %."""
+def test_chances_of_noise_are_uniform() -> None:
+    """Chances of forty parts without a wave are uniform by a Kolmogorov test at 0.1 %."""
     scenario = replace(WIDE, samples=40)
     chances = []
     for seed in range(10):
@@ -77,8 +77,8 @@ def test_differences_of_noise_alone_have_any_chance_alike() -> None:
     assert kstest(chances[::2], "uniform").pvalue > 1e-3
 
 
-def test_bent_arms_are_better_calibrated_locally(made: SimulatedCell) -> None:
-    """A wave of 3 mm over the workspace: parts are recommended, and predict clearly better."""
+def test_bent_arms_have_better_local_fits(made: SimulatedCell) -> None:
+    """A wave of 3 mm over the workspace gives parts that predict clearly better and are recommended."""
     found = local_fits(solve(made.cell, bent(made, 3e-3)), [BASE])
     better = [part for part in found if part.is_better]
     assert better
@@ -87,12 +87,13 @@ def test_bent_arms_are_better_calibrated_locally(made: SimulatedCell) -> None:
 
 
 def test_few_samples_have_no_parts(made: SimulatedCell) -> None:
+    """Fewer samples than two parts need give no local fit."""
     few = Recording(made.recording.samples[: 2 * FEWEST_SAMPLES - 1])
     assert local_fits(solve(made.cell, few), [BASE]) == ()
 
 
-def test_a_box_is_the_only_part(made: SimulatedCell) -> None:
-    """Of two opposite corners, whichever they are: the samples whose targets are in it, and whether it is better."""
+def test_box_is_single_part(made: SimulatedCell) -> None:
+    """A box of two opposite corners in any order is the only part, with the samples whose targets are in it."""
     solution = solve(made.cell, bent(made, 3e-3))
     halves = local_fits(solution, [BASE])
     places = np.array([target_places(group, solution.state) for group in solution.problem.groups])[0]
@@ -106,13 +107,17 @@ def test_a_box_is_the_only_part(made: SimulatedCell) -> None:
     assert len(halves) > 1
 
 
-def test_a_box_with_few_samples_is_no_part(made: SimulatedCell) -> None:
+def test_box_with_few_samples_is_no_part(made: SimulatedCell) -> None:
+    """A box without enough samples is no part."""
     solution = solve(made.cell, made.recording)
     assert local_fits(solution, [BASE], [5.0, 5.0, 5.0, 6.0, 6.0, 6.0]) == ()
 
 
-def test_views_count_by_how_near_they_are_to_the_part(made: SimulatedCell, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As a normal density about its middle, as wide as its own samples are spread, in three directions alike."""
+def test_views_are_weighted_by_distance_to_part(made: SimulatedCell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Views are weighted by a normal density about the part's middle.
+
+    It is as wide as the spread of its own samples, equally in three directions.
+    """
     given = []
 
     def refitted(*arguments, view_weights=None):
@@ -136,8 +141,8 @@ def test_views_count_by_how_near_they_are_to_the_part(made: SimulatedCell, monke
         np.testing.assert_allclose(worth, np.exp(-(away**2) / 2))
 
 
-def test_a_fit_that_did_not_settle_says_nothing(made: SimulatedCell, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No errors, no chance but one, and no recommendation, whichever of the fits it is; its transforms are told."""
+def test_unconverged_fit_gives_no_recommendation(made: SimulatedCell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If any fit does not converge, the part has no errors, a chance of one, no recommendation, but its transforms."""
     few = Recording(bent(made, 3e-3).samples[:24])
     solution = solve(made.cell, few)
     box = [-9.0, -9.0, -9.0, 9.0, 9.0, 9.0]
@@ -161,8 +166,11 @@ def test_a_fit_that_did_not_settle_says_nothing(made: SimulatedCell, monkeypatch
     assert local_fits(nothing, [BASE]) == ()
 
 
-def test_parts_are_halves_of_the_widest_until_there_are_four() -> None:
-    """Along x where that is widest, then each along y; every sample is in one, as many in each."""
+def test_parts_are_halved_along_widest_direction() -> None:
+    """Parts are halved along the widest direction until there are four, with equal counts.
+
+    Here along x, then each along y.
+    """
     x, y = np.meshgrid(np.arange(8.0), 0.5 * np.arange(8))
     places = np.stack([x.ravel(), y.ravel(), np.zeros(64)], -1)
     order = np.random.default_rng(0).permutation(64)
@@ -177,16 +185,16 @@ def test_parts_are_halves_of_the_widest_until_there_are_four() -> None:
 
 
 @pytest.mark.parametrize(("count", "parts"), [(19, 0), (20, 2), (38, 2), (39, 3), (40, 4)])
-def test_a_part_has_ten_samples(count: int, parts: int) -> None:
-    """Or there is none; a line of twenty has two, of forty four, and of one less only its larger half has two."""
+def test_part_needs_ten_samples(count: int, parts: int) -> None:
+    """A part needs ten samples: a line of twenty has two parts, of forty four, of 39 only its larger half has two."""
     places = np.arange(count)[:, None] * [0.0, 0.0, 1.0]
     found = list(_halves(places, np.arange(count)))
     assert len(found) == parts
     assert not parts or sorted(np.concatenate(found).tolist()) == list(range(count))
 
 
-def test_samples_count_once_however_many_views_they_have() -> None:
-    """Twenty views of ten samples have no parts; the widest part is that with most views."""
+def test_samples_count_once_despite_views() -> None:
+    """Samples count once: twenty views of ten samples have no parts. The widest part is that with most views."""
     places = np.arange(20)[:, None] * [0.0, 1.0, 0.0]
     assert list(_halves(places, np.arange(20) // 2)) == []
     assert [each.tolist() for each in _halves(np.tile(places, (2, 1)), np.tile(np.arange(20), 2))] == [
@@ -196,8 +204,8 @@ def test_samples_count_once_however_many_views_they_have() -> None:
 
 
 @pytest.mark.parametrize("corners", [[0, 0, 0, 1, 2, 3], [1, 2, 3, 0, 0, 0], [1, 0, 3, 0, 2, 0]])
-def test_a_box_holds_what_is_on_its_sides(corners: list[float]) -> None:
-    """Of opposite corners in any order; what is outside along one axis is outside."""
+def test_box_includes_its_sides(corners: list[float]) -> None:
+    """A box of opposite corners in any order includes its sides; a place outside along one axis is outside."""
     inside = np.array([[0, 0, 0], [1, 2, 3], [0.5, 1, 1.5], [1, 0, 3]])
     outside = np.array([[1.1, 1, 1], [-0.1, 1, 1], [0.5, 2.1, 1], [0.5, 1, -0.1]])
     places = np.concatenate([np.repeat(inside, 3, axis=0), outside])
@@ -206,8 +214,8 @@ def test_a_box_holds_what_is_on_its_sides(corners: list[float]) -> None:
 
 
 @pytest.mark.parametrize(("count", "told"), [(9, False), (10, True)])
-def test_a_box_holds_ten_samples(count: int, told: bool) -> None:
-    """Each counts once."""
+def test_box_needs_ten_samples(count: int, told: bool) -> None:
+    """A box needs ten samples; each counts once."""
     samples = np.repeat(np.arange(count), 2)
     assert bool(list(_samples_inside(np.zeros((2 * count, 3)), samples, [-1, -1, -1, 1, 1, 1]))) == told
 
@@ -216,14 +224,17 @@ def test_a_box_holds_ten_samples(count: int, told: bool) -> None:
     ((4.0, 4.0), (1.0, 1.0), 0.009, True), ((4.0, 4.0), (1.0, 1.0), 0.011, False), ((1.0, 1.0), (4.0, 4.0), 0.0, False),
     ((4.0, 1.0), (2.0, 2.0), 0.0, True), ((4.0,), (1.0,), 0.0, None), ((), (), 0.0, None),
 ])  # fmt: skip
-def test_a_part_is_better_where_it_predicts_better_beyond_chance(
+def test_better_part_predicts_beyond_chance(
     monkeypatch: pytest.MonkeyPatch,
     by_all: tuple[float, ...],
     by_part: tuple[float, ...],
     chance: float,
     is_better: bool | None,
 ) -> None:
-    """Of the means of squares; one view held out tells nothing. The transforms are those of the fit of all samples."""
+    """A part is better if its mean square is smaller beyond chance; a single held-out view is not enough.
+
+    The transforms are those of the fit of all samples.
+    """
     fit = {kind: SimpleNamespace(optimum=SimpleNamespace(converged=True), kind=kind) for kind in ("all", "part")}
     whole = SimpleNamespace(optimum=SimpleNamespace(converged=True, state=SimpleNamespace(transforms={"a": 1, "b": 2})))
     squares = {"all": by_all, "part": by_part}
@@ -239,14 +250,17 @@ def test_a_part_is_better_where_it_predicts_better_beyond_chance(
 
 
 def near(errors: np.ndarray, factor: float = 1.0) -> Solution:
-    """An answer to poses near the identity with these errors, that stands at the identity."""
+    """An answer at the identity to poses near it with these errors."""
     problem, state = pose_problem(errors, np.full(6, 1e-3))
     return SimpleNamespace(problem=problem, state=state, noise=SimpleNamespace(factor=factor))
 
 
 @pytest.mark.parametrize("factor", [1.0, 4.0])
-def test_the_chance_of_a_weighted_mean_so_far_from_that_of_all(factor: float) -> None:
-    """Of n views of variance s^2, by their worth w: their difference has s^2 (sum w^2 / (sum w)^2 - 1 / n) an axis."""
+def test_chance_of_weighted_mean_difference(factor: float) -> None:
+    """The weighted mean differs from that of all n views with variance s^2 (sum w^2 / (sum w)^2 - 1 / n) per axis.
+
+    Views have variance s^2 and weight w.
+    """
     worth = np.linspace(0.1, 1.0, 9)
     step = 1e-4 * np.array([1.0, -2.0, 0.5, 3.0, 0.0, -1.0])
     solution = near(np.zeros((9, 6)), factor)
@@ -257,8 +271,8 @@ def test_the_chance_of_a_weighted_mean_so_far_from_that_of_all(factor: float) ->
     assert _chance_of_noise(solution, local, [np.ones(9)], [MOUNT]) == 1.0  # the same fit, whatever its step
 
 
-def test_squares_are_of_held_out_views_in_the_part_alone() -> None:
-    """How far a fit has the target from where each view alone does."""
+def test_squares_cover_held_out_views_in_part() -> None:
+    """Squares cover only the held-out views in the part: distances of the target from that of each view alone."""
     rng = np.random.default_rng(3)
     errors = 1e-3 * rng.standard_normal((8, 6))
     solution = near(errors)
@@ -273,8 +287,8 @@ def test_squares_are_of_held_out_views_in_the_part_alone() -> None:
     assert _squares(solution, fit, [np.zeros(8, dtype=bool)]).shape == (0,)
 
 
-def test_a_part_of_one_place_is_all_alike() -> None:
-    """Where a target stands still nothing is nearer to the middle: both fits are one."""
+def test_part_of_one_place_has_equal_weights() -> None:
+    """If the target stands still, all views have equal weights, and both fits are equal."""
     (found,) = local_fits(
         near(1e-3 * np.random.default_rng(0).standard_normal((12, 6))), [MOUNT], [-1, -1, -1, 1, 1, 1]
     )

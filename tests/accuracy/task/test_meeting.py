@@ -1,4 +1,4 @@
-"""Where flanges meet, and what of it a gauge shared by base and joints leaves out."""
+"""Tests of the meeting of flanges, and of gauges shared by base and joints that it excludes."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def arms():
     return made, solve(made.cell, made.recording, Settings(robot_noise="stated"))
 
 
-def test_a_gauge_of_base_and_first_joint_cancels(arms):
-    """The hand's first joint turned one way and its base the other about its axis: its flange stays where it meets."""
+def test_gauge_of_base_and_first_joint_cancels(arms):
+    """The hand's first joint rotated one way and its base the other leave the meeting flange in place."""
     made, solution = arms
     problem, state = solution.problem, solution.state
     flange = state.transforms[BASE] @ problem.groups[0].hand.base_from_flange.translation[:1]
@@ -48,8 +48,8 @@ def test_a_gauge_of_base_and_first_joint_cancels(arms):
     assert np.abs(both).max() < 1e-2
 
 
-def test_a_weight_is_the_mean_square_over_places(arms):
-    """That of each place alone, averaged, by base and arms, with the stops of both on top."""
+def test_meeting_weight_is_mean_square_over_places(arms):
+    """The mean square is the average over places, by base and arms, plus the stops of both."""
     made, solution = arms
     each = [make_meeting(made.cell, solution.problem, solution.state, BASE, POINT + k * 0.1) for k in range(2)]
     places = np.concatenate([POINT, POINT + 0.1])
@@ -62,8 +62,8 @@ def test_a_weight_is_the_mean_square_over_places(arms):
 
 
 @pytest.mark.parametrize("size", [6, 3])
-def test_what_a_point_moves_by_is_of_the_columns_of_its_transform(size):
-    """Of a point's offset three columns shift, and nothing turns."""
+def test_point_moves_with_columns_of_its_transform(size):
+    """A point's offset has three translation columns and no rotation."""
     covariance = np.diag(np.arange(1.0, 11.0))
     columns = {"a_from_b": slice(2, 2 + size), "c": slice(9, 10)}
     problem = Problem("a", (), {}, frozenset(), {}, Stops(np.zeros((0, 6))), columns)
@@ -72,8 +72,8 @@ def test_what_a_point_moves_by_is_of_the_columns_of_its_transform(size):
     assert np.trace(meeting.weight @ covariance) == pytest.approx(3 + 4 + 5 + turns)
 
 
-def test_recorded_places_are_where_targets_were_seen(arms):
-    """One for each view, in the reference's base."""
+def test_recorded_places_are_target_positions(arms):
+    """Recorded places are the target positions of each view, in the reference's base."""
     _, solution = arms
     hand = solution.state.transforms[BASE] @ solution.problem.groups[0].hand.base_from_flange
     wanted = (hand @ solution.state.transforms["hand_flange_from_board"]).translation
@@ -82,8 +82,11 @@ def test_recorded_places_are_where_targets_were_seen(arms):
 
 @pytest.mark.parametrize("based", [True, False])
 @pytest.mark.parametrize("on_arm", [True, False])
-def test_places_are_those_of_the_target_on_its_arm_or_of_the_camera(on_arm, based):
-    """In the reference's base, about which the arm's own may stand."""
+def test_places_are_target_on_arm_or_camera(on_arm, based):
+    """Places are those of the target on its arm, or of the camera, in the reference's base.
+
+    The arm may have its own base.
+    """
     rng = np.random.default_rng(1)
     base, mount, other = (SE3.exp(rng.standard_normal(6)) for _ in range(3))
     arm, world = SE3.exp(rng.standard_normal((3, 6))), SE3.identity((3,))
@@ -106,8 +109,8 @@ def meeting_of(robots: tuple[str, ...], sigmas: list[list[float]], turned: SE3 |
     return Meeting(problem, state, "a_from_b", "a", np.zeros((1, 3)), places, None)
 
 
-def test_stops_add_their_variance_along_three_axes():
-    """The mean over the stops and axes of each arm, shifts and turns apart; exact arms add nothing."""
+def test_stops_add_mean_variance():
+    """Stops of each arm add the mean variance over stops and axes, of translation and rotation; exact arms add zero."""
     of = meeting_of(("a", "b", "a"), [[1, 2, 3, 4, 5, 6], [10] * 3 + [20] * 3, [0] * 6])
     np.testing.assert_allclose(of.stop_variance("a"), [14 / 6, 77 / 6])
     np.testing.assert_allclose(of.stop_variance("b"), [100, 400])
@@ -119,8 +122,8 @@ def test_stops_add_their_variance_along_three_axes():
     np.testing.assert_allclose(own, [np.diag([4.0, 4, 4, 7, 7, 7])])
 
 
-def test_an_error_of_the_reference_is_that_of_the_other_turned_and_negated():
-    """In the axes of the other's base, shifts and turns alike."""
+def test_reference_error_is_negated_and_rotated():
+    """An error of the reference is negated and rotated to the axes of the other's base."""
     turned = SE3.from_rotvec([0, 0, np.pi / 2], [1.0, 2.0, 3.0])
     of = meeting_of((), [], turned)
     jacobian = np.arange(12.0).reshape(1, 6, 2)
@@ -132,7 +135,7 @@ def test_an_error_of_the_reference_is_that_of_the_other_turned_and_negated():
 
 @pytest.mark.parametrize("count", [1, 59, 60, 61, 250])
 def test_sixty_places_are_chosen_evenly(count):
-    """The first and the last are among them; of fewer all are."""
+    """Sixty places are chosen evenly with the first and last; of fewer, all are."""
     places = np.arange(3.0 * count).reshape(-1, 3)
     found = choose_places(places)
     rows = found[:, 0] / 3
@@ -141,8 +144,8 @@ def test_sixty_places_are_chosen_evenly(count):
     assert np.ptp(np.diff(rows), axis=0) <= 1 if count > 2 else True
 
 
-def test_points_of_the_task_come_before_recorded_places(monkeypatch):
-    """Without any the recorded places are those of the task."""
+def test_task_points_precede_recorded_places(monkeypatch):
+    """Task points replace recorded places; without any, the recorded places are those of the task."""
     monkeypatch.setattr("basecal.accuracy.task.meeting.recorded_places", lambda *given: given)
     np.testing.assert_array_equal(meeting_places("problem", "state", "base", POINT), POINT)
     assert meeting_places("problem", "state", "base", POINT[:0]) == ("problem", "state", "base")

@@ -1,4 +1,4 @@
-"""What flanges miss one another by, with errors of arms that no residual shows."""
+"""Tests of the errors by which flanges miss one another, with robot errors that residuals do not show."""
 
 from __future__ import annotations
 
@@ -66,18 +66,18 @@ def map_of_arms_off(arms_off):
     return mapped(*arms_off)
 
 
-def test_arms_that_are_off_are_off_elsewhere(map_of_arms_off):
-    """Offsets of 2 mrad turn each flange by more than that, which mounts take up: the map says 4 mrad at the least."""
+def test_joint_offsets_increase_angle_map(map_of_arms_off):
+    """Joint offsets of 2 mrad, absorbed by mounts, give a map of at least 4 mrad elsewhere."""
     assert map_of_arms_off.angle_95_rad.min() > 4e-3
 
 
-def test_arms_that_are_not_off_are_not_said_to_be(map_of_arms_off):
+def test_exact_arms_have_smaller_map(map_of_arms_off):
     """The same recording of exact arms has a map less than half as large."""
     assert mapped(*solved(ARMS)).angle_95_rad.max() < map_of_arms_off.angle_95_rad.min() / 2
 
 
-def test_what_noise_is_not_comes_on_top(arms_off):
-    """A widening by 10 mrad about each axis of the base is found again in the turns."""
+def test_widening_is_added_to_map(arms_off):
+    """A widening of the base by 10 mrad about each axis is added to the rotations of the map."""
     made, solution = arms_off
     wider = np.zeros_like(solution.covariance)
     turns = np.arange(6)[3:] + solution.problem.columns[BASE].start
@@ -87,8 +87,8 @@ def test_what_noise_is_not_comes_on_top(arms_off):
     assert found.angle_95_rad.max() < 4e-2
 
 
-def test_a_robot_by_poses_beside_an_arm():
-    """Each is off in its own way: the map stands between that of two arms and that of none."""
+def test_pose_robot_beside_joint_robot():
+    """With a robot by poses beside one by joints, the map is between that of two joint robots and that of none."""
     made = simulate(OFF, 3)
     samples = [
         replace(
@@ -107,8 +107,8 @@ def test_a_robot_by_poses_beside_an_arm():
 
 
 @pytest.mark.parametrize("scenario", [ARMS, replace(ARMS, joints=False)], ids=["joints", "poses"])
-def test_models_do_not_take_an_effect_back(scenario: Scenario) -> None:
-    """A base that an effect moved by 5 mm is as far off as before, for models of arms hold no such effect."""
+def test_models_do_not_remove_effect(scenario: Scenario) -> None:
+    """A base moved by 5 mm by an effect stays so: robot models do not include the effect."""
     made, fitted = solved(scenario)
     step = SE3(np.eye(3), np.array([5e-3, 0.0, 0.0]))
     moved = {**fitted.state.transforms, BASE: fitted.state.transforms[BASE] @ step}
@@ -122,8 +122,8 @@ def test_models_do_not_take_an_effect_back(scenario: Scenario) -> None:
     np.testing.assert_allclose(*means, atol=1e-4)
 
 
-def test_what_may_be_off_counts_by_its_evidence(arms_off, monkeypatch):
-    """Mean and covariance of the mixture of models by offsets, by links and by both, its shares by Bayes."""
+def test_models_are_mixed_by_evidence(arms_off, monkeypatch):
+    """Mean and covariance are those of the mixture of models by offsets, links and both, weighted by Bayes."""
     made, solution = arms_off
     problem, state = solution.problem, solution.state
     points = made.truth[BASE].translation[None] / 2
@@ -146,8 +146,8 @@ def test_what_may_be_off_counts_by_its_evidence(arms_off, monkeypatch):
     np.testing.assert_allclose(covariance[0], squares - np.outer(wanted, wanted), rtol=1e-6, atol=1e-14)
 
 
-def test_estimated_kinematics_count_as_far_as_they_are_known():
-    """Offsets with a prior of 2 mrad leave flanges off by milliradians that exact ones do not."""
+def test_estimated_kinematics_add_their_uncertainty():
+    """Offsets with a prior of 2 mrad leave flanges uncertain by milliradians, which fixed ones do not."""
     found = {}
     for status, sigma in (("fixed", 0.0), ("prior", 2e-3)):
         made = simulate(Scenario(samples=8, joints=True, joint_offsets=status, joint_offset_rad=sigma), 3)
@@ -160,8 +160,11 @@ def test_estimated_kinematics_count_as_far_as_they_are_known():
     assert found["prior"].min() > 2 * found["fixed"].max()
 
 
-def test_what_meets_moves_with_the_base_and_both_arms():
-    """J C J' by differences of base and arms at recorded poses, and each robot's mean own variance on top."""
+def test_meeting_moves_with_base_and_both_arms():
+    """The covariance is J C J', by differences of base and arms at recorded poses.
+
+    Each robot's mean own variance is added.
+    """
     made = simulate(
         Scenario(samples=6, joints=True, joint_offsets="prior", joint_offset_rad=2e-3, robot_noise=(1e-4, 2e-4)), 3
     )
@@ -206,8 +209,11 @@ def test_what_meets_moves_with_the_base_and_both_arms():
     )
 
 
-def test_a_robots_own_variance_is_that_of_its_stops_and_of_what_these_have_in_common():
-    """Means over the axes, of place and of turn; estimated variances count in place of the sigmas that are told."""
+def test_own_variance_includes_stops_and_shared_errors():
+    """A robot's own variance is the mean of its stops and shared errors over axes.
+
+    Estimated variances replace stated sigmas.
+    """
     smooth = {"smooth": {"sigma": [3.0, 0.0, 0.0, 0.0, 0.0, 6.0]}}
     noise = {"robots": {"plain": {}, "smooth": smooth, "estimated": smooth}}
     stops = Stops(np.tile([1.0, 2.0, 3.0, 1.0, 1.0, 4.0], (3, 1)), ("plain", "smooth", "estimated"))
@@ -225,16 +231,19 @@ def model_of(minus_2_log_evidence, prior):
     return _Model(SimpleNamespace(minus_2_log_evidence=minus_2_log_evidence), [], [], prior)
 
 
-def test_models_count_by_their_priors_and_evidence():
-    """One three times as likely by its evidence and half as likely before has 0.6; unlikely ones count nothing."""
+def test_models_are_weighted_by_prior_and_evidence():
+    """A model three times as likely by evidence and half as likely before has 0.6; unlikely ones are omitted."""
     models = [model_of(500.0, 1.0), model_of(500.0 + 2 * np.log(3), 2.0), model_of(520.0, 1.0), model_of(1.0, 0.0)]
     found = _likely_models(models)
     assert [model for _, model in found] == models[:2]
     np.testing.assert_allclose([share for share, _ in found], [0.6, 0.4], rtol=1e-4)
 
 
-def test_errors_in_time_are_unknown_at_the_points(monkeypatch):
-    """All of their variance counts at each point of an arm that has them; the companion is in their model, too."""
+def test_time_errors_are_unknown_at_points(monkeypatch):
+    """Errors in time have full variance at each point of an arm that has them.
+
+    The other robot is in their model, too.
+    """
     (by_times,) = (name for name, effect in RANDOM_EFFECTS.items() if effect.by_times is not None)
     layout = SimpleNamespace(shared=[{"hand": (3, 5), "third": (5, 7)}, {"eye": (7, 9)}])
     sigmas = SimpleNamespace(shared=[{"hand": slice(1, 2), "third": slice(2, 3)}, {"eye": slice(4, 5)}])
@@ -259,7 +268,7 @@ ARMS_POSE_ERRORS = Scenario(samples=20, robot_noise=(3e-5, 5e-5), state_robot_no
 
 
 def wrong_by_place(made, size):
-    """The recording with poses of the hand shifted smoothly by some size [m], and the true poses."""
+    """The recording with poses of the hand shifted smoothly by some size [m]."""
     weights, samples = size * np.random.default_rng(0).standard_normal((3, 3)), []
     for sample in made.recording.samples:
         pose = sample.robots["hand"].base_from_flange
@@ -275,8 +284,11 @@ def solved_of_pose_errors():
 
 
 @pytest.mark.parametrize("name", POSE_EFFECTS)
-def test_at_recorded_poses_they_are_those_of_stops(solved_of_pose_errors, name):
-    """In the axes of the base, to what the modes left out explain; three metres away no recorded pose says anything."""
+def test_pose_errors_at_recorded_poses_equal_stops(solved_of_pose_errors, name):
+    """At recorded poses, pose errors equal those of stops in base axes, but for omitted modes.
+
+    Three metres away they are unknown.
+    """
     problem = solved_of_pose_errors[1].problem
     poses, seen = stop_poses(problem, "hand")
     at_stops = shared_errors(RANDOM_EFFECTS[name], problem, "hand").by_stop[seen]
@@ -287,8 +299,11 @@ def test_at_recorded_poses_they_are_those_of_stops(solved_of_pose_errors, name):
     assert unseen_share(problem, "hand", places + np.array([0, 0, 3.0]), name).min() > 0.99
 
 
-def test_what_the_base_takes_up_counts_once(solved_of_pose_errors):
-    """At recorded places the miss is better known than base and errors alone, and 95 in 100 are within three sigmas."""
+def test_error_absorbed_by_base_counts_once(solved_of_pose_errors):
+    """At recorded places the miss is better known than from base and errors alone.
+
+    95 in 100 are within three sigmas.
+    """
     made, solution = solved_of_pose_errors
     poses = made.true_base_from_flange["hand"]
     places = solution.state.transforms[BASE] @ poses.translation
@@ -313,7 +328,7 @@ PLACES = SOLUTION.problem.robot_ends("hand")[0].base_from_flange.translation
 
 
 def added(points_m, is_total=False, has_base=True):
-    """What the field of the hand adds at its flange; beside the base, which takes up what all samples share."""
+    """Covariance that the hand's field adds at its flange, with or without the base, which absorbs the shared part."""
     robots = {name: replace(robot, is_total_noise=is_total) for name, robot in MADE.cell.robots.items()}
     name, cell = MADE.cell.requested_transforms[0], replace(MADE.cell, robots=robots)
     in_world = SOLUTION.state.transforms[name] @ points_m
@@ -324,8 +339,8 @@ def added(points_m, is_total=False, has_base=True):
     return field_covariance(meeting, ArmErrors(meeting.cell, SOLUTION, SOLUTION))
 
 
-def test_far_from_samples_an_arm_errs_as_arms_do():
-    """Two metres away all of the field's variance is there, and an axis may be long by so much of the distance."""
+def test_field_is_full_far_from_samples():
+    """Two metres away the field has full variance, and an axis length error grows with the distance."""
     far = added(PLACES + np.array([0.0, 0.0, 2.0]), has_base=False)
     np.testing.assert_allclose(far, far.mT, atol=1e-18)
     assert (np.linalg.eigvalsh(far) > -1e-18).all()
@@ -333,12 +348,12 @@ def test_far_from_samples_an_arm_errs_as_arms_do():
     assert (far[:, 2, 2] > 2 * far[:, 0, 0]).all()
 
 
-def test_arms_whose_noise_is_total_have_none():
-    """They are as accurate as they say."""
+def test_total_noise_has_no_field():
+    """Robots whose noise is total are as accurate as stated and have no field."""
     assert not added(PLACES, is_total=True).any()
 
 
-def test_what_the_answer_takes_up_counts_once():
-    """Samples share most of a field, which moves the base instead: beside the base it adds less."""
+def test_field_absorbed_by_base_counts_once():
+    """Samples share most of a field, which moves the base instead, so beside the base it adds less."""
     shared, alone = (np.trace(added(PLACES, has_base=each).mean(0)[:3, :3]) for each in (True, False))
     assert shared < 0.95 * alone

@@ -1,4 +1,4 @@
-"""Where the work is done."""
+"""Tests of task places and of the transforms placed in the reference."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from basecal.errors import InputError
 from basecal.simulation import Scenario, simulate
 
 
-def test_what_is_placed_in_the_reference():
-    """A base between robots, else what stands on the world; a lone mount on a flange is no place."""
+def test_placed_transforms_of_cells():
+    """Placed transforms are bases of robots, else devices on the world; a mount on a flange alone has none."""
     assert require_placed_transforms(simulate(Scenario(samples=2), 0).cell) == ["eye_base_from_hand_base"]
     assert require_placed_transforms(simulate(Scenario(samples=2, layout="eye_in_hand"), 0).cell) == [
         "arm_base_from_board"
@@ -21,8 +21,8 @@ def test_what_is_placed_in_the_reference():
     assert placed_transforms(lone) == []
 
 
-def test_the_places_of_a_task():
-    """A point; the middle and the corners of a box; none."""
+def test_task_places_of_point_and_box():
+    """Task places are a point, or the middle and corners of a box, or none."""
     box = (0.0, -1.0, 2.0, 1.0, 1.0, 4.0)
     assert task_places(None, None).shape == (0, 3)
     assert task_places((1.0, 2.0, 3.0), None).tolist() == [[1, 2, 3]]
@@ -31,8 +31,11 @@ def test_the_places_of_a_task():
     assert set(box_points(box)[1:]) == {(x, y, z) for x in (0, 1) for y in (-1, 1) for z in (2, 4)}
 
 
-def test_a_box_is_its_middle_and_its_corners():
-    """Whichever opposite corners are given; a task has a kind by how many points it has."""
+def test_box_has_middle_and_corners():
+    """A box has a middle and eight corners, for any opposite corners.
+
+    The kind of a task follows from its point count.
+    """
     middle, *corners = box_points((0.0, 2.0, 10.0, 1.0, 4.0, 6.0))
     assert middle == (0.5, 3.0, 8.0)
     assert len(corners) == 8

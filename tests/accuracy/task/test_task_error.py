@@ -1,4 +1,4 @@
-"""What a task adds to a calibration."""
+"""Tests of the error at the task: budget, error map and local fits."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from basecal.simulation import Scenario, simulate
 BASE = "eye_base_from_hand_base"
 
 
-def test_a_task_changes_nothing_but_what_is_told_of_it():
-    """The same transforms and verdict; a budget, a map and parts beside them."""
+def test_task_only_adds_its_fields():
+    """A task adds a budget, a map and local fits; transforms and verdict are unchanged."""
     made = simulate(Scenario(samples=10, target="pose"), 2)
     plain = calibrate(made.cell, made.recording)
     told = calibrate(made.cell, made.recording, Settings(task_point=(0.4, 0.0, 0.3)))
@@ -34,15 +34,15 @@ def test_a_task_changes_nothing_but_what_is_told_of_it():
         assert (told[name].covariance == estimate.covariance).all()
 
 
-def test_a_task_needs_something_placed():
-    """A lone mount has no error at a point of the base: it is said before anything is computed."""
+def test_task_needs_placed_transform():
+    """A cell with only a mount has no error at a point of the base: an InputError before any computation."""
     lone = simulate(Scenario(samples=2, layout="eye_in_hand", target_mount="fixed"), 0)
     with pytest.raises(InputError, match="Omit the task point"):
         calibrate(lone.cell, lone.recording, Settings(task_point=(0.0, 0.0, 0.0)))
 
 
-def test_what_noise_is_not_and_clocks_are_lines_of_the_budget():
-    """Each by what it adds to the variance at the task; the map has both on top of the noise."""
+def test_widening_and_clocks_are_budget_lines():
+    """Systematic errors and clocks are budget lines with their variance at the task; the map adds both to the noise."""
     made = simulate(Scenario(samples=10, target="pose", robot_noise=(1e-4, 2e-4)), 2)
     calibration, fitted = calibrate(made.cell, made.recording), solve(made.cell, made.recording)
     base = fitted.problem.columns[BASE].start
@@ -75,8 +75,8 @@ def mapped():
     return made, calibration, calibration.error_map
 
 
-def test_the_box_holds_the_task_and_every_target(mapped):
-    """Its corners are the farthest of the places where the target was, and of the task."""
+def test_map_box_contains_task_and_targets(mapped):
+    """The corners of the map's box are the extremes of target places and task."""
     made, _, found = mapped
     base_from_board = made.true_base_from_flange["hand"] @ made.truth["hand_flange_from_board"]
     places = np.concatenate([(made.truth[BASE] @ base_from_board).translation, POINT[None]])
@@ -86,8 +86,8 @@ def test_the_box_holds_the_task_and_every_target(mapped):
 
 
 @pytest.mark.parametrize("number", [0, MAP_STEPS**3 // 2, MAP_STEPS**3 - 1])
-def test_errors_drawn_are_below_in_95_of_100(mapped, number):
-    """Draws of the base by its covariance and of both robots by their noise, within three sigmas of 20,000 (0.5 %)."""
+def test_map_error_is_95_percent_quantile(mapped, number):
+    """Draws of the base and of both robots' noise are below the map in 95 %, within three sigmas of 20,000 (0.5 %)."""
     _, calibration, found = mapped
     rng, base = np.random.default_rng(5), calibration[BASE]
     drawn = base.mean @ SE3.exp(rng.multivariate_normal(np.zeros(6), base.covariance, 20_000))
@@ -99,7 +99,7 @@ def test_errors_drawn_are_below_in_95_of_100(mapped, number):
     assert np.mean(np.linalg.norm(turned, axis=1) < found.angle_95_rad[number]) == pytest.approx(0.95, abs=5e-3)
 
 
-def test_errors_smooth_in_the_pose_count(mapped):
+def test_smooth_errors_widen_map(mapped):
     """A smooth error of a robot widens the map as its noise does."""
     made, calibration, found = mapped
     solution = solve(made.cell, made.recording)
@@ -111,8 +111,8 @@ def test_errors_smooth_in_the_pose_count(mapped):
     assert larger.angle_95_rad[0] > found.angle_95_rad[0]
 
 
-def test_a_flat_box_has_one_layer():
-    """A board that stays where it is, on the world: the camera's places make the box, which the task may flatten."""
+def test_flat_box_has_one_layer():
+    """A box flattened by the task has one layer. If the board is on the world, the camera's places make the box."""
     made = simulate(Scenario(samples=10, layout="eye_in_hand", robot_noise=(1e-4, 1e-4)), 1)
     calibration = calibrate(made.cell, made.recording, Settings(task_point=(0.0, 0.0, 0.3)))
     assert len(calibration.error_map.points_m) == MAP_STEPS**3
@@ -126,16 +126,19 @@ def test_a_flat_box_has_one_layer():
     )
 
 
-def test_nothing_found_has_no_map():
-    """Of what is placed in the reference's base."""
+def test_missing_transform_has_no_map():
+    """Without a transform placed in the reference's base there is no map."""
     made = simulate(Scenario(samples=6), 0)
     solution = solve(made.cell, made.recording)
     assert error_map(Calibration("refused"), ArmErrors(made.cell, solution, solution), POINT[None]) is None
 
 
 @pytest.mark.parametrize(("thick_m", "layers"), [(0.9e-3, 1), (1.1e-3, MAP_STEPS)])
-def test_points_are_spread_over_the_box(thick_m, layers):
-    """Five along each edge, from corner to corner, x first; one in the middle of an edge below a millimetre."""
+def test_map_points_are_spread_over_box(thick_m, layers):
+    """Five points are spread along each edge from corner to corner, x first.
+
+    An edge below a millimetre has one in its middle.
+    """
     places = np.array([[1.0, -2.0, 3.0], [2.0, 0.0, 3.0 + thick_m], [1.5, -1.0, 3.0]])
     found = _box(places)
     heights = np.linspace(3.0, 3.0 + thick_m, MAP_STEPS) if layers > 1 else [3.0 + thick_m / 2]
