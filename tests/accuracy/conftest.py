@@ -1,4 +1,4 @@
-"""What tests of these rooms share."""
+"""Fixtures shared by the tests of calibration accuracy."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _OF_CONVENTIONS = {
 
 @pytest.fixture(scope="module", autouse=True)
 def needed_stages(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Calibrations have the error at the task, and the search for mix-ups, where tests read of them.
+    """Skips the error at the task, and the search for mix-ups, in modules whose tests do not read them.
 
-    Each takes a quarter of a calibration. Nothing depends on the former; nothing but refusals does on the latter.
+    Each takes a quarter of a calibration. Nothing depends on the former, and only refusals depend on the latter.
     """
     place = {request.path.name, request.path.relative_to(_HERE).parts[0]}
     rooms = {find_error_at_task: _OF_TASKS, screen_conventions: _OF_CONVENTIONS}

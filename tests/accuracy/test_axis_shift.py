@@ -1,4 +1,4 @@
-"""The paper's closed form with what it does not say: covariance, neglected depth, which station."""
+"""Tests of the paper's closed form (axis shift): covariance, neglected depth, choice of station."""
 
 from __future__ import annotations
 
@@ -52,10 +52,10 @@ def codes(calibration):
     return [(f.code, f.severity) for f in calibration.findings]
 
 
-def test_covariance_is_that_of_the_pixels_noise():
-    """Over 30 draws the base scatters about their mean as its random part says: the mean of squares is 1 within 0.6.
+def test_covariance_matches_pixel_noise():
+    """Over 30 draws the scatter of the base matches its random covariance: the mean square is 1 within 0.6.
 
-    Numbers of 29 x 6 freedoms scatter by 0.11, those of one draw hang together; the random part is of first order.
+    Numbers of 29 x 6 freedoms scatter by 0.11, those of one draw are correlated; the random part is of first order.
     """
     exact = calibrated(made(pixel_px=0.0), pixel_px=1e-9)[NAME]
     found = [calibrated(made(pixel_px=0.02, seed=seed), pixel_px=0.02)[NAME] for seed in range(30)]
@@ -65,15 +65,15 @@ def test_covariance_is_that_of_the_pixels_noise():
     assert np.mean(squares) == pytest.approx(1.0, abs=0.6)
 
 
-def test_covariance_grows_with_the_stated_sigma():
-    """What pixels add grows with its square, what the neglect of depth adds does not."""
+def test_covariance_grows_with_stated_pixel_sigma():
+    """The pixels' part of the covariance grows with the squared sigma, that of neglected depth does not."""
     small, large, larger = (calibrated(made(), pixel_px=px)[NAME].covariance for px in (1e-9, 0.1, 0.2))
     np.testing.assert_allclose(larger - small, 4 * (large - small), rtol=1e-6)
     assert np.linalg.matrix_rank(small, tol=1e-9 * np.abs(small).max()) == 1
 
 
-def test_sigmas_that_nobody_states_are_assumed_and_said():
-    """0.3 px, as an info; stated, there is none."""
+def test_assumed_pixel_sigma_is_reported():
+    """Without a stated pixel sigma 0.3 px are assumed and reported as an info; with one there is none."""
     silent, stated = calibrated(made(), pixel_px=None), calibrated(made(), pixel_px=0.3)
     np.testing.assert_allclose(silent[NAME].covariance, stated[NAME].covariance)
     assert silent.noise["pixel_px"] == 0.3
@@ -82,8 +82,8 @@ def test_sigmas_that_nobody_states_are_assumed_and_said():
     assert not any("assumed" in f.message for f in stated.findings)
 
 
-def test_neglected_depth_is_a_warning_from_two_sigmas_on():
-    """At a pixels' sigma by which the largest shift is two sigmas: a tenth less warns, a tenth more does not."""
+def test_neglected_depth_warns_from_two_sigmas():
+    """Neglected depth is a warning from two sigmas on: at a pixel sigma a tenth below the limit, not a tenth above."""
     simulated = made(0.1, two_sided=False, pixel_px=0.0)
     exact, by_one_px = (calibrated(simulated, pixel_px=px)[NAME].covariance for px in (1e-9, 1.0))
     systematic, random = np.sqrt(np.diag(exact)), np.sqrt(np.diag(by_one_px - exact))
@@ -98,8 +98,8 @@ def test_neglected_depth_is_a_warning_from_two_sigmas_on():
     assert f"{np.degrees(np.linalg.norm(systematic[3:])):.2g} deg" in said
 
 
-def test_every_station_is_told():
-    """Its samples, where its light and its base are in the eye's base."""
+def test_every_station_is_reported():
+    """Each station is reported with its samples, and its LED and base in the eye's base."""
     simulated = made(stations=3)
     found = calibrated(simulated)
     of = [f for f in found.findings if f.code == "axis-shift-station"]
@@ -110,8 +110,8 @@ def test_every_station_is_told():
     assert f"base at ({', '.join(f'{1e3 * v:.1f}' for v in base.translation)}) mm" in of[1].message
 
 
-def test_without_a_task_stations_count_by_shift_over_depth():
-    """The mean of all bases, weighted by the square of how far the light moved over how far it was."""
+def test_stations_are_weighted_by_shift_over_depth():
+    """Without a task, the mean of all bases is weighted by the squared ratio of LED shift to distance."""
     simulated = made(stations=3)
     of = stations(simulated)
     weights = [(s.rms_shift_m / np.linalg.norm(s.camera_from_led().translation)) ** 2 for s in of]
@@ -120,8 +120,8 @@ def test_without_a_task_stations_count_by_shift_over_depth():
 
 
 @pytest.mark.parametrize("choice", ["nearest", "weighted"])
-def test_a_task_chooses_its_station(choice):
-    """At a station's own light its base is the answer, alone or with all the weight, and so is its covariance."""
+def test_task_chooses_its_station(choice):
+    """At a station's own LED, its base and covariance are the answer, alone or by weight."""
     simulated = made(stations=3)
     of = stations(simulated)[1]
     task = (of.base() @ of.hand_base_from_led).translation
@@ -133,8 +133,8 @@ def test_a_task_chooses_its_station(choice):
     np.testing.assert_allclose(found[NAME].covariance, calibrated(alone)[NAME].covariance, rtol=1e-3)
 
 
-def test_beside_a_light_the_nearest_station_answers_alone():
-    """By weights all of them have a part."""
+def test_nearest_station_answers_alone():
+    """Beside an LED the nearest station gives the answer alone; by weights all stations contribute."""
     simulated = made(stations=3)
     of = stations(simulated)[1]
     task = (of.base() @ of.hand_base_from_led).translation + np.array([0.01, 0.0, 0.0])
@@ -144,8 +144,8 @@ def test_beside_a_light_the_nearest_station_answers_alone():
         assert (np.abs(off).max() < 1e-9) == alone
 
 
-def test_stations_share_in_the_covariance_as_in_the_mean():
-    """For a task between them each counts by the distance to the power of minus two, its noise by the square."""
+def test_stations_are_weighted_equally_in_mean_and_covariance():
+    """For a task between stations, each counts by the distance to the power of minus two, its noise by the square."""
     simulated = made(stations=3)
     of, task = stations(simulated), np.array([0.3, -0.2, 2.0])
     settings = Settings(method="axis-shift", task_point=tuple(task), station_choice="weighted")
@@ -165,8 +165,8 @@ def test_stations_share_in_the_covariance_as_in_the_mean():
     np.testing.assert_allclose(by_pixels(simulated, settings), wanted, rtol=1e-6, atol=1e-9 * np.abs(wanted).max())
 
 
-def test_the_base_may_be_that_of_the_eye():
-    """Where the robot with the light is the reference the inverse is asked for and given, covariance and all."""
+def test_base_of_eye_is_inverse():
+    """If the robot with the LED is the reference, the inverse base and covariance are requested and given."""
     simulated = made()
     known = Unknown()
     told = calibrated(simulated, reference="hand", bases={"eye": known})
@@ -178,8 +178,8 @@ def test_the_base_may_be_that_of_the_eye():
     assert told.order == ("hand_base_from_eye_base",)
 
 
-def test_what_it_needs_is_said():
-    """A lens, and one base to find."""
+def test_missing_lens_and_several_bases_are_refused():
+    """The closed form needs a lens and one base to find; the errors state it."""
     simulated = made()
     camera = replace(simulated.cell.cameras["camera"], intrinsics=None)
     with pytest.raises(NotObservable, match="the lens of camera"):
@@ -194,7 +194,7 @@ STATIONS = 3
 
 @pytest.fixture(scope="module")
 def shifted():
-    """Shifts from three stations, without noise of robots."""
+    """Shifts from three stations, without robot noise."""
     rng = np.random.default_rng(0)
     eyes = SE3.exp(0.02 * rng.standard_normal((STATIONS, 6)))
     lights = SE3.from_rotvec([0.2, 0.1, 0.0], [0.1, 0.05, 0.4]) @ SE3.exp(0.05 * rng.standard_normal((STATIONS, 6)))
@@ -206,8 +206,8 @@ def answer(base, **settings):
     return Calibration("good", transforms={NAME: PoseEstimate(base, 1e-8 * np.eye(6))}, settings=settings)
 
 
-def test_it_is_the_closed_form_of_the_recording(shifted):
-    """Its estimate is what the method gives by itself, and its distance that from the other answer."""
+def test_comparison_equals_closed_form_of_recording(shifted):
+    """The comparison's estimate is that of the method alone, and its difference that from the other answer."""
     beside = compare_closed_form(shifted.cell, shifted.recording, answer(TRUE))
     problem, _ = build_problem(shifted.cell, shifted.recording)
     alone = calibrate_axis_shift(shifted.cell, problem, Settings(method="axis-shift"), []).transforms[NAME]
@@ -215,8 +215,8 @@ def test_it_is_the_closed_form_of_the_recording(shifted):
     assert np.allclose(beside.difference, (TRUE.inverse() @ alone.mean).log())
 
 
-def test_stations_have_their_samples_and_weights(shifted):
-    """Seven samples each, weights that add up to one, and each station's own base."""
+def test_stations_have_samples_and_weights(shifted):
+    """Each station has seven samples, a weight (sum one) and its own base."""
     stations = compare_closed_form(shifted.cell, shifted.recording, answer(TRUE)).stations
     assert [len(each.samples) for each in stations] == [7] * STATIONS
     assert sum(each.weight for each in stations) == pytest.approx(1)
@@ -224,24 +224,24 @@ def test_stations_have_their_samples_and_weights(shifted):
     assert np.allclose([each.difference for each in stations], [(TRUE.inverse() @ each.base()).log() for each in own])
 
 
-def test_with_a_task_point_one_station_is_chosen(shifted):
-    """That whose light was nearest to it."""
+def test_task_point_chooses_nearest_station(shifted):
+    """With a task point, the station whose LED is nearest has all the weight."""
     plain = compare_closed_form(shifted.cell, shifted.recording, answer(TRUE)).stations
     for place, station in enumerate(plain):
         beside = compare_closed_form(shifted.cell, shifted.recording, answer(TRUE, task_point=station.led.tolist()))
         assert [each.weight for each in beside.stations] == [float(k == place) for k in range(STATIONS)]
 
 
-def test_there_is_none_where_it_says_nothing(shifted):
-    """Of a board, of a calibration by the closed form itself, and of one that is refused."""
+def test_inapplicable_calibrations_have_no_comparison(shifted):
+    """A board, a calibration by the closed form itself, and a refused one have no comparison."""
     board = simulate(Scenario(samples=8), 1)
     assert compare_closed_form(board.cell, board.recording, answer(TRUE)) is None
     assert compare_closed_form(shifted.cell, shifted.recording, answer(TRUE, method="axis-shift")) is None
     assert compare_closed_form(shifted.cell, shifted.recording, Calibration("refused")) is None
 
 
-def test_the_page_shows_both_methods(shifted):
-    """The numbers of both, with each station, of which the one that weighs most is marked."""
+def test_report_shows_both_methods(shifted):
+    """The report shows the numbers of both methods and all stations; the one with the largest weight is marked."""
     calibration = calibrate(shifted.cell, shifted.recording)
     beside = compare_closed_form(shifted.cell, shifted.recording, calibration)
     html = page(shifted.cell, shifted.recording, calibration, FitDetails(closed_form=beside))
@@ -254,8 +254,8 @@ def test_the_page_shows_both_methods(shifted):
     assert "Two methods" not in plain
 
 
-def test_the_other_base_may_be_that_of_the_eye(shifted):
-    """Where the robot with the light is the reference the inverses are compared, and lights stay where they were."""
+def test_comparison_with_inverse_base(shifted):
+    """If the robot with the LED is the reference, inverses are compared, and LED positions are unchanged."""
     cell = replace(shifted.cell, reference="hand", bases={"eye": Unknown()})
     calibration = Calibration("good", {"hand_base_from_eye_base": PoseEstimate(TRUE.inverse(), 1e-8 * np.eye(6))})
     beside = compare_closed_form(cell, shifted.recording, calibration)

@@ -1,4 +1,4 @@
-"""Refusal: short of an answer there is a verdict and a reason, never a number."""
+"""Tests of `calibrate`: refused calibrations have a verdict and a reason, and no transform."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def codes(calibration) -> set[str]:
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_few_samples_are_refused(count):
-    """No sample or one: refused, and no transform is given."""
+    """A recording without samples, or with one, is refused and gives no transform."""
     s = simulate(Scenario(), seed=0)
     calibration = calibrate(s.cell, Recording(s.recording.samples[:count]))
     assert calibration.verdict == "refused"
@@ -37,8 +37,8 @@ def test_too_few_samples_are_refused(count):
     assert not calibration.transforms
 
 
-def test_what_is_found_is_logged(caplog):
-    """The verdict, and each finding by its weight."""
+def test_findings_are_logged(caplog):
+    """The verdict and each finding are logged, with the level of their severity."""
     s = simulate(Scenario(), seed=0)
     with caplog.at_level("INFO", logger="basecal"):
         calibrate(s.cell, Recording(()))
@@ -48,8 +48,8 @@ def test_what_is_found_is_logged(caplog):
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_two_or_three_samples_do_not_give_three_free_mounts(count):
-    """Where no view is left to check the others, nothing is given."""
+def test_two_or_three_samples_do_not_determine_free_mounts(count):
+    """Two or three samples leave no redundant view for three free mounts, so no transform is given."""
     s = simulate(Scenario(), seed=0)
     calibration = calibrate(s.cell, Recording(s.recording.samples[:count]))
     assert calibration.verdict == "refused"
@@ -58,8 +58,8 @@ def test_two_or_three_samples_do_not_give_three_free_mounts(count):
         calibration["eye_base_from_hand_base"]
 
 
-def test_samples_all_alike_are_refused():
-    """Twenty copies of one instant are one sample."""
+def test_equal_samples_are_refused():
+    """Twenty copies of one sample are one sample and are refused."""
     s = simulate(Scenario(), seed=0)
     alike = tuple(replace(s.recording.samples[0], sample=i) for i in range(20))
     calibration = calibrate(s.cell, Recording(alike))
@@ -67,8 +67,8 @@ def test_samples_all_alike_are_refused():
     assert "too-few-samples" in codes(calibration)
 
 
-def test_a_still_eye_cannot_tell_camera_mount_from_base():
-    """With the eye still and its mount free, mount and base stand for each other; the target is seen all the same."""
+def test_still_eye_leaves_mount_and_base_unobservable():
+    """With the eye at rest and its mount free, mount and base compensate each other; the target's mount is given."""
     s = simulate(Scenario(arms="eye_still"), seed=0)
     calibration = calibrate(s.cell, s.recording)
     assert calibration.verdict == "refused"
@@ -78,16 +78,16 @@ def test_a_still_eye_cannot_tell_camera_mount_from_base():
     assert list(calibration.transforms) == ["hand_flange_from_board"]
 
 
-def test_a_still_hand_leaves_both_mounts_seen_where_the_base_is_known():
-    """With the base fixed one moving arm shows both mounts; nothing shows that the hand's pose is as told."""
+def test_still_hand_with_known_base_leaves_mounts_observable():
+    """With the base fixed, one moving arm shows both mounts; the convention of the still hand's pose stays open."""
     s = simulate(Scenario(arms="hand_still", base="fixed"), seed=0)
     calibration = calibrate(s.cell, s.recording)
     assert set(calibration.transforms) == set(s.truth)
     assert codes(calibration) == {"ambiguous-convention", "noise-not-identifiable"}
 
 
-def test_clean_cell_is_good_and_its_json_facts_are_there():
-    """A well-posed cell: good, with residuals, loops and condition."""
+def test_clean_cell_is_good_with_diagnostics():
+    """A well-posed cell is good, with residuals, pose consistency errors and condition."""
     s = simulate(Scenario(), seed=0)
     calibration = calibrate(s.cell, s.recording)
     assert calibration.verdict == "good"
@@ -100,7 +100,7 @@ def test_clean_cell_is_good_and_its_json_facts_are_there():
 
 
 def test_wrong_board_size_is_named():
-    """Squares half as large as stated cannot fit moving arms: refused, and the size is named."""
+    """Squares half as large as stated do not fit moving arms: refused, and the size is named."""
     s = simulate(Scenario(), seed=0)
     board = s.cell.targets["board"]
     wrong = replace(board, target=replace(board.target, points=2 * board.target.points))
@@ -111,8 +111,8 @@ def test_wrong_board_size_is_named():
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
-def test_everything_fixed_is_good(arms):
-    """A cell that states every transform is checked as it stands: nothing to solve for is no error."""
+def test_fixed_cell_is_checked_as_stated(arms):
+    """A cell with all transforms fixed is checked without an error: there is nothing to solve for."""
     settled = {"base": "fixed", "camera_mount": "fixed", "target_mount": "fixed"}
     s = simulate(Scenario(**settled, arms=arms, robot_noise=(1e-4, 2e-4)), seed=2)
     calibration = calibrate(s.cell, s.recording)
@@ -120,8 +120,8 @@ def test_everything_fixed_is_good(arms):
     assert 0.1 < calibration.residuals.rms_px < 0.3
 
 
-def test_a_bumped_arm_is_named():
-    """One pose 20 mm and 20 mrad off among thirty with 0.1 mm of stated noise: never good, and the sample is named."""
+def test_bumped_arm_is_named():
+    """One pose of thirty 20 mm and 20 mrad off, with 0.1 mm of stated noise, is doubtful and its sample named."""
     s = simulate(Scenario(robot_noise=(1e-4, 2e-4)), seed=0)
     samples = list(s.recording.samples)
     eye = samples[12].robots["eye"].base_from_flange
@@ -133,8 +133,8 @@ def test_a_bumped_arm_is_named():
     assert "12" in finding.about
 
 
-def test_sigmas_contradicted_by_the_residuals_are_told():
-    """Pixels four times noisier than stated: a poor fit, doubtful, and sigmas as of the true noise."""
+def test_contradicted_sigmas_are_reported():
+    """Pixels four times noisier than stated are a poor fit and doubtful, with sigmas of the true noise."""
     s = simulate(Scenario(pixel_px=0.8, samples=15), seed=0)
     told = calibrate(replace(s.cell, pixel_px=0.2), s.recording)
     true = calibrate(s.cell, s.recording)
@@ -144,8 +144,8 @@ def test_sigmas_contradicted_by_the_residuals_are_told():
     assert np.all(told[name].sigma_t > 0.8 * true[name].sigma_t)
 
 
-def test_loops_are_those_of_the_recorded_poses():
-    """Robots off by 0.3 mm per axis and arm leave loops of about 0.3 sqrt(6) mm, though pixels fit by the noise."""
+def test_loop_errors_use_recorded_poses():
+    """Robots off by 0.3 mm per axis leave loop errors of about 0.3 sqrt(6) mm, though pixels fit to the noise."""
     s = simulate(Scenario(robot_noise=(3e-4, 0.0), samples=60), seed=0)
     fit = calibrate(s.cell, s.recording).residuals
     assert fit.rms_px == pytest.approx(0.2, rel=0.1)
@@ -153,8 +153,11 @@ def test_loops_are_those_of_the_recorded_poses():
 
 
 @pytest.mark.slow
-def test_noise_of_robots_that_state_none_is_in_the_answer():
-    """Robots off by 0.3 mm and 0.5 mrad, untold: good, with their sigmas; taken at their word: doubtful and scaled."""
+def test_unstated_robot_noise_is_estimated():
+    """Unstated robot noise of 0.3 mm and 0.5 mrad is estimated, and the answer good.
+
+    With robots assumed exact it is doubtful and scaled.
+    """
     s = simulate(Scenario(robot_noise=(3e-4, 5e-4), state_robot_noise=False, samples=25), seed=0)
     found = calibrate(s.cell, s.recording)
     assert found.verdict == "good"
@@ -171,16 +174,16 @@ def test_noise_of_robots_that_state_none_is_in_the_answer():
 
 
 @pytest.mark.slow
-def test_noise_that_no_arm_has_is_a_poor_fit():
-    """Arms that stop anywhere within a centimetre ask for errors of millimetres: doubtful, and not explained away."""
+def test_implausible_robot_noise_is_poor_fit():
+    """Arms that stop anywhere within a centimetre need errors of millimetres: a poor fit, not explained by noise."""
     s = simulate(Scenario(samples=20, robot_noise=(8e-3, 2e-3), state_robot_noise=False), seed=0)
     calibration = calibrate(s.cell, s.recording)
     assert calibration.verdict != "good"
     assert "poor-fit" in codes(calibration)
 
 
-def test_few_stops_hardly_tell_noise_of_robots_and_that_is_said():
-    """Eleven stops: the robots are not taken for exact, and it is said that their noise is a guess in part."""
+def test_few_stops_noise_is_partly_assumed():
+    """With eleven stops the robots are not assumed exact, and a finding reports that their noise is partly a guess."""
     s = simulate(Scenario(robot_noise=(3e-4, 5e-4), state_robot_noise=False, samples=11), seed=0)
     found = calibrate(s.cell, s.recording)
     assert set(found.noise["robots"]) == {"eye", "hand"}
@@ -189,8 +192,8 @@ def test_few_stops_hardly_tell_noise_of_robots_and_that_is_said():
     assert "11 stops of eye" in told.message
 
 
-def test_rotations_that_fit_exactly_are_good():
-    """Rotations by quarter turns, whose residuals are zero to the last bit, with translations off by a millimetre."""
+def test_exact_rotations_are_good():
+    """Rotations by quarter turns, with residuals of exactly zero, and translations off by a millimetre are good."""
     turns = [SE3.from_rpy(np.pi / 2 * np.array(n), np.zeros(3)).rotation.round() for n in product(range(4), repeat=3)]
     rng = np.random.default_rng(0)
     eye, hand = (SE3(np.array(turns)[rng.integers(64, size=80)], rng.normal(size=(80, 3))) for _ in range(2))
@@ -211,8 +214,8 @@ def test_rotations_that_fit_exactly_are_good():
     assert np.linalg.norm(error[3:]) < 1e-5
 
 
-def test_guesses_that_lead_astray_are_not_started_from():
-    """Turned by 2.5 rad they end where nothing is explained: the answer is the one without them, and says so."""
+def test_misleading_guesses_are_not_used():
+    """Guesses rotated by 2.5 rad explain nothing, so the answer is that without them, and a finding reports it."""
     made = simulate(Scenario(samples=12), 3)
     away = SE3.from_rpy((0, 0, 0), (2.5, 0.5, -1.0))
 
@@ -232,8 +235,8 @@ def test_guesses_that_lead_astray_are_not_started_from():
     assert np.linalg.norm(away_m) < 4 * found["eye_base_from_hand_base"].sigma_t.max() + 1e-4
 
 
-def test_every_stage_ends_or_hands_on():
-    """Stages run in their order up to the one that ends the case; time is counted by their names."""
+def test_stages_run_in_order_until_end():
+    """Stages run in order up to the one that ends the case; their time is counted by name."""
     made, seen = simulate(Scenario(samples=3), seed=0), []
 
     def stage(name, is_ended=False):
@@ -251,7 +254,7 @@ def test_every_stage_ends_or_hands_on():
 
 
 def test_swapped_arguments_are_refused():
-    """The error names the argument, its type and the one that was expected."""
+    """The error names the argument, its type and the expected one."""
     made = simulate(Scenario(samples=3), 0)
     with pytest.raises(InputError, match=r"^cell is of type Recording, expected Cell$"):
         calibrate(made.recording, made.cell)

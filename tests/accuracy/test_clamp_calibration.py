@@ -1,4 +1,4 @@
-"""Cells of parts that two arms hold, and of planes and edges that they touch, calibrated."""
+"""Tests of calibration with parts that two arms hold, and with planes and edges that they touch."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from basecal.geometry import SE3
 
 
 @pytest.mark.parametrize("axis", ["fixed", "free"])
-def test_a_part_in_both_grips_holds_the_base(axis):
-    """Nothing is known of the grips: good, the base within four sigmas, the noise of places and directions as it is."""
+def test_part_in_both_grips_determines_base(axis):
+    """With unknown grips the answer is good and the base within four sigmas.
+
+    The noise of places and directions is correct.
+    """
     cell = clamp_cell(axis)
     poses = held_poses(np.random.default_rng(3), 20, is_hinge=axis == "free")
     found = calibrate(cell, recorded(cell, clamp_lines(poses)))
@@ -23,7 +26,7 @@ def test_a_part_in_both_grips_holds_the_base(axis):
     assert found.noise["grip_rad"] == pytest.approx(1e-3, rel=0.5)
 
 
-def test_a_plane_and_two_marks_hold_the_base():
+def test_plane_and_two_marks_determine_base():
     """The plane fixes the rotation about the line of the marks: good, and the base within four sigmas."""
     shapes = {"floor": "plane", "mark_a": "point", "mark_b": "point"}
     cell = surface_cell(shapes)
@@ -34,8 +37,8 @@ def test_a_plane_and_two_marks_hold_the_base():
     assert found.noise["touch_m"] == pytest.approx(2e-4, rel=0.5)
 
 
-def test_a_part_that_never_rotates_is_refused():
-    """The direction that is missing is named, and the motion that fixes it."""
+def test_part_without_rotation_is_refused():
+    """A part that never rotates is refused, with the missing direction and the motion that fixes it."""
     cell, rng = clamp_cell("fixed"), np.random.default_rng(1)
     first = held_poses(rng, 1)[0]
     moves = [SE3(np.eye(3), rng.uniform(-0.2, 0.2, 3)) for _ in range(12)]

@@ -1,4 +1,4 @@
-"""Two calibrations side by side."""
+"""Tests of `compare`: two calibrations side by side."""
 
 from dataclasses import replace
 
@@ -20,7 +20,8 @@ def calibration(tangent=(0, 0, 0, 0, 0, 0), covariance=COVARIANCE, **changed) ->
     return Calibration("good", transforms={NAME: PoseEstimate(mean, covariance)}, **changed)
 
 
-def test_equal_ones_agree() -> None:
+def test_equal_calibrations_agree() -> None:
+    """Equal calibrations agree, without a shift or different inputs and settings."""
     found = compare(calibration(), calibration())
     assert found.agree is True
     assert found.transforms[NAME].shift_m == pytest.approx(0.0, abs=1e-12)
@@ -28,8 +29,8 @@ def test_equal_ones_agree() -> None:
     assert found.settings == {}
 
 
-def test_a_difference_counts_by_both_covariances() -> None:
-    """Two sigmas of the sum along one axis: the squared distance is 4 of six freedoms."""
+def test_difference_uses_both_covariances() -> None:
+    """Two sigmas of the summed covariance along one axis give a squared distance of 4 with six freedoms."""
     step = 2 * np.sqrt(2) * 1e-4
     found = compare(calibration(), calibration((step, 0, 0, 0, 0, 0))).transforms[NAME]
     assert found.shift_m == pytest.approx(step)
@@ -37,15 +38,19 @@ def test_a_difference_counts_by_both_covariances() -> None:
     assert found.chance == pytest.approx(0.6767, abs=1e-3)
 
 
-def test_far_ones_disagree() -> None:
+def test_distant_calibrations_disagree() -> None:
+    """A translation of 2 mm or a rotation of 20 mrad disagrees."""
     assert compare(calibration(), calibration((2e-3, 0, 0, 0, 0, 0))).agree is False
     assert compare(calibration(), calibration((0, 0, 0, 0, 0, 0.02))).agree is False
 
 
 @pytest.mark.parametrize("axis", [3, 4, 5])
 @pytest.mark.parametrize("of_both", [True, False])
-def test_the_rotation_of_a_point_does_not_count(axis, of_both) -> None:
-    """Where it is a point to either; of others the angle is told, about whichever axis."""
+def test_rotation_of_point_is_ignored(axis, of_both) -> None:
+    """A rotation is ignored if the transform is a point in either calibration.
+
+    Else the angle is stated, about any axis.
+    """
     tangent = 0.5 * np.eye(6)[axis]
     point = frozenset({NAME})
     turned = calibration(tangent, points=point)
@@ -59,8 +64,8 @@ def test_the_rotation_of_a_point_does_not_count(axis, of_both) -> None:
     assert whole.transforms[NAME].shift_m == pytest.approx(0.0, abs=1e-9)
 
 
-def test_what_only_one_has_differs() -> None:
-    """A file, or something asked for, that the other does not know."""
+def test_input_or_setting_of_one_side_differs() -> None:
+    """A file or setting that only one calibration has counts as different."""
     one = calibration(inputs={"cell.yaml": "a"}, settings={"start": "closed"})
     for found in (compare(one, calibration()), compare(calibration(), one)):
         assert found.inputs == ("cell.yaml",)
@@ -68,13 +73,15 @@ def test_what_only_one_has_differs() -> None:
     assert compare(one, calibration()).settings == {"start": ("closed", None)}
 
 
-def test_fixed_ones_have_to_be_equal() -> None:
+def test_exact_transforms_must_be_equal() -> None:
+    """Transforms without uncertainty agree only if they are equal."""
     exact = np.zeros((6, 6))
     assert compare(calibration(covariance=exact), calibration(covariance=exact)).agree is True
     assert compare(calibration(covariance=exact), calibration((1e-3, 0, 0, 0, 0, 0), exact)).agree is False
 
 
-def test_other_inputs_settings_and_transforms_are_told() -> None:
+def test_different_inputs_settings_and_transforms_are_listed() -> None:
+    """Different inputs and settings, and transforms that only one calibration has, are listed."""
     first = calibration(inputs={"cell.yaml": "a", "recording/samples.jsonl": "b"}, settings={"start": "closed"})
     other = replace(first, inputs={"cell.yaml": "a", "recording/samples.jsonl": "c"}, settings={"start": "thorough"})
     other = replace(other, transforms={**other.transforms, "eye_flange_from_wrist": other[NAME]})
@@ -85,12 +92,13 @@ def test_other_inputs_settings_and_transforms_are_told() -> None:
     assert compare(other, first).only == {"eye_flange_from_wrist": 0}
 
 
-def test_nothing_in_common_cannot_be_told() -> None:
+def test_calibrations_without_shared_transforms_are_undecided() -> None:
+    """Without shared transforms the agreement is None."""
     assert compare(Calibration("refused"), calibration()).agree is None
 
 
 def _apart(tangent, names=(NAME,), other=()):
-    """Two calibrations of some transforms, those of one of them off by a tangent."""
+    """Two calibrations of some transforms, of which the named ones are off by a tangent."""
     one = calibration().transforms[NAME]
     off = calibration(tangent).transforms[NAME]
     first = Calibration("good", transforms=dict.fromkeys((*names, *other), one))
@@ -98,16 +106,16 @@ def _apart(tangent, names=(NAME,), other=()):
 
 
 @pytest.mark.parametrize(("level", "agree"), [(0.006, True), (0.004, False)])
-def test_they_agree_up_to_a_chance_of_one_in_two_hundred(level, agree):
-    """Of one transform; of three, one of which is off, up to a third of that."""
+def test_agreement_level_is_one_in_two_hundred(level, agree):
+    """Calibrations agree up to a chance of one in two hundred for one transform, of three up to a third of it."""
     sigma = np.sqrt(2) * 1e-4
     assert _apart((sigma * np.sqrt(chi2.isf(level, 6)), 0, 0, 0, 0, 0)).agree == agree
     off = (sigma * np.sqrt(chi2.isf(level / 3, 6)), 0, 0, 0, 0, 0)
     assert _apart(off, other=("a_from_b", "c_from_d")).agree == agree
 
 
-def test_what_has_no_finite_covariance_is_compared_to_rounding():
-    """Neither sigmas nor a chance are told; what is as far apart as numbers are written agrees."""
+def test_infinite_covariance_is_compared_to_rounding():
+    """Without a finite covariance no sigmas or chance are given, and equality to rounding agrees."""
     vague = (HeldGauge("eye", ("joint_offsets",), np.full((6, 6), np.nan)),)
     for held in ({}, {"gauges": vague, "order": (NAME,)}):
         for off, agree in ((0.9e-12, True), (3e-12, False)):
@@ -121,14 +129,18 @@ def test_what_has_no_finite_covariance_is_compared_to_rounding():
                 assert (found.transforms[NAME].sigmas, found.transforms[NAME].chance) == (None, None)
 
 
-def test_a_covariance_of_gauges_alone_is_compared_to_rounding():
-    """The difference of the transform's covariance and that of its gauges may be negative by rounding."""
+def test_gauge_covariance_is_compared_to_rounding():
+    """If the covariance is that of gauges alone, the transforms are compared to rounding.
+
+    The difference of both covariances may be negative by rounding.
+    """
     gauges = (HeldGauge("eye", ("joint_offsets",), 1e-6 * np.eye(6)),)
     estimate = PoseEstimate(SE3.identity(), (1e-6 - 1e-21) * np.eye(6))
     found = compare(*[Calibration("good", {NAME: estimate}, gauges=gauges, order=(NAME,))] * 2)
     assert (found.transforms[NAME].sigmas, found.transforms[NAME].chance, found.agree) == (None, None, True)
 
 
-def test_what_is_no_calibration_is_refused() -> None:
+def test_other_types_are_refused() -> None:
+    """An argument that is no Calibration raises an InputError."""
     with pytest.raises(InputError, match=r"^second is of type NoneType, expected Calibration$"):
         compare(calibration(), None)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Details of a fit belong together."""
+"""Tests of `fit_details`."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from basecal.accuracy.residuals.evaluation import evaluate_recording
 from basecal.simulation import Scenario, simulate
 
 
-def test_details_are_of_the_same_views():
-    """Points, poses and errors of two targets in a row are of the samples that were recorded."""
+def test_details_have_same_samples():
+    """Points, poses and errors of a fit cover exactly the recorded samples."""
     made = simulate(Scenario(samples=10), 1)
     details = fit_details(made.cell, made.recording, calibrate(made.cell, made.recording))
     (points,), (views,) = details.points, details.views
@@ -20,8 +20,8 @@ def test_details_are_of_the_same_views():
     assert np.all(points.used)
 
 
-def test_poses_are_those_that_views_show():
-    """Of a cell seen as exact poses, they are what was recorded."""
+def test_view_poses_equal_recorded_poses():
+    """View poses of a cell with exact observed poses equal the recorded ones."""
     made = simulate(Scenario(samples=10, target="pose", pose_noise=(0.0, 0.0)), 1)
     calibration = calibrate(made.cell, made.recording)
     (views,) = view_poses(evaluate_recording(made.cell, made.recording, calibration))

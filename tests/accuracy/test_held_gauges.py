@@ -1,4 +1,4 @@
-"""What held parameters leave uncertain: the base of the drawing is within its sigma, and what meets is not wider."""
+"""Tests of held gauges: the true base is within its sigma, and the meeting error is not widened."""
 
 from __future__ import annotations
 
@@ -31,8 +31,11 @@ def squared_distance(made, covariance):
 
 
 @pytest.mark.parametrize("scenario", [OFFSETS, LINKS])
-def test_the_base_of_the_drawing_is_within_its_sigma(scenario):
-    """A gauge at zero is as far off as the parameters that it holds: each arm's first joint, or links."""
+def test_base_is_within_sigma_of_gauges(scenario):
+    """With the gauges' covariance the base is within its sigma.
+
+    A gauge at zero is off by each arm's held joints or links.
+    """
     made = simulate(scenario, 0)
     gauges = held_gauges(solve(made.cell, made.recording), [BASE])
     assert [gauge.robot for gauge in gauges] == ["eye", "hand"]
@@ -40,8 +43,8 @@ def test_the_base_of_the_drawing_is_within_its_sigma(scenario):
     assert squared_distance(made, sum(gauge.covariance for gauge in gauges)) < 17  # 99 % of six freedoms
 
 
-def test_held_offsets_are_of_the_size_of_those_found():
-    """Both first joints turn the base about their axes."""
+def test_held_offsets_have_size_of_found_ones():
+    """Held offsets have the size of those found; both first joints rotate the base about their axes."""
     made = simulate(OFFSETS, 1)
     gauges = held_gauges(solve(made.cell, made.recording), [BASE])
     for gauge in gauges:
@@ -51,14 +54,14 @@ def test_held_offsets_are_of_the_size_of_those_found():
 
 
 @pytest.mark.parametrize("scenario", [ARMS, replace(OFFSETS, joint_offsets="prior")])
-def test_nothing_is_held_without_a_free_gauge(scenario):
-    """A prior's covariance contains it."""
+def test_cells_without_free_gauge_hold_none(scenario):
+    """Without free parameters no gauge is held; the covariance of a prior already contains it."""
     made = simulate(replace(scenario, samples=6), 0)
     assert held_gauges(solve(made.cell, made.recording), [BASE]) == ()
 
 
-def test_a_calibration_holds_gauges_apart():
-    """They are part of its covariance, and neither of what meets nor of what differs between two runs."""
+def test_calibration_separates_gauges():
+    """Gauges are part of the covariance, but not of the meeting error or the difference of two runs."""
     made = simulate(OFFSETS, 2)
     found = calibrate(made.cell, made.recording, Settings(robot_noise="stated"))
     at = slice(6 * found.order.index(BASE), 6 * found.order.index(BASE) + 6)
@@ -72,8 +75,8 @@ def test_a_calibration_holds_gauges_apart():
 @pytest.mark.parametrize(
     ("kind", "rotations"), [("joint_offsets", [True] * 6), ("link_parameters", [False] * 3 + [True] * 3)]
 )
-def test_free_parameters_are_found_or_held(kind, rotations):
-    """In their own units: what the data determine and what a gauge holds are all directions together.
+def test_free_parameters_are_determined_or_held(kind, rotations):
+    """The directions that data determine and that a gauge holds are complete, in the parameters' units.
 
     A translation of a link is as large as its rotation at a lever of 0.2 m; kinds with a prior are not held.
     """
@@ -95,16 +98,19 @@ def test_free_parameters_are_found_or_held(kind, rotations):
     assert list(_free_kinds(prior)) == []
 
 
-def test_second_moments_are_along_directions():
-    """Of independent numbers."""
+def test_second_moments_follow_directions():
+    """Second moments of independent parameters are transformed to the given directions."""
     sigmas, directions = np.array([1.0, 2.0, 3.0]), np.array([[1.0, 1.0], [0.0, 1.0], [2.0, 0.0]])
     np.testing.assert_allclose(_squares(sigmas, directions), directions.T @ np.diag(sigmas**2) @ directions)
 
 
 @pytest.mark.parametrize("found", [None, 0.0, 3e-3, 0.05])
 @pytest.mark.parametrize("sigma", [0.0, 5e-3])
-def test_the_expected_size_is_the_mean_over_what_is_likely(found, sigma):
-    """By the prior alone without an estimate; by its evidence with one, in units of a parameter ten times as large."""
+def test_expected_size_is_posterior_mean(found, sigma):
+    """The expected size is the mean by the prior alone, or by its evidence with an estimate.
+
+    The parameter's unit is ten times as large.
+    """
     middle, factor = KINEMATICS.turn
     at = np.linspace(-3.25, 3.25, 4001)
     squares, weight = (middle * factor**at) ** 2, np.exp(-0.5 * at**2)

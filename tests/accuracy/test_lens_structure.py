@@ -1,4 +1,4 @@
-"""What a lens model cannot have is found by its place in the image, and nothing where the model is right."""
+"""Tests of `lens_structures`: residuals that depend on the image position and do not fit the lens model."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def made(seed, samples=30, **changed):
 
 
 def bent(cell, size=BEND):
-    """The recording of a simulated cell as a lens bends it that is no model here."""
+    """The recording of a simulated cell with a distortion that the lens model cannot have."""
     problem, _ = build_problem(cell.cell, cell.recording)
     (group,) = problem.groups
     state = State(cell.truth, cell.cameras, np.zeros((len(problem.stops), 6)))
@@ -62,14 +62,17 @@ def bent(cell, size=BEND):
     return replace(cell.recording, samples=tuple(samples))
 
 
-def test_a_right_model_is_left_alone():
-    """Five recordings of the model's own lens: none is found, by a test of one in 10,000."""
+def test_correct_lens_model_has_no_structure():
+    """Five recordings with the model's own lens show no structure, at a level of one in 10,000."""
     cells = (made(seed, samples=20) for seed in range(5))
     assert all(lens_structures(solve(c.cell, c.recording), SETTINGS) == [] for c in cells)
 
 
-def test_a_bend_is_found_with_its_size_and_what_it_does():
-    """A term of 0.1 bends by 2.5 px rms where points are, most of which centre, tilt and mount take up together."""
+def test_distortion_is_found_with_size_and_effect():
+    """A term of 0.1 distorts by 2.5 px rms at the points, and the widened covariance covers its effect.
+
+    Centre, tilt and mount together absorb most of it.
+    """
     cell = made(2)
     solution = solve(cell.cell, bent(cell))
     (found,) = lens_structures(solution, SETTINGS)
@@ -82,8 +85,11 @@ def test_a_bend_is_found_with_its_size_and_what_it_does():
 
 
 @pytest.mark.slow
-def test_calibrate_names_it():
-    """An info, since the answer moves by less than its sigmas; a clean recording has none."""
+def test_calibrate_names_lens_structure():
+    """`calibrate` reports the structure as an info, since the answer moves by less than its sigmas.
+
+    A clean recording has none.
+    """
     cell = made(1)
     found = calibrate(cell.cell, bent(cell))
     (told,) = (f for f in found.findings if f.code == "lens-model")
@@ -92,8 +98,8 @@ def test_calibrate_names_it():
     assert not [f for f in calibrate(cell.cell, cell.recording).findings if f.code == "lens-model"]
 
 
-def test_what_views_have_in_common_is_held_against_how_far_they_differ():
-    """One term, forty views of unit information: Student's t squared; larger errors of all views change nothing."""
+def test_shared_score_is_compared_with_scatter_of_views():
+    """For one term and forty views of unit information, the chance equals Student's t test, whatever the scale."""
     values = np.random.default_rng(0).standard_normal((40, 1))
     information = np.ones((40, 1, 1))
     for shift in (0.0, 0.5):
@@ -103,8 +109,8 @@ def test_what_views_have_in_common_is_held_against_how_far_they_differ():
         assert _chance(7 * scores, information, 7 * scores.mean(0)) == pytest.approx(expected, abs=1e-12)
 
 
-def test_what_a_view_does_not_see_has_no_freedom():
-    """Of two terms each view sees one: as many freedoms as views, less two."""
+def test_unseen_terms_have_no_freedom():
+    """If each view sees one of two terms, there are as many freedoms as views, less two."""
     rng = np.random.default_rng(1)
     information = np.zeros((40, 2, 2))
     information[np.arange(40), np.arange(40) % 2, np.arange(40) % 2] = 1.0
@@ -115,8 +121,8 @@ def test_what_a_view_does_not_see_has_no_freedom():
     assert _chance(scores, information, size) == pytest.approx(expected)
 
 
-def test_what_known_columns_explain_is_none_of_the_others():
-    """Sizes of the others, and the chance of what they explain, are the same whatever the known ones' share."""
+def test_known_columns_do_not_affect_other_sizes():
+    """Sizes of the other columns, and their chance, are independent of the known columns' share."""
     rng = np.random.default_rng(0)
     known, columns, sizes = rng.normal(size=(8, 6, 2)), rng.normal(size=(8, 6, 3)), np.array([0.5, -1.0, 2.0])
     residual = columns @ sizes + rng.normal(size=(8, 6))
@@ -130,8 +136,11 @@ def test_what_known_columns_explain_is_none_of_the_others():
 CAMERA = Camera("pinhole", np.array([600.0, 500.0, 320.0, 240.0, 0.1, -0.05, 1e-3, -2e-3, 0.02]))
 
 
-def test_bending_by_the_squared_radius():
-    """The fourth power of it along the ray, the first and second along either side of the image, times the focal."""
+def test_term_derivatives_use_squared_radius():
+    """Term derivatives are powers of the squared radius: the fourth along the ray, first and second along the sides.
+
+    Each is multiplied by the focal lengths.
+    """
     points = np.array([[[0.2, -0.4, 2.0], [0.9, 0.3, 0.5]]])
     for p, found in zip(points[0], _term_derivatives(CAMERA, points)[0], strict=True):
         x, y = p[0] / p[2], p[1] / p[2]
@@ -149,8 +158,8 @@ def drawn_views(views=40, rows=12):
 @pytest.mark.parametrize(
     "size", [[0.0, 0, 0, 0, 0], [0.3, 0, 0, 0, 0], [0, 0.2, -0.3, 0.4, 0.25], [0.5, 0.2, -0.3, 0.4, 0.25]]
 )
-def test_terms_are_taken_in_by_families(size):
-    """What was put in comes out, the terms along the sides together; families that have no part stay at zero."""
+def test_terms_are_chosen_by_families(size):
+    """Terms are chosen by families, those along the image sides together; families without a part stay zero."""
     own, other, noise = drawn_views()
     size = np.array(size)
     residual = own @ np.array([5.0, -7.0]) + other @ size + 0.02 * noise[..., 0]
@@ -160,8 +169,8 @@ def test_terms_are_taken_in_by_families(size):
     assert chance == 1.0 if not size.any() else chance < 1e-20
 
 
-def test_two_families_share_the_chance_of_an_alarm():
-    """Each counts by half of the significance of a finding: at a fifth less it is told, at a fifth more not."""
+def test_families_share_alarm_level():
+    """Each of two families has half of the significance level: a fifth below it is reported, a fifth above not."""
     own, other, noise = drawn_views()
 
     def chance_of(size):
@@ -174,8 +183,8 @@ def test_two_families_share_the_chance_of_an_alarm():
         assert chance == pytest.approx(share * SINGLE_LEVEL / 2 if share < 1 else 1.0, rel=1e-6)
 
 
-def test_the_chance_told_is_the_least_of_those_of_the_families():
-    """A second family that chance makes more easily takes nothing from the first."""
+def test_chance_is_smallest_of_families():
+    """The stated chance is the smallest of the families; a second family does not increase it."""
     own, other, noise = drawn_views()
     residual = 1.0 * other[..., 0] + 0.1 * other[..., 2] + 0.3 * noise[..., 0]
     found, chance = _choose_terms(residual, own, other)
@@ -183,8 +192,8 @@ def test_the_chance_told_is_the_least_of_those_of_the_families():
     assert chance == _estimate_sizes(residual, own, other[..., [0]])[1]
 
 
-def test_columns_are_judged_by_what_known_ones_leave_of_them():
-    """Any of the known columns added to the others changes neither sizes nor chance."""
+def test_columns_are_orthogonal_to_known_ones():
+    """Known columns added to the others change neither sizes nor chance."""
     rng = np.random.default_rng(0)
     known, columns = rng.normal(size=(8, 6, 2)), rng.normal(size=(8, 6, 3))
     residual = columns @ np.array([0.5, -1.0, 2.0]) + rng.normal(size=(8, 6))
@@ -194,8 +203,8 @@ def test_columns_are_judged_by_what_known_ones_leave_of_them():
     assert mixed[1] == pytest.approx(chance, rel=1e-6)
 
 
-def test_chance_of_the_fewest_views():
-    """Two views have one freedom, one view none; views that are all alike leave nothing to differ by."""
+def test_chance_of_fewest_views():
+    """Two views have one freedom, one view none; equal views leave no scatter."""
     scores = np.array([[0.3], [1.1]])
     information = np.ones((2, 1, 1))
     expected = ttest_1samp(scores[:, 0], 0.0).pvalue
@@ -206,8 +215,8 @@ def test_chance_of_the_fewest_views():
         assert _chance(of @ np.diag([2.0, 3.0, 7.0]), np.diag([2.0, 3.0, 7.0])[None], of[0]) == 1.0
 
 
-def test_views_of_fewer_points_are_filled_up():
-    """With rows of zeros after their own, in the order of the targets."""
+def test_views_with_fewer_points_are_padded():
+    """Views with fewer points are padded with zero rows, in the order of the targets."""
     few, many = np.arange(1.0, 13.0).reshape(2, 2, 3), np.arange(1.0, 13.0).reshape(1, 4, 3)
     found = _stack_views((few, many))
     assert found.shape == (3, 4, 3)
@@ -226,8 +235,8 @@ def solved():
 
 
 @pytest.mark.parametrize("at_a_time", [2, 5, 400])
-def test_views_alone_are_all_that_give_a_pose(solved, monkeypatch, at_a_time):
-    """In their order, however many are held at once; a view of three points gives none."""
+def test_single_view_poses_cover_solvable_views(solved, monkeypatch, at_a_time):
+    """All views that give a pose are included in order, in chunks of any size; a view of three points gives none."""
     monkeypatch.setattr(lens_structure, "_CHUNK_VIEWS", at_a_time)
     (group,) = solved.problem.groups
     seen, weight = group.measurement.seen.copy(), group.measurement.weight.copy()
@@ -242,15 +251,15 @@ def test_views_alone_are_all_that_give_a_pose(solved, monkeypatch, at_a_time):
     np.testing.assert_array_equal(np.concatenate([alone.translation for _, alone in found]), expected.translation)
 
 
-def test_poses_have_no_place_in_an_image():
-    """A target that is seen as poses says nothing of a lens."""
+def test_pose_observations_have_no_lens_structure():
+    """A target observed as poses has no lens structure."""
     problem = simulated_problem(Scenario(samples=3, target="pose"))
     state = SimpleNamespace(camera_from_target=lambda group, stops: group.measurement.measured_camera_from_target)
     assert _single_view_poses(SimpleNamespace(problem=problem, state=state), problem.groups[0]) == []
 
 
-def test_what_is_projected_is_what_a_pose_cannot_take_up(solved):
-    """Weighted residuals and columns less their part along what the pose moves, by differences, view by view."""
+def test_projection_removes_pose_columns(solved):
+    """Weighted residuals and columns lose their part along the pose columns, by differences, view by view."""
     ((few, alone),) = _single_view_poses(solved, solved.problem.groups[0])
     few, alone = few.take(np.arange(2)), alone[np.arange(2)]
     weight = few.weight * np.random.default_rng(0).uniform(0.1, 2.0, few.weight.shape)
@@ -284,8 +293,8 @@ def test_what_is_projected_is_what_a_pose_cannot_take_up(solved):
         np.testing.assert_array_equal(found.in_pixels[k], bend[k].reshape(-1, 5))
 
 
-def test_a_point_without_a_pixel_has_no_part(solved):
-    """Behind the camera: neither residual nor columns, whatever its weight."""
+def test_point_behind_camera_is_omitted(solved):
+    """A point behind the camera has zero residual and columns, whatever its weight."""
     ((few, alone),) = _single_view_poses(solved, solved.problem.groups[0])
     few, alone = few.take(np.arange(1)), alone[np.arange(1)]
     behind = few.points_in_target.copy()
@@ -298,15 +307,15 @@ def test_a_point_without_a_pixel_has_no_part(solved):
 
 
 def seen_twice(solution):
-    """The views besides as those of another camera, whose lens is another."""
+    """The views again as those of another camera with another lens."""
     (group,) = solution.problem.groups
     cameras = {**solution.state.cameras, "other": CAMERA}
     problem = solution.problem.with_groups([group, replace(group, camera="other").take(np.arange(4))])
     return replace(solution, problem=problem, state=replace(solution.state, cameras=cameras))
 
 
-def test_each_camera_is_judged_by_its_own_views(solved, monkeypatch):
-    """Those with pixels, by name; a camera whose residuals show nothing is not told of."""
+def test_each_camera_uses_own_views(solved, monkeypatch):
+    """Each camera with pixels is judged by its own views; one without structure is not reported."""
     told = LensStructure("wrist", 1.0, 0.0, np.zeros(1))
     monkeypatch.setattr(
         lens_structure, "_camera_structure", lambda solution, name, settings: told if name == "wrist" else None
@@ -315,8 +324,11 @@ def test_each_camera_is_judged_by_its_own_views(solved, monkeypatch):
     assert lens_structures(replace(solved, converged=False), SETTINGS) == []
 
 
-def test_size_in_pixels_is_over_the_points_that_were_seen(solved, monkeypatch):
-    """Root of the mean square over both coordinates; nothing is told where no size stands out, nor of four views."""
+def test_rms_covers_seen_points(solved, monkeypatch):
+    """The size is the rms over both coordinates of seen points.
+
+    It is omitted if no term is significant, or with four views.
+    """
     two, size = seen_twice(solved), np.array([0.0, 2.0, -1.0, 0.5, 0.25])
     monkeypatch.setattr(lens_structure, "_choose_terms", lambda residual, own, other: (size, 1e-9))
     monkeypatch.setattr(lens_structure, "_answer_step", lambda solution, name, size, settings: 2 * size)
@@ -332,8 +344,8 @@ def test_size_in_pixels_is_over_the_points_that_were_seen(solved, monkeypatch):
 
 
 @pytest.mark.parametrize("count", [9, 10])
-def test_ten_views_tell_how_far_they_differ(solved, monkeypatch, count):
-    """And nine do not."""
+def test_lens_structure_needs_ten_views(solved, monkeypatch, count):
+    """Ten views are enough to compare with their scatter, nine are not."""
     monkeypatch.setattr(lens_structure, "_choose_terms", lambda residual, own, other: (np.ones(5), 0.0))
     monkeypatch.setattr(lens_structure, "_answer_step", lambda *_: np.zeros(1))
     (group,) = solved.problem.groups
@@ -341,8 +353,8 @@ def test_ten_views_tell_how_far_they_differ(solved, monkeypatch, count):
     assert (_camera_structure(few, "wrist", SETTINGS) is None) == (count < 10)
 
 
-def test_the_answer_moves_as_that_of_pixels_without_the_bend(solved):
-    """Pixels with a bend added: taking the same bend out again leads back to the answer before."""
+def test_answer_step_equals_that_of_undistorted_pixels(solved):
+    """Removing the distortion that was added to the pixels leads back to the previous answer."""
     size = np.array([0.0, 0.5, 0.0, -0.5, 0.0])
     (group,) = solved.problem.groups
     points = group.measurement.camera_points(solved.state.camera_from_target(group, solved.problem.stops))

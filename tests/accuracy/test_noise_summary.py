@@ -1,4 +1,4 @@
-"""What a calibration says of its noise: what was stated, and what was estimated of whom."""
+"""Tests of `noise_summary`: stated and estimated noise of each device."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BARE = simulate(Scenario(samples=14, robot_noise=(2e-4, 4e-4), state_robot_noise
 
 
 def detected(recording, sigma_px):
-    """As if a detector had claimed a sigma of all corners."""
+    """The recording as if a detector had stated a sigma of all corners."""
 
     def of(seen):
         return replace(seen, sigma_px=np.full(len(seen.ids), sigma_px), detected=True)
@@ -32,16 +32,16 @@ def detected(recording, sigma_px):
     return Recording(tuple(samples))
 
 
-def test_what_is_stated_is_said_and_nothing_is_estimated():
-    """The cell's pixel sigma and the robots'; no camera's own."""
+def test_stated_noise_is_listed():
+    """With stated noise the pixel sigma of the cell and the sigmas of robots are listed, none as a camera's own."""
     found = noise_summary(STATED.cell, STATED.recording, solve(STATED.cell, STATED.recording))
     assert found["pixel_px"] == STATED.cell.pixel_px
     assert "cameras" not in found
     assert found["robots"]["hand"] == {"sigma_t_m": [2e-4] * 3, "sigma_r_rad": [4e-4] * 3}
 
 
-def test_an_estimated_sigma_is_compared_with_what_the_detector_claims():
-    """0.2 px of noise, of which the detector claims 0.05: four times that, within the error of 300 corners."""
+def test_estimated_sigma_is_compared_with_detector():
+    """Noise of 0.2 px is four times the 0.05 px that the detector states, within the error of 300 corners."""
     recording = detected(BARE.recording, 0.05)
     solution = solve(BARE.cell, recording, Settings(robot_noise="estimated"))
     of = noise_summary(BARE.cell, recording, solution)["cameras"]["wrist"]
@@ -52,8 +52,8 @@ def test_an_estimated_sigma_is_compared_with_what_the_detector_claims():
 
 
 @pytest.mark.parametrize("by_poses", ["left_camera", "right_camera"])
-def test_a_sigma_of_views_is_that_of_the_cameras_that_have_it(by_poses):
-    """Of a camera with poses and one with pixels, in either order; and the root mean square of two with pixels."""
+def test_view_sigma_uses_cameras_that_have_it(by_poses):
+    """A view sigma is that of the cameras that have it, pixels or poses in either order; of two, the rms."""
     bare = Scenario(samples=12, layout="two_cameras", state_pixel_noise=False, state_observation_noise=False)
     pixels, poses = (simulate(replace(bare, target=target), 1) for target in ("charuco", "pose"))
     samples = (
@@ -70,8 +70,8 @@ def test_a_sigma_of_views_is_that_of_the_cameras_that_have_it(by_poses):
     assert _rms_of_cameras(of_two, "pixel_px", 1.0) == pytest.approx(0.125**0.5)
 
 
-def test_smooth_errors_have_their_length():
-    """Where they were found they stand beside the stops' own sigmas."""
+def test_smooth_errors_have_length():
+    """Smooth errors are listed with their length beside the stops' own sigmas."""
     solution = solve(BARE.cell, BARE.recording, Settings(robot_noise="estimated"))
     common = {"smooth": {"eye": np.array([1e-4, 2e-4])}}
     alike = replace(solution, noise=replace(solution.noise, common=common))
@@ -82,8 +82,11 @@ def test_smooth_errors_have_their_length():
     assert "smooth" not in of["hand"]
 
 
-def test_of_joints_it_is_told_what_base_and_mount_leave():
-    """Zeros that are off by a milliradian each turn a flange by more, most of which its base and mount take up."""
+def test_joint_errors_state_effect_after_base_and_mount():
+    """Joint offsets of a milliradian are listed with their effect after base and mount absorb most of it.
+
+    Each rotates a flange by more.
+    """
     arms = simulate(Scenario(samples=14, joints=True, state_robot_noise=False, state_pixel_noise=False), 1)
     solution = solve(arms.cell, arms.recording, Settings(robot_noise="estimated"))
     zeros = {"joint_offsets": {"eye": np.array([5e-4, 1e-3])}}
@@ -94,8 +97,8 @@ def test_of_joints_it_is_told_what_base_and_mount_leave():
     assert (found["shift_m"], found["turn_rad"]) == (5e-4, 1e-3)
 
 
-def test_it_is_written_read_and_said():
-    """By `calibrate`, in `calibration.json`, and in the report's sentences."""
+def test_noise_survives_file_and_report():
+    """Noise is in `calibrate`, in `calibration.json` and in the report's sentences."""
     found = calibrate(BARE.cell, detected(BARE.recording, 0.05))
     smooth = {"sigma": [1e-4] * 3 + [2e-4] * 3, "length_m": 0.7}
     robots = {**found.noise["robots"], "eye": {**found.noise["robots"]["eye"], "smooth": smooth}}
@@ -107,8 +110,8 @@ def test_it_is_written_read_and_said():
     assert "error of robot eye that is smooth over 0.7 m: 0.10 mm, 0.20 mrad" in said
 
 
-def test_few_samples_leave_sigmas_open():
-    """Root of the mean square over the likeliest: little over 1 of 30 samples, more of four."""
+def test_few_samples_leave_sigmas_uncertain():
+    """The rms factor over likely sigmas is little above 1 for 30 samples, and larger for four."""
     factors = []
     for count in (30, 4):
         made = simulate(Scenario(samples=count, robot_noise=(1e-4, 2e-4), state_robot_noise=False), 2)
@@ -118,8 +121,8 @@ def test_few_samples_leave_sigmas_open():
     assert factors[1] > 1.5
 
 
-def test_all_that_was_estimated_stands_by_its_name():
-    """Of robots the freedoms, equations less unknowns, and the root of the mean square; clocks, shapes, and images."""
+def test_all_estimated_noise_is_listed():
+    """Robots are listed with freedoms (equations less unknowns) and rms factor, also clocks, shapes and images."""
     solution = solve(STATED.cell, STATED.recording)
     sigma = np.array([1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3])
     noise = replace(
@@ -151,7 +154,7 @@ def test_all_that_was_estimated_stands_by_its_name():
 
 
 def seen_by(camera, sigmas, is_detected=True):
-    """Pixels of a camera whose detector claims these sigmas."""
+    """Pixels of a camera whose detector states these sigmas."""
     (sample,) = simulate(Scenario(samples=1), 0).recording.samples
     (seen,) = sample.observations
     claimed = None if sigmas is None else np.resize(np.array(sigmas), len(seen.ids))
@@ -166,8 +169,8 @@ class Views(SimpleNamespace):
         return self.count
 
 
-def test_each_camera_has_the_noise_of_what_it_saw():
-    """Views of all its targets count; of sigmas those that were estimated, and are of what it measures."""
+def test_camera_noise_covers_its_measurements():
+    """The noise of a camera covers views of all its targets, and lists estimated sigmas of its own measurements."""
     counts = {"a": {"pixel_px": 4, "stated": 0}, "b": {"pixel_px": 2}, "c": {"pose_m": 6, "pose_rad": 6}, "d": {}}
     groups = [
         Views(camera=name, count=count, measurement=SimpleNamespace(counts=lambda name=name: counts[name]))
@@ -186,8 +189,8 @@ def test_each_camera_has_the_noise_of_what_it_saw():
     }
 
 
-def test_an_estimated_pixel_sigma_stands_before_a_stated_one():
-    """The cell's own is told where none was estimated."""
+def test_estimated_pixel_sigma_replaces_stated_one():
+    """The estimated pixel sigma replaces that of the cell."""
     solution = solve(STATED.cell, STATED.recording)
     noise = replace(solution.noise, estimated=("pixel_px",), noise=solution.noise.noise._replace(pixel_px=0.77))
     found = noise_summary(STATED.cell, STATED.recording, replace(solution, noise=noise))

@@ -1,4 +1,4 @@
-"""What the data say of robots' own kinematics: gauges are never called estimated."""
+"""Tests of `robot_parameters`: estimated kinematics, and gauges that are not estimates."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def joint_offsets(solution):
     return robot_parameters(solution)["joint_offsets"]
 
 
-def test_first_and_last_joint_are_known_by_their_prior_alone():
-    """Their sigma is the prior's, they are not seen; the base's sigma holds the first's."""
+def test_first_and_last_joint_rest_on_prior():
+    """First and last joints have the prior's sigma and are not seen; the base's sigma contains the first's."""
     made = simulate(replace(ARMS, joint_offset_rad=0.2 * DEGREE, joint_offsets="prior"), 0)
     solution = solve(made.cell, made.recording)
     for offsets in joint_offsets(solution).values():
@@ -41,8 +41,8 @@ def test_first_and_last_joint_are_known_by_their_prior_alone():
     assert turn > np.sqrt(2) * 0.19 * DEGREE > 3 * alone
 
 
-def test_a_known_mount_shows_the_last_joint():
-    """With the camera's mount fixed the eye's last offset is seen; with the base fixed too, its first."""
+def test_known_mount_shows_last_joint():
+    """With the camera mount fixed the eye's last offset is seen; with base and target mount fixed also its first."""
     fixed = replace(ARMS, joint_offset_rad=0.2 * DEGREE, joint_offsets="prior", camera_mount="fixed")
     made = simulate(fixed, 0)
     assert joint_offsets(solve(made.cell, made.recording))["eye"].seen.tolist() == [False, True, True, True, True, True]
@@ -50,8 +50,8 @@ def test_a_known_mount_shows_the_last_joint():
     assert all(of.seen.all() for of in joint_offsets(solve(made.cell, made.recording)).values())
 
 
-def test_free_offsets_that_nothing_shows_have_no_number():
-    """First and last are NaN with free ends, and a still arm's are all."""
+def test_unobservable_free_offsets_are_nan():
+    """Free first and last offsets are NaN with free ends; all offsets of a still arm are."""
     free = replace(ARMS, joint_offset_rad=0.2 * DEGREE, joint_offsets="free")
     made = simulate(free, 0)
     found = joint_offsets(solve(made.cell, made.recording))
@@ -63,8 +63,8 @@ def test_free_offsets_that_nothing_shows_have_no_number():
     assert np.isfinite(found["hand"].values).tolist() == ENDS
 
 
-def test_compliances_are_found_where_gravity_shows_them():
-    """Of joints 2 and 3 within four sigmas; the upright first axis has none to find."""
+def test_compliances_shown_by_gravity_are_found():
+    """Compliances of joints 2 and 3 are found within four sigmas; the upright first axis has none to find."""
     made = simulate(replace(ARMS, compliance=1e-4, deflection="prior"), 0)
     solution = solve(made.cell, made.recording)
     for robot, found in robot_parameters(solution)["deflection"].items():
@@ -76,10 +76,10 @@ def test_compliances_are_found_where_gravity_shows_them():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("target", ["charuco", "led"])
-def test_errors_of_the_base_and_of_seen_offsets_are_as_their_covariance_says(target):
-    """Over 60 cells with stops of 0.1 mm and 0.1 mrad: chi-square of the base, and of the hand's seen offsets.
+def test_errors_match_covariance(target):
+    """Errors of the base and of the hand's seen offsets match their covariance over 60 cells.
 
-    The bands hold all but one in a million of such sums.
+    Stops err by 0.1 mm and 0.1 mrad. The chi-square bands contain all but one in a million of such sums.
     """
     scenario = replace(ARMS, target=target, robot_noise=(1e-4, 1e-4))
     squares, freedoms = np.zeros(2), np.zeros(2)
@@ -96,11 +96,11 @@ def test_errors_of_the_base_and_of_seen_offsets_are_as_their_covariance_says(tar
     assert np.all(squares < chi2.isf(5e-7, freedoms))
 
 
-def test_link_parameters_come_with_sigmas_that_hold_them():
-    """By a prior, all 84 of two arms: the chi-square of their errors by their sigmas is near what it should be.
+def test_link_parameter_errors_match_sigmas():
+    """The errors of all 84 link parameters of two arms with priors match their sigmas.
 
-    Each error over its sigma has unit variance; correlated, so that the band of their mean square is wide: the prior's
-    own directions alone, two thirds of them, have a standard error of 0.2.
+    Each error over its sigma has unit variance; they are correlated, so that the band of their mean square is wide: the
+    prior's own directions alone, two thirds of them, have a standard error of 0.2.
     """
     made = simulate(replace(ARMS, link_error=(5e-4, 1e-3), link_parameters="prior"), 0)
     found = robot_parameters(solve(made.cell, made.recording))["link_parameters"]
@@ -108,8 +108,11 @@ def test_link_parameters_come_with_sigmas_that_hold_them():
     assert 0.4 < np.mean(np.square(errors)) < 1.8
 
 
-def test_an_offset_is_seen_where_the_data_say_as_much_as_its_prior():
-    """Its variance is then half of the prior's: a prior a tenth tighter or wider than that decides."""
+def test_offset_is_seen_from_half_prior_variance():
+    """An offset is seen if the data hold as much information as its prior.
+
+    The variance is then half of the prior's: a prior a tenth tighter or wider decides.
+    """
     made = simulate(replace(ARMS, samples=12, joint_offset_rad=1e-6, joint_offsets="prior"), 0)
 
     def offsets_with(sigma):
@@ -126,8 +129,11 @@ def test_an_offset_is_seen_where_the_data_say_as_much_as_its_prior():
     assert offsets_with(1.1 * high).seen[2]
 
 
-def test_kinematics_of_a_calibration_are_those_stated_moved_by_what_is_known():
-    """Numbers that are not known stand at zero; robots without any are not among them."""
+def test_calibrated_kinematics_add_known_parameters():
+    """Calibrated kinematics are the stated ones plus known parameters.
+
+    Unknown values count as zero, and robots without parameters are omitted.
+    """
     cell = simulate(replace(ARMS, samples=3), 0).cell
     chain = cell.robots["hand"].chain
     names, nothing = chain.joint_names, np.full(6, np.nan)
@@ -159,7 +165,7 @@ OFFSETS = np.array([0.1, 0.2, 0.3])
 
 
 def known_of(kind, basis, prior, variance, values=OFFSETS):
-    """A solution of an arm of three joints whose columns are of these, and its model; two other columns come first."""
+    """A solution of an arm of three joints with these columns, and its model; two other columns come first."""
     model = SimpleNamespace(
         robot="hand",
         columns={kind: (Columns(basis, prior))},
@@ -189,8 +195,11 @@ THIRD_AND_FIRST = np.array([[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]])
 
 
 @pytest.mark.parametrize(("share", "seen"), [(0.49, True), (0.51, False)])
-def test_columns_are_those_of_their_joints(share, seen):
-    """In whatever order; a joint without a column is not known, and half of a prior's variance tells what is seen."""
+def test_columns_map_to_their_joints(share, seen):
+    """Columns map to their joints in any order.
+
+    A joint without a column is NaN, and a variance below half of the prior's counts as seen.
+    """
     prior = np.array([0.5, 2.0])
     solution, _ = known_of("joint_offsets", THIRD_AND_FIRST, prior, [share * 0.25, 0.1])
     found = joint_offsets(solution)["hand"]
@@ -202,8 +211,8 @@ def test_columns_are_those_of_their_joints(share, seen):
 
 
 @pytest.mark.parametrize("share", [0.98, 1.02])
-def test_free_offsets_are_known_up_to_a_largest_sigma(share):
-    """Beyond it there is no number, neither of theirs nor of what goes with them."""
+def test_free_offsets_have_largest_sigma(share):
+    """Free offsets are NaN beyond a largest sigma, with their covariances."""
     largest = ROBOT_PARAMETERS["joint_offsets"].largest_sigma
     solution, _ = known_of("joint_offsets", THIRD_AND_FIRST, None, [share * largest**2, 0.5 * largest**2])
     found = joint_offsets(solution)["hand"]
@@ -213,8 +222,11 @@ def test_free_offsets_are_known_up_to_a_largest_sigma(share):
     assert np.isfinite(found.covariance[:, 0]).tolist() == [True, False, share < 1]
 
 
-def test_a_joint_with_a_part_in_what_nothing_shows_has_no_number(monkeypatch):
-    """Its column and another of a null vector; where all is observable nothing is looked for."""
+def test_joint_in_null_space_is_nan(monkeypatch):
+    """A joint in the null space is NaN, even if other columns share it.
+
+    The null space is skipped if all is observable.
+    """
     solution, _ = known_of("joint_offsets", THIRD_AND_FIRST, np.array([9.0, 9.0]), [0.1, 0.1])
     rows = np.array([[1.0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
     monkeypatch.setattr(module, "linearise", lambda problem, state: SimpleNamespace(hessian=rows.T @ rows))
@@ -226,8 +238,8 @@ def test_a_joint_with_a_part_in_what_nothing_shows_has_no_number(monkeypatch):
 
 
 @pytest.mark.parametrize("hidden", [False, True])
-def test_what_is_known_together_is_left_out_where_any_of_it_is_open(monkeypatch, hidden):
-    """Else all of it is told, with sigmas by all columns."""
+def test_partly_unobservable_links_are_omitted(monkeypatch, hidden):
+    """Link parameters are omitted if any of them is unobservable; else all are given, with sigmas by all columns."""
     values = np.arange(4.0).reshape(2, 2)
     basis = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.0, 2.0]])
     solution, _ = known_of("link_parameters", basis, None, [1.0, 1.0], values)

@@ -1,4 +1,4 @@
-"""Samples used of those recorded."""
+"""Tests of `sample_use`: samples used of those recorded."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ from basecal.accuracy.sample_use import SampleUse, outlier_views, sample_use
 from basecal.cell import Calibration, Outlier, Recording, Residuals, Sample, SampleResidual
 
 
-def test_a_sample_counts_while_one_view_of_it_does():
-    """Views left out whole are not used, points left out do not matter; a sample without views was recorded."""
+def test_sample_with_one_used_view_counts():
+    """A sample counts as used if one view of it is.
+
+    Left-out points do not matter, and a sample without views was recorded.
+    """
     views = tuple(SampleResidual(k, camera, "board", 0.2) for k in range(4) for camera in ("left", "right"))
     outliers = (
         Outlier(0, "left", "board", (), "bumped"),
@@ -20,8 +23,8 @@ def test_a_sample_counts_while_one_view_of_it_does():
     assert sample_use(recording, calibration) == SampleUse(used=3, recorded=5, views=8)
 
 
-def test_without_outliers_all_views_are_used():
-    """Whether none were looked for or none were found; nothing recorded is nothing used."""
+def test_all_views_are_used_without_outliers():
+    """All views are used if outliers were not searched or not found; an empty recording uses none."""
     views = (SampleResidual(3, "left", "board", 0.2), SampleResidual(3, "left", "tag", 0.2))
     for outliers in (None, ()):
         calibration = Calibration("good", residuals=Residuals(per_sample=views), outliers=outliers)

@@ -1,4 +1,4 @@
-"""Stated sigmas against residuals, by camera and robot."""
+"""Tests of stated sigmas compared with residuals, by camera and robot."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -33,7 +33,7 @@ SETTINGS = Settings(robot_noise="stated")
 
 
 def solved(pixels=1.0, robots=1.0, seed=0, **changed):
-    """A cell that states so much of its true sigmas."""
+    """A solution whose cell states these shares of its true sigmas."""
     made = simulate(Scenario(**{"samples": 20, "robot_noise": NOISE} | changed), seed)
     cell = made.cell
     stated = {name: Robot(name, None if r.noise is None else robots * r.noise) for name, r in cell.robots.items()}
@@ -43,8 +43,8 @@ def solved(pixels=1.0, robots=1.0, seed=0, **changed):
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
 @pytest.mark.parametrize("share", [0.7, 0.9, 1.0, 1.2])
-def test_pixels(arms, share):
-    """The camera's sigma is contradicted, by as much as it is off, and no robot's; true ones are not."""
+def test_wrong_pixel_sigma_is_contradicted(arms, share):
+    """A wrong pixel sigma is contradicted by its ratio, and no robot's; true ones are not."""
     found = contradicted_sigmas(solved(pixels=share, arms=arms))
     assert [f.about for f in found] == ([] if share == 1.0 else ["wrist"])
     if found:
@@ -54,22 +54,22 @@ def test_pixels(arms, share):
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
 @pytest.mark.parametrize("share", [0.3, 3.0])
-def test_robots(arms, share):
-    """Robots' sigmas are contradicted by what their stops' errors are, private and shared, not the camera's."""
+def test_wrong_robot_sigmas_are_contradicted(arms, share):
+    """Wrong robot sigmas are contradicted by private and shared stop errors, not the camera's."""
     found = contradicted_sigmas(solved(robots=share, arms=arms))
     assert found
     assert {f.about for f in found} <= {"eye", "hand"}
     assert all(f.of_robot and f.is_too_small == (share < 1) for f in found)
 
 
-def test_what_nobody_stated_is_not_judged():
-    """Estimated sigmas are none that could be contradicted."""
+def test_estimated_sigmas_are_not_judged():
+    """Estimated sigmas cannot be contradicted."""
     assert contradicted_sigmas(solved(robot_noise=(0.0, 0.0), target="pose", state_observation_noise=False)) == ()
 
 
 @pytest.mark.slow
 def test_chances_are_uniform(monkeypatch):
-    """Of true sigmas the squares of pixels over their mean are normal about 1 as their freedoms say."""
+    """Squares of pixels over their mean, with true sigmas, are normal about 1 with their freedoms."""
     monkeypatch.setattr("basecal.accuracy.stated_sigmas.SINGLE_LEVEL", 2.0)
     ratios = [f.ratio for k in range(60) for f in contradicted_sigmas(solved(seed=k)) if f.about == "wrist"]
     freedoms = 20 * 2 * 24 - 18 - 20 * 6
@@ -78,7 +78,10 @@ def test_chances_are_uniform(monkeypatch):
 
 
 def test_contradicted_sigmas_are_estimated():
-    """The covariance is that of the true sigmas, and sigmas that are true, or too large, stay as stated."""
+    """Contradicted sigmas are estimated: the covariance is that of the true ones.
+
+    True and too large sigmas stay as stated.
+    """
     true, small = solved(), solved(pixels=0.5)
     before = RobustSolution(small, (), small.problem.with_groups(()), 20, 0)
     after = without_contradicted_sigmas(before, contradicted_sigmas(small), SETTINGS).solution
@@ -91,8 +94,8 @@ def test_contradicted_sigmas_are_estimated():
     assert without_contradicted_sigmas(before, contradicted_sigmas(large), SETTINGS) is before
 
 
-def test_where_nothing_was_solved_nothing_is_judged():
-    """Residuals of a descent that did not end, or has no cost, say nothing of sigmas."""
+def test_failed_solution_is_not_judged():
+    """Residuals of a failed or infinite solution do not contradict sigmas."""
     small = solved(pixels=0.5)
     assert contradicted_sigmas(small)
     assert contradicted_sigmas(replace(small, converged=False)) == ()
@@ -101,8 +104,8 @@ def test_where_nothing_was_solved_nothing_is_judged():
 
 
 @pytest.mark.parametrize("changed", [{}, {"arms": "stations"}, {"target": "points", "arms": "halves"}])
-def test_freedoms_of_all_parts_are_those_of_the_whole(changed):
-    """Residuals less unknowns, shared out between what each camera saw and where each robot stood; squares alike."""
+def test_freedoms_of_parts_sum_to_total(changed):
+    """Freedoms, residuals less unknowns, and squares of all cameras and robots sum to those of the whole."""
     solution = solved(**changed)
     problem = solution.noise.hold_sigmas(solution.problem)
     about = leave_one_out(problem, solution.state, [np.ones(len(g)) for g in problem.groups])
@@ -115,8 +118,8 @@ def test_freedoms_of_all_parts_are_those_of_the_whole(changed):
 
 
 @pytest.mark.parametrize(("times", "told"), [(1.0, False), (2.0, True), (0.5, True)])
-def test_poses_about_their_mean_are_a_chi_square(times, told):
-    """Of twenty poses of one unknown mount: the squares about their mean, and six freedoms less than numbers."""
+def test_poses_about_mean_follow_chi_square(times, told):
+    """Squares of twenty poses about an unknown mount follow chi-square with six freedoms less than numbers."""
     errors = times * np.random.default_rng(0).standard_normal((20, 6))
     problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3))
     found = contradicted_sigmas(solve_from(problem, state))
@@ -135,8 +138,11 @@ def test_poses_about_their_mean_are_a_chi_square(times, told):
     ("squares", "freedoms", "told"),
     [(100.0, 4.0, True), (100.0, 2.9, False), (0.01, 4.0, True), (5.0, 4.0, False), (4.0, 4.0, False)],
 )
-def test_a_sigma_is_judged_by_a_chi_square(squares, freedoms, told):
-    """On the side on which it is off, its ratio the root of squares over freedoms; of three freedoms or more."""
+def test_sigma_is_judged_by_chi_square(squares, freedoms, told):
+    """A sigma is judged by chi-square on the side on which it is off, with at least three freedoms.
+
+    Its ratio is the root of squares over freedoms.
+    """
     found = judge_sigma("eye", True, squares, freedoms)
     assert (found is not None) == told
     if told:
@@ -146,8 +152,8 @@ def test_a_sigma_is_judged_by_a_chi_square(squares, freedoms, told):
         assert found.ratio == pytest.approx(np.sqrt(squares / freedoms))
 
 
-def test_no_squares_at_all_are_too_few():
-    """A ratio of nothing can still be written down; what is as stated is not too small."""
+def test_zero_squares_have_finite_ratio():
+    """Zero squares have a tiny positive ratio, and a ratio of 1 is not too small."""
     assert 0 < judge_sigma("eye", True, 0.0, 40.0).ratio < 1e-100
     assert not ContradictedSigma("eye", True, 1.0, 0.5).is_too_small
 
@@ -160,7 +166,7 @@ class Views(NamedTuple):
 
 
 def contradicted(monkeypatch, views, stops=(), unstated=(), counts=(), squares=(100.0, 100.0)):
-    """What is contradicted by these parts of the residuals; `counts` are (camera, where its sigmas are from)."""
+    """Contradictions of these parts of the residuals; `counts` are pairs of a camera and the source of its sigmas."""
     monkeypatch.setattr(stated_sigmas, "leave_one_out", lambda *given: None)
     monkeypatch.setattr(stated_sigmas, "_view_squares", lambda about: iter(views))
     monkeypatch.setattr(stated_sigmas, "_stop_squares", lambda about: iter(stops))
@@ -172,8 +178,8 @@ def contradicted(monkeypatch, views, stops=(), unstated=(), counts=(), squares=(
     return [(f.about, f.of_robot, round(f.ratio, 6)) for f in contradicted_sigmas(solution)]
 
 
-def test_parts_of_one_camera_or_robot_are_judged_together(monkeypatch):
-    """Squares and freedoms add up, of views and of shared stops; the worst comes first, be it too large or small."""
+def test_parts_of_device_are_judged_together(monkeypatch):
+    """Squares and freedoms of views and shared stops of one device add up; the worst contradiction comes first."""
     views = [("a", False, 100.0, 20.0), ("b", False, 5.0, 100.0), ("a", False, 80.0, 25.0), ("r", True, 30.0, 10.0)]
     stops = [("r", True, 60.0, 20.0), ("s", True, 21.0, 20.0)]
     found = contradicted(monkeypatch, views, stops)
@@ -182,8 +188,11 @@ def test_parts_of_one_camera_or_robot_are_judged_together(monkeypatch):
     ]  # fmt: skip
 
 
-def test_only_what_was_stated_is_judged(monkeypatch):
-    """No robot that states no noise, no camera of which some measured things state none; a name may be of both."""
+def test_only_stated_sigmas_are_judged(monkeypatch):
+    """Robots without stated noise, and cameras with partly unstated sigmas, are not judged.
+
+    A camera may have the name of a robot.
+    """
     parts = [
         ("a", False, 400.0, 100.0),
         ("b", False, 400.0, 100.0),
@@ -203,16 +212,16 @@ def test_only_what_was_stated_is_judged(monkeypatch):
         (2, ("r1",), []),
     ],
 )
-def test_all_together_are_judged_where_none_alone_is_contradicted(monkeypatch, parts, unstated, told):
-    """Where there are several and all are stated."""
+def test_sigmas_are_judged_together_if_none_alone_is_contradicted(monkeypatch, parts, unstated, told):
+    """All sigmas are judged together if none alone is contradicted, there are several, and all are stated."""
     views = [(f"r{k}", True, 110.0, 100.0) for k in range(parts)]
     assert contradicted(monkeypatch, views, unstated=unstated, squares=(400.0, 100.0)) == told
     views.append(("b", True, 900.0, 100.0))
     assert contradicted(monkeypatch, views, unstated=unstated, squares=(400.0, 100.0)) == [("b", True, 3.0)]
 
 
-def test_points_keep_how_they_compare():
-    """Sigmas over that of the median point are kept, none is stated any more; points without one are as that."""
+def test_relative_point_sigmas_are_kept():
+    """Point sigmas relative to the median are kept and none stays stated; points without one count as the median."""
     (group,) = build_problem(*made_of(target="charuco"))[0].groups
     seen = group.measurement
     stated = np.zeros_like(seen.stated)
@@ -232,8 +241,8 @@ def made_of(**changed):
 
 
 @pytest.mark.parametrize("target", ["pose", "points3d"])
-def test_poses_and_points_in_space_state_nothing_any_more(target):
-    """All else stays."""
+def test_unstating_poses_and_points_keeps_weights(target):
+    """Without sigmas, poses and points in space state none, and all else stays."""
     (group,) = build_problem(*made_of(target=target))[0].groups
     assert group.measurement.stated.any()
     found = group.measurement.without_sigmas()
@@ -242,7 +251,7 @@ def test_poses_and_points_in_space_state_nothing_any_more(target):
 
 
 def opened(monkeypatch, found, robot_noise):
-    """The problem that is solved in place of one whose sigmas are contradicted, and how."""
+    """The problem solved instead of one with contradicted sigmas, and how it is solved."""
     solved_with = []
     problem = build_problem(*made_of(robot_noise=NOISE))[0]
     (group,) = problem.groups
@@ -269,7 +278,7 @@ def opened(monkeypatch, found, robot_noise):
 
 
 def solve_stub(problem):
-    """A solution of which only the problem counts."""
+    """A solution with only a problem."""
     return Solution(problem, None, None, None, None, 1.0, 0, True, ())
 
 
@@ -288,22 +297,25 @@ def too_small(about, of_robot):
         ([too_small("eye", True), ContradictedSigma("wrist", False, 0.5, 0.0)], set(), {"eye"}),
     ],
 )
-def test_only_what_is_too_small_is_opened(monkeypatch, found, cameras, robots):
-    """Sigmas of that camera's measurements, and that robot's noise; of all if all together are too small.
+def test_only_too_small_sigmas_are_estimated(monkeypatch, found, cameras, robots):
+    """Only the named camera's or robot's too small sigmas are estimated, or all if all together are too small.
 
     A camera may have the name of a robot.
     """
     assert opened(monkeypatch, found, "estimated") == ("noise", cameras, robots | {"third"})
 
 
-def test_of_robots_taken_as_stated_no_noise_is_opened(monkeypatch):
-    """Only what was seen."""
+def test_stated_robot_noise_is_not_estimated(monkeypatch):
+    """If robot noise is taken as stated, only camera sigmas are estimated."""
     found = [too_small("eye", True), too_small("wrist", False)]
     assert opened(monkeypatch, found, "stated") == ("from", {"wrist"}, {"third"})
 
 
-def test_noise_below_any_arm_is_refuted_by_evidence():
-    """Views whose noise is unstated take up what robots of a tenth of a micrometre leave; true sigmas stay."""
+def test_implausibly_small_noise_is_refuted_by_evidence():
+    """Robot noise of 0.1 um is refuted by evidence, though views of unstated noise absorb the errors.
+
+    True sigmas stay.
+    """
     for factor, robots in ((1e-3, ["eye", "hand"]), (1.0, [])):
         made = simulate(Scenario(samples=16, robot_noise=(1e-4, 2e-4), state_pixel_noise=False), 0)
         stated = {n: Robot(n, None if r.noise is None else factor * r.noise) for n, r in made.cell.robots.items()}
@@ -327,10 +339,8 @@ def test_noise_below_any_arm_is_refuted_by_evidence():
         (0, 2, "ab", "c", 2, False),
     ],
 )
-def test_sigmas_are_estimated_if_they_are_too_small_or_hide_something(
-    monkeypatch, small, large, hidden, left, asked, taken
-):
-    """Those that are too small alone; those that are too large if fewer transforms are unobservable without them."""
+def test_sigmas_are_estimated_if_too_small_or_hiding(monkeypatch, small, large, hidden, left, asked, taken):
+    """Too small sigmas alone are estimated; too large ones if fewer transforms are then unobservable."""
     given = []
 
     def robust(names):
@@ -347,7 +357,7 @@ def test_sigmas_are_estimated_if_they_are_too_small_or_hide_something(
 
 
 @pytest.mark.parametrize(("turn", "is_below"), [(1e-7, True), (1e-5, True), (1e-4, False), (1e-3, False)])
-def test_no_arm_turns_by_a_few_seconds_of_arc(turn, is_below):
-    """The mean of the rotations decides; translations have no part."""
+def test_rotations_below_arcseconds_are_implausible(turn, is_below):
+    """Mean rotation noise of a few arcseconds is implausibly small for an arm; translations have no effect."""
     assert is_implausibly_small(np.array([1e-9, 1e-9, 1e-9, 0.5 * turn, turn, 1.5 * turn])) is is_below
     assert is_implausibly_small(np.array([1.0, 1.0, 1.0, 0.5 * turn, turn, 1.5 * turn])) is is_below

@@ -1,4 +1,4 @@
-"""Cells of touches, calibrated."""
+"""Tests of the calibration of cells of touches."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ PLATE = {"socket_1": [0.0, 0.0, 0.0], "socket_2": [0.35, 0.0, 0.0], "socket_3": 
 
 
 @pytest.mark.parametrize("is_stated", [True, False])
-def test_three_marks_hold_the_base(is_stated):
-    """Nothing is known of tips and marks: good, the base within four sigmas, the noise as it is."""
+def test_three_marks_determine_base(is_stated):
+    """With unknown tips and marks the answer is good, the base within four sigmas, and the noise correct."""
     cell = touch_cell()
     lines = touch_lines(np.random.default_rng(3), 24, 2e-4, is_stated=is_stated)
     found = calibrate(cell, recorded(cell, lines))
@@ -26,8 +26,8 @@ def test_three_marks_hold_the_base(is_stated):
     assert {"eye_flange_from_eye_tip", "eye_base_from_mark_c"} <= found.points
 
 
-def test_two_marks_leave_the_rotation_about_their_line():
-    """The verdict is refused, and the direction that is named is the line."""
+def test_two_marks_leave_rotation_about_line():
+    """Two marks are refused, and the unobservable direction is the line through them."""
     marks = {name: MARKS[name] for name in ("mark_a", "mark_b")}
     cell = touch_cell(list(marks))
     found = calibrate(cell, recorded(cell, touch_lines(np.random.default_rng(1), 24, 2e-4, marks)))
@@ -40,8 +40,8 @@ def test_two_marks_leave_the_rotation_about_their_line():
     )
 
 
-def test_a_plate_is_one_body():
-    """Marks of a plate keep their distances; nothing is said of priors that were measured with it."""
+def test_plate_is_one_body():
+    """Marks of a plate keep their distances, and no finding concerns their priors."""
     cell = touch_cell((), marks={"plate": {"points_m": PLATE}})
     marks = {name: np.array([0.3, -0.2, 0.1]) + at for name, at in PLATE.items()}
     found = calibrate(cell, recorded(cell, touch_lines(np.random.default_rng(1), 24, 1e-4, marks)))
@@ -50,8 +50,8 @@ def test_a_plate_is_one_body():
     assert found["eye_base_from_plate"].mean.translation == pytest.approx([0.3, -0.2, 0.1], abs=1e-3)
 
 
-def test_a_touch_of_the_wrong_mark_is_left_out():
-    """One of 36 that names another mark than it touched: the answer is that of the others, and the sample is named."""
+def test_touch_of_wrong_mark_is_left_out():
+    """One of 36 touches with a wrong mark name is left out and named, and the answer is that of the others."""
     cell, lines = touch_cell(), touch_lines(np.random.default_rng(5), 36, 2e-4)
     seen = lines[11]["observations"][0]
     seen["touch"] = "mark_a" if seen["touch"] != "mark_a" else "mark_b"
@@ -62,8 +62,8 @@ def test_a_touch_of_the_wrong_mark_is_left_out():
 
 
 @pytest.mark.parametrize("seed", [1, 4])
-def test_a_mark_that_moved_is_named(seed):
-    """By 5 mm at half time: with its name and how far, as a step or by the touches that were left out."""
+def test_moved_mark_is_named(seed):
+    """A mark moved by 5 mm at half time is named with its distance, as a step or by left-out touches."""
     lines = touch_lines(np.random.default_rng(seed), 36, 2e-4)
     elsewhere = {**MARKS, "mark_b": MARKS["mark_b"] + [0.0, 3e-3, 4e-3]}
     later = touch_lines(np.random.default_rng(seed), 36, 2e-4, elsewhere)
@@ -74,8 +74,8 @@ def test_a_mark_that_moved_is_named(seed):
     assert "sample 20" in finding.message
 
 
-def test_a_tip_that_was_bent_is_named(monkeypatch):
-    """By 5 mm at half time: it moved from its first touch after that on, and has no rotation."""
+def test_bent_tip_is_named(monkeypatch):
+    """A tip bent by 5 mm at half time is named from its first touch after that on, without a rotation."""
     lines = touch_lines(np.random.default_rng(3), 36, 2e-4)
     monkeypatch.setitem(TIPS, "hand", TIPS["hand"] + [3e-3, 4e-3, 0.0])
     later = touch_lines(np.random.default_rng(3), 36, 2e-4)

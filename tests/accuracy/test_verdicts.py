@@ -1,4 +1,4 @@
-"""Each transform has the verdict of the findings that concern it."""
+"""Tests of `transform_verdicts`: each transform has the verdict of the findings that concern it."""
 
 from __future__ import annotations
 
@@ -33,14 +33,17 @@ TIED = SimpleNamespace(all_groups=[*APART.all_groups, views("wrist", "tag", "eye
     (TIED, "weak-direction", "warning", ("far",), "good", "doubtful"),
     (TIED, "unobservable-direction", "error", ("base", "eye_flange_from_wrist"), "refused", "good"),
 ])  # fmt: skip
-def test_findings_concern_what_views_tie_to_them(problem, code, severity, about, base, far):
-    """Samples and nothing concern everything; how well a transform is known concerns it alone."""
+def test_findings_concern_tied_transforms(problem, code, severity, about, base, far):
+    """A finding concerns the transforms that views tie to its devices.
+
+    Samples and empty subjects concern everything; the precision of a transform concerns it alone.
+    """
     found = transform_verdicts(problem, ["base", "far"], [Finding(code, severity, about, "what")])
     assert found == {"base": base, "far": far}
 
 
-def test_without_findings_all_are_good():
-    """As they are where the worst of several decides."""
+def test_transforms_without_findings_are_good():
+    """Transforms without findings are good; of several findings the worst decides."""
     assert transform_verdicts(APART, ["far"], []) == {"far": "good"}
     several = [Finding("a", "warning", (), ""), Finding("b", "error", ("tag",), ""), Finding("c", "info", (), "")]
     assert transform_verdicts(APART, ["base", "far"], several) == {"base": "doubtful", "far": "refused"}
@@ -50,13 +53,13 @@ def test_without_findings_all_are_good():
     ("severities", "expected"),
     [((), "good"), (("info",), "good"), (("info", "warning"), "doubtful"), (("warning", "error", "info"), "refused")],
 )
-def test_the_worst_finding_is_the_verdict(severities, expected):
-    """An error refuses, a warning makes doubtful."""
+def test_worst_finding_is_verdict(severities, expected):
+    """An error refuses, and a warning makes doubtful."""
     assert judge_findings([Finding("code", each, (), "") for each in severities]) == expected
 
 
-def test_views_tie_parts_together_in_any_order():
-    """A view that ties two groups makes them one, and a finding about its own robot or camera concerns both."""
+def test_views_tie_parts_in_any_order():
+    """A view that ties two groups makes them one in any order; a finding about its robot or camera concerns both."""
     tied = SimpleNamespace(all_groups=[TIED.all_groups[2], *APART.all_groups])
     for problem in (TIED, tied):
         for about in ("wrist", "top", "eye", "one", "eye_flange_from_wrist", "base"):
