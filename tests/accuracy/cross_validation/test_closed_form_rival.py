@@ -1,4 +1,4 @@
-"""A closed form is a rival only where the answer's model is wrong."""
+"""Tests of closed-form rivals, which exist only if the answer's model is wrong."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def rival_of(solution):
 
 
 @pytest.mark.parametrize("changed", [{}, {"target": "pose"}, {"layout": "eye_in_hand"}, {"target": "led"}])
-def test_a_true_model_has_no_rival(changed):
-    """Noise as stated, of two arms, of poses, of one arm; a light has no poses of its own."""
+def test_true_model_has_no_rival(changed):
+    """A true model has no rival: stated noise of two arms, poses, one arm; an LED has no poses of its own."""
     made = simulate(Scenario(**{"samples": 20, "robot_noise": (2e-4, 5e-4), **changed}), 1)
     assert rival_of(solve(made.cell, made.recording)) is None
 
 
-def test_robots_held_to_be_exact_have_one():
-    """Errors of 2 mm and 10 mrad that go into the lens: the closed form predicts better, and is far from the answer."""
+def test_robots_assumed_exact_have_rival():
+    """Robot errors of 2 mm and 10 mrad absorbed by the lens give a rival that predicts better, far from the answer."""
     made = simulate(NOISY, 3)
     solution = solve(made.cell, made.recording, EXACT)
     rival = cross_validate(solution, made.cell.requested_transforms, EXACT).rival
@@ -58,8 +58,8 @@ def test_robots_held_to_be_exact_have_one():
     assert not np.any(rival.moved[others])
 
 
-def test_where_all_is_known_or_there_are_several_pairs_there_is_none():
-    """Nothing is left to a closed form; and loops of several pairs are no one closed form's."""
+def test_fixed_or_several_pairs_have_no_rival():
+    """A closed form has nothing to solve if all is fixed, and does not cover loops of several pairs."""
     made = simulate(Scenario(samples=12, layout="eye_in_hand", camera_mount="fixed", target_mount="fixed"), 0)
     solution = solve(made.cell, made.recording)
     assert rival_of(solution) is None
@@ -71,44 +71,47 @@ def test_where_all_is_known_or_there_are_several_pairs_there_is_none():
 @pytest.mark.parametrize(("theirs", "count", "expected"), [
     (0.5, 20, np.sqrt(2)), (0.9, 20, None), (2.0, 20, None), (0.5, 5, None), (np.nan, 20, None),
 ])  # fmt: skip
-def test_a_ratio_counts_where_it_is_clear_and_no_chance(theirs, count, expected):
-    """Half the squares is 1.41 times better; a tenth less is not clear, five views are few, NaN predicts nothing."""
+def test_ratio_must_be_clear_and_significant(theirs, count, expected):
+    """Half the squares is 1.41 times better.
+
+    A tenth less is not clear, five views are few, and NaN predicts nothing.
+    """
     ours = np.random.default_rng(0).uniform(0.9, 1.1, (count, 2)) * (1e-6, 1e-4)
     found = _error_ratio(ours, theirs * ours)
     assert found == (None if expected is None else pytest.approx(expected))
 
 
-def test_one_view_that_is_far_better_is_chance():
-    """Of twenty views one is ten times as far off for the answer: the mean is worse, most are not."""
+def test_single_better_view_is_chance():
+    """If one of twenty views is ten times worse for the answer, the mean is worse but most views are not: chance."""
     ours = np.ones((20, 2))
     ours[3] = 100.0
     assert _error_ratio(ours, np.ones((20, 2))) is None
 
 
 def test_exact_data_have_no_rival():
-    """Errors of a nanometre and a nanoradian: no use of an arm tells ten times less from them."""
+    """Errors of a nanometre and a nanoradian give no rival, whatever the ratio."""
     ours = np.full((20, 2), 1e-18) * np.random.default_rng(0).uniform(0.9, 1.1, (20, 2))
     assert _error_ratio(ours, 0.01 * ours) is None
     ours[:, 0] = 1e-6  # places off by a millimetre, as the rival has them
     assert _error_ratio(ours, ours * (1.0, 0.0)) is None
 
 
-def test_six_views_are_enough():
-    """Where each is as much better; five are not."""
+def test_six_views_are_enough_for_rival():
+    """Six views are enough if each is as much better; five are not."""
     ours = np.random.default_rng(0).uniform(0.95, 1.05, (6, 2)) * (1e-6, 1e-4)
     assert _error_ratio(ours, 0.3 * ours) == pytest.approx(np.sqrt(1 / 0.3))
     assert _error_ratio(ours[:5], 0.3 * ours[:5]) is None
 
 
-def test_the_ratio_counts_places_and_turns_alike():
-    """Places twice as far off by the answer and turns as far give the root of 2 over 1.25, whatever their units."""
+def test_ratio_weighs_translation_and_rotation_equally():
+    """The ratio is the root of 2 over 1.25 in any units if translations are twice as far off and rotations equal."""
     rng = np.random.default_rng(0)
     ours = rng.uniform(0.99, 1.01, (40, 2)) * (1e-4, 1e-6)
     assert _error_ratio(ours, ours * (0.25, 1.0)) == pytest.approx(np.sqrt(2 / 1.25))
 
 
 def fake_answer(reference, off):
-    """Exact poses of two arms about either base, an answer whose base is off, and folds that are as far off."""
+    """Exact poses of two arms about either base, an answer whose base is off, and folds that are equally off."""
     made = simulate(Scenario(samples=8, target="pose", target_mount="fixed", pose_noise=(1e-12, 1e-12)), 2)
     cell = made.cell
     if reference == "hand":
@@ -127,8 +130,8 @@ def fake_answer(reference, off):
 
 
 @pytest.mark.parametrize("reference", ["eye", "hand"])
-def test_an_answer_that_is_wrong_is_moved_to_the_closed_form(reference):
-    """Of exact poses by the very tangent that its base is off by, whichever of the arms is the reference."""
+def test_wrong_answer_is_moved_to_closed_form(reference):
+    """With exact poses the answer moves by exactly the error of its base, for either reference."""
     off = np.array([3e-3, -2e-3, 1e-3, 2e-3, 1e-3, -1e-3])
     solution, folds, base = fake_answer(reference, off)
     rival = closed_form_rival(solution, folds)
@@ -139,8 +142,8 @@ def test_an_answer_that_is_wrong_is_moved_to_the_closed_form(reference):
 
 
 @pytest.mark.parametrize(("held", "told"), [(5, True), (6, False)])
-def test_a_closed_form_needs_three_views(held, told):
-    """Of eight, as many as are left where others are held out; and folds to compare it with."""
+def test_closed_form_needs_three_views(held, told):
+    """A closed form needs three of eight views beside the held-out ones, and folds to compare with."""
     solution, (fold, _), _ = fake_answer("eye", np.full(6, 3e-3))
     rest = SimpleNamespace(**vars(fold) | {"held": frozenset(range(held, 8))})
     fold.held = frozenset(range(held))
@@ -148,8 +151,8 @@ def test_a_closed_form_needs_three_views(held, told):
     assert closed_form_rival(solution, []) is None
 
 
-def test_squares_are_of_lengths_and_of_angles():
-    """Of the target as predicted about where a view alone has it, in its own axes."""
+def test_squared_errors_are_of_length_and_angle():
+    """Squared errors are of length and angle of the predicted target about the single-view pose, in its own axes."""
     alone = SE3.from_rotvec(np.array([[0.3, 0, 0.1], [0, 1.0, 0]]), np.array([[1.0, 2, 3], [0, 0, 1]]))
     off = SE3.from_rotvec(np.array([[0, 0.3, -0.4], [0, 0, 0]]), np.array([[1.0, 2, 2], [0, 3, 0]]))
     np.testing.assert_allclose(_squared_errors(alone, alone @ off), [[9, 0.25], [9, 0]], atol=1e-12)
@@ -162,8 +165,11 @@ def rivals_of(**options: object) -> tuple[Rival, ...]:
     return opencv_rivals(solution, refit_folds(solution.problem, solution.state, split.folds, 50))
 
 
-def test_one_arm_has_seven_rivals() -> None:
-    """Each predicts held-out views, none much better than the answer, all to within what hand-eye methods reach."""
+def test_single_arm_has_seven_rivals() -> None:
+    """A single arm has seven OpenCV rivals that predict held-out views, none much better than the answer.
+
+    All are within the usual error of hand-eye methods.
+    """
     ours, *others = rivals_of(layout="eye_in_hand")
     assert ours.name == "basecal"
     assert len(others) == 7
@@ -171,13 +177,13 @@ def test_one_arm_has_seven_rivals() -> None:
     assert all(np.isfinite(other.target_rad) for other in others)
 
 
-def test_two_moving_arms_have_none() -> None:
-    """No method of OpenCV takes two arms of which both move in every view."""
+def test_two_moving_arms_have_no_opencv_rival() -> None:
+    """Two moving arms have no rival: no OpenCV method allows both to move in every view."""
     assert rivals_of(layout="dual") == ()
 
 
-def test_translations_and_rotations_have_their_own_rms():
-    """Each over all folds, of the norm of three components; a method that fails in one fold has none."""
+def test_rival_rms_covers_all_folds():
+    """The rms of translation and rotation norms covers all folds; a method that fails in one fold has none."""
     one, two = np.diag([1.0, 2.0, 2.0, 3.0, 4.0, 12.0]), np.zeros((2, 6))
     rival = _rival("park", [one, two])
     np.testing.assert_allclose((rival.target_m, rival.target_rad), (np.sqrt(9 / 8), np.sqrt(169 / 8)))

@@ -1,4 +1,4 @@
-"""Parts to hold out: stations stay together, everything is held out once."""
+"""Tests of the splits into folds: stations stay together, and every sample is held out once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def packed(scenario: Scenario, seed: int = 0):
 
 @pytest.mark.parametrize("arms", ["both", "stations", "halves", "eye_still"])
 def test_every_sample_is_held_out_once(arms):
-    """Each way to split holds out every sample exactly once, in five folds of six of the thirty samples."""
+    """Each split holds out every sample exactly once, in five folds of six of the thirty samples."""
     ways = list(splits(packed(Scenario(arms=arms))))
     assert ways
     for way in ways:
@@ -31,15 +31,15 @@ def test_every_sample_is_held_out_once(arms):
 
 
 def test_stations_stay_together():
-    """Where the eye stands at five places, each place is a fold, though hand poses are all different."""
+    """If the eye stands at five places, each place is a fold, though hand poses are all different."""
     problem = packed(Scenario(arms="stations", stations=5))
     eye = problem.groups[0].eye.base_from_flange.translation
     for fold in next(splits(problem)).folds:
         assert np.ptp(eye[sorted(fold)], axis=0).max() == 0.0
 
 
-def test_repeated_instants_stay_together():
-    """Where the hand visits six places at each of five of the eye, one arm's places are held out, the fewest first."""
+def test_repeated_poses_stay_together():
+    """If the hand visits six places at each of five of the eye, places of one arm are held out, the fewest first."""
     made = simulate(Scenario(samples=30), 0)
     samples = made.recording.samples
     crossed = tuple(
@@ -55,13 +55,13 @@ def test_repeated_instants_stay_together():
     assert {frozenset(range(6 * k, 6 * k + 6)) for k in range(5)} == set(ways[0].parts)
 
 
-def test_a_half_that_stands_still_is_not_held_out_whole():
-    """A robot that stands still for half of the samples does not make them one part."""
+def test_still_half_is_not_held_out_whole():
+    """A robot at rest for half of the samples does not make them one part."""
     assert max(map(len, next(splits(packed(Scenario(arms="halves")))).folds)) <= 6
 
 
-def test_samples_without_a_robot_stay_with_no_stop_of_it():
-    """The numbers of samples that lack a robot are not taken for its stops: other numbers give the same splits."""
+def test_samples_without_robot_share_no_stop():
+    """Numbers of samples without a robot are not used as its stops: other numbers give the same splits."""
     made = simulate(Scenario(samples=8, layout="chain", robots=3), 0)
     parts = []
     for first in (0, 1000):
@@ -71,14 +71,14 @@ def test_samples_without_a_robot_stay_with_no_stop_of_it():
     assert parts[0] == parts[1]
 
 
-def test_few_samples_are_held_out_one_by_one():
+def test_few_samples_are_held_out_singly():
     """Four samples make four folds; two make none."""
     assert next(splits(packed(Scenario(samples=4)))).folds == tuple(frozenset({k}) for k in range(4))
     assert list(splits(packed(Scenario(samples=2)))) == []
 
 
-def test_instants_alone_may_be_parted():
-    """The mildest way deals the samples of a still eye's stations out one by one, but for those that repeat another."""
+def test_instant_split_separates_stations():
+    """The mildest split deals the samples of a still eye's stations singly, except those that repeat another."""
     made = simulate(Scenario(samples=12, arms="stations", stations=3), 0)
     samples = list(made.recording.samples)
     samples[7] = replace(samples[7], robots=samples[2].robots)
@@ -91,7 +91,7 @@ def test_instants_alone_may_be_parted():
 
 
 def parts(*sizes):
-    """Parts of so many samples each, numbered on."""
+    """Parts of the given sizes, numbered consecutively."""
     ends = np.cumsum(sizes)
     return [frozenset(range(end - size, end)) for size, end in zip(sizes, ends, strict=True)]
 
@@ -101,30 +101,34 @@ def parts(*sizes):
     ((2, 2, 1), True), ((2, 1, 1), False),  # two fifths of them are not too many, a half is
     ((4, 3, 3), True), ((5, 3, 3), False),
 ])  # fmt: skip
-def test_parts_are_three_and_none_has_more_than_two_fifths(sizes, told):
+def test_split_needs_three_parts_of_limited_size(sizes, told):
+    """A split needs three parts, none with more than two fifths of the samples."""
     found = _split(parts(*sizes), sum(sizes), 5)
     assert (found is not None) == told
     assert found is None or found.parts == tuple(parts(*sizes))
 
 
-def test_parts_are_dealt_to_the_fold_that_has_the_fewest_samples():
-    """The first of those that have as few; no more folds than are asked for, or than there are parts."""
+def test_parts_are_dealt_to_smallest_fold():
+    """Parts are dealt to the first fold with the fewest samples.
+
+    There are at most as many folds as requested, or as parts.
+    """
     made = parts(3, 1, 2, 2, 1, 1)
     found = _split(made, 10, 3)
     assert found.folds == (made[0] | made[5], made[1] | made[3], made[2] | made[4])
     assert len(_split(made, 10, 8).folds) == 6
 
 
-def test_parts_have_no_place_in_common():
-    """Samples that share one of either robot's are in one part, and those that a third joins, too."""
+def test_parts_share_no_place():
+    """Samples that share a place of either robot are in one part, also those joined by a third."""
     places = {"eye": {0: "a", 1: "b", 2: "a", 3: "c", 5: "e"}, "hand": {1: "x", 3: "y", 4: "x", 2: "z", 5: "y"}}
     assert set(_join_parts(range(7), places)) == {frozenset(each) for each in ((0, 2), (1, 4), (3, 5), (6,))}
     places["hand"][2] = "x"
     assert set(_join_parts(range(7), places)) == {frozenset(each) for each in ((0, 1, 2, 4), (3, 5), (6,))}
 
 
-def test_ways_to_split_go_from_all_robots_to_none():
-    """What stands in one place of any robot, of the robot with fewest places, of the other, and in one of all."""
+def test_splits_go_from_all_robots_to_instants():
+    """Splits use places of any robot, then of the robot with the fewest places, the others, and single instants."""
     eye, hand = [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3], [0, 1, 2, 3, 4, 5, 0, 1, 2, 3, 4, 4]
     group = views(end("eye", stop_number=eye), end("hand", stop_number=hand))
     still = views(end("still", stop_number=np.zeros(12)), end(stop_number=np.full(12, -1)))
@@ -135,8 +139,8 @@ def test_ways_to_split_go_from_all_robots_to_none():
     assert [list(each.parts) for each in found] == [by_eye, by_hand, instants]
 
 
-def test_places_are_of_robots_that_move():
-    """Between two places and more, in views of one group or of several; each sample's is its stop."""
+def test_places_are_stops_of_moving_robots():
+    """Places are the stops of robots with two or more, in views of one group or several."""
     one = replace(views(end("eye", stop_number=[0, 1]), end("hand", stop_number=[7, 7])), sample=np.array([4, 5]))
     two = replace(views(end("eye", stop_number=[0]), end("other", stop_number=[3])), sample=np.array([6]))
     world = replace(views(end(stop_number=[-1]), end("hand", stop_number=[7])), sample=np.array([7]))

@@ -1,4 +1,4 @@
-"""Fits without some samples: they know nothing of what was held out, and hold out what is asked."""
+"""Tests of `refit_folds`: fits without held-out samples."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
 
-def test_a_refit_uses_the_other_samples_alone():
-    """Samples are used or held out, never both; stops that no used sample shares stand at zero, known ones do not."""
+def test_refit_uses_other_samples_only():
+    """Samples are either used or held out. Stops that no used sample shares stay at zero, known ones do not."""
     made = simulate(Scenario(samples=12, arms="stations", stations=4, robot_noise=(3e-4, 5e-4)), 0)
     solution = solve(made.cell, made.recording)
     held = frozenset({0, 1, 2})
@@ -33,8 +33,8 @@ def test_a_refit_uses_the_other_samples_alone():
     assert np.all(np.any(fit.optimum.state.stop_errors[fit.known] != 0, axis=-1))
 
 
-def test_more_may_be_predicted_than_is_fitted():
-    """Views that the fitted problem lacks are predicted where the wider problem holds them."""
+def test_prediction_problem_may_be_wider():
+    """Views that the fitted problem lacks are predicted if the wider problem contains them."""
     made = simulate(Scenario(samples=12), 0)
     solution = solve(made.cell, made.recording)
     fewer = solution.problem.with_groups(g.take(np.flatnonzero(g.sample != 3)) for g in solution.problem.groups)
@@ -43,8 +43,8 @@ def test_more_may_be_predicted_than_is_fitted():
     assert {int(n) for g in fit.used.groups for n in g.sample} == set(range(12)) - {3, 4}
 
 
-def test_folds_side_by_side_are_fits_of_their_own_problems():
-    """Each of three ends where the views that it uses lead by themselves, stops that arms share among them."""
+def test_parallel_folds_equal_separate_fits():
+    """Each of three parallel folds equals the separate fit of its views, with stops that arms share."""
     made = simulate(Scenario(samples=12, arms="halves", robot_noise=(3e-4, 5e-4)), 0)
     solution = solve(made.cell, made.recording)
     folds = [frozenset(range(k, 12, 3)) for k in range(3)]
@@ -57,8 +57,8 @@ def test_folds_side_by_side_are_fits_of_their_own_problems():
         np.testing.assert_allclose(off, 0.0, atol=1e-5)
 
 
-def test_folds_of_many_unknowns_go_by_sparse_matrices(monkeypatch):
-    """A ring of three robots as if these were many: states, information and spread are those of dense matrices."""
+def test_sparse_folds_equal_dense_folds(monkeypatch):
+    """A ring of three robots, treated as many, has the states, information and spread of dense matrices."""
     made = simulate(Scenario(layout="ring", robots=3, samples=36, robot_noise=(1e-4, 1e-4)), 1)
     solution = solve(made.cell, made.recording)
     dense = cross_validate(solution, made.cell.requested_transforms)
@@ -74,8 +74,8 @@ def test_folds_of_many_unknowns_go_by_sparse_matrices(monkeypatch):
 
 
 @pytest.mark.parametrize("weighed", [False, True])
-def test_a_refit_is_the_mean_of_the_views_it_uses(weighed):
-    """Of poses near the identity, each by what it is worth; what is held out counts for nothing."""
+def test_refit_is_weighted_mean_of_used_views(weighed):
+    """For poses near the identity the refit is the weighted mean of the used views; held-out ones do not count."""
     rng = np.random.default_rng(2)
     errors, worth = 1e-6 * rng.standard_normal((9, 6)), rng.uniform(0.1, 1.0, 9)
     problem, state = pose_problem(errors, np.full(6, 1e-3))
@@ -92,8 +92,8 @@ def test_a_refit_is_the_mean_of_the_views_it_uses(weighed):
         assert sum(map(len, fit.views.groups)) == len(held)
 
 
-def test_stops_are_known_where_a_used_view_stands():
-    """Those of either arm; views without a stop know none, not even the last."""
+def test_stops_of_used_views_are_known():
+    """Stops of either arm with a used view are known; views without a stop know none, not even the last."""
     groups = views(end(stop=[0, -1]), end(stop=[3, -1])), views(end(stop=[1]), end(stop=[-1]))
     found = _known_stops(SimpleNamespace(stops=range(6), groups=groups))
     assert found.tolist() == [True, True, False, True, False, False]

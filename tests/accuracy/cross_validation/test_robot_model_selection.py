@@ -1,4 +1,4 @@
-"""The robots' model is chosen on samples left out."""
+"""Tests of the choice of the robots' model on held-out samples."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ DEGREE = np.pi / 180
 
 
 def with_one_offset(joint: int, rad: float) -> SimulatedCell:
-    """A cell whose hand records one joint wrongly: what it says is `rad` less than where it is."""
+    """A cell whose hand records one joint too small by `rad`."""
     made = simulate(ARMS, seed=2)
     samples = []
     for sample in made.recording.samples:
@@ -44,8 +44,8 @@ def with_one_offset(joint: int, rad: float) -> SimulatedCell:
     return replace(made, recording=recording, robots={**made.robots, "hand": true})
 
 
-def test_one_joint_that_is_off_is_named_with_its_offset():
-    """Joint 3 of the hand by 0.3 deg: found alone, its offset within four sigmas, and what to write."""
+def test_single_joint_offset_is_named():
+    """An offset of 0.3 deg of joint 3 is found alone, within four sigmas, with the entry to write."""
     made = with_one_offset(2, 0.3 * DEGREE)
     choice = choose_robot_model(solve(made.cell, made.recording))
     assert choice is not None
@@ -64,8 +64,8 @@ def test_one_joint_that_is_off_is_named_with_its_offset():
     assert "joint_offsets: {status: prior, sigma_rad: 0.006}" in finding.message
 
 
-def test_calibrate_tells_it_and_applies_nothing():
-    """The calibration is doubtful for the robot's sake, and its base that of the robots as stated, within a sigma."""
+def test_calibrate_reports_model_without_applying_it():
+    """The calibration is doubtful because of the robot, and its base is that of the stated robots within a sigma."""
     made = with_one_offset(2, 0.3 * DEGREE)
     calibration = calibrate(made.cell, made.recording, Settings(robot_noise="stated"))
     assert calibration.verdict == "doubtful"
@@ -82,18 +82,19 @@ def test_calibrate_tells_it_and_applies_nothing():
     ("kind", "errors"),
     [("none", {}), ("offsets", {"joint_offset_rad": 0.2 * DEGREE}), ("links", {"link_error": (5e-4, 1e-3)})],
 )
-def test_the_model_that_is_true_is_chosen(kind, errors, seed):
-    """Robots as stated, offsets, link errors; the benchmark has 200 cells."""
+def test_true_robot_model_is_chosen(kind, errors, seed):
+    """The true model is chosen for stated robots, offsets and link errors; the benchmark has 200 cells."""
     made = simulate(replace(ARMS, samples=60, **errors), seed)
     choice = choose_robot_model(solve(made.cell, made.recording))
     assert (choice.chosen.kind if choice else "none") == kind
 
 
 @pytest.mark.parametrize(("stated", "offset_deg", "kinds"), [(True, 0.2, {"offsets"}), (False, 0.0, {"none"})])
-def test_an_arm_that_stands_still_while_the_other_moves_misleads_nobody(stated, offset_deg, kinds):
-    """Half the samples share one stop of the hand, the others one of the eye, with errors of 0.1 mm and 0.1 mrad.
+def test_alternating_arms_do_not_mislead_choice(stated, offset_deg, kinds):
+    """Arms that rest alternately do not mislead the choice, with errors of 0.1 mm and 0.1 mrad.
 
-    Stated, the errors do not hide offsets; not stated, they are not taken for offsets.
+    Half the samples share one stop of the hand, the others one of the eye. Stated errors do not hide offsets; unstated
+    ones are not mistaken for offsets.
     """
     scenario = replace(ARMS, samples=60, arms="halves", robot_noise=(1e-4, 1e-4), state_robot_noise=stated)
     made = simulate(replace(scenario, joint_offset_rad=offset_deg * DEGREE), 1)
@@ -101,8 +102,8 @@ def test_an_arm_that_stands_still_while_the_other_moves_misleads_nobody(stated, 
     assert (choice.chosen.kind if choice else "none") in kinds
 
 
-def test_there_is_nothing_to_choose_where_poses_are_recorded_or_offsets_estimated():
-    """Neither has a model to compare with."""
+def test_poses_or_estimated_offsets_leave_no_choice():
+    """Robots with poses, with estimated offsets, or with few samples have no model to compare with."""
     posed = simulate(Scenario(samples=20), 0)
     asked = simulate(replace(ARMS, joint_offset_rad=0.2 * DEGREE, joint_offsets="prior"), 0)
     few = simulate(replace(ARMS, samples=12, joint_offset_rad=0.2 * DEGREE), 0)
@@ -113,14 +114,17 @@ def test_there_is_nothing_to_choose_where_poses_are_recorded_or_offsets_estimate
 @pytest.mark.parametrize(
     ("offsets_deg", "sigma_rad"), [([], 0.005), ([0.1, -0.2], 0.005), ([1.9, -0.3], 0.04), ([-8.0], 0.2)]
 )
-def test_a_suggested_sigma_does_not_contradict_what_was_found(offsets_deg: list[float], sigma_rad: float) -> None:
-    """It is as wide as the largest offset, and never less than what is usual of arms."""
+def test_suggested_sigma_covers_found_offset(offsets_deg: list[float], sigma_rad: float) -> None:
+    """The suggested sigma is as wide as the largest offset, and at least the usual one of arms."""
     assert joint_offsets.suggested_sigma(DEGREE * np.array(offsets_deg)) == sigma_rad
 
 
 @pytest.mark.parametrize(("gain", "told"), [(2 * (8 + 23.9), False), (2 * (8 + 24.1), True)])
-def test_a_model_is_worth_a_look_beyond_six_sigmas_of_chance(gain, told):
-    """Eight columns lower a cost by eight times what a freedom leaves, with a sigma of four; here that is two."""
+def test_promising_model_gains_six_sigmas(gain, told):
+    """A promising model gains over six sigmas of chance.
+
+    Eight columns lower a cost by eight times what a freedom leaves, with a sigma of four; here that is two.
+    """
     richest = SimpleNamespace(cost=200.0, dof=100)
     assert _is_promising(200.0 + gain, richest, 8) == told
     assert not _is_promising(0.0, SimpleNamespace(cost=0.0, dof=0), 8)
@@ -128,7 +132,7 @@ def test_a_model_is_worth_a_look_beyond_six_sigmas_of_chance(gain, told):
 
 
 def tried(means, robots=("eye", "hand")):
-    """Kinds and robots of the candidates that are tried, in order, by mean scores; where none is given it is 1."""
+    """Kinds and robots of the tried candidates, in order, by mean scores; the default is 1."""
     trials = _Trials(None, dict.fromkeys(robots), None, None, 0)
     spread = np.linspace(-0.01, 0.01, 21)  # of which none adds up to anything
 
@@ -147,14 +151,14 @@ BOTH = ("eye", "hand")
 
 @pytest.fixture(scope="module")
 def solution():
-    """Of as few views as may be enough."""
+    """A solution of as few views as may be enough."""
     made = simulate(replace(ARMS, samples=15), 0)
     return solve(made.cell, made.recording)
 
 
 @pytest.mark.parametrize("better", ["offsets-eye-hand", "links-eye-hand"])
-def test_simpler_models_are_tried_where_richer_ones_help(better):
-    """Single joints, then one robot's offsets, each the better first; else there is none between none and all."""
+def test_simpler_models_are_tried_if_richer_help(better):
+    """If a richer model helps, single joints and then one robot's offsets are tried, the better first."""
     ends = [("offsets", BOTH, None), ("links", BOTH, None)]
     assert tried({}) == [("none", (), None), *ends]
     found = tried({better: 0.5, "joint-hand-0": 0.6, "offsets-hand": 0.7})
@@ -172,7 +176,8 @@ def test_simpler_models_are_tried_where_richer_ones_help(better):
 
 
 @pytest.mark.parametrize(("decision", "kept"), [(Decision.KEEP, 3), (Decision.UNDECIDED, 5), (Decision.TAKE, 5)])
-def test_simpler_models_are_tried_if_a_richer_one_may_help(monkeypatch, decision, kept):
+def test_simpler_models_are_tried_if_richer_undecided(monkeypatch, decision, kept):
+    """Simpler models are tried if the richer one is taken or undecided."""
     monkeypatch.setattr(module, "compare_predicted_gains", lambda gains: Comparison(0.0, 0.0, decision))
     assert len(tried({}, ("eye",))) == kept
 
@@ -180,8 +185,8 @@ def test_simpler_models_are_tried_if_a_richer_one_may_help(monkeypatch, decision
 @pytest.mark.parametrize(("behind", "chosen", "better"), [
     ("tuk", 1, True), ("uuk", 0, True), ("ukk", 0, True), ("kkk", 0, False), ("ttk", 2, False), ("tkk", 1, False),
 ])  # fmt: skip
-def test_the_simplest_that_is_not_clearly_worse_is_chosen(monkeypatch, solution, behind, chosen, better):
-    """The best is named beside it if it may be better."""
+def test_simplest_model_not_clearly_worse_is_chosen(monkeypatch, solution, behind, chosen, better):
+    """The simplest model that is not clearly worse is chosen, and the best is named beside it if it may be better."""
     decisions = {"t": Decision.TAKE, "u": Decision.UNDECIDED, "k": Decision.KEEP}
     found = [
         Candidate(kind, ("hand",) if kind != "none" else (), None, np.array([float(score)]), None, 1.0)
@@ -199,8 +204,8 @@ def test_the_simplest_that_is_not_clearly_worse_is_chosen(monkeypatch, solution,
 
 
 @pytest.mark.parametrize(("distance_m", "error_m"), [([3.0, 4.0], 12.5**0.5), ([3.0, np.nan], None), ([], None)])
-def test_a_candidate_has_the_errors_of_stations_held_out(monkeypatch, distance_m, error_m):
-    """Roots of mean squares, of lengths where every view has one; and the score of each station."""
+def test_candidate_has_held_out_station_errors(monkeypatch, distance_m, error_m):
+    """A candidate has the rms of held-out stations, in lengths if every view has one, and each station's score."""
     scores = StationScores(np.array([0.1, 0.2]), 0.25, np.array(distance_m))
     monkeypatch.setattr(module, "_candidate_models", lambda problem, chains, candidate: candidate.kind)
     monkeypatch.setattr(module, "score_stations", lambda modelled, state, split, steps: scores if steps == 7 else None)
@@ -211,8 +216,8 @@ def test_a_candidate_has_the_errors_of_stations_held_out(monkeypatch, distance_m
     assert found.error_m == (None if error_m is None else pytest.approx(error_m))
 
 
-def test_a_choice_is_worth_its_columns(monkeypatch, solution):
-    """The richest model has more of them, and is compared with the fit of the model in use."""
+def test_promise_counts_additional_columns(monkeypatch, solution):
+    """The richest model is compared with the fit of the model in use, by its additional columns."""
     given = []
     monkeypatch.setattr(module, "_is_promising", lambda *words: given.append(words) or False)
     assert choose_robot_model(solution) is None

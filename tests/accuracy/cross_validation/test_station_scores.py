@@ -1,4 +1,4 @@
-"""Held-out stations are predicted by the rest alone, and scored by its own noise."""
+"""Tests of held-out station scores: stations are predicted from the rest, and scored by their own noise."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def scored(problem: Problem, state: State) -> StationScores:
 
 @pytest.mark.parametrize("target", ["charuco", "led", "pose"])
 @pytest.mark.parametrize("noise", [(0.0, 0.0), (3e-4, 5e-4)])
-def test_true_models_score_by_their_noise(target, noise):
-    """Of the truth's own fit, x has a mean near 1 by freedom, robots' noise or not: exp(score) - 1 of 40 stations.
+def test_true_model_scores_match_noise(target, noise):
+    """The mean of x = exp(score) - 1 over 40 stations is near 1 for the true model, with and without robot noise.
 
-    With 40 stations of 2 to 6 freedoms the mean of x has a standard error of at most 0.16, and fits to 32 samples with
-    up to 18 unknowns raise it by up to 18 / (6 * 32), or for a light 15 / (2 * 32): from 0.5 to 2.
+    With 40 stations of 2 to 6 freedoms the mean of x has a standard error of at most 0.16. Fits to 32 samples with up
+    to 18 unknowns raise it by up to 18 / (6 * 32), or for an LED 15 / (2 * 32): from 0.5 to 2.
     """
     made = simulate(Scenario(samples=40, target=target, robot_noise=noise), 2)
     solution = solve(made.cell, made.recording)
@@ -36,8 +36,8 @@ def test_true_models_score_by_their_noise(target, noise):
     assert 0.5 < np.mean(np.expm1(scores)) < 2.0
 
 
-def test_held_out_views_have_no_part_in_the_prediction():
-    """The prediction does not depend on the state it starts from, its stops' errors least of all."""
+def test_prediction_is_independent_of_start():
+    """The prediction is independent of the initial state and its stop errors: held-out views have no part in it."""
     made = simulate(Scenario(samples=30, robot_noise=(3e-4, 5e-4)), 1)
     solution = solve(made.cell, made.recording)
     problem, state = solution.problem, solution.state
@@ -47,8 +47,11 @@ def test_held_out_views_have_no_part_in_the_prediction():
     assert np.all(one > 0)
 
 
-def test_a_sample_that_is_wrong_scores_badly():
-    """One robot pose off by 5 mm: by far the worst score, though fits to the others hold it; millimetres too."""
+def test_wrong_sample_has_worst_score():
+    """A robot pose off by 5 mm has by far the worst score, though the fits to others hold it.
+
+    Its distance shows it, too.
+    """
     made = simulate(Scenario(samples=30), 0)
     first = made.recording.samples[0]
     eye = first.robots["eye"]
@@ -62,8 +65,8 @@ def test_a_sample_that_is_wrong_scores_badly():
     assert np.max(found.distance_m) > 3e-3
 
 
-def test_scores_are_those_of_poses_that_each_fold_predicts():
-    """Poses of a fixed mount: each station's score is log(1 + d^2 / 6), the mean square that of all numbers."""
+def test_scores_are_those_of_predicted_poses():
+    """For poses of a fixed mount each station's score is log(1 + d^2 / 6); the mean square is that of all numbers."""
     errors = np.random.default_rng(0).standard_normal((12, 6))
     problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3), Unknown("prior", SE3.identity(), np.full(6, 1e-9)))
     found = scored(problem, state)
@@ -74,8 +77,8 @@ def test_scores_are_those_of_poses_that_each_fold_predicts():
     )
 
 
-def test_noise_of_the_arm_counts_as_that_of_the_views():
-    """Stops twice as uncertain as the views: squares are over five variances, and what is off is as far."""
+def test_robot_noise_adds_to_view_noise():
+    """With stops twice as uncertain as views, squares are over five variances, and distances are unchanged."""
     errors = np.random.default_rng(0).standard_normal((12, 6))
     prior = Unknown("prior", SE3.identity(), np.full(6, 1e-9))
     problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3), prior, stop_sigma=np.full(6, 2e-3))
@@ -92,7 +95,7 @@ FIVE = {**MARKS, "mark_d": np.array([0.6, 0.0, 0.2]), "mark_e": np.array([0.4, 0
 
 
 def solution(bend_rad: float, count: int = 80) -> Solution:
-    """Of touches of five marks; at `mark_e` poses are recorded turned about x of the base."""
+    """A solution of touches of five marks; poses at `mark_e` are recorded rotated about x of the base."""
     lines, error = touch_lines(np.random.default_rng(0), count, SIGMA_M, FIVE, True), SE3.exp([0, 0, 0, bend_rad, 0, 0])
     for line in lines:
         if line["observations"][0]["touch"] == "mark_e":
@@ -104,8 +107,8 @@ def solution(bend_rad: float, count: int = 80) -> Solution:
     return solve(cell, recorded(cell, lines))
 
 
-def test_errors_are_such_as_noise_and_doubt_explain():
-    """Ratios of 80 touches of five marks: rms 1 to one part in seven, and none beyond 1.5."""
+def test_place_errors_match_expectation():
+    """Ratios of 80 touches of five marks have an rms of 1 within one part in seven, and none is above 1.5."""
     found = place_errors(solution(0.0), 50)
     ratios = np.array([each.ratio for each in found])
     assert {each.mark for each in found} == set(FIVE)
@@ -113,16 +116,16 @@ def test_errors_are_such_as_noise_and_doubt_explain():
     assert ratios.max() < 1.5
 
 
-def test_an_arm_that_errs_at_one_place_is_seen_there():
-    """Rotated by 10 mrad at one mark, about which a tip of 150 mm errs by a millimetre: it is the worst by far."""
+def test_robot_error_at_one_place_is_found():
+    """A rotation by 10 mrad at one mark, about 1 mm at a tip of 150 mm, makes it the worst mark by far."""
     worst = max(place_errors(solution(1e-2), 50), key=lambda each: each.ratio)
     assert worst.mark == "mark_e"
     assert worst.ratio > 3
     assert 5e-4 < worst.error_m < 2e-3
 
 
-def test_marks_are_held_out_by_the_plates_that_hold_them():
-    """Two marks of a plate go together; a mark on its own goes alone; two places are too few."""
+def test_marks_of_plate_are_held_out_together():
+    """Two marks of a plate are held out together and single marks alone; two places are too few."""
     plate = {"points_m": {"p": [0, 0, 0], "q": [0.1, 0, 0]}}
     cell = touch_cell(["mark_a", "mark_b", "mark_c"], marks={"plate": plate, "mark_a": {}, "mark_b": {}, "mark_c": {}})
     places = {"p": np.array([0.4, 0.1, 0.2]), "q": np.array([0.5, 0.1, 0.2])}

@@ -1,4 +1,4 @@
-"""Held-out samples: the answer moves as its covariance says where that is true, and the alarm rings where it is not."""
+"""Tests of `cross_validate`: the answer moves as its covariance says, and wrong models give findings."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def checked(cell: Cell, recording: Recording) -> tuple[Validation | None, tuple[
     [replace(NOISY, arms="stations", camera_mount="fixed", samples=25), LIGHT, NOISY],
     ids=["stations", "light", "robot noise"],
 )
-def test_the_answer_moves_as_its_covariance_says(scenario):
-    """With true sigmas the mean square of the folds' change, in units of its covariance, is 1 within 0.6; no alarm."""
+def test_answer_moves_as_covariance_says(scenario):
+    """With true sigmas the mean square change of folds over its covariance is 1 within 0.6, without findings."""
     found = [validated(scenario, seed) for seed in range(6)]
     changes = [each.base_change for each, _, _ in found if each is not None and each.base_change is not None]
     assert len(changes) == 6
@@ -80,8 +80,8 @@ def test_the_answer_moves_as_its_covariance_says(scenario):
     assert [codes for _, codes, _ in found if codes] == []
 
 
-def test_many_robots_are_validated_as_few(monkeypatch):
-    """Three robots by sparse matrices: held-out errors and spread are those by dense ones, to a millionth."""
+def test_sparse_validation_equals_dense_validation(monkeypatch):
+    """Held-out errors and spread of three robots by sparse matrices equal dense ones, to a millionth."""
     scenario = Scenario(layout="ring", robots=3, samples=30, robot_noise=(1e-4, 1e-4))
     made = simulate(scenario, 1)
     problem, _ = build_problem(made.cell, made.recording)
@@ -106,8 +106,8 @@ def test_many_robots_are_validated_as_few(monkeypatch):
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
-def test_robot_noise_that_is_not_modelled_is_found(arms):
-    """Corners of one view share the arms' error: taken for independent noise of pixels, the answer moves too much."""
+def test_unmodelled_robot_noise_is_found(arms):
+    """Corners of a view share the robot error; treated as independent pixel noise, the answer moves too much."""
     scenario = replace(NOISY, arms=arms, camera_mount="fixed", samples=25)
     for seed in range(2):
         found, codes, _ = validated(scenario, seed, pixel_px=None)
@@ -117,8 +117,8 @@ def test_robot_noise_that_is_not_modelled_is_found(arms):
         assert "inconsistent-folds" in codes
 
 
-def test_prediction_is_that_of_the_noise():
-    """Many views of a board: held-out pixels are off by the pixels' noise, within 5 %, and nearer than 1 mm."""
+def test_held_out_errors_match_pixel_noise():
+    """Held-out pixels of many board views are off by the pixel noise within 5 %, and the target by less than 1 mm."""
     found, _, _ = validated(Scenario(samples=60), 0)
     assert found is not None
     assert found.rms_px == pytest.approx(0.2, rel=0.05)
@@ -127,8 +127,8 @@ def test_prediction_is_that_of_the_noise():
     assert (found.kind, found.folds) == ("k-fold", 5)
 
 
-def test_a_new_stop_is_predicted_at_its_recorded_pose():
-    """Robots off by 1 mm each: held-out pixels are off by about that, though those used fit by the pixels' noise."""
+def test_new_stop_is_predicted_at_recorded_pose():
+    """With robots off by 1 mm, held-out pixels are off by about that, though used ones fit to the pixel noise."""
     scenario = Scenario(samples=30, robot_noise=(1e-3, 0.0))
     found, _, _ = validated(scenario, 0)
     assert found is not None
@@ -136,8 +136,8 @@ def test_a_new_stop_is_predicted_at_its_recorded_pose():
     assert found.rms_px > 3 * 0.2
 
 
-def test_a_light_gives_no_pose():
-    """A single light is predicted in pixels only."""
+def test_led_has_no_held_out_pose():
+    """A single LED is predicted in pixels only."""
     found, _, _ = validated(LIGHT, 0)
     assert found is not None
     assert found.target_m is None
@@ -145,8 +145,8 @@ def test_a_light_gives_no_pose():
     assert found.rms_px is not None
 
 
-def test_the_offset_of_a_light_moves_as_its_covariance_says():
-    """Asked for alone it has three numbers, whose change is of the size of their covariance."""
+def test_led_offset_moves_as_covariance_says():
+    """A requested LED offset has three numbers that change by the size of their covariance."""
     made = simulate(LIGHT, 0)
     problem, _ = build_problem(made.cell, made.recording)
     found = cross_validate(solve_problem(problem, made.cell), [made.cell.mount_name("board")])
@@ -154,8 +154,8 @@ def test_the_offset_of_a_light_moves_as_its_covariance_says():
     assert 0.05 < found.summary.base_change < 4.0
 
 
-def test_a_part_that_cannot_be_missed_is_told():
-    """The only sample in which the hand turns about a second axis is not held out, and the finding names it."""
+def test_indispensable_sample_is_reported():
+    """The only sample with a rotation of the hand about a second axis is not held out, and the finding names it."""
     made, other = recorded(Scenario(samples=14), 0, hand=SCARA), recorded(Scenario(samples=1), 0)
     last = replace(other.recording.samples[0], sample=14, stamp_s=14.0)
     found, findings = checked(made.cell, Recording((*made.recording.samples, last)))
@@ -166,16 +166,16 @@ def test_a_part_that_cannot_be_missed_is_told():
     assert "14" in told.about
 
 
-def test_stations_too_few_to_miss_one_are_split():
-    """Three places of the eye: without one of them nothing is seen, so that parts of places are held out instead."""
+def test_indispensable_stations_are_split():
+    """Parts of stations are held out if none of three eye stations can be."""
     found, codes, _ = validated(Scenario(samples=18, arms="stations", stations=3), 0)
     assert found is not None
     assert found.folds == 5
     assert codes == set()
 
 
-def test_too_few_views_for_a_lens_predict_badly():
-    """A lens with its distortion from five views of a board: what was held out is far off, as the covariance has it."""
+def test_few_views_of_free_lens_predict_badly():
+    """A free lens with distortion from five board views predicts badly, as its covariance expects."""
     for seed in range(2):
         made = simulate(Scenario(samples=5, intrinsics="free"), seed)
         problem, _ = build_problem(made.cell, made.recording)
@@ -184,8 +184,8 @@ def test_too_few_views_for_a_lens_predict_badly():
         assert 0.05 < found.predicted.cost / (found.fitted.cost + found.predicted.uncertain) < 9
 
 
-def test_held_out_views_cost_what_is_expected():
-    """With robots' noise, over 3 cells of 8 samples: within a third."""
+def test_held_out_cost_matches_expectation():
+    """The held-out cost with robot noise matches its expectation within a third, over 3 cells of 8 samples."""
     cost, expected = 0.0, 0.0
     for seed in range(3):
         made = simulate(replace(NOISY, samples=8), seed)
@@ -195,15 +195,15 @@ def test_held_out_views_cost_what_is_expected():
     assert cost == pytest.approx(expected, rel=0.33)
 
 
-def test_no_answer_is_not_validated():
-    """Where what was asked is not seen there is nothing to validate."""
+def test_unobservable_answer_is_not_validated():
+    """An answer whose requested transform is unobservable is not validated."""
     found, codes, _ = validated(Scenario(arms="eye_still"), 0)
     assert found is None
     assert codes == set()
 
 
 def test_views_of_two_kinds_are_predicted():
-    """Poses in place of the pixels of some samples: each view is compared with its own pose."""
+    """If some samples have poses instead of pixels, each view is compared with its own pose."""
     in_pixels, as_poses = (simulate(replace(NOISY, target=target), 0) for target in ("charuco", "pose"))
     pairs = zip(in_pixels.recording.samples, as_poses.recording.samples, strict=True)
     mixed = Recording(tuple(pair[sample % 3 == 0] for sample, pair in enumerate(pairs)))
@@ -213,8 +213,8 @@ def test_views_of_two_kinds_are_predicted():
     assert found.target_m < 4e-3
 
 
-def test_everything_fixed_is_predicted_all_the_same():
-    """A cell that states every transform: pixels are predicted by the noise, and no answer can move."""
+def test_fixed_cell_is_predicted():
+    """In a cell with all transforms fixed pixels are predicted by the noise, and no answer can move."""
     scenario = Scenario(base="fixed", camera_mount="fixed", target_mount="fixed")
     found, codes, _ = validated(scenario, 0)
     assert found is not None
@@ -223,15 +223,15 @@ def test_everything_fixed_is_predicted_all_the_same():
     assert codes == set()
 
 
-def test_errors_of_folds_add_up():
-    """Sum by sum and count by count, from nothing."""
+def test_fold_errors_add_up():
+    """Errors of folds add up sum by sum and count by count, from zero."""
     one, two = HeldOutErrors(1.0, 2.0, 3, 4.0, 5.0, 6), HeldOutErrors(10.0, 20.0, 30, 40.0, 50.0, 60)
     assert one + two == HeldOutErrors(11.0, 22.0, 33, 44.0, 55.0, 66)
     assert HeldOutErrors() + one == one
 
 
-def test_root_of_a_mean_square():
-    """None where nothing was counted, or a sum is beyond numbers."""
+def test_root_mean_square_needs_count_and_finite_sum():
+    """The root mean square is None without counts or with an infinite sum."""
     assert root_mean_square(12.0, 3) == 2.0
     assert root_mean_square(12.0, 1) == np.sqrt(12.0)
     assert root_mean_square(12.0, 0) is None
@@ -239,16 +239,22 @@ def test_root_of_a_mean_square():
 
 
 @pytest.mark.slow
-def test_clean_cells_are_not_alarmed():
-    """Of 400 clean cells, chance of an alarm 1e-4 each, at most one rings: two or more in 1,200 runs once."""
+def test_clean_cells_have_no_false_alarm():
+    """At most one of 400 clean cells gives a finding, each with a chance of 1e-4.
+
+    Two or more occur once in 1,200 runs.
+    """
     scenarios = [Scenario(samples=12), LIGHT, NOISY, Scenario(samples=15, state_pixel_noise=False)]
     rung = [validated(scenarios[k % 4], k)[1] for k in range(400)]
     assert sum("inconsistent-folds" in codes for codes in rung) <= 1
 
 
 @pytest.mark.parametrize("full", [np.eye(4), np.diag([4.0, 1e-4, 9.0, 1.0]), np.eye(4) + 0.5])
-def test_changes_are_compared_where_a_fold_has_lost_something_but_not_all(full):
-    """Along directions whose variance grew by more than 1 % and less than eleven times; there they are made unit."""
+def test_whitening_covers_partly_lost_directions(full):
+    """Changes are compared along directions whose variance grew by more than 1 % and less than eleven times.
+
+    There they have unit variance.
+    """
     root = np.linalg.cholesky(full)
     gains = np.array([0.0099, 0.0101, 9.9, 10.1])
     without = full + root @ np.diag(gains) @ root.T
@@ -262,7 +268,7 @@ COUNTS = [20, 20, 30, 10]  # of equations that folds hold out, of all of which o
 
 
 def spread_of(monkeypatch, counts, changes, asked=2, **noise):
-    """The spread of folds whose answers, of so many numbers that each equation tells alike, changed by these sigmas."""
+    """The spread of folds with answers of independent numbers that changed by these sigmas."""
     total, factor = sum(counts), noise.pop("factor", 1.0)
     usual = {"estimated": (), "factor": factor} | noise
     solution = SimpleNamespace(
@@ -293,8 +299,11 @@ CHANGES = [(1.0, -2.0), (0.5, 0.5), (3.0, 0.0), (-1.0, 1.0)]
 
 @pytest.mark.parametrize("factor", [1.0, 2.5])
 @pytest.mark.parametrize("estimated", [(), ("pixel_px",)])
-def test_the_spread_of_folds_is_a_chi_square_of_fewer_freedoms(monkeypatch, factor, estimated):
-    """The mean of squares over what is expected; freedoms by how folds go together; noise as estimated is Fisher's."""
+def test_fold_spread_follows_chi_square(monkeypatch, factor, estimated):
+    """The spread is the mean square over its expectation, with freedoms by the correlation of folds.
+
+    With estimated noise it follows Fisher's distribution.
+    """
     found = spread_of(monkeypatch, COUNTS, CHANGES, factor=factor, estimated=estimated)
     mean = np.mean(np.square(CHANGES))
     assert found.mean_square == pytest.approx(mean)
@@ -312,8 +321,11 @@ def test_the_spread_of_folds_is_a_chi_square_of_fewer_freedoms(monkeypatch, fact
         assert found.beyond_covariance.chance == pytest.approx(fisher.sf(mean, freedoms, total - 3))
 
 
-def test_few_freedoms_tell_no_spread(monkeypatch):
-    """Of one number five folds alike have four, of two eight; of nothing asked, and where nothing was lost, none."""
+def test_spread_needs_enough_freedoms(monkeypatch):
+    """Five equal folds have four freedoms for one number and eight for two.
+
+    Without requests or without losses there is no spread.
+    """
     alike = [20] * 5
     assert spread_of(monkeypatch, alike, [(1.0, 1.0)] * 5, 1) is None
     assert spread_of(monkeypatch, alike, [(1.0, 1.0)] * 5, 2).freedoms == pytest.approx(8.0)
@@ -321,8 +333,8 @@ def test_few_freedoms_tell_no_spread(monkeypatch):
     assert spread_of(monkeypatch, [1000, 1, 1], [(1.0, 1.0)] * 3) is None
 
 
-def test_errors_of_poses_are_those_of_what_is_predicted():
-    """Costs and squares of how far predictions are off, used and held out; of a light's pixels no pose."""
+def test_pose_errors_are_those_of_predictions():
+    """Costs and squares are those of predicted poses, used and held out; an LED's pixels have no pose."""
     rng = np.random.default_rng(1)
     errors = 1e-3 * rng.standard_normal((6, 6))
     problem, state = pose_problem(errors, np.full(6, 2e-3))
@@ -349,8 +361,11 @@ ODD = np.arange(6) % 2 == 1
     ([0, 0, 0, 0], 1, 4, ()), ([1, 0, 0, 0], 1, 3, (0,)), ([1, 1, 0, 0], 2, 2, (0, 1)), ([1, 1, 1, 0], 2, 1, (0, 1, 2)),
     ([1, 1, 1, 1], 2, None, (0, 1, 2, 3)),
 ])  # fmt: skip
-def test_milder_ways_to_split_are_tried_where_half_the_folds_are_lost(monkeypatch, lost, ways, folds, skipped):
-    """Until more than half of one's folds can be fitted; what the last of them lost is told."""
+def test_milder_splits_follow_if_half_of_folds_fail(monkeypatch, lost, ways, folds, skipped):
+    """Milder splits are tried until more than half of the folds can be fitted.
+
+    The skipped samples of the last are listed.
+    """
     tried = []
 
     def refitted(problem, state, folds, iterations):
@@ -382,8 +397,8 @@ def test_milder_ways_to_split_are_tried_where_half_the_folds_are_lost(monkeypatc
         assert cross_validate(SimpleNamespace(**vars(solution) | changed), ["a"]) is None
 
 
-def test_errors_of_pixels_are_those_of_points_that_were_seen():
-    """However much they weigh; each has two numbers."""
+def test_pixel_errors_cover_seen_points():
+    """Pixel errors cover the seen points whatever their weight; each has two numbers."""
     made = simulate(Scenario(samples=3), 0)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
@@ -400,7 +415,8 @@ def test_errors_of_pixels_are_those_of_points_that_were_seen():
 
 
 @pytest.mark.parametrize(("held", "kind"), [((1, 1), "leave-one-out"), ((1, 2), "k-fold")])
-def test_folds_of_one_sample_each_leave_one_out(monkeypatch, held, kind):
+def test_single_sample_folds_are_leave_one_out(monkeypatch, held, kind):
+    """Folds of one sample each are called leave-one-out."""
     folds = [SimpleNamespace(held=range(count)) for count in held]
     monkeypatch.setattr(validation, "splits", lambda problem: iter([SimpleNamespace(folds=folds)]))
     monkeypatch.setattr(validation, "refit_folds", lambda problem, state, folds, iterations: folds)
@@ -420,7 +436,7 @@ def test_folds_of_one_sample_each_leave_one_out(monkeypatch, held, kind):
 
 
 def fitted_as(problem, state):
-    """A fold that holds out all views, with a fit of its own."""
+    """A fold that holds out all views, with its own fit."""
     fit = SimpleNamespace(
         known=np.zeros(len(problem.stops), dtype=bool),
         views=problem,
@@ -430,8 +446,8 @@ def fitted_as(problem, state):
     return _Fold(fit, np.zeros((0, 0)))
 
 
-def test_used_views_have_poses_only_where_these_were_seen():
-    """What the full answer is off by is told in pixels where there are some; what folds predict, in both."""
+def test_used_views_have_poses_only_if_observed():
+    """Errors of the full answer are in pixels if there are some, held-out errors in pixels and poses."""
     errors = 1e-3 * np.random.default_rng(0).standard_normal((5, 6))
     problem, state = pose_problem(errors, np.full(6, 1e-3))
     moved = replace(state, transforms={**state.transforms, MOUNT: SE3.exp([2e-3, 0, 0, 0, 0, 0])})
@@ -458,8 +474,11 @@ def test_used_views_have_poses_only_where_these_were_seen():
     (True, True, 9.0, (), "by sparse"), (True, True, None, (), "by dense"), (True, False, 9.0, (), "by dense"),
     (True, False, None, ("b",), "by dense"), (True, False, None, ("a",), None), (False, True, 9.0, (), None),
 ])  # fmt: skip
-def test_a_fold_determines_what_is_asked_or_is_none(monkeypatch, converged, sparse, condition, unobservable, told):
-    """By sparse matrices where these are enough; a fit that has not settled, or leaves it open, is no fold."""
+def test_fold_must_determine_requested_transforms(monkeypatch, converged, sparse, condition, unobservable, told):
+    """A fold that did not converge, or leaves a requested transform unobservable, is dropped.
+
+    Sparse matrices are used if they are enough.
+    """
     matrix = SimpleNamespace(inverse_columns=lambda chosen: "by sparse") if sparse else None
     fit = SimpleNamespace(
         optimum=SimpleNamespace(converged=converged, state=None, hessian=None), sparse=matrix, used="used"

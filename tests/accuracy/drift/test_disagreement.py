@@ -1,4 +1,4 @@
-"""New samples against a calibration, and what explains them."""
+"""Tests of `disagreement`: new samples compared with a calibration, and the causes of differences."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from drift_cells import BASE, later
 HALF_A_DEGREE = np.radians(0.5)
 
 
-def test_samples_of_a_cell_that_is_unchanged_agree():
-    """Their chance is large, and no cause is looked for."""
+def test_unchanged_cell_agrees():
+    """Samples of an unchanged cell have a large chance, and no cause is searched."""
     made = later(0)
     found = disagreement(made.cell, made.calibration, made.recording)
     assert found.chance > DISAGREEMENT_LEVEL
     assert found.causes == ()
 
 
-def test_a_large_shift_is_found_to_second_order():
-    """A base that moved by 30 mm and half a degree explains all samples, with the size it has, and alone."""
+def test_large_shift_is_found_to_second_order():
+    """A base moved by 30 mm and half a degree alone explains all samples, with its size."""
     made = later(0)
     tangent = np.array([0.03, 0, 0, 0, 0, HALF_A_DEGREE])
     found = disagreement(made.cell, made.calibration, made.with_base_moved(tangent))
@@ -38,8 +38,8 @@ def test_a_large_shift_is_found_to_second_order():
     np.testing.assert_allclose(np.abs(found.causes[0].size), np.abs(tangent), atol=1e-3)
 
 
-def test_views_of_other_poses_have_no_cause():
-    """Views that are paired with the poses of other samples are explained by nothing that moved."""
+def test_mispaired_views_have_no_cause():
+    """Views paired with poses of other samples are explained by no movement."""
     made = later(0)
     samples = made.recording.samples
     turned = [*samples[1:], samples[0]]
@@ -48,8 +48,8 @@ def test_views_of_other_poses_have_no_cause():
     assert found.chance_left < 1e-6
 
 
-def test_another_board_is_named_by_its_size():
-    """A board whose points are 2 % farther apart than stated shows as one that is larger by 2 %."""
+def test_other_board_is_named_by_size():
+    """A board with points 2 % farther apart than stated is reported as 2 % larger."""
     made = later(0)
     name = next(iter(made.cell.targets))
     shape = made.cell.targets[name].target
@@ -61,7 +61,7 @@ def test_another_board_is_named_by_its_size():
 
 
 def told(monkeypatch, off, shifts, root=None):
-    """The disagreement of whitened innovations, of shifts that take so much of their squares with so many freedoms."""
+    """The disagreement of whitened innovations, for shifts with these gains and freedoms."""
     root = np.eye(len(off)) if root is None else root
     of = SimpleNamespace(deviation=np.array(off), root=root, covariance_inverse=np.eye(len(off)), noise_freedoms=np.inf)
     made = [SimpleNamespace(name=name, statistic=gain, freedoms=count) for name, (gain, count) in shifts.items()]
@@ -72,8 +72,8 @@ def told(monkeypatch, off, shifts, root=None):
     return disagreement(None, None, None)
 
 
-def test_coordinates_that_views_do_not_have_are_no_freedoms(monkeypatch):
-    """Of many blocks of views each column with a number counts; without any nothing is predicted."""
+def test_unseen_coordinates_are_no_freedoms(monkeypatch):
+    """Each nonzero column of the views' blocks counts as a freedom; without any there is no prediction."""
     root = np.zeros((2, 3, 3))
     root[0, :, 0] = [0.0, 0.0, 1.0]
     root[1, 1, 1] = -2.0
@@ -84,8 +84,8 @@ def test_coordinates_that_views_do_not_have_are_no_freedoms(monkeypatch):
     assert told(monkeypatch, [1.0, 1.0, 1.0], {"size": (0.0, 1)}, 0 * root) is None
 
 
-def test_causes_pay_for_their_freedoms(monkeypatch):
-    """Six numbers have to explain five more than one number; what is left is judged without those of the best."""
+def test_causes_are_penalised_by_freedoms(monkeypatch):
+    """Six numbers must explain five more than one number; the remainder is judged without the best cause's freedoms."""
     off = np.full(20, 2.5)
     found = told(monkeypatch, off, {"size": (90.0, 1), "joint": (94.0, 6), "other": (20.0, 1)})
     assert found.chance == pytest.approx(chi2.sf(125.0, 20))

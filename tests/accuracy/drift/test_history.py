@@ -1,4 +1,4 @@
-"""Drift over days: slopes are found, and said where nothing drifts as often as told."""
+"""Tests of the drift over days: slopes are found, and false alarms are as rare as stated."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OFFSET = np.array([4e-4, -2e-4, 1e-4])  # what the run itself is off by
 
 
 def history(days: list[float], slope: np.ndarray, rng: np.random.Generator, run: str = "r") -> list[PastVerification]:
-    """Verifications of a base that moves by so much a day."""
+    """Verifications of a base that moves by a slope per day."""
     made = []
     for day in days:
         t_m = OFFSET + slope * day + SIGMA * rng.standard_normal(3)
@@ -29,9 +29,10 @@ def history(days: list[float], slope: np.ndarray, rng: np.random.Generator, run:
     return made
 
 
-def test_a_drift_is_found_with_its_sigma(rng: np.random.Generator) -> None:
-    """Over 300 histories the slope is off by its sigma: the sum of squares over sigmas has mean 3, within 3.5 standard
-    errors of sqrt(6 / 300).
+def test_drift_is_found_with_sigma(rng: np.random.Generator) -> None:
+    """The slope matches its sigma over 300 histories.
+
+    The sum of squares over sigmas has mean 3, within 3.5 standard errors of sqrt(6 / 300).
     """
     slope, days = np.array([1e-4, 0.0, -5e-5]), [0.0, 1.0, 7.0, 8.0, 20.0]
     found = [drifts(history(days, slope, rng))[0] for _ in range(300)]
@@ -40,14 +41,14 @@ def test_a_drift_is_found_with_its_sigma(rng: np.random.Generator) -> None:
     assert np.median([each.chance for each in found]) < 1e-6
 
 
-def test_chances_are_uniform_where_nothing_drifts(rng: np.random.Generator) -> None:
-    """What the run is off by is no drift: half of 300 chances are below a half, within 3.5 standard errors."""
+def test_chances_are_uniform_without_drift(rng: np.random.Generator) -> None:
+    """Half of 300 chances are below a half, within 3.5 standard errors. The offset of the run itself is no drift."""
     chances = [drifts(history([0.0, 2.0, 3.0, 9.0], np.zeros(3), rng))[0].chance for _ in range(300)]
     assert np.mean(np.array(chances) < 0.5) == pytest.approx(0.5, abs=3.5 * np.sqrt(0.25 / 300))
 
 
-def test_too_little_to_tell(rng: np.random.Generator) -> None:
-    """Nothing, two verifications, all at once, or of runs before tell of no drift."""
+def test_too_few_verifications_show_no_drift(rng: np.random.Generator) -> None:
+    """An empty history, two verifications, equal times, or earlier runs show no drift."""
     assert drifts([]) == ()
     assert drifts(history([0.0, 1.0], np.zeros(3), rng)) == ()
     assert drifts(history([1.0] * FEWEST_VERIFICATIONS, np.zeros(3), rng)) == ()
@@ -55,8 +56,8 @@ def test_too_little_to_tell(rng: np.random.Generator) -> None:
     assert drifts([*before, *history([3.0, 4.0], np.zeros(3), rng, "later")]) == ()
 
 
-def test_what_is_kept_of_a_verification() -> None:
-    """What each transform moved by with its sigmas; what moved is told only where something did."""
+def test_verification_record_has_shifts_and_cause() -> None:
+    """A record has the shifts and sigmas of each transform; the moved frame is kept only if something moved."""
     covariance = np.diag([1.0, 4.0, -1e-30, 9.0, 9.0, 9.0]) * 1e-8
     shift = Shift("hand_base", "a_from_b", None, np.arange(6.0), covariance, np.eye(6), 9.0, 6)
     found = Verification(True, 0.01, shift, (), 2e-3, (4, 7, 8), requested=(shift,))
@@ -75,8 +76,8 @@ def measured(day: float, t_m: list[float], sigma_m: list[float]) -> PastVerifica
     return PastVerification(START + timedelta(days=day), "r", 4, False, 0.5, 1e-3, None, shifts)
 
 
-def test_a_drift_is_the_weighted_line_of_each_axis() -> None:
-    """Slopes, their sigmas and the chance of all three by `np.polyfit` and the chi-square distribution."""
+def test_drift_is_weighted_line_of_each_axis() -> None:
+    """Slopes, their sigmas and the joint chance equal `np.polyfit` and the chi-square distribution."""
     rng = np.random.default_rng(2)
     days, t_m = [0.0, 2.0, 5.0, 6.0], 1e-4 * rng.standard_normal((4, 3))
     sigma = 1e-4 * rng.uniform(0.5, 2.0, (4, 3))
@@ -88,8 +89,8 @@ def test_a_drift_is_the_weighted_line_of_each_axis() -> None:
     assert (found.transform, found.run, found.count) == ("a_from_b", "r", 4)
 
 
-def test_three_verifications_of_more_than_a_minute_and_a_half_are_enough() -> None:
-    """A thousandth of a day; an axis without a sigma tells nothing."""
+def test_drift_needs_three_verifications_over_time() -> None:
+    """Three verifications over more than a thousandth of a day are enough; an axis without a sigma is not used."""
     minute = 1 / 1440
     sigma = [1e-4] * 3
     for minutes, told in ((1.3, False), (1.6, True)):

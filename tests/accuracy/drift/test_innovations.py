@@ -1,4 +1,4 @@
-"""New views against what a calibration predicts."""
+"""Tests of `innovations`: new views compared with the prediction of a calibration."""
 
 from dataclasses import replace
 
@@ -21,10 +21,10 @@ from basecal.geometry import SE3, Array, Camera
 from drift_cells import BASE, Later, later
 
 
-def test_they_are_as_uncertain_as_they_are_said_to_be() -> None:
-    """Whitened by their covariance their squares have the mean 1, over four cells of six views of six numbers.
+def test_whitened_innovations_have_unit_variance() -> None:
+    """Whitened innovations of four cells with six views of six numbers have a mean square of 1.
 
-    144 of them: their mean has a standard error of 0.12, of which the band is three.
+    They are 144: their mean has a standard error of 0.12, of which the band is three.
     """
     squares = []
     for seed in range(4):
@@ -34,13 +34,15 @@ def test_they_are_as_uncertain_as_they_are_said_to_be() -> None:
     assert 0.65 < np.mean(squares) < 1.35
 
 
-def test_without_the_uncertainty_of_predictions_they_would_not_be() -> None:
+def test_unwhitened_innovations_exceed_unit_variance() -> None:
+    """Without the uncertainty of predictions the mean square is above 3."""
     made = later()
     of = innovations(made.cell, made.calibration, made.recording)
     assert float(of.deviation @ of.deviation) / len(of.deviation) > 3.0
 
 
-def test_a_moved_base_moves_them_as_its_derivative_says() -> None:
+def test_moved_base_changes_innovations_by_derivative() -> None:
+    """A moved base changes the innovations by the frame derivative."""
     made, tangent = later(), np.array([1e-4, -5e-5, 2e-5, 1e-4, 0.0, -1e-4])
     before = innovations(made.cell, made.calibration, made.recording)
     after = innovations(made.cell, made.calibration, made.with_base_moved(tangent))
@@ -48,7 +50,8 @@ def test_a_moved_base_moves_them_as_its_derivative_says() -> None:
     np.testing.assert_allclose(after.deviation - before.deviation, expected, atol=0.02 * np.abs(expected).max())
 
 
-def test_leaving_a_sample_out_is_as_not_having_it() -> None:
+def test_dropped_sample_equals_missing_sample() -> None:
+    """Dropping a sample equals innovations without it."""
     made = later()
     number = made.recording.samples[2].sample
     less = Recording(tuple(s for s in made.recording.samples if s.sample != number))
@@ -60,7 +63,8 @@ def test_leaving_a_sample_out_is_as_not_having_it() -> None:
     np.testing.assert_allclose(without.frame_jacobian(BASE), never.frame_jacobian(BASE), atol=1e-9)
 
 
-def test_views_of_one_stop_share_the_error_of_the_arm() -> None:
+def test_views_of_one_stop_share_robot_error() -> None:
+    """Views of one stop share the robot error in the prediction."""
     made = later(robot_noise=(1e-3, 1e-3))
     apart = innovations(made.cell, made.calibration, made.recording)
     number = apart.situation.problem.groups[0]
@@ -72,7 +76,8 @@ def test_views_of_one_stop_share_the_error_of_the_arm() -> None:
     assert np.linalg.norm(across) > 0.5 * np.linalg.norm(of.predicted[:6, :6])
 
 
-def test_too_many_views_are_thinned() -> None:
+def test_many_views_are_thinned() -> None:
+    """Too many views are thinned to at most `MOST_VIEWS`."""
     made = later()
     many = [
         sample.__class__(**{**vars(sample), "sample": 1000 * k + sample.sample})
@@ -94,8 +99,8 @@ def test_too_many_views_are_thinned() -> None:
     assert 0.4 * MOST_VIEWS < len(of.sample) <= MOST_VIEWS
 
 
-def test_arms_built_otherwise_are_off_as_their_joints_say() -> None:
-    """What is unknown of links adds their derivative at the new joints, in sigmas, squared; an older file has none."""
+def test_link_uncertainty_adds_derivative_at_joints() -> None:
+    """Link uncertainty adds the squared derivative at the new joints in sigmas; an older file has none."""
     made = later(joints=True)
     links = {"sigma": [1e-3] * 6, "shift_m": 5e-4, "turn_rad": 1e-3}
     robots = made.calibration.noise["robots"]
@@ -115,8 +120,8 @@ def test_arms_built_otherwise_are_off_as_their_joints_say() -> None:
     assert np.abs(older - added).max() > 0.1 * np.abs(added).max()
 
 
-def test_errors_of_motion_go_by_stamps() -> None:
-    """Views half a second apart share them; samples a minute apart do not, and those without stamps have none."""
+def test_time_errors_follow_stamps() -> None:
+    """Views half a second apart share errors in time, samples a minute apart do not; without stamps there are none."""
     made = later()
     robots = made.calibration.noise["robots"]
     hand = {**robots["hand"], "smooth_in_time": {"sigma": [1e-3] * 6, "lasts_s": 1.0}}
@@ -134,8 +139,8 @@ def test_errors_of_motion_go_by_stamps() -> None:
     assert not np.any(added(None))
 
 
-def test_what_a_sigma_may_be_counts_and_not_what_is_likeliest() -> None:
-    """Of noise that few samples showed the mean square is larger than the square of the likeliest sigma."""
+def test_mean_square_of_noise_exceeds_likeliest() -> None:
+    """Noise from few samples counts with its mean square, which is larger than the square of the likeliest sigma."""
     made = later()
     robots = {name: {**known, "rms_factor": 3.0} for name, known in made.calibration.noise["robots"].items()}
     wider = replace(made.calibration, noise={**made.calibration.noise, "robots": robots})
@@ -149,8 +154,8 @@ def test_what_a_sigma_may_be_counts_and_not_what_is_likeliest() -> None:
     np.testing.assert_allclose(after - rest, 9 * (before - rest), rtol=1e-6, atol=1e-6 * np.abs(after).max())
 
 
-def test_errors_of_arms_are_those_of_their_stops() -> None:
-    """Where transforms are exact: of each robot its sigmas through its derivative, independent between samples."""
+def test_robot_errors_are_those_of_stops() -> None:
+    """With exact transforms each robot's sigmas count through its derivative, independently between samples."""
     made = later()
     exact = replace(made.calibration, joint_covariance=None)
     of = innovations(made.cell, exact, made.recording)
@@ -166,14 +171,14 @@ def test_errors_of_arms_are_those_of_their_stops() -> None:
 
 
 def pulls(of: Innovations, off: np.ndarray) -> np.ndarray:
-    """What views say in their own tangents, (6 n,), whatever the order and signs in which they are whitened."""
+    """Innovations in the views' own tangents, (6 n,), independent of the order and signs of whitening."""
     return np.asarray(of.root @ off.reshape(-1, 6, 1)).ravel()
 
 
 @pytest.mark.parametrize("robot", ["eye", "hand"])
 @pytest.mark.parametrize("joints", [False, True])
-def test_either_arm_moves_them_as_its_derivative_says(robot: str, joints: bool) -> None:
-    """By a shift of its flange, and of the joints where these are recorded; else it has none."""
+def test_robot_shift_changes_innovations_by_derivative(robot: str, joints: bool) -> None:
+    """A shift of either flange, or of recorded joints, changes the innovations by its derivative."""
     made, by = later(joints=joints), 1e-5 * np.array([3.0, -2, 1, 2, 1, -3])
     before = innovations(made.cell, made.calibration, made.recording)
     samples = []
@@ -189,8 +194,8 @@ def test_either_arm_moves_them_as_its_derivative_says(robot: str, joints: bool) 
     assert before.joint_jacobian(robot).shape == (6, 6, 6 if joints else 0)
 
 
-def test_noise_is_known_by_the_fewest_freedoms() -> None:
-    """Of the robots that took part; stated noise has no end of them."""
+def test_noise_freedoms_are_smallest_of_robots() -> None:
+    """The noise freedoms are the smallest of the participating robots; stated noise has infinitely many."""
     made = later()
     robots = made.calibration.noise["robots"]
     for freedoms, fewest in (((30.0, 12.0), 12.0), ((None, 40.0), 40.0), ((None, None), np.inf)):
@@ -203,8 +208,8 @@ def test_noise_is_known_by_the_fewest_freedoms() -> None:
         assert found.noise_freedoms == fewest
 
 
-def test_smooth_errors_are_alike_at_poses_near_one_another() -> None:
-    """Each pair of views by the kernel of its robot's poses, but for its small modes, through both derivatives."""
+def test_smooth_errors_correlate_near_poses() -> None:
+    """Smooth errors correlate views by the kernel of robot poses, up to small modes, through both derivatives."""
     made = later()
     robots = made.calibration.noise["robots"]
     sigma = np.array([1e-3, 2e-3, 0.0, 1e-3, 0.0, 3e-3])
@@ -242,8 +247,8 @@ def _views(made: Later) -> tuple[PixelMeasurement, SE3, object]:
     return group.measurement, predicted, situation.state.cameras[group.camera]
 
 
-def test_views_near_their_prediction_are_of_first_order() -> None:
-    """Nothing changes for a cell that stands as it was."""
+def test_near_views_are_first_order() -> None:
+    """For an unchanged cell the view tangents equal those of first order."""
     measurement, predicted, camera = _views(later())
     found = view_tangents(measurement, predicted, camera)  # type: ignore[arg-type]
     expected = first_order_tangents(measurement.linearise(predicted, camera, False))  # type: ignore[arg-type]
@@ -252,8 +257,11 @@ def test_views_near_their_prediction_are_of_first_order() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_tangent_reaches_the_pose_that_is_seen(seed: int) -> None:
-    """Predictions are moved by 0.4 m and 1.2 rad; noise of 0.2 px turns a board by milliradians."""
+def test_tangent_reaches_observed_pose(seed: int) -> None:
+    """The tangent reaches the observed pose from predictions moved by 0.4 m and 1.2 rad.
+
+    Noise of 0.2 px rotates a board by milliradians.
+    """
     measurement, predicted, camera = _views(later())
     before = predicted @ SE3.exp(view_tangents(measurement, predicted, camera).tangent)  # type: ignore[arg-type]
     moved = predicted @ SE3.exp(_direction(seed) * np.repeat([0.4, 1.2], 3))
@@ -263,8 +271,11 @@ def test_the_tangent_reaches_the_pose_that_is_seen(seed: int) -> None:
 
 @pytest.mark.parametrize("samples", [1, 3, 12])
 @pytest.mark.parametrize(("length_m", "angle_rad"), [(1.0, 0.0), (0.0, 1.5), (0.6, 2.0)])
-def test_a_base_moved_far_has_moved(samples: int, length_m: float, angle_rad: float) -> None:
-    """Boards are predicted behind the camera then; three samples give the shift itself."""
+def test_far_moved_base_is_detected(samples: int, length_m: float, angle_rad: float) -> None:
+    """A base moved far is detected, though boards are predicted behind the camera.
+
+    Three samples give the shift itself.
+    """
     made = later(new=12).first(samples)
     for seed in range(3):
         tangent = _direction(seed) * np.repeat([length_m, angle_rad], 3)
@@ -278,16 +289,19 @@ def test_a_base_moved_far_has_moved(samples: int, length_m: float, angle_rad: fl
 
 
 @pytest.mark.parametrize("target", ["led", "points3d", "pose"])
-def test_any_measurement_shows_that_a_base_moved_far(target: str) -> None:
-    """A single point holds no pose: its direction counts, also if it is predicted behind the camera."""
+def test_far_moved_base_is_detected_by_any_measurement(target: str) -> None:
+    """A base moved far is detected by any measurement.
+
+    A point has no pose: its direction counts, also if predicted behind the camera.
+    """
     made = later(target=target)
     for seed in range(4):
         tangent = _direction(seed) * np.repeat([1.0, 0.0], 3)
         assert verify(made.cell, made.calibration, made.with_base_moved(tangent)).moved is True
 
 
-def test_what_a_gauge_holds_is_no_uncertainty_of_predictions() -> None:
-    """It is the same in new samples: predictions are those of a calibration without that part."""
+def test_gauge_covariance_is_no_prediction_uncertainty() -> None:
+    """A gauge's error is equal in new samples, so predictions are those without its covariance."""
     made = later()
     root = 1e-4 * np.random.default_rng(0).standard_normal((len(made.calibration.joint_covariance), 3))
     held = root @ root.T
@@ -300,8 +314,11 @@ def test_what_a_gauge_holds_is_no_uncertainty_of_predictions() -> None:
     np.testing.assert_allclose(beside.predicted, alone.predicted, atol=1e-9 * np.abs(alone.predicted).max())
 
 
-def test_points_that_are_not_seen_have_no_bearing_and_no_weight() -> None:
-    """Seen points weigh by the sigmas of their pixels, over the focal length; a point outside the lens weighs none."""
+def test_unseen_points_have_no_weight() -> None:
+    """Seen points are weighted by pixel sigmas over the focal length.
+
+    Unseen points, and points outside the lens, have no weight.
+    """
     camera = Camera("pinhole", [800.0, 400.0, 320.0, 240.0])
     pixels = np.array([[[320.0, 240.0], [1120.0, 240.0], [320.0, 640.0]]])
     seen = np.array([[True, True, False]])

@@ -1,4 +1,4 @@
-"""What one thing may have moved by, and what would be seen."""
+"""Tests of shifts of a single frame or joint, and of the detectable shift."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -22,7 +22,8 @@ def of_base(recording=None):
     return next(each for each in frame_shifts(of) if each.transform == BASE)
 
 
-def test_a_shift_is_found_with_its_sigma() -> None:
+def test_shift_is_found_with_sigma() -> None:
+    """A moved base is found within its covariance, and with a small chance."""
     found = of_base(later().with_base_moved(TANGENT))
     off = found.size - TANGENT
     assert found.freedoms == 6
@@ -33,13 +34,15 @@ def test_a_shift_is_found_with_its_sigma() -> None:
 
 
 def test_every_frame_is_tried() -> None:
+    """Every frame is tried, and no joint if poses are recorded."""
     made = later()
     of = innovations(made.cell, made.calibration, made.recording)
     assert {each.frame for each in frame_shifts(of)} == {"hand_base", "wrist", "board"}
     assert list(joint_shifts(of)) == []
 
 
-def test_the_zero_of_a_joint_is_tried_where_joints_are_recorded() -> None:
+def test_joint_offsets_are_tried_if_joints_recorded() -> None:
+    """Joint offsets are tried if joints are recorded, and the shifted joint is found."""
     made = later(joints=True, spread_rad=0.5)
     shifted = [
         replace(s, robots={**s.robots, "hand": replace(s.robots["hand"], joints_rad=s.robots["hand"].joints_rad - q)})
@@ -52,8 +55,8 @@ def test_the_zero_of_a_joint_is_tried_where_joints_are_recorded() -> None:
     assert best.size[0] == pytest.approx(0.02, abs=4 * np.sqrt(best.covariance[0, 0]))
 
 
-def test_what_is_detectable_is_seen_so_often() -> None:
-    """The chance of the noncentral chi-square by 20,000 draws of it, within three standard errors of 0.0015."""
+def test_detectable_shift_has_stated_power() -> None:
+    """A detectable shift is detected with the stated power in 20,000 draws, within three standard errors of 0.0015."""
     shift, level, power = of_base(), 2e-3, 0.95
     length = detectable_m(shift, level, power)
     assert length is not None
@@ -66,7 +69,8 @@ def test_what_is_detectable_is_seen_so_often() -> None:
     assert np.mean(drawn > chi2.isf(level, 6)) == pytest.approx(power, abs=0.005)
 
 
-def test_what_is_not_seen_has_no_detectable_size() -> None:
+def test_unseen_shift_has_no_detectable_size() -> None:
+    """A frame that is not seen, or in one direction only, has no finite detectable size."""
     shift = of_base()
     blind = replace(shift, information=np.zeros((6, 6)), freedoms=0)
     assert detectable_m(blind, 1e-3, 0.95) is None
@@ -75,15 +79,15 @@ def test_what_is_not_seen_has_no_detectable_size() -> None:
 
 
 def _of_noise(freedoms: float, statistic: float = 30.0) -> Shift:
-    """A shift of a frame whose noise is known by so many freedoms."""
+    """A shift of a frame with noise of so many freedoms."""
     information = np.diag([4e6, 1e6, 2e6, 1e6, 1e6, 1e6])
     inverse = np.linalg.inv(information)
     return Shift("board", "hand_flange_from_board", None, np.zeros(6), inverse, information, statistic, 6, freedoms)
 
 
 @pytest.mark.parametrize("freedoms", [6.0, 12.0, 150.0])
-def test_noise_that_few_samples_told_makes_tails_heavier(freedoms: float) -> None:
-    """The chance is that of Fisher's distribution; the threshold is passed with the level."""
+def test_noise_of_few_freedoms_has_heavier_tails(freedoms: float) -> None:
+    """With noise of few freedoms the chance follows Fisher's distribution, and the threshold has the level."""
     of = _of_noise(freedoms)
     assert np.exp(of.log_chance) == pytest.approx(fisher.sf(5.0, 6, freedoms), rel=1e-9)
     assert of.log_chance > _of_noise(np.inf).log_chance
@@ -91,8 +95,8 @@ def test_noise_that_few_samples_told_makes_tails_heavier(freedoms: float) -> Non
 
 
 @pytest.mark.parametrize("freedoms", [12.0, np.inf])
-def test_what_is_detectable_is_seen_with_noise_of_few_freedoms(freedoms: float) -> None:
-    """20,000 draws of a shift, its direction and the noise are seen in 95 %, within half a percent."""
+def test_detectable_shift_allows_for_noise_freedoms(freedoms: float) -> None:
+    """95 % of 20,000 draws of a detectable shift, its direction and the noise are detected, within half a percent."""
     of, rng = _of_noise(freedoms), np.random.default_rng(3)
     length = detectable_m(of, 0.005, 0.95)
     along = rng.standard_normal((20_000, 3))
@@ -102,8 +106,8 @@ def test_what_is_detectable_is_seen_with_noise_of_few_freedoms(freedoms: float) 
     assert np.mean(rng.noncentral_chisquare(6, strength) / scale > of.threshold(0.005)) == pytest.approx(0.95, abs=5e-3)
 
 
-def test_chances_that_are_no_numbers_are_told_by_their_logarithm() -> None:
-    """Of a statistic of thousands, and of a shift that nothing shows, whose chance is one."""
+def test_tiny_chances_are_logarithms() -> None:
+    """Tiny chances have finite logarithms for a statistic of thousands; an unseen shift has a chance of one."""
     far = _of_noise(150.0, 1e8)
     assert np.isfinite(far.log_chance)
     assert far.log_chance < -500
@@ -111,7 +115,8 @@ def test_chances_that_are_no_numbers_are_told_by_their_logarithm() -> None:
     assert replace(_of_noise(12.0, 0.0), freedoms=0).log_chance == 0.0
 
 
-def test_a_joint_has_an_angle_and_no_length() -> None:
+def test_joint_shift_has_angle_only() -> None:
+    """A joint shift has an angle and no length; a frame has both."""
     of = _of_noise(np.inf)
     joint = replace(of, joint=2, size=np.array([-0.03]))
     assert (joint.shift_m, joint.shift_rad) == (0.0, pytest.approx(0.03))
@@ -119,8 +124,8 @@ def test_a_joint_has_an_angle_and_no_length() -> None:
     assert (frame.shift_m, frame.shift_rad) == (pytest.approx(0.005), pytest.approx(0.1))
 
 
-def test_a_shift_of_ten_metres_that_would_not_be_seen_is_none() -> None:
-    """Views that would show one of 10.1 m at least tell of no length; of 9.9 m they do. It goes with their sigma."""
+def test_detectable_shift_is_below_ten_metres() -> None:
+    """A detectable shift above 10 m is None: 9.9 m is stated, 10.1 m is not. It scales with the views' sigma."""
     of = _of_noise(np.inf)
     length = detectable_m(of, 0.005, 0.95)
     near, far = (replace(of, information=(length / least_m) ** 2 * of.information) for least_m in (9.9, 10.1))
@@ -129,8 +134,8 @@ def test_a_shift_of_ten_metres_that_would_not_be_seen_is_none() -> None:
 
 
 @pytest.mark.parametrize("joints", [False, True])
-def test_a_shift_is_that_of_generalised_least_squares(joints: bool) -> None:
-    """Of whitened innovations on whitened moves: size, covariance, and the squares that it takes away."""
+def test_shift_equals_generalised_least_squares(joints: bool) -> None:
+    """Size, covariance and statistic of a shift equal generalised least squares of whitened innovations."""
     made = later(joints=joints)
     of = innovations(made.cell, made.calibration, made.with_base_moved(TANGENT) if not joints else made.recording)
     root = np.linalg.cholesky(np.eye(len(of.deviation)) + of.predicted)
@@ -157,8 +162,8 @@ def group(target: str, count: int) -> SimpleNamespace:
     return SimpleNamespace(target=target, hand=SimpleNamespace(mount=f"mount of {target}"), views=count)
 
 
-def test_each_target_with_a_size_may_be_another(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By the moves of its own views, in the order of names; single points have none."""
+def test_each_sized_target_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each target with a size is tried by the moves of its own views, sorted by name; single points have none."""
     groups = [group("tag", 2), group("board", 1), group("light", 3), group("tag", 1)]
     problem = SimpleNamespace(groups=groups, point_mounts={"mount of light"})
     of = SimpleNamespace(situation=SimpleNamespace(problem=problem))
@@ -170,8 +175,8 @@ def test_each_target_with_a_size_may_be_another(monkeypatch: pytest.MonkeyPatch)
     np.testing.assert_array_equal(by_tag[:, 0, 0], [1, 1, 0, 0, 0, 0, 4])
 
 
-def test_a_point_may_shift_and_not_rotate(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Other frames do both; they are called by what they place."""
+def test_point_shifts_without_rotation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A point has a translation only, other frames have both; they are named after the placed device."""
     problem = SimpleNamespace(point_mounts={"hand_flange_from_light"})
     of = SimpleNamespace(
         situation=SimpleNamespace(frames=(BASE, "hand_flange_from_light"), problem=problem),
@@ -185,8 +190,8 @@ def test_a_point_may_shift_and_not_rotate(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.mark.parametrize("count", [1, 2, 50, 400])
-def test_directions_are_even_over_the_sphere(count: int) -> None:
-    """All of unit length, their mean is none, and each axis has a third of their squares."""
+def test_directions_are_even_over_sphere(count: int) -> None:
+    """The directions have unit length and zero mean, and each axis has a third of the squares."""
     along = _directions(count)
     np.testing.assert_allclose(np.linalg.norm(along, axis=1), 1.0)
     if count > 2:

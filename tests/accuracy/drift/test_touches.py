@@ -1,4 +1,4 @@
-"""Touch points: tips of two tools driven to one point are measurements, and check a calibration."""
+"""Tests of touch points: tips of two tools at one point are measurements and verify a calibration."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SIGMA_M = 1e-4
 
 
 def touches(rng: np.random.Generator, count: int, base: SE3 = TRUTH) -> str:
-    """Lines of samples in which both tips meet, but for the robots' errors and a tenth of a millimetre."""
+    """Lines of samples in which both tips meet, with robot errors and a tenth of a millimetre."""
     lines = []
     for number in range(count):
         point, robots = np.array([0.5, 0, 0.4]) + rng.uniform(-0.25, 0.25, 3), {}
@@ -62,8 +62,8 @@ def recorded(cell, text: str) -> Recording:
 
 
 @pytest.mark.slow
-def test_touches_alone_find_the_base(cell):
-    """NEES of the base has mean 6: within 3.5 standard errors, sqrt(12 / 60), over 60 cells of ten touches."""
+def test_touches_alone_determine_base(cell):
+    """The NEES of the base has mean 6 over 60 cells of ten touches, within 3.5 standard errors, sqrt(12 / 60)."""
     found = []
     for seed in range(60):
         base = solve(cell, recorded(cell, touches(np.random.default_rng(seed), 10))).transforms[BASE]
@@ -73,8 +73,8 @@ def test_touches_alone_find_the_base(cell):
 
 
 @pytest.mark.parametrize("seed", [None, 0, 1])
-def test_calibrate_says_good(tmp_path, capsys, seed):
-    """The verb finds the base from touches alone, exact (no seed) or with the noise that is stated."""
+def test_calibrate_prints_good(tmp_path, capsys, seed):
+    """The command finds the base from touches alone, exact (no seed) or with the stated noise."""
     rng = np.random.default_rng(seed or 0)
     exact = SimpleNamespace(uniform=rng.uniform, normal=rng.normal, standard_normal=np.zeros)
     (tmp_path / "recording").mkdir()
@@ -84,23 +84,23 @@ def test_calibrate_says_good(tmp_path, capsys, seed):
     assert capsys.readouterr().out.startswith("GOOD: expected error ")
 
 
-def test_the_documented_touches_are_these():
-    """The tips and the observation of docs/verify.md are those of the cell here, which the verb calibrates."""
+def test_documented_touches_match_cell():
+    """The tips and the observation of docs/verify.md are those of this cell, which the command calibrates."""
     text = (Path(__file__).parents[3] / "docs" / "verify.md").read_text(encoding="utf-8")
     assert CELL[CELL.index("tips:") :] in text
     assert '"observations": [{"tip": "eye_tip", "tip2": "hand_tip", "sigma_m": 2e-4}]' in text
 
 
 def test_free_tips_have_no_rotation(cell):
-    """The mount of a tip has three unknowns, so that the base is found beside it."""
+    """The mount of a tip has three unknowns, so the base is found beside it."""
     free = cell.with_transform("eye_flange_from_eye_tip", Unknown())
     calibration = calibrate(free, recorded(free, touches(np.random.default_rng(2), 20)))
     assert calibration.verdict == "good"
     assert "eye_flange_from_eye_tip" in calibration.points
 
 
-def test_touches_check_a_calibration(cell):
-    """Four later ones say that nothing moved, and that the base did which moved by 3 mm."""
+def test_touches_verify_calibration(cell):
+    """Four later touches show that nothing moved, or that the base moved by 3 mm."""
     rng = np.random.default_rng(1)
     calibration = calibrate(cell, recorded(cell, touches(rng, 12)))
     assert verify(cell, calibration, recorded(cell, touches(rng, 4))).moved is False
@@ -111,8 +111,8 @@ def test_touches_check_a_calibration(cell):
 
 
 @pytest.mark.parametrize("about", ["mark_b", "hand_tip"])
-def test_a_point_that_moved_has_no_rotation(monkeypatch, about):
-    """A mark moved and a tip bent by 3 mm: found with three freedoms, and in words without an angle."""
+def test_moved_point_has_no_rotation(monkeypatch, about):
+    """A mark or tip moved by 3 mm is found with three freedoms, and reported without an angle."""
     rng, described = np.random.default_rng(0), touch_cell()
     calibration = calibrate(described, recorded(described, lines_text(touch_lines(rng, 24, 2e-4, MARKS, True))))
     off = np.array([0.0, 3e-3, 0.0])

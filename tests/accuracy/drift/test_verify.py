@@ -1,4 +1,4 @@
-"""Whether a cell is still as calibrated."""
+"""Tests of `verify`: whether a cell is unchanged since its calibration."""
 
 from dataclasses import replace
 from functools import partial
@@ -26,7 +26,8 @@ def verified(made: Later, recording: Recording | None = None):
 
 
 @pytest.mark.parametrize("seed", quick(range(6), range(3)))
-def test_nothing_moved(seed: int) -> None:
+def test_unchanged_cell_has_not_moved(seed: int) -> None:
+    """An unchanged cell has not moved; the detectable shift and the repr are stated."""
     found = verified(later(seed))
     assert found.moved is False
     assert found.chance > MOVED_LEVEL
@@ -37,7 +38,8 @@ def test_nothing_moved(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", quick(range(6), range(3)))
-def test_a_base_that_moved_is_named(seed: int) -> None:
+def test_moved_base_is_named(seed: int) -> None:
+    """A base moved by three times the detectable shift is named."""
     made = later(seed)
     length = 3 * verified(made).detectable_m
     direction = np.random.default_rng(seed).standard_normal(3)
@@ -49,7 +51,8 @@ def test_a_base_that_moved_is_named(seed: int) -> None:
     assert repr(found).startswith("<moved: hand_base, 6 samples, p = ")
 
 
-def test_a_single_sample_sees_that_something_moved_and_not_what() -> None:
+def test_single_sample_detects_movement_without_cause() -> None:
+    """A single sample detects that something moved, with several possible causes."""
     made = later().first(1)
     tangent = np.array([0.01, 0, 0, 0, 0, 0])
     found = verified(made, made.with_base_moved(tangent))
@@ -58,7 +61,8 @@ def test_a_single_sample_sees_that_something_moved_and_not_what() -> None:
     assert found.alternatives
 
 
-def test_a_sample_that_is_off_alone_is_left_out() -> None:
+def test_single_bad_sample_is_left_out() -> None:
+    """A sample that alone is off is left out as an outlier."""
     made = later()
     first, *others = made.recording.samples
     hand = first.robots["hand"].base_from_flange
@@ -68,8 +72,8 @@ def test_a_sample_that_is_off_alone_is_left_out() -> None:
     assert found.outliers == (first.sample,)
 
 
-def test_a_calibration_that_knows_next_to_nothing_tells_nothing() -> None:
-    """Beyond a shift of a tenth of a metre first order does not hold: neither an alarm nor a reassurance."""
+def test_vague_calibration_is_undecided() -> None:
+    """A calibration with a detectable shift above a tenth of a metre, beyond first order, is undecided."""
     made = later()
     vague = replace(made.calibration, joint_covariance=1e6 * made.calibration.joint_covariance)
     tangent = np.array([0.5, 0, 0, 0, 0, 0])
@@ -80,7 +84,7 @@ def test_a_calibration_that_knows_next_to_nothing_tells_nothing() -> None:
 
 
 def everything_fixed() -> Later:
-    """A cell in which nothing is asked for."""
+    """A cell in which all transforms are fixed."""
     made = later(seed=1)
     known = {name: Unknown("fixed", estimate.mean) for name, estimate in made.calibration.transforms.items()}
     cell = replace(
@@ -93,14 +97,16 @@ def everything_fixed() -> Later:
     return Later(cell, fixed, made.recording)
 
 
-def test_a_cell_with_everything_fixed_is_checked_too() -> None:
+def test_fixed_cell_is_verified() -> None:
+    """A cell with all transforms fixed is verified, too."""
     made = everything_fixed()
     found = verified(made, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
     assert found.moved is True
     assert len(found.requested) == 3
 
 
-def test_samples_of_nothing_that_was_calibrated_tell_nothing() -> None:
+def test_samples_without_calibrated_views_are_undecided() -> None:
+    """Samples without views of calibrated devices leave the result undecided."""
     made = later()
     blind = Recording(tuple(replace(s, observations=()) for s in made.recording.samples))
     found = verified(made, blind)
@@ -108,8 +114,8 @@ def test_samples_of_nothing_that_was_calibrated_tell_nothing() -> None:
     assert found.detectable_m is None
 
 
-def test_a_target_that_is_not_shaped_as_stated_is_no_move() -> None:
-    """Points stated a millimetre off, which the calibration found: its own and later samples are as calibrated."""
+def test_target_shape_found_by_calibration_is_no_movement() -> None:
+    """Points stated a millimetre off, found by the calibration, are no movement in its own and later samples."""
     points = np.random.default_rng(8).uniform(-0.06, 0.06, (12, 3))
     made = simulate(Scenario(samples=24, target="points", board=points_target(points), state_robot_noise=False), 3)
     stated = points_target(points + 1e-3 * np.random.default_rng(9).standard_normal(points.shape))
@@ -125,8 +131,8 @@ def test_a_target_that_is_not_shaped_as_stated_is_no_move() -> None:
     )
 
 
-def test_chances_are_no_more_than_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """That of the frame that is furthest off, times as many as there are: of three that are as expected, one."""
+def test_chance_is_at_most_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The chance of the best frame times their number is at most one, as for three frames without a shift."""
     seen = []
 
     def as_expected(of: Innovations) -> list[Shift]:
@@ -140,8 +146,8 @@ def test_chances_are_no_more_than_one(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.exp(seen[0].log_chance) > 0.9
 
 
-def test_what_is_far_less_likely_to_have_moved_is_no_alike() -> None:
-    """A turn of the base over six samples is nothing else's; of those that are told none is e^3 times less likely."""
+def test_unlikely_alternatives_are_omitted() -> None:
+    """Alternatives that are e^3 times less likely are omitted; a rotation of the base over six samples has none."""
     made = later()
     plain = verified(made, made.with_base_moved(np.array([0.003, 0, 0, 0, 0, 0])))
     assert plain.shift is not None
@@ -155,8 +161,8 @@ def test_what_is_far_less_likely_to_have_moved_is_no_alike() -> None:
 
 
 @pytest.mark.parametrize(("count", "blamed"), [(3, False), (4, True), (5, True)])
-def test_of_four_samples_one_may_be_the_odd_one_out(count: int, blamed: bool) -> None:
-    """Of three, one that is off may as well be the only one that is not."""
+def test_outlier_needs_four_samples(count: int, blamed: bool) -> None:
+    """One of four samples may be the outlier; of three, it may be the only correct one."""
     made = later().first(count)
     first, *others = made.recording.samples
     hand = first.robots["hand"].base_from_flange
@@ -167,10 +173,13 @@ def test_of_four_samples_one_may_be_the_odd_one_out(count: int, blamed: bool) ->
 
 
 @pytest.mark.parametrize("length_m", [0.09, 0.11, None])
-def test_beyond_a_tenth_of_a_metre_nothing_is_said_for_sure(
+def test_detectable_shift_above_tenth_of_metre_is_undecided(
     monkeypatch: pytest.MonkeyPatch, length_m: float | None
 ) -> None:
-    """Neither that something moved nor that nothing did; where no shift would be seen an alarm stands alone."""
+    """Beyond a detectable shift of 0.1 m neither movement nor its absence is reported.
+
+    If no shift is detectable, an alarm stays.
+    """
     made = later()
     monkeypatch.setattr(verify_module, "detectable_m", lambda *given: length_m)
     still, moved = verified(made), verified(made, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
@@ -179,10 +188,10 @@ def test_beyond_a_tenth_of_a_metre_nothing_is_said_for_sure(
 
 
 @pytest.mark.parametrize("nothing_asked", [False, True])
-def test_what_would_be_seen_is_the_worst_of_what_was_asked_for(nothing_asked: bool) -> None:
-    """With the chance of an alarm shared by all frames; the chance told is that of the likeliest, times as many.
+def test_detectable_shift_is_worst_of_requested(nothing_asked: bool) -> None:
+    """The detectable shift is the worst of the requested frames, at a level shared by all frames.
 
-    Where nothing is asked for all frames count.
+    The chance is that of the likeliest frame times their number; without requests all frames count.
     """
     made = everything_fixed() if nothing_asked else later()
     found = verified(made)
@@ -202,7 +211,7 @@ many = partial(later, new=24)
 
 
 def shaken(made: Later, size: float) -> Later:
-    """Samples whose camera stood elsewhere at each of them."""
+    """Samples whose camera moved randomly at each of them."""
     rng, samples = np.random.default_rng(5), []
     for sample in made.recording.samples:
         pose = sample.robots["eye"].base_from_flange @ SE3.exp(size * rng.standard_normal(6))
@@ -219,8 +228,8 @@ def likeliest(found):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_camera_that_shakes_has_not_moved(seed: int) -> None:
-    """Taken for independent its views say that it did; as they scatter, they do not."""
+def test_shaking_camera_has_not_moved(seed: int) -> None:
+    """Independent view errors suggest a movement of a shaking camera; with their scatter it has not moved."""
     found = of(shaken(many(seed), SHAKES))
     assert likeliest(found).log_chance < np.log(1e-6)
     wider = with_shared_errors(found, likeliest(found))
@@ -230,14 +239,14 @@ def test_a_camera_that_shakes_has_not_moved(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_views_that_err_by_themselves_stay_as_they_are(seed: int) -> None:
-    """Their scatter is within what chance makes of it."""
+def test_independent_view_errors_are_unchanged(seed: int) -> None:
+    """Independent view errors scatter within chance, so the innovations are unchanged."""
     found = of(many(seed))
     assert with_shared_errors(found, likeliest(found)) is found
 
 
-def test_what_moved_is_none_of_them() -> None:
-    """A base that moved by a centimetre is found by as much as before, in many samples as in few."""
+def test_moved_base_is_no_shared_error() -> None:
+    """A base moved by a centimetre is found equally in many samples and in few."""
     made = many()
     tangent = np.array([0.01, 0, 0, 0, 0, 0])
     moved = replace(made, recording=made.with_base_moved(tangent))
@@ -249,15 +258,15 @@ def test_what_moved_is_none_of_them() -> None:
     np.testing.assert_allclose(told.shift.size[:3], tangent[:3], atol=1e-3)
 
 
-def test_few_samples_are_not_asked() -> None:
-    """A check of a few goes by what the calibration knows of its views."""
+def test_few_samples_have_no_shared_errors() -> None:
+    """Few samples are verified by the calibration's own view noise, without shared errors."""
     few = shaken(many(), SHAKES).first(FEWEST_FOR_SCATTER - 1)
     found = verify(few.cell, few.calibration, few.recording)
     assert found.chance == pytest.approx(min(1.0, 3 * np.exp(likeliest(of(few)).log_chance)))
 
 
-def test_a_joint_that_moved_is_none_of_them() -> None:
-    """What its zero explains is left out, too."""
+def test_moved_joint_is_no_shared_error() -> None:
+    """The part explained by a joint offset is excluded from shared errors, too."""
     found = of(many(0, joints=True, robot_noise=(1e-4, 2e-4)))
     moves = found.whiten(found.joint_jacobian("hand")[..., 2:3])
     off = replace(found, deviation=found.deviation + 0.01 * moves[:, 0])
@@ -271,10 +280,10 @@ COUNT = 24  # samples, of which chance makes scatters of up to (1 + sqrt(6 / 24)
 
 @pytest.mark.parametrize(("scatter", "told"), [(2.2, 0.0), (2.3, 1.3)])
 @pytest.mark.parametrize("views", [1, 2])
-def test_what_scatters_beyond_chance_is_open(scatter: float, told: float, views: int) -> None:
-    """Of views that tell of a camera's place alike, by what is more than one; in each sample, as in those calibrated.
+def test_scatter_beyond_chance_adds_covariance(scatter: float, told: float, views: int) -> None:
+    """Scatter beyond chance adds its excess over one to the camera covariance, in each sample and the calibration.
 
-    Two views of a sample are one by their sum, whose share of the information is twice as large.
+    Two views of a sample count by their sum, whose share of the information is twice as large.
     """
     rng = np.random.default_rng(2)
     directions, _ = np.linalg.qr(rng.standard_normal((COUNT, 6)))
@@ -288,8 +297,8 @@ def test_what_scatters_beyond_chance_is_open(scatter: float, told: float, views:
     np.testing.assert_allclose(found, np.kron(alike, first), atol=1e-9)
 
 
-def test_a_place_that_is_not_seen_is_not_open() -> None:
-    """Along directions in which views say nothing of it; where information is more, places are open by less."""
+def test_unseen_directions_add_no_covariance() -> None:
+    """Directions that views do not show add no covariance; more information adds less."""
     rng = np.random.default_rng(2)
     directions, _ = np.linalg.qr(rng.standard_normal((COUNT, 6)))
     by_place = np.diag([10.0, 1.0, 1.0, 0.0, 0.0, 0.0])
