@@ -1,4 +1,4 @@
-"""Answers with their clocks."""
+"""Tests of answers with estimated clocks."""
 
 import re
 from dataclasses import replace
@@ -35,8 +35,8 @@ def solved(made: Streamed, offset_s: float) -> tuple[ClockedRecording, Solution]
     return of, solve_problem(build_problem(made.cell, of.recording)[0], made.cell)
 
 
-def test_the_answer_moves_to_the_optimum_of_the_offset() -> None:
-    """Two milliseconds aside, and moved, it is where solving at the optimum has it."""
+def test_answer_moves_to_optimum_of_offset() -> None:
+    """An answer two milliseconds off the optimum moves to that of the optimal offset."""
     made = streamed()
     at, optimum = solved(made, 0.03)
     best_s = 0.03 + float(remaining_step(at, optimum).step_s[0])
@@ -49,7 +49,8 @@ def test_the_answer_moves_to_the_optimum_of_the_offset() -> None:
     assert np.linalg.norm(after) < 0.02 * np.linalg.norm(before)
 
 
-def test_its_covariance_holds_that_of_the_offset() -> None:
+def test_covariance_includes_offset() -> None:
+    """The covariance of the answer includes that of the clock offset."""
     of, solution = solved(streamed(), 0.03)
     left = remaining_step(of, solution)
     wider = apply_remaining_step(solution, left).covariance - solution.covariance
@@ -57,7 +58,8 @@ def test_its_covariance_holds_that_of_the_offset() -> None:
     assert np.trace(wider) > 0.05 * np.trace(solution.covariance)
 
 
-def test_offsets_that_were_found_or_stated_are_told() -> None:
+def test_estimated_and_stated_offsets_are_reported() -> None:
+    """Estimated offsets are reported with sigma, stated ones with zero sigma."""
     of, solution = solved(streamed(), 0.03)
     (clock,) = clock_offsets(of, remaining_step(of, solution)).values()
     assert clock.offset_s == pytest.approx(0.03, abs=3.3 * clock.sigma_s)
@@ -67,7 +69,8 @@ def test_offsets_that_were_found_or_stated_are_told() -> None:
     }
 
 
-def test_a_clock_that_nothing_shows_is_said_and_not_told() -> None:
+def test_unobservable_clock_is_finding_without_offset() -> None:
+    """A clock that no motion shows has no offset and an unobservable-direction info."""
     found = calibrate(*(lambda m: (m.cell, m.recording))(streamed(still=True)))
     assert "wrist" not in found.clocks
     said = [f for f in found.findings if f.about == ("wrist",)]
@@ -75,7 +78,8 @@ def test_a_clock_that_nothing_shows_is_said_and_not_told() -> None:
     assert "The robots move too little" in said[0].message
 
 
-def test_a_prior_that_is_contradicted_is_named() -> None:
+def test_contradicted_clock_prior_is_named() -> None:
+    """A contradicted clock prior is named with the entry to write."""
     of, solution = solved(streamed(clock=Clock("prior", 0.01, 1e-3)), 0.029)
     (finding,) = clock_findings(of, remaining_step(of, solution))
     assert (finding.code, finding.severity) == ("prior-contradicted", "warning")
@@ -85,7 +89,8 @@ def test_a_prior_that_is_contradicted_is_named() -> None:
     )
 
 
-def test_a_calibration_of_streams_is_true_and_says_its_clock() -> None:
+def test_calibration_of_streams_is_correct_with_clock() -> None:
+    """A calibration of streams is good, within its covariance, and reports the clock offset."""
     made = streamed()
     found = calibrate(made.cell, made.recording)
     assert found.verdict == "good"
@@ -94,8 +99,8 @@ def test_a_calibration_of_streams_is_true_and_says_its_clock() -> None:
     assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5  # the 99.9 % of six freedoms
 
 
-def test_arms_on_paths_make_no_stops():
-    """Views a third of a millisecond apart, where the arm moved by hundredths of a millimetre: no `same-stop`."""
+def test_paths_have_no_stops():
+    """Views a third of a millisecond apart, with hundredths of a millimetre of motion, give no `same-stop`."""
     made, other = streamed(seconds=4.0), streamed(seconds=4.0, seed=1)
     views = [sample for sample in other.recording.samples if sample.observations]
     later = tuple(replace(s, sample=5000 + s.sample, stamp_s=s.stamp_s + 3e-4) for s in views)
@@ -103,8 +108,8 @@ def test_arms_on_paths_make_no_stops():
     assert "same-stop" not in {f.code for f in found.findings}
 
 
-def test_what_an_offset_cannot_mend_is_named():
-    """A clock that drifts by 20 ms in 8 s, of which the views see seven: the growth is found beside the offset."""
+def test_clock_drift_is_named():
+    """A clock drift of 20 ms in 8 s, of which the views see seven, is found beside the offset."""
     made = streamed()
     drifting = tuple(
         replace(sample, stamp_s=sample.stamp_s + 0.02 * (sample.stamp_s / 8 - 0.5)) if sample.observations else sample
@@ -117,7 +122,8 @@ def test_what_an_offset_cannot_mend_is_named():
     assert found.verdict == "doubtful"
 
 
-def test_a_line_time_that_was_found_is_told_with_its_sigma():
+def test_estimated_line_time_has_sigma():
+    """An estimated line time is reported with its sigma, and the answer is within its covariance."""
     made = imaged(2e-5, RollingShutter("prior", 1.7e-5, 4e-6), seconds=5.0)
     found = calibrate(made.cell, made.recording)
     line = found.line_times["wrist"]
@@ -128,8 +134,8 @@ def test_a_line_time_that_was_found_is_told_with_its_sigma():
     assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5
 
 
-def test_a_rolling_shutter_that_nobody_stated_is_found():
-    """Not named a base that moved."""
+def test_unstated_rolling_shutter_is_found():
+    """An unstated rolling shutter is found and not reported as a moved base."""
     made = imaged(2e-5, None, seconds=5.0)
     found = calibrate(made.cell, made.recording)
     assert found.verdict == "good"
@@ -140,7 +146,8 @@ def test_a_rolling_shutter_that_nobody_stated_is_found():
 
 
 @pytest.mark.slow
-def test_a_line_time_far_from_its_prior_is_named():
+def test_line_time_far_from_prior_is_named():
+    """A line time far from its prior is named as contradicted."""
     made = imaged(2e-5, RollingShutter("prior", 1e-5, 1e-6), seconds=5.0)
     found = calibrate(made.cell, made.recording)
     (finding,) = [f for f in found.findings if f.code == "prior-contradicted"]
@@ -148,15 +155,18 @@ def test_a_line_time_far_from_its_prior_is_named():
 
 
 def said(known: Clock, offset_s: float, step_s: float, seen: bool = True, name: str = "wrist") -> list[tuple[str, ...]]:
-    """Severity, code, device and words of what is said of a clock that was stated so, stands there and steps on."""
+    """Severity, code, device and message about a clock with this statement, offset and remaining step."""
     streams = SimpleNamespace(cell=SimpleNamespace(cameras={"wrist": None}), clocks={name: known})
     left = ClockStep((name,), np.array([step_s]), np.eye(1), np.zeros((6, 1)), np.array([seen]))
     found = clock_findings(SimpleNamespace(streams=streams, offsets_s={name: offset_s}), left)
     return [(f.severity, f.code, *f.about, f.message) for f in found]
 
 
-def test_offsets_are_told_with_the_step_that_is_left() -> None:
-    """With their sigmas; as they stand where they were stated, and not at all where they are 0 or not seen."""
+def test_offsets_include_remaining_step() -> None:
+    """Offsets include the remaining step and have sigmas.
+
+    Stated ones are unchanged; zero or unobservable ones are omitted.
+    """
     offsets = {"a": 0.03, "b": 0.2, "c": 0.0, "d": 0.4, line_time_name("wrist"): 1e-5, line_time_name("other"): 3e-5}
     streams = SimpleNamespace(cell=SimpleNamespace(cameras={"wrist": None, "other": None, "third": None}))
     left = ClockStep(
@@ -173,8 +183,11 @@ def test_offsets_are_told_with_the_step_that_is_left() -> None:
 @pytest.mark.parametrize(
     ("step_s", "contradicted"), [(2.8e-3, False), (3.1e-3, True), (-4.8e-3, False), (-5.1e-3, True)]
 )
-def test_an_offset_contradicts_its_prior_beyond_chance(step_s: float, contradicted: bool) -> None:
-    """From 3.9 sigmas on. Where it goes counts: 1 ms from a prior of 1 ms already, to either side."""
+def test_clock_prior_is_contradicted_beyond_3_9_sigmas(step_s: float, contradicted: bool) -> None:
+    """A clock prior is contradicted from 3.9 sigmas on.
+
+    The final offset counts: it is already 1 ms from a prior of 1 ms, to either side.
+    """
     found = said(Clock("prior", 0.02, 1e-3), 0.021, step_s)
     assert bool(found) == contradicted
     if contradicted:
@@ -185,8 +198,8 @@ def test_an_offset_contradicts_its_prior_beyond_chance(step_s: float, contradict
     assert said(Clock("free", 0.02), 0.021, step_s) == []
 
 
-def test_line_times_are_told_in_microseconds() -> None:
-    """Of the camera whose they are: contradicted, or held where nothing moves."""
+def test_line_times_are_in_microseconds() -> None:
+    """Line times are reported in microseconds for their camera: contradicted, or kept without motion."""
     name = line_time_name("wrist")
     (found,) = said(Clock("prior", 2e-5, 1e-6), 2.5e-5, 1e-6, name=name)
     assert found[:3] == ("warning", "prior-contradicted", "wrist")

@@ -1,4 +1,4 @@
-"""Offsets of clocks from nothing."""
+"""Tests of the search for clock offsets without a guess."""
 
 from dataclasses import replace
 from itertools import product
@@ -32,21 +32,25 @@ def found(made: Streamed, settings: Settings | None = None) -> dict[str, float]:
     ("offset_s", "stated"),
     quick(product((0.0, -0.04, 0.43), (True, False)), [(0.0, True), (-0.04, False), (0.43, True)]),
 )
-def test_an_offset_is_found(offset_s: float, stated: bool) -> None:
+def test_offset_is_found(offset_s: float, stated: bool) -> None:
+    """A clock offset is found within its sigma."""
     assert found(streamed(offset_s, stated=stated))["wrist"] == pytest.approx(offset_s, abs=3.3 * SIGMA_S)
 
 
-def test_an_offset_is_found_beside_a_guess() -> None:
+def test_offset_is_found_from_guess() -> None:
+    """A clock offset is found beside a guess 0.2 s off, with stamps of 1.6e9 s."""
     made = streamed(1.6e9, clock=Clock("free", 1.6e9 + 0.2))
     assert found(made)["wrist"] - 1.6e9 == pytest.approx(0.0, abs=3.3 * SIGMA_S)
 
 
-def test_a_fixed_offset_stays() -> None:
+def test_fixed_offset_is_kept() -> None:
+    """A fixed clock offset is kept."""
     assert found(streamed(0.03, clock=Clock("fixed", 0.011)))["wrist"] == 0.011
 
 
 @pytest.mark.slow
-def test_many_views_end_where_all_do() -> None:
+def test_many_views_give_same_offset() -> None:
+    """An offset of a recording with over 200 views is found, too."""
     made = streamed(0.02, seconds=26.0)
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -54,7 +58,8 @@ def test_many_views_end_where_all_do() -> None:
     assert search_offsets(streams, Settings()).offsets_s["wrist"] == pytest.approx(0.02, abs=3.3 * SIGMA_S)
 
 
-def test_the_samples_are_by_the_offsets_that_were_found() -> None:
+def test_samples_use_estimated_offsets() -> None:
+    """The samples are interpolated at the estimated offsets."""
     made = streamed(0.03)
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -64,7 +69,8 @@ def test_the_samples_are_by_the_offsets_that_were_found() -> None:
 
 
 @pytest.mark.parametrize("shutter", [RollingShutter("fixed", 3e-5), RollingShutter("prior", 2.7e-5, 3e-6)])
-def test_rows_are_mended_by_the_line_time_that_is_found(shutter: RollingShutter) -> None:
+def test_rows_are_corrected_by_line_time(shutter: RollingShutter) -> None:
+    """Pixels are corrected by the estimated line time of their rows, which explains the views."""
     made = imaged(3e-5, shutter)
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -77,7 +83,7 @@ def test_rows_are_mended_by_the_line_time_that_is_found(shutter: RollingShutter)
 
 
 def tried(made: Streamed, monkeypatch: pytest.MonkeyPatch, misfit) -> tuple[list[float], float]:
-    """Offsets that are tried of the camera's clock, and the best by a misfit."""
+    """The offsets of the camera's clock that are tried, and the best by a misfit."""
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     seen: list[float] = []
@@ -91,8 +97,11 @@ def tried(made: Streamed, monkeypatch: pytest.MonkeyPatch, misfit) -> tuple[list
     return seen, search._best_offset(streams, {**streams.stated_offsets, "wrist": -5.0}, "wrist", Settings())["wrist"]
 
 
-def test_an_offset_is_looked_for_within_a_second_or_three_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
-    """About what is stated, in twenty steps; where none can be solved it stays as it was."""
+def test_offset_range_is_a_second_or_three_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Offsets are tried within a second, or three sigmas, of the stated one in twenty steps.
+
+    If none can be solved, the offset stays.
+    """
     seen, best = tried(streamed(clock=Clock("free", 2.0)), monkeypatch, lambda at: abs(at - 2.31))
     np.testing.assert_allclose(seen, 2.0 + np.linspace(-1, 1, 21))
     assert best == pytest.approx(2.3)
@@ -102,14 +111,14 @@ def test_an_offset_is_looked_for_within_a_second_or_three_sigmas(monkeypatch: py
     assert tried(streamed(), monkeypatch, lambda at: np.inf)[1] == -5.0
 
 
-def test_a_step_is_no_longer_than_a_second() -> None:
-    """Beyond it the arm's velocity tells nothing; clocks without a step stay."""
+def test_step_is_at_most_a_second() -> None:
+    """A step is at most a second, beyond which the arm's velocity is not informative; other clocks stay."""
     step = ClockStep(("a", "b"), np.array([0.25, -3.0]), np.eye(2), np.zeros((6, 2)), np.ones(2, dtype=bool))
     assert search._apply_step({"a": 1.0, "b": 2.0, "c": 3.0}, step) == {"a": 1.25, "b": 1.0, "c": 3.0}
 
 
-def test_the_misfit_is_least_at_the_true_offset() -> None:
-    """For each residual about one by stated sigmas; more where views are taken for those of other instants."""
+def test_misfit_is_smallest_at_true_offset() -> None:
+    """The misfit per residual is about one at the true offset, and larger if views are paired with other times."""
     streams = recording_streams((made := streamed(0.03)).cell, made.recording)
     assert streams is not None
     few = streams.thin(12)
@@ -121,13 +130,13 @@ def test_the_misfit_is_least_at_the_true_offset() -> None:
 
 
 def solved_as(hopeless: bool = False, robots: object = (), jitter_s: object = (), of_arms: bool = False) -> object:
-    """A solution by what is asked of it."""
+    """A solution with the given properties."""
     noise = SimpleNamespace(robots=robots, jitter_s=jitter_s)
     return SimpleNamespace(problem=hopeless, state=None, noise=noise, of_arms=of_arms)
 
 
 def stepped(monkeypatch: pytest.MonkeyPatch, steps, solution=None, names=("a",), fails_at: int = 99):
-    """Result of `_step_offsets` if views ask for these steps, in sigmas of 0.01 s; and the starts of solutions."""
+    """Result of `_step_offsets` for these steps, in sigmas of 0.01 s, and the starts of the solutions."""
     near, left = [], iter(steps)
 
     def solve_once(streams, offsets, settings, last):
@@ -158,8 +167,8 @@ def stepped(monkeypatch: pytest.MonkeyPatch, steps, solution=None, names=("a",),
         ([1.0] * 20, 8, 1.08),
     ],
 )
-def test_steps_are_taken_until_they_are_small(monkeypatch: pytest.MonkeyPatch, steps, solutions, end) -> None:
-    """Of a twentieth of a sigma, each from the solution before; eight at most."""
+def test_steps_continue_until_small(monkeypatch: pytest.MonkeyPatch, steps, solutions, end) -> None:
+    """Steps continue until they are below a twentieth of a sigma, each from the previous solution, at most eight."""
     (offsets, last, explained), near = stepped(monkeypatch, steps)
     assert len(near) == solutions
     assert near == [None, *[last] * (solutions - 1)]
@@ -167,18 +176,19 @@ def test_steps_are_taken_until_they_are_small(monkeypatch: pytest.MonkeyPatch, s
     assert explained
 
 
-def test_every_clock_has_to_be_settled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One of two that still moves asks for another solution."""
+def test_every_clock_must_converge(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If one of two clocks still moves, another solution follows."""
     steps = [[0.01, 1.0], [0.01, 0.5], [0.5, 0.01], [0.01, 0.01]]
     assert len(stepped(monkeypatch, steps, names=("a", "b"))[1]) == 4
 
 
-def test_without_a_clock_to_find_two_solutions_mend_the_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_solutions_correct_pixels_without_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a clock to find, two solutions correct the pixels."""
     assert len(stepped(monkeypatch, [], names=())[1]) == 2
 
 
-def test_where_nothing_is_solved_offsets_stay_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the last solution that there was, which explains nothing."""
+def test_failed_solve_keeps_offsets(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If a solve fails, the offsets and the last solution are kept, and the views are not explained."""
     assert stepped(monkeypatch, [1.0], fails_at=0)[0] == ({"a": 1.0, "b": 2.0}, None, False)
     (offsets, last, explained), _ = stepped(monkeypatch, [1.0, 1.0], fails_at=1)
     assert (offsets, last is not None, explained) == ({"a": pytest.approx(1.01), "b": 2.0}, True, False)
@@ -195,13 +205,13 @@ def test_where_nothing_is_solved_offsets_stay_as_they_were(monkeypatch: pytest.M
         (solved_as(hopeless=True, robots=("arm",), of_arms=True), False),
     ],
 )
-def test_noise_as_of_arms_explains_views(monkeypatch: pytest.MonkeyPatch, solution, explained) -> None:
-    """Where any is estimated it has to be such; what no noise explains is hopeless."""
+def test_plausible_noise_explains_views(monkeypatch: pytest.MonkeyPatch, solution, explained) -> None:
+    """Estimated noise must be plausible to explain the views; a hopeless fit is never explained."""
     assert stepped(monkeypatch, [0.0, 0.0], solution)[0][2] == explained
 
 
 def stepwise(monkeypatch: pytest.MonkeyPatch, explained: bool, views: int) -> tuple[list[object], dict[str, float]]:
-    """What `search_offsets` does, one after the other, and the offsets it ends with."""
+    """The steps of `search_offsets` in order, and its final offsets."""
     done: list[object] = []
 
     def thinned(count):
@@ -231,16 +241,22 @@ def stepwise(monkeypatch: pytest.MonkeyPatch, explained: bool, views: int) -> tu
     return done, found.offsets_s
 
 
-def test_offsets_are_stepped_and_only_tried_where_that_explains_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From what is stated, of few views; those of clocks, not of line times, are tried; the last steps are of all."""
+def test_offsets_are_stepped_before_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Offsets are stepped from the stated ones with few views; if that explains nothing, clocks are searched.
+
+    Line times are not searched; the last steps use all views.
+    """
     assert stepwise(monkeypatch, True, 200) == ([(200, {"a": 0.0})], {"a": 1.0})
     assert stepwise(monkeypatch, True, 201) == ([(200, {"a": 0.0}), ("all", {"a": 1.0})], {"a": 2.0})
     tries: list[object] = [(200, {"a": 0.0}), (40, "a"), (40, "b"), (200, {"a": 20.0})]
     assert stepwise(monkeypatch, False, 200) == (tries, {"a": 21.0})
 
 
-def test_the_misfit_is_minus_twice_the_log_likelihood_a_residual(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With sigmas that were estimated, by their counts; robots are exact, and descents short."""
+def test_misfit_is_log_likelihood_per_residual(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The misfit is minus twice the log likelihood per residual, with estimated sigmas by their counts.
+
+    Robots are exact, and descents are short.
+    """
     given = []
 
     def solve_once(streams, offsets, settings):
@@ -264,7 +280,9 @@ def test_the_misfit_is_minus_twice_the_log_likelihood_a_residual(monkeypatch: py
 
 
 @pytest.mark.parametrize("error", [NotObservable("no"), np.linalg.LinAlgError()])
-def test_where_nothing_is_solved_the_misfit_is_infinite(monkeypatch: pytest.MonkeyPatch, error) -> None:
+def test_failed_solve_has_infinite_misfit(monkeypatch: pytest.MonkeyPatch, error) -> None:
+    """A failed solve has an infinite misfit."""
+
     def fails(*given):
         raise error
 
@@ -276,8 +294,8 @@ def test_where_nothing_is_solved_the_misfit_is_infinite(monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize(("noise", "expected"), [("stated", "plain"), ("estimated", "with noise")])
-def test_noise_of_robots_is_estimated_unless_taken_as_stated(monkeypatch: pytest.MonkeyPatch, noise, expected) -> None:
-    """Of the problem of samples by these offsets."""
+def test_robot_noise_is_estimated_unless_stated(monkeypatch: pytest.MonkeyPatch, noise, expected) -> None:
+    """Robot noise is estimated unless it is taken as stated, for samples at these offsets."""
     monkeypatch.setattr(search, "solve_problem", lambda problem, cell, settings: "plain")
     monkeypatch.setattr(search, "with_noise", lambda plain, settings: "with noise")
     made = streamed(seconds=2.0)

@@ -1,4 +1,4 @@
-"""What a solution says of clocks."""
+"""Tests of `clock_step`: the clock information of a solution."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -30,7 +30,8 @@ def solved(made: Streamed, offset_s: float) -> tuple[ClockStep, Solution, Synchr
 
 
 @pytest.mark.parametrize("away_s", [-5e-3, 0.0, 5e-3])
-def test_a_step_leads_to_the_true_offset(away_s: float) -> None:
+def test_step_leads_to_true_offset(away_s: float) -> None:
+    """The step leads to the true offset within its sigma, from 5 ms on either side."""
     found, _, _ = solved(streamed(), 0.03 + away_s)
     assert found.clocks == ("wrist",)
     assert found.is_observable.all()
@@ -39,7 +40,8 @@ def test_a_step_leads_to_the_true_offset(away_s: float) -> None:
     assert found.step_s[0] + away_s == pytest.approx(0.0, abs=3.3 * sigma)  # chance: once in a thousand
 
 
-def test_the_answer_goes_with_the_offset_as_solving_again_does() -> None:
+def test_answer_changes_with_offset_as_resolved() -> None:
+    """The answer's derivative by the offset matches solving again 1 ms away."""
     made, shift = streamed(), 1e-3
     found, at, _ = solved(made, 0.03)
     _, after, _ = solved(made, 0.03 + shift)
@@ -48,7 +50,8 @@ def test_the_answer_goes_with_the_offset_as_solving_again_does() -> None:
         np.testing.assert_allclose(found.by_offsets[columns, 0] * shift, moved, atol=3e-6)
 
 
-def test_a_prior_holds_an_offset() -> None:
+def test_prior_holds_offset() -> None:
+    """A tight prior determines the offset and its sigma; a free clock has a larger one."""
     free, _, _ = solved(streamed(clock=Clock("free", 0.03)), 0.03)
     held, _, _ = solved(streamed(clock=Clock("prior", 0.025, 1e-6)), 0.03)
     assert held.step_s[0] == pytest.approx(-5e-3, abs=1e-5)
@@ -56,7 +59,8 @@ def test_a_prior_holds_an_offset() -> None:
     assert np.sqrt(free.covariance[0, 0]) > 1e-5
 
 
-def test_what_hardly_moves_shows_no_clock() -> None:
+def test_still_arm_shows_no_clock() -> None:
+    """A recording with hardly any motion shows no clock, and its step is zero."""
     made = streamed(still=True)
     found, _, _ = solved(made, 0.0)
     assert not found.is_observable.any()
@@ -64,8 +68,8 @@ def test_what_hardly_moves_shows_no_clock() -> None:
     np.testing.assert_array_equal(found.by_offsets, 0.0)
 
 
-def test_two_arms_of_the_same_clock_count_together() -> None:
-    """The offset of the camera is minus that of the one robot there is."""
+def test_camera_and_robot_clocks_are_opposite() -> None:
+    """The offset of the camera equals minus that of the only robot."""
     made = streamed()
     robots = {"arm": replace(made.cell.robots["arm"], clock=Clock("prior", 0.0, 10.0))}
     streams = recording_streams(replace(made.cell, robots=robots), made.recording)
@@ -79,8 +83,8 @@ def test_two_arms_of_the_same_clock_count_together() -> None:
 
 
 @pytest.mark.parametrize("away_s", [-4e-6, 0.0, 4e-6])
-def test_a_step_leads_to_the_true_line_time(away_s: float) -> None:
-    """Of rows of 20 us, from a fifth of that aside; the clock known."""
+def test_step_leads_to_true_line_time(away_s: float) -> None:
+    """The step leads to the true line time of 20 us from a fifth of it aside, with a known clock."""
     made = imaged(2e-5, RollingShutter("free", 2e-5 + away_s))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -97,8 +101,8 @@ def test_a_step_leads_to_the_true_line_time(away_s: float) -> None:
     assert found.step_s[0] + away_s == pytest.approx(0.0, abs=3.3 * sigma + 0.05 * abs(away_s))
 
 
-def test_a_step_weighs_the_views_against_priors(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Gauss and Newton's, of a free clock and one with a prior from which it is 3 ms off; exact but for rounding."""
+def test_step_weighs_views_and_priors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The step is that of Gauss-Newton for a free clock and one with a prior 3 ms away, to rounding."""
     information, gradient = np.array([[4e4, 1e4], [1e4, 9e4]]), np.array([50.0, -70.0])
     across, hessian = np.array([[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]]), np.diag([10.0, 20.0, 50.0])
     clocks = {"a": Clock("free", 7.0), "b": Clock("prior", 0.1, 5e-3)}
@@ -112,7 +116,7 @@ def test_a_step_weighs_the_views_against_priors(monkeypatch: pytest.MonkeyPatch)
 
 
 def stepped_by(monkeypatch, information, gradient, across, hessian, clocks, offsets) -> ClockStep:
-    """The step of clocks that views hold with this information, whose camera's line time is one of them."""
+    """The step of clocks with this information from views; one clock may be the camera's line time."""
     about = SimpleNamespace(inverse=np.linalg.pinv(hessian))
     monkeypatch.setattr(step, "situate", lambda solution: SimpleNamespace(groups=[], linearisation=about))
     of_views = SimpleNamespace(information=information[None], gradient=gradient[None])
@@ -126,8 +130,11 @@ def stepped_by(monkeypatch, information, gradient, across, hessian, clocks, offs
     ("name", "sigma_s", "seen"),
     [("arm", 0.49, True), ("arm", 0.51, False), ("wrist line", 4.9e-4, True), ("wrist line", 5.1e-4, False)],
 )
-def test_what_is_known_to_half_a_second_is_seen(monkeypatch: pytest.MonkeyPatch, name, sigma_s, seen) -> None:
-    """Of a line time half a millisecond; what is not seen has neither step nor covariance, and moves nothing."""
+def test_observable_clock_is_known_to_half_a_second(monkeypatch: pytest.MonkeyPatch, name, sigma_s, seen) -> None:
+    """A clock is observable if known to half a second, a line time to half a millisecond.
+
+    Else it has no step, no covariance and no effect.
+    """
     information = np.diag([sigma_s**-2, 1e4])
     clocks = {name: Clock("free", 0.0), "other": Clock("free", 0.0)}
     across = np.ones((1, 2, 3))
@@ -137,23 +144,23 @@ def test_what_is_known_to_half_a_second_is_seen(monkeypatch: pytest.MonkeyPatch,
     assert found.step_s[1] == pytest.approx(-1e-4)
 
 
-def test_effects_move_and_widen_the_offsets_that_are_seen() -> None:
-    """Those of others stay without step and covariance."""
+def test_effects_move_and_widen_observable_offsets() -> None:
+    """Effects move and widen observable offsets; others keep zero step and covariance."""
     left = ClockStep(("a", "b", "c"), np.array([1.0, 0.0, 2.0]), np.eye(3), np.zeros((6, 3)), np.array([1, 0, 1]) > 0)
     found = left.add_effects(np.array([0.5, -3.0]), np.array([[4.0, 0.25], [0.25, 9.0]]))
     np.testing.assert_array_equal(found.step_s, [1.5, 0.0, -1.0])
     np.testing.assert_array_equal(found.covariance, [[5.0, 0.0, 0.25], [0.0, 1.0, 0.0], [0.25, 0.0, 10.0]])
 
 
-def test_what_no_view_shows_is_not_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A variance of zero is that of nothing."""
+def test_clock_without_information_is_unobservable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock without information has zero variance in the pseudo-inverse but is unobservable."""
     clocks = {"a": Clock("free", 0.0)}
     found = stepped_by(monkeypatch, np.zeros((1, 1)), np.zeros(1), np.zeros((1, 1, 3)), np.eye(3), clocks, {"a": 0.0})
     assert not found.is_observable.any()
 
 
-def test_views_move_with_the_clocks_of_camera_and_robots(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A late camera sees all flanges on, a late robot is behind itself; a line time counts by the mean row."""
+def test_views_move_with_clocks_of_camera_and_robots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A late camera advances all flanges, a late robot delays itself; a line time counts by the mean row."""
     rng = np.random.default_rng(0)
     by = {"eye": rng.normal(size=(3, 6, 6)), "hand": rng.normal(size=(3, 6, 6))}
     row = rng.normal(size=(3, 6, 6))
@@ -177,8 +184,8 @@ def test_views_move_with_the_clocks_of_camera_and_robots(monkeypatch: pytest.Mon
         np.testing.assert_allclose(found[:, 0], np.stack(expected, axis=-1), atol=1e-12)
 
 
-def test_the_mean_row_of_pixels_in_one_row_is_that_row() -> None:
-    """In every direction; of what has no pixels it is none."""
+def test_mean_row_of_one_row_is_that_row() -> None:
+    """The mean row of pixels in one row is that row in every direction; without pixels it is zero."""
     made = simulate(Scenario(samples=3), 0)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups

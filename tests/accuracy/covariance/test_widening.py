@@ -1,4 +1,4 @@
-"""Another answer is covered along the step to it, and only there."""
+"""Tests of `widen` and `curved_covariance`: the covariance covers another answer along the step to it."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ MADE = simulate(Scenario(samples=10), 0)
 SOLUTION = solve(MADE.cell, MADE.recording)
 
 
-def test_covariance_grows_by_the_square_of_the_step():
-    """And not across it."""
+def test_covariance_grows_by_squared_step():
+    """The covariance grows by the square of the step along it, not across it."""
     moved = np.zeros(SOLUTION.problem.width)
     moved[2] = 3e-3
     wider = widen(SOLUTION, moved).covariance - SOLUTION.covariance
@@ -32,8 +32,8 @@ def test_covariance_grows_by_the_square_of_the_step():
     assert not np.any(wider)
 
 
-def test_the_step_between_solutions_is_that_of_their_transforms():
-    """From an answer to itself none; to the answer of half the samples as far as its transforms are."""
+def test_step_between_solutions_is_that_of_transforms():
+    """The step is zero from an answer to itself, and the transforms' tangents to that of half the samples."""
     np.testing.assert_allclose(state_step(SOLUTION.problem, SOLUTION.state, SOLUTION.state), 0.0, atol=1e-15)
     half = solve(MADE.cell, type(MADE.recording)(MADE.recording.samples[:6]))
     step = state_step(SOLUTION.problem, SOLUTION.state, half.state)
@@ -42,8 +42,8 @@ def test_the_step_between_solutions_is_that_of_their_transforms():
         np.testing.assert_allclose(step[where], expected)
 
 
-def test_the_step_of_a_point_has_no_rotation():
-    """As wide as the columns of each transform."""
+def test_step_of_point_has_no_rotation():
+    """The step of each transform has the width of its columns, so that of a point has no rotation."""
     full = {"a": SE3.from_rotvec([0.1, 0.2, 0.3], [1, 2, 3]), "b": SE3.from_rotvec([0, 0, 1.0], [0, 1, 0])}
     tangents = {"a": np.array([1e-3, 2e-3, 0, 1e-3, 0, 2e-3]), "b": np.array([3e-3, 0, -1e-3, 0, 0, 0])}
     moved = {name: full[name] @ SE3.exp(tangent) for name, tangent in tangents.items()}
@@ -52,8 +52,8 @@ def test_the_step_of_a_point_has_no_rotation():
     np.testing.assert_allclose(step, [0, 0, 3e-3, 0, -1e-3, *tangents["a"]], atol=1e-15)
 
 
-def test_the_step_of_a_lens_is_that_of_its_parameters():
-    """In the columns of the lens; the others are those of transforms."""
+def test_step_of_lens_is_that_of_parameters():
+    """The step of a lens is that of its parameters, in its columns; the others are those of transforms."""
     made = simulate(Scenario(samples=10, intrinsics="free"), 0)
     solution = solve(made.cell, made.recording)
     lens = solution.state.cameras["wrist"]
@@ -70,8 +70,11 @@ def test_the_step_of_a_lens_is_that_of_its_parameters():
     np.testing.assert_allclose(step, 0.0, atol=1e-15)
 
 
-def test_the_largest_shift_is_by_the_covariance():
-    """Not by its length: a millimetre along a direction that is known well is more than ten along another."""
+def test_largest_shift_is_measured_by_covariance():
+    """The largest shift is measured by the covariance.
+
+    A millimetre along a well-known direction exceeds ten along another.
+    """
     unit = np.zeros((2, SOLUTION.problem.width))
     unit[0, 0], unit[1, 3] = 1e-3, 1e-3
     covariance = np.diag(np.where(np.arange(SOLUTION.problem.width) == 0, 1e-4, 1e-8))
@@ -85,19 +88,22 @@ DRAWS, HOLD = 16, 0.9999
 
 
 def exact_joints(samples: int, seed: int, **more: object) -> SimulatedCell:
-    """Two arms whose joints are recorded exactly, but for offsets known to 2 deg."""
+    """Two arms whose joints are recorded exactly, except for offsets known to 2 deg."""
     told = {"joint_offset_rad": np.radians(2), "joint_offsets": "prior"}
     return simulate(Scenario(samples=samples, **{**KEPT, **told, **more}), seed)  # type: ignore[arg-type]
 
 
 def squared_error(made: SimulatedCell, mean: object, covariance: Array) -> float:
-    """Of the base, in sigmas."""
+    """Squared error of the base in sigmas."""
     off = (mean.inverse() @ made.truth[BASE]).log()  # type: ignore[attr-defined]
     return float(off @ np.linalg.solve(covariance, off))
 
 
-def test_an_arc_is_within_the_ellipsoid() -> None:
-    """The first joints' offsets turn the base by degrees; the linear ellipsoid is micrometres thin."""
+def test_arc_is_within_curved_ellipsoid() -> None:
+    """Offsets of the first joints rotate the base by degrees.
+
+    With the curved covariance the error is in the ellipsoid. The linear one is micrometres thin.
+    """
     made = exact_joints(20, 9)
     solution = solve(made.cell, made.recording)
     linear, mean = solution.joint_transform_covariance([BASE]), solution.state.transforms[BASE]
@@ -105,15 +111,18 @@ def test_an_arc_is_within_the_ellipsoid() -> None:
     assert squared_error(made, mean, linear + curved_covariance(solution, [BASE])) < chi2.ppf(HOLD, 6)
 
 
-def test_what_is_known_well_has_no_arc() -> None:
-    """Then nothing is added, and nothing is computed."""
+def test_well_known_base_has_no_curved_covariance() -> None:
+    """A well-known base needs no curved covariance, and none is computed."""
     made = exact_joints(20, 9, joint_offset_rad=0.0, joint_offsets="fixed", robot_noise=(1e-4, 2e-4))
     assert not curved_covariance(solve(made.cell, made.recording), [BASE]).any()
 
 
 @pytest.mark.slow
-def test_exact_joints_are_answered_and_within() -> None:
-    """Nothing is refused; NEES/6 is that of normals, 0.6 to 1.5 of 16 draws of six numbers with long tails."""
+def test_exact_joints_are_calibrated_within_covariance() -> None:
+    """No exact-joint cell is refused.
+
+    NEES/6 is that of normals, 0.6 to 1.5 of 16 draws of six numbers with long tails.
+    """
     squares = []
     for seed in range(100, 100 + DRAWS):
         made = exact_joints(40, seed, intrinsics="free", state_robot_noise=False)
@@ -124,8 +133,8 @@ def test_exact_joints_are_answered_and_within() -> None:
     assert 0.6 < np.mean(squares) / 6 < 1.5
 
 
-def test_errors_that_stops_share_are_no_arc() -> None:
-    """The arc of an arm whose offsets have a prior is no longer by offsets of the other arm, which are in its noise.
+def test_shared_stop_errors_add_no_arc() -> None:
+    """Offsets of the other arm, contained in its noise, do not lengthen the arc of an arm with a prior on offsets.
 
     States of the equations without that noise, along directions that it widens, gave the base four times this sigma.
     """
@@ -137,10 +146,11 @@ def test_errors_that_stops_share_are_no_arc() -> None:
     assert squared_error(made, base.mean, base.covariance) < chi2.ppf(HOLD, 6)
 
 
-def test_an_arc_has_the_second_moments_of_its_products(monkeypatch) -> None:
-    """States that are off by products of sigmas: squares, mixed products, and what both directions share, twice over.
+def test_arc_has_second_moments_of_products(monkeypatch) -> None:
+    """The curved covariance has the second moments of products of sigmas: squares, mixed products and shared parts.
 
-    A product of three directions, the second of which is straight, is off along x, y and z; lengths are linear.
+    The state errors are such products along x, y and z; lengths are linear, and the middle one of three directions is
+    straight.
     """
     square = {0: np.array([1e-3, 0, 2e-3]), 2: np.array([0, 3e-3, -1e-3])}
     mixed, linear, start = np.array([2e-3, -1e-3, 1e-3]), np.array([0.3, 0.2, 0.1]), np.array([0, 5e-3, 1e-3])
@@ -172,8 +182,8 @@ def test_an_arc_has_the_second_moments_of_its_products(monkeypatch) -> None:
     np.testing.assert_array_equal(curved_covariance(solution, []), np.zeros((0, 0)))
 
 
-def test_states_are_best_across_what_is_held() -> None:
-    """A hundred sigmas along one direction: the cost no longer falls along the others, and this one stays."""
+def test_states_are_optimal_across_held_direction() -> None:
+    """At a hundred sigmas along one held direction, the cost is optimal along the others."""
     steps = widening._directions(SOLUTION, [BASE]).steps
     sigmas = np.zeros((2, steps.shape[1]))
     sigmas[0, -1], sigmas[1, -2] = 100.0, -100.0
@@ -195,7 +205,10 @@ def test_states_are_best_across_what_is_held() -> None:
 
 
 def test_all_pairs_of_wide_directions_are_mixed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each pair once; directions whose arcs are thin beside the smallest sigma are left out, of eight at the most."""
+    """Each pair of wide directions is used once.
+
+    Directions with thin arcs beside the smallest sigma are omitted; at most eight are used.
+    """
     sigmas = np.array([1e-4, 1.0, 2.0, 3.0, *np.linspace(4, 6, 6)])
     monkeypatch.setattr(widening, "linearise", lambda problem, state: SimpleNamespace(hessian=np.diag(sigmas**-2.0)))
     monkeypatch.setattr(widening, "column_scales", lambda *given: np.ones(10))

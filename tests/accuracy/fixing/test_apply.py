@@ -1,4 +1,4 @@
-"""Cures in the files of a cell."""
+"""Tests of `apply_cure`: fixes in the files of a cell."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_files_change_and_originals_stay(folder: Path) -> None:
-    """Samples and lines are written, what was there is kept to the byte, and what is done stands beside it."""
+def test_files_change_and_originals_are_kept(folder: Path) -> None:
+    """Samples and lines are written, the originals are kept byte for byte, and the change is documented beside them."""
     cell = read_cell(folder)
     recording = read_recording(folder, cell)
     before = {name: (folder / name).read_bytes() for name in ("cell.yaml", "recording/samples.jsonl")}
@@ -48,8 +48,8 @@ def test_files_change_and_originals_stay(folder: Path) -> None:
     assert "Leave out sample 0." in (kept / "change.json").read_text()
 
 
-def test_one_sample_shows_what_changes(folder: Path) -> None:
-    """Of each robot whose state is another, before and after; a robot that is new has no state before."""
+def test_changed_states_are_described(folder: Path) -> None:
+    """Each robot with a changed state is described before and after; an added robot has no state before."""
     samples = read_recording(folder, read_cell(folder)).samples
     recording = Recording((samples[0], replace(samples[1], robots={"hand": samples[1].robots["hand"]})))
     moved = RobotState(SE3.identity())
@@ -60,8 +60,8 @@ def test_one_sample_shows_what_changes(folder: Path) -> None:
     ]
 
 
-def test_what_would_be_no_cell_changes_nothing(folder: Path) -> None:
-    """A value that a cell cannot have is refused before anything is written."""
+def test_invalid_cell_changes_no_file(folder: Path) -> None:
+    """A value that a cell cannot have is refused before any file is written."""
     before = (folder / "cell.yaml").read_bytes()
     cure = Cure(FINDING, "Break it.", Change(cell={("targets", "board", "square_m"): -1.0}))
     with pytest.raises(InputError):
@@ -70,8 +70,8 @@ def test_what_would_be_no_cell_changes_nothing(folder: Path) -> None:
     assert not (folder / "originals").exists()
 
 
-def test_what_is_written_already_is_no_fix(folder: Path) -> None:
-    """Nothing is announced, and no originals are kept of files that stay."""
+def test_fix_without_change_is_refused(folder: Path) -> None:
+    """A fix that the files already contain is refused, and no originals are kept."""
     cell = read_cell(folder)
     samples = read_recording(folder, cell).samples
     square = cell.targets["board"].target.options["square_m"]
@@ -81,7 +81,7 @@ def test_what_is_written_already_is_no_fix(folder: Path) -> None:
     assert not (folder / "originals").exists()
 
 
-def test_states_are_told_by_their_joints_or_pose() -> None:
-    """To five digits."""
+def test_states_are_described_by_joints_or_pose() -> None:
+    """States are described by joints or pose to five digits."""
     assert _state_words(RobotState(joints_rad=np.array([0.1234567, -2.0]))) == "joints 0.12346, -2"
     assert _state_words(RobotState(SE3.identity())) == repr(SE3.identity())

@@ -1,4 +1,4 @@
-"""What files hold under a hypothesis: a slip put into a recording is undone to the last digit."""
+"""Tests of `change_of_hypothesis`: a mistake put into a recording is undone to the last digit."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def poses(samples: tuple[Sample, ...], robot: str) -> np.ndarray:
         (lambda pose: SE3(pose.rotation.T.copy(), pose.translation), "the rotation matrices of hand are transposed"),
     ],
 )
-def test_poses_of_a_robot(slip: Callable[[SE3], SE3], words: str) -> None:
-    """Inverted, in millimetres, in another order, transposed: each is undone, and nothing else changes."""
+def test_robot_poses_are_restored(slip: Callable[[SE3], SE3], words: str) -> None:
+    """Inverted poses, millimetres, another quaternion order and transposed rotations are undone, and all else stays."""
     slipped = with_poses(BOARD.recording, "hand", slip)
     reading = declared(BOARD.cell, slipped)
     every = [*convention_hypotheses(reading), *rare_hypotheses(reading)]
@@ -62,8 +62,8 @@ def test_poses_of_a_robot(slip: Callable[[SE3], SE3], words: str) -> None:
     assert change.cell == {}
 
 
-def test_poses_of_the_target() -> None:
-    """Observed poses are turned back."""
+def test_target_poses_are_restored() -> None:
+    """Inverted observed poses are restored."""
 
     def slipped(sample: Sample) -> Sample:
         (seen,) = sample.observations
@@ -80,8 +80,8 @@ def test_poses_of_the_target() -> None:
 
 
 @pytest.mark.parametrize(("stream", "by", "start"), [(None, 1, 0), (None, -1, 0), ("hand", 1, 0), (None, 1, 5)])
-def test_pairing(stream: str | None, by: int, start: int) -> None:
-    """What was paired one sample off, images and observations alike, is with its robots again; the rest is left out."""
+def test_pairing_is_restored(stream: str | None, by: int, start: int) -> None:
+    """Images and observations paired one sample off are moved to their robots; the rest is left out."""
     samples = [replace(s, images={"wrist": f"recording/images/wrist/{s.sample}.png"}) for s in BOARD.recording.samples]
     numbers = range(len(samples))
     source = [k + by if k >= start else k for k in numbers]  # what stands at k belongs to k + by
@@ -112,8 +112,8 @@ def test_pairing(stream: str | None, by: int, start: int) -> None:
         assert sample.robots["hand"] is by_number[sample.sample].robots["hand"]
 
 
-def test_cell_is_changed() -> None:
-    """A size, a lens and a transform that are stated wrongly become lines of `cell.yaml`."""
+def test_cell_statements_are_changed() -> None:
+    """A wrong size, lens and transform become entries of `cell.yaml`."""
     cell = BOARD.cell.with_transform("eye_flange_from_wrist", Unknown("fixed", SE3.identity()))
     reading = declared(cell, BOARD.recording)
     size = change_of_hypothesis(BOARD.recording, reading, size_hypothesis("board", 1.1, cell))
@@ -129,8 +129,8 @@ def test_cell_is_changed() -> None:
     assert list(base) == [("bases", "hand")]
 
 
-def test_tags_in_a_list_are_resized() -> None:
-    """The size and the place of each tag, which stand in `tags`."""
+def test_tags_in_list_are_resized() -> None:
+    """The size of each tag is changed in the list `tags`."""
     made = simulate(Scenario(samples=9, target="apriltag"), 2)
     reading = declared(made.cell, made.recording)
     change = change_of_hypothesis(made.recording, reading, size_hypothesis("board", 1.25, made.cell))
@@ -138,15 +138,15 @@ def test_tags_in_a_list_are_resized() -> None:
     assert [tag["size_m"] for tag in change.cell["targets", "board", "tags"]] == [0.15]
 
 
-def test_pixels_are_of_images() -> None:
-    """What images hold is no line of a recording: there is no change."""
+def test_swapped_pixels_have_no_change() -> None:
+    """Pixels are part of images, not of the recording, so there is no change."""
     reading = declared(BOARD.cell, BOARD.recording)
     (hypothesis,) = (each for each in rare_hypotheses(reading) if each.code == "pixels-swapped")
     assert change_of_hypothesis(BOARD.recording, reading, hypothesis) is None
 
 
-def test_points_that_are_not_seen_are_equal() -> None:
-    """Poses are changed although a view lacks points of the board."""
+def test_views_with_missing_points_are_changed() -> None:
+    """Poses are changed even if a view lacks points of the board."""
     first = BOARD.recording.samples[0]
     (view,) = first.observations
     assert isinstance(view, PixelObservation)
@@ -160,8 +160,8 @@ def test_points_that_are_not_seen_are_equal() -> None:
     np.testing.assert_allclose(poses(change.samples, "hand"), poses(whole.samples, "hand"), atol=1e-12)
 
 
-def test_a_target_is_put_on_the_arm_that_carries_it() -> None:
-    """In `cell.yaml`, with a free mount; the recording stays."""
+def test_target_is_moved_to_its_arm() -> None:
+    """The target is moved to its arm in `cell.yaml` with a free mount, and the recording stays."""
     guess = Unknown("free", SE3.identity())
     targets = {name: replace(target, on="world", mount=guess) for name, target in BOARD.cell.targets.items()}
     on_world = replace(BOARD.cell, targets=targets)
@@ -172,8 +172,8 @@ def test_a_target_is_put_on_the_arm_that_carries_it() -> None:
     assert change.cell == {("targets", "board", "on"): "hand", ("targets", "board", "mount"): {"status": "free"}}
 
 
-def test_carriers_are_written_with_open_mounts() -> None:
-    """A camera's and a target's, each at its own place."""
+def test_carriers_are_written_with_free_mounts() -> None:
+    """The carriers of a camera and a target are written with free mounts."""
     change = change_carriers({("cameras", "wrist", "on"): "hand", ("targets", "board", "on"): "world"})
     assert change.samples is None
     assert change.cell == {
@@ -184,8 +184,8 @@ def test_carriers_are_written_with_open_mounts() -> None:
     }
 
 
-def test_a_prior_that_is_inverted_keeps_its_sigmas() -> None:
-    """A mount stated the wrong way round is turned round in its line of `cell.yaml`."""
+def test_inverted_prior_keeps_sigmas() -> None:
+    """An inverted prior of a mount is inverted in `cell.yaml` and keeps its sigmas."""
     known = Unknown("prior", SE3.from_rpy([0.1, 0.2, 0.3], [0.05, 0, 0.08]), np.repeat([1e-3, 1e-2], 3))
     cell = BOARD.cell.with_transform("eye_flange_from_wrist", known)
     reading = declared(cell, BOARD.recording)

@@ -1,4 +1,4 @@
-"""Cures of findings."""
+"""Tests of `find_cures`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def cures_of(*findings: Finding, outliers: tuple[Outlier, ...] = (), recording=B
 
 
 def test_convention_is_undone() -> None:
-    """A finding by `calibrate`, or by what a flange can reach, begins with what its hypothesis says."""
+    """A finding by `calibrate`, or by the reach of a flange, is undone by the hypothesis with its words."""
     samples = tuple(
         replace(s, robots={**s.robots, "eye": RobotState(s.robots["eye"].base_from_flange.inverse())})
         for s in BOARD.recording.samples
@@ -39,8 +39,11 @@ def test_convention_is_undone() -> None:
     assert cure.words == "Undo: the poses of eye are in millimetres."
 
 
-def test_of_inverted_poses_and_other_carriers_a_person_chooses() -> None:
-    """Those of the only robot fit as exactly if it carries the camera, and not the target: both are offered."""
+def test_inverted_poses_and_carriers_are_choices() -> None:
+    """Inverted poses of the only robot fit as exactly as a camera on it and the target on the world.
+
+    Both fixes are offered as choices.
+    """
     made = simulate(Scenario(samples=9, layout="eye_to_hand"), 2)
     what = "The poses of arm are inverted (flange_from_base), or overhead is on arm and board on world."
     finding = Finding("robot-pose-inverted", "error", ("arm",), what)
@@ -57,8 +60,11 @@ def test_of_inverted_poses_and_other_carriers_a_person_chooses() -> None:
     }
 
 
-def test_of_two_lists_of_angles_the_one_that_fits_is_taken() -> None:
-    """Roll, pitch and yaw beyond half a turn in all, read as a rotation vector: the longer vector is meant."""
+def test_fitting_angle_list_is_used() -> None:
+    """The better of two angle lists is used.
+
+    Roll, pitch and yaw beyond half a turn were read as a rotation vector: the longer vector is meant.
+    """
     turn = SE3.from_rpy([2.9, 0.4, -2.8], np.zeros(3))
     samples, meant = [], []
     for sample in BOARD.recording.samples:
@@ -76,8 +82,8 @@ def test_of_two_lists_of_angles_the_one_that_fits_is_taken() -> None:
     np.testing.assert_allclose(found, meant, atol=1e-9)
 
 
-def test_outliers_lens_and_offered_lines() -> None:
-    """Samples are left out, a lens is freed, and a line that a finding offers is written of its target."""
+def test_outliers_lens_and_lines_are_fixed() -> None:
+    """Outlier samples are left out, a lens is freed, and a line offered by a finding is written for its target."""
     outliers = (Outlier(3, "wrist", "board", (), "far"), Outlier(5, "wrist", "board", (7,), "stray"))
     left, lens, line = cures_of(
         Finding("outlier-samples", "warning", ("3",), "Sample 3 was left out as an outlier."),
@@ -93,8 +99,8 @@ def test_outliers_lens_and_offered_lines() -> None:
     assert line.change.cell == {("targets", "board", "dictionary"): "DICT_5X5_100"}
 
 
-def test_all_lines_are_written_at_all_robots() -> None:
-    """Offsets and links, of both arms, by one cure: without one of them the finding would be the same."""
+def test_all_lines_are_written_for_all_robots() -> None:
+    """Offsets and links of both arms are written by one fix: without one of them the finding would remain."""
     offsets, links = (
         {"status": "prior", "sigma_rad": 0.03},
         {"status": "prior", "sigma_rad": 2e-3, "sigma_m": 1e-3},
@@ -110,7 +116,7 @@ def test_all_lines_are_written_at_all_robots() -> None:
 
 @pytest.mark.parametrize("code", ["fixed-contradicted", "prior-contradicted"])
 def test_transform_is_freed(code: str) -> None:
-    """One that effects or sigmas contradict, which no hypothesis of the input does in these words."""
+    """A transform that effects or sigmas contradict is freed; no input hypothesis has these words."""
     name = "eye_flange_from_wrist"
     cell = BOARD.cell.with_transform(name, Unknown("fixed", SE3.identity()))
     finding = Finding(code, "warning", (name,), f"{name} is elsewhere than stated.")
@@ -118,8 +124,8 @@ def test_transform_is_freed(code: str) -> None:
     assert cure.change.cell == {("cameras", "wrist", "mount"): {"status": "free"}}
 
 
-def test_the_prior_of_a_lens_is_freed() -> None:
-    """By the camera that the finding is about; a line that is offered beside it is the only cure."""
+def test_lens_prior_is_freed() -> None:
+    """A lens prior is freed by the finding's camera; an offered line of another finding is its only fix."""
     made = simulate(Scenario(samples=9, intrinsics="prior"), 2)
     what = "The answer is up to 14.1 sigmas away from the prior of the lens of wrist."
     lens, clock = cures_of(
@@ -134,15 +140,18 @@ def test_the_prior_of_a_lens_is_freed() -> None:
     assert clock.change.cell == {("cameras", "wrist", "clock"): {"status": "free", "offset_s": 0.02}}
 
 
-def test_what_only_informs_and_what_has_no_cure() -> None:
-    """An info has none, nor has a finding that no file can undo."""
+def test_infos_and_incurable_findings_have_no_fix() -> None:
+    """An info has no fix, nor has a finding that no file can undo."""
     info = Finding("outlier-samples", "info", ("3",), "Sample 3 was left out as an outlier.")
     weak = Finding("weak-direction", "warning", (), "The base is weak along x.")
     assert cures_of(info, weak, outliers=(Outlier(3, "wrist", "board", (), "far"),)) == ()
 
 
-def test_of_several_hypotheses_the_nearest_is_undone(monkeypatch) -> None:
-    """Those of the finding's code and words; a single one is taken as it is."""
+def test_best_of_several_hypotheses_is_undone(monkeypatch) -> None:
+    """The best of several hypotheses with the finding's code and words is undone.
+
+    A single one is used without a fit.
+    """
 
     def hypothesis(code: str, words: str, misfit: float) -> SimpleNamespace:
         return SimpleNamespace(code=code, words=words, about=(), carriers=None, misfit=misfit)

@@ -1,4 +1,4 @@
-"""Lines of `cell.yaml` that findings offer."""
+"""Tests of the lines of `cell.yaml` that findings offer."""
 
 from __future__ import annotations
 
@@ -22,15 +22,18 @@ CELL = simulate(Scenario(samples=1), 2).cell
         (("wrist",), "Write `squares: [7, 7]`.", set()),
     ],
 )
-def test_lines_have_an_owner_and_a_value(about: tuple[str, ...], do: str, places: set[tuple[str, str, str]]) -> None:
-    """Of the thing that is quoted, else of what the finding is about; a line is in backquotes, a choice is none."""
+def test_offered_lines_have_owner_and_value(about: tuple[str, ...], do: str, places: set[tuple[str, str, str]]) -> None:
+    """An offered line in backquotes belongs to the quoted device, else to the finding's.
+
+    A choice of values is no offer.
+    """
     finding = Finding("x", "warning", about, "It is wrong.", (do,))
     assert set(offered_places(CELL, finding)) == places
     assert is_fixable(CELL, finding) == bool(places)
 
 
-def test_what_only_informs_is_not_fixed() -> None:
-    """An info, though it says how; a warning that names the command is."""
+def test_infos_are_not_fixed() -> None:
+    """An info is not fixed though it has advice; a warning that names the command is."""
     do = ("`basecal fix CELL` takes them out of the recording.",)
     assert not is_fixable(CELL, Finding("outlier-samples", "info", ("3",), "Sample 3 was left out.", do))
     assert is_fixable(CELL, Finding("outlier-samples", "warning", ("3",), "Sample 3 was left out.", do))

@@ -1,4 +1,4 @@
-"""Where `cell.yaml` states what is freed."""
+"""Tests of the entries of `cell.yaml` that state freed transforms and lenses."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def touching() -> Cell:
         (touching(), "eye_base_from_mark_a", ("marks", "mark_a")),
     ],
 )
-def test_a_freed_transform_is_read_back_as_free(tmp_path, cell, name, place) -> None:
-    """Each transform with an entry of its own has its place, and what is written there frees it alone."""
+def test_freed_transform_is_read_back_as_free(tmp_path, cell, name, place) -> None:
+    """Each transform with its own entry has its place, and the written entry frees it alone."""
     assert transform_place(cell, name) == place
     write_cell(cell, tmp_path)
     freed = free_transform_entry(cell, name)
@@ -62,14 +62,14 @@ def test_a_freed_transform_is_read_back_as_free(tmp_path, cell, name, place) -> 
     }
 
 
-def test_a_mark_of_a_plate_has_no_entry_of_its_own() -> None:
-    """Its place is a number in the entry of the plate."""
+def test_mark_of_plate_has_no_entry() -> None:
+    """A mark of a plate is a number in the plate's entry, so it has none of its own."""
     assert transform_place(touching(), "plate_from_one") is None
     assert free_transform_entry(touching(), "plate_from_one") == {}
 
 
-def test_a_freed_lens_keeps_its_numbers_as_a_guess(tmp_path) -> None:
-    """Without the sigmas that a free lens cannot have."""
+def test_freed_lens_keeps_numbers_as_guess(tmp_path) -> None:
+    """A freed lens keeps its numbers as a guess, without the sigmas that a free lens cannot have."""
     write_cell(BOARD, tmp_path)
     cure = Cure(Finding("x", "warning", ("wrist",), "Off."), "Free it.", Change(cell=free_lens_entry(BOARD, "wrist")))
     apply_cure(tmp_path, cure)

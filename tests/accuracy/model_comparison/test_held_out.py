@@ -1,4 +1,4 @@
-"""Models compared by parts of the recording that were held out."""
+"""Tests of model comparison by held-out parts of the recording."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,11 @@ from basecal.accuracy.model_comparison.held_out import compare_predicted_gains, 
 from basecal.accuracy.model_comparison.nested_models import Decision
 
 
-def test_the_chance_is_that_of_students_t():
-    """Of the mean over its standard error, with one freedom less than there are parts; its mirror image for losses."""
+def test_chance_is_students_t():
+    """The chance is Student's t of the mean over its standard error, with one freedom less than parts.
+
+    Losses mirror it.
+    """
     gains = np.array([1.0, 2.0, 4.0, 1.0, -0.5])
     t = gains.mean() / (gains.std(ddof=1) / np.sqrt(5))
     found = compare_predicted_gains(gains)
@@ -22,15 +25,19 @@ def test_the_chance_is_that_of_students_t():
     (4.4, Decision.TAKE), (4.2, Decision.UNDECIDED), (2.45, Decision.UNDECIDED), (2.35, Decision.KEEP),
     (-9.0, Decision.KEEP),
 ])  # fmt: skip
-def test_gains_beyond_chance_are_taken_and_likely_ones_doubted(t, decision):
-    """Of ten parts at 4.30 and 2.40 standard errors: chances of one in a thousand and of one in fifty."""
+def test_gains_are_taken_or_undecided_by_chance(t, decision):
+    """Gains of ten parts are taken above 4.30 standard errors and undecided above 2.40.
+
+    These are chances of one in a thousand and one in fifty.
+    """
     gains = np.tile([1.0, -1.0], 5)
     gains += t * gains.std(ddof=1) / np.sqrt(10)
     assert compare_predicted_gains(gains).decision is decision
 
 
 @pytest.mark.parametrize("gains", [[3.0], [], [0.0, 0.0, 0.0]])
-def test_one_part_or_no_difference_tells_nothing(gains):
+def test_single_part_or_equal_models_keep_model(gains):
+    """A single part, none, or equal predictions keep the model in use."""
     assert compare_predicted_gains(np.array(gains)).decision is Decision.KEEP
 
 
@@ -42,20 +49,23 @@ SPREAD = 1e-6 * np.random.default_rng(0).uniform(0.5, 1.5, 12)
     (3.0, Decision.TAKE), (1.12, Decision.TAKE), (1.05, Decision.UNDECIDED), (0.95, Decision.UNDECIDED),
     (0.85, Decision.KEEP),
 ])  # fmt: skip
-def test_a_rival_is_taken_if_it_predicts_clearly_better(scale, ratio, decision):
-    """From a tenth on, whatever the unit; one that predicts as well is undecided, a worse one is not."""
+def test_rival_must_predict_a_tenth_better(scale, ratio, decision):
+    """A rival is taken if it predicts a tenth better, in any unit.
+
+    One that predicts equally is undecided, a worse one rejected.
+    """
     squares, in_use = scale * SPREAD, scale * ratio**2 * SPREAD
     assert compare_predictions(squares, in_use).decision is decision
 
 
-def test_a_wider_model_has_to_predict_much_better():
-    """By the ratio that is asked; to be no better is to be undecided."""
+def test_wider_model_needs_requested_ratio():
+    """A wider model is taken from the requested ratio on; below it, it is undecided."""
     assert compare_predictions(SPREAD, 1.3**2 * SPREAD, 1.5).decision is Decision.UNDECIDED
     assert compare_predictions(SPREAD, 1.5**2 * SPREAD, 1.5).is_taken
 
 
-def test_outliers_do_not_outweigh_the_rest():
-    """Three of twelve parts that neither model predicts change nothing, whichever is farther off."""
+def test_outlier_parts_do_not_outweigh_rest():
+    """Three of twelve parts that neither model predicts have no effect, whichever is farther off."""
     for share in (0.5, 2.0):
         squares, in_use = SPREAD.copy(), 400 * SPREAD
         squares[:3] = 1.0
@@ -63,8 +73,8 @@ def test_outliers_do_not_outweigh_the_rest():
         assert compare_predictions(squares, in_use).is_taken
 
 
-def test_a_gain_that_chance_makes_is_none():
-    """Twice as likely on the mean, by two parts of twelve alone."""
+def test_gain_of_two_parts_is_chance():
+    """A rival twice as likely on average, by two of twelve parts alone, is undecided."""
     in_use = SPREAD.copy()
     in_use[:2] *= 1e4
     found = compare_predictions(SPREAD, in_use)
@@ -72,20 +82,24 @@ def test_a_gain_that_chance_makes_is_none():
     assert found.gain > 12
 
 
-def test_without_parts_nothing_is_decided():
+def test_comparison_without_parts_is_undecided():
+    """A comparison without parts is undecided."""
     assert compare_predictions(np.zeros(0), np.zeros(0)).decision is Decision.UNDECIDED
 
 
-def test_one_part_has_no_spread():
-    """Its chance is one half; two parts have one."""
+def test_single_part_has_chance_of_half():
+    """A single part has no spread and a chance of one half; two parts have a spread."""
     assert compare_predicted_gains(np.array([3.0])).chance == compare_predicted_gains(np.zeros(0)).chance == 0.5
     two = compare_predicted_gains(np.array([3.0, 1.0]))
     assert two.chance == pytest.approx(student.sf(2.0, 1))
     assert compare_predicted_gains(np.array([1.0, -1.0])).chance == 0.5
 
 
-def test_predictions_gain_by_cauchys_likelihood():
-    """Twice its logarithm over the better model's scale, the mean of its smallest squares; by Student's t."""
+def test_prediction_gain_uses_cauchy_likelihood():
+    """The gain is twice the log Cauchy likelihood, scaled by the mean of the better model's smallest squares.
+
+    Its chance is Student's t.
+    """
     squares, in_use = np.array([1.0, 2.0, 3.0, 100.0]), np.array([4.0, 5.0, 9.0, 90.0])
     scale = np.mean(squares[:3])
     gains = np.log1p(in_use / scale) - np.log1p(squares / scale)

@@ -1,4 +1,4 @@
-"""What is fitted again, and what cannot be."""
+"""Tests of `evaluate_recording`: the refit of a calibration's recording."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ MADE = simulate(Scenario(samples=10, robot_noise=(2e-4, 4e-4)), 1)
 
 @pytest.fixture(scope="module")
 def calibration():
-    """Of the recording that all tests share."""
+    """Calibration of the shared recording."""
     return calibrate(MADE.cell, MADE.recording)
 
 
-def test_views_without_their_transforms_are_left_out(calibration):
-    """A calibration that lacks a mount has no view of what it carries."""
+def test_views_without_transforms_are_omitted(calibration):
+    """Views whose mount is missing in the calibration are omitted."""
     assert len(evaluate_recording(MADE.cell, MADE.recording, calibration).problem.groups) == 1
     lacking = replace(calibration, transforms={})
     assert evaluate_recording(MADE.cell, MADE.recording, lacking).problem.groups == ()
 
 
-def test_an_outlier_does_not_pull_the_stop_that_it_shares(calibration):
-    """A sample whose pose was recorded twice is predicted as well as without the sample that has its pose."""
+def test_outlier_does_not_affect_shared_stop(calibration):
+    """A sample with the pose of an outlier is predicted as well as without the outlier."""
     samples = list(MADE.recording.samples)
     samples[5] = replace(samples[5], robots={**samples[5].robots, "hand": samples[4].robots["hand"]})
     told = replace(calibration, outliers=(Outlier(5, "wrist", "board", (), "bumped"),))
@@ -46,14 +46,14 @@ def test_an_outlier_does_not_pull_the_stop_that_it_shares(calibration):
     assert len(twice.problem.groups[0]) == 10
 
 
-def test_errors_of_stops_are_found(calibration):
-    """Where robots have noise, their errors at the optimum are of the order of one sigma, not zero."""
+def test_stop_errors_are_estimated(calibration):
+    """With robot noise, stop errors at the optimum have the order of one sigma."""
     fitted = evaluate_recording(MADE.cell, MADE.recording, calibration)
     assert 0.1 < np.sqrt(np.mean(fitted.state.stop_errors**2)) < 1.5
 
 
-def test_targets_have_the_shapes_that_were_found(calibration):
-    """Points are moved by the coefficients that the calibration holds; those of a target of other points are not."""
+def test_targets_have_estimated_shapes(calibration):
+    """Target points are moved by the calibration's shape coefficients, if their number fits the target."""
     (stated,) = evaluate_recording(MADE.cell, MADE.recording, calibration).problem.groups
     points = stated.measurement.points_in_target
     for shape, moved in (([3.0, 0.0, -2.0], True), ([1.0, 2.0], False)):
@@ -64,8 +64,8 @@ def test_targets_have_the_shapes_that_were_found(calibration):
         assert moved == bool(np.abs(expected - points).max() > 1e-4)
 
 
-def test_a_light_has_no_shape():
-    """Nothing is divided by its size, which is none."""
+def test_led_has_no_shape():
+    """An LED has no size to divide by, and no shape."""
     light = simulate(Scenario(samples=12, target="led", camera_mount="fixed", target_mount="fixed"), 1)
     calibration = calibrate(light.cell, light.recording)
     with np.errstate(all="raise"):
@@ -80,8 +80,8 @@ def test_a_light_has_no_shape():
         ("c", {"pixel_px": 0.3, "pose_m": 7e-3}),
     ],
 )
-def test_noise_is_that_of_the_camera_or_else_of_all(camera, expected):
-    """And what is usual where the calibration tells none."""
+def test_noise_is_own_camera_or_all(camera, expected):
+    """The noise is that of the camera, else that of all, else the usual one."""
     cameras = {"a": {"pixel_px": 0.5, "pose_m": None}, "c": {"pose_m": 7e-3}}
     calibration = Calibration("good", noise={"pixel_px": 0.3, "pose_m": 2e-3, "cameras": cameras})
     found = with_camera_noise(SimpleNamespace(camera=camera, with_noise=lambda noise: noise), calibration)
@@ -99,8 +99,8 @@ def test_noise_is_that_of_the_camera_or_else_of_all(camera, expected):
         (None, False, "pose", True),
     ],
 )
-def test_views_are_known_by_all_of_their_transforms(lacking, lens, target, is_known):
-    """And those in pixels by their lens."""
+def test_view_needs_all_transforms_and_lens(lacking, lens, target, is_known):
+    """A view is known if all its transforms are, and in pixels its lens."""
     made = simulate(Scenario(samples=2, target=target), 1)
     (group,) = build_problem(made.cell, made.recording)[0].groups
     known = {"camera_mount": group.eye.mount, "target_mount": group.hand.mount, "hand_base": group.hand.base}
@@ -108,8 +108,8 @@ def test_views_are_known_by_all_of_their_transforms(lacking, lens, target, is_kn
     assert module._is_known(group, transforms, made.cameras if lens else {}) == is_known
 
 
-def test_a_lens_that_is_not_fixed_is_that_of_the_calibration():
-    """One that only a guess is stated of is none until it was found."""
+def test_lens_is_taken_from_calibration_unless_fixed():
+    """A lens that is not fixed is that of the calibration; a guess alone is none."""
     made = simulate(Scenario(samples=2, intrinsics="prior"), 1)
     estimates = {name: PoseEstimate(of, np.zeros((6, 6))) for name, of in made.truth.items()}
     calibration = Calibration("good", transforms=estimates)
@@ -122,8 +122,8 @@ def test_a_lens_that_is_not_fixed_is_that_of_the_calibration():
     assert len(known_views(fixed.cell, fixed.recording, calibration).problem.groups) == 1
 
 
-def test_errors_of_stops_are_the_most_probable_ones():
-    """By the noise that the calibration found of robots which state none, at an optimum; of others by theirs."""
+def test_stop_errors_are_most_probable():
+    """Stop errors are the most probable ones by stated noise, else by the calibration's; they are at an optimum."""
     truth = {name: PoseEstimate(of, np.zeros((6, 6))) for name, of in MADE.truth.items()}
     sigmas = {"sigma_t_m": [2e-4] * 3, "sigma_r_rad": [4e-4] * 3}
     robots = {name: replace(of, noise=None) for name, of in MADE.cell.robots.items()}

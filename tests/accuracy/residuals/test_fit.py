@@ -1,4 +1,4 @@
-"""How a solution fits: pixels, loops, and what a view says alone."""
+"""Tests of `residuals` and `loops`: pixels, pose consistency errors, and single-view poses."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from basecal.simulation import Scenario, simulate
 
 
 def fixed_at_truth(scenario, change=None, seed=0):
-    """A solution of a cell in which everything is known, of a recording whose group may be changed."""
+    """A solution of a fixed cell, of a recording whose group may be changed."""
     known = {"base": "fixed", "camera_mount": "fixed", "target_mount": "fixed"}
     made = simulate(replace(scenario, **known), seed)
     problem, _ = build_problem(made.cell, made.recording)
@@ -50,8 +50,11 @@ def with_pixels(change):
 EXACT = Scenario(samples=4, pixel_px=1e-6)
 
 
-def test_pixels_are_per_coordinate():
-    """One view 3 px right and 4 px down: 5 / sqrt(2) px of its own, half of that over four views; half are exact."""
+def test_pixel_rms_is_per_coordinate():
+    """One view 3 px right and 4 px down has an rms of 5 / sqrt(2) px, half of that over four views.
+
+    The median is zero.
+    """
 
     def change(pixels, seen):
         pixels[1] += (3.0, 4.0)
@@ -64,8 +67,8 @@ def test_pixels_are_per_coordinate():
     assert found.median_px == pytest.approx(0.0, abs=1e-4)
 
 
-def test_points_that_were_not_seen_do_not_count():
-    """A corner a thousand pixels off that was not seen changes nothing."""
+def test_unseen_points_do_not_count():
+    """An unseen corner a thousand pixels off changes no residual."""
 
     def change(pixels, seen):
         pixels[2, 3] += 1e3
@@ -74,8 +77,8 @@ def test_points_that_were_not_seen_do_not_count():
     assert residuals(fixed_at_truth(EXACT, with_pixels(change))).rms_px == pytest.approx(0.0, abs=1e-4)
 
 
-def test_loops_are_those_of_the_recorded_poses():
-    """A robot with 1 mm and 2 mrad of noise: pixels fit with its errors taken out, loops are left open by them."""
+def test_loop_errors_use_recorded_poses():
+    """With 1 mm of robot noise, pixels fit with stop errors removed, and loops have the robot errors."""
     solution = fixed_at_truth(Scenario(samples=40, robot_noise=(1e-3, 0.0), pixel_px=0.01))
     found = residuals(solution)
     assert found.rms_px < 0.02
@@ -86,8 +89,8 @@ def test_loops_are_those_of_the_recorded_poses():
     assert found.loop_rms_rad == pytest.approx(np.sqrt(np.mean(angles**2)))
 
 
-def test_measured_poses_close_loops_by_what_they_are_off():
-    """Half a metre and a third of a radian; there are no pixels."""
+def test_measured_poses_have_loop_errors():
+    """Measured poses off by half a metre and 0.3 rad have these loop errors and no pixels."""
     problem, state = pose_problem(np.array([[0.5, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0.3, 0]]), np.ones(6))
     found = residuals(solve_from(replace(problem, columns={}), state))
     assert [(r.loop_m, r.rms_px) for r in found.per_sample] == [(pytest.approx(0.5), None), (pytest.approx(0), None)]
@@ -96,15 +99,15 @@ def test_measured_poses_close_loops_by_what_they_are_off():
     assert (found.rms_px, found.median_px) == (None, None)
 
 
-def test_lights_close_no_loop():
-    """A view of one point gives no pose."""
+def test_led_has_no_loop_error():
+    """An LED view has no pose, hence no loop error."""
     found = residuals(fixed_at_truth(Scenario(samples=5, target="led")))
     assert (found.loop_rms_m, found.loop_rms_rad) == (None, None)
     assert all(r.loop_m is None and r.loop_rad is None and r.rms_px > 0 for r in found.per_sample)
 
 
-def test_what_was_left_out_stands_among_the_samples_and_in_no_mean():
-    """Samples by number, the two of the views that were left out with residuals of their own."""
+def test_left_out_samples_are_listed_without_mean():
+    """Left-out views are listed by sample with their own residuals, and excluded from every mean."""
 
     def change(pixels, seen):
         pixels[[1, 3]] += (30.0, 40.0)
@@ -119,7 +122,7 @@ def test_what_was_left_out_stands_among_the_samples_and_in_no_mean():
 
 
 def alone(target, seen_points, samples=3):
-    """Of views of which the second saw so many points: the poses they give, the true ones, and which do."""
+    """Single-view poses of views of which the second saw so many points; the true poses, and which views give one."""
     made = simulate(Scenario(samples=samples, target=target, pixel_px=1e-4, point_m=1e-6), 1)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -137,23 +140,23 @@ def alone(target, seen_points, samples=3):
     ("charuco", (0, 5, 30, 35), True), ("charuco", (0, 5, 30), False),
     ("points3d", (0, 1, 4), True), ("points3d", (0, 1), False),
 ])  # fmt: skip
-def test_a_view_alone_gives_its_pose_by_enough_points(target, points, enough):
-    """Four points in pixels or three in 3-D; the pose is the true one, wherever it starts."""
+def test_single_view_pose_needs_enough_points(target, points, enough):
+    """A single view gives its true pose from four points in pixels or three in 3-D, from any start."""
     (poses, given), true = alone(target, points)
     assert given.tolist() == [True, enough, True]
     off = np.abs((poses.inverse() @ true).log()).max(-1)
     assert np.all(off[given] < 1e-3)
 
 
-def test_points_on_a_line_give_no_pose():
-    """Nor does a light: the prediction is given back, and none is enough."""
+def test_single_point_gives_no_pose():
+    """An LED gives no pose; the prediction is returned unchanged."""
     (poses, given), true = alone("led", (0,))
     assert not given.any()
     np.testing.assert_allclose((true.inverse() @ poses).log(), 0.01, atol=1e-12)
 
 
-def test_points_in_space_count_by_their_sigmas():
-    """The pose of a view alone is that of Kabsch's weighted points, by one over their variances."""
+def test_space_points_are_weighted_by_variance():
+    """The pose of a single view is that of Kabsch with points weighted by one over their variances."""
     made = simulate(Scenario(samples=2, target="points3d", point_m=5e-3), 1)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -186,8 +189,8 @@ def shifted(recording: Recording, robot: str, first: int, by: SE3) -> Recording:
     return Recording(tuple(samples))
 
 
-def test_one_loop_per_pair_and_one_around_the_ring():
-    """Three pairs in a ring close four loops; without noise in robots and mounts all but the views' own noise is 0."""
+def test_ring_has_pair_loops_and_ring_loop():
+    """Three pairs in a ring close four loops. Without noise of robots and mounts only the views' own noise is left."""
     s = simulate(RING, seed=3)
     calibration = calibrate(s.cell, s.recording, EXACT_LOOPS)
     *pairs, ring = calibration.residuals.loops
@@ -200,8 +203,8 @@ def test_one_loop_per_pair_and_one_around_the_ring():
     assert f"pose consistency error of {' - '.join(AROUND)}" in text_report(s.cell, calibration)
 
 
-def test_a_pairs_loop_is_the_rms_over_its_views():
-    """A single pair's loop is the whole recording's."""
+def test_pair_loop_is_rms_over_views():
+    """The loop of a single pair is the rms of the whole recording."""
     s = simulate(Scenario(samples=12), seed=0)
     fit = residuals(solve(s.cell, s.recording))
     (loop,) = fit.loops
@@ -209,8 +212,8 @@ def test_a_pairs_loop_is_the_rms_over_its_views():
     assert (loop.views, loop.rms_m, loop.rms_rad) == (12, fit.loop_rms_m, fit.loop_rms_rad)
 
 
-def test_a_base_that_moved_opens_the_ring():
-    """A first robot pushed by 5 mm before the last pair is recorded leaves the ring open by as much."""
+def test_moved_base_opens_ring():
+    """A first robot pushed by 5 mm before the last pair opens the ring by that much."""
     s = simulate(RING, seed=3)
     push = SE3(np.eye(3), np.array([5e-3, 0, 0]))
     *_, ring = residuals(solve(s.cell, shifted(s.recording, "r1", 20, push))).loops
@@ -218,8 +221,8 @@ def test_a_base_that_moved_opens_the_ring():
     assert ring.rms_m == pytest.approx(5e-3, abs=1.5e-3)
 
 
-def test_two_cameras_on_one_arm_close_a_loop_of_two():
-    """A second camera that is the first under another name: what is left around both is nothing."""
+def test_two_cameras_on_arm_close_loop():
+    """A second camera that is the first under another name closes a loop with zero error."""
     s = simulate(Scenario(samples=12), seed=0)
     twin = replace(s.cell.cameras["wrist"], name="second")
     cell = replace(s.cell, cameras={**s.cell.cameras, "second": twin})
@@ -233,8 +236,8 @@ def test_two_cameras_on_one_arm_close_a_loop_of_two():
     assert ring.rms_m < 1e-8
 
 
-def test_the_way_to_a_ring_and_back_is_no_part_of_it():
-    """From a base outside by two steps to a ring of three: the loop begins and ends on the ring."""
+def test_path_to_ring_is_no_part_of_loop():
+    """The path of two steps to a ring of three is removed: the loop begins and ends on the ring."""
 
     def step(start: str, end: str, x: float) -> _Relation:
         path = (start, f"camera_{start}", f"board_{end}", end)
@@ -248,8 +251,8 @@ def test_the_way_to_a_ring_and_back_is_no_part_of_it():
     assert loop.rms_m == pytest.approx(0.5)
 
 
-def test_the_order_of_pairs_does_not_matter():
-    """Pairs from their other ends, or where none touches what is known at first: the same ring and the same error."""
+def test_order_of_pairs_has_no_effect_on_ring():
+    """Pairs in any order and direction give the same ring and error."""
     s = simulate(replace(RING, samples=18), seed=3)
     solution = solve(s.cell, s.recording)
     groups = solution.problem.groups
@@ -265,8 +268,8 @@ def test_the_order_of_pairs_does_not_matter():
         assert other.rms_rad == pytest.approx(ring.rms_rad, rel=1e-3)
 
 
-def test_views_that_are_not_known_to_close_do_not_count():
-    """Of a pair the root of the mean square over those that have both numbers; without any it has no loop."""
+def test_views_without_loop_error_do_not_count():
+    """The loop of a pair is the rms over views with both length and angle; without any there is no loop."""
     s = simulate(Scenario(samples=8), seed=0)
     solution = solve(s.cell, s.recording)
     sizes = [(3e-3, 1e-3), (4e-3, 7e-3), (None, 5.0), (5.0, None)]
@@ -278,8 +281,8 @@ def test_views_that_are_not_known_to_close_do_not_count():
     assert loops(solution, views[2:]) == ()
 
 
-def test_a_loop_of_two_from_its_other_end():
-    """Seen from the base of the robot that carries the target: begins and ends there, and is closed as well."""
+def test_loop_of_two_cameras_from_other_end():
+    """A loop of two cameras seen from the target's robot begins and ends at its base and closes."""
     s = simulate(Scenario(samples=8), seed=0)
     twin = replace(s.cell.cameras["wrist"], name="second")
     cell = replace(s.cell, reference="hand", bases={"eye": Unknown()}, cameras={**s.cell.cameras, "second": twin})
@@ -293,7 +296,7 @@ def test_a_loop_of_two_from_its_other_end():
 
 
 def views(camera="c", target="t", eye="a", hand="b", eye_base=None, hand_base="a_from_b", count=4):
-    """Of a camera on robot a that sees a target on robot b; a is the reference."""
+    """Views of a camera on robot a that sees a target on robot b; a is the reference."""
     at = SE3.identity((count,))
     ends = ((eye, camera, eye_base), (hand, target, hand_base))
     both = (end(robot, at, mount=f"{robot}_from_{of}", base=base) for robot, of, base in ends)
@@ -305,8 +308,8 @@ def solution_of(*groups, columns=()):
     return SimpleNamespace(problem=problem)
 
 
-def test_what_counts_as_closed_are_views_with_both_numbers():
-    """Of each pair its own; what stands on the world counts from the base of the reference."""
+def test_closed_views_have_length_and_angle():
+    """Views with both numbers count for their own pair. Devices on the world count from the base of the reference."""
     sizes = [("c", 3e-3, 1e-3), ("c", 4e-3, 7e-3), ("c", None, 5.0), ("c", 5.0, None), ("d", 1.0, 2.0)]
     told = [SampleResidual(k, camera, "t", None, *size) for k, (camera, *size) in enumerate(sizes)]
     both = solution_of(views(hand=None))
@@ -321,7 +324,7 @@ def related(monkeypatch, *groups, columns=(), alone=lambda mounts: "state"):
     tried = []
 
     def fit(solution, group, base, mounts):
-        """What is told of it."""
+        """Records its arguments and returns the given state."""
         tried.append((group.camera, base, list(mounts)))
         told = alone(mounts)
         return None if told is None else SimpleNamespace(transforms=told)
@@ -332,8 +335,11 @@ def related(monkeypatch, *groups, columns=(), alone=lambda mounts: "state"):
     return [(r.path, r.start_from_end, r.views) for r in found], tried
 
 
-def test_pairs_relate_the_bases_that_they_stand_on(monkeypatch):
-    """Each by its own views, with the mounts that are estimated; not where both are one base, or nothing is seen."""
+def test_pairs_relate_their_bases(monkeypatch):
+    """Each pair relates its bases by its own views, with the estimated mounts.
+
+    Pairs with one base or without views give no relation.
+    """
     other = views("d", "u", eye="b", hand="a", eye_base="a_from_b", hand_base=None, count=7)
     same, nothing = views("e", hand="a", hand_base=None), views("f", count=0)
     nameless = views("g", hand_base=None)
@@ -346,8 +352,8 @@ def test_pairs_relate_the_bases_that_they_stand_on(monkeypatch):
     assert tried == [("c", "a_from_b", ["a_from_c"]), ("d", "a_from_b", ["b_from_d", "a_from_u"])]
 
 
-def test_where_views_do_not_show_the_mounts_these_stay(monkeypatch):
-    """Nothing is related where the base is not seen either."""
+def test_unobservable_mounts_are_held(monkeypatch):
+    """If the views do not show the mounts, these are held; without an observable base there is no relation."""
     found, tried = related(monkeypatch, views(), columns=("a_from_c",), alone=lambda mounts: None if mounts else "held")
     assert [start_from_end for _, start_from_end, _ in found] == [("held", "c")]
     assert tried == [("c", "a_from_b", ["a_from_c"]), ("c", "a_from_b", [])]
@@ -358,8 +364,8 @@ def test_where_views_do_not_show_the_mounts_these_stay(monkeypatch):
     ("converged", "open_names", "found"),
     [(True, set(), True), (False, set(), False), (True, {"eye_base_from_hand_base"}, False), (True, {"other"}, True)],
 )
-def test_a_pair_alone_is_fitted_by_its_base_and_mounts(monkeypatch, converged, open_names, found):
-    """These are its columns, one after the other, and what is stated of the base does not count."""
+def test_single_pair_is_fitted_by_base_and_mounts(monkeypatch, converged, open_names, found):
+    """The columns of a single pair are its mounts and base; the stated prior of the base is ignored."""
     s = simulate(Scenario(samples=6, base="prior"), seed=0)
     solution = solve(s.cell, s.recording)
     given = []
@@ -393,8 +399,11 @@ def ring(monkeypatch, *steps, reference="a"):
     return [(" ".join(loop.path), loop.views, round(loop.rms_m, 9)) for loop in found]
 
 
-def test_rings_are_what_a_tree_over_the_bases_does_not_need(monkeypatch):
-    """Relations in any order and from either end; what hangs together with nothing known is no ring."""
+def test_rings_are_relations_beyond_spanning_tree(monkeypatch):
+    """Rings are the relations that a spanning tree of the bases does not need, in any order and direction.
+
+    Disconnected relations give no ring.
+    """
     a, b, c = "a_base", "b_base", "c_base"
     around = ("a_base k tk b_base l tl c_base tm m a_base", 15, 0.5)
     assert ring(monkeypatch, (a, b, "k", 1.0), (b, c, "l", 2.0), (a, c, "m", 2.5)) == [

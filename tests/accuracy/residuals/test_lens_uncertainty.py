@@ -1,4 +1,4 @@
-"""The uncertainty of a lens over its image."""
+"""Tests of the uncertainty of a lens over its image."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ CAMERA = Camera("pinhole", np.array([900.0, 910.0, 630.0, 360.0, -0.1, 0.05, 1e-
 PIXELS = np.stack(np.meshgrid(np.linspace(0, 1279, 9), np.linspace(0, 719, 6)), -1).reshape(-1, 2)
 
 
-def test_it_is_how_drawn_lenses_scatter() -> None:
-    """Lenses drawn by the covariance image rays, after the rotation that brings them nearest, so far from the mean."""
+def test_lens_sigmas_match_drawn_lenses() -> None:
+    """Lens sigmas match the scatter of rays imaged by drawn lenses, after the rotation that aligns them best."""
     rng = np.random.default_rng(0)
     sigmas = np.array([0.8, 0.7, 1.5, 1.2, 2e-3, 3e-3, 1e-4, 1e-4, 3e-3])
     rays, _ = CAMERA.undistort(PIXELS)
@@ -29,8 +29,8 @@ def test_it_is_how_drawn_lenses_scatter() -> None:
     np.testing.assert_allclose(lens_sigmas(CAMERA, np.diag(sigmas**2), PIXELS), np.sqrt(squares), rtol=0.12)
 
 
-def test_a_shifted_centre_is_a_rotation() -> None:
-    """Of a centre that is uncertain by 2 px little is left: far from the axis a rotation is no shift."""
+def test_shifted_centre_is_mostly_rotation() -> None:
+    """A centre uncertain by 2 px is mostly compensated by a rotation, but not far from the axis."""
     camera = Camera("pinhole", np.array([900.0, 900.0, 639.5, 359.5]), (1280, 720))
     sigmas = lens_sigmas(camera, np.diag([0, 0, 4.0, 4.0]), PIXELS)
     assert sigmas.max() < 0.6

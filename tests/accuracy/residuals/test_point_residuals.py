@@ -1,4 +1,4 @@
-"""Residuals of single points, worked out from what a calibration holds."""
+"""Tests of point residuals from a stored calibration."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from basecal.simulation.testbed import simulate
         pytest.param("stations", (0.0, 0.0), "free", marks=pytest.mark.slow),
     ],
 )
-def test_stored_calibration_gives_its_own_rms(arms: Arms, robot_noise: tuple[float, float], intrinsics: Status) -> None:
-    """The rms over points, from the stored numbers alone, is the one the solver found, also with robots' noise."""
+def test_stored_calibration_reproduces_rms(arms: Arms, robot_noise: tuple[float, float], intrinsics: Status) -> None:
+    """The rms over points from the stored numbers equals that of the solver, also with robot noise."""
     made = simulate(Scenario(samples=15, arms=arms, robot_noise=robot_noise, intrinsics=intrinsics), 3)
     calibration = calibrate(made.cell, made.recording)
     stored = calibration_from_dict(calibration_to_dict(calibration))
@@ -38,8 +38,8 @@ def test_stored_calibration_gives_its_own_rms(arms: Arms, robot_noise: tuple[flo
     )  # of the fit, which bends no mount
 
 
-def test_estimated_noise_of_robots_is_among_the_stored_numbers() -> None:
-    """Likewise where robots state no noise, and the calibration holds what was estimated."""
+def test_stored_noise_reproduces_rms() -> None:
+    """The rms is reproduced with stored estimated robot noise, too."""
     made = simulate(Scenario(samples=15, robot_noise=(3e-4, 5e-4), state_robot_noise=False), 3)
     calibration = calibrate(made.cell, made.recording)
     stored = calibration_from_dict(calibration_to_dict(calibration))
@@ -57,8 +57,8 @@ def test_estimated_noise_of_robots_is_among_the_stored_numbers() -> None:
         {"link_error": (5e-4, 1e-3), "link_parameters": "prior", "compliance": 1e-4, "deflection": "prior"},
     ],
 )
-def test_robots_stand_where_the_calibration_puts_them(known: dict[str, Any]) -> None:
-    """Joint offsets, link errors and compliances are taken from the stored numbers too."""
+def test_stored_robot_parameters_reproduce_rms(known: dict[str, Any]) -> None:
+    """Joint offsets, link errors and compliances are taken from the stored numbers, too."""
     made = simulate(Scenario(samples=20, joints=True, robot_noise=(1e-4, 1e-4), **known), 3)
     calibration = calibrate(made.cell, made.recording)
     stored = calibration_from_dict(json.loads(json.dumps(calibration_to_dict(calibration))))
@@ -73,13 +73,13 @@ def test_robots_stand_where_the_calibration_puts_them(known: dict[str, Any]) -> 
 
 @pytest.fixture(scope="module")
 def exact() -> tuple[SimulatedCell, Calibration]:
-    """A cell whose robots are taken for exact, and do not follow a single point."""
+    """A cell whose robots are assumed exact and do not follow a single point."""
     made = simulate(Scenario(samples=12), 5)
     return made, calibrate(made.cell, made.recording, Settings(robot_noise="stated"))
 
 
-def test_residual_is_predicted_minus_seen(exact: tuple[SimulatedCell, Calibration]) -> None:
-    """A point moved by (1, -2) px in the image has its residual moved by (-1, 2) px, and no other point has."""
+def test_residual_is_predicted_minus_observed(exact: tuple[SimulatedCell, Calibration]) -> None:
+    """A point moved by (1, -2) px has its residual moved by (-1, 2) px; no other point changes."""
     made, calibration = exact
     sample = made.recording.samples[4]
     seen = sample.observations[0]
@@ -95,15 +95,15 @@ def test_residual_is_predicted_minus_seen(exact: tuple[SimulatedCell, Calibratio
     np.testing.assert_allclose(change[~here], 0.0, atol=1e-9)
 
 
-def test_unknown_transforms_leave_views_out(exact: tuple[SimulatedCell, Calibration]) -> None:
-    """Without the transforms that a view needs it has no residuals."""
+def test_missing_transforms_omit_views(exact: tuple[SimulatedCell, Calibration]) -> None:
+    """Views without their transforms have no residuals."""
     made, calibration = exact
     without = {n: e for n, e in calibration.transforms.items() if n != "hand_flange_from_board"}
     assert point_residuals(made.cell, made.recording, replace(calibration, transforms=without)) == ()
 
 
-def test_what_was_left_out_is_marked(exact: tuple[SimulatedCell, Calibration]) -> None:
-    """A view left out whole, and single points of another."""
+def test_outliers_are_marked_as_unused(exact: tuple[SimulatedCell, Calibration]) -> None:
+    """A left-out view and left-out points of another view are marked as unused."""
     made, calibration = exact
     outliers = (Outlier(2, "wrist", "board", (), "bumped"), Outlier(5, "wrist", "board", (3, 4), "reflection"))
     (points,) = point_residuals(made.cell, made.recording, replace(calibration, outliers=outliers))

@@ -1,4 +1,4 @@
-"""A calibration without some samples is that of a recording without them."""
+"""Tests of `without_samples`: the calibration without some samples."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def made():
     return cell, calibrate(cell.cell, cell.recording)
 
 
-def test_it_is_that_of_the_others(made):
-    """As `solve` finds it from the recording without these samples, which no residual is of."""
+def test_update_equals_solve_of_remaining_samples(made):
+    """The update equals `solve` of the recording without these samples, and has no residuals of them."""
     cell, calibration = made
     found = without_samples(cell.cell, cell.recording, calibration, {3, 7})
     few = Recording(tuple(s for s in cell.recording.samples if s.sample not in {3, 7}))
@@ -40,16 +40,16 @@ def test_it_is_that_of_the_others(made):
     assert {each.sample for each in found.residuals.per_sample} == set(range(15)) - {3, 7}
 
 
-def test_too_few_are_told(made):
-    """Without any sample an error; with one, what is not seen is not given."""
+def test_too_few_remaining_samples_are_reported(made):
+    """Without any sample there is an InputError; with one, unobservable transforms are omitted."""
     cell, calibration = made
     with pytest.raises(InputError, match="no sample is left"):
         without_samples(cell.cell, cell.recording, calibration, set(range(15)))
     assert BASE not in without_samples(cell.cell, cell.recording, calibration, set(range(1, 15))).transforms
 
 
-def test_an_answer_from_a_scene_says_so(made):
-    """Samples of a scene have no target from which the answer could be solved anew."""
+def test_scene_calibration_cannot_be_updated(made):
+    """A calibration from a scene has no target to solve from, and raises an InputError."""
     cell, calibration = made
     of_scene = replace(calibration, settings={**calibration.settings, "method": "scene"})
     bare = Recording(tuple(replace(each, observations=()) for each in cell.recording.samples))
@@ -57,8 +57,8 @@ def test_an_answer_from_a_scene_says_so(made):
         without_samples(cell.cell, bare, of_scene, {3})
 
 
-def test_noise_that_was_estimated_is_that_of_the_calibration():
-    """Nobody stated any: the answer without some samples goes by the sigmas that all of them told."""
+def test_estimated_noise_is_kept():
+    """Estimated noise is that of the calibration with all samples."""
     made = simulate(Scenario(samples=14, robot_noise=(3e-4, 5e-4), state_robot_noise=False), 2)
     calibration = calibrate(made.cell, made.recording)
     found = without_samples(made.cell, made.recording, calibration, {5})
@@ -70,8 +70,8 @@ def test_noise_that_was_estimated_is_that_of_the_calibration():
     assert (whole.residuals, whole.converged) == (calibration.residuals, True)
 
 
-def test_it_begins_where_the_calibration_is_and_holds_its_noise(made, monkeypatch):
-    """From its transforms, with the sigmas that it found of robots which state none, and no noise estimated again."""
+def test_update_starts_from_calibration(made, monkeypatch):
+    """The update starts from the calibration's transforms with its robot noise, and estimates no noise again."""
     cell, calibration = made
     bare = replace(cell.cell, robots={name: replace(of, noise=None) for name, of in cell.cell.robots.items()})
     robots = {"eye": {"sigma_t_m": [1e-3, 2e-3, 3e-3], "sigma_r_rad": [4e-3, 5e-3, 6e-3]}}

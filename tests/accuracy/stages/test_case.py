@@ -1,4 +1,4 @@
-"""A case on its way."""
+"""Tests of `Case`: the state between stages."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ CASE = Case(*CASE_WORDS)
 ERROR, WARNING = (Finding(s, s, (), s) for s in ("error", "warning"))
 
 
-def test_what_no_stage_has_found_yet_cannot_be_used():
-    """Neither problem nor solution nor evidence."""
+def test_missing_parts_of_case_raise():
+    """A problem, solution or evidence that no stage has found yet raises an AssertionError."""
     for name in ("problem", "solution", "evidence"):
         with pytest.raises(AssertionError):
             getattr(CASE, name)
 
 
-def test_the_solution_is_the_last_one():
-    """That without outliers, once there is one."""
+def test_solution_is_robust_one_if_present():
+    """The solution is the robust one if there is one, else the plain one."""
     case = Case(*CASE_WORDS, plain="plain")
     assert case.solution == "plain"
     assert Case(*CASE_WORDS, plain="plain", robust=SimpleNamespace(solution="robust")).solution == "robust"
 
 
 def test_findings_add_up():
-    """An error among them refuses."""
+    """Findings add up, and an error among them refuses the case."""
     assert not CASE.with_findings([WARNING]).is_refused
     both = CASE.with_findings([WARNING]).with_findings([ERROR])
     assert both.findings == (WARNING, ERROR)
     assert both.is_refused
 
 
-def test_a_refused_case_has_no_numbers():
-    """Its findings, those given or its own; residuals only if something was solved."""
+def test_refused_case_has_no_transforms():
+    """A refused case has its findings, given or own, and no transforms; it has residuals only if it was solved."""
     found = CASE.with_findings([WARNING]).refuse()
     assert found.is_ended
     assert (found.calibration.verdict, found.calibration.findings) == ("refused", (WARNING,))
@@ -54,8 +54,8 @@ def test_a_refused_case_has_no_numbers():
     assert solved.calibration.transforms == {}
 
 
-def test_evidence_grows():
-    """By its parts, the others as they are."""
+def test_evidence_is_extended_by_parts():
+    """Evidence is extended by parts, and the other parts are unchanged."""
     solution = solve(MADE.cell, MADE.recording)
     case = Case(*CASE_WORDS, gathered_evidence=evidence_of(MADE.cell, solution))
     more = case.with_evidence(systematic_error="found")

@@ -1,4 +1,4 @@
-"""Stages that make the calibration."""
+"""Tests of the stages that make the calibration."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def case(**parts):
     )
 
 
-def test_the_calibration_has_the_covariance_of_effects():
-    """And certificate, findings and verdict of the case."""
+def test_calibration_includes_covariance_of_effects():
+    """The calibration has the covariance with effects, and the certificate, findings and verdict of the case."""
     warning = Finding("drift", "warning", ("wrist",), "It drifts.")
     found = concluding.conclude(case(certificate=Certificate(0.0, True, ""), findings=(warning,)))
     calibration = found.calibration
@@ -49,8 +49,8 @@ def test_the_calibration_has_the_covariance_of_effects():
     assert (at_work.budget, at_work.error_map, at_work.local) == (None, None, None)
 
 
-def test_clocks_widen_the_answer_and_are_reported(monkeypatch):
-    """Their findings count in the verdict."""
+def test_clocks_widen_answer_and_are_reported(monkeypatch):
+    """Clocks widen the answer, and their findings count in the verdict."""
     late = Finding("prior-contradicted", "warning", ("wrist",), "The clock is off.")
     last = widen(WIDER, np.sqrt(np.diag(WIDER.covariance)))
     monkeypatch.setattr(concluding, "clock_findings", lambda clocked, left: [late])
@@ -62,8 +62,8 @@ def test_clocks_widen_the_answer_and_are_reported(monkeypatch):
     np.testing.assert_allclose(found.calibration.joint_covariance, last.covariance)
 
 
-def test_the_error_at_a_task_is_found_for_what_is_named():
-    """The budget counts what effects add beside the fit."""
+def test_task_error_has_budget_and_map():
+    """A task adds a budget and an error map; the budget counts the variance that effects add to the fit."""
     asked = replace(concluding.conclude(case()), settings=Settings(task_point=(0.5, 0.0, 0.3)))
     found = concluding.find_error_at_task(asked).calibration
     assert found.budget is not None

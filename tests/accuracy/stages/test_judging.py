@@ -1,4 +1,4 @@
-"""Stages that judge a solution."""
+"""Tests of the stages that judge a solution."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ MADE = simulate(Scenario(samples=3), seed=0)
 
 
 @pytest.mark.parametrize(("small", "refuted"), [((), False), ((False,), False), ((False, True), True)])
-def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, small, refuted):
-    """If any is too small: the solution with the sigmas as they were stated."""
+def test_refuted_solution_is_passed_to_systematic_errors(monkeypatch, small, refuted):
+    """If a stated sigma is too small, the solution with the stated sigmas is passed to the systematic-error search."""
     given = []
     robust = SimpleNamespace(solution="without them")
     contradicted = tuple(SimpleNamespace(is_too_small=each) for each in small)
@@ -46,8 +46,8 @@ def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, sma
     assert given == [("without them", "all", stamps, Settings(), "as stated" if refuted else None)]
 
 
-def test_an_error_of_a_fixed_transform_is_listed_once(monkeypatch):
-    """As it was found first, for each transform; other findings stay, however often and in their order."""
+def test_fixed_transform_error_is_listed_once(monkeypatch):
+    """The error of a fixed transform is listed once, as first found; other findings stay, repeated and in order."""
     code = judging.fixed_transform.CODE
     mount, again, base = (Finding(code, "warning", (about,), what) for about, what in ("a1", "a2", "b1"))
     other = Finding("poor-fit", "warning", ("a",), "other")
@@ -58,8 +58,8 @@ def test_an_error_of_a_fixed_transform_is_listed_once(monkeypatch):
     assert judging.list_findings(before).findings == (other, mount, other, base, other)
 
 
-def test_an_effect_that_may_be_chance_widens_by_its_share():
-    """Of the variance that its move adds."""
+def test_uncertain_effect_widens_by_its_probability():
+    """An uncertain effect widens the covariance by its probability times the variance of its move."""
     solution = solve(MADE.cell, MADE.recording)
     moved = np.sqrt(np.diag(solution.covariance))
     named = "length_scale", "length-scale", "hand", False, False, None, "m", np.ones(1), np.eye(1), moved
@@ -68,8 +68,8 @@ def test_an_effect_that_may_be_chance_widens_by_its_share():
         np.testing.assert_allclose(np.outer(shift, shift), share * np.outer(moved, moved))
 
 
-def test_what_may_be_chance_is_not_counted_beside_the_field_that_contains_it(monkeypatch):
-    """An effect by place of a robot that has a field; all others count."""
+def test_uncertain_effect_in_field_is_not_counted(monkeypatch):
+    """An uncertain effect by place of a robot with a field is not counted beside it; all others are."""
     solution = solve(MADE.cell, MADE.recording)
     moved = np.sqrt(np.diag(solution.covariance))
     monkeypatch.setattr(judging, "situate", lambda solution: None)
@@ -88,7 +88,7 @@ def test_what_may_be_chance_is_not_counted_beside_the_field_that_contains_it(mon
 
 
 def containing(moved, shift_s=(), variance=()):
-    """Expected sizes that widen an answer by a move, and the offsets of clocks by variances."""
+    """Expected sizes that widen an answer by a move, and clock offsets by variances."""
 
     def contain(cell, solution, error, offsets):
         """The wider answer; offsets are given if clocks are."""
@@ -98,8 +98,11 @@ def containing(moved, shift_s=(), variance=()):
     return contain
 
 
-def test_clocks_are_stepped_from_the_fit_and_contain_what_effects_do(monkeypatch):
-    """The answer is widened by the offset as fitted: what effects do to it through the offset is in theirs."""
+def test_clock_step_contains_effects(monkeypatch):
+    """Clocks are stepped from the fit, and the answer is widened by the fitted offset.
+
+    The part of effects that acts through the offset is in the effects' own variance.
+    """
     solution = solve(MADE.cell, MADE.recording)
     sigma = np.sqrt(np.diag(solution.covariance))
     left = ClockStep(("wrist",), np.zeros(1), np.eye(1), sigma[:, None], np.ones(1, dtype=bool), "offsets")
@@ -115,8 +118,11 @@ def test_clocks_are_stepped_from_the_fit_and_contain_what_effects_do(monkeypatch
     assert (covered.clock_step.step_s.item(), covered.clock_step.covariance.item()) == (0.2, 9.0)
 
 
-def test_the_covariance_covers_each_effect(monkeypatch):
-    """Of confounded effects the one that moves the answer most, in its sigmas."""
+def test_covariance_covers_each_effect(monkeypatch):
+    """The covariance covers each effect.
+
+    Of confounded ones it covers that which moves the answer most, in its sigmas.
+    """
     solution = solve(MADE.cell, MADE.recording)
     width = solution.problem.width
     sigma = np.sqrt(np.diag(solution.covariance))
@@ -151,7 +157,7 @@ class Found:
 
 @pytest.fixture
 def better_by_one(monkeypatch):
-    """Every state up to the fourth has a better one, where the descent from it ends; what was solved is kept."""
+    """Gives every state up to the fourth a better one; records what is solved."""
     solved = []
 
     def solve_from(problem, state, settings, findings):
@@ -163,8 +169,8 @@ def better_by_one(monkeypatch):
     return solved
 
 
-def test_none_unless_asked_for_or_disputed(better_by_one):
-    """The solution is given back as it is."""
+def test_certificate_needs_request_or_dispute(better_by_one):
+    """A certificate is computed only if it is requested or the solution is disputed; the solution is unchanged."""
     assert prove_solution(Answer(9), Settings()) == (Answer(9), None)
     assert prove_solution(Answer(9), Settings(certify=True)) == (Answer(9), "of 9")
     assert prove_solution(Answer(9, disputed=True), Settings()) == (Answer(9, disputed=True), "of 9")
@@ -172,8 +178,8 @@ def test_none_unless_asked_for_or_disputed(better_by_one):
 
 
 @pytest.mark.parametrize(("start", "end"), [(2, 4), (1, 4), (0, 3)])
-def test_better_optima_are_gone_to_three_times_at_most(better_by_one, start, end):
-    """One after another, each solved by the same settings; that starts differed stays known."""
+def test_better_optima_are_followed_three_times(better_by_one, start, end):
+    """At most three better optima are followed in turn, each solved with the same settings; the dispute stays known."""
     settings = Settings(certify=True)
     best, certificate = prove_solution(Answer(start, disputed=True), settings)
     assert best == Answer(end, disputed=True)
@@ -181,8 +187,8 @@ def test_better_optima_are_gone_to_three_times_at_most(better_by_one, start, end
     assert better_by_one == [("problem", k, settings, ("finding",)) for k in range(start + 1, end + 1)]
 
 
-def test_a_well_posed_cell_is_proven():
-    """Poses seen by two arms: global, and the solution is that which was given."""
+def test_well_posed_cell_is_certified():
+    """Poses seen by two arms are certified as global, with the solution unchanged."""
     made = simulate(Scenario(target="pose", samples=12), 1)
     solution = solve(made.cell, made.recording)
     best, certificate = prove_solution(replace(solution, disputed=True), Settings())
@@ -195,8 +201,8 @@ STATED = Settings(robot_noise="stated")
 
 
 @pytest.mark.parametrize("pixel_noise", [True, False])
-def test_held_out_errors_are_alike(pixel_noise: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A third of the views has a covariance three times as large, and the same held-out error to a tenth."""
+def test_thinned_solution_has_equal_held_out_error(pixel_noise: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A third of the views has three times the covariance and the same held-out error within a tenth."""
     made = simulate(replace(Scenario(samples=120, robot_noise=(1e-4, 2e-4)), state_pixel_noise=pixel_noise), 3)
     whole = solve(made.cell, made.recording, STATED)
     assert thin_solution(whole, STATED) is whole
@@ -220,8 +226,8 @@ def _held_out_px(solution: Solution, name: str) -> float:
     return found.summary.rms_px
 
 
-def test_what_has_no_optimum_by_some_is_by_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where some of the views do not settle, all of them are used."""
+def test_unconverged_thinned_solution_is_replaced_by_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If the solution of some views does not converge, all views are used."""
     made = simulate(Scenario(samples=30), 0)
     whole = solve(made.cell, made.recording, STATED)
     monkeypatch.setattr(judging, "MANY_VIEWS", 10)

@@ -1,4 +1,4 @@
-"""Whether poses of targets are weighed by what their views hold."""
+"""Tests of the weighting of target poses by the geometry of their views."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MADE = simulate(Scenario(samples=20, target="pose", layout="eye_in_hand"), 3)
 
 
 def case_of(errors: Array, sigma: Array | None = None) -> Case:
-    """A recording without noise but these errors (n, 6) [m, rad] of its poses of the target."""
+    """A noise-free recording except for these errors (n, 6) [m, rad] of its target poses."""
     mount, target = MADE.truth["arm_flange_from_wrist"], MADE.truth["arm_base_from_board"]
     seen = (MADE.true_base_from_flange["arm"] @ mount).inverse() @ target @ SE3.exp(errors)
     samples = tuple(
@@ -54,7 +54,7 @@ def seen_poses() -> list[SE3]:
 
 
 def arm_errors(seed: int) -> Array:
-    """As an arm's flange has them, carried to the target."""
+    """Errors of an arm's flange, transferred to the target."""
     mount = MADE.truth["arm_flange_from_wrist"]
     flange_from_target = mount @ SE3.stack(seen_poses())
     errors = np.random.default_rng(seed + 100).normal(size=(len(flange_from_target), 6)) * np.repeat([1e-4, 2e-4], 3)
@@ -68,15 +68,18 @@ def tilted_errors(seed: int) -> Array:
 
 
 def test_errors_by_tilt_are_found() -> None:
-    """Poses of tags are weighed by their tilt, and the mount is nearer to the truth on the whole."""
+    """Poses of tags are weighted by their tilt, and the mount is nearer to the truth on average."""
     before = [case_of(tilted_errors(seed)) for seed in range(4)]
     after = [shape_pose_noise(case) for case in before]
     assert all(case.problem.groups[0].measurement.corners is not None for case in after)
     assert np.mean([error_of(case) for case in after]) < 0.8 * np.mean([error_of(case) for case in before])
 
 
-def test_views_from_the_front_are_no_outliers() -> None:
-    """Equal errors leave out views from the front, and their tilts then say nothing; all views together say it."""
+def test_frontal_views_are_no_outliers() -> None:
+    """Equal weights exclude frontal views, so that the tilts of the rest are not informative.
+
+    All views together are.
+    """
     before = case_of(tilted_errors(15))
     after = shape_pose_noise(before)
     assert before.robust.outliers != ()
@@ -85,7 +88,7 @@ def test_views_from_the_front_are_no_outliers() -> None:
 
 
 def test_equal_errors_stay_equal() -> None:
-    """Errors of one size for all views, and stated ones, are weighed as they are."""
+    """Errors of one size for all views, and stated ones, keep their weights."""
     equal = np.random.default_rng(1).normal(size=(20, 6)) * np.repeat([5e-4, 1e-3], 3)
     case = case_of(equal)
     assert shape_pose_noise(case) is case
@@ -94,14 +97,14 @@ def test_equal_errors_stay_equal() -> None:
 
 
 def test_sizes_of_targets_are_found() -> None:
-    """The evidence of the target's size peaks near the truth, of arms with errors as large as those of the views."""
+    """The evidence of the target size peaks near the truth, with robot errors as large as view errors."""
     distance = np.median([np.linalg.norm(each.translation) for each in seen_poses()])
     sizes = [likely_size(case_of(tilted_errors(seed) + arm_errors(seed)), "board", {}) for seed in range(3)]
     assert all(size is not None and 0.5 < size * distance / 0.03 < 2 for size in sizes)
 
 
-def test_known_solutions_only_speed_up_the_search() -> None:
-    """Sigmas of equal errors or of another size lead to the same size."""
+def test_known_solutions_only_speed_up_search() -> None:
+    """Known solutions with equal errors or another size lead to the same size."""
     case = case_of(tilted_errors(0) + arm_errors(0))
     alone = likely_size(case, "board", {})
     shaped = _solve_by_corners(case, {"board": _MIDDLE}).solution
@@ -112,14 +115,14 @@ SIZES = np.array([0.02, 0.04, 0.08, 0.15, 0.3])
 
 
 @pytest.mark.parametrize("peak", [0.03, 0.05, 0.1, 0.2])
-def test_a_size_is_that_of_the_parabola(peak: float) -> None:
-    """Of the logarithm of the size, whatever the height and the width."""
+def test_size_is_peak_of_parabola(peak: float) -> None:
+    """The size is the peak of a parabola of the log size, for any height and width."""
     for height, width in ((0.0, 1.0), (50.0, 3.0)):
         assert _peak(height - width * np.log(SIZES / peak) ** 2) == pytest.approx(peak)
 
 
-def test_a_size_lies_within_its_neighbours() -> None:
-    """Beyond the ends it is that at the end; without a peak between them it is the likelier end."""
+def test_size_is_within_neighbours() -> None:
+    """Beyond the ends the size is that of the end; without a peak in between it is the likelier end."""
     assert _peak(-(np.log(SIZES / 1e-3) ** 2)) == pytest.approx(0.02)
     assert _peak(-(np.log(SIZES / 9.0) ** 2)) == pytest.approx(0.3)
     assert _peak(np.array([5.0, 1.0, 0.0, 0.5, 1.0])) == pytest.approx(0.02)
@@ -127,8 +130,11 @@ def test_a_size_lies_within_its_neighbours() -> None:
 
 
 @pytest.mark.parametrize("factor", [1.0, 3.0])
-def test_a_size_is_taken_by_its_evidence(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
-    """Half of what minus twice its logarithm falls by; of the mean over all sizes, fifty times likelier."""
+def test_size_is_taken_by_evidence(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
+    """A size is taken if its mean likelihood over all sizes is fifty times larger.
+
+    It counts half of the decrease of minus twice the log evidence.
+    """
     ratios = 4.3 * factor - np.log(SIZES / 0.08) ** 2 - 1.5
     evidence = dict(zip((None, *SIZES), [100.0, *(100.0 - 2 * ratios)], strict=True))
     found = SimpleNamespace(problem=None, state=None)
@@ -147,10 +153,10 @@ def test_a_size_is_taken_by_its_evidence(monkeypatch: pytest.MonkeyPatch, factor
 @pytest.mark.parametrize(("before", "after", "explained", "taken"), [
     (0, 0, True, False), (3, 2, True, True), (3, 3, True, False), (3, 2, False, False),
 ])  # fmt: skip
-def test_more_views_are_judged_if_corners_leave_out_fewer(
+def test_fewer_outliers_with_corners_are_used(
     monkeypatch: pytest.MonkeyPatch, before: int, after: int, explained: bool, taken: bool
 ) -> None:
-    """By corners of a middle size, if these explain the motion, too."""
+    """The solution by corners of a middle size is used if it has fewer outliers and explains the motion, too."""
     given = []
     case, shaped = (
         SimpleNamespace(robust=SimpleNamespace(outliers=(1,) * count), solution=f"{count} left out")
@@ -164,8 +170,8 @@ def test_more_views_are_judged_if_corners_leave_out_fewer(
     assert given == ([{"a": 0.08, "b": 0.08}] if before else [])
 
 
-def test_poses_are_open_if_nothing_states_them() -> None:
-    """Six of them and more, all in front of the camera."""
+def test_open_poses_need_six_unstated_views() -> None:
+    """Pose noise is open for at least six unstated poses, all in front of the camera."""
     (group,) = case_of(np.zeros((20, 6))).problem.groups
     assert _is_open(group)
     assert _is_open(group.take(np.arange(6)))
@@ -180,8 +186,11 @@ def test_poses_are_open_if_nothing_states_them() -> None:
     assert not _is_open(replace(group, measurement=None))
 
 
-def test_corners_are_at_predicted_poses_that_are_near(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where a prediction is off by half the distance the measured pose counts; a side goes with the median distance."""
+def test_corners_use_predicted_near_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Corners use predicted poses, or measured ones if the prediction is off by half the distance.
+
+    Their size scales with the median distance.
+    """
     monkeypatch.setattr(pose_noise.CornerErrors, "from_poses", lambda poses, half_m: (poses, half_m))
     measured = SE3(np.tile(np.eye(3), (3, 1, 1)), np.array([[0, 0, 1.0], [0, 0, 2.0], [0, 0, 4.0]]))
     turned = SE3.from_rotvec([0.1, 0, 0], [0, 0, 0]).rotation

@@ -1,4 +1,4 @@
-"""Stages before anything is solved."""
+"""Tests of the stages before the solve."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ CASE = Case(MADE.cell, MADE.recording, Settings())
 ERROR, WARNING = (Finding(s, s, (), s) for s in ("error", "warning"))
 
 
-def test_a_task_needs_something_that_is_placed(monkeypatch):
-    """But for the axis-shift method, whose task is where the base is wanted."""
+def test_task_needs_placed_transform(monkeypatch):
+    """A task needs a placed transform, except for the axis-shift method, whose task is the place of the base."""
     asked = []
     monkeypatch.setattr(reading, "require_placed_transforms", asked.append)
     for settings, count in (
@@ -33,8 +33,8 @@ def test_a_task_needs_something_that_is_placed(monkeypatch):
 
 
 @pytest.mark.parametrize("clocked", [None, SimpleNamespace(add_jitter=lambda problem: f"{problem} with jitter")])
-def test_samples_by_estimated_clocks_are_on_paths(monkeypatch, clocked):
-    """Checks of the input know of it, and the problem has the jitter of stamps."""
+def test_samples_with_estimated_clocks_are_on_paths(monkeypatch, clocked):
+    """With estimated clocks the input checks know that samples are on paths, and the problem has the stamp jitter."""
     inputs = []
     monkeypatch.setattr(reading, "build_problem", lambda *given: ("problem", [WARNING]))
     monkeypatch.setattr(reading, "INPUT_CHECKS", [lambda given: inputs.append(given) or []])
@@ -45,8 +45,8 @@ def test_samples_by_estimated_clocks_are_on_paths(monkeypatch, clocked):
 
 
 @pytest.mark.parametrize(("findings", "ended"), [([], False), ([WARNING], False), ([WARNING, ERROR], True)])
-def test_an_error_of_the_input_ends_the_case(monkeypatch, findings, ended):
-    """With all that was found."""
+def test_input_error_ends_case(monkeypatch, findings, ended):
+    """An error of the input ends the case with all findings."""
     monkeypatch.setattr(reading, "INPUT_CHECKS", [lambda given: findings])
     found = reading.check_input(reading.pack_problem(CASE))
     assert found.is_ended == ended
@@ -56,14 +56,14 @@ def test_an_error_of_the_input_ends_the_case(monkeypatch, findings, ended):
 
 
 @pytest.mark.parametrize("units", [[], [ERROR]])
-def test_impossible_units_end_the_case(monkeypatch, units):
-    """Before anything is packed."""
+def test_impossible_units_end_case(monkeypatch, units):
+    """Impossible units end the case before the problem is packed."""
     monkeypatch.setattr(reading, "impossible_units", lambda *given: units)
     assert reading.screen_units(CASE).is_ended == bool(units)
 
 
-def test_the_closed_form_ends_the_case(monkeypatch):
-    """If it is asked for."""
+def test_requested_closed_form_ends_case(monkeypatch):
+    """The closed form ends the case if it is requested."""
     monkeypatch.setattr(reading, "calibrate_axis_shift", lambda *given: "calibration")
     assert reading.calibrate_by_shifts(reading.pack_problem(CASE)).calibration is None
     asked = Case(MADE.cell, MADE.recording, Settings(method="axis-shift"))
@@ -71,8 +71,8 @@ def test_the_closed_form_ends_the_case(monkeypatch):
     assert (found.calibration, found.is_ended) == ("calibration", True)
 
 
-def test_images_are_counted_for_checks_of_the_input(monkeypatch):
-    """A recording whose images were not searched says how many they are."""
+def test_images_are_counted_for_input_checks(monkeypatch):
+    """The number of unsearched images is passed to the input checks."""
     inputs = []
     monkeypatch.setattr(reading, "INPUT_CHECKS", [lambda given: inputs.append(given) or []])
     samples = [replace(each, observations=(), images={"wrist": "0.png"}) for each in MADE.recording.samples]
@@ -91,10 +91,8 @@ def test_images_are_counted_for_checks_of_the_input(monkeypatch):
         ("scene", False, (), ("view",), True),
     ],
 )
-def test_a_scene_is_calibrated_if_there_is_nothing_else(
-    monkeypatch, method, sees_scene, tracks, observations, is_scene
-):
-    """Or if it is asked for; that ends the case."""
+def test_scene_is_used_if_alone_or_requested(monkeypatch, method, sees_scene, tracks, observations, is_scene):
+    """A scene is calibrated if there are no target views or it is requested; that ends the case."""
     monkeypatch.setattr("basecal.accuracy.scene.calibrate_scene.calibrate_scene", lambda *given: given)
     samples = (Sample(0, tracks=tracks), Sample(1, observations=observations))
     cell, settings = SimpleNamespace(sees_scene=sees_scene), SimpleNamespace(method=method)
@@ -107,8 +105,11 @@ def test_a_scene_is_calibrated_if_there_is_nothing_else(
         assert found is case
 
 
-def test_poses_of_another_unit_are_converted(monkeypatch):
-    """What is in no unit ends the case, with all that was found; without any such pose nothing changes."""
+def test_unit_lengths_are_converted(monkeypatch):
+    """Poses of another unit are converted.
+
+    A failed estimate ends the case with all findings; without such poses the case is unchanged.
+    """
     recording = Recording(findings=(WARNING,))
     case = Case(MADE.cell, recording, Settings())
     monkeypatch.setattr(reading, "convert_units", lambda given, units_m: (given, units_m))
@@ -122,8 +123,8 @@ def test_poses_of_another_unit_are_converted(monkeypatch):
     assert (found.is_ended, found.recording, found.findings) == (True, recording, (ERROR, WARNING))
 
 
-def test_clocks_of_streams_are_found_first(monkeypatch):
-    """The recording is that of the clocks; without streams nothing changes."""
+def test_clocks_of_streams_are_estimated_first(monkeypatch):
+    """The recording is that of the estimated clocks; without streams the case is unchanged."""
     monkeypatch.setattr(reading, "recording_streams", lambda *given: None)
     assert reading.estimate_clocks(CASE) is CASE
     clocked = SimpleNamespace(recording="interpolated")

@@ -1,4 +1,4 @@
-"""Stages that solve: which solution goes on, and which cases end."""
+"""Tests of the stages that solve: the solution that is kept, and cases that end."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def case(**parts):
 
 
 @pytest.mark.parametrize(("robot_noise", "noisy"), [("estimated", "noisy"), ("stated", None)])
-def test_noise_is_estimated_unless_the_stated_one_is_asked_for(monkeypatch, robot_noise, noisy):
-    """And the first solution has the noise as stated."""
+def test_noise_is_estimated_unless_stated_requested(monkeypatch, robot_noise, noisy):
+    """Noise is estimated unless the stated one is requested; the first solution uses the stated noise."""
     given = []
     monkeypatch.setattr(solving, "solve_problem", lambda *words: given.append(words) or "plain")
     monkeypatch.setattr(solving, "with_noise", lambda *words: "noisy")
@@ -40,8 +40,8 @@ def test_noise_is_estimated_unless_the_stated_one_is_asked_for(monkeypatch, robo
 @pytest.mark.parametrize(
     ("noisy", "of_arms", "explained"), [("noisy", True, True), ("noisy", False, False), (None, True, False)]
 )
-def test_conventions_are_told_whether_noise_explains_the_views(monkeypatch, noisy, of_arms, explained):
-    """Noise as arms have it."""
+def test_convention_check_knows_whether_noise_explains_views(monkeypatch, noisy, of_arms, explained):
+    """The convention check is told whether plausible robot noise explains the views."""
     given = []
     monkeypatch.setattr(solving, "has_plausible_noise", lambda solution: of_arms)
     monkeypatch.setattr(
@@ -53,8 +53,8 @@ def test_conventions_are_told_whether_noise_explains_the_views(monkeypatch, nois
     assert not found.is_ended
 
 
-def test_an_error_of_conventions_ends_without_numbers(monkeypatch):
-    """With how the input fits as it is read."""
+def test_convention_error_ends_without_transforms(monkeypatch):
+    """An error of conventions ends the case without transforms, with the residuals of the input as read."""
     monkeypatch.setattr(solving, "check_conventions", lambda *words, is_explained: (ERROR,))
     monkeypatch.setattr("basecal.accuracy.stages.case.residuals", lambda solution: f"fit of {solution}")
     found = solving.screen_conventions(case(plain="plain"))
@@ -74,8 +74,11 @@ def test_an_error_of_conventions_ends_without_numbers(monkeypatch):
         ("closed", False, True, "exact"),
     ],
 )
-def test_robots_are_exact_where_no_noise_of_arms_explains_the_views(monkeypatch, noisy, of_arms, explained, solved):
-    """Noise is solved for with what agreed, unless nothing of it is open, or nothing agreed."""
+def test_implausible_noise_keeps_robots_exact(monkeypatch, noisy, of_arms, explained, solved):
+    """Robots are exact if no plausible noise explains the views.
+
+    Noise is solved for with the agreeing samples, unless none is open or none agreed.
+    """
     kinds = [{"estimated": ("pixel_px",)}, {"robots": ("eye",)}, {"jitter_s": {"wrist": 1.0}}]
     for kind in kinds if noisy == "open" else [{}]:
         noise = SimpleNamespace(**{"estimated": (), "robots": (), "jitter_s": {}} | kind)
@@ -94,8 +97,11 @@ def test_robots_are_exact_where_no_noise_of_arms_explains_the_views(monkeypatch,
     ("hidden", "expected"),
     [([], ["poor-fit", "agree", "warning"]), (["unobservable"], ["unobservable", "poor-fit", "warning"])],
 )
-def test_views_that_are_not_explained_are_refused(monkeypatch, hidden, expected):
-    """First what poses hide, or that they do not belong to the views; what was found before stands once."""
+def test_unexplained_views_are_refused(monkeypatch, hidden, expected):
+    """Unexplained views are refused with unobservable directions first, else a poor fit.
+
+    Earlier findings are listed once.
+    """
     monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
     monkeypatch.setattr(solving, "unobservable_by_poses", lambda *given: [Finding(c, "error", (), "") for c in hidden])
     monkeypatch.setattr(solving, "joint_offset_findings", lambda *given: [])
@@ -110,8 +116,8 @@ def test_views_that_are_not_explained_are_refused(monkeypatch, hidden, expected)
     assert [each.code for each in found.calibration.findings] == expected
 
 
-def test_views_that_are_explained_go_on(monkeypatch):
-    """And a case that has ended is left as it is."""
+def test_explained_views_continue(monkeypatch):
+    """Explained views leave the case unchanged, and so does a case that has ended."""
     monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: False)
     before = case(robust=SimpleNamespace(solution=SOLVED))
     assert solving.refuse_unexplained_poses(before) is before
@@ -121,8 +127,8 @@ def test_views_that_are_explained_go_on(monkeypatch):
 
 
 @pytest.mark.parametrize("has_scene", [True, False])
-def test_images_of_a_scene_need_not_show_a_target(monkeypatch, has_scene):
-    """With a scene, too few images of the target are no fault; its findings follow those before."""
+def test_scene_replaces_finding_of_few_images(monkeypatch, has_scene):
+    """With a scene, too few target images are no finding; the scene's findings follow the earlier ones."""
     given, few = [], Finding("few-images", "warning", (), "")
     scene = "scene" if has_scene else None
     monkeypatch.setattr(
@@ -143,8 +149,8 @@ def test_images_of_a_scene_need_not_show_a_target(monkeypatch, has_scene):
     ("joins", "tracks", "converged", "joined"),
     [(False, False, True, False), (False, True, True, True), (True, False, True, True), (True, True, False, False)],
 )
-def test_a_scene_is_joined_if_it_is_requested_or_tracked(monkeypatch, joins, tracks, converged, joined):
-    """An answer that did not converge has no scene."""
+def test_scene_is_joined_if_requested_or_tracked(monkeypatch, joins, tracks, converged, joined):
+    """A scene is joined if it is requested or tracks exist, unless the answer did not converge."""
     monkeypatch.setattr("basecal.accuracy.scene.join_scene.join_scene", lambda *words: ("joined", (), None))
     samples = (replace(MADE.recording.samples[0], tracks=("track",) if tracks else ()), *MADE.recording.samples[1:])
     robust = RobustSolution(SimpleNamespace(converged=converged), (), SimpleNamespace(groups=()), 6, 6)
@@ -153,8 +159,8 @@ def test_a_scene_is_joined_if_it_is_requested_or_tracked(monkeypatch, joins, tra
     assert (solving.join_static_scene(before).solution == "joined") == joined
 
 
-def test_a_frame_that_changed_is_an_error(monkeypatch):
-    """Then the poses need no other word; without a change they do not explain the views."""
+def test_changed_frame_is_error(monkeypatch):
+    """A changed frame is an error, and no further finding about the poses follows."""
     monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
     monkeypatch.setattr(solving, "unobservable_by_poses", lambda *given: [])
     monkeypatch.setattr(solving, "joint_offset_findings", lambda *given: [])
