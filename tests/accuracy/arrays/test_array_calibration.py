@@ -1,4 +1,4 @@
-"""Transforms by OpenCV's names."""
+"""Tests of `ArrayCalibration`: transforms under OpenCV's names."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ FOUND = ArrayCalibration(
 )
 
 
-def test_names_and_inverses() -> None:
-    """Each name gives a mean as OpenCV shapes it, and inverses carry their covariance."""
+def test_names_give_means_and_inverses() -> None:
+    """Each name gives a mean in OpenCV's shape, and inverses have their covariance."""
     np.testing.assert_allclose(FOUND.R_b2a, ESTIMATE.mean.rotation)
     assert FOUND.t_a2b.shape == (3, 1)
     np.testing.assert_allclose(FOUND["a2b"].covariance, ESTIMATE.inverse().covariance)
     assert {"R_a2b", "t_b2a"} <= set(dir(FOUND))
 
 
-def test_what_was_not_found() -> None:
-    """A transform that was not found says why; an unknown name lists those that there are."""
+def test_missing_transform_states_reason() -> None:
+    """A missing transform raises with the reason; an unknown name lists the available ones."""
     with pytest.raises(NotObservable, match="c2a was not found: The arm never rotates"):
         _ = FOUND["c2a"]
     with pytest.raises(FrameNotFound, match="b2a, a2b, c2a"):
@@ -44,8 +44,8 @@ def test_what_was_not_found() -> None:
     assert repr(FOUND).startswith("<doubtful: b2a [122.2, 172.8, 307.8] ± [1, 1, 1] mm")
 
 
-def test_a_notebook_shows_the_names_of_the_arrays() -> None:
-    """With their own values: those of an inverse are not those of the transform of the cell."""
+def test_notebook_table_shows_array_names() -> None:
+    """The notebook table shows the array names with their own values; an inverse has its own."""
     table = FOUND._repr_html_()
     assert re.findall(r"<tr><td>(\w+)</td>", table) == ["b2a", "a2b"]
     for name in ("b2a", "a2b"):

@@ -1,4 +1,4 @@
-"""`basecal.hand_eye`, `basecal.robot_world` and `basecal.base_to_base`."""
+"""Tests of `basecal.hand_eye`, `basecal.robot_world` and `basecal.base_to_base`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _noisy(pose: SE3) -> SE3:
 
 
 def _parts(pose: SE3) -> tuple[list[Array], list[Array]]:
-    """As OpenCV's users have them: lists of arrays, translations as columns."""
+    """Lists of arrays as OpenCV's users have them, translations as columns."""
     return list(pose.rotation), [place[:, None] for place in pose.translation]
 
 
@@ -36,8 +36,8 @@ def _within(estimate: PoseEstimate, true: SE3) -> bool:
     return float(off @ np.linalg.solve(estimate.covariance, off)) < 30  # six freedoms pass it once in 25,000
 
 
-def test_hand_eye() -> None:
-    """Lists of arrays give what OpenCV gives, with a covariance that holds the truth, and a verdict."""
+def test_hand_eye_matches_opencv() -> None:
+    """Lists of arrays give OpenCV's result with a verdict and a covariance that contains the truth."""
     gripper = _parts(W @ SEEN.inverse() @ X.inverse())
     found = basecal.hand_eye(*gripper, *_parts(_noisy(SEEN)))
     assert found.verdict == "good"
@@ -58,10 +58,11 @@ def test_hand_eye() -> None:
         *((seed, (1e-3, 4e-3), (2e-4, 3e-4)) for seed in (71, 301, 395, 451)),
     ],
 )
-def test_only_a_gross_pose_of_twenty_is_left_out(
-    seed: int, arm: tuple[float, float], camera: tuple[float, float]
-) -> None:
-    """Clean draws lose none, by whichever side has the noise [m, rad]; of one that is off by 100 mm it is that one."""
+def test_only_gross_pose_is_left_out(seed: int, arm: tuple[float, float], camera: tuple[float, float]) -> None:
+    """Clean draws lose no pose, whichever side has the noise [m, rad].
+
+    Of twenty only the one off by 100 mm is left out.
+    """
     rng = np.random.default_rng(seed)
     mount, world = (SE3.exp(np.r_[rng.normal(0, m, 3), rng.normal(0, rad, 3)]) for m, rad in ((0.05, 0.5), (0.5, 1)))
     places = np.c_[rng.normal(0, 0.1, (20, 2)), rng.normal(0.5, 0.1, 20)]
@@ -77,8 +78,8 @@ def test_only_a_gross_pose_of_twenty_is_left_out(
         assert {each.sample for each in found.calibration.outliers} == culprits
 
 
-def test_rotation_vectors_of_a_still_camera(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rotation vectors are poses too, and a still camera needs no inverted ones."""
+def test_rotation_vectors_of_still_camera_are_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rotation vectors are accepted, and a still camera needs no inverted poses."""
     seen: list[tuple[SE3, SE3]] = []
 
     def solved(cell: basecal.Cell, recording: basecal.Recording, settings: basecal.Settings) -> Calibration:
@@ -97,8 +98,8 @@ def test_rotation_vectors_of_a_still_camera(monkeypatch: pytest.MonkeyPatch) -> 
     np.testing.assert_allclose(found.t_cam2base[:, 0], X.translation)
 
 
-def test_robot_world(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Names are those of `calibrateRobotWorldHandEye`, and mean what they mean there."""
+def test_robot_world_matches_opencv(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names and results are those of `calibrateRobotWorldHandEye`."""
     gripper_from_base = (W @ SEEN.inverse() @ X.inverse()).inverse()
 
     def solved(cell: basecal.Cell, recording: basecal.Recording, settings: basecal.Settings) -> Calibration:
@@ -117,8 +118,8 @@ def test_robot_world(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow  # both arms move: a calibration with all its checks
-def test_base_to_base() -> None:
-    """Both arms move, which no method of OpenCV takes."""
+def test_base_to_base_calibrates_two_moving_arms() -> None:
+    """Both arms move, which no OpenCV method supports."""
     eye = SE3.exp(CHANCE.normal(size=(20, 6)) * np.repeat([0.2, 0.5], 3))
     seen = SE3.exp(np.c_[CHANCE.normal(0, 0.1, (20, 2)), CHANCE.normal(0.5, 0.1, 20), CHANCE.normal(0, 0.4, (20, 3))])
     hand = Y.inverse() @ eye @ X @ seen @ W.inverse()
@@ -128,8 +129,8 @@ def test_base_to_base() -> None:
         assert _within(found[name], true), name
 
 
-def test_arrays_that_are_no_poses() -> None:
-    """Scaled rotations and arrays of other lengths are refused by their names, at once."""
+def test_invalid_poses_are_refused_by_name() -> None:
+    """Scaled rotations and arrays of other lengths are refused by their names at once."""
     rotations, places = SEEN.rotation, SEEN.translation
     with pytest.raises(InputError, match="R_gripper2base is not a rotation"):
         basecal.hand_eye(1.1 * rotations, places, rotations, places)
@@ -137,8 +138,8 @@ def test_arrays_that_are_no_poses() -> None:
         basecal.hand_eye(rotations, places, rotations[1:], places[1:])
 
 
-def test_an_unknown_carrier_of_the_camera_is_refused() -> None:
-    """Any other word than the two was a camera on the world."""
+def test_unknown_camera_carrier_is_refused() -> None:
+    """An unknown `camera_on` is refused; it once meant a camera on the world."""
     gripper = _parts(W @ SEEN.inverse() @ X.inverse())
     with pytest.raises(InputError, match=r"^camera_on is 'Robot'.*, expected one of: robot, world$"):
         basecal.hand_eye(*gripper, *_parts(SEEN), camera_on="Robot")  # type: ignore[arg-type]

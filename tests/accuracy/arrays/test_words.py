@@ -1,4 +1,4 @@
-"""Findings in the words of arrays."""
+"""Tests of findings in the terms of arrays."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ def _transposed(pose: SE3) -> SE3:
         ),
     ],
 )
-def test_mix_ups_name_the_arguments(call: Callable[[], ArrayCalibration], what: str, do: str) -> None:
-    """The finding names the arrays that were given, and no frame of the cell, file or command."""
+def test_mix_ups_name_arguments(call: Callable[[], ArrayCalibration], what: str, do: str) -> None:
+    """The finding names the given arrays, and no frame, file or command of a cell."""
     found = call()
     assert found.verdict == "refused"
     assert found.findings[0].what.startswith(what)
@@ -82,8 +82,8 @@ def test_mix_ups_name_the_arguments(call: Callable[[], ArrayCalibration], what: 
     assert found.findings[0].what.replace("'", "&#x27;") in found._repr_html_()
 
 
-def test_transforms_have_the_names_of_the_answer() -> None:
-    """A gripper that turns about one axis leaves `cam2gripper` open."""
+def test_transforms_have_array_names() -> None:
+    """A gripper that rotates about one axis leaves `cam2gripper` unobservable, under this name."""
     angles = np.c_[np.zeros((14, 2)), CHANCE.normal(size=14)]
     about_z = SE3(SE3.from_rpy(angles, np.zeros((14, 3))).rotation, GRIPPER.translation)
     finding = _hand_eye(about_z, (about_z @ X).inverse() @ W).findings[0]
@@ -93,8 +93,8 @@ def test_transforms_have_the_names_of_the_answer() -> None:
     assert finding.do == ("Add poses that rotate the gripper by 30 deg and more about another axis.",)
 
 
-def test_advice_about_files_is_left_out() -> None:
-    """Commands, and clauses that begin with `or`; names inside other words stay."""
+def test_advice_about_files_is_removed() -> None:
+    """Commands and clauses that begin with `or` are removed; names inside other words stay."""
     do = ("Record at least 12 stops, or state `noise` in cell.yaml.", "`basecal fix CELL` does.", "See the eyelet.")
     found = rename_finding(Finding("x", "info", ("eye", "3"), "eye moved. eye rests.", do), HAND_EYE_WORDS)
     assert found.do == ("Record at least 12 stops.", "See the eyelet.")
@@ -102,16 +102,16 @@ def test_advice_about_files_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("command", ["Run `basecal fix CELL`.", "Write it in cell.yaml.", "Give --guess to it."])
-def test_advice_that_only_files_can_take_is_left_out(command: str) -> None:
-    """Other advice keeps its order, reasons are renamed as well, and what is about nothing stays so."""
+def test_advice_for_files_only_is_removed(command: str) -> None:
+    """Other advice keeps its order, reasons are renamed as well, and an empty subject stays empty."""
     finding = Finding("x", "warning", (), "Poses of eye.", ("First.", command, "poses of eye last."), "eye is still.")
     found = rename_finding(finding, HAND_EYE_WORDS)
     assert found.do == ("First.", "poses R_gripper2base, t_gripper2base last.")
     assert (found.about, found.why, found.code, found.severity) == ((), "The gripper is still.", "x", "warning")
 
 
-def test_the_longest_phrase_is_renamed() -> None:
-    """Of words that begin alike; a name that is part of another word stays as it is."""
+def test_longest_phrase_is_renamed() -> None:
+    """The longest of the phrases with the same start is renamed; a name inside another word stays."""
     assert BASE_TO_BASE_WORDS["hand_flange"] == "hand_gripper"
     words = {"eye": "A", "poses of eye": "B", "poses of eye and hand": "C"}
     what = "poses of eye and hand, poses of eye, eye, eyes, my_eye, eye_base."

@@ -1,4 +1,4 @@
-"""What an importer read is brought into a cell, unless it is implausible; a library user imports as the verb does."""
+"""Tests of `import_into`: read data becomes part of a cell unless it is implausible."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def table(folder: Path) -> Path:
     return path
 
 
-def test_a_cell_of_poses_and_images(tmp_path: Path) -> None:
-    """By public names alone: poses of a robot, then images and their target, become a cell and its recording."""
+def test_poses_and_images_become_cell(tmp_path: Path) -> None:
+    """Poses of a robot, then images and their target, become a cell and its recording through public names alone."""
     cell, photos = tmp_path / "mycell", tmp_path / "photos"
     photos.mkdir()
     for i in range(3):
@@ -43,7 +43,7 @@ def test_a_cell_of_poses_and_images(tmp_path: Path) -> None:
 
 
 def test_implausible_input_is_refused(tmp_path: Path) -> None:
-    """Millimetres read as metres leave nothing behind, and the message says which options to check."""
+    """Millimetres read as metres leave no files, and the message names the options to check."""
     path = tmp_path / "far.csv"
     path.write_text("x,y,z,rx,ry,rz\n" + "".join(f"400,{i},300,0,0,0.{i}\n" for i in range(3)))
     read = basecal.read_poses(tmp_path / "c", path, robot="left", format="ur")
@@ -63,8 +63,8 @@ def test_implausible_input_is_refused(tmp_path: Path) -> None:
         (0.001, "another length unit\\? Correct lines 5, 7;"),
     ],
 )
-def test_rows_in_another_unit_are_named_by_their_lines(tmp_path: Path, factor: float, cure: str) -> None:
-    """Millimetres or inches among metres, and the reverse: the message has file, line and both distances."""
+def test_rows_in_other_unit_are_named_by_line(tmp_path: Path, factor: float, cure: str) -> None:
+    """Rows in millimetres or inches among metres, and the reverse, are named by file, line and both distances."""
     path = tmp_path / "left.csv"
     odd = {5, 7}
     rows = [f"{0.3 * (factor if line in odd else 1)},{0.4 * (factor if line in odd else 1)},0" for line in range(3, 12)]
@@ -79,8 +79,8 @@ def test_rows_in_another_unit_are_named_by_their_lines(tmp_path: Path, factor: f
     assert "nothing is imported" not in doubt
 
 
-def test_scratch_is_removed_whatever_happens(tmp_path: Path) -> None:
-    """The folder of what was read goes with it, and so does that of a read that is refused."""
+def test_scratch_folder_is_always_removed(tmp_path: Path) -> None:
+    """The scratch folder is removed after an import, and after a refused one."""
     read = basecal.read_poses(tmp_path / "c", table(tmp_path), robot="left", format="ur")
     for expected in (False, True):  # the second time the robot is recorded already
         scratch = TemporaryDirectory(dir=tmp_path)
@@ -92,8 +92,8 @@ def test_scratch_is_removed_whatever_happens(tmp_path: Path) -> None:
         assert not Path(scratch.name).exists()
 
 
-def test_a_preview_is_not_imported(tmp_path: Path) -> None:
-    """What was only listed holds nothing to bring in."""
+def test_preview_is_not_imported(tmp_path: Path) -> None:
+    """A preview has no data to import and is refused."""
     read = basecal.read_poses(tmp_path / "c", table(tmp_path), robot="left", format="ur")
     with pytest.raises(InputError, match="only listed"):
         basecal.import_into(tmp_path / "c", replace(read, is_preview=True))

@@ -1,4 +1,4 @@
-"""What a few samples say of how a recording was read."""
+"""Tests of `quick_look` and `preview_samples`: a few samples show how a recording was read."""
 
 from __future__ import annotations
 
@@ -29,8 +29,11 @@ def codes(recording, is_whole=False):
     return [(f.code, f.severity, f.about) for f in quick_look(made().cell, recording, is_whole).findings]
 
 
-def test_rows_of_samples_are_taken():
-    """Three rows of six, the first and the last sample among them, with robots two samples beside; of few all are."""
+def test_preview_takes_three_runs_of_samples():
+    """The preview takes three runs of six samples, with the first and the last, and robots two samples beside.
+
+    Few samples are all taken.
+    """
     taken = preview_samples(made().recording).samples
     assert [s.sample for s in taken if s.observations] == [*range(6), *range(27, 33), *range(54, 60)]
     assert [s.sample for s in taken if s.robots] == [*range(8), *range(25, 35), *range(52, 60)]
@@ -38,8 +41,8 @@ def test_rows_of_samples_are_taken():
     assert preview_samples(few) is few
 
 
-def test_a_cell_in_order():
-    """Nothing is found, and the error is that of the pixels."""
+def test_correct_cell_has_no_finding():
+    """A correct cell has no finding, and its error is that of the pixels."""
     look = quick_look(made().cell, preview_samples(made().recording))
     assert (look.views, look.findings, look.undetermined) == (18, (), "")
     assert look.error is not None
@@ -48,14 +51,14 @@ def test_a_cell_in_order():
     assert 0.1 < float(number) < 1.0
 
 
-def test_inverted_poses():
-    """The robot is named."""
+def test_inverted_poses_are_named():
+    """The robot with inverted poses is named."""
     wrong = with_robots(made().recording, {"hand": inverted})
     assert codes(preview_samples(wrong)) == [("robot-pose-inverted", "error", ("hand",))]
 
 
-def test_one_bad_row():
-    """It is named, and all else agrees: no convention is doubted, and nothing has to be read anew."""
+def test_single_bad_row_is_named():
+    """A single bad row is named, all others agree, and no convention is doubted."""
     samples = list(made().recording.samples[:12])
     state = samples[3].robots["hand"]
     far = RobotState(SE3(state.base_from_flange.rotation, state.base_from_flange.translation + 0.3))
@@ -67,27 +70,27 @@ def test_one_bad_row():
     assert look.error is not None
 
 
-def test_images_that_are_late():
-    """The robots that views belong to stand beside them."""
+def test_late_images_are_named():
+    """Images paired two samples late are named, as the robot states beside the views are taken, too."""
     found = codes(preview_samples(shifted(made().recording, None, -2)))
     assert {code for code, _, _ in found} == {"pairing-shifted"}
 
 
-def test_units_are_told_before_anything_is_solved():
-    """Millimetres of a thousand times any reach."""
+def test_units_are_reported_before_solve():
+    """Robot poses in millimetres, a thousand times any reach, are reported before the solve."""
     assert codes(with_robots(made().recording, dict.fromkeys(("eye", "hand"), scaled(1e3)))) == [
         ("length-unit", "error", ("eye", "hand"))
     ]
 
 
-def test_views_count_samples_with_a_view():
-    """Neighbours of a part, taken for their robot states alone, are not counted if a unit ends the check."""
+def test_views_count_samples_with_view():
+    """Only samples with a view are counted, not neighbours taken for robot states, if a unit error ends the check."""
     wrong = with_robots(made().recording, dict.fromkeys(("eye", "hand"), scaled(1e3)))
     assert quick_look(made().cell, preview_samples(wrong)).views == 18
 
 
-def test_too_little_to_tell():
-    """Few views, arms that do not turn, and poses of nothing: it is said why."""
+def test_insufficient_data_is_explained():
+    """The message explains why few views, arms without rotation, or poses without views decide nothing."""
     assert quick_look(made().cell, Recording(made().recording.samples[:4])).undetermined.startswith(
         "5 with the robots' poses"
     )
@@ -99,8 +102,8 @@ def test_too_little_to_tell():
     assert (both_on_one.views, bool(both_on_one.undetermined)) == (0, True)
 
 
-def test_streams():
-    """Clocks are found first; all lines of robots are kept."""
+def test_streams_are_previewed():
+    """Clocks of streams are estimated first, and all robot lines are kept."""
     made = streamed()
     few = preview_samples(made.recording)
     stamps = [s.stamp_s for s in made.recording.samples if s.observations]
@@ -114,8 +117,8 @@ def test_streams():
     assert look.error.endswith("mm/m (mrad)")
 
 
-def test_streams_by_an_unknown_lens():
-    """An import does not take as long as a calibration."""
+def test_streams_with_unknown_lens_are_not_solved():
+    """Streams with an unknown lens are not solved, so that an import is faster than a calibration."""
     made = streamed()
     cameras = {n: replace(c, intrinsics=Intrinsics("free")) for n, c in made.cell.cameras.items()}
     look = quick_look(replace(made.cell, cameras=cameras), made.recording)
@@ -127,7 +130,7 @@ HOPELESS = Finding("poor-fit", "error", (), "Nothing explains it.")
 
 
 def looked(monkeypatch, is_whole=None, said=(), hopeless_finding=False, fit="good", is_plausible=True, unobservable=()):
-    """A quick look at a recording in order of which everything says what it is told to."""
+    """A quick look at a correct recording with replaced checks and fits."""
     fit = SimpleNamespace(error_in_words=lambda: "0.2 px") if fit == "good" else None
     plain = SimpleNamespace(problem=None, state=None, observability=SimpleNamespace(unobservable=set(unobservable)))
     for name, value in {
@@ -146,8 +149,8 @@ def looked(monkeypatch, is_whole=None, said=(), hopeless_finding=False, fit="goo
     return quick_look(*given) if is_whole is None else quick_look(*given, is_whole)
 
 
-def test_doubts_are_told_where_the_rest_will_not_dispel_them(monkeypatch):
-    """Warnings of a whole recording; errors of any part of one; infos never."""
+def test_doubts_are_reported_unless_more_data_follow(monkeypatch):
+    """Warnings of a whole recording and errors of any part are reported, infos never."""
     each = {s: Finding("code", s, (), "") for s in ("error", "warning", "info")}
     for is_whole, told in ((True, ["error", "warning"]), (None, ["error", "warning"]), (False, ["error"])):
         found = looked(monkeypatch, is_whole, tuple(each.values()))
@@ -157,8 +160,8 @@ def test_doubts_are_told_where_the_rest_will_not_dispel_them(monkeypatch):
     assert looked(monkeypatch, False, (each["warning"],)).findings == ()
 
 
-def test_what_is_left_untold(monkeypatch):
-    """Where nothing explains the views, no fit is found, a transform is open, or the fit predicts badly."""
+def test_undetermined_result_states_reason(monkeypatch):
+    """The message states the reason: unexplained views, no fit, an open transform, or a fit that predicts badly."""
     assert looked(monkeypatch, hopeless_finding=True).findings == (HOPELESS,)
     assert (
         looked(monkeypatch, fit=None).undetermined
@@ -174,16 +177,19 @@ def test_what_is_left_untold(monkeypatch):
     assert bad.error is None
 
 
-def test_open_zeros_of_joints_are_why_a_base_is_open(monkeypatch):
-    """Whatever the arms do."""
+def test_open_joint_offsets_explain_open_base(monkeypatch):
+    """Open joint offsets are stated as the reason for an undetermined base, whatever the motion."""
     robots = {n: replace(r, parameters={"joint_offsets": None}) for n, r in made().cell.robots.items()}
     said = module._describe_ambiguity(replace(made().cell, robots=robots), None)
     assert said == "the requested transforms are not determined without the priors of its robots"
 
 
 @pytest.mark.parametrize(("outliers", "count", "kept"), [(0, 9, 0), (1, 9, 1), (2, 9, 0), (2, 10, 2), (3, 10, 0)])
-def test_a_few_samples_may_disagree(monkeypatch, outliers, count, kept):
-    """Of ten at most two; points that are left out are no samples, and a sample counts once."""
+def test_few_samples_may_disagree(monkeypatch, outliers, count, kept):
+    """At most two of ten samples may disagree.
+
+    Left-out points do not make a sample an outlier, and each sample counts once.
+    """
     groups = [SimpleNamespace(sample=np.arange(count)), SimpleNamespace(sample=np.arange(3))]
     left_out = [SimpleNamespace(sample=k, ids=()) for k in range(outliers) for _ in range(2)]
     left_out += [SimpleNamespace(sample=k, ids=(1,)) for k in range(count)]
@@ -208,8 +214,11 @@ UNEXPLAINED, OTHER = (Finding(code, "error", (), "No.") for code in (module._UNE
         (QuickLook(20, undetermined="nothing"), [3], QuickLook(19, error="1 mm"), ["outlier-samples"]),
     ],
 )
-def test_samples_are_judged_again_without_a_few(monkeypatch, first, outliers, again, told):
-    """If nothing else is wrong, there are enough, and the others then tell something."""
+def test_samples_are_checked_again_without_outliers(monkeypatch, first, outliers, again, told):
+    """Samples are checked again without a few outliers if nothing else is wrong.
+
+    Enough must remain, and the rest be conclusive.
+    """
     judged = []
     looks = iter([first, again])
     monkeypatch.setattr(
@@ -233,8 +242,11 @@ def test_samples_are_judged_again_without_a_few(monkeypatch, first, outliers, ag
 
 
 @pytest.mark.parametrize(("count", "is_whole", "named"), [(4, True, 0), (5, True, 2), (5, False, 0), (4, False, 0)])
-def test_units_that_no_sample_shows_are_an_error_of_a_whole_recording(monkeypatch, count, is_whole, named):
-    """Of five samples or more; of fewer, or of a part, it is said why nothing else is."""
+def test_unknown_units_are_error_of_whole_recording(monkeypatch, count, is_whole, named):
+    """Unknown units are an error of a whole recording with at least five samples.
+
+    Else they explain why no result follows.
+    """
     unseen = [Finding("length-unit", "error", (name,), f"{name} is of no unit.") for name in ("a", "b")]
     monkeypatch.setattr(module, "estimate_units", lambda cell, samples: ({}, unseen))
     look = quick_look(made().cell, Recording(made().recording.samples[:count]), is_whole)
@@ -242,8 +254,8 @@ def test_units_that_no_sample_shows_are_an_error_of_a_whole_recording(monkeypatc
     assert look.findings == tuple(unseen)[:named]
 
 
-def test_recordings_are_looked_at_as_whole_unless_told(monkeypatch):
-    """Of units, too."""
+def test_recording_is_whole_by_default(monkeypatch):
+    """A recording is treated as whole by default, also for unknown units."""
     unseen = [Finding("length-unit", "error", (), "No unit.")]
     monkeypatch.setattr(module, "estimate_units", lambda cell, samples: ({}, unseen))
     assert quick_look(made().cell, Recording(made().recording.samples[:6])).findings == tuple(unseen)

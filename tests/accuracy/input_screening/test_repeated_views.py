@@ -1,4 +1,4 @@
-"""A view that stands under two places of the robots."""
+"""Tests of the finding `repeated-view`: equal views with different robot poses."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def copied(made, *pairs):
 
 
 @pytest.mark.parametrize("target", ["charuco", "pose", "points3d"])
-def test_a_view_under_other_poses(target):
-    """Each pair is told; a recording in order has none."""
+def test_equal_views_with_other_poses_are_reported(target):
+    """Each pair of equal views with other poses is reported; a correct recording has none."""
     made = simulate(Scenario(samples=8, target=target), 0)
     assert repeated_views(made.cell, made.recording) == []
     (found,) = repeated_views(made.cell, copied(made, (1, 4), (2, 7)))
@@ -29,15 +29,18 @@ def test_a_view_under_other_poses(target):
     assert "at samples 1 and 4, samples 2 and 7. Pair poses and images again" in found.message
 
 
-def test_of_many_pairs_five_are_listed():
-    """And the others counted."""
+def test_five_pairs_are_listed():
+    """Five pairs are listed, and the others are counted."""
     made = simulate(Scenario(samples=16), 0)
     (found,) = repeated_views(made.cell, copied(made, *((k, k + 8) for k in range(8))))
     assert "and 3 more pairs" in found.message
 
 
-def test_where_nothing_that_matters_moved_it_is_no_mistake():
-    """A copy of a whole row, a robot that carries neither, and a light, whose two numbers may be the same by chance."""
+def test_views_without_relevant_motion_are_ignored():
+    """Copies of whole rows, motion of an uninvolved robot, and LEDs are ignored.
+
+    The two numbers of an LED may be equal by chance.
+    """
     made = simulate(Scenario(samples=6), 0)
     rows = list(made.recording.samples)
     rows[4] = replace(rows[1], sample=4)
@@ -54,8 +57,8 @@ def test_where_nothing_that_matters_moved_it_is_no_mistake():
     assert repeated_views(light.cell, copied(light, (1, 4))) == []
 
 
-def test_joints_tell_where_a_robot_stands():
-    """Recorded by joints, a view that stands under two postures is told; under postures read back anew it is not."""
+def test_joints_determine_robot_pose():
+    """Equal views with two joint postures are reported; postures that differ only by read-back are not."""
     made = simulate(Scenario(samples=6, joints=True), 0)
     (found,) = repeated_views(made.cell, copied(made, (1, 4)))
     assert found.about == ("1", "4")
@@ -67,8 +70,8 @@ def test_joints_tell_where_a_robot_stands():
         assert bool(repeated_views(made.cell, replace(made.recording, samples=tuple(rows)))) == told
 
 
-def test_a_robot_that_is_recorded_otherwise_stands_elsewhere():
-    """Once by its pose and once by its joints."""
+def test_robot_recorded_differently_has_other_pose():
+    """A robot recorded once by pose and once by joints counts as elsewhere."""
     made = simulate(Scenario(samples=6), 0)
     rows = list(copied(made, (1, 4)).samples)
     rows[4] = replace(rows[4], robots={**rows[1].robots, "hand": RobotState(joints_rad=np.zeros(6))})
@@ -79,8 +82,8 @@ def test_a_robot_that_is_recorded_otherwise_stands_elsewhere():
 
 
 @pytest.mark.parametrize(("points", "told"), [(3, False), (4, True)])
-def test_eight_numbers_are_no_chance(points, told):
-    """Four points in an image; of another target, or with another number of a point, it is another view."""
+def test_four_equal_points_are_no_chance(points, told):
+    """Four equal image points (eight numbers) are no chance; with other point ids it is another view."""
     made = simulate(Scenario(samples=6), 0)
     rows = []
     for row in copied(made, (1, 4)).samples:
@@ -92,7 +95,8 @@ def test_eight_numbers_are_no_chance(points, told):
     assert repeated_views(made.cell, replace(made.recording, samples=tuple(rows))) == []
 
 
-def test_five_pairs_are_all_listed():
+def test_five_pairs_have_full_message():
+    """Exactly five pairs are all listed in the message."""
     made = simulate(Scenario(samples=12), 0)
     (found,) = repeated_views(made.cell, copied(made, *((k, k + 6) for k in range(5))))
     assert found.message == (

@@ -1,4 +1,4 @@
-"""Units that cannot be."""
+"""Tests of `impossible_units`."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ def codes(cell, recording):
 
 
 @pytest.mark.parametrize("kept", [{}, {"joints": True}, {"target": "pose"}, {"target": "points3d"}, {"target": "led"}])
-def test_a_cell_in_order_has_none(kept):
-    """Poses, joints, points and lights, as they are."""
+def test_correct_cell_has_no_finding(kept):
+    """Correct poses, joints, points and LEDs have no finding."""
     made = simulate(Scenario(samples=5, **kept), 3)
     assert codes(made.cell, made.recording) == []
     assert codes(made.cell, Recording()) == []
 
 
 @pytest.mark.parametrize("robots", [("hand",), ("eye", "hand")])
-def test_joints_in_degrees(robots):
-    """Of one robot or all: they turn farther than joints do, and in degrees would not."""
+def test_joints_in_degrees_are_found(robots):
+    """Joints in degrees, of one robot or all, rotate farther than joints can, and as degrees would not."""
     made = simulate(Scenario(samples=8, joints=True), 0)
     recording = made.recording
     for name in robots:
@@ -41,8 +41,8 @@ def test_joints_in_degrees(robots):
     assert codes(made.cell, recording) == [("angle-unit", "error", robots)]
 
 
-def test_a_wrist_without_end_is_none():
-    """One joint that has turned many times is told by nothing."""
+def test_endless_wrist_is_no_unit_error():
+    """A single joint that rotated many times is no unit error."""
     made = simulate(Scenario(samples=5, joints=True), 0)
     turned = [
         replace(s, robots={**s.robots, "hand": RobotState(joints_rad=s.robots["hand"].joints_rad + 40 * np.eye(6)[5])})
@@ -51,8 +51,8 @@ def test_a_wrist_without_end_is_none():
     assert codes(made.cell, replace(made.recording, samples=tuple(turned))) == []
 
 
-def test_robots_in_millimetres():
-    """Each that is, and no other."""
+def test_robots_in_millimetres_are_named():
+    """Each robot in millimetres is named, and no other."""
     made = simulate(Scenario(samples=5), 0)
     one = with_robots(made.recording, {"hand": scaled(1000)})
     assert codes(made.cell, one) == [("length-unit", "error", ("hand",))]
@@ -61,8 +61,8 @@ def test_robots_in_millimetres():
     assert both.message.startswith("The poses of eye and hand are in millimetres: a flange is ")
 
 
-def test_what_was_seen_in_millimetres():
-    """Poses, 3-D points, and the board's size."""
+def test_observations_in_millimetres_are_named():
+    """Observed poses, 3-D points and the board size in millimetres are named."""
     poses = simulate(Scenario(samples=5, target="pose"), 0)
     assert codes(poses.cell, with_targets(poses.recording, scaled(1000))) == [("length-unit", "error", ())]
     points = simulate(Scenario(samples=5, target="points3d"), 0)
@@ -73,8 +73,8 @@ def test_what_was_seen_in_millimetres():
 
 @pytest.mark.parametrize(("end", "off_rad", "told"), [("lower", -0.09, True), ("lower", -0.11, False),
                                                       ("upper", 0.09, True), ("upper", 0.11, False)])  # fmt: skip
-def test_degrees_are_such_as_the_urdf_lets_be(end, off_rad, told):
-    """A tenth of a radian beyond a limit is borne; farther, degrees would be no posture of the arm either."""
+def test_degrees_must_be_within_urdf_limits(end, off_rad, told):
+    """Joints count as degrees only if these are within a tenth of a radian of the URDF limits."""
     made = simulate(Scenario(samples=6, joints=True), 0)
     chain = made.cell.robots["hand"].chain
     narrow = replace(chain, lower=np.full(6, -2.0), upper=np.full(6, 2.0))
@@ -89,7 +89,7 @@ def test_degrees_are_such_as_the_urdf_lets_be(end, off_rad, told):
 
 
 def posed(far_m, distance_m=1.0, kind="pose"):
-    """Three samples of a flange and a target so far off, and one of both a kilometre off."""
+    """Three samples of a flange and a target at these distances, and one of both a kilometre away."""
     samples = []
     for k, (far, distance) in enumerate(((far_m, distance_m), (far_m, distance_m), (far_m, distance_m), (1e3, 1e3))):
         place = np.array([0.0, 0.0, distance])
@@ -105,8 +105,11 @@ def posed(far_m, distance_m=1.0, kind="pose"):
 
 
 @pytest.mark.parametrize("kind", ["pose", "points"])
-def test_beyond_fifty_metres_lengths_are_not_metres(kind):
-    """The median of a robot's flanges, and of targets from cameras, with what every likely unit makes of it."""
+def test_lengths_above_fifty_metres_are_no_metres(kind):
+    """Median distances of flanges and targets above 50 m are in another unit.
+
+    The advice has the values in likely units.
+    """
     cell = simulate(Scenario(samples=1), 0).cell
     assert codes(cell, posed(49.9, 49.9, kind)) == []
     (flange, target) = impossible_units(cell, posed(51.2, 53.4, kind))
@@ -122,8 +125,8 @@ def test_beyond_fifty_metres_lengths_are_not_metres(kind):
 
 
 @pytest.mark.parametrize(("far", "words"), [(1e8, "1e+08"), (1e300, "1e+300")])
-def test_what_is_far_in_every_unit_is_in_none_of_them(far, words):
-    """As far as floating-point numbers reach, without a warning that a square overflows."""
+def test_extreme_distances_suggest_no_unit(far, words):
+    """Extreme distances, up to the floating-point range, suggest no unit and raise no overflow warning."""
     cell = simulate(Scenario(samples=1), 0).cell
     flange, target = impossible_units(cell, posed(far, far))
     assert target.what == f"The observed poses are in another unit: a target is {words} m away."
@@ -131,8 +134,8 @@ def test_what_is_far_in_every_unit_is_in_none_of_them(far, words):
     assert flange.do == ("State lengths in metres.",)
 
 
-def test_some_samples_in_another_unit():
-    """They are named, and the unit too if it is certain."""
+def test_single_samples_in_other_unit_are_named():
+    """Single samples in another unit are named, with the unit if it is certain."""
     for reach, unit in ((160.0, "another unit"), (812.0, "millimetres")):
         cell, recording = simulate(Scenario(samples=1), 0).cell, Recording()
         for far in (1.0, 1.0, reach):
@@ -142,8 +145,8 @@ def test_some_samples_in_another_unit():
 
 
 @pytest.mark.parametrize(("size_m", "told"), [(19.9, False), (20.1, True)])
-def test_no_target_is_wider_than_twenty_metres(size_m, told):
-    """Of those that are seen in images, or searched for."""
+def test_targets_are_at_most_twenty_metres_wide(size_m, told):
+    """Targets wider than 20 m are an error if they are seen or searched in images."""
     made = simulate(Scenario(samples=3), 0)
     width = float(np.ptp(made.cell.targets["board"].target.points, axis=0).max())
     cell = resized(made.cell, {"board": size_m / width})
@@ -157,8 +160,8 @@ def test_no_target_is_wider_than_twenty_metres(size_m, told):
 
 
 @pytest.mark.parametrize(("turn_rad", "told"), [(6.9, False), (6.95, True)])
-def test_two_joints_that_turn_beyond_a_turn_are_in_degrees(turn_rad, told):
-    """2.2 half turns; the message says how far they reach."""
+def test_two_joints_beyond_a_turn_are_in_degrees(turn_rad, told):
+    """Two joints beyond 2.2 half turns are in degrees, and the message states the largest value."""
     made = simulate(Scenario(samples=4, joints=True), 0)
     joints = np.array([0.0, turn_rad, -turn_rad, 0.0, 0.0, 0.0])
     samples = [replace(s, robots={**s.robots, "hand": RobotState(joints_rad=joints)}) for s in made.recording.samples]
@@ -168,8 +171,8 @@ def test_two_joints_that_turn_beyond_a_turn_are_in_degrees(turn_rad, told):
 
 @pytest.mark.parametrize(("ratio", "found"), [(0.9e6, []), (1.1e6, [("sigma-range", "error", ())])])
 @pytest.mark.parametrize("target", ["charuco", "points3d", "pose"])
-def test_sigmas_that_differ_by_a_million(target, ratio, found):
-    """The information of the larger is rounding beside that of the smaller."""
+def test_sigmas_differing_by_a_million_are_error(target, ratio, found):
+    """Sigmas that differ by a factor of a million are an error: the information of the larger is lost in rounding."""
     made = simulate(Scenario(samples=5, target=target), 3)
     fields = {"charuco": "sigma_px", "points3d": "sigma_m", "pose": "sigma"}
 
@@ -184,8 +187,8 @@ def test_sigmas_that_differ_by_a_million(target, ratio, found):
     assert list(dict.fromkeys(codes(made.cell, Recording(tuple(samples))))) == found
 
 
-def test_images_of_poses_in_metres_are(tmp_path) -> None:
-    """Those of poses in millimetres are not, nor is a recording without any."""
+def test_images_are_searched_only_with_plausible_poses(tmp_path) -> None:
+    """Images are searched if the poses are plausible, not if they are in millimetres or there are no images."""
     made = simulate(Scenario(samples=4), 1)
     shown = [replace(sample, images={"wrist": "images/wrist/0.png"}) for sample in made.recording.samples]
     assert not needs_search(made.cell, made.recording)
@@ -200,8 +203,8 @@ def test_images_of_poses_in_metres_are(tmp_path) -> None:
     assert not needs_search(made.cell, Recording(tuple(wrong)))
 
 
-def test_images_of_targets_are_searchable() -> None:
-    """Each image by a camera with a lens counts; of a target that no image shows, none does."""
+def test_searchable_images_need_lens_and_target() -> None:
+    """Images by a camera with a lens count as searchable, but not for a target that no image shows."""
     for target, count in (("charuco", 4), ("pose", 0)):
         made = simulate(Scenario(samples=4, target=target), 1)
         shown = [replace(sample, images={"wrist": "images/wrist/0.png"}) for sample in made.recording.samples]
@@ -213,8 +216,8 @@ def test_images_of_targets_are_searchable() -> None:
     ("shift_m", "turn_rad", "units"),
     [(1e-4, 900.0, []), ([1e-7, 1.0, 1.0], 1e-3, ["m"]), (1e-3, [1e-7, 1.0, 1.0], ["rad"])],
 )
-def test_sigmas_of_shifts_are_not_held_against_those_of_turns(shift_m, turn_rad, units):
-    """Each by its own unit, over all three axes; sigmas that are not stated are none."""
+def test_translation_and_rotation_sigmas_are_compared_separately(shift_m, turn_rad, units):
+    """Translation and rotation sigmas are compared separately over all three axes; unstated sigmas are ignored."""
     sigma = np.concatenate([np.broadcast_to(each, 3) for each in (shift_m, turn_rad)])
     seen = PoseObservation("wrist", "board", SE3.identity(), sigma), PoseObservation("wrist", "board", SE3.identity())
     found = [each.what for each in _sigma_findings(Recording((Sample(0, observations=seen), Sample(1))))]

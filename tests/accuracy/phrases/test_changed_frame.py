@@ -1,4 +1,4 @@
-"""What changed between two parts of a recording."""
+"""Tests of `changed_frame`: a frame that changed between two parts of a recording."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MADE = simulate(Scenario(samples=16), 3)
 
 
 def recording(frame: str, since: int, made: SimulatedCell = MADE) -> Recording:
-    """That of a cell, with the hand's poses from a sample on of another tool or base frame."""
+    """The recording of a cell with the hand's poses in another tool or base frame from a sample on."""
     samples = []
     for sample in made.recording.samples:
         pose = sample.robots["hand"].base_from_flange
@@ -39,8 +39,8 @@ def recording(frame: str, since: int, made: SimulatedCell = MADE) -> Recording:
         ("base", "the poses of hand are in another base frame, or its base was moved: eye_base_from_hand_base"),
     ],
 )
-def test_the_one_frame_that_differs_is_named(frame: str, says: str) -> None:
-    """With its first sample and its size; each part closes the loop by itself."""
+def test_single_changed_frame_is_named(frame: str, says: str) -> None:
+    """The changed frame is named with its first sample and size; each part alone closes the loop."""
     problem, _ = build_problem(MADE.cell, recording(frame, 9))
     changed = changed_frame(problem, MADE.cell)
     assert changed is not None
@@ -51,16 +51,16 @@ def test_the_one_frame_that_differs_is_named(frame: str, says: str) -> None:
     assert millimetres == pytest.approx(1e3 * np.linalg.norm(SHIFT.translation), abs=3)
 
 
-def test_nothing_is_said_of_other_samples() -> None:
-    """A part that is too short, and parts that agree, have no cause."""
+def test_short_or_agreeing_parts_have_no_change() -> None:
+    """A part that is too short, and parts that agree, have no changed frame."""
     problem, _ = build_problem(MADE.cell, recording("tool", 14))
     assert changed_frame(problem, MADE.cell) is None
     sound, _ = build_problem(MADE.cell, MADE.recording)
     assert changed_frame(sound, MADE.cell) is None
 
 
-def test_a_frame_that_a_part_leaves_open_is_not_named() -> None:
-    """With each arm still in one half, no mount is determined by both, and none is blamed."""
+def test_frame_unobservable_in_part_is_not_named() -> None:
+    """With each arm at rest in one half, no mount is determined by both parts, so none is named."""
     made = simulate(Scenario(samples=24, arms="halves", target="pose"), 3)
     problem, _ = build_problem(made.cell, recording("tool", 12, made))
     assert changed_frame(problem, made.cell) is None
@@ -82,7 +82,10 @@ def test_a_frame_that_a_part_leaves_open_is_not_named() -> None:
     ],
 )
 def test_parts_have_four_samples_each(monkeypatch, count, agreeing, first) -> None:
-    """Those that agree are all before or all after the others; the first of the later part is named."""
+    """Agreeing samples must be all before or all after the others, with four samples each.
+
+    The first sample of the later part is named.
+    """
     asked = []
     parts = [SimpleNamespace(state="earlier"), SimpleNamespace(state="later")]
     monkeypatch.setattr(room, "_solve_parts", lambda problem, cell, number: asked.append(number) or parts)
@@ -107,8 +110,8 @@ def part(unobservable=(), **shifts_m):
     return SimpleNamespace(transforms=transforms, observability=observability)
 
 
-def test_a_frame_differs_alone_or_is_not_named() -> None:
-    """By far more sigmas than any other that both parts determine."""
+def test_changed_frame_must_stand_out() -> None:
+    """A frame is named only if it differs by far more sigmas than any other that both parts determine."""
     assert _find_difference(part(base=0.0, mount=0.0), part(base=0.1, mount=1e-3)) == "base"
     assert _find_difference(part(base=0.0, mount=0.0), part(base=0.1, mount=-0.09)) == ""
     assert _find_difference(part(base=0.0, mount=0.0), part(["mount"], base=0.1, mount=0.09)) == "base"
@@ -117,8 +120,8 @@ def test_a_frame_differs_alone_or_is_not_named() -> None:
     assert _find_difference(part(["base"], base=0.0), part(base=1e-3)) == ""
 
 
-def test_parts_are_solved_before_and_after_a_sample(monkeypatch) -> None:
-    """Earlier samples first; groups without samples of a part are left out, and parts that are not solved."""
+def test_parts_are_solved_before_and_after_sample(monkeypatch) -> None:
+    """Parts before and after a sample are solved, the earlier first; empty groups and unsolved parts are omitted."""
     problem, _ = build_problem(MADE.cell, MADE.recording)
     parts = [room._part(problem, 5, is_later) for is_later in (False, True)]
     assert [[group.sample.tolist() for group in part.groups] for part in parts] == [

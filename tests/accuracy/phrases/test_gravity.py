@@ -1,4 +1,4 @@
-"""Where gravity is taken to pull, in words."""
+"""Tests of `describe_gravity`: the wording of the assumed direction of gravity."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ def said(robots, base=ON_THE_WALL, hand_down=(0.0, 0.0, -1.0)):
     return describe_gravity(CELL, solved(problem, {"eye_base_from_hand_base": base}), robots)
 
 
-def test_arms_that_stand_alike_contradict_nothing():
-    """Their bases tilted a little, or gravity stated so that both agree."""
+def test_equally_mounted_arms_do_not_contradict():
+    """Arms with slightly tilted bases, or with consistent stated gravity, do not contradict each other."""
     assert said(("eye",), SE3.from_rpy([0.1, 0, 2], np.ones(3))) == "Gravity is assumed along -z of eye_base."
     assert said(("hand",), hand_down=(1, 0, 0)) == "Gravity is assumed along +x of hand_base."
 
 
 @pytest.mark.parametrize("robots", [("eye",), ("eye", "hand")])
-def test_an_arm_on_the_wall_is_told(robots):
-    """The angle by which the bases contradict what is taken, and what to write."""
+def test_wall_mounted_arm_is_reported(robots):
+    """A wall-mounted arm is reported with the angle between the directions and the entry to write."""
     words = said(robots)
     assert f"along {' and '.join(f'-z of {robot}_base' for robot in robots)}. In the answer" in words
     assert "differs by 90 deg" in words
@@ -43,14 +43,14 @@ def test_an_arm_on_the_wall_is_told(robots):
 
 
 @pytest.mark.parametrize(("hand_down", "apart"), [((0, 0, -1), None), ((0, 0, 1), "180 deg")])
-def test_directions_are_unit_vectors_but_for_rounding(hand_down, apart):
-    """Whose products may be beyond one: alike they contradict nothing, opposed they do."""
+def test_directions_are_unit_vectors_to_rounding(hand_down, apart):
+    """Products of unit vectors may exceed one by rounding. Equal directions agree, opposite ones differ by 180 deg."""
     words = said(("hand",), SE3.identity(), np.array(hand_down) * (1 + 1e-10))
     assert (apart in words) if apart else words.endswith("of hand_base.")
 
 
-def test_a_base_that_is_not_known_says_nothing():
-    """No angle; a direction along no axis is told by its numbers."""
+def test_unknown_base_gives_no_angle():
+    """An unknown base gives no angle; a direction along no axis is stated by its numbers."""
     chain = six_axis()
     tilted = replace(chain, masses=replace(chain.masses, down=np.array([0.6, 0, -0.8])))
     problem = SimpleNamespace(chains={"hand": tilted})
@@ -60,8 +60,8 @@ def test_a_base_that_is_not_known_says_nothing():
 
 @pytest.mark.parametrize(("tilt_deg", "told"), [(9.9, False), (10.1, True)])
 @pytest.mark.parametrize("others", [{}, {"third": SE3.identity()}])
-def test_bases_may_be_ten_degrees_apart(tilt_deg, told, others):
-    """The largest tilt between any two arms counts, of those whose bases are known."""
+def test_bases_may_differ_by_ten_degrees(tilt_deg, told, others):
+    """Bases may differ by ten degrees; the largest tilt between two arms with known bases counts."""
     chain = six_axis()
     problem = SimpleNamespace(chains={"eye": chain, "hand": chain, "third": chain, "open": chain})
     tilted = SE3.from_rpy(np.radians([tilt_deg, 0, 0]), np.ones(3))
@@ -70,8 +70,8 @@ def test_bases_may_be_ten_degrees_apart(tilt_deg, told, others):
     assert ("differs by 10 deg" in words) == told
 
 
-def test_two_tilts_add_up_between_arms():
-    """Of two arms that lean away from one another."""
+def test_opposite_tilts_add_up():
+    """The tilts of two arms that lean away from each other add up."""
     chain = six_axis()
     problem = SimpleNamespace(chains={"eye": chain, "hand": chain, "third": chain})
     bases = {

@@ -1,4 +1,4 @@
-"""Why held-out errors are larger than residuals, where they are."""
+"""Tests of `explain_held_out_error`: why held-out errors exceed residuals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def told(rms_px, held_out_px, noise):
     return explain_held_out_error(Calibration("good", residuals=Residuals(rms_px), validation=validation, noise=noise))
 
 
-def test_both_figures_and_the_noise_that_absorbs_are_named():
+def test_sentence_has_errors_and_noise():
     """The sentence has the residual, the held-out error and the sigmas of the robot."""
     sentence = told(0.12, 1.06, NOISE)
     assert all(part in sentence for part in ("1.1 px", "0.12 px", "eye 0.20 mm and 0.40 mrad"))
@@ -35,19 +35,22 @@ def test_both_figures_and_the_noise_that_absorbs_are_named():
         (0.12, None, NOISE),
     ],
 )
-def test_nothing_is_said_where_there_is_nothing_to_explain(rms_px, held_out_px, noise):
-    """Errors that are alike, robots without noise, and cells without pixels."""
+def test_equal_errors_need_no_explanation(rms_px, held_out_px, noise):
+    """Equal errors, robots without noise, and cells without pixels have no sentence."""
     assert told(rms_px, held_out_px, noise) is None
 
 
-def test_not_validated_is_not_explained():
-    """Without cross-validation there is no second figure."""
+def test_missing_validation_needs_no_explanation():
+    """Without cross-validation there is no second error to explain."""
     assert explain_held_out_error(Calibration("good", residuals=Residuals(0.1), noise=NOISE)) is None
 
 
 @pytest.mark.parametrize(("length_m", "angle_rad"), [(3e-4, 0.0), (0.0, 5e-4)])
-def test_a_robot_that_only_shifts_or_only_turns_absorbs_too(length_m, angle_rad):
-    """From one and a half times the residual on, in whole words; sigmas are the root of their mean square."""
+def test_noise_along_single_axis_is_explained(length_m, angle_rad):
+    """Robot noise of translation or rotation alone is explained from 1.5 times the residual on.
+
+    Sigmas are stated as their rms.
+    """
     arm = {"sigma_t_m": [length_m * np.sqrt(3), 0.0, 0.0], "sigma_r_rad": [0.0, angle_rad * np.sqrt(3), 0.0]}
     noise = {"robots": {"still": {"sigma_t_m": [0.0] * 3, "sigma_r_rad": [0.0] * 3}, "arm": arm, **NOISE["robots"]}}
     assert told(0.1, 0.149, noise) is None

@@ -1,4 +1,4 @@
-"""Directions in words: mixed bases are taken apart into shifts and turns with their axes."""
+"""Tests of the wording of null-space directions, separated into translations and rotations with their axes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def state_with(problem, base: SE3) -> State:
 
 
 def words(problem, tangents: list[dict[str, list[float]]], base: SE3 = HOME, seed: int = 0) -> list[str]:
-    """Of directions given by name, mixed by a random rotation."""
+    """Wording of directions given by name, mixed by a random rotation."""
     vectors = np.zeros((problem.width, len(tangents)))
     for k, tangent in enumerate(tangents):
         for name, values in tangent.items():
@@ -39,8 +39,8 @@ def words(problem, tangents: list[dict[str, list[float]]], base: SE3 = HOME, see
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_shifts_are_parted_from_turns(problem, seed):
-    """A shift along z with the board and a turn about x are told one by one however they are mixed."""
+def test_translations_are_separated_from_rotations(problem, seed):
+    """A coupled translation along z and a rotation about x are described separately, however they are mixed."""
     shift = {BASE: [0, 0, 1, 0, 0, 0], BOARD: [0, 1, 0, 0, 0, 0]}
     turn = {BASE: [0, 0, 0, 1, 0, 0]}
     assert words(problem, [shift, turn], seed=seed) == [
@@ -49,8 +49,8 @@ def test_shifts_are_parted_from_turns(problem, seed):
     ]
 
 
-def test_whole_spaces_are_one_phrase(problem):
-    """Three shifts are any shift, two any shift across the third, three turns any turn."""
+def test_complete_spaces_are_one_phrase(problem):
+    """Three translations are "any translation", three rotations "any rotation", two are perpendicular to the third."""
     unit = np.eye(6).tolist()
     assert words(problem, [{BASE: row} for row in unit[:3]]) == ["any translation of hand_base"]
     assert words(problem, [{BASE: row} for row in unit[:2]]) == [
@@ -60,16 +60,16 @@ def test_whole_spaces_are_one_phrase(problem):
     assert everything == ["any translation of hand_base", "any rotation of hand_base"]
 
 
-def test_axes_stand_in_the_parent(problem):
-    """A turn about z of the base, which stands 2 m along x and turned about it, is about that line in eye_base."""
+def test_axes_are_in_parent_frame(problem):
+    """A rotation about z of a rotated base 2 m along x is described as a line in eye_base."""
     base = SE3.from_rotvec([np.pi / 2, 0, 0], [2.0, 0, 0])
     assert words(problem, [{BASE: [0, 0, 0, 0, 0, 1]}], base) == [
         "rotation of hand_base about the axis through (2.00, 0.00, 0.00) m along (0.00, 1.00, 0.00) in eye_base"
     ]
 
 
-def test_what_moves_apart_is_told_apart(problem):
-    """Directions of two unknowns that have nothing to do with each other are not mixed; a lens is called a lens."""
+def test_independent_directions_are_separate(problem):
+    """Directions of independent unknowns are described separately; a lens is called intrinsics."""
     lens = {"wrist": [0.0] * 4 + [1.0] + [0.0] * 4}
     told = words(problem, [{BASE: [1, 0, 0, 0, 0, 0]}, {BOARD: [0, 1, 0, 0, 0, 0]}, lens])
     assert told == [
@@ -79,8 +79,11 @@ def test_what_moves_apart_is_told_apart(problem):
     ]
 
 
-def test_twists_of_a_base_in_its_own_axes():
-    """What poses alone leave open: all of it, or a shift and the turn about a line 1 m off."""
+def test_twists_are_in_own_base_axes():
+    """Twists of a base are described in its own axes.
+
+    Here all of them, or a translation and a rotation about a line 1 m off.
+    """
     assert describe_twists("hand_base", np.eye(6)) == "any translation or rotation of hand_base"
     turn = np.concatenate([np.cross([1.0, 0, 0], [0, 0, 1.0]), [0, 0, 1.0]])
     assert describe_twists("hand_base", np.array([[0, 0, 1.0, 0, 0, 0], turn])) == (
@@ -99,8 +102,8 @@ def test_twists_of_a_base_in_its_own_axes():
         ("deflection", 5, "the compliance of joint 6 of hand (elbow)"),
     ],
 )
-def test_lenses_and_robots(parameters, joint, words):
-    """What moves, of which robot and joint, counted from one; what moves along follows."""
+def test_lens_and_robot_directions_are_named(parameters, joint, words):
+    """Lens and robot directions name parameter, robot and joint (counted from one), then coupled transforms."""
     none = np.zeros((0, 6))
     kind, robot = ("robot parameters", "hand") if parameters else ("lens", "")
     assert describe_null_space(NullDirection(kind, ("name",), none, robot, parameters, joint, "elbow")) == words
@@ -109,15 +112,15 @@ def test_lenses_and_robots(parameters, joint, words):
 
 
 @pytest.mark.parametrize(("pitch", "screw"), [(0.0, ""), (0.019, ""), (0.021, ", with 0.4 mm along it per degree")])
-def test_a_screw_is_told_from_a_turn(pitch, screw):
-    """From two centimetres a radian on."""
+def test_screw_is_distinguished_from_rotation(pitch, screw):
+    """A screw is distinguished from a rotation from two centimetres per radian on."""
     twist = np.array([[0.0, 0.0, pitch, 0.0, 0.0, 1.0]])
     line = "rotation of hand_base about the axis through (0.00, 0.00, 0.00) m along (0.00, 0.00, 1.00) in eye_base"
     for size in (1.0, 3.0):
         assert describe_null_space(NullDirection("rotation", (BASE,), size * twist)) == line + screw
 
 
-def test_several_directions_in_a_clause():
-    """One is, several are unobservable; what is coupled with them stands behind."""
+def test_unobservable_clause_has_verb_and_couplings():
+    """The clause has a singular or plural verb, and the coupled transforms in parentheses."""
     assert unobservable_clause(["a"], []) == "a is unobservable"
     assert unobservable_clause(["a", "b"], ["c", "d"]) == "a and b are unobservable (coupled with c and d)"

@@ -1,4 +1,4 @@
-"""Reasons why something was left out, in words."""
+"""Tests of the wording of outlier reasons."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from basecal.estimation.outliers.left_out import LeftOut
         ),
     ],
 )
-def test_reasons_name_how_far_and_why(of, words):
-    """Distances in px, mm and degrees, sigmas up to a thousand, and no number where there is none."""
+def test_reason_states_distance_and_cause(of, words):
+    """A reason states distances in px, mm and degrees and sigmas up to a thousand, and no number without one."""
     assert words in outlier_reason(of)
 
 
-def test_the_place_is_kept():
-    """Sample, camera, target and points are those of what was left out."""
+def test_outlier_entry_keeps_place():
+    """The entry keeps the sample, camera, target, points and image of the outlier."""
     left_out = LeftOut(3, "wrist", "board", (4, 5), 7.0, off_px=2.0)
     outlier = outlier_entry(left_out, {(3, "wrist"): "images/a.png", (3, "other"): "images/b.png"})
     assert (outlier.sample, outlier.camera, outlier.target, outlier.ids) == (3, "wrist", "board", (4, 5))
@@ -49,14 +49,14 @@ def test_the_place_is_kept():
     assert outlier_entry(left_out, {(4, "wrist"): "images/a.png"}).image is None
 
 
-def test_a_sample_is_traced_by_the_file_name_of_its_image():
-    """Without one it has its number alone."""
+def test_sample_is_named_with_image_file():
+    """A sample is named with the file name of its image, or by its number alone."""
     assert name_sample(11, "images/cam/IMG_12.png") == "sample 11 (IMG_12.png)"
     assert name_sample(11, None) == "sample 11"
 
 
-def test_each_outlier_that_is_listed_has_its_size():
-    """The first with its cause; of many the first few, and where the others are."""
+def test_listed_outliers_have_size():
+    """The first listed outlier has its cause, the others their size; many refer to calibration.json."""
     view = LeftOut(3, "wrist", "board", (), 12.3, 0.0161, 0.05)
     others = (
         LeftOut(4, "wrist", "board", (1, 2), 7.2, off_px=1.994),
@@ -72,8 +72,8 @@ def test_each_outlier_that_is_listed_has_its_size():
     assert many.endswith("The others are listed under `outliers` in calibration.json.")
 
 
-def test_from_a_thousand_sigmas_on_the_number_says_no_more():
-    """And what has no distance at all is far."""
+def test_sigmas_above_thousand_have_no_number():
+    """Above a thousand sigmas no number is stated, and an outlier without a distance is "far"."""
     assert "disagree by 1000 sigma, " in outlier_reason(LeftOut(3, "a", "b", (), 1000.0, 0.1, 0.1))
     assert "disagree by more than 1000 sigma, " in outlier_reason(LeftOut(3, "a", "b", (), 1000.1, 0.1, 0.1))
     assert outlier_reason(LeftOut(3, "a", "b", (), math.nan)) == (
@@ -90,7 +90,7 @@ def test_from_a_thousand_sigmas_on_the_number_says_no_more():
 
 @pytest.mark.parametrize("count", [1, 4, 5, 6, 9])
 def test_five_outliers_are_listed(count):
-    """Of more it is said where the others are."""
+    """At most five outliers are listed; for more the message states where the others are."""
     view = LeftOut(3, "wrist", "board", (), 12.3, 0.0161, 0.05)
     told = list_outliers([replace(view, sample=k) for k in range(count)], {})
     assert told.lower().count("sample ") == min(count, 5)

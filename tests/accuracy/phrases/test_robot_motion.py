@@ -1,4 +1,4 @@
-"""How a robot moved, in words, and what would show more."""
+"""Tests of the wording of robot motion, and of the advice to add motion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BASE, CAMERA, BOARD = "eye_base_from_hand_base", "eye_flange_from_wrist", "hand_
 
 
 def moved(*turn_rad, robot="hand", travel=1.0, samples=20, orientations=3, axis=(0.0, 0.0, 1.0)):
-    """A motion that turned by so much about its first axis and two others."""
+    """A motion with these rotations about its first axis and two others."""
     axes = np.eye(3)
     axes[:, 0] = axis
     turns = np.array([*turn_rad, 0.0, 0.0, 0.0][:3])
@@ -43,8 +43,8 @@ def problem(made):
 
 
 @pytest.mark.parametrize(("turn", "poor"), [(0.149, True), (0.151, False)])
-def test_a_second_axis_counts_from_a_limit_on(turn, poor):
-    """Of 0.15 rad."""
+def test_second_axis_needs_minimum_rotation(turn, poor):
+    """A second axis counts from a rotation of 0.15 rad on."""
     assert has_little_rotation(moved(0.5, turn)) is poor
 
 
@@ -73,8 +73,8 @@ def test_a_second_axis_counts_from_a_limit_on(turn, poor):
         (moved(0.5, 0.2), "hand rotates by up to 29 deg, and 11 deg about a second axis"),
     ],
 )
-def test_motions_in_words(motion, words):
-    """From standing still to turning about two axes."""
+def test_wording_of_motions(motion, words):
+    """Motions are described from rest to rotation about two axes."""
     assert describe_motion(motion) == words
 
 
@@ -87,16 +87,16 @@ def test_motions_in_words(motion, words):
         (moved(0.16, 0.1), "Add poses that rotate hand by 30 deg and more about another axis"),
     ],
 )
-def test_advice(made, problem, motion, words):
-    """What to record, or to state of what the arm carries."""
+def test_advice_names_motion_or_mount(made, problem, motion, words):
+    """The advice names the motion to record, or the carried mount to state if it is not fixed."""
     assert advise_motion(made.cell, problem, motion) == f"{words}, or state {BOARD} as a prior or fixed."
     fixed = replace(problem, unknowns={**problem.unknowns, BOARD: replace(problem.unknowns[BOARD], status="fixed")})
     assert advise_motion(made.cell, fixed, motion) == f"{words}."
 
 
 @pytest.mark.parametrize(("axes", "parallel"), [("zzz", True), ("zyz", False), ("zxz", False)])
-def test_an_arm_of_parallel_axes_is_not_told_to_turn_otherwise(made, problem, axes, parallel):
-    """It cannot: what is known has to be stated; of an arm that stands still this is not said."""
+def test_parallel_axes_get_no_rotation_advice(made, problem, axes, parallel):
+    """An arm with parallel axes is advised to state a known transform, unless it is at rest."""
     hand = replace(made.cell.robots["hand"], chain=arm(*axes))
     cell = replace(made.cell, robots={**made.cell.robots, "hand": hand})
     said = advise_motion(cell, problem, moved(0.5, 0.0))
@@ -109,8 +109,8 @@ def test_an_arm_of_parallel_axes_is_not_told_to_turn_otherwise(made, problem, ax
         assert f"State {BASE} as a prior or fixed" in advise_motion(cell, fixed, moved(0.5, 0.0))
 
 
-def test_causes_are_the_poor_motions_of_what_is_not_seen(made, problem):
-    """One arm with its advice, several with one advice for all; otherwise the views are blamed."""
+def test_cause_is_poor_motion_of_unobservable_transform(made, problem):
+    """The cause is the poor motion of the involved robots, with shared advice for several; else it is the views."""
     good, poor, eye = moved(0.9, 0.9, robot="eye"), moved(0.0), moved(0.0, robot="eye")
 
     def cause(names, *of):
@@ -126,8 +126,8 @@ def test_causes_are_the_poor_motions_of_what_is_not_seen(made, problem):
     assert cause([BASE], good, moved(0.9, 0.9))[1].startswith("The views are too few or too similar")
 
 
-def test_no_view_is_the_cause_where_there_is_none(made):
-    """Of a robot that no view concerns, and of bases that no view relates to the reference."""
+def test_missing_views_are_cause(made):
+    """Missing views are the cause for a robot without views, and for bases unrelated to the reference."""
     third = {**made.cell.robots, "third": Robot("third")}
 
     def cause(cell, *names):
@@ -144,8 +144,8 @@ def test_no_view_is_the_cause_where_there_is_none(made):
 
 
 @pytest.mark.parametrize(("points", "is_cause"), [(1, False), (2, True), (4, True), (5, False)])
-def test_points_on_a_line_are_the_cause_of_a_rotation(points, is_cause):
-    """Of a board of which a single row was seen; more samples show no more."""
+def test_collinear_points_are_cause_of_rotation(points, is_cause):
+    """Points on one line are the cause of an unobservable rotation, e.g. a single row of a board."""
     shape = Target("points", np.arange(5), 0.05 * np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [0, 1, 0]]))
     seen = simulate(Scenario(samples=5, target="points", board=shape), 0)
     samples = (
@@ -158,8 +158,8 @@ def test_points_on_a_line_are_the_cause_of_a_rotation(points, is_cause):
     assert do[0].startswith("Add a point beside the line") is is_cause
 
 
-def test_poor_motions_of_a_recording():
-    """Those that hardly turn about a second axis, joined; none of arms that move well."""
+def test_poor_motions_of_recording():
+    """Robots that hardly rotate about a second axis are described; well-moving ones are not."""
     still = simulate(Scenario(samples=8, arms="hand_still"), 0)
     problem, _ = build_problem(still.cell, still.recording)
     assert describe_poor_motions(problem) == "hand never moves in 8 samples"
@@ -168,14 +168,14 @@ def test_poor_motions_of_a_recording():
     assert set(motions(problem)) == {"eye", "hand"}
 
 
-def test_a_robot_without_kinematics_has_no_parallel_axes(made, problem):
-    """Recorded by poses, it may turn as it likes."""
+def test_robot_without_kinematics_has_no_parallel_axes(made, problem):
+    """A robot recorded by poses may rotate freely, so it gets motion advice."""
     cell = SimpleNamespace(robots={"hand": SimpleNamespace(chain=None)})
     assert advise_motion(cell, problem, moved(0.5, 0.0)).startswith("Add poses")
 
 
-def test_what_is_fixed_is_not_asked_for():
-    """Of two arms that turn about one axis each only the mount that is open is to be stated."""
+def test_fixed_mount_is_not_requested():
+    """For two arms that each rotate about one axis, only the free mount is advised to be stated."""
     known = simulate(Scenario(samples=5, camera_mount="fixed"), 0)
     problem = build_problem(known.cell, known.recording)[0]
     both = {"eye": moved(0.5, robot="eye"), "hand": moved(0.5, 0.01)}

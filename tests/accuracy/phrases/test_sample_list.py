@@ -1,4 +1,4 @@
-"""Numbers of samples in words."""
+"""Tests of `list_samples`."""
 
 import pytest
 
@@ -17,6 +17,6 @@ from basecal.accuracy.phrases.sample_list import list_samples
         (range(0, 22, 2), "samples 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, ..."),
     ],
 )
-def test_three_in_a_row_are_a_range(numbers, words):
-    """And ten of them are written out."""
+def test_three_consecutive_samples_are_a_range(numbers, words):
+    """Three consecutive samples are a range, and ten entries are listed."""
     assert list_samples(numbers) == words

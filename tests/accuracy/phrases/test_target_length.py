@@ -1,4 +1,4 @@
-"""The true size of a target in the field that states it."""
+"""Tests of the corrected target length and its field."""
 
 import pytest
 
@@ -16,15 +16,15 @@ from basecal.simulation import Scenario, simulate
         ("pose", ""),
     ],
 )
-def test_the_true_size_is_stated_in_the_targets_own_field(target, said):
-    """The field of cell.yaml that gives a board its size, of whatever kind it is."""
+def test_corrected_size_uses_targets_field(target, said):
+    """The corrected size is stated in the field of cell.yaml that gives this kind of board its size."""
     cell = simulate(Scenario(target=target, samples=1, pixel_px=0.0), 0).cell
     (name,) = cell.targets
     assert corrected_length_clause(cell, name, 2.0) == said
 
 
-def test_all_lengths_are_scaled_wherever_they_stand():
-    """Those of tags in a list as well; numbers, rotations and counts stay."""
+def test_all_lengths_are_scaled():
+    """All lengths are scaled, also those of tags in a list; ids, rotations and counts stay."""
     tag = {"id": 3, "size_m": 0.1, "t_m": [0, 0.2, 0], "q_xyzw": [0, 0, 0, 1]}
     fields = {"tags": [tag], "square_m": 0.03, "squares": [7, 5]}
     scaled = {"tags": [{**tag, "size_m": 0.12, "t_m": [0, 0.24, 0]}], "square_m": 0.036, "squares": [7, 5]}

@@ -1,4 +1,4 @@
-"""What one robot's poses, inverted, fit as exactly as."""
+"""Tests of `swap_carriers`: the carriers that fit inverted poses of one robot equally well."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ from basecal.simulation import Scenario, simulate
 STILL = simulate(Scenario(samples=9, layout="eye_to_hand", target="pose", pose_noise=(0.0, 0.0)), 2)
 
 
-def test_the_other_carriers_fit_as_exactly() -> None:
-    """Inverted poses, and the camera on the arm: the mount is then what the camera's place was, so nothing tells."""
+def test_swapped_carriers_fit_exactly() -> None:
+    """Inverted poses fit exactly with the camera on the arm.
+
+    Its mount is the camera's former pose, so no data can decide.
+    """
     cell = STILL.cell
     carriers = swap_carriers(cell, ("arm",))
     assert describe_carriers(carriers) == "overhead is on arm and board on world"
@@ -36,8 +39,8 @@ def assert_close(found: SE3, true: SE3) -> None:
     np.testing.assert_allclose(found.matrix, true.matrix, atol=1e-6)
 
 
-def test_what_is_known_or_carried_by_two_has_no_equal() -> None:
-    """A mount that is stated, or a second robot, tells the two apart."""
+def test_known_mount_or_second_robot_decides() -> None:
+    """A stated mount or a second robot distinguishes the carriers, so there is no swap."""
     name = STILL.cell.mount_name("board")
     fixed = STILL.cell.with_transform(name, Unknown("fixed", STILL.truth[name]))
     assert swap_carriers(fixed, ("arm",)) == {}
@@ -46,8 +49,8 @@ def test_what_is_known_or_carried_by_two_has_no_equal() -> None:
     assert swap_carriers(two, ("eye", "hand")) == {}
 
 
-def test_carriers_that_hold_more_than_mounts_have_no_equal() -> None:
-    """Neither have an unknown robot, cells that see a scene, plates, nor probes."""
+def test_other_devices_prevent_swap() -> None:
+    """An unknown robot, plates or tips have no swapped carriers."""
     cell = STILL.cell
     assert swap_carriers(cell, ("arm",))
     assert swap_carriers(cell, ("other",)) == {}
@@ -58,7 +61,7 @@ def test_carriers_that_hold_more_than_mounts_have_no_equal() -> None:
 
 
 def test_carriers_are_described_in_one_sentence() -> None:
-    """Each after the first is without its verb."""
+    """Carriers are described in one sentence with a single verb."""
     one, two = ("cameras", "left", "on"), ("cameras", "right", "on")
     assert describe_carriers({one: "hand"}) == "left is on hand"
     assert describe_carriers({one: "hand", two: "world"}) == "left is on hand and right on world"

@@ -1,4 +1,4 @@
-"""A reading moves the problem to where the rewritten recording would have packed it."""
+"""Tests of `Reading`: it changes the problem as packing the rewritten recording would."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MADE = {
 
 
 def lacking(recording):
-    """The recording with a sample without a view, and one without the hand besides."""
+    """The recording with a sample without a view, and one without the hand and a view."""
     samples = list(recording.samples)
     without = {name: state for name, state in samples[3].robots.items() if name != "hand"}
     samples[3] = replace(samples[3], robots=without, observations=())
@@ -52,7 +52,7 @@ def alike(stands):
 
 
 def assert_same(reading, cell, recording):
-    """The moved problem is the one that is packed anew."""
+    """Asserts that the changed problem equals the newly packed one."""
     packed, _ = build_problem(cell, recording)
     moved = reading.problem
     assert len(moved.groups) == len(packed.groups)
@@ -81,8 +81,8 @@ def assert_same(reading, cell, recording):
 @pytest.mark.parametrize("kind", ["board", "noise", "poses", "joints"])
 @pytest.mark.parametrize("stream", [None, "eye", "hand"])
 @pytest.mark.parametrize("whole", [True, False])
-def test_streams_are_paired_anew(kind, stream, whole):
-    """By every shift, from the first sample and from a later one, and in reverse order."""
+def test_streams_are_paired_again(kind, stream, whole):
+    """Streams are shifted in both directions, from the first sample and a later one, and reversed."""
     made = MADE[kind]
     recording = made.recording if whole else lacking(made.recording)
     given = declared(made.cell, recording)
@@ -100,8 +100,8 @@ def test_streams_are_paired_anew(kind, stream, whole):
 
 
 @pytest.mark.parametrize("kind", ["board", "noise", "poses"])
-def test_poses_of_robots_are_mapped_and_exchanged(kind):
-    """Of one robot, of both, and of each in the place of the other, with the noise of the name."""
+def test_robot_poses_are_mapped_and_exchanged(kind):
+    """Poses of one robot or both are mapped, and exchanged with the noise of the name."""
     made = MADE[kind]
     for recording in (made.recording, lacking(made.recording)):
         given = declared(made.cell, recording)
@@ -112,7 +112,7 @@ def test_poses_of_robots_are_mapped_and_exchanged(kind):
 
 
 def test_states_of_some_samples_are_exchanged():
-    """In a half of them, and where each stood still in the half of the other."""
+    """States are exchanged in half of the samples, and at the poses of rest in the other half."""
     made = MADE["noise"]
     given, samples = declared(made.cell, made.recording), made.recording.samples
     first, second = given.order[:6], given.order[6:]
@@ -132,7 +132,7 @@ def test_states_of_some_samples_are_exchanged():
 
 
 def test_joints_are_scaled_and_exchanged():
-    """Poses follow, by the kinematics of the robot whose name it is."""
+    """Scaled and exchanged joints change the poses by the kinematics of the named robot."""
     made = MADE["joints"]
     given = declared(made.cell, made.recording)
     assert_same(given.with_joints(("hand",), 0.5), made.cell, rewriting.with_joints(made.recording, "hand", 0.5))
@@ -140,8 +140,8 @@ def test_joints_are_scaled_and_exchanged():
     assert (given.pose_robots, given.joint_robots) == ([], ["eye", "hand"])
 
 
-def test_what_is_seen_is_mapped_by_its_kind():
-    """Poses, points in space and pixels each by their own; of others nothing changes."""
+def test_observations_are_mapped_by_kind():
+    """Poses, points in space and pixels are each mapped; other kinds are unchanged."""
     for kind, made in MADE.items():
         given = declared(made.cell, made.recording)
         poses = rewriting.with_targets(made.recording, rewriting.inverted) if kind == "poses" else made.recording
@@ -154,7 +154,7 @@ def test_what_is_seen_is_mapped_by_its_kind():
 
 @pytest.mark.parametrize("kind", ["board", "points"])
 def test_targets_are_resized(kind):
-    """In the cell and in what was seen."""
+    """A target is resized in the cell and in the observations."""
     made = MADE[kind]
     reading = declared(made.cell, made.recording).resize({"board": 3.0})
     cell = rewriting.resized(made.cell, {"board": 3.0})
@@ -162,8 +162,8 @@ def test_targets_are_resized(kind):
     assert_same(reading, cell, made.recording)
 
 
-def test_a_grid_of_another_size_is_turned_about_another_middle():
-    """All ways to read its views are of the size."""
+def test_resized_grid_rotates_about_its_centre():
+    """A resized grid has its half turn and all its views in the new size."""
     made = simulate(Scenario(samples=4, target="chessboard"), 1)
     reading = declared(made.cell, made.recording).resize({"board": 3.0})
     (group,) = reading.problem.groups
@@ -176,7 +176,7 @@ def test_a_grid_of_another_size_is_turned_about_another_middle():
 @pytest.mark.parametrize("kind", ["board", "noise", "joints", "one arm"])
 @pytest.mark.parametrize("most", [5, 12, 40])
 def test_samples_are_thinned_evenly(kind, most):
-    """At most so many, the first and the last among them."""
+    """Samples are thinned evenly to the given number, with the first and the last."""
     made = MADE[kind]
     reading = declared(made.cell, made.recording).thin(most)
     rows = np.unique(np.linspace(0, 11, min(most, 12)).round().astype(int))
@@ -187,15 +187,15 @@ def test_samples_are_thinned_evenly(kind, most):
         assert reading.problem.stop_counts[robot] == len(np.unique(track.stop_number))
 
 
-def test_samples_go_by_time():
-    """Whatever their numbers."""
+def test_samples_are_sorted_by_time():
+    """Samples are sorted by time, whatever their numbers."""
     made = MADE["board"]
     samples = tuple(replace(s, stamp_s=100.0 - s.sample) for s in made.recording.samples)
     assert declared(made.cell, replace(made.recording, samples=samples)).order.tolist() == list(range(11, -1, -1))
 
 
 def test_other_statuses_have_other_columns():
-    """As the cell would be packed."""
+    """A cell with other statuses changes the columns as packing it would."""
     known = simulate(Scenario(samples=6, base="fixed", camera_mount="fixed"), 1)
     free = simulate(Scenario(samples=6), 1).cell
     reading = declared(known.cell, known.recording).restate(free)
@@ -204,8 +204,8 @@ def test_other_statuses_have_other_columns():
     assert reading.problem.columns.keys() > declared(known.cell, known.recording).problem.columns.keys()
 
 
-def test_robots_that_move():
-    """Those that stood in more than one place; in one sample none does."""
+def test_moving_robots_have_several_stops():
+    """Robots with more than one stop move; with a single sample none does."""
     still = simulate(Scenario(samples=4, arms="eye_still"), 0)
     assert {n: t.moves for n, t in declared(still.cell, still.recording).tracks.items()} == {
         "eye": False, "hand": True,
@@ -215,15 +215,15 @@ def test_robots_that_move():
 
 
 def track(stand, joints=None):
-    """States at these stops; none at -1. Each pose is as far along x as its number of the sample."""
+    """States at these stops; -1 for none. Each pose is as far along x as its sample number."""
     stand = np.array(stand)
     at = np.zeros((len(stand), 3))
     at[:, 0] = np.arange(len(stand))
     return Track(stand >= 0, SE3(np.tile(np.eye(3), (len(stand), 1, 1)), at), joints, stand, joints is None)
 
 
-def test_rows_of_a_track_are_its_states():
-    """Row -1 is a sample without a state."""
+def test_track_rows_are_states():
+    """Rows of a track are its states; row -1 is a sample without a state."""
     joints = np.arange(8.0).reshape(4, 2)
     found = track([0, 0, -1, 1], joints).take(np.array([3, -1, 2, 0]))
     assert found.seen.tolist() == [True, False, False, True]
@@ -233,8 +233,8 @@ def test_rows_of_a_track_are_its_states():
     assert (found.joint_count, track([0]).joint_count) == (2, 0)
 
 
-def test_states_of_another_track_are_at_stops_of_their_own():
-    """They are repeated if they are fewer; joints are kept if both tracks have them."""
+def test_states_of_other_track_have_own_stops():
+    """States of another track have their own stops and are repeated if fewer; joints are kept if both have them."""
     joints = np.arange(8.0).reshape(4, 2)
     own, other = track([0, 1, 1, 2], joints), track([-1, 0, 0, 1], 10 + joints)
     found = own.with_states(np.array([0, 2, 3]), other, np.array([1, 0]))
@@ -248,16 +248,16 @@ def test_states_of_another_track_are_at_stops_of_their_own():
 
 
 @pytest.mark.parametrize("carrier", ["world", "hand"])
-def test_a_target_on_another_carrier_has_a_free_mount(carrier):
-    """The problem is that of the cell with the target there, whatever its mount was."""
+def test_target_on_other_carrier_has_free_mount(carrier):
+    """A target on another carrier has a free mount, whatever its former mount was."""
     made = simulate(Scenario(samples=4, target_mount="fixed", **NOISY), 1)
     given = declared(made.cell, made.recording)
     cell = replace(made.cell, targets={"board": replace(made.cell.targets["board"], on=carrier, mount=Unknown())})
     assert_same(given.with_carrier("board", carrier), cell, made.recording)
 
 
-def test_a_robot_without_states_has_no_stops():
-    """No state is one by pose or by joints, and nothing moves."""
+def test_robot_without_states_has_no_stops():
+    """A robot without states has no stops, no kind, and does not move."""
     made = MADE["one arm"]
     (arm,) = made.cell.robots
     cell = replace(made.cell, robots={**made.cell.robots, "idle": replace(made.cell.robots[arm], name="idle")})
@@ -273,8 +273,8 @@ def test_a_robot_without_states_has_no_stops():
 
 
 @pytest.mark.parametrize("whole", [True, False])
-def test_stops_with_noise_are_those_recorded(whole):
-    """Each robot has as many as it has stops, in the order of the robots."""
+def test_noise_stops_are_recorded_stops(whole):
+    """Each robot has as many stops with noise as recorded stops, in the order of the robots."""
     made = MADE["noise"]
     recording = made.recording if whole else lacking(made.recording)
     reading = declared(made.cell, recording)

@@ -1,4 +1,4 @@
-"""Poses up to scale: their unit is found, the answer is that of metres, and what hides it is said."""
+"""Tests of poses up to scale: the unit is estimated, and unobservable scale is reported."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BAND = 3 * np.sqrt(2 / 6 / SEEDS)  # three sigmas of the mean of so many squares
 
 
 def up_to_scale(made: SimulatedCell, recording: Recording, unit_m: float) -> tuple[Cell, Recording]:
-    """The cell that does not know the unit, and what was recorded in it."""
+    """The cell with an unknown unit, and its recording in that unit."""
     (name,) = made.cell.targets
     cell = replace(made.cell, targets={name: replace(made.cell.targets[name], size_sigma=np.inf)})
     return cell, convert_units(recording, {name: 1 / unit_m})
@@ -37,8 +37,8 @@ def up_to_scale(made: SimulatedCell, recording: Recording, unit_m: float) -> tup
 
 @pytest.mark.slow
 @pytest.mark.parametrize("layout", ["eye_in_hand", "dual"])
-def test_answers_are_as_true_as_they_say(layout: str) -> None:
-    """Sixty cells of units from a millimetre to a kilometre: the mean square of errors is 1, or 0.8 as bends count."""
+def test_errors_match_covariance(layout: str) -> None:
+    """The mean square error of sixty cells with units from 1 mm to 1 km is 1, or 0.8 as bends count."""
     squares = []
     for seed in range(SEEDS):
         made = simulate(Scenario(layout=layout, **ARM), seed)
@@ -51,14 +51,17 @@ def test_answers_are_as_true_as_they_say(layout: str) -> None:
 
 @cache
 def in_metres() -> tuple[SimulatedCell, Calibration, Calibration]:
-    """A cell of an arm, its answer without its unit, and its own."""
+    """A cell of an arm, its answer with unknown unit, and with known unit."""
     made = simulate(Scenario(layout="eye_in_hand", **ARM), 3)
     return made, calibrate(*up_to_scale(made, made.recording, 1.0)), calibrate(made.cell, made.recording)
 
 
 @pytest.mark.parametrize("unit_m", [1e-3, 0.37, 1e3])
-def test_the_unit_does_not_matter(unit_m: float) -> None:
-    """The answer is the same to a hundredth of its sigma, wider than that of metres, and the unit is told."""
+def test_unit_has_no_effect_on_answer(unit_m: float) -> None:
+    """The answer is independent of the unit within 1 % of its sigma.
+
+    It is wider than that of metres, and the unit is reported.
+    """
     made, unknown, known = in_metres()
     name = made.cell.requested_transforms[0]
     reference, metric = unknown.transforms[name], known.transforms[name]
@@ -70,8 +73,8 @@ def test_the_unit_does_not_matter(unit_m: float) -> None:
     assert float(length.what.split(" is ")[1].split()[0]) == pytest.approx(1e3 * unit_m, rel=0.02)
 
 
-def test_an_arm_that_only_turns_is_refused() -> None:
-    """About the camera's own centre: no unit shows, and it is said what to record."""
+def test_rotation_about_camera_centre_is_refused() -> None:
+    """An arm that only rotates about the camera centre shows no unit; the finding advises what to record."""
     made = simulate(Scenario(layout="eye_in_hand", **{**ARM, "robot_noise": (0.0, 0.0)}), 4)
     ((robot,), (camera,), (target,)) = made.cell.robots, made.cell.cameras, made.cell.targets
     mount, world = (made.truth[made.cell.mount_name(name)] for name in (camera, target))
@@ -88,8 +91,8 @@ def test_an_arm_that_only_turns_is_refused() -> None:
     assert "not only turns" in finding.message
 
 
-def test_gross_errors_hardly_move_the_unit() -> None:
-    """Three of twenty poses from elsewhere, which turn the start, too: the answer leaves them out and has the unit."""
+def test_outliers_have_little_effect_on_unit() -> None:
+    """Three of twenty poses from elsewhere are left out, and the unit is found. They affect the initial value, too."""
     made = simulate(Scenario(layout="dual", **ARM), 5)
     samples = list(made.recording.samples)
     for k in (2, 9, 16):
@@ -100,8 +103,8 @@ def test_gross_errors_hardly_move_the_unit() -> None:
     assert float(length.what.split(" is ")[1].split()[0]) == pytest.approx(7e3, rel=0.01)
 
 
-def test_units_convert_lengths_of_the_named_targets_alone() -> None:
-    """Translations and their sigmas are multiplied; rotations, their sigmas and other targets stay."""
+def test_units_convert_named_targets_only() -> None:
+    """Translations and their sigmas of the named targets are multiplied; rotations and other targets stay."""
     recording = in_metres()[0].recording
     sigma = np.array([1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3])
     (view,) = recording.samples[0].observations
@@ -124,8 +127,8 @@ def exact(layout: str = "dual", **more: object) -> tuple[SimulatedCell, Recordin
     return made, convert_units(made.recording, {"board": 4.0})
 
 
-def test_exact_poses_have_the_exact_unit() -> None:
-    """A cell whose targets all have known sizes has no unit to estimate."""
+def test_exact_poses_give_exact_unit() -> None:
+    """Exact poses give the exact unit; a cell with known target sizes has none to estimate."""
     made, recording = exact()
     cell, _ = up_to_scale(made, recording, 1.0)
     units_m, findings = estimate_units(cell, recording)
@@ -136,8 +139,11 @@ def test_exact_poses_have_the_exact_unit() -> None:
 
 @pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
 @pytest.mark.parametrize("base", ["free", "fixed"])
-def test_the_unit_is_linear_in_the_poses(layout: str, base: str) -> None:
-    """With true rotations the factor is exact from any translations of unknowns; known transforms count as stated."""
+def test_unit_is_linear_in_poses(layout: str, base: str) -> None:
+    """With true rotations the factor is exact from any translations of unknowns.
+
+    Known transforms are used as stated.
+    """
     made, recording = exact(layout, base=base)
     problem = build_problem(made.cell, recording)[0]
     rng = np.random.default_rng(0)
@@ -148,8 +154,11 @@ def test_the_unit_is_linear_in_the_poses(layout: str, base: str) -> None:
     assert _linear_factor(problem, State(far, {}, np.zeros((0, 6))), "board") == pytest.approx(0.25, rel=1e-6)
 
 
-def test_views_of_other_targets_have_no_part_in_a_unit() -> None:
-    """Without views, or with arms that stand still, the first unit is a metre."""
+def test_other_targets_do_not_affect_unit() -> None:
+    """Views of other targets have no effect on a unit.
+
+    Without views, or with arms at rest, the first unit is a metre.
+    """
     made, recording = exact()
     problem = build_problem(made.cell, recording)[0]
     (group,) = problem.groups
@@ -164,8 +173,11 @@ def test_views_of_other_targets_have_no_part_in_a_unit() -> None:
     assert _first_unit(problem.with_groups([still]), "board") == 1.0
 
 
-def test_the_first_unit_is_that_of_spreads() -> None:
-    """It is inverse to the lengths of the poses, right within a factor of three, and does not count views."""
+def test_first_unit_is_ratio_of_spreads() -> None:
+    """The first unit is inverse to pose lengths and right within a factor of three.
+
+    It is independent of the number of views.
+    """
     made, recording = exact()
     first = _first_unit(build_problem(made.cell, recording)[0], "board")
     assert 0.25 / 3 < first < 0.25 * 3
@@ -176,8 +188,8 @@ def test_the_first_unit_is_that_of_spreads() -> None:
     assert _first_unit(twice, "board") == pytest.approx(first, rel=1e-9)
 
 
-def test_a_column_is_left_by_its_sine() -> None:
-    """The share is 1 for an orthogonal column, 0 for one that others explain, and 0 for a column of zeros."""
+def test_unexplained_share_is_sine_of_angle() -> None:
+    """The share is 1 for an orthogonal column, 0 for one that others explain, and 0 for a zero column."""
     ahead, angle = np.array([[1.0, 0], [0, 1], [0, 0]]), np.radians(30)
     for column, share in (
         ([0, 0, 2], 1.0),
@@ -188,8 +200,8 @@ def test_a_column_is_left_by_its_sine() -> None:
         assert _unexplained_share(np.column_stack([ahead, column])) == pytest.approx(share, abs=1e-9)
 
 
-def test_points_far_off_hardly_count() -> None:
-    """The mean of eleven points within millimetres does not follow one that is a metre off."""
+def test_distant_points_hardly_count() -> None:
+    """The robust mean of eleven points within millimetres ignores one a metre away."""
     points = 1e-3 * np.random.default_rng(0).standard_normal((11, 3)) + [0.1, 0.2, 0.3]
     points[4] += [0.0, 1.0, 0.0]
     found = _robust_least_squares(np.tile(np.eye(3), (11, 1)), points.ravel())

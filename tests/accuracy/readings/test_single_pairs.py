@@ -1,4 +1,4 @@
-"""Cells of many robots, pair by pair."""
+"""Tests of cells of many robots, checked pair by pair."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ def pairs():
     return solve_single_pairs(declared_reading(RING.cell, RING.recording, problem), state)
 
 
-def test_two_arms_are_looked_at_together():
-    """A pair of arms is one cell, a ring of six is many."""
+def test_two_arms_are_checked_together():
+    """Two arms are one cell, a ring of six is many robots."""
     two = simulate(Scenario(samples=4), 1)
     assert not has_many_robots(build_problem(two.cell, two.recording)[0])
     assert has_many_robots(build_problem(RING.cell, RING.recording)[0])
 
 
-def test_each_robot_camera_and_target_is_in_a_pair(pairs):
-    """And no more pairs than it takes: half of those that a ring with loops has."""
+def test_pairs_cover_all_devices(pairs):
+    """Pairs cover each robot, camera and target with as few as needed: half of those in a ring with loops."""
     assert {name for pair in pairs for name in pair.robots} == RING.cell.robots.keys()
     assert {name for pair in pairs for name in pair.reading.cell.cameras} == RING.cell.cameras.keys()
     assert {name for pair in pairs for name in pair.reading.cell.targets} == RING.cell.targets.keys()
     assert len(pairs) == 6
 
 
-def test_a_pair_tells_how_its_bases_stand(pairs):
-    """Solved alone, with the eye's base where it is, the hand's base is the truth within six sigmas an axis."""
+def test_pair_determines_its_base(pairs):
+    """A pair solved alone, with the eye's base fixed, gives the true base of the hand within six sigmas per axis."""
     for pair in pairs[:3]:
         found = solve_problem(pair.reading.problem, pair.reading.cell, Settings(robot_noise="stated"))
         name = pair.reading.cell.requested_transforms[0]
@@ -55,8 +55,8 @@ def test_a_pair_tells_how_its_bases_stand(pairs):
         assert np.abs(off).max() < 6
 
 
-def test_what_one_pair_leaves_open_another_may_tell(pairs):
-    """An ambiguity is said where all pairs of a robot leave it open; an error of any pair is said, once."""
+def test_ambiguity_needs_all_pairs_of_robot(pairs):
+    """An ambiguity is reported only if all pairs of a robot have it; an error of any pair is reported once."""
     (first, second) = (pair for pair in pairs if "r1" in pair.robots)
     open_one = Finding("ambiguous-convention", "warning", ("r1",), "")
     wrong = Finding("robot-pose-inverted", "error", ("r1",), "")
@@ -66,8 +66,8 @@ def test_what_one_pair_leaves_open_another_may_tell(pairs):
 
 
 @pytest.mark.slow
-def test_a_mix_up_in_a_ring_is_named():
-    """One of six robots whose poses are inverted is named alone; as recorded the ring is good."""
+def test_mix_up_in_ring_is_named():
+    """The one robot of six with inverted poses is named alone; the unchanged ring is good."""
     assert calibrate(RING.cell, RING.recording).verdict == "good"
     found = calibrate(RING.cell, with_robots(RING.recording, {"r3": inverted}))
     assert found.verdict == "refused"
@@ -77,15 +77,15 @@ def test_a_mix_up_in_a_ring_is_named():
 
 
 @pytest.mark.parametrize(("count", "many"), [(4, False), (5, True)])
-def test_four_robots_are_looked_at_together(count, many):
-    """Those that carry a camera or a target that is seen; the world is none."""
+def test_four_robots_are_checked_together(count, many):
+    """Up to four robots that carry a seen camera or target are checked together; the world is not one."""
     robots = [f"r{k}" for k in range(count)]
     groups = [views(end(eye), end(hand)) for eye, hand in zip(robots, [None, *robots[:-1]], strict=True)]
     assert has_many_robots(problem_of(*groups)) == many
 
 
-def test_a_pair_has_what_is_its_own(pairs):
-    """Its samples with its robots alone and its one view, its lens, its transforms; of the eye the base is fixed."""
+def test_pair_contains_own_data_only(pairs):
+    """A pair contains its samples with its robots and view, its lens and its transforms, with the eye's base fixed."""
     for pair in pairs:
         (camera,), (target,) = pair.reading.cell.cameras, pair.reading.cell.targets
         assert set(pair.reading.cell.robots) == {*pair.robots, RING.cell.reference}
@@ -98,8 +98,8 @@ def test_a_pair_has_what_is_its_own(pairs):
         assert len(pair.state.stop_errors) == 0
 
 
-def test_only_pairs_of_the_same_robot_tell_what_one_leaves_open(pairs):
-    """A pair of others that says nothing is no witness; of two findings of one code each has its own robot."""
+def test_only_pairs_of_same_robot_resolve_ambiguity(pairs):
+    """Only pairs of the same robot resolve its ambiguity; two findings of one code keep their own robots."""
     first = next(pair for pair in pairs if "r1" in pair.robots)
     apart = next(pair for pair in pairs if not pair.robots & first.robots)
     one = Finding("ambiguous-convention", "warning", ("r1",), "")
@@ -110,13 +110,13 @@ def test_only_pairs_of_the_same_robot_tell_what_one_leaves_open(pairs):
 
 
 def of_pair(eye, hand, camera, target, count=1):
-    """A group of so many views."""
+    """A group of the given number of views."""
     at = SE3.identity((count,))
     return views(end(eye, at), end(hand, at), camera=camera, target=target)
 
 
-def test_pairs_with_most_that_no_other_has_come_first():
-    """Then those with most views; a pair that has nothing new is left out, and so are the world's."""
+def test_pairs_with_most_new_devices_come_first():
+    """Pairs with the most new devices come first, then those with most views; pairs without new ones are omitted."""
     groups = [
         of_pair("a", None, "ca", "world board"),
         of_pair("a", "b", "ca", "tb", count=3),
