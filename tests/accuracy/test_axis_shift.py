@@ -32,13 +32,13 @@ def batch(transform, spread, count, seed):
     return transform @ SE3.exp(spread * np.random.default_rng(seed).standard_normal((count, 6)))
 
 
-def made(shift_m=0.02, stations=2, two_sided=True, pixel_px=0.05, seed=0):
+def simulate_stations(shift_m=0.02, stations=2, two_sided=True, pixel_px=0.05, seed=0):
     return simulate_shifts(
         TRUE, batch(EYE, 0.02, stations, 1), batch(LIGHT, 0.05, stations, 2), CAMERA, shift_m, two_sided, pixel_px, seed
     )
 
 
-def calibrated(simulated, settings=None, **changed):
+def calibrate_shifts(simulated, settings=None, **changed):
     cell = replace(simulated.cell, **changed)
     problem, _ = build_problem(cell, simulated.recording)
     return calibrate_axis_shift(cell, problem, settings or Settings(method="axis-shift"), [])
@@ -57,8 +57,8 @@ def test_covariance_matches_pixel_noise():
 
     Numbers of 29 x 6 freedoms scatter by 0.11, those of one draw are correlated; the random part is of first order.
     """
-    exact = calibrated(made(pixel_px=0.0), pixel_px=1e-9)[NAME]
-    found = [calibrated(made(pixel_px=0.02, seed=seed), pixel_px=0.02)[NAME] for seed in range(30)]
+    exact = calibrate_shifts(simulate_stations(pixel_px=0.0), pixel_px=1e-9)[NAME]
+    found = [calibrate_shifts(simulate_stations(pixel_px=0.02, seed=seed), pixel_px=0.02)[NAME] for seed in range(30)]
     off = np.stack([(exact.mean.inverse() @ estimate.mean).log() for estimate in found])
     random = found[0].covariance - exact.covariance
     squares = np.einsum("ni,ij,nj->n", off, np.linalg.inv(random), off) / 6
@@ -67,41 +67,46 @@ def test_covariance_matches_pixel_noise():
 
 def test_covariance_grows_with_stated_pixel_sigma():
     """The pixels' part of the covariance grows with the squared sigma, that of neglected depth does not."""
-    small, large, larger = (calibrated(made(), pixel_px=px)[NAME].covariance for px in (1e-9, 0.1, 0.2))
+    small, large, larger = (
+        calibrate_shifts(simulate_stations(), pixel_px=px)[NAME].covariance for px in (1e-9, 0.1, 0.2)
+    )
     np.testing.assert_allclose(larger - small, 4 * (large - small), rtol=1e-6)
     assert np.linalg.matrix_rank(small, tol=1e-9 * np.abs(small).max()) == 1
 
 
 def test_assumed_pixel_sigma_is_reported():
     """Without a stated pixel sigma 0.3 px are assumed and reported as an info; with one there is none."""
-    silent, stated = calibrated(made(), pixel_px=None), calibrated(made(), pixel_px=0.3)
+    silent, stated = (
+        calibrate_shifts(simulate_stations(), pixel_px=None),
+        calibrate_shifts(simulate_stations(), pixel_px=0.3),
+    )
     np.testing.assert_allclose(silent[NAME].covariance, stated[NAME].covariance)
     assert silent.noise["pixel_px"] == 0.3
-    said = [f.message for f in silent.findings if "0.3 px are assumed" in f.message]
-    assert len(said) == 1
+    messages = [f.message for f in silent.findings if "0.3 px are assumed" in f.message]
+    assert len(messages) == 1
     assert not any("assumed" in f.message for f in stated.findings)
 
 
 def test_neglected_depth_warns_from_two_sigmas():
     """Neglected depth is a warning from two sigmas on: at a pixel sigma a tenth below the limit, not a tenth above."""
-    simulated = made(0.1, two_sided=False, pixel_px=0.0)
-    exact, by_one_px = (calibrated(simulated, pixel_px=px)[NAME].covariance for px in (1e-9, 1.0))
+    simulated = simulate_stations(0.1, two_sided=False, pixel_px=0.0)
+    exact, by_one_px = (calibrate_shifts(simulated, pixel_px=px)[NAME].covariance for px in (1e-9, 1.0))
     systematic, random = np.sqrt(np.diag(exact)), np.sqrt(np.diag(by_one_px - exact))
     limit = float(np.max(systematic / (2 * random)))
-    above, below = calibrated(simulated, pixel_px=0.9 * limit), calibrated(simulated, pixel_px=1.1 * limit)
+    above, below = calibrate_shifts(simulated, pixel_px=0.9 * limit), calibrate_shifts(simulated, pixel_px=1.1 * limit)
     assert ("neglected-depth", "warning") in codes(above)
     assert above.verdict == "doubtful"
     assert set(codes(below)) == {("axis-shift-station", "info")}
     assert below.verdict == "good"
-    (said,) = [f.message for f in above.findings if f.code == "neglected-depth"]
-    assert f"about {1e3 * np.linalg.norm(systematic[:3]):.2g} mm" in said
-    assert f"{np.degrees(np.linalg.norm(systematic[3:])):.2g} deg" in said
+    (message,) = [f.message for f in above.findings if f.code == "neglected-depth"]
+    assert f"about {1e3 * np.linalg.norm(systematic[:3]):.2g} mm" in message
+    assert f"{np.degrees(np.linalg.norm(systematic[3:])):.2g} deg" in message
 
 
 def test_every_station_is_reported():
     """Each station is reported with its samples, and its LED and base in the eye's base."""
-    simulated = made(stations=3)
-    found = calibrated(simulated)
+    simulated = simulate_stations(stations=3)
+    found = calibrate_shifts(simulated)
     of = [f for f in found.findings if f.code == "axis-shift-station"]
     assert [f.about for f in of] == [tuple(str(int(n)) for n in s.samples) for s in stations(simulated)]
     base = stations(simulated)[1].base()
@@ -112,47 +117,47 @@ def test_every_station_is_reported():
 
 def test_stations_are_weighted_by_shift_over_depth():
     """Without a task, the mean of all bases is weighted by the squared ratio of LED shift to distance."""
-    simulated = made(stations=3)
+    simulated = simulate_stations(stations=3)
     of = stations(simulated)
     weights = [(s.rms_shift_m / np.linalg.norm(s.camera_from_led().translation)) ** 2 for s in of]
     wanted = fuse_bases([s.base() for s in of], weights)
-    np.testing.assert_allclose(calibrated(simulated)[NAME].mean.matrix, wanted.matrix, atol=1e-12)
+    np.testing.assert_allclose(calibrate_shifts(simulated)[NAME].mean.matrix, wanted.matrix, atol=1e-12)
 
 
 @pytest.mark.parametrize("choice", ["nearest", "weighted"])
 def test_task_chooses_its_station(choice):
     """At a station's own LED, its base and covariance are the answer, alone or by weight."""
-    simulated = made(stations=3)
+    simulated = simulate_stations(stations=3)
     of = stations(simulated)[1]
     task = (of.base() @ of.hand_base_from_led).translation
     settings = Settings(method="axis-shift", task_point=tuple(task), station_choice=choice)
-    found = calibrated(simulated, settings)
+    found = calibrate_shifts(simulated, settings)
     np.testing.assert_allclose(found[NAME].mean.matrix, of.base().matrix, atol=1e-6)
     chosen = [s for s in simulated.recording.samples if s.sample in of.samples]
     alone = replace(simulated, recording=replace(simulated.recording, samples=tuple(chosen)))
-    np.testing.assert_allclose(found[NAME].covariance, calibrated(alone)[NAME].covariance, rtol=1e-3)
+    np.testing.assert_allclose(found[NAME].covariance, calibrate_shifts(alone)[NAME].covariance, rtol=1e-3)
 
 
 def test_nearest_station_answers_alone():
     """Beside an LED the nearest station gives the answer alone; by weights all stations contribute."""
-    simulated = made(stations=3)
+    simulated = simulate_stations(stations=3)
     of = stations(simulated)[1]
     task = (of.base() @ of.hand_base_from_led).translation + np.array([0.01, 0.0, 0.0])
     for choice, alone in (("nearest", True), ("weighted", False)):
         settings = Settings(method="axis-shift", task_point=tuple(task), station_choice=choice)
-        off = (calibrated(simulated, settings)[NAME].mean.inverse() @ of.base()).log()
+        off = (calibrate_shifts(simulated, settings)[NAME].mean.inverse() @ of.base()).log()
         assert (np.abs(off).max() < 1e-9) == alone
 
 
 def test_stations_are_weighted_equally_in_mean_and_covariance():
     """For a task between stations, each counts by the distance to the power of minus two, its noise by the square."""
-    simulated = made(stations=3)
+    simulated = simulate_stations(stations=3)
     of, task = stations(simulated), np.array([0.3, -0.2, 2.0])
     settings = Settings(method="axis-shift", task_point=tuple(task), station_choice="weighted")
 
     def by_pixels(recorded, settings=None):
-        """What a pixel of noise adds to the covariance."""
-        with_noise, without = (calibrated(recorded, settings, pixel_px=px)[NAME].covariance for px in (1.0, 1e-9))
+        """Contribution of one pixel of noise to the covariance."""
+        with_noise, without = (calibrate_shifts(recorded, settings, pixel_px=px)[NAME].covariance for px in (1.0, 1e-9))
         return with_noise - without
 
     distance = [np.linalg.norm((s.base() @ s.hand_base_from_led).translation - task) for s in of]
@@ -167,26 +172,26 @@ def test_stations_are_weighted_equally_in_mean_and_covariance():
 
 def test_base_of_eye_is_inverse():
     """If the robot with the LED is the reference, the inverse base and covariance are requested and given."""
-    simulated = made()
+    simulated = simulate_stations()
     known = Unknown()
-    told = calibrated(simulated, reference="hand", bases={"eye": known})
-    plain = calibrated(simulated)[NAME].inverse()
-    estimate = told["hand_base_from_eye_base"]
+    inverse = calibrate_shifts(simulated, reference="hand", bases={"eye": known})
+    plain = calibrate_shifts(simulated)[NAME].inverse()
+    estimate = inverse["hand_base_from_eye_base"]
     np.testing.assert_allclose(estimate.mean.matrix, plain.mean.matrix, atol=1e-9)
     np.testing.assert_allclose(estimate.covariance, plain.covariance, rtol=1e-6)
-    np.testing.assert_allclose(told.joint_covariance, plain.covariance, rtol=1e-6)
-    assert told.order == ("hand_base_from_eye_base",)
+    np.testing.assert_allclose(inverse.joint_covariance, plain.covariance, rtol=1e-6)
+    assert inverse.order == ("hand_base_from_eye_base",)
 
 
 def test_missing_lens_and_several_bases_are_refused():
     """The closed form needs a lens and one base to find; the errors state it."""
-    simulated = made()
+    simulated = simulate_stations()
     camera = replace(simulated.cell.cameras["camera"], intrinsics=None)
     with pytest.raises(NotObservable, match="the lens of camera"):
-        calibrated(simulated, cameras={"camera": replace(camera, intrinsics=replace(
+        calibrate_shifts(simulated, cameras={"camera": replace(camera, intrinsics=replace(
             simulated.cell.cameras["camera"].intrinsics, status="free", camera=None))})  # fmt: skip
     with pytest.raises(NotObservable, match="ask for one base"):
-        calibrated(simulated, bases={"hand": Unknown("fixed", TRUE)})
+        calibrate_shifts(simulated, bases={"hand": Unknown("fixed", TRUE)})
 
 
 STATIONS = 3

@@ -42,9 +42,9 @@ def test_findings_are_logged(caplog):
     s = simulate(Scenario(), seed=0)
     with caplog.at_level("INFO", logger="basecal"):
         calibrate(s.cell, Recording(()))
-    said = {record.getMessage().partition(":")[0]: record.levelname for record in caplog.records}
-    assert said["verdict"] == "INFO"
-    assert said["too-few-samples"] == "ERROR"
+    levels = {record.getMessage().partition(":")[0]: record.levelname for record in caplog.records}
+    assert levels["verdict"] == "INFO"
+    assert levels["too-few-samples"] == "ERROR"
 
 
 @pytest.mark.parametrize("count", [2, 3])
@@ -136,12 +136,12 @@ def test_bumped_arm_is_named():
 def test_contradicted_sigmas_are_reported():
     """Pixels four times noisier than stated are a poor fit and doubtful, with sigmas of the true noise."""
     s = simulate(Scenario(pixel_px=0.8, samples=15), seed=0)
-    told = calibrate(replace(s.cell, pixel_px=0.2), s.recording)
+    wrong = calibrate(replace(s.cell, pixel_px=0.2), s.recording)
     true = calibrate(s.cell, s.recording)
-    assert told.verdict == "doubtful"
+    assert wrong.verdict == "doubtful"
     name = "eye_base_from_hand_base"
-    assert "poor-fit" in codes(told)
-    assert np.all(told[name].sigma_t > 0.8 * true[name].sigma_t)
+    assert "poor-fit" in codes(wrong)
+    assert np.all(wrong[name].sigma_t > 0.8 * true[name].sigma_t)
 
 
 def test_loop_errors_use_recorded_poses():
@@ -162,7 +162,7 @@ def test_unstated_robot_noise_is_estimated():
     found = calibrate(s.cell, s.recording)
     assert found.verdict == "good"
     for robot in ("eye", "hand"):
-        # Some 20 % each (test_noise_model.py): five of them.
+        # About 20 % sigma each (test_noise_model.py): five sigmas.
         np.testing.assert_allclose(found.noise["robots"][robot]["sigma_t_m"], [3e-4] * 3, rtol=0.9)
         np.testing.assert_allclose(found.noise["robots"][robot]["sigma_r_rad"], [5e-4] * 3, rtol=0.9)
     plain = calibrate(s.cell, s.recording, Settings(robot_noise="stated"))
@@ -170,7 +170,9 @@ def test_unstated_robot_noise_is_estimated():
     assert "poor-fit" in codes(plain)
     base = found["eye_base_from_hand_base"]
     off = (base.mean.inverse() @ s.truth["eye_base_from_hand_base"]).log()
-    assert off @ np.linalg.solve(base.covariance, off) < 50  # chi-square with 6 freedoms, of which 5e-9 lie beyond
+    assert (
+        off @ np.linalg.solve(base.covariance, off) < 50
+    )  # chi-square with 6 freedoms, exceeded with a chance of 5e-9
 
 
 @pytest.mark.slow
@@ -187,9 +189,9 @@ def test_few_stops_noise_is_partly_assumed():
     s = simulate(Scenario(robot_noise=(3e-4, 5e-4), state_robot_noise=False, samples=11), seed=0)
     found = calibrate(s.cell, s.recording)
     assert set(found.noise["robots"]) == {"eye", "hand"}
-    (told,) = [f for f in found.findings if f.code == "noise-not-identifiable"]
-    assert told.about == ("eye", "hand")
-    assert "11 stops of eye" in told.message
+    (finding,) = [f for f in found.findings if f.code == "noise-not-identifiable"]
+    assert finding.about == ("eye", "hand")
+    assert "11 stops of eye" in finding.message
 
 
 def test_exact_rotations_are_good():

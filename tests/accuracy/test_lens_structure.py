@@ -39,15 +39,15 @@ from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
 SETTINGS = Settings()
-# Of the bend's five terms only that along the image's height, by the squared radius: no lens of five terms has it.
+# Only the term along the image height by the squared radius: no lens of five terms contains it.
 BEND = np.array([0.0, 0.0, 0.0, 0.1, 0.0])
 
 
-def made(seed, samples=30, **changed):
+def simulate_cell(seed, samples=30, **changed):
     return simulate(Scenario(samples=samples, robot_noise=(1e-4, 2e-4), intrinsics="free", **changed), seed)
 
 
-def bent(cell, size=BEND):
+def distort(cell, size=BEND):
     """The recording of a simulated cell with a distortion that the lens model cannot have."""
     problem, _ = build_problem(cell.cell, cell.recording)
     (group,) = problem.groups
@@ -64,7 +64,7 @@ def bent(cell, size=BEND):
 
 def test_correct_lens_model_has_no_structure():
     """Five recordings with the model's own lens show no structure, at a level of one in 10,000."""
-    cells = (made(seed, samples=20) for seed in range(5))
+    cells = (simulate_cell(seed, samples=20) for seed in range(5))
     assert all(lens_structures(solve(c.cell, c.recording), SETTINGS) == [] for c in cells)
 
 
@@ -73,8 +73,8 @@ def test_distortion_is_found_with_size_and_effect():
 
     Centre, tilt and mount together absorb most of it.
     """
-    cell = made(2)
-    solution = solve(cell.cell, bent(cell))
+    cell = simulate_cell(2)
+    solution = solve(cell.cell, distort(cell))
     (found,) = lens_structures(solution, SETTINGS)
     assert found.camera == "wrist"
     assert found.chance < 1e-5
@@ -90,11 +90,11 @@ def test_calibrate_names_lens_structure():
 
     A clean recording has none.
     """
-    cell = made(1)
-    found = calibrate(cell.cell, bent(cell))
-    (told,) = (f for f in found.findings if f.code == "lens-model")
-    assert (told.severity, told.about) == ("info", ("wrist",))
-    assert "depend on their position in the image" in told.what
+    cell = simulate_cell(1)
+    found = calibrate(cell.cell, distort(cell))
+    (finding,) = (f for f in found.findings if f.code == "lens-model")
+    assert (finding.severity, finding.about) == ("info", ("wrist",))
+    assert "depend on their position in the image" in finding.what
     assert not [f for f in calibrate(cell.cell, cell.recording).findings if f.code == "lens-model"]
 
 
@@ -211,7 +211,7 @@ def test_chance_of_fewest_views():
     assert _chance(scores, information, scores.mean(0)) == pytest.approx(expected, abs=1e-12)
     assert _chance(scores[:1], information[:1], scores[0]) == 1.0
     assert _chance(np.ones((4, 1)), np.ones((4, 1, 1)), np.ones(1)) == 1.0
-    for of in np.random.default_rng(0).normal(size=(20, 1, 3)):  # as many freedoms as terms, but for rounding
+    for of in np.random.default_rng(0).normal(size=(20, 1, 3)):  # as many freedoms as terms, up to rounding
         assert _chance(of @ np.diag([2.0, 3.0, 7.0]), np.diag([2.0, 3.0, 7.0])[None], of[0]) == 1.0
 
 
@@ -230,7 +230,7 @@ def test_views_with_fewer_points_are_padded():
 @pytest.fixture(scope="module")
 def solved():
     """Twelve views of the model's own lens, solved."""
-    cell = made(2, samples=12)
+    cell = simulate_cell(2, samples=12)
     return solve(cell.cell, cell.recording)
 
 
@@ -306,7 +306,7 @@ def test_point_behind_camera_is_omitted(solved):
         np.testing.assert_array_equal(part[0, rows], 0.0)
 
 
-def seen_twice(solution):
+def duplicate_views(solution):
     """The views again as those of another camera with another lens."""
     (group,) = solution.problem.groups
     cameras = {**solution.state.cameras, "other": CAMERA}
@@ -316,11 +316,11 @@ def seen_twice(solution):
 
 def test_each_camera_uses_own_views(solved, monkeypatch):
     """Each camera with pixels is judged by its own views; one without structure is not reported."""
-    told = LensStructure("wrist", 1.0, 0.0, np.zeros(1))
+    structure = LensStructure("wrist", 1.0, 0.0, np.zeros(1))
     monkeypatch.setattr(
-        lens_structure, "_camera_structure", lambda solution, name, settings: told if name == "wrist" else None
+        lens_structure, "_camera_structure", lambda solution, name, settings: structure if name == "wrist" else None
     )
-    assert lens_structures(seen_twice(solved), SETTINGS) == [told]
+    assert lens_structures(duplicate_views(solved), SETTINGS) == [structure]
     assert lens_structures(replace(solved, converged=False), SETTINGS) == []
 
 
@@ -329,7 +329,7 @@ def test_rms_covers_seen_points(solved, monkeypatch):
 
     It is omitted if no term is significant, or with four views.
     """
-    two, size = seen_twice(solved), np.array([0.0, 2.0, -1.0, 0.5, 0.25])
+    two, size = duplicate_views(solved), np.array([0.0, 2.0, -1.0, 0.5, 0.25])
     monkeypatch.setattr(lens_structure, "_choose_terms", lambda residual, own, other: (size, 1e-9))
     monkeypatch.setattr(lens_structure, "_answer_step", lambda solution, name, size, settings: 2 * size)
     found = _camera_structure(two, "wrist", SETTINGS)

@@ -22,7 +22,7 @@ STATED = simulate(Scenario(samples=12, robot_noise=(2e-4, 4e-4)), 2)
 BARE = simulate(Scenario(samples=14, robot_noise=(2e-4, 4e-4), state_robot_noise=False, state_pixel_noise=False), 2)
 
 
-def detected(recording, sigma_px):
+def with_detector_sigma(recording, sigma_px):
     """The recording as if a detector had stated a sigma of all corners."""
 
     def of(seen):
@@ -42,7 +42,7 @@ def test_stated_noise_is_listed():
 
 def test_estimated_sigma_is_compared_with_detector():
     """Noise of 0.2 px is four times the 0.05 px that the detector states, within the error of 300 corners."""
-    recording = detected(BARE.recording, 0.05)
+    recording = with_detector_sigma(BARE.recording, 0.05)
     solution = solve(BARE.cell, recording, Settings(robot_noise="estimated"))
     of = noise_summary(BARE.cell, recording, solution)["cameras"]["wrist"]
     assert of["pixel_px"] == pytest.approx(0.2, rel=0.15)
@@ -99,15 +99,15 @@ def test_joint_errors_state_effect_after_base_and_mount():
 
 def test_noise_survives_file_and_report():
     """Noise is in `calibrate`, in `calibration.json` and in the report's sentences."""
-    found = calibrate(BARE.cell, detected(BARE.recording, 0.05))
+    found = calibrate(BARE.cell, with_detector_sigma(BARE.recording, 0.05))
     smooth = {"sigma": [1e-4] * 3 + [2e-4] * 3, "length_m": 0.7}
     robots = {**found.noise["robots"], "eye": {**found.noise["robots"]["eye"], "smooth": smooth}}
     found = replace(found, noise={**found.noise, "robots": robots})
     again = calibration_from_dict(calibration_to_dict(found))
     assert again.noise == found.noise
-    said = "\n".join(noise_sentences(again))
-    assert "times the sigma stated by its detector" in said
-    assert "error of robot eye that is smooth over 0.7 m: 0.10 mm, 0.20 mrad" in said
+    text = "\n".join(noise_sentences(again))
+    assert "times the sigma stated by its detector" in text
+    assert "error of robot eye that is smooth over 0.7 m: 0.10 mm, 0.20 mrad" in text
 
 
 def test_few_samples_leave_sigmas_uncertain():
@@ -153,7 +153,7 @@ def test_all_estimated_noise_is_listed():
     assert noise_summary(cell, STATED.recording, few)["robots"]["hand"]["freedoms"] == 1.0
 
 
-def seen_by(camera, sigmas, is_detected=True):
+def make_sample(camera, sigmas, is_detected=True):
     """Pixels of a camera whose detector states these sigmas."""
     (sample,) = simulate(Scenario(samples=1), 0).recording.samples
     (seen,) = sample.observations
@@ -180,8 +180,13 @@ def test_camera_noise_covers_its_measurements():
         noise=Noise(pixel_px=0.3, pose_m=2e-3), cameras={"b": Noise(pixel_px=0.6)}, estimated=("pixel_px", "pose_m")
     )
     solution = SimpleNamespace(noise=noise, problem=SimpleNamespace(groups=groups))
-    claims = [seen_by("a", [0.05, 0.15]), seen_by("a", [0.1]), seen_by("b", None), seen_by("b", [0.1], False)]
-    found = _camera_noise(Recording((*claims, seen_by("c", [0.1]))), solution)
+    claims = [
+        make_sample("a", [0.05, 0.15]),
+        make_sample("a", [0.1]),
+        make_sample("b", None),
+        make_sample("b", [0.1], False),
+    ]
+    found = _camera_noise(Recording((*claims, make_sample("c", [0.1]))), solution)
     assert found == {
         "a": {"views_count": 7, "pixel_px": 0.3, "factor": pytest.approx(3.0)},
         "b": {"views_count": 2, "pixel_px": 0.6, "factor": None},

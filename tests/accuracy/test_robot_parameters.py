@@ -120,7 +120,7 @@ def test_offset_is_seen_from_half_prior_variance():
         robots = {n: replace(r, parameters=prior) for n, r in made.cell.robots.items()}
         return joint_offsets(solve(replace(made.cell, robots=robots), made.recording))["hand"]
 
-    # By bisection: the prior's sigma at which the data's information on the third joint is the prior's own.
+    # By bisection: the prior sigma at which data and prior have equal information on the third joint.
     low, high = 1e-6, 1e-2
     for _ in range(12):
         middle = np.sqrt(low * high)

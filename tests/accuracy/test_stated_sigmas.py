@@ -32,7 +32,7 @@ NOISE = (1e-3, 1e-3)
 SETTINGS = Settings(robot_noise="stated")
 
 
-def solved(pixels=1.0, robots=1.0, seed=0, **changed):
+def solve_cell(pixels=1.0, robots=1.0, seed=0, **changed):
     """A solution whose cell states these shares of its true sigmas."""
     made = simulate(Scenario(**{"samples": 20, "robot_noise": NOISE} | changed), seed)
     cell = made.cell
@@ -45,7 +45,7 @@ def solved(pixels=1.0, robots=1.0, seed=0, **changed):
 @pytest.mark.parametrize("share", [0.7, 0.9, 1.0, 1.2])
 def test_wrong_pixel_sigma_is_contradicted(arms, share):
     """A wrong pixel sigma is contradicted by its ratio, and no robot's; true ones are not."""
-    found = contradicted_sigmas(solved(pixels=share, arms=arms))
+    found = contradicted_sigmas(solve_cell(pixels=share, arms=arms))
     assert [f.about for f in found] == ([] if share == 1.0 else ["wrist"])
     if found:
         assert found[0].ratio == pytest.approx(1 / share, rel=0.06)
@@ -56,7 +56,7 @@ def test_wrong_pixel_sigma_is_contradicted(arms, share):
 @pytest.mark.parametrize("share", [0.3, 3.0])
 def test_wrong_robot_sigmas_are_contradicted(arms, share):
     """Wrong robot sigmas are contradicted by private and shared stop errors, not the camera's."""
-    found = contradicted_sigmas(solved(robots=share, arms=arms))
+    found = contradicted_sigmas(solve_cell(robots=share, arms=arms))
     assert found
     assert {f.about for f in found} <= {"eye", "hand"}
     assert all(f.of_robot and f.is_too_small == (share < 1) for f in found)
@@ -64,14 +64,14 @@ def test_wrong_robot_sigmas_are_contradicted(arms, share):
 
 def test_estimated_sigmas_are_not_judged():
     """Estimated sigmas cannot be contradicted."""
-    assert contradicted_sigmas(solved(robot_noise=(0.0, 0.0), target="pose", state_observation_noise=False)) == ()
+    assert contradicted_sigmas(solve_cell(robot_noise=(0.0, 0.0), target="pose", state_observation_noise=False)) == ()
 
 
 @pytest.mark.slow
 def test_chances_are_uniform(monkeypatch):
     """Squares of pixels over their mean, with true sigmas, are normal about 1 with their freedoms."""
     monkeypatch.setattr("basecal.accuracy.stated_sigmas.SINGLE_LEVEL", 2.0)
-    ratios = [f.ratio for k in range(60) for f in contradicted_sigmas(solved(seed=k)) if f.about == "wrist"]
+    ratios = [f.ratio for k in range(60) for f in contradicted_sigmas(solve_cell(seed=k)) if f.about == "wrist"]
     freedoms = 20 * 2 * 24 - 18 - 20 * 6
     scores = (np.array(ratios) ** 2 - 1) * np.sqrt(freedoms / 2)
     assert kstest(scores, norm.cdf).pvalue > 1e-3
@@ -82,21 +82,21 @@ def test_contradicted_sigmas_are_estimated():
 
     True and too large sigmas stay as stated.
     """
-    true, small = solved(), solved(pixels=0.5)
+    true, small = solve_cell(), solve_cell(pixels=0.5)
     before = RobustSolution(small, (), small.problem.with_groups(()), 20, 0)
     after = without_contradicted_sigmas(before, contradicted_sigmas(small), SETTINGS).solution
     assert after.noise.noise.pixel_px == pytest.approx(0.2, rel=0.1)
     base = ["eye_base_from_hand_base"]
     ratio = np.diag(after.joint_transform_covariance(base)) / np.diag(true.joint_transform_covariance(base))
     assert np.all(np.abs(np.log(ratio)) < 0.5)
-    large = solved(pixels=2.0)
+    large = solve_cell(pixels=2.0)
     before = RobustSolution(large, (), large.problem.with_groups(()), 20, 0)
     assert without_contradicted_sigmas(before, contradicted_sigmas(large), SETTINGS) is before
 
 
 def test_failed_solution_is_not_judged():
     """Residuals of a failed or infinite solution do not contradict sigmas."""
-    small = solved(pixels=0.5)
+    small = solve_cell(pixels=0.5)
     assert contradicted_sigmas(small)
     assert contradicted_sigmas(replace(small, converged=False)) == ()
     assert contradicted_sigmas(replace(small, cost=np.inf)) == ()
@@ -106,7 +106,7 @@ def test_failed_solution_is_not_judged():
 @pytest.mark.parametrize("changed", [{}, {"arms": "stations"}, {"target": "points", "arms": "halves"}])
 def test_freedoms_of_parts_sum_to_total(changed):
     """Freedoms, residuals less unknowns, and squares of all cameras and robots sum to those of the whole."""
-    solution = solved(**changed)
+    solution = solve_cell(**changed)
     problem = solution.noise.hold_sigmas(solution.problem)
     about = leave_one_out(problem, solution.state, [np.ones(len(g)) for g in problem.groups])
     parts = [*_view_squares(about), *_stop_squares(about)]
@@ -117,14 +117,14 @@ def test_freedoms_of_parts_sum_to_total(changed):
     assert all(freedoms < 6 * 20 for name, _, _, freedoms in parts if name != "wrist")
 
 
-@pytest.mark.parametrize(("times", "told"), [(1.0, False), (2.0, True), (0.5, True)])
-def test_poses_about_mean_follow_chi_square(times, told):
+@pytest.mark.parametrize(("times", "is_contradicted"), [(1.0, False), (2.0, True), (0.5, True)])
+def test_poses_about_mean_follow_chi_square(times, is_contradicted):
     """Squares of twenty poses about an unknown mount follow chi-square with six freedoms less than numbers."""
     errors = times * np.random.default_rng(0).standard_normal((20, 6))
     problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3))
     found = contradicted_sigmas(solve_from(problem, state))
     squares, freedoms = np.sum((errors - errors.mean(0)) ** 2), 6 * 20 - 6
-    assert [(f.about, f.of_robot) for f in found] == ([("camera", False)] if told else [])
+    assert [(f.about, f.of_robot) for f in found] == ([("camera", False)] if is_contradicted else [])
     for each in found:
         assert each.ratio == pytest.approx(np.sqrt(squares / freedoms), rel=1e-3)
         tail = chi2.sf if times > 1 else chi2.cdf
@@ -135,17 +135,17 @@ def test_poses_about_mean_follow_chi_square(times, told):
 
 
 @pytest.mark.parametrize(
-    ("squares", "freedoms", "told"),
+    ("squares", "freedoms", "is_contradicted"),
     [(100.0, 4.0, True), (100.0, 2.9, False), (0.01, 4.0, True), (5.0, 4.0, False), (4.0, 4.0, False)],
 )
-def test_sigma_is_judged_by_chi_square(squares, freedoms, told):
+def test_sigma_is_judged_by_chi_square(squares, freedoms, is_contradicted):
     """A sigma is judged by chi-square on the side on which it is off, with at least three freedoms.
 
     Its ratio is the root of squares over freedoms.
     """
     found = judge_sigma("eye", True, squares, freedoms)
-    assert (found is not None) == told
-    if told:
+    assert (found is not None) == is_contradicted
+    if is_contradicted:
         tail = chi2.sf if squares > freedoms else chi2.cdf
         assert (found.about, found.of_robot, found.is_too_small) == ("eye", True, squares > freedoms)
         assert found.chance == pytest.approx(tail(squares, freedoms))
@@ -165,7 +165,7 @@ class Views(NamedTuple):
     measurement: SimpleNamespace
 
 
-def contradicted(monkeypatch, views, stops=(), unstated=(), counts=(), squares=(100.0, 100.0)):
+def find_contradicted(monkeypatch, views, stops=(), unstated=(), counts=(), squares=(100.0, 100.0)):
     """Contradictions of these parts of the residuals; `counts` are pairs of a camera and the source of its sigmas."""
     monkeypatch.setattr(stated_sigmas, "leave_one_out", lambda *given: None)
     monkeypatch.setattr(stated_sigmas, "_view_squares", lambda about: iter(views))
@@ -182,7 +182,7 @@ def test_parts_of_device_are_judged_together(monkeypatch):
     """Squares and freedoms of views and shared stops of one device add up; the worst contradiction comes first."""
     views = [("a", False, 100.0, 20.0), ("b", False, 5.0, 100.0), ("a", False, 80.0, 25.0), ("r", True, 30.0, 10.0)]
     stops = [("r", True, 60.0, 20.0), ("s", True, 21.0, 20.0)]
-    found = contradicted(monkeypatch, views, stops)
+    found = find_contradicted(monkeypatch, views, stops)
     assert found == [
         ("b", False, round(np.sqrt(0.05), 6)), ("a", False, 2.0), ("r", True, round(np.sqrt(3), 6)),
     ]  # fmt: skip
@@ -200,29 +200,29 @@ def test_only_stated_sigmas_are_judged(monkeypatch):
         ("c", True, 400.0, 100.0),
     ]
     counts = [("a", {"stated": 4, "pixel_px": 0}), ("b", {"stated": 4, "pixel_px": 2})]
-    found = contradicted(monkeypatch, parts, unstated={"a"}, counts=counts)
+    found = find_contradicted(monkeypatch, parts, unstated={"a"}, counts=counts)
     assert sorted(found) == [("a", False, 2.0), ("c", True, 2.0)]
 
 
 @pytest.mark.parametrize(
-    ("parts", "unstated", "told"),
+    ("parts", "unstated", "expected"),
     [
         (2, (), [("", False, 2.0)]),
         (1, (), []),
         (2, ("r1",), []),
     ],
 )
-def test_sigmas_are_judged_together_if_none_alone_is_contradicted(monkeypatch, parts, unstated, told):
+def test_sigmas_are_judged_together_if_none_alone_is_contradicted(monkeypatch, parts, unstated, expected):
     """All sigmas are judged together if none alone is contradicted, there are several, and all are stated."""
     views = [(f"r{k}", True, 110.0, 100.0) for k in range(parts)]
-    assert contradicted(monkeypatch, views, unstated=unstated, squares=(400.0, 100.0)) == told
+    assert find_contradicted(monkeypatch, views, unstated=unstated, squares=(400.0, 100.0)) == expected
     views.append(("b", True, 900.0, 100.0))
-    assert contradicted(monkeypatch, views, unstated=unstated, squares=(400.0, 100.0)) == [("b", True, 3.0)]
+    assert find_contradicted(monkeypatch, views, unstated=unstated, squares=(400.0, 100.0)) == [("b", True, 3.0)]
 
 
 def test_relative_point_sigmas_are_kept():
     """Point sigmas relative to the median are kept and none stays stated; points without one count as the median."""
-    (group,) = build_problem(*made_of(target="charuco"))[0].groups
+    (group,) = build_problem(*make_cell(target="charuco"))[0].groups
     seen = group.measurement
     stated = np.zeros_like(seen.stated)
     stated[0, :3] = 0.5, 4.0, 8.0
@@ -234,7 +234,7 @@ def test_relative_point_sigmas_are_kept():
     np.testing.assert_array_equal(replace(seen, stated=0 * stated).without_sigmas().relative, 1.0)
 
 
-def made_of(**changed):
+def make_cell(**changed):
     """A small cell and its recording."""
     made = simulate(Scenario(samples=3, **changed), 0)
     return made.cell, made.recording
@@ -243,17 +243,17 @@ def made_of(**changed):
 @pytest.mark.parametrize("target", ["pose", "points3d"])
 def test_unstating_poses_and_points_keeps_weights(target):
     """Without sigmas, poses and points in space state none, and all else stays."""
-    (group,) = build_problem(*made_of(target=target))[0].groups
+    (group,) = build_problem(*make_cell(target=target))[0].groups
     assert group.measurement.stated.any()
     found = group.measurement.without_sigmas()
     assert not found.stated.any()
     assert found.weight is group.measurement.weight
 
 
-def opened(monkeypatch, found, robot_noise):
+def solve_opened_problem(monkeypatch, found, robot_noise):
     """The problem solved instead of one with contradicted sigmas, and how it is solved."""
     solved_with = []
-    problem = build_problem(*made_of(robot_noise=NOISE))[0]
+    problem = build_problem(*make_cell(robot_noise=NOISE))[0]
     (group,) = problem.groups
     other = replace(group, camera="other")
     problem = replace(problem.with_groups([group, other]), held=True, unstated=frozenset({"third"}))
@@ -302,13 +302,13 @@ def test_only_too_small_sigmas_are_estimated(monkeypatch, found, cameras, robots
 
     A camera may have the name of a robot.
     """
-    assert opened(monkeypatch, found, "estimated") == ("noise", cameras, robots | {"third"})
+    assert solve_opened_problem(monkeypatch, found, "estimated") == ("noise", cameras, robots | {"third"})
 
 
 def test_stated_robot_noise_is_not_estimated(monkeypatch):
     """If robot noise is taken as stated, only camera sigmas are estimated."""
     found = [too_small("eye", True), too_small("wrist", False)]
-    assert opened(monkeypatch, found, "stated") == ("from", {"wrist"}, {"third"})
+    assert solve_opened_problem(monkeypatch, found, "stated") == ("from", {"wrist"}, {"third"})
 
 
 def test_implausibly_small_noise_is_refuted_by_evidence():

@@ -33,7 +33,9 @@ def _parts(pose: SE3) -> tuple[list[Array], list[Array]]:
 
 def _within(estimate: PoseEstimate, true: SE3) -> bool:
     off = (estimate.mean.inverse() @ true).log()
-    return float(off @ np.linalg.solve(estimate.covariance, off)) < 30  # six freedoms pass it once in 25,000
+    return (
+        float(off @ np.linalg.solve(estimate.covariance, off)) < 30
+    )  # chi-square with 6 freedoms, exceeded once in 25,000
 
 
 def test_hand_eye_matches_opencv() -> None:

@@ -27,7 +27,7 @@ from stream_cells import MOUNT, Streamed, imaged, streamed
 NAME = "arm_flange_from_wrist"
 
 
-def solved(made: Streamed, offset_s: float) -> tuple[ClockedRecording, Solution]:
+def solve_streams(made: Streamed, offset_s: float) -> tuple[ClockedRecording, Solution]:
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     offsets = {"arm": 0.0, "wrist": offset_s}
@@ -38,10 +38,10 @@ def solved(made: Streamed, offset_s: float) -> tuple[ClockedRecording, Solution]
 def test_answer_moves_to_optimum_of_offset() -> None:
     """An answer two milliseconds off the optimum moves to that of the optimal offset."""
     made = streamed()
-    at, optimum = solved(made, 0.03)
+    at, optimum = solve_streams(made, 0.03)
     best_s = 0.03 + float(remaining_step(at, optimum).step_s[0])
-    _, optimum = solved(made, best_s)
-    aside, solution = solved(made, best_s + 2e-3)
+    _, optimum = solve_streams(made, best_s)
+    aside, solution = solve_streams(made, best_s + 2e-3)
     moved = apply_remaining_step(solution, remaining_step(aside, solution))
     before, after = (
         (optimum.state.transforms[NAME].inverse() @ s.state.transforms[NAME]).log() for s in (solution, moved)
@@ -51,7 +51,7 @@ def test_answer_moves_to_optimum_of_offset() -> None:
 
 def test_covariance_includes_offset() -> None:
     """The covariance of the answer includes that of the clock offset."""
-    of, solution = solved(streamed(), 0.03)
+    of, solution = solve_streams(streamed(), 0.03)
     left = remaining_step(of, solution)
     wider = apply_remaining_step(solution, left).covariance - solution.covariance
     np.testing.assert_allclose(wider, left.covariance[0, 0] * left.by_offsets @ left.by_offsets.T, atol=1e-18)
@@ -60,10 +60,10 @@ def test_covariance_includes_offset() -> None:
 
 def test_estimated_and_stated_offsets_are_reported() -> None:
     """Estimated offsets are reported with sigma, stated ones with zero sigma."""
-    of, solution = solved(streamed(), 0.03)
+    of, solution = solve_streams(streamed(), 0.03)
     (clock,) = clock_offsets(of, remaining_step(of, solution)).values()
     assert clock.offset_s == pytest.approx(0.03, abs=3.3 * clock.sigma_s)
-    of, solution = solved(streamed(clock=Clock(offset_s=0.03)), 0.03)
+    of, solution = solve_streams(streamed(clock=Clock(offset_s=0.03)), 0.03)
     assert {n: (c.offset_s, c.sigma_s) for n, c in clock_offsets(of, remaining_step(of, solution)).items()} == {
         "wrist": (0.03, 0.0)
     }
@@ -73,14 +73,14 @@ def test_unobservable_clock_is_finding_without_offset() -> None:
     """A clock that no motion shows has no offset and an unobservable-direction info."""
     found = calibrate(*(lambda m: (m.cell, m.recording))(streamed(still=True)))
     assert "wrist" not in found.clocks
-    said = [f for f in found.findings if f.about == ("wrist",)]
-    assert [(f.code, f.severity) for f in said] == [("unobservable-direction", "info")]
-    assert "The robots move too little" in said[0].message
+    wrist_findings = [f for f in found.findings if f.about == ("wrist",)]
+    assert [(f.code, f.severity) for f in wrist_findings] == [("unobservable-direction", "info")]
+    assert "The robots move too little" in wrist_findings[0].message
 
 
 def test_contradicted_clock_prior_is_named() -> None:
     """A contradicted clock prior is named with the entry to write."""
-    of, solution = solved(streamed(clock=Clock("prior", 0.01, 1e-3)), 0.029)
+    of, solution = solve_streams(streamed(clock=Clock("prior", 0.01, 1e-3)), 0.029)
     (finding,) = clock_findings(of, remaining_step(of, solution))
     assert (finding.code, finding.severity) == ("prior-contradicted", "warning")
     assert "clock of wrist" in finding.message
@@ -96,7 +96,7 @@ def test_calibration_of_streams_is_correct_with_clock() -> None:
     assert found.verdict == "good"
     assert found.clocks["wrist"].offset_s == pytest.approx(0.03, abs=3.3 * found.clocks["wrist"].sigma_s)
     xi = (found[NAME].mean.inverse() @ MOUNT).log()
-    assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5  # the 99.9 % of six freedoms
+    assert xi @ np.linalg.solve(found[NAME].covariance, xi) < 22.5  # 99.9 % of chi-square with 6 freedoms
 
 
 def test_paths_have_no_stops():
@@ -154,7 +154,9 @@ def test_line_time_far_from_prior_is_named():
     assert finding.what.startswith(("The line time of wrist is 20", "The line time of wrist is 19"))
 
 
-def said(known: Clock, offset_s: float, step_s: float, seen: bool = True, name: str = "wrist") -> list[tuple[str, ...]]:
+def describe_clock(
+    known: Clock, offset_s: float, step_s: float, seen: bool = True, name: str = "wrist"
+) -> list[tuple[str, ...]]:
     """Severity, code, device and message about a clock with this statement, offset and remaining step."""
     streams = SimpleNamespace(cell=SimpleNamespace(cameras={"wrist": None}), clocks={name: known})
     left = ClockStep((name,), np.array([step_s]), np.eye(1), np.zeros((6, 1)), np.array([seen]))
@@ -174,8 +176,8 @@ def test_offsets_include_remaining_step() -> None:
         np.zeros((6, 3)), np.array([True, False, True]),
     )  # fmt: skip
     of = SimpleNamespace(streams=streams, offsets_s=offsets)
-    told = {name: (each.offset_s, each.sigma_s) for name, each in clock_offsets(of, left).items()}
-    assert told == {"a": (pytest.approx(0.032), pytest.approx(2e-4)), "d": (0.4, 0.0)}
+    offsets_and_sigmas = {name: (each.offset_s, each.sigma_s) for name, each in clock_offsets(of, left).items()}
+    assert offsets_and_sigmas == {"a": (pytest.approx(0.032), pytest.approx(2e-4)), "d": (0.4, 0.0)}
     lines = {name: (each.line_time_s, each.sigma_s) for name, each in line_times(of, left).items()}
     assert lines == {"wrist": (pytest.approx(9e-6), pytest.approx(3e-8)), "other": (3e-5, 0.0)}
 
@@ -188,27 +190,27 @@ def test_clock_prior_is_contradicted_beyond_3_9_sigmas(step_s: float, contradict
 
     The final offset counts: it is already 1 ms from a prior of 1 ms, to either side.
     """
-    found = said(Clock("prior", 0.02, 1e-3), 0.021, step_s)
+    found = describe_clock(Clock("prior", 0.02, 1e-3), 0.021, step_s)
     assert bool(found) == contradicted
     if contradicted:
         off_ms, sigmas = ("24.1", "4.1") if step_s > 0 else ("15.9", "4.1")
         words = f"The clock of wrist is {off_ms} ms off, {sigmas} sigma from its prior of 20.0 ms. Check the prior"
         assert found[0][:3] == ("warning", "prior-contradicted", "wrist")
         assert words in found[0][3]
-    assert said(Clock("free", 0.02), 0.021, step_s) == []
+    assert describe_clock(Clock("free", 0.02), 0.021, step_s) == []
 
 
 def test_line_times_are_in_microseconds() -> None:
     """Line times are reported in microseconds for their camera: contradicted, or kept without motion."""
     name = line_time_name("wrist")
-    (found,) = said(Clock("prior", 2e-5, 1e-6), 2.5e-5, 1e-6, name=name)
+    (found,) = describe_clock(Clock("prior", 2e-5, 1e-6), 2.5e-5, 1e-6, name=name)
     assert found[:3] == ("warning", "prior-contradicted", "wrist")
     assert "The line time of wrist is 26.00 us, 6.0 sigma from its prior of 20.00 us." in found[3]
-    (found,) = said(Clock("free", 2e-5), 2.5e-5, 0.0, seen=False, name=name)
+    (found,) = describe_clock(Clock("free", 2e-5), 2.5e-5, 0.0, seen=False, name=name)
     assert found[:3] == ("info", "unobservable-direction", "wrist")
     assert "The line time of wrist is unobservable" in found[3]
     assert "The value 25.0 us is kept, without effect on the result" in found[3]
-    (found,) = said(Clock("free", 2e-5), 0.0254, 0.0, seen=False)
+    (found,) = describe_clock(Clock("free", 2e-5), 0.0254, 0.0, seen=False)
     assert (
         "The clock of wrist is unobservable. The robots move too little while it records. The value 0.025 s" in found[3]
     )

@@ -19,10 +19,10 @@ from basecal.estimation.streams.streams import recording_streams
 from quick import quick
 from stream_cells import Streamed, imaged, streamed
 
-SIGMA_S = 4e-4  # of the offset of these recordings, at most
+SIGMA_S = 4e-4  # largest sigma of the offset of these recordings
 
 
-def found(made: Streamed, settings: Settings | None = None) -> dict[str, float]:
+def find_offsets(made: Streamed, settings: Settings | None = None) -> dict[str, float]:
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     return search_offsets(streams, settings or Settings()).offsets_s
@@ -34,18 +34,18 @@ def found(made: Streamed, settings: Settings | None = None) -> dict[str, float]:
 )
 def test_offset_is_found(offset_s: float, stated: bool) -> None:
     """A clock offset is found within its sigma."""
-    assert found(streamed(offset_s, stated=stated))["wrist"] == pytest.approx(offset_s, abs=3.3 * SIGMA_S)
+    assert find_offsets(streamed(offset_s, stated=stated))["wrist"] == pytest.approx(offset_s, abs=3.3 * SIGMA_S)
 
 
 def test_offset_is_found_from_guess() -> None:
     """A clock offset is found beside a guess 0.2 s off, with stamps of 1.6e9 s."""
     made = streamed(1.6e9, clock=Clock("free", 1.6e9 + 0.2))
-    assert found(made)["wrist"] - 1.6e9 == pytest.approx(0.0, abs=3.3 * SIGMA_S)
+    assert find_offsets(made)["wrist"] - 1.6e9 == pytest.approx(0.0, abs=3.3 * SIGMA_S)
 
 
 def test_fixed_offset_is_kept() -> None:
     """A fixed clock offset is kept."""
-    assert found(streamed(0.03, clock=Clock("fixed", 0.011)))["wrist"] == 0.011
+    assert find_offsets(streamed(0.03, clock=Clock("fixed", 0.011)))["wrist"] == 0.011
 
 
 @pytest.mark.slow
@@ -77,19 +77,19 @@ def test_rows_are_corrected_by_line_time(shutter: RollingShutter) -> None:
     of = search_offsets(streams, Settings())
     assert of.offsets_s["wrist line"] == pytest.approx(3e-5, abs=1e-6)
     solution = solve(of.streams.cell, made.recording)
-    mended = solve_problem(build_problem(made.cell, of.recording)[0], made.cell)
-    assert mended.cost < 1.2 * mended.dof
-    assert solution.cost > 5 * mended.cost  # each view by its mean row alone
+    by_rows = solve_problem(build_problem(made.cell, of.recording)[0], made.cell)
+    assert by_rows.cost < 1.2 * by_rows.dof
+    assert solution.cost > 5 * by_rows.cost  # uncorrected: each view at its mean row
 
 
-def tried(made: Streamed, monkeypatch: pytest.MonkeyPatch, misfit) -> tuple[list[float], float]:
+def try_offsets(made: Streamed, monkeypatch: pytest.MonkeyPatch, misfit) -> tuple[list[float], float]:
     """The offsets of the camera's clock that are tried, and the best by a misfit."""
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     seen: list[float] = []
 
     def misfit_of(streams, offsets, settings):
-        """Kept, and told."""
+        """Records the offset and returns the misfit."""
         seen.append(offsets["wrist"])
         return misfit(offsets["wrist"])
 
@@ -102,13 +102,13 @@ def test_offset_range_is_a_second_or_three_sigmas(monkeypatch: pytest.MonkeyPatc
 
     If none can be solved, the offset stays.
     """
-    seen, best = tried(streamed(clock=Clock("free", 2.0)), monkeypatch, lambda at: abs(at - 2.31))
+    seen, best = try_offsets(streamed(clock=Clock("free", 2.0)), monkeypatch, lambda at: abs(at - 2.31))
     np.testing.assert_allclose(seen, 2.0 + np.linspace(-1, 1, 21))
     assert best == pytest.approx(2.3)
-    seen, best = tried(streamed(clock=Clock("prior", 2.0, 0.1)), monkeypatch, lambda at: -at)
+    seen, best = try_offsets(streamed(clock=Clock("prior", 2.0, 0.1)), monkeypatch, lambda at: -at)
     np.testing.assert_allclose(seen, np.linspace(1.7, 2.3, 21))
     assert best == pytest.approx(2.3)
-    assert tried(streamed(), monkeypatch, lambda at: np.inf)[1] == -5.0
+    assert try_offsets(streamed(), monkeypatch, lambda at: np.inf)[1] == -5.0
 
 
 def test_step_is_at_most_a_second() -> None:
@@ -129,25 +129,25 @@ def test_misfit_is_smallest_at_true_offset() -> None:
     assert beside > 10 * at
 
 
-def solved_as(hopeless: bool = False, robots: object = (), jitter_s: object = (), of_arms: bool = False) -> object:
+def make_solution(hopeless: bool = False, robots: object = (), jitter_s: object = (), of_arms: bool = False) -> object:
     """A solution with the given properties."""
     noise = SimpleNamespace(robots=robots, jitter_s=jitter_s)
     return SimpleNamespace(problem=hopeless, state=None, noise=noise, of_arms=of_arms)
 
 
-def stepped(monkeypatch: pytest.MonkeyPatch, steps, solution=None, names=("a",), fails_at: int = 99):
+def run_steps(monkeypatch: pytest.MonkeyPatch, steps, solution=None, names=("a",), fails_at: int = 99):
     """Result of `_step_offsets` for these steps, in sigmas of 0.01 s, and the starts of the solutions."""
     near, left = [], iter(steps)
 
     def solve_once(streams, offsets, settings, last):
-        """The same each time."""
+        """Returns the same solution each time."""
         near.append(last)
         if len(near) > fails_at:
             raise NotObservable("no")
-        return solution or solved_as(), "samples"
+        return solution or make_solution(), "samples"
 
     def step(streams, samples, offsets, last):
-        """The next one."""
+        """Returns the next step."""
         sizes = 0.01 * np.broadcast_to(next(left), (len(names),))
         return ClockStep(names, sizes, 1e-4 * np.eye(len(names)), np.zeros((0, 1)), np.ones(len(names), dtype=bool))
 
@@ -163,13 +163,13 @@ def stepped(monkeypatch: pytest.MonkeyPatch, steps, solution=None, names=("a",),
     [
         ([3.0, 1.0, 0.04], 3, 1.0404),
         ([3.0, -1.0, 0.06, -0.04, 9.0], 4, 1.0202),
-        ([0.0, 0.0, 9.0], 2, 1.0),  # pixels are mended by a solution: the first does not end it
+        ([0.0, 0.0, 9.0], 2, 1.0),  # a solution corrects the pixels, so the first one does not end the search
         ([1.0] * 20, 8, 1.08),
     ],
 )
 def test_steps_continue_until_small(monkeypatch: pytest.MonkeyPatch, steps, solutions, end) -> None:
     """Steps continue until they are below a twentieth of a sigma, each from the previous solution, at most eight."""
-    (offsets, last, explained), near = stepped(monkeypatch, steps)
+    (offsets, last, explained), near = run_steps(monkeypatch, steps)
     assert len(near) == solutions
     assert near == [None, *[last] * (solutions - 1)]
     assert offsets == {"a": pytest.approx(end), "b": 2.0}
@@ -179,38 +179,40 @@ def test_steps_continue_until_small(monkeypatch: pytest.MonkeyPatch, steps, solu
 def test_every_clock_must_converge(monkeypatch: pytest.MonkeyPatch) -> None:
     """If one of two clocks still moves, another solution follows."""
     steps = [[0.01, 1.0], [0.01, 0.5], [0.5, 0.01], [0.01, 0.01]]
-    assert len(stepped(monkeypatch, steps, names=("a", "b"))[1]) == 4
+    assert len(run_steps(monkeypatch, steps, names=("a", "b"))[1]) == 4
 
 
 def test_two_solutions_correct_pixels_without_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a clock to find, two solutions correct the pixels."""
-    assert len(stepped(monkeypatch, [], names=())[1]) == 2
+    assert len(run_steps(monkeypatch, [], names=())[1]) == 2
 
 
 def test_failed_solve_keeps_offsets(monkeypatch: pytest.MonkeyPatch) -> None:
     """If a solve fails, the offsets and the last solution are kept, and the views are not explained."""
-    assert stepped(monkeypatch, [1.0], fails_at=0)[0] == ({"a": 1.0, "b": 2.0}, None, False)
-    (offsets, last, explained), _ = stepped(monkeypatch, [1.0, 1.0], fails_at=1)
+    assert run_steps(monkeypatch, [1.0], fails_at=0)[0] == ({"a": 1.0, "b": 2.0}, None, False)
+    (offsets, last, explained), _ = run_steps(monkeypatch, [1.0, 1.0], fails_at=1)
     assert (offsets, last is not None, explained) == ({"a": pytest.approx(1.01), "b": 2.0}, True, False)
 
 
 @pytest.mark.parametrize(
     ("solution", "explained"),
     [
-        (solved_as(), True),
-        (solved_as(hopeless=True), False),
-        (solved_as(robots=("arm",)), False),
-        (solved_as(jitter_s=("wrist",)), False),
-        (solved_as(robots=("arm",), of_arms=True), True),
-        (solved_as(hopeless=True, robots=("arm",), of_arms=True), False),
+        (make_solution(), True),
+        (make_solution(hopeless=True), False),
+        (make_solution(robots=("arm",)), False),
+        (make_solution(jitter_s=("wrist",)), False),
+        (make_solution(robots=("arm",), of_arms=True), True),
+        (make_solution(hopeless=True, robots=("arm",), of_arms=True), False),
     ],
 )
 def test_plausible_noise_explains_views(monkeypatch: pytest.MonkeyPatch, solution, explained) -> None:
     """Estimated noise must be plausible to explain the views; a hopeless fit is never explained."""
-    assert stepped(monkeypatch, [0.0, 0.0], solution)[0][2] == explained
+    assert run_steps(monkeypatch, [0.0, 0.0], solution)[0][2] == explained
 
 
-def stepwise(monkeypatch: pytest.MonkeyPatch, explained: bool, views: int) -> tuple[list[object], dict[str, float]]:
+def record_search(
+    monkeypatch: pytest.MonkeyPatch, explained: bool, views: int
+) -> tuple[list[object], dict[str, float]]:
     """The steps of `search_offsets` in order, and its final offsets."""
     done: list[object] = []
 
@@ -224,12 +226,12 @@ def stepwise(monkeypatch: pytest.MonkeyPatch, explained: bool, views: int) -> tu
     )  # fmt: skip
 
     def step(of, offsets, settings):
-        """One further each time."""
+        """Increases the offset by one each time."""
         done.append((of.views, dict(offsets)))
         return {"a": offsets["a"] + 1.0}, "last", explained
 
     def best(of, offsets, name, settings):
-        """Ten further for each clock."""
+        """Increases the offset by ten for each clock."""
         done.append((of.views, name))
         return {"a": offsets["a"] + 10.0}
 
@@ -246,10 +248,10 @@ def test_offsets_are_stepped_before_search(monkeypatch: pytest.MonkeyPatch) -> N
 
     Line times are not searched; the last steps use all views.
     """
-    assert stepwise(monkeypatch, True, 200) == ([(200, {"a": 0.0})], {"a": 1.0})
-    assert stepwise(monkeypatch, True, 201) == ([(200, {"a": 0.0}), ("all", {"a": 1.0})], {"a": 2.0})
+    assert record_search(monkeypatch, True, 200) == ([(200, {"a": 0.0})], {"a": 1.0})
+    assert record_search(monkeypatch, True, 201) == ([(200, {"a": 0.0}), ("all", {"a": 1.0})], {"a": 2.0})
     tries: list[object] = [(200, {"a": 0.0}), (40, "a"), (40, "b"), (200, {"a": 20.0})]
-    assert stepwise(monkeypatch, False, 200) == (tries, {"a": 21.0})
+    assert record_search(monkeypatch, False, 200) == (tries, {"a": 21.0})
 
 
 def test_misfit_is_log_likelihood_per_residual(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -260,7 +262,7 @@ def test_misfit_is_log_likelihood_per_residual(monkeypatch: pytest.MonkeyPatch) 
     given = []
 
     def solve_once(streams, offsets, settings):
-        """A cost of 12."""
+        """Returns a solution with a cost of 12."""
         given.append((streams.cell.robots, settings))
         noise = SimpleNamespace(noise=SimpleNamespace(pixel_px=0.5, pose_m=2.0))
         return SimpleNamespace(cost=12.0, noise=noise, problem=None), None

@@ -19,7 +19,7 @@ from basecal.simulation import Scenario, simulate
 from stream_cells import Streamed, imaged, streamed
 
 
-def solved(made: Streamed, offset_s: float) -> tuple[ClockStep, Solution, Synchronised]:
+def solve_streams(made: Streamed, offset_s: float) -> tuple[ClockStep, Solution, Synchronised]:
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     offsets = {"arm": 0.0, "wrist": offset_s}
@@ -32,19 +32,19 @@ def solved(made: Streamed, offset_s: float) -> tuple[ClockStep, Solution, Synchr
 @pytest.mark.parametrize("away_s", [-5e-3, 0.0, 5e-3])
 def test_step_leads_to_true_offset(away_s: float) -> None:
     """The step leads to the true offset within its sigma, from 5 ms on either side."""
-    found, _, _ = solved(streamed(), 0.03 + away_s)
+    found, _, _ = solve_streams(streamed(), 0.03 + away_s)
     assert found.clocks == ("wrist",)
     assert found.is_observable.all()
     sigma = float(np.sqrt(found.covariance[0, 0]))
     assert sigma < 5e-4
-    assert found.step_s[0] + away_s == pytest.approx(0.0, abs=3.3 * sigma)  # chance: once in a thousand
+    assert found.step_s[0] + away_s == pytest.approx(0.0, abs=3.3 * sigma)  # fails by chance once in a thousand
 
 
 def test_answer_changes_with_offset_as_resolved() -> None:
     """The answer's derivative by the offset matches solving again 1 ms away."""
     made, shift = streamed(), 1e-3
-    found, at, _ = solved(made, 0.03)
-    _, after, _ = solved(made, 0.03 + shift)
+    found, at, _ = solve_streams(made, 0.03)
+    _, after, _ = solve_streams(made, 0.03 + shift)
     for name, columns in at.problem.columns.items():
         moved = (at.state.transforms[name].inverse() @ after.state.transforms[name]).log()
         np.testing.assert_allclose(found.by_offsets[columns, 0] * shift, moved, atol=3e-6)
@@ -52,8 +52,8 @@ def test_answer_changes_with_offset_as_resolved() -> None:
 
 def test_prior_holds_offset() -> None:
     """A tight prior determines the offset and its sigma; a free clock has a larger one."""
-    free, _, _ = solved(streamed(clock=Clock("free", 0.03)), 0.03)
-    held, _, _ = solved(streamed(clock=Clock("prior", 0.025, 1e-6)), 0.03)
+    free, _, _ = solve_streams(streamed(clock=Clock("free", 0.03)), 0.03)
+    held, _, _ = solve_streams(streamed(clock=Clock("prior", 0.025, 1e-6)), 0.03)
     assert held.step_s[0] == pytest.approx(-5e-3, abs=1e-5)
     assert np.sqrt(held.covariance[0, 0]) == pytest.approx(1e-6, rel=1e-3)
     assert np.sqrt(free.covariance[0, 0]) > 1e-5
@@ -62,7 +62,7 @@ def test_prior_holds_offset() -> None:
 def test_still_arm_shows_no_clock() -> None:
     """A recording with hardly any motion shows no clock, and its step is zero."""
     made = streamed(still=True)
-    found, _, _ = solved(made, 0.0)
+    found, _, _ = solve_streams(made, 0.0)
     assert not found.is_observable.any()
     np.testing.assert_array_equal(found.step_s, 0.0)
     np.testing.assert_array_equal(found.by_offsets, 0.0)
@@ -89,7 +89,7 @@ def test_step_leads_to_true_line_time(away_s: float) -> None:
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     of, solution = synchronise(streams, streams.stated_offsets), None
-    for _ in range(2):  # as the line time stands, pixels are mended by the first solution
+    for _ in range(2):  # the first solution corrects the pixels for the line time
         solution = solve_problem(build_problem(made.cell, of.recording)[0], made.cell)
         known = KnownGeometry(made.cell, solution.state.transforms, solution.state.cameras)
         of = synchronise(streams, streams.stated_offsets).correct_rows(known, streams.stated_offsets)
@@ -106,7 +106,7 @@ def test_step_weighs_views_and_priors(monkeypatch: pytest.MonkeyPatch) -> None:
     information, gradient = np.array([[4e4, 1e4], [1e4, 9e4]]), np.array([50.0, -70.0])
     across, hessian = np.array([[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]]), np.diag([10.0, 20.0, 50.0])
     clocks = {"a": Clock("free", 7.0), "b": Clock("prior", 0.1, 5e-3)}
-    found = stepped_by(monkeypatch, information, gradient, across, hessian, clocks, {"a": 7.2, "b": 0.103})
+    found = step_from_information(monkeypatch, information, gradient, across, hessian, clocks, {"a": 7.2, "b": 0.103})
     total = information + np.diag([0.0, 5e-3**-2])
     expected = -np.linalg.solve(total, gradient + np.array([0.0, 3e-3 / 5e-3**2]))
     np.testing.assert_allclose(found.step_s, expected)
@@ -115,7 +115,7 @@ def test_step_weighs_views_and_priors(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.is_observable.all()
 
 
-def stepped_by(monkeypatch, information, gradient, across, hessian, clocks, offsets) -> ClockStep:
+def step_from_information(monkeypatch, information, gradient, across, hessian, clocks, offsets) -> ClockStep:
     """The step of clocks with this information from views; one clock may be the camera's line time."""
     about = SimpleNamespace(inverse=np.linalg.pinv(hessian))
     monkeypatch.setattr(step, "situate", lambda solution: SimpleNamespace(groups=[], linearisation=about))
@@ -138,7 +138,9 @@ def test_observable_clock_is_known_to_half_a_second(monkeypatch: pytest.MonkeyPa
     information = np.diag([sigma_s**-2, 1e4])
     clocks = {name: Clock("free", 0.0), "other": Clock("free", 0.0)}
     across = np.ones((1, 2, 3))
-    found = stepped_by(monkeypatch, information, np.ones(2), across, np.eye(3), clocks, dict.fromkeys(clocks, 0.0))
+    found = step_from_information(
+        monkeypatch, information, np.ones(2), across, np.eye(3), clocks, dict.fromkeys(clocks, 0.0)
+    )
     assert found.is_observable.tolist() == [seen, True]
     assert (found.step_s[0] != 0, found.covariance[0, 0] != 0, np.any(found.by_offsets[:, 0])) == (seen,) * 3
     assert found.step_s[1] == pytest.approx(-1e-4)
@@ -155,7 +157,9 @@ def test_effects_move_and_widen_observable_offsets() -> None:
 def test_clock_without_information_is_unobservable(monkeypatch: pytest.MonkeyPatch) -> None:
     """A clock without information has zero variance in the pseudo-inverse but is unobservable."""
     clocks = {"a": Clock("free", 0.0)}
-    found = stepped_by(monkeypatch, np.zeros((1, 1)), np.zeros(1), np.zeros((1, 1, 3)), np.eye(3), clocks, {"a": 0.0})
+    found = step_from_information(
+        monkeypatch, np.zeros((1, 1)), np.zeros(1), np.zeros((1, 1, 3)), np.eye(3), clocks, {"a": 0.0}
+    )
     assert not found.is_observable.any()
 
 

@@ -89,8 +89,8 @@ DRAWS, HOLD = 16, 0.9999
 
 def exact_joints(samples: int, seed: int, **more: object) -> SimulatedCell:
     """Two arms whose joints are recorded exactly, except for offsets known to 2 deg."""
-    told = {"joint_offset_rad": np.radians(2), "joint_offsets": "prior"}
-    return simulate(Scenario(samples=samples, **{**KEPT, **told, **more}), seed)  # type: ignore[arg-type]
+    offset_options = {"joint_offset_rad": np.radians(2), "joint_offsets": "prior"}
+    return simulate(Scenario(samples=samples, **{**KEPT, **offset_options, **more}), seed)  # type: ignore[arg-type]
 
 
 def squared_error(made: SimulatedCell, mean: object, covariance: Array) -> float:
@@ -138,8 +138,8 @@ def test_shared_stop_errors_add_no_arc() -> None:
 
     States of the equations without that noise, along directions that it widens, gave the base four times this sigma.
     """
-    told = {"joints": True, "joint_offset_rad": 0.01, "joint_offsets": "prior", "state_robot_noise": False}
-    made = simulate(Scenario(samples=25, **told), 4)  # type: ignore[arg-type]
+    options = {"joints": True, "joint_offset_rad": 0.01, "joint_offsets": "prior", "state_robot_noise": False}
+    made = simulate(Scenario(samples=25, **options), 4)  # type: ignore[arg-type]
     robots = {**made.cell.robots, "hand": replace(made.cell.robots["hand"], parameters={})}
     base = calibrate(replace(made.cell, robots=robots), made.recording)[BASE]
     assert base.sigma_norms[0] < 0.015

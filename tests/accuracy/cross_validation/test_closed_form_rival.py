@@ -27,7 +27,7 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 MOUNT = "arm_flange_from_wrist"
-# A free lens takes up the errors of robots that are held to be exact.
+# A free lens absorbs the errors of robots that are assumed exact.
 NOISY = Scenario(samples=40, robot_noise=(2e-3, 1e-2), state_robot_noise=False, intrinsics="free", layout="eye_in_hand")
 EXACT = Settings(robot_noise="stated")
 
@@ -92,7 +92,7 @@ def test_exact_data_have_no_rival():
     """Errors of a nanometre and a nanoradian give no rival, whatever the ratio."""
     ours = np.full((20, 2), 1e-18) * np.random.default_rng(0).uniform(0.9, 1.1, (20, 2))
     assert _error_ratio(ours, 0.01 * ours) is None
-    ours[:, 0] = 1e-6  # places off by a millimetre, as the rival has them
+    ours[:, 0] = 1e-6  # translations off by a millimetre, for the rival, too
     assert _error_ratio(ours, ours * (1.0, 0.0)) is None
 
 
@@ -141,13 +141,13 @@ def test_wrong_answer_is_moved_to_closed_form(reference):
     np.testing.assert_allclose(np.delete(rival.moved, np.r_[where]), 0, atol=1e-8)
 
 
-@pytest.mark.parametrize(("held", "told"), [(5, True), (6, False)])
-def test_closed_form_needs_three_views(held, told):
+@pytest.mark.parametrize(("held", "is_found"), [(5, True), (6, False)])
+def test_closed_form_needs_three_views(held, is_found):
     """A closed form needs three of eight views beside the held-out ones, and folds to compare with."""
     solution, (fold, _), _ = fake_answer("eye", np.full(6, 3e-3))
     rest = SimpleNamespace(**vars(fold) | {"held": frozenset(range(held, 8))})
     fold.held = frozenset(range(held))
-    assert (closed_form_rival(solution, [fold, rest][: 1 if not told else 2]) is not None) == told
+    assert (closed_form_rival(solution, [fold, rest][: 1 if not is_found else 2]) is not None) == is_found
     assert closed_form_rival(solution, []) is None
 
 

@@ -14,7 +14,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.simulation import Scenario, simulate
 
 
-def packed(scenario: Scenario, seed: int = 0):
+def pack_scenario(scenario: Scenario, seed: int = 0):
     made = simulate(scenario, seed)
     return build_problem(made.cell, made.recording)[0]
 
@@ -22,7 +22,7 @@ def packed(scenario: Scenario, seed: int = 0):
 @pytest.mark.parametrize("arms", ["both", "stations", "halves", "eye_still"])
 def test_every_sample_is_held_out_once(arms):
     """Each split holds out every sample exactly once, in five folds of six of the thirty samples."""
-    ways = list(splits(packed(Scenario(arms=arms))))
+    ways = list(splits(pack_scenario(Scenario(arms=arms))))
     assert ways
     for way in ways:
         assert sorted(number for fold in way.folds for number in fold) == list(range(30))
@@ -32,7 +32,7 @@ def test_every_sample_is_held_out_once(arms):
 
 def test_stations_stay_together():
     """If the eye stands at five places, each place is a fold, though hand poses are all different."""
-    problem = packed(Scenario(arms="stations", stations=5))
+    problem = pack_scenario(Scenario(arms="stations", stations=5))
     eye = problem.groups[0].eye.base_from_flange.translation
     for fold in next(splits(problem)).folds:
         assert np.ptp(eye[sorted(fold)], axis=0).max() == 0.0
@@ -57,7 +57,7 @@ def test_repeated_poses_stay_together():
 
 def test_still_half_is_not_held_out_whole():
     """A robot at rest for half of the samples does not make them one part."""
-    assert max(map(len, next(splits(packed(Scenario(arms="halves")))).folds)) <= 6
+    assert max(map(len, next(splits(pack_scenario(Scenario(arms="halves")))).folds)) <= 6
 
 
 def test_samples_without_robot_share_no_stop():
@@ -73,8 +73,8 @@ def test_samples_without_robot_share_no_stop():
 
 def test_few_samples_are_held_out_singly():
     """Four samples make four folds; two make none."""
-    assert next(splits(packed(Scenario(samples=4)))).folds == tuple(frozenset({k}) for k in range(4))
-    assert list(splits(packed(Scenario(samples=2)))) == []
+    assert next(splits(pack_scenario(Scenario(samples=4)))).folds == tuple(frozenset({k}) for k in range(4))
+    assert list(splits(pack_scenario(Scenario(samples=2)))) == []
 
 
 def test_instant_split_separates_stations():
@@ -96,15 +96,15 @@ def parts(*sizes):
     return [frozenset(range(end - size, end)) for size, end in zip(sizes, ends, strict=True)]
 
 
-@pytest.mark.parametrize(("sizes", "told"), [
-    ((1, 1, 1), True), ((1, 1), False), ((), False),  # three parts are enough, each a sample
-    ((2, 2, 1), True), ((2, 1, 1), False),  # two fifths of them are not too many, a half is
+@pytest.mark.parametrize(("sizes", "is_split"), [
+    ((1, 1, 1), True), ((1, 1), False), ((), False),  # three parts of one sample each are enough
+    ((2, 2, 1), True), ((2, 1, 1), False),  # two fifths of the samples are allowed, a half is not
     ((4, 3, 3), True), ((5, 3, 3), False),
 ])  # fmt: skip
-def test_split_needs_three_parts_of_limited_size(sizes, told):
+def test_split_needs_three_parts_of_limited_size(sizes, is_split):
     """A split needs three parts, none with more than two fifths of the samples."""
     found = _split(parts(*sizes), sum(sizes), 5)
-    assert (found is not None) == told
+    assert (found is not None) == is_split
     assert found is None or found.parts == tuple(parts(*sizes))
 
 

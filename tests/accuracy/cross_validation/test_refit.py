@@ -86,7 +86,7 @@ def test_refit_is_weighted_mean_of_used_views(weighed):
         weight = worth[used] if weighed else np.ones(len(used))
         mean = np.average(errors[used], axis=0, weights=weight)
         found = fit.optimum.state.transforms[MOUNT].log()
-        np.testing.assert_allclose(found, -mean, atol=1e-10)  # flange_from_camera is the way back
+        np.testing.assert_allclose(found, -mean, atol=1e-10)  # flange_from_camera is the inverse
         np.testing.assert_allclose(fit.optimum.hessian, 1e6 * weight.sum() * np.eye(6), rtol=1e-4, atol=100.0)
         assert fit.held == held
         assert sum(map(len, fit.views.groups)) == len(held)

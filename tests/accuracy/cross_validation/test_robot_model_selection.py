@@ -50,17 +50,17 @@ def test_single_joint_offset_is_named():
     choice = choose_robot_model(solve(made.cell, made.recording))
     assert choice is not None
     assert (choice.chosen.kind, choice.chosen.robots, choice.chosen.joint) == ("joint", ("hand",), 2)
-    assert choice.better is None  # nothing predicts clearly better than the simplest that is not clearly worse
+    assert choice.better is None  # no model predicts clearly better than the chosen one
     found = robot_parameters(choice.solution)["joint_offsets"]["hand"]
     assert abs(found.values[2] - 0.3 * DEGREE) < 4 * found.sigma[2] < 0.1 * DEGREE
     (finding,) = robot_model_findings(choice)
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
-    said = (
+    pattern = (
         r"Freeing the offset of joint 3 of hand lowers the cross-validation error from [\d.]+ to [\d.]+ mm rms\. "
         r"Its offset is 0\.\d\d ± [\d.]+"
     )
-    assert re.match(said, finding.message)
-    # As wide as what was found: 0.3 deg are 0.0052 rad, rounded up.
+    assert re.match(pattern, finding.message)
+    # As wide as the found offset: 0.3 deg are 0.0052 rad, rounded up.
     assert "joint_offsets: {status: prior, sigma_rad: 0.006}" in finding.message
 
 
@@ -119,22 +119,22 @@ def test_suggested_sigma_covers_found_offset(offsets_deg: list[float], sigma_rad
     assert joint_offsets.suggested_sigma(DEGREE * np.array(offsets_deg)) == sigma_rad
 
 
-@pytest.mark.parametrize(("gain", "told"), [(2 * (8 + 23.9), False), (2 * (8 + 24.1), True)])
-def test_promising_model_gains_six_sigmas(gain, told):
+@pytest.mark.parametrize(("gain", "is_promising"), [(2 * (8 + 23.9), False), (2 * (8 + 24.1), True)])
+def test_promising_model_gains_six_sigmas(gain, is_promising):
     """A promising model gains over six sigmas of chance.
 
     Eight columns lower a cost by eight times what a freedom leaves, with a sigma of four; here that is two.
     """
     richest = SimpleNamespace(cost=200.0, dof=100)
-    assert _is_promising(200.0 + gain, richest, 8) == told
+    assert _is_promising(200.0 + gain, richest, 8) == is_promising
     assert not _is_promising(0.0, SimpleNamespace(cost=0.0, dof=0), 8)
-    assert _is_promising(10.0 + 5 * gain, SimpleNamespace(cost=10.0, dof=0), 8) == told  # as of one freedom
+    assert _is_promising(10.0 + 5 * gain, SimpleNamespace(cost=10.0, dof=0), 8) == is_promising  # counts as one freedom
 
 
-def tried(means, robots=("eye", "hand")):
+def list_candidates(means, robots=("eye", "hand")):
     """Kinds and robots of the tried candidates, in order, by mean scores; the default is 1."""
     trials = _Trials(None, dict.fromkeys(robots), None, None, 0)
-    spread = np.linspace(-0.01, 0.01, 21)  # of which none adds up to anything
+    spread = np.linspace(-0.01, 0.01, 21)  # sums to zero
 
     def scored(kind, robots, joint=None):
         """As `_Trials.scored`."""
@@ -160,8 +160,8 @@ def solution():
 def test_simpler_models_are_tried_if_richer_help(better):
     """If a richer model helps, single joints and then one robot's offsets are tried, the better first."""
     ends = [("offsets", BOTH, None), ("links", BOTH, None)]
-    assert tried({}) == [("none", (), None), *ends]
-    found = tried({better: 0.5, "joint-hand-0": 0.6, "offsets-hand": 0.7})
+    assert list_candidates({}) == [("none", (), None), *ends]
+    found = list_candidates({better: 0.5, "joint-hand-0": 0.6, "offsets-hand": 0.7})
     assert found == [
         ("none", (), None),
         ("joint", ("hand",), 0),
@@ -170,8 +170,8 @@ def test_simpler_models_are_tried_if_richer_help(better):
         ("offsets", ("eye",), None),
         *ends,
     ]
-    assert tried({better: 1.5}) == [("none", (), None), *ends]
-    one = tried({better.replace("-hand", ""): 0.5}, ("eye",))
+    assert list_candidates({better: 1.5}) == [("none", (), None), *ends]
+    one = list_candidates({better.replace("-hand", ""): 0.5}, ("eye",))
     assert [kind for kind, _, _ in one] == ["none", "joint", "joint", "offsets", "links"]
 
 
@@ -179,7 +179,7 @@ def test_simpler_models_are_tried_if_richer_help(better):
 def test_simpler_models_are_tried_if_richer_undecided(monkeypatch, decision, kept):
     """Simpler models are tried if the richer one is taken or undecided."""
     monkeypatch.setattr(module, "compare_predicted_gains", lambda gains: Comparison(0.0, 0.0, decision))
-    assert len(tried({}, ("eye",))) == kept
+    assert len(list_candidates({}, ("eye",))) == kept
 
 
 @pytest.mark.parametrize(("behind", "chosen", "better"), [

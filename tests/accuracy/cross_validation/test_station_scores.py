@@ -18,7 +18,7 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
-def scored(problem: Problem, state: State) -> StationScores:
+def score_problem(problem: Problem, state: State) -> StationScores:
     return score_stations(problem, state, next(splits(problem)), 100)
 
 
@@ -32,7 +32,7 @@ def test_true_model_scores_match_noise(target, noise):
     """
     made = simulate(Scenario(samples=40, target=target, robot_noise=noise), 2)
     solution = solve(made.cell, made.recording)
-    scores = scored(solution.problem, solution.state).scores
+    scores = score_problem(solution.problem, solution.state).scores
     assert 0.5 < np.mean(np.expm1(scores)) < 2.0
 
 
@@ -42,7 +42,7 @@ def test_prediction_is_independent_of_start():
     solution = solve(made.cell, made.recording)
     problem, state = solution.problem, solution.state
     elsewhere = State(made.truth, state.cameras, 3 * np.ones_like(state.stop_errors))
-    one, other = (scored(problem, start).scores for start in (state, elsewhere))
+    one, other = (score_problem(problem, start).scores for start in (state, elsewhere))
     np.testing.assert_allclose(one, other, rtol=1e-4)
     assert np.all(one > 0)
 
@@ -59,7 +59,7 @@ def test_wrong_sample_has_worst_score():
     bad = replace(first, robots={**first.robots, "eye": replace(eye, base_from_flange=wrong)})
     recording = replace(made.recording, samples=(bad, *made.recording.samples[1:]))
     solution = solve(made.cell, recording)
-    found = scored(solution.problem, solution.state)
+    found = score_problem(solution.problem, solution.state)
     assert np.argmax(found.scores) == 0
     assert found.scores[0] > np.sort(found.scores)[-2] + 2
     assert np.max(found.distance_m) > 3e-3
@@ -69,7 +69,7 @@ def test_scores_are_those_of_predicted_poses():
     """For poses of a fixed mount each station's score is log(1 + d^2 / 6); the mean square is that of all numbers."""
     errors = np.random.default_rng(0).standard_normal((12, 6))
     problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3), Unknown("prior", SE3.identity(), np.full(6, 1e-9)))
-    found = scored(problem, state)
+    found = score_problem(problem, state)
     np.testing.assert_allclose(found.scores, np.log1p(np.sum(errors**2, -1) / 6), rtol=2e-3)
     assert found.mean_square == pytest.approx(np.mean(errors**2), rel=2e-3)
     np.testing.assert_allclose(
@@ -82,7 +82,7 @@ def test_robot_noise_adds_to_view_noise():
     errors = np.random.default_rng(0).standard_normal((12, 6))
     prior = Unknown("prior", SE3.identity(), np.full(6, 1e-9))
     problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3), prior, stop_sigma=np.full(6, 2e-3))
-    found = scored(problem, state)
+    found = score_problem(problem, state)
     np.testing.assert_allclose(found.scores, np.log1p(np.sum(errors**2, -1) / 5 / 6), rtol=5e-3)
     assert found.mean_square == pytest.approx(np.mean(errors**2) / 5, rel=5e-3)
     np.testing.assert_allclose(
@@ -99,8 +99,8 @@ def solution(bend_rad: float, count: int = 80) -> Solution:
     lines, error = touch_lines(np.random.default_rng(0), count, SIGMA_M, FIVE, True), SE3.exp([0, 0, 0, bend_rad, 0, 0])
     for line in lines:
         if line["observations"][0]["touch"] == "mark_e":
-            ((robot, said),) = line["robots"].items()
-            pose = said["base_from_flange"]
+            ((robot, robot_state),) = line["robots"].items()
+            pose = robot_state["base_from_flange"]
             true = SE3.from_quaternion(pose["q_xyzw"], pose["t_m"])
             line["robots"] = {robot: state(SE3(error.rotation @ true.rotation, true.translation))}
     cell = touch_cell(list(FIVE))

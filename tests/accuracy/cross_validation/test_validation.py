@@ -47,16 +47,18 @@ LIGHT = Scenario(samples=25, target="led")
 NOISY = Scenario(samples=15, robot_noise=(3e-4, 5e-4))
 
 
-def validated(scenario: Scenario, seed: int, **told) -> tuple[Validation | None, set[str], tuple[Finding, ...]]:
+def validate_scenario(
+    scenario: Scenario, seed: int, **changed
+) -> tuple[Validation | None, set[str], tuple[Finding, ...]]:
     made = simulate(scenario, seed)
-    cell: Cell = replace(made.cell, **told)
-    if told.get("pixel_px", 0) is None:
+    cell: Cell = replace(made.cell, **changed)
+    if changed.get("pixel_px", 0) is None:
         cell = replace(cell, robots={n: replace(r, noise=None) for n, r in cell.robots.items()})
-    found, findings = checked(cell, made.recording)
+    found, findings = check_recording(cell, made.recording)
     return found, {f.code for f in findings}, findings
 
 
-def checked(cell: Cell, recording: Recording) -> tuple[Validation | None, tuple[Finding, ...]]:
+def check_recording(cell: Cell, recording: Recording) -> tuple[Validation | None, tuple[Finding, ...]]:
     problem, _ = build_problem(cell, recording)
     solution = solve_problem(problem, cell)
     found = cross_validate(solution, cell.requested_transforms)
@@ -64,8 +66,8 @@ def checked(cell: Cell, recording: Recording) -> tuple[Validation | None, tuple[
     return found and found.summary, (*not_validated(evidence), *inconsistent_folds(evidence), *overfit(evidence))
 
 
-# The mean of a fold's squared change has the mean 1 and, with folds of one recording alike, 24 freedoms less those that
-# the folds share: at least 12. Over 8 cells the mean's sigma is at most sqrt(2 / 96) = 0.15; 4 of them to each side.
+# The mean square change of a fold has mean 1. With equal folds it has 24 freedoms, less those that the folds
+# share: at least 12. Over 8 cells the mean's sigma is at most sqrt(2 / 96) = 0.15; the band is 4 sigmas.
 @pytest.mark.parametrize(
     "scenario",
     [replace(NOISY, arms="stations", camera_mount="fixed", samples=25), LIGHT, NOISY],
@@ -73,7 +75,7 @@ def checked(cell: Cell, recording: Recording) -> tuple[Validation | None, tuple[
 )
 def test_answer_moves_as_covariance_says(scenario):
     """With true sigmas the mean square change of folds over its covariance is 1 within 0.6, without findings."""
-    found = [validated(scenario, seed) for seed in range(6)]
+    found = [validate_scenario(scenario, seed) for seed in range(6)]
     changes = [each.base_change for each, _, _ in found if each is not None and each.base_change is not None]
     assert len(changes) == 6
     assert np.mean(changes) == pytest.approx(1.0, abs=0.6)
@@ -87,7 +89,7 @@ def test_sparse_validation_equals_dense_validation(monkeypatch):
     problem, _ = build_problem(made.cell, made.recording)
 
     def checked_ring() -> CrossValidation:
-        """Solved and validated."""
+        """Cross-validation of the solved ring."""
         found = cross_validate(
             solve_problem(problem, made.cell, Settings(robot_noise="stated")), made.cell.requested_transforms
         )
@@ -110,7 +112,7 @@ def test_unmodelled_robot_noise_is_found(arms):
     """Corners of a view share the robot error; treated as independent pixel noise, the answer moves too much."""
     scenario = replace(NOISY, arms=arms, camera_mount="fixed", samples=25)
     for seed in range(2):
-        found, codes, _ = validated(scenario, seed, pixel_px=None)
+        found, codes, _ = validate_scenario(scenario, seed, pixel_px=None)
         assert found is not None
         assert found.base_change is not None
         assert found.base_change > 5
@@ -119,7 +121,7 @@ def test_unmodelled_robot_noise_is_found(arms):
 
 def test_held_out_errors_match_pixel_noise():
     """Held-out pixels of many board views are off by the pixel noise within 5 %, and the target by less than 1 mm."""
-    found, _, _ = validated(Scenario(samples=60), 0)
+    found, _, _ = validate_scenario(Scenario(samples=60), 0)
     assert found is not None
     assert found.rms_px == pytest.approx(0.2, rel=0.05)
     assert found.target_m is not None
@@ -130,7 +132,7 @@ def test_held_out_errors_match_pixel_noise():
 def test_new_stop_is_predicted_at_recorded_pose():
     """With robots off by 1 mm, held-out pixels are off by about that, though used ones fit to the pixel noise."""
     scenario = Scenario(samples=30, robot_noise=(1e-3, 0.0))
-    found, _, _ = validated(scenario, 0)
+    found, _, _ = validate_scenario(scenario, 0)
     assert found is not None
     assert found.rms_px is not None
     assert found.rms_px > 3 * 0.2
@@ -138,7 +140,7 @@ def test_new_stop_is_predicted_at_recorded_pose():
 
 def test_led_has_no_held_out_pose():
     """A single LED is predicted in pixels only."""
-    found, _, _ = validated(LIGHT, 0)
+    found, _, _ = validate_scenario(LIGHT, 0)
     assert found is not None
     assert found.target_m is None
     assert found.target_rad is None
@@ -158,17 +160,17 @@ def test_indispensable_sample_is_reported():
     """The only sample with a rotation of the hand about a second axis is not held out, and the finding names it."""
     made, other = recorded(Scenario(samples=14), 0, hand=SCARA), recorded(Scenario(samples=1), 0)
     last = replace(other.recording.samples[0], sample=14, stamp_s=14.0)
-    found, findings = checked(made.cell, Recording((*made.recording.samples, last)))
+    found, findings = check_recording(made.cell, Recording((*made.recording.samples, last)))
     assert found is not None
     assert found.folds == 4
-    (told,) = findings
-    assert told.code == "not-validated"
-    assert "14" in told.about
+    (finding,) = findings
+    assert finding.code == "not-validated"
+    assert "14" in finding.about
 
 
 def test_indispensable_stations_are_split():
     """Parts of stations are held out if none of three eye stations can be."""
-    found, codes, _ = validated(Scenario(samples=18, arms="stations", stations=3), 0)
+    found, codes, _ = validate_scenario(Scenario(samples=18, arms="stations", stations=3), 0)
     assert found is not None
     assert found.folds == 5
     assert codes == set()
@@ -197,7 +199,7 @@ def test_held_out_cost_matches_expectation():
 
 def test_unobservable_answer_is_not_validated():
     """An answer whose requested transform is unobservable is not validated."""
-    found, codes, _ = validated(Scenario(arms="eye_still"), 0)
+    found, codes, _ = validate_scenario(Scenario(arms="eye_still"), 0)
     assert found is None
     assert codes == set()
 
@@ -207,7 +209,7 @@ def test_views_of_two_kinds_are_predicted():
     in_pixels, as_poses = (simulate(replace(NOISY, target=target), 0) for target in ("charuco", "pose"))
     pairs = zip(in_pixels.recording.samples, as_poses.recording.samples, strict=True)
     mixed = Recording(tuple(pair[sample % 3 == 0] for sample, pair in enumerate(pairs)))
-    found, alarms = checked(in_pixels.cell, mixed)
+    found, alarms = check_recording(in_pixels.cell, mixed)
     assert not alarms
     assert found.rms_px < 1.5
     assert found.target_m < 4e-3
@@ -216,7 +218,7 @@ def test_views_of_two_kinds_are_predicted():
 def test_fixed_cell_is_predicted():
     """In a cell with all transforms fixed pixels are predicted by the noise, and no answer can move."""
     scenario = Scenario(base="fixed", camera_mount="fixed", target_mount="fixed")
-    found, codes, _ = validated(scenario, 0)
+    found, codes, _ = validate_scenario(scenario, 0)
     assert found is not None
     assert found.rms_px == pytest.approx(0.2, rel=0.05)
     assert found.base_change is None
@@ -245,7 +247,7 @@ def test_clean_cells_have_no_false_alarm():
     Two or more occur once in 1,200 runs.
     """
     scenarios = [Scenario(samples=12), LIGHT, NOISY, Scenario(samples=15, state_pixel_noise=False)]
-    rung = [validated(scenarios[k % 4], k)[1] for k in range(400)]
+    rung = [validate_scenario(scenarios[k % 4], k)[1] for k in range(400)]
     assert sum("inconsistent-folds" in codes for codes in rung) <= 1
 
 
@@ -261,10 +263,10 @@ def test_whitening_covers_partly_lost_directions(full):
     found = _whitening(without, full)
     assert found.shape == (2, 4)
     np.testing.assert_allclose(found @ (without - full) @ found.T, np.eye(2), atol=1e-9)
-    np.testing.assert_allclose(found @ root[:, [0, 3]], 0, atol=1e-9)  # of the others nothing is seen
+    np.testing.assert_allclose(found @ root[:, [0, 3]], 0, atol=1e-9)  # the other directions are removed
 
 
-COUNTS = [20, 20, 30, 10]  # of equations that folds hold out, of all of which one tells as much as another
+COUNTS = [20, 20, 30, 10]  # held-out equations of each fold, all with equal information
 
 
 def spread_of(monkeypatch, counts, changes, asked=2, **noise):
@@ -286,7 +288,7 @@ def spread_of(monkeypatch, counts, changes, asked=2, **noise):
     sigma = [np.sqrt(factor * (1 / (total - count) - 1 / total)) for count in counts]
 
     def moved(problem, full, fold):
-        """As many sigmas as told."""
+        """The given number of sigmas."""
         return np.asarray(changes[fold])[:asked] * sigma[fold]
 
     monkeypatch.setattr(validation, "_information", lambda of: total * np.eye(3))
@@ -309,7 +311,7 @@ def test_fold_spread_follows_chi_square(monkeypatch, factor, estimated):
     assert found.mean_square == pytest.approx(mean)
     total = sum(COUNTS)
     left = total - np.array(COUNTS)
-    # Cov(j - full, k - full) by the equations that both have used, over the product of their sigmas.
+    # Cov(j - full, k - full) by the equations used by both folds, over the product of their sigmas.
     both = np.where(np.eye(4), left, np.add.outer(left, left) - total)
     together = both / np.outer(left, left) - 1 / total
     sigma = np.sqrt(1 / left - 1 / total)
@@ -435,7 +437,7 @@ def test_single_sample_folds_are_leave_one_out(monkeypatch, held, kind):
     assert (found.summary.rms_px, found.summary.target_m, found.spread.freedoms) == (None, None, 8.0)
 
 
-def fitted_as(problem, state):
+def make_fold(problem, state):
     """A fold that holds out all views, with its own fit."""
     fit = SimpleNamespace(
         known=np.zeros(len(problem.stops), dtype=bool),
@@ -453,7 +455,7 @@ def test_used_views_have_poses_only_if_observed():
     moved = replace(state, transforms={**state.transforms, MOUNT: SE3.exp([2e-3, 0, 0, 0, 0, 0])})
     used, predicted = _errors(
         SimpleNamespace(problem=problem, state=state, noise=NoiseEstimate(Noise(), 1.0, (), True)),
-        [fitted_as(problem, moved)],
+        [make_fold(problem, moved)],
     )
     assert used.count_poses == predicted.count_poses == 5
     assert used.square_rad == pytest.approx(np.sum(errors[:, 3:] ** 2), rel=1e-6)
@@ -463,18 +465,18 @@ def test_used_views_have_poses_only_if_observed():
     state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
     used, predicted = _errors(
         SimpleNamespace(problem=problem, state=state, noise=NoiseEstimate(Noise(), 1.0, (), True)),
-        [fitted_as(problem, state)] * 2,
+        [make_fold(problem, state)] * 2,
     )
     assert (used.count_poses, predicted.count_poses) == (0, 6)
     assert used.square_px == pytest.approx(predicted.square_px)
     assert used.count_px == predicted.count_px > 0
 
 
-@pytest.mark.parametrize(("converged", "sparse", "condition", "unobservable", "told"), [
+@pytest.mark.parametrize(("converged", "sparse", "condition", "unobservable", "columns"), [
     (True, True, 9.0, (), "by sparse"), (True, True, None, (), "by dense"), (True, False, 9.0, (), "by dense"),
     (True, False, None, ("b",), "by dense"), (True, False, None, ("a",), None), (False, True, 9.0, (), None),
 ])  # fmt: skip
-def test_fold_must_determine_requested_transforms(monkeypatch, converged, sparse, condition, unobservable, told):
+def test_fold_must_determine_requested_transforms(monkeypatch, converged, sparse, condition, unobservable, columns):
     """A fold that did not converge, or leaves a requested transform unobservable, is dropped.
 
     Sparse matrices are used if they are enough.
@@ -488,4 +490,4 @@ def test_fold_must_determine_requested_transforms(monkeypatch, converged, sparse
     monkeypatch.setattr(validation, "condition_number", lambda *of: condition)
     monkeypatch.setattr(validation, "analyse_observability", lambda used, *of: dense if used == "used" else None)
     found = _fold(SimpleNamespace(noise=SimpleNamespace(factor=1.0)), ["a"], np.zeros(1), fit)
-    assert (None if found is None else found.columns) == told
+    assert (None if found is None else found.columns) == columns

@@ -60,7 +60,7 @@ def test_other_board_is_named_by_size():
     np.testing.assert_allclose(found.causes[0].size, 0.02, atol=2e-3)
 
 
-def told(monkeypatch, off, shifts, root=None):
+def make_disagreement(monkeypatch, off, shifts, root=None):
     """The disagreement of whitened innovations, for shifts with these gains and freedoms."""
     root = np.eye(len(off)) if root is None else root
     of = SimpleNamespace(deviation=np.array(off), root=root, covariance_inverse=np.eye(len(off)), noise_freedoms=np.inf)
@@ -78,22 +78,22 @@ def test_unseen_coordinates_are_no_freedoms(monkeypatch):
     root[0, :, 0] = [0.0, 0.0, 1.0]
     root[1, 1, 1] = -2.0
     root[1, 0, 2] = 1e-3
-    found = told(monkeypatch, [1.0, 1.0, 1.0], {"size": (0.0, 1)}, root)
+    found = make_disagreement(monkeypatch, [1.0, 1.0, 1.0], {"size": (0.0, 1)}, root)
     assert found.chance == found.chance_left == pytest.approx(chi2.sf(3.0, 3))
     assert found.causes == ()
-    assert told(monkeypatch, [1.0, 1.0, 1.0], {"size": (0.0, 1)}, 0 * root) is None
+    assert make_disagreement(monkeypatch, [1.0, 1.0, 1.0], {"size": (0.0, 1)}, 0 * root) is None
 
 
 def test_causes_are_penalised_by_freedoms(monkeypatch):
     """Six numbers must explain five more than one number; the remainder is judged without the best cause's freedoms."""
     off = np.full(20, 2.5)
-    found = told(monkeypatch, off, {"size": (90.0, 1), "joint": (94.0, 6), "other": (20.0, 1)})
+    found = make_disagreement(monkeypatch, off, {"size": (90.0, 1), "joint": (94.0, 6), "other": (20.0, 1)})
     assert found.chance == pytest.approx(chi2.sf(125.0, 20))
     assert found.causes[0].name == "size"
     assert found.chance_left == pytest.approx(chi2.sf(35.0, 19))
     assert "other" not in {each.name for each in found.causes}
-    better = told(monkeypatch, off, {"size": (90.0, 1), "joint": (96.0, 6)})
+    better = make_disagreement(monkeypatch, off, {"size": (90.0, 1), "joint": (96.0, 6)})
     assert [each.name for each in better.causes] == ["joint", "size"]
     assert better.chance_left == pytest.approx(chi2.sf(29.0, 14))
-    everything = told(monkeypatch, off, {"size": (126.0, 1)})
+    everything = make_disagreement(monkeypatch, off, {"size": (126.0, 1)})
     assert everything.chance_left == 1.0

@@ -16,7 +16,7 @@ from basecal.cell import MeasuredShift, PastVerification
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 SIGMA = np.array([1e-4, 2e-4, 3e-4])
-OFFSET = np.array([4e-4, -2e-4, 1e-4])  # what the run itself is off by
+OFFSET = np.array([4e-4, -2e-4, 1e-4])  # error of the run itself
 
 
 def history(days: list[float], slope: np.ndarray, rng: np.random.Generator, run: str = "r") -> list[PastVerification]:
@@ -71,7 +71,7 @@ def test_verification_record_has_shifts_and_cause() -> None:
     assert record_verification(replace(found, shift=None), START, "r").frame is None
 
 
-def measured(day: float, t_m: list[float], sigma_m: list[float]) -> PastVerification:
+def make_verification(day: float, t_m: list[float], sigma_m: list[float]) -> PastVerification:
     shifts = {"a_from_b": MeasuredShift(np.array(t_m), np.array(sigma_m))}
     return PastVerification(START + timedelta(days=day), "r", 4, False, 0.5, 1e-3, None, shifts)
 
@@ -81,7 +81,7 @@ def test_drift_is_weighted_line_of_each_axis() -> None:
     rng = np.random.default_rng(2)
     days, t_m = [0.0, 2.0, 5.0, 6.0], 1e-4 * rng.standard_normal((4, 3))
     sigma = 1e-4 * rng.uniform(0.5, 2.0, (4, 3))
-    (found,) = drifts([measured(d, t.tolist(), s.tolist()) for d, t, s in zip(days, t_m, sigma, strict=True)])
+    (found,) = drifts([make_verification(d, t.tolist(), s.tolist()) for d, t, s in zip(days, t_m, sigma, strict=True)])
     fits = [np.polyfit(days, t_m[:, k], 1, w=1 / sigma[:, k], cov="unscaled") for k in range(3)]
     np.testing.assert_allclose(found.m_per_day, [line[0] for line, _ in fits])
     np.testing.assert_allclose(found.sigma, [np.sqrt(covariance[0, 0]) for _, covariance in fits])
@@ -93,8 +93,8 @@ def test_drift_needs_three_verifications_over_time() -> None:
     """Three verifications over more than a thousandth of a day are enough; an axis without a sigma is not used."""
     minute = 1 / 1440
     sigma = [1e-4] * 3
-    for minutes, told in ((1.3, False), (1.6, True)):
+    for minutes, is_found in ((1.3, False), (1.6, True)):
         days = (0.0, 0.5 * minutes * minute, minutes * minute)
-        assert bool(drifts([measured(day, [0.0] * 3, sigma) for day in days])) == told
-    exact = [measured(day, [0.0] * 3, [1e-4, 0.0, 1e-4]) for day in (0.0, 1.0, 2.0)]
+        assert bool(drifts([make_verification(day, [0.0] * 3, sigma) for day in days])) == is_found
+    exact = [make_verification(day, [0.0] * 3, [1e-4, 0.0, 1e-4]) for day in (0.0, 1.0, 2.0)]
     assert drifts(exact) == ()

@@ -84,7 +84,7 @@ def test_many_views_are_thinned() -> None:
         for k in range(60)
         for sample in made.recording.samples
     ]
-    shaken = [  # no two views alike to the last bit, which would count once
+    perturbed = [  # no two views are exactly equal, else they would count once
         sample.__class__(
             **{
                 **vars(sample),
@@ -95,7 +95,7 @@ def test_many_views_are_thinned() -> None:
         )
         for k, sample in enumerate(many)
     ]
-    of = innovations(made.cell, made.calibration, Recording(tuple(shaken)))
+    of = innovations(made.cell, made.calibration, Recording(tuple(perturbed)))
     assert 0.4 * MOST_VIEWS < len(of.sample) <= MOST_VIEWS
 
 

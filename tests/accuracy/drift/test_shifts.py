@@ -27,7 +27,7 @@ def test_shift_is_found_with_sigma() -> None:
     found = of_base(later().with_base_moved(TANGENT))
     off = found.size - TANGENT
     assert found.freedoms == 6
-    assert off @ np.linalg.solve(found.covariance, off) < 22.5  # the 99.9 % of six freedoms
+    assert off @ np.linalg.solve(found.covariance, off) < 22.5  # 99.9 % of chi-square with 6 freedoms
     assert found.shift_m == pytest.approx(np.linalg.norm(found.size[:3]))
     assert found.shift_rad == pytest.approx(np.linalg.norm(found.size[3:]))
     assert found.log_chance < np.log(1e-6) < of_base().log_chance

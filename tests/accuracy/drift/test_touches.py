@@ -42,8 +42,13 @@ def touches(rng: np.random.Generator, count: int, base: SE3 = TRUTH) -> str:
             turn = SE3.from_rotvec(rng.normal(0, 0.6, 3), np.zeros(3)).rotation
             met = point + SIGMA_M * rng.standard_normal(3) if name == "hand" else point
             true = stands.inverse() @ SE3(turn, met - turn @ [0, 0, tip])
-            said = true @ SE3.exp(rng.standard_normal(6) * np.repeat([1e-4, 2e-4], 3))
-            robots[name] = {"base_from_flange": {"t_m": said.translation.tolist(), "q_xyzw": said.quaternion.tolist()}}
+            recorded_pose = true @ SE3.exp(rng.standard_normal(6) * np.repeat([1e-4, 2e-4], 3))
+            robots[name] = {
+                "base_from_flange": {
+                    "t_m": recorded_pose.translation.tolist(),
+                    "q_xyzw": recorded_pose.quaternion.tolist(),
+                }
+            }
         seen = {"tip": "eye_tip", "tip2": "hand_tip"}
         lines.append(json.dumps({"sample": number, "robots": robots, "observations": [{**seen, "sigma_m": SIGMA_M}]}))
     return "\n".join(lines) + "\n"
@@ -56,7 +61,7 @@ def cell(tmp_path_factory):
     return read_cell(folder)
 
 
-def recorded(cell, text: str) -> Recording:
+def read_samples(cell, text: str) -> Recording:
     """The samples of these lines."""
     return recording_from_text(text.encode(), ".", cell)
 
@@ -66,7 +71,7 @@ def test_touches_alone_determine_base(cell):
     """The NEES of the base has mean 6 over 60 cells of ten touches, within 3.5 standard errors, sqrt(12 / 60)."""
     found = []
     for seed in range(60):
-        base = solve(cell, recorded(cell, touches(np.random.default_rng(seed), 10))).transforms[BASE]
+        base = solve(cell, read_samples(cell, touches(np.random.default_rng(seed), 10))).transforms[BASE]
         off = (base.mean.inverse() @ TRUTH).log()
         found.append(off @ np.linalg.solve(base.covariance, off))
     assert np.mean(found) == pytest.approx(6.0, abs=3.5 * np.sqrt(12 / 60))
@@ -94,7 +99,7 @@ def test_documented_touches_match_cell():
 def test_free_tips_have_no_rotation(cell):
     """The mount of a tip has three unknowns, so the base is found beside it."""
     free = cell.with_transform("eye_flange_from_eye_tip", Unknown())
-    calibration = calibrate(free, recorded(free, touches(np.random.default_rng(2), 20)))
+    calibration = calibrate(free, read_samples(free, touches(np.random.default_rng(2), 20)))
     assert calibration.verdict == "good"
     assert "eye_flange_from_eye_tip" in calibration.points
 
@@ -102,10 +107,10 @@ def test_free_tips_have_no_rotation(cell):
 def test_touches_verify_calibration(cell):
     """Four later touches show that nothing moved, or that the base moved by 3 mm."""
     rng = np.random.default_rng(1)
-    calibration = calibrate(cell, recorded(cell, touches(rng, 12)))
-    assert verify(cell, calibration, recorded(cell, touches(rng, 4))).moved is False
+    calibration = calibrate(cell, read_samples(cell, touches(rng, 12)))
+    assert verify(cell, calibration, read_samples(cell, touches(rng, 4))).moved is False
     shifted = TRUTH @ SE3(np.eye(3), np.array([3e-3, 0, 0]))
-    found = verify(cell, calibration, recorded(cell, touches(rng, 4, shifted)))
+    found = verify(cell, calibration, read_samples(cell, touches(rng, 4, shifted)))
     assert found.moved
     assert "hand_base" in [found.shift.frame, *(other.frame for other in found.alternatives)]
 
@@ -114,12 +119,12 @@ def test_touches_verify_calibration(cell):
 def test_moved_point_has_no_rotation(monkeypatch, about):
     """A mark or tip moved by 3 mm is found with three freedoms, and reported without an angle."""
     rng, described = np.random.default_rng(0), touch_cell()
-    calibration = calibrate(described, recorded(described, lines_text(touch_lines(rng, 24, 2e-4, MARKS, True))))
+    calibration = calibrate(described, read_samples(described, lines_text(touch_lines(rng, 24, 2e-4, MARKS, True))))
     off = np.array([0.0, 3e-3, 0.0])
     if about == "hand_tip":
         monkeypatch.setitem(TIPS, "hand", TIPS["hand"] + off)
     marks = {**MARKS, "mark_b": MARKS["mark_b"] + off} if about == "mark_b" else MARKS
-    found = verify(described, calibration, recorded(described, lines_text(touch_lines(rng, 8, 2e-4, marks, True))))
+    found = verify(described, calibration, read_samples(described, lines_text(touch_lines(rng, 8, 2e-4, marks, True))))
     assert found.shift.frame == about
     assert found.shift.freedoms == 3
     assert np.linalg.norm(found.shift.size[:3]) == pytest.approx(3e-3, abs=4e-4)

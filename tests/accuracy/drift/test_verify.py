@@ -21,14 +21,14 @@ from drift_cells import BASE, Later, later
 from quick import quick
 
 
-def verified(made: Later, recording: Recording | None = None):
+def verify_cell(made: Later, recording: Recording | None = None):
     return verify(made.cell, made.calibration, made.recording if recording is None else recording)
 
 
 @pytest.mark.parametrize("seed", quick(range(6), range(3)))
 def test_unchanged_cell_has_not_moved(seed: int) -> None:
     """An unchanged cell has not moved; the detectable shift and the repr are stated."""
-    found = verified(later(seed))
+    found = verify_cell(later(seed))
     assert found.moved is False
     assert found.chance > MOVED_LEVEL
     assert found.detectable_m is not None
@@ -41,10 +41,10 @@ def test_unchanged_cell_has_not_moved(seed: int) -> None:
 def test_moved_base_is_named(seed: int) -> None:
     """A base moved by three times the detectable shift is named."""
     made = later(seed)
-    length = 3 * verified(made).detectable_m
+    length = 3 * verify_cell(made).detectable_m
     direction = np.random.default_rng(seed).standard_normal(3)
     tangent = np.array([*(length * direction / np.linalg.norm(direction)), 0, 0, 0])
-    found = verified(made, made.with_base_moved(tangent))
+    found = verify_cell(made, made.with_base_moved(tangent))
     assert found.moved is True
     assert found.shift.frame == "hand_base"
     assert found.shift.transform == BASE
@@ -55,7 +55,7 @@ def test_single_sample_detects_movement_without_cause() -> None:
     """A single sample detects that something moved, with several possible causes."""
     made = later().first(1)
     tangent = np.array([0.01, 0, 0, 0, 0, 0])
-    found = verified(made, made.with_base_moved(tangent))
+    found = verify_cell(made, made.with_base_moved(tangent))
     assert found.moved is True
     assert "hand_base" in {found.shift.frame, *(other.frame for other in found.alternatives)}
     assert found.alternatives
@@ -67,7 +67,7 @@ def test_single_bad_sample_is_left_out() -> None:
     first, *others = made.recording.samples
     hand = first.robots["hand"].base_from_flange
     bumped = replace(first, robots={**first.robots, "hand": RobotState(SE3.exp(np.full(6, 0.02)) @ hand)})
-    found = verified(made, Recording((bumped, *others)))
+    found = verify_cell(made, Recording((bumped, *others)))
     assert found.moved is False
     assert found.outliers == (first.sample,)
 
@@ -100,7 +100,7 @@ def everything_fixed() -> Later:
 def test_fixed_cell_is_verified() -> None:
     """A cell with all transforms fixed is verified, too."""
     made = everything_fixed()
-    found = verified(made, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
+    found = verify_cell(made, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
     assert found.moved is True
     assert len(found.requested) == 3
 
@@ -109,7 +109,7 @@ def test_samples_without_calibrated_views_are_undecided() -> None:
     """Samples without views of calibrated devices leave the result undecided."""
     made = later()
     blind = Recording(tuple(replace(s, observations=()) for s in made.recording.samples))
-    found = verified(made, blind)
+    found = verify_cell(made, blind)
     assert found.moved is None
     assert found.detectable_m is None
 
@@ -141,7 +141,7 @@ def test_chance_is_at_most_one(monkeypatch: pytest.MonkeyPatch) -> None:
         return seen
 
     monkeypatch.setattr(verify_module, "frame_shifts", as_expected)
-    assert verified(later().first(1)).chance == 1.0
+    assert verify_cell(later().first(1)).chance == 1.0
     assert len(seen) == 3
     assert np.exp(seen[0].log_chance) > 0.9
 
@@ -149,12 +149,12 @@ def test_chance_is_at_most_one(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_unlikely_alternatives_are_omitted() -> None:
     """Alternatives that are e^3 times less likely are omitted; a rotation of the base over six samples has none."""
     made = later()
-    plain = verified(made, made.with_base_moved(np.array([0.003, 0, 0, 0, 0, 0])))
+    plain = verify_cell(made, made.with_base_moved(np.array([0.003, 0, 0, 0, 0, 0])))
     assert plain.shift is not None
     scores = [each.statistic - each.freedoms for each in plain.alternatives]
     best = plain.shift.statistic - plain.shift.freedoms
     assert all(score > best - 6.0 for score in scores)
-    far = verified(made, made.with_base_moved(np.array([0.01, -0.01, 0.01, 0.01, 0.02, 0])))
+    far = verify_cell(made, made.with_base_moved(np.array([0.01, -0.01, 0.01, 0.01, 0.02, 0])))
     assert far.shift is not None
     assert far.shift.frame == "hand_base"
     assert far.alternatives == ()
@@ -167,7 +167,7 @@ def test_outlier_needs_four_samples(count: int, blamed: bool) -> None:
     first, *others = made.recording.samples
     hand = first.robots["hand"].base_from_flange
     bumped = replace(first, robots={**first.robots, "hand": RobotState(SE3.exp(np.full(6, 0.02)) @ hand)})
-    found = verified(made, Recording((bumped, *others)))
+    found = verify_cell(made, Recording((bumped, *others)))
     assert found.outliers == ((first.sample,) if blamed else ())
     assert found.moved is not blamed
 
@@ -182,7 +182,7 @@ def test_detectable_shift_above_tenth_of_metre_is_undecided(
     """
     made = later()
     monkeypatch.setattr(verify_module, "detectable_m", lambda *given: length_m)
-    still, moved = verified(made), verified(made, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
+    still, moved = verify_cell(made), verify_cell(made, made.with_base_moved(np.array([0.02, 0, 0, 0, 0, 0])))
     assert still.detectable_m == moved.detectable_m == length_m
     assert (still.moved, moved.moved) == {0.09: (False, True), 0.11: (None, None), None: (None, True)}[length_m]
 
@@ -194,7 +194,7 @@ def test_detectable_shift_is_worst_of_requested(nothing_asked: bool) -> None:
     The chance is that of the likeliest frame times their number; without requests all frames count.
     """
     made = everything_fixed() if nothing_asked else later()
-    found = verified(made)
+    found = verify_cell(made)
     frames = list(frame_shifts(innovations(made.cell, made.calibration, made.recording)))
     asked = frames if nothing_asked else [each for each in frames if each.transform == BASE]
     lengths = [detectable_m(each, MOVED_LEVEL / len(frames), POWER) for each in asked]
@@ -206,11 +206,11 @@ def test_detectable_shift_is_worst_of_requested(nothing_asked: bool) -> None:
     assert found.samples == tuple(s.sample for s in made.recording.samples)
 
 
-SHAKES = 2e-3  # [m, rad] of the camera's stand at each sample, many sigmas of the robots
+CAMERA_MOTION = 2e-3  # [m, rad] camera motion at each sample, many sigmas of the robots
 many = partial(later, new=24)
 
 
-def shaken(made: Later, size: float) -> Later:
+def shake_camera(made: Later, size: float) -> Later:
     """Samples whose camera moved randomly at each of them."""
     rng, samples = np.random.default_rng(5), []
     for sample in made.recording.samples:
@@ -219,21 +219,21 @@ def shaken(made: Later, size: float) -> Later:
     return replace(made, recording=Recording(tuple(samples)))
 
 
-def of(made: Later):
+def find_innovations(made: Later):
     return innovations(made.cell, made.calibration, made.recording)
 
 
-def likeliest(found):
+def likeliest_shift(found):
     return min(frame_shifts(found), key=lambda shift: shift.log_chance)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_shaking_camera_has_not_moved(seed: int) -> None:
     """Independent view errors suggest a movement of a shaking camera; with their scatter it has not moved."""
-    found = of(shaken(many(seed), SHAKES))
-    assert likeliest(found).log_chance < np.log(1e-6)
-    wider = with_shared_errors(found, likeliest(found))
-    assert likeliest(wider).log_chance > np.log(1e-2)
+    found = find_innovations(shake_camera(many(seed), CAMERA_MOTION))
+    assert likeliest_shift(found).log_chance < np.log(1e-6)
+    wider = with_shared_errors(found, likeliest_shift(found))
+    assert likeliest_shift(wider).log_chance > np.log(1e-2)
     per_view = np.einsum("iaia->ia", (wider.predicted - found.predicted).reshape(24, 6, 24, 6))
     assert per_view.min() >= 0
 
@@ -241,8 +241,8 @@ def test_shaking_camera_has_not_moved(seed: int) -> None:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_independent_view_errors_are_unchanged(seed: int) -> None:
     """Independent view errors scatter within chance, so the innovations are unchanged."""
-    found = of(many(seed))
-    assert with_shared_errors(found, likeliest(found)) is found
+    found = find_innovations(many(seed))
+    assert with_shared_errors(found, likeliest_shift(found)) is found
 
 
 def test_moved_base_is_no_shared_error() -> None:
@@ -250,24 +250,24 @@ def test_moved_base_is_no_shared_error() -> None:
     made = many()
     tangent = np.array([0.01, 0, 0, 0, 0, 0])
     moved = replace(made, recording=made.with_base_moved(tangent))
-    found = of(moved)
-    assert with_shared_errors(found, likeliest(found)) is found
-    told = verify(made.cell, made.calibration, moved.recording)
-    assert told.moved is True
-    assert told.shift.frame == "hand_base"
-    np.testing.assert_allclose(told.shift.size[:3], tangent[:3], atol=1e-3)
+    found = find_innovations(moved)
+    assert with_shared_errors(found, likeliest_shift(found)) is found
+    verification = verify(made.cell, made.calibration, moved.recording)
+    assert verification.moved is True
+    assert verification.shift.frame == "hand_base"
+    np.testing.assert_allclose(verification.shift.size[:3], tangent[:3], atol=1e-3)
 
 
 def test_few_samples_have_no_shared_errors() -> None:
     """Few samples are verified by the calibration's own view noise, without shared errors."""
-    few = shaken(many(), SHAKES).first(FEWEST_FOR_SCATTER - 1)
+    few = shake_camera(many(), CAMERA_MOTION).first(FEWEST_FOR_SCATTER - 1)
     found = verify(few.cell, few.calibration, few.recording)
-    assert found.chance == pytest.approx(min(1.0, 3 * np.exp(likeliest(of(few)).log_chance)))
+    assert found.chance == pytest.approx(min(1.0, 3 * np.exp(likeliest_shift(find_innovations(few)).log_chance)))
 
 
 def test_moved_joint_is_no_shared_error() -> None:
     """The part explained by a joint offset is excluded from shared errors, too."""
-    found = of(many(0, joints=True, robot_noise=(1e-4, 2e-4)))
+    found = find_innovations(many(0, joints=True, robot_noise=(1e-4, 2e-4)))
     moves = found.whiten(found.joint_jacobian("hand")[..., 2:3])
     off = replace(found, deviation=found.deviation + 0.01 * moves[:, 0])
     joint = next(shift for shift in joint_shifts(off) if shift.frame == "hand_flange" and shift.joint == 2)
@@ -275,24 +275,24 @@ def test_moved_joint_is_no_shared_error() -> None:
     assert with_shared_errors(off, replace(joint, size=np.zeros(1))) is not off
 
 
-COUNT = 24  # samples, of which chance makes scatters of up to (1 + sqrt(6 / 24))^2 = 2.25
+COUNT = 24  # samples; by chance the scatter reaches (1 + sqrt(6 / 24))^2 = 2.25
 
 
-@pytest.mark.parametrize(("scatter", "told"), [(2.2, 0.0), (2.3, 1.3)])
+@pytest.mark.parametrize(("scatter", "excess"), [(2.2, 0.0), (2.3, 1.3)])
 @pytest.mark.parametrize("views", [1, 2])
-def test_scatter_beyond_chance_adds_covariance(scatter: float, told: float, views: int) -> None:
+def test_scatter_beyond_chance_adds_covariance(scatter: float, excess: float, views: int) -> None:
     """Scatter beyond chance adds its excess over one to the camera covariance, in each sample and the calibration.
 
     Two views of a sample count by their sum, whose share of the information is twice as large.
     """
     rng = np.random.default_rng(2)
     directions, _ = np.linalg.qr(rng.standard_normal((COUNT, 6)))
-    said = np.sqrt(COUNT) * directions * np.sqrt([scatter, 1.0, 0.5, 1.0, 1.5, 0.1])  # mean squares, not together
+    deviations = np.sqrt(COUNT) * directions * np.sqrt([scatter, 1.0, 0.5, 1.0, 1.5, 0.1])  # mean squares
     sample = np.tile(np.arange(COUNT), views)
-    left = np.tile(said / np.sqrt(views), (views, 1)).ravel()
+    left = np.tile(deviations / np.sqrt(views), (views, 1)).ravel()
     of = SimpleNamespace(covariance_inverse=np.eye(6 * len(sample)), sample=sample)
     found = _camera_covariance(of, np.tile(np.eye(6), (len(sample), 1)), left)
-    first = np.diag([told, 0, 0, 0, 0, 0]) / (COUNT * views)
+    first = np.diag([excess, 0, 0, 0, 0, 0]) / (COUNT * views)
     alike = np.where(sample[:, None] == sample, 1 + COUNT, 1)
     np.testing.assert_allclose(found, np.kron(alike, first), atol=1e-9)
 
@@ -303,9 +303,9 @@ def test_unseen_directions_add_no_covariance() -> None:
     directions, _ = np.linalg.qr(rng.standard_normal((COUNT, 6)))
     by_place = np.diag([10.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     inverse = 4.0 * np.eye(6)
-    said = np.sqrt(COUNT) * directions * np.sqrt([5.0, 5.0, 1.0, 9.0, 9.0, 9.0])
+    deviations = np.sqrt(COUNT) * directions * np.sqrt([5.0, 5.0, 1.0, 9.0, 9.0, 9.0])
     of = SimpleNamespace(covariance_inverse=np.kron(np.eye(COUNT), inverse), sample=np.arange(COUNT))
-    found = _camera_covariance(of, np.tile(by_place, (COUNT, 1)), (2.0 * said).ravel())
+    found = _camera_covariance(of, np.tile(by_place, (COUNT, 1)), (2.0 * deviations).ravel())
     open_by = np.diag([4.0, 4.0, 0, 0, 0, 0]) / (4 * COUNT)
     np.testing.assert_allclose(found[:6, 6:12], open_by, atol=1e-9)
     np.testing.assert_allclose(found[:6, :6], (1 + COUNT) * open_by, atol=1e-9)

@@ -15,8 +15,8 @@ BOARD = chessboard_target((9, 7), 0.04)
 BODY = points_target(0.06 * np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 1) for z in (-1, 1)]))
 
 
-def made(evidence, bow, sigma=0.1):
-    """Evidence about a board of 32 cm with such a bow, its coefficients known to `sigma`."""
+def make_evidence(evidence, bow, sigma=0.1):
+    """Evidence about a board of 32 cm with this bow, whose coefficients have the given sigma."""
     of = evidence({"noise": SimpleNamespace(shapes={"board": (np.array(bow), sigma**2 * np.eye(3))})})
     of.cell.targets = {"board": SimpleNamespace(target=BOARD)}
     return of
@@ -28,8 +28,8 @@ def made(evidence, bow, sigma=0.1):
 )
 def test_bow_beyond_chance_is_reported(evidence, bow, severity):
     """A bow beyond chance is an info up to the size of usual prints, and a warning above three sigmas."""
-    told = board_shape(made(evidence, bow))
-    assert [f.severity for f in told] == ([] if severity is None else [severity])
+    found = board_shape(make_evidence(evidence, bow))
+    assert [f.severity for f in found] == ([] if severity is None else [severity])
 
 
 def test_bow_height_is_in_message(evidence):
@@ -37,14 +37,14 @@ def test_bow_height_is_in_message(evidence):
 
     A twist of one sigma lifts corners by 0.3 % of the half size times their u v: 0.36 mm here.
     """
-    (found,) = board_shape(made(evidence, (0.0, 1.0, 0.0)))
+    (found,) = board_shape(make_evidence(evidence, (0.0, 1.0, 0.0)))
     assert "up to 0.36 mm from their plane" in found.message
     assert found.about == ("board",)
 
 
 def test_bow_below_tenth_of_millimetre_is_ignored(evidence):
     """A bow below 0.1 mm is ignored, though it is known to a hundredth of its prior."""
-    assert board_shape(made(evidence, (0.1, 0.0, 0.05), sigma=0.003)) == []
+    assert board_shape(make_evidence(evidence, (0.1, 0.0, 0.05), sigma=0.003)) == []
 
 
 @pytest.mark.parametrize(("times", "severity"), [(0.5, None), (1.0, "info"), (3.1, "warning")])
@@ -63,12 +63,12 @@ def test_offsets_of_points_in_space_are_reported(evidence, times, severity):
 
 def test_target_without_points_has_no_shape(evidence):
     """A target that is seen only as poses has no shape finding; the next target gets its full message."""
-    of = made(evidence, (0.0, 1.0, 0.0))
+    of = make_evidence(evidence, (0.0, 1.0, 0.0))
     of.solution.noise.shapes = {"posed": of.solution.noise.shapes["board"], **of.solution.noise.shapes}
     of.cell.targets["posed"] = SimpleNamespace(target=None)
     (found,) = board_shape(of)
     assert found.what == "board is not flat: its points are up to 0.36 mm from their plane."
     assert found.why == "The answer contains the shape."
-    (bent,) = board_shape(made(evidence, (0.0, 3.1, 0.0)))
+    (bent,) = board_shape(make_evidence(evidence, (0.0, 3.1, 0.0)))
     assert bent.why == "That is more than the usual bow of printed boards."
     assert bent.do == ("Check the stated points, the lens model and the target's size.",)

@@ -8,7 +8,7 @@ from basecal.accuracy.findings.dropped_samples import many_dropped_samples
 from basecal.cell import Finding
 
 
-def given(kept, dropped):
+def make_input(kept, dropped):
     groups = (SimpleNamespace(sample=range(kept)), SimpleNamespace(sample=range(kept)))
     findings = tuple(Finding("dropped-sample", "info", (str(100 + k),), "") for k in range(dropped))
     others = (Finding("dropped-sample", "info", ("last line",), ""), Finding("other", "info", ("7",), ""))
@@ -21,7 +21,7 @@ def test_over_a_tenth_dropped_is_warning(kept, dropped, found):
 
     Each sample counts once, however often it is reported or seen.
     """
-    made = many_dropped_samples(given(kept, dropped))
+    made = many_dropped_samples(make_input(kept, dropped))
     assert [f.severity for f in made] == (["warning"] if found else [])
     assert not found or made[0].message.startswith(f"{dropped} of {kept + dropped} samples could not be used")
 

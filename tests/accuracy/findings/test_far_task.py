@@ -33,8 +33,8 @@ def test_far_task_names_arms(aside_m, robots):
     assert [finding.about for finding in far_task(evidence_at(MADE, aside_m))] == ([robots] if robots else [])
 
 
-@pytest.mark.parametrize(("far", "told"), [((0.34, 2.0), False), ((2.0, 0.36), True), ((), False)])
-def test_task_is_far_from_half_the_error_length(monkeypatch, far, told):
+@pytest.mark.parametrize(("far", "is_reported"), [((0.34, 2.0), False), ((2.0, 0.36), True), ((), False)])
+def test_task_is_far_from_half_the_error_length(monkeypatch, far, is_reported):
     """A task is far from half the length scale of smooth errors on, of the nearest arm.
 
     Without arms of recorded poses, none is.
@@ -42,7 +42,7 @@ def test_task_is_far_from_half_the_error_length(monkeypatch, far, told):
     distances = zip(("eye", "hand"), far, strict=False)
     monkeypatch.setattr("basecal.accuracy.findings.far_task._distances", lambda evidence, point_m: distances)
     found = far_task(SimpleNamespace(settings=Settings(task_point=(0.0, 0.0, 0.0))))
-    assert bool(found) == told
+    assert bool(found) == is_reported
     for each in found:
         assert each.what == "The task point is 0.36 m from the nearest recorded flange of eye and hand."
 

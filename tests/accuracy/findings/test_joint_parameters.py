@@ -15,7 +15,7 @@ ARMS = Scenario(samples=15, joints=True)
 PRIOR = {"joint_offset_rad": 0.004, "joint_offsets": "prior"}
 
 
-def told(**scenario):
+def findings_by_robot(**scenario):
     """Findings by robot."""
     made = simulate(replace(ARMS, **scenario), 0)
     of = SimpleNamespace(cell=made.cell, solution=solve(made.cell, made.recording))
@@ -27,7 +27,7 @@ def test_first_and_last_offset_rest_on_prior():
 
     The sigmas of the bases contain the uncertainty.
     """
-    found = told(**PRIOR)
+    found = findings_by_robot(**PRIOR)
     start = "offsets known from their prior alone: joints 1 (shoulder_pan) and 6 (wrist_3): "
     why = "the first joint moves the arm as its base does, the last one as the mounts on its flange do; "
     left = "the sigmas of {} and of the mounts contain the remaining uncertainty"
@@ -41,7 +41,7 @@ def test_first_and_last_offset_rest_on_prior():
 def test_unobservable_free_offsets_are_fixed_gauges():
     """Unobservable free offsets are fixed at zero as gauges; other joints of a still arm hardly move alone."""
     free = {**PRIOR, "joint_offsets": "free", "camera_mount": "fixed"}
-    found = told(**free, arms="eye_still")
+    found = findings_by_robot(**free, arms="eye_still")
     assert {f.code for f in found.values()} == {"fixed-gauge"}
     assert (
         "offsets that are unobservable and fixed at zero as a gauge: joints 1 (shoulder_pan), 2 ("
@@ -54,8 +54,8 @@ def test_unobservable_free_offsets_are_fixed_gauges():
 
 def test_observable_offsets_are_not_reported():
     """With base and mounts known, every offset is observable and none is reported."""
-    assert told(**PRIOR, base="fixed", camera_mount="fixed", target_mount="fixed") == {}
-    assert told() == {}
+    assert findings_by_robot(**PRIOR, base="fixed", camera_mount="fixed", target_mount="fixed") == {}
+    assert findings_by_robot() == {}
 
 
 @pytest.mark.parametrize(("status", "code", "how"), [
@@ -63,7 +63,7 @@ def test_observable_offsets_are_not_reported():
 ])  # fmt: skip
 def test_compliances_invisible_to_gravity_are_reported(status, code, how):
     """Compliances that gravity does not show are reported, always that of the upright first joint."""
-    found = told(compliance=1e-4, deflection=status)
+    found = findings_by_robot(compliance=1e-4, deflection=status)
     for robot, finding in found.items():
         assert (finding.code, finding.severity) == (code, "info")
         assert finding.message.startswith(f"{robot}: compliances {how}: joint")
@@ -76,10 +76,10 @@ def test_compliances_invisible_to_gravity_are_reported(status, code, how):
 
 def test_single_unobservable_joint_is_in_singular():
     """With the camera mount fixed, only the first offset of the eye is open, and the message is in the singular."""
-    found = told(**PRIOR, camera_mount="fixed")
+    found = findings_by_robot(**PRIOR, camera_mount="fixed")
     assert "alone: joint 1 (shoulder_pan): the first joint moves" in found["eye"].message
 
 
 def test_link_parameters_name_no_joints():
     """Link parameters have no finding by joint."""
-    assert told(link_error=(1e-4, 2e-4), link_parameters="prior", samples=8) == {}
+    assert findings_by_robot(link_error=(1e-4, 2e-4), link_parameters="prior", samples=8) == {}

@@ -18,20 +18,20 @@ from basecal.simulation import Scenario, simulate
 from stream_cells import Streamed, streamed
 
 
-def late(sample: Sample, by_s: float) -> Sample:
+def delay_sample(sample: Sample, by_s: float) -> Sample:
     """The sample with an image taken so much later than its stamp."""
     assert sample.stamp_s is not None
     return replace(sample, stamp_s=sample.stamp_s - by_s)
 
 
-def bumped(sample: Sample) -> Sample:
+def bump_view(sample: Sample) -> Sample:
     (seen,) = sample.observations
     assert isinstance(seen, PoseObservation)
     moved = seen.camera_from_target @ SE3.exp([0.01, -0.02, 0.02, 0.0, 0.03, 0.02])
     return replace(sample, observations=(replace(seen, camera_from_target=moved),))
 
 
-def said(made: Streamed, changed: dict[int, Sample]) -> list[Finding]:
+def clock_findings(made: Streamed, changed: dict[int, Sample]) -> list[Finding]:
     samples = tuple(changed.get(s.sample, s) for s in made.recording.samples)
     found = calibrate(made.cell, Recording(samples))
     assert found.clocks["wrist"].offset_s == pytest.approx(0.03, abs=3.3 * found.clocks["wrist"].sigma_s)
@@ -42,7 +42,7 @@ def test_late_images_are_named_with_delay():
     """A 60 ms late and an 80 ms early image among seventy are named with their delays; the clock fits the others."""
     made = streamed()
     views = {s.sample: s for s in made.recording.samples if s.observations}
-    (finding,) = said(made, {21: late(views[21], 0.06), 44: late(views[44], -0.08)})
+    (finding,) = clock_findings(made, {21: delay_sample(views[21], 0.06), 44: delay_sample(views[44], -0.08)})
     assert (finding.severity, finding.about) == ("info", ("wrist", "21", "44"))
     assert (
         "2 images of wrist were not taken at the times of their stamps, and are left out: samples 21, 44"
@@ -60,14 +60,14 @@ def test_moved_view_is_not_late():
     """A view that is off in another way is not reported as late."""
     made = streamed()
     views = {s.sample: s for s in made.recording.samples if s.observations}
-    assert said(made, {21: bumped(views[21])}) == []
+    assert clock_findings(made, {21: bump_view(views[21])}) == []
 
 
 def test_many_late_images_are_warning():
     """Three late images are a warning."""
     made = streamed()
     views = {s.sample: s for s in made.recording.samples if s.observations}
-    (finding,) = said(made, {k: late(views[k], 0.09) for k in (11, 27, 48)})
+    (finding,) = clock_findings(made, {k: delay_sample(views[k], 0.09) for k in (11, 27, 48)})
     assert finding.severity == "warning"
 
 
@@ -89,11 +89,11 @@ def test_five_delays_are_listed(count: int, words: str) -> None:
     assert ("..." in _problem_sentence("wrist", late)) == (count > 5)
 
 
-MOTION = np.array([0.1, -0.2, 0.05, 0.3, 0.1, -0.2])  # of a camera before its target, a second
+MOTION = np.array([0.1, -0.2, 0.05, 0.3, 0.1, -0.2])  # motion of a camera relative to its target per second
 ACROSS = np.array([0.2, 0.1, 0.0, 0.0, 0.0, 0.0])
 
 
-def seen_late(*late_s: float, aside: float = 0.0, samples: int = 100) -> list[Finding]:
+def find_late_images(*late_s: float, aside: float = 0.0, samples: int = 100) -> list[Finding]:
     """Findings about left-out images so late, of which views are off the path by a share of the delay's motion.
 
     The next image is as late and was used; one of a second camera that stood still was left out, and another of it
@@ -121,16 +121,16 @@ def test_delay_is_distance_along_motion() -> None:
 
     Only left-out images of one camera count.
     """
-    (finding,) = seen_late(0.06, -0.08, 0.04)
+    (finding,) = find_late_images(0.06, -0.08, 0.04)
     assert (finding.code, finding.about) == ("clock-offset", ("camera", "0", "1", "2"))
     assert (
         "3 images of camera were not taken at the times of their stamps, and are left out: samples 0 to 2"
         in finding.message
     )
     assert "(60 ms late, 80 ms early, 40 ms late)" in finding.message
-    assert finding.severity == "info"  # three of a hundred are not more than 3 %
-    assert seen_late(0.06, samples=34)[0].severity == "info"
-    assert seen_late(0.06, samples=33)[0].severity == "warning"
+    assert finding.severity == "info"  # three of a hundred do not exceed 3 %
+    assert find_late_images(0.06, samples=34)[0].severity == "info"
+    assert find_late_images(0.06, samples=33)[0].severity == "warning"
 
 
 def test_image_of_two_targets_is_named_once() -> None:
@@ -152,12 +152,12 @@ def test_image_of_two_targets_is_named_once() -> None:
     )
 
 
-@pytest.mark.parametrize(("late_s", "aside", "told"), [
+@pytest.mark.parametrize(("late_s", "aside", "is_reported"), [
     (0.49, 0.0, True), (0.51, 0.0, False), (-0.51, 0.0, False), (0.05, 0.3, True), (0.05, 0.36, False),
 ])  # fmt: skip
-def test_delay_must_explain_nine_tenths_of_error(late_s: float, aside: float, told: bool) -> None:
+def test_delay_must_explain_nine_tenths_of_error(late_s: float, aside: float, is_reported: bool) -> None:
     """A delay must explain nine tenths of the squared error of a view, and be at most half a second."""
-    assert bool(seen_late(late_s, aside=aside)) == told
+    assert bool(find_late_images(late_s, aside=aside)) == is_reported
 
 
 @pytest.mark.parametrize("status", ["fixed", "free"])

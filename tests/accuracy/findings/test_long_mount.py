@@ -27,7 +27,7 @@ SEEN = SE3.exp(
 ARM = STILL @ SEEN @ BOARD.inverse() @ SE3.exp(CHANCE.normal(size=(COUNT, 6)) * np.repeat([2e-4, 4e-4], 3))
 
 
-def calibrated(gripper: SE3, camera_on: Literal["robot", "world"]) -> ArrayCalibration:
+def calibrate_arrays(gripper: SE3, camera_on: Literal["robot", "world"]) -> ArrayCalibration:
     return hand_eye(gripper.rotation, gripper.translation, SEEN.rotation, SEEN.translation, camera_on=camera_on)
 
 
@@ -36,7 +36,7 @@ def test_inverse_poses_of_still_camera_are_doubtful() -> None:
 
     A cell with the camera on the arm fits as exactly, with a mount of a metre.
     """
-    found = calibrated(ARM.inverse(), "robot")
+    found = calibrate_arrays(ARM.inverse(), "robot")
     assert found.verdict == "doubtful"
     (finding,) = found.findings
     assert (finding.code, finding.severity, finding.about) == ("long-mount", "warning", ("gripper",))
@@ -46,8 +46,8 @@ def test_inverse_poses_of_still_camera_are_doubtful() -> None:
 
 def test_correct_poses_have_no_long_mount() -> None:
     """Correct poses with the camera on the world have no finding, nor has a stated mount."""
-    assert calibrated(ARM, "world").findings == ()
-    other = calibrated(ARM.inverse(), "robot")
+    assert calibrate_arrays(ARM, "world").findings == ()
+    other = calibrate_arrays(ARM.inverse(), "robot")
     evidence = evidence_of(other.cell, solve(other.cell, other.recording))
     assert [finding.code for finding in long_mount(evidence)] == ["long-mount"]
     name = other.cell.mount_name("camera")
@@ -55,7 +55,9 @@ def test_correct_poses_have_no_long_mount() -> None:
     assert long_mount(replace(evidence, cell=stated)) == []
 
 
-def told(mount_m: float, stand_m: float, camera_on: str = "arm", joints: bool = False, **change: object) -> list[str]:
+def problems_of_cell(
+    mount_m: float, stand_m: float, camera_on: str = "arm", joints: bool = False, **change: object
+) -> list[str]:
     """Findings of a cell with one arm, whose carried device is so far from its flange."""
     on = {"camera": camera_on, "board": WORLD if camera_on == "arm" else "arm"}
     carried = "camera" if camera_on == "arm" else "board"
@@ -87,7 +89,7 @@ def test_mount_is_long_from_forty_centimetres(mount_m: float, stand_m: float, na
 
     The carried device may be the camera or the target.
     """
-    found = told(mount_m, stand_m, camera_on)
+    found = problems_of_cell(mount_m, stand_m, camera_on)
     assert len(found) == named
     carried, other = ("camera", "board") if camera_on == "arm" else ("board", "camera")
     for what in found:
@@ -115,5 +117,5 @@ def test_exchanged_mounts_need_plain_cell(change: dict[str, object]) -> None:
 
     One of these is on the world, and both mounts are free.
     """
-    assert len(told(1.0, 0.1)) == 1
-    assert told(1.0, 0.1, **change) == []  # type: ignore[arg-type]
+    assert len(problems_of_cell(1.0, 0.1)) == 1
+    assert problems_of_cell(1.0, 0.1, **change) == []  # type: ignore[arg-type]

@@ -30,7 +30,7 @@ def test_robots_in_one_frame_are_named() -> None:
     assert near_bases(replace(near, cell=stated)) == []
 
 
-def named(
+def find_pairs(
     places_m: dict[str, float],
     fixed: tuple[str, ...] = (),
     stated: tuple[str, ...] = ("b", "c"),
@@ -54,11 +54,11 @@ def named(
 
 def test_bases_within_a_decimetre_are_near() -> None:
     """Bases within 10 cm are near, for every pair with one base that is not stated and both observable."""
-    assert named({"a": 0.0, "b": 0.099}) == ["ab"]
-    assert named({"a": 0.0, "b": 0.101}) == []
-    assert named({"a": 0.0, "b": 1.0, "c": 1.05}) == ["bc"]
-    assert named({"a": 0.0, "b": 0.05, "c": -0.04}) == ["ab", "ac", "bc"]
-    assert named({"a": 0.0, "b": 0.05, "c": -0.04}, fixed=("b",)) == ["ac", "bc"]
-    assert named({"a": 0.0, "b": 0.05, "c": -0.04}, fixed=("b", "c")) == []
-    assert named({"a": 0.0, "b": 0.05}, stated=()) == []
-    assert named({"a": 0.0, "b": 0.05, "c": -0.04}, hidden=("b",)) == ["ac"]
+    assert find_pairs({"a": 0.0, "b": 0.099}) == ["ab"]
+    assert find_pairs({"a": 0.0, "b": 0.101}) == []
+    assert find_pairs({"a": 0.0, "b": 1.0, "c": 1.05}) == ["bc"]
+    assert find_pairs({"a": 0.0, "b": 0.05, "c": -0.04}) == ["ab", "ac", "bc"]
+    assert find_pairs({"a": 0.0, "b": 0.05, "c": -0.04}, fixed=("b",)) == ["ac", "bc"]
+    assert find_pairs({"a": 0.0, "b": 0.05, "c": -0.04}, fixed=("b", "c")) == []
+    assert find_pairs({"a": 0.0, "b": 0.05}, stated=()) == []
+    assert find_pairs({"a": 0.0, "b": 0.05, "c": -0.04}, hidden=("b",)) == ["ac"]

@@ -36,7 +36,7 @@ from basecal.vision.detect import detect
 BUMP = SE3.exp([0.02, 0, 0, 0, 0.02, 0])
 
 
-def bumped(sample):
+def bump_sample(sample):
     moved = RobotState(sample.robots["eye"].base_from_flange @ BUMP)
     return replace(sample, robots={**sample.robots, "eye": moved})
 
@@ -54,7 +54,7 @@ def test_bumped_samples_make_answer_doubtful():
     Each still has its residual, which counts in no mean.
     """
     s = simulate(Scenario(robot_noise=(1e-4, 2e-4)), seed=0)
-    samples = tuple(bumped(x) if x.sample in (4, 5, 6) else x for x in s.recording.samples)
+    samples = tuple(bump_sample(x) if x.sample in (4, 5, 6) else x for x in s.recording.samples)
     found = calibrate(s.cell, Recording(samples))
     assert found.verdict == "doubtful"
     (finding,) = found.findings
@@ -82,7 +82,9 @@ def test_moved_base_is_reported():
     assert "before sample 9" in finding.message
     base = found["eye_base_from_hand_base"]
     off = (base.mean.inverse() @ s.truth["eye_base_from_hand_base"] @ moved.inverse()).log()
-    assert off @ np.linalg.solve(base.covariance, off) < 50  # chi-square with 6 freedoms, of which 5e-9 lie beyond
+    assert (
+        off @ np.linalg.solve(base.covariance, off) < 50
+    )  # chi-square with 6 freedoms, exceeded with a chance of 5e-9
 
 
 def _from(moved: SE3, sample: Sample) -> Sample:
@@ -203,14 +205,14 @@ def test_agreeing_samples_are_named():
     assert finding.why.startswith("From sample 6 on it differs. Nothing was left out")
 
 
-@pytest.mark.parametrize(("error", "told"), [(5.9, False), (6.1, True), (-6.1, True)])
-def test_stops_beyond_six_sigmas_are_named(error, told):
+@pytest.mark.parametrize(("error", "is_reported"), [(5.9, False), (6.1, True), (-6.1, True)])
+def test_stops_beyond_six_sigmas_are_named(error, is_reported):
     """Stops beyond six sigmas are named by their samples, unless samples were left out as the outliers."""
     found = far_stops(robust(kept=range(10, 15), errors=(0.5, error)))
-    assert [f.about for f in found] == ([("11",)] if told else [])
-    assert not told or "by up to 6 of its sigmas at sample 11." in found[0].message
+    assert [f.about for f in found] == ([("11",)] if is_reported else [])
+    assert not is_reported or "by up to 6 of its sigmas at sample 11." in found[0].message
     assert far_stops(robust(left_out=(3,), kept=range(10, 15), errors=(0.5, error))) == []
-    assert len(far_stops(robust(kept=range(10, 15), errors=(0.5, error), points=[3]))) == told
+    assert len(far_stops(robust(kept=range(10, 15), errors=(0.5, error), points=[3]))) == is_reported
 
 
 def _abb(copy: Path) -> tuple[Cell, Recording]:
@@ -314,11 +316,11 @@ def test_bump_has_no_row_cause() -> None:
     assert causes(with_poses("hand", lambda k, pose: pose @ bump if k in (4, 9) else pose), [4, 9]) == []
 
 
-def seen_by(camera, frames, samples):
+def make_group(camera, frames, samples):
     return SimpleNamespace(camera=camera, target="board", frames=frames, sample=np.array(samples))
 
 
-def left_out(samples, camera="wrist", off_m=None):
+def make_outliers(samples, camera="wrist", off_m=None):
     return [LeftOut(number, camera, "board", (), "outlier", off_m=off_m) for number in samples]
 
 
@@ -343,9 +345,9 @@ def test_outliers_at_one_end_name_frame(samples, sentence):
     Other cameras that share the base go on.
     """
     inliers = SimpleNamespace(
-        groups=[seen_by("wrist", (MOUNT, BASE), [3, 5, 7]), seen_by("other", (BASE,), [0, 9, 12])]
+        groups=[make_group("wrist", (MOUNT, BASE), [3, 5, 7]), make_group("other", (BASE,), [0, 9, 12])]
     )
-    found = _moved_sentence(left_out(samples), inliers)
+    found = _moved_sentence(make_outliers(samples), inliers)
     assert found == (f" The outliers look as if {sentence}" if sentence else "")
 
 
@@ -354,9 +356,9 @@ def test_frames_with_equal_views_are_not_distinguished():
 
     Points state their distance, and a frame without an inlier gives no sentence.
     """
-    both = SimpleNamespace(groups=[seen_by("wrist", (MOUNT, BASE), [3, 5, 7])])
-    found = _moved_sentence(left_out([8, 9, 10], off_m=2e-3), both)
+    both = SimpleNamespace(groups=[make_group("wrist", (MOUNT, BASE), [3, 5, 7])])
+    found = _moved_sentence(make_outliers([8, 9, 10], off_m=2e-3), both)
     assert found.startswith(" The outliers look as if a base, a mount or the target was moved by 2.0 mm after sample 7")
-    assert _moved_sentence(left_out([8, 9, 10], "third"), both) == ""
-    empty = SimpleNamespace(groups=[seen_by("wrist", (MOUNT, BASE), [])])
-    assert _moved_sentence(left_out([8, 9, 10]), empty) == ""
+    assert _moved_sentence(make_outliers([8, 9, 10], "third"), both) == ""
+    empty = SimpleNamespace(groups=[make_group("wrist", (MOUNT, BASE), [])])
+    assert _moved_sentence(make_outliers([8, 9, 10]), empty) == ""

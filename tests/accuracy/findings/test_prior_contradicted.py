@@ -38,9 +38,9 @@ def test_wrong_prior_is_named():
     mount = replace(camera.mount, mean=s.truth[MOUNT] @ off)
     cell = replace(s.cell, cameras={camera.name: replace(camera, mount=mount)})
     calibration = calibrate(cell, s.recording)
-    told = [f for f in calibration.findings if f.code == "prior-contradicted"]
-    assert [f.about for f in told] == [(MOUNT,)]
-    assert told[0].do[-1] == "`basecal fix CELL` makes it free."
+    findings = [f for f in calibration.findings if f.code == "prior-contradicted"]
+    assert [f.about for f in findings] == [(MOUNT,)]
+    assert findings[0].do[-1] == "`basecal fix CELL` makes it free."
     assert calibration.verdict == "doubtful"
 
 
@@ -59,10 +59,10 @@ def test_wrong_lens_prior_is_named():
     wrist = s.cell.cameras["wrist"]
     longer = replace(wrist.intrinsics.camera, parameters=wrist.intrinsics.camera.parameters + np.eye(9)[0] * 60)
     cell = replace(s.cell, cameras={"wrist": replace(wrist, intrinsics=replace(wrist.intrinsics, camera=longer))})
-    (told,) = contradicted_priors(cell, solve(cell, s.recording))
-    assert told.about == ("wrist",)
-    assert "sigmas away from the prior of the lens of wrist." in told.what
-    assert told.do[-1] == "`basecal fix CELL` makes it free."
+    (finding,) = contradicted_priors(cell, solve(cell, s.recording))
+    assert finding.about == ("wrist",)
+    assert "sigmas away from the prior of the lens of wrist." in finding.what
+    assert finding.do[-1] == "`basecal fix CELL` makes it free."
 
 
 @pytest.mark.parametrize(("kind", "faults", "sigmas"), [
@@ -81,13 +81,13 @@ def test_wrong_robot_priors_get_wider_entries(kind, faults, sigmas):
         robots[name] = replace(robot, parameters={**robot.parameters, kind: narrow})
     cell = replace(s.cell, robots=robots)
     found = contradicted_priors(cell, solve(cell, s.recording))
-    assert {told.about for told in found} == {("eye",), ("hand",)}
-    for told in found:
-        (robot,) = told.about
-        (away,) = re.findall(rf"up to ([\d.]+) sigmas away from the prior of {kind} of {robot}\.", told.what)
+    assert {finding.about for finding in found} == {("eye",), ("hand",)}
+    for finding in found:
+        (robot,) = finding.about
+        (away,) = re.findall(rf"up to ([\d.]+) sigmas away from the prior of {kind} of {robot}\.", finding.what)
         factor = max(2, np.ceil(float(away)))
         wider = {key: pytest.approx(factor * sigma, rel=0.06) for key, sigma in sigmas.items()}
-        assert offered_places(cell, told) == {("robots", robot, kind): {"status": "prior", **wider}}
+        assert offered_places(cell, finding) == {("robots", robot, kind): {"status": "prior", **wider}}
 
 
 def test_mark_without_entry_is_not_freed():
@@ -96,11 +96,11 @@ def test_mark_without_entry_is_not_freed():
     wrong = {**points, "mark_b": [points["mark_b"][0] + 3e-3, *points["mark_b"][1:]]}
     cell = touch_cell((), marks={"plate": {"points_m": wrong}})
     places = {name: np.array(place) for name, place in points.items()}
-    told = contradicted_priors(
+    findings = contradicted_priors(
         cell, solve(cell, recorded(cell, touch_lines(np.random.default_rng(0), 40, 1e-4, places)))
     )
-    assert any(finding.about == ("plate_from_mark_b",) for finding in told)
-    assert all("basecal fix" not in finding.message for finding in told)
+    assert any(finding.about == ("plate_from_mark_b",) for finding in findings)
+    assert all("basecal fix" not in finding.message for finding in findings)
 
 
 @pytest.mark.parametrize("wider", [[1.0, 1.0, 1.0], [2.0, 1.0, 5.0]])

@@ -20,7 +20,7 @@ GOOD = np.full(6, 1e-3)
 VIEWS = 4
 
 
-def told(sigma, prior=PRIOR, status="prior", **changed):
+def findings_of_mount(sigma, prior=PRIOR, status="prior", **changed):
     """Findings about a mount with a prior, seen as four poses with these sigmas."""
     problem, state = pose_problem(np.zeros((VIEWS, 6)), sigma, Unknown(status, SE3.identity(), prior))
     solution = replace(solve_from(problem, state), **changed)
@@ -38,27 +38,27 @@ def with_share(axis, share):
 @pytest.mark.parametrize("axis", range(6))
 def test_direction_is_reported_from_95_percent(axis):
     """A direction is reported if its posterior sigma exceeds 95 % of the prior: at 0.96, not at 0.94."""
-    (finding,) = told(with_share(axis, 0.96))
+    (finding,) = findings_of_mount(with_share(axis, 0.96))
     assert (finding.code, finding.severity, finding.about) == ("prior-dominated", "info", (MOUNT,))
     assert ("translation of camera" if axis < 3 else "rotation of camera") in finding.message
     assert finding.message.count("translation") + finding.message.count("rotation") == 1
-    assert told(with_share(axis, 0.94)) == []
+    assert findings_of_mount(with_share(axis, 0.94)) == []
 
 
 def test_directions_share_one_finding():
     """Two translations and a rotation known only from the prior share one finding."""
     sigma = GOOD.copy()
     sigma[[0, 1, 5]] = 10.0
-    (finding,) = told(sigma)
+    (finding,) = findings_of_mount(sigma)
     assert "any translation of camera perpendicular to (0.00, 0.00, 1.00)" in finding.message
     assert "rotation of camera about the axis" in finding.message
 
 
 def test_improved_prior_is_not_reported():
     """A prior that the data improve is not reported, nor a transform without a prior, nor a failed solution."""
-    assert told(GOOD) == []
-    assert told(with_share(0, 0.5), status="free") == []
-    assert told(with_share(0, 0.96), converged=False) == []
+    assert findings_of_mount(GOOD) == []
+    assert findings_of_mount(with_share(0, 0.5), status="free") == []
+    assert findings_of_mount(with_share(0, 0.96), converged=False) == []
 
 
 def test_led_offset_has_three_directions():

@@ -37,7 +37,7 @@ def with_spots(made, beside):
     return replace(made.recording, samples=tuple(samples))
 
 
-def found(made, beside):
+def find_reflections(made, beside):
     findings = calibrate(made.cell, with_spots(made, beside)).findings
     return [finding for finding in findings if finding.code == "reflection"]
 
@@ -46,7 +46,7 @@ def test_spots_beside_led_are_reported(made):
     """Spots beside an LED are reported with their number and images; the LED is distinguished from them."""
     rng = np.random.default_rng(0)
     beside = {k: rng.uniform(40, 90, 2) for k in range(2, 9)}
-    (finding,) = found(made, beside)
+    (finding,) = find_reflections(made, beside)
     assert finding.severity == "info"
     assert finding.about == tuple(map(str, beside))
     assert f"in 7 of {SAMPLES} images" in finding.message
@@ -56,20 +56,20 @@ def test_spots_near_led_are_warning(made):
     """Spots two pixels from the LED are ambiguous and a warning; a tenth of the images is tolerated."""
     near = np.array([1.6, 1.2])
     for count, severity in ((1, "info"), (2, "warning")):
-        (finding,) = found(made, dict.fromkeys(range(count), near))
+        (finding,) = find_reflections(made, dict.fromkeys(range(count), near))
         assert finding.severity == severity
     assert "In 2 images both are near the predicted position" in finding.message
 
 
 def test_single_spots_give_no_finding(made, evidence):
     """Without other spots, or without cameras, there is no finding."""
-    assert found(made, {}) == []
+    assert find_reflections(made, {}) == []
     assert reflection(evidence()) == []
 
 
 @pytest.mark.parametrize(("off_px", "severity"), [((0.5, 0.4), None), ((1.2, 0.9), "warning"), ((2.6, 2.8), "info")])
 def test_spots_between_one_and_three_pixels_are_ambiguous(made, off_px, severity):
     """Spots within a pixel are one, beyond three they are distinct; between them they are ambiguous."""
-    assert [f.severity for f in found(made, dict.fromkeys(range(4), np.array(off_px)))] == (
+    assert [f.severity for f in find_reflections(made, dict.fromkeys(range(4), np.array(off_px)))] == (
         [severity] if severity else []
     )

@@ -9,7 +9,7 @@ from basecal.accuracy.findings import registry
 
 ROOT = Path(__file__).parents[3]
 FINDINGS = ROOT / "src" / "basecal" / "accuracy" / "findings"
-# A code stands in a literal of its own, as the first of a finding's or of a hypothesis' arguments.
+# A code is a string literal and the first argument of a finding or a hypothesis.
 CODE = re.compile(r"(?:Finding|ConventionHypothesis|Words)\(\s*\"([a-z0-9-]+)\"")
 
 

@@ -90,7 +90,7 @@ def test_helpful_links_state_worst_link():
     assert "and `link_parameters: {status: prior, sigma_rad: 0.002, sigma_m: 0.001}` at arm in" in found.message
 
 
-def found(effect, about="hand", is_certain=True, alternatives=()):
+def make_effect(effect, about="hand", is_certain=True, alternatives=()):
     size = np.array([0.004])
     return FoundEffect(
         effect, "", about, False, False, None, "", size, np.eye(1), size, 1, is_certain, alternatives=alternatives
@@ -98,13 +98,13 @@ def found(effect, about="hand", is_certain=True, alternatives=()):
 
 
 @pytest.mark.parametrize(("other", "chosen", "is_left_out"), [
-    (found("gear_ratio"), "joint", True),
-    (found("gear_ratio"), "links", False),
-    (found("gear_ratio", "arm"), "joint", False),
-    (found("gear_ratio", is_certain=False), "offsets", False),
-    (found("gear_ratio", alternatives=(found("joint_offsets"),)), "joint", False),
-    (found("joint_offsets"), "joint", False),
-    (found("step"), "joint", False),
+    (make_effect("gear_ratio"), "joint", True),
+    (make_effect("gear_ratio"), "links", False),
+    (make_effect("gear_ratio", "arm"), "joint", False),
+    (make_effect("gear_ratio", is_certain=False), "offsets", False),
+    (make_effect("gear_ratio", alternatives=(make_effect("joint_offsets"),)), "joint", False),
+    (make_effect("joint_offsets"), "joint", False),
+    (make_effect("step"), "joint", False),
     (None, "joint", False),
 ])  # fmt: skip
 def test_offsets_that_imitate_other_effect_are_omitted(evidence, other, chosen, is_left_out):

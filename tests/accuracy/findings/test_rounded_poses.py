@@ -16,7 +16,7 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
-def found_in(read, noise=(3e-4, 3e-4)):
+def find_rounding(read, noise=(3e-4, 3e-4)):
     """Findings if the hand's poses are changed by `read`, with the given noise in use."""
     made = simulate(Scenario(samples=12, target="pose"), 0)
     samples = []
@@ -34,7 +34,7 @@ def in_steps(step):
 
 def test_unrounded_poses_give_no_finding():
     """Poses with all digits give no finding."""
-    assert found_in(lambda pose: pose) == []
+    assert find_rounding(lambda pose: pose) == []
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_unrounded_poses_give_no_finding():
 )
 def test_rounded_translations_are_reported(step, noise_m, severity):
     """Translations in multiples of a step are reported, as a warning if rounding is a good part of the noise in use."""
-    (finding,) = found_in(in_steps(step), (noise_m, 3e-4))
+    (finding,) = find_rounding(in_steps(step), (noise_m, 3e-4))
     assert (finding.code, finding.about, finding.severity) == ("rounded-poses", ("hand",), severity)
     assert f"multiples of {1e3 * step:g} mm" in finding.message
     assert f"{1e3 * step / 12**0.5:.2g} mm" in finding.message
@@ -62,16 +62,16 @@ def test_rounded_euler_angles_are_reported(step_deg):
     """Roll, pitch and yaw with few digits of a degree are reported."""
 
     def read(pose):
-        """The pose in round angles."""
+        """The pose with rounded Euler angles."""
         return SE3.from_rpy(np.radians(step_deg * np.round(np.degrees(pose.rpy) / step_deg)), pose.translation)
 
-    (finding,) = found_in(read, (3e-4, 1e-4))
+    (finding,) = find_rounding(read, (3e-4, 1e-4))
     assert f"Angles of hand are all multiples of {step_deg:g} deg" in finding.message
 
 
 def test_single_round_pose_gives_no_finding():
     """An arm at rest at one round pose is not reported."""
-    assert found_in(lambda pose: SE3(np.eye(3), np.array([0.4, 0.1, 0.3]))) == []
+    assert find_rounding(lambda pose: SE3(np.eye(3), np.array([0.4, 0.1, 0.3]))) == []
 
 
 @pytest.mark.parametrize("step_rad", [1e-2, 1e-3, 1e-4])
@@ -79,10 +79,10 @@ def test_rounded_rotation_vectors_are_reported(step_rad):
     """Rotation vectors with few digits of a radian are reported, in milliradians."""
 
     def read(pose):
-        """The pose by a round rotation vector."""
+        """The pose with a rounded rotation vector."""
         return SE3.from_rotvec(step_rad * np.round(pose.rotvec / step_rad), pose.translation)
 
-    (finding,) = found_in(read, (3e-4, 1e-9))
+    (finding,) = find_rounding(read, (3e-4, 1e-9))
     assert f"Angles of hand are all multiples of {1e3 * step_rad:g} mrad" in finding.message
     assert f"{1e3 * step_rad / 12**0.5:.2g} mrad" in finding.message
     assert finding.severity == "info"
@@ -96,7 +96,7 @@ def test_translations_and_angles_share_one_finding():
         turned = SE3.from_rpy(np.radians(0.1 * np.round(np.degrees(pose.rpy) / 0.1)), pose.translation)
         return in_steps(1e-3)(turned)
 
-    (finding,) = found_in(read, (3e-4, 1e-9))
+    (finding,) = find_rounding(read, (3e-4, 1e-9))
     assert (
         "Translations of hand are all multiples of 1 mm. Angles of hand are all multiples of 0.1 deg."
         in finding.message
@@ -113,11 +113,11 @@ def test_rounded_quaternions_are_reported(step):
     """Quaternion components with few digits are reported, though normalised; each rotates by twice its error."""
 
     def read(pose):
-        """The pose by round components of its quaternion."""
+        """The pose with rounded quaternion components."""
         components = step * np.round(pose.quaternion / step)
         return SE3.from_quaternion(components / np.linalg.norm(components, axis=-1, keepdims=True), pose.translation)
 
-    (finding,) = found_in(read, (3e-4, 2 * step / 12**0.5))
+    (finding,) = find_rounding(read, (3e-4, 2 * step / 12**0.5))
     assert f"Quaternions of hand are all multiples of {step:g} before normalisation" in finding.message
     assert f"errors of {2e3 * step / 12**0.5:.2g} mrad" in finding.message
     assert finding.severity == "warning"
@@ -126,7 +126,7 @@ def test_rounded_quaternions_are_reported(step):
 def test_quaternions_of_quarter_turns_give_no_finding():
     """Quaternions of quarter turns have round components anyway and give no finding."""
     turns = iter(np.resize([0.0, 0.5, 1.0], 12) * np.pi)
-    assert found_in(lambda pose: SE3.from_rpy([next(turns), 0.0, 0.0], pose.translation + 1e-5 * np.pi)) == []
+    assert find_rounding(lambda pose: SE3.from_rpy([next(turns), 0.0, 0.0], pose.translation + 1e-5 * np.pi)) == []
 
 
 @pytest.mark.parametrize("noisy", [True, False])
@@ -146,8 +146,8 @@ def test_rounded_joints_are_reported(noisy):
     assert f"the noise in use is {0.5 if noisy else 0:.2g} mrad." in finding.message
 
 
-@pytest.mark.parametrize(("count", "told"), [(9, False), (10, True)])
-def test_ten_different_numbers_are_enough(count, told):
+@pytest.mark.parametrize(("count", "is_reported"), [(9, False), (10, True)])
+def test_ten_different_numbers_are_enough(count, is_reported):
     """Ten different numbers are enough; fewer may all be round by chance."""
     numbers = iter(np.resize(1e-3 * np.arange(1, count + 1), 36))
 
@@ -155,7 +155,7 @@ def test_ten_different_numbers_are_enough(count, told):
         """The pose at one of a few places in whole millimetres."""
         return SE3(pose.rotation, np.array([next(numbers) for _ in range(3)]))
 
-    assert bool(found_in(read)) == told
+    assert bool(find_rounding(read)) == is_reported
 
 
 def test_rounding_is_compared_with_own_noise():
@@ -181,10 +181,10 @@ def test_rounding_is_compared_with_own_noise():
     (0.3 * np.arange(10), 0.1),
     (0.07 * np.arange(10), 0.01),
     (0.007 * np.arange(10), None),
-    (np.arange(10) + 9e-4, 1.0),  # what conversions leave
+    (np.arange(10) + 9e-4, 1.0),  # rounding of conversions
     (np.arange(10) - 9e-4, 1.0),
     (np.arange(10) + 1.1e-3, None),
-    (np.append(np.arange(10.0), 0.1), 0.1),  # one that is not is enough
+    (np.append(np.arange(10.0), 0.1), 0.1),  # a single other value is enough
 ])  # fmt: skip
 def test_step_is_largest_common_divisor(values, step):
     """The step is the largest one of which all values are multiples, to a thousandth.
@@ -194,14 +194,14 @@ def test_step_is_largest_common_divisor(values, step):
     assert _step(values.reshape(-1, 1) / 100) == (None if step is None else pytest.approx(step / 100))
 
 
-@pytest.mark.parametrize(("step_deg", "told"), [(1.0, "1 deg"), (0.1, "0.1 deg"), (0.01, "0.01 deg")])
-def test_angle_steps_are_display_digits(step_deg, told):
+@pytest.mark.parametrize(("step_deg", "step_text"), [(1.0, "1 deg"), (0.1, "0.1 deg"), (0.01, "0.01 deg")])
+def test_angle_steps_are_display_digits(step_deg, step_text):
     """Steps of angles are a degree, its tenths and hundredths, if all joints differ."""
     joints = np.radians(step_deg * np.arange(1, 37).reshape(6, 6))
     stops = Stops(np.array([[1, 1, 1, 2, 9, 9], [9, 9, 9, 9, 9, 9.0]]), ("hand", "hand"))
     problem = problem_of(views(end(), end("hand", joints=joints)), stops=stops)
     (found,) = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=problem)))
-    assert f"Joints of hand are all multiples of {told}. Rounding" in found.message
+    assert f"Joints of hand are all multiples of {step_text}. Rounding" in found.message
     assert "the noise in use is 2e+03 mrad." in found.message
 
 
@@ -218,8 +218,8 @@ def test_rounding_of_half_to_twice_noise_is_warning(noise, severity):
     assert rounding.severity == severity
 
 
-@pytest.mark.parametrize(("least", "told"), [(-3, 0), (-4, 1)])
-def test_quaternions_need_ten_different_numbers(least, told):
+@pytest.mark.parametrize(("least", "count"), [(-3, 0), (-4, 1)])
+def test_quaternions_need_ten_different_numbers(least, count):
     """Quaternions need ten different numbers before normalisation; with nine there is no finding."""
     numbers = np.array([[k, 0, 0, 100] for k in range(least, 5) if k], dtype=float)
     quaternions = numbers / np.linalg.norm(numbers, axis=-1, keepdims=True)
@@ -227,7 +227,7 @@ def test_quaternions_need_ten_different_numbers(least, told):
     found = list(_quaternion_roundings(quaternions, 1e-3))
     assert [(each.step, each.step_text, each.noise) for each in found] == [
         (0.02, "0.01 before normalisation", 1e-3)
-    ] * told
+    ] * count
 
 
 @pytest.mark.parametrize("norm", [99, 100, 101])

@@ -48,18 +48,18 @@ def stops_of(*moves, stands):
 PLACE = [0.5, 0.2, 0.1, 0.0, 0.0, 0.0]
 
 
-@pytest.mark.parametrize(("off", "told"), [
+@pytest.mark.parametrize(("off", "size"), [
     ([3e-5, 4e-5, 0, 0, 0, 0], "0.050 mm and 0 mrad"),
     ([0, 0, 0, 0, 6e-4, -8e-4], "0 mm and 1.0 mrad"),
     ([9e-10, 0, 0, 0, 0, 0], None),
     ([0, 0, 0, 0, 0, 9e-10], None),
     ([1.1e-9, 0, 0, 0, 0, 0], "0.000001 mm and 0 mrad"),
 ])  # fmt: skip
-def test_largest_difference_within_stop_is_reported(off, told):
+def test_largest_difference_within_stop_is_reported(off, size):
     """The largest translation and rotation from the first pose of a stop are reported, in any group.
 
     Other stops do not count, nor does rounding.
     """
     found = stops_of(np.zeros(6), PLACE, off, stands=[4, 7, 4])
-    assert [f.about for f in found] == ([] if told is None else [("arm",)])
-    assert told is None or f"Poses within one stop of arm differ by up to {told}, at 2 stops." in found[0].message
+    assert [f.about for f in found] == ([] if size is None else [("arm",)])
+    assert size is None or f"Poses within one stop of arm differ by up to {size}, at 2 stops." in found[0].message

@@ -15,7 +15,7 @@ from basecal.simulation import Scenario, simulate
 MADE = simulate(Scenario(samples=18, layout="eye_in_hand", robot_noise=(1e-4, 2e-4), state_robot_noise=False), 1)
 
 
-def calibrated(change):
+def calibrate_with_lens(change):
     """The calibration with changed stated lens parameters that are not assumed exact."""
     wrist = MADE.cell.cameras["wrist"]
     camera = wrist.intrinsics.camera
@@ -31,7 +31,7 @@ def test_wrong_lens_is_named_and_answer_holds(factor, shift_px, named):
 
     A lens as stated, or one pixel off, is not named.
     """
-    found = calibrated(lambda p: p * np.where(np.arange(9) < 2, factor, 1.0) + shift_px * (np.arange(9) == 2))
+    found = calibrate_with_lens(lambda p: p * np.where(np.arange(9) < 2, factor, 1.0) + shift_px * (np.arange(9) == 2))
     messages = [f.message for f in found.findings if f.code == "intrinsics"]
     assert (found.verdict, len(messages)) == (("good", 0) if named is None else ("doubtful", 1))
     if named is not None:

@@ -24,7 +24,7 @@ EFFECT = {
 }
 
 
-def found(code, size, sigma, about="hand", unit="", since=None, kind=None):
+def make_effect(code, size, sigma, about="hand", unit="", since=None, kind=None):
     effect = {"rad/Nm": "deflection", "": "bending"}[unit] if code == "deflection" else EFFECT[code]
     effect = "target_size" if kind == "target" else effect
     covariance = np.diag(np.broadcast_to(sigma, (len(size),)) ** 2.0)
@@ -42,50 +42,50 @@ def found(code, size, sigma, about="hand", unit="", since=None, kind=None):
     )
 
 
-STEP = found("base-moved", [2e-3, 0, 0, 0, 0, 0], 1e-4, "eye_base", since=4)
-BOARD = found("length-scale", [-1e-2], 1e-3, "board", kind="target")
+STEP = make_effect("base-moved", [2e-3, 0, 0, 0, 0, 0], 1e-4, "eye_base", since=4)
+BOARD = make_effect("length-scale", [-1e-2], 1e-3, "board", kind="target")
 WORDS = {
-    "short": (found("length-scale", [1e-3], 1e-4), "Poses of hand are 0.100 ± 0.010 % too short"),
-    "long": (found("length-scale", [-2.5e-3], 2e-3), "Poses of hand are 0.25 ± 0.20 % too long"),
+    "short": (make_effect("length-scale", [1e-3], 1e-4), "Poses of hand are 0.100 ± 0.010 % too short"),
+    "long": (make_effect("length-scale", [-2.5e-3], 2e-3), "Poses of hand are 0.25 ± 0.20 % too long"),
     "short, or a target": (
-        replace(found("length-scale", [1e-2], 1e-3), alternatives=(BOARD,)),
+        replace(make_effect("length-scale", [1e-2], 1e-3), alternatives=(BOARD,)),
         "Poses of hand are 1.00 ± 0.10 % too short, or board is 1.00 ± 0.10 % smaller than stated.",
     ),
-    "larger": (found("length-scale", [0.02], 1e-3, "board", kind="target"), "board is 2.00 ± 0.10 % larger"),
-    "smaller": (found("length-scale", [-0.02], 1e-3, "board", kind="target"), "board is 2.00 ± 0.10 % smaller"),
+    "larger": (make_effect("length-scale", [0.02], 1e-3, "board", kind="target"), "board is 2.00 ± 0.10 % larger"),
+    "smaller": (make_effect("length-scale", [-0.02], 1e-3, "board", kind="target"), "board is 2.00 ± 0.10 % smaller"),
     "late": (
-        found("clock-offset", [-0.021], 1e-3, "wrist", "s", kind="camera"),
+        make_effect("clock-offset", [-0.021], 1e-3, "wrist", "s", kind="camera"),
         "Images of wrist lag behind the other devices by 21.0 ± 1.0 ms",
     ),
     "early": (
-        found("clock-offset", [0.021], 1e-3, "wrist", "s", kind="camera"),
+        make_effect("clock-offset", [0.021], 1e-3, "wrist", "s", kind="camera"),
         "Images of wrist run ahead of the other devices by 21.0 ± 1.0 ms",
     ),
     "robot late": (
-        found("clock-offset", [0.5], 0.1, "eye", "samples"),
+        make_effect("clock-offset", [0.5], 0.1, "eye", "samples"),
         "Poses of eye lag behind the other devices by 0.50 ± 0.10 samples",
     ),
     "camera drifts": (
-        found("clock-drift", [-0.021], 1e-3, "wrist", "s", kind="camera"),
+        make_effect("clock-drift", [-0.021], 1e-3, "wrist", "s", kind="camera"),
         "The clock of wrist drifts: its images fall behind the other devices by 21.0 ± 1.0 ms from first to last",
     ),
     "robot drifts": (
-        found("clock-drift", [-0.021], 1e-3, "eye", "s"),
+        make_effect("clock-drift", [-0.021], 1e-3, "eye", "s"),
         "The clock of eye drifts: its poses run ahead of the other devices by 21.0 ± 1.0 ms from first to last",
     ),
     "step": (
-        found("base-moved", [3e-3, 4e-3, 0, 0, 0, np.radians(0.5)], 1e-3, "hand_base", since=12),
+        make_effect("base-moved", [3e-3, 4e-3, 0, 0, 0, np.radians(0.5)], 1e-3, "hand_base", since=12),
         "hand_base moved by 5.0 ± 1.0 mm and 0.500 ± 0.057 deg at about sample 12",
     ),
     "drift": (
-        found("drift", [0, 0, -2e-3, 0, np.radians(-0.1), 0], 1e-3, "hand_base"),
+        make_effect("drift", [0, 0, -2e-3, 0, np.radians(-0.1), 0], 1e-3, "hand_base"),
         "hand_base drifts by 2.0 ± 1.0 mm and 0.100 ± 0.057 deg from the first sample to the last",
     ),
     "yield": (
-        found("deflection", [3e-5, 4e-5, 0, 0], 2e-6, unit="rad/Nm"),
+        make_effect("deflection", [3e-5, 4e-5, 0, 0], 2e-6, unit="rad/Nm"),
         "Joints of hand yield by 25.0 ± 1.0 urad per Nm of the torque",
     ),
-    "bend": (found("deflection", [0, 0, -2e-3], 1e-4), "hand bends by 2.00 ± 0.10 mrad per metre of reach"),
+    "bend": (make_effect("deflection", [0, 0, -2e-3], 1e-4), "hand bends by 2.00 ± 0.10 mrad per metre of reach"),
 }
 
 
@@ -104,7 +104,7 @@ def test_wording_of_effects(evidence, monkeypatch, kind):
 
 def test_single_joint_offset_is_reported_once(evidence, monkeypatch):
     """A single joint offset is reported with its entry, unless the robot-model finding names its robot."""
-    error = replace(found("joint-offset", [np.radians(0.25)], np.radians(0.01)), joint=2)
+    error = replace(make_effect("joint-offset", [np.radians(0.25)], np.radians(0.01)), joint=2)
     (finding,) = systematic_error(evidence(systematic_error=error))
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
     assert "Joint 3 of hand is off by 0.250 ± 0.010 deg" in finding.message
@@ -119,7 +119,7 @@ def test_several_joint_offsets_are_reported_once(evidence, monkeypatch):
 
     They are reported once.
     """
-    error = found("joint-offsets", np.radians([0.1, -0.3, 0.7]), np.radians([0.01, 0.02, 0.3]))
+    error = make_effect("joint-offsets", np.radians([0.1, -0.3, 0.7]), np.radians([0.01, 0.02, 0.3]))
     (finding,) = systematic_error(evidence(systematic_error=error))
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
     assert "Several joints of hand are off; the clearest is joint 2, by -0.300 ± 0.020 deg" in finding.message
@@ -131,7 +131,7 @@ def test_several_joint_offsets_are_reported_once(evidence, monkeypatch):
 def test_covariance_of_large_joint_offsets_is_not_promised(evidence):
     """The covariance of bases covers joints 1 deg off, but is not promised for 2 deg."""
     for size, words in ((0.017, "its covariance is wider"), (0.035, "Its covariance may be too small")):
-        effect = found("joint-offsets", [1e-3, -size], 1e-3, unit="rad")
+        effect = make_effect("joint-offsets", [1e-3, -size], 1e-3, unit="rad")
         (finding,) = systematic_error(evidence(systematic_error=effect))
         assert words in finding.why
 
@@ -159,7 +159,9 @@ def test_uncertain_effect_is_info(evidence):
 
 def test_indistinguishable_effects_are_all_named(evidence):
     """Effects that the data do not distinguish are all named, each with its device and its advice once."""
-    drift = replace(found("drift", [0, 0, -2e-3, 0, np.radians(-0.1), 0], 1e-3, "hand_base"), alternatives=(STEP,))
+    drift = replace(
+        make_effect("drift", [0, 0, -2e-3, 0, np.radians(-0.1), 0], 1e-3, "hand_base"), alternatives=(STEP,)
+    )
     (finding,) = systematic_error(evidence(systematic_error=drift))
     assert (finding.code, finding.about) == ("drift", ("hand_base", "eye_base"))
     assert "from the first sample to the last, or eye_base moved by 2.00" in finding.message
@@ -174,7 +176,7 @@ def test_indistinguishable_effects_are_all_named(evidence):
 ])  # fmt: skip
 def test_late_device_follows_from_sign(evidence, code, kind, size, late):
     """The sign alone determines who is late: images to be stamped earlier, and poses to be read later, are late."""
-    error = found(code, [size], 1e-5, "device", "s", kind=kind)
+    error = make_effect(code, [size], 1e-5, "device", "s", kind=kind)
     (finding,) = systematic_error(evidence(systematic_error=error))
     way = {"clock-offset": "lag behind", "clock-drift": "fall behind"}[code] if late else "run ahead of"
     assert ("images" if kind == "camera" else "poses") in finding.message.lower()
@@ -183,7 +185,7 @@ def test_late_device_follows_from_sign(evidence, code, kind, size, late):
 
 def test_fractions_are_in_percent(evidence):
     """Fractions and their sigmas are stated in percent, to the last digit shown."""
-    (finding,) = systematic_error(evidence(systematic_error=found("length-scale", [0.08], 9.46e-3)))
+    (finding,) = systematic_error(evidence(systematic_error=make_effect("length-scale", [0.08], 9.46e-3)))
     assert "8.00 ± 0.95 %" in finding.message
 
 
@@ -192,7 +194,7 @@ def test_joint_with_zero_sigma_is_not_clearest(evidence):
 
     The others are compared by their sigmas, on either side.
     """
-    error = found("joint-offsets", np.radians([0.5, 0.1, -0.2]), np.radians([0.0, 0.01, 0.01]))
+    error = make_effect("joint-offsets", np.radians([0.5, 0.1, -0.2]), np.radians([0.0, 0.01, 0.01]))
     (finding,) = systematic_error(evidence(systematic_error=error))
     assert "the clearest is joint 3, by -0.200 ± 0.010 deg" in finding.message
 
@@ -213,11 +215,11 @@ def test_size_found_by_both_tests_is_reported_once(found):
 
     The test with robot noise counts. Other findings stay.
     """
-    told = deduplicate_size_findings(CELL, [SIZE, OTHER, LENGTH], found)
-    assert [f.code for f in told] == ["board-size", "poor-fit"]
-    assert "board is 1.136 ± 0.013 times as large as stated" in told[0].message
-    assert f"square_m would be {1.13636 * CELL.targets['board'].target.options['square_m']:.5g}" in told[0].message
-    assert ("which the data do not determine" in told[0].message) == bool(found.alternatives)
+    kept = deduplicate_size_findings(CELL, [SIZE, OTHER, LENGTH], found)
+    assert [f.code for f in kept] == ["board-size", "poor-fit"]
+    assert "board is 1.136 ± 0.013 times as large as stated" in kept[0].message
+    assert f"square_m would be {1.13636 * CELL.targets['board'].target.options['square_m']:.5g}" in kept[0].message
+    assert ("which the data do not determine" in kept[0].message) == bool(found.alternatives)
 
 
 def test_robot_length_scale_replaces_target_size():
@@ -244,9 +246,9 @@ def test_board_stated_too_large_is_reported_smaller():
     """A board stated 3 % too large, with noise of two arms, is reported as smaller than stated."""
     made = simulate(Scenario(samples=12, robot_noise=(5e-4, 1e-3), state_robot_noise=False), 0)
     found = calibrate(resized(made.cell, {"board": 1.03}), made.recording)
-    (said,) = [f for f in found.findings if f.code in ("length-scale", "board-size")]
-    assert said.about == ("board",)
-    assert "% smaller than stated" in said.message
+    (finding,) = [f for f in found.findings if f.code in ("length-scale", "board-size")]
+    assert finding.about == ("board",)
+    assert "% smaller than stated" in finding.message
 
 
 def test_answer_contains_linear_errors():
@@ -254,7 +256,7 @@ def test_answer_contains_linear_errors():
 
     Joints more than 30 mrad off are not linear; other errors of any size are.
     """
-    error = found("joint-offset", [0.029], 1e-3, unit="rad")
+    error = make_effect("joint-offset", [0.029], 1e-3, unit="rad")
     for effect, size, words in (
         (next(iter(CONTAINED)), 5.0, "contains it, and"),
         ("step", 5.0, "excludes it, and"),

@@ -36,9 +36,9 @@ def test_two_unknown_poses_need_three_views(views, found):
     problem, _ = pose_problem(np.zeros((views, 6)), np.ones(6))
     columns = {MOUNT: slice(0, 6), TARGET: slice(6, 12)}
     free = replace(problem, columns=columns, unknowns={MOUNT: Unknown(), TARGET: Unknown()})
-    told = messages(free)
-    assert bool(told) == found
-    assert not found or told[0].startswith("2 samples give 12 equations for 12 unknowns: too few to check each")
+    texts = messages(free)
+    assert bool(texts) == found
+    assert not found or texts[0].startswith("2 samples give 12 equations for 12 unknowns: too few to check each")
     held = {MOUNT: Unknown(), TARGET: Unknown("prior", SE3.identity(), np.ones(6))}
     assert messages(replace(free, unknowns=held)) == []
 
@@ -60,8 +60,8 @@ def test_second_view_of_place_is_not_redundant():
     group = free.groups[0]
     assert messages(free) == messages(free.with_groups([group, group.take(np.zeros(0, dtype=np.int64))])) == []
     revisited = group.with_ends(lambda end: replace(end, stop_number=np.minimum(end.stop_number, 1)))
-    told = messages(free.with_groups([revisited]))
-    assert told[0].startswith("3 samples at 2 places give 12 equations for 12 unknowns")
+    texts = messages(free.with_groups([revisited]))
+    assert texts[0].startswith("3 samples at 2 places give 12 equations for 12 unknowns")
     at_rest = group.with_ends(lambda end: replace(end, stop_number=np.zeros_like(end.stop_number)))
     assert messages(free.with_groups([at_rest]))[0].startswith("3 samples at one place give 6 equations")
 
@@ -79,9 +79,9 @@ def test_free_robot_parameters_are_unknowns(sigma, few):
     """Six free joint offsets beside a pose leave no redundant view; those with a prior do not count."""
     problem, _ = pose_problem(np.zeros((2, 6)), np.ones(6))
     model = SimpleNamespace(widths={"eye_joint_offsets": 6}, sigmas={"eye_joint_offsets": sigma})
-    told = messages(replace(problem, models={"eye": model}))
-    assert bool(told) == few
-    assert not few or told[0].startswith("2 samples give 12 equations for 12 unknowns")
+    texts = messages(replace(problem, models={"eye": model}))
+    assert bool(texts) == few
+    assert not few or texts[0].startswith("2 samples give 12 equations for 12 unknowns")
 
 
 def test_unsearched_images_are_named():

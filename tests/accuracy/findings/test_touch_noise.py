@@ -62,7 +62,7 @@ TIP_M = np.array([0.0, 0.3, 0.0])
 
 
 def arm_evidence(arm_m: float, arm_rad: float, sigma_m: float = 1e-4, stated: bool = True, robot: str = "arm"):
-    """Touches by a tip 0.3 m from the flange of an arm with such noise, with 200 freedoms."""
+    """Touches by a tip 0.3 m from the flange of an arm with this noise, with 200 freedoms."""
     inverse = np.full((9, 1), 1 / sigma_m)
     touches = TouchMeasurement(np.zeros((1, 3)), np.zeros((9, 1, 3)), inverse > 0, inverse * stated, inverse)
     group = SimpleNamespace(camera="tip", measurement=touches)

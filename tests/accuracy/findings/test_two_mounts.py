@@ -21,7 +21,7 @@ QUIET = {"robot_noise": (2e-4, 5e-4), "state_robot_noise": False, "state_pixel_n
 OTHER = (2, 3, 7, 8, 12)
 
 
-def found_with(shift_m, layout="eye_to_hand", robot="arm"):
+def find_two_mounts(shift_m, layout="eye_to_hand", robot="arm"):
     """Findings if some recorded poses of a robot are of a tool frame shifted along x."""
     made = simulate(Scenario(samples=14, layout=layout, **QUIET), 1)
     other = SE3(np.eye(3), np.array([shift_m, 0.0, 0.0]))
@@ -39,7 +39,7 @@ def found_with(shift_m, layout="eye_to_hand", robot="arm"):
 ])  # fmt: skip
 def test_both_sample_sets_are_found(layout, robot, mount):
     """Both sets of samples are found, with their distance and the samples of the smaller set."""
-    (finding,) = found_with(5e-3, layout, robot)
+    (finding,) = find_two_mounts(5e-3, layout, robot)
     assert (finding.code, finding.severity, finding.about) == ("two-mounts", "warning", (mount,))
     assert "mm at samples 2, 3, 7, 8, 12." in finding.what
     assert 3.5 < float(finding.what.split(" by ")[1].split()[0]) < 6.5
@@ -47,7 +47,7 @@ def test_both_sample_sets_are_found(layout, robot, mount):
 
 def test_noise_is_no_second_mount():
     """Noise alone gives no second mount."""
-    assert found_with(0.0) == []
+    assert find_two_mounts(0.0) == []
 
 
 def test_certain_effect_replaces_second_mount(evidence):

@@ -41,17 +41,17 @@ def findings(calibration: Calibration, code: str) -> str:
     return " | ".join(f.message for f in calibration.findings if f.code == code)
 
 
-EXACT = Settings(robot_noise="stated")  # how robots move does not depend on how well they know where they are
+EXACT = Settings(robot_noise="stated")  # robot motion is independent of robot noise
 
 
-def calibrated(made: SimulatedCell, settings: Settings = EXACT) -> Calibration:
+def calibrate_cell(made: SimulatedCell, settings: Settings = EXACT) -> Calibration:
     return calibrate(made.cell, made.recording, settings)
 
 
 @pytest.mark.parametrize("target", quick(SEEN, ["charuco"]))
 def test_general_motion_is_good(target):
     """Both arms that rotate about every axis give the verdict good, for each target."""
-    assert calibrated(recorded(SEEN[target], 3), DEFAULT).verdict == "good"
+    assert calibrate_cell(recorded(SEEN[target], 3), DEFAULT).verdict == "good"
 
 
 DEGENERATE = {
@@ -77,18 +77,18 @@ def test_insufficient_hand_motion_is_refused(kind, target, wobble):
 
     Hidden transforms have no estimate; the still hand's noise is estimated.
     """
-    move, said = DEGENERATE[kind]
+    move, message = DEGENERATE[kind]
     made = recorded(SEEN[target], 3, hand=wobbling(move, wobble) if wobble else move)
-    found = calibrated(made, DEFAULT if kind == "still" else EXACT)
+    found = calibrate_cell(made, DEFAULT if kind == "still" else EXACT)
     assert found.verdict == "refused"
     assert BASE not in found.transforms
     assert BOARD not in found.transforms
     assert "tate hand_flange_from_board as a prior or fixed" in findings(found, "unobservable-direction")
     if not wobble:
-        # A light on the axis about which it is turned, or in a hand that is still, never moves: that hides all of a
-        # base's turns, coupled with a point or by themselves, and there may be no optimum at all.
-        said = "ny rotation of hand_base" if target == "led" and kind in ("one line", "still") else said
-        assert said in findings(found, "unobservable-direction")
+        # An LED on the axis of rotation, or in a hand at rest, never moves. That hides all rotations of the base,
+        # coupled with a point or alone, and there may be no optimum.
+        message = "ny rotation of hand_base" if target == "led" and kind in ("one line", "still") else message
+        assert message in findings(found, "unobservable-direction")
         assert set(found.transforms) <= {CAMERA}
 
 
@@ -97,9 +97,9 @@ def test_hidden_axis_is_in_eye_base():
     made = recorded(SEEN["charuco"], 3, hand=SCARA)
     axis = made.truth[BASE].rotation @ np.array([0.48, -0.6, 0.64])
     axis *= np.sign(axis[np.argmax(np.abs(axis))])
-    (unobservable,) = calibrated(made).unobservable
-    told = np.array([float(v) for v in unobservable.split("(")[1].split(")")[0].split(",")])
-    np.testing.assert_allclose(told, axis, atol=0.02)
+    (unobservable,) = calibrate_cell(made).unobservable
+    stated_axis = np.array([float(v) for v in unobservable.split("(")[1].split(")")[0].split(",")])
+    np.testing.assert_allclose(stated_axis, axis, atol=0.02)
 
 
 @pytest.mark.slow
@@ -127,16 +127,16 @@ def test_pose_noise_is_no_motion(kind, stated):
 
 def test_both_arms_are_named():
     """If both arms only translate, both are named once, and no transform is estimated."""
-    found = calibrated(recorded(SEEN["charuco"], 3, eye=SHIFTS, hand=SHIFTS))
-    said = findings(found, "unobservable-direction")
-    assert "eye only translates" in said
-    assert "hand only translates" in said
+    found = calibrate_cell(recorded(SEEN["charuco"], 3, eye=SHIFTS, hand=SHIFTS))
+    message = findings(found, "unobservable-direction")
+    assert "eye only translates" in message
+    assert "hand only translates" in message
     assert not found.transforms
 
 
 def test_still_led_leaves_rotations_unobservable():
     """A still LED with a known offset shows its position, but leaves rotations of the base about it unobservable."""
-    found = calibrated(recorded(replace(SEEN["led"], target_mount="fixed"), 3, hand=still))
+    found = calibrate_cell(recorded(replace(SEEN["led"], target_mount="fixed"), 3, hand=still))
     assert found.unobservable == ("any rotation of hand_base",)
     assert "hand never moves in 30 samples. Move hand" in findings(found, "unobservable-direction")
 
@@ -147,7 +147,7 @@ def test_translated_led_with_known_mounts_is_observable():
     The convention of the still eye's pose stays ambiguous.
     """
     known = replace(SEEN["led"], camera_mount="fixed", target_mount="fixed")
-    found = calibrated(recorded(known, 3, eye=still, hand=SHIFTS))
+    found = calibrate_cell(recorded(known, 3, eye=still, hand=SHIFTS))
     assert BASE in found.transforms
     assert {f.code for f in found.findings if f.severity != "info"} <= {"ambiguous-convention"}
 
@@ -155,41 +155,41 @@ def test_translated_led_with_known_mounts_is_observable():
 @pytest.mark.parametrize("axes", ["zyyy", "zyyyx"])
 def test_arms_of_four_and_five_joints_are_good(axes):
     """A rotating base and parallel joints after it rotate the flange about two directions, so all is observable."""
-    assert calibrated(recorded_arm(SEEN["charuco"], 0, axes, 0.3)).verdict == "good"
+    assert calibrate_cell(recorded_arm(SEEN["charuco"], 0, axes, 0.3)).verdict == "good"
 
 
 def test_parallel_axes_get_no_rotation_advice():
     """An arm with parallel axes cannot rotate about another one; the advice is to state a known transform."""
-    found = calibrated(recorded_arm(SEEN["charuco"], 0, "zzz", 0.3))
-    said = findings(found, "unobservable-direction")
-    assert "all joint axes of hand are parallel" in said
-    assert "tate hand_flange_from_board as a prior or fixed" in said
-    assert "add poses" not in said
+    found = calibrate_cell(recorded_arm(SEEN["charuco"], 0, "zzz", 0.3))
+    message = findings(found, "unobservable-direction")
+    assert "all joint axes of hand are parallel" in message
+    assert "tate hand_flange_from_board as a prior or fixed" in message
+    assert "add poses" not in message
 
 
 def test_prior_held_direction_is_reported():
     """A planar hand with a prior on the board is good, and the one direction known only from the prior is reported."""
     made = recorded(replace(SEEN["charuco"], target_mount="prior"), 3, hand=SCARA)
-    found = calibrated(made)
-    (told,) = [f for f in found.findings if f.code == "prior-dominated"]
-    assert told.severity == "info"
-    assert told.about == (BOARD, BASE)
-    assert "translation of board along" in told.message
-    assert f"{BASE} depends on it" in told.message
-    # The prior's 5 mm along one direction is all there is.
+    found = calibrate_cell(made)
+    (finding,) = [f for f in found.findings if f.code == "prior-dominated"]
+    assert finding.severity == "info"
+    assert finding.about == (BOARD, BASE)
+    assert "translation of board along" in finding.message
+    assert f"{BASE} depends on it" in finding.message
+    # Along one direction only the prior's 5 mm are known.
     assert np.linalg.norm(found[BASE].sigma_t) == pytest.approx(5e-3, rel=0.05)
 
 
 def test_improved_prior_is_not_reported():
     """With all arms moving, a prior of 5 mm and 50 mrad is improved by the data and not reported."""
-    found = calibrated(recorded(replace(SEEN["charuco"], target_mount="prior", camera_mount="prior"), 3))
+    found = calibrate_cell(recorded(replace(SEEN["charuco"], target_mount="prior", camera_mount="prior"), 3))
     assert findings(found, "prior-dominated") == ""
 
 
 def test_poorly_known_base_is_doubtful():
     """A base known to eleven degrees, from a prior of 200 mrad, is doubtful, and the motion is named."""
     scenario = replace(SEEN["charuco"], target_mount="prior", mount_prior=(5e-3, 0.2))
-    found = calibrated(recorded(scenario, 3, hand=still))
+    found = calibrate_cell(recorded(scenario, 3, hand=still))
     assert found.verdict == "doubtful"
     assert "hand never moves" in findings(found, "weak-direction")
 

@@ -31,12 +31,12 @@ def test_sigma_above_0_15_is_weak(evidence, k, sigma, length_m, found):
     covariance[k, k] = sigma**2
     made = evidence({"joint_transform_covariance": lambda names: covariance})
     made.solution.observability.length_m = length_m
-    told = weak_directions(made)
-    assert [f.about for f in told] == ([("base",)] if found else [])
+    weak = weak_directions(made)
+    assert [f.about for f in weak] == ([("base",)] if found else [])
     if found:
         metres, radians = (sigma, 1e-4) if k < 3 else (1e-4, sigma)
         assert (
-            f"{1e3 * metres:.0f} mm and {np.degrees(radians):.1f} deg along an axis. The cause. Do." in told[0].message
+            f"{1e3 * metres:.0f} mm and {np.degrees(radians):.1f} deg along an axis. The cause. Do." in weak[0].message
         )
 
 

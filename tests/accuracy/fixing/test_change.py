@@ -22,7 +22,7 @@ POSES = simulate(Scenario(samples=9, target="pose"), 2)
 BOARD = simulate(Scenario(samples=9), 2)
 
 
-def declared(cell: Cell, recording: Recording) -> Reading:
+def pack_reading(cell: Cell, recording: Recording) -> Reading:
     return declared_reading(cell, recording, build_problem(cell, recording)[0])
 
 
@@ -53,7 +53,7 @@ def poses(samples: tuple[Sample, ...], robot: str) -> np.ndarray:
 def test_robot_poses_are_restored(slip: Callable[[SE3], SE3], words: str) -> None:
     """Inverted poses, millimetres, another quaternion order and transposed rotations are undone, and all else stays."""
     slipped = with_poses(BOARD.recording, "hand", slip)
-    reading = declared(BOARD.cell, slipped)
+    reading = pack_reading(BOARD.cell, slipped)
     every = [*convention_hypotheses(reading), *rare_hypotheses(reading)]
     (hypothesis,) = (each for each in every if each.words.startswith(words) and each.about == ("hand",))
     change = change_of_hypothesis(slipped, reading, hypothesis)
@@ -70,7 +70,7 @@ def test_target_poses_are_restored() -> None:
         return replace(sample, observations=(replace(seen, camera_from_target=seen.camera_from_target.inverse()),))
 
     recording = replace(POSES.recording, samples=tuple(map(slipped, POSES.recording.samples)))
-    reading = declared(POSES.cell, recording)
+    reading = pack_reading(POSES.cell, recording)
     (hypothesis,) = (h for h in convention_hypotheses(reading) if h.code == "target-pose-inverted")
     change = change_of_hypothesis(recording, reading, hypothesis)
     for mine, true in zip(change.samples, POSES.recording.samples, strict=True):
@@ -84,7 +84,7 @@ def test_pairing_is_restored(stream: str | None, by: int, start: int) -> None:
     """Images and observations paired one sample off are moved to their robots; the rest is left out."""
     samples = [replace(s, images={"wrist": f"recording/images/wrist/{s.sample}.png"}) for s in BOARD.recording.samples]
     numbers = range(len(samples))
-    source = [k + by if k >= start else k for k in numbers]  # what stands at k belongs to k + by
+    source = [k + by if k >= start else k for k in numbers]  # the entry at k belongs to sample k + by
     kept = [k for k in numbers if 0 <= source[k] < len(samples)]
 
     def slipped(k: int) -> Sample:
@@ -94,7 +94,7 @@ def test_pairing_is_restored(stream: str | None, by: int, start: int) -> None:
         return replace(here, robots={**here.robots, stream: there.robots[stream]})
 
     recording = replace(BOARD.recording, samples=tuple(slipped(k) for k in kept))
-    reading = declared(BOARD.cell, recording)
+    reading = pack_reading(BOARD.cell, recording)
     place = kept.index(start) if start else 0
     change = change_of_hypothesis(recording, reading, shift_hypothesis(stream, by, place))
     assert len(change.samples) >= len(kept) - 2
@@ -115,7 +115,7 @@ def test_pairing_is_restored(stream: str | None, by: int, start: int) -> None:
 def test_cell_statements_are_changed() -> None:
     """A wrong size, lens and transform become entries of `cell.yaml`."""
     cell = BOARD.cell.with_transform("eye_flange_from_wrist", Unknown("fixed", SE3.identity()))
-    reading = declared(cell, BOARD.recording)
+    reading = pack_reading(cell, BOARD.recording)
     size = change_of_hypothesis(BOARD.recording, reading, size_hypothesis("board", 1.1, cell))
     square = cell.targets["board"].target.options["square_m"]
     assert size.cell["targets", "board", "square_m"] == pytest.approx(1.1 * square, rel=1e-4)
@@ -132,7 +132,7 @@ def test_cell_statements_are_changed() -> None:
 def test_tags_in_list_are_resized() -> None:
     """The size of each tag is changed in the list `tags`."""
     made = simulate(Scenario(samples=9, target="apriltag"), 2)
-    reading = declared(made.cell, made.recording)
+    reading = pack_reading(made.cell, made.recording)
     change = change_of_hypothesis(made.recording, reading, size_hypothesis("board", 1.25, made.cell))
     assert change.samples is None
     assert [tag["size_m"] for tag in change.cell["targets", "board", "tags"]] == [0.15]
@@ -140,7 +140,7 @@ def test_tags_in_list_are_resized() -> None:
 
 def test_swapped_pixels_have_no_change() -> None:
     """Pixels are part of images, not of the recording, so there is no change."""
-    reading = declared(BOARD.cell, BOARD.recording)
+    reading = pack_reading(BOARD.cell, BOARD.recording)
     (hypothesis,) = (each for each in rare_hypotheses(reading) if each.code == "pixels-swapped")
     assert change_of_hypothesis(BOARD.recording, reading, hypothesis) is None
 
@@ -153,7 +153,7 @@ def test_views_with_missing_points_are_changed() -> None:
     partial = replace(first, observations=(replace(view, ids=view.ids[:8], pixels=view.pixels[:8], sigma_px=None),))
     whole = replace(BOARD.recording, samples=(partial, *BOARD.recording.samples[1:]))
     slipped = with_poses(whole, "hand", SE3.inverse)
-    reading = declared(BOARD.cell, slipped)
+    reading = pack_reading(BOARD.cell, slipped)
     (hypothesis,) = (each for each in convention_hypotheses(reading) if "poses of hand are inverted" in each.words)
     change = change_of_hypothesis(slipped, reading, hypothesis)
     assert change is not None
@@ -165,7 +165,7 @@ def test_target_is_moved_to_its_arm() -> None:
     guess = Unknown("free", SE3.identity())
     targets = {name: replace(target, on="world", mount=guess) for name, target in BOARD.cell.targets.items()}
     on_world = replace(BOARD.cell, targets=targets)
-    reading = declared(on_world, BOARD.recording)
+    reading = pack_reading(on_world, BOARD.recording)
     (hypothesis,) = (each for each in rare_hypotheses(reading) if each.code == "wrong-carrier")
     change = change_of_hypothesis(BOARD.recording, reading, hypothesis)
     assert change.samples is None
@@ -188,7 +188,7 @@ def test_inverted_prior_keeps_sigmas() -> None:
     """An inverted prior of a mount is inverted in `cell.yaml` and keeps its sigmas."""
     known = Unknown("prior", SE3.from_rpy([0.1, 0.2, 0.3], [0.05, 0, 0.08]), np.repeat([1e-3, 1e-2], 3))
     cell = BOARD.cell.with_transform("eye_flange_from_wrist", known)
-    reading = declared(cell, BOARD.recording)
+    reading = pack_reading(cell, BOARD.recording)
     inverted = [each for each in rare_hypotheses(reading) if each.code == "transform-inverted"]
     (hypothesis,) = (each for each in inverted if each.about == ("eye_flange_from_wrist",))
     entry = change_of_hypothesis(BOARD.recording, reading, hypothesis).cell["cameras", "wrist", "mount"]

@@ -21,7 +21,7 @@ POINT = {"status": "prior", "t_m": [0, 0, 0.1], "sigma_t_m": 1e-3}
 POSE = {**POINT, "q_xyzw": [0, 0, 0, 1], "sigma_r_rad": 1e-2}
 
 
-def touching() -> Cell:
+def touch_cell_with_priors() -> Cell:
     """A cell of tips and of marks of each kind, all with priors."""
     data = touch_data(("mark_a",), bases={"hand": POSE})
     data["tips"]["eye_tip"]["offset"] = POINT
@@ -39,11 +39,11 @@ def touching() -> Cell:
         (BOARD, "eye_base_from_hand_base", ("bases", "hand")),
         (BOARD, "eye_flange_from_wrist", ("cameras", "wrist", "mount")),
         (BOARD, "hand_flange_from_board", ("targets", "board", "mount")),
-        (touching(), "eye_base_from_hand_base", ("bases", "hand")),
-        (touching(), "eye_flange_from_eye_tip", ("tips", "eye_tip", "offset")),
-        (touching(), "eye_base_from_plate", ("marks", "plate", "mount")),
-        (touching(), "eye_base_from_floor", ("marks", "floor", "mount")),
-        (touching(), "eye_base_from_mark_a", ("marks", "mark_a")),
+        (touch_cell_with_priors(), "eye_base_from_hand_base", ("bases", "hand")),
+        (touch_cell_with_priors(), "eye_flange_from_eye_tip", ("tips", "eye_tip", "offset")),
+        (touch_cell_with_priors(), "eye_base_from_plate", ("marks", "plate", "mount")),
+        (touch_cell_with_priors(), "eye_base_from_floor", ("marks", "floor", "mount")),
+        (touch_cell_with_priors(), "eye_base_from_mark_a", ("marks", "mark_a")),
     ],
 )
 def test_freed_transform_is_read_back_as_free(tmp_path, cell, name, place) -> None:
@@ -64,8 +64,8 @@ def test_freed_transform_is_read_back_as_free(tmp_path, cell, name, place) -> No
 
 def test_mark_of_plate_has_no_entry() -> None:
     """A mark of a plate is a number in the plate's entry, so it has none of its own."""
-    assert transform_place(touching(), "plate_from_one") is None
-    assert free_transform_entry(touching(), "plate_from_one") == {}
+    assert transform_place(touch_cell_with_priors(), "plate_from_one") is None
+    assert free_transform_entry(touch_cell_with_priors(), "plate_from_one") == {}
 
 
 def test_freed_lens_keeps_numbers_as_guess(tmp_path) -> None:

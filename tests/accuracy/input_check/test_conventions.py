@@ -36,13 +36,13 @@ POSES = simulate(Scenario(samples=20, target="pose"), 7)
 LIGHT = simulate(Scenario(samples=24, target="led", camera_mount="fixed", target_mount="fixed"), 7)
 
 
-def mixed_up(made, name):
+def calibrate_mix_up(made, name):
     """`calibrate` after the mix-up of that name."""
     each = next(m for m in mutations(made.cell, lines_of(made.recording), 0) if m.name.startswith(name))
     return calibrate(each.cell, recording_of(each.lines(lines_of(made.recording)), each.cell))
 
 
-def named(calibration):
+def error_codes(calibration):
     return {(f.code, f.about) for f in calibration.findings if f.severity == "error"}
 
 
@@ -73,8 +73,8 @@ def named(calibration):
 )
 def test_mix_up_is_named(made, name, code, about):
     """Each mix-up yields an error with its code and the names involved, and the verdict is "refused"."""
-    calibration = mixed_up(made, name)
-    assert (code, about) in named(calibration)
+    calibration = calibrate_mix_up(made, name)
+    assert (code, about) in error_codes(calibration)
     assert calibration.verdict == "refused"
 
 
@@ -91,7 +91,7 @@ def test_exchanged_joints_are_named(look, monkeypatch):
         monkeypatch.setattr(conventions, "_screen_hypotheses", none_survives)
     made = simulate(Scenario(samples=12, joints=True, target_mount="prior"), 3)
     found = calibrate(made.cell, exchanged(made.recording, "eye", "hand"))
-    assert named(found) == {("robots-swapped", ("eye", "hand"))}
+    assert error_codes(found) == {("robots-swapped", ("eye", "hand"))}
     assert "The joints of eye and hand are exchanged" in found.findings[0].message
 
 
@@ -123,7 +123,7 @@ def test_exchanged_robots_and_inverted_target_are_both_named():
     made = simulate(Scenario(samples=20, target="pose", pose_noise=(1e-3, 1e-5)), 7)
     half = SE3.from_rotvec([np.pi, 0, 0], [0, 0, 0])
     towards_the_camera = with_targets(made.recording, lambda poses: poses @ half)
-    found = named(calibrate(made.cell, with_targets(towards_the_camera, inverted)))
+    found = error_codes(calibrate(made.cell, with_targets(towards_the_camera, inverted)))
     assert {code for code, _ in found} - {"unobservable-direction"} == {"target-pose-inverted", "robots-swapped"}
 
 
@@ -150,8 +150,8 @@ def test_inverted_head_poses_of_nao_are_ambiguous():
         cell, recording = nao_cell()
     except DatasetError as error:
         pytest.skip(str(error))
-    for told in (recording, with_robots(recording, {"eye": inverted})):
-        calibration = calibrate(cell, told)
+    for each in (recording, with_robots(recording, {"eye": inverted})):
+        calibration = calibrate(cell, each)
         (finding,) = [f for f in calibration.findings if f.code == "ambiguous-convention"]
         assert calibration.verdict == "doubtful"
         assert "the poses of eye are inverted" in finding.message
@@ -216,8 +216,8 @@ def hypothesis(words, code="length-unit", about=("eye",), is_wider=False):
     return ConventionHypothesis(code, about, words, "", "", lambda reading: reading, is_wider)
 
 
-def surviving(monkeypatch, offs, among=None, is_led=False, made=BOARD):
-    """Words of those that survive a quick look by which views of each are so far off, the declared one first."""
+def find_survivors(monkeypatch, offs, among=None, is_led=False, made=BOARD):
+    """Words of the hypotheses that survive a quick look, by their view errors, the declared one first."""
     fits = [{("wrist", "board"): LoopFit((), np.full(4, off), is_led)} if off is not None else {} for off in offs]
     inputs_seen = []
 
@@ -236,12 +236,12 @@ def surviving(monkeypatch, offs, among=None, is_led=False, made=BOARD):
 @pytest.mark.parametrize(
     ("offs", "is_led", "words"),
     [
-        ((0.02, 0.071, 0.069, 0.01), False, ["3"]),  # three times the best and 0.01 rad are 0.04
+        ((0.02, 0.071, 0.069, 0.01), False, ["3"]),  # limit 0.04: three times the best error plus 0.01 rad
         ((0.1, 0.3, 0.29, 0.32, 0.2), False, ["4", "2", "1"]),
         ((0.26, 0.24), False, ["1"]),
         ((0.26, 0.26), False, []),
         ((0.02, None), False, []),
-        ((0.01, 0.031, 0.033), True, ["1"]),  # of a light the floor is 0.002 rad
+        ((0.01, 0.031, 0.033), True, ["1"]),  # the floor of an LED is 0.002 rad
         ((0.06, 0.049), True, ["1"]),
         ((0.06, 0.051), True, []),
     ],
@@ -251,12 +251,12 @@ def test_hypotheses_near_best_loop_fit_are_fitted(monkeypatch, offs, is_led, wor
 
     If even the best leaves loops open, none is.
     """
-    assert surviving(monkeypatch, offs, is_led=is_led) == (words, len(offs))
+    assert find_survivors(monkeypatch, offs, is_led=is_led) == (words, len(offs))
 
 
 def test_at_most_eight_hypotheses_are_fitted(monkeypatch):
     """At most the eight best hypotheses are fitted."""
-    words, _ = surviving(monkeypatch, [0.02, *np.linspace(0.03, 0.02, 12)])
+    words, _ = find_survivors(monkeypatch, [0.02, *np.linspace(0.03, 0.02, 12)])
     assert words == [str(k) for k in range(12, 4, -1)]
 
 
@@ -265,7 +265,7 @@ def test_quick_look_skips_undecidable_hypotheses(monkeypatch):
     late = [hypothesis("both", "pairing-shifted", ("eye", "hand")), hypothesis("hand", "pairing-shifted", ("hand",))]
     among = [hypothesis("wider", is_wider=True), *late, hypothesis("exchanged", about=("eye", "hand"))]
     still = simulate(Scenario(samples=6, arms="eye_still"), 0)
-    assert surviving(monkeypatch, [0.02] * 3, among, made=still) == (["hand", "exchanged"], 3)
+    assert find_survivors(monkeypatch, [0.02] * 3, among, made=still) == (["hand", "exchanged"], 3)
 
 
 @pytest.mark.parametrize(("off", "facts", "explains"), [
@@ -317,10 +317,13 @@ def test_led_loop_limits_apply_to_pose_hypotheses(monkeypatch):
         return fits
 
     monkeypatch.setattr(conventions, "_fit_readings", screened)
-    assert ended(conventions._screen_hypotheses(declared(BOARD.cell, BOARD.recording), {}, [hypothesis("other")])) == []
+    assert (
+        return_value(conventions._screen_hypotheses(declared(BOARD.cell, BOARD.recording), {}, [hypothesis("other")]))
+        == []
+    )
 
 
-def ended(check):
+def return_value(check):
     """Return value of a check that requests no fit."""
     with pytest.raises(StopIteration) as end:
         next(check)
@@ -334,10 +337,10 @@ def test_parallel_checks_get_their_own_fits(monkeypatch):
 
     def check(*wanted):
         """Requests these fits, one after the other."""
-        told = []
+        received = []
         for each in wanted:
-            told.append((yield each))
-        return told
+            received.append((yield each))
+        return received
 
     found = conventions._run_checks([check(["a"], ["b"]), check(), check(["c", "d"])])
     assert found == [[["fit of a"], ["fit of b"]], [], [["fit of c", "fit of d"]]]
@@ -347,12 +350,12 @@ def test_parallel_checks_get_their_own_fits(monkeypatch):
 def test_many_robots_are_checked_in_pairs(monkeypatch):
     """Cells of many robots are checked in pairs, eight at a time and in order, and their findings are merged."""
     pairs = [SimpleNamespace(reading=f"reading {k}", state=k) for k in range(17)]
-    told, parts, steps = [], [], []
+    given_readings, parts, steps = [], [], []
     in_step = conventions._run_checks
 
     def checked(reading, state, settings, explained):
         """Finds the number of the pair."""
-        told.append((reading, explained))
+        given_readings.append((reading, explained))
         yield from ()
         return (state,)
 
@@ -365,7 +368,7 @@ def test_many_robots_are_checked_in_pairs(monkeypatch):
     settings = SimpleNamespace(report_progress=lambda at, count: parts.append((at, count)))
     given = (BOARD.cell, BOARD.recording, None, SimpleNamespace(state=None), settings)
     assert conventions.check_conventions(*given, False) == [(k,) for k in range(17)]
-    assert told == [(f"reading {k}", False) for k in range(17)]
+    assert given_readings == [(f"reading {k}", False) for k in range(17)]
     assert (steps, parts) == ([8, 8, 1], [(0, 17), (8, 17), (16, 17)])
 
 
@@ -416,7 +419,7 @@ def stages(monkeypatch, fitted, facts=(), found=None, facts_found=(), odd=0.081,
     tried, starts = [], {"common": ({}, {}), "slip": ({"slip": 1}, {}), "rare": ({}, {}), "turned": None}
 
     def surviving(reading, lenses, among):
-        """All that are no wider model."""
+        """All hypotheses except wider models."""
         yield from ()
         return [(each, {}) for each in among if not each.is_wider] if survive else []
 
@@ -440,7 +443,7 @@ def stages(monkeypatch, fitted, facts=(), found=None, facts_found=(), odd=0.081,
     problem = SimpleNamespace(unknowns={"a": SimpleNamespace(status="free"), "b": SimpleNamespace(status=status)})
     tracks = {"eye": SimpleNamespace(moves=True)}
     reading = SimpleNamespace(problem=problem, tracks=tracks, thin=lambda max_count: None)
-    ended(conventions._try_hypotheses(reading, TriedHypothesis(hypothesis("declared"), fitted, facts), STATED))
+    return_value(conventions._try_hypotheses(reading, TriedHypothesis(hypothesis("declared"), fitted, facts), STATED))
     return tried
 
 
@@ -512,17 +515,17 @@ def test_misleading_guess_is_no_mix_up(judged_by_name, first, anew, start, expec
 )
 def test_comparison_needs_hold_out_and_observability(judged_by_name, samples, can, whole, facts, observable, decided):
     """Hypotheses are compared if samples can be held out, and if a plausible declared fit is observable."""
-    told = {}
+    arguments = {}
 
     def tried(reading, as_is, settings):
         """Records its arguments."""
         yield from ()
-        told.update(declared=as_is, start=settings.start)
+        arguments.update(declared=as_is, start=settings.start)
         return ["tried"]
 
     def decide(cell, as_is, found, explained, still):
         """Records its arguments."""
-        told.update(found=found, explained=explained, still=still)
+        arguments.update(found=found, explained=explained, still=still)
         return ("finding",)
 
     known = {
@@ -538,11 +541,11 @@ def test_comparison_needs_hold_out_and_observability(judged_by_name, samples, ca
     check = conventions._check_reading(
         declared(BOARD.cell, few), None, Settings(start="guess", robot_noise="stated"), True
     )
-    assert ended(check) == (("finding",) if decided else ())
+    assert return_value(check) == (("finding",) if decided else ())
     if decided:
         known = {"start": "closed", "found": ["tried"], "explained": True, "still": frozenset({"eye"})}
-        assert {name: told[name] for name in known} == known
-        assert (told["declared"].fit, told["declared"].impossible) == (whole, facts)
+        assert {name: arguments[name] for name in known} == known
+        assert (arguments["declared"].fit, arguments["declared"].impossible) == (whole, facts)
 
 
 @pytest.mark.parametrize("links", ["free", "fixed"])
@@ -556,7 +559,7 @@ def test_link_parameters_are_excluded_from_check(monkeypatch, links):
     monkeypatch.setattr(conventions, "_can_hold_out", lambda problem: True)
     monkeypatch.setattr(conventions, "_fit_baseline", lambda *given: asked.append(given))
     state = State(made.truth, made.cameras, np.zeros((0, 6)), robots)
-    assert ended(conventions._check_reading(reading, state, STATED, False)) == ()
+    assert return_value(conventions._check_reading(reading, state, STATED, False)) == ()
     ((found, _, known),) = asked
     assert {name for model in found.problem.models.values() for name in model.columns} == {"joint_offsets"}
     if links == "free":

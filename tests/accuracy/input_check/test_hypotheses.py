@@ -37,7 +37,7 @@ def hypotheses(made, code):
     return [h for h in convention_hypotheses(declared(made.cell, made.recording)) if h.code == code]
 
 
-def told(made):
+def count_codes(made):
     """Number of hypotheses of each code."""
     codes = [h.code for h in convention_hypotheses(declared(made.cell, made.recording))]
     return {code: codes.count(code) for code in codes}
@@ -56,7 +56,7 @@ def seen_of(reading):
     return seen.points_in_camera if isinstance(seen, PointMeasurement) else seen.measured_camera_from_target.matrix
 
 
-def undone(made, mixed, hypothesis):
+def is_undone(made, mixed, hypothesis):
     """Whether a hypothesis restores the original recording, in the problem as well."""
     right, wrong = declared(made.cell, made.recording), declared(made.cell, mixed)
     found = hypothesis.reread(wrong)
@@ -78,7 +78,7 @@ def test_hypotheses_of_pixel_board_with_poses():
     Every subset of two arms may be inverted, in other units, or have reordered quaternions; also exchanged arms, the
     board size and the lens.
     """
-    assert told(BOARD) == {
+    assert count_codes(BOARD) == {
         "robot-pose-inverted": 3, "length-unit": 8, "quaternion-order": 6, "robots-swapped": 1, **PAIRINGS,
         "board-size": 1, "intrinsics": 1,
     }  # fmt: skip
@@ -89,7 +89,7 @@ def test_hypotheses_of_observed_poses():
 
     They have no size or lens.
     """
-    assert told(POSES) == {
+    assert count_codes(POSES) == {
         "robot-pose-inverted": 3, "target-pose-inverted": 1, "length-unit": 10, "quaternion-order": 8,
         "robots-swapped": 1, **PAIRINGS, "mirrored": 1,
     }  # fmt: skip
@@ -97,11 +97,11 @@ def test_hypotheses_of_observed_poses():
 
 def test_hypotheses_of_3d_points_and_leds():
     """3-D points may be in millimetres or mirrored; an LED has no size."""
-    assert told(POINTS) == {
+    assert count_codes(POINTS) == {
         "robot-pose-inverted": 3, "length-unit": 10, "quaternion-order": 6, "robots-swapped": 1, **PAIRINGS,
         "board-size": 1, "mirrored": 1,
     }  # fmt: skip
-    assert "board-size" not in told(LIGHT)
+    assert "board-size" not in count_codes(LIGHT)
 
 
 def test_joints_have_angle_unit_hypotheses_only():
@@ -109,7 +109,7 @@ def test_joints_have_angle_unit_hypotheses_only():
 
     None is inverted or in millimetres.
     """
-    assert told(JOINTS) == {"angle-unit": 6, "robots-swapped": 1, **PAIRINGS, "board-size": 1, "intrinsics": 1}
+    assert count_codes(JOINTS) == {"angle-unit": 6, "robots-swapped": 1, **PAIRINGS, "board-size": 1, "intrinsics": 1}
 
 
 def test_arms_with_different_joint_counts_are_not_exchanged():
@@ -134,7 +134,9 @@ def test_only_fixed_lens_has_intrinsics_hypothesis():
 def test_inverted_robot_poses_are_undone(robots):
     """Inverted poses (flange from base) of one arm or both are undone."""
     (hypothesis,) = [h for h in hypotheses(BOARD, "robot-pose-inverted") if h.about == robots]
-    assert undone(BOARD, rewriting.with_robots(BOARD.recording, dict.fromkeys(robots, rewriting.inverted)), hypothesis)
+    assert is_undone(
+        BOARD, rewriting.with_robots(BOARD.recording, dict.fromkeys(robots, rewriting.inverted)), hypothesis
+    )
 
 
 @pytest.mark.parametrize(("made", "factor", "words"), [(POSES, 1e3, "millimetres"), (POSES, 1e-3, "too small")])
@@ -142,9 +144,9 @@ def test_length_units_of_poses_are_undone(made, factor, words):
     """Robot poses, observed poses, or all lengths in millimetres or divided once too often are undone."""
     of = [h for h in hypotheses(made, "length-unit") if words in h.words]
     robots = rewriting.with_robots(made.recording, dict.fromkeys(("eye", "hand"), rewriting.scaled(factor)))
-    assert sum(undone(made, robots, h) for h in of) == 1
+    assert sum(is_undone(made, robots, h) for h in of) == 1
     seen = rewriting.with_targets(made.recording, rewriting.scaled(factor))
-    assert sum(undone(made, seen, h) for h in of) == 1
+    assert sum(is_undone(made, seen, h) for h in of) == 1
     (every,) = [h for h in of if h.words.startswith("all lengths")]
     found = every.reread(declared(made.cell, rewriting.with_targets(robots, rewriting.scaled(factor))))
     right = declared(made.cell, made.recording)
@@ -156,7 +158,7 @@ def test_length_units_of_points_and_boards_are_undone():
     """Points a thousand times too far, and a board whose squares are in millimetres, are undone."""
     far = rewriting.with_points(POINTS.recording, 1e3)
     of = [h for h in hypotheses(POINTS, "length-unit") if "3-D points" in h.words]
-    assert [undone(POINTS, far, h) for h in of] == [True, False]
+    assert [is_undone(POINTS, far, h) for h in of] == [True, False]
     (size,) = hypotheses(BOARD, "board-size")
     right = declared(BOARD.cell, BOARD.recording)
     board = size.reread(right.resize({"board": 1e3}))
@@ -170,7 +172,7 @@ def test_angle_units_are_undone(factor, row):
     """Joints in degrees, or converted to radians once too often, are undone."""
     mixed = rewriting.with_joints(JOINTS.recording, "hand", factor)
     of = [h for h in hypotheses(JOINTS, "angle-unit") if h.about == ("hand",)]
-    assert [undone(JOINTS, mixed, h) for h in of] == [k == row for k in range(2)]
+    assert [is_undone(JOINTS, mixed, h) for h in of] == [k == row for k in range(2)]
 
 
 def test_quaternion_orders_are_undone():
@@ -179,8 +181,8 @@ def test_quaternion_orders_are_undone():
         arm = rewriting.with_robots(POSES.recording, {"hand": rewriting.reordered(order)})
         seen = rewriting.with_targets(POSES.recording, rewriting.reordered(order))
         of = hypotheses(POSES, "quaternion-order")
-        assert sum(undone(POSES, arm, h) for h in of) == 1
-        assert sum(undone(POSES, seen, h) for h in of) == 1
+        assert sum(is_undone(POSES, arm, h) for h in of) == 1
+        assert sum(is_undone(POSES, seen, h) for h in of) == 1
 
 
 def test_exchanged_inverted_and_mirrored_are_undone():
@@ -192,9 +194,9 @@ def test_exchanged_inverted_and_mirrored_are_undone():
     }
     for code, recording in mixed.items():
         (hypothesis,) = hypotheses(POSES, code)
-        assert undone(POSES, recording, hypothesis)
+        assert is_undone(POSES, recording, hypothesis)
     (mirrored,) = hypotheses(POINTS, "mirrored")
-    assert undone(POINTS, rewriting.with_points(POINTS.recording, -1.0), mirrored)
+    assert is_undone(POINTS, rewriting.with_points(POINTS.recording, -1.0), mirrored)
 
 
 def test_streams_of_pairing_shifts():
@@ -401,7 +403,7 @@ def camera(center, size_px):
     [
         ((643, 354), (1280, 720), ""),
         ((643, 354), None, ""),
-        ((320, 354), (1280, 720), ""),  # a part cut out of an image
+        ((320, 354), (1280, 720), ""),  # a cropped image
         ((322, 177), (1280, 720), "looks like that of images of about 6.. x 3.. px, not of 1280 x 720 px"),
         ((1286, 708), (1280, 720), "looks like that of images of about 25.. x 14.. px, not of"),
         ((322, 177), None, r"points reach to \(1200, 690\) px, its camera matrix is of smaller images"),
@@ -420,7 +422,7 @@ def test_camera_without_lens_has_no_resolution_clause():
 
 
 @pytest.mark.parametrize(
-    ("factors", "told"),
+    ("factors", "is_reported"),
     [
         ((1.24, 1.24), False),
         ((1.26, 1.26), True),
@@ -430,7 +432,7 @@ def test_camera_without_lens_has_no_resolution_clause():
         ((2.0, 2.38), False),
     ],
 )
-def test_resolution_ratio_limits(factors, told):
+def test_resolution_ratio_limits(factors, is_reported):
     """Another resolution is named from a ratio of a quarter on, if both axes agree within a seventh.
 
     The stated size is that of the images by the mean of both ratios.
@@ -439,15 +441,17 @@ def test_resolution_ratio_limits(factors, told):
     found = other_resolution(camera(center, (1280, 720)), PROBLEM)
     mean = np.sqrt(factors[0] * factors[1])
     size = f"{1280 * mean:.0f} x {720 * mean:.0f} px"
-    said = f": its camera matrix looks like that of images of about {size}, not of 1280 x 720 px"
-    assert found == (said if told else "")
+    clause = f": its camera matrix looks like that of images of about {size}, not of 1280 x 720 px"
+    assert found == (clause if is_reported else "")
 
 
-@pytest.mark.parametrize(("center", "told"), [((479.6, 275.4), False), ((479.4, 275.4), True), ((479.4, 275.6), False)])
-def test_points_beyond_smaller_images_are_reported(center, told):
+@pytest.mark.parametrize(
+    ("center", "is_reported"), [((479.6, 275.4), False), ((479.4, 275.4), True), ((479.4, 275.6), False)]
+)
+def test_points_beyond_smaller_images_are_reported(center, is_reported):
     """Points over a quarter beyond twice the principal point in both axes are reported.
 
     This camera's pixels alone count.
     """
     found = other_resolution(camera(center, None), PROBLEM)
-    assert found == (": points reach to (1200, 690) px, its camera matrix is of smaller images" if told else "")
+    assert found == (": points reach to (1200, 690) px, its camera matrix is of smaller images" if is_reported else "")

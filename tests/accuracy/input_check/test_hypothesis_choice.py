@@ -34,7 +34,7 @@ from quick import quick
 ASKED = "eye_base_from_hand_base"
 
 
-def predicted(core, whole=None, sigma=1e-3, moved=0.0, unobservable=()):
+def make_fit(core, whole=None, sigma=1e-3, moved=0.0, unobservable=()):
     """A fit with the given view errors [rad], and the requested transform moved by so many sigmas."""
     off = np.full(10, core)
     off[7:] = np.sqrt((10 * (whole or core) ** 2 - 7 * core**2) / 3)
@@ -62,7 +62,7 @@ def findings_about(
     return decide_hypotheses(cell, TriedHypothesis(AS_DECLARED, declared, impossible), tried, explained, still)
 
 
-def decided(declared, other, impossible=(), is_wider=False, code="inverted"):
+def finding_codes(declared, other, impossible=(), is_wider=False, code="inverted"):
     """Codes of the findings about one other hypothesis."""
     found = findings_about(declared, other, impossible=impossible, is_wider=is_wider, code=code)
     return [f.code for f in found]
@@ -71,7 +71,7 @@ def decided(declared, other, impossible=(), is_wider=False, code="inverted"):
 @pytest.mark.parametrize(("moved", "found"), [(2.9, []), (3.1, ["ambiguous-convention"])])
 def test_equal_fit_is_ambiguous_beyond_three_sigmas(moved, found):
     """A hypothesis that predicts equally well is reported if it moves the requested transform by over three sigmas."""
-    assert decided(predicted(1e-3), predicted(1e-3, moved=moved)) == found
+    assert finding_codes(make_fit(1e-3), make_fit(1e-3, moved=moved)) == found
 
 
 @pytest.mark.parametrize(("core", "found"), [(0.92e-3, []), (0.9e-3, ["inverted"])])
@@ -80,30 +80,30 @@ def test_better_hypothesis_needs_ten_percent(core, found):
 
     One that does not move it is not named.
     """
-    assert decided(predicted(1e-3), predicted(core, moved=5), code="inverted")[:1] == (
+    assert finding_codes(make_fit(1e-3), make_fit(core, moved=5), code="inverted")[:1] == (
         found or ["ambiguous-convention"]
     )
-    assert decided(predicted(1e-3), predicted(core)) == []
+    assert finding_codes(make_fit(1e-3), make_fit(core)) == []
 
 
 @pytest.mark.parametrize(("declared", "found"), [(0.029, []), (0.031, ["inverted"])])
 def test_implausible_declared_reading_names_unmoved_hypothesis(declared, found):
     """A hypothesis that leaves the requested transform unchanged is named only if the declared one is implausible."""
-    assert decided(predicted(declared), predicted(1e-3)) == found
+    assert finding_codes(make_fit(declared), make_fit(1e-3)) == found
 
 
 @pytest.mark.parametrize(("core", "found"), [(0.6e-3, []), (0.56e-3, ["inverted"])])
 def test_wider_model_needs_double_likelihood_ratio(monkeypatch, core, found):
     """A hypothesis with more freedoms is named from a likelihood ratio of 2 on, and never as ambiguous."""
     monkeypatch.setattr(hypothesis_choice, "noise_evidence", lambda fit, declared: None)
-    assert decided(predicted(1e-3), predicted(core, moved=50), is_wider=True) == found
+    assert finding_codes(make_fit(1e-3), make_fit(core, moved=50), is_wider=True) == found
 
 
 def test_facts_decide_between_equal_fits():
     """If the declared reading contradicts a fact, an equally good hypothesis is named; a wider one is not."""
-    assert decided(predicted(1e-3), predicted(1.09e-3), impossible=("reach 9 m",)) == ["inverted"]
-    assert decided(predicted(1e-3), predicted(1.11e-3), impossible=("reach 9 m",)) == []
-    assert decided(predicted(1e-3), predicted(1e-3), impossible=("reach 9 m",), is_wider=True) == []
+    assert finding_codes(make_fit(1e-3), make_fit(1.09e-3), impossible=("reach 9 m",)) == ["inverted"]
+    assert finding_codes(make_fit(1e-3), make_fit(1.11e-3), impossible=("reach 9 m",)) == []
+    assert finding_codes(make_fit(1e-3), make_fit(1e-3), impossible=("reach 9 m",), is_wider=True) == []
 
 
 def test_open_loops_are_poor_fit():
@@ -111,15 +111,15 @@ def test_open_loops_are_poor_fit():
 
     An unobservable hypothesis is not named.
     """
-    assert decided(predicted(0.029), predicted(0.05)) == []
-    assert decided(predicted(0.031), predicted(0.05)) == ["poor-fit"]
-    assert decided(predicted(0.031), predicted(1e-3, unobservable=[ASKED])) == ["poor-fit"]
-    assert decided(predicted(1e-3, unobservable=[ASKED]), predicted(1e-3, moved=5)) == []
+    assert finding_codes(make_fit(0.029), make_fit(0.05)) == []
+    assert finding_codes(make_fit(0.031), make_fit(0.05)) == ["poor-fit"]
+    assert finding_codes(make_fit(0.031), make_fit(1e-3, unobservable=[ASKED])) == ["poor-fit"]
+    assert finding_codes(make_fit(1e-3, unobservable=[ASKED]), make_fit(1e-3, moved=5)) == []
 
 
 def test_better_hypothesis_reports_both_errors():
     """A better hypothesis is an error that states its words, both cross-validation errors, and the fix."""
-    (found,) = findings_about(predicted(1e-3), predicted(0.5e-3, moved=5))
+    (found,) = findings_about(make_fit(1e-3), make_fit(0.5e-3, moved=5))
     assert (found.severity, found.about) == ("error", ("eye", "hand0"))
     errors = "0.50 mm/m (mrad) instead of 1.0 mm/m (mrad)"
     assert found.message == f"Words 0. Under this hypothesis the cross-validation error is {errors}. Fix. {FIX}"
@@ -127,7 +127,7 @@ def test_better_hypothesis_reports_both_errors():
 
 def test_implausible_answer_is_reported():
     """If a hypothesis fits equally well but the declared one contradicts facts, the message lists those facts."""
-    (found,) = findings_about(predicted(1e-3), predicted(1e-3), impossible=("a reach of 9 m", "a board in a wall"))
+    (found,) = findings_about(make_fit(1e-3), make_fit(1e-3), impossible=("a reach of 9 m", "a board in a wall"))
     assert found.message == (
         "Words 0. The declared convention fits equally well, but gives an implausible answer: a reach of 9 m and "
         "a board in a wall. Fix. "
@@ -138,20 +138,20 @@ def test_implausible_answer_is_reported():
 
 def test_wider_model_beside_implausible_fit_is_error():
     """A wider model is an error if the declared fit is so bad that no noise could explain it."""
-    (found,) = findings_about(predicted(0.04), predicted(0.021, moved=5), is_wider=True)
+    (found,) = findings_about(make_fit(0.04), make_fit(0.021, moved=5), is_wider=True)
     assert found.severity == "error"
 
 
 def test_hypotheses_near_best_are_all_named():
     """All hypotheses within a tenth of the best one are named."""
-    others = (predicted(core, moved=5) for core in (4e-4, 4.3e-4, 5e-4))
-    found = findings_about(predicted(1e-3), *others)
+    others = (make_fit(core, moved=5) for core in (4e-4, 4.3e-4, 5e-4))
+    found = findings_about(make_fit(1e-3), *others)
     assert [f.about[1] for f in found] == ["hand0", "hand1"]
 
 
 def test_ambiguous_hypotheses_share_one_finding():
     """Ambiguous hypotheses share one finding with each shift, all names once, and how to distinguish them once."""
-    (found,) = findings_about(predicted(1e-3), predicted(1e-3, moved=5), predicted(1.05e-3, moved=7), predicted(1e-3))
+    (found,) = findings_about(make_fit(1e-3), make_fit(1e-3, moved=5), make_fit(1.05e-3, moved=7), make_fit(1e-3))
     assert (found.code, found.severity, found.about) == ("ambiguous-convention", "warning", ("eye", "hand0", "hand1"))
     assert f"words 0 (inverted: 1.0 mm/m (mrad), {ASKED} 5.0 mm away) or words 1" in found.message
     assert f"{ASKED} 7.0 mm away" in found.message
@@ -160,13 +160,13 @@ def test_ambiguous_hypotheses_share_one_finding():
 
 def test_invalid_hypotheses_are_not_named():
     """A hypothesis is not named if the requested transform is unobservable under it or its fit did not converge."""
-    good = predicted(0.5e-3, moved=5)
-    assert findings_about(predicted(1e-3), good) != ()
+    good = make_fit(0.5e-3, moved=5)
+    assert findings_about(make_fit(1e-3), good) != ()
     for wrong in (
-        predicted(0.5e-3, moved=5, unobservable=[ASKED]),
+        make_fit(0.5e-3, moved=5, unobservable=[ASKED]),
         replace(good, solution=SimpleNamespace(**vars(good.solution) | {"converged": False})),
     ):
-        assert findings_about(predicted(1e-3), wrong) == ()
+        assert findings_about(make_fit(1e-3), wrong) == ()
 
 
 def test_free_mount_moved_by_symmetry_is_ignored():
@@ -178,8 +178,8 @@ def test_free_mount_moved_by_symmetry_is_ignored():
         transforms = {ASKED: SimpleNamespace(status=status)}
         cell = SimpleNamespace(requested_transforms=(ASKED,), mount_name=lambda name: ASKED, transforms=transforms)
         reading = ConventionHypothesis("board-symmetry", ("board",), "words", "fix", "", lambda reading: reading)
-        tried = TriedHypothesis(reading, predicted(1e-3, moved=50), ())
-        declared = TriedHypothesis(AS_DECLARED, predicted(1e-3), ())
+        tried = TriedHypothesis(reading, make_fit(1e-3, moved=50), ())
+        declared = TriedHypothesis(AS_DECLARED, make_fit(1e-3), ())
         found = decide_hypotheses(cell, declared, [tried], False, frozenset())
         assert [f.code for f in found] == codes
 
@@ -189,9 +189,9 @@ def test_missing_requested_mount_counts_as_moved():
 
     The rival puts the target on another carrier.
     """
-    rival = predicted(1e-3)
+    rival = make_fit(1e-3)
     rival.solution.state.transforms["b_from_c"] = rival.solution.state.transforms.pop(ASKED)
-    (found,) = findings_about(predicted(1e-3), rival, code="wrong-carrier")
+    (found,) = findings_about(make_fit(1e-3), rival, code="wrong-carrier")
     assert (found.code, found.severity) == ("ambiguous-convention", "warning")
     assert "if words 0 (wrong-carrier: 1.0 mm/m (mrad))." in found.what
 
@@ -209,8 +209,8 @@ def test_comparison_uses_shared_samples():
 
     Errors that are NaN count as far off.
     """
-    one = replace(predicted(1e-3), sample=np.repeat(np.arange(5), 2))
-    other = replace(predicted(2e-3), sample=np.repeat(np.arange(2, 7), 2))
+    one = replace(make_fit(1e-3), sample=np.repeat(np.arange(5), 2))
+    other = replace(make_fit(2e-3), sample=np.repeat(np.arange(2, 7), 2))
     np.testing.assert_allclose(one.squares(np.arange(2, 5)), 1e-6)
     assert TriedHypothesis(AS_DECLARED, one, ()).compare(other).is_taken
     lost = replace(one, errors=np.where(np.arange(10) < 4, np.nan, one.errors))
@@ -234,7 +234,7 @@ def test_wider_model_is_compared_with_robot_noise(monkeypatch, evidence, explain
     If the noise evidence is missing, it is only a warning.
     """
     monkeypatch.setattr(hypothesis_choice, "noise_evidence", lambda fit, declared: evidence)
-    found = findings_about(predicted(1e-3), predicted(0.5e-3, moved=9), is_wider=True, explained=explained)
+    found = findings_about(make_fit(1e-3), make_fit(0.5e-3, moved=9), is_wider=True, explained=explained)
     assert [f.severity for f in found] == ([] if severity is None else [severity])
 
 
@@ -252,29 +252,29 @@ def with_lens(cell, shift_px=0.0, status="fixed"):
     return replace(cell, cameras={"wrist": changed})
 
 
-def fitted(reading):
+def fit_reading(reading):
     return fit_hypothesis(reading.cell, reading.problem, STATED)
 
 
-def of_size(made, factor):
-    """Evidence for a board so many times as large as stated."""
+def size_evidence(made, factor):
+    """Evidence for a board larger than stated by a factor."""
     given = declared(made.cell, made.recording)
-    return noise_evidence(fitted(size_hypothesis("board", factor, made.cell).reread(given)), fitted(given))
+    return noise_evidence(fit_reading(size_hypothesis("board", factor, made.cell).reread(given)), fit_reading(given))
 
 
-def of_lens(made, cell):
+def lens_evidence(made, cell):
     """Evidence for a lens that differs from the stated one."""
     given = declared(cell, made.recording)
-    return noise_evidence(fitted(given.restate(with_lens(cell, status="free"))), fitted(given))
+    return noise_evidence(fit_reading(given.restate(with_lens(cell, status="free"))), fit_reading(given))
 
 
 @pytest.mark.parametrize("seed", quick(range(3), [0]))
 def test_robot_noise_causes_no_size_evidence(seed):
     """Robot noise of 0.1 mm may make a board seem 0.3 % larger, without evidence for it; 3 % are detected."""
     made = simulate(FEW, seed)
-    assert of_size(made, 1.003).chance > 1e-3
+    assert size_evidence(made, 1.003).chance > 1e-3
     true = resized(made.cell, {"board": 1.03})
-    wrong = of_size(replace(made, cell=true), 1 / 1.03)
+    wrong = size_evidence(replace(made, cell=true), 1 / 1.03)
     assert wrong.chance < 1e-6
     assert wrong.gain > 30
 
@@ -285,14 +285,14 @@ def test_systematic_pixels_give_no_size_evidence(seed):
     """Pixels distorted as by no lens give no evidence for or against a size of 2 % if arms err by millimetres."""
     made = simulate(replace(FEW, samples=12, robot_noise=(3e-3, 5e-3), intrinsics="free", pixel_px=0.1), seed)
     bent = with_pixels(made.recording, lambda uv: uv + 6.0 * np.sin(uv[:, ::-1] / (90.0, 70.0)))
-    assert abs(of_size(replace(made, recording=bent), 1.02).gain) < 2.0
+    assert abs(size_evidence(replace(made, recording=bent), 1.02).gain) < 2.0
 
 
 def test_points_in_space_show_target_size():
     """Distances between points measured in space show a size error of 5 %, whatever the robot noise."""
     made = simulate(replace(FEW, target="points3d"), 0)
     wrong = resized(made.cell, {"board": 1.05})
-    found = of_size(replace(made, cell=wrong), 1 / 1.05)
+    found = size_evidence(replace(made, cell=wrong), 1 / 1.05)
     assert found.gain > 100
     assert found.chance < 1e-12
 
@@ -301,8 +301,8 @@ def test_points_in_space_show_target_size():
 def test_robot_noise_causes_no_lens_evidence(seed):
     """The correctly stated lens is plausible; a lens with its centre stated 30 px off is not."""
     made = simulate(FEW, seed)
-    assert of_lens(made, made.cell).chance > 1e-3
-    assert of_lens(made, with_lens(made.cell, 30.0)).chance < 1e-6
+    assert lens_evidence(made, made.cell).chance > 1e-3
+    assert lens_evidence(made, with_lens(made.cell, 30.0)).chance < 1e-6
 
 
 @pytest.mark.parametrize("stated", [True, False])
@@ -314,29 +314,29 @@ def test_scatter_gain_prefers_true_size(stated):
         samples = [replace(s, observations=(o,)) for s, o in zip(made.recording.samples, unstated, strict=True)]
         made = replace(made, recording=replace(made.recording, samples=tuple(samples)))
     wrong = resized(made.cell, {"board": 1.01})
-    right, off = (fitted(declared(cell, made.recording)).solution for cell in (made.cell, wrong))
+    right, off = (fit_reading(declared(cell, made.recording)).solution for cell in (made.cell, wrong))
     assert _scatter_gain(right, right) == 0.0
     assert _scatter_gain(right, off) > 10
     assert _scatter_gain(off, right) == pytest.approx(-_scatter_gain(right, off))
 
 
-def known(monkeypatch, narrower, wider):
+def compare_solutions(monkeypatch, narrower, wider):
     """Evidence of a fit beside the declared one, with these solutions at their noise modes."""
     fits = [
         SimpleNamespace(solution=SimpleNamespace(problem=of, state=None, views=of.views)) for of in (wider, narrower)
     ]
-    told = {}
+    guesses = {}
 
     def solve(problem, state, settings, guess=None):
         """Records the initial guess."""
-        told[problem.name] = guess
+        guesses[problem.name] = guess
         return problem
 
     monkeypatch.setattr(module, "solve_at_mode", solve)
     monkeypatch.setattr(module, "_view_count", lambda solution: solution.views)
     found = noise_evidence(*fits)
     if found is not None:
-        assert told == {"narrower": None, "wider": narrower.noise}
+        assert guesses == {"narrower": None, "wider": narrower.noise}
     return found
 
 
@@ -357,7 +357,9 @@ def test_gain_adds_evidence_and_scatter(monkeypatch, minus_2_log_evidence, scatt
     One freedom gives a p-value.
     """
     monkeypatch.setattr(module, "_scatter_gain", lambda wider, narrower: scatter)
-    found = known(monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", minus_2_log_evidence, ["a"]))
+    found = compare_solutions(
+        monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", minus_2_log_evidence, ["a"])
+    )
     gain = 10.0 - minus_2_log_evidence + scatter
     assert found.gain == pytest.approx(gain)
     assert found.chance == pytest.approx(chi2.sf(max(gain, 0.0), 1))
@@ -371,14 +373,16 @@ def test_gain_of_freed_parameters_is_their_distance(monkeypatch):
     squares = {"b": (5.0, 4), "c": (7.0, 9)}
     monkeypatch.setattr(module, "state_step", lambda problem, before, after: "step")
     monkeypatch.setattr(module, "_squared_distance", lambda solution, step, name: squares[name])
-    found = known(monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", 3.0, ["a", "b", "c"]))
+    found = compare_solutions(
+        monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", 3.0, ["a", "b", "c"])
+    )
     assert found.gain == 12.0
     assert found.chance == pytest.approx(chi2.sf(12.0, 13))
 
 
 def test_different_views_are_not_compared(monkeypatch):
     """Fits of different views have no comparable likelihoods: the evidence is None."""
-    assert known(monkeypatch, solution_of("narrower"), solution_of("wider", views=4)) is None
+    assert compare_solutions(monkeypatch, solution_of("narrower"), solution_of("wider", views=4)) is None
 
 
 def test_scatter_gain_uses_squares_or_logarithm(monkeypatch):

@@ -83,7 +83,7 @@ def test_trimmed_rms_counts_non_finite_as_largest():
     assert trimmed_rms(np.array([9.0, 3.0]), 0.1) == pytest.approx(3.0)
 
 
-def ready(scenario, seed=1, rows=None):
+def prepare_pair(scenario, seed=1, rows=None):
     """The only pair of a recording with prepared views, and the true X, Y and Z."""
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
@@ -99,7 +99,7 @@ def ready(scenario, seed=1, rows=None):
 @pytest.mark.parametrize("target", ["charuco", "pose"])
 def test_loops_close_in_all_layouts(layout, target):
     """With all transforms free, in each layout, view errors are at the noise and the fit is the truth."""
-    sight, problem, truth = ready(Scenario(samples=12, target=target, layout=layout, pose_noise=(1e-4, 1e-3)))
+    sight, problem, truth = prepare_pair(Scenario(samples=12, target=target, layout=layout, pose_noise=(1e-4, 1e-3)))
     (fit,) = fit_loops([(sight, problem)])
     assert not fit.is_led
     assert trimmed_rms(fit.errors) < 0.01
@@ -112,7 +112,7 @@ def test_loops_close_in_all_layouts(layout, target):
 )
 def test_fixed_transforms_are_kept(known):
     """Mounts and bases that the cell states as fixed are unchanged in the fit."""
-    sight, problem, truth = ready(Scenario(samples=10, **dict.fromkeys(known, "fixed")))
+    sight, problem, truth = prepare_pair(Scenario(samples=10, **dict.fromkeys(known, "fixed")))
     (fit,) = fit_loops([(sight, problem)])
     for name, found, true in zip(("camera_mount", "base", "target_mount"), fit.triple, truth, strict=True):
         if name in known:
@@ -122,7 +122,7 @@ def test_fixed_transforms_are_kept(known):
 
 def test_prior_is_not_assumed_exact():
     """A mount with a prior is estimated; only fixed ones are assumed exact."""
-    sight, problem, truth = ready(Scenario(samples=10, camera_mount="prior"))
+    sight, problem, truth = prepare_pair(Scenario(samples=10, camera_mount="prior"))
     (fit,) = fit_loops([(sight, problem)])
     assert np.abs((fit.triple[0].inverse() @ truth[0]).log()).max() > 1e-7
 
@@ -132,7 +132,7 @@ def test_view_errors_are_angle_and_relative_length():
 
     Two views are measured off by 0.3 rad and 0.2 m; of two candidates the nearer counts.
     """
-    sight, _, truth = ready(Scenario(samples=6, target="pose", pose_noise=(0.0, 0.0)))
+    sight, _, truth = prepare_pair(Scenario(samples=6, target="pose", pose_noise=(0.0, 0.0)))
     np.testing.assert_allclose(loop_errors(sight, truth), 0.0, atol=1e-7)
     poses = sight.candidates[:, 0]
     distance = np.median(np.linalg.norm(poses.translation, axis=-1))
@@ -152,7 +152,7 @@ def test_view_errors_are_angle_and_relative_length():
 
 def test_led_errors_are_chords_of_directions():
     """LED errors are chords between directions, and NaN in views that do not show the LED."""
-    sight, _, truth = ready(Scenario(samples=8, target="led", pixel_px=0.0, state_pixel_noise=False))
+    sight, _, truth = prepare_pair(Scenario(samples=8, target="led", pixel_px=0.0, state_pixel_noise=False))
     of = sight.group.measurement
     bearings, weight = of.bearings_in_camera.copy(), of.weight.copy()
     bearings[3, 0] += [0.0, 0.05, 0.0]
@@ -171,7 +171,7 @@ def test_fit_of_single_pair_gives_state(layout):
     """The fit of a single pair gives a state: its transforms by name, the lens, and zero stop errors."""
     scenario = Scenario(samples=10, layout=layout, robot_noise=(1e-3, 1e-3))
     made = simulate(scenario, 1)
-    _, problem, truth = ready(scenario)
+    _, problem, truth = prepare_pair(scenario)
     key = (problem.groups[0].camera, problem.groups[0].target)
     state = pair_state(problem, {key: LoopFit(truth, np.zeros(10))}, made.cameras)
     assert state is not None
@@ -184,7 +184,7 @@ def test_fit_of_single_pair_gives_state(layout):
 
 def test_incomplete_fits_give_no_state():
     """No state results from an LED (no rotation of its own), two pairs (two fits), or a pair without a fit."""
-    _, problem, truth = ready(Scenario(samples=10))
+    _, problem, truth = prepare_pair(Scenario(samples=10))
     (group,) = problem.groups
     key = (group.camera, group.target)
     assert pair_state(problem, {key: LoopFit(truth, np.zeros(10), is_led=True)}, {}) is None
@@ -196,7 +196,7 @@ def test_incomplete_fits_give_no_state():
 
 def test_second_planar_pose_is_used_if_it_closes_loop():
     """The second pose of a plane is used if it closes the loop: two of twenty views have swapped candidates."""
-    sight, problem, truth = ready(Scenario(samples=20))
+    sight, problem, truth = prepare_pair(Scenario(samples=20))
     swapped = np.isin(np.arange(20), [3, 8])
     order = np.where(swapped[:, None], [1, 0], [0, 1])
     rows = np.arange(20)[:, None]
@@ -258,7 +258,7 @@ def test_unclear_rotations_are_searched(monkeypatch):
 
 def test_distance_uses_likelier_pose():
     """The first candidate of each view gives the distance of the target, whatever the others are."""
-    sight, _, truth = ready(Scenario(samples=5, target="pose", pose_noise=(0.0, 0.0)))
+    sight, _, truth = prepare_pair(Scenario(samples=5, target="pose", pose_noise=(0.0, 0.0)))
     poses = sight.candidates[:, 0]
     shifted = poses.translation + np.array([0.0, 0.1, 0.0])
     far = SE3(np.stack([poses.rotation] * 2, 1), np.stack([shifted, 50 * shifted], 1))

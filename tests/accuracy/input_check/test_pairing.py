@@ -235,14 +235,14 @@ def test_turned_views_are_found_in_wide_spread():
 
     By the first view alone it would be six or seven.
     """
-    turn, rng, told = half_turn(chessboard_target((8, 6), 0.03)), np.random.default_rng(1), 0
+    turn, rng, correct_count = half_turn(chessboard_target((8, 6), 0.03)), np.random.default_rng(1), 0
     for _ in range(100):
         poses = SE3.exp(np.pad(0.5 * rng.standard_normal((20, 3)), ((0, 0), (3, 0))))
         is_other = rng.random(20) < 0.3
         read = poses @ SE3(np.where(is_other[:, None, None], turn.rotation, np.eye(3)), np.zeros((20, 3)))
         found = pairing._is_nearer_turned(read, read @ SE3(turn.rotation, np.zeros(3)))
-        told += bool(np.all(found == is_other) or np.all(found != is_other))
-    assert told >= 85
+        correct_count += bool(np.all(found == is_other) or np.all(found != is_other))
+    assert correct_count >= 85
 
 
 @pytest.mark.parametrize("count", [5, 6])

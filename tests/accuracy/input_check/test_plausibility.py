@@ -40,7 +40,7 @@ def at(x=0.0, z=0.0):
     return SE3(np.eye(3), np.array([x, 0.0, z]))
 
 
-def told(robots=(), observations=((),), size=0.2, chain=None):
+def find_impossible_input(robots=(), observations=((),), size=0.2, chain=None):
     cell = Cell(
         "eye",
         {"eye": Robot("eye", chain=chain)},
@@ -55,7 +55,9 @@ def told(robots=(), observations=((),), size=0.2, chain=None):
 @pytest.mark.parametrize(("far", "found"), [(0.019, True), (0.021, False), (4.9, False), (5.1, True)])
 def test_reach_limits_of_flange(far, found):
     """The farthest flange must be 2 cm to 5 m from its base; nearer poses have no effect."""
-    assert told([RobotState(at(far)), RobotState(at(far))]) == ((f"flange of eye {far:.3g} m",) if found else ())
+    assert find_impossible_input([RobotState(at(far)), RobotState(at(far))]) == (
+        (f"flange of eye {far:.3g} m",) if found else ()
+    )
 
 
 @pytest.mark.parametrize(
@@ -73,8 +75,8 @@ def test_joint_limits_have_tolerance(joints, words):
     """Joints must be within 0.1 rad of limits of 1 rad, and within 2.2 half turns whatever the limits."""
     chain = SimpleNamespace(lower=-np.ones(2), upper=np.ones(2))
     states = [RobotState(joints_rad=np.zeros(2)), RobotState(joints_rad=np.array(joints))]
-    assert told(states, chain=chain) == ((words,) if words else ())
-    assert told(states) == ()
+    assert find_impossible_input(states, chain=chain) == ((words,) if words else ())
+    assert find_impossible_input(states) == ()
 
 
 def seen_points(z=1.0):
@@ -84,8 +86,10 @@ def seen_points(z=1.0):
 @pytest.mark.parametrize(("size", "found"), [(1.9e-3, True), (2.1e-3, False), (4.9, False), (5.1, True)])
 def test_size_limits_of_targets(size, found):
     """Targets whose points are seen must be 2 mm to 5 m large."""
-    assert told(observations=[[seen_points()]], size=size) == ((f"size of board {size:.3g} m",) if found else ())
-    assert told(observations=[[PoseObservation("wrist", "board", at(z=1.0))]], size=size) == ()
+    assert find_impossible_input(observations=[[seen_points()]], size=size) == (
+        (f"size of board {size:.3g} m",) if found else ()
+    )
+    assert find_impossible_input(observations=[[PoseObservation("wrist", "board", at(z=1.0))]], size=size) == ()
 
 
 def test_target_without_extent_has_no_size_limit():
@@ -110,17 +114,17 @@ def test_distance_limits_of_targets(kind, distance, found):
     one = [PoseObservation("wrist", "board", at(z=distance))] if kind == "pose" else [seen_points(distance)]
     far = [seen_points(1e3)]
     words = (f"distance to the target {distance:.3g} m",) if found else ()
-    assert told(observations=[one, one, far]) == words
+    assert find_impossible_input(observations=[one, one, far]) == words
 
 
 @pytest.mark.parametrize(("behind", "found"), [(4, False), (5, True)])
 def test_targets_behind_camera_are_impossible(behind, found):
     """Targets are reported as behind the camera if more than four fifths of the views are."""
     views = [[seen_points(-0.5 if k < behind else 0.5)] for k in range(5)]
-    assert told(observations=views) == (("targets behind the camera",) if found else ())
+    assert find_impossible_input(observations=views) == (("targets behind the camera",) if found else ())
 
 
-def answered(status="free", on="hand", chain=None, more=(), **places):
+def find_impossible_answer(status="free", on="hand", chain=None, more=(), **places):
     cell = Cell(
         "eye",
         {"eye": Robot("eye"), "hand": Robot("hand", chain=chain), **{name: Robot(name) for name in more}},
@@ -140,28 +144,32 @@ def answered(status="free", on="hand", chain=None, more=(), **places):
 @pytest.mark.parametrize(("far", "found"), [(0.019, True), (0.021, False), (19.9, False), (20.1, True)])
 def test_distance_limits_of_bases(far, found):
     """Bases that are not fixed must be 2 cm to 20 m apart."""
-    assert answered(**{BASE: at(far)}) == ((f"{BASE} {far:.3g} m",) if found else ())
-    assert answered("fixed", **{BASE: at(far)}) == ()
+    assert find_impossible_answer(**{BASE: at(far)}) == ((f"{BASE} {far:.3g} m",) if found else ())
+    assert find_impossible_answer("fixed", **{BASE: at(far)}) == ()
 
 
 @pytest.mark.parametrize(("far", "found"), [(19.9, False), (20.1, True)])
 def test_base_distance_uses_nearest_base(far, found):
     """The distance of a base is to the nearest other base, not the reference: a long row of arms exceeds any limit."""
     places = {BASE: at(300.0 + far), "eye_base_from_next_base": at(300.0), "eye_base_from_last_base": at(0.0)}
-    assert answered(more=("next", "last"), **places) == ((f"{BASE} {300 + far:.3g} m",) if found else ())
+    assert find_impossible_answer(more=("next", "last"), **places) == ((f"{BASE} {300 + far:.3g} m",) if found else ())
 
 
 @pytest.mark.parametrize(("far", "found"), [(0.0, False), (20.1, True)])
 def test_bases_of_kinematic_chains_may_coincide(far, found):
     """Bases of arms with kinematic chains may coincide: two chains may begin at one link."""
-    assert answered(chain=SimpleNamespace(), **{BASE: at(far)}) == ((f"{BASE} {far:.3g} m",) if found else ())
+    assert find_impossible_answer(chain=SimpleNamespace(), **{BASE: at(far)}) == (
+        (f"{BASE} {far:.3g} m",) if found else ()
+    )
 
 
 @pytest.mark.parametrize(("far", "found"), [(0.0, False), (1.9, False), (2.1, True)])
 def test_length_limits_of_mounts(far, found):
     """Mounts may be up to 2 m on a flange and up to 20 m on the world."""
-    assert answered(**{CAMERA: at(far)}) == ((f"{CAMERA} {far:.3g} m",) if found else ())
-    assert answered(on="world", **{BOARD: at(10 * far)}) == ((f"{BOARD} {10 * far:.3g} m",) if found else ())
+    assert find_impossible_answer(**{CAMERA: at(far)}) == ((f"{CAMERA} {far:.3g} m",) if found else ())
+    assert find_impossible_answer(on="world", **{BOARD: at(10 * far)}) == (
+        (f"{BOARD} {10 * far:.3g} m",) if found else ()
+    )
 
 
 @pytest.mark.parametrize("target", ["pose", "points3d", "charuco"])

@@ -43,13 +43,13 @@ def rotations(recording, robot="hand"):
     return np.stack([s.robots[robot].base_from_flange.rotation for s in recording.samples])
 
 
-def reread(hypothesis, recording, robot="hand"):
+def reread_rotations(hypothesis, recording, robot="hand"):
     """Rotations of a robot under a hypothesis."""
     return hypothesis.reread(declared(MADE.cell, recording)).tracks[robot].pose.rotation
 
 
 def read_as(recording, listed, read):
-    """The hand's rotations listed in one way and read in another."""
+    """The recording with the hand's rotations written in one convention and read in another."""
 
     def of(poses):
         turned = Rotation.from_matrix(poses.rotation)
@@ -101,7 +101,7 @@ def _wrong_halves(kind):
         eye, hand = sample.robots["eye"], sample.robots["hand"]
         if kind == "session" and k >= 12:
             eye, hand = hand, eye
-        elif kind == "places":  # the hand stands still in the first half, the eye in the second
+        elif kind == "places":  # the hand is at rest in the first half, the eye in the second
             eye, hand = (eye, samples[-1].robots["eye"]) if k < 12 else (samples[0].robots["hand"], hand)
         made.append(replace(sample, robots={"eye": eye, "hand": hand}))
     return replace(HALVES.recording, samples=tuple(made))
@@ -154,7 +154,7 @@ def test_euler_orders_are_undone(listed, read, count):
     """Angles read in another order are undone by exactly one hypothesis, also if the orders are reverses."""
     mixed = read_as(MADE.recording, listed, read)
     back = [h for h in hypotheses(MADE, "euler-order") if h.about == ("hand",)]
-    undone = [h for h in back if np.allclose(reread(h, mixed), rotations(MADE.recording))]
+    undone = [h for h in back if np.allclose(reread_rotations(h, mixed), rotations(MADE.recording))]
     assert len(undone) == count
     assert all(each.fix.startswith("convert them to rotations as ") for each in undone)
 
@@ -169,7 +169,7 @@ def test_large_angles_read_as_other_lists_are_undone(listed, read):
     true, right = rotations(MADE.recording), np.zeros(20, dtype=bool)
     for h in hypotheses(MADE, "euler-order"):
         if h.about == ("hand",):
-            right |= np.all(np.isclose(reread(h, mixed), true), axis=(1, 2))
+            right |= np.all(np.isclose(reread_rotations(h, mixed), true), axis=(1, 2))
     assert right.all()
 
 
@@ -213,7 +213,9 @@ def test_radians_read_as_degrees_are_undone(robots):
     found = [h for h in rare_hypotheses(declared(MADE.cell, mixed)) if h.code == "angle-unit" and h.about == robots]
     assert len(found) == 2
     for robot in robots:
-        assert any(np.allclose(reread(each, mixed, robot), rotations(MADE.recording, robot)) for each in found)
+        assert any(
+            np.allclose(reread_rotations(each, mixed, robot), rotations(MADE.recording, robot)) for each in found
+        )
 
 
 def test_inverted_stated_transforms_are_undone():
@@ -273,7 +275,7 @@ def test_nearest_lists_are_chosen_about_home(home):
     both = np.stack([near.as_matrix(), far.as_matrix()], axis=1)
     both[second] = both[second, ::-1]
     chosen = _choose_nearest(np.zeros((30, 2, 3)), both)
-    assert np.count_nonzero(chosen != second) <= 2  # some of the others are near by chance
+    assert np.count_nonzero(chosen != second) <= 2  # some of the wrong ones are near by chance
 
 
 def test_far_rotations_are_reinterpreted_by_rotation_distance():
@@ -399,8 +401,8 @@ def test_sessions_at_rest_are_runs_of_one_stop(stand, runs):
 
 def test_target_on_world_is_moved_to_arm():
     """A target on the world moved to its arm gives the views and ends of a cell that states that arm."""
-    told = replace(MADE.cell, targets={n: replace(t, on="world") for n, t in MADE.cell.targets.items()})
-    read = declared(told, MADE.recording)
+    stated_cell = replace(MADE.cell, targets={n: replace(t, on="world") for n, t in MADE.cell.targets.items()})
+    read = declared(stated_cell, MADE.recording)
     (hypothesis,) = (h for h in rare_hypotheses(read) if h.code == "wrong-carrier")
     assert hypothesis.words == "board is on hand, not on world"
     found, expected = hypothesis.reread(read).problem, declared(MADE.cell, MADE.recording).problem

@@ -31,7 +31,7 @@ PROBLEM, _ = build_problem(MADE.cell, MADE.recording)
 TRUE = State(MADE.truth, MADE.cameras, np.zeros((0, 6)))
 
 
-def reordered(order):
+def reorder_hand(order):
     samples = MADE.recording.samples
     hand = [samples[k].robots["hand"] for k in order]
     changed = (replace(s, robots={**s.robots, "hand": h}) for s, h in zip(samples, hand, strict=True))
@@ -49,7 +49,7 @@ def test_shuffled_poses_leave_motion_unexplained():
 
     The finding states the share and what to check.
     """
-    mixed = solve(MADE.cell, reordered(np.random.default_rng(0).permutation(16)))
+    mixed = solve(MADE.cell, reorder_hand(np.random.default_rng(0).permutation(16)))
     share = unexplained_motion(mixed.problem, mixed.state)
     assert 0.3 < share <= 1.0
     found = hopeless_finding(mixed.problem, mixed.state)
@@ -64,7 +64,7 @@ def test_shuffled_recording_is_refused_as_poor_fit():
 
     No unobservable direction and no failed convergence are reported: the poses are of other samples.
     """
-    found = calibrate(MADE.cell, reordered(np.random.default_rng(0).permutation(16)))
+    found = calibrate(MADE.cell, reorder_hand(np.random.default_rng(0).permutation(16)))
     assert found.verdict == "refused"
     assert [f.code for f in found.findings if f.severity != "info"] == ["poor-fit"]
 
@@ -96,7 +96,7 @@ def test_joint_robots_get_joint_advice():
 def test_best_half_of_views_counts():
     """With 7 of 16 views far off, the others are explained: the best half counts."""
     order = [*np.roll(range(7), 3), *range(7, 16)]
-    problem, _ = build_problem(MADE.cell, reordered(order))
+    problem, _ = build_problem(MADE.cell, reorder_hand(order))
     assert not is_hopeless(problem, TRUE)
 
 
@@ -125,7 +125,7 @@ def test_small_motion_is_not_unexplained():
 
 
 def through_a_long_lens(off_px, count=16):
-    """The views through a lens ten times as long, exact, and a state whose lens has its centre off by so much."""
+    """Exact views through a lens ten times as long, and a state whose principal point is off by `off_px`."""
     (group,) = PROBLEM.groups
     lens = MADE.cameras["wrist"]
     parameters = lens.parameters * np.where(np.arange(len(lens.parameters)) < 2, 10.0, 1.0)
@@ -147,9 +147,9 @@ def test_residuals_of_fifty_pixels_are_hopeless(off_px, lost):
     assert unexplained_motion(problem, state) < 0.2
     assert is_hopeless(problem, state) == lost
     assert f"leave residuals of {off_px:.0f} px." in hopeless_finding(problem, state).message
-    for count, told in ((4, False), (5, lost)):
+    for count, is_lost in ((4, False), (5, lost)):
         few = through_a_long_lens(off_px, count)
-        assert is_hopeless(*few) == (told or unexplained_motion(*few) > 0.2)
+        assert is_hopeless(*few) == (is_lost or unexplained_motion(*few) > 0.2)
 
 
 def looks(off, moved, in_pixels=True, stands=None):
@@ -212,16 +212,16 @@ def test_pixel_residual_needs_five_stops(by_number, stops, px):
 
 
 @pytest.mark.parametrize(
-    ("share", "left_px", "said"),
+    ("share", "left_px", "phrase"),
     [(0.19, 49.0, None), (0.21, 0.0, "21 % of it."), (0.19, 51.0, "residuals of 51 px")],
 )
-def test_hopeless_limits_are_fifth_of_motion_or_fifty_pixels(monkeypatch, share, left_px, said):
+def test_hopeless_limits_are_fifth_of_motion_or_fifty_pixels(monkeypatch, share, left_px, phrase):
     """A fit is hopeless above a fifth of the motion or 50 px; the finding reports the one exceeded."""
     monkeypatch.setattr(module, "unexplained_motion", lambda problem, state: share)
     monkeypatch.setattr(module, "_residual_px", lambda problem, state: left_px)
-    assert is_hopeless(None, None) == (said is not None)
-    if said is not None:
-        assert said in hopeless_finding(SimpleNamespace(open_clocks=frozenset(), robots=(), groups=[]), None).message
+    assert is_hopeless(None, None) == (phrase is not None)
+    if phrase is not None:
+        assert phrase in hopeless_finding(SimpleNamespace(open_clocks=frozenset(), robots=(), groups=[]), None).message
 
 
 ARMS = Scenario(samples=16, joints=True, joint_offset_rad=np.radians(8.0))

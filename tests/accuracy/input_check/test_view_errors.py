@@ -32,7 +32,7 @@ def test_pose_errors_are_angle_and_relative_length():
     assert view_errors(problem, moved, exact)[1] * np.sqrt(6) == pytest.approx(0.3, abs=1e-9)
 
 
-def of_views(target, change):
+def errors_of_views(target, change):
     """View errors at the true state of a noise-free recording with a changed measurement."""
     made = simulate(Scenario(samples=4, target=target, pixel_px=0.0, point_m=0.0, state_pixel_noise=False), 0)
     problem, _ = build_problem(made.cell, made.recording)
@@ -52,7 +52,7 @@ def test_pixel_errors_are_in_milliradians():
         seen[2, 0] = False
         return replace(of, pixels=pixels, seen=seen)
 
-    np.testing.assert_allclose(of_views("charuco", change)[0], [0, 5e-3 / np.sqrt(2), 0, 0], atol=1e-9)
+    np.testing.assert_allclose(errors_of_views("charuco", change)[0], [0, 5e-3 / np.sqrt(2), 0, 0], atol=1e-9)
 
 
 def test_point_errors_are_relative_to_reach():
@@ -65,7 +65,7 @@ def test_point_errors_are_relative_to_reach():
         seen[3, 0] = False
         return replace(of, points_in_camera=points, seen=seen)
 
-    off, reach = of_views("points3d", change)
+    off, reach = errors_of_views("points3d", change)
     np.testing.assert_allclose(off[[0, 2, 3]], 0.0, atol=1e-9)
     assert off[1] == pytest.approx(0.03 / np.sqrt(3) / reach, rel=1e-9)
 
@@ -79,7 +79,7 @@ def test_stop_errors_do_not_reduce_view_errors():
     )
 
 
-def measured(target, change):
+def make_measured_views(target, change):
     """Three equal views of a noise-free recording, with a changed measurement."""
     made = simulate(Scenario(samples=4, target=target, pixel_px=0.0, point_m=0.0, state_pixel_noise=False), 0)
     (group,) = build_problem(made.cell, made.recording)[0].groups
@@ -101,9 +101,9 @@ def test_pixel_deviation_is_from_median():
         return replace(of, pixels=pixels, seen=seen)
 
     expected = np.sqrt((6.0**2 * np.arange(2) / 2).sum())
-    moved = measured("charuco", change)
+    moved = make_measured_views("charuco", change)
     count = moved.measurement.seen.shape[1]
-    first = np.sqrt(3.0**2 / (2 * count))  # of two views the median is between them
+    first = np.sqrt(3.0**2 / (2 * count))  # the median of two views is their mean
     others = np.sqrt((6.0**2 * (count - 1) + 3.0**2) / (2 * count))
     np.testing.assert_allclose(1e3 * view_deviations(moved), [first, others, 0.0], atol=1e-9)
     assert others < expected + 1e-9
@@ -120,7 +120,7 @@ def test_deviations_of_points_and_poses_are_relative():
         points[1] += (0.3, 0.0, 0.0)
         return replace(of, points_in_camera=points)
 
-    points = measured("points3d", change)
+    points = make_measured_views("points3d", change)
     np.testing.assert_allclose(view_deviations(points), [0, 0.3 / np.sqrt(3) / points.reach_m, 0], atol=1e-12)
     problem, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
     seen = SE3.exp(np.array([[0, 0, 2.0, 0, 0, 0], [0, 0, 2.0, 0, 0, 0], [0.3, 0, 2.0, 0, 0, 0]]))
@@ -160,7 +160,7 @@ def test_view_of_one_point_counts_its_coordinates():
         pixels[0] += (3.0, 4.0)
         return replace(of, pixels=pixels, seen=seen)
 
-    np.testing.assert_allclose(of_views("charuco", change)[0], [5e-3 / np.sqrt(2), 0, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(errors_of_views("charuco", change)[0], [5e-3 / np.sqrt(2), 0, 0, 0], atol=1e-9)
 
 
 def test_unknown_measurement_is_input_error():

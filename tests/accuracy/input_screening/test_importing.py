@@ -70,8 +70,8 @@ def test_rows_in_other_unit_are_named_by_line(tmp_path: Path, factor: float, cur
     rows = [f"{0.3 * (factor if line in odd else 1)},{0.4 * (factor if line in odd else 1)},0" for line in range(3, 12)]
     path.write_text("\nx,y,z,rx,ry,rz\n" + "".join(f"{row},0,0,0.{k}\n" for k, row in enumerate(rows)))
     read = basecal.read_poses(tmp_path / "c", path, robot="left", format="ur")
-    said = rf"left.csv:5: flange of left {0.5 * factor:.3g} m from its base, 0.5 m in most rows: {cure}"
-    with pytest.raises(InputError, match=said):
+    pattern = rf"left.csv:5: flange of left {0.5 * factor:.3g} m from its base, 0.5 m in most rows: {cure}"
+    with pytest.raises(InputError, match=pattern):
         basecal.import_into(tmp_path / "c", read)
     unnumbered = replace(read, is_strict=False, rows=tuple(replace(row, line=None) for row in read.rows))
     (doubt,) = basecal.import_into(tmp_path / "c", unnumbered).doubts
@@ -82,7 +82,7 @@ def test_rows_in_other_unit_are_named_by_line(tmp_path: Path, factor: float, cur
 def test_scratch_folder_is_always_removed(tmp_path: Path) -> None:
     """The scratch folder is removed after an import, and after a refused one."""
     read = basecal.read_poses(tmp_path / "c", table(tmp_path), robot="left", format="ur")
-    for expected in (False, True):  # the second time the robot is recorded already
+    for expected in (False, True):  # the second import fails: the robot is already recorded
         scratch = TemporaryDirectory(dir=tmp_path)
         if expected:
             with pytest.raises(InputError):

@@ -129,7 +129,15 @@ def test_streams_with_unknown_lens_are_not_solved():
 HOPELESS = Finding("poor-fit", "error", (), "Nothing explains it.")
 
 
-def looked(monkeypatch, is_whole=None, said=(), hopeless_finding=False, fit="good", is_plausible=True, unobservable=()):
+def run_quick_look(
+    monkeypatch,
+    is_whole=None,
+    found_conventions=(),
+    hopeless_finding=False,
+    fit="good",
+    is_plausible=True,
+    unobservable=(),
+):
     """A quick look at a correct recording with replaced checks and fits."""
     fit = SimpleNamespace(error_in_words=lambda: "0.2 px") if fit == "good" else None
     plain = SimpleNamespace(problem=None, state=None, observability=SimpleNamespace(unobservable=set(unobservable)))
@@ -137,7 +145,7 @@ def looked(monkeypatch, is_whole=None, said=(), hopeless_finding=False, fit="goo
         "solve_problem": lambda *_: plain,
         "with_noise": lambda *_: plain,
         "has_plausible_noise": lambda *_: True,
-        "check_conventions": lambda *_: said,
+        "check_conventions": lambda *_: found_conventions,
         "is_hopeless": lambda *_: hopeless_finding,
         "hopeless_finding": lambda *_: HOPELESS,
         "solve_robustly": lambda *_: SimpleNamespace(outliers=()),
@@ -152,27 +160,27 @@ def looked(monkeypatch, is_whole=None, said=(), hopeless_finding=False, fit="goo
 def test_doubts_are_reported_unless_more_data_follow(monkeypatch):
     """Warnings of a whole recording and errors of any part are reported, infos never."""
     each = {s: Finding("code", s, (), "") for s in ("error", "warning", "info")}
-    for is_whole, told in ((True, ["error", "warning"]), (None, ["error", "warning"]), (False, ["error"])):
-        found = looked(monkeypatch, is_whole, tuple(each.values()))
-        assert [f.severity for f in found.findings] == told
+    for is_whole, severities in ((True, ["error", "warning"]), (None, ["error", "warning"]), (False, ["error"])):
+        found = run_quick_look(monkeypatch, is_whole, tuple(each.values()))
+        assert [f.severity for f in found.findings] == severities
         assert (found.views, found.error, found.undetermined) == (6, None, "")
-    assert looked(monkeypatch, said=(each["info"],)).error == "0.2 px"
-    assert looked(monkeypatch, False, (each["warning"],)).findings == ()
+    assert run_quick_look(monkeypatch, found_conventions=(each["info"],)).error == "0.2 px"
+    assert run_quick_look(monkeypatch, False, (each["warning"],)).findings == ()
 
 
 def test_undetermined_result_states_reason(monkeypatch):
     """The message states the reason: unexplained views, no fit, an open transform, or a fit that predicts badly."""
-    assert looked(monkeypatch, hopeless_finding=True).findings == (HOPELESS,)
+    assert run_quick_look(monkeypatch, hopeless_finding=True).findings == (HOPELESS,)
     assert (
-        looked(monkeypatch, fit=None).undetermined
+        run_quick_look(monkeypatch, fit=None).undetermined
         == "the requested transforms are not determined; rotate every arm about two axes or more"
     )
     name = made().cell.requested_transforms[0]
-    assert looked(monkeypatch, unobservable=[name]).undetermined.startswith(
+    assert run_quick_look(monkeypatch, unobservable=[name]).undetermined.startswith(
         "as declared the views fit with an error of 0.2 px, but the requested"
     )
-    assert looked(monkeypatch, unobservable=["another"]).error == "0.2 px"
-    bad = looked(monkeypatch, is_plausible=False)
+    assert run_quick_look(monkeypatch, unobservable=["another"]).error == "0.2 px"
+    bad = run_quick_look(monkeypatch, is_plausible=False)
     assert bad.undetermined == "held-out views have an error of 0.2 px, and no other convention reduces it"
     assert bad.error is None
 
@@ -180,8 +188,8 @@ def test_undetermined_result_states_reason(monkeypatch):
 def test_open_joint_offsets_explain_open_base(monkeypatch):
     """Open joint offsets are stated as the reason for an undetermined base, whatever the motion."""
     robots = {n: replace(r, parameters={"joint_offsets": None}) for n, r in made().cell.robots.items()}
-    said = module._describe_ambiguity(replace(made().cell, robots=robots), None)
-    assert said == "the requested transforms are not determined without the priors of its robots"
+    description = module._describe_ambiguity(replace(made().cell, robots=robots), None)
+    assert description == "the requested transforms are not determined without the priors of its robots"
 
 
 @pytest.mark.parametrize(("outliers", "count", "kept"), [(0, 9, 0), (1, 9, 1), (2, 9, 0), (2, 10, 2), (3, 10, 0)])
@@ -202,7 +210,7 @@ UNEXPLAINED, OTHER = (Finding(code, "error", (), "No.") for code in (module._UNE
 
 
 @pytest.mark.parametrize(
-    ("first", "outliers", "again", "told"),
+    ("first", "outliers", "again", "codes"),
     [
         (QuickLook(20, error="1 mm"), [3], QuickLook(19, error="1 mm"), ["first"]),
         (QuickLook(20, (OTHER,)), [3], QuickLook(19, error="1 mm"), ["first"]),
@@ -214,7 +222,7 @@ UNEXPLAINED, OTHER = (Finding(code, "error", (), "No.") for code in (module._UNE
         (QuickLook(20, undetermined="nothing"), [3], QuickLook(19, error="1 mm"), ["outlier-samples"]),
     ],
 )
-def test_samples_are_checked_again_without_outliers(monkeypatch, first, outliers, again, told):
+def test_samples_are_checked_again_without_outliers(monkeypatch, first, outliers, again, codes):
     """Samples are checked again without a few outliers if nothing else is wrong.
 
     Enough must remain, and the rest be conclusive.
@@ -228,10 +236,10 @@ def test_samples_are_checked_again_without_outliers(monkeypatch, first, outliers
     monkeypatch.setattr(module, "_find_outliers", lambda cell, recording: left_out)
     recording = Recording(tuple(map(Sample, range(20))))
     found = module._check_robustly(None, recording, True)
-    if told == ["first"]:
+    if codes == ["first"]:
         assert found is first
     else:
-        assert [each.code for each in found.findings] == told
+        assert [each.code for each in found.findings] == codes
         assert [sample.sample for sample in judged[1]] == [k for k in range(20) if k not in outliers]
         last = found.findings[-1]
         numbers = " and ".join(map(str, outliers))

@@ -71,9 +71,9 @@ def test_observations_in_millimetres_are_named():
     assert codes(resized(board.cell, {"board": 1000.0}), board.recording) == [("board-size", "error", ("board",))]
 
 
-@pytest.mark.parametrize(("end", "off_rad", "told"), [("lower", -0.09, True), ("lower", -0.11, False),
+@pytest.mark.parametrize(("end", "off_rad", "is_reported"), [("lower", -0.09, True), ("lower", -0.11, False),
                                                       ("upper", 0.09, True), ("upper", 0.11, False)])  # fmt: skip
-def test_degrees_must_be_within_urdf_limits(end, off_rad, told):
+def test_degrees_must_be_within_urdf_limits(end, off_rad, is_reported):
     """Joints count as degrees only if these are within a tenth of a radian of the URDF limits."""
     made = simulate(Scenario(samples=6, joints=True), 0)
     chain = made.cell.robots["hand"].chain
@@ -85,10 +85,10 @@ def test_degrees_must_be_within_urdf_limits(end, off_rad, told):
         replace(s, robots={**s.robots, "hand": RobotState(joints_rad=q)})
         for s, q in zip(made.recording.samples, joints, strict=True)
     ]
-    assert bool(codes(cell, replace(made.recording, samples=tuple(samples)))) == told
+    assert bool(codes(cell, replace(made.recording, samples=tuple(samples)))) == is_reported
 
 
-def posed(far_m, distance_m=1.0, kind="pose"):
+def record_distances(far_m, distance_m=1.0, kind="pose"):
     """Three samples of a flange and a target at these distances, and one of both a kilometre away."""
     samples = []
     for k, (far, distance) in enumerate(((far_m, distance_m), (far_m, distance_m), (far_m, distance_m), (1e3, 1e3))):
@@ -111,15 +111,15 @@ def test_lengths_above_fifty_metres_are_no_metres(kind):
     The advice has the values in likely units.
     """
     cell = simulate(Scenario(samples=1), 0).cell
-    assert codes(cell, posed(49.9, 49.9, kind)) == []
-    (flange, target) = impossible_units(cell, posed(51.2, 53.4, kind))
+    assert codes(cell, record_distances(49.9, 49.9, kind)) == []
+    (flange, target) = impossible_units(cell, record_distances(51.2, 53.4, kind))
     assert flange.about == ("hand",)
     assert flange.what == "The poses of hand are in another unit: a flange is 51 m from its base."
     who = "The observed poses" if kind == "pose" else "The observed 3-D points"
     assert target.what == f"{who} are in another unit: a target is 53 m away."
     assert flange.do == ("Convert lengths to metres: 51 mm are 0.051 m, 51 cm are 0.51 m, 51 inch are 1.3 m.",)
     assert target.do == ("Convert lengths to metres: 53 mm are 0.053 m, 53 cm are 0.53 m, 53 inch are 1.4 m.",)
-    for sure in impossible_units(cell, posed(320, 310, kind)):
+    for sure in impossible_units(cell, record_distances(320, 310, kind)):
         assert " in millimetres: " in sure.what
         assert sure.do == ("Divide lengths by 1000 to convert them to metres.",)
 
@@ -128,7 +128,7 @@ def test_lengths_above_fifty_metres_are_no_metres(kind):
 def test_extreme_distances_suggest_no_unit(far, words):
     """Extreme distances, up to the floating-point range, suggest no unit and raise no overflow warning."""
     cell = simulate(Scenario(samples=1), 0).cell
-    flange, target = impossible_units(cell, posed(far, far))
+    flange, target = impossible_units(cell, record_distances(far, far))
     assert target.what == f"The observed poses are in another unit: a target is {words} m away."
     assert flange.what == f"The poses of hand are in another unit: a flange is {words} m from its base."
     assert flange.do == ("State lengths in metres.",)
@@ -139,34 +139,36 @@ def test_single_samples_in_other_unit_are_named():
     for reach, unit in ((160.0, "another unit"), (812.0, "millimetres")):
         cell, recording = simulate(Scenario(samples=1), 0).cell, Recording()
         for far in (1.0, 1.0, reach):
-            recording = replace(recording, samples=(*recording.samples, *posed(far, 1.0, "pose").samples[:1]))
+            recording = replace(
+                recording, samples=(*recording.samples, *record_distances(far, 1.0, "pose").samples[:1])
+            )
         (found,) = impossible_units(cell, recording)
         assert found.what == f"Sample 0 of hand looks like {unit} among metres."
 
 
-@pytest.mark.parametrize(("size_m", "told"), [(19.9, False), (20.1, True)])
-def test_targets_are_at_most_twenty_metres_wide(size_m, told):
+@pytest.mark.parametrize(("size_m", "is_reported"), [(19.9, False), (20.1, True)])
+def test_targets_are_at_most_twenty_metres_wide(size_m, is_reported):
     """Targets wider than 20 m are an error if they are seen or searched in images."""
     made = simulate(Scenario(samples=3), 0)
     width = float(np.ptp(made.cell.targets["board"].target.points, axis=0).max())
     cell = resized(made.cell, {"board": size_m / width})
     found = impossible_units(cell, made.recording)
-    assert [f.about for f in found] == ([("board",)] if told else [])
-    assert not told or found[0].what == "The size of board is in another unit: it is stated to be 20 m wide."
+    assert [f.about for f in found] == ([("board",)] if is_reported else [])
+    assert not is_reported or found[0].what == "The size of board is in another unit: it is stated to be 20 m wide."
     blind = [replace(s, observations=()) for s in made.recording.samples]
     assert impossible_units(cell, Recording(tuple(blind))) == []
     imaged = [replace(s, images={"wrist": "a.png"}) for s in blind]
-    assert bool(impossible_units(cell, Recording(tuple(imaged)))) == told
+    assert bool(impossible_units(cell, Recording(tuple(imaged)))) == is_reported
 
 
-@pytest.mark.parametrize(("turn_rad", "told"), [(6.9, False), (6.95, True)])
-def test_two_joints_beyond_a_turn_are_in_degrees(turn_rad, told):
+@pytest.mark.parametrize(("turn_rad", "is_reported"), [(6.9, False), (6.95, True)])
+def test_two_joints_beyond_a_turn_are_in_degrees(turn_rad, is_reported):
     """Two joints beyond 2.2 half turns are in degrees, and the message states the largest value."""
     made = simulate(Scenario(samples=4, joints=True), 0)
     joints = np.array([0.0, turn_rad, -turn_rad, 0.0, 0.0, 0.0])
     samples = [replace(s, robots={**s.robots, "hand": RobotState(joints_rad=joints)}) for s in made.recording.samples]
     found = impossible_units(made.cell, Recording(tuple(samples)))
-    assert [f.what for f in found] == (["The joints of hand are in degrees: they reach 6.95."] if told else [])
+    assert [f.what for f in found] == (["The joints of hand are in degrees: they reach 6.95."] if is_reported else [])
 
 
 @pytest.mark.parametrize(("ratio", "found"), [(0.9e6, []), (1.1e6, [("sigma-range", "error", ())])])
@@ -195,7 +197,7 @@ def test_images_are_searched_only_with_plausible_poses(tmp_path) -> None:
     assert needs_search(made.cell, Recording(tuple(shown)))
 
     def in_millimetres(state):
-        """The pose as a controller that counts in them says it."""
+        """The robot state with its pose in millimetres."""
         pose = state.base_from_flange
         return replace(state, base_from_flange=SE3(pose.rotation, 1e3 * pose.translation))
 

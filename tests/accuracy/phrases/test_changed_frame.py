@@ -45,9 +45,9 @@ def test_single_changed_frame_is_named(frame: str, says: str) -> None:
     changed = changed_frame(problem, MADE.cell)
     assert changed is not None
     assert changed.agreeing in (tuple(range(9)), tuple(range(9, 16)))
-    told = changed.sentence
-    assert told.startswith(f"From sample 9 on {says} differs by ")
-    millimetres = float(told.split(" differs by ")[1].split(" mm")[0])
+    sentence = changed.sentence
+    assert sentence.startswith(f"From sample 9 on {says} differs by ")
+    millimetres = float(sentence.split(" differs by ")[1].split(" mm")[0])
     assert millimetres == pytest.approx(1e3 * np.linalg.norm(SHIFT.translation), abs=3)
 
 

@@ -16,27 +16,27 @@ CELL = SimpleNamespace(reference="eye", base_name="eye_base_from_{}_base".format
 ON_THE_WALL = SE3.from_rpy([0, np.pi / 2, 0], np.ones(3))
 
 
-def solved(problem, transforms):
+def make_solution(problem, transforms):
     return SimpleNamespace(problem=problem, state=SimpleNamespace(transforms=transforms))
 
 
-def said(robots, base=ON_THE_WALL, hand_down=(0.0, 0.0, -1.0)):
+def describe(robots, base=ON_THE_WALL, hand_down=(0.0, 0.0, -1.0)):
     chain = six_axis()
     hand = replace(chain, masses=replace(chain.masses, down=np.array(hand_down)))
     problem = SimpleNamespace(chains={"eye": chain, "hand": hand, "light": replace(chain, masses=None)})
-    return describe_gravity(CELL, solved(problem, {"eye_base_from_hand_base": base}), robots)
+    return describe_gravity(CELL, make_solution(problem, {"eye_base_from_hand_base": base}), robots)
 
 
 def test_equally_mounted_arms_do_not_contradict():
     """Arms with slightly tilted bases, or with consistent stated gravity, do not contradict each other."""
-    assert said(("eye",), SE3.from_rpy([0.1, 0, 2], np.ones(3))) == "Gravity is assumed along -z of eye_base."
-    assert said(("hand",), hand_down=(1, 0, 0)) == "Gravity is assumed along +x of hand_base."
+    assert describe(("eye",), SE3.from_rpy([0.1, 0, 2], np.ones(3))) == "Gravity is assumed along -z of eye_base."
+    assert describe(("hand",), hand_down=(1, 0, 0)) == "Gravity is assumed along +x of hand_base."
 
 
 @pytest.mark.parametrize("robots", [("eye",), ("eye", "hand")])
 def test_wall_mounted_arm_is_reported(robots):
     """A wall-mounted arm is reported with the angle between the directions and the entry to write."""
-    words = said(robots)
+    words = describe(robots)
     assert f"along {' and '.join(f'-z of {robot}_base' for robot in robots)}. In the answer" in words
     assert "differs by 90 deg" in words
     assert "deflection: {down: [x, y, z]}" in words
@@ -45,7 +45,7 @@ def test_wall_mounted_arm_is_reported(robots):
 @pytest.mark.parametrize(("hand_down", "apart"), [((0, 0, -1), None), ((0, 0, 1), "180 deg")])
 def test_directions_are_unit_vectors_to_rounding(hand_down, apart):
     """Products of unit vectors may exceed one by rounding. Equal directions agree, opposite ones differ by 180 deg."""
-    words = said(("hand",), SE3.identity(), np.array(hand_down) * (1 + 1e-10))
+    words = describe(("hand",), SE3.identity(), np.array(hand_down) * (1 + 1e-10))
     assert (apart in words) if apart else words.endswith("of hand_base.")
 
 
@@ -54,20 +54,20 @@ def test_unknown_base_gives_no_angle():
     chain = six_axis()
     tilted = replace(chain, masses=replace(chain.masses, down=np.array([0.6, 0, -0.8])))
     problem = SimpleNamespace(chains={"hand": tilted})
-    words = describe_gravity(CELL, solved(problem, {}), ("hand",))
+    words = describe_gravity(CELL, make_solution(problem, {}), ("hand",))
     assert words == "Gravity is assumed along (0.6, 0, -0.8) of hand_base."
 
 
-@pytest.mark.parametrize(("tilt_deg", "told"), [(9.9, False), (10.1, True)])
+@pytest.mark.parametrize(("tilt_deg", "is_reported"), [(9.9, False), (10.1, True)])
 @pytest.mark.parametrize("others", [{}, {"third": SE3.identity()}])
-def test_bases_may_differ_by_ten_degrees(tilt_deg, told, others):
+def test_bases_may_differ_by_ten_degrees(tilt_deg, is_reported, others):
     """Bases may differ by ten degrees; the largest tilt between two arms with known bases counts."""
     chain = six_axis()
     problem = SimpleNamespace(chains={"eye": chain, "hand": chain, "third": chain, "open": chain})
     tilted = SE3.from_rpy(np.radians([tilt_deg, 0, 0]), np.ones(3))
     bases = {CELL.base_name(name): base for name, base in {"hand": tilted, **others}.items()}
-    words = describe_gravity(CELL, solved(problem, bases), ("eye",))
-    assert ("differs by 10 deg" in words) == told
+    words = describe_gravity(CELL, make_solution(problem, bases), ("eye",))
+    assert ("differs by 10 deg" in words) == is_reported
 
 
 def test_opposite_tilts_add_up():
@@ -78,4 +78,4 @@ def test_opposite_tilts_add_up():
         CELL.base_name(name): SE3.from_rpy(np.radians([tilt, 0, 0]), np.ones(3))
         for name, tilt in (("hand", 8.0), ("third", -7.0))
     }
-    assert "differs by 15 deg" in describe_gravity(CELL, solved(problem, bases), ("eye",))
+    assert "differs by 15 deg" in describe_gravity(CELL, make_solution(problem, bases), ("eye",))

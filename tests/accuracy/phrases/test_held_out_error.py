@@ -12,7 +12,7 @@ from basecal.fields.digits import two_digits
 NOISE = {"robots": {"eye": {"sigma_t_m": [2e-4] * 3, "sigma_r_rad": [4e-4] * 3}}}
 
 
-def told(rms_px, held_out_px, noise):
+def explain(rms_px, held_out_px, noise):
     """The sentence about a calibration with these errors."""
     validation = Validation("k-fold", 5, held_out_px)
     return explain_held_out_error(Calibration("good", residuals=Residuals(rms_px), validation=validation, noise=noise))
@@ -20,7 +20,7 @@ def told(rms_px, held_out_px, noise):
 
 def test_sentence_has_errors_and_noise():
     """The sentence has the residual, the held-out error and the sigmas of the robot."""
-    sentence = told(0.12, 1.06, NOISE)
+    sentence = explain(0.12, 1.06, NOISE)
     assert all(part in sentence for part in ("1.1 px", "0.12 px", "eye 0.20 mm and 0.40 mrad"))
 
 
@@ -37,7 +37,7 @@ def test_sentence_has_errors_and_noise():
 )
 def test_equal_errors_need_no_explanation(rms_px, held_out_px, noise):
     """Equal errors, robots without noise, and cells without pixels have no sentence."""
-    assert told(rms_px, held_out_px, noise) is None
+    assert explain(rms_px, held_out_px, noise) is None
 
 
 def test_missing_validation_needs_no_explanation():
@@ -53,9 +53,9 @@ def test_noise_along_single_axis_is_explained(length_m, angle_rad):
     """
     arm = {"sigma_t_m": [length_m * np.sqrt(3), 0.0, 0.0], "sigma_r_rad": [0.0, angle_rad * np.sqrt(3), 0.0]}
     noise = {"robots": {"still": {"sigma_t_m": [0.0] * 3, "sigma_r_rad": [0.0] * 3}, "arm": arm, **NOISE["robots"]}}
-    assert told(0.1, 0.149, noise) is None
+    assert explain(0.1, 0.149, noise) is None
     arm = f"arm {two_digits(1e3 * length_m)} mm and {two_digits(1e3 * angle_rad)} mrad"
-    assert told(0.1, 0.151, noise) == (
+    assert explain(0.1, 0.151, noise) == (
         "Held-out views are off by 0.15 px and residuals are 0.10 px. Each stop in use has its own estimated pose "
         f"error ({arm}; eye 0.20 mm and 0.40 mrad; 1 sigma per "
         "axis). The pose error of a held-out stop is unknown. Expect the larger figure at a new pose."

@@ -71,8 +71,8 @@ def test_axes_are_in_parent_frame(problem):
 def test_independent_directions_are_separate(problem):
     """Directions of independent unknowns are described separately; a lens is called intrinsics."""
     lens = {"wrist": [0.0] * 4 + [1.0] + [0.0] * 4}
-    told = words(problem, [{BASE: [1, 0, 0, 0, 0, 0]}, {BOARD: [0, 1, 0, 0, 0, 0]}, lens])
-    assert told == [
+    descriptions = words(problem, [{BASE: [1, 0, 0, 0, 0, 0]}, {BOARD: [0, 1, 0, 0, 0, 0]}, lens])
+    assert descriptions == [
         "the intrinsics of wrist",
         "translation of hand_base along (1.00, 0.00, 0.00) in eye_base",
         "translation of board along (0.00, 1.00, 0.00) in hand_flange",

@@ -62,9 +62,9 @@ def test_listed_outliers_have_size():
         LeftOut(4, "wrist", "board", (1, 2), 7.2, off_px=1.994),
         LeftOut(5, "wrist", "board", (1,), math.nan, off_px=math.nan),
     )
-    told = list_outliers((view, *others), {(3, "wrist"): "images/a.png", (5, "wrist"): "images/c.png"})
-    assert told.startswith("At sample 3 (a.png), the robots' poses and the view disagree by 12 sigma, 16 mm")
-    assert told.endswith(". Sample 4: 2 points, up to 2.0 px (7 sigma). Sample 5 (c.png): far.")
+    text = list_outliers((view, *others), {(3, "wrist"): "images/a.png", (5, "wrist"): "images/c.png"})
+    assert text.startswith("At sample 3 (a.png), the robots' poses and the view disagree by 12 sigma, 16 mm")
+    assert text.endswith(". Sample 4: 2 points, up to 2.0 px (7 sigma). Sample 5 (c.png): far.")
     assert "Sample 4: 16 mm and 2.9 deg (12 sigma)." in list_outliers((view, replace(view, sample=4)), {})
     many = list_outliers([replace(view, sample=k) for k in range(6)], {})
     assert "Sample 4: " in many
@@ -92,6 +92,6 @@ def test_sigmas_above_thousand_have_no_number():
 def test_five_outliers_are_listed(count):
     """At most five outliers are listed; for more the message states where the others are."""
     view = LeftOut(3, "wrist", "board", (), 12.3, 0.0161, 0.05)
-    told = list_outliers([replace(view, sample=k) for k in range(count)], {})
-    assert told.lower().count("sample ") == min(count, 5)
-    assert ("The others are listed" in told) == (count > 5)
+    text = list_outliers([replace(view, sample=k) for k in range(count)], {})
+    assert text.lower().count("sample ") == min(count, 5)
+    assert ("The others are listed" in text) == (count > 5)

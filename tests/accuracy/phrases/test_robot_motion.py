@@ -24,7 +24,7 @@ from basecal.simulation import Scenario, simulate
 BASE, CAMERA, BOARD = "eye_base_from_hand_base", "eye_flange_from_wrist", "hand_flange_from_board"
 
 
-def moved(*turn_rad, robot="hand", travel=1.0, samples=20, orientations=3, axis=(0.0, 0.0, 1.0)):
+def make_motion(*turn_rad, robot="hand", travel=1.0, samples=20, orientations=3, axis=(0.0, 0.0, 1.0)):
     """A motion with these rotations about its first axis and two others."""
     axes = np.eye(3)
     axes[:, 0] = axis
@@ -45,32 +45,38 @@ def problem(made):
 @pytest.mark.parametrize(("turn", "poor"), [(0.149, True), (0.151, False)])
 def test_second_axis_needs_minimum_rotation(turn, poor):
     """A second axis counts from a rotation of 0.15 rad on."""
-    assert has_little_rotation(moved(0.5, turn)) is poor
+    assert has_little_rotation(make_motion(0.5, turn)) is poor
 
 
 @pytest.mark.parametrize(
     ("motion", "words"),
     [
-        (moved(0.0, travel=0.0), "hand never moves in 20 samples"),
-        (moved(0.0, travel=0.0, samples=1), "hand never moves in 1 sample"),
-        (moved(0.0), "hand only translates"),
-        (moved(2e-3), "hand only translates, it rotates by at most 0.11 deg"),
-        (moved(8e-5), "hand only translates"),
-        (moved(0.5, 0.0, orientations=2), "hand has two orientations only"),
-        (moved(0.5, 0.0), "hand rotates about one axis, along (0.00, 0.00, 1.00) in hand_base"),
-        (moved(0.5, 0.0, axis=(-4e-3, 4e-3, 1)), "hand rotates about one axis, along (0.00, 0.00, 1.00) in hand_base"),
-        (moved(0.5, 0.0, axis=(0.6, 0.0, -0.8)), "hand rotates about one axis, along (-0.60, 0.00, 0.80) in hand_base"),
+        (make_motion(0.0, travel=0.0), "hand never moves in 20 samples"),
+        (make_motion(0.0, travel=0.0, samples=1), "hand never moves in 1 sample"),
+        (make_motion(0.0), "hand only translates"),
+        (make_motion(2e-3), "hand only translates, it rotates by at most 0.11 deg"),
+        (make_motion(8e-5), "hand only translates"),
+        (make_motion(0.5, 0.0, orientations=2), "hand has two orientations only"),
+        (make_motion(0.5, 0.0), "hand rotates about one axis, along (0.00, 0.00, 1.00) in hand_base"),
         (
-            moved(0.5, 5e-3),
+            make_motion(0.5, 0.0, axis=(-4e-3, 4e-3, 1)),
+            "hand rotates about one axis, along (0.00, 0.00, 1.00) in hand_base",
+        ),
+        (
+            make_motion(0.5, 0.0, axis=(0.6, 0.0, -0.8)),
+            "hand rotates about one axis, along (-0.60, 0.00, 0.80) in hand_base",
+        ),
+        (
+            make_motion(0.5, 5e-3),
             "hand rotates about one axis, along (0.00, 0.00, 1.00) in hand_base, "
             "and by at most 0.29 deg about any other",
         ),
         (
-            moved(0.5, 0.1),
+            make_motion(0.5, 0.1),
             "hand rotates mostly about one axis, along (0.00, 0.00, 1.00) in hand_base, "
             "and by at most 5.73 deg about any other",
         ),
-        (moved(0.5, 0.2), "hand rotates by up to 29 deg, and 11 deg about a second axis"),
+        (make_motion(0.5, 0.2), "hand rotates by up to 29 deg, and 11 deg about a second axis"),
     ],
 )
 def test_wording_of_motions(motion, words):
@@ -81,10 +87,10 @@ def test_wording_of_motions(motion, words):
 @pytest.mark.parametrize(
     ("motion", "words"),
     [
-        (moved(0.0, travel=0.0), "Move hand, and rotate it about two axes that are not parallel"),
-        (moved(0.0), "Add poses that rotate hand about two axes that are not parallel"),
-        (moved(0.14, 0.1), "Rotate hand further, by 30 deg and more, about two axes that are not parallel"),
-        (moved(0.16, 0.1), "Add poses that rotate hand by 30 deg and more about another axis"),
+        (make_motion(0.0, travel=0.0), "Move hand, and rotate it about two axes that are not parallel"),
+        (make_motion(0.0), "Add poses that rotate hand about two axes that are not parallel"),
+        (make_motion(0.14, 0.1), "Rotate hand further, by 30 deg and more, about two axes that are not parallel"),
+        (make_motion(0.16, 0.1), "Add poses that rotate hand by 30 deg and more about another axis"),
     ],
 )
 def test_advice_names_motion_or_mount(made, problem, motion, words):
@@ -99,19 +105,19 @@ def test_parallel_axes_get_no_rotation_advice(made, problem, axes, parallel):
     """An arm with parallel axes is advised to state a known transform, unless it is at rest."""
     hand = replace(made.cell.robots["hand"], chain=arm(*axes))
     cell = replace(made.cell, robots={**made.cell.robots, "hand": hand})
-    said = advise_motion(cell, problem, moved(0.5, 0.0))
-    assert ("all joint axes of hand are parallel" in said) == parallel
-    assert f"tate {BOARD} as a prior or fixed" in said
-    assert advise_motion(cell, problem, moved(0.0, travel=0.0)).startswith("Move hand")
-    assert advise_motion(cell, problem, moved(0.0)).startswith("Add poses that rotate hand about two axes")
+    advice = advise_motion(cell, problem, make_motion(0.5, 0.0))
+    assert ("all joint axes of hand are parallel" in advice) == parallel
+    assert f"tate {BOARD} as a prior or fixed" in advice
+    assert advise_motion(cell, problem, make_motion(0.0, travel=0.0)).startswith("Move hand")
+    assert advise_motion(cell, problem, make_motion(0.0)).startswith("Add poses that rotate hand about two axes")
     fixed = replace(problem, unknowns={**problem.unknowns, BOARD: replace(problem.unknowns[BOARD], status="fixed")})
     if parallel:
-        assert f"State {BASE} as a prior or fixed" in advise_motion(cell, fixed, moved(0.5, 0.0))
+        assert f"State {BASE} as a prior or fixed" in advise_motion(cell, fixed, make_motion(0.5, 0.0))
 
 
 def test_cause_is_poor_motion_of_unobservable_transform(made, problem):
     """The cause is the poor motion of the involved robots, with shared advice for several; else it is the views."""
-    good, poor, eye = moved(0.9, 0.9, robot="eye"), moved(0.0), moved(0.0, robot="eye")
+    good, poor, eye = make_motion(0.9, 0.9, robot="eye"), make_motion(0.0), make_motion(0.0, robot="eye")
 
     def cause(names, *of):
         return advise_observability(made.cell, problem, {m.robot: m for m in of}, names)
@@ -123,7 +129,7 @@ def test_cause_is_poor_motion_of_unobservable_transform(made, problem):
     assert both == ((do,), "eye only translates, and hand only translates.")
     assert cause([BOARD, BASE], eye, poor) == one
     assert cause([CAMERA], good, poor)[1].startswith("The views are too few or too similar")
-    assert cause([BASE], good, moved(0.9, 0.9))[1].startswith("The views are too few or too similar")
+    assert cause([BASE], good, make_motion(0.9, 0.9))[1].startswith("The views are too few or too similar")
 
 
 def test_missing_views_are_cause(made):
@@ -171,14 +177,14 @@ def test_poor_motions_of_recording():
 def test_robot_without_kinematics_has_no_parallel_axes(made, problem):
     """A robot recorded by poses may rotate freely, so it gets motion advice."""
     cell = SimpleNamespace(robots={"hand": SimpleNamespace(chain=None)})
-    assert advise_motion(cell, problem, moved(0.5, 0.0)).startswith("Add poses")
+    assert advise_motion(cell, problem, make_motion(0.5, 0.0)).startswith("Add poses")
 
 
 def test_fixed_mount_is_not_requested():
     """For two arms that each rotate about one axis, only the free mount is advised to be stated."""
     known = simulate(Scenario(samples=5, camera_mount="fixed"), 0)
     problem = build_problem(known.cell, known.recording)[0]
-    both = {"eye": moved(0.5, robot="eye"), "hand": moved(0.5, 0.01)}
+    both = {"eye": make_motion(0.5, robot="eye"), "hand": make_motion(0.5, 0.01)}
     do, why = advise_observability(known.cell, problem, both, (BASE,))
     assert do == (f"Rotate each about two axes that are not parallel, or state {BOARD} as a prior or fixed.",)
     assert why == (

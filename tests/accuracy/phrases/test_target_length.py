@@ -7,7 +7,7 @@ from basecal.simulation import Scenario, simulate
 
 
 @pytest.mark.parametrize(
-    ("target", "said"),
+    ("target", "clause"),
     [
         ("charuco", ": square_m would be 0.06"),
         ("aprilgrid", ": tag_m would be 0.084"),
@@ -16,11 +16,11 @@ from basecal.simulation import Scenario, simulate
         ("pose", ""),
     ],
 )
-def test_corrected_size_uses_targets_field(target, said):
+def test_corrected_size_uses_targets_field(target, clause):
     """The corrected size is stated in the field of cell.yaml that gives this kind of board its size."""
     cell = simulate(Scenario(target=target, samples=1, pixel_px=0.0), 0).cell
     (name,) = cell.targets
-    assert corrected_length_clause(cell, name, 2.0) == said
+    assert corrected_length_clause(cell, name, 2.0) == clause
 
 
 def test_all_lengths_are_scaled():

@@ -28,7 +28,7 @@ MADE = {
 }
 
 
-def lacking(recording):
+def drop_states(recording):
     """The recording with a sample without a view, and one without the hand and a view."""
     samples = list(recording.samples)
     without = {name: state for name, state in samples[3].robots.items() if name != "hand"}
@@ -37,7 +37,7 @@ def lacking(recording):
     return replace(recording, samples=tuple(samples))
 
 
-def seen(group):
+def observed_values(group):
     of = group.measurement
     if isinstance(of, PixelMeasurement):
         return of.pixels, of.points_in_target
@@ -46,8 +46,8 @@ def seen(group):
     )  # fmt: skip
 
 
-def alike(stands):
-    """Which samples share a stop, whatever its number."""
+def stop_equality(stands):
+    """Matrix of the samples that share a stop, independent of its number."""
     return np.equal.outer(stands, stands)
 
 
@@ -63,8 +63,8 @@ def assert_same(reading, cell, recording):
         np.testing.assert_array_equal(one.sample, other.sample)
         for mine, theirs in zip(one.ends, other.ends, strict=True):
             np.testing.assert_allclose(mine.base_from_flange.matrix, theirs.base_from_flange.matrix, atol=1e-12)
-            np.testing.assert_array_equal(alike(mine.stop_number), alike(theirs.stop_number))
-            np.testing.assert_array_equal(alike(mine.stop), alike(theirs.stop))
+            np.testing.assert_array_equal(stop_equality(mine.stop_number), stop_equality(theirs.stop_number))
+            np.testing.assert_array_equal(stop_equality(mine.stop), stop_equality(theirs.stop))
             np.testing.assert_array_equal(np.minimum(mine.stop, 0), np.minimum(theirs.stop, 0))
             np.testing.assert_array_equal(np.minimum(mine.stop_number, 0), np.minimum(theirs.stop_number, 0))
             sigmas = [of.stops.sigma[end.stop[end.stop >= 0]] for of, end in ((moved, mine), (packed, theirs))]
@@ -73,7 +73,7 @@ def assert_same(reading, cell, recording):
             assert (mine.joints is None) == (theirs.joints is None)
             if mine.joints is not None:
                 np.testing.assert_array_equal(mine.joints, theirs.joints)
-        for mine, theirs in zip(seen(one), seen(other), strict=True):
+        for mine, theirs in zip(observed_values(one), observed_values(other), strict=True):
             np.testing.assert_allclose(mine, theirs, atol=1e-12)
     assert moved.columns == packed.columns
 
@@ -84,7 +84,7 @@ def assert_same(reading, cell, recording):
 def test_streams_are_paired_again(kind, stream, whole):
     """Streams are shifted in both directions, from the first sample and a later one, and reversed."""
     made = MADE[kind]
-    recording = made.recording if whole else lacking(made.recording)
+    recording = made.recording if whole else drop_states(made.recording)
     given = declared(made.cell, recording)
     for by in (1, -1, 2, -3):
         for start in (0, 5):
@@ -103,7 +103,7 @@ def test_streams_are_paired_again(kind, stream, whole):
 def test_robot_poses_are_mapped_and_exchanged(kind):
     """Poses of one robot or both are mapped, and exchanged with the noise of the name."""
     made = MADE[kind]
-    for recording in (made.recording, lacking(made.recording)):
+    for recording in (made.recording, drop_states(made.recording)):
         given = declared(made.cell, recording)
         for robots in (("eye",), ("eye", "hand")):
             wrong = rewriting.with_robots(recording, dict.fromkeys(robots, rewriting.inverted))
@@ -267,7 +267,7 @@ def test_robot_without_states_has_no_stops():
     assert (idle.stop_number == -1).all()
     assert not idle.moves
     assert (reading.pose_robots, reading.joint_robots) == ([arm], [])
-    hand = declared(MADE["board"].cell, lacking(MADE["board"].recording)).tracks["hand"]
+    hand = declared(MADE["board"].cell, drop_states(MADE["board"].recording)).tracks["hand"]
     assert hand.seen.tolist() == [k != 3 for k in range(12)]
     assert np.flatnonzero(hand.stop_number == -1).tolist() == [3]
 
@@ -276,7 +276,7 @@ def test_robot_without_states_has_no_stops():
 def test_noise_stops_are_recorded_stops(whole):
     """Each robot has as many stops with noise as recorded stops, in the order of the robots."""
     made = MADE["noise"]
-    recording = made.recording if whole else lacking(made.recording)
+    recording = made.recording if whole else drop_states(made.recording)
     reading = declared(made.cell, recording)
     moved, packed = reading.exchange("eye", "hand"), build_problem(made.cell, recording)[0]
     assert sorted(reading.with_poses(("eye",), SE3.inverse).problem.stops.robot) == sorted(packed.stops.robot)

@@ -25,7 +25,7 @@ from basecal.simulation import Scenario, SimulatedCell, simulate
 
 ARM = {"robot_noise": (1e-4, 2e-4), "target": "pose", "samples": 20}
 SEEDS = 60
-BAND = 3 * np.sqrt(2 / 6 / SEEDS)  # three sigmas of the mean of so many squares over 6
+BAND = 3 * np.sqrt(2 / 6 / SEEDS)  # three sigmas of the mean square over 6 freedoms and SEEDS cells
 
 
 def up_to_scale(made: SimulatedCell, recording: Recording, unit_m: float) -> tuple[Cell, Recording]:

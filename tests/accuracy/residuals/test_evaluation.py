@@ -38,9 +38,9 @@ def test_outlier_does_not_affect_shared_stop(calibration):
     """A sample with the pose of an outlier is predicted as well as without the outlier."""
     samples = list(MADE.recording.samples)
     samples[5] = replace(samples[5], robots={**samples[5].robots, "hand": samples[4].robots["hand"]})
-    told = replace(calibration, outliers=(Outlier(5, "wrist", "board", (), "bumped"),))
-    twice = evaluate_recording(MADE.cell, Recording(tuple(samples)), told)
-    alone = evaluate_recording(MADE.cell, Recording((*samples[:5], *samples[6:])), told)
+    with_outlier = replace(calibration, outliers=(Outlier(5, "wrist", "board", (), "bumped"),))
+    twice = evaluate_recording(MADE.cell, Recording(tuple(samples)), with_outlier)
+    alone = evaluate_recording(MADE.cell, Recording((*samples[:5], *samples[6:])), with_outlier)
     poses = [one.state.camera_from_target(one.problem.groups[0], one.problem.stops)[4] for one in (twice, alone)]
     np.testing.assert_allclose(poses[0].matrix, poses[1].matrix, atol=1e-9)
     assert len(twice.problem.groups[0]) == 10

@@ -178,7 +178,7 @@ AROUND = ("r1_base", "camera1", "board2", "r2_base", "camera2", "board3", "r3_ba
 EXACT_LOOPS = Settings(robot_noise="stated")
 
 
-def shifted(recording: Recording, robot: str, first: int, by: SE3) -> Recording:
+def shift_base(recording: Recording, robot: str, first: int, by: SE3) -> Recording:
     """The recording as if that robot's base had moved before sample `first`."""
     samples = []
     for sample in recording.samples:
@@ -198,7 +198,7 @@ def test_ring_has_pair_loops_and_ring_loop():
     assert ring.path == AROUND
     assert ring.views == 30
     sigma = np.sqrt(sum(np.trace(e.covariance[:3, :3]) for n, e in calibration.transforms.items() if "base" in n))
-    # Two bases are known to sigma together; the third relation is as good as either.
+    # `sigma` is that of two bases together; the third relation is as precise as each.
     assert ring.rms_m < 10 * sigma
     assert f"pose consistency error of {' - '.join(AROUND)}" in text_report(s.cell, calibration)
 
@@ -216,7 +216,7 @@ def test_moved_base_opens_ring():
     """A first robot pushed by 5 mm before the last pair opens the ring by that much."""
     s = simulate(RING, seed=3)
     push = SE3(np.eye(3), np.array([5e-3, 0, 0]))
-    *_, ring = residuals(solve(s.cell, shifted(s.recording, "r1", 20, push))).loops
+    *_, ring = residuals(solve(s.cell, shift_base(s.recording, "r1", 20, push))).loops
     # Each pair knows its bases to about 0.3 mm, three of them the ring to 0.5 mm: three sigmas.
     assert ring.rms_m == pytest.approx(5e-3, abs=1.5e-3)
 
@@ -311,26 +311,26 @@ def solution_of(*groups, columns=()):
 def test_closed_views_have_length_and_angle():
     """Views with both numbers count for their own pair. Devices on the world count from the base of the reference."""
     sizes = [("c", 3e-3, 1e-3), ("c", 4e-3, 7e-3), ("c", None, 5.0), ("c", 5.0, None), ("d", 1.0, 2.0)]
-    told = [SampleResidual(k, camera, "t", None, *size) for k, (camera, *size) in enumerate(sizes)]
+    residual_list = [SampleResidual(k, camera, "t", None, *size) for k, (camera, *size) in enumerate(sizes)]
     both = solution_of(views(hand=None))
-    (loop,) = loops(both, told)
+    (loop,) = loops(both, residual_list)
     assert (loop.path, loop.views) == (("a_base", "c", "t", "a_base"), 2)
     assert (loop.rms_m, loop.rms_rad) == (pytest.approx(np.sqrt(12.5) * 1e-3), pytest.approx(5e-3))
-    assert loops(both, told[2:]) == ()
+    assert loops(both, residual_list[2:]) == ()
 
 
-def related(monkeypatch, *groups, columns=(), alone=lambda mounts: "state"):
+def find_relations(monkeypatch, *groups, columns=(), alone=lambda mounts: "state"):
     """Relations of groups, and the mounts that were tried with each base."""
     tried = []
 
     def fit(solution, group, base, mounts):
         """Records its arguments and returns the given state."""
         tried.append((group.camera, base, list(mounts)))
-        told = alone(mounts)
-        return None if told is None else SimpleNamespace(transforms=told)
+        fitted = alone(mounts)
+        return None if fitted is None else SimpleNamespace(transforms=fitted)
 
     monkeypatch.setattr(module, "_fit_pair", fit)
-    monkeypatch.setattr(ViewGroup, "eye_base_from_hand_base", lambda group, told: (told, group.camera))
+    monkeypatch.setattr(ViewGroup, "eye_base_from_hand_base", lambda group, fitted: (fitted, group.camera))
     found = module._relations(solution_of(*groups, columns=columns))
     return [(r.path, r.start_from_end, r.views) for r in found], tried
 
@@ -344,7 +344,7 @@ def test_pairs_relate_their_bases(monkeypatch):
     same, nothing = views("e", hand="a", hand_base=None), views("f", count=0)
     nameless = views("g", hand_base=None)
     columns = ("a_from_c", "b_from_d", "a_from_u")
-    found, tried = related(monkeypatch, views(), same, nothing, nameless, other, columns=columns)
+    found, tried = find_relations(monkeypatch, views(), same, nothing, nameless, other, columns=columns)
     assert found == [
         (("a_base", "c", "t", "b_base"), ("state", "c"), 4),
         (("b_base", "d", "u", "a_base"), ("state", "d"), 7),
@@ -354,10 +354,12 @@ def test_pairs_relate_their_bases(monkeypatch):
 
 def test_unobservable_mounts_are_held(monkeypatch):
     """If the views do not show the mounts, these are held; without an observable base there is no relation."""
-    found, tried = related(monkeypatch, views(), columns=("a_from_c",), alone=lambda mounts: None if mounts else "held")
+    found, tried = find_relations(
+        monkeypatch, views(), columns=("a_from_c",), alone=lambda mounts: None if mounts else "held"
+    )
     assert [start_from_end for _, start_from_end, _ in found] == [("held", "c")]
     assert tried == [("c", "a_from_b", ["a_from_c"]), ("c", "a_from_b", [])]
-    assert related(monkeypatch, views(), alone=lambda mounts: None)[0] == []
+    assert find_relations(monkeypatch, views(), alone=lambda mounts: None)[0] == []
 
 
 @pytest.mark.parametrize(
@@ -371,7 +373,7 @@ def test_single_pair_is_fitted_by_base_and_mounts(monkeypatch, converged, open_n
     given = []
 
     def adjust(problem, state, dof, steps):
-        """The state as it is."""
+        """Returns the state unchanged."""
         given.append((problem, dof))
         return SimpleNamespace(state=state, converged=converged, normal=SimpleNamespace(hessian="hessian"))
 

@@ -35,7 +35,7 @@ def test_stored_calibration_reproduces_rms(arms: Arms, robot_noise: tuple[float,
     off = np.concatenate([each.off_px.ravel() for each in point_residuals(made.cell, made.recording, stored)])
     assert float(np.sqrt(np.mean(off**2))) == pytest.approx(
         calibration.residuals.rms_px, rel=1e-3
-    )  # of the fit, which bends no mount
+    )  # residuals of the fit, without mount bend
 
 
 def test_stored_noise_reproduces_rms() -> None:
@@ -46,7 +46,7 @@ def test_stored_noise_reproduces_rms() -> None:
     off = np.concatenate([each.off_px.ravel() for each in point_residuals(made.cell, made.recording, stored)])
     assert float(np.sqrt(np.mean(off**2))) == pytest.approx(
         calibration.residuals.rms_px, rel=1e-3
-    )  # of the fit, which bends no mount
+    )  # residuals of the fit, without mount bend
     assert calibration.residuals.rms_px == pytest.approx(0.2, rel=0.15)
 
 
@@ -65,7 +65,7 @@ def test_stored_robot_parameters_reproduce_rms(known: dict[str, Any]) -> None:
     (points,) = point_residuals(made.cell, made.recording, stored)
     assert float(np.sqrt(np.mean(points.off_px**2))) == pytest.approx(
         calibration.residuals.rms_px, rel=1e-3
-    )  # of the fit, which bends no mount
+    )  # residuals of the fit, without mount bend
     as_stated = replace(stored, robot_parameters={})
     (points,) = point_residuals(made.cell, made.recording, as_stated)
     assert float(np.sqrt(np.mean(points.off_px**2))) > 1.1 * calibration.residuals.rms_px

@@ -33,7 +33,7 @@ def test_update_equals_solve_of_remaining_samples(made):
     few = Recording(tuple(s for s in cell.recording.samples if s.sample not in {3, 7}))
     alone, whole = (solve(cell.cell, each).transforms[BASE] for each in (few, cell.recording))
     assert found.converged
-    expected = calibration[BASE].mean @ whole.mean.inverse() @ alone.mean  # which contains what bends mounts
+    expected = calibration[BASE].mean @ whole.mean.inverse() @ alone.mean  # includes the mount bend
     assert np.abs((found.transforms[BASE].mean.inverse() @ expected).log()).max() < 1e-7
     covariance = calibration[BASE].covariance + alone.covariance - whole.covariance
     np.testing.assert_allclose(found.transforms[BASE].covariance, covariance, rtol=1e-4, atol=1e-12)
@@ -79,7 +79,7 @@ def test_update_starts_from_calibration(made, monkeypatch):
     given = []
 
     def solve(problem, start, settings):
-        """The start itself."""
+        """Records its arguments and returns unit estimates."""
         given.append((problem, start, settings))
         seen = SimpleNamespace(unobservable={cell.cell.mount_name("wrist")})
         transforms = {name: PoseEstimate(SE3.identity(), np.eye(6)) for name in problem.unknowns}

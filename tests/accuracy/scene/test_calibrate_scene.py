@@ -46,7 +46,7 @@ BASE_NAME = "left_base_from_right_base"
 TARGETLESS = Finding("few-images", "warning", ("left_eye",), "12 of 12 images of 'left_eye' show no target.")
 
 
-def calibrated(
+def calibrate_images(
     monkeypatch: pytest.MonkeyPatch, images: Images, reference: str = "left", findings: tuple[Finding, ...] = ()
 ) -> Calibration:
     """The answer from simulated images."""
@@ -76,7 +76,7 @@ def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Mounts and base are within their 99.99 % ellipsoids (27.9 of 6), and the joint covariance contains all three."""
     scene = made_scene(1, arms=2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, images_of_scene(scene), findings=(TARGETLESS,))
+    answer = calibrate_images(monkeypatch, images_of_scene(scene), findings=(TARGETLESS,))
     assert answer.verdict == "doubtful"
     assert [each.code for each in answer.findings] == ["not-validated", "scene-joined", "scene-scale"]
     assert answer.meeting is not None
@@ -108,7 +108,7 @@ def test_base_prior_excludes_copies_or_contradicts_scene(
     sigma = np.array([sigma_m] * 3 + [0.5] * 3)
     stated = Unknown("prior", BASE @ SE3.exp(np.array([off_m, 0, 0, 0, 0, 0])), sigma)
     views = replace(scene.views, bases=(scene.views.bases[0], stated))
-    answer = calibrated(monkeypatch, replace(images_of_scene(scene), views=views))
+    answer = calibrate_images(monkeypatch, replace(images_of_scene(scene), views=views))
     assert answer.verdict == verdict
     if verdict != "refused":
         off = (BASE.inverse() @ answer.transforms[BASE_NAME].mean).log()
@@ -122,7 +122,7 @@ def test_slowly_moving_scene_gives_no_false_base(monkeypatch: pytest.MonkeyPatch
     """
     scene = moved_in_time(made_scene(1, arms=2, count=10, points=220), 5e-4 * np.arange(20)[:, None] * [0.6, 0.8, 0.0])
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, images_of_scene(scene))
+    answer = calibrate_images(monkeypatch, images_of_scene(scene))
     assert answer.verdict == "doubtful"
     (found,) = (each for each in answer.findings if each.code == "scene-moved")
     assert "from the first sample to the last" in found.what
@@ -137,7 +137,7 @@ def test_any_robot_may_be_reference(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = made_scene(1, arms=2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
     views = replace(scene.views, bases=(Unknown(), Unknown("fixed", SE3.identity())))
-    answer = calibrated(monkeypatch, replace(images_of_scene(scene), views=views), reference="right")
+    answer = calibrate_images(monkeypatch, replace(images_of_scene(scene), views=views), reference="right")
     found = answer.transforms["right_base_from_left_base"]
     off = (BASE @ found.mean).log()
     assert off @ np.linalg.solve(found.covariance, off) < 27.9
@@ -149,7 +149,7 @@ def test_fixed_mount_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = made_scene(2, count=12, points=150)
     stated = replace(scene.views.cameras[0], mount=Unknown("fixed", MOUNT))
     images = images_of_scene(replace(scene, views=replace(scene.views, cameras=(stated,))))
-    answer = calibrated(monkeypatch, images)
+    answer = calibrate_images(monkeypatch, images)
     off = MOUNT.inverse() @ answer.transforms["left_flange_from_left_eye"].mean
     assert np.linalg.norm(off.log()) < 1e-12
 
@@ -158,7 +158,7 @@ def test_single_arm_gives_mount_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """The answer of a single camera is its mount, to 3 mm."""
     scene = made_scene(2, count=12, points=150)
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, images_of_scene(scene))
+    answer = calibrate_images(monkeypatch, images_of_scene(scene))
     assert answer.verdict == "good"
     assert list(answer.transforms) == ["left_flange_from_left_eye"]
     off = MOUNT.inverse() @ answer.transforms["left_flange_from_left_eye"].mean
@@ -171,7 +171,7 @@ def test_arms_without_shared_points_are_refused(monkeypatch: pytest.MonkeyPatch)
     rng = np.random.default_rng(5)
     looks = tuple(random_looks(rng, scene.tracks.count) for _ in range(2))
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, images_of_scene(scene, looks=looks))
+    answer = calibrate_images(monkeypatch, images_of_scene(scene, looks=looks))
     assert (answer.verdict, answer.transforms, errors(answer)) == ("refused", {}, {"scene-overlap"})
     assert all(each.do for each in answer.findings if each.severity == "error")
 
@@ -181,7 +181,7 @@ def test_repeated_object_gives_no_base(monkeypatch: pytest.MonkeyPatch, is_seen_
     """A repeated object is refused, whether both arms see both copies or each a different one."""
     scene, looks = repeated_object(is_seen_apart)
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, images_of_scene(scene, looks=looks))
+    answer = calibrate_images(monkeypatch, images_of_scene(scene, looks=looks))
     assert (answer.verdict, answer.transforms, errors(answer)) == ("refused", {}, {code})
 
 
@@ -190,7 +190,7 @@ def test_images_without_texture_are_refused(monkeypatch: pytest.MonkeyPatch) -> 
     images = images_of_scene(made_scene(1, arms=2, count=8, points=60))
     rng = np.random.default_rng(6)
     noise = tuple(replace(each, descriptors=random_looks(rng, len(each))) for each in images.features)
-    answer = calibrated(monkeypatch, replace(images, features=noise))
+    answer = calibrate_images(monkeypatch, replace(images, features=noise))
     assert (answer.verdict, errors(answer)) == ("refused", {"scene-texture"})
 
 
@@ -198,7 +198,7 @@ def test_few_views_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Seven images of an arm are too few, whatever they show."""
     scene = made_scene(1, count=7, points=150)
     with_true_mounts(monkeypatch, scene)
-    answer = calibrated(monkeypatch, images_of_scene(scene))
+    answer = calibrate_images(monkeypatch, images_of_scene(scene))
     assert (answer.verdict, errors(answer)) == ("refused", {"too-few-samples"})
 
 
@@ -207,10 +207,10 @@ def test_recording_without_images_is_input_error(monkeypatch: pytest.MonkeyPatch
     images = images_of_scene(made_scene(1, count=3, points=20))
     empty = replace(images, views=take(images.views, np.zeros(0, dtype=np.int64)), features=())
     with pytest.raises(InputError, match="no camera on a robot has images"):
-        calibrated(monkeypatch, empty)
+        calibrate_images(monkeypatch, empty)
     lost = Finding("dropped-sample", "info", (), "The image of eye in sample 0 is not used: is missing.")
     with pytest.raises(InputError, match="sample 0 is not used: is missing") as caught:
-        calibrated(monkeypatch, replace(empty, lost=(lost, replace(lost, what="Nor is another."))))
+        calibrate_images(monkeypatch, replace(empty, lost=(lost, replace(lost, what="Nor is another."))))
     assert "another" not in str(caught.value)
 
 
@@ -239,13 +239,13 @@ def test_documented_example_is_calibrated(tmp_path: Path, capsys: pytest.Capture
 
 
 @cache
-def fitted(seed: int) -> SceneFit:
+def fit_two_arms(seed: int) -> SceneFit:
     """Two arms, twelve images each."""
     scene = made_scene(seed, arms=2, count=12, points=100)
     return fit_scene(scene.views, scene.tracks, scene.truth, scene.truth.lenses, (None, None))
 
 
-def described(is_total: bool = False) -> Cell:
+def scene_cell(is_total: bool = False) -> Cell:
     """The cell of these arms, whose noise may be stated as their total error."""
     stated = {"noise": {"sigma_t_m": ARM_M, "sigma_r_rad": ARM_RAD, "kind": "total"}} if is_total else {}
     return cell_from_dict(
@@ -268,8 +268,8 @@ def test_expected_error_at_recorded_places() -> None:
     """Errors of base and stops have the expected size within a factor of two over four scenes."""
     squares, variances = [], []
     for seed in range(4):
-        fit = fitted(seed)
-        meeting = scene_meeting(described(), fit, whole_covariance(fit), Settings())
+        fit = fit_two_arms(seed)
+        meeting = scene_meeting(scene_cell(), fit, whole_covariance(fit), Settings())
         assert meeting is not None
         assert meeting.where == "recorded places"
         at = fit.state.world_from_flange(fit.views).translation
@@ -282,9 +282,9 @@ def test_expected_error_at_recorded_places() -> None:
 
 def test_expected_error_at_task_point() -> None:
     """A task point 2 m away, far from both arms, has a larger expected error than the middle, and is named."""
-    fit = fitted(1)
+    fit = fit_two_arms(1)
     near, far = (
-        scene_meeting(described(), fit, whole_covariance(fit), Settings(task_point=point))
+        scene_meeting(scene_cell(), fit, whole_covariance(fit), Settings(task_point=point))
         for point in ((0.7, 0.0, 0.4), (0.7, 2.0, 0.4))
     )
     assert near is not None
@@ -298,9 +298,9 @@ def test_total_noise_reduces_meeting_error() -> None:
 
     The variance is that of base and stops, as computed by hand for one point.
     """
-    fit, point = fitted(1), np.array([0.7, 0.0, 0.4])
-    alone = scene_meeting(described(is_total=True), fit, scene_covariance(fit), Settings(task_point=tuple(point)))
-    shared = scene_meeting(described(), fit, whole_covariance(fit), Settings(task_point=tuple(point)))
+    fit, point = fit_two_arms(1), np.array([0.7, 0.0, 0.4])
+    alone = scene_meeting(scene_cell(is_total=True), fit, scene_covariance(fit), Settings(task_point=tuple(point)))
+    shared = scene_meeting(scene_cell(), fit, whole_covariance(fit), Settings(task_point=tuple(point)))
     assert alone is not None
     assert shared is not None
     x, y, z = fit.state.bases[1].inverse() @ point
@@ -311,7 +311,7 @@ def test_total_noise_reduces_meeting_error() -> None:
     assert np.isclose(alone.variance_m2, expected_m2)
     assert shared.variance_m2 > 1.05 * alone.variance_m2
     more = replace(fit, stop_sigma=np.where(fit.views.stop_robot[:, None] == 0, 1e-3, fit.stop_sigma))
-    wider = scene_meeting(described(is_total=True), more, scene_covariance(fit), Settings(task_point=tuple(point)))
+    wider = scene_meeting(scene_cell(is_total=True), more, scene_covariance(fit), Settings(task_point=tuple(point)))
     first = fit.stop_sigma[0, :3]
     assert np.isclose(wider.variance_m2 - alone.variance_m2, 3e-6 - np.sum(first**2))
 
@@ -337,7 +337,7 @@ def test_shared_stop_errors_widen_covariance(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(room, "scene_covariance", lambda fit: np.eye(2))
     monkeypatch.setattr(room, "shared_covariance", lambda fit, robot: np.diag([1.0, 10.0])[robot])
     fit = SimpleNamespace(views=SimpleNamespace(robots=("left", "right")))
-    open_cell, total = described(), described(is_total=True)
+    open_cell, total = scene_cell(), scene_cell(is_total=True)
     mixed = replace(open_cell, robots={**open_cell.robots, "right": total.robots["right"]})
     for cell, shared in ((open_cell, [1.0, 10.0]), (total, [0.0, 0.0]), (mixed, [1.0, 0.0])):
         np.testing.assert_array_equal(_covariance(cell, fit), np.eye(2) + shared)
@@ -348,9 +348,9 @@ def test_results_are_named_after_cell() -> None:
 
     The base of the reference is no unknown; a fixed transform has no covariance.
     """
-    fit = fitted(1)
+    fit = fit_two_arms(1)
     covariance = np.random.default_rng(0).standard_normal(fit.information.shape)
-    bases, mounts = _transforms(described(), fit)
+    bases, mounts = _transforms(scene_cell(), fit)
     assert [each.name for each in bases] == [BASE_NAME]
     assert [each.name for each in mounts] == ["left_flange_from_left_eye", "right_flange_from_right_eye"]
     where = fit.columns.bases[1]
@@ -379,7 +379,7 @@ def test_results_are_named_after_cell() -> None:
 
 def test_residuals_of_scene_are_those_of_views() -> None:
     """Residuals are the rms per axis over all points and over those of each view; views without points are omitted."""
-    fit = fitted(1)
+    fit = fit_two_arms(1)
     off, view = residuals_px(fit.views, fit.tracks, fit.state), fit.tracks.view
     found = _residuals(fit)
     assert found.rms_px == pytest.approx(np.sqrt(np.mean(off**2)))

@@ -50,14 +50,14 @@ def good() -> OneCamera:
     return solved_camera(scene, images_of_scene(scene), 0)
 
 
-def told(one: OneCamera) -> list[tuple[str, str]]:
+def codes_and_severities(one: OneCamera) -> list[tuple[str, str]]:
     """Codes and severities of a camera's findings."""
     return [(each.code, each.severity) for each in camera_findings("eye", one)]
 
 
 def test_good_images_have_no_finding(good: OneCamera) -> None:
     """Twelve views with texture and correct poses have no finding."""
-    assert told(good) == []
+    assert codes_and_severities(good) == []
 
 
 def test_camera_findings_by_cause(good: OneCamera) -> None:
@@ -65,13 +65,13 @@ def test_camera_findings_by_cause(good: OneCamera) -> None:
     assert good.start is not None
     few = replace(good, rows=np.arange(FEWEST_VIEWS - 1))
     fewer = replace(good, rows=np.arange(FEWEST_VIEWS))
-    assert told(few) == [("too-few-samples", "error")]
-    assert told(fewer) == [("few-images", "warning")]
-    assert told(replace(good, matched_pairs=9)) == [("scene-texture", "error")]
-    assert told(replace(good, start=None, fit=None)) == [("scene-texture", "error")]
-    assert told(replace(good, start=replace(good.start, median_px=30.0))) == [("poor-fit", "error")]
-    assert told(replace(good, start=replace(good.start, front=0.2))) == [("poor-fit", "error")]
-    assert told(replace(good, fit=None)) == [("scene-texture", "error")]
+    assert codes_and_severities(few) == [("too-few-samples", "error")]
+    assert codes_and_severities(fewer) == [("few-images", "warning")]
+    assert codes_and_severities(replace(good, matched_pairs=9)) == [("scene-texture", "error")]
+    assert codes_and_severities(replace(good, start=None, fit=None)) == [("scene-texture", "error")]
+    assert codes_and_severities(replace(good, start=replace(good.start, median_px=30.0))) == [("poor-fit", "error")]
+    assert codes_and_severities(replace(good, start=replace(good.start, front=0.2))) == [("poor-fit", "error")]
+    assert codes_and_severities(replace(good, fit=None)) == [("scene-texture", "error")]
     assert all(finding.do for one in (few, fewer) for finding in camera_findings("eye", one))
 
 

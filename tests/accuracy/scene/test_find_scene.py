@@ -94,23 +94,23 @@ def test_fixed_camera_with_few_points_is_left_out(monkeypatch: pytest.MonkeyPatc
 
 def test_cameras_without_shared_points_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first camera is checked with each other one; without a transform no point is shared."""
-    told: list[tuple[object, ...]] = []
+    arguments: list[tuple[object, ...]] = []
     monkeypatch.setattr(room, "find_join", lambda images, first, second: second if second == "two" else None)
     monkeypatch.setattr(room, "merged_tracks", lambda ones, joins: joins)
     monkeypatch.setattr(room, "shared_points", lambda views, tracks, index: (7, (2, index)))
-    monkeypatch.setattr(room, "join_findings", lambda *given: told.append(given) or [])
+    monkeypatch.setattr(room, "join_findings", lambda *given: arguments.append(given) or [])
     cameras = [SimpleNamespace(name=name) for name in ("a", "b", "c")]
     images = SimpleNamespace(views=SimpleNamespace(cameras=cameras))
     assert room._joins(images, ["one", "two", "three"], Report()) == {1: "two"}
-    assert told == [(("a", "b"), "two", 7, (2, 1)), (("a", "c"), None, 0, (0, 0))]
+    assert arguments == [(("a", "b"), "two", 7, (2, 1)), (("a", "c"), None, 0, (0, 0))]
 
 
 def test_each_camera_uses_noise_of_its_arm(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each camera is solved from its own images with the noise of its arm; progress is counted from one."""
     monkeypatch.setattr(room, "solve_camera", lambda images, camera, noise: (camera, noise))
     views = SimpleNamespace(camera=np.array([1, 0, 0, 1]), robot=np.array([0, 1, 1, 0]), cameras=("a", "b"))
-    told: list[tuple[int, int]] = []
-    settings = SimpleNamespace(report_progress=lambda *given: told.append(given))
+    progress: list[tuple[int, int]] = []
+    settings = SimpleNamespace(report_progress=lambda *given: progress.append(given))
     found = [room._solve_one(SimpleNamespace(views=views), k, ("first", "second"), settings) for k in range(2)]
     assert found == [(0, "second"), (1, "first")]
-    assert told == [(1, 2), (2, 2)]
+    assert progress == [(1, 2), (2, 2)]

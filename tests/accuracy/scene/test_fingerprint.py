@@ -57,7 +57,7 @@ def new_samples(folder: Path, scene: Scene, count: int = 4, base: SE3 = BASE, mo
     return path
 
 
-def verified(folder: Path, samples: Path, capsys: pytest.CaptureFixture[str]) -> dict:
+def run_verify(folder: Path, samples: Path, capsys: pytest.CaptureFixture[str]) -> dict:
     """The output of `verify`."""
     capsys.readouterr()
     assert main(["verify", str(folder), str(samples), "--json"]) in (0, 1)
@@ -72,7 +72,7 @@ def test_moved_base_and_mount_are_detected(
     scene = calibrated_cell(tmp_path, monkeypatch)
     aside = SE3.exp(np.array([0.005, 0, 0, 0, 0, 0]))
     still, base, mount = (
-        verified(tmp_path, new_samples(tmp_path, scene, **moved), capsys)
+        run_verify(tmp_path, new_samples(tmp_path, scene, **moved), capsys)
         for moved in ({}, {"base": BASE @ aside}, {"mount": MOUNT @ aside})
     )
     assert still["moved"] is False

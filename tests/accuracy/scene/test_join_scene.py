@@ -98,7 +98,7 @@ def test_scene_and_board_give_one_answer(tmp_path: Path) -> None:
     assert sample_use(recording, board).used == 12
 
 
-def shifted(recording: Recording, shift: SE3) -> Recording:
+def shift_world(recording: Recording, shift: SE3) -> Recording:
     """The recording as if the world had moved before the right eye looked."""
 
     def moved(sample: Sample) -> Sample:
@@ -119,7 +119,7 @@ def test_scene_contradicting_board_is_left_out(tmp_path: Path) -> None:
     """
     scene = made_scene(1, arms=2, count=12, points=220)
     cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=12)
-    away = shifted(recording, SE3.exp(np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    away = shift_world(recording, SE3.exp(np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])))
     solution = solve(cell, away, Settings())
     found, (finding,), _ = join_scene(cell, away, solution, Settings(), ())
     assert found is solution
@@ -298,18 +298,18 @@ def test_tracks_are_linearised_twice(monkeypatch, logs) -> None:
 
     Noise that is not estimated stays; samples count for the camera that took them.
     """
-    told: list[object] = []
+    arguments: list[object] = []
     monkeypatch.setattr(room, "widening_factor", lambda fit: 3.0)
     monkeypatch.setattr(room, "_first_state", lambda cell, last, fit: "start")
-    monkeypatch.setattr(room, "scene_groups", lambda cell, recording, problem, seen: told.append(seen) or "groups")
+    monkeypatch.setattr(room, "scene_groups", lambda cell, recording, problem, seen: arguments.append(seen) or "groups")
 
     def tie(problem, state, groups, fit, sigma_px):
-        told.append((problem, state, groups, sigma_px))
+        arguments.append((problem, state, groups, sigma_px))
         return f"tied {problem}"
 
     def solve_mode(problem, state, settings, findings, noise):
-        told.append(settings.robot_noise)
-        tied = None if len(told) < 4 else SimpleNamespace(groups="own")
+        arguments.append(settings.robot_noise)
+        tied = None if len(arguments) < 4 else SimpleNamespace(groups="own")
         return replace(last, problem=Tied(tied), state="next")
 
     @dataclass(frozen=True)
@@ -328,8 +328,8 @@ def test_tracks_are_linearised_twice(monkeypatch, logs) -> None:
     fit = SimpleNamespace(views=views, sigma_px=0.5)
     found = room._solve_jointly(None, None, last, fit, Settings())
     noise = "stated" if logs is None else "estimated"
-    assert told[0] == {"a": [6], "b": [5, 7]}
-    assert told[1:3] == [("problem", "start", "groups", 1.5), noise]
-    assert told[3][1:] == ("next", "groups", 1.5)
-    assert told[4:] == [noise]
+    assert arguments[0] == {"a": [6], "b": [5, 7]}
+    assert arguments[1:3] == [("problem", "start", "groups", 1.5), noise]
+    assert arguments[3][1:] == ("next", "groups", 1.5)
+    assert arguments[4:] == [noise]
     assert found.state == "next"

@@ -31,7 +31,7 @@ from scene_points import BASE, Scene, made_scene
 NAMES = ("left_eye", "right_eye")
 
 
-def joined(scene: Scene, looks: tuple[Descriptors, Descriptors] | None = None) -> tuple[Images, Join | None]:
+def join_images(scene: Scene, looks: tuple[Descriptors, Descriptors] | None = None) -> tuple[Images, Join | None]:
     """Images of two cameras, and their join."""
     images = images_of_scene(scene, looks=looks)
     return images, find_join(images, *(solved_camera(scene, images, camera) for camera in (0, 1)))
@@ -50,7 +50,7 @@ def scene() -> Scene:
 
 def test_shared_points_join_two_arms(scene: Scene) -> None:
     """The base is within 2 mm and 0.1 deg of the truth, with no chance agreement and no rival."""
-    _, found = joined(scene)
+    _, found = join_images(scene)
     assert found is not None
     off = (BASE @ found.second_from_first).log()
     assert np.linalg.norm(off[:3]) < 2e-3
@@ -64,7 +64,7 @@ def test_shared_points_join_two_arms(scene: Scene) -> None:
 def test_sightings_show_same_points(scene: Scene) -> None:
     """Sightings in images of the second camera show the stated points of the first."""
     looks = random_looks(np.random.default_rng(4), scene.tracks.count)
-    images, found = joined(scene, (looks, looks))
+    images, found = join_images(scene, (looks, looks))
     assert found is not None
     first, second = (solved_camera(scene, images, camera) for camera in (0, 1))
     seen = found.sightings
@@ -91,14 +91,14 @@ def test_pairs_show_one_point(scene: Scene) -> None:
 def test_scenes_without_overlap_are_not_joined(scene: Scene) -> None:
     """If no point looks equal to both arms, the join is refused for lack of overlap."""
     rng = np.random.default_rng(5)
-    _, found = joined(scene, tuple(random_looks(rng, scene.tracks.count) for _ in range(2)))
+    _, found = join_images(scene, tuple(random_looks(rng, scene.tracks.count) for _ in range(2)))
     assert codes(found) == ["scene-overlap"]
 
 
 def test_repeated_object_has_rival() -> None:
     """If the shared part occurs twice, another base explains half as much, and the join is refused."""
     scene, looks = repeated_object(is_seen_apart=False)
-    _, found = joined(scene, looks)
+    _, found = join_images(scene, looks)
     assert found is not None
     assert codes(found) == ["scene-rival"]
     assert np.linalg.norm((BASE @ found.second_from_first).translation) < 5e-3
@@ -150,7 +150,7 @@ def test_places_count_equally(few: tuple[Scene, tuple[OneCamera, OneCamera]], mo
 def test_moved_object_is_no_rival() -> None:
     """A moved box with most of the points has a base of its own but few places, so it is no rival."""
     scene, looks = moved_object()
-    _, found = joined(scene, looks)
+    _, found = join_images(scene, looks)
     assert found is not None
     assert codes(found) == []
     assert np.linalg.norm((BASE @ found.second_from_first).translation) < 5e-3

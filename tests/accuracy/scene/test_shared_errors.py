@@ -27,17 +27,17 @@ from basecal.geometry import SE3, Array
 from scene_points import BASE, made_scene, moved_in_time
 
 
-def sagging(pose: SE3, rad_per_m: float) -> SE3:
+def sag_pose(pose: SE3, rad_per_m: float) -> SE3:
     """A recorded pose of an arm that sags in proportion to its reach without recording it."""
     x, y, _ = pose.translation
     turn = rad_per_m * np.array([-y, x, 0.0])
     return SE3.exp(np.r_[np.zeros(3), turn]) @ pose
 
 
-def fitted(rad_per_m: float) -> SceneFit:
+def fit_sagging_arms(rad_per_m: float) -> SceneFit:
     """Two arms, twelve images each."""
     scene = made_scene(2, arms=2, count=12, points=100)
-    poses = SE3.stack([sagging(pose, rad_per_m) for pose in scene.views.base_from_flange])
+    poses = SE3.stack([sag_pose(pose, rad_per_m) for pose in scene.views.base_from_flange])
     views = replace(scene.views, base_from_flange=poses)
     return fit_scene(views, scene.tracks, scene.truth, scene.truth.lenses, (None, None))
 
@@ -52,7 +52,7 @@ def base_covariances(fit: SceneFit) -> tuple[Array, Array]:
 
 def test_sagging_arms_have_wider_sigmas() -> None:
     """With a sag of 3 mrad per metre, the squared Mahalanobis distance of the base is 32, with smooth errors 11."""
-    fit = fitted(3e-3)
+    fit = fit_sagging_arms(3e-3)
     off = (BASE.inverse() @ fit.state.bases[1]).log()
     without, within = (float(off @ np.linalg.solve(each, off)) for each in base_covariances(fit))
     assert without > 25
@@ -61,7 +61,7 @@ def test_sagging_arms_have_wider_sigmas() -> None:
 
 def test_correct_arms_are_widened_little() -> None:
     """Sigmas of the base of correct arms grow by 1 to 40 %, as the data show hardly any such error."""
-    without, within = base_covariances(fitted(0.0))
+    without, within = base_covariances(fit_sagging_arms(0.0))
     assert 1.01 < np.sqrt(np.trace(within[:3, :3]) / np.trace(without[:3, :3])) < 1.4
 
 

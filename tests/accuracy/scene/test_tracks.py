@@ -15,7 +15,7 @@ from scene_points import BASE, MOUNT, made_scene
 from scene_tracks import write_tracks
 
 
-def refused(folder: Path, observations: list[dict], capsys: pytest.CaptureFixture[str]) -> str:
+def print_refusal(folder: Path, observations: list[dict], capsys: pytest.CaptureFixture[str]) -> str:
     """Error output of the command for an unreadable line."""
     (folder / "recording" / "samples.jsonl").write_text(json.dumps({"sample": 0, "observations": observations}) + "\n")
     assert main(["calibrate", str(folder)]) == 3
@@ -72,7 +72,7 @@ def test_invalid_track_line_is_one_clear_error(
 ) -> None:
     """An invalid line prints its place and the reason."""
     write_tracks(tmp_path, made_scene(1, count=3, points=40))
-    message = refused(tmp_path, observations, capsys)
+    message = print_refusal(tmp_path, observations, capsys)
     assert reason in message
     assert "samples.jsonl:1: observations[" in message
 

@@ -87,7 +87,7 @@ def test_uncertain_effect_in_field_is_not_counted(monkeypatch):
         np.testing.assert_array_equal(shift(name, about, is_certain), moved)
 
 
-def containing(moved, shift_s=(), variance=()):
+def make_containing(moved, shift_s=(), variance=()):
     """Expected sizes that widen an answer by a move, and clock offsets by variances."""
 
     def contain(cell, solution, error, offsets):
@@ -107,7 +107,7 @@ def test_clock_step_contains_effects(monkeypatch):
     sigma = np.sqrt(np.diag(solution.covariance))
     left = ClockStep(("wrist",), np.zeros(1), np.eye(1), sigma[:, None], np.ones(1, dtype=bool), "offsets")
     monkeypatch.setattr(judging, "remaining_step", lambda clocked, fitted: left if fitted is solution else None)
-    monkeypatch.setattr(judging, "contain_expected_sizes", containing(3 * sigma, (0.2,), (8.0,)))
+    monkeypatch.setattr(judging, "contain_expected_sizes", make_containing(3 * sigma, (0.2,), (8.0,)))
     evidence = evidence_of(MADE.cell, solution)
     covered = judging.cover_effects(
         Case(MADE.cell, MADE.recording, Settings(), gathered_evidence=evidence, clocked="clocked")
@@ -128,7 +128,7 @@ def test_covariance_covers_each_effect(monkeypatch):
     sigma = np.sqrt(np.diag(solution.covariance))
     small, large = (k * sigma * (np.arange(width) == k) for k in (1, 2))
     effect = SimpleNamespace(moved=small)
-    monkeypatch.setattr(judging, "contain_expected_sizes", containing(large))
+    monkeypatch.setattr(judging, "contain_expected_sizes", make_containing(large))
     case = Case(MADE.cell, MADE.recording, Settings(), gathered_evidence=evidence_of(MADE.cell, solution))
     fitted, covered, final = judging.cover_effects(case.with_evidence(lens_structures=(effect,))).answers
     assert fitted is solution

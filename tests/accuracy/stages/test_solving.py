@@ -41,7 +41,7 @@ def test_noise_is_estimated_unless_stated_requested(monkeypatch, robot_noise, no
     ("noisy", "of_arms", "explained"), [("noisy", True, True), ("noisy", False, False), (None, True, False)]
 )
 def test_convention_check_knows_whether_noise_explains_views(monkeypatch, noisy, of_arms, explained):
-    """The convention check is told whether plausible robot noise explains the views."""
+    """The convention check receives whether plausible robot noise explains the views."""
     given = []
     monkeypatch.setattr(solving, "has_plausible_noise", lambda solution: of_arms)
     monkeypatch.setattr(

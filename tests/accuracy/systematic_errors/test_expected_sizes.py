@@ -49,7 +49,7 @@ def with_board(cell, share=1.0, **stated):
     return replace(cell, targets={"board": replace(board, target=target, **stated)})
 
 
-def alone(solution, module, *sigmas):
+def cover_single_effect(solution, module, *sigmas):
     """Mean and covariance of one effect alone."""
     problem = solution.noise.hold_sigmas(solution.problem)
     situation = Situation(problem, solution.state, problem, {}, solution.noise)
@@ -63,7 +63,7 @@ def alone(solution, module, *sigmas):
     )
 
 
-def bent(made, size_rad, robot="hand"):
+def bend_mount(made, size_rad, robot="hand"):
     """A recording whose mount on a robot rotates by l x g, with l along x of the flange.
 
     The poses err the other way.
@@ -89,7 +89,7 @@ def test_sigma_of_size_moves_answer_as_larger_board():
     solution = solve(MADE.cell, MADE.recording, STATED)
     larger = solve(with_board(MADE.cell, 1 + share), MADE.recording, STATED)
     expected = state_step(solution.problem, solution.state, larger.state) * sigma / share
-    found = alone(solution, target_size, sigma).covariance
+    found = cover_single_effect(solution, target_size, sigma).covariance
     np.testing.assert_allclose(np.sqrt(np.diag(found)), np.abs(expected), rtol=0.02, atol=0.01 * np.abs(expected).max())
 
 
@@ -97,7 +97,7 @@ def test_sigma_of_size_moves_answer_as_larger_board():
 def test_wide_sigma_is_limited_by_data(module):
     """A sigma a hundred times wider than one far beyond the data's own changes the covariance little."""
     solution = solve(QUIET.cell, QUIET.recording, STATED)
-    first, second = (alone(solution, module, sigma) for sigma in (1.0, 100.0))
+    first, second = (cover_single_effect(solution, module, sigma) for sigma in (1.0, 100.0))
     np.testing.assert_allclose(
         first.covariance, second.covariance, rtol=1e-3, atol=1e-3 * np.abs(first.covariance).max()
     )
@@ -143,14 +143,14 @@ def test_failed_answer_is_unchanged():
 def test_target_size_does_not_move_answer():
     """The answer stays that of the stated size; its covariance covers that of the data's size, too."""
     solution = solve(with_board(MADE.cell, 1.001), MADE.recording, STATED)
-    known, wide = (alone(solution, target_size, sigma) for sigma in (1e-6, 1e-2))
+    known, wide = (cover_single_effect(solution, target_size, sigma) for sigma in (1e-6, 1e-2))
     assert not wide.mean.any()
     assert np.sqrt(np.trace(wide.covariance)) > 100 * np.sqrt(np.trace(known.covariance))
 
 
 def test_bending_mount_moves_answer_to_truth():
     """With the effect, a mount that bends by 3 mrad leaves the base within its sigmas, without it far off."""
-    recording = bent(QUIET, 3e-3)
+    recording = bend_mount(QUIET, 3e-3)
     before = solve(QUIET.cell, recording, STATED)
     after = with_expected_sizes(QUIET.cell, before, None)
     far, near = (distance(each) for each in (before, after))
@@ -262,7 +262,7 @@ def test_sizes_and_clock_offsets_share_posterior(monkeypatch, clock):
     assert added[p, p] > 0.1 * plain[p, p]
 
 
-def drawn(rng, options, width):
+def draw_prior(rng, options, width):
     """A prior over several options of sigmas of several sizes, the first option all zero."""
     sigmas = np.concatenate([np.zeros((1, width)), rng.uniform(0.1, 2, (options - 1, width))])
     return SigmaPrior(sigmas, rng.dirichlet(np.ones(options)))
@@ -286,7 +286,7 @@ def test_posterior_by_levels_equals_all_combinations(widths):
     """Sizes eliminated level by level have the posterior of all combinations of sigmas solved separately."""
     rng, q = np.random.default_rng(3), sum(widths)
     root, gradient = rng.normal(size=(q + 2, q)), rng.normal(size=q)
-    priors = [drawn(rng, options, width) for options, width in zip((3, 4, 5), widths, strict=False)]
+    priors = [draw_prior(rng, options, width) for options, width in zip((3, 4, 5), widths, strict=False)]
     shares, evidences, means, covariances = all_at_once(gradient, root.T @ root, priors)
     given = posteriors_by_sigma(gradient, root.T @ root, priors)
     found = mixture(priors[0].probabilities, given)

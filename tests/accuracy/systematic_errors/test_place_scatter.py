@@ -26,7 +26,7 @@ BASE = "eye_base_from_hand_base"
 SETTINGS = Settings(robot_noise="stated")
 
 
-def recorded(seed=0, size_m=0.0, moved=0.0):
+def record_places(seed=0, size_m=0.0, moved=0.0):
     """Forty samples in the order of their places, with errors of the hand by place, moved in the last half."""
     scenario = Scenario(samples=40, position_m=0.3, spread_rad=0.8, robot_noise=(1e-4, 1e-4), target="pose")
     made = simulate(scenario, seed)
@@ -43,8 +43,8 @@ def recorded(seed=0, size_m=0.0, moved=0.0):
     return made.cell, Recording(tuple(samples))
 
 
-def solved(*of, **how):
-    cell, recording = recorded(*of, **how)
+def solve_places(*of, **how):
+    cell, recording = record_places(*of, **how)
     problem, _ = build_problem(cell, recording)
     return solve_problem(problem, cell, SETTINGS)
 
@@ -60,27 +60,27 @@ def scatter_of(solution):
 @pytest.mark.parametrize("moved", [0.0, 3e-3])
 def test_noise_has_no_place_scatter(moved):
     """Noise alone gives a ratio below 1.4 in four cells, with some 70 freedoms. A moved base is no scatter."""
-    # Of 70 freedoms and more the ratio has a sigma of 0.17 at most: in one of fifty it is above 1.4.
-    found = [scatter_of(solved(seed, moved=moved)) for seed in range(4)]
+    # With 70 freedoms or more the sigma of the ratio is at most 0.17: one in fifty exceeds 1.4.
+    found = [scatter_of(solve_places(seed, moved=moved)) for seed in range(4)]
     assert all(1.0 <= each.ratio < 1.4 for each in found)
     assert all(40 < each.freedoms < 130 for each in found)
 
 
 def test_errors_by_place_increase_scatter():
     """Errors of 5 mm between places scatter more than three times as much as noise."""
-    assert min(scatter_of(solved(seed, 5e-3)).ratio for seed in range(4)) > 3.0
+    assert min(scatter_of(solve_places(seed, 5e-3)).ratio for seed in range(4)) > 3.0
 
 
 def test_single_place_has_no_scatter(monkeypatch):
     """A recording whose flanges stay at one place cannot be split by place."""
-    solution = solved()
+    solution = solve_places()
     stay = np.zeros((40, 24))
     monkeypatch.setattr("basecal.accuracy.systematic_errors.place_scatter.flange_poses", lambda _: stay)
     assert scatter_of(solution) == PlaceScatter()
 
 
-def named(seed, **how):
-    cell, recording = recorded(seed, **how)
+def find_effect_code(seed, **how):
+    cell, recording = record_places(seed, **how)
     problem, _ = build_problem(cell, recording)
     stamps = {each.sample: each.stamp_s for each in recording.samples}
     found = systematic_error(solve_problem(problem, cell, SETTINGS), problem, stamps, SETTINGS)
@@ -93,9 +93,9 @@ def test_errors_by_place_are_no_change_in_time(monkeypatch):
     Without the scatter they are named.
     """
     seeds = range(6)
-    assert not {named(seed, size_m=5e-3) for seed in seeds} & {"base-moved", "drift"}
+    assert not {find_effect_code(seed, size_m=5e-3) for seed in seeds} & {"base-moved", "drift"}
     monkeypatch.setattr(search, "CHANGES_IN_TIME", ())
-    assert {named(seed, size_m=5e-3) for seed in seeds} & {"base-moved", "drift"}
+    assert {find_effect_code(seed, size_m=5e-3) for seed in seeds} & {"base-moved", "drift"}
 
 
 def test_moved_base_is_named_despite_ordered_places():
@@ -103,7 +103,7 @@ def test_moved_base_is_named_despite_ordered_places():
 
     One of them sees its target only to some millimetres.
     """
-    assert [named(seed, moved=1e-2) for seed in range(4)] == ["base-moved"] * 4
+    assert [find_effect_code(seed, moved=1e-2) for seed in range(4)] == ["base-moved"] * 4
 
 
 def test_change_is_compared_with_scatter():

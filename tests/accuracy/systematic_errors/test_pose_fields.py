@@ -37,7 +37,7 @@ def with_kind(cell, is_total):
     return replace(cell, robots=robots)
 
 
-def stretched(share):
+def stretch_poses(share):
     """A recording whose hand poses are too long along x of its base by a share."""
 
     def recorded(pose):
@@ -50,7 +50,7 @@ def stretched(share):
     return replace(MADE.recording, samples=samples)
 
 
-def about(recording):
+def situate_recording(recording):
     """The situation of a recording, and its solution."""
     solution = solve(MADE.cell, recording, STATED)
     problem = solution.noise.hold_sigmas(solution.problem)
@@ -60,7 +60,7 @@ def about(recording):
 @pytest.mark.parametrize(("is_total", "robots"), [(False, ["eye", "hand"]), (True, [])])
 def test_repeatability_leaves_accuracy_unknown(is_total, robots):
     """Robots that state repeatability have a field; those that state their total noise have none."""
-    situation, _ = about(MADE.recording)
+    situation, _ = situate_recording(MADE.recording)
     assert [field.robot for field in stated_fields(with_kind(MADE.cell, is_total), situation)] == robots
 
 
@@ -74,7 +74,7 @@ def test_joint_robots_have_no_field():
 
 def test_shared_stop_errors_replace_field(monkeypatch):
     """A robot with shared stop errors in the random effects has no field, nor one with few stops."""
-    situation, _ = about(MADE.recording)
+    situation, _ = situate_recording(MADE.recording)
     common = {"smooth": {"hand": np.array([1e-4, 2e-4])}}
     beside = replace(situation, noise=replace(situation.noise, common=common))
     assert pose_field(beside, "hand") is None
@@ -97,7 +97,7 @@ def test_field_prior_has_typical_robot_sigmas():
 
 def test_field_variance_is_full_far_away():
     """The unknown share of a field is small at recorded poses, and full at two metres from all of them."""
-    situation, _ = about(MADE.recording)
+    situation, _ = situate_recording(MADE.recording)
     field = pose_field(situation, "hand")
     poses = situation.recorded_pose(0, "hand")
     far = SE3(poses.rotation, poses.translation + np.array([2.0, 0.0, 0.0]))
@@ -114,7 +114,7 @@ def test_data_determine_field_size():
     """
     sizes = []
     for share in (0.0, 5e-3):
-        situation, _ = about(stretched(share))
+        situation, _ = situate_recording(stretch_poses(share))
         sizes.append(size_posterior(situation, [pose_field(situation, "hand")]).field_m2)
     assert np.sqrt(sizes[0]) < 2e-4
     assert np.sqrt(sizes[1]) > 4e-4
@@ -125,7 +125,7 @@ def test_answer_covariance_grows_with_robot_error():
     """Fields widen the answer of correct robots by a fifth at most, of a long one by several times."""
     ratios = []
     for share in (0.0, 5e-3):
-        _, solution = about(stretched(share))
+        _, solution = situate_recording(stretch_poses(share))
         wide, plain = (with_expected_sizes(with_kind(MADE.cell, total), solution, None) for total in (False, True))
         name = MADE.cell.requested_transforms[0]
         ratio = np.diag(wide.transforms[name].covariance) / np.diag(plain.transforms[name].covariance)
@@ -140,7 +140,7 @@ CELL = replace(
 )
 
 
-def lengthened(shares):
+def lengthen_poses(shares):
     """A recording whose robots' true poses are longer than recorded, along x of their bases."""
 
     def recorded(state, share):
@@ -154,7 +154,7 @@ def lengthened(shares):
     return replace(LONG_MADE.recording, samples=tuple(samples))
 
 
-def solved(recording, cell=CELL):
+def solve_recording(recording, cell=CELL):
     """The situation of a recording, and its solution."""
     solution = solve(cell, recording, STATED)
     problem = solution.noise.hold_sigmas(solution.problem)
@@ -166,14 +166,14 @@ def test_pose_robots_have_axis_lengths():
 
     Robots that record joints have none.
     """
-    situation, _ = solved(LONG_MADE.recording)
+    situation, _ = solve_recording(LONG_MADE.recording)
     assert axis_lengths(CELL, situation) == [AxisLengths("eye"), AxisLengths("hand")]
     total = replace(CELL, robots={**CELL.robots, "eye": LONG_MADE.cell.robots["eye"]})
     assert axis_lengths(total, situation) == [AxisLengths("hand")]
-    few = solved(replace(LONG_MADE.recording, samples=LONG_MADE.recording.samples[:3]))[0]
+    few = solve_recording(replace(LONG_MADE.recording, samples=LONG_MADE.recording.samples[:3]))[0]
     assert axis_lengths(CELL, few) == []
     by_joints = simulate(Scenario(samples=12, joints=True, robot_noise=(3e-5, 1e-4)), 2)
-    assert axis_lengths(by_joints.cell, solved(by_joints.recording, by_joints.cell)[0]) == []
+    assert axis_lengths(by_joints.cell, solve_recording(by_joints.recording, by_joints.cell)[0]) == []
 
 
 def test_axis_length_moves_flange_proportionally():
@@ -204,7 +204,7 @@ def test_data_determine_axis_length_of_one_arm():
     """A length error of 0.3 % along x is found within a few sigmas; correct robots have hardly any sigma left."""
     sizes = []
     for share in (0.0, 3e-3):
-        situation, _ = solved(lengthened({"hand": share}))
+        situation, _ = solve_recording(lengthen_poses({"hand": share}))
         known = size_posterior(situation, (), (), axis_lengths(CELL, situation))
         assert [error.robot for error, _ in known.of_arms] == ["eye", "hand"]
         assert not known.mean.any()
@@ -220,11 +220,11 @@ def test_base_of_long_arms_is_within_sigmas(shares):
 
     Correct robots lose a quarter of their precision at most.
     """
-    _, solution = solved(lengthened(shares))
+    _, solution = solve_recording(lengthen_poses(shares))
     wide = with_expected_sizes(CELL, solution, None)
     assert distance(solution) > 50
     assert distance(wide) < 22.5  # 99.9 % of chi-square with 6 freedoms
-    right = solved(LONG_MADE.recording)[1]
+    right = solve_recording(LONG_MADE.recording)[1]
     after = with_expected_sizes(CELL, right, None)
     name = CELL.requested_transforms[0]
     wider = np.log([np.diag(each.transforms[name].covariance) for each in (after, right)])

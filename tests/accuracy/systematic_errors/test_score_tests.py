@@ -32,7 +32,7 @@ MOUNT = "eye_flange_from_wrist"
 NOISE = (1e-4, 1e-4)
 
 
-def solved(scenario, seed=0, off=None):
+def solve_cells(scenario, seed=0, off=None):
     """A cell whose camera mount is fixed, off by a tangent."""
     made = simulate(scenario, seed)
     camera = made.cell.cameras["wrist"]
@@ -67,7 +67,7 @@ def test_bounded_score_limits_poorly_seen_sizes():
 def test_statistic_equals_cost_decrease_of_solve(arms):
     """Statistic and size equal the cost decrease and movement of a freed mount, with private and shared stops."""
     off = np.array([1e-4, -2e-4, 1e-4, 2e-4, 1e-4, -1e-4])
-    of, solution, freed = solved(Scenario(samples=16, arms=arms, robot_noise=NOISE), off=off)
+    of, solution, freed = solve_cells(Scenario(samples=16, arms=arms, robot_noise=NOISE), off=off)
     found = score(linearise_views(of.problem, of.state), mount_freed(of))
     assert found.freedoms.tolist() == [6]
     assert found.statistic[0] == pytest.approx(solution.cost - freed.cost, rel=0.02)
@@ -79,7 +79,7 @@ def test_statistic_equals_cost_decrease_of_solve(arms):
 
 def test_effect_absorbed_by_unknown_has_no_freedoms():
     """An effect that moves views as a free mount does has no freedoms and zero size."""
-    of, _, freed = solved(Scenario(samples=12))
+    of, _, freed = solve_cells(Scenario(samples=12))
     of = Situation(freed.problem, freed.state, freed.problem, {})
     found = score(linearise_views(of.problem, of.state), mount_freed(of))
     assert found.freedoms.tolist() == [0]
@@ -89,7 +89,7 @@ def test_effect_absorbed_by_unknown_has_no_freedoms():
 
 def test_batch_scores_equal_separate_scores():
     """Scores of several effects in one batch equal those of each alone."""
-    of, _, _ = solved(Scenario(samples=12, arms="stations", robot_noise=NOISE))
+    of, _, _ = solve_cells(Scenario(samples=12, arms="stations", robot_noise=NOISE))
     one = mount_freed(of)
     moves = tuple(np.concatenate([m, 2 * m[::-1]], 1) for m in one.moves)
     two = Candidates("", (MOUNT, MOUNT), (None, None), "", moves)
@@ -102,7 +102,7 @@ def test_batch_scores_equal_separate_scores():
 @pytest.mark.parametrize("arms", ["both", "stations"])
 def test_views_of_zero_weight_do_not_count(arms):
     """Views of weight zero count as absent, and views of weight one as unweighted."""
-    of, _, _ = solved(Scenario(samples=12, arms=arms, robot_noise=NOISE, target_mount="prior"))
+    of, _, _ = solve_cells(Scenario(samples=12, arms=arms, robot_noise=NOISE, target_mount="prior"))
     about, keep = linearise_views(of.problem, of.state), np.arange(12) % 3 > 0
     fewer = replace(of, problem=of.problem.with_groups(g.take(np.flatnonzero(keep)) for g in of.problem.groups))
     for weights, same in ((np.ones(12), of), (1.0 * keep, fewer)):
@@ -116,7 +116,7 @@ def test_views_of_zero_weight_do_not_count(arms):
 
 def test_log_chance_has_no_lower_limit():
     """Log chances decrease steadily even if the chances themselves underflow."""
-    of, _, _ = solved(Scenario(samples=12))
+    of, _, _ = solve_cells(Scenario(samples=12))
     found = score(linearise_views(of.problem, of.state), mount_freed(of))
     far = (10.0, 1000.0, 1300.0, 1500.0, 5000.0)
     logs = [float(replace(found, statistic=np.array([s])).log_chance[0]) for s in far]
@@ -133,7 +133,7 @@ def test_score_eliminates_unknowns(hidden):
     rng = np.random.default_rng(5)
     root = rng.standard_normal((9, 12))
     if hidden:
-        root[8] = root[0] - 2 * root[3]  # the last error stands for two unknowns
+        root[8] = root[0] - 2 * root[3]  # the last error is a combination of two unknowns
     joint, pull = root @ root.T, root @ rng.standard_normal(12)
     about = Linearised(None, None, (), pull[:6], joint[:6, :6], None)
     twice = np.array([1.0, 3.0])[:, None]  # the same errors in other units

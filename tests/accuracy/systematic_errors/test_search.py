@@ -32,7 +32,7 @@ SCENARIO = Scenario(samples=40, position_m=0.3, spread_rad=0.8, robot_noise=(1e-
 SETTINGS = Settings(robot_noise="stated")
 NOISE = SimpleNamespace(logs=np.zeros(1), common={}, plain_minus_2_log_evidence=0.0, minus_2_log_evidence=0.0)
 HALF = SCENARIO.samples // 2
-MOST_SQUARED = 22.5  # of six freedoms: one in a thousand
+MOST_SQUARED = 22.5  # chi-square with 6 freedoms, exceeded once in a thousand
 
 
 def as_recorded(read, scenario=SCENARIO, seed=0):
@@ -46,14 +46,14 @@ def as_recorded(read, scenario=SCENARIO, seed=0):
     return made.cell, Recording(tuple(samples))
 
 
-def found_in(cell, recording):
+def find_effect(cell, recording):
     problem, _ = build_problem(cell, recording)
     solution = solve_problem(problem, cell, SETTINGS)
     stamps = {s.sample: s.stamp_s for s in recording.samples}
     return solution, systematic_error(solution, problem, stamps, SETTINGS)
 
 
-def sagged(_, pose):
+def sag_pose(_, pose):
     """The hand bends by 20 mrad per metre without recording it."""
     turn = np.concatenate([np.zeros(3), np.cross(pose.translation, [0, 0, -0.02])])
     return SE3.exp(turn).inverse() @ pose
@@ -64,7 +64,7 @@ KINDS = {
     "length-scale": (lambda _, pose: SE3(pose.rotation, 1.005 * pose.translation), [-0.005], "too long"),
     "base-moved": (lambda k, pose: SE3.exp(STEP * (k >= HALF)) @ pose, STEP, "at about sample"),
     "drift": (lambda k, pose: SE3.exp(2 * STEP * k / 39) @ pose, 2 * STEP, "from the first sample to the last"),
-    "deflection": (sagged, [-0.02], "mrad per metre"),
+    "deflection": (sag_pose, [-0.02], "mrad per metre"),
 }
 
 
@@ -73,11 +73,11 @@ def test_simulated_effect_is_found(code):
     """The effect is found with its kind, its device, and its size within four sigmas; the finding reports it."""
     read, size, words = KINDS[code]
     cell, recording = as_recorded(read)
-    solution, error = found_in(cell, recording)
+    solution, error = find_effect(cell, recording)
     assert error is not None
     assert error.code == code
     assert error.about == ("hand" if len(size) < 6 else "eye_base_from_hand_base")
-    sign = -1 if len(size) == 6 else 1  # what the poses are to be corrected by is against what they were read off by
+    sign = -1 if len(size) == 6 else 1  # the correction has the opposite sign of the reading error
     off = error.size - sign * np.asarray(size)
     assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(error.covariance)))
     if code == "base-moved":
@@ -108,7 +108,7 @@ def test_effect_with_largest_gain_is_named(monkeypatch):
 def test_covariance_covers_answer_without_effect():
     """A step halfway moves the base by half of it, beyond its sigmas; the wider covariance covers both."""
     cell, recording = as_recorded(lambda k, pose: SE3.exp(3 * STEP * (k >= HALF)) @ pose)
-    solution, error = found_in(cell, recording)
+    solution, error = find_effect(cell, recording)
     assert error is not None
     made = simulate(SCENARIO, 0)
     base = "eye_base_from_hand_base"
@@ -122,10 +122,10 @@ def test_covariance_covers_answer_without_effect():
 def test_clean_cells_have_no_effect(seed):
     """No effect is found in clean cells."""
     cell, recording = as_recorded(lambda _, pose: pose, seed=seed)
-    assert found_in(cell, recording)[1] is None
+    assert find_effect(cell, recording)[1] is None
 
 
-def on_a_path(lag_s, grows_s=0.0):
+def record_path(lag_s, grows_s=0.0):
     """Poses of a hand on a path and of what a world camera saw earlier, by a lag that may grow."""
     made = simulate(Scenario(samples=1, layout="eye_to_hand", target="pose"), 0)
     cell, first = made.cell, made.recording.samples[0]
@@ -151,8 +151,8 @@ def on_a_path(lag_s, grows_s=0.0):
 @pytest.mark.parametrize("lag_s", [0.0, 0.05])
 def test_camera_lag_is_found(lag_s):
     """A camera lag is found within four sigmas; without a lag there is no effect."""
-    cell, recording = on_a_path(lag_s)
-    _, error = found_in(cell, recording)
+    cell, recording = record_path(lag_s)
+    _, error = find_effect(cell, recording)
     if not lag_s:
         assert error is None
         return
@@ -164,7 +164,7 @@ def test_camera_lag_is_found(lag_s):
 
 def test_camera_clock_drift_is_found():
     """A camera clock drift is found: the lag grows by 0.2 s over the recording, within four sigmas."""
-    _, error = found_in(*on_a_path(0.0, 0.2))
+    _, error = find_effect(*record_path(0.0, 0.2))
     assert error is not None
     assert (error.code, error.about, error.unit) == ("clock-drift", "overhead", "s")
     assert abs(error.size[0] + 0.2) < 4 * error.sigma
@@ -197,7 +197,7 @@ def test_slipped_target_is_found_beside_joint_offsets():
         (seen,) = samples[k].observations
         slipped = replace(seen, camera_from_target=seen.camera_from_target @ SE3.exp(slip))
         samples[k] = replace(samples[k], observations=(slipped,))
-    solution, error = found_in(made.cell, Recording(tuple(samples)))
+    solution, error = find_effect(made.cell, Recording(tuple(samples)))
     assert solution.problem.models
     assert error is not None
     assert (error.code, error.about) == ("base-moved", "hand_flange_from_board")
@@ -212,7 +212,7 @@ def test_single_joint_offset_is_found():
         hand = sample.robots["hand"]
         off = replace(hand, joints_rad=hand.joints_rad - wrong * np.eye(6)[2])
         samples.append(replace(sample, robots={**sample.robots, "hand": off}))
-    solution, error = found_in(made.cell, Recording(tuple(samples)))
+    solution, error = find_effect(made.cell, Recording(tuple(samples)))
     assert error is not None
     assert (error.code, error.about, error.joint) == ("joint-offset", "hand", 2)
     assert abs(error.size[0] - wrong) < 4 * error.sigma < 0.5 * wrong
@@ -235,10 +235,10 @@ def test_offsets_of_all_joints_are_found():
         hand = sample.robots["hand"]
         off = replace(hand, joints_rad=hand.joints_rad - wrong)
         samples.append(replace(sample, robots={**sample.robots, "hand": off}))
-    _, error = found_in(made.cell, Recording(tuple(samples)))
+    _, error = find_effect(made.cell, Recording(tuple(samples)))
     assert error is not None
     assert (error.code, error.about, error.is_certain) == ("joint-offsets", "hand", True)
-    # The first joint turns the base and the last one the target, both free: nothing is said of these.
+    # The first joint rotates the base and the last one the target; both are free and compensate these offsets.
     sigmas = np.sqrt(np.diag(error.covariance))
     np.testing.assert_array_less(np.abs(error.size - wrong)[1:5], 4 * sigmas[1:5])
 
@@ -246,9 +246,9 @@ def test_offsets_of_all_joints_are_found():
 def test_uncertain_effect_needs_held_out_confirmation(monkeypatch):
     """At a level that no effect reaches, the same confirmed effect is found as uncertain."""
     cell, recording = as_recorded(KINDS["length-scale"][0])
-    _, certain = found_in(cell, recording)
+    _, certain = find_effect(cell, recording)
     monkeypatch.setattr(search, "discoveries", lambda doubts, tests, share: np.zeros(len(doubts), dtype=bool))
-    _, possible = found_in(cell, recording)
+    _, possible = find_effect(cell, recording)
     assert certain is not None
     assert possible is not None
     assert (certain.is_certain, possible.is_certain) == (True, False)
@@ -260,7 +260,7 @@ def candidates(code, *about, since=None):
     return Candidates(code, about, since or (None,) * len(about), "m", (np.zeros((2, len(about), 6, 1)),))
 
 
-def suspected(monkeypatch, *kinds):
+def find_suspects(monkeypatch, *kinds):
     """Suspects among candidates with such log chances; sizes are numbered, each with two freedoms."""
     chances = {id(kind): np.array(logs) for kind, logs in kinds}
 
@@ -289,22 +289,22 @@ def test_most_unlikely_candidate_of_each_code_and_name_is_suspected(monkeypatch)
     """
     steps = candidates("step", "a", "a", "b", since=(4, 6, 8))
     more = candidates("step", "c")
-    found = suspected(monkeypatch, (steps, [-10.0, -12.0, -5.2]), (more, [-5.4]))
+    found = find_suspects(monkeypatch, (steps, [-10.0, -12.0, -5.2]), (more, [-5.4]))
     assert [each.candidate.about for each in found] == [("a",), ("c",)]
     first, second = found
     assert (first.candidate.since, first.size.tolist(), first.freedoms) == ((6,), [1], 2)
     assert (first.log_count, first.log_chance) == pytest.approx((np.log(4), -12.0 + np.log(4)))
     assert (second.log_count, second.log_chance) == pytest.approx((np.log(4), -5.4 + np.log(4)))
-    (earlier,) = suspected(monkeypatch, (candidates("step", "a", "a", since=(4, 6)), [-12.0, -10.0]))
+    (earlier,) = find_suspects(monkeypatch, (candidates("step", "a", "a", since=(4, 6)), [-12.0, -10.0]))
     assert (earlier.candidate.since, earlier.size.tolist()) == ((4,), [0])
 
 
 def test_suspects_need_chance_of_one_in_fifty(monkeypatch):
     """Suspects need a chance below one in fifty; of two tests of a code, one in a hundred each."""
     for chance, count in ((0.021, 0), (0.019, 1)):
-        assert len(suspected(monkeypatch, (candidates("drift", "a"), [np.log(chance)]))) == count
+        assert len(find_suspects(monkeypatch, (candidates("drift", "a"), [np.log(chance)]))) == count
     for chance, count in ((0.0105, 0), (0.0095, 1)):
-        assert len(suspected(monkeypatch, (candidates("drift", "a", "b"), [np.log(chance), 0.0]))) == count
+        assert len(find_suspects(monkeypatch, (candidates("drift", "a", "b"), [np.log(chance), 0.0]))) == count
 
 
 @pytest.mark.parametrize(("chance", "first"), [(-11.35, "step"), (-11.4, "drift")])
@@ -314,14 +314,14 @@ def test_many_candidates_cost_half_log_of_number(monkeypatch, chance, first):
     Of four steps that is log 2, so the best is before or behind a single drift.
     """
     steps = candidates("step", "a", "a", "a", "a", since=(3, 4, 5, 6))
-    found = suspected(monkeypatch, (steps, [0, -12.07, 0, 0]), (candidates("drift", "a"), [chance]))
+    found = find_suspects(monkeypatch, (steps, [0, -12.07, 0, 0]), (candidates("drift", "a"), [chance]))
     assert found[0].candidate.code == first
     assert len(found) == 2
 
 
 def test_suspects_are_sorted_by_chance(monkeypatch):
     """Suspects are sorted, the most unlikely first."""
-    found = suspected(monkeypatch, (candidates("drift", *"abcde"), [-20.0, -30.0, -25.0, -10.0, -40.0]))
+    found = find_suspects(monkeypatch, (candidates("drift", *"abcde"), [-20.0, -30.0, -25.0, -10.0, -40.0]))
     assert [each.candidate.about[0] for each in found] == ["e", "b", "c", "a", "d"]
 
 
@@ -330,14 +330,14 @@ def test_three_suspects_are_solved_at_most(monkeypatch):
 
     One that moves the data exactly as an earlier one is skipped.
     """
-    every = [suspect(about=name) for name in "abcde"]
+    every = [make_suspect(about=name) for name in "abcde"]
     monkeypatch.setattr(
         search, "_remaining_chi_square", lambda of, one, other: (0.0, int(one.candidate.about[0] != "b"))
     )
     assert [each.candidate.about[0] for each in search._select_suspects(None, every)] == ["a", "c", "d"]
 
 
-def suspect(
+def make_suspect(
     code="drift", log_chance=-20.0, log_count=0.0, about="arm", moves=(None,), size=(0.5,), joint=(), since=None
 ):
     candidate = Candidates(code, (about,), (since,), "m", moves, joint)
@@ -345,7 +345,7 @@ def suspect(
     return Suspect(code, candidate, *likely, family=10)
 
 
-def surprised(plain, logs=True):
+def make_solution(plain, logs=True):
     """A solution of such evidence, and half of it with a random effect."""
     noise = SimpleNamespace(
         logs=np.zeros(1) if logs else None, plain_minus_2_log_evidence=plain, minus_2_log_evidence=plain / 2, common={}
@@ -359,7 +359,7 @@ def test_gain_uses_residual_freedoms(monkeypatch, name):
 
     The evidence includes the random effect beside it, before and after the effect is removed.
     """
-    error = suspect(size=(0.5, 0.1), log_count=1.5)
+    error = make_suspect(size=(0.5, 0.1), log_count=1.5)
     of = SimpleNamespace(
         random_effect=lambda effect, about: name,
         linearisation=SimpleNamespace(residual_freedoms=40.0),
@@ -372,12 +372,12 @@ def test_gain_uses_residual_freedoms(monkeypatch, name):
     def chance(before, left, **changed):
         """Log chance of the gain from one evidence to another."""
         after[name] = left / (2 if name else 1)
-        return search._log_chance(of, error, search._gain(of, error, surprised(before, **changed)))
+        return search._log_chance(of, error, search._gain(of, error, make_solution(before, **changed)))
 
     gain = 50.0 if name else 100.0
     assert chance(130.0, 30.0) == pytest.approx(f.logsf(38 / 2 * np.expm1(gain / 40), 2, 38) + 1.5)
-    assert chance(30.0, 130.0) == 1.5  # nothing gained
-    assert chance(130.0, 30.0, logs=False) == 1.5  # noise that was not estimated tells nothing
+    assert chance(30.0, 130.0) == 1.5  # no gain
+    assert chance(130.0, 30.0, logs=False) == 1.5  # noise was not estimated, so there is no evidence
 
 
 @dataclass(frozen=True)
@@ -395,7 +395,7 @@ def test_removing_effect_moves_views_by_its_size():
     problem = problem.with_groups([group, group])
     of = Situation(problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6))), problem, {})
     moves = 1e-2 * np.random.default_rng(1).standard_normal((4, 1, 6, 2))
-    error = suspect(moves=(moves, None), size=(0.4, -0.7))
+    error = make_suspect(moves=(moves, None), size=(0.4, -0.7))
     moved, same = search._without_suspect(Solved(problem), of, error).problem.groups
     before, after = (of.state.camera_from_target(g, problem.stops) for g in (group, moved))
     np.testing.assert_allclose((before.inverse() @ after).log(), moves[:, 0] @ error.size, atol=1e-12)
@@ -426,30 +426,32 @@ def test_effect_description_names_its_device(monkeypatch, code, about, is_camera
     """
     again = SimpleNamespace(size=np.array([[0.25]]), information=np.array([[[4.0]]]))
     monkeypatch.setattr(search, "situate", lambda solution, *of: SimpleNamespace(null_model=lambda *of: solution))
-    told = "corrected", {"smooth": {}}
-    before = Described("before", NoiseEstimate(Noise(), 1.0, (), True, common=told[1]), "start")
+    given = "corrected", {"smooth": {}}
+    before = Described("before", NoiseEstimate(Noise(), 1.0, (), True, common=given[1]), "start")
     after = Described("corrected", replace(before.noise, common={}))
-    monkeypatch.setattr(search, "score", lambda null, *of: again if (null.problem, null.noise.common) == told else None)
+    monkeypatch.setattr(
+        search, "score", lambda null, *of: again if (null.problem, null.noise.common) == given else None
+    )
     monkeypatch.setattr(search, "state_step", lambda problem, *states: states)
     groups = (SimpleNamespace(camera="wrist", target="board"), SimpleNamespace(camera="other", target="board"))
     problem = SimpleNamespace(groups=groups)
     of = SimpleNamespace(problem=problem, recorded=None, stamps={})
-    found = search._describe(of, suspect(code, about=about, joint=(3,), since=7), before, after)
+    found = search._describe(of, make_suspect(code, about=about, joint=(3,), since=7), before, after)
     assert (found.code, found.about, found.since, found.unit, found.joint) == (code, about, 7, "m", 3)
     assert (found.is_camera, found.is_target) == (is_camera, is_target)
     assert (found.size.tolist(), found.covariance.tolist(), found.sigma) == ([0.75], [[0.25]], 0.5)
     assert found.moved == ("start", "state")
-    assert search._describe(of, suspect(about=about), before, after).joint is None
+    assert search._describe(of, make_suspect(about=about), before, after).joint is None
 
 
 ERROR = FoundEffect("drift", "drift", "arm", False, False, None, "", np.zeros(1), np.eye(1), np.zeros(6))
 
 
-def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solution):
+def search_effects(monkeypatch, suspects, gains=None, models=(), refuted=(), **solution):
     """The described suspect, its size, and whether it is certain; `gains` and `refuted` are by name."""
     described = []
 
-    def told(of, error, before, after):
+    def describe(of, error, before, after):
         """Replacement of `_describe` that records its arguments."""
         described.append((error.candidate.about[0], error.size.tolist(), before.name, after.name))
         return ERROR
@@ -465,7 +467,7 @@ def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solutio
     monkeypatch.setattr(search, "_solve_again", lambda whole, settings: SimpleNamespace(name=f"{whole.name} again"))
     monkeypatch.setattr(search, "_log_chance", lambda of, error, before: (gains or {}).get(error.candidate.about[0], 0))
     monkeypatch.setattr(search, "_gain", lambda of, error, before: 0.0)
-    monkeypatch.setattr(search, "_describe", told)
+    monkeypatch.setattr(search, "_describe", describe)
     monkeypatch.setattr(search, "_select_suspects", lambda of, every: every)
     monkeypatch.setattr(search, "_alternatives", lambda of, chosen, every: ())
     usual = {"converged": True, "cost": 1.0, "name": "answer", "noise": NOISE}
@@ -480,24 +482,24 @@ def test_best_suspect_by_score_or_gain_is_chosen(monkeypatch):
 
     Each is solved without itself; one of many costs half their number's logarithm.
     """
-    pair = suspect(about="a", log_chance=-20.0), suspect(about="b", log_chance=-21.0)
-    assert searched(monkeypatch, pair) == ("b", [0.5], "answer", "b again", True)
-    assert searched(monkeypatch, pair, {"a": -22.0})[0] == "a"
-    assert searched(monkeypatch, pair, {"b": -10.0})[0] == "b"
-    assert searched(monkeypatch, pair, refuted="b")[0] == "a"
-    assert searched(monkeypatch, pair, refuted="ab") is None
-    assert searched(monkeypatch, ()) is None
-    of_many = suspect(about="a", log_chance=-20.0, log_count=2.1)
-    assert searched(monkeypatch, (of_many, pair[1]))[0] == "a"
-    assert searched(monkeypatch, (suspect(about="a", log_chance=-20.0, log_count=1.9), pair[1]))[0] == "b"
+    pair = make_suspect(about="a", log_chance=-20.0), make_suspect(about="b", log_chance=-21.0)
+    assert search_effects(monkeypatch, pair) == ("b", [0.5], "answer", "b again", True)
+    assert search_effects(monkeypatch, pair, {"a": -22.0})[0] == "a"
+    assert search_effects(monkeypatch, pair, {"b": -10.0})[0] == "b"
+    assert search_effects(monkeypatch, pair, refuted="b")[0] == "a"
+    assert search_effects(monkeypatch, pair, refuted="ab") is None
+    assert search_effects(monkeypatch, ()) is None
+    of_many = make_suspect(about="a", log_chance=-20.0, log_count=2.1)
+    assert search_effects(monkeypatch, (of_many, pair[1]))[0] == "a"
+    assert search_effects(monkeypatch, (make_suspect(about="a", log_chance=-20.0, log_count=1.9), pair[1]))[0] == "b"
 
 
 def test_certain_effect_precedes_change_explained_by_places(monkeypatch):
     """A certain effect comes before a change in time that places may explain; alone, the change is uncertain."""
-    moved = replace(suspect(about="a", log_chance=-30.0), scatter=PlaceScatter(5.0, 40.0))
-    assert searched(monkeypatch, (moved, suspect(about="b", log_chance=-20.0)))[0] == "b"
-    assert searched(monkeypatch, (moved,))[::4] == ("a", False)
-    assert searched(monkeypatch, (replace(moved, scatter=PlaceScatter()),))[::4] == ("a", True)
+    moved = replace(make_suspect(about="a", log_chance=-30.0), scatter=PlaceScatter(5.0, 40.0))
+    assert search_effects(monkeypatch, (moved, make_suspect(about="b", log_chance=-20.0)))[0] == "b"
+    assert search_effects(monkeypatch, (moved,))[::4] == ("a", False)
+    assert search_effects(monkeypatch, (replace(moved, scatter=PlaceScatter()),))[::4] == ("a", True)
 
 
 @pytest.mark.parametrize(("chance", "is_certain"), [(2.4e-4, True), (6e-4, False)])
@@ -506,19 +508,19 @@ def test_one_false_discovery_in_four_hundred_is_allowed(monkeypatch, chance, is_
 
     A larger one may be chance; with estimated kinematics it is not reported and corrects nothing.
     """
-    possible = suspect(about="a", log_chance=np.log(chance))
-    assert searched(monkeypatch, [possible])[-1] == is_certain
-    found = searched(monkeypatch, [possible, suspect(about="b", log_chance=-30.0)], models=("arm",))
+    possible = make_suspect(about="a", log_chance=np.log(chance))
+    assert search_effects(monkeypatch, [possible])[-1] == is_certain
+    found = search_effects(monkeypatch, [possible, make_suspect(about="b", log_chance=-30.0)], models=("arm",))
     assert found == ("a" if is_certain else "b", [0.0], "answer", "answer", True)
-    assert (searched(monkeypatch, [possible], models=("arm",)) is not None) == is_certain
+    assert (search_effects(monkeypatch, [possible], models=("arm",)) is not None) == is_certain
 
 
 def test_failed_solution_has_no_effect(monkeypatch):
     """A failed solution has no effect, nor one without views or with infinite cost."""
-    some = [suspect()]
-    assert searched(monkeypatch, some) is not None
+    some = [make_suspect()]
+    assert search_effects(monkeypatch, some) is not None
     for changed in ({"converged": False}, {"cost": np.inf}, {"problem": SimpleNamespace(groups=(), models=())}):
-        assert searched(monkeypatch, some, **changed) is None
+        assert search_effects(monkeypatch, some, **changed) is None
 
 
 @pytest.mark.parametrize(
@@ -579,7 +581,7 @@ def test_running_error_is_first_certain_effect(monkeypatch, first, second, has_s
 def test_joint_random_effect_contains_joint_errors(effect, kind, about, gain, is_contained):
     """A joint random effect contains joint errors of the same robot if its evidence is very strong."""
     noise = SimpleNamespace(common={kind: {about: None}}, plain_minus_2_log_evidence=gain, minus_2_log_evidence=0.0)
-    suspected = replace(suspect(), effect=effect)
+    suspected = replace(make_suspect(), effect=effect)
     assert search._is_contained(SimpleNamespace(noise=noise), suspected) is is_contained
 
 
@@ -607,7 +609,7 @@ def one_robot(read):
         replace(s, robots={"arm": RobotState(read(k, s.robots["arm"].base_from_flange))}, stamp_s=float(k))
         for k, s in enumerate(made.recording.samples)
     ]
-    return found_in(made.cell, Recording(tuple(samples)))[1]
+    return find_effect(made.cell, Recording(tuple(samples)))[1]
 
 
 def test_lengths_of_robot_and_target_are_not_distinguished():
@@ -623,7 +625,7 @@ def test_lengths_of_robot_and_target_are_not_distinguished():
 def test_distinguishable_effects_have_no_alternatives(factor):
     """A small step in the middle of a recording may be a drift; a large one has no alternatives."""
     cell, recording = as_recorded(lambda k, pose: SE3.exp(factor * STEP * (k >= HALF)) @ pose)
-    _, error = found_in(cell, recording)
+    _, error = find_effect(cell, recording)
     assert error.code == "base-moved"
     assert ("drift" in {each.code for each in error.alternatives}) == (factor < 1)
 

@@ -74,42 +74,42 @@ def test_unordered_poses_have_no_velocity():
     assert situation(Scenario(samples=20)).velocity("hand") is None
 
 
-def seen(samples, arm=None, stands=None, eye=None):
+def make_views(samples, arm=None, stands=None, eye=None):
     """Views of these samples, with a target on an arm with these flange poses."""
     world = end(None, SE3.identity((len(samples),)))
     hand = world if arm is None else end("arm", arm, stop_number=samples if stands is None else stands)
     return replace(views(eye or world, hand), sample=np.array(samples))
 
 
-def recorded(*groups, stamps=()):
+def make_situation(*groups, stamps=()):
     problem = problem_of(*groups)
     return Situation(problem, None, problem, dict(stamps))
 
 
 def test_samples_are_sorted_by_time():
     """Samples are sorted by time and unique over groups; if one has no stamp, by their numbers."""
-    groups = seen([7, 3, 5]), seen([5, 9, 3])
-    of = recorded(*groups, stamps={7: 0.0, 3: 2.0, 5: 1.0, 9: 3.0})
+    groups = make_views([7, 3, 5]), make_views([5, 9, 3])
+    of = make_situation(*groups, stamps={7: 0.0, 3: 2.0, 5: 1.0, 9: 3.0})
     assert of.samples.tolist() == [7, 5, 3, 9]
     assert of.times.tolist() == [0.0, 1.0, 2.0, 3.0]
     assert [of.sample_indices(group).tolist() for group in groups] == [[0, 2, 1], [1, 3, 2]]
-    partly = recorded(*groups, stamps={7: 0.5, 9: -1.0})
+    partly = make_situation(*groups, stamps={7: 0.5, 9: -1.0})
     assert partly.samples.tolist() == [3, 5, 7, 9]
     assert not partly.has_times
-    assert not recorded(*groups, stamps=dict.fromkeys((3, 5, 7, 9), 4.0)).has_times
-    assert recorded(*groups, stamps={3: 4.0, 5: 4.0, 7: 4.0, 9: 4.1}).has_times
+    assert not make_situation(*groups, stamps=dict.fromkeys((3, 5, 7, 9), 4.0)).has_times
+    assert make_situation(*groups, stamps={3: 4.0, 5: 4.0, 7: 4.0, 9: 4.1}).has_times
 
 
 def test_moving_robots_have_two_stops():
     """Robots with two stops in one group or several are included; an arm that never moved, and the world, are not."""
     pose = SE3.identity((2,))
     eye = end("still", stop_number=[4, 4])
-    assert recorded(seen([0, 1], pose, [2, 2], eye)).robots == ()
-    assert recorded(seen([0, 1], pose, [2, 3], eye)).robots == ("arm",)
-    assert recorded(seen([0, 1], pose, [2, 2]), seen([2, 3], pose, [5, 5])).robots == ("arm",)
+    assert make_situation(make_views([0, 1], pose, [2, 2], eye)).robots == ()
+    assert make_situation(make_views([0, 1], pose, [2, 3], eye)).robots == ("arm",)
+    assert make_situation(make_views([0, 1], pose, [2, 2]), make_views([2, 3], pose, [5, 5])).robots == ("arm",)
 
 
-TWIST = np.array([0.1, -0.05, 0.02, 0.2, 0.1, -0.3])  # a second
+TWIST = np.array([0.1, -0.05, 0.02, 0.2, 0.1, -0.3])  # per second
 
 
 def on_the_way(seconds):
@@ -124,14 +124,18 @@ def test_velocity_on_path_is_its_twist():
     seconds = np.array([0, 0.8, 2, 3, 4.2, 5, 6, 7.1, 8, 9])
     shuffled = np.array([3, 0, 8, 5, 2])
     rest = np.setdiff1d(np.arange(10), shuffled)
-    groups = seen(shuffled, on_the_way(seconds[shuffled])), seen(rest, on_the_way(seconds[rest])), seen([10, 11])
+    groups = (
+        make_views(shuffled, on_the_way(seconds[shuffled])),
+        make_views(rest, on_the_way(seconds[rest])),
+        make_views([10, 11]),
+    )
     stamps = {**dict(enumerate(seconds)), 10: 2.5, 11: 20.0}
-    of = recorded(*groups, stamps=stamps)
+    of = make_situation(*groups, stamps=stamps)
     found = of.velocity("arm")
     here = of.samples < 10
     np.testing.assert_allclose(found[here], np.tile(TWIST, (10, 1)), atol=1e-12)
     np.testing.assert_array_equal(found[~here], 0)
-    by_order = recorded(seen(np.arange(10), on_the_way(2.0 * np.arange(10)))).velocity("arm")
+    by_order = make_situation(make_views(np.arange(10), on_the_way(2.0 * np.arange(10)))).velocity("arm")
     np.testing.assert_allclose(by_order, np.tile(2 * TWIST, (10, 1)), atol=1e-12)
     assert of.velocity("other") is None
 
@@ -139,7 +143,7 @@ def test_velocity_on_path_is_its_twist():
 def test_equal_stamps_give_zero_velocity():
     """The velocity is zero if the neighbours of a view have the same stamp."""
     stamps = {k: float(max(k - 2, 0)) for k in range(10)}
-    found = recorded(seen(np.arange(10), on_the_way(np.arange(10))), stamps=stamps).velocity("arm")
+    found = make_situation(make_views(np.arange(10), on_the_way(np.arange(10))), stamps=stamps).velocity("arm")
     np.testing.assert_array_equal(found[1], 0)
     np.testing.assert_allclose(found[4], TWIST, atol=1e-12)
 
@@ -147,7 +151,9 @@ def test_equal_stamps_give_zero_velocity():
 @pytest.mark.parametrize(("count", "on_path"), [(7, False), (8, True)])
 def test_path_needs_eight_poses(count, on_path):
     """A path needs eight poses."""
-    assert (recorded(seen(np.arange(count), on_the_way(np.arange(count)))).velocity("arm") is not None) == on_path
+    assert (
+        make_situation(make_views(np.arange(count), on_the_way(np.arange(count)))).velocity("arm") is not None
+    ) == on_path
 
 
 def to_and_fro(aside, turn, count=9):
@@ -166,7 +172,7 @@ def test_path_is_smooth(aside, turn, on_path):
     Angles count by 0.5 m. Poses between are off by twice as much as to one side, and their neighbours are two metres
     apart.
     """
-    of = recorded(seen(np.arange(9), to_and_fro(aside, turn)))
+    of = make_situation(make_views(np.arange(9), to_and_fro(aside, turn)))
     assert (of.velocity("arm") is not None) == on_path
 
 
@@ -179,7 +185,7 @@ def test_each_inner_pose_tests_path_smoothness(where):
     for aside, on_path in ((1.0, True), (1.2, False)):
         places = np.arange(8)[:, None] * np.array([1.0, 0, 0])
         places[where, 1] = aside
-        of = recorded(seen(np.arange(8), SE3(np.tile(np.eye(3), (8, 1, 1)), places)))
+        of = make_situation(make_views(np.arange(8), SE3(np.tile(np.eye(3), (8, 1, 1)), places)))
         assert (of.velocity("arm") is not None) == on_path
 
 
@@ -191,7 +197,7 @@ def test_frame_jacobians_follow_chain():
     rng = np.random.default_rng(4)
     camera, eye, hand = (SE3.exp(rng.standard_normal((2, 6))) for _ in range(3))
     at = SE3.identity((2,))
-    of = recorded(views(end(None, at, mount="a", base="b"), end(None, at, mount="d", base="c")))
+    of = make_situation(views(end(None, at, mount="a", base="b"), end(None, at, mount="d", base="c")))
     vars(of)["links"] = (Chain((Link(-1.0, eye, at, camera), Link(1.0, hand, at, None)), camera),)
     assert of.frames == ("a", "b", "d", "c")
     np.testing.assert_array_equal(of.frame_jacobian(0, "a"), -camera.adjoint())
@@ -207,7 +213,7 @@ def test_time_errors_contain_changes_in_time_only():
 
     Joint effects are never random and unknown at once.
     """
-    problem, sigmas = problem_of(seen([0, 1])), {"arm": np.ones(2)}
+    problem, sigmas = problem_of(make_views([0, 1])), {"arm": np.ones(2)}
     of_kinds = {
         kinds: Situation(problem, None, problem, {}, SimpleNamespace(common=dict.fromkeys(kinds, sigmas)))
         for kinds in (("smooth_in_time", "joint_offsets"), ("smooth_in_time",), ("smooth",))
@@ -240,7 +246,7 @@ def test_score_equals_generalised_least_squares():
         noise[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = np.linalg.inv(views.information[k])
     flat = by_effects.reshape(48, 3)
     weight = np.linalg.inv(noise + flat @ flat.T)
-    # A view's residual is what its gradient says of it at its own information.
+    # The residual of a view follows from its gradient and information.
     residual = np.linalg.solve(views.information, views.gradient[..., None]).reshape(48)
     unknowns, error = views.by_unknowns.reshape(48, -1), by_error.reshape(48, 2)
     free = weight - weight @ unknowns @ np.linalg.inv(unknowns.T @ weight @ unknowns) @ unknowns.T @ weight
@@ -280,7 +286,7 @@ def test_effect_is_not_unknown_and_random(effect, about, name):
 
 
 @pytest.fixture(scope="module")
-def bent():
+def bent_hand():
     """A hand whose recorded poses lack errors smooth in its pose, 0.5 mm and 0.5 mrad, with unstated noise."""
     made = simulate(Scenario(samples=40, robot_noise=(5e-5, 1e-4), state_robot_noise=False, position_m=0.3), 4)
     weights = np.random.default_rng(4).standard_normal((6, 3)) * np.repeat([2e-3, 2e-3], 3)[:, None]
@@ -295,9 +301,9 @@ def bent():
     return problem, integrate_solution(with_noise(plain, SETTINGS))
 
 
-def test_stop_errors_keep_length_in_null_model(bent, monkeypatch):
+def test_stop_errors_keep_length_in_null_model(bent_hand, monkeypatch):
     """Stop errors keep their length in metres and radians in the null model, for any sigmas that scale them."""
-    problem, solution = bent
+    problem, solution = bent_hand
     linearised = []
     linearise = module.linearise_views
     monkeypatch.setattr(module, "linearise_views", lambda *of: linearised.append(of) or linearise(*of))
@@ -308,9 +314,9 @@ def test_stop_errors_keep_length_in_null_model(bent, monkeypatch):
     np.testing.assert_allclose(state.stop_errors * beside.stops.sigma, solution.state.stop_errors * held.stops.sigma)
 
 
-def test_single_stops_do_not_absorb_shared_errors(bent):
+def test_single_stops_do_not_absorb_shared_errors(bent_hand):
     """In the null model the errors of single stops are smaller, and a drift is better determined."""
-    problem, solution = bent
+    problem, solution = bent_hand
     assert list(solution.noise.common) == ["smooth_by_place"]
     assert np.all(solution.noise.beside_common.robots["hand"] < solution.noise.robots["hand"])
     of = Situation(solution.noise.hold_sigmas(solution.problem), solution.state, problem, {}, solution.noise)
@@ -318,7 +324,7 @@ def test_single_stops_do_not_absorb_shared_errors(bent):
     assert score(of.null, drift).information[0, 0, 0] > 2 * score(of.linearisation, drift).information[0, 0, 0]
     views = of.null.views[0]
     shared = candidate(views.by_unknowns[..., :6, views.columns >= problem.width][..., -1:])
-    # One sigma of a random effect holds less than one unit of information beside itself.
+    # Beside a random effect, one sigma of it has less than one unit of information.
     assert score(of.null, shared).information[0, 0, 0] < 1
 
 

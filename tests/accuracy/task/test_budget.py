@@ -91,15 +91,15 @@ def test_halving_source_reduces_error_as_predicted(source):
     """
     scenario = Scenario(samples=12, target="pose", layout="eye_in_hand", robot_noise=(8e-4, 2.5e-3))
     halved = replace(scenario, **HALVED[source])
-    told, found = np.zeros(2), np.zeros(2)
+    predicted, found = np.zeros(2), np.zeros(2)
     for seed in range(150):
         whole, half = simulate(scenario, seed), simulate(halved, seed)
         solutions = solve(whole.cell, whole.recording), solve(half.cell, half.recording)
         task, total = at(whole, solutions[0], "arm_base_from_board")
         entry = next(e for e in budget(solutions[0], task, total, {}) if e.source == source)
-        told += [total, entry.halved_rms_m**2]
+        predicted += [total, entry.halved_rms_m**2]
         found += [error_m2(made.truth, each) for made, each in zip((whole, half), solutions, strict=True)]
-    ratio = np.sqrt(told[1] / told[0])
+    ratio = np.sqrt(predicted[1] / predicted[0])
     assert ratio < 0.9  # the source matters
     assert np.sqrt(found[1] / found[0]) == pytest.approx(ratio, rel=0.1)
 
@@ -191,8 +191,8 @@ def test_entry_has_root_share_and_remainder(variance, gain, left):
     assert (found.source, found.rms_m, found.share, found.halved_rms_m) == ("views", 2.0, 0.25, pytest.approx(left))
 
 
-@pytest.mark.parametrize(("left", "told"), [(0.9e-4, False), (1.1e-4, True)])
-def test_remainder_above_ten_thousandth_is_reported(monkeypatch, left, told):
+@pytest.mark.parametrize(("left", "is_reported"), [(0.9e-4, False), (1.1e-4, True)])
+def test_remainder_above_ten_thousandth_is_reported(monkeypatch, left, is_reported):
     """A remainder above one ten-thousandth is reported, and loses three quarters if halved.
 
     Sources without error have no line.
@@ -201,8 +201,8 @@ def test_remainder_above_ten_thousandth_is_reported(monkeypatch, left, told):
     monkeypatch.setattr(module, "error_sources", lambda problem: [])
     solution = SimpleNamespace(problem=None, state=None)
     found = budget(solution, NOBODY, 1.0, {"clocks": 1.0 - left, "nothing": 0.0}, "rest")
-    assert [entry.source for entry in found] == (["clocks", "rest"] if told else ["clocks"])
-    assert not told or found[1].halved_rms_m ** 2 == pytest.approx(1 - 0.75 * left)
+    assert [entry.source for entry in found] == (["clocks", "rest"] if is_reported else ["clocks"])
+    assert not is_reported or found[1].halved_rms_m ** 2 == pytest.approx(1 - 0.75 * left)
 
 
 def test_share_is_derivative_by_log_variance(monkeypatch):

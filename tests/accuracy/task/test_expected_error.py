@@ -31,7 +31,7 @@ from basecal.simulation import Scenario, simulate
 BASE = "eye_base_from_hand_base"
 
 
-def turned(variances):
+def rotated_covariance(variances):
     """A covariance with these variances along rotated axes."""
     rotation = SE3.exp(np.array([0, 0, 0, 0.4, -0.7, 0.2])).rotation
     return rotation @ np.diag(variances) @ rotation.T
@@ -47,12 +47,12 @@ def turned(variances):
 )
 def test_quantile_of_special_shapes(variances, quantile):
     """Quantiles of a ball, a disc and a needle equal their closed forms within 1e-6."""
-    assert length_quantile(turned(variances)) == pytest.approx(quantile, rel=1e-6)
+    assert length_quantile(rotated_covariance(variances)) == pytest.approx(quantile, rel=1e-6)
 
 
 def test_quantile_matches_draws():
     """95 % of 200,000 draws are shorter than the quantile, within three sigmas of their number (0.15 %)."""
-    covariance = turned([1.0, 0.3, 0.02])
+    covariance = rotated_covariance([1.0, 0.3, 0.02])
     drawn = np.random.default_rng(1).multivariate_normal(np.zeros(3), covariance, 200_000)
     shorter = np.mean(np.linalg.norm(drawn, axis=1) < length_quantile(covariance))
     assert shorter == pytest.approx(0.95, abs=1.5e-3)
@@ -62,7 +62,7 @@ def test_quantile_matches_draws():
 @pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
 def test_quantile_about_mean_matches_draws(variances, size):
     """94 to 96 % of 200,000 draws about a known offset are shorter than the quantile."""
-    covariance, mean = turned(variances), size * np.array([0.6, -0.5, 0.6])
+    covariance, mean = rotated_covariance(variances), size * np.array([0.6, -0.5, 0.6])
     drawn = np.random.default_rng(1).multivariate_normal(mean, covariance, 200_000)
     (length,) = length_quantiles(covariance[None], mean[None])
     assert 0.94 < np.mean(np.linalg.norm(drawn, axis=1) < length) < 0.96
@@ -70,7 +70,7 @@ def test_quantile_about_mean_matches_draws(variances, size):
 
 def test_tiny_mean_has_no_effect():
     """A tiny mean changes the quantile by at most a hundredth: four cumulants approximate the exact value."""
-    covariances = np.stack([turned([1.0, 0.3, 0.02])] * 2)
+    covariances = np.stack([rotated_covariance([1.0, 0.3, 0.02])] * 2)
     exact, about = length_quantiles(covariances), length_quantiles(covariances, np.array([[0.0, 0, 0], [1e-9, 0, 0]]))
     np.testing.assert_allclose(about, exact, rtol=1e-2)
 
@@ -178,7 +178,7 @@ def test_quantile_of_ball_about_mean(sigma, mean):
 
 def test_zero_mean_equals_no_mean():
     """A zero mean gives the exact quantile without mean, and each of many covariances has its own mean."""
-    covariances = np.stack([turned([1.0, 0.3, 0.02]), turned([4.0, 1.0, 1.0])])
+    covariances = np.stack([rotated_covariance([1.0, 0.3, 0.02]), rotated_covariance([4.0, 1.0, 1.0])])
     exact = length_quantiles(covariances)
     np.testing.assert_array_equal(length_quantiles(covariances, np.zeros((2, 3))), exact)
     means = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0]])

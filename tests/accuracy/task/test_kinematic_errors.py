@@ -32,7 +32,7 @@ def problem_and_state(scenario: Scenario):
     return made, problem, State(made.truth, made.cameras, np.zeros((0, 6)))
 
 
-def shifted(chain, error: int) -> Kinematics:
+def make_wrong_arm(chain, error: int) -> Kinematics:
     """An arm with one error: offsets first, then links."""
     values = np.zeros(chain.n + 6 * (chain.n + 1))
     values[error] = STEP
@@ -49,7 +49,7 @@ def test_errors_move_stops_and_points_as_arm():
     at_points = error_jacobian(problem, state, "hand", before.translation)
     assert found.by_stop.shape == (6, 6, len(found.is_turn))
     for error in range(0, len(found.is_turn), 5):
-        after = shifted(chain, error).forward(joints)
+        after = make_wrong_arm(chain, error).forward(joints)
         right = (before.inverse() @ after).log() / STEP
         np.testing.assert_allclose(right, found.by_stop[..., error], atol=1e-5)
         np.testing.assert_allclose((after.translation - before.translation) / STEP, at_points[:, :3, error], atol=1e-5)

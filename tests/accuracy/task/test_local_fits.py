@@ -35,7 +35,7 @@ WIDE = Scenario(
 )
 
 
-def bent(made: SimulatedCell, metres: float) -> Recording:
+def bend_hand(made: SimulatedCell, metres: float) -> Recording:
     """The recording of a hand whose flange is off by a wave of this size over the workspace."""
     samples = []
     for sample in made.recording.samples:
@@ -79,7 +79,7 @@ def test_chances_of_noise_are_uniform() -> None:
 
 def test_bent_arms_have_better_local_fits(made: SimulatedCell) -> None:
     """A wave of 3 mm over the workspace gives parts that predict clearly better and are recommended."""
-    found = local_fits(solve(made.cell, bent(made, 3e-3)), [BASE])
+    found = local_fits(solve(made.cell, bend_hand(made, 3e-3)), [BASE])
     better = [part for part in found if part.is_better]
     assert better
     assert all(part.local_m < part.global_m and part.chance < CHANCE_LIMIT for part in better)
@@ -94,7 +94,7 @@ def test_few_samples_have_no_parts(made: SimulatedCell) -> None:
 
 def test_box_is_single_part(made: SimulatedCell) -> None:
     """A box of two opposite corners in any order is the only part, with the samples whose targets are in it."""
-    solution = solve(made.cell, bent(made, 3e-3))
+    solution = solve(made.cell, bend_hand(made, 3e-3))
     halves = local_fits(solution, [BASE])
     places = np.array([target_places(group, solution.state) for group in solution.problem.groups])[0]
     low, high = places.min(0), places.max(0)
@@ -121,7 +121,7 @@ def test_views_are_weighted_by_distance_to_part(made: SimulatedCell, monkeypatch
     given = []
 
     def refitted(*arguments, view_weights=None):
-        """As `refit_folds`, with what views count."""
+        """`refit_folds`, with recorded view weights."""
         given.append(view_weights)
         return refit_folds(*arguments, view_weights=view_weights)
 
@@ -143,7 +143,7 @@ def test_views_are_weighted_by_distance_to_part(made: SimulatedCell, monkeypatch
 
 def test_unconverged_fit_gives_no_recommendation(made: SimulatedCell, monkeypatch: pytest.MonkeyPatch) -> None:
     """If any fit does not converge, the part has no errors, a chance of one, no recommendation, but its transforms."""
-    few = Recording(bent(made, 3e-3).samples[:24])
+    few = Recording(bend_hand(made, 3e-3).samples[:24])
     solution = solve(made.cell, few)
     box = [-9.0, -9.0, -9.0, 9.0, 9.0, 9.0]
     (settled,) = local_fits(solution, [BASE], box)
@@ -153,7 +153,7 @@ def test_unconverged_fit_gives_no_recommendation(made: SimulatedCell, monkeypatc
     for worth_of in (False, True):
 
         def refitted(*arguments, view_weights=None, worth_of=worth_of):
-            """As `refit_folds`, the last of one kind not converged."""
+            """`refit_folds`, with the last fit of one kind not converged."""
             *rest, last = refit_folds(*arguments, view_weights=view_weights)
             ended = np.array(bool(last.optimum.converged) and (view_weights is not None) != worth_of)
             return [*rest, replace(last, optimum=replace(last.optimum, converged=ended))]
@@ -213,11 +213,11 @@ def test_box_includes_its_sides(corners: list[float]) -> None:
     assert found.tolist() == list(range(12))
 
 
-@pytest.mark.parametrize(("count", "told"), [(9, False), (10, True)])
-def test_box_needs_ten_samples(count: int, told: bool) -> None:
+@pytest.mark.parametrize(("count", "is_part"), [(9, False), (10, True)])
+def test_box_needs_ten_samples(count: int, is_part: bool) -> None:
     """A box needs ten samples; each counts once."""
     samples = np.repeat(np.arange(count), 2)
-    assert bool(list(_samples_inside(np.zeros((2 * count, 3)), samples, [-1, -1, -1, 1, 1, 1]))) == told
+    assert bool(list(_samples_inside(np.zeros((2 * count, 3)), samples, [-1, -1, -1, 1, 1, 1]))) == is_part
 
 
 @pytest.mark.parametrize(("by_all", "by_part", "chance", "is_better"), [
@@ -249,7 +249,7 @@ def test_better_part_predicts_beyond_chance(
         assert found.chance == chance
 
 
-def near(errors: np.ndarray, factor: float = 1.0) -> Solution:
+def make_solution(errors: np.ndarray, factor: float = 1.0) -> Solution:
     """An answer at the identity to poses near it with these errors."""
     problem, state = pose_problem(errors, np.full(6, 1e-3))
     return SimpleNamespace(problem=problem, state=state, noise=SimpleNamespace(factor=factor))
@@ -263,19 +263,21 @@ def test_chance_of_weighted_mean_difference(factor: float) -> None:
     """
     worth = np.linspace(0.1, 1.0, 9)
     step = 1e-4 * np.array([1.0, -2.0, 0.5, 3.0, 0.0, -1.0])
-    solution = near(np.zeros((9, 6)), factor)
+    solution = make_solution(np.zeros((9, 6)), factor)
     local = SimpleNamespace(optimum=SimpleNamespace(state=SimpleNamespace(transforms={MOUNT: SE3.exp(step)})))
     variance = factor * 1e-6 * (np.sum(worth**2) / np.sum(worth) ** 2 - 1 / 9)
     found = _chance_of_noise(solution, local, [worth], [MOUNT])
     assert found == pytest.approx(chi2.sf(step @ step / variance, 6), rel=1e-6)
-    assert _chance_of_noise(solution, local, [np.ones(9)], [MOUNT]) == 1.0  # the same fit, whatever its step
+    assert (
+        _chance_of_noise(solution, local, [np.ones(9)], [MOUNT]) == 1.0
+    )  # equal weights give the same fit, for any step
 
 
 def test_squares_cover_held_out_views_in_part() -> None:
     """Squares cover only the held-out views in the part: distances of the target from that of each view alone."""
     rng = np.random.default_rng(3)
     errors = 1e-3 * rng.standard_normal((8, 6))
-    solution = near(errors)
+    solution = make_solution(errors)
     shift = np.array([2e-3, -1e-3, 0.0])
     moved = replace(solution.state, transforms={**solution.state.transforms, MOUNT: SE3(np.eye(3), -shift)})
     fit = SimpleNamespace(
@@ -290,7 +292,7 @@ def test_squares_cover_held_out_views_in_part() -> None:
 def test_part_of_one_place_has_equal_weights() -> None:
     """If the target stands still, all views have equal weights, and both fits are equal."""
     (found,) = local_fits(
-        near(1e-3 * np.random.default_rng(0).standard_normal((12, 6))), [MOUNT], [-1, -1, -1, 1, 1, 1]
+        make_solution(1e-3 * np.random.default_rng(0).standard_normal((12, 6))), [MOUNT], [-1, -1, -1, 1, 1, 1]
     )
     assert found.local_m == pytest.approx(found.global_m)
     assert (found.chance, found.is_better) == (1.0, False)

@@ -101,7 +101,7 @@ def test_places_are_target_on_arm_or_camera(on_arm, based):
 
 
 def meeting_of(robots: tuple[str, ...], sigmas: list[list[float]], turned: SE3 | None = None) -> Meeting:
-    """A meeting of arms a (the reference) and b without columns, whose stops have these robots and sigmas."""
+    """A meeting of arms a (the reference) and b without columns, with stops of these robots and sigmas."""
     stops = Stops(np.reshape(sigmas, (-1, 6)), robot=robots)
     state = SimpleNamespace(transforms={"a_from_b": turned})
     problem = Problem("a", (), {}, frozenset(), {}, stops, {"a_from_b": slice(0, 6)})

@@ -43,12 +43,12 @@ ARMS = Scenario(samples=12, joints=True, **UNSTATED)
 OFF = replace(ARMS, joint_offset_rad=2e-3)
 
 
-def solved(scenario: Scenario):
+def solve_scenario(scenario: Scenario):
     made = simulate(scenario, 3)
     return made, solve(made.cell, made.recording, Settings(robot_noise="estimated"))
 
 
-def mapped(made, solution, **changed):
+def make_error_map(made, solution, **changed):
     robots = {name: {"sigma_t_m": of[:3], "sigma_r_rad": of[3:]} for name, of in solution.noise.robots.items()}
     calibration = Calibration("good", dict(solution.transforms), noise={"robots": robots})
     return error_map(
@@ -58,12 +58,12 @@ def mapped(made, solution, **changed):
 
 @pytest.fixture(scope="module")
 def arms_off():
-    return solved(OFF)
+    return solve_scenario(OFF)
 
 
 @pytest.fixture(scope="module")
 def map_of_arms_off(arms_off):
-    return mapped(*arms_off)
+    return make_error_map(*arms_off)
 
 
 def test_joint_offsets_increase_angle_map(map_of_arms_off):
@@ -73,7 +73,7 @@ def test_joint_offsets_increase_angle_map(map_of_arms_off):
 
 def test_exact_arms_have_smaller_map(map_of_arms_off):
     """The same recording of exact arms has a map less than half as large."""
-    assert mapped(*solved(ARMS)).angle_95_rad.max() < map_of_arms_off.angle_95_rad.min() / 2
+    assert make_error_map(*solve_scenario(ARMS)).angle_95_rad.max() < map_of_arms_off.angle_95_rad.min() / 2
 
 
 def test_widening_is_added_to_map(arms_off):
@@ -82,7 +82,7 @@ def test_widening_is_added_to_map(arms_off):
     wider = np.zeros_like(solution.covariance)
     turns = np.arange(6)[3:] + solution.problem.columns[BASE].start
     wider[turns, turns] = 1e-4
-    found = mapped(made, solution, widening=wider)
+    found = make_error_map(made, solution, widening=wider)
     assert found.angle_95_rad.min() > 2.7e-2
     assert found.angle_95_rad.max() < 4e-2
 
@@ -109,7 +109,7 @@ def test_pose_robot_beside_joint_robot():
 @pytest.mark.parametrize("scenario", [ARMS, replace(ARMS, joints=False)], ids=["joints", "poses"])
 def test_models_do_not_remove_effect(scenario: Scenario) -> None:
     """A base moved by 5 mm by an effect stays so: robot models do not include the effect."""
-    made, fitted = solved(scenario)
+    made, fitted = solve_scenario(scenario)
     step = SE3(np.eye(3), np.array([5e-3, 0.0, 0.0]))
     moved = {**fitted.state.transforms, BASE: fitted.state.transforms[BASE] @ step}
     answer = replace(fitted, state=replace(fitted.state, transforms=moved))
@@ -194,7 +194,7 @@ def test_meeting_moves_with_base_and_both_arms():
             values = {name: step * np.eye(where.stop - where.start)[k]}
             after = apply_step(model, before, values).forward(joints)
             shift, turn = (after.translation - poses.translation) / step, (after @ poses.inverse()).rotvec / step
-            if robot == "eye":  # away from the point, in the axes of the hand's base
+            if robot == "eye":  # negated, in the axes of the hand's base
                 shift, turn = (-each @ base.rotation for each in (shift, turn))
             columns[:, :3, where.start + k], columns[:, 3:, where.start + k] = shift, turn
     places, turns = 2 * 1e-8 + 9e-6 / 3, 2 * 4e-8 + 36e-6 / 3
@@ -327,7 +327,7 @@ SOLUTION = solve(MADE.cell, MADE.recording, Settings(robot_noise="stated"))
 PLACES = SOLUTION.problem.robot_ends("hand")[0].base_from_flange.translation
 
 
-def added(points_m, is_total=False, has_base=True):
+def added_covariance(points_m, is_total=False, has_base=True):
     """Covariance that the hand's field adds at its flange, with or without the base, which absorbs the shared part."""
     robots = {name: replace(robot, is_total_noise=is_total) for name, robot in MADE.cell.robots.items()}
     name, cell = MADE.cell.requested_transforms[0], replace(MADE.cell, robots=robots)
@@ -341,7 +341,7 @@ def added(points_m, is_total=False, has_base=True):
 
 def test_field_is_full_far_from_samples():
     """Two metres away the field has full variance, and an axis length error grows with the distance."""
-    far = added(PLACES + np.array([0.0, 0.0, 2.0]), has_base=False)
+    far = added_covariance(PLACES + np.array([0.0, 0.0, 2.0]), has_base=False)
     np.testing.assert_allclose(far, far.mT, atol=1e-18)
     assert (np.linalg.eigvalsh(far) > -1e-18).all()
     assert far[:, 0, 0].min() > 1e-4**2
@@ -350,10 +350,10 @@ def test_field_is_full_far_from_samples():
 
 def test_total_noise_has_no_field():
     """Robots whose noise is total are as accurate as stated and have no field."""
-    assert not added(PLACES, is_total=True).any()
+    assert not added_covariance(PLACES, is_total=True).any()
 
 
 def test_field_absorbed_by_base_counts_once():
     """Samples share most of a field, which moves the base instead, so beside the base it adds less."""
-    shared, alone = (np.trace(added(PLACES, has_base=each).mean(0)[:3, :3]) for each in (True, False))
+    shared, alone = (np.trace(added_covariance(PLACES, has_base=each).mean(0)[:3, :3]) for each in (True, False))
     assert shared < 0.95 * alone

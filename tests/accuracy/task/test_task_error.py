@@ -24,14 +24,14 @@ def test_task_only_adds_its_fields():
     """A task adds a budget, a map and local fits; transforms and verdict are unchanged."""
     made = simulate(Scenario(samples=10, target="pose"), 2)
     plain = calibrate(made.cell, made.recording)
-    told = calibrate(made.cell, made.recording, Settings(task_point=(0.4, 0.0, 0.3)))
+    with_task = calibrate(made.cell, made.recording, Settings(task_point=(0.4, 0.0, 0.3)))
     assert (plain.budget, plain.error_map, plain.local) == (None, None, None)
-    assert told.verdict == plain.verdict
-    assert told.budget
-    assert len(told.error_map.points_m)
-    assert told.local == ()  # ten samples have no parts
+    assert with_task.verdict == plain.verdict
+    assert with_task.budget
+    assert len(with_task.error_map.points_m)
+    assert with_task.local == ()  # ten samples have no parts
     for name, estimate in plain.transforms.items():
-        assert (told[name].covariance == estimate.covariance).all()
+        assert (with_task[name].covariance == estimate.covariance).all()
 
 
 def test_task_needs_placed_transform():
@@ -54,9 +54,9 @@ def test_widening_and_clocks_are_budget_lines():
     wide = own.covariance + np.diag([4e-6, 1e-6, 0, 0, 0, 0])
     stated = replace(calibration, transforms={**calibration.transforms, BASE: replace(own, covariance=wide)})
     found = add_task_error(made.cell, stated, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, modelled, every), None)
-    told = {entry.source: entry.rms_m for entry in found.budget}
-    assert told["systematic errors: robots, lens, differing fits"] == pytest.approx(2e-3, rel=1e-3)
-    assert told["offsets of clocks"] == pytest.approx(1e-3, rel=1e-3)
+    rms_by_source = {entry.source: entry.rms_m for entry in found.budget}
+    assert rms_by_source["systematic errors: robots, lens, differing fits"] == pytest.approx(2e-3, rel=1e-3)
+    assert rms_by_source["offsets of clocks"] == pytest.approx(1e-3, rel=1e-3)
     plain = add_task_error(made.cell, calibration, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, fitted, fitted), None)
     assert not {"offsets of clocks", "systematic errors: robots, lens, differing fits"} & {
         entry.source for entry in plain.budget
