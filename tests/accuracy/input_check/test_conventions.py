@@ -137,7 +137,7 @@ def test_poses_of_still_arm_are_ambiguous():
     (finding,) = [f for f in calibration.findings if f.code == "ambiguous-convention"]
     assert (calibration.verdict, finding.severity) == ("good", "info")
     assert "robot-pose-inverted" in finding.message
-    assert "Turn eye" in finding.message
+    assert "Rotate eye" in finding.message
 
 
 @pytest.mark.slow
