@@ -142,7 +142,7 @@ def _concentrate(solution: Solution, settings: Settings) -> Solution:
         all_errors = np.concatenate(errors)
         if trimmed_rms(all_errors, 1.0) < _HEAVY_TAIL * trimmed_rms(all_errors):
             return solution
-        limit = np.quantile(all_errors, KEPT_SHARE)
+        limit = np.quantile(all_errors, KEPT_SHARE, method="lower")  # errors may be infinite
         groups = (group.take(np.flatnonzero(own <= limit)) for group, own in zip(whole.groups, errors, strict=True))
         kept = whole.with_groups(g for g in groups if len(g))
         if not kept.groups:
