@@ -39,21 +39,21 @@ class Pinocchio:
         return base_from_flange.homogeneous, jacobian[:, [joint.idx_v for joint in self.joints]]
 
 
-def test_forward_and_jacobian_are_pinocchios(arm, chain, joints):
-    """Flange and Jacobian of six and seven axes agree with Pinocchio to rounding."""
+def test_forward_and_jacobian_equal_pinocchio(arm, chain, joints):
+    """Flange pose and Jacobian of six and seven axes agree with Pinocchio to rounding."""
     oracle = Pinocchio(arm, chain.joint_names)
     poses, jacobians = zip(*(oracle(q) for q in joints), strict=True)
     np.testing.assert_allclose(chain.forward(joints).matrix, poses, rtol=0, atol=1e-12)
     np.testing.assert_allclose(chain.jacobian(joints), jacobians, rtol=0, atol=1e-12)
 
 
-def test_jacobian_is_a_derivative(chain, joints):
+def test_jacobian_equals_finite_differences(chain, joints):
     """The Jacobian is the right tangent of the flange per joint, in flange axes."""
     flange_from_base = chain.forward(joints).inverse()
     check_derivative(lambda d: (flange_from_base @ chain.forward(joints + d)).log(), chain.jacobian(joints))
 
 
-def test_link_jacobian_is_a_derivative(chain, joints):
+def test_link_jacobian_equals_finite_differences(chain, joints):
     """The link Jacobian is the right tangent of the flange per right tangent of each origin and of the tip."""
     flange_from_base = chain.forward(joints).inverse()
 
@@ -64,7 +64,7 @@ def test_link_jacobian_is_a_derivative(chain, joints):
 
 
 def test_joint_offset_is_a_link_parameter(chain, joints):
-    """Turning a joint's origin about its axis is an offset of that joint."""
+    """Rotating a joint's origin about its axis is an offset of that joint."""
     tangents = np.zeros((chain.n + 1, 6))
     offsets = np.linspace(-0.1, 0.1, chain.n)
     tangents[:-1, 3:] = offsets[:, None] * chain.axes
@@ -73,8 +73,8 @@ def test_joint_offset_is_a_link_parameter(chain, joints):
     )
 
 
-def test_planar_arm_by_hand():
-    """Two links in a plane: the elbow formulas of a school book."""
+def test_planar_arm_equals_closed_form():
+    """Two links in a plane satisfy the textbook formulas of an elbow."""
     chain = planar(0.5, 0.3)
     a, b = 0.4, -1.1
     flange = chain.forward(np.array([a, b]))
@@ -86,7 +86,7 @@ def test_planar_arm_by_hand():
 
 @pytest.mark.parametrize("shape", [(), (0,), (3,), (2, 3)])
 def test_leading_axes_are_a_batch(chain, shape):
-    """Every leading shape of joints gives that shape of poses and Jacobians, entry by entry the same."""
+    """Joints of any leading shape give poses and Jacobians of that shape, equal entry by entry."""
     joints = np.random.default_rng(4).uniform(-2, 2, (*shape, chain.n))
     assert chain.forward(joints).matrix.shape == (*shape, 4, 4)
     assert chain.jacobian(joints).shape == (*shape, 6, chain.n)
@@ -97,8 +97,8 @@ def test_leading_axes_are_a_batch(chain, shape):
     )
 
 
-def test_moved_leaves_the_chain_alone(chain, joints):
-    """A moved chain is a new one with the same joints and limits; moving back undoes it."""
+def test_perturb_links_leaves_the_chain_unchanged(chain, joints):
+    """A perturbed chain is a new one with the same joints and limits, and the opposite perturbation undoes it."""
     before = chain.forward(joints).matrix
     tangents = np.random.default_rng(5).normal(size=(chain.n + 1, 6)) * 0.01
     moved = chain.perturb_links(tangents)
@@ -110,7 +110,7 @@ def test_moved_leaves_the_chain_alone(chain, joints):
 
 
 def test_wrong_shapes_are_refused(chain):
-    """Joints of another arm and tangents of another shape are InputErrors that name the joints expected."""
+    """Joints of another arm and tangents of another shape raise InputError with the expected joints."""
     with pytest.raises(InputError, match=chain.joint_names[0]):
         chain.forward(np.zeros(chain.n + 1))
     with pytest.raises(InputError, match="expected"):
@@ -132,15 +132,15 @@ def test_wrong_shapes_are_refused(chain):
         ({"tip": SE3.identity((1,))}, "one tip"),
     ],
 )
-def test_impossible_chains_are_refused(change, message):
-    """A chain whose parts do not fit together is an InputError."""
+def test_inconsistent_chains_are_refused(change, message):
+    """A chain whose parts do not fit together raises InputError."""
     chain = planar(0.5, 0.3)
     with pytest.raises(InputError, match=message):
         SerialChain(**({name: getattr(chain, name) for name in chain.__dataclass_fields__} | change))
 
 
-def test_a_batch_of_arms_is_each_by_itself(chain, joints):
-    """Flange and both Jacobians of arms that differ in their links, at joints of each and at joints that all take."""
+def test_batch_of_arms_equals_separate_arms(chain, joints):
+    """Flange and both Jacobians of arms with different links equal those of each arm, at separate or shared joints."""
     tangents = 0.05 * np.random.default_rng(0).standard_normal((3, chain.n + 1, 6))
     arms = chain.perturb_links(tangents)
     assert (arms.batch, chain.batch) == ((3,), ())
@@ -154,15 +154,15 @@ def test_a_batch_of_arms_is_each_by_itself(chain, joints):
             np.testing.assert_allclose(at.link_derivative[k], alone.posture(mine).link_derivative, atol=1e-14)
 
 
-def test_batches_of_origins_and_of_the_tip_are_alike(chain):
-    """Three of the ones and one of the other are no arms."""
+def test_origins_and_tip_need_equal_batches(chain):
+    """Three sets of origins with one tip are refused."""
     arms = chain.perturb_links(np.zeros((3, chain.n + 1, 6)))
     with pytest.raises(InputError, match="origins and one tip"):
         SerialChain(chain.joint_names, arms.origins, chain.axes, chain.tip, chain.lower, chain.upper)
 
 
-def test_masses_are_copies():
-    """Masses and their centres are read-only copies; nothing may hang on a joint."""
+def test_masses_are_read_only_copies():
+    """Masses and their centres are read-only copies, and a joint may carry no mass."""
     kg = np.array([2.0, 0.0])
     masses = Masses(kg, np.ones((2, 3)))
     kg[0] = 5.0
@@ -179,14 +179,14 @@ def test_masses_are_copies():
         (np.ones(()), np.zeros((1, 3)), "kg has shape"),
     ],
 )
-def test_impossible_masses_are_refused(kg, centres, message):
-    """A mass is not negative, and each has its centre."""
+def test_invalid_masses_are_refused(kg, centres, message):
+    """Negative masses, and masses without a matching centre, raise InputError."""
     with pytest.raises(InputError, match=message):
         Masses(kg, centres)
 
 
-def test_down_is_a_direction():
-    """Of any length, along -z unless it is told; no direction is refused."""
+def test_gravity_direction_is_normalised():
+    """A direction of any length is accepted, the default is -z, and a zero vector is refused."""
     one = np.ones(1), np.zeros((1, 3))
     assert Masses(*one).down.tolist() == [0.0, 0.0, -1.0]
     np.testing.assert_allclose(Masses(*one, np.array([3.0, 0.0, 4.0])).down, [0.6, 0.0, 0.8])
@@ -197,8 +197,8 @@ def test_down_is_a_direction():
 @pytest.mark.parametrize(
     ("length", "taken"), [(1 + 0.9e-9, True), (1 - 0.9e-9, True), (1 + 1.2e-9, False), (0.9, False)]
 )
-def test_axes_have_the_length_of_rounding(length, taken):
-    """A billionth longer or shorter than a unit vector is one, more is refused."""
+def test_axes_are_unit_vectors_to_rounding(length, taken):
+    """An axis longer or shorter than a unit vector by 1e-9 is accepted, more is refused."""
     chain = planar(0.5, 0.3)
     parts = {name: getattr(chain, name) for name in chain.__dataclass_fields__}
     parts["axes"] = np.array([[0, 0, 1.0], [0, 0, length]])
@@ -209,7 +209,7 @@ def test_axes_have_the_length_of_rounding(length, taken):
             SerialChain(**parts)
 
 
-def test_joints_turn_by_little_more_than_a_revolution():
-    """What is larger is a wrist without end, or in degrees."""
+def test_joint_limits_exceed_a_revolution_slightly():
+    """Larger angles come from a wrist without end or are in degrees."""
     assert 2 * np.pi < LARGEST_JOINT_RAD < 3 * np.pi
     assert 0.02 < LIMIT_EXCESS_RAD < 0.2

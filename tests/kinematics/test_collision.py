@@ -1,4 +1,4 @@
-"""Capsules that enclose bodies of links."""
+"""Tests of capsules that enclose the bodies of links."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def origin_of(_):
 
 @pytest.mark.parametrize("size", [(0.5, 0.12, 0.15), (0.05, 0.05, 0.05), (0.0, 0.3, 0.2), (2.0, 3.0, 0.1), (0, 0, 0)])
 def test_capsules_enclose_a_box_tightly(size):
-    """All points of it are inside; those outside by more than the diagonal of a rod's section are not."""
+    """All points of the box are inside, and the radius is at most the half diagonal of a rod's section."""
     bounds = np.array([np.full(3, -0.1), np.array(size) - 0.1])
     capsules = box_capsules(1, PLACED, bounds)
     corners = np.stack(np.meshgrid(*bounds.T, indexing="ij"), -1).reshape(-1, 3)
@@ -48,13 +48,13 @@ def test_capsules_enclose_a_box_tightly(size):
     assert capsules.radius.max() <= max(0.5 * np.hypot(0.08, 0.08), 0.5 * np.hypot(*sorted(size)[:2]) / 1.4) + 1e-9
 
 
-def test_a_large_box_has_few_capsules():
-    """Eight across either side, though each is wider than a rod then."""
+def test_large_box_has_few_capsules():
+    """A box has at most eight capsules across either side, though each is wider than a rod then."""
     assert len(box_capsules(1, PLACED, np.array([np.zeros(3), np.full(3, 3.0)])).radius) == 64
 
 
-def test_shapes_are_enclosed(tmp_path):
-    """Points of a cylinder, a sphere and a box as a URDF places them are inside."""
+def test_capsules_enclose_primitive_shapes(tmp_path):
+    """Points of a cylinder, a sphere and a box at their URDF pose are inside."""
     angle, share = RNG.uniform(0, 2 * np.pi, 500), RNG.uniform(-1, 1, (500, 1))
     around = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(500)])
     ball = RNG.standard_normal((500, 3))
@@ -69,8 +69,8 @@ def test_shapes_are_enclosed(tmp_path):
         assert deep.min() > -1e-4, shape
 
 
-def test_meshes_are_scaled_and_found_by_package(tmp_path):
-    """A mesh below the URDF's folder, its package named or not, encloses its vertices with the scale, mirrored too."""
+def test_mesh_scale_and_package_are_applied(tmp_path):
+    """A mesh below the URDF's folder, with or without its package name, is enclosed with its scale, mirrored too."""
     cell = arm_with_bodies(tmp_path).parent
     bounds = mesh_bounds(cell / "meshes/upper.stl") * [0.001, 0.001, -0.002]
     inside = RNG.uniform(bounds.min(0), bounds.max(0), (300, 3))
@@ -80,8 +80,8 @@ def test_meshes_are_scaled_and_found_by_package(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["package://other/none.stl", "../outside.stl", "inside.stl", "", "a" * 5000])
-def test_meshes_outside_of_the_cell_are_not_read(tmp_path, name):
-    """Missing, above the cell, or a link to what is outside: an error names the mesh."""
+def test_meshes_outside_the_cell_folder_are_refused(tmp_path, name):
+    """A missing mesh, one above the cell, or a link to the outside is an error that names the mesh."""
     cell = arm_with_bodies(tmp_path).parent
     (tmp_path / "outside.stl").write_bytes((cell / "meshes/upper.stl").read_bytes())
     (cell / "inside.stl").symlink_to(tmp_path / "outside.stl")
@@ -90,14 +90,17 @@ def test_meshes_outside_of_the_cell_are_not_read(tmp_path, name):
 
 
 @pytest.mark.parametrize("shape", ["", "<box/>", '<box size="1 2"/>', '<sphere radius="nan"/>', "<cylinder/>"])
-def test_bodies_that_cannot_be_read_are_errors(tmp_path, shape):
-    """No shape, or numbers that are missing or not finite."""
+def test_unreadable_bodies_are_refused(tmp_path, shape):
+    """A body without a shape, or with missing or non-finite numbers, raises InputError."""
     with pytest.raises(InputError, match="<collision> has"):
         body_capsules(collision(body(shape), tmp_path))
 
 
-def test_bodies_are_carried_by_the_joint_above_them(tmp_path):
-    """Those of the base stay; fingers, which slide, are carried by the last joint; a text alone keeps none."""
+def test_bodies_follow_the_joint_above(tmp_path):
+    """Bodies of the base are fixed, and sliding fingers follow the last joint.
+
+    A chain from text alone has no bodies.
+    """
     path = arm_with_bodies(tmp_path)
     frames = {each.link: each.frame for each in read_chain(path, "base_link", "tool0").collisions}
     want = {"base_link": 0, "shoulder": 1, "upper_arm": 2, "forearm": 3, "wrist_1": 4, "wrist_3": 6, "left_finger": 6}
@@ -107,8 +110,8 @@ def test_bodies_are_carried_by_the_joint_above_them(tmp_path):
     assert parse_chain(path.read_text(), "base_link", "tool0").collisions == ()
 
 
-def test_another_arm_on_the_same_torso_is_no_body_of_this_one(tmp_path):
-    """What turns elsewhere on the way is not carried: where it is is unknown."""
+def test_bodies_of_another_arm_are_excluded(tmp_path):
+    """A body behind another turning joint is excluded, because its pose is unknown."""
     other = '<link name="other"><collision><geometry><box size="1 1 1"/></geometry></collision></link>'
     turning = '<joint name="other_pan" type="revolute"><parent link="{}"/><child link="other"/></joint>'
     for parent, kept in (("base_link", False), ("upper_arm", False), ("tool0", True)):
@@ -128,8 +131,8 @@ def test_another_arm_on_the_same_torso_is_no_body_of_this_one(tmp_path):
         ('<box size="0.06 0.08 -0.3"/>', [0, 0, 0.15], 0.05),
     ],
 )
-def test_slender_shapes_are_one_capsule_about_their_middle(tmp_path, shape, half, radius):
-    """Its segment is as long as the shape, and its radius reaches the edges; it is exact."""
+def test_slender_shapes_are_one_capsule(tmp_path, shape, half, radius):
+    """The capsule's segment is as long as the shape, its radius reaches the edges, and it has no padding."""
     found = body_capsules(collision(body(shape), tmp_path))
     assert found.frame.tolist() == [2]
     np.testing.assert_allclose(found.radius, radius)
@@ -138,7 +141,7 @@ def test_slender_shapes_are_one_capsule_about_their_middle(tmp_path, shape, half
 
 
 def test_numbers_of_shapes_are_bounded(tmp_path):
-    """Up to a thousand, as many as the shape has, and padding is that of the caller."""
+    """Numbers up to 1000 are accepted, as many as the shape has. Padding is that of the caller."""
     assert body_capsules(collision(body('<sphere radius="1000"/>'), tmp_path)).radius == 1000
     for radius in ("1001", "-1001", "1 2", "", "inf", "wide"):
         with pytest.raises(InputError, match="expected finite numbers: 1"):
@@ -146,8 +149,8 @@ def test_numbers_of_shapes_are_bounded(tmp_path):
     np.testing.assert_array_equal(box_capsules(1, PLACED, np.array([np.zeros(3), np.ones(3)]), 0.1).padding, 0.1)
 
 
-def test_a_wide_box_is_filled_by_rods_side_by_side():
-    """Along its longest side, one for each eight centimetres across, at most eight."""
+def test_wide_box_is_filled_by_parallel_rods():
+    """Rods run along the longest side, one for each 8 cm across, at most eight."""
     capsules = box_capsules(3, SE3.identity(), np.array([[0.0, 0.0, 0.0], [0.1, 0.4, 0.24]]), 0.01)
     middles = [[x, 0.2, z] for x in (0.025, 0.075) for z in (0.04, 0.12, 0.2)]
     np.testing.assert_allclose(capsules.ends.mean(1), middles)
@@ -159,8 +162,8 @@ def test_a_wide_box_is_filled_by_rods_side_by_side():
 
 
 @pytest.mark.parametrize("name", ["package://arm/parts/a.stl", "arm/parts/a.stl", "file://parts/a.stl", "parts/a.stl"])
-def test_a_mesh_is_found_with_all_of_its_folders(tmp_path, name):
-    """Beside the URDF or above it; of a package only its name is left out."""
+def test_mesh_is_found_by_its_folders(tmp_path, name):
+    """A mesh is found beside the URDF or above it, and only the package's name is dropped from its path."""
     (tmp_path / "urdf").mkdir()
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "a.stl").write_bytes(binary_stl(np.zeros((1, 3, 3))))
@@ -171,8 +174,8 @@ def test_a_mesh_is_found_with_all_of_its_folders(tmp_path, name):
     assert mesh_file(shape, of) == (tmp_path / "parts" / "a.stl").resolve()
 
 
-def test_a_scaled_mesh_is_enclosed_tightly(tmp_path):
-    """Its box in millimetres has a capsule of as many metres, mirrored where the scale is below zero."""
+def test_scaled_mesh_is_enclosed_tightly(tmp_path):
+    """A mesh box in millimetres has a capsule in metres, mirrored if the scale is negative."""
     corners = np.array([[[0, 0, 0], [100, 20, 0], [400, 0, 40]]], dtype=float)
     (tmp_path / "a.stl").write_bytes(binary_stl(corners))
     text = body('<mesh filename="a.stl" scale="0.001 0.002 -0.001"/>', "")

@@ -1,4 +1,4 @@
-"""Torques of gravity, and the masses that make them, as a URDF has them."""
+"""Tests of gravity torques and of masses read from a URDF."""
 
 from dataclasses import replace
 
@@ -30,8 +30,8 @@ def potential(chain: SerialChain, joints: np.ndarray, down: np.ndarray) -> np.nd
 
 
 @pytest.mark.parametrize("down", [DOWN, np.array([0.6, 0, -0.8])])
-def test_torques_are_the_gradient_of_the_work_of_the_weights(down):
-    """By central differences, for an upright arm and one on an incline."""
+def test_torques_are_the_gradient_of_gravity_work(down):
+    """Torques equal central differences, for an upright arm and one on an incline."""
     chain = hung(down)
     joints = np.random.default_rng(0).uniform(-3, 3, (20, 6))
     step = 1e-5
@@ -42,8 +42,8 @@ def test_torques_are_the_gradient_of_the_work_of_the_weights(down):
     np.testing.assert_allclose(gravity_torques(chain, joints), np.stack(wanted, -1), atol=1e-7)
 
 
-def test_torques_are_pinocchios():
-    """Of the same arm written as a URDF; Pinocchio's are those that hold it."""
+def test_torques_equal_pinocchio():
+    """Torques of the same arm as a URDF are the negative of Pinocchio's holding torques."""
     pin = pytest.importorskip("pinocchio")
     chain = six_axis()
     model = pin.buildModelFromXML(chain_urdf(chain, "base_link", "tool0"))
@@ -53,14 +53,20 @@ def test_torques_are_pinocchios():
         np.testing.assert_allclose(gravity_torques(chain, q), -holding, atol=1e-10)
 
 
-def test_a_vertical_axis_is_not_turned():
-    """The first axis of an upright arm stands along gravity; of rounding a compliance would be found without bounds."""
+def test_vertical_axis_has_no_torque():
+    """The torque about a vertical first axis is exactly zero.
+
+    From mere rounding, a compliance without bounds would be estimated.
+    """
     joints = np.random.default_rng(2).uniform(-3, 3, (10, 6))
     assert not np.any(gravity_torques(six_axis(), joints)[:, 0])
 
 
-def test_masses_are_those_of_the_links_that_a_joint_carries():
-    """Links behind fixed joints and beside the chain count for the last turning joint above them; the base's do not."""
+def test_masses_of_links_carried_by_a_joint():
+    """Links behind fixed joints and beside the chain count for the last turning joint above them.
+
+    The base's mass does not count.
+    """
     text = """<robot name="r"><link name="base"><inertial><mass value="9"/></inertial></link>
       <link name="arm"><inertial><origin xyz="0.1 0 0"/><mass value="2"/></inertial></link><link name="tool"/>
       <link name="gripper"><inertial><origin xyz="0 0 0.1"/><mass value="1"/></inertial></link>
@@ -77,8 +83,8 @@ def test_masses_are_those_of_the_links_that_a_joint_carries():
     ("rpy", "down"),
     [("0 0 0.4", [0, 0, -1]), ("3.141592653589793 0 0", [0, 0, 1]), ("0 1.5707963267948966 0", [1, 0, 0])],
 )
-def test_what_an_arm_hangs_on_tells_gravity(rpy, down):
-    """Of the link that all others hang on z is up; a joint between it and the base is as it is written."""
+def test_gravity_direction_from_the_root_link(rpy, down):
+    """The z axis of the root link points up. A joint between root and base is at its written pose."""
     text = f"""<robot name="r"><link name="hall"/><link name="rail"/><link name="base"/>
       <link name="arm"><inertial><mass value="2"/></inertial></link>
       <joint name="slide" type="prismatic"><parent link="hall"/><child link="rail"/><origin rpy="0 0 1"/></joint>
@@ -87,8 +93,8 @@ def test_what_an_arm_hangs_on_tells_gravity(rpy, down):
     np.testing.assert_allclose(parse_chain(text, "base", "arm").masses.down, down, atol=1e-15)
 
 
-def test_a_chain_keeps_its_masses_through_a_urdf():
-    """Written and read back, and none where none are written."""
+def test_masses_survive_a_urdf_round_trip():
+    """Masses are written and read back, and a chain without masses has none."""
     chain = six_axis()
     again = parse_chain(chain_urdf(chain, "base_link", "tool0"), "base_link", "tool0").masses
     np.testing.assert_array_equal(again.kg, chain.masses.kg)
@@ -113,16 +119,16 @@ def test_a_chain_keeps_its_masses_through_a_urdf():
         "",
     ],
 )
-def test_masses_that_cannot_be_used_are_said(inertial):
-    """With the link's name."""
+def test_invalid_inertials_are_refused(inertial):
+    """Unusable masses raise DatasetError with the link's name."""
     text = f"""<robot name="r"><link name="base"/><link name="arm"><inertial>{inertial}</inertial></link>
       <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>"""
     with pytest.raises(DatasetError, match="link 'arm' inertial"):
         parse_chain(text, "base", "arm")
 
 
-def test_masses_suit_their_chain():
-    """As many as joints, and not negative."""
+def test_masses_match_their_chain():
+    """A chain needs as many masses as joints, and masses are not negative."""
     origins = SE3.identity((1,))
     one = ("a",), origins, np.array([[0.0, 0, 1]]), SE3.identity(), np.array([-1.0]), np.array([1.0])
     with pytest.raises(InputError, match="masses of 2 joints"):
@@ -131,8 +137,8 @@ def test_masses_suit_their_chain():
         Masses(-np.ones(1), np.zeros((1, 3)))
 
 
-def test_light_links_and_links_of_nothing():
-    """Of less than a kilogram, or of no mass: the centre is that of what hangs there, or the joint's own origin."""
+def test_centres_of_light_and_massless_links():
+    """A joint with less than a kilogram has the combined centre of its links, one without mass its own origin."""
     text = """<robot name="r"><link name="base"/>
       <link name="arm"><inertial><origin xyz="0.1 0 0"/><mass value="0.4"/></inertial></link>
       <link name="rod"><inertial><origin xyz="0 0 0.2"/><mass value="0"/></inertial></link>
@@ -147,8 +153,8 @@ def test_light_links_and_links_of_nothing():
     assert parse_chain(nothing, "base", "rod").masses is None
 
 
-def test_weights_pull_down_by_default():
-    """A direction of any length has the same torques."""
+def test_gravity_points_down_by_default():
+    """The default direction is -z, and a direction of any length is normalised."""
     chain = six_axis()
     assert chain.masses is not None
     parts = chain.masses.kg, chain.masses.centres

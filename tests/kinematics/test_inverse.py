@@ -14,8 +14,8 @@ def left(chain, joints, pose):
     return (chain.forward(joints).inverse() @ pose).log()
 
 
-def test_round_trip(chain):
-    """From up to 0.3 rad beside them, 30 random poses 0.3 rad inside the limits are all reached to 1e-10."""
+def test_inverse_kinematics_round_trip(chain):
+    """From starts within 0.3 rad, 30 random poses 0.3 rad inside the limits are all reached to 1e-10."""
     rng = np.random.default_rng(2)
     lower, upper = chain.lower.clip(min=-np.pi) + 0.3, chain.upper.clip(max=np.pi) - 0.3
     for wanted in rng.uniform(lower, upper, (30, chain.n)):
@@ -25,21 +25,21 @@ def test_round_trip(chain):
         assert np.all((found >= chain.lower) & (found <= chain.upper))
 
 
-def test_a_nearby_start_finds_the_same_branch(folder):
-    """Away from singular poses the six joints found from nearby are those the pose was made of."""
+def test_nearby_start_finds_the_same_branch(folder):
+    """Away from singular poses, the six joints found from nearby are those of the pose."""
     chain = read_chain(folder / "six_axis.urdf", "base_link", "tool0")
     wanted = np.array([0.3, -1.2, 1.4, -0.9, 1.3, 0.4])
     np.testing.assert_allclose(inverse(chain, chain.forward(wanted), wanted + 0.2), wanted, rtol=0, atol=1e-8)
 
 
-def test_being_there_is_an_answer(chain):
-    """A start that is already there is given back as it is."""
+def test_start_at_the_pose_is_returned(chain):
+    """A start that already reaches the pose is returned unchanged."""
     start = np.full(chain.n, 0.4)
     np.testing.assert_array_equal(inverse(chain, chain.forward(start), start, iterations=0), start)
 
 
-def test_limits_hold_on_the_way_to_them(folder):
-    """A pose with joints on their limits is reached from a start beyond the limits, without leaving them."""
+def test_pose_at_joint_limits_is_reached(folder):
+    """A pose with joints at their limits is reached from a start beyond the limits, without leaving them."""
     chain = read_chain(folder / "six_axis.urdf", "base_link", "tool0")
     wanted = np.array([6.28, -1.2, 2.9, -0.9, 1.3, 0.4])
     found = inverse(chain, chain.forward(wanted), wanted + np.array([0.2, 0.1, 0.3, 0.1, -0.1, 0.1]))
@@ -47,8 +47,8 @@ def test_limits_hold_on_the_way_to_them(folder):
     assert np.all(found <= chain.upper)
 
 
-def test_a_pose_past_a_limit_is_not_reached(folder):
-    """What only a joint past its limit reaches is NotConverged, with the state on the limit."""
+def test_pose_beyond_a_limit_is_not_reached(folder):
+    """A pose that needs a joint beyond its limit raises NotConverged with the state at the limit."""
     chain = read_chain(folder / "six_axis.urdf", "base_link", "tool0")
     wanted = np.array([0.0, -1.2, 3.0, -0.9, 1.3, 0.4])
     with pytest.raises(NotConverged, match="mm and") as caught:
@@ -56,8 +56,8 @@ def test_a_pose_past_a_limit_is_not_reached(folder):
     assert caught.value.state[2] == chain.upper[2]
 
 
-def test_out_of_reach_stretches_towards(chain):
-    """A pose out of reach is NotConverged; its state is nearer than the start, inside the limits."""
+def test_unreachable_pose_is_approached(chain):
+    """A pose out of reach raises NotConverged with a state nearer than the start and inside the limits."""
     start = np.full(chain.n, 0.4)
     pose = SE3.from_rotvec([0, 0, 0], [30.0, 0.0, 0.0])
     with pytest.raises(NotConverged, match="check the reach") as caught:
@@ -67,15 +67,15 @@ def test_out_of_reach_stretches_towards(chain):
     assert np.linalg.norm(left(chain, joints, pose)) < np.linalg.norm(left(chain, start, pose))
 
 
-def test_a_joint_held_on_its_limit_costs_nothing():
-    """Where one joint of four stands on its limit, the other three go on as fast as ever, not shortened by it."""
+def test_joint_at_its_limit_does_not_slow_the_others():
+    """If one joint of four is at its limit, the other three converge as fast as ever, with steps of full length."""
     arm = replace(planar(0.5, 0.4, 0.3, 0.2), upper=np.array([0.0, 3.0, 3.0, 3.0]))
     pose = arm.forward(np.array([0.0, 0.5, 0.6, 0.4]))
     found = inverse(arm, pose, np.array([0.0, 0.3, 0.9, 0.1]), iterations=10)
     assert np.abs(left(arm, found, pose)).max() <= 1e-10
 
 
-def test_any_start_ends_in_an_answer_or_a_refusal():
+def test_any_start_ends_in_an_answer_or_not_converged():
     """With two joints on one axis, a stretched pose or one out of reach ends in an answer or NotConverged."""
     rng = np.random.default_rng(0)
     arm = planar(0.0, 0.5, 0.3)
@@ -92,8 +92,8 @@ def test_any_start_ends_in_an_answer_or_a_refusal():
     assert reached >= 5
 
 
-def test_a_batch_is_each_pose_by_itself(chain):
-    """Poses side by side end at the joints that each ends at alone; one out of reach is told with all the others."""
+def test_batch_equals_separate_poses(chain):
+    """Poses in a batch end at the joints of each alone, and one out of reach raises the error with all states."""
     rng = np.random.default_rng(3)
     lower, upper = chain.lower.clip(min=-np.pi) + 0.3, chain.upper.clip(max=np.pi) - 0.3
     wanted = rng.uniform(lower, upper, (20, chain.n))
@@ -107,8 +107,8 @@ def test_a_batch_is_each_pose_by_itself(chain):
     np.testing.assert_allclose(caught.value.state[0], together[0], rtol=0, atol=1e-6)
 
 
-def test_bad_input_is_refused(chain):
-    """Starts of another length or another count than the poses, or not finite, are InputErrors."""
+def test_invalid_starts_are_refused(chain):
+    """Starts of another length, of another count than the poses, or not finite raise InputError."""
     pose = chain.forward(np.zeros(chain.n))
     for start in (np.zeros(chain.n - 1), np.full(chain.n, np.nan), np.zeros((1, chain.n))):
         with pytest.raises(InputError, match="start has shape"):
@@ -118,13 +118,16 @@ def test_bad_input_is_refused(chain):
 
 
 def test_no_pose_needs_no_joints(chain):
-    """Of an empty batch the answer is empty, too."""
+    """An empty batch of poses has an empty answer."""
     nothing = chain.forward(np.zeros((0, chain.n)))
     assert inverse(chain, nothing, np.zeros(chain.n)).shape == (0, chain.n)
 
 
-def test_what_is_left_is_told_of_the_farthest_pose():
-    """In millimetres and degrees; the others stand in the state where they were reached."""
+def test_error_reports_the_farthest_pose():
+    """The error has the remaining distance in millimetres and degrees.
+
+    The other poses keep the state that reaches them.
+    """
     arm = planar(0.5, 0.4)
     near = arm.forward(np.array([0.3, 0.4]))
     far = SE3.from_rotvec([0, 0, 0.0], [1.4, 0.0, 0.0])
@@ -138,8 +141,11 @@ def test_what_is_left_is_told_of_the_farthest_pose():
     assert np.linalg.norm(off[:3]) == pytest.approx(0.5, abs=0.1)
 
 
-def test_what_is_left_falls_as_the_gradient_says(folder):
-    """Half the derivative of the squares by differences, far from the pose, for each pose of a batch."""
+def test_gradient_of_the_remaining_error(folder):
+    """The gradient is half the finite difference of the squared error.
+
+    It holds far from the pose and for each pose of a batch.
+    """
     chain = read_chain(folder / "six_axis.urdf", "base_link", "tool0")
     rng, step = np.random.default_rng(1), 1e-6
     q = rng.uniform(-1.0, 1.0, (3, 6))
@@ -152,8 +158,8 @@ def test_what_is_left_falls_as_the_gradient_says(folder):
 
 
 @pytest.mark.parametrize("at", ["lower", "upper"])
-def test_a_joint_on_a_limit_is_held_where_it_would_leave_it(folder, at):
-    """Its gradient is none and its row and column of the hessian, too; those that go back inside are free."""
+def test_joint_is_fixed_at_a_limit_it_would_leave(folder, at):
+    """The gradient and the Hessian's row and column of such a joint are zero. Joints that move back inside are free."""
     chain = read_chain(folder / "six_axis.urdf", "base_link", "tool0")
     limit = getattr(chain, at)
     inside = 0.1 if at == "lower" else -0.1
@@ -170,8 +176,8 @@ def test_a_joint_on_a_limit_is_held_where_it_would_leave_it(folder, at):
         assert downhill.all() == (q is not limit)
 
 
-def test_how_far_away_the_flange_stays_is_told():
-    """Of the pose of a batch that is left the farthest, in millimetres and degrees; the others stay reached."""
+def test_remaining_distance_of_the_flange_is_reported():
+    """The farthest pose of a batch is reported in millimetres and degrees, and the others stay reached."""
     chain = planar(0.5, 0.3)
     there = chain.forward(np.array([0.3, 0.8]))
     raised = SE3(there.rotation, there.translation + np.array([0, 0, 0.04]))
@@ -182,8 +188,8 @@ def test_how_far_away_the_flange_stays_is_told():
 
 
 @pytest.mark.parametrize("largest", [0.5, 1.0, 4.0])
-def test_steps_end_at_a_radian(largest):
-    """Shortened as a whole, and at the limits."""
+def test_steps_are_limited_to_a_radian(largest):
+    """A step is shortened as a whole, and clipped at the limits."""
     chain = planar(0.5, 0.3)
     arm = _Arm(replace(chain, lower=np.array([-9.0, -0.1]), upper=np.array([9.0, 9.0])), SE3.identity((1,)))
     found = arm.retract(np.zeros((1, 2)), None, largest * np.array([[1.0, -0.5]]))
@@ -191,13 +197,13 @@ def test_steps_end_at_a_radian(largest):
     np.testing.assert_allclose(found, [[share * largest, -0.1]])
 
 
-def test_no_poses_have_no_joints():
-    """A batch of none is reached."""
+def test_empty_batch_is_reached():
+    """A batch of no poses has no joints."""
     assert inverse(planar(0.5, 0.3), SE3.identity((0,)), np.zeros(2)).shape == (0, 2)
 
 
-def test_both_halves_of_what_is_left_are_told():
-    """Where no step is tried it is the tangent from the start, in millimetres and degrees."""
+def test_remaining_translation_and_rotation_are_reported():
+    """Without any step, the error is the tangent from the start, in millimetres and degrees."""
     chain, start = planar(0.5, 0.3), np.array([0.3, 0.8])
     pose = chain.forward(start) @ SE3.exp(np.array([0, 0, 0.03, np.radians(2), 0, 0]))
     with pytest.raises(NotConverged, match="stays 30 mm and 2 deg away"):
@@ -205,8 +211,8 @@ def test_both_halves_of_what_is_left_are_told():
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(0.0, 1.0), (-1.0, 0.0)])
-def test_a_joint_on_a_limit_that_nothing_moves_is_free(lower, upper):
-    """At the pose itself no joint is held: its row of the hessian counts."""
+def test_joint_at_a_limit_without_gradient_is_free(lower, upper):
+    """At the pose itself no joint is fixed, and its row of the Hessian counts."""
     chain = replace(planar(0.5, 0.3), lower=np.array([lower, -1]), upper=np.array([upper, 1]))
     q = np.zeros((1, 2))
     about = _Arm(chain, chain.forward(q)).linearise(q)
@@ -215,8 +221,8 @@ def test_a_joint_on_a_limit_that_nothing_moves_is_free(lower, upper):
     np.testing.assert_allclose(about.hessian, jacobian.mT @ jacobian, atol=1e-12)
 
 
-def test_what_is_left_may_be_a_tenth_of_a_nanometre():
-    """A start nearer than that is there, unless a smaller rest is wanted; one farther off is moved."""
+def test_tolerance_is_a_tenth_of_a_nanometre():
+    """A start within the tolerance, by default 1e-10, is returned unchanged, and one farther off is moved."""
     chain, start = planar(0.5, 0.3), np.array([0.3, 0.8])
     for off, kept in ((0.9e-10, True), (1.2e-10, False)):
         pose = chain.forward(start + np.array([0.0, off]))

@@ -1,4 +1,4 @@
-"""Arms of MJCF files, beside MuJoCo's own kinematics."""
+"""Tests of arms from MJCF files against MuJoCo's own kinematics."""
 
 from __future__ import annotations
 
@@ -59,16 +59,16 @@ def own_model():
     )
 
 
-def test_joints_without_names_differ(tmp_path) -> None:
-    """Two of one body, and of bodies without a name, are not taken for one joint in a table."""
+def test_unnamed_joints_have_distinct_names(tmp_path) -> None:
+    """Two joints of one body, and of unnamed bodies, are distinct in a table."""
     text = """<mujoco><worldbody><body name="base"><body name="a"><joint/><joint axis="1 0 0"/><geom size="1"/>
     <body><joint/><geom size="1"/><body><joint/><geom size="1"/><body name="flange"/></body></body></body></body>
     </worldbody></mujoco>"""
     assert chain_of(tmp_path, text).joint_names == ("a_joint", "a_joint_2", "_joint", "_joint_4")
 
 
-def test_flanges_are_where_mujoco_has_them(tmp_path) -> None:
-    """At any joints the flange stands in the base as MuJoCo's own kinematics say."""
+def test_flange_poses_equal_mujoco(tmp_path) -> None:
+    """The pose of the flange in the base is that of MuJoCo's kinematics at any joints."""
     chain, model = chain_of(tmp_path, ARM), own_model()
     data = mujoco.MjData(model)
     assert chain.joint_names == ("swing", "lift", "elbow")
@@ -83,7 +83,7 @@ def test_flanges_are_where_mujoco_has_them(tmp_path) -> None:
 
 
 def test_limits_and_masses(tmp_path) -> None:
-    """Ranges are in radians, a joint without one turns for ever, and weights turn joints as in MuJoCo."""
+    """Ranges are in radians, a joint without range is unlimited, and gravity torques equal MuJoCo's."""
     chain, model = chain_of(tmp_path, ARM), own_model()
     np.testing.assert_allclose(chain.upper, [np.radians(170), np.radians(170), np.inf])
     np.testing.assert_array_equal(chain.lower, -chain.upper)
@@ -95,8 +95,8 @@ def test_limits_and_masses(tmp_path) -> None:
     np.testing.assert_allclose(ours * 9.81 / 9.80665, -data.qfrc_bias, atol=1e-9)
 
 
-def test_masses_that_are_not_written_are_not_known(tmp_path) -> None:
-    """An arm whose weights follow from shapes, which are not read, has none."""
+def test_masses_without_inertials_are_unknown(tmp_path) -> None:
+    """An arm whose masses follow from shapes, which are not read, has no masses."""
     assert chain_of(tmp_path, re.sub(r"<inertial.*?/>", "", ARM)).masses is None
 
 
@@ -109,8 +109,11 @@ def test_masses_that_are_not_written_are_not_known(tmp_path) -> None:
         (('<site name="flange"', '</body><body name="else"><site name="flange"'), None),
     ],
 )
-def test_what_is_no_arm_is_refused(tmp_path, change: tuple[str, str], message: str | None) -> None:
-    """What names other files, slides, or is no model is one line; what hangs elsewhere still counts."""
+def test_invalid_arms_are_refused(tmp_path, change: tuple[str, str], message: str | None) -> None:
+    """An arm with includes, a sliding joint, or no valid model is refused in one line.
+
+    Bodies elsewhere are accepted.
+    """
     text = ARM.replace(*change)
     if message is None:
         assert chain_of(tmp_path, text).joint_names == ("swing", "lift")
@@ -119,8 +122,11 @@ def test_what_is_no_arm_is_refused(tmp_path, change: tuple[str, str], message: s
             chain_of(tmp_path, text)
 
 
-def test_names_that_are_not_there(tmp_path) -> None:
-    """A body that is not there is told with those that are; the flange hangs under the base, with joints between."""
+def test_missing_names_are_refused(tmp_path) -> None:
+    """The error for a missing body lists the existing ones.
+
+    The flange has to be below the base, with joints between.
+    """
     with pytest.raises(FrameNotFound, match="lower"):
         chain_of(tmp_path, ARM, base="bse")
     with pytest.raises(FrameNotFound, match="flange"):
@@ -131,15 +137,15 @@ def test_names_that_are_not_there(tmp_path) -> None:
         chain_of(tmp_path, ARM, base="world", flange="base")
 
 
-def test_without_mujoco(tmp_path, monkeypatch) -> None:
-    """Where MuJoCo is not installed, the line that installs it is told."""
+def test_missing_mujoco_raises_missing_extra(tmp_path, monkeypatch) -> None:
+    """Without MuJoCo, the error names the extra to install."""
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(MissingExtra, match="sim"):
         chain_of(tmp_path, ARM)
 
 
-def test_a_joint_without_a_name_has_that_of_its_body(tmp_path) -> None:
-    """Beside those that have one; a joint that slides is told by it, too."""
+def test_unnamed_joint_is_named_by_its_body(tmp_path) -> None:
+    """An unnamed joint has its body's name beside named ones, also in the error about a sliding joint."""
     bare = ARM.replace('<joint name="elbow" limited="false"/>', '<joint limited="false"/>')
     assert chain_of(tmp_path, bare).joint_names == ("swing", "lift", "lower_joint")
     with pytest.raises(DatasetError, match="lower_joint"):
@@ -163,8 +169,11 @@ LIGHT = """
 </mujoco>"""
 
 
-def test_masses_are_those_of_the_bodies_that_a_joint_carries(tmp_path) -> None:
-    """From the first body of the world on, what hangs beside the chain counts where it hangs; the world's does not."""
+def test_masses_of_bodies_carried_by_a_joint(tmp_path) -> None:
+    """Bodies beside the chain count for the joint that carries them, from the world's first body on.
+
+    Fixed bodies of the world do not count.
+    """
     chain = chain_of(tmp_path, LIGHT.format(mass=0.3), "world", "second")
     assert chain.masses is not None
     np.testing.assert_allclose(chain.masses.kg, [0.5, 0.4])

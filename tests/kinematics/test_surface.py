@@ -1,4 +1,4 @@
-"""Surfaces of bodies, to be drawn."""
+"""Tests of surfaces of bodies for drawing."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def sphere(radius_m, count=60):
         ('<sphere radius="0.1"/>', 4 * np.pi * 0.01, 0.06),
     ],
 )
-def test_shapes_have_their_area(tmp_path, shape, area_m2, share):
-    """By at most 250 triangles, a little less; they stand where the URDF says, in the frame that carries them."""
+def test_shapes_have_their_surface_area(tmp_path, shape, area_m2, share):
+    """At most 250 triangles give the area or slightly less, at the URDF pose in the frame of the body."""
     frame, points, triangles = body_surface(collision(shape, tmp_path))
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=-1).sum() / 2
@@ -52,8 +52,8 @@ def test_shapes_have_their_area(tmp_path, shape, area_m2, share):
 
 
 @pytest.mark.parametrize(("write", "name"), [(binary_stl, "a.stl"), (text_stl, "b.stl"), (obj, "c.obj")])
-def test_fine_meshes_become_coarse(tmp_path, write, name):
-    """All kinds of files alike: a sphere of 6,962 triangles keeps its radius with a quarter of them."""
+def test_fine_meshes_are_simplified(tmp_path, write, name):
+    """In all file formats, a sphere of 6,962 triangles keeps its radius with less than a quarter of them."""
     whole = sphere(0.1)
     (tmp_path / name).write_bytes(write(1e3 * whole))
     np.testing.assert_allclose(mesh_triangles(tmp_path / name), 1e3 * whole, rtol=1e-6, atol=1e-5)
@@ -68,8 +68,8 @@ def test_fine_meshes_become_coarse(tmp_path, write, name):
     assert 0.088 < far.min() <= far.max() < 0.1001
 
 
-def test_a_mesh_is_coarsened_alike_wherever_its_origin_is(tmp_path):
-    """The same sphere about a point 0.137 m off has the same triangles, and points as far off."""
+def test_simplification_is_independent_of_the_origin(tmp_path):
+    """A sphere shifted by 0.137 m has the same triangles, and points shifted as far."""
     surfaces = []
     for name, shift in (("a.stl", 0.0), ("b.stl", 0.137)):
         (tmp_path / name).write_bytes(binary_stl(sphere(0.125, 24) + shift))
@@ -79,8 +79,8 @@ def test_a_mesh_is_coarsened_alike_wherever_its_origin_is(tmp_path):
     np.testing.assert_allclose(there - here, np.tile(PLACED.rotation @ np.full(3, 0.137), (len(here), 1)), atol=1e-6)
 
 
-def test_faces_of_an_obj_may_have_many_corners(tmp_path):
-    """They are cut into triangles; numbers below zero count from the end; one that is not there is refused."""
+def test_obj_faces_with_many_corners_are_triangulated(tmp_path):
+    """Faces are cut into triangles, negative indices count from the end, and missing indices are refused."""
     corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
     path = tmp_path / "a.obj"
     path.write_text(corners + "f 1/1/1 2//2 3 -1\n")
@@ -91,14 +91,14 @@ def test_faces_of_an_obj_may_have_many_corners(tmp_path):
 
 
 @pytest.mark.parametrize("shape", ["", '<sphere radius="0"/>', '<box size="1 2"/>', '<mesh filename="../a.stl"/>'])
-def test_what_is_no_body_is_refused(tmp_path, shape):
-    """Without a shape, a size or a volume, or outside of the folder."""
+def test_invalid_bodies_are_refused(tmp_path, shape):
+    """A body without a shape, a size or a volume, or with a mesh outside of the folder, is refused."""
     with pytest.raises(BasecalError):
         body_surface(collision(shape, tmp_path))
 
 
-def test_an_arm_has_all_of_its_bodies(tmp_path):
-    """Each is carried by the frame of its collision element."""
+def test_arm_surfaces_cover_all_bodies(tmp_path):
+    """Each surface is in the frame of its collision element."""
     chain = read_chain(arm_with_bodies(tmp_path), "base_link", "wrist_3")
     surfaces = [body_surface(each) for each in chain.collisions]
     assert [each.frame for each in surfaces] == [each.frame for each in chain.collisions]

@@ -20,8 +20,8 @@ def robot(*parts):
     return f"<robot name='r'>{''.join(parts)}</robot>"
 
 
-def test_a_chain_holds_what_the_file_says():
-    """Fixed joints are folded in, axes are made unit, limits and names are kept."""
+def test_chain_matches_the_urdf():
+    """Fixed joints are merged, axes are normalised, limits and names are kept."""
     chain = parse_chain(robot(LINKS, TURN, HOLD), "base", "tool")
     assert chain.joint_names == ("turn",)
     np.testing.assert_array_equal(chain.axes, [[0, 0, 1]])
@@ -30,8 +30,8 @@ def test_a_chain_holds_what_the_file_says():
     np.testing.assert_allclose(flange.translation, [0, 0.1, 0.3], atol=1e-15)
 
 
-def test_defaults_are_urdfs():
-    """A joint without origin stands where its parent does, without axis it turns about x; continuous has no limits."""
+def test_urdf_defaults_are_applied():
+    """A joint without origin is at its parent, without axis it turns about x, and a continuous one has no limits."""
     text = robot(LINKS, HOLD, '<joint name="t" type="continuous"><parent link="base"/><child link="arm"/></joint>')
     chain = parse_chain(text, "base", "tool")
     np.testing.assert_array_equal(chain.axes, [[1, 0, 0]])
@@ -39,8 +39,8 @@ def test_defaults_are_urdfs():
     np.testing.assert_array_equal(chain.origins.matrix, [np.eye(4)])
 
 
-def test_a_chain_starts_and_ends_where_asked(folder):
-    """What lies before the base and beyond the flange is no part of the chain."""
+def test_chain_spans_base_to_flange(folder):
+    """Joints above the base and beyond the flange are not part of the chain."""
     path = folder / "six_axis.urdf"
     part = read_chain(path, "shoulder", "wrist_2")
     assert part.joint_names == ("shoulder_lift", "elbow", "wrist_1_joint", "wrist_2_joint")
@@ -52,8 +52,8 @@ def test_a_chain_starts_and_ends_where_asked(folder):
     np.testing.assert_allclose(world_from_base.rotvec, [0, 0, 1.2], atol=1e-15)
 
 
-def test_text_and_bytes_and_file_are_the_same(folder):
-    """A chain reads alike from a path as text, from a Path, and from the file's text or bytes."""
+def test_text_bytes_and_file_are_equal(folder):
+    """A chain is the same from a path as text, from a Path, and from the file's text or bytes."""
     path = folder / "seven_axis.urdf"
     q = np.linspace(-1, 1, 7)
     want = read_chain(path, "pedestal", "hand").forward(q).matrix
@@ -66,8 +66,8 @@ def test_text_and_bytes_and_file_are_the_same(folder):
 
 
 @pytest.mark.parametrize(("base", "flange", "missing"), [("bas", "tool", "bas"), ("base", "tool0", "tool0")])
-def test_a_missing_link_is_told_with_those_that_exist(base, flange, missing):
-    """A link that does not exist is FrameNotFound, with the names that do."""
+def test_missing_link_lists_existing_links(base, flange, missing):
+    """A missing link raises FrameNotFound with the existing names."""
     with pytest.raises(FrameNotFound, match="base, arm, tool") as caught:
         parse_chain(robot(LINKS, TURN, HOLD), base, flange)
     assert caught.value.name == missing
@@ -105,21 +105,21 @@ def test_a_missing_link_is_told_with_those_that_exist(base, flange, missing):
         (robot(LINKS, TURN.replace("revolute", "fixed"), HOLD), "no revolute joint between 'base' and 'tool'"),
     ],
 )
-def test_files_that_are_no_arm_are_refused(text, message):
-    """What cannot be used is a DatasetError with the file, the element and what was expected."""
+def test_invalid_urdf_files_are_refused(text, message):
+    """An unusable file raises DatasetError with the file, the element and the expected content."""
     with pytest.raises(DatasetError, match=message) as caught:
         parse_chain(text, "base", "tool", "arm.urdf")
     assert str(caught.value).startswith("arm.urdf")
 
 
 def test_a_flange_above_the_base_is_refused():
-    """A flange that does not hang under the base has no chain."""
+    """A flange that is not below the base has no chain."""
     with pytest.raises(DatasetError, match="'base' is not below 'tool', but above it: exchange"):
         parse_chain(robot(LINKS, TURN, HOLD), "tool", "base")
 
 
-def test_a_loop_beside_the_root_is_refused():
-    """Links that hang on one another in a ring are told, not followed for ever."""
+def test_loop_beside_the_root_is_refused():
+    """Links in a loop are reported, without an endless search."""
     ring = HOLD.replace('"arm"', '"ring"').replace('"tool"', '"arm"').replace("hold", "a")
     ring += HOLD.replace('"arm"', '"tool"').replace('"tool"/><o', '"ring"/><o').replace("hold", "b")
     ring += HOLD.replace("hold", "c")
@@ -127,22 +127,22 @@ def test_a_loop_beside_the_root_is_refused():
         parse_chain(robot(LINKS, '<link name="ring"/>', ring), "base", "tool")
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path):
-    """A missing file is a DatasetError that names it."""
+def test_missing_file_is_refused(tmp_path):
+    """A missing file raises DatasetError with its name."""
     with pytest.raises(DatasetError, match=r"arm\.urdf: cannot be read"):
         read_chain(tmp_path / "arm.urdf", "base", "tool")
 
 
-def test_joints_off_the_way_may_be_anything(folder):
-    """Prismatic fingers and mimics beside the chain do not matter; asked for, they are refused."""
+def test_joints_off_the_chain_are_ignored(folder):
+    """Prismatic fingers and mimic joints beside the chain are ignored, and within the chain they are refused."""
     path = folder / "six_axis.urdf"
     assert read_chain(path, "base_link", "tool0").n == 6
     with pytest.raises(DatasetError, match="joint 'left' type: 'prismatic' between base and flange"):
         read_chain(path, "base_link", "left_finger")
 
 
-def test_a_short_axis_is_a_direction_all_the_same():
-    """Of five nanometres its unit vector is taken; of half a nanometre it is none."""
+def test_short_axis_is_normalised():
+    """An axis of 5e-9 is normalised, one of 5e-10 has no direction."""
     chain = parse_chain(robot(LINKS, TURN.replace("0 0 2", "0 0 -5e-9"), HOLD), "base", "tool")
     np.testing.assert_allclose(chain.axes, [[0.0, 0.0, -1.0]])
     with pytest.raises(DatasetError, match="has no direction"):
@@ -150,15 +150,15 @@ def test_a_short_axis_is_a_direction_all_the_same():
 
 
 @pytest.mark.parametrize("number", ["1e200", "-1e7", "nan", "inf"])
-def test_numbers_that_no_arm_has_are_refused(number):
-    """With the joint, the field and the bound."""
+def test_implausible_numbers_are_refused(number):
+    """The error has the joint, the field and the bound."""
     text = robot(LINKS, TURN.replace("0 0 0.3", f"0 0 {number}"), HOLD)
     with pytest.raises(DatasetError, match="joint 'turn' origin xyz: expected 3 finite numbers within 1e\\+06"):
         parse_chain(text, "base", "tool")
 
 
-def test_time_grows_with_the_links():
-    """And not with their square: twice as many links, each with a mass, are twice as many calls."""
+def test_parsing_time_is_linear_in_links():
+    """Twice as many links, each with a mass, take about twice as many calls, not four times."""
     few, many = calls_of(300), calls_of(600)
     assert many < 2.2 * few
 
@@ -179,8 +179,8 @@ def calls_of(count):
     return len(calls)
 
 
-def test_an_arm_has_no_hundred_joints():
-    """Nor has a message all the names of a large file."""
+def test_chain_has_at_most_64_joints():
+    """A chain of 100 revolute joints is refused, and messages list only some of a large file's names."""
     links = "".join(f'<link name="l{k}"/>' for k in range(101))
     turning = '<joint name="j{0}" type="continuous"><parent link="l{0}"/><child link="l{1}"/></joint>'
     text = robot(links, "".join(turning.format(k, k + 1) for k in range(100)))
@@ -190,8 +190,8 @@ def test_an_arm_has_no_hundred_joints():
         parse_chain(text, "l0", "tool")
 
 
-def test_every_joint_is_told_with_its_origin():
-    """By the link that hangs on it; the root hangs on none."""
+def test_joint_origins_by_child_link():
+    """Every joint is returned with its origin by its child link, and the root has none."""
     above = joint_origins(robot(LINKS, TURN, HOLD))
     assert {link: (joint.name, joint.kind, joint.parent) for link, joint in above.items()} == {
         "arm": ("turn", "revolute", "base"),
@@ -203,8 +203,8 @@ def test_every_joint_is_told_with_its_origin():
         joint_origins(robot(LINKS, HOLD, LOOSE))
 
 
-def test_joints_on_the_way_are_told_with_fixed_ones():
-    """From the base to the flange in order, not those elsewhere."""
+def test_path_joint_names_include_fixed_joints():
+    """Joints from base to flange are in order, without those elsewhere."""
     aside = '<link name="aside"/><joint name="off" type="fixed"><parent link="arm"/><child link="aside"/></joint>'
     text = robot(LINKS, TURN, HOLD, aside)
     assert path_joint_names(text, "base", "tool") == ("turn", "hold")
@@ -213,8 +213,8 @@ def test_joints_on_the_way_are_told_with_fixed_ones():
         path_joint_names(text, "base", "elbow")
 
 
-def test_a_flange_elsewhere_is_told_by_what_it_hangs_under():
-    """The root above it; or that base and flange are exchanged."""
+def test_flange_elsewhere_reports_its_root():
+    """The error names the root above the flange, or suggests to exchange base and flange."""
     forked = '<link name="aside"/><joint name="off" type="fixed"><parent link="base"/><child link="aside"/></joint>'
     text = robot(LINKS, TURN, HOLD, forked)
     with pytest.raises(DatasetError, match=r"'tool' is not below 'aside'.*below 'base'"):

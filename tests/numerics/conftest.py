@@ -1,4 +1,4 @@
-"""Random numbers of one seed."""
+"""Fixtures of the tests of numerics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Batches of containers taken apart and put together."""
+"""Tests of indexing, concatenating, stacking and choosing among batches of containers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def container(rng: np.random.Generator, count: int, table: Array) -> Container:
 
 
 def test_take_and_concatenate_are_inverse(rng):
-    """A batch taken apart row by row and put together again is the same, and what is shared is kept as it is."""
+    """Concatenating all rows of a batch restores the batch, and shared fields are kept without a copy."""
     table = np.arange(7.0)
     whole = container(rng, 5, table)
     again = concatenate([take(whole, np.array([row])) for row in range(5)])
@@ -38,8 +38,8 @@ def test_take_and_concatenate_are_inverse(rng):
     assert again.lens is whole.lens
 
 
-def test_stack_gives_single_containers_an_axis(rng):
-    """Single containers stacked and taken at a number are themselves, their lenses too."""
+def test_stack_adds_batch_axis(rng):
+    """Stacked single containers, indexed by number, return the originals, lenses included."""
     whole = container(rng, 3, np.zeros(1))
     singles = [take(whole, row) for row in range(3)]
     assert singles[0].poses["a"].shape == ()
@@ -49,8 +49,8 @@ def test_stack_gives_single_containers_an_axis(rng):
     np.testing.assert_array_equal(take(stacked, 2).lens.parameters, singles[2].lens.parameters)
 
 
-def test_where_chooses_row_by_row(rng):
-    """Each row is that of the first where the mask holds, else that of the second."""
+def test_choose_entries_selects_row_by_row(rng):
+    """Each row is from the first container if the mask is true, else from the second."""
     first, second = (container(rng, 4, np.zeros(1)) for _ in range(2))
     mask = np.array([True, False, False, True])
     mixed = choose_entries(mask, first, second)
@@ -69,8 +69,8 @@ class Pair(NamedTuple):
     second: Array
 
 
-def test_named_tuples_stay_what_they_are(rng):
-    """Rows of a named tuple are a named tuple of the same kind."""
+def test_take_preserves_named_tuple_type(rng):
+    """Rows of a named tuple are a named tuple of the same type."""
     pair = Pair(rng.standard_normal(4), rng.standard_normal((4, 2)))
     few = take(pair, np.array([2, 0]))
     assert isinstance(few, Pair)

@@ -5,8 +5,11 @@ import numpy as np
 from basecal.numerics.group_sums import GroupSums
 
 
-def test_entries_of_a_group_add_up_along_any_axis(rng):
-    """Groups in any order, a group without entries, entries without numbers, and no entries at all."""
+def test_group_sums_along_any_axis(rng):
+    """Sums are correct for groups in any order, groups without entries, and no entries at all.
+
+    Entries may be without numbers.
+    """
     group = np.array([3, 0, 3, 1, 3])
     values = rng.standard_normal((5, 2, 4))
     expected = np.zeros((5, 2, 4))

@@ -1,4 +1,4 @@
-"""Inverses of Cholesky factors."""
+"""Tests of inverses of Cholesky factors."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from basecal.numerics.inverse_factors import _invert_factors, inverse_factors
 
 
 @pytest.mark.parametrize("shape", [(3,), (2, 5), (70,), (4, 40), (1200,), (0,)])
-def test_factors_invert_and_measure_the_matrices(shape):
-    """Few or many, in chunks, with axes before: R M R' is the identity, R is lower triangular, log det as NumPy's."""
+def test_inverse_factors_and_log_determinants(shape):
+    """R M R' is the identity, R is lower triangular, and log det is NumPy's.
+
+    Holds for few and many matrices, in chunks, and with leading axes.
+    """
     rng = np.random.default_rng(len(shape))
     rows = rng.standard_normal((*shape, 12, 20)) * np.logspace(-2, 2, 12)[:, None]
     matrices = rows @ rows.mT
@@ -23,8 +26,8 @@ def test_factors_invert_and_measure_the_matrices(shape):
 
 @pytest.mark.parametrize("count", [3, 70])
 @pytest.mark.parametrize("wrong", [np.diag([1.0, -1.0]), -np.eye(2), np.ones((2, 2)) - 1e-3 * np.eye(2)])
-def test_what_has_no_factor_is_refused(count, wrong):
-    """One among many, of a negative eigenvalue."""
+def test_indefinite_matrix_is_refused(count, wrong):
+    """One matrix with a negative eigenvalue among many raises LinAlgError."""
     matrices = np.tile(np.eye(2), (count, 1, 1))
     matrices[1] = wrong
     with pytest.raises(np.linalg.LinAlgError):
@@ -32,8 +35,8 @@ def test_what_has_no_factor_is_refused(count, wrong):
 
 
 @pytest.mark.parametrize("count", [3, 70])
-def test_what_is_no_number_stays_with_its_matrix(count):
-    """The others have their factors."""
+def test_non_finite_matrix_leaves_other_factors_valid(count):
+    """A matrix of NaN has a log determinant of NaN, and the other matrices have their factors."""
     matrices = np.tile(np.diag([4.0, 9.0]), (count, 1, 1))
     matrices[1] = np.nan
     root, log_det = inverse_factors(matrices)
@@ -48,8 +51,8 @@ def test_what_is_no_number_stays_with_its_matrix(count):
     (70, 40 * 144 + 143, [40, 30]),
     (64, 100, [1] * 64),  # one at a time where even one is more than that
 ])  # fmt: skip
-def test_many_are_taken_by_megabytes(monkeypatch, count, at_once, chunks):
-    """As many matrices at once as have so many numbers; of few each by itself."""
+def test_large_batches_are_factorised_in_chunks(monkeypatch, count, at_once, chunks):
+    """A chunk has as many matrices as fit into a limit of numbers; small batches are factorised one by one."""
     taken = []
 
     def factorised(lower):
@@ -67,8 +70,8 @@ def test_many_are_taken_by_megabytes(monkeypatch, count, at_once, chunks):
     np.testing.assert_allclose(log_det, np.full(count, 12 * np.log(4)))
 
 
-def test_matrices_of_nothing_have_factors_of_nothing():
-    """However many there are."""
+def test_empty_matrices_have_empty_factors():
+    """Matrices of size 0 have factors of size 0, for batches of any length."""
     for count in (3, 70):
         root, log_det = inverse_factors(np.zeros((count, 0, 0)))
         assert root.shape == (count, 0, 0)

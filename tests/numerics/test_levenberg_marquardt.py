@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt on curve fits whose optima are known."""
+"""Tests of Levenberg-Marquardt on curve fits with known optima."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ def curves(noise: float = 0.0) -> Exponentials:
     return Exponentials(exact + noise * np.random.default_rng(0).standard_normal(exact.shape))
 
 
-def test_every_problem_of_a_batch_finds_its_own_optimum():
-    """Exact curves from one rough start: each ends at its own parameters to 1e-9."""
+def test_every_problem_of_a_batch_converges():
+    """Exact curves from one rough start converge to their own parameters to 1e-9."""
     optima = levenberg_marquardt(curves(), np.tile([1.0, 1.0], (4, 1)), Criteria(iterations=200))
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state, TRUE, atol=1e-9)
@@ -78,8 +78,8 @@ def test_every_problem_of_a_batch_finds_its_own_optimum():
 
 
 @pytest.mark.parametrize("row", range(4))
-def test_a_batch_is_each_problem_by_itself(row):
-    """Noisy curves: a problem takes the same steps to the same end alone and among others."""
+def test_batch_equals_separate_problems(row):
+    """A problem with noise takes the same steps to the same end alone and in a batch."""
     start = np.tile([1.0, 1.0], (4, 1))
     together = levenberg_marquardt(curves(0.1), start, Criteria(dof=18))
     alone = levenberg_marquardt(curves(0.1).take([row]), start[[row]], Criteria(dof=18))
@@ -87,39 +87,39 @@ def test_a_batch_is_each_problem_by_itself(row):
     assert together.iterations[row] == alone.iterations[0]
 
 
-def test_no_step_goes_uphill():
-    """Stopped after any number of steps, no cost is above that of fewer steps."""
+def test_cost_never_increases():
+    """The cost after any number of steps is at most the cost after fewer steps."""
     start = np.tile([1.0, 1.0], (4, 1))
     costs = [levenberg_marquardt(curves(0.1), start, Criteria(iterations=k)).cost for k in range(1, 40)]
     assert np.all(np.diff(costs, axis=0) <= 1e-12)
     assert np.all(costs[-1] < 0.5 * curves(0.1).linearise(start).cost)
 
 
-def test_the_end_is_where_the_gradient_vanishes():
-    """At the ends the gradient is zero to 1e-4 sigmas."""
+def test_gradient_vanishes_at_the_end():
+    """The gradient at the final states is zero to 1e-4 sigmas."""
     optima = levenberg_marquardt(curves(0.1), np.tile([1.0, 1.0], (4, 1)), Criteria(dof=18))
     about = curves(0.1).linearise(optima.state)
     left = np.einsum("bi,bi->b", about.gradient, np.linalg.solve(about.hessian, about.gradient[..., None])[..., 0])
     assert np.all(left <= 1e-8 * about.cost / 18)
 
 
-def test_a_state_beyond_numbers_is_a_step_refused():
-    """Where a problem cannot be linearised its step is refused, and the others of the batch go on."""
+def test_singular_linearisation_rejects_the_step():
+    """If a problem cannot be linearised, its step is rejected and the others of the batch continue."""
     system = replace(curves(), singular_above=5.5)
     optima = levenberg_marquardt(system, np.tile([1.0, 1.0], (4, 1)), Criteria(iterations=200))
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state, TRUE, atol=1e-9)
 
 
-def test_not_converged_is_said():
-    """Two steps from a rough start are not enough, and that is what the result says."""
+def test_missing_convergence_is_reported():
+    """Two steps from a rough start are not enough, and the result is not marked as converged."""
     optima = levenberg_marquardt(curves(0.1), np.tile([1.0, 1.0], (4, 1)), Criteria(iterations=2))
     assert not optima.converged.any()
     assert np.all(optima.iterations == 2)
 
 
-def test_looser_ends_come_sooner_and_stay_within_what_is_allowed():
-    """A tenth of a sigma takes fewer steps than the default, and ends within two tenths of its optimum."""
+def test_looser_tolerance_takes_fewer_steps():
+    """A tolerance of 0.1 sigma takes fewer steps than the default and ends within 0.2 sigma of the optimum."""
     start = np.tile([1.0, 1.0], (4, 1))
     tight = levenberg_marquardt(curves(0.1), start, Criteria(dof=18))
     loose = levenberg_marquardt(curves(0.1), start, Criteria(dof=18, tolerance=0.1))
@@ -150,7 +150,10 @@ def by_hand(system, row, x, steps):
 @pytest.mark.parametrize("first", [(1.0, 4.0), (0.1, -1.0), (1.0, -1.0)])
 @pytest.mark.parametrize("steps", [1, 2, 3, 5, 6, 8])
 def test_damping_follows_the_gain(steps, first):
-    """As by hand where none counts as near its end, whether steps are taken or refused; most have not ended by then."""
+    """Steps equal a reference with Nielsen's damping, for accepted and rejected steps, if none is near its end.
+
+    Most problems have not ended by then.
+    """
     start = np.tile(first, (4, 1))
     with np.errstate(all="ignore"):
         optima = levenberg_marquardt(curves(0.1), start, Criteria(iterations=steps, tolerance=1e-12, dof=1e12))
@@ -196,8 +199,8 @@ class Bent:
         return replace(self, c=self.c[rows])
 
 
-def test_residuals_that_bend_delay_no_end():
-    """Where steps overshoot the optimum by up to 0.9 of their way, or fall short of it, ten find it to 1e-5 sigma."""
+def test_convergence_with_second_order_curvature():
+    """Ten steps reach the optimum to 1e-5 sigma if steps overshoot it by up to 0.9 of their length or fall short."""
     system = Bent(np.array([-0.9, -0.5, 0.0, 0.4, 0.7]))
     optima = levenberg_marquardt(system, np.full((5, 1), 0.01), Criteria(iterations=10))
     assert optima.converged.all()
@@ -205,8 +208,8 @@ def test_residuals_that_bend_delay_no_end():
 
 
 @pytest.mark.parametrize("c", [-3.0, -30.0])
-def test_curvature_far_beyond_that_of_jacobians_is_found_by_damped_steps(c):
-    """Gauss-Newton's steps are four and thirty times too long: damped ones alone took 18 and 44."""
+def test_damped_steps_learn_strong_curvature(c):
+    """At most 15 steps suffice if Gauss-Newton steps are 4 or 30 times too long. Damping alone took 18 and 44."""
     optimum = levenberg_marquardt(Bent(np.array([c])), np.full((1, 1), 0.01), Criteria(iterations=100))
     assert optimum.converged[0]
     assert optimum.iterations[0] <= 15
@@ -233,16 +236,19 @@ class Shadowed:
         return self
 
 
-def test_nothing_ends_while_what_is_eliminated_still_moves():
-    """From the best x, but a y far away: both are found, to what may be left to go."""
+def test_no_convergence_while_eliminated_unknowns_move():
+    """From the best x and a distant y, both unknowns are found to within the tolerance."""
     optima = levenberg_marquardt(Shadowed(), np.array([[1.0, 5.0], [-3.0, 1.0]]), Criteria(dof=1e4, tolerance=1e-6))
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state, 1.0, atol=1e-3)
 
 
 @pytest.mark.parametrize(("slope", "converged", "steps"), [(1.0, True, 8), (1e12, False, 10)])
-def test_where_no_step_is_any_good(slope, converged, steps):
-    """Each is damped the more: one that is nothing to the data ends there, one beyond all damping is given up."""
+def test_useless_steps_are_damped_until_the_end(slope, converged, steps):
+    """With a wrong gradient every step is damped more.
+
+    A step that is negligible for the data ends converged, one beyond all damping is given up.
+    """
     optima = levenberg_marquardt(Misled(slope), np.array([[3.0], [5.0]]), Criteria(iterations=50))
     np.testing.assert_array_equal(optima.state, [[3.0], [5.0]])
     np.testing.assert_array_equal(optima.cost, [13.0, 15.0])
@@ -250,8 +256,8 @@ def test_where_no_step_is_any_good(slope, converged, steps):
     assert optima.iterations.tolist() == [steps] * 2
 
 
-def test_a_direction_that_nothing_holds_is_no_error():
-    """An unknown that moves nothing stays, the other finds its optimum."""
+def test_unobservable_direction_is_no_error():
+    """An unknown without effect keeps its value, and the other one reaches its optimum."""
 
     @dataclass(frozen=True, eq=False)
     class Half(Misled):
@@ -287,8 +293,11 @@ LOOSE = Criteria(tolerance=1e-2)  # of a scale of 4: at most 4e-4 may be left
     (4.1e-4, 4e-4, 1e-9, False),
     (3.9e-4, 1e-4, 1e-9, True),  # that a step promises more than the last is no reason to go on
 ])  # fmt: skip
-def test_what_is_left_to_go_is_what_a_step_promises_by_how_steps_shrink(expected, before, damping, settled):
-    """In squares of sigmas, scaled by the residuals."""
+def test_convergence_by_predicted_decrease(expected, before, damping, settled):
+    """The predicted remaining decrease, extrapolated by how undamped steps shrink, decides on convergence.
+
+    It is in squared sigmas, scaled by the residuals.
+    """
     step = np.array([[1e-3, 0.0]])
     of = flight(damping=damping, expected=before)
     assert _has_converged(of, step, np.array([expected]), LOOSE).tolist() == [settled]
@@ -307,8 +316,8 @@ def test_what_is_left_to_go_is_what_a_step_promises_by_how_steps_shrink(expected
     ((0.0, 0.0), 1.0, 2.1, 1e-9, False),
         ((0.0, 0.0), 1.0, 0.9, 1e-9, True),
 ])  # fmt: skip
-def test_a_step_that_is_none_settles_where_nothing_else_moves(step, eliminated, before, damping, settled):
-    """By 1e-13 on every axis."""
+def test_negligible_step_converges_if_eliminated_unknowns_rest(step, eliminated, before, damping, settled):
+    """A step of at most 1e-13 on every axis ends the descent if the eliminated unknowns no longer move."""
     of = flight(damping=damping, expected=before, eliminated=eliminated)
     assert _has_converged(of, np.array([step]), np.array([1.0]), LOOSE).tolist() == [settled]
 
@@ -321,8 +330,11 @@ def test_a_step_that_is_none_settles_where_nothing_else_moves(step, eliminated, 
     (0.9e-12, 0.0, 1.0, 1.1e-3, True),
     (0.9e-12, 1.1e-12, np.inf, 1e-9, False),
 ])  # fmt: skip
-def test_promises_that_a_cost_cannot_show_settle_where_they_no_longer_fall(expected, before, cost, damping, settled):
-    """Below 1e-12 of it: along directions known to degrees the gradient's rounding promises so much for ever."""
+def test_predicted_decrease_below_rounding_converges(expected, before, cost, damping, settled):
+    """A predicted decrease below 1e-12 of the cost ends the descent once it no longer shrinks.
+
+    Along directions known to degrees, the gradient's rounding predicts that much for ever.
+    """
     of = flight(cost=cost, dof=1.0, damping=damping, expected=before)
     found = _has_converged(of, np.array([[1e-3, 0.0]]), np.array([expected]), Criteria(tolerance=1e-9))
     assert found.tolist() == [settled]
@@ -331,8 +343,11 @@ def test_promises_that_a_cost_cannot_show_settle_where_they_no_longer_fall(expec
 @pytest.mark.parametrize(("damping", "slope", "undamped"), [
     (1e-3, 1.0, True), (1.1e-3, 1.0, False), (1e3, 1.9e-2, True), (1e3, 2.1e-2, False),
 ])  # fmt: skip
-def test_damping_hides_no_step_that_could_be_seen(damping, slope, undamped):
-    """Below a thousandth it is none; else the step without it, whose square of sigmas is 4e-4, has to be nothing."""
+def test_negligible_damping_counts_as_gauss_newton(damping, slope, undamped):
+    """Damping below 1e-3 counts as none.
+
+    With more, the undamped step, whose square of sigmas is 4e-4, has to be negligible.
+    """
     of = flight(damping=damping, gradient=(slope, 0.0))
     assert _is_gauss_newton(of, LOOSE).tolist() == [undamped]
 
@@ -340,8 +355,8 @@ def test_damping_hides_no_step_that_could_be_seen(damping, slope, undamped):
 @pytest.mark.parametrize(
     ("gain", "factor"), [(1.0, 0.1), (0.75, 0.875), (0.5, 1.0), (0.25, 1.125), (0.0, 2.0), (99, 0.1)]
 )
-def test_a_step_taken_eases_the_damping_by_what_it_gained(gain, factor):
-    """Over what it promised, by Nielsen's cubic; the next refusal counts from two."""
+def test_accepted_step_reduces_damping_by_gain(gain, factor):
+    """Damping changes by Nielsen's cubic of actual over predicted decrease, and its growth restarts from two."""
     of = flight(cost=300.0, damping=0.5, growth=16.0, expected=7.0)
     after = flight(cost=300.0 - 2 * gain).linearisation
     moved = _accept_step(of, np.ones((1, 2)), after, after.cost, YES, np.array([2.0]), None, FIRST_DAMPING)
@@ -351,8 +366,8 @@ def test_a_step_taken_eases_the_damping_by_what_it_gained(gain, factor):
 
 
 @pytest.mark.parametrize(("damping", "stiffened"), [(0.5, 8.0), (1e-9, 1.6e-2)])
-def test_a_step_refused_stiffens_the_damping_ever_faster(damping, stiffened):
-    """From a thousandth on; all else stays as it was."""
+def test_rejected_step_increases_damping_ever_faster(damping, stiffened):
+    """Damping grows from at least 1e-3, and the rest of the state is unchanged."""
     of = flight(damping=damping, growth=16.0, expected=7.0)
     after = flight(cost=9.0).linearisation
     moved = _accept_step(of, np.ones((1, 2)), after, after.cost, ~YES, np.array([2.0]), None, FIRST_DAMPING)
@@ -365,8 +380,8 @@ def test_a_step_refused_stiffens_the_damping_ever_faster(damping, stiffened):
     (np.inf, np.inf, 0.1), (np.inf, 5.0, 0.1), (1.0, 1.0 + 0.9e-12, 0.1), (1.0, 1.0 - 6e-12, 0.875),
     (1.0, 1.0 - 7.2e-12, 0.1),
 ])  # fmt: skip
-def test_what_costs_do_not_tell_says_nothing_of_the_damping(before, after, factor):
-    """Infinite ones, or by rounding of a step that promises next to nothing: it counts as having gained that."""
+def test_uninformative_costs_do_not_reduce_the_gain(before, after, factor):
+    """Infinite costs, or changes of cost within rounding of a tiny predicted decrease, count as a full gain."""
     about = flight(cost=after).linearisation
     of = flight(cost=before, damping=0.5)
     promised = 1e-14 if not before - after > 1e-12 else 8e-12
@@ -374,8 +389,8 @@ def test_what_costs_do_not_tell_says_nothing_of_the_damping(before, after, facto
     assert moved.damping[0] == pytest.approx(0.5 * factor, rel=1e-3)
 
 
-def test_damping_has_an_end_below():
-    """At which a step is one of Gauss-Newton."""
+def test_damping_has_a_lower_bound():
+    """At the lower bound of 1e-9 a step is a Gauss-Newton step."""
     about = flight(cost=6.0).linearisation
     moved = _accept_step(
         flight(damping=2e-9), np.ones((1, 2)), about, about.cost, YES, np.array([2.0]), None, FIRST_DAMPING
@@ -384,15 +399,18 @@ def test_damping_has_an_end_below():
 
 
 @pytest.mark.parametrize(("dof", "limit"), [(2.0, 0.8), (2000.0, 0.4)])
-def test_near_is_within_a_sigma_and_a_thousandth_of_the_cost(dof, limit):
-    """By what a step promises, of a cost of 800."""
+def test_near_optimum_within_a_sigma_and_a_thousandth_of_the_cost(dof, limit):
+    """A predicted decrease of a cost of 800 decides if the state is near the optimum."""
     of = flight(cost=800.0, dof=dof)
     assert _is_near(of, np.array([0.99 * limit])).all()
     assert not _is_near(of, np.array([1.01 * limit])).any()
 
 
-def test_the_next_step_goes_by_what_residuals_bend():
-    """Where that leads downhill; else by the hessian alone. What is eliminated promises its own."""
+def test_next_step_uses_residual_curvature():
+    """The step includes the curvature of residuals if that is downhill, else the Hessian alone.
+
+    Eliminated unknowns add their own predicted decrease.
+    """
     of = flight(gradient=(2.0, 1.0), hessian=np.diag([4.0, 1.0]), eliminated=0.25)
     for curvature, step in ((np.diag([0, 0.0]), (-0.5, -1.0)), (np.diag([4.0, 1.0]), (-0.25, -0.5))):
         found, expected = _next_step(replace(of, residual_curvature=curvature[None]))
@@ -405,8 +423,8 @@ def test_the_next_step_goes_by_what_residuals_bend():
     assert expected == pytest.approx(1.5)
 
 
-def test_a_damped_step_is_that_of_the_scaled_diagonal_raised():
-    """Whatever the units of the unknowns; a column without information scales by a millionth of a millionth."""
+def test_damped_step_raises_the_scaled_diagonal():
+    """The step is independent of the unknowns' units. A column without information is scaled by 1e-12."""
     hessian = np.array([[4.0, 1.0, 0.0], [1.0, 900.0, 0.0], [0.0, 0.0, 0.0]])
     gradient = np.array([1.0, -3.0, 1e-12])
     about = Quadratic(np.zeros(1), gradient[None], hessian[None])
@@ -415,8 +433,8 @@ def test_a_damped_step_is_that_of_the_scaled_diagonal_raised():
 
 
 @pytest.mark.parametrize("ended", [([2, 0], [1]), ([2], [1, 0]), ([0, 2], [1]), ([1], [0, 2]), ([0], [1, 2])])
-def test_ends_are_told_in_the_order_of_their_problems(ended):
-    """Whichever ended first."""
+def test_results_keep_the_order_of_problems(ended):
+    """Results are in the order of the problems, whichever ended first."""
     ends = []
     for rows, converged in zip(ended, (True, False), strict=True):
         cost = 10.0 * np.array(rows)
@@ -430,8 +448,8 @@ def test_ends_are_told_in_the_order_of_their_problems(ended):
 
 
 @pytest.mark.parametrize("iterations", [1, 3])
-def test_no_more_steps_are_tried_than_may_be(iterations):
-    """Where none is left a problem ends where it is, not converged."""
+def test_iteration_limit_is_respected(iterations):
+    """If no step is left, a problem ends at its current state and is not converged."""
     found = levenberg_marquardt(
         curves(0.1), np.tile([1.0, 1.0], (4, 1)), Criteria(iterations=iterations, tolerance=0.0)
     )
@@ -441,8 +459,8 @@ def test_no_more_steps_are_tried_than_may_be(iterations):
 YES = np.array([True])
 
 
-def test_one_that_goes_nowhere_leaves_the_others_going():
-    """Beside a curve that is found, one whose every step is beyond numbers is given up where it is."""
+def test_failing_problem_does_not_stop_the_batch():
+    """Beside a curve that converges, a problem whose every step is not finite is given up at its state."""
     system = replace(curves(), singular_above=3.0)
     starts = np.array([[1.0, 1.0], [1.0, 3.0 - 1e-9]])
     seen = np.stack([curves().seen[0], np.exp(-50 * Exponentials.times)])
@@ -467,8 +485,8 @@ class Straight:
         return self
 
 
-def test_the_cost_is_that_after_the_last_step():
-    """Though nothing is computed there: by what the step has promised."""
+def test_cost_is_predicted_after_the_last_step():
+    """The final cost is computed from the predicted decrease, without another evaluation."""
     loose = levenberg_marquardt(Straight(), np.array([[2.1], [1.8]]), Criteria(tolerance=1.0))
     assert (loose.iterations.tolist(), loose.converged.tolist()) == ([1, 1], [True, True])
     np.testing.assert_allclose(loose.state, 2.0, atol=1e-6)

@@ -1,4 +1,4 @@
-"""A step downhill of residuals of which large ones count less."""
+"""Tests of a descent step for residuals with robust weights."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ RNG = np.random.default_rng(1)
 ROWS, TRUE = RNG.standard_normal((40, 2, 3)), np.array([0.3, -0.2, 0.1])
 
 
-def test_steps_end_at_the_truth_though_a_fifth_is_wrong():
-    """Ten steps from zero: eight rows of forty are 50 off, and the others decide."""
+def test_robust_steps_converge_despite_outliers():
+    """Ten steps from zero reach the truth though 8 of 40 rows are off by 50."""
     wrong = np.where(np.arange(40) % 5 == 0, 50.0, 0.0)[:, None]
     at = np.zeros(3)
     for _ in range(10):
@@ -20,14 +20,14 @@ def test_steps_end_at_the_truth_though_a_fifth_is_wrong():
     np.testing.assert_allclose(at, TRUE, atol=1e-3)
 
 
-def test_a_prior_holds_what_residuals_do_not_determine():
-    """Without any slope along the third axis the step along it is that of the prior."""
+def test_prior_determines_unobservable_directions():
+    """Without any gradient along the third axis, the step along it is that of the prior."""
     flat = ROWS * [1.0, 1.0, 0.0]
     step = robust_step(lambda step: flat @ (step - TRUE), 3, 1e6, np.diag([0.0, 0.0, 4.0]), np.array([0.0, 0.0, 2.0]))
     np.testing.assert_allclose(step, [*TRUE[:2], -0.5], atol=1e-6)
 
 
-def test_rows_count_by_cauchys_weights():
+def test_rows_have_cauchy_weights():
     """A step solves the normal equations with weights 1 / (1 + r^2 / tail^2), r the norm of a row."""
     offset, tail = 3 * RNG.standard_normal((40, 2)), 0.7
     step = robust_step(lambda step: ROWS @ step + offset, 3, tail)
@@ -38,7 +38,7 @@ def test_rows_count_by_cauchys_weights():
     )
 
 
-def test_a_normal_sample_has_the_sigma_of_its_median_deviation():
-    """Of ten thousand numbers within a fiftieth."""
+def test_normal_mad_estimates_sigma():
+    """Ten thousand normal numbers have the sigma of their scaled median deviation within 2 %."""
     drawn = np.random.default_rng(0).normal(1.0, 3.0, 10_000)
     assert NORMAL_MAD * np.median(np.abs(drawn - np.median(drawn))) == pytest.approx(3.0, rel=0.02)

@@ -1,4 +1,4 @@
-"""Sparse hessians do what dense ones do."""
+"""Tests of sparse Hessians against dense ones."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def dense(rng):
     return rows.T @ rows
 
 
-def test_steps_are_those_of_a_dense_one(dense, rng) -> None:
-    """Damped and not, and what they promise."""
+def test_damped_steps_equal_dense_ones(dense, rng) -> None:
+    """Steps and predicted decreases equal those of the dense Hessian, damped or not."""
     gradient, sparse = rng.standard_normal((1, 12)), SparseHessian(csc_array(dense))
     for damping in (1e-9, 0.1, 100.0):
         expected = _damped_step(Quadratic(np.zeros(1), gradient, dense[None]), np.array([damping]))
@@ -27,8 +27,8 @@ def test_steps_are_those_of_a_dense_one(dense, rng) -> None:
     np.testing.assert_allclose(sparse.quadratic(gradient), gradient @ dense @ gradient[0])
 
 
-def test_parts_of_the_inverse(dense) -> None:
-    """At any columns, symmetric."""
+def test_inverse_columns_and_blocks(dense) -> None:
+    """Columns and blocks of the inverse are those of the dense inverse, and blocks are symmetric."""
     sparse, inverse = SparseHessian(csc_array(dense)), np.linalg.inv(dense)
     np.testing.assert_allclose(sparse.inverse_columns(np.array([3, 7])), inverse[:, [3, 7]], rtol=1e-9)
     found = sparse.inverse_block(np.array([11, 0, 5]))
@@ -37,7 +37,10 @@ def test_parts_of_the_inverse(dense) -> None:
 
 
 def test_extremes_are_eigenvalues(dense) -> None:
-    """In any units; nothing is the smallest where a direction is rounding or missing."""
+    """The smallest and largest eigenvalue are found in any units.
+
+    The smallest is zero if a direction is missing or known by rounding alone.
+    """
     values = np.linalg.eigvalsh(dense)
     assert SparseHessian(csc_array(dense)).extremes == pytest.approx((values[0], values[-1]), rel=5e-3)
     scale = np.geomspace(1, 1e-3, 12)
@@ -52,8 +55,8 @@ def test_extremes_are_eigenvalues(dense) -> None:
     assert SparseHessian(csc_array(rows.T @ rows)).extremes[0] == 0.0
 
 
-def test_what_is_no_number_has_no_step(dense) -> None:
-    """As of a dense one."""
+def test_non_finite_hessian_has_no_step(dense) -> None:
+    """A Hessian with an infinite entry gives a step of NaN, as a dense one does."""
     dense[0, 0] = np.inf
     step = SparseHessian(csc_array(dense)).damped_step(np.ones((1, 12)), np.array([1e-9]))
     assert np.isnan(step).all()
@@ -76,15 +79,15 @@ class _Line:
         return self
 
 
-def test_descents_take_them(dense) -> None:
-    """To the optimum, where every unknown is one."""
+def test_levenberg_marquardt_accepts_sparse_hessians(dense) -> None:
+    """The descent reaches the optimum, at which every unknown is one."""
     found = levenberg_marquardt(_Line(dense), np.zeros((1, 12)), Criteria())
     assert found.converged.all()
     np.testing.assert_allclose(found.state, 1.0, atol=1e-6)
 
 
-def test_parts_of_large_inverses_are_put_together() -> None:
-    """Of more columns than are solved for at a time, in any order, they are those of the dense inverse."""
+def test_inverse_blocks_of_large_matrices() -> None:
+    """Columns are correct if more are requested, in any order, than are solved for at a time."""
     rng = np.random.default_rng(0)
     dense = np.diag(rng.uniform(1, 2, 560)) + np.diag(np.full(559, 0.3), 1) + np.diag(np.full(559, 0.3), -1)
     sparse, columns = SparseHessian(csc_array(dense)), rng.permutation(560)[:530]
@@ -94,16 +97,19 @@ def test_parts_of_large_inverses_are_put_together() -> None:
 
 
 @pytest.mark.parametrize(("smallest", "found"), [(3e-12, 3e-12), (3e-13, 0.0)])
-def test_an_eigenvalue_of_rounding_is_none(smallest: float, found: float) -> None:
-    """Below a millionth of a millionth of the largest, whatever its size."""
+def test_eigenvalue_at_rounding_is_zero(smallest: float, found: float) -> None:
+    """An eigenvalue below 1e-12 of the largest is zero, whatever the size of the matrix."""
     values = np.append(np.geomspace(1e-3, 1.0, 8), smallest)
     for size in (1.0, 1e6, 1e-6):
         extremes = SparseHessian(csc_array(np.diag(size * values))).extremes
         assert extremes == pytest.approx((size * found, size), rel=5e-3, abs=0.0)
 
 
-def test_a_column_without_information_scales_by_a_millionth_of_a_millionth() -> None:
-    """Of the largest, as of dense ones: what little pulls at it is damped by that."""
+def test_column_without_information_is_scaled_by_the_largest() -> None:
+    """As with dense Hessians, its scale is 1e-12 of the largest diagonal entry.
+
+    A small gradient along it is damped by that.
+    """
     hessian, gradient = np.diag([4.0, 900.0, 0.0]), np.array([[1.0, -3.0, 1e-12]])
     raised = hessian + 0.5 * np.diag([4.0, 900.0, 900e-12])
     step = SparseHessian(csc_array(hessian)).damped_step(gradient, np.array([0.5]))

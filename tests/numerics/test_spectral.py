@@ -1,4 +1,4 @@
-"""What of a matrix is information and what is rounding."""
+"""Tests of separating information from rounding in matrices."""
 
 from __future__ import annotations
 
@@ -35,14 +35,17 @@ def information(rng: np.random.Generator, rank: int, units: np.ndarray = UNITS) 
 
 
 @pytest.mark.parametrize("rank", range(1, 6))
-def test_rank_does_not_depend_on_units(rng, rank):
-    """Information of any rank is told as such, with unknowns in units ten orders apart."""
+def test_rank_is_independent_of_units(rng, rank):
+    """Information of any rank has that rank, with unknowns in units ten orders of magnitude apart."""
     assert spectrum(information(rng, rank)).rank == rank
 
 
 @pytest.mark.parametrize("rank", [2, 5])
-def test_roots_and_inverse_are_those_of_the_matrix(rng, rank):
-    """The root squared is the matrix, the inverse root squared the inverse; both vanish where nothing is held."""
+def test_root_and_inverse_of_the_matrix(rng, rank):
+    """The root squared is the matrix, the inverse root squared the inverse.
+
+    Both vanish along unobservable directions.
+    """
     matrix = information(rng, rank)
     of = spectrum(matrix)
     back = np.outer(UNITS, UNITS)
@@ -51,8 +54,8 @@ def test_roots_and_inverse_are_those_of_the_matrix(rng, rank):
     assert np.count_nonzero(of.root.any(0)) == np.count_nonzero(of.inverse_root.any(0)) == rank
 
 
-def test_a_batch_is_each_matrix_by_itself(rng):
-    """Ranks and inverses of matrices side by side are those of each alone, one of nothing among them."""
+def test_spectrum_of_a_batch_equals_separate_spectra(rng):
+    """Ranks and inverses of matrices in a batch equal those of each alone, a zero matrix included."""
     matrices = np.stack([information(rng, 3), np.zeros((5, 5)), information(rng, 5)])
     together = spectrum(matrices)
     assert together.rank.tolist() == [3, 0, 5]
@@ -60,20 +63,20 @@ def test_a_batch_is_each_matrix_by_itself(rng):
     np.testing.assert_allclose(together.inverse[2], spectrum(matrices[2]).inverse, rtol=1e-9)
 
 
-def test_no_unknowns_have_no_rank():
+def test_empty_matrix_has_rank_zero():
     """A matrix without rows has rank zero and an inverse without rows."""
     assert spectrum(np.zeros((0, 0))).rank == 0
     assert spectrum(np.zeros((0, 0))).inverse.shape == (0, 0)
 
 
-def test_thresholds_divide_at_their_share_of_the_largest():
-    """Just below the threshold is rounding, just above information."""
+def test_rounding_threshold_is_relative_to_the_largest():
+    """Eigenvalues just below the threshold are rounding, those just above it information."""
     values = np.array([0.5 * ROUNDING, 2 * ROUNDING, 1.0]) * 7
     assert holds_information(values).tolist() == [False, True, True]
 
 
 def test_rounding_of_sums_stays_below_the_threshold(rng):
-    """Null directions of products of 3,000 rows keep a tenth of the threshold clear, and full ranks do not vanish."""
+    """Null directions of products of 3,000 rows stay below a tenth of the threshold, and full ranks do not vanish."""
     rows = rng.standard_normal((3000, 20)) @ rng.standard_normal((20, 30))
     values = np.abs(spectrum(rows.T @ rows).values)
     assert values[9] < 0.1 * ROUNDING * values[-1]
@@ -82,7 +85,7 @@ def test_rounding_of_sums_stays_below_the_threshold(rng):
 
 @pytest.mark.parametrize("away", [0.0, 2.0])
 def test_rounding_of_a_view_stays_below_the_threshold(rng, away):
-    """Two points hold four freedoms of a pose, also where the target's origin is ten targets away from them."""
+    """Two points determine four degrees of freedom of a pose, also if the target's origin is ten targets away."""
     points = rng.uniform(-0.1, 0.1, (2, 3)) + away
     poses = SE3.from_rotvec(rng.uniform(-1, 1, (50, 3)), rng.uniform(-0.2, 0.2, (50, 3)) + np.array([0, 0, 1.0]))
     poses = poses @ SE3(np.eye(3), -points.mean(0))
@@ -92,8 +95,8 @@ def test_rounding_of_a_view_stays_below_the_threshold(rng, away):
     assert spectrum(view.information, VIEW_ROUNDING).rank.tolist() == [4] * 50
 
 
-def test_least_norm_leaves_nothing_that_rows_do_not_ask_for(rng):
-    """Of the solutions of rows short of rank the one across their null space is given."""
+def test_least_norm_solution_of_rank_deficient_rows(rng):
+    """Among the solutions of rank-deficient rows, the one orthogonal to their null space is returned."""
     rows = rng.standard_normal((10, 2)) @ rng.standard_normal((2, 4))
     right = rows @ rng.standard_normal(4)
     found = least_norm(rows, right)
@@ -102,21 +105,21 @@ def test_least_norm_leaves_nothing_that_rows_do_not_ask_for(rng):
 
 
 @pytest.mark.parametrize("spans", range(4))
-def test_dimension_is_that_of_the_space_points_span(rng, spans):
-    """Points far from the origin span what they were drawn in, rounding of their place not counted."""
+def test_dimension_of_points_far_from_the_origin(rng, spans):
+    """Points span the space they were drawn in, without the rounding of their distant position."""
     points = rng.standard_normal((8, spans)) @ rng.standard_normal((spans, 3)) * 0.1 + 3.0
     assert dimension(points if spans else np.full((8, 3), 3.0)) == spans
 
 
-def test_a_micrometre_on_a_metre_is_no_depth():
-    """A board with corners off its plane by half a micrometre is flat, one off by ten is not."""
+def test_half_micrometre_per_metre_is_planar():
+    """A board of 1 m with corners 0.5 um off its plane is planar, one with 10 um is not."""
     board = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1.0]])
     assert dimension(board * [1, 1, 5e-7]) == 2
     assert dimension(board * [1, 1, 1e-5]) == 3
 
 
-def test_mahalanobis_squared_is_that_of_the_pseudo_inverse(rng):
-    """Vectors of a batch, weighed by the inverse along what is held and by nothing along what is not."""
+def test_mahalanobis_uses_the_pseudo_inverse(rng):
+    """Vectors of a batch are weighted by the inverse along observable directions and by zero along the others."""
     matrices = np.stack([information(rng, 3), information(rng, 5)])
     vectors = rng.standard_normal((2, 5)) * UNITS
     of = spectrum(matrices)
@@ -131,7 +134,7 @@ def test_mahalanobis_squared_is_that_of_the_pseudo_inverse(rng):
 
 
 def test_inverse_with_ridge_is_that_of_the_sum(rng):
-    """And finite where one of the two is 1e20 times the other, and only along what is held."""
+    """The inverse is finite if one of the two is 1e20 times the other, and covers observable directions only."""
     root = rng.standard_normal((4, 3, 3))
     matrix = root @ root.mT
     np.testing.assert_allclose(
@@ -145,8 +148,8 @@ def test_inverse_with_ridge_is_that_of_the_sum(rng):
     assert spectrum(np.zeros((5, 0, 0))).inverse_with_ridge(1.0).shape == (5, 0, 0)
 
 
-def test_log_det_is_that_of_what_is_held():
-    """Of a regular matrix the logarithm of its determinant; unknowns without information do not count."""
+def test_log_det_of_observable_directions():
+    """A regular matrix has the logarithm of its determinant, and unknowns without information do not count."""
     matrix = np.array([[4.0, 1.0], [1.0, 9.0]])
     np.testing.assert_allclose(spectrum(matrix).log_det, np.log(35.0))
     without = np.zeros((3, 3))
@@ -154,7 +157,7 @@ def test_log_det_is_that_of_what_is_held():
     np.testing.assert_allclose(spectrum(without).log_det, np.log(35.0))
 
 
-def test_above_counts_in_the_units_it_is_told():
+def test_scaled_spectrum_uses_stated_units():
     """Eigenvalues divide at `least` in stated units, whatever the diagonal, and never below rounding of the largest."""
     matrix = np.diag([0.3, 0.5, 2.0])
     assert scaled_spectrum(matrix, 0.4).is_informative.tolist() == [False, True, True]
@@ -165,8 +168,8 @@ def test_above_counts_in_the_units_it_is_told():
     assert scaled_spectrum(np.zeros((2, 0, 0)), 0.1).rank.tolist() == [0, 0]
 
 
-def test_floored_raises_what_is_small_and_leaves_the_rest():
-    """A saddle becomes regular, its inverse that of the raised eigenvalues."""
+def test_floored_spectrum_raises_small_eigenvalues():
+    """A saddle becomes regular, and its inverse is that of the raised eigenvalues."""
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     of = floored_spectrum(turn @ np.diag([-3.0, 5.0]) @ turn.T, 0.5)
     np.testing.assert_allclose(of.inverse, turn @ np.diag([2.0, 0.2]) @ turn.T)
@@ -174,21 +177,21 @@ def test_floored_raises_what_is_small_and_leaves_the_rest():
 
 
 @pytest.mark.parametrize(("left", "unique"), [(0.3, True), (0.4, False)])
-def test_a_null_vector_is_unique_where_the_next_stands_clear(left, unique):
-    """Singular values divide at the gap; the vector is that of the smallest."""
+def test_null_vector_is_unique_with_a_gap(left, unique):
+    """The vector is that of the smallest singular value, and is unique if the next value is larger by the gap."""
     found = null_vector((np.diag([1.0, left, 3.0]) * 7) ** 2, 7.0)
     np.testing.assert_allclose(np.abs(found.vector), [0, 1, 0], atol=1e-12)
     assert found.unique is unique
 
 
-def test_two_null_vectors_are_none():
-    """Of two directions that rows do not ask about neither is the null vector, whatever rounding says of them."""
+def test_two_null_vectors_are_not_unique():
+    """If two directions are unconstrained, neither is the null vector, whichever rounding prefers."""
     assert not null_vector(np.diag([1e-9, 5e-4, 1.0]) ** 2, 1.0).unique
     assert null_vector(np.diag([1e-9, 2e-3, 1.0]) ** 2, 1.0).unique
 
 
-def test_a_basis_is_turned_to_what_moves_some_rows(rng):
-    """Columns fall by their share of the rows, span the same space, and stay orthonormal."""
+def test_basis_is_sorted_by_share_of_rows(rng):
+    """Columns are sorted by their share of the rows, span the same space, and stay orthonormal."""
     basis = np.linalg.qr(rng.standard_normal((6, 4)))[0]
     turned = sort_by_share(basis, np.array([0, 5]))
     np.testing.assert_allclose(turned.basis.T @ turned.basis, np.eye(4), atol=1e-12)
@@ -198,8 +201,8 @@ def test_a_basis_is_turned_to_what_moves_some_rows(rng):
     assert not turned.share[2:].any()
 
 
-def test_a_basis_without_rows_is_left_as_it_is(rng):
-    """Where no row is asked for nothing moves it, and an empty basis has no shares."""
+def test_basis_without_requested_rows_is_unchanged(rng):
+    """If no row is requested, the basis is unchanged, and an empty basis has no shares."""
     basis = np.linalg.qr(rng.standard_normal((6, 2)))[0]
     untouched = sort_by_share(basis, np.zeros(0, dtype=np.int64))
     assert untouched.basis is basis
@@ -207,8 +210,11 @@ def test_a_basis_without_rows_is_left_as_it_is(rng):
     assert sort_by_share(basis[:, :0], np.array([1])).share.shape == (0,)
 
 
-def test_principal_axes_are_those_vectors_spread_along():
-    """Extents fall, their axes are one a column, and those of a share up to the threshold do not count."""
+def test_principal_axes_and_extents():
+    """Extents decrease, and their axes are the columns.
+
+    Extents up to the relative threshold do not count for the dimension.
+    """
     vectors = np.array([[0, 3.0, 0], [0, -3.0, 0], [2.0, 0, 0]])
     of = principal_axes(vectors)
     np.testing.assert_allclose(np.abs(of.axes[:, :2]), [[0, 1], [1, 0], [0, 0]], atol=1e-12)
@@ -219,15 +225,15 @@ def test_principal_axes_are_those_vectors_spread_along():
     assert principal_axes(vectors[:1]).axes.shape == (3, 3)
 
 
-def test_pseudo_inverse_takes_rounding_for_nothing(rng):
+def test_pseudo_inverse_ignores_rounding(rng):
     """Rows that differ by rounding count once."""
     row = rng.standard_normal(3)
     inverse = pseudo_inverse(np.stack([row, row * (1 + 1e-13)]))
     np.testing.assert_allclose(inverse.sum(1), row / (row @ row), rtol=1e-9)
 
 
-def test_a_ridge_fades_out_what_holds_next_to_nothing():
-    """Directions far above it count whole, those far below not at all, one of its own size by half."""
+def test_ridge_fades_out_weak_directions():
+    """Directions far above the ridge count fully, those far below it not at all, and one of its size by half."""
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     of = Spectrum(np.array([1e-15, 1e-9, 1e-3, 1.0]), turn, np.ones(4), np.array([False, False, True, True]))
     ridged = of.add_ridge(1e-9)
@@ -240,8 +246,8 @@ def test_a_ridge_fades_out_what_holds_next_to_nothing():
     assert ridged.squared_mahalanobis(along) == pytest.approx(1e-9 + 1e-10 / 2e-9 + 10.0 + 4.0, rel=1e-5)
 
 
-def test_smallest_vectors_are_those_of_the_decomposition(rng):
-    """Of many matrices at once, whether their smallest eigenvalue is rounding, noise, or exactly none."""
+def test_smallest_vectors_equal_the_decomposition(rng):
+    """Vectors of many matrices are correct whether the smallest eigenvalue is rounding, noise, or exactly zero."""
     basis = np.linalg.qr(rng.standard_normal((5, 9, 9)))[0]
     for least, exact in ((0.0, 1e-13), (1e-6, 1e-13), (0.09, 1e-9)):
         values = np.append(least, rng.uniform(1, 4, 8))
@@ -251,8 +257,8 @@ def test_smallest_vectors_are_those_of_the_decomposition(rng):
     np.testing.assert_allclose(np.linalg.norm(smallest_vectors(np.zeros((2, 4, 4))), axis=-1), 1)
 
 
-def test_a_floored_inverse_is_that_of_the_floored_matrix(rng):
-    """Regular or singular; of several matrices of which one is, too."""
+def test_floored_inverse_is_that_of_the_floored_matrix(rng):
+    """The inverse is correct for regular and singular matrices, and for a batch with both."""
     basis = np.linalg.qr(rng.standard_normal((2, 4, 4)))[0]
     regular = (basis * [1.0, 2.0, 3.0, 4.0]) @ basis.mT
     singular = (basis * [-1e-12, 0.0, 3.0, 4.0]) @ basis.mT
@@ -262,16 +268,19 @@ def test_a_floored_inverse_is_that_of_the_floored_matrix(rng):
         )
 
 
-def test_a_floored_inverse_of_a_matrix_at_rounding_has_no_negative_variance():
-    """Whose smallest eigenvalue is rounding of the largest: Cholesky takes it, and its plain inverse is indefinite."""
+def test_floored_inverse_at_rounding_has_positive_eigenvalues():
+    """A matrix whose smallest eigenvalue is rounding of the largest has a positive definite inverse.
+
+    Cholesky accepts it, and its plain inverse is indefinite.
+    """
     basis = np.linalg.qr(np.random.default_rng(5).standard_normal((200, 6, 6)))[0]
     matrix = (basis * [1e-7, 1e6, 1e7, 1e9, 5e9, 1e10]) @ basis.mT
     matrix = 0.5 * (matrix + matrix.mT)
     assert np.linalg.eigvalsh(floored_inverse(matrix, 1e-15)).min() > 0
 
 
-def test_an_inverse_beside_the_identity_is_regular_if_the_identity_is_rounding(rng):
-    """The matrix is of rank 2, and 1 is a millionth of its rounding: all eigenvalues are from 0 to 1."""
+def test_inverse_beside_identity_is_regular_if_the_identity_is_rounding(rng):
+    """For a matrix of rank 2 with 1 at a millionth of its rounding, all eigenvalues are from 0 to 1."""
     rows = 1e11 * rng.standard_normal((2, 4))
     values = np.linalg.eigvalsh(inverse_beside_identity(rows.T @ rows))
     assert values.min() > -1e-9
@@ -279,16 +288,16 @@ def test_an_inverse_beside_the_identity_is_regular_if_the_identity_is_rounding(r
 
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
-def test_an_inverse_beside_the_identity_keeps_what_the_matrix_does_not_reach(rng, size):
-    """Of a matrix of rank 2: what it does not reach keeps the identity's 1, the rest is 1 / (1 + its eigenvalue)."""
+def test_inverse_beside_identity_keeps_the_null_space(rng, size):
+    """Null directions of a matrix of rank 2 keep the identity's 1. The others are 1 / (1 + eigenvalue)."""
     basis = np.linalg.qr(rng.standard_normal((4, 4)))[0]
     found = inverse_beside_identity((basis * [0.0, 0.0, size, 2 * size]) @ basis.T)
     wanted = (basis * [1.0, 1.0, 1 / (1 + size), 1 / (1 + 2 * size)]) @ basis.T
     np.testing.assert_allclose(found, wanted, atol=1e-6)
 
 
-def test_above_takes_units_out_of_rows_and_columns(rng):
-    """A full matrix in units ten orders apart has the values, and the inverse, of the one in its own."""
+def test_scaled_spectrum_removes_units(rng):
+    """A full matrix in units ten orders apart has the eigenvalues and inverse of the same matrix without units."""
     rows = rng.standard_normal((9, 5))
     plain = rows.T @ rows
     of = scaled_spectrum(plain * np.outer(UNITS, UNITS), 0.1, UNITS)
@@ -297,16 +306,19 @@ def test_above_takes_units_out_of_rows_and_columns(rng):
 
 
 @pytest.mark.parametrize("smallest", [2e-9, 5e-10])
-def test_a_thousand_millionth_of_exact_columns_counts(smallest):
-    """What is less is rounding: of pseudo-inverses and of least squares alike."""
+def test_relative_threshold_of_exact_columns(smallest):
+    """Singular values below 1e-9 of the largest are rounding, in pseudo-inverses and in least squares."""
     values = np.array([2.0, 1.0, 2 * smallest])
     left = np.divide(1, values, out=np.zeros(3), where=values > 2e-9)
     np.testing.assert_allclose(pseudo_inverse(np.diag(values)), np.diag(left), rtol=1e-9)
     np.testing.assert_allclose(least_norm(np.diag(values), np.ones(3)), left, rtol=1e-9)
 
 
-def test_of_smallest_vectors_a_sixteenth_power_of_the_next_is_left():
-    """Of eigenvalues of 1 and 2, turned by 30 degrees: 2^-16 of the next, by how much of both the larger column has."""
+def test_smallest_vectors_suppress_the_next_by_sixteenth_power():
+    """For eigenvalues of 1 and 2, rotated by 30 deg, 2^-16 of the next vector remains.
+
+    Its share depends on the larger column's part of both.
+    """
     turn = np.array([[np.sqrt(3) / 2, -0.5], [0.5, np.sqrt(3) / 2]])
     found = smallest_vectors((turn @ np.diag([1.0, 2.0]) @ turn.T)[None])[0]
     along, across = turn.T @ found
@@ -314,8 +326,8 @@ def test_of_smallest_vectors_a_sixteenth_power_of_the_next_is_left():
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (4, 0, 0), (0, 3, 3)])
-def test_matrices_of_nothing_and_batches_of_none_are_taken_apart_all_the_same(shape):
-    """Into as many values as they have."""
+def test_spectra_of_empty_matrices_and_batches(shape):
+    """Empty matrices and empty batches have spectra of matching shapes."""
     for of in (
         spectrum(np.zeros(shape)),
         scaled_spectrum(np.zeros(shape), 1.0),
@@ -328,8 +340,8 @@ def test_matrices_of_nothing_and_batches_of_none_are_taken_apart_all_the_same(sh
 
 
 @pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
-def test_the_diagonal_is_the_unit_of_each_row(unit):
-    """However small or large; a row of nothing has a unit of one."""
+def test_diagonal_is_the_unit_of_each_row(unit):
+    """Units follow the diagonal however small or large it is, and a zero row has a unit of one."""
     of = spectrum(np.array([[4.0 * unit, unit, 0.0], [unit, 9e-6 * unit + unit, 0.0], [0.0, 0.0, 0.0]]))
     np.testing.assert_allclose(of.scale, [2 * unit**0.5, ((1 + 9e-6) * unit) ** 0.5, 1.0])
     assert of.values[-1] == pytest.approx(1 + 0.5 / (1 + 9e-6) ** 0.5)
@@ -341,15 +353,19 @@ def test_the_diagonal_is_the_unit_of_each_row(unit):
     (0.0, 10.0, 9e3, True), (0.0, 10.0, 1.1e4, False),  # which has to be a thousandth of the rows' size
     (0.034, 0.1, 1.0, True), (0.036, 0.1, 1.0, False),
 ])  # fmt: skip
-def test_a_null_vector_stands_clear_of_the_next_which_is_none(first, second, size, unique):
+def test_null_vector_needs_a_gap_to_a_regular_next_value(first, second, size, unique):
+    """The smallest singular value has to be below a third of the next.
+
+    The next has to exceed a thousandth of the rows' size.
+    """
     found = null_vector(np.diag(np.square([50.0, second, first])), size)
     assert found.unique == unique
     np.testing.assert_allclose(np.abs(found.vector), [0, 0, 1], atol=1e-9)
 
 
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
-def test_a_millionth_of_the_largest_extent_is_none(unit):
-    """Of points a millimetre or a kilometre apart; no points span nothing."""
+def test_extent_below_a_millionth_of_the_largest_is_zero(unit):
+    """The dimension is correct for points a millimetre or a kilometre apart, and is zero without points."""
     plane = unit * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]])
     for depth, spans in ((1e-7, 2), (1e-5, 3)):
         raised = plane.copy()
@@ -358,8 +374,8 @@ def test_a_millionth_of_the_largest_extent_is_none(unit):
     assert dimension(np.zeros((0, 3))) == 0
 
 
-def test_the_smallest_vector_of_one_matrix_is_that_of_a_grid(rng):
-    """Whatever axes stand before the matrices, or none; their sizes do not matter, nor a row without numbers."""
+def test_smallest_vectors_with_any_leading_axes(rng):
+    """A single matrix and a grid have the same vectors, whatever their sizes. A zero matrix has a unit vector."""
     basis = np.linalg.qr(rng.standard_normal((3, 2, 5, 5)))[0]
     matrices = (basis * [0.0, 1.0, 2.0, 3.0, 4.0]) @ basis.mT * np.geomspace(1e-6, 1e6, 6).reshape(3, 2, 1, 1)
     grid = smallest_vectors(matrices)

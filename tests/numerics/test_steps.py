@@ -1,12 +1,12 @@
-"""Generators run side by side."""
+"""Tests of generators that run in step."""
 
 from __future__ import annotations
 
 from basecal.numerics.steps import run_in_step
 
 
-def test_what_tasks_want_at_a_time_is_answered_at_once():
-    """Each receives its own answers, also after others have ended; results keep the order of the tasks."""
+def test_requests_of_generators_are_batched():
+    """Each generator receives its own answers, also after others have ended. Results keep the order of the tasks."""
     batches = []
 
     def square_all(wanted):

@@ -1,4 +1,7 @@
-"""Threads of BLAS in a library call, in a process of its own: the number is read when NumPy is loaded."""
+"""Tests of BLAS threads in a library call.
+
+Each runs in its own process, because the number is read when NumPy is loaded.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +35,7 @@ def _threads(**stated: str) -> list[int]:
 
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has one thread anyway")
 def test_a_library_call_has_one_thread_and_restores_the_number() -> None:
+    """A library call limits BLAS to one thread and restores the number afterwards."""
     before, within, after = _threads()
     assert before == after > 1
     assert within == 1
@@ -39,4 +43,5 @@ def test_a_library_call_has_one_thread_and_restores_the_number() -> None:
 
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has one thread anyway")
 def test_a_stated_number_is_kept() -> None:
+    """A number of threads that the environment states is kept."""
     assert _threads(OPENBLAS_NUM_THREADS="2") == [2, 2, 2]

@@ -1,4 +1,4 @@
-"""The lens of Kannala and Brandt."""
+"""Tests of the fisheye lens of Kannala and Brandt."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STRAIGHT = [0.0] * 4
 
 
 def test_images_and_derivatives(rng):
-    """Images are OpenCV's, and their derivatives those of differences."""
+    """Images equal OpenCV's, and derivatives equal finite differences."""
     check_projection(fisheye, DISTORTION, points_before(rng, widest=1.5), cv2.fisheye.projectPoints)
 
 
@@ -24,8 +24,8 @@ def behind(rng):
     return np.column_stack([np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), np.cos(angle)])
 
 
-def test_derivative_past_a_right_angle(rng):
-    """Points behind the lens have an image and its derivative as well."""
+def test_derivative_beyond_a_right_angle(rng):
+    """Points behind the lens have an image and a derivative, too."""
     points = behind(rng)
     _, _, d_points, _ = fisheye.project_with_derivatives(points, FOCAL, DISTORTION, False)
     check_derivative(
@@ -33,15 +33,15 @@ def test_derivative_past_a_right_angle(rng):
     )
 
 
-def test_inverse(rng):
+def test_unprojection_inverts_projection(rng):
     """Every image inside the fold leads back to its point, behind the lens too."""
     check_inverse(fisheye, DISTORTION, points_before(rng, widest=2.0))
     check_inverse(fisheye, STRAIGHT, behind(rng))
     check_inverse(fisheye, [-0.05, 0.0, 0.0, 0.0], points_before(rng, widest=2.0))
 
 
-def test_without_terms_the_image_is_the_angle():
-    """The image lies at the angle from the axis, in the point's direction; right behind there is none."""
+def test_image_without_distortion_is_the_angle():
+    """The image is at the angle from the axis, in the point's direction. A point exactly behind has none."""
     points = np.array([[0.3, 0.4, 0.5], [-1.0, 0.0, 0.0], [0.0, 0.0, 2.0], [0.0, 0.0, -1.0]])
     u, v = fisheye.project(points, STRAIGHT)
     np.testing.assert_allclose([u[0], v[0]], np.pi / 4 * np.array([0.6, 0.8]))
@@ -50,8 +50,8 @@ def test_without_terms_the_image_is_the_angle():
     assert np.isnan(u[3])
 
 
-def test_fold_is_where_the_image_turns_back():
-    """At the fold the distance from the centre has its first maximum; it is pi at most."""
+def test_fold_is_the_first_maximum_of_the_image_radius():
+    """The distance from the centre has its first maximum at the fold, which is at most pi."""
     assert fisheye.fold(STRAIGHT) == np.pi
     # t (1 - t^2 / 3) turns back at t = 1.
     assert fisheye.fold([-1 / 3, 0.0, 0.0, 0.0]) == pytest.approx(1.0)
@@ -61,8 +61,8 @@ def test_fold_is_where_the_image_turns_back():
         assert image[1] > max(image[0], image[2])
 
 
-def test_images_beyond_the_fold_have_no_direction():
-    """What lies past the largest image is not valid, what lies short of it is; so for points."""
+def test_images_beyond_the_fold_are_invalid():
+    """Pixels and points beyond the largest image are invalid, those short of it are valid."""
     barrel = [-1 / 3, 0.0, 0.0, 0.0]
     _, valid = fisheye.unproject(np.array([0.66, 0.67]), np.zeros(2), barrel)
     assert valid.tolist() == [True, False]
@@ -71,7 +71,7 @@ def test_images_beyond_the_fold_have_no_direction():
 
 
 def test_usual_distortion_is_slight(rng):
-    """Lenses that simulations draw have four terms in their usual range."""
+    """Simulated lenses have four terms in their usual range."""
     drawn = np.array([fisheye.usual_distortion(rng) for _ in range(200)])
     spread = np.array([0.03, 0.01, 0.003, 0.001])
     assert drawn.shape == (200, fisheye.USUAL_TERMS)
@@ -80,20 +80,20 @@ def test_usual_distortion_is_slight(rng):
 
 
 def test_every_term_has_a_name():
-    """As many names as the longest distortion has terms; what is usual is allowed."""
+    """There are as many names as the longest distortion has terms, and the usual number is allowed."""
     assert len(fisheye.TERM_NAMES) == max(fisheye.TERMS)
     assert fisheye.USUAL_TERMS in fisheye.TERMS
 
 
-def test_the_centre_of_the_lens_has_no_image():
-    """Nor has a point right behind it; the next ones beside and before it have."""
+def test_centre_of_the_lens_has_no_image():
+    """The centre and a point exactly behind it have no image, but points just beside and in front do."""
     points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [1e-9, 0.0, 0.0], [0.0, 0.0, 1e-9]])
     u, v = fisheye.project(points, DISTORTION)
     assert np.isnan(u).tolist() == np.isnan(v).tolist() == [True, True, False, False]
 
 
-def test_lenses_that_are_drawn_are_nearly_equidistant(rng):
-    """Four terms, uniform about none, each smaller than the one before."""
+def test_drawn_lenses_are_nearly_equidistant(rng):
+    """Four terms are drawn uniformly about zero, each with a smaller range than the one before."""
     drawn = np.array([fisheye.usual_distortion(rng) for _ in range(2000)])
     half = np.array([0.03, 0.01, 0.003, 0.001])
     assert np.all(np.abs(drawn) <= half)
@@ -113,7 +113,7 @@ def test_lenses_that_are_drawn_are_nearly_equidistant(rng):
     ],
 )
 def test_directions_are_exact_up_to_the_fold(distortion):
-    """From next to the axis to a thousandth of the fold, where steps of Newton's method leave it."""
+    """Directions are exact from near the axis to 0.999 of the fold, where Newton steps leave it."""
     fold = fisheye.fold(distortion)
     angle = fold * np.array([1e-9, 1e-3, 0.1, 0.5, 0.9, 0.99, 0.999])
     points = np.column_stack([0.6 * np.sin(angle), -0.8 * np.sin(angle), np.cos(angle)])
@@ -125,7 +125,7 @@ def test_directions_are_exact_up_to_the_fold(distortion):
 
 @pytest.mark.parametrize("distortion", [DISTORTION, STRAIGHT, [-0.05, 0.0, 0.0, 0.0], [-0.2, 0.01, 0.0, 0.0]])
 def test_directions_are_found_in_few_steps(monkeypatch, distortion):
-    """Eight evaluations serve pixels up to nine tenths of the fold; those beyond it do not keep the others waiting."""
+    """Eight evaluations suffice for pixels up to 0.9 of the fold, and pixels beyond it do not delay the others."""
     calls, distance = [], fisheye._distance
     monkeypatch.setattr(fisheye, "_distance", lambda *given: calls.append(1) or distance(*given))
     wanted = distance(min(fisheye.fold(distortion), 2.0) * np.linspace(0, 0.9, 30), distortion)
@@ -136,7 +136,7 @@ def test_directions_are_found_in_few_steps(monkeypatch, distortion):
 
 
 def test_leading_axes_are_a_batch(rng):
-    """Images and derivatives of each point are its own."""
+    """Images and derivatives of each point are the same in a batch of any shape."""
     points = rng.uniform(-1, 1, (2, 3, 4, 3)) + np.array([0, 0, 2.0])
     whole = fisheye.project_with_derivatives(points, FOCAL, DISTORTION, True)
     flat = fisheye.project_with_derivatives(points.reshape(-1, 3), FOCAL, DISTORTION, True)
@@ -145,7 +145,7 @@ def test_leading_axes_are_a_batch(rng):
     np.testing.assert_array_equal(whole.by_terms.reshape(-1, 2, 4), flat.by_terms)
 
 
-def test_usual_lenses_show_most_of_a_half_space():
-    """Across an image 1280 px wide, between 130 and 153 deg."""
+def test_usual_fisheye_field_of_view():
+    """An image 1280 px wide shows between 130 and 153 deg."""
     least, most = (np.degrees(1280 / focal) for focal in reversed(fisheye.USUAL_FOCAL_PX))
     assert 130 < least < most < 153

@@ -1,4 +1,4 @@
-"""How a lens is found, and what holds of every lens."""
+"""Tests of finding lenses, and of properties of every lens."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DOCUMENT = Path(__file__).parents[3] / "docs" / "data_format.md"
 
 @pytest.mark.parametrize("model", lens_models())
 def test_every_number_of_terms_has_one_lens(model: str) -> None:
-    """No two lenses of a model have the same number of terms, and each names as many as it may have."""
+    """No two lenses of a model have the same number of terms, and each names its largest number of terms."""
     counts = [count for lens in model_lenses(model) for count in lens.TERMS]
     assert sorted(counts) == list(term_counts(model))
     assert all(max(lens.TERMS) == len(lens.TERM_NAMES) for lens in model_lenses(model))
@@ -26,8 +26,8 @@ def test_every_number_of_terms_has_one_lens(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", lens_models())
-def test_a_usual_lens_fills_its_image(model: str) -> None:
-    """Of lenses as simulations draw them nearly every pixel has a direction, and that direction the pixel."""
+def test_usual_lens_covers_its_image(model: str) -> None:
+    """Nearly every pixel of simulated lenses has a direction that projects to the pixel."""
     for seed, lens in enumerate(model_lenses(model)):
         rng = np.random.default_rng(seed)
         distortion = lens.usual_distortion(rng)
@@ -43,6 +43,7 @@ def test_a_usual_lens_fills_its_image(model: str) -> None:
             assert 60 < np.degrees(np.arccos(left @ right)) < 170  # a field of view of lenses that are sold
 
 
+@pytest.mark.parametrize("model", lens_models())
 def test_terms_stand_in_the_documents() -> None:
     """A row of the table of lenses in docs/data_format.md has each model's numbers of terms and their names."""
     text = DOCUMENT.read_text(encoding="utf-8").partition("| `model` |")[2].partition("\n\n")[0]
@@ -56,15 +57,15 @@ def test_terms_stand_in_the_documents() -> None:
     )
 
 
-def test_terms_are_told() -> None:
-    """What may be left out stands in brackets, and brackets in brackets."""
+def test_terms_text_brackets_optional_terms() -> None:
+    """Optional terms are in nested brackets."""
     assert terms_text("fisheye") == "k1 k2 k3 k4"
     assert terms_text("pinhole").startswith("k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4")
     assert terms_text("pinhole").endswith("]" * (len(term_counts("pinhole")) - 2))
 
 
-def test_an_unknown_lens() -> None:
-    """An unknown model, and a number of terms that none has, are errors that name what there is."""
+def test_unknown_lens_is_refused() -> None:
+    """The error about an unknown model or number of terms lists the available ones."""
     with pytest.raises(InputError, match="did you mean 'fisheye'"):
         find_lens("fisheyes", 4)
     with pytest.raises(InputError, match="4 distortion terms, not 5"):
@@ -73,8 +74,8 @@ def test_an_unknown_lens() -> None:
         find_lens("pinhole", 6)
 
 
-def test_a_lens_is_that_of_its_model_and_terms() -> None:
-    """The default lens of a model is the first."""
+def test_lens_by_model_and_terms() -> None:
+    """A lens is found by its model and number of terms, and the default lens of a model is the first."""
     assert [find_lens("pinhole", terms) for terms in (0, 4, 5, 8, 12)] == [pinhole] * 4 + [thin_prism]
     assert find_lens("fisheye", 4) is fisheye
     assert model_lenses("pinhole") == (pinhole, thin_prism)

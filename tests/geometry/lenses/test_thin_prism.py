@@ -1,4 +1,4 @@
-"""OpenCV's thin prism: as OpenCV projects it, with true derivatives, and back."""
+"""Tests of OpenCV's thin prism model: projection, derivatives and inverse."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def opencv_pixels(camera: Camera, points: Array) -> Array:
 
 
 @pytest.mark.parametrize("only", [range(12), (8,), (9,), (10,), (11,)])
-def test_pixels_are_opencvs(only: range, points: Array) -> None:
-    """All terms together, and each of the prism's alone, are OpenCV's to rounding."""
+def test_pixels_equal_opencv(only: range, points: Array) -> None:
+    """All terms together, and each of the prism's alone, agree with OpenCV to rounding."""
     terms = np.zeros(12)
     terms[list(only)] = np.array(TERMS)[list(only)]
     camera = CAMERA.with_parameters([*CAMERA.parameters[:4], *terms])
@@ -40,8 +40,8 @@ def test_pixels_are_opencvs(only: range, points: Array) -> None:
 
 
 @pytest.mark.parametrize("distortion", [TERMS, [0.0] * 12, [0.0] * 8 + TERMS[8:]])
-def test_derivatives(distortion: list[float], points: Array) -> None:
-    """Derivatives to points and to all sixteen parameters are those of finite differences, at zero terms too."""
+def test_derivatives_equal_finite_differences(distortion: list[float], points: Array) -> None:
+    """Derivatives by points and by all sixteen parameters equal finite differences, at zero terms too."""
     camera = CAMERA.with_parameters([*CAMERA.parameters[:4], *distortion])
     pixels, d_points, d_parameters = camera.project_with_derivatives(points, intrinsics=True)
     assert d_parameters is not None
@@ -51,8 +51,8 @@ def test_derivatives(distortion: list[float], points: Array) -> None:
     check_derivative(lambda d: camera.with_parameters(camera.parameters + d).project(points), d_parameters)
 
 
-def test_without_a_prism_it_is_the_pinhole(points: Array) -> None:
-    """With the last four terms zero, pixels and their derivatives are those of eight terms."""
+def test_zero_prism_equals_pinhole(points: Array) -> None:
+    """With the last four terms zero, pixels and derivatives equal those of eight terms."""
     bare, plain = (CAMERA.with_parameters([*CAMERA.parameters[:12], *[0.0] * n]) for n in (4, 0))
     for ours, theirs in zip(bare.project_with_derivatives(points), plain.project_with_derivatives(points), strict=True):
         if ours is not None:
@@ -60,7 +60,7 @@ def test_without_a_prism_it_is_the_pinhole(points: Array) -> None:
 
 
 def test_undistort_is_the_inverse() -> None:
-    """Over the whole image, nearly every pixel has a direction that projects onto it."""
+    """Nearly every pixel of the whole image has a direction that projects onto it."""
     pixels = np.stack(np.meshgrid(np.arange(0, 1280, 40.0), np.arange(0, 720, 40.0)), -1)
     rays, valid = CAMERA.undistort(pixels)
     assert valid.mean() > 0.95
@@ -68,8 +68,8 @@ def test_undistort_is_the_inverse() -> None:
     np.testing.assert_allclose(opencv_pixels(CAMERA, rays[valid]), pixels[valid], rtol=0, atol=1e-8)
 
 
-def test_behind_is_nan(points: Array) -> None:
-    """What lies behind the lens has no pixel and is not seen, and leaves its neighbours alone."""
+def test_points_behind_the_lens_are_nan(points: Array) -> None:
+    """A point behind the lens has no pixel and is not seen, and does not affect its neighbours."""
     points[0, 0, 2] = -1.0
     pixels, d_points, _ = CAMERA.project_with_derivatives(points)
     assert np.isnan(pixels[0, 0]).all()
@@ -78,8 +78,8 @@ def test_behind_is_nan(points: Array) -> None:
     assert not CAMERA.sees(points)[0, 0]
 
 
-def test_lenses_side_by_side(points: Array) -> None:
-    """A batch of lenses projects and derives entry by entry as each lens alone."""
+def test_batch_of_lenses_equals_separate_lenses(points: Array) -> None:
+    """A batch of lenses projects and differentiates entry by entry as each lens alone."""
     scale = 1 + 0.01 * np.random.default_rng(0).standard_normal((4, 16))
     batch = CAMERA.with_parameters(CAMERA.parameters * scale)
     together = batch.project_with_derivatives(points, intrinsics=True)
@@ -90,7 +90,7 @@ def test_lenses_side_by_side(points: Array) -> None:
             np.testing.assert_allclose(ours[k], theirs, rtol=1e-12, atol=1e-12)
 
 
-def test_in_a_cell() -> None:
+def test_thin_prism_in_cell_yaml() -> None:
     """Twelve terms in a cell.yaml are read and written back, thirteen are refused."""
     lens = {"status": "fixed", "fx": 700.0, "fy": 700.0, "cx": 320.0, "cy": 240.0, "distortion": TERMS}
     data = {
@@ -107,8 +107,8 @@ def test_in_a_cell() -> None:
         cell_from_dict(data)
 
 
-def test_found_from_views() -> None:
-    """With a prior on the lens, a calibration finds the prism's terms better than the prior, and as well as it says."""
+def test_calibration_estimates_prism_terms() -> None:
+    """With a prior on the lens, a calibration improves the prism's terms over the prior, within the stated sigmas."""
     made = simulate(Scenario(camera=CAMERA, intrinsics="prior", samples=25, pixel_px=0.1), 3)
     solution = solve(made.cell, made.recording)
     columns = solution.problem.columns["wrist"]
@@ -120,18 +120,18 @@ def test_found_from_views() -> None:
 
 
 def test_images_and_derivatives(rng: np.random.Generator) -> None:
-    """On the plane at unit distance images are OpenCV's, and their derivatives those of differences."""
+    """On the plane at unit distance, images equal OpenCV's, and derivatives equal finite differences."""
     check_projection(thin_prism, TERMS, points_before(rng), cv2.projectPoints)
 
 
-def test_every_image_leads_back(rng: np.random.Generator) -> None:
-    """Every image inside the fold leads back to its point, by a prism far stronger than any lens has."""
+def test_unprojection_inverts_projection(rng: np.random.Generator) -> None:
+    """Every image inside the fold leads back to its point, with a prism far stronger than any real lens's."""
     check_inverse(thin_prism, TERMS, points_before(rng))
     check_inverse(thin_prism, [*TERMS[:8], *(10 * np.array(TERMS[8:])).tolist()], points_before(rng))
 
 
-def test_usual_distortion_is_a_pinholes_with_a_slight_prism(rng: np.random.Generator) -> None:
-    """Twelve terms: five as a pinhole's, none of the rational ones, four of a prism in their usual range."""
+def test_usual_distortion_is_a_pinhole_with_a_slight_prism(rng: np.random.Generator) -> None:
+    """Twelve terms are drawn: five as a pinhole's, no rational ones, four of a prism in their usual range."""
     drawn = np.array([thin_prism.usual_distortion(rng) for _ in range(200)])
     spread = np.array([2e-3, 5e-4, 2e-3, 5e-4])
     assert drawn.shape == (200, thin_prism.USUAL_TERMS)
@@ -141,8 +141,8 @@ def test_usual_distortion_is_a_pinholes_with_a_slight_prism(rng: np.random.Gener
     assert np.all(np.ptp(drawn[:, 8:], axis=0) > 1.5 * spread)
 
 
-def test_lenses_that_are_drawn_are_a_pinholes_with_a_slight_prism(rng):
-    """No rational terms; of the prism's the first of either axis within 2e-3, the second within 5e-4."""
+def test_drawn_lenses_are_pinholes_with_a_slight_prism(rng):
+    """Rational terms are zero. The prism's first term of either axis is within 2e-3, the second within 5e-4."""
     drawn = np.array([thin_prism.usual_distortion(rng) for _ in range(2000)])
     assert drawn.shape == (2000, 12)
     assert not np.any(drawn[:, 5:8])
