@@ -61,43 +61,43 @@ def exact_pixel(camera, point):
     return [fx * u + cx, fy * v + cy]
 
 
-def test_the_camera_matrix_holds_focal_lengths_and_principal_point(camera):
-    """And maps a ray of an undistorted lens onto its pixel."""
+def test_camera_matrix_has_focal_lengths_and_principal_point(camera):
+    """The matrix also maps a ray of an undistorted lens to its pixel."""
     plain = Camera("pinhole", np.array(PARAMETERS), (1280, 720))
     np.testing.assert_array_equal(camera.matrix, plain.matrix)
     point = np.array([0.2, -0.1, 0.8])
     np.testing.assert_allclose(plain.matrix @ point / 0.8, [*plain.project(point), 1.0])
 
 
-def test_pixels_are_opencvs(camera, points):
+def test_pixels_equal_opencv(camera, points):
     """Both lens models agree with OpenCV to rounding."""
     np.testing.assert_allclose(camera.project(points), opencv_pixels(camera, points), rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("intrinsics", [False, True])
-def test_pixels_do_not_depend_on_what_else_is_asked(camera, points, intrinsics):
-    """`project` and `project_with_derivatives` give the same pixels."""
+def test_pixels_are_independent_of_requested_derivatives(camera, points, intrinsics):
+    """`project` and `project_with_derivatives` return the same pixels."""
     pixels, _, _ = camera.project_with_derivatives(points, intrinsics)
     np.testing.assert_array_equal(pixels, camera.project(points))
 
 
 @pytest.mark.parametrize("intrinsics", [False, True])
-def test_derivative_to_points(camera, points, intrinsics):
-    """The derivative to a point is that of finite differences."""
+def test_derivative_by_points(camera, points, intrinsics):
+    """The derivative by a point equals finite differences."""
     _, d_points, _ = camera.project_with_derivatives(points, intrinsics)
     check_derivative(lambda d: camera.project(points + d), d_points, step=5e-3)
 
 
-def test_derivative_to_parameters(camera, points):
-    """The derivative to focal lengths, centre and every distortion term is that of finite differences."""
+def test_derivative_by_parameters(camera, points):
+    """The derivative by focal lengths, centre and every distortion term equals finite differences."""
     _, _, d_parameters = camera.project_with_derivatives(points, intrinsics=True)
     assert d_parameters.shape == (4, 25, 2, len(camera.parameters))
     check_derivative(lambda d: camera.with_parameters(camera.parameters + d).project(points), d_parameters)
 
 
 @pytest.mark.parametrize("terms", [4, 5, 8])
-def test_derivative_to_terms_that_are_zero(points, terms):
-    """Distortion terms that are zero have a derivative all the same: that is how they are first estimated."""
+def test_derivative_by_zero_distortion_terms(points, terms):
+    """Distortion terms of zero have a derivative, because they are first estimated from zero."""
     camera = Camera("pinhole", [*PARAMETERS, *[0.0] * terms])
     _, d_points, d_parameters = camera.project_with_derivatives(points, intrinsics=True)
     check_derivative(lambda d: camera.with_parameters(camera.parameters + d).project(points), d_parameters)
@@ -132,8 +132,8 @@ def test_extreme_points_are_exact(camera, point):
     np.testing.assert_allclose(d_point, slopes, rtol=0, atol=1e-12 * np.abs(slopes).max())
 
 
-def test_fisheye_sees_behind_itself():
-    """A fisheye images points past 90 deg as its polynomial says, with their derivative."""
+def test_fisheye_projects_points_behind_itself():
+    """A fisheye projects points beyond 90 deg by its polynomial, with their derivative."""
     camera = Camera("fisheye", [300.0, 310.0, 500.0, 510.0, 0.01, 0.0, 0.0, 0.0])
     points = np.array([[0.5, 0.2, -0.3], [-0.4, 0.6, 0.0]])
     pixels, d_points, _ = camera.project_with_derivatives(points)
@@ -146,7 +146,7 @@ def test_fisheye_sees_behind_itself():
     np.testing.assert_allclose(rays, points / np.linalg.norm(points, axis=-1, keepdims=True), atol=1e-13)
 
 
-def test_axis_is_smooth(camera):
+def test_projection_is_smooth_on_the_axis(camera):
     """On the axis the pixel is the centre and the derivative focal / z."""
     pixel, d_point, d_parameters = camera.project_with_derivatives(np.array([0.0, 0.0, 2.0]), intrinsics=True)
     np.testing.assert_array_equal(pixel, camera.center)
@@ -155,8 +155,8 @@ def test_axis_is_smooth(camera):
 
 
 @pytest.mark.parametrize("z", [0.0, -0.5, np.nan])
-def test_behind_is_nan_and_silent(camera, z):
-    """What the lens does not image is NaN, pixel and derivatives, and leaves its neighbours alone."""
+def test_points_behind_the_lens_are_nan(camera, z):
+    """Pixel and derivatives are NaN if the lens has no image of a point, without effect on its neighbours."""
     x = 0.1 if camera.model == "pinhole" else 0.0
     points = np.array([[x, 0.0, z], [0.1, 0.2, 1.0]])
     pixels, d_points, d_parameters = camera.project_with_derivatives(points, intrinsics=True)
@@ -169,8 +169,8 @@ def test_behind_is_nan_and_silent(camera, z):
     np.testing.assert_array_equal(camera.sees(points), [False, True])
 
 
-def test_undistort_is_the_inverse(camera, rng):
-    """Every point that a camera sees comes back from its pixel as its own direction."""
+def test_undistort_inverts_projection(camera, rng):
+    """Every point that a camera sees is recovered from its pixel as its own direction."""
     points = rng.uniform([-1.2, -0.8, 0.5], [1.2, 0.8, 1.5], (50, 60, 3))
     seen = camera.sees(points)
     assert seen.mean() > 0.4
@@ -181,8 +181,8 @@ def test_undistort_is_the_inverse(camera, rng):
     np.testing.assert_allclose(np.linalg.norm(rays[valid], axis=-1), 1.0, atol=1e-14)
 
 
-def test_undistort_gives_what_projects_there(camera):
-    """Over the whole image, each direction called valid projects onto its pixel."""
+def test_valid_directions_project_to_their_pixels(camera):
+    """Over the whole image, each valid direction projects to its pixel."""
     pixels = np.stack(np.meshgrid(np.arange(0, 1280, 40.0), np.arange(0, 720, 40.0)), -1)
     rays, valid = camera.undistort(pixels)
     assert valid.mean() > 0.95
@@ -191,8 +191,8 @@ def test_undistort_gives_what_projects_there(camera):
 
 
 @pytest.mark.parametrize(("model", "k1"), [("pinhole", -0.35), ("fisheye", -0.2)])
-def test_there_is_no_direction_past_the_fold(model, k1):
-    """A polynomial r + k1 r^3 turns back at r^2 = -1 / (3 k1): no image lies beyond two thirds of that r."""
+def test_no_direction_beyond_the_fold(model, k1):
+    """A polynomial r + k1 r^3 turns back at r^2 = -1 / (3 k1). No image is beyond two thirds of that r."""
     camera = Camera(model, [500.0, 500.0, 0.0, 0.0, k1, 0.0, 0.0, 0.0])
     fold = np.sqrt(-1 / (3 * k1))
     rim = 500.0 * fold * 2 / 3
@@ -202,8 +202,8 @@ def test_there_is_no_direction_past_the_fold(model, k1):
 
 
 @pytest.mark.parametrize(("model", "k1"), [("pinhole", -0.35), ("fisheye", -0.2)])
-def test_a_camera_does_not_see_past_the_fold(model, k1):
-    """A point past the fold has a pixel by the formula, which belongs to another direction: it is not seen."""
+def test_points_beyond_the_fold_are_not_seen(model, k1):
+    """A point beyond the fold has a pixel by the formula, but it belongs to another direction."""
     camera = Camera(model, [500.0, 500.0, 640.0, 360.0, k1, 0.0, 0.0, 0.0], (1280, 720))
     fold = np.sqrt(-1 / (3 * k1))
     reach = np.array([0.3, 0.99, 1.01, 1.3]) * fold
@@ -212,15 +212,15 @@ def test_a_camera_does_not_see_past_the_fold(model, k1):
     np.testing.assert_array_equal(camera.sees(points), [True, True, False, False])
 
 
-def test_a_pole_of_the_rational_lens_is_a_fold():
-    """Where the denominator of the rational model is zero the lens ends."""
+def test_pole_of_the_rational_lens_is_a_fold():
+    """The lens ends at the zero of the rational model's denominator."""
     camera = Camera("pinhole", [500.0, 500.0, 0.0, 0.0, 0, 0, 0, 0, 0, -1.0, 0, 0])
     points = np.array([[0.9, 0.0, 1.0], [1.1, 0.0, 1.0]])
     np.testing.assert_array_equal(camera.sees(points), [True, False])
 
 
-def test_a_valid_direction_is_never_mirrored():
-    """A lens with wild tangential terms folds inside its radial range: what lies past that fold is not valid."""
+def test_valid_directions_are_never_mirrored():
+    """Extreme tangential terms fold a lens inside its radial range. Directions beyond that fold are not valid."""
     camera = Camera("pinhole", [500.0, 500.0, 0.0, 0.0, 0.718, -0.169, -0.18, 0.23])
     pixels = np.stack(np.meshgrid(np.arange(-900, 900, 60.0), np.arange(-900, 900, 60.0)), -1)
     rays, valid = camera.undistort(pixels)
@@ -231,23 +231,23 @@ def test_a_valid_direction_is_never_mirrored():
 
 
 def test_fisheye_ends_behind_itself():
-    """An undistorted fisheye images every direction: up to pi times its focal length from the centre, no further."""
+    """An undistorted fisheye images every direction, up to pi times its focal length from the centre."""
     camera = Camera("fisheye", [100.0, 100.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     rays, valid = camera.undistort(np.array([[0.0, 314.0], [0.0, 314.2]]))
     np.testing.assert_array_equal(valid, [True, False])
     np.testing.assert_allclose(rays[0], [0, np.sin(3.14), np.cos(3.14)], atol=1e-13)
 
 
-def test_sees_only_inside_the_image():
-    """The image reaches half a pixel beyond the centres of its outer pixels."""
+def test_points_outside_the_image_are_not_seen():
+    """The image extends half a pixel beyond the centres of its outer pixels."""
     camera = Camera("pinhole", [100.0, 100.0, 0.0, 0.0], (200, 100))
     pixels = np.array([[-0.4, 0.0], [-0.6, 0.0], [199.4, 99.4], [199.6, 0.0], [0.0, 99.6]])
     points = np.column_stack([pixels / 100.0, np.ones(5)])
     np.testing.assert_array_equal(camera.sees(points), [True, False, True, False, False])
 
 
-def test_no_pixel_has_no_direction(camera):
-    """NaN and infinite pixels are not valid, and are silent."""
+def test_non_finite_pixels_have_no_direction(camera):
+    """NaN and infinite pixels are not valid, without a warning."""
     rays, valid = camera.undistort(np.array([[np.nan, 3.0], [np.inf, 3.0], camera.center]))
     np.testing.assert_array_equal(valid, [False, False, True])
     np.testing.assert_allclose(rays[2], [0, 0, 1], atol=1e-15)
@@ -256,7 +256,7 @@ def test_no_pixel_has_no_direction(camera):
 
 @pytest.mark.parametrize("shape", [(), (0,), (1,), (2, 3)])
 def test_leading_axes_are_a_batch(camera, shape, rng):
-    """Every leading shape gives that shape of results, entry by entry the same."""
+    """Points of any leading shape give results of that shape, equal entry by entry."""
     points = rng.uniform([-0.3, -0.3, 0.8], [0.3, 0.3, 1.2], (*shape, 3))
     pixels, d_points, d_parameters = camera.project_with_derivatives(points, intrinsics=True)
     assert pixels.shape == (*shape, 2)
@@ -268,8 +268,8 @@ def test_leading_axes_are_a_batch(camera, shape, rng):
     assert (rays.shape, valid.shape) == ((*shape, 3), shape)
 
 
-def test_a_batch_of_lenses_is_each_lens_by_itself(camera, rng):
-    """Lenses (2, 3) on points (2, 3, 4, 5) project and derive entry by entry as each lens alone."""
+def test_batch_of_lenses_equals_separate_lenses(camera, rng):
+    """Lenses (2, 3) with points (2, 3, 4, 5) project and differentiate entry by entry as each lens alone."""
     scale = 1 + 0.01 * rng.standard_normal((2, 3, len(camera.parameters)))
     batch = camera.with_parameters(camera.parameters * scale)
     points = rng.uniform([-0.3, -0.3, 0.8], [0.3, 0.3, 1.2], (2, 3, 4, 5, 3))
@@ -281,8 +281,8 @@ def test_a_batch_of_lenses_is_each_lens_by_itself(camera, rng):
             np.testing.assert_allclose(ours[i, j], theirs, rtol=1e-12, atol=1e-12)
 
 
-def test_parts_and_new_parameters():
-    """The parts read as they were given; new parameters keep model and size, and nothing can be written into."""
+def test_parameters_are_kept_and_replaced():
+    """The parts equal the given ones. New parameters keep model and size, and arrays are read-only."""
     camera = Camera("pinhole", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], (10, 20))
     np.testing.assert_array_equal(camera.focal, [1, 2])
     np.testing.assert_array_equal(camera.center, [3, 4])
@@ -312,8 +312,8 @@ def test_parts_and_new_parameters():
         ("pinhole", [1, 1, 0, 0], (5, 5, 5), "size_px"),
     ],
 )
-def test_impossible_cameras_are_refused(model, parameters, size, message):
-    """A camera that cannot be is an InputError that says what was expected."""
+def test_invalid_cameras_are_refused(model, parameters, size, message):
+    """An invalid camera raises InputError with the expected values."""
     with pytest.raises(InputError, match=message):
         Camera(model, parameters, size)
 
@@ -333,8 +333,8 @@ def test_wrong_last_axis_is_refused(camera):
 
 
 @pytest.mark.parametrize("terms", [False, True])
-def test_an_image_is_what_pixels_and_their_derivatives_follow_from(camera, points, terms):
-    """The focal lengths scale it, the centre shifts it."""
+def test_pixels_are_scaled_and_shifted_images(camera, points, terms):
+    """Focal lengths scale the image on the unit plane, and the centre shifts it. Derivatives follow from it, too."""
     pixels, image = camera.image(points, terms)
     expected, by_points, by_parameters = camera.project_with_derivatives(points, terms)
     np.testing.assert_array_equal(pixels, expected)
@@ -348,8 +348,8 @@ def test_an_image_is_what_pixels_and_their_derivatives_follow_from(camera, point
         assert image.by_terms is None
 
 
-def test_the_focal_length_that_is_refused_is_told():
-    """The smallest of each axis, of one lens or of many."""
+def test_invalid_focal_lengths_are_reported():
+    """The error has the smallest focal length of each axis, of one lens or of many."""
     with pytest.raises(InputError, match=r"focal lengths are 500 and -3 px, expected both above 0"):
         Camera("pinhole", [500.0, -3.0, 320.0, 240.0])
     with pytest.raises(InputError, match=r"focal lengths are 0 and 400 px"):
@@ -360,8 +360,11 @@ def test_the_focal_length_that_is_refused_is_told():
     ("model", "count", "known"),
     [("pinhole", 0, []), ("pinhole", 4, [2, 3]), ("pinhole", 5, [2, 3, 4]), ("fisheye", 4, [])],
 )
-def test_terms_that_go_beyond_what_real_lenses_have_are_told_by_their_sigmas(model, count, known):
-    """One a term: tangential ones are thousandths, the third radial one a tenth; of others none is known."""
+def test_term_sigmas_of_real_lenses(model, count, known):
+    """Tangential terms have sigmas of thousandths, the third radial one of about a tenth.
+
+    The others have an infinite sigma.
+    """
     sigmas = Camera(model, [*PARAMETERS, *[0.0] * count]).term_sigmas
     assert sigmas.shape == (count,)
     assert np.flatnonzero(np.isfinite(sigmas)).tolist() == known
@@ -370,8 +373,11 @@ def test_terms_that_go_beyond_what_real_lenses_have_are_told_by_their_sigmas(mod
     assert np.all(np.isinf(Camera("pinhole", [*PARAMETERS, *[0.0] * 8]).term_sigmas))
 
 
-def test_the_image_begins_at_its_edge_and_ends_before_the_other():
-    """Half a pixel before the first centre belongs to it, half a pixel beyond the last does not; unsized all does."""
+def test_image_edges_are_half_a_pixel_outside():
+    """Half a pixel before the first centre is inside, half a pixel beyond the last is outside.
+
+    Without a size, all points are inside.
+    """
     camera = Camera("pinhole", [1.0, 1.0, 0.0, 0.0], (8, 4))
     pixels = np.array([[-0.5, -0.5], [7.5, 0.0], [0.0, 3.5], [7.25, 3.25], [-0.625, 0.0], [0.0, -0.625]])
     points = np.column_stack([pixels, np.ones(6)])
@@ -379,7 +385,7 @@ def test_the_image_begins_at_its_edge_and_ends_before_the_other():
     assert Camera("pinhole", [1.0, 1.0, 0.0, 0.0]).sees(points).all()
 
 
-def test_an_image_may_be_a_single_pixel():
-    """And have no size at all."""
+def test_image_size_may_be_one_pixel_or_unknown():
+    """A camera may have an image of a single pixel, or no size at all."""
     assert Camera("pinhole", [1, 1, 0, 0], (1, 1)).size_px == (1, 1)
     assert Camera("pinhole", [1, 1, 0, 0]).size_px is None

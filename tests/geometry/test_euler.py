@@ -1,4 +1,4 @@
-"""Angles give their rotation back, where they are ill-defined as well."""
+"""Tests of round trips of Euler angles, near singular angles as well."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ def turned(axes: str, angles):
 
 
 @pytest.mark.parametrize("rotations", [DRAWN, *(turned("zyx", angles) for angles in LOCKED)])
-def test_rpy_gives_the_rotation_back(rotations):
-    """To 1e-14, at and near gimbal lock too."""
+def test_rpy_round_trip(rotations):
+    """Roll, pitch and yaw reproduce the rotation to 1e-14, at and near gimbal lock, too."""
     np.testing.assert_allclose(
         SE3.from_rpy(rpy_of_rotation(rotations), 0 * rotations[..., 0]).rotation, rotations, atol=1e-14
     )
 
 
 @pytest.mark.parametrize("rotations", [DRAWN, *(turned("zyz", angles) for angles in LOCKED)])
-def test_zyz_gives_the_rotation_back(rotations):
-    """To 1e-14, at and near its singular angles 0 and 180 deg too."""
+def test_zyz_round_trip(rotations):
+    """The angles reproduce the rotation to 1e-14, at and near the singular angles 0 and 180 deg, too."""
     angles = zyz_of_rotation(rotations)
     np.testing.assert_allclose(turned("zyz", angles), rotations, atol=1e-14)
     assert np.all((angles[..., 1] >= 0) & (angles[..., 1] <= np.pi))
 
 
-def test_angles_are_those_of_scipy():
-    """Where they are well defined."""
+def test_angles_equal_scipy():
+    """Angles equal SciPy's away from singular angles."""
     drawn = Rotation.from_matrix(DRAWN)
     np.testing.assert_allclose(rpy_of_rotation(DRAWN), drawn.as_euler("xyz"), atol=1e-9)
     np.testing.assert_allclose(zyz_of_rotation(DRAWN), drawn.as_euler("ZYZ"), atol=1e-9)

@@ -1,4 +1,4 @@
-"""Numbers that lenses share."""
+"""Tests of numerical functions shared by all lenses."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from basecal.geometry.lens import Image, any_nonzero, first_root, invert_map
 from basecal.geometry.lenses import pinhole
 
 
-def test_first_root() -> None:
-    """The smallest positive root of a polynomial by rising powers, infinity where there is none."""
+def test_first_root_of_a_polynomial() -> None:
+    """The smallest positive root of a polynomial with ascending powers, or infinity without one."""
     assert first_root(np.array([1.0, -1.5, 0.5])) == pytest.approx(1.0)
     assert first_root(np.array([1.0, 0.0, 1.0])) == np.inf
     assert first_root(np.array([1.0, 1.0])) == np.inf
@@ -21,15 +21,15 @@ def test_first_root() -> None:
 
 
 @pytest.mark.parametrize("number", [0.3, -0.3, np.array([0.0, 0.3])])
-def test_any_number_may_be_other_than_zero(number: object) -> None:
-    """Of one lens or of a batch."""
+def test_any_nonzero_detects_nonzero_numbers(number: object) -> None:
+    """Values of one lens or of a batch are accepted."""
     assert any_nonzero([0.0, number])
     assert not any_nonzero([0.0, 0.0 * number])
     assert not any_nonzero([])
 
 
-def test_images_beyond_a_fold_have_no_direction() -> None:
-    """Up to a^2 + b^2 of the limit there is one, on every side; it is the direction whose image it is."""
+def test_images_beyond_a_fold_are_invalid() -> None:
+    """Images up to a^2 + b^2 of the limit have a direction on every side, and it projects to the image."""
     barrel = [-0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     limit = pinhole.fold(barrel)
     assert limit == pytest.approx(1 / 0.9)
@@ -48,8 +48,8 @@ def test_images_beyond_a_fold_have_no_direction() -> None:
 
 
 @pytest.mark.parametrize("slope", [0.3, 0.01])
-def test_of_flat_maps_a_direction_is_as_exact_as_of_any(slope: float) -> None:
-    """However small the determinant is, the image of what is found is what was looked for."""
+def test_inversion_of_flat_maps_is_exact(slope: float) -> None:
+    """The direction projects to the requested image, however small the determinant is."""
     wanted = np.linspace(0.0, 0.9, 7)
 
     def flat(a: Array, b: Array) -> Image:
@@ -64,8 +64,8 @@ def test_of_flat_maps_a_direction_is_as_exact_as_of_any(slope: float) -> None:
     np.testing.assert_allclose(rays[:, 1:], np.stack([0.5 * wanted, np.ones(7)], -1), atol=3e-12 / slope)
 
 
-def test_a_map_that_is_mirrored_has_no_direction() -> None:
-    """Nor one that is turned by half a turn, though its determinant is above zero."""
+def test_mirrored_maps_are_invalid() -> None:
+    """A mirrored map has no direction, nor has one rotated by 180 deg, though its determinant is positive."""
     at = np.linspace(-0.2, 0.2, 5)
     for sign_u, sign_v, is_valid in ((1, 1, True), (-1, 1, False), (1, -1, False), (-1, -1, False)):
 

@@ -27,28 +27,28 @@ def assert_covers(covariance, tangents):
     np.testing.assert_allclose(whitened @ whitened.T / DRAWS, np.eye(6), rtol=0, atol=5 * np.sqrt(2 / DRAWS))
 
 
-def test_inverse_covers_inverted_draws(rng):
+def test_inverse_covariance_equals_sample_covariance(rng):
     """The covariance of the inverse is that of inverted draws, in the axes of a."""
     estimate = random_estimate(rng)
     inverse = estimate.inverse()
     assert_covers(inverse.covariance, (inverse.mean.inverse() @ drawn(rng, estimate).inverse()).log())
 
 
-def test_product_covers_composed_draws(rng):
+def test_product_covariance_equals_sample_covariance(rng):
     """The covariance of a product is that of composed independent draws."""
     a, b = random_estimate(rng), random_estimate(rng)
     product = a @ b
     assert_covers(product.covariance, (product.mean.inverse() @ drawn(rng, a) @ drawn(rng, b)).log())
 
 
-def test_left_covariance_covers_left_tangents(rng):
-    """The left covariance is that of the same draws seen as perturbations before the mean."""
+def test_left_covariance_equals_sample_covariance(rng):
+    """The left covariance is that of the same draws as perturbations before the mean."""
     estimate = random_estimate(rng)
     assert_covers(estimate.left_covariance(), (drawn(rng, estimate) @ estimate.mean.inverse()).log())
 
 
-def test_covariance_is_free_of_the_lever_arm():
-    """Far from a, a covariance in the axes of b stays as it is; seen from a it grows by the lever arm."""
+def test_right_covariance_is_independent_of_the_lever_arm():
+    """Far from a, a covariance in the axes of b is unchanged. In the axes of a it grows with the lever arm."""
     sigma = np.diag([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]) ** 2
     far = PoseEstimate(SE3.from_rotvec([0, 0, 0], [10.0, 0, 0]), sigma)
     np.testing.assert_allclose((PoseEstimate.exact(far.mean) @ PoseEstimate(SE3.identity(), sigma)).covariance, sigma)
@@ -57,8 +57,8 @@ def test_covariance_is_free_of_the_lever_arm():
     )
 
 
-def test_inverse_twice_and_associativity(rng):
-    """Covariances obey the group: inverting twice changes nothing, products may be bracketed either way."""
+def test_covariances_satisfy_group_axioms(rng):
+    """Inverting twice changes nothing, and products are associative."""
     a, b, c = (random_estimate(rng) for _ in range(3))
     np.testing.assert_allclose(a.inverse().inverse().covariance, a.covariance, rtol=1e-10, atol=1e-18)
     np.testing.assert_allclose(((a @ b) @ c).covariance, (a @ (b @ c)).covariance, rtol=1e-10, atol=1e-18)
@@ -67,8 +67,8 @@ def test_inverse_twice_and_associativity(rng):
     )
 
 
-def test_exact_adds_nothing(rng):
-    """A transform known without error carries the covariance of the other through."""
+def test_exact_transform_keeps_the_covariance(rng):
+    """The product of an exact transform and an estimate has the estimate's covariance."""
     a = random_estimate(rng)
     known = PoseEstimate.exact(SE3.exp(rng.normal(size=6)))
     np.testing.assert_array_equal((known @ a).covariance, a.covariance)
@@ -76,7 +76,7 @@ def test_exact_adds_nothing(rng):
 
 
 def test_sigmas_are_roots_of_the_diagonal():
-    """The sigmas read translation first, then rotation."""
+    """The sigmas are of translation first, then of rotation."""
     estimate = PoseEstimate(SE3.identity(), np.diag([1.0, 4, 9, 16, 25, 36]))
     np.testing.assert_array_equal(estimate.sigma_t, [1, 2, 3])
     np.testing.assert_array_equal(estimate.sigma_r, [4, 5, 6])
@@ -91,20 +91,20 @@ def test_sigmas_are_roots_of_the_diagonal():
         (np.eye(4), np.eye(6), "^mean is of type ndarray, expected SE3$"),
     ],
 )
-def test_what_is_no_estimate_is_refused(mean, covariance, message):
-    """Another shape, a batch, and a matrix in place of a transform."""
+def test_invalid_estimates_are_refused(mean, covariance, message):
+    """Another shape, a batch, or a matrix instead of a transform raises InputError."""
     with pytest.raises(InputError, match=message):
         PoseEstimate(mean, covariance)
 
 
-def test_covariance_cannot_be_written_into():
-    """A covariance is read-only."""
+def test_covariance_is_read_only():
+    """A covariance cannot be written."""
     with pytest.raises(ValueError, match="read-only"):
         PoseEstimate.exact(SE3.identity()).covariance[0, 0] = 1.0
 
 
-def test_known_transforms_compose_with_estimates(rng):
-    """As estimates without covariance do, on either side; nothing else does."""
+def test_exact_transforms_compose_with_estimates(rng):
+    """A transform is composed on either side as an estimate without covariance; other operands raise TypeError."""
     a, known = random_estimate(rng), SE3.exp(rng.normal(size=6))
     for found, expected in ((known @ a, PoseEstimate.exact(known) @ a), (a @ known, a @ PoseEstimate.exact(known))):
         np.testing.assert_array_equal(found.covariance, expected.covariance)
@@ -114,8 +114,8 @@ def test_known_transforms_compose_with_estimates(rng):
             pair[0] @ pair[1]
 
 
-def test_an_array_is_refused_with_what_to_write():
-    """An estimate carries a pose to a pose; a tool's point is one without a turn."""
+def test_product_with_an_array_is_refused():
+    """The error suggests SE3: an estimate composes with poses, and a tool point is a pose without rotation."""
     estimate = PoseEstimate(SE3.from_rotvec([0, 0, 0.3], [1, 0, 0]), 1e-6 * np.eye(6))
     point = np.array([0.0, 0.0, 0.2])
     for given in (point, [0.0, 0.0, 0.2], np.eye(4)):
@@ -126,8 +126,8 @@ def test_an_array_is_refused_with_what_to_write():
     np.testing.assert_allclose(at_point.covariance[0, 0], 1e-6 * (1 + 0.2**2))
 
 
-def test_an_estimate_is_a_line_with_its_sigmas():
-    """In millimetres and degrees per axis; their norms are roots of the traces."""
+def test_repr_of_an_estimate_has_its_sigmas():
+    """The line has millimetres and degrees per axis. The norms of sigmas are roots of the traces."""
     sigmas = np.array([1e-3, 2e-3, 2e-3, *np.radians([0.3, 0.4, 0.0])])
     estimate = PoseEstimate(SE3.from_rotvec([0, 0, np.pi / 2], [0.1, 0.0, -1.0]), np.diag(sigmas**2))
     assert repr(estimate) == "PoseEstimate([100, 0, -1000] ± [1, 2, 2] mm, [0, 0, 90] ± [0.3, 0.4, 0] deg)"

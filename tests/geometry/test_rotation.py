@@ -1,4 +1,4 @@
-"""Rotation matrices: half turns, cross products and projections; exponentials are tested with SE(3)'s."""
+"""Tests of rotation matrices: half turns, cross products, projections. Exponentials are tested with SE(3)'s."""
 
 from math import factorial
 
@@ -26,7 +26,7 @@ def rng():
 
 
 @pytest.mark.parametrize("axis", [*np.eye(3), np.array([0.6, 0.8, 0.0]), np.array([-0.48, 0.6, 0.64])])
-def test_half_turns(axis):
+def test_log_of_half_turns(axis):
     """At exactly pi the log is a rotation by pi about the axis, with either sign."""
     rotation = 2 * np.outer(axis, axis) - np.eye(3)
     w = rotation_log(rotation)
@@ -35,14 +35,14 @@ def test_half_turns(axis):
     np.testing.assert_allclose(rotation_exp(w), rotation, atol=1e-14)
 
 
-def test_hat_is_the_cross_product(rng):
+def test_cross_matrix_equals_the_cross_product(rng):
     """`cross_matrix(w) @ v` is `cross(w, v)`."""
     w, v = rng.normal(size=(2, 6, 3))
     np.testing.assert_allclose((cross_matrix(w) @ v[..., None])[..., 0], np.cross(w, v), atol=1e-15)
 
 
 def test_nearest_rotation_is_nearest(rng):
-    """No rotation in any direction is nearer than the one given, even where the matrix is nearer a reflection."""
+    """No rotation in any direction is nearer than the result, even if the matrix is nearer to a reflection."""
     matrices = rotation_exp(rng.normal(size=(20, 3))) + 0.3 * rng.normal(size=(20, 3, 3))
     matrices[:5, :, 0] *= -1
     nearest = nearest_rotation(matrices)
@@ -55,8 +55,8 @@ def test_nearest_rotation_is_nearest(rng):
         assert np.all(np.linalg.norm(nearest @ turn - matrices, axis=(-2, -1)) >= distance - 1e-12)
 
 
-def test_a_rounded_rotation_is_projected():
-    """A rotation written with four digits is accepted and made one; one that is off by more is refused."""
+def test_rounded_rotation_is_projected():
+    """A rotation with four digits is accepted and projected. One with a larger error is refused."""
     rotation = rotation_exp(np.array([0.3, -0.5, 0.8]))
     projected = checked_rotation(np.round(rotation, 4))
     np.testing.assert_allclose(projected @ projected.T, np.eye(3), atol=1e-15)
@@ -75,27 +75,27 @@ def test_the_wrong_rotation_of_a_batch_is_named():
             checked_rotation(wrong, "R")
 
 
-def test_few_terms_of_the_series_are_all_of_them():
-    """Coefficients of a small angle do not tell whether a larger one, which needs more terms, stands beside it."""
+def test_series_terms_suffice_for_small_angles():
+    """Coefficients of a small angle are the same beside a larger one, which needs more terms."""
     small = np.array([0.0, 1e-9, 1e-3, 0.0299])
     beside = exp_coefficients(np.append(small, 0.4), 5)[:, :-1]
     np.testing.assert_allclose(exp_coefficients(small, 5), beside, rtol=3e-16, atol=0)
 
 
 def test_lengths_are_euclidean(rng):
-    """Over the last axis, as NumPy has them."""
+    """Lengths over the last axis equal NumPy's."""
     vectors = rng.normal(size=(4, 2, 3))
     np.testing.assert_allclose(lengths(vectors), np.linalg.norm(vectors, axis=-1), rtol=1e-15)
 
 
-def test_cross_products_are_numpys(rng):
-    """Of batches that broadcast."""
+def test_cross_equals_numpy(rng):
+    """Cross products of broadcast batches equal NumPy's."""
     left, right = rng.normal(size=(4, 1, 3)), rng.normal(size=(2, 3))
     np.testing.assert_array_equal(cross(left, right), np.cross(left, right))
 
 
-def test_the_quaternion_of_a_half_turn_has_one_sign():
-    """Where w is nothing the largest entry is positive; elsewhere w is."""
+def test_quaternion_sign_of_half_turns():
+    """If w is zero, the largest entry is positive; otherwise w is positive."""
     half = np.array([2 * np.outer(axis, axis) - np.eye(3) for axis in np.eye(3)])
     np.testing.assert_array_equal(quaternion_from_rotation(half), np.eye(4)[:3])
     nearly = rotation_exp(np.array([[0.0, 0.0, -3.0], [0.0, 0.0, 3.0]]))
@@ -105,8 +105,11 @@ def test_the_quaternion_of_a_half_turn_has_one_sign():
 
 @pytest.mark.parametrize("angle", [0.0, 0.02, 0.031, 0.3, 0.499, 0.501, 1.0, 2.0, np.pi])
 @pytest.mark.parametrize("count", [1, 3, 5])
-def test_coefficients_are_sums_of_their_series(angle, count):
-    """On both sides of the limits between series and closed forms, alone and beside other angles."""
+def test_exp_coefficients_equal_their_series(angle, count):
+    """Coefficients are correct on both sides of the limits between series and closed forms.
+
+    They are so alone and beside other angles.
+    """
     wanted = [
         sum((-1) ** k * angle ** (2 * k) / factorial(2 * k + first) for k in range(20)) for first in range(1, count + 1)
     ]
@@ -119,8 +122,11 @@ def test_coefficients_are_sums_of_their_series(angle, count):
 
 
 @pytest.mark.parametrize("shape", [(), (2,)])
-def test_a_rotation_may_be_a_thousandth_off(shape):
-    """Twice that in its squares, which is one for its projection; sheared, scaled or left-handed ones are none."""
+def test_rotation_tolerance_is_a_thousandth(shape):
+    """R'R may differ from the identity by twice 1e-3, which is 1e-3 for the projection.
+
+    Sheared, scaled or left-handed matrices are refused.
+    """
     rotation = np.broadcast_to(rotation_exp(np.array([0.3, -0.5, 0.8])), (*shape, 3, 3))
     for factor, taken in ((1.00098, True), (0.9991, True), (1.0011, False), (0.9988, False)):
         if taken:

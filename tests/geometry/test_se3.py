@@ -1,4 +1,4 @@
-"""SE(3) against the group's axioms, and at its hard points against mpmath."""
+"""Tests of SE(3): group axioms, and comparison with mpmath at difficult points."""
 
 import mpmath
 import numpy as np
@@ -31,26 +31,26 @@ def rng():
     return np.random.default_rng(11)
 
 
-def test_exp_at_hard_points(xi):
+def test_exp_at_difficult_points(xi):
     """`exp` is the matrix exponential at every angle."""
     got, want = SE3.exp(xi).matrix, as_array(exact_exp(tuple(xi)))
     np.testing.assert_allclose(got, want, rtol=0, atol=TOLERANCE)
 
 
-def test_log_at_hard_points(xi):
-    """`log` gives back the tangent of the exactly exponentiated and then rounded matrix."""
+def test_log_at_difficult_points(xi):
+    """`log` recovers the tangent from the exact exponential, rounded to double precision."""
     matrix = as_array(exact_exp(tuple(xi)))
     got = SE3(matrix[:3, :3], matrix[:3, 3]).log()
     np.testing.assert_allclose(got, xi, rtol=0, atol=TOLERANCE)
 
 
-def test_log_of_tiny_rotations_is_relative(xi):
-    """A rotation of 1e-12 rad is known to as many digits as one of 1 rad: nothing is rounded against 1."""
+def test_log_of_tiny_rotations_has_relative_accuracy(xi):
+    """A rotation of 1e-12 rad keeps as many digits as one of 1 rad. Nothing is rounded against 1."""
     angle = np.linalg.norm(xi[3:])
     np.testing.assert_allclose(SE3.exp(xi).log()[3:], xi[3:], rtol=0, atol=TOLERANCE * angle)
 
 
-def test_adjoint_at_hard_points(xi):
+def test_adjoint_at_difficult_points(xi):
     """Column i of the adjoint is the tangent of `T hat(e_i) T^-1`."""
     with mpmath.workdps(DIGITS):
         matrix = exact_exp(tuple(xi))
@@ -67,7 +67,7 @@ def test_adjoint_at_hard_points(xi):
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_group_axioms(rng, shape):
-    """Composition is associative, has an identity and inverses, over every batch shape."""
+    """Composition is associative, has an identity and inverses, for every batch shape."""
     a, b, c = (random_transform(rng, shape) for _ in range(3))
     assert_same((a @ b) @ c, a @ (b @ c))
     assert_same(a @ SE3.identity(shape), a)
@@ -80,7 +80,7 @@ def test_group_axioms(rng, shape):
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_action_on_points(rng, shape):
-    """Moving points agrees with composition and with the homogeneous matrix."""
+    """Transforming points agrees with composition and with the homogeneous matrix."""
     a, b, points = random_transform(rng, shape), random_transform(rng, shape), rng.normal(size=(*shape, 3))
     np.testing.assert_allclose((a @ b) @ points, a @ (b @ points), atol=1e-13)
     homogeneous = np.concatenate([points, np.ones((*shape, 1))], -1)
@@ -88,8 +88,8 @@ def test_action_on_points(rng, shape):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_maps_over_batches(rng, shape):
-    """`exp`, `log`, quaternions, angles and adjoints work entry by entry over every batch shape."""
+def test_conversions_over_batches(rng, shape):
+    """`exp`, `log`, quaternions, angles and adjoints work entry by entry for every batch shape."""
     a, b = random_transform(rng, shape), random_transform(rng, shape)
     assert_same(SE3.exp(a.log()), a)
     assert_same(SE3.from_quaternion(a.quaternion, a.translation), a)
@@ -102,7 +102,7 @@ def test_maps_over_batches(rng, shape):
 
 
 def test_batches_broadcast_and_index(rng):
-    """One transform meets a batch; indexing, length and stacking go over the leading axis."""
+    """One transform is broadcast over a batch. Indexing, length and stacking use the leading axis."""
     one, many = random_transform(rng), random_transform(rng, (5,))
     assert_same((one @ many)[3], one @ many[3])
     assert_same((many @ one)[1:3], many[1:3] @ one)
@@ -113,16 +113,16 @@ def test_batches_broadcast_and_index(rng):
 
 @pytest.mark.parametrize("left", [(), (1,), (2,), (3, 1), (3, 2)])
 @pytest.mark.parametrize("right", [(), (1,), (2,), (1, 2), (3, 1)])
-def test_batches_broadcast_as_their_matrices_do(rng, left, right):
-    """Whatever way a product or a turned point is computed, it is that of 4x4 matrices, entry by entry."""
+def test_batches_broadcast_like_matrices(rng, left, right):
+    """Products and transformed points equal those of 4x4 matrices, entry by entry, whichever way they are computed."""
     a, b, points = random_transform(rng, left), random_transform(rng, right), rng.normal(size=(*right, 3))
     np.testing.assert_allclose((a @ b).matrix, a.matrix @ b.matrix, atol=1e-12)
     with_one = np.concatenate([points, np.ones((*right, 1))], axis=-1)
     np.testing.assert_allclose(a @ points, (a.matrix @ with_one[..., None])[..., :3, 0], atol=1e-12)
 
 
-def test_transforms_cannot_be_written_into(rng):
-    """A transform is a value: its arrays are read-only, also those it was handed."""
+def test_transforms_are_read_only(rng):
+    """A transform is a value: its arrays are read-only, also adopted ones."""
     made = SE3(np.eye(3), np.zeros(3))
     adopted = SE3.adopt(np.eye(3), np.zeros(3))
     for transform in (random_transform(rng), made, adopted, adopted @ made, made.inverse(), SE3.identity((2,))[0]):
@@ -131,8 +131,8 @@ def test_transforms_cannot_be_written_into(rng):
                 array[0] = 0.0
 
 
-def test_transforms_leave_the_callers_arrays_alone():
-    """What is written later into arrays that a transform was made of does not move it, and may be written."""
+def test_transforms_copy_the_callers_arrays():
+    """Later changes of the caller's arrays do not change the transform, and the arrays stay writable."""
     rotation, translation, rotvec = np.eye(3), np.zeros(3), np.zeros(3)
     made = SE3(rotation, translation)
     turned, rolled = SE3.from_rotvec(rotvec, translation), SE3.from_rpy(rotvec, translation)
@@ -161,12 +161,12 @@ def test_transforms_leave_the_callers_arrays_alone():
     ],
 )
 def test_wrong_shapes_are_refused(make, message):
-    """Arrays that are no transforms are refused with their shape and the one expected."""
+    """Arrays of wrong shapes are refused with their shape and the expected one."""
     with pytest.raises(InputError, match=message):
         make()
 
 
-def test_a_single_transform_has_no_entries():
+def test_single_transform_has_no_entries():
     """One transform cannot be indexed as if it were three."""
     with pytest.raises(TypeError, match="no entries"):
         SE3.identity()[0]
@@ -179,8 +179,8 @@ def test_a_single_transform_has_no_entries():
     assert not SE3.identity((0,))
 
 
-def test_a_batch_is_iterated_by_its_transforms(rng):
-    """One after another, along the first axis."""
+def test_iteration_over_a_batch(rng):
+    """Iteration returns the transforms along the first axis."""
     batch = random_transform(rng, (3, 2))
     for k, each in enumerate(batch):
         assert_same(each, batch[k], atol=0)
@@ -188,7 +188,7 @@ def test_a_batch_is_iterated_by_its_transforms(rng):
 
 
 def test_points_may_be_lists(rng):
-    """Numbers in lists and tuples are moved as arrays are."""
+    """Numbers in lists and tuples are transformed like arrays."""
     pose = random_transform(rng)
     np.testing.assert_array_equal(pose @ [1, 2, 3], pose @ np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(pose @ [(1, 2, 3)], pose @ np.array([[1.0, 2.0, 3.0]]))
@@ -205,21 +205,21 @@ def test_points_may_be_lists(rng):
         (SE3.identity((5,)), r"^batches of \(2,\) and \(5,\) transforms do not match$"),
     ],
 )
-def test_products_that_do_not_exist_are_refused(other, message):
-    """The shapes are in the error, of points and of transforms."""
+def test_products_of_wrong_shapes_are_refused(other, message):
+    """The error has the shapes of points and of transforms."""
     with pytest.raises(InputError, match=message):
         SE3.identity((2,)) @ other
 
 
 @pytest.mark.parametrize("pair", [(SE3.identity(), None), (np.eye(4), SE3.identity()), (3, SE3.identity())])
-def test_products_with_what_is_neither_points_nor_a_transform(pair):
-    """A matrix in place of a transform is one: `SE3.from_matrix` makes a transform of it."""
+def test_products_with_other_operands_raise_type_error(pair):
+    """A matrix has to be converted by `SE3.from_matrix` first."""
     with pytest.raises(TypeError, match=r"^unsupported operand"):
         pair[0] @ pair[1]
 
 
 def test_quaternion_order_and_sign():
-    """A quaternion is (x, y, z, w) with w >= 0; a quarter turn about z takes x to y."""
+    """A quaternion is (x, y, z, w) with w >= 0, and a quarter turn about z maps x to y."""
     quarter = SE3.from_quaternion([0, 0, np.sqrt(0.5), np.sqrt(0.5)], [0, 0, 0])
     np.testing.assert_allclose(quarter @ np.array([1.0, 0, 0]), [0, 1, 0], atol=1e-15)
     same = SE3.from_quaternion([0, 0, -np.sqrt(0.5), -np.sqrt(0.5)], [0, 0, 0])
@@ -227,16 +227,16 @@ def test_quaternion_order_and_sign():
     np.testing.assert_allclose(same.quaternion, [0, 0, np.sqrt(0.5), np.sqrt(0.5)], atol=1e-15)
 
 
-def test_random_quaternions_are_exact(rng):
-    """A quaternion survives its matrix, whichever of its four entries is largest."""
+def test_random_quaternions_round_trip(rng):
+    """A quaternion is recovered from its matrix, whichever of its four entries is largest."""
     q = rng.normal(size=(500, 4)) * 10.0 ** rng.integers(-6, 1, size=(500, 4))
     q /= np.linalg.norm(q, axis=-1, keepdims=True)
     q = np.where(q[:, 3:] < 0, -q, q)
     np.testing.assert_allclose(SE3(rotation_from_quaternion(q), np.zeros((500, 3))).quaternion, q, atol=1e-14)
 
 
-def test_rpy_turns_about_fixed_axes():
-    """Roll, pitch and yaw turn about the fixed x, then y, then z, as in a URDF."""
+def test_rpy_rotates_about_fixed_axes():
+    """Roll, pitch and yaw rotate about the fixed x, then y, then z, as in a URDF."""
     quarter = np.pi / 2
     turned = SE3.from_rpy([quarter, 0, quarter], [0, 0, 0]) @ np.array([0.0, 1.0, 0.0])
     np.testing.assert_allclose(turned, [0, 0, 1], atol=1e-15)
@@ -246,7 +246,7 @@ def test_rpy_turns_about_fixed_axes():
 
 @pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2, np.pi / 2 - 1e-6, -np.pi / 2 + 1e-5, np.pi / 2 - 1e-8])
 def test_rpy_at_gimbal_lock(pitch):
-    """At and near a pitch of 90 deg the angles still give the same rotation, with roll 0 at the lock."""
+    """At and near a pitch of 90 deg the angles reproduce the rotation, with roll 0 at the lock."""
     a = SE3.from_rpy([0.4, pitch, -1.1], [0, 0, 0])
     assert_same(SE3.from_rpy(a.rpy, [0, 0, 0]), a, atol=1e-9)
     if abs(pitch) == np.pi / 2:
@@ -264,15 +264,15 @@ def test_rpy_at_gimbal_lock(pitch):
         (np.zeros((4, 4)) + np.diag([0, 0, 0, 1]), "not a rotation"),
     ],
 )
-def test_matrices_that_are_no_transform_are_refused(matrix, message):
-    """A matrix that is no rigid transform is an InputError that names it and says what is wrong."""
+def test_invalid_matrices_are_refused(matrix, message):
+    """A matrix that is no rigid transform raises InputError with its name and the problem."""
     with pytest.raises(InputError, match=message) as caught:
         SE3.from_matrix(matrix, "base_from_flange")
     assert "base_from_flange" in str(caught.value)
 
 
-def test_a_matrix_by_columns_is_recognised():
-    """Where the transpose would be a transform the error says so, and only there."""
+def test_transposed_matrix_is_recognised():
+    """The error suggests a transposed matrix only if the transpose is a transform."""
     by_columns = SE3.from_quaternion([0.5, 0.5, 0.5, 0.5], [1, 2, 3]).matrix.T
     with pytest.raises(InputError, match="looks transposed"):
         SE3.from_matrix(by_columns)
@@ -291,41 +291,41 @@ def test_a_matrix_by_columns_is_recognised():
         ([0, 0, 0, 1], [0, np.nan, 0], "NaN"),
     ],
 )
-def test_quaternions_that_are_no_rotation_are_refused(q, t, message):
-    """A quaternion off norm 1 by more than 1e-3, of a wrong length or not finite is an InputError."""
+def test_invalid_quaternions_are_refused(q, t, message):
+    """A quaternion with a norm off 1 by more than 1e-3, of a wrong length or not finite raises InputError."""
     with pytest.raises(InputError, match=message):
         SE3.from_quaternion(q, t)
 
 
-def test_a_rounded_quaternion_is_normalised():
-    """A quaternion off norm 1 by less than 1e-3 is projected onto it."""
+def test_rounded_quaternion_is_normalised():
+    """A quaternion with a norm off 1 by less than 1e-3 is normalised."""
     exact, rounded = [0.5, 0.5, 0.5, 0.5], [0.5004, 0.5004, 0.5004, 0.5004]
     assert_same(SE3.from_quaternion(rounded, [1, 2, 3]), SE3.from_quaternion(exact, [1, 2, 3]))
 
 
-def test_the_worst_of_many_quaternions_is_told():
-    """Of a batch the norm that is furthest from one stands in the error."""
+def test_worst_quaternion_of_a_batch_is_reported():
+    """The error has the norm that is furthest from one."""
     q = np.eye(4)[[3, 3, 3]] * [[1.0], [0.5], [1.2]]
     with pytest.raises(InputError, match=r"has norm 0\.5, expected 1 within 0\.001"):
         SE3.from_quaternion(q, np.zeros((3, 3)))
 
 
 @pytest.mark.parametrize(("factor", "told"), [(1.1, "is not a rotation"), (-1.0, "is a reflection")])
-def test_what_is_no_rotation_is_refused_at_once(factor, told):
-    """A scaled rotation and a reflection are InputErrors; a state beyond numbers is none."""
+def test_invalid_rotations_are_refused(factor, told):
+    """A scaled rotation and a reflection raise InputError; a NaN state does not."""
     with pytest.raises(InputError, match=told):
         SE3(factor * SE3.exp([0, 0, 0, 0.3, 0.2, 0.1]).rotation, np.zeros(3))
     assert np.all(np.isnan(SE3(np.full((3, 3), np.nan), np.zeros(3)).rotation))
 
 
-def test_one_line_names_a_transform():
-    """Translation and rotation vector of one, the number of many."""
+def test_repr_of_a_transform():
+    """The line has translation and rotation vector of one transform, or the number of many."""
     assert repr(SE3.exp([1, 2, 3, 0, 0, 0])) == "SE3(t = [1, 2, 3] m, rotvec = [0, 0, 0] rad)"
     assert repr(SE3.identity((2, 5))) == "SE3(2 x 5 transforms)"
 
 
-def test_what_is_no_tangent_or_transform_is_refused():
-    """In one line that says what was expected, for `exp`, `stack` and `Camera.project` as for all others."""
+def test_invalid_tangents_and_transforms_are_refused():
+    """`exp`, `stack` and `Camera.project` report the expected input in one line, like all others."""
     for values, message in (
         ("x", r"^xi is not an array of numbers, expected \(\.\.\., 6\)$"),
         ([[1, 2], [3]], "^xi is not an array"),
@@ -339,8 +339,8 @@ def test_what_is_no_tangent_or_transform_is_refused():
         SE3.stack([SE3.identity(), SE3.identity((2,))])
 
 
-def test_a_spread_batch_acts_on_a_further_axis():
-    """Each transform on all points of its row."""
+def test_add_axis_broadcasts_over_points():
+    """Each transform is applied to all points of its row."""
     rng = np.random.default_rng(0)
     poses, points = SE3.exp(rng.standard_normal((4, 6))), rng.standard_normal((4, 5, 3))
     assert poses.add_axis().shape == (4, 1)
@@ -350,7 +350,7 @@ def test_a_spread_batch_acts_on_a_further_axis():
     )
 
 
-def test_a_transform_is_repeated(rng):
+def test_repeat_of_a_transform(rng):
     """Each entry is the transform, and an empty batch has none."""
     pose = SE3.exp(rng.normal(size=6))
     many = pose.repeat(3)
@@ -359,8 +359,8 @@ def test_a_transform_is_repeated(rng):
     np.testing.assert_array_equal((many @ np.ones(3)), [pose @ np.ones(3)] * 3)
 
 
-def test_a_last_column_or_row_is_that_of_a_transform_to_a_millionth():
-    """A little more in the row is refused, and in the column too much to look transposed."""
+def test_last_row_tolerance_is_a_millionth():
+    """A larger deviation in the row is refused, and one in the column is too much to look transposed."""
     for off, taken in ((0.9e-6, True), (5e-6, False), (1e-3, False)):
         by_rows = np.eye(4)
         by_rows[3, 0] = off
@@ -374,8 +374,8 @@ def test_a_last_column_or_row_is_that_of_a_transform_to_a_millionth():
             SE3.from_matrix(by_rows)
 
 
-def test_a_batch_is_true_if_it_has_transforms():
-    """One or more; a single transform always is, and has no length."""
+def test_batch_is_true_if_it_has_transforms():
+    """A batch of one or more is true. A single transform is always true, and has no length."""
     assert [bool(SE3.identity(shape)) for shape in ((), (0,), (1,), (2,), (1, 0))] == [True, False, True, True, True]
     assert [len(SE3.identity(shape)) for shape in ((0,), (1,), (2, 3))] == [0, 1, 2]
     with pytest.raises(TypeError, match="no length"):

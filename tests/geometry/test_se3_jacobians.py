@@ -1,4 +1,4 @@
-"""The right Jacobian of SE(3) at its hard points against mpmath, and as the derivative it is."""
+"""Tests of the right Jacobian of SE(3): against mpmath at difficult points, and as a derivative."""
 
 import mpmath
 import numpy as np
@@ -20,20 +20,20 @@ def rng():
     return np.random.default_rng(11)
 
 
-def test_right_jacobian_at_hard_points(xi):
-    """`right_jacobian` is the power series of the small adjoint, near zero rotation with translation too."""
+def test_right_jacobian_at_difficult_points(xi):
+    """`right_jacobian` equals the power series of the small adjoint, near zero rotation with translation, too."""
     np.testing.assert_allclose(right_jacobian(xi), as_array(exact_right_jacobian(tuple(xi))), rtol=0, atol=TOLERANCE)
 
 
-def test_right_jacobian_inverse_at_hard_points(xi):
+def test_right_jacobian_inverse_at_difficult_points(xi):
     """`right_jacobian_inverse` is the inverse of that series."""
     with mpmath.workdps(DIGITS):
         want = as_array(exact_right_jacobian(tuple(xi)) ** -1)
     np.testing.assert_allclose(right_jacobian_inverse(xi), want, rtol=0, atol=TOLERANCE)
 
 
-def test_right_jacobian_is_a_derivative(rng):
-    """The Jacobians are what their names say: how `log` answers to a step before or after `exp`."""
+def test_right_jacobian_equals_finite_differences(rng):
+    """The Jacobians are the derivatives of `log` for a step before or after `exp`."""
     xi = rng.normal(size=(5, 6)) * 0.8
     at = SE3.exp(xi)
     check_derivative(lambda d: (at.inverse() @ SE3.exp(xi + d)).log(), right_jacobian(xi))

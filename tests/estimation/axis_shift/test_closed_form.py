@@ -1,4 +1,4 @@
-"""The paper's closed form, against the paper's own tables and against the truth."""
+"""Tests of the axis-shift closed form against the paper's tables and against the truth."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ def batch(transform: SE3, spread: float, count: int, seed: int) -> SE3:
     return transform @ SE3.exp(spread * np.random.default_rng(seed).normal(size=(count, 6)))
 
 
-def test_noiseless_rotation_is_the_papers():
-    """Every entry within 1e-4 of the printed one, before orthonormalising."""
+def test_noiseless_rotation_equals_the_paper():
+    """Every entry is within 1e-4 of the printed one, before orthonormalising."""
     ours = noiseless(0.01 * np.eye(3))
     np.testing.assert_allclose(ours.raw_rotation, PAPER["noiseless"]["camera_from_led"]["R"], atol=1e-4)
 
 
-def test_noiseless_translation_is_the_papers_but_for_its_slip():
+def test_noiseless_translation_equals_the_paper_except_depth():
     """The paper prints the true depth 3.6084; eq. (9) gives 3.6092."""
     ours = noiseless(0.01 * np.eye(3)).camera_from_led.translation
     np.testing.assert_allclose(ours[:2], PAPER["noiseless"]["camera_from_led"]["t"][:2], atol=1e-4)
@@ -62,7 +62,7 @@ def test_noiseless_translation_is_the_papers_but_for_its_slip():
 
 @pytest.mark.parametrize("level", ["1%", "5%"])
 def test_table_2_follows_from_table_1(level):
-    """Both ways of orthonormalising give every entry within 1e-4, and one another within 1e-10."""
+    """Both ways of orthonormalising give every entry within 1e-4, and agree with one another within 1e-10."""
     rows = np.array(PAPER["table1_camera_from_led"][level]["R"])
     iterated = orthonormalise(rows)
     np.testing.assert_allclose(iterated, PAPER["table2_orthonormalised"][level], atol=1e-4)
@@ -71,7 +71,7 @@ def test_table_2_follows_from_table_1(level):
 
 @pytest.mark.parametrize("level", ["1%", "5%"])
 def test_table_3_follows_from_table_2(level):
-    """Within 2e-4, but for the entry whose digits the paper swaps."""
+    """Entries agree within 2e-4, except for the one whose digits the paper swaps."""
     table_2 = np.array(PAPER["table2_orthonormalised"][level])
     translation = np.array(PAPER["table1_camera_from_led"][level]["t"])
     ours = base_of_station(EYE_BASE_FROM_CAMERA, SE3(table_2, translation), HAND_BASE_FROM_LED)
@@ -83,35 +83,35 @@ def test_table_3_follows_from_table_2(level):
     np.testing.assert_allclose(ours.translation, printed["t"], atol=2e-4)
 
 
-def test_iteration_and_closed_form_agree_far_from_a_rotation():
-    """300 random matrices up to 20 degrees from orthonormal: the two agree to 1e-10."""
+def test_iteration_equals_closed_form_far_from_a_rotation():
+    """For 300 random matrices up to 20 degrees from orthonormal, the two agree to 1e-10."""
     rng = np.random.default_rng(0)
     for _ in range(300):
         rows = nearest_rotation(rng.normal(size=(3, 3))) + 0.1 * rng.normal(size=(3, 3))
         np.testing.assert_allclose(orthonormalise(rows), nearest_rotation(rows), atol=1e-10)
 
 
-def test_iteration_that_does_not_settle_says_so():
-    """Rows without a nearest rotation near the start end in an error with the last state."""
+def test_iteration_without_convergence_is_an_error():
+    """Rows without a nearest rotation near the start raise an error with the last state."""
     with pytest.raises((NotConverged, np.linalg.LinAlgError)):
         orthonormalise(np.full((3, 3), np.nan))
 
 
-def test_oblique_and_unequal_shifts_give_what_the_papers_give():
+def test_oblique_and_unequal_shifts_equal_the_papers():
     """With infinitesimal shifts the measured matrix of shifts makes any three directions equivalent."""
     shifts = 1e-6 * np.array([[1.0, 0.2, 0.0], [-0.3, 2.0, 0.1], [0.4, 0.0, 1.5]])
     np.testing.assert_allclose(noiseless(shifts).raw_rotation, noiseless(1e-6 * np.eye(3)).raw_rotation, atol=1e-5)
 
 
-def test_shifts_in_a_plane_are_not_observable():
-    """Three coplanar shifts say nothing about the direction across them."""
+def test_coplanar_shifts_are_not_observable():
+    """Three coplanar shifts have no information about the direction across them."""
     with pytest.raises(NotObservable, match="one plane"):
         image_gradient(np.zeros((3, 2)), np.array([[1.0, 0, 0], [0, 1.0, 0], [1.0, 1.0, 0]]))
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
-def test_stations_and_shifts_are_found_in_the_poses(two_sided):
-    """Three stations are told apart by the poses alone, each with its own samples and its shifts measured."""
+def test_stations_and_shifts_are_found_from_poses(two_sided):
+    """Three stations are separated by the poses alone, each with its own samples and its shifts measured."""
     simulated = simulate_shifts(
         TRUE, batch(EYE_BASE_FROM_CAMERA, 0.03, 3, 1), batch(HAND_BASE_FROM_LED, 0.1, 3, 2), CAMERA, 0.05, two_sided
     )
@@ -122,8 +122,8 @@ def test_stations_and_shifts_are_found_in_the_poses(two_sided):
     np.testing.assert_allclose(stations[0].shifts_in_led[1:4], 0.05 * np.eye(3), atol=1e-12)
 
 
-def test_choice_for_a_task_point():
-    """The nearest station's base is taken as it is; the weighted mean tends to it as the task comes close."""
+def test_base_for_a_task_point():
+    """The nearest station's base is used unchanged, and the weighted mean approaches it near that station."""
     simulated = simulate_shifts(
         TRUE, batch(EYE_BASE_FROM_CAMERA, 0.03, 3, 1), batch(HAND_BASE_FROM_LED, 0.2, 3, 2), CAMERA, 0.05
     )
@@ -137,8 +137,8 @@ def test_choice_for_a_task_point():
     assert np.linalg.norm(mean - base.translation) > 1e-4
 
 
-def test_the_closed_form_calibrates_and_knows_what_it_neglects():
-    """The truth lies within four sigmas, of which the neglected depth is a part, and the verdict is doubtful."""
+def test_closed_form_includes_neglected_depth_in_sigma():
+    """The truth is within four sigmas, which include the neglected depth, and the verdict is doubtful."""
     simulated = simulate_shifts(
         TRUE, batch(EYE_BASE_FROM_CAMERA, 0.02, 6, 1), batch(HAND_BASE_FROM_LED, 0.05, 6, 2), CAMERA, 0.1,
         is_two_sided=True, pixel_px=0.05,
@@ -151,8 +151,8 @@ def test_the_closed_form_calibrates_and_knows_what_it_neglects():
     assert calibration.verdict == "doubtful"
 
 
-def test_the_closed_form_starts_the_general_solver():
-    """Descending from it ends where the solver ends without a guess."""
+def test_closed_form_starts_the_general_solver():
+    """A descent from the closed form ends at the solver's own optimum."""
     simulated = simulate_shifts(
         TRUE,
         batch(EYE_BASE_FROM_CAMERA, 0.02, 4, 1),
@@ -171,8 +171,8 @@ def test_the_closed_form_starts_the_general_solver():
     assert np.abs((by_shifts.inverse() @ unguessed).log()).max() < 1e-8
 
 
-def test_a_recording_without_stations_says_what_is_needed():
-    """A light that is never shifted at a still camera: not observable by this method, in words."""
+def test_recording_without_stations_is_reported():
+    """An LED without shifts at a still camera is not observable by this method, and the error explains it."""
     from basecal.simulation import Scenario, simulate
 
     s = simulate(Scenario(target="led", camera_mount="fixed", target_mount="fixed"), seed=0)
@@ -184,8 +184,11 @@ def test_a_recording_without_stations_says_what_is_needed():
 
 
 @pytest.mark.parametrize("angle", [1e-9, 1e-5, 2e-4, 0.3, 1.5, 3.0])
-def test_two_rows_and_what_is_across_them_turn_to_the_nearest_rotation(angle):
-    """As by singular values, whatever the angle between the rows; by 1e-9 where both are known to as many digits."""
+def test_rotations_from_two_rows_are_nearest(angle):
+    """The result equals that of singular values within 1e-9, whatever the angle between the rows.
+
+    Both are known to as many digits.
+    """
     rng = np.random.default_rng(4)
     turned = SE3.exp(np.concatenate([np.zeros((20, 3)), rng.normal(size=(20, 3))], -1)).rotation
     gradient = 100 * np.array([[1.0, 0, 0], [np.cos(angle), np.sin(angle), 0]]) @ turned
@@ -201,8 +204,8 @@ def lagrangian(x, rows):
     return 0.5 * (off @ off + m1 * r1 @ r2 + m2 * (r1 @ r1 - 1) + m3 * (r2 @ r2 - 1))
 
 
-def test_newtons_equations_are_derivatives(rng):
-    """Of what is least and holds, by nine numbers; their matrix is their derivative."""
+def test_newton_equations_are_derivatives(rng):
+    """The residual is the gradient of the Lagrangian by nine numbers, and the matrix is its derivative."""
     step = 1e-5 * np.eye(9)
     for _ in range(3):
         rows, x = rng.standard_normal((3, 3)), rng.standard_normal(9)
@@ -215,15 +218,15 @@ def test_newtons_equations_are_derivatives(rng):
         np.testing.assert_allclose(closed_form._newton_matrix(x, rows), np.transpose(matrix), atol=1e-8)
 
 
-def test_two_rows_lead_to_a_rotation_that_keeps_the_first():
-    """However long they are: the second is turned in their plane until it is across."""
+def test_gram_schmidt_keeps_the_first_row():
+    """Rows of any length give a rotation: the second row is rotated in their plane until it is orthogonal."""
     found = closed_form._gram_schmidt(np.array([[0.0, 2.0, 0.0], [3.0, 4.0, 0.0], [9.0, 9.0, 9.0]]))
     np.testing.assert_allclose(found, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-15)
 
 
 @pytest.mark.parametrize(("third", "is_flat"), [(0.9e-3, True), (1.1e-3, False)])
-def test_shifts_leave_a_plane_by_a_thousandth(third, is_flat):
-    """Of the longest at least."""
+def test_shifts_span_three_directions_by_a_thousandth(third, is_flat):
+    """Shifts have to leave a plane by at least a thousandth of the longest shift."""
     shifts = np.array([sign * axis for axis in np.diag([2.0, 1.0, 2.0 * third]) for sign in (-1, 1)])
     gradient = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
     if is_flat:
@@ -234,8 +237,8 @@ def test_shifts_leave_a_plane_by_a_thousandth(third, is_flat):
 
 
 @pytest.mark.parametrize(("angle", "closed"), [(1.1e-4, True), (0.9e-4, False)])
-def test_rows_that_are_nearly_parallel_are_left_to_the_general_way(monkeypatch, angle, closed):
-    """Or nearly opposite: below a ten-thousandth of a radian."""
+def test_nearly_parallel_rows_use_singular_values(monkeypatch, angle, closed):
+    """Rows parallel or opposite within 1e-4 rad are left to the general method."""
     asked = []
     monkeypatch.setattr(closed_form, "nearest_rotation", lambda raw: asked.append(raw) or nearest_rotation(raw))
     k1 = np.array([1.0, 0.0, 0.0])

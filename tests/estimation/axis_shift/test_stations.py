@@ -1,4 +1,4 @@
-"""Where in a recording a camera stood still before a light that was shifted."""
+"""Tests of finding stations: intervals with a still camera before a shifted LED."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def moved(problem, view, camera=(0.0,) * 6, light=(0.0,) * 6):
     return problem.with_groups([with_hand(with_eye(group, base_from_flange=eye), base_from_flange=hand)])
 
 
-def test_each_place_of_the_camera_is_a_station():
-    """Two of them, each with its samples, its shifts from the middle, and nearly the true base."""
+def test_each_camera_pose_is_a_station():
+    """Two stations are found, each with its samples, its shifts from the middle, and nearly the true base."""
     problem, cameras = recorded(shift_m=1e-3)
     found = find_stations(problem, cameras)
     assert [sorted(s.samples.tolist()) for s in found] == [list(range(7)), list(range(7, 14))]
@@ -53,8 +53,8 @@ def test_each_place_of_the_camera_is_a_station():
 
 
 @pytest.mark.parametrize(("shift", "views"), [(1.9e-4, [7, 7]), (2.1e-4, [4, 7])])
-def test_a_camera_stands_still_within_an_arms_repeatability(shift, views):
-    """Travel of 0.2 mm ends a station: three views behind it are none of their own."""
+def test_camera_is_still_within_arm_repeatability(shift, views):
+    """A motion of 0.2 mm ends a station, and three views after it do not form another one."""
     problem, cameras = recorded()
     found = find_stations(moved(problem, [4, 5, 6], camera=[shift, 0, 0, 0, 0, 0]), cameras)
     assert [len(station.samples) for station in found] == views
@@ -62,15 +62,15 @@ def test_a_camera_stands_still_within_an_arms_repeatability(shift, views):
 
 @pytest.mark.parametrize(("turn", "whole"), [(0.9e-3, True), (1.1e-3, False)])
 @pytest.mark.parametrize("who", ["camera", "light"])
-def test_neither_is_turned(turn, whole, who):
-    """A turn of 1 mrad of camera or light ends a station."""
+def test_rotations_end_a_station(turn, whole, who):
+    """A rotation of 1 mrad of camera or LED ends a station."""
     problem, cameras = recorded()
     found = find_stations(moved(problem, [5, 6], **{who: [0, 0, 0, turn, 0, 0]}), cameras)
     assert (len(found[0].samples) == 7) == whole
 
 
-def test_a_station_needs_three_directions():
-    """Three views, or shifts in a plane, are none; what to do is said."""
+def test_station_needs_three_directions():
+    """Three views, or coplanar shifts, form no station, and the error suggests what to do."""
     problem, cameras = recorded(two_sided=False)
     (group,) = problem.groups
     three = problem.with_groups([group.take(np.array([0, 1, 2]))])
@@ -80,8 +80,8 @@ def test_a_station_needs_three_directions():
             find_stations(none, cameras)
 
 
-def test_mounts_must_be_known():
-    """Of camera and light, exactly or roughly."""
+def test_mounts_of_camera_and_led_must_be_known():
+    """The mounts of camera and LED have to be fixed or have a prior."""
     problem, cameras = recorded()
     (group,) = problem.groups
     for name in (group.eye.mount, group.hand.mount):
@@ -92,8 +92,8 @@ def test_mounts_must_be_known():
         assert len(find_stations(replace(problem, unknowns={**problem.unknowns, name: roughly}), cameras)) == 2
 
 
-def test_several_bases_are_fused_by_their_weights():
-    """Translations are averaged, rotations to the nearest; a weight of zero counts for nothing."""
+def test_bases_are_fused_by_weight():
+    """Translations and rotations are averaged by weight, and a weight of zero has no effect."""
     one, two = SE3.from_rotvec([0, 0, 0.1], [0, 0, 0]), SE3.from_rotvec([0, 0, 0.3], [1, 0, 0])
     middle = fuse_bases([one, two], [2.0, 2.0])
     np.testing.assert_allclose(middle.rotvec, [0, 0, 0.2], atol=1e-12)
@@ -102,8 +102,8 @@ def test_several_bases_are_fused_by_their_weights():
     np.testing.assert_allclose(fuse_bases([one, two], [0.0, 1.0]).matrix, two.matrix, atol=1e-12)
 
 
-def test_the_base_for_a_task():
-    """Of the nearest station, or the mean by the squared inverse of the distance."""
+def test_base_for_a_task_is_nearest_or_weighted():
+    """The base is that of the nearest station, or the mean weighted by the squared inverse distance."""
     problem, cameras = recorded()
     first, second = find_stations(problem, cameras)
     bases = [first.base(), second.base()]
@@ -129,8 +129,11 @@ def station_of(led_px):
     return Station("camera", "light", np.arange(4), FOCAL, led_px, SHIFTS, EYE[0], SEEN[1])
 
 
-def test_a_station_predicts_what_it_would_see():
-    """Each shift of the light through the base and the camera's pose, by both focal lengths; shifts are of 4 cm rms."""
+def test_station_predicts_its_pixels():
+    """Each shift of the LED is projected through base and camera pose with both focal lengths.
+
+    Shifts have an rms of 4 cm.
+    """
     matrix = np.linalg.inv(EYE[0].matrix) @ BASE.matrix @ SEEN[1].matrix
     at = SHIFTS @ matrix[:3, :3].T + matrix[:3, 3]
     found = station_of(np.zeros((4, 2)))
@@ -138,8 +141,8 @@ def test_a_station_predicts_what_it_would_see():
     assert found.rms_shift_m == pytest.approx(np.sqrt((0.02**2 + 0.03**2 + 0.06**2) / 3))
 
 
-def test_the_closed_form_is_of_how_the_image_shifts():
-    """Of a light 0.5 m away whose image moves as if depth did not change the pose is found to the last digit."""
+def test_closed_form_is_exact_for_shifts_without_depth():
+    """For an LED 0.5 m away whose image moves as if depth did not change, the pose is exact to the last digit."""
     pose = SE3.from_rotvec([0.3, -0.2, 0.4], [0.05, -0.1, 0.5])
     first = FOCAL * pose.translation[:2] / 0.5
     px = first + FOCAL * (SHIFTS @ pose.rotation[:2].T) / 0.5
@@ -152,7 +155,7 @@ def test_the_closed_form_is_of_how_the_image_shifts():
 
 
 def test_shifts_start_from_the_view_nearest_to_their_middle():
-    """Wherever the light is; they stand in its axes, and three views, or shifts in a plane, are no station."""
+    """Shifts are in the axes of the LED, wherever it is. Three views, or coplanar shifts, are no station."""
     (group,) = recorded()[0].groups
     turned = SE3.from_rotvec([0.0, 0.0, np.pi / 2], [5.0, 6.0, 7.0])
     shifts = np.array([[0.2, 0, 0], [0, 0.3, 0], [0.01, 0, 0], [0, 0, 0.25], [-0.2, 0, 0], [0, -0.3, 0], [0, 0, -0.25]])
@@ -169,8 +172,8 @@ def test_shifts_start_from_the_view_nearest_to_their_middle():
     assert _station(group, views[:4], px[:4], cameras[:4], lights[:4], FOCAL) is not None
 
 
-def test_targets_of_several_points_have_no_stations():
-    """Nor has a light that is not measured in pixels; a light beside them has its own."""
+def test_targets_with_several_points_have_no_stations():
+    """An LED that is not measured in pixels has none either, but an LED beside them has its own."""
     problem, cameras = recorded()
     (group,) = problem.groups
     of = group.measurement

@@ -1,4 +1,4 @@
-"""The certificate: what bounds the cost, what is proven, and what is never claimed."""
+"""Tests of the certificate: bounds of the cost, proven cells, and cells without a claim."""
 
 from __future__ import annotations
 
@@ -73,7 +73,10 @@ def shifted(solution: Solution, rng: np.random.Generator, size: float) -> State:
 
 @pytest.mark.parametrize("name", quick(PROVEN, list(PROVEN)[:6]))
 def test_well_posed_cells_are_proven(name):
-    """Every kind of loop, up to 0.1 rad of noise on arms and views where arms turn by 1.2 rad: global, no gap."""
+    """Every kind of loop is proven global without a gap.
+
+    Noise is up to 0.1 rad on arms and views, and arms rotate by 1.2 rad.
+    """
     certificate, better = certify(solved(PROVEN[name]))
     assert certificate.is_global is True
     assert certificate.reason == ""
@@ -83,8 +86,8 @@ def test_well_posed_cells_are_proven(name):
 
 
 @pytest.mark.parametrize("name", NOT_TOLD)
-def test_what_has_no_view_poses_is_not_told(name):
-    """Null with the reason, and no bound."""
+def test_cells_without_view_poses_are_not_certified(name):
+    """The result is null with the reason, and has no bound."""
     scenario, reason = NOT_TOLD[name]
     certificate = certify(solved(scenario)).certificate
     assert certificate.gap is None
@@ -122,8 +125,8 @@ SOUND = {
 
 
 @pytest.mark.parametrize("name", SOUND)
-def test_no_state_costs_less_than_the_bound_of_its_rotations(name):
-    """The cost of any state is at least the views' constants and the loops' forms at its rotations."""
+def test_no_state_costs_less_than_its_bound(name):
+    """The cost of any state is at least the views' constants plus the loops' forms at its rotations."""
     scenario, sizes = SOUND[name]
     solution = solved(scenario)
     problem = solution.problem
@@ -140,8 +143,8 @@ def test_no_state_costs_less_than_the_bound_of_its_rotations(name):
             assert linearise(problem, state).cost >= least * (1 - 1e-9)
 
 
-def test_bound_is_almost_the_cost_where_translations_are_exact():
-    """With translations unweighted in effect and equal sigmas the bound leaves less than 2 % of the cost."""
+def test_bound_nearly_equals_the_cost_of_rotations():
+    """With nearly unweighted translations and equal sigmas, the bound leaves less than 2 % of the cost."""
     solution = solved(Scenario(target="pose", pose_noise=(10.0, 3e-3), samples=40))
     rotation_only = replace(
         solution.problem.groups[0].measurement,
@@ -155,14 +158,14 @@ def test_bound_is_almost_the_cost_where_translations_are_exact():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_turns_about_one_axis_are_never_proven(seed):
-    """Arms that turn about one axis leave a continuum of answers: nothing is claimed."""
+def test_rotations_about_one_axis_are_never_proven(seed):
+    """Arms that rotate about one axis leave a continuum of solutions, and no claim is made."""
     problem, start, _, _ = adversarial("one axis", seed)
     assert certify(solve_from(problem, start)).certificate.is_global is None
 
 
-def test_views_with_a_second_pose_in_doubt_do_not_count():
-    """At 0.2 px every view of a far board counts, at 8 px not every one does, and nothing is claimed."""
+def test_ambiguous_views_do_not_count():
+    """At 0.2 px every view of a far board counts. At 8 px some do not, and no claim is made."""
     clear, blurred = (
         solved(Scenario(pixel_px=px, samples=12, spread_rad=0.3, distance_m=(0.85, 0.9))) for px in (0.2, 8.0)
     )
@@ -180,14 +183,14 @@ def test_views_with_a_second_pose_in_doubt_do_not_count():
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bad start", "outliers", "far out of scale"])
 def test_no_claim_is_undercut_by_random_starts(kind):
-    """Of cells made to deceive none is claimed global where a thousand random starts find better."""
+    """No deceptive cell is claimed global if a thousand random starts find a better optimum."""
     assert not any(trial(kind, seed).false for seed in range(100, 101))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bad start", "narrow", "outliers", "few", "loud", "far out of scale"])
-def test_no_claim_of_many_is_undercut(kind):
-    """As above, forty cells a kind."""
+def test_no_claim_of_forty_cells_is_undercut(kind):
+    """No claim is undercut by random starts, for forty cells of each kind."""
     assert not any(trial(kind, seed).false for seed in range(200, 240))
 
 
@@ -209,8 +212,8 @@ def misled(seed: int):
 
 
 @pytest.mark.slow
-def test_a_better_optimum_replaces_the_one_found():
-    """From guesses that lead astray the answer comes back to the optimum, proven, and says so."""
+def test_better_optimum_replaces_the_solution():
+    """From misleading guesses the result returns to the proven optimum, with a finding."""
     astray = 0
     for seed in range(12):
         cell, recording = misled(seed)
@@ -229,8 +232,8 @@ def test_a_better_optimum_replaces_the_one_found():
     assert astray >= 1
 
 
-def test_certificate_is_made_where_asked_or_where_starts_differ():
-    """Not by default; by itself where starts ended in different optima."""
+def test_certificate_is_made_on_request_or_for_disputed_solutions():
+    """It is not made by default, but without a request if starts ended in different optima."""
     solution = solved(Scenario(target="pose"))
     assert prove_solution(solution, Settings())[1] is None
     for certificate in (
@@ -241,8 +244,11 @@ def test_certificate_is_made_where_asked_or_where_starts_differ():
         assert certificate.is_global is True
 
 
-def test_starts_that_differ_call_for_a_certificate(monkeypatch):
-    """Where no start looks plausible and guesses lead elsewhere, the certificate comes unasked; not where all agree."""
+def test_differing_starts_trigger_a_certificate(monkeypatch):
+    """If no start looks plausible and guesses end elsewhere, a certificate is made without a request.
+
+    If all agree, it is not.
+    """
     monkeypatch.setattr("basecal.estimation.solve.PLAUSIBLE_SIGMAS", 0.0)
 
     def leads_elsewhere(seed):
@@ -261,8 +267,8 @@ def test_starts_that_differ_call_for_a_certificate(monkeypatch):
 
 
 @pytest.mark.parametrize("target", ["charuco", "led"])
-def test_other_starts_are_turned_by_what_is_asked(target):
-    """All rotations together by 0.5 rad; a light, which has none, and what is fixed stay."""
+def test_perturbed_starts_have_the_requested_rotation(target):
+    """All rotations together change by 0.5 rad. An LED, which has no rotation, and fixed transforms are unchanged."""
     solution = solved(Scenario(target=target, samples=8))
     moves = [name for name in solution.problem.columns if name not in solution.problem.point_mounts]
     for state in _perturbed_states(solution, 0.5):
@@ -272,8 +278,8 @@ def test_other_starts_are_turned_by_what_is_asked(target):
 
 
 @pytest.mark.parametrize("reference", ["eye", "hand"])
-def test_the_proven_rotations_lead_back_from_a_worse_state(reference, monkeypatch):
-    """By few steps to the best fit, whichever arm's base is the world; of what stood there nothing is claimed."""
+def test_proven_rotations_lead_back_from_a_worse_state(reference, monkeypatch):
+    """A few steps reach the best fit, whichever arm's base is the world. Nothing is claimed about the worse state."""
     monkeypatch.setattr("basecal.estimation.certificate.certificate._DESCENT_STEPS", 2)
     made = simulate(Scenario(target="pose", samples=12, pose_noise=(1e-3, 1e-2)), 1)
     # Arms that face one another have a base that is its own inverse, nearly: this one stands askew.
@@ -308,8 +314,8 @@ def test_the_proven_rotations_lead_back_from_a_worse_state(reference, monkeypatc
         ),
     ],
 )
-def test_why_nothing_is_said(change, reason):
-    """Each reason by itself; a gap stands where it was found on the way."""
+def test_reasons_for_no_certificate(change, reason):
+    """Each reason is tested separately. A gap is present if it was found on the way."""
     solution = solved(Scenario(target="pose", samples=8))
     certificate, better = certify(change(solution))
     assert (certificate.is_global, certificate.reason, better) == (None, reason, None)
@@ -318,7 +324,7 @@ def test_why_nothing_is_said(change, reason):
 
 @pytest.mark.parametrize(("corners", "told"), [(3, False), (4, True)])
 def test_views_of_four_points_have_a_pose(corners, told):
-    """Those of three do not, as is said."""
+    """Views of three points have none, and the certificate reports it."""
     square = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]])[:corners]
     certificate = certify(solved(Scenario(target="points", samples=10, board=points_target(square)))).certificate
     reason = "no pose from a single view: fewer than four points are seen"
@@ -330,8 +336,8 @@ def test_views_of_four_points_have_a_pose(corners, told):
     (1.0, 0.1, True, False), (2.0, 0.0, True, False), (2.0, 0.9e-6, True, False), (2.0, 1.1e-6, None, False),
     (0.5, 1e-3, None, True),
 ])  # fmt: skip
-def test_other_optima_have_another_cost_and_place(monkeypatch, cost, off, is_global, is_better):
-    """Where descents end at another cost the transforms decide; a better one is given."""
+def test_other_optima_differ_in_cost_and_transforms(monkeypatch, cost, off, is_global, is_better):
+    """If descents end at another cost, the transforms decide if it is another optimum. A better one is returned."""
     solution = solved(Scenario(target="pose", samples=5, layout="eye_in_hand"))
     state = solution.state
     other = replace(state, transforms={n: t @ SE3.exp([off, 0, 0, 0, 0, 0]) for n, t in state.transforms.items()})
@@ -346,8 +352,11 @@ def test_other_optima_have_another_cost_and_place(monkeypatch, cost, off, is_glo
         assert certificate.reason == "within the 11 deg in which a better fit could be there are several optima"
 
 
-def test_a_better_fit_is_as_near_as_the_bound_is_tight(monkeypatch):
-    """By what the cost exceeds the bound, over how fast the cost of other rotations grows."""
+def test_search_radius_follows_from_the_bound(monkeypatch):
+    """A better fit is near if the bound is tight.
+
+    The radius is the excess of the cost over the bound, divided by the growth of the cost of other rotations.
+    """
     asked = []
     monkeypatch.setattr(module, "_explore_surroundings", lambda *given: asked.append(given))
     solution = solved(Scenario(target="pose", samples=8, layout="eye_in_hand"))

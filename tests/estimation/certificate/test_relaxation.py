@@ -1,4 +1,4 @@
-"""The least value of a form on products of unit quaternions, and its proof."""
+"""Tests of the minimum of a form on products of unit quaternions, and of its proof."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def near_a_product(rng: np.random.Generator, count: int, noise: float) -> np.nda
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize("rank", [3, 20, 200])
-def test_no_product_lies_below_the_bound(count, rank):
+def test_no_product_is_below_the_bound(count, rank):
     """On random forms, tight or not, neither 2,000 random products nor 20 descents find less than the bound."""
     rng = np.random.default_rng([count, rank])
     form = random_form(rng, count, rank)
@@ -51,7 +51,7 @@ def test_no_product_lies_below_the_bound(count, rank):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_growth_holds_on_every_product(count):
+def test_growth_holds_for_every_product(count):
     """The form is nowhere below lower + growth (1 - (v' best)^2), near the best product and far from it."""
     rng = np.random.default_rng(count)
     form = near_a_product(rng, count, 0.05)
@@ -65,8 +65,8 @@ def test_growth_holds_on_every_product(count):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_proof_is_tight_where_one_product_stands_out(count):
-    """With one product much better than others the bound is its value to 1e-9 of the form."""
+def test_proof_is_tight_for_a_distinct_optimum(count):
+    """If one product is much better than others, the bound is its value to 1e-9 of the form."""
     rng = np.random.default_rng(count)
     for _ in range(5):
         form = near_a_product(rng, count, 0.05)
@@ -75,8 +75,11 @@ def test_proof_is_tight_where_one_product_stands_out(count):
         assert found.growth > 1e-3 * np.linalg.eigvalsh(form)[-1]
 
 
-def test_a_local_minimum_is_not_proven():
-    """Of two minima, 1 and 0.9 deep at products that are orthogonal in both factors, only the deeper one is proven."""
+def test_local_minimum_is_not_proven():
+    """Only the deeper of two minima is proven.
+
+    They are 1 and 0.9 deep, at products that are orthogonal in both factors.
+    """
     axes = np.eye(4)
     deep, shallow = (axes[0], axes[1]), (axes[2], axes[3])
     form = np.eye(16) - sum(
@@ -88,8 +91,8 @@ def test_a_local_minimum_is_not_proven():
     assert lower_bound(form, deep).lower == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_continuum_of_minima_has_no_growth():
-    """A form that no turn of one factor changes has a tight bound and no growth."""
+def test_continuum_of_minima_has_no_growth():
+    """A form that is invariant to rotations of one factor has a tight bound and no growth."""
     rng = np.random.default_rng(6)
     rows = rng.standard_normal((40, 4))
     form = np.kron(np.eye(4), rows.T @ rows / 40)
@@ -127,7 +130,7 @@ def by_clarabel(form: np.ndarray, count: int) -> float:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("noise", [0.02, 0.2])
-def test_bound_is_that_of_another_solver(seed, noise):
+def test_bound_equals_an_interior_point_solver(seed, noise):
     """An interior-point solver for semidefinite programs finds the same bound, to 1e-6 of the form."""
     form = near_a_product(np.random.default_rng([seed, 9]), 2, noise)
     found: Bound = lower_bound(form, brute_force(form, 2, 10, 1)[0])
@@ -135,16 +138,16 @@ def test_bound_is_that_of_another_solver(seed, noise):
 
 
 @pytest.mark.slow
-def test_bound_of_three_factors_is_that_of_another_solver():
-    """As above with three factors, where that solver takes seconds."""
+def test_bound_of_three_factors_equals_an_interior_point_solver():
+    """With three factors the bounds agree to 1e-6 of the form. The other solver takes seconds."""
     form = near_a_product(np.random.default_rng(9), 3, 0.1)
     found = lower_bound(form, brute_force(form, 3, 10, 1)[0])
     assert found.lower == pytest.approx(by_clarabel(form, 3), abs=1e-6 * np.linalg.eigvalsh(form)[-1])
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_smallest_eigenvalue_is_raised_by_what_products_do_not_see(seed):
-    """By a twentieth at least, also where it stays below the next one of before."""
+def test_smallest_eigenvalue_is_raised(seed):
+    """Terms that vanish on products raise it by a twentieth at least, also if it stays below the former next one."""
     form = random_form(np.random.default_rng([seed, 200]), 2, 200)[1:, 1:]
     raised = relaxation._maximise_dual(form, 2)
     assert np.linalg.eigvalsh(raised)[0] > 1.05 * np.linalg.eigvalsh(form)[0]
@@ -166,16 +169,16 @@ def exchanged(matrix: np.ndarray, count: int) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_products_see_the_mean_over_exchanges(count, rng):
-    """That of all 2^k; what is exchanged changes nothing."""
+def test_exchange_mean_is_the_mean_of_all_exchanges(count, rng):
+    """The mean is over all 2^k exchanges of row and column indices of factors."""
     matrix = rng.standard_normal((4**count, 4**count))
     mean = sum(exchanged(matrix, count)) / 2**count
     np.testing.assert_allclose(relaxation._exchange_mean(matrix, count), mean, atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_classes_hold_what_exchanges_carry_into_one_another(count):
-    """Two entries are of one class where the sets of each factor's two indices are the same."""
+def test_classes_group_exchanged_entries(count):
+    """Two entries are of one class if the sets of each factor's two indices are equal."""
     classes = relaxation._classes(count)
     assert classes.shape == (4**count, 4**count)
     digits = [np.unravel_index(i, (4,) * count) for i in range(4**count)]
@@ -187,8 +190,11 @@ def test_classes_hold_what_exchanges_carry_into_one_another(count):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_a_form_is_cleared_of_its_first_row(count, rng):
-    """As far as products do not tell: what its entries have in others' classes is spread there alike."""
+def test_first_row_of_a_form_is_cleared(count, rng):
+    """The row is cleared as far as products are unaffected.
+
+    Its entries are spread equally over the others of their classes.
+    """
     matrix = random_form(rng, count, 30)
     found = relaxation._clear_first_row(matrix, count)
     np.testing.assert_allclose(
@@ -206,8 +212,8 @@ def test_a_form_is_cleared_of_its_first_row(count, rng):
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_what_vanishes_on_products_is_what_is_left_of_class_means(count, rng):
-    """Projected twice as once, and at right angles to what is taken away."""
+def test_vanishing_projection_subtracts_class_means(count, rng):
+    """The projection is idempotent and orthogonal, and its result vanishes on products."""
     project, size = relaxation._vanishing_projection(count), 4**count - 1
     root = rng.standard_normal((size, size))
     matrix = root + root.T
@@ -223,8 +229,11 @@ def test_what_vanishes_on_products_is_what_is_left_of_class_means(count, rng):
         np.testing.assert_allclose(found[here], matrix[here] - matrix[here].mean(), atol=1e-12)
 
 
-def test_newtons_step_is_stationary(rng, monkeypatch):
-    """Of what the barrier is to second order: in every direction that vanishes on products, and in the level."""
+def test_newton_step_is_stationary(rng, monkeypatch):
+    """The step is stationary for the barrier to second order.
+
+    This holds in every direction that vanishes on products, and in the level.
+    """
     monkeypatch.setattr(relaxation, "_CG_TOLERANCE", 1e-12)
     project, size = relaxation._vanishing_projection(2), 15
     root = rng.standard_normal((size, 40))
@@ -236,8 +245,8 @@ def test_newtons_step_is_stationary(rng, monkeypatch):
     assert pull - np.trace(moved) == pytest.approx(0.0, abs=1e-8 * np.trace(inverse) ** 2)
 
 
-def test_gradients_end_where_a_hundredth_is_left(rng, monkeypatch):
-    """As many steps as that takes, the last ones' sums right; and so many at most."""
+def test_conjugate_gradients_end_at_a_hundredth(rng, monkeypatch):
+    """The iteration takes as many steps as needed, up to a limit, and its last sums are correct."""
     root = rng.standard_normal((12, 12))
     matrix, right = root @ root.T + np.eye(12), rng.standard_normal(12)
     asked = []
@@ -264,8 +273,8 @@ def test_gradients_end_where_a_hundredth_is_left(rng, monkeypatch):
     np.testing.assert_array_equal(relaxation._solve_conjugate_gradients(operator, 0 * right), 0.0)
 
 
-def test_what_leaks_into_products_is_taken_off_the_bound(monkeypatch):
-    """Were the form raised by what products see, the bound would be none the higher."""
+def test_parts_that_affect_products_lower_the_bound(monkeypatch):
+    """If the form is raised by a part that affects products, the bound is not raised."""
     rng = np.random.default_rng(3)
     form = near_a_product(rng, 2, 0.05)
     factors, value = brute_force(form, 2, 5, 1)
@@ -278,8 +287,11 @@ def test_what_leaks_into_products_is_taken_off_the_bound(monkeypatch):
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_a_local_minimum_is_lowest_in_each_factor(count, rng):
-    """The others at rest; of a single factor it is the smallest eigenvalue, found at once and seen to stand still."""
+def test_local_minimum_is_lowest_in_each_factor(count, rng):
+    """Each factor is optimal with the others fixed.
+
+    For a single factor it is the smallest eigenvalue, found at once and confirmed.
+    """
     form = random_form(rng, count, 6)
     factors, value = local_minimum(form, units(rng, count))
     best = kronecker_product(factors)
@@ -294,8 +306,8 @@ def test_a_local_minimum_is_lowest_in_each_factor(count, rng):
         assert abs(vectors[:, 0] @ factors[j]) == pytest.approx(1.0, abs=1e-4)
 
 
-def test_sweeps_end_where_nothing_is_gained(rng, monkeypatch):
-    """Of one factor the second sweep stands still; asked for one there is one."""
+def test_sweeps_end_without_improvement(rng, monkeypatch):
+    """With one factor the second sweep improves nothing; with a limit of one, there is one sweep."""
     form, start = random_form(rng, 1, 6), units(rng, 1)
     made, whole = [], relaxation.kronecker_product
     monkeypatch.setattr(relaxation, "kronecker_product", lambda of: made.append(len(of)) or whole(of))
@@ -306,8 +318,11 @@ def test_sweeps_end_where_nothing_is_gained(rng, monkeypatch):
     assert made == [0, 0, 0]
 
 
-def test_raising_reaches_what_is_there_to_reach():
-    """A form lowered by what vanishes on products is raised back, to a tenth; one factor leaves nothing to add."""
+def test_dual_maximisation_recovers_the_optimum():
+    """A form lowered by a part that vanishes on products is raised back to within a tenth.
+
+    With one factor there is nothing to add.
+    """
     rng = np.random.default_rng(5)
     project = relaxation._vanishing_projection(2)
     root = rng.standard_normal((15, 15))
@@ -321,7 +336,7 @@ def test_raising_reaches_what_is_there_to_reach():
 
 
 @pytest.mark.parametrize("shift", [-50.0, 50.0])
-def test_raising_is_the_same_wherever_the_form_lies(shift):
+def test_dual_maximisation_is_independent_of_shifts(shift):
     """Forms that are wholly negative or wholly positive are raised as far as one between."""
     form = random_form(np.random.default_rng([1, 200]), 2, 200)[1:, 1:]
     gain = [

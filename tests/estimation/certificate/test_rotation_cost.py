@@ -1,4 +1,4 @@
-"""What the rotations of a loop cost at least, as a form on products of quaternions."""
+"""Tests of lower bounds of a loop's rotation cost as a form on products of quaternions."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def half_sines(group, costs, x, y, z):
 
 
 @pytest.mark.parametrize("fixed", [(), (X,), (Y,), (Z,), (X, Y), (Y, Z), (X, Z)])
-def test_the_form_is_the_loops_cost(rng, fixed):
-    """On the quaternions of any rotations it is the mean of sin^2 of half the loops' angles, by their weights."""
+def test_form_equals_the_loop_cost(rng, fixed):
+    """On the quaternions of any rotations it is the weighted mean of sin^2 of half the loops' angles."""
     problem, state, group, costs = loop_of(rng, fixed)
     found = loop_form(problem, state, group, costs)
     assert found.weight == pytest.approx(costs.weight.sum())
@@ -70,8 +70,8 @@ def test_the_form_is_the_loops_cost(rng, fixed):
         assert vector @ found.form @ vector == pytest.approx(expected, rel=1e-10)
 
 
-def test_factors_stand_for_rotations(rng):
-    """Rotations to factors and back, the known ones beside them."""
+def test_factors_represent_rotations(rng):
+    """Rotations are converted to factors and back, with the known ones beside them."""
     problem, state, group, costs = loop_of(rng, (Y,))
     loop = loop_form(problem, state, group, costs).loop
     x, z = random_poses(rng).rotation, random_poses(rng).rotation
@@ -83,8 +83,8 @@ def test_factors_stand_for_rotations(rng):
 
 
 @pytest.mark.parametrize(("eye", "hand", "merged"), [(None, "hand", "x"), ("eye", None, "z"), ("eye", "hand", "")])
-def test_a_lacking_arm_merges_two_unknowns(rng, eye, hand, merged):
-    """Without the eye's arm Y' X is one rotation, without the hand's Y Z; the state's are merged alike."""
+def test_missing_arm_merges_two_unknowns(rng, eye, hand, merged):
+    """Without the eye's arm Y' X is one rotation, without the hand's Y Z. The state's rotations are merged equally."""
     problem, state, group, costs = loop_of(rng, eye=eye, hand=hand)
     found = loop_form(problem, state, group, costs)
     assert found.merged == merged
@@ -97,8 +97,8 @@ def test_a_lacking_arm_merges_two_unknowns(rng, eye, hand, merged):
     assert vector @ found.form @ vector == pytest.approx(np.average(expected, weights=costs.weight), rel=1e-10)
 
 
-def test_stops_share_the_angle(rng):
-    """A view of weight w at a stop of m views and sigma s counts as 1 / (1 / w + m s^2 / 4); the worst axis is s."""
+def test_stop_errors_reduce_view_weights(rng):
+    """A view of weight w at a stop of m views and sigma s counts as 1 / (1 / w + m s^2 / 4). The worst axis gives s."""
     stops = Stops(np.array([[1, 1, 1, 0.1, 0.3, 0.2], [1, 1, 1, 0.5, 0.5, 0.5]]), ("eye", "eye"))
     problem, state, group, costs = loop_of(rng, n=4, stops=stops, eye_stop=[0, 0, 1, -1])
     found = loop_form(problem, state, group, costs)
@@ -115,7 +115,7 @@ def test_stops_share_the_angle(rng):
     np.testing.assert_allclose(loop_form(problem, state, both, costs).loop.weight, 1 / (1 / costs.weight + slack))
 
 
-def test_views_beyond_one_chunk(rng):
+def test_form_of_more_views_than_one_chunk(rng):
     """More views than are summed at once give the form of all."""
     problem, state, group, costs = loop_of(rng, (X, Y), n=2100)
     found = loop_form(problem, state, group, costs)

@@ -1,4 +1,4 @@
-"""Bounds of a view's cost by how far its rotation is from the view's own."""
+"""Tests of bounds of a view's cost by its rotation away from the view's own pose."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def directions(rng, count):
 
 @pytest.mark.parametrize("target", ["charuco", "points3d", "pose"])
 @pytest.mark.parametrize("angle", [SMALL_RAD, 0.05, 0.2])
-def test_cost_rises_at_least_so_fast(target, angle, rng):
-    """Turned about any axis a view costs more than its constant and the weight times sin^2 of half the angle."""
+def test_cost_increases_at_least_as_bounded(target, angle, rng):
+    """Rotated about any axis, a view costs more than its constant plus the weight times sin^2 of half the angle."""
     group, camera, costs, near = views_of(target)
     cost = cost_turned(group, camera, costs, near, angle * directions(rng, 30))
     bound = costs.constant + costs.weight * np.sin(angle / 2) ** 2
@@ -68,16 +68,19 @@ def test_cost_rises_at_least_so_fast(target, angle, rng):
 
 
 @pytest.mark.parametrize(("target", "share"), [("charuco", 0.5), ("points3d", 1.0), ("pose", 1.0)])
-def test_bound_is_as_sharp_as_it_says(target, share, rng):
-    """About the worst axis a small turn costs the bound, and for pixels, whose curvature is halved, twice that."""
+def test_bound_is_as_tight_as_stated(target, share, rng):
+    """About the worst axis a small rotation costs the bound.
+
+    For pixels, whose curvature is halved, it costs twice that.
+    """
     group, camera, costs, near = views_of(target)
     rise = cost_turned(group, camera, costs, near, SMALL_RAD * directions(rng, 500)) - costs.constant
     ratio = costs.weight * np.sin(SMALL_RAD / 2) ** 2 / np.min(rise, axis=0)
     np.testing.assert_allclose(ratio, share, rtol=0.05)
 
 
-def test_doubtful_views_count_for_nothing():
-    """A view whose second pose costs less than the slack more has no weight, the others keep theirs."""
+def test_ambiguous_views_have_no_weight():
+    """A view whose second pose costs more by less than the slack has no weight, and the others keep theirs."""
     costs = ViewCosts(SE3.identity((3,)), np.array([1.0, 1.0, 1.0]), np.ones(3), np.array([2.0, 11.0, np.inf]))
     np.testing.assert_array_equal(costs.without_doubtful(5.0).weight, [0.0, 1.0, 1.0])
     np.testing.assert_array_equal(costs.without_doubtful(0.5).weight, [1.0, 1.0, 1.0])
@@ -85,8 +88,8 @@ def test_doubtful_views_count_for_nothing():
     np.testing.assert_array_equal(dear.without_doubtful(5.0).weight, [0.0, 1.0, 1.0])
 
 
-def test_a_measured_pose_costs_by_its_least_weight():
-    """Four times its square; by itself nothing."""
+def test_measured_pose_costs_by_its_smallest_weight():
+    """The weight is four times the smallest rotation weight squared, and the constant is zero."""
     problem, state = pose_problem(np.zeros((3, 6)), None)
     (group,) = problem.groups
     weight = np.array([[1, 1, 1, 3, 4, 5], [9, 9, 9, 8, 7, 6], [1, 2, 0.1, 6, 2, 4]], dtype=float)
@@ -102,8 +105,11 @@ def test_a_measured_pose_costs_by_its_least_weight():
 @pytest.mark.parametrize(
     ("half", "least", "scatter"), [((3, 2, 1), 4 * (8 + 2), 28), ((3, 2, 0), 4 * 8, 26), ((3, 0, 0), 0.0, 18)]
 )
-def test_points_cost_by_how_far_they_spread(half, least, scatter):
-    """Pairs at 3, 2 and 1 m along three axes, each by a weight of 1: the two smaller sums of squares, four times."""
+def test_point_views_cost_by_their_spread(half, least, scatter):
+    """The weight is four times the two smaller sums of squares.
+
+    The points are pairs at 3, 2 and 1 m along three axes, each with weight 1.
+    """
     points = np.array([sign * size * axis for size, axis in zip(half, np.eye(3), strict=True) for sign in (-1, 1)])
     poses = SE3.exp(np.array([[0.1, 0.2, 0.3, 0.4, -0.5, 0.6], [0.0, 1.0, 2.0, -1.0, 0.3, 0.2]]))
     seen = 1.1 * points @ poses.rotation.mT + np.array([5.0, -4.0, 3.0])
@@ -118,8 +124,8 @@ def test_points_cost_by_how_far_they_spread(half, least, scatter):
             np.testing.assert_allclose(found.camera_from_target.rotation, poses.rotation, atol=1e-9)
 
 
-def test_points_of_no_weight_count_for_nothing():
-    """Wherever they are; and a mirror image is no pose."""
+def test_points_of_zero_weight_have_no_effect():
+    """Their coordinates do not matter, and a mirror image is no pose."""
     points = np.array([[3.0, 0, 0], [-3, 0, 0], [0, 2, 0], [0, -2, 0], [0, 0, 1], [0, 0, -1]])
     weight = np.array([[1.0, 1, 1, 1, 1, 1, 0]])
     problem, state = pose_problem(np.zeros((1, 6)), None)
@@ -137,8 +143,11 @@ def test_points_of_no_weight_count_for_nothing():
     np.testing.assert_allclose(found(mirrored).constant, 2 * 28 - 2 * (18 + 8 - 2))
 
 
-def test_corners_that_were_not_seen_or_weigh_nothing_are_not_used():
-    """A view without any of them, or of three, is known nothing of; wherever else they are, others stay as they are."""
+def test_unseen_and_unweighted_corners_are_ignored():
+    """A view without usable corners, or with three, has no weight.
+
+    The coordinates of such corners do not affect the others.
+    """
     problem, state, group = at_the_truth(Scenario(samples=4))
     of = group.measurement
     whole = view_costs(problem, state, group)
@@ -160,8 +169,8 @@ def test_corners_that_were_not_seen_or_weigh_nothing_are_not_used():
     assert np.isinf(nothing.second).all()
 
 
-def test_a_flat_board_has_a_second_pose():
-    """Not so good as the first where it is seen at a slant; its cost is that of the points about it."""
+def test_planar_board_has_a_second_pose():
+    """The second pose is worse than the first at a slanted view, and its cost is that of the points around it."""
     problem, state, group = at_the_truth(Scenario(samples=4))
     found = view_costs(problem, state, group)
     camera = state.cameras[group.camera]
@@ -175,8 +184,8 @@ def test_a_flat_board_has_a_second_pose():
     np.testing.assert_allclose(found.weight, 2 * np.linalg.eigvalsh(left)[:, 0], rtol=1e-5)
 
 
-def test_a_view_of_three_points_proves_nothing():
-    """It costs nothing however it is turned, and the others what they did."""
+def test_view_of_three_points_proves_nothing():
+    """Its cost is zero at any rotation, and the other views keep their costs."""
     problem, state, group = at_the_truth(Scenario(samples=3))
     whole = view_costs(problem, state, group)
     seen = group.measurement.seen.copy()
@@ -189,8 +198,8 @@ def test_a_view_of_three_points_proves_nothing():
     assert np.all(whole.weight > 0)
 
 
-def test_weights_below_one_count():
-    """Noise a thousand times as large costs a millionth; poses stay."""
+def test_weights_below_one_are_used():
+    """Noise a thousand times as large costs a millionth, with the same poses."""
     problem, state, group = at_the_truth(Scenario(samples=3))
     faint = replace(group, measurement=replace(group.measurement, weight=1e-3 * group.measurement.weight))
     whole, found = view_costs(problem, state, group), view_costs(problem, state, faint)

@@ -1,4 +1,4 @@
-"""Properties of every descent."""
+"""Tests of properties of bundle adjustment."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ def problem_and_start(scenario: Scenario, off: float, seed: int = 3) -> tuple[Pr
     [Scenario(target="points"), Scenario(target="pose"), Scenario(target="points", robot_noise=(3e-4, 5e-4))],
     ids=str,
 )
-def test_no_step_raises_the_cost(scenario, off):
-    """Stopped after any number of steps, the cost at hand is not above that of fewer."""
+def test_cost_never_increases(scenario, off):
+    """The cost after any number of steps is at most the cost after fewer steps."""
     problem, start = problem_and_start(replace(scenario, samples=8), off)
     costs = [linearise(problem, start).cost] + [bundle_adjust(problem, start, 1, k).cost for k in range(1, 12)]
     assert np.all(np.diff(costs) <= 1e-9 * costs[0])
     assert costs[-1] < 0.5 * costs[0]
 
 
-def test_the_end_is_an_optimum():
-    """No gradient is left: one more step would be below 1e-5 sigma."""
+def test_descent_ends_at_an_optimum():
+    """At the end the gradient is negligible: one more step is below 1e-5 sigma."""
     problem, start = problem_and_start(Scenario(samples=12, target="points"), 0.02)
     end = bundle_adjust(problem, start, 100)
     assert end.converged
@@ -56,8 +56,8 @@ def test_the_end_is_an_optimum():
 
 
 @pytest.mark.parametrize("seed", [1, 3])
-def test_the_end_does_not_depend_on_errors_of_stops_at_the_start(seed):
-    """From its own end, the stops' errors forgotten: the same cost, though hardly anything else moves at first."""
+def test_optimum_is_independent_of_initial_stop_errors(seed):
+    """From the optimum with stop errors reset, the cost is the same, though hardly anything else moves at first."""
     noise = (2e-3, 0.03)
     scenario = Scenario(layout="eye_to_hand", target="pose", spread_rad=0.6, pose_noise=noise, robot_noise=noise)
     problem, start = problem_and_start(scenario, 1e-3, seed)
@@ -67,8 +67,8 @@ def test_the_end_does_not_depend_on_errors_of_stops_at_the_start(seed):
 
 
 @pytest.mark.parametrize("seed", [1, 3])
-def test_a_rough_end_is_near_and_sooner(seed):
-    """Within what may be left to go of the end, in its sigmas, after fewer steps, where errors of stops are large."""
+def test_rough_tolerance_ends_sooner_and_near(seed):
+    """After fewer steps the state is within the tolerance of the optimum, in its sigmas. Stop errors are large here."""
     noise = (2e-3, 0.03)
     scenario = Scenario(layout="eye_to_hand", target="pose", spread_rad=0.6, pose_noise=noise, robot_noise=noise)
     problem, start = problem_and_start(scenario, 0.02, seed)
@@ -80,7 +80,7 @@ def test_a_rough_end_is_near_and_sooner(seed):
 
 
 def test_information_without_rank_is_no_error():
-    """Both arms still: most directions are not seen, and the descent still ends, with finite transforms."""
+    """With both arms still, most directions are unobservable, and the descent ends with finite transforms."""
     problem, start = problem_and_start(Scenario(samples=6, arms="eye_still", target="points"), 1e-3)
     problem = problem.with_groups(g.take(np.zeros(4, dtype=np.int64)) for g in problem.groups)
     assert np.linalg.matrix_rank(linearise(problem, start).hessian) < problem.width
@@ -89,8 +89,8 @@ def test_information_without_rank_is_no_error():
     assert all(np.isfinite(t.matrix).all() for t in end.state.transforms.values())
 
 
-def test_a_step_moves_each_unknown_on_its_right():
-    """A point's mount by its three columns, and what has no columns not at all."""
+def test_step_moves_each_unknown_on_its_right():
+    """A point's mount moves by its three columns, and transforms without columns do not move."""
     problem, start = problem_and_start(Scenario(samples=6, target="led", camera_mount="fixed"), 1e-3)
     step = 0.1 * np.random.default_rng(0).standard_normal(problem.width)
     after = retract(problem, start, linearise(problem, start), step)
@@ -112,8 +112,8 @@ SCENARIOS = [
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=str)
-def test_a_batch_is_each_state_by_itself(scenario):
-    """Three starts side by side end where each ends alone, to 1e-9 of cost and of transforms."""
+def test_batch_equals_separate_states(scenario):
+    """Three starts in a batch end where each ends alone, to 1e-9 of cost and of transforms."""
     problem, _ = problem_and_start(scenario, 0.0)
     starts = [problem_and_start(scenario, off)[1] for off in (0.01, 0.03, 0.05)]
     together = bundle_adjust_batch(problem, batch_states(problem, starts), 100)
@@ -125,8 +125,8 @@ def test_a_batch_is_each_state_by_itself(scenario):
             np.testing.assert_allclose(together.state.transforms[name].matrix[row], transform.matrix, atol=1e-9)
 
 
-def test_views_and_weights_of_a_batch_are_its_own():
-    """Entries that hold other views, and entries that weigh views by zero, end where a problem of those views does."""
+def test_batch_entries_have_own_views_and_weights():
+    """Entries with other views, and entries with zero weights, end where a problem of those views ends."""
     problem, start = problem_and_start(Scenario(target="points", samples=9), 0.02)
     subsets = np.array([[0, 1, 2, 3, 4, 5], [3, 4, 5, 6, 7, 8]])
     states = batch_states(problem, [start, start])
@@ -143,8 +143,8 @@ def test_views_and_weights_of_a_batch_are_its_own():
                 np.testing.assert_allclose(ends.state.transforms[name].matrix[row], transform.matrix, atol=1e-9)
 
 
-def test_of_a_batch_weights_are_taken_where_each_entry_has_its_own():
-    """Those of all alike stay."""
+def test_weights_of_a_batch_are_indexed_if_separate():
+    """Weights shared by all entries are unchanged."""
     problem, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
     own = np.arange(6.0).reshape(2, 3)
     shared, taken = _Bundle(problem, [np.arange(3.0), own]).take(np.array([1])).weights

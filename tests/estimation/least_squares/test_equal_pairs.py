@@ -1,4 +1,4 @@
-"""Pairs of one structure go together, whatever they are called and however many views they have."""
+"""Tests of grouping pairs with equal structure into batches, whatever their names and numbers of views."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def problem(scenario: Scenario):
     return build_problem(made.cell, made.recording)[0]
 
 
-def test_rings_are_one_batch_but_for_the_reference() -> None:
-    """Every pair is in one batch, once; pairs of the reference have a base less on one side or the other."""
+def test_ring_is_one_batch_except_reference_pairs() -> None:
+    """Every pair is in one batch, once. Pairs of the reference have one base less on either side."""
     ring = problem(Scenario(layout="ring", robots=5, samples=53, robot_noise=(1e-4, 1e-4)))
     batches = group_pairs(ring)
     assert sorted(number for of in batches for number in of.groups) == list(range(10))
@@ -33,7 +33,7 @@ def test_rings_are_one_batch_but_for_the_reference() -> None:
             np.testing.assert_array_equal(columns, np.concatenate(expected))
 
 
-def test_other_noise_is_another_batch() -> None:
+def test_different_noise_needs_another_batch() -> None:
     """Stops of one batch have the same sigmas."""
     ring = problem(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)))
     noisier = np.array(ring.stops.robot) == "r3"
@@ -44,8 +44,8 @@ def test_other_noise_is_another_batch() -> None:
         assert all((sigma[stops] == of.problem.stops.sigma).all() for stops in of.stops)
 
 
-def test_many_views_go_in_parts(monkeypatch) -> None:
-    """Of at most so many views, or of one pair; no pair is lost."""
+def test_many_views_are_split_into_parts(monkeypatch) -> None:
+    """A part has a limited number of views, or one pair, and no pair is lost."""
     ring = problem(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)))
     monkeypatch.setattr(module, "MOST_VIEWS", 12)
     batches = group_pairs(ring)
@@ -54,8 +54,8 @@ def test_many_views_go_in_parts(monkeypatch) -> None:
     assert max(len(of.groups) for of in batches) == 2
 
 
-def test_states_are_the_cells(monkeypatch) -> None:
-    """Of batches of several pairs as of one, each transform is that of the pair's own name."""
+def test_batch_states_equal_the_cells(monkeypatch) -> None:
+    """In batches of several pairs or of one, each transform is that of the pair's own name."""
     made = simulate(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)), 1)
     ring = build_problem(made.cell, made.recording)[0]
     state = State(made.truth, made.cameras, np.zeros((len(ring.stops), 6)))
@@ -69,8 +69,8 @@ def test_states_are_the_cells(monkeypatch) -> None:
                 np.testing.assert_array_equal(own.transforms[field][k].matrix, made.truth[name].matrix)
 
 
-def test_weights_of_views_go_with_those_of_each_pair(monkeypatch) -> None:
-    """None where all count once; a view that is there again has none."""
+def test_view_weights_follow_each_pair(monkeypatch) -> None:
+    """Weights are none if all views count once, and repeated views have weight zero."""
     ring = problem(Scenario(layout="ring", robots=5, samples=53, robot_noise=(1e-4, 1e-4)))
     monkeypatch.setattr(module, "linearise", lambda problem, own, weights: weights)
     for of in group_pairs(ring):
@@ -84,8 +84,8 @@ def test_weights_of_views_go_with_those_of_each_pair(monkeypatch) -> None:
             np.testing.assert_array_equal(found, scale * of.weight)
 
 
-def test_other_unknowns_are_another_batch() -> None:
-    """A pair whose target's mount is known has columns less; a light's mount has a place alone."""
+def test_different_unknowns_need_another_batch() -> None:
+    """A pair whose target mount is known has fewer columns. An LED's mount has only a position."""
     ring = problem(Scenario(layout="ring", robots=5, samples=50))
     mount = ring.groups[4].hand.mount
     known = replace(ring, columns={name: where for name, where in ring.columns.items() if name != mount})

@@ -1,4 +1,4 @@
-"""How the views move with the unknowns, by differences."""
+"""Tests of Jacobians of views by the unknowns against finite differences."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def moved_by(problem: Problem, group: ViewGroup, state: State, after: State) -> 
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_views_move_with_every_unknown_as_the_derivative_says(name):
-    """Each camera's mount, base and target's mount, in every group of the cell."""
+def test_jacobian_by_every_unknown(name):
+    """The derivatives of views by camera mount, base and target mount are correct in every group of the cell."""
     problem, state = near_truth(CELLS[name])
     for group in problem.groups:
         links = chain(group, state, problem.stops)
@@ -64,8 +64,8 @@ def test_views_move_with_every_unknown_as_the_derivative_says(name):
 
 
 @pytest.mark.parametrize("name", ["dual", "eye to hand", "ring"])
-def test_views_move_with_the_errors_of_their_stops_as_the_derivative_says(name):
-    """At errors of order one sigma, not only at none."""
+def test_jacobian_by_stop_errors(name):
+    """The derivatives are correct at errors of order one sigma, not only at zero."""
     problem, state = near_truth(CELLS[name])
     checked = 0
     for group in problem.groups:
@@ -84,8 +84,8 @@ def test_views_move_with_the_errors_of_their_stops_as_the_derivative_says(name):
 
 
 @pytest.mark.parametrize("noise", quick([None, (2e-3, 3e-3)], [(2e-3, 3e-3)]))
-def test_views_move_with_the_kinematics_of_their_robots_as_the_derivative_says(noise):
-    """Joints that are off of both arms, of one also its links, beside errors of stops of order one sigma."""
+def test_jacobian_by_robot_kinematics(noise):
+    """Joints of both arms are off, and links of one, beside stop errors of order one sigma."""
     made = simulate(Scenario(samples=2, target="points", joints=True, robot_noise=noise or (0.0, 0.0)), 2)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -125,8 +125,8 @@ def some_step(model: RobotModel) -> dict[str, np.ndarray]:
     return {name: 0.02 * rng.standard_normal(width) for name, width in model.widths.items()}
 
 
-def test_robots_that_are_as_stated_have_no_columns():
-    """And nothing is there to differentiate."""
+def test_unchanged_robots_have_no_columns():
+    """Robots with fixed kinematics have nothing to differentiate."""
     problem, state = near_truth(CELLS["dual"])
     (group,) = problem.groups
     derivative, columns = robot_model_jacobian(problem, group, chain(group, state, problem.stops), state, 6)
@@ -134,8 +134,11 @@ def test_robots_that_are_as_stated_have_no_columns():
     assert len(columns) == 0
 
 
-def test_a_lens_has_columns_where_views_have_rows_of_it():
-    """One a parameter, behind those of the transforms; of rows of a pose alone there are none."""
+def test_lens_columns_exist_for_lens_rows():
+    """There is one column for each parameter, behind those of the transforms.
+
+    With rows of a pose alone there are none.
+    """
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
     (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
     free = replace(problem, columns={**problem.columns, "camera": slice(6, 10)})
@@ -149,8 +152,8 @@ def test_a_lens_has_columns_where_views_have_rows_of_it():
     np.testing.assert_array_equal(of_pose, derivative[:, :6, :6])
 
 
-def test_without_unknowns_views_have_no_columns():
-    """Nor have those of a robot that is recorded by poses, whatever is asked of its kinematics."""
+def test_views_without_unknowns_have_no_columns():
+    """A robot recorded by poses has no columns either, whatever is requested of its kinematics."""
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
     (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
     asked = SimpleNamespace(robot_model=lambda robot: robot and SimpleNamespace())
@@ -162,8 +165,8 @@ def test_without_unknowns_views_have_no_columns():
         assert columns.shape == (0,)
 
 
-def test_a_robots_kinematics_do_not_move_the_lens():
-    """Rows of the lens are zero, those of the pose as without it."""
+def test_robot_kinematics_do_not_affect_the_lens():
+    """Rows of the lens are zero, and those of the pose are the same as without it."""
     made = simulate(Scenario(samples=2, target="points", joints=True, joint_offsets="prior", joint_offset_rad=0.01), 0)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))

@@ -1,4 +1,4 @@
-"""Normal equations with stops eliminated, against the dense ones of all unknowns and all stops' errors."""
+"""Tests of normal equations with eliminated stops, against the dense ones of all unknowns and stop errors."""
 
 from __future__ import annotations
 
@@ -104,8 +104,11 @@ def dense(problem: Problem, state: State):
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_elimination_is_the_schur_complement_of_the_dense_problem(name):
-    """Hessian, gradient, log determinant, what errors alone promise, to 1e-9 of their size, whoever shares a stop."""
+def test_elimination_equals_the_dense_schur_complement(name):
+    """Hessian, gradient, log determinant and the predicted decrease by errors agree to 1e-9 of their size.
+
+    Any robot may share stops.
+    """
     problem, state = of_cell(name)
     hessian, gradient = dense(problem, state)
     p, normal = problem.width, linearise(problem, state)
@@ -124,8 +127,8 @@ def test_elimination_is_the_schur_complement_of_the_dense_problem(name):
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_after_a_step_the_errors_of_stops_are_the_best_there(name):
-    """Those that minimise the dense quadratic once the unknowns have moved."""
+def test_stop_errors_are_optimal_after_a_step(name):
+    """The errors minimise the dense quadratic for the moved unknowns."""
     problem, state = of_cell(name)
     hessian, gradient = dense(problem, state)
     p = problem.width
@@ -143,8 +146,8 @@ SLOPES = [name for name in CELLS if name not in {"so many views that factors pay
 
 
 @pytest.mark.parametrize("name", SLOPES)
-def test_gradient_is_half_the_slope_of_the_cost_where_stops_stand_at_their_best(name):
-    """Along some way of all unknowns, by differences; the errors of stops were brought to their best before."""
+def test_gradient_is_half_the_slope_of_the_cost(name):
+    """The slope is by finite differences along a direction of all unknowns, after the stop errors were optimised."""
     problem, state = of_cell(name)
     for _ in range(4):
         state = retract(problem, state, linearise(problem, state), np.zeros(problem.width))
@@ -159,8 +162,8 @@ def test_gradient_is_half_the_slope_of_the_cost_where_stops_stand_at_their_best(
 
 
 @pytest.mark.parametrize("name", ["each at its own stop", "all stops of two views", "no noise"])
-def test_views_of_no_weight_are_not_there(name):
-    """Cost, Hessian and gradient of the other views alone, the private errors of their stops among them."""
+def test_views_of_zero_weight_have_no_effect(name):
+    """Cost, Hessian and gradient are those of the other views alone, including the private errors of their stops."""
     problem, state = near_truth(*CELLS[name])
     rows = np.arange(2, len(problem.groups[0]))
     fewer = problem.with_groups(g.take(rows) for g in problem.groups)
@@ -180,8 +183,11 @@ def test_views_of_no_weight_are_not_there(name):
 
 
 @pytest.mark.parametrize("name", ["each at its own stop", "all stops of two views", "some stops of several"])
-def test_a_step_lowers_the_cost_as_promised(name):
-    """By what the unknowns gain and what the errors alone do, to a tenth where the latter is most of it."""
+def test_step_reduces_the_cost_as_predicted(name):
+    """The predicted decrease by unknowns and errors holds within a tenth.
+
+    The errors contribute more than a tenth of the unknowns' part.
+    """
     problem, state = near_truth(*CELLS[name])
     state = replace(state, stop_errors=0.3 * state.stop_errors)
     normal = linearise(problem, state)
@@ -192,8 +198,8 @@ def test_a_step_lowers_the_cost_as_promised(name):
     assert normal.eliminated_cost > 0.1 * of_unknowns
 
 
-def test_a_weight_of_two_is_the_view_twice():
-    """Where robots have no noise."""
+def test_weight_of_two_counts_a_view_twice():
+    """A weight of two equals a repeated view if robots have no noise."""
     problem, state = near_truth(*CELLS["no noise"])
     twice = linearise(problem.with_groups(g.take(np.array([0, 1, 1, 2, 3])) for g in problem.groups), state)
     weighted = linearise(problem, state, [np.array([1.0, 2.0, 1.0, 1.0])])
@@ -201,16 +207,16 @@ def test_a_weight_of_two_is_the_view_twice():
     np.testing.assert_allclose(weighted.hessian, twice.hessian, rtol=1e-12, atol=1e-12 * np.abs(twice.hessian).max())
 
 
-def test_private_errors_weigh_as_their_view():
-    """A pose off by a metre with the error of its stop at two sigmas: half the weight, half the cost of both."""
+def test_private_errors_are_weighted_like_their_view():
+    """A pose off by a metre with a stop error of two sigmas: half the weight has half the cost of both."""
     problem, state = pose_problem(np.eye(6)[:1], np.ones(6), stop_sigma=np.full(6, 1e-9))
     state = replace(state, stop_errors=np.array([[2.0, 0, 0, 0, 0, 0]]))
     assert linearise(problem, state).cost == pytest.approx(1.0 + 4.0)
     assert linearise(problem, state, [np.array([0.5])]).cost == pytest.approx(0.5 + 2.0)
 
 
-def test_a_view_lost_behind_the_camera_costs_nothing_where_it_has_no_weight():
-    """And infinitely much where it has some."""
+def test_view_behind_the_camera_with_zero_weight_costs_nothing():
+    """With any weight, its cost is infinite."""
     problem, state = near_truth(*CELLS["no noise"])
     (group,) = problem.groups
     far = group.measurement.points_in_target - 50 * state.camera_from_target(group, problem.stops)[0].rotation[2]
@@ -220,7 +226,10 @@ def test_a_view_lost_behind_the_camera_costs_nothing_where_it_has_no_weight():
 
 
 def test_priors_are_in_sigmas():
-    """A mount half a millimetre from its mean, known to 1 mm: half a sigma, and no more than its own columns."""
+    """A prior's residual is in sigmas.
+
+    A mount half a millimetre from its mean with 1 mm sigma has half a sigma, in its own columns only.
+    """
     sigma = np.array([1e-3, 2e-3, 4e-3, 0.1, 0.2, 0.4])
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6), Unknown("prior", SE3.identity(), sigma))
     xi = np.array([5e-4, 0, 0, 0.02, 0, 0])
@@ -241,8 +250,11 @@ def test_priors_are_in_sigmas():
         assert prior_residuals(free, moved) == []
 
 
-def test_a_lens_known_beforehand_is_in_sigmas():
-    """A prior's parameters over their sigmas; of a free lens the terms that real lenses keep small, if any."""
+def test_lens_priors_are_in_sigmas():
+    """Parameters with a prior are divided by their sigmas.
+
+    A free lens has residuals for the terms that are small in real lenses, if any.
+    """
     lens = Camera("pinhole", np.array([800.0, 800, 320, 240]))
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
     sigma = np.array([1.0, 2.0, 4.0, 8.0])
@@ -266,15 +278,18 @@ def test_a_lens_known_beforehand_is_in_sigmas():
 
 
 def test_focal_lengths_stay_above_a_fifth_and_finite():
-    """A step to a tenth ends at a fifth, one beyond numbers nowhere; the others are added."""
+    """A step to a tenth ends at a fifth, a non-finite step has no effect, and the others are added."""
     lens = Camera("pinhole", np.array([800.0, 900, 320, 240, 0.1, 0, 0, 0, 0]))
     step = np.array([-720.0, 10, np.nan, 5, 0.2, 0, np.inf, 0, 0])
     np.testing.assert_allclose(retract_lens(lens, step).parameters, [160, 910, 320, 245, 0.3, 0, 0, 0, 0])
     np.testing.assert_allclose(lens.parameters[:2], [800, 900])
 
 
-def test_joints_known_beforehand_are_in_sigmas_and_free_ones_have_no_prior():
-    """Each offset over the sigma that was stated; of an arm that has both, of the one kind alone."""
+def test_joint_priors_are_in_sigmas():
+    """Each offset is divided by its stated sigma, and free offsets have no prior.
+
+    For arms with both statuses, only the prior counts.
+    """
     made = simulate(Scenario(samples=6, joints=True, camera_mount="fixed", target_mount="fixed"), 0)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -298,8 +313,11 @@ def test_joints_known_beforehand_are_in_sigmas_and_free_ones_have_no_prior():
 
 
 @pytest.mark.parametrize("batch", [(), (2,)])
-def test_weights_scale_what_views_say_and_none_silences_them(rng, batch):
-    """Gradient, information and what errors promise, each view by its own; at none even what is no number."""
+def test_weights_scale_views_and_zero_removes_them(rng, batch):
+    """Gradient, information and predicted decrease are scaled for each view.
+
+    With weight zero even NaN has no effect.
+    """
     gradient, root = rng.standard_normal((*batch, 3, 6)), rng.standard_normal((*batch, 3, 6, 6))
     promised = rng.uniform(1, 2, (*batch, 3))
     views = LinearisedViews(gradient, root @ root.mT, promised, np.zeros((*batch, 3, 6, 0)), np.zeros(0, int), (), ())
@@ -324,8 +342,11 @@ def test_weights_scale_what_views_say_and_none_silences_them(rng, batch):
 
 
 @pytest.mark.parametrize("count", [1, 70])
-def test_views_beyond_all_measure_leave_the_others_as_they_are(count):
-    """Of a weight that rounds away the identity of their stop's errors: all is finite, and others are exact."""
+def test_extreme_view_weights_leave_the_others_unchanged(count):
+    """A weight so large that rounding removes the identity of the stop errors gives finite results.
+
+    The other views are exact.
+    """
     problem, state = pose_problem(np.full((count + 1, 6), 1e-6), np.ones(6), stop_sigma=np.full(6, 1.0))
     (group,) = problem.groups
     plain = linearise(problem, state)

@@ -1,4 +1,4 @@
-"""Shared stops eliminated, against the dense system of all of them."""
+"""Tests of the elimination of shared stops against the dense system of all of them."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def dense(values, robots):
 
 
 @pytest.mark.parametrize("robots", [(0,), (0, 1)])
-def test_reduction_is_that_of_the_dense_system(rng, robots):
-    """Hessian, gradient, log determinant and the errors' best step, whether one robot's stops are shared or both's."""
+def test_reduction_equals_the_dense_system(rng, robots):
+    """Hessian, gradient, log determinant and the best step of errors agree, if one robot or both share stops."""
     values = drawn(rng)
     own, mixed, force = dense(values, robots)
     ours = eliminated(values, robots)
@@ -62,8 +62,8 @@ def test_reduction_is_that_of_the_dense_system(rng, robots):
     np.testing.assert_allclose(ours.step(step).ravel(), -np.linalg.solve(own, force + mixed @ step), atol=1e-9)
 
 
-def test_what_ties_several_stops_is_eliminated_with_them(rng):
-    """As the dense system, of three stops of four that are tied to one another and to some unknowns."""
+def test_scene_terms_are_eliminated_with_their_stops(rng):
+    """The result equals the dense system of three of four stops connected to one another and to some unknowns."""
     stop, wide = np.array([0, 2, 3]), WIDTH - 1
     errors, gradient = rng.standard_normal((STOPS, 6)), rng.standard_normal(18)
     by_unknowns, root = rng.standard_normal((18, wide)), rng.standard_normal((18, 18))
@@ -80,8 +80,8 @@ def test_what_ties_several_stops_is_eliminated_with_them(rng):
 
 
 @pytest.mark.parametrize("robots", [(0,), (0, 1)])
-def test_covariance_is_the_inverse_of_the_errors_information(rng, robots):
-    """At any pair of stops, block by block."""
+def test_covariance_is_the_inverse_information_of_errors(rng, robots):
+    """Blocks are correct for any pair of stops."""
     values = drawn(rng)
     inverse = np.linalg.inv(dense(values, robots)[0]).reshape(STOPS, 6, STOPS, 6)
     first, second = np.array([0, 0, 2, 3]), np.array([0, 3, 1, 3])
@@ -90,8 +90,8 @@ def test_covariance_is_the_inverse_of_the_errors_information(rng, robots):
     )
 
 
-def test_of_many_stops_each_is_taken_by_itself(rng, monkeypatch):
-    """Beyond so many stops what they say of one another is left out: blocks of each, zeros between."""
+def test_covariance_of_many_stops_is_block_diagonal(rng, monkeypatch):
+    """Beyond a limit of stops, correlations are left out: each stop has its block, with zeros between."""
     values = drawn(rng)
     ours = eliminated(values, (0, 1))
     alone = np.linalg.inv(ours.precision)
@@ -104,8 +104,8 @@ def test_of_many_stops_each_is_taken_by_itself(rng, monkeypatch):
 
 
 @pytest.mark.parametrize("robots", [(0,), (0, 1)])
-def test_a_batch_is_each_entry_by_itself(rng, robots):
-    """Reduction, log determinant and step of two entries side by side are those of each."""
+def test_batch_equals_separate_entries(rng, robots):
+    """Reduction, log determinant and step of two entries equal those of each."""
     values = drawn(rng, (2,))
     together = eliminated(values, robots)
     step = rng.standard_normal((2, WIDTH))
@@ -119,8 +119,8 @@ def test_a_batch_is_each_entry_by_itself(rng, robots):
         assert together.log_det[row] == pytest.approx(alone.log_det)
 
 
-def test_views_that_share_no_stop_change_nothing(rng):
-    """Without views the errors are known to one sigma each, and the unknowns are left as they are."""
+def test_views_without_shared_stops_change_nothing(rng):
+    """Without views, errors have a sigma of one each, and the unknowns are unchanged."""
     values = drawn(rng)
     sums = SchurAccumulator(values[0], WIDTH)
     none = np.zeros(0, dtype=np.int64)
@@ -131,8 +131,8 @@ def test_views_that_share_no_stop_change_nothing(rng):
     np.testing.assert_array_equal(ours.reduce(np.eye(WIDTH), np.ones(WIDTH))[0], np.eye(WIDTH))
 
 
-def test_numbers_beyond_all_measure_are_no_solution(rng):
-    """Where a state that outliers pulled aside overflows there is a LinAlgError, which every search knows."""
+def test_overflow_raises_linalg_error(rng):
+    """If a state pulled aside by outliers overflows, LinAlgError is raised, which every search handles."""
     errors, gradient, information, by_unknowns, by_error = drawn(rng)
     values = errors, gradient, np.where(information > 0, np.inf, information), by_unknowns, by_error
     with np.errstate(all="ignore"), pytest.raises(np.linalg.LinAlgError):
@@ -140,8 +140,8 @@ def test_numbers_beyond_all_measure_are_no_solution(rng):
 
 
 @pytest.mark.parametrize("robots", [(0,), (0, 1)])
-def test_views_added_one_by_one_are_those_added_together(rng, robots):
-    """Of groups whose views stand each in a stop of its own, as of one group in which several share them."""
+def test_views_added_separately_equal_views_added_together(rng, robots):
+    """Groups with one view per stop give the same sums as one group with shared stops."""
     errors, gradient, information, by_unknowns, by_error = drawn(rng)
     sums, columns = SchurAccumulator(errors, WIDTH), np.array([0, 2, 3, 4])
     for row in range(VIEWS):

@@ -1,4 +1,4 @@
-"""Problems of many robots: the sparse way gives what the dense one gives."""
+"""Tests of sparse normal equations for many robots, against dense ones."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def near(scenario: Scenario, seed: int = 1):
 
 @pytest.mark.parametrize("name", SCENARIOS)
 @pytest.mark.parametrize("weighted", [False, True])
-def test_equations_and_steps_are_the_same(name: str, weighted: bool) -> None:
-    """Cost, gradient, hessian, and the state after a step, errors of stops among it; views may count in part."""
+def test_sparse_equations_and_steps_equal_dense_ones(name: str, weighted: bool) -> None:
+    """Cost, gradient, Hessian, and the state after a step with stop errors agree. Views may have partial weights."""
     problem, state = near(SCENARIOS[name])
     rng = np.random.default_rng(0)
     weights = [rng.choice([0.0, 0.5, 1.0], len(g)) for g in problem.groups] if weighted else None
@@ -64,8 +64,8 @@ def test_equations_and_steps_are_the_same(name: str, weighted: bool) -> None:
         np.testing.assert_allclose(after.cameras[key].parameters, camera.parameters)
 
 
-def test_descents_end_alike(monkeypatch: pytest.MonkeyPatch) -> None:
-    """At the same state, with the same information."""
+def test_sparse_and_dense_descents_have_the_same_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both end at the same state, with the same information."""
     problem, state = near(SCENARIOS["robots with noise"])
     dense = bundle_adjust(problem, state, 1.0)
     monkeypatch.setattr(bundle_adjustment, "is_sparse", lambda problem: True)
@@ -88,7 +88,10 @@ def test_descents_end_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     ({"shared_stops": np.array([-1, 0])}, False),
     ({"shared_stops": np.zeros(0)}, True),
 ])  # fmt: skip
-def test_few_unknowns_and_what_ties_views_by_more_than_unknowns_go_the_dense_way(changed, sparse) -> None:
-    """Kinematics of robots, jitter of stamps, and a stop that several views share, be it the first."""
+def test_few_unknowns_and_tied_views_use_dense_equations(changed, sparse) -> None:
+    """Few unknowns need dense equations.
+
+    So do robot kinematics, time stamp jitter, and a stop that several views share, even the first.
+    """
     many = {"width": MANY_COLUMNS, "models": {}, "jitter_s": {}, "tied": None, "shared_stops": np.array([-1, -1])}
     assert is_sparse(SimpleNamespace(**(many | changed))) == sparse

@@ -1,4 +1,4 @@
-"""Deviations are chi-square where the noise is true, and those of one view do not see that view."""
+"""Tests of chi-square distances of views, points and stops, leaving each view out of its own prediction."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def per_freedom(squares) -> np.ndarray:
     ],
     ids=["board", "light", "poses", "3-D points", "stations"],
 )
-def test_views_are_chi_square(scenario, freedoms):
-    """Mean of d^2 / freedoms over five cells is 1 within five standard errors of independent views."""
+def test_view_distances_are_chi_square(scenario, freedoms):
+    """The mean of d^2 / freedoms over five cells is 1 within five standard errors of independent views."""
     every = [s for seed in range(5) for s in studentized_views(about(scenario, seed))]
     assert {int(f) for s in every for f in s.freedoms} == {freedoms}
     mean = per_freedom(every)
@@ -64,8 +64,8 @@ def test_views_are_chi_square(scenario, freedoms):
 
 
 @pytest.mark.parametrize("target", ["charuco", "points", "points3d"])
-def test_points_are_chi_square(target):
-    """Points judged by their view or by all else: mean 1 within five standard errors."""
+def test_point_distances_are_chi_square(target):
+    """Points are predicted by their view or by all else, with mean 1 within five standard errors."""
     every = [
         s for seed in range(4) for s in studentized_points(about(Scenario(target=target, robot_noise=NOISY), seed))
     ]
@@ -73,8 +73,11 @@ def test_points_are_chi_square(target):
     assert abs(mean.mean() - 1) < 5 * np.sqrt(2 / every[0].freedoms.max() / len(mean))
 
 
-def test_shared_stops_are_chi_square():
-    """Errors of stops that several views share: mean 1 within five standard errors, of fewer than six freedoms each."""
+def test_shared_stop_distances_are_chi_square():
+    """Errors of stops shared by several views have mean 1 within five standard errors.
+
+    Each has fewer than six freedoms.
+    """
     mean = per_freedom(
         [studentized_stops(about(Scenario(arms="stations", robot_noise=NOISY), seed)) for seed in range(8)]
     )
@@ -83,8 +86,8 @@ def test_shared_stops_are_chi_square():
 
 
 @pytest.mark.parametrize("target", ["charuco", "points", "points3d"])
-def test_points_not_seen_have_no_deviation(target):
-    """No freedoms and no number, while the others of their views have theirs."""
+def test_unseen_points_have_no_distance(target):
+    """Unseen points have no freedoms and NaN, and the other points of their views have values."""
     made = simulate(Scenario(samples=6, target=target), 0)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -101,8 +104,8 @@ def test_points_not_seen_have_no_deviation(target):
 
 
 @pytest.mark.parametrize("count", [2, 3, 9])
-def test_a_view_is_off_from_the_mean_of_the_others(count):
-    """Of poses of one mount: by the square of that over both variances, whatever of its own it brought."""
+def test_view_distance_is_to_the_mean_of_the_others(count):
+    """For poses of one mount, it is the squared deviation over both variances, without the view's own contribution."""
     sigma = 1e-6 * np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     errors = sigma * np.random.default_rng(count).standard_normal((count, 6))
     problem, state = pose_problem(errors, sigma)
@@ -114,8 +117,8 @@ def test_a_view_is_off_from_the_mean_of_the_others(count):
     assert found.freedoms.tolist() == [6] * count
 
 
-def test_a_view_that_alone_tells_an_unknown_has_no_freedoms():
-    """Nothing else predicts it, and it has no deviation; of a direction that it alone tells it has one less."""
+def test_sole_view_of_an_unknown_has_no_freedoms():
+    """Nothing else predicts it, so it has no distance. A direction that only this view observes costs one freedom."""
     problem, state = pose_problem(np.full((1, 6), 1e-3), np.ones(6))
     (found,) = studentized_views(leave_one_out(problem, state, [np.ones(len(problem.groups[0]))]))
     assert found.freedoms.tolist() == [0]
@@ -130,8 +133,8 @@ def test_a_view_that_alone_tells_an_unknown_has_no_freedoms():
 
 
 @pytest.mark.parametrize(("count", "own"), [(11, False), (12, True)])
-def test_twelve_points_judge_each_other(count, own):
-    """With fewer, all else does; those of measured poses are none."""
+def test_twelve_points_are_judged_by_their_own_view(count, own):
+    """With fewer points, all other data are used. Measured poses have no points."""
     made = simulate(Scenario(samples=4), 0)
     (group,) = build_problem(made.cell, made.recording)[0].groups
     seen = np.zeros_like(group.measurement.seen)
@@ -142,8 +145,8 @@ def test_twelve_points_judge_each_other(count, own):
     assert judged_by_view(problem.groups[0].measurement).tolist() == [False, False]
 
 
-def test_points_of_a_view_that_is_not_in_the_fit_are_judged_too():
-    """By the state alone where its robots are exact: a point's square is that of its residual over its sigma."""
+def test_points_of_excluded_views_are_judged():
+    """With exact robots the state alone is used: a point's square is its residual over its sigma."""
     made = simulate(Scenario(samples=8, target="points"), 1)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
@@ -196,8 +199,8 @@ STATIONS = Scenario(samples=12, target="pose", arms="stations", stations=4, robo
     "scenario", [STATIONS, replace(STATIONS, arms="both"), replace(STATIONS, robot_noise=(0.0, 0.0))]
 )
 @pytest.mark.parametrize("out", [(), (2, 7)])
-def test_views_deviate_as_a_fit_of_the_others_says(scenario, out):
-    """Written out view by view at the optimum: of those in the fit and of two that are not."""
+def test_view_distances_equal_explicit_refits(scenario, out):
+    """The result equals a computation view by view at the optimum, for views in the fit and for two that are not."""
     made = simulate(scenario, 3)
     problem, _ = build_problem(made.cell, made.recording)
     weights = np.ones(12)
@@ -214,8 +217,8 @@ def test_views_deviate_as_a_fit_of_the_others_says(scenario, out):
     assert set(found.freedoms.tolist()) == {6}
 
 
-def test_shared_stops_deviate_by_what_views_tell_of_them():
-    """Their errors by the variance that views take from what was stated, of the joint covariance written out."""
+def test_shared_stop_distances_use_the_explained_variance():
+    """Errors are divided by the variance that views remove from the stated one, by the full joint covariance."""
     made = simulate(STATIONS, 3)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, {}, np.zeros((len(problem.stops), 6)))
@@ -242,8 +245,8 @@ def test_shared_stops_deviate_by_what_views_tell_of_them():
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
-def test_points_of_small_targets_deviate_as_all_else_says(arms):
-    """Each point's residual at the optimum by its covariance: what noise leaves of it about the whole fit."""
+def test_points_of_small_targets_use_the_whole_fit(arms):
+    """Each point's residual at the optimum is divided by its covariance after the whole fit."""
     made = simulate(Scenario(samples=8, target="points", arms=arms, stations=4, robot_noise=(2e-3, 3e-3)), 3)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
@@ -269,8 +272,8 @@ def test_points_of_small_targets_deviate_as_all_else_says(arms):
 
 
 @pytest.mark.parametrize("batch", [(), (2,)])
-def test_a_view_is_off_from_a_state_by_its_own_sigmas(batch):
-    """Of poses near the identity by the squares of their errors; what is beyond numbers is infinitely far."""
+def test_view_misfits_are_in_sigmas(batch):
+    """Near the identity they are the squared pose errors in sigmas, and a non-finite view is infinitely far."""
     sigma = 1e-6 * np.arange(1.0, 7.0)
     errors = np.array([[1.0, -2, 0, 0, 3, 0], [0, 0, 0, 1, 0, 1], [1, 0, 0, 0, 0, 0]]) * sigma
     problem, state = pose_problem(errors, sigma)
@@ -298,8 +301,8 @@ def lights(points, free_lens=False):
     return problem, replace(state, cameras={"camera": lens})
 
 
-def test_a_view_of_a_light_is_off_by_its_pixels_and_infinitely_far_behind_the_camera():
-    """From the camera's own place on; as many freedoms are counted as it has equations."""
+def test_led_misfit_is_in_pixels_or_infinite_behind_the_camera():
+    """A view is infinitely far from the camera's own position on. It has as many freedoms as equations."""
     problem, state = lights(np.array([[0.0, 0.0, 0.0]]))
     (found,) = view_misfits(problem, state)
     np.testing.assert_allclose(found.value, [25 / 4, 25 / 4, np.inf, np.inf], rtol=1e-9)
@@ -307,8 +310,8 @@ def test_a_view_of_a_light_is_off_by_its_pixels_and_infinitely_far_behind_the_ca
 
 
 @pytest.mark.parametrize(("share", "freedoms"), [(1.5e-4, 6), (0.7e-4, 0)])
-def test_a_view_is_judged_where_others_tell_a_ten_thousandth(share, freedoms):
-    """Of the information in all; with less of it, it stands alone."""
+def test_view_is_judged_if_others_contribute_enough(share, freedoms):
+    """The others need 1e-4 of all information, else the view has no prediction."""
     errors = np.array([[1e-6] * 6, [-1e-6] * 6])
     problem, state = pose_problem(errors, np.ones(6))
     problem.groups[0].measurement.weight[1] = np.sqrt(share / (1 - share))
@@ -317,8 +320,8 @@ def test_a_view_is_judged_where_others_tell_a_ten_thousandth(share, freedoms):
     assert np.isfinite(found.value).tolist() == [freedoms > 0, True]
 
 
-def test_a_view_of_one_coordinate_has_one_freedom():
-    """Its error there, against that of the other view, by the variance of both."""
+def test_view_of_one_coordinate_has_one_freedom():
+    """Its error along that coordinate, relative to the other view, is divided by the variance of both."""
     problem, state = pose_problem(np.array([[3e-6] * 6, [1e-6] * 6]), np.full(6, 1e-6))
     problem.groups[0].measurement.weight[0, 1:] = 0.0
     state = bundle_adjust(problem, state, 1).state
@@ -328,8 +331,11 @@ def test_a_view_of_one_coordinate_has_one_freedom():
 
 
 @pytest.mark.parametrize(("learnt", "freedoms"), [(0.5, 1), (3e-9, 1), (0.5e-9, 0), (0.0, 0)])
-def test_a_shared_stop_is_judged_where_views_tell_a_billionth_of_it(learnt, freedoms):
-    """Of its variance along a direction: by the square of its error there over what they tell."""
+def test_shared_stop_is_judged_if_views_explain_a_billionth(learnt, freedoms):
+    """A stop is judged along directions with at least 1e-9 of the variance explained.
+
+    Its squared error is divided by the explained part.
+    """
     tight = Unknown("prior", SE3.identity(), np.full(6, 1e-20))
     problem, state = pose_problem(np.zeros((3, 6)), np.full(6, 1e-3), tight, np.full(6, 1e-3))
     (group,) = problem.groups
@@ -342,8 +348,8 @@ def test_a_shared_stop_is_judged_where_views_tell_a_billionth_of_it(learnt, free
     np.testing.assert_allclose(found.value, [np.nan, 4e-10 / learnt if freedoms else np.nan, np.nan], rtol=1e-4)
 
 
-def test_points_of_poses_and_single_points_are_none():
-    """They have no freedoms and no number; two points of a view have."""
+def test_poses_and_single_points_have_no_point_distances():
+    """They have no freedoms and NaN, but two points of a view have values."""
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
     (found,) = studentized_points(leave_one_out(problem, state, [np.ones(3)]))
     for points, shape in ((None, (3, 1)), (np.zeros((1, 3)), (4, 1)), (np.array([[0, 0, 0], [0.1, 0, 0]]), (4, 2))):
@@ -356,8 +362,8 @@ def test_points_of_poses_and_single_points_are_none():
 
 
 @pytest.mark.parametrize("free_lens", [False, True])
-def test_points_of_a_full_view_are_judged_by_a_pose_of_its_own(free_lens):
-    """Each by its residual about the pose fitted to its view alone, whatever the lens; of other views by all else."""
+def test_points_of_a_full_view_use_its_own_pose(free_lens):
+    """Each residual is relative to a pose fitted to its view alone, whatever the lens. Other views use all else."""
     points = np.random.default_rng(0).uniform(-0.2, 0.2, (14, 3))
     problem, state = lights(points, free_lens)
     (group,) = (g.take(np.array([0, 1])) for g in problem.groups)
@@ -389,8 +395,11 @@ def test_points_of_a_full_view_are_judged_by_a_pose_of_its_own(free_lens):
     ([2e-3, 0.8, 0.5e-3], 1 / 2e-3 + 4 / 0.8, 2),
 ])  # fmt: skip
 @pytest.mark.parametrize("turn_rad", [0.0, 0.7, -0.7])
-def test_a_point_counts_where_a_thousandth_of_its_noise_is_left(left, value, freedoms, turn_rad):
-    """Its residual by what is left of each direction, however these are turned; a point not seen not at all."""
+def test_point_counts_if_a_thousandth_of_its_noise_remains(left, value, freedoms, turn_rad):
+    """Each direction counts by its remaining noise, for any rotation of these directions.
+
+    Unseen points do not count.
+    """
     d = len(left)
     turn = np.eye(d)
     turn[:2, :2] = [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]

@@ -1,4 +1,4 @@
-"""Views that a scene's points tie together, about a state."""
+"""Tests of views that a scene's points connect, linearised at a state."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from basecal.geometry import SE3
 from tied_scene import tracks_alone
 
 
-def test_derivatives_are_differences() -> None:
-    """The cost changes along unknowns and errors of stops as its gradients have it, also far from the reference."""
+def test_scene_derivatives_equal_finite_differences() -> None:
+    """The slope of the cost along unknowns and stop errors equals the gradient, also far from the reference."""
     _, _, problem, state = tracks_alone(1, count=4)
     assert problem.tied is not None
     rng = np.random.default_rng(0)
@@ -34,8 +34,8 @@ def test_derivatives_are_differences() -> None:
     np.testing.assert_allclose((cost(1) - cost(-1)) / 4, slope, rtol=1e-5)
 
 
-def test_a_batch_is_linearised_as_each_state_alone() -> None:
-    """Costs and hessians of two states side by side are those of each."""
+def test_scene_batch_equals_separate_states() -> None:
+    """Costs and Hessians of two states in a batch are those of each."""
     _, _, problem, state = tracks_alone(1, count=4)
     moved = replace(state, transforms={name: at @ SE3.exp(np.full(6, 1e-3)) for name, at in state.transforms.items()})
     alone = [linearise(problem, each) for each in (state, moved)]

@@ -1,4 +1,4 @@
-"""Sigmas from residuals: how many unknowns the residuals pay for."""
+"""Tests of sigmas estimated from residuals, with the freedoms that unknowns take."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def estimated(errors, sigma=None, prior=None):
 
 
 def test_residuals_and_freedoms_are_counted():
-    """Three numbers a pose for each of its two sigmas; a prior adds six residuals, the mount takes six away."""
+    """A pose has three residuals for each of its two sigmas. A prior adds six residuals, the mount takes six away."""
     errors = np.zeros((5, 6))
     assert residual_counts(pose_problem(errors, None)[0]) == {"stated": 0, "pose_m": 15, "pose_rad": 15}
     assert residual_counts(pose_problem(errors, np.ones(6))[0]) == {"stated": 30, "pose_m": 0, "pose_rad": 0}
@@ -39,8 +39,8 @@ def test_residuals_and_freedoms_are_counted():
     assert degrees_of_freedom(pose_problem(errors, None, prior)[0]) == 30
 
 
-def test_stated_sigmas_that_fit_are_kept(rng):
-    """With all sigmas stated nothing is estimated, and nothing scaled, however large the residuals are."""
+def test_stated_sigmas_are_kept(rng):
+    """With all sigmas stated, nothing is estimated or scaled, however large the residuals are."""
     errors = 1e-3 * rng.normal(size=(40, 6))
     _, _, noise = estimated(errors, np.full(6, 1e-3))
     assert noise.estimated == ()
@@ -49,8 +49,8 @@ def test_stated_sigmas_that_fit_are_kept(rng):
     assert noise.factor == 1.0
 
 
-def test_unstated_sigmas_are_those_of_the_residuals(rng):
-    """Of a mount that is free, each sigma is the residuals' with three freedoms less."""
+def test_unstated_sigmas_equal_those_of_residuals(rng):
+    """With a free mount, each sigma is that of the residuals with three freedoms fewer."""
     errors = rng.normal(size=(20, 6)) * np.repeat([2e-3, 5e-4], 3)
     _, _, noise = estimated(errors)
     off = errors - errors.mean(0)
@@ -60,8 +60,8 @@ def test_unstated_sigmas_are_those_of_the_residuals(rng):
     assert noise.estimated == ("pose_m", "pose_rad")
 
 
-def test_a_prior_pays_for_a_part_of_the_unknowns(rng):
-    """Beside a prior of sigma s the residuals pay for 3 n s^2 / (n s^2 + sigma^2) unknowns: MacKay's gamma."""
+def test_prior_reduces_the_freedoms_of_unknowns(rng):
+    """With a prior of sigma s, unknowns take 3 n s^2 / (n s^2 + sigma^2) freedoms: MacKay's gamma."""
     n, width = 8, 1e-3
     errors = 2e-3 * rng.normal(size=(n, 6))
     prior = Unknown("prior", SE3.identity(), np.full(6, width))
@@ -76,8 +76,8 @@ def test_a_prior_pays_for_a_part_of_the_unknowns(rng):
         assert squares[name] == pytest.approx(3 * n - paid, rel=2e-3)
 
 
-def test_stated_poses_hold_the_mount_for_those_that_state_none(rng):
-    """Of three that state 1 mm and mrad and six that do not: these pay for their share of the mount alone."""
+def test_unstated_poses_lose_their_share_of_freedoms(rng):
+    """Three poses state 1 mm and mrad and six state none. The six lose freedoms only for their share of the mount."""
     n, stated = 9, np.arange(9) < 3
     errors = 2e-3 * rng.normal(size=(n, 6))
     problem, state = pose_problem(errors, np.full(6, 1e-3))
@@ -97,8 +97,11 @@ def test_stated_poses_hold_the_mount_for_those_that_state_none(rng):
         assert np.sum(off[~stated] ** 2) / variance == pytest.approx(18 - paid, rel=3e-3)
 
 
-def test_one_sigma_alone_is_a_factor(rng):
-    """Cost over freedoms, of points in pixels of which nothing else is stated; noise held is no longer estimated."""
+def test_single_unstated_sigma_is_a_factor(rng):
+    """The factor is cost over freedoms, for points in pixels without other stated noise.
+
+    Held noise is no longer estimated.
+    """
     made = simulate(Scenario(samples=6, state_pixel_noise=False), 0)
     problem, _ = build_problem(made.cell, made.recording)
     end = bundle_adjust(problem, State(made.truth, made.cameras, np.zeros((0, 6))), 1, 30)
@@ -122,8 +125,8 @@ def test_one_sigma_alone_is_a_factor(rng):
 
 
 @pytest.mark.parametrize(("links", "more"), [("free", 0), ("prior", 1)])
-def test_each_column_of_an_arm_under_a_prior_is_a_residual(links, more):
-    """Six offsets and all links that are told: a prior adds what its columns take away; a lens's likewise."""
+def test_arm_priors_add_residuals_for_their_columns(links, more):
+    """With six offsets and all observable links, a prior adds what its columns take away. The same holds for a lens."""
     scenario = Scenario(samples=12, target="points", joints=True, joint_offset_rad=1e-3, joint_offsets="prior",
                         link_error=(1e-3, 1e-3), link_parameters=links, intrinsics="prior")  # fmt: skip
     made = simulate(scenario, 0)
@@ -143,8 +146,8 @@ def ratio(problem, state, noise, name="pose_m"):
 
 
 @pytest.mark.parametrize(("stop", "sigma"), [(1e-3, 2e-3), (3e-3, 1e-3)])
-def test_views_at_stops_of_their_own_pay_for_these_too(rng, stop, sigma):
-    """Beside n stops of sigma s of their own: s^2 n + sigma^2 over s^2 + sigma^2 in each coordinate."""
+def test_views_at_own_stops_lose_freedoms_to_them(rng, stop, sigma):
+    """With n own stops of sigma s, each coordinate loses (s^2 n + sigma^2) / (s^2 + sigma^2) freedoms."""
     errors = 1e-3 * rng.standard_normal((5, 6))
     problem, state = pose_problem(errors, None, stop_sigma=np.full(6, stop))
     squares = np.sum(errors[:, :3] ** 2) / sigma**2
@@ -153,30 +156,30 @@ def test_views_at_stops_of_their_own_pay_for_these_too(rng, stop, sigma):
     assert found == pytest.approx(squares / (15 - paid), rel=1e-3)
 
 
-def test_a_view_that_is_all_paid_for_has_a_hundredth_of_its_freedoms_left():
-    """Then the variance is 100 times its mean square, between a hundred-millionth and its inverse of what it was."""
+def test_view_without_freedoms_keeps_a_hundredth():
+    """The variance is then 100 times its mean square, limited to a change by 1e-8 to 1e8."""
     for size, expected in ((1e-3, 100.0), (1e-9, 1e-8), (3.0, 1e8)):
         problem, state = pose_problem(np.array([[size, -size, size, 0.0, 0.0, 0.0]]), None)
         assert ratio(problem, state, Noise()) == pytest.approx(expected, rel=1e-4)
 
 
-def test_what_fits_to_the_last_bit_is_off_by_a_nanometre():
-    """And by a nanoradian: less is rounding."""
+def test_exact_fit_has_a_sigma_of_a_nanometre():
+    """The smallest sigmas are 1 nm and 1 nrad, because less is rounding."""
     _, _, noise = estimated(np.zeros((4, 6)))
     assert noise.noise.pose_m == pytest.approx(1e-9, rel=1e-3)
     assert noise.noise.pose_rad == pytest.approx(1e-9, rel=1e-3)
     assert noise.converged
 
 
-def test_an_estimate_that_did_not_come_to_rest_says_so(rng, monkeypatch):
-    """After one round of what takes several."""
+def test_missing_convergence_of_the_estimate_is_reported(rng, monkeypatch):
+    """After one round of an estimate that needs several, it is not converged."""
     monkeypatch.setattr(module, "_FIXED_POINT_ROUNDS", 1)
     _, _, noise = estimated(0.1 * rng.standard_normal((4, 6)))
     assert (noise.converged, noise.factor, noise.estimated) == (False, 1.0, ("pose_m", "pose_rad"))
 
 
-def test_a_factor_of_fewest_freedoms():
-    """Of as many numbers as unknowns it is the cost; of a cost that rounding took below nothing it is nothing."""
+def test_factor_with_fewest_freedoms():
+    """With as many numbers as unknowns the factor is the cost. A cost that is negative by rounding gives zero."""
     made = simulate(
         Scenario(samples=9, target="led", camera_mount="fixed", target_mount="fixed", state_pixel_noise=False), 0
     )
@@ -191,8 +194,8 @@ def test_a_factor_of_fewest_freedoms():
             assert (noise.converged, noise.estimated) == (True, ("pixel_px",))
 
 
-def test_what_is_held_or_stated_needs_no_estimate(rng):
-    """It is settled as it is."""
+def test_held_or_stated_noise_needs_no_estimate(rng):
+    """The noise is converged without an estimate."""
     problem, state = pose_problem(1e-3 * rng.standard_normal((4, 6)), np.full(6, 1e-3))
     end = bundle_adjust(problem, state, 1, 2)
     for given in (problem, replace(problem, held=True)):
@@ -201,8 +204,8 @@ def test_what_is_held_or_stated_needs_no_estimate(rng):
         assert (noise.minus_2_log_evidence, noise.plain_minus_2_log_evidence) == (0.0, 0.0)
 
 
-def test_a_problem_holds_what_was_estimated():
-    """Of each camera its own, of others that of all; robots, jitter and shapes beside what the problem had."""
+def test_hold_sigmas_applies_the_estimate():
+    """Each camera has its own noise or that of all. Robots and jitter are added to those of the problem."""
     problem, _ = pose_problem(np.zeros((2, 6)), None)
     (group,) = problem.groups
     two = replace(problem.with_groups([group, replace(group, camera="other")]), jitter_s={"other": 1e-3})

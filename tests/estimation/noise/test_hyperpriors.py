@@ -1,4 +1,4 @@
-"""What is known of sigmas beforehand."""
+"""Tests of priors of sigmas."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def _model(errors=None):
     return mixed_model(unit, state, ROBOTS, [] if errors is None else [dict.fromkeys(ROBOTS, errors)])
 
 
-def test_two_robots_are_expected_alike_and_slopes_are_derivatives():
-    """Beforehand both arms have 0.3 mrad, and reach times that; the slope agrees with central differences."""
+def test_robots_share_a_prior_and_slopes_are_derivatives():
+    """Both arms have a prior of 0.3 mrad and reach times that, and the slope equals central differences."""
     prior = hyperpriors(_model(), REACH_M)
     np.testing.assert_allclose(np.exp(prior.start[1:]), [1.5e-4, 3e-4, 2.4e-4, 3e-4], rtol=1e-9)
     logs = prior.start + np.linspace(-1, 1, 5)
@@ -40,8 +40,11 @@ def test_two_robots_are_expected_alike_and_slopes_are_derivatives():
     np.testing.assert_allclose(prior.value(logs)[1], slope, rtol=1e-6)
 
 
-def test_errors_in_common_go_by_stops_or_stand_by_themselves():
-    """Over the sigma of stops, and by the reach; or in radians, by their own lever, whatever stops do."""
+def test_shared_errors_are_relative_to_stops_or_absolute():
+    """They are relative to the sigma of stops and the reach.
+
+    Or they are in radians with their own lever, whatever the stops have.
+    """
     model = _model(SharedErrors.repeat_coordinates(np.ones((8, 1))))
     over = hyperpriors(model, REACH_M, [SharedPrior((2.5, 2.0), "")])
     np.testing.assert_allclose(np.exp(over.start[5:]), [3.75e-4, 7.5e-4, 6e-4, 7.5e-4], rtol=1e-9)
@@ -54,8 +57,8 @@ def test_errors_in_common_go_by_stops_or_stand_by_themselves():
     np.testing.assert_allclose(worse, same)
 
 
-def test_beside_errors_in_common_single_stops_may_be_tied_less():
-    """A tenth of a shift off from reach times turn costs what the tie says."""
+def test_shared_errors_may_loosen_the_tie_of_stops():
+    """A deviation of a tenth of the shift from reach times rotation costs as the tie states."""
     model = _model(SharedErrors.repeat_coordinates(np.ones((8, 1))))
     off = np.zeros(9)
     off[1] = 0.1
@@ -71,8 +74,11 @@ def _cost(prior, first):
     return prior.value(other)[0] - prior.value(prior.start)[0]
 
 
-def test_a_view_is_expected_to_be_off_by_more_than_its_points_scatter():
-    """By 1.1 to 5 times is within a standard deviation, as on real rigs; a fiftieth or forty times is three off."""
+def test_view_sigma_exceeds_the_scatter_of_points():
+    """A ratio of 1.1 to 5 is within a standard deviation, as on real rigs.
+
+    A fiftieth or forty times is nearly three off.
+    """
     model = _model()
     (key,) = model.sigmas.views
     squares, freedoms = model.white[key]
@@ -83,16 +89,16 @@ def test_a_view_is_expected_to_be_off_by_more_than_its_points_scatter():
     assert all(_cost(prior, over * scatter) > 7 for over in (0.02, 40.0))
 
 
-def test_exact_points_leave_a_view_a_thousandth_of_a_pixel():
-    """Where points do not scatter at all, as only made-up ones do, their view is expected off by 0.001 to 0.005 px."""
+def test_exact_points_leave_a_thousandth_of_a_pixel():
+    """If points do not scatter at all, as in simulations, their view is expected off by 0.001 to 0.005 px."""
     model = _model()
     (key,) = model.sigmas.views
     exact = hyperpriors(replace(model, white={key: (0.0, 200.0)}), REACH_M)
     assert 1e-3 < np.exp(exact.start[0]) < 5e-3
 
 
-def test_any_arm_of_the_trade_is_within_two_standard_deviations():
-    """Two arms of 0.02 or 3 mrad are, nearly; those of a hundredth of the one or a hundred times the other are not."""
+def test_usual_arms_are_within_two_standard_deviations():
+    """Two arms of 0.02 or 3 mrad nearly are. Those of a hundredth or a hundred times of these are not."""
     prior = hyperpriors(_model(), REACH_M)
 
     def cost(rad):
@@ -104,8 +110,8 @@ def test_any_arm_of_the_trade_is_within_two_standard_deviations():
     assert all(cost(rad) > 4**2 for rad in (2e-7, 0.3))
 
 
-def test_forms_of_logarithms_are_normal():
-    """The value is twice the negative log density of independent normals; its start is their mean."""
+def test_log_normal_priors_are_normal_in_logarithms():
+    """The value is -2 log density of independent normals, and its start is their mean."""
     forms = np.array([[1.0, 0.0], [-1.0, 1.0]])
     of = LogNormals(forms, np.array([0.5, -0.2]), np.array([0.3, 2.0]))
     logs = np.array([0.9, 1.1])
@@ -131,8 +137,8 @@ def _apart(value, mean, factor):
 
 @pytest.mark.parametrize("lever", [None, 0.3])
 @pytest.mark.parametrize("is_over_stop", [True, False])
-def test_all_that_is_known_of_sigmas_is_one_density(lever, is_over_stop, rng):
-    """Of views by their scatter, arms by reach and turns alike, errors in common, written out one by one."""
+def test_hyperprior_equals_the_explicit_density(lever, is_over_stop, rng):
+    """The density of views by scatter, arms by reach and rotation, and shared errors is written out term by term."""
     model = _model(SharedErrors.repeat_coordinates(np.ones((8, 1))))
     common = SharedPrior((2.5, 3.0), "", is_over_stop, (lever, 1.7), tie=1.4)
     (key,) = model.sigmas.views
@@ -154,8 +160,8 @@ def test_all_that_is_known_of_sigmas_is_one_density(lever, is_over_stop, rng):
 @pytest.mark.parametrize(
     ("freedoms", "mean", "factor"), [(19.0, 0.2, 5.0), (20.0, 2.0, np.exp(np.hypot(np.log(3), 40**-0.5)))]
 )
-def test_twenty_freedoms_tell_how_points_scatter(freedoms, mean, factor):
-    """Of fewer what detectors have counts, within a factor of five."""
+def test_twenty_freedoms_determine_the_scatter_of_points(freedoms, mean, factor):
+    """With fewer freedoms, the usual noise of detectors counts, within a factor of five."""
     model = _model()
     (key,) = model.sigmas.views
     prior = hyperpriors(replace(model, white={key: (freedoms, freedoms)}), REACH_M)
@@ -170,8 +176,8 @@ def _with_jitter(model, *cameras):
     return replace(model, sigmas=SigmaPlaces.sequential(list(of.views), list(of.stops), cameras, len(of.shared)))
 
 
-def test_stamps_are_expected_to_jitter_by_a_fifth_of_a_millisecond():
-    """Within a factor of five, whatever arms have."""
+def test_time_stamp_jitter_has_a_prior_of_a_fifth_of_a_millisecond():
+    """It holds within a factor of five, whatever the arms have."""
     model = _with_jitter(_model(), "wrist")
     prior = hyperpriors(model, REACH_M)
     plain = hyperpriors(_model(), REACH_M)
@@ -181,8 +187,8 @@ def test_stamps_are_expected_to_jitter_by_a_fifth_of_a_millisecond():
     assert prior.value(off)[0] - prior.value(prior.start)[0] == pytest.approx(1.0)
 
 
-def test_each_stamps_jitter_stands_between_stops_and_what_they_share():
-    """Of two cameras one after the other; what is expected of all else is as without them."""
+def test_jitter_is_ordered_between_stops_and_shared_errors():
+    """Two cameras have their jitter in sequence, and all other priors are the same as without them."""
     shared = SharedErrors.repeat_coordinates(np.ones((8, 1)))
     common = SharedPrior((2.5, 2.0), "")
     plain = hyperpriors(_model(shared), REACH_M, [common])
@@ -198,16 +204,16 @@ def test_each_stamps_jitter_stands_between_stops_and_what_they_share():
     ("pixel_px", 0.2, 5), ("pose_m", 1e-3, 5), ("pose_rad", 2e-3, 5), ("point_m", 1e-3, 5), ("touch_m", 2e-4, 4),
     ("grip_rad", 1e-3, 4),
 ])  # fmt: skip
-def test_each_kind_of_views_has_its_usual_noise(field, mean, factor):
-    """Without scatter; exact points scatter by a two-hundredth of it at least."""
+def test_each_measurement_type_has_its_usual_noise(field, mean, factor):
+    """Without scatter the usual noise is used, and exact points scatter by at least a two-hundredth of it."""
     found, sigma = _part_prior(field, 1e9, 0.0)
     assert (found, sigma) == (mean, pytest.approx(np.log(factor)))
     least, _ = _part_prior(field, 0.0, 1e6)
     assert least == pytest.approx(2 * 5e-3 * mean)
 
 
-def test_robots_that_are_none_have_no_prior():
-    """A single one has that of the trade."""
+def test_empty_set_of_robots_has_no_prior():
+    """A single robot has the usual prior of arms."""
     assert _pool_robots([], (3e-4, 4.0)) == []
     ((form, mean, sigma),) = _pool_robots([np.array([0.0, 1.0])], (3e-4, 4.0))
     np.testing.assert_allclose(form, [0.0, 1.0])

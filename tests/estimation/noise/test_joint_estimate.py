@@ -1,4 +1,4 @@
-"""Noise that nobody stated is found where it is, and where data cannot tell it the covariance is wide."""
+"""Tests of the joint estimate of unstated noise, and of wide covariances if data do not determine it."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def nees(scenario: Scenario, seeds: range) -> list[float]:
 
 
 @pytest.mark.parametrize("told", quick([True, False], [False]))
-def test_sigmas_of_robots_are_found(told):
-    """The mean over four cells is the truth, whether the pixels' sigma is told or found beside it.
+def test_robot_sigmas_are_estimated(told):
+    """The mean over four cells is the truth, with the pixels' sigma stated or estimated.
 
     One cell scatters by 18 %, a mean of four by 9 %: five are 45 %; priors take their share of that.
     """
@@ -62,8 +62,8 @@ def test_sigmas_of_robots_are_found(told):
         assert np.mean([cell.noise.noise.pixel_px for cell in cells]) == pytest.approx(0.2, rel=0.15)
 
 
-def test_robots_that_differ_get_sigmas_of_their_own():
-    """The turns of an arm ten times as noisy as the other are told apart by their levers."""
+def test_different_robots_have_their_own_sigmas():
+    """The rotations of an arm ten times as noisy as the other are separated by their levers."""
     s = simulate(replace(SILENT, samples=40, robot_noise=(1e-4, 2e-4)), seed=0)
     rng = np.random.default_rng(1)
     samples = []
@@ -78,22 +78,22 @@ def test_robots_that_differ_get_sigmas_of_their_own():
     assert found["eye"][3] < 0.4 * found["hand"][3]
 
 
-def test_clean_cells_get_little_noise_of_robots():
-    """Without noise of robots what is found is less than good arms have: 0.05 mm and 0.05 mrad."""
+def test_clean_cells_have_little_robot_noise():
+    """Without robot noise, the estimate is below that of good arms: 0.05 mm and 0.05 mrad."""
     found = [solved(Scenario(samples=12, state_pixel_noise=False), seed).noise.robots["hand"] for seed in range(2)]
     assert np.max(found) < 5e-5
 
 
-def test_stated_noise_is_taken_at_its_word():
-    """Where every robot and the pixels state their noise nothing is estimated, and asking changes nothing."""
+def test_stated_noise_is_not_estimated():
+    """If every robot and the pixels state their noise, requesting an estimate changes nothing."""
     told = replace(SILENT, state_robot_noise=True)
     asked, plain = solved(told, 0), solved(told, 0, STATED)
     assert not asked.noise.robots
     np.testing.assert_allclose(asked.covariance, plain.covariance, rtol=1e-6)
 
 
-def test_a_still_arm_is_as_noisy_as_its_like():
-    """A single stop shows no noise of its own: what the other arm has tells it, and the base's sigmas hold it."""
+def test_still_arm_has_the_noise_of_the_other():
+    """A single stop shows no noise of its own. The other arm determines it, and the base's sigmas contain it."""
     found = solved(replace(SILENT, arms="eye_still", camera_mount="fixed"), 0)
     still, moving = found.noise.robots["eye"], found.noise.robots["hand"]
     assert 0.3 < still[3] / moving[3] < 3
@@ -101,8 +101,8 @@ def test_a_still_arm_is_as_noisy_as_its_like():
 
 
 @pytest.mark.parametrize("samples", quick([4, 10], [4]))
-def test_few_samples_give_a_covariance_that_holds_the_truth(samples):
-    """From four boards on, nothing stated: of 6 bases no more than two are outside their 95 % ellipsoid.
+def test_covariance_of_few_samples_covers_the_truth(samples):
+    """With four boards or more and no stated noise, at most two of 6 bases are outside of their 95 % ellipsoid.
 
     With a chance of a twentieth each, three and more are one case in five hundred.
     """
@@ -111,22 +111,22 @@ def test_few_samples_give_a_covariance_that_holds_the_truth(samples):
 
 
 @pytest.mark.slow
-def test_a_light_says_little_of_noise_and_that_widens_the_covariance():
-    """Two equations a view, neither sigma told: the bases of 8 cells keep within what is said of them."""
+def test_led_views_widen_the_covariance():
+    """A view has two equations and neither sigma is stated: the bases of 8 cells agree with their covariances."""
     light = Scenario(samples=25, target="led", robot_noise=(2e-4, 3e-4), state_robot_noise=False)
     assert 0.3 < np.mean(nees(replace(light, state_pixel_noise=False), range(8))) < 1.9
 
 
-def test_exact_data_need_no_noise():
-    """Data without any noise give sigmas far below what any camera or arm has."""
+def test_exact_data_have_no_noise():
+    """Data without noise give sigmas far below those of any camera or arm."""
     found = solved(Scenario(samples=8, pixel_px=0.0, state_pixel_noise=False), 0)
     assert found.converged
     assert found.noise.noise.pixel_px < 1e-2
     assert found.noise.robots["hand"].max() < 1e-5
 
 
-def test_smooth_errors_are_found_and_widen_the_covariance():
-    """An arm whose errors are smooth in its pose is told from one whose are not."""
+def test_smooth_errors_widen_the_covariance():
+    """An arm with errors that are smooth in its pose is distinguished from one without."""
     still = Scenario(samples=40, arms="eye_still", camera_mount="fixed", state_robot_noise=False)
     s = simulate(still, 3)
     bent = []
@@ -147,8 +147,8 @@ def test_smooth_errors_are_found_and_widen_the_covariance():
     assert found.common["smooth"]["hand"][1] > 3e-4
 
 
-def test_errors_of_kinematics_are_told_apart_and_widen_the_covariance():
-    """Arms with zeros, or links, that are off show which; the base's covariance then holds what they hide."""
+def test_kinematic_errors_are_identified_and_widen_the_covariance():
+    """Arms with wrong joint offsets, or links, show which. The covariance of the base then contains their effect."""
     plain = Scenario(samples=25, joints=True, state_robot_noise=False, robot_noise=(3e-5, 5e-5))
     for kind, scenario in {
         "joint_offsets": replace(plain, joint_offset_rad=2e-3),
@@ -167,8 +167,8 @@ def test_errors_of_kinematics_are_told_apart_and_widen_the_covariance():
         assert error @ np.linalg.solve(np.linalg.inv(end.normal.hessian)[base, base], error) > 20
 
 
-def test_errors_of_stated_robots_are_in_metres_already():
-    """Those of one whose sigma is open are in units of it."""
+def test_stated_robot_errors_are_in_metres():
+    """Errors of a robot with an open sigma are in units of it."""
     s = simulate(Scenario(samples=4, robot_noise=TRUE), 0)
     problem, _ = build_problem(s.cell, s.recording)
     units = _units(problem, ["hand"])
@@ -179,8 +179,8 @@ def test_errors_of_stated_robots_are_in_metres_already():
 
 
 @pytest.mark.parametrize("settled", [True, False])
-def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(monkeypatch, settled):
-    """Else all views tell their sigmas from the beginning."""
+def test_many_views_start_from_a_converged_subset(monkeypatch, settled):
+    """If the estimate of the subset does not converge, all views are used from the beginning."""
     s = simulate(replace(SILENT, samples=12), 0)
     problem, _ = build_problem(s.cell, s.recording)
     state = State(s.truth, s.cameras, np.zeros((len(problem.stops), 6)))
@@ -206,13 +206,16 @@ def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(mo
         (["", "deflection", "link_parameters"], [0, 0.5, 0.5]),
     ],
 )
-def test_shared_errors_are_as_likely_as_not(names, priors):
-    """But where links or zeros are modelled, no arm is built as stated: the model without any does not count."""
+def test_shared_errors_have_a_prior_of_one_half(names, priors):
+    """Models with and without shared errors are equally likely.
+
+    If links or joint offsets are modelled, no arm is assumed exact: the model without shared errors does not count.
+    """
     np.testing.assert_allclose(joint_estimate.model_priors(names), priors)
 
 
-def test_covariances_count_by_those_priors(monkeypatch):
-    """In the order of the models; the likeliest by evidence is still that of the report."""
+def test_covariances_are_weighted_by_model_priors(monkeypatch):
+    """Weights are in the order of the models, and the report has the model with the largest evidence."""
     models = {
         name: SimpleNamespace(minus_2_log_evidence=10.0 * len(name), name=name, logs=np.zeros(1))
         for name in ("", "deflection", "link_parameters")
@@ -237,8 +240,8 @@ def sigmas_found(rng, shapes=None):
     return SigmaPosterior(model, None, logs, np.diag(0.01 * np.arange(11.0)), 12.5)
 
 
-def test_sigmas_go_by_their_names(rng):
-    """In the order of the logarithms: fields of cameras, shift and turn of each robot, jitter, what stops share."""
+def test_sigmas_are_assigned_by_name(rng):
+    """The order of the logarithms is: fields of cameras, shift and rotation of each robot, jitter, shared errors."""
     of = sigmas_found(rng)
     found, (common,) = joint_estimate._estimate(of, SimpleNamespace(shapes={})), joint_estimate._shared_sigmas(of)
     assert found.cameras == {"left": Noise(pose_m=pytest.approx(1.0)), "right": Noise(pixel_px=pytest.approx(2.0))}
@@ -251,8 +254,8 @@ def test_sigmas_go_by_their_names(rng):
     assert found.shapes == {}
 
 
-def test_shapes_add_to_those_that_the_problem_has(rng):
-    """Their mean about the state and its covariance; what is left of it to go tells whether they have come to rest."""
+def test_shapes_are_added_to_the_problems_shapes(rng):
+    """The mean shape about the state and its covariance are added. The remaining change decides on convergence."""
     of = sigmas_found(rng, {"board": slice(3, 5)})
     mean, spread = of.columns.mean[3:5], of.columns.spread[3:5, 3:5]
     before = np.array([0.5, -1.0])
@@ -274,8 +277,8 @@ def test_shapes_add_to_those_that_the_problem_has(rng):
         assert joint_estimate._has_converged(without, off) == expected
 
 
-def test_an_estimate_holds_what_was_found(rng):
-    """Sigmas by their names; of robots also the mean of their squares, of what is log-normal by twice its variance."""
+def test_final_estimate_has_sigmas_and_mean_squares(rng):
+    """Sigmas are by name. Robots also have the mean of squares, which for log-normals grows by twice the variance."""
     of = sigmas_found(rng)
     found = joint_estimate._final_estimate(of, SimpleNamespace(shapes={}), False)
     assert (found.factor, found.converged, found.minus_2_log_evidence, found.plain_minus_2_log_evidence) == (
@@ -293,8 +296,8 @@ def test_an_estimate_holds_what_was_found(rng):
         np.testing.assert_allclose(found.robot_variances[robot], np.repeat(squares, 3))
 
 
-def test_what_is_open_is_stated_by_nobody():
-    """Sigmas of views, robots that were seen, or jitter of cameras in motion."""
+def test_open_sigmas_are_unstated_ones():
+    """They are sigmas of views, of robots with views, or jitter of moving cameras."""
     stated, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
     silent, _ = pose_problem(np.zeros((3, 6)), None)
     assert not joint_estimate._is_open(stated)
@@ -307,16 +310,16 @@ def test_what_is_open_is_stated_by_nobody():
     assert joint_estimate._is_open(replace(moving, open_jitter=frozenset({"camera"})))
 
 
-def test_reach_is_of_places_where_something_was_seen():
-    """The root of the mean square of the distance of flange and base."""
+def test_reach_is_computed_from_observed_poses():
+    """It is the root mean square distance of flange and base."""
     problem, _ = pose_problem(np.zeros((3, 6)), None)
     poses = SE3.from_rotvec(np.zeros((3, 3)), [[3.0, 0, 4.0], [0, 1.0, 0], [0, 0, 2.0]])
     moved = with_eye(problem.groups[0], base_from_flange=poses, stop_number=np.array([4, 0, 2]))
     assert joint_estimate._reach(problem.with_groups([moved]), "eye") == pytest.approx(np.sqrt(30.0 / 3))
 
 
-def test_errors_keep_their_size_in_other_units():
-    """Of stops of an open robot they go by its sigma; at unit sigmas they are in metres and radians."""
+def test_errors_are_rescaled_between_units():
+    """Errors at stops of an open robot are in units of its sigma. At unit sigmas they are in metres and radians."""
     problem, state = pose_problem(np.zeros((2, 6)), None, stop_sigma=np.repeat([1e-3, 2e-3], 3))
     state = replace(state, stop_errors=np.ones((2, 6)))
     unit, physical = joint_estimate._unit_problem(problem, state, ["eye"])

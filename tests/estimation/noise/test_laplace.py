@@ -1,4 +1,4 @@
-"""Sigmas that are not known make the answer less known."""
+"""Tests of Laplace approximations: unknown sigmas widen the covariance."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from basecal.estimation.noise.robot_noise import count_stops
 from quick import quick
 
 
-def test_integrating_over_sigmas_widens_the_covariance(found):
-    """The most likely sigmas are stationary, and the covariance integrated over them is larger than at them."""
+def test_integration_over_sigmas_widens_the_covariance(found):
+    """The mode of the sigmas is stationary, and the integrated covariance is larger than the one at the mode."""
     assert np.abs(posterior(found.model, found.logs).slope() + found.prior.value(found.logs)[1]).max() < 0.1
     whole = integrated_covariance([found], np.ones(1), posterior(found.model, found.logs).step)
     assert np.trace(whole[:6, :6]) > 1.02 * np.trace(posterior(found.model, found.logs).covariance[:6, :6])
 
 
-def test_models_count_by_how_much_likelier_one_is(found):
-    """However unlikely both are: of two alike the covariance is that of either."""
+def test_models_are_weighted_by_relative_evidence(found):
+    """The weights do not depend on the absolute evidence: two equal models have the covariance of either."""
     found = replace(found, covariance=1e-6 * np.eye(len(found.logs)))
     alone = integrated_covariance([found], np.ones(1), posterior(found.model, found.logs).step)
     for minus_2_log_evidence in (-1e5, 0.0, 1e5):
@@ -48,8 +48,8 @@ def test_models_count_by_how_much_likelier_one_is(found):
 
 
 @pytest.mark.parametrize(("samples", "seed", "nodes"), quick([(4, 2, 1500), (5, 3, 4000)], [(4, 2, 1500)]))
-def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
-    """The covariance is that of many nodes weighed by prior and likelihood of the sigmas, to a tenth.
+def test_heavy_tails_of_few_stops_are_integrated(samples, seed, nodes):
+    """The covariance equals that of many nodes weighted by prior and likelihood of the sigmas, to a tenth.
 
     Those differ by 3 % among themselves, of five stops with 4,000; nodes at one distance from the mode are short by a
     fifth here.
@@ -74,8 +74,8 @@ def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
 
 
 @pytest.mark.parametrize("samples", [4, 8, 20])
-def test_the_order_of_the_robots_does_not_matter(samples):
-    """Nodes lie along axes of the posterior, not along those of the sigmas: samples depended on names."""
+def test_covariance_is_independent_of_robot_order(samples):
+    """Nodes are along axes of the posterior, not of the sigmas. Formerly, the drawn nodes depended on names."""
     problem, state = at_truth(replace(NOISY, samples=samples), 3)
     covariances = []
     for robots in (ROBOTS, ROBOTS[::-1]):
@@ -85,8 +85,11 @@ def test_the_order_of_the_robots_does_not_matter(samples):
     np.testing.assert_allclose(*covariances, rtol=1e-6, atol=1e-9 * covariances[0].max())
 
 
-def test_moments_are_of_the_whole_posterior():
-    """Of the unknowns they are the covariance integrated about the state; of sigmas more than of the likeliest."""
+def test_moments_integrate_the_whole_posterior():
+    """Moments of unknowns are the integrated covariance about the state.
+
+    Those of sigmas exceed the squares at the mode.
+    """
     problem, state = at_truth(NOISY)
     shared = {robot: SharedErrors.repeat_coordinates(np.ones((count_stops(problem, robot), 1))) for robot in ROBOTS}
     model = mixed_model(problem, state, ROBOTS, [shared])
@@ -115,8 +118,8 @@ def found():
     return sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5)))
 
 
-def test_surprise_is_laplaces(found):
-    """Minus twice the log of the height at the mode times what a normal of that covariance covers."""
+def test_evidence_is_laplaces_approximation(found):
+    """It is -2 log of the height at the mode times the volume of a normal with that covariance."""
     assert (np.linalg.eigvalsh(found.covariance) > 0).all()
     here = posterior(found.model, found.logs)
     height = here.value + found.prior.value(found.logs)[0]
@@ -128,8 +131,8 @@ def test_surprise_is_laplaces(found):
     np.testing.assert_array_equal(found.columns.mean[: found.model.width], here.step)
 
 
-def test_the_mode_is_found_from_anywhere(found):
-    """Wherever the first logarithms are; no others near are likelier."""
+def test_mode_is_found_from_any_start(found):
+    """The mode does not depend on the first logarithms, and no neighbours are more likely."""
     k = len(found.logs)
 
     def height(logs):
@@ -143,8 +146,8 @@ def test_the_mode_is_found_from_anywhere(found):
         assert height(found.logs + step) > height(found.logs) < height(found.logs - step)
 
 
-def test_sigmas_stay_within_what_devices_have():
-    """Of data without noise views have a twentieth of what is expected of them, however little that is known."""
+def test_sigmas_are_bounded_by_usual_devices():
+    """For data without noise, views have a twentieth of the expected sigma, however vague the prior is."""
     exact = replace(NOISY, pixel_px=1e-9, robot_noise=(1e-9, 1e-9), state_pixel_noise=False)
     model = mixed_model(*at_truth(exact), ROBOTS)
     prior = hyperpriors(model, dict.fromkeys(ROBOTS, 0.5))
@@ -157,7 +160,7 @@ def test_sigmas_stay_within_what_devices_have():
 
 
 def test_sigmas_known_to_a_twentieth_count_as_known(found):
-    """Then the covariance is that at the mode, with how far its mean is off; else nodes about it are weighed."""
+    """The covariance is then that at the mode plus the offset of its mean. Otherwise nodes about it are weighted."""
     k, width = len(found.logs), found.model.width
     mean, covariance = found.columns.mean[:width], found.columns.spread[:width, :width]
     about = 0.9 * mean
@@ -169,7 +172,7 @@ def test_sigmas_known_to_a_twentieth_count_as_known(found):
 
 
 def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
-    """At the root of k standard deviations to either side along k principal axes, each node by its likelihood."""
+    """Nodes are at sqrt(k) standard deviations to either side along k principal axes, weighted by likelihood."""
     rng, k, about = np.random.default_rng(3), len(found.logs), posterior(found.model, found.logs).step
     root = 0.1 * np.eye(k) + 0.05 * np.tril(rng.standard_normal((k, k)))
     near = replace(found, covariance=root @ root.T)
@@ -191,8 +194,8 @@ def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
     )
 
 
-def test_a_model_counts_by_its_evidence(found):
-    """One thrice as likely as another has three quarters; of one of a millionth nothing is left."""
+def test_models_are_weighted_by_evidence(found):
+    """A model three times as likely as another has three quarters, and one of a millionth has no weight."""
     k, about = len(found.logs), np.zeros(found.model.width)
     sure = replace(found, covariance=1e-4 * np.eye(k), minus_2_log_evidence=7.0)
     other = replace(sure, logs=found.logs + 0.5)
@@ -216,15 +219,15 @@ def of_numbers(rng):
     return SigmaPosterior(model, prior, 0.1 * rng.standard_normal(11), root @ root.T, 0.0)
 
 
-def test_sigmas_are_looked_for_within_bounds(of_numbers):
-    """Four hundred times what is expected, and a four-hundredth; a twentieth of those of views, which come first."""
+def test_sigmas_are_searched_within_bounds(of_numbers):
+    """The bounds are 400 times the expected value, and a four-hundredth, or a twentieth for views, which come first."""
     least, most = laplace._bounds(of_numbers.model, of_numbers.prior)
     np.testing.assert_allclose(np.exp(most - of_numbers.prior.start), 400.0)
     np.testing.assert_allclose(np.exp(of_numbers.prior.start - least), [20.0] * 2 + [400.0] * 9)
 
 
-def test_a_covariance_has_a_root_though_rounding_takes_its_last_axis(rng):
-    """Rows whose outer products add up to it."""
+def test_covariance_root_exists_for_singular_matrices(rng):
+    """The outer products of its rows add up to the covariance, also if rounding removes the last axis."""
     rows = rng.standard_normal((3, 4))
     for covariance in (rows.T @ rows + np.eye(4), rows.T @ rows, np.diag([1.0, 4.0, 0.0, 9.0]), np.zeros((0, 0))):
         root = laplace._root(covariance)
@@ -232,16 +235,16 @@ def test_a_covariance_has_a_root_though_rounding_takes_its_last_axis(rng):
     assert laplace._root(np.diag([4.0, 9.0])).tolist() == [[2.0, 0.0], [0.0, 3.0]]
 
 
-def test_nodes_of_cubature_hold_mean_and_covariance(of_numbers):
-    """Two along each axis of the root, alike in weight."""
+def test_cubature_nodes_have_the_mean_and_covariance(of_numbers):
+    """Two nodes of equal weight are along each axis of the root."""
     nodes, drawn = laplace._cubature(of_numbers)
     assert (nodes.shape, drawn.tolist()) == ((22, 11), [0.0] * 22)
     np.testing.assert_allclose(nodes.mean(0), of_numbers.logs, atol=1e-12)
     np.testing.assert_allclose(np.cov(nodes.T, bias=True), of_numbers.covariance, rtol=1e-9, atol=1e-12)
 
 
-def test_drawn_nodes_come_in_pairs_with_their_density(of_numbers):
-    """Of Student's t with five freedoms, a fifth wider than the covariance; none beyond the bounds."""
+def test_drawn_nodes_are_pairs_with_their_density(of_numbers):
+    """They are of Student's t with five freedoms, a fifth wider than the covariance, and clipped to the bounds."""
     nodes, drawn = laplace._draw_nodes(of_numbers)
     assert (nodes.shape, drawn.shape) == ((128, 11), (128,))
     np.testing.assert_allclose(nodes[:64] + nodes[64:], np.tile(2 * of_numbers.logs, (64, 1)), atol=1e-12)
@@ -259,8 +262,8 @@ def test_drawn_nodes_come_in_pairs_with_their_density(of_numbers):
 @pytest.mark.parametrize(
     ("sigma", "blocks", "nodes"), [(0.049, 2, 1), (0.051, 2, 22), (0.49, 2, 22), (0.51, 40, 128), (0.51, 41, 22)]
 )
-def test_how_sigmas_are_integrated(of_numbers, sigma, blocks, nodes):
-    """By the worst known of them: at the mode, by cubature, or drawn where stops are few; each node by its height."""
+def test_integration_method_depends_on_the_largest_uncertainty(of_numbers, sigma, blocks, nodes):
+    """The mode, cubature, or, with few stops, drawn nodes are used, and each node is weighted by its height."""
     variances = np.full(11, 1e-4)
     variances[3] = sigma**2
     layout = replace(of_numbers.model.layout, sizes=np.full(blocks, 7))
@@ -280,8 +283,11 @@ def test_how_sigmas_are_integrated(of_numbers, sigma, blocks, nodes):
     np.testing.assert_allclose(weights, expected / expected.sum(), rtol=1e-6, atol=1e-12)
 
 
-def test_a_step_is_newtons_where_no_bound_holds():
-    """What is at a bound and leads beyond it rests; uphill slopes count to the curvature twice; that is floored."""
+def test_bounded_step_is_newtons_inside_the_bounds():
+    """An unknown at a bound that the step would cross is fixed.
+
+    Uphill slopes count twice in the curvature, which is floored.
+    """
     logs, least, most = np.array([0.0, 1.0, 0.0, 1.0, 0.5, 0.5]), np.zeros(6), np.ones(6)
     slope = np.array([0.3, -0.4, -5.0, 4.0, 0.7, -0.6])
     curvature = np.diag([2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
@@ -297,8 +303,8 @@ def test_a_step_is_newtons_where_no_bound_holds():
     np.testing.assert_allclose(laplace._bounded_step(*flat, np.zeros(1), -np.ones(1), np.ones(1), []), [10.0])
 
 
-def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
-    """Of two, the covariance about a place is theirs by their shares, with how far each mean is off."""
+def test_integrated_covariance_of_two_models(of_numbers):
+    """The covariance about a point is the weighted sum of both models, with the offset of each mean."""
     sure = replace(of_numbers, covariance=1e-6 * np.eye(11), minus_2_log_evidence=1e5)
     other = replace(sure, logs=sure.logs + 0.3, minus_2_log_evidence=1e5 + 2 * np.log(3.0))
     about = np.array([0.1, -0.2, 0.3])
@@ -316,8 +322,11 @@ def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
     np.testing.assert_allclose(squares, np.exp(2 * sure.logs))
 
 
-def test_the_mode_of_made_up_numbers_is_stationary(of_numbers):
-    """The slope there is less than the last step's gain tells; curvature and evidence are of that place."""
+def test_mode_of_synthetic_numbers_is_stationary(of_numbers):
+    """The remaining slope is below the tolerance of the last step's gain.
+
+    Curvature and evidence are those at the mode.
+    """
     model, prior = of_numbers.model, of_numbers.prior
     surface = laplace._Surface(posterior(model, of_numbers.logs), prior)
     known, (height, slope) = posterior(model, of_numbers.logs), prior.value(of_numbers.logs)
@@ -341,32 +350,32 @@ def _steps(curvature: np.ndarray, seed: int, count: int) -> list[Secant]:
     return [Secant(step, curvature @ step) for step in steps]
 
 
-def test_as_many_steps_as_sigmas_tell_the_curvature() -> None:
-    """Of a quadratic, k steps in general position make any curvature that is too small the right one."""
+def test_secants_in_every_direction_determine_the_curvature() -> None:
+    """For a quadratic, k steps in general position correct any curvature that is too small."""
     root = np.random.default_rng(1).standard_normal((4, 4))
     right = root @ root.T + np.eye(4)
     found = correct_curvature(0.05 * np.eye(4), _steps(right, 2, 4))
     np.testing.assert_allclose(found, right, rtol=1e-9, atol=1e-9)
 
 
-def test_a_step_along_the_slope_is_taken_as_it_was() -> None:
-    """The change of slope over the last step follows from the curvature, larger or smaller than it was."""
+def test_single_secant_is_satisfied() -> None:
+    """The change of slope over the last step follows from the corrected curvature, larger or smaller than before."""
     for factor in (0.5, 2.0):
         right, guess = np.diag([1.0, 4.0, 9.0]), factor * np.diag([1.0, 4.0, 9.0])
         (secant,) = _steps(right, 3, 1)
         np.testing.assert_allclose(correct_curvature(guess, [secant]) @ secant.step, secant.change, rtol=1e-12)
 
 
-def test_what_would_not_be_regular_is_left_out() -> None:
-    """A slope that falls along a step, and a change at right angles to it, leave the curvature as it is."""
+def test_irregular_secants_are_left_out() -> None:
+    """A slope that decreases along a step, and a change orthogonal to it, leave the curvature unchanged."""
     unit = np.eye(2)
     for change in (np.array([-1.0, 0.0]), np.array([1.0, 3.0])):
         np.testing.assert_array_equal(correct_curvature(unit, [Secant(np.array([1.0, 0.0]), change)]), unit)
 
 
 @pytest.mark.parametrize(("cosine", "counts"), [(1.1e-8, True), (0.9e-8, False)])
-def test_a_change_nearly_at_right_angles_says_nothing_of_the_step(cosine: float, counts: bool) -> None:
-    """However long the step and the change are."""
+def test_nearly_orthogonal_change_is_ignored(cosine: float, counts: bool) -> None:
+    """The limit is independent of the lengths of step and change."""
     for length in (1e-3, 1.0, 1e3):
         for size in (1e-3, 5.0):
             off, step = size * np.array([cosine, 1.0]), np.array([length, 0.0])
@@ -376,8 +385,8 @@ def test_a_change_nearly_at_right_angles_says_nothing_of_the_step(cosine: float,
 
 
 @pytest.mark.parametrize("left", [0.19, 0.21])
-def test_a_fifth_of_the_curvature_along_a_correction_is_left(left: float) -> None:
-    """A correction that lowers it more is not made; one that leaves more is, along each axis."""
+def test_correction_leaves_a_fifth_of_the_curvature(left: float) -> None:
+    """A correction that would reduce the curvature further is not made, along each axis."""
     curvature = np.diag([4.0, 2.0])
     for axis in range(2):
         step = np.eye(2)[axis]
@@ -386,8 +395,8 @@ def test_a_fifth_of_the_curvature_along_a_correction_is_left(left: float) -> Non
         np.testing.assert_allclose(found, lowered if left > 0.2 else curvature, rtol=1e-12)
 
 
-def test_pairs_are_taken_in_turn() -> None:
-    """The second by the curvature that the first left, though the first was left out."""
+def test_secants_are_applied_in_sequence() -> None:
+    """The second uses the curvature that the first left, also if the first was left out."""
     curvature = np.eye(2)
     bad, good = Secant(np.array([1.0, 0.0]), np.array([-1.0, 0.0])), Secant(np.array([0.0, 2.0]), np.array([0.0, 6.0]))
     np.testing.assert_allclose(correct_curvature(curvature, [bad, good]), np.diag([1.0, 3.0]))

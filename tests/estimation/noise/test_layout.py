@@ -1,4 +1,4 @@
-"""Tests of `basecal.estimation.noise.layout`."""
+"""Tests of `basecal.estimation.noise.layout`: places of stop errors in blocks and columns."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ ROBOTS = ("eye", "hand")
     ],
 )
 @pytest.mark.parametrize("known_s", [None, 0.0, 2.0])
-def test_each_stop_stands_in_a_block_or_among_the_columns(stops, block, row, column, sizes, jitter, known_s):
-    """Stops of one block in rows of six; one that ties more than four among the columns; jitter in the row below.
+def test_each_stop_is_in_a_block_or_column(stops, block, row, column, sizes, jitter, known_s):
+    """Stops of one block are in rows of six, and jitter is in the row below.
 
-    Of views that share a block the first has a row for its jitter; without stops each has a block of its own.
-    Small blocks come first.
+    A stop that connects more than four others is among the columns. The first of the views that share a block has a row
+    for its jitter; without stops each has a block of its own. Small blocks come first.
     """
     problem, state = two_arm_problem(np.zeros((len(stops[0]), 6)), *stops)
     moving = problem if known_s is None else shaken(problem, len(stops[0]), known_s)[0]
@@ -48,15 +48,15 @@ def test_each_stop_stands_in_a_block_or_among_the_columns(stops, block, row, col
     assert (layout.rows, layout.width) == (max(layout.sizes, default=0), 6 + 6 * sum(at >= 0 for at in column))
 
 
-def test_as_many_blocks_at_a_time_as_stay_near_the_processor():
-    """A megabyte of numbers, one block at least, all of none."""
+def test_chunks_are_limited_to_a_megabyte():
+    """A chunk has at least one block, and blocks without numbers form one chunk."""
     assert chunks(5, 2, 10, 40) == [slice(0, 2), slice(2, 4), slice(4, 6)]
     assert chunks(2, 2, 10, 1) == [slice(0, 1), slice(1, 2)]
     assert chunks(3, 0, 7, 40) == [slice(0, 40)]
     assert chunks(0, 2, 7, 40) == []
 
 
-def test_blocks_of_a_size_are_processed_together(monkeypatch):
+def test_blocks_of_equal_size_are_processed_together(monkeypatch):
     """Small blocks are padded to the next size only if that adds little."""
     layout = mixed_model(*two_arm_problem(np.zeros((6, 6)), *STAR), ROBOTS).layout
     assert layout.sizes.tolist() == [6] * 5 + [12]

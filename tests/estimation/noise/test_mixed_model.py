@@ -1,4 +1,4 @@
-"""A problem about a state as a mixed model leads to the optimum of the problem itself."""
+"""Tests of mixed models of a problem about a state, against the problem's own optimum."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from basecal.geometry import SE3
 from tied_scene import tracks_alone
 
 
-def test_step_leads_to_the_optimum():
-    """At the optimum of the same sigmas the most likely unknowns are no step away, and errors of stops as they are."""
+def test_mixed_model_step_is_zero_at_the_optimum():
+    """At the optimum of the same sigmas, the most likely unknowns are no step away, and stop errors are unchanged."""
     problem, state = at_truth(NOISY)
     sigma = np.repeat([1e-3, 2e-3], 3)
     used = with_robot_noise(problem, dict.fromkeys(ROBOTS, sigma))
@@ -37,8 +37,8 @@ def test_step_leads_to_the_optimum():
 
 
 @pytest.mark.parametrize("arms", ["both", "stations", "halves"])
-def test_views_in_two_groups_are_those_of_one(arms):
-    """Sums, scatter and what all of it leads to do not depend on how the views of a camera are grouped."""
+def test_grouping_of_views_has_no_effect(arms):
+    """Sums, scatter and the posterior do not depend on how the views of a camera are grouped."""
     problem, state = at_truth(replace(NOISY, arms=arms, state_pixel_noise=False))
     (group,) = problem.groups
     halves = problem.with_groups([group.take(np.arange(5)), group.take(np.arange(5, 8))])
@@ -58,8 +58,11 @@ def test_views_in_two_groups_are_those_of_one(arms):
 
 
 @pytest.mark.parametrize("arms", ["both", "stations", "halves"])
-def test_errors_of_stops_are_their_own_and_what_they_have_in_common(arms):
-    """Own ones from blocks or from columns of stops that many views tie; errors in common by each robot's stops."""
+def test_stop_errors_are_own_plus_shared_errors(arms):
+    """Own errors are from blocks, or from columns for stops that many views connect.
+
+    Shared errors are by each robot's stops.
+    """
     problem, state = at_truth(replace(NOISY, arms=arms))
     rng = np.random.default_rng(0)
     modes = {name: rng.standard_normal((count_stops(problem, name), 2)) for name in ROBOTS}
@@ -111,7 +114,10 @@ def derivative(problem, layout, view, motion, common):
     [(None, (), "free"), (0.0, ("eye",), "free"), (2.0, ROBOTS, "free"), (None, ROBOTS, "fixed")],
 )
 def test_moments_are_sums_over_views(stops, known_s, robots_in_common, mount, rng):
-    """Of poses near the identity: products of residuals and derivatives, about the state without errors of stops."""
+    """Moments are products of residuals and derivatives for poses near the identity.
+
+    They are about the state without stop errors.
+    """
     views = len(stops[0])
     residual = 1e-6 * rng.standard_normal((views, 6))
     problem, state = two_arm_problem(-residual, *stops)
@@ -155,8 +161,8 @@ def test_moments_are_sums_over_views(stops, known_s, robots_in_common, mount, rn
             np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max(initial=1e-9))
 
 
-def test_stops_share_errors_of_a_scene():
-    """An error that all stops of an arm share moves the tracks as the same error of each of them."""
+def test_shared_stop_errors_of_a_scene():
+    """An error shared by all stops of an arm moves the tracks as the same error of each of them."""
     _, _, problem, state = tracks_alone(1)
     assert problem.tied is not None
     stops, first = len(problem.stops), problem.width + 6 * len(problem.stops)
@@ -170,8 +176,8 @@ def test_stops_share_errors_of_a_scene():
         np.testing.assert_allclose(moment[first:], moment[own].sum(0), rtol=1e-6, atol=1e-6 * np.abs(moment).max())
 
 
-def test_sigmas_scale_what_they_are_of():
-    """Shifts and turns of each robot that is open, in blocks and columns; jitter after them; terms by their kind."""
+def test_sigmas_are_assigned_to_columns_and_errors():
+    """Shifts and rotations of each open robot are in blocks and columns, then jitter, then terms by their type."""
     problem, state = two_arm_problem(np.zeros((6, 6)), *STAR)
     problem, _ = shaken(problem, 6)
     shared = SharedErrors(np.ones((2, 6, 3)), np.array([False, True, True]))
@@ -193,8 +199,8 @@ def test_sigmas_scale_what_they_are_of():
     assert (tuple(of_both.sigmas.stops), of_both.robot_of_stop) == (ROBOTS, problem.stops.robot)
 
 
-def test_what_is_known_beforehand_is_that_of_the_state():
-    """A mount a thousandth of a sigma off costs as much in each coordinate; errors have unit variance about nothing."""
+def test_prior_is_that_of_the_state():
+    """A mount a thousandth of a sigma off costs the same in each coordinate. Errors have unit variance about zero."""
     sigma = np.array([1e-3, 2e-3, 3e-3, 1e-3, 2e-3, 4e-3])
     known = Unknown("prior", SE3.exp(np.zeros(6)), sigma)
     problem, state = pose_problem(np.zeros((3, 6)), None, known, np.ones(6))
@@ -207,8 +213,8 @@ def test_what_is_known_beforehand_is_that_of_the_state():
     assert model.prior_cost == pytest.approx(6e-6, rel=1e-3)
 
 
-def test_a_shape_has_columns_of_its_own(rng):
-    """After all others: what all views say of it; beforehand it is where it was, of unit variance."""
+def test_shape_has_its_own_columns(rng):
+    """The columns are the last ones and sum over all views. The prior is the previous shape with unit variance."""
     problem, state = at_truth(replace(NOISY, samples=3, target="chessboard", state_pixel_noise=False))
     problem = replace(problem, shapes={"board": np.array([1.0, -2.0, 0.5])})
     model = mixed_model(problem, state, ROBOTS)
@@ -232,8 +238,8 @@ def test_a_shape_has_columns_of_its_own(rng):
     assert model.prior_cost == 1.0 + 4.0 + 0.25
 
 
-def test_views_that_hang_on_the_same_block_add_up(monkeypatch):
-    """Views taken one by one, or all of a chunk at once, add up to the same; a block may have several."""
+def test_views_in_one_block_are_added(monkeypatch):
+    """Views added one by one, or in one chunk, give the same sums, and a block may have several views."""
     problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((4, 6)), *CHAINED)
     together = mixed_model(problem, state, ROBOTS).parts["camera", "pose_m"]
     monkeypatch.setattr("basecal.estimation.noise.layout._CHUNK_NUMBERS", 1)
@@ -242,8 +248,8 @@ def test_views_that_hang_on_the_same_block_add_up(monkeypatch):
         np.testing.assert_allclose(getattr(apart, name), getattr(together, name), rtol=1e-12, atol=1e-15)
 
 
-def test_targets_without_a_shape_have_no_columns_of_it():
-    """Nor those of too few points, nor poses that were measured."""
+def test_targets_without_a_shape_have_no_shape_columns():
+    """Targets with too few points, and measured poses, have none either."""
     problem, state = at_truth(replace(NOISY, samples=3, target="chessboard", state_pixel_noise=False))
     (of_poses,) = pose_problem(np.zeros((3, 6)), None)[0].groups
     few = problem.with_groups([replace(problem.groups[0], measurement=of_poses.measurement)])
@@ -255,8 +261,8 @@ def test_targets_without_a_shape_have_no_columns_of_it():
     assert of_poses["pose_m"].gradient.shape == (3, 6)
 
 
-def test_jitter_moves_the_view_and_not_the_lens(rng):
-    """Where a lens is free, too."""
+def test_jitter_moves_the_view_but_not_the_lens(rng):
+    """Jitter does not affect the lens, also if the lens is free."""
     problem, state = at_truth(replace(NOISY, samples=3, intrinsics="free", state_pixel_noise=False))
     motion = rng.standard_normal((3, 6))
     moving = replace(problem.with_groups([replace(problem.groups[0], motion=motion)]), open_jitter=frozenset({"wrist"}))

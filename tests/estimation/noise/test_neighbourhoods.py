@@ -1,4 +1,4 @@
-"""Noise of many robots, by the views that each takes part in."""
+"""Tests of noise of many robots, estimated by the neighbourhood of views of each."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def state_of(problem):
 
 
 def test_each_robot_has_its_own_views(problem):
-    """Its base is held, what only others see is no column, and each camera is told of once."""
+    """Its base is fixed, transforms without its views have no column, and each camera belongs to one part."""
     parts = list(neighbourhoods(problem, state_of(problem)))
     assert [part.robot for part in parts] == sorted(MADE.cell.robots)
     assert sorted(name for part in parts for name in part.cameras) == sorted(MADE.cell.cameras)
@@ -78,13 +78,16 @@ def _needed(part):
 
 
 def test_few_unknowns_are_estimated_together(problem):
-    """A ring of four has too few to go by neighbourhoods."""
+    """A ring of four robots has too few unknowns for neighbourhoods."""
     assert not uses_neighbourhoods(problem)
 
 
 @pytest.mark.slow
-def test_sigmas_are_those_of_all_together(problem, monkeypatch):
-    """Of robots near the true ones (24 stops in two roles), of cameras too; the covariance about that of all."""
+def test_neighbourhood_sigmas_equal_the_joint_estimate(problem, monkeypatch):
+    """Sigmas of robots (24 stops in two roles) and cameras are near the truth.
+
+    The covariance is about that of the joint solution.
+    """
     settings = Settings(robot_noise="estimated")
     whole = solve_from(problem, state_of(problem), settings)
     monkeypatch.setattr(module, "MANY_COLUMNS", 1)
@@ -100,8 +103,8 @@ def test_sigmas_are_those_of_all_together(problem, monkeypatch):
     assert 0.8 < ratio.min() < ratio.max() < 1.25
 
 
-def test_a_robot_alone_has_no_neighbours(problem, monkeypatch):
-    """However many unknowns there are; several robots go by neighbourhoods once there are many."""
+def test_single_robot_has_no_neighbourhoods(problem, monkeypatch):
+    """It has none with any number of unknowns. Several robots have neighbourhoods once there are many unknowns."""
     alone = simulate(Scenario(layout="eye_in_hand", samples=6), 0)
     alone = build_problem(alone.cell, alone.recording)[0]
     monkeypatch.setattr(module, "MANY_COLUMNS", 2)
@@ -111,8 +114,11 @@ def test_a_robot_alone_has_no_neighbours(problem, monkeypatch):
     assert not uses_neighbourhoods(problem)
 
 
-def test_each_sigma_is_that_of_where_it_is_told():
-    """Robots' by the mean of their squares; cameras and shapes by whose neighbourhood tells them; surprises add up."""
+def test_sigmas_are_merged_over_neighbourhoods():
+    """Robots have the mean of their squares, and cameras and shapes those of their neighbourhood.
+
+    Negative log evidences add up.
+    """
 
     def estimate(pixel_px, settled, variances, minus_2_log_evidence, shapes):
         """Of one neighbourhood, which saw both cameras."""
@@ -149,8 +155,8 @@ def test_each_sigma_is_that_of_where_it_is_told():
     assert of.noise == of.cameras["a"]
 
 
-def test_two_robots_are_each_others_neighbours(monkeypatch):
-    """One alone has none, nor have such whose own kinematics are estimated."""
+def test_two_robots_form_two_neighbourhoods(monkeypatch):
+    """A single robot, and robots with estimated kinematics, have no neighbourhoods."""
     monkeypatch.setattr(module, "MANY_COLUMNS", 6)
     problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 2], [3, 4, 5])
     assert uses_neighbourhoods(problem)
@@ -163,8 +169,8 @@ def test_two_robots_are_each_others_neighbours(monkeypatch):
 
 
 @pytest.mark.parametrize("role", ["eye", "hand"])
-def test_what_stands_on_the_world_is_told_with_the_robot_that_shares_its_views(role):
-    """A camera with the target's arm, a target with the camera's; whose base is no column."""
+def test_world_fixed_devices_join_the_other_robot(role):
+    """A camera on the world belongs to the target's arm, a target to the camera's. The arm's base has no column."""
     problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 2], [3, 4, 5])
     (group,) = problem.groups
     moving, still = (with_eye, with_hand) if role == "eye" else (with_hand, with_eye)
@@ -175,8 +181,8 @@ def test_what_stands_on_the_world_is_told_with_the_robot_that_shares_its_views(r
     assert part.problem.columns == {group.eye.mount: slice(0, 6)}
 
 
-def test_columns_close_up_in_their_order():
-    """Each as wide as it was."""
+def test_columns_are_compacted_in_order():
+    """Each keeps its width."""
     problem, _ = two_arm_problem(np.zeros((3, 6)), [0, 1, 2], [3, 4, 5])
     (group,) = problem.groups
     mount, target = group.eye.mount, group.hand.mount

@@ -1,4 +1,4 @@
-"""Errors that the stops of a problem share."""
+"""Tests of random effects: errors that the stops of a problem share."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from simulated_problem import simulated_problem
 SCENARIO = Scenario(samples=8, joints=True)
 
 
-def test_the_chain_stands_where_the_stops_are():
-    """At each stop that was seen; at others at the mean of the joints."""
+def test_posture_at_stops_equals_the_recorded_joints():
+    """Each stop with views has its joints, and the others have the mean of the joints."""
     problem = simulated_problem(SCENARIO)
     poses, _ = stop_poses(problem, "hand")
     at = posture_at_stops(problem, "hand")
@@ -36,8 +36,8 @@ def test_the_chain_stands_where_the_stops_are():
     np.testing.assert_allclose(unseen, np.delete(at.recorded, group.hand.stop_number[0], axis=0).mean(0))
 
 
-def test_arms_that_record_poses_and_few_stops_have_none():
-    """There is nothing to tell of their joints."""
+def test_arms_with_poses_or_few_stops_have_no_posture():
+    """Their joints are unknown."""
     assert posture_at_stops(simulated_problem(replace(SCENARIO, joints=False)), "hand") is None
     assert posture_at_stops(simulated_problem(replace(SCENARIO, samples=3)), "hand") is None
 
@@ -48,14 +48,14 @@ def problem_with(name, samples):
     return problem.with_ends(lambda end: replace(end, passed_s=0.1 * end.stop_number))
 
 
-def test_arms_that_record_joints_have_errors_of_joints_and_links_instead():
-    """None by their reach."""
+def test_arms_with_joints_have_joint_and_link_errors():
+    """They have no errors by reach."""
     assert shared_errors(RANDOM_EFFECTS["smooth_by_reach"], simulated_problem(SCENARIO), "hand") is None
 
 
 @pytest.mark.parametrize("name", RANDOM_EFFECTS)
-def test_errors_are_of_the_stops(name):
-    """Six rows for each stop of a robot, a column for each error; a unit of all turns the flange by a unit or a few."""
+def test_shared_errors_have_rows_for_each_stop(name):
+    """Each stop has six rows, and each error a column. A unit of all rotates the flange by about a unit or a few."""
     problem = problem_with(name, 12)
     errors = shared_errors(RANDOM_EFFECTS[name], problem, "hand")
     assert errors.by_stop.shape == (len(stop_poses(problem, "hand")[0]), 6, len(errors.is_turn))
@@ -66,21 +66,21 @@ def test_errors_are_of_the_stops(name):
 @pytest.mark.parametrize("name", RANDOM_EFFECTS)
 @pytest.mark.parametrize(("samples", "has_any"), [(3, False), (4, True)])
 def test_four_stops_have_shared_errors(name, samples, has_any):
-    """Fewer show nothing of what changes with the pose."""
+    """Fewer stops do not show changes with the pose."""
     problem = problem_with(name, samples)
     assert (shared_errors(RANDOM_EFFECTS[name], problem, "hand") is not None) == has_any
 
 
-def test_stops_of_arms_that_stand_have_no_instant():
-    """Of others it is that of the view."""
+def test_stops_of_still_arms_have_no_time():
+    """Other stops have the time of their view."""
     problem = simulated_problem(SCENARIO)
     assert np.isnan(passed_times(problem, "hand")).all()
     moved = problem_with("smooth_in_time", 8)
     np.testing.assert_allclose(passed_times(moved, "hand"), 0.1 * np.arange(8))
 
 
-def test_one_arm_stands_for_both_that_move():
-    """Errors in time of either end look alike; those by pose are of each arm."""
+def test_temporal_errors_are_modelled_for_one_arm():
+    """Errors in time look equal on either arm, but errors by pose belong to each arm."""
     problem = problem_with("smooth_in_time", 8)
     of = {name: shared_term(problem, name, ["eye", "hand"]) for name in ("smooth_in_time", "smooth")}
     assert of["smooth_in_time"].errors.keys() == {"eye"}
@@ -91,8 +91,11 @@ def test_one_arm_stands_for_both_that_move():
     assert shared_term(problem_with("smooth", 3), "smooth", ["eye"]) is None
 
 
-def test_errors_that_last_are_seen_and_independent_ones_are_not():
-    """Of 300 draws at most one in twenty by chance; of as much error that lasts nearly all."""
+def test_lasting_errors_are_detected():
+    """Independent errors are detected in less than one of twenty of 300 draws.
+
+    Lasting errors of equal size are nearly always.
+    """
     times, rng = 0.2 * np.arange(60), np.random.default_rng(0)
     shared = errors(times)
     alone = rng.standard_normal((300, 60, 6))
@@ -101,8 +104,8 @@ def test_errors_that_last_are_seen_and_independent_ones_are_not():
     assert np.mean([is_shared_error(shared, each) for each in alone + lasting]) > 0.95
 
 
-def test_errors_of_known_sigmas_are_in_these():
-    """Of each robot, those of all effects beside one another."""
+def test_shared_errors_are_scaled_by_known_sigmas():
+    """For each robot, the errors of all effects are combined."""
     problem, sigmas = problem_with("smooth_in_time", 8), np.array([2e-4, 3e-4])
     held = scaled_shared_errors(
         problem, {"smooth_in_time": {"eye": sigmas}, "smooth": {"eye": sigmas, "hand": 2 * sigmas}}

@@ -1,4 +1,4 @@
-"""The restricted likelihood of sigmas, against the dense formula and against differences."""
+"""Tests of the restricted likelihood of sigmas, against the dense formula and finite differences."""
 
 from __future__ import annotations
 
@@ -73,8 +73,8 @@ def dense_surprise(problem, state, logs):
 
 
 @pytest.mark.parametrize("arms", ["both", "stations", "halves"])
-def test_average_information_is_that_of_the_dense_formula(arms):
-    """It is r'P V_i P V_j P r of all residuals and stops written out, Gilmour, Thompson & Cullis 1995, (7)."""
+def test_average_information_equals_the_dense_formula(arms):
+    """It is r'P V_i P V_j P r with all residuals and stops, Gilmour, Thompson & Cullis 1995, (7)."""
     problem, state = at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))
     model = mixed_model(problem, state, ROBOTS)
     logs = np.log([1e-3, 2e-3, 5e-4, 1e-3])
@@ -87,8 +87,8 @@ def test_average_information_is_that_of_the_dense_formula(arms):
 
 
 @pytest.mark.parametrize("arms", ["both", "stations", "halves"])
-def test_value_is_that_of_the_dense_formula(arms):
-    """Between sigmas it changes as the restricted likelihood of all residuals and stops written out."""
+def test_value_equals_the_dense_formula(arms):
+    """Between sigmas it changes like the restricted likelihood of all residuals and stops."""
     problem, state = at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))
     model = mixed_model(problem, state, ROBOTS)
     rows = np.log([[1e-3, 2e-3, 1e-3, 2e-3], [3e-3, 1e-3, 5e-4, 4e-3]])
@@ -100,8 +100,8 @@ def test_value_is_that_of_the_dense_formula(arms):
 
 @pytest.mark.parametrize("arms", ["both", "halves", "stations"])
 @pytest.mark.parametrize("smooth", [False, True])
-def test_slope_is_the_derivative(arms, smooth):
-    """Of views, robots and smooth errors alike, the slope agrees with central differences to 1e-3."""
+def test_slope_equals_finite_differences(arms, smooth):
+    """The slopes by sigmas of views, robots and smooth errors agree with central differences to 1e-3."""
     problem, state = at_truth(replace(NOISY, arms=arms, intrinsics="free", state_pixel_noise=False))
     rng = np.random.default_rng(0)
     state = replace(state, stop_errors=1e-3 * rng.standard_normal(state.stop_errors.shape))
@@ -115,8 +115,8 @@ def test_slope_is_the_derivative(arms, smooth):
 
 
 @pytest.mark.parametrize("constant", ["_CHUNK_NUMBERS", "_MOST_PADDING"])
-def test_blocks_at_a_time_change_nothing(monkeypatch, constant):
-    """Taken one by one, or without padding, blocks give what they give together: value, slope, means and covariance."""
+def test_chunks_of_blocks_change_nothing(monkeypatch, constant):
+    """Value, slope, means and covariance are the same with single blocks per chunk, or without padding."""
     problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((6, 6)), *STAR)
     model = mixed_model(problem, state, ROBOTS)
     logs = np.log([1e-3, 2e-3, 1e-3, 2e-3, 3e-3, 1e-3])
@@ -134,8 +134,8 @@ def test_blocks_at_a_time_change_nothing(monkeypatch, constant):
 
 
 @pytest.mark.parametrize("arms", ["both", "halves", "stations"])
-def test_columns_alone_are_those_of_the_whole(arms):
-    """Without the errors in blocks the columns are as with them, to the last bit."""
+def test_columns_alone_equal_the_whole_solution(arms):
+    """Without the errors in blocks the columns are the same to the last bit."""
     problem, state = at_truth(replace(NOISY, arms=arms, state_pixel_noise=False))
     model, logs = mixed_model(problem, state, ROBOTS), np.log([0.3, 1e-3, 2e-3, 1e-3, 2e-3])
     whole, alone = posterior(model, logs), solve_columns(node_equations(model, logs[None]), np.arange(len(model.prior)))
@@ -145,8 +145,8 @@ def test_columns_alone_are_those_of_the_whole(arms):
 
 
 @pytest.mark.parametrize("at_once", [1, 1_000_000])
-def test_nodes_together_are_those_one_by_one(monkeypatch, rng, at_once):
-    """However many are taken at a time, with one part and with several, of some columns in any order."""
+def test_batch_of_nodes_equals_single_nodes(monkeypatch, rng, at_once):
+    """Nodes are the same for any chunk size, with one part or several, for some columns in any order."""
     monkeypatch.setattr("basecal.estimation.noise.reml._CHUNK_NUMBERS", at_once)
     model, _ = made_up(rng)
     nodes, columns = rng.standard_normal((7, 11)), np.array([4, 0, 3])
@@ -159,8 +159,8 @@ def test_nodes_together_are_those_one_by_one(monkeypatch, rng, at_once):
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
-def test_sums_over_blocks_are_those_of_block_by_block(arms):
-    """Where all goes by one part the slope is that of cutting it in two alike, which the general way takes."""
+def test_block_sums_equal_the_general_case(arms):
+    """With a single part, the slope equals that of two equal halves, which use the general case."""
     problem, state = at_truth(replace(NOISY, target="chessboard", arms=arms, state_pixel_noise=False))
     model = mixed_model(problem, state, ROBOTS)
     ((camera, name),) = model.parts
@@ -175,10 +175,10 @@ def test_sums_over_blocks_are_those_of_block_by_block(arms):
 
 @pytest.mark.parametrize("is_open", [True, False, None])
 @pytest.mark.parametrize("exact", [(), ("eye", "hand")])
-def test_stamps_that_jitter_are_noise_along_the_motion(is_open, exact):
-    """As dense: each view's own, by a sigma that is open or known, beside noise of arms or of exact ones.
+def test_time_stamp_jitter_is_noise_along_the_motion(is_open, exact):
+    """Each view has its own jitter along its motion, equal to the dense formula.
 
-    Views that move by stamps that do not jitter are as any.
+    The sigma is open or known, and arms are noisy or exact. Moving views without time stamp jitter are like any others.
     """
     robots = tuple(robot for robot in ROBOTS if robot not in exact)
     made = simulate(replace(NOISY, target="pose", camera_mount="fixed"), 1)
@@ -234,8 +234,8 @@ def dense_answer(problem, state, logs, shake):
     return -covariance @ (x.T @ np.linalg.solve(v, error)), covariance
 
 
-def test_jitter_of_views_that_do_not_move_is_not_open():
-    """Nothing tells it."""
+def test_jitter_of_still_views_is_not_open():
+    """Views without motion have no information on it."""
     problem, state = at_truth(replace(NOISY, target="pose", camera_mount="fixed"))
     problem = replace(problem, open_jitter=frozenset({"wrist"}))
     assert open_jitter(problem) == ()
@@ -254,8 +254,8 @@ def of_numbers(request, rng):
     return model, parts, np.exp(0.5 * rng.standard_normal(9 + len(model.sigmas.views)))
 
 
-def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
-    """Value, means and covariances: columns and errors of blocks by one inverse of all of it."""
+def test_posterior_equals_one_matrix_inverse(of_numbers):
+    """Value, means and covariances of columns and block errors equal one inverse of the whole system."""
     model, parts, sigmas = of_numbers
     found, expected = posterior(model, np.log(sigmas)), expand_model(model, parts, sigmas)
     assert found.value == pytest.approx(expected.value, rel=1e-8)
@@ -277,8 +277,8 @@ def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
     np.testing.assert_allclose(scales(np.log(sigmas), model.of_columns), expected.scales[:COLUMNS])
 
 
-def test_errors_of_stops_are_in_their_units(of_numbers):
-    """From blocks and columns, each times its sigma; those in common likewise."""
+def test_stop_errors_are_in_their_units(of_numbers):
+    """Errors from blocks and columns are multiplied by their sigmas, and so are shared errors."""
     model, parts, sigmas = of_numbers
     expected = expand_model(model, parts, sigmas)
     units = expected.mean * expected.scales
@@ -288,8 +288,11 @@ def test_errors_of_stops_are_in_their_units(of_numbers):
     np.testing.assert_allclose(posterior(model, np.log(sigmas)).stop_errors, of_stops, rtol=1e-6, atol=1e-8)
 
 
-def test_slope_and_average_information_are_written_out(of_numbers):
-    """The slope is that of the value; the information is 4 (S - V' M^-1 V), V by what each sigma scales."""
+def test_slope_and_average_information_equal_explicit_formulas(of_numbers):
+    """The slope is that of the value.
+
+    The information is 4 (S - V' M^-1 V), with V by the terms that each sigma scales.
+    """
     model, parts, sigmas = of_numbers
     found, logs, step = posterior(model, np.log(sigmas)), np.log(sigmas), 1e-5
     slope = [
@@ -315,8 +318,8 @@ def test_slope_and_average_information_are_written_out(of_numbers):
     np.testing.assert_allclose(found.average_information(), expected, rtol=1e-5, atol=1e-6)
 
 
-def test_errors_that_no_sigma_scales_stand_as_they_are(of_numbers):
-    """Of a robot that is not open, in blocks and columns alike."""
+def test_unscaled_errors_are_unchanged(of_numbers):
+    """Errors of a robot without an open sigma are unscaled, in blocks and columns."""
     model, parts, sigmas = of_numbers
     of_errors, of_columns = model.of_errors.copy(), model.of_columns.copy()
     of_errors[0, :6] = -1
@@ -331,15 +334,18 @@ def test_errors_that_no_sigma_scales_stand_as_they_are(of_numbers):
     np.testing.assert_allclose(found.slope(), slope, rtol=1e-5, atol=1e-5)
 
 
-def test_an_identity_beside_what_would_round_it_away_is_raised():
-    """By a ten-trillionth of it, so that what is left stays regular; a trillion leaves four digits."""
+def test_rounded_away_identity_is_raised():
+    """The identity is raised by 1e-13 of a much larger matrix, so that the result stays regular.
+
+    1e12 still leaves four digits.
+    """
     assert _rounding_loss(np.array([np.diag([0.9e12, 1.0])])) is None
     assert _rounding_loss(np.zeros((0, 2, 2))) is None
     np.testing.assert_allclose(_rounding_loss(np.array([np.diag([1.0, 2e12]), np.diag([0.9e12, 1.0])])), [0.2, 0.0])
 
 
-def test_directions_without_information_are_held_by_a_floor():
-    """Of a hundred billionth beside what there was; those below nothing count as there."""
+def test_directions_without_information_have_a_floor():
+    """The floor is 1e-11 of the former information, and negative values count as that."""
 
     def solve(hessian, information):
         """Inverse and log determinant."""
@@ -356,8 +362,8 @@ def test_directions_without_information_are_held_by_a_floor():
     assert log_det == pytest.approx(np.log(32.0))
 
 
-def test_what_would_be_rounded_away_does_not_break_the_sums(rng):
-    """At a sigma a million times what residuals have, mean and value are those of a sigma not known at all."""
+def test_rounding_does_not_break_the_sums(rng):
+    """At a sigma a million times that of the residuals, mean and value are those of an unknown sigma."""
     model, parts = made_up(rng)
     sigmas = np.ones(11)
     sigmas[[2, 3, 6]] = 3e6  # shifts, turns and jitter of the first block
@@ -368,8 +374,8 @@ def test_what_would_be_rounded_away_does_not_break_the_sums(rng):
     assert found.value == pytest.approx(expected.value, rel=1e-2)
 
 
-def test_unknowns_that_cannot_be_told_apart_are_held_beside_what_each_had(rng):
-    """By a hundred billionth of its own information, that known beforehand included."""
+def test_indistinguishable_unknowns_are_held(rng):
+    """They are held by 1e-11 of their own information, including the prior's."""
     model, parts = made_up(rng, OPEN)
     alike = {
         key: replace(of, column_jacobian=of.column_jacobian[:, [0, 1, 1, *range(3, COLUMNS)]])

@@ -1,4 +1,4 @@
-"""Problems with other noise of their robots."""
+"""Tests of problems with changed robot noise."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ SIGMA = np.repeat(NOISY, 3)
 
 
 @pytest.mark.parametrize("arms", ["both", "halves", "stations"])
-def test_noise_given_later_is_noise_that_was_stated(arms):
-    """Sigmas given to a packed problem make the problem of a cell that states them: one optimum, one covariance."""
+def test_later_noise_equals_stated_noise(arms):
+    """Sigmas given to a built problem have the same optimum and covariance as those stated in the cell."""
     told = simulate(Scenario(samples=8, target="points", arms=arms, robot_noise=NOISY, camera_mount="fixed"), seed=2)
     silent = {name: replace(robot, noise=None) for name, robot in told.cell.robots.items()}
     problem, _ = build_problem(replace(told.cell, robots=silent), told.recording)
@@ -42,8 +42,8 @@ def test_noise_given_later_is_noise_that_was_stated(arms):
     assert given.cost == pytest.approx(stated.cost, rel=1e-9)
 
 
-def test_others_keep_their_noise():
-    """Noise given to one robot replaces its own and leaves the other's rows as they were."""
+def test_other_robots_keep_their_noise():
+    """Noise given to one robot replaces its own and leaves the other's rows unchanged."""
     s = simulate(Scenario(samples=6, arms="halves", robot_noise=NOISY), seed=0)
     problem, _ = build_problem(s.cell, s.recording)
     changed = with_robot_noise(problem, {"eye": 2 * SIGMA})
@@ -55,22 +55,22 @@ def test_others_keep_their_noise():
 
 
 def test_stops_are_counted_with_or_without_noise():
-    """A still arm made one stop, a moving one as many as it was seen at."""
+    """A still arm has one stop, a moving one as many as its views show."""
     s = simulate(Scenario(samples=7, arms="hand_still"), seed=0)
     problem, _ = build_problem(s.cell, s.recording)
     assert (count_stops(problem, "eye"), count_stops(problem, "hand")) == (7, 1)
 
 
-def test_noise_is_given_to_each_stop_and_to_no_more():
-    """One of a still arm, one a sample of the other; none of a robot that stands in no view."""
+def test_noise_is_given_to_each_stop():
+    """A still arm has one stop, the other one for each sample. A robot without views has none."""
     s = simulate(Scenario(samples=7, arms="hand_still"), seed=0)
     problem, _ = build_problem(s.cell, s.recording)
     given = with_robot_noise(problem, dict.fromkeys(("eye", "hand", "another"), SIGMA))
     assert Counter(given.stops.robot) == {"eye": 7, "hand": 1}
 
 
-def test_numbers_of_stops_are_those_of_the_recording():
-    """Noise given to the views that are left numbers their stops as noise given to all does, the last one lacking."""
+def test_stop_numbers_are_those_of_the_recording():
+    """With fewer views, stops keep the numbers that they have with all views, except for the missing ones."""
     s = simulate(Scenario(samples=6), seed=0)
     problem, _ = build_problem(s.cell, s.recording)
     noise = {"eye": SIGMA, "hand": SIGMA}
@@ -81,7 +81,7 @@ def test_numbers_of_stops_are_those_of_the_recording():
     np.testing.assert_array_equal(left.hand.stop, all_views.hand.stop[:4])
 
 
-def test_a_robot_that_is_nowhere_made_no_stop():
+def test_unknown_robot_has_no_stop():
     """It has no pose, and no error."""
     problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 1], [2, 2, 3])
     assert [count_stops(problem, robot) for robot in ("eye", "hand", "another")] == [2, 2, 0]
@@ -93,8 +93,8 @@ def test_a_robot_that_is_nowhere_made_no_stop():
 
 
 @pytest.mark.parametrize(("made", "count"), [(0, 4), (4, 4), (5, 5)])
-def test_poses_of_stops_are_those_recorded_there(made, count):
-    """By their numbers, of views of either role; those of which no view is left have none."""
+def test_stop_poses_are_the_recorded_poses(made, count):
+    """Poses are assigned by stop number, from views in either role. Stops without remaining views have no pose."""
     problem, _ = two_arm_problem(np.zeros((2, 6)), [0, 1], [2, 3])
     (group,) = problem.groups
     poses = SE3.exp(0.1 * np.arange(24.0).reshape(4, 6))
@@ -111,8 +111,8 @@ def test_poses_of_stops_are_those_recorded_there(made, count):
     assert with_robot_noise(two, {"hand": SIGMA}).stops.robot.count("hand") == count
 
 
-def test_one_stop_is_one_whoever_stands_there():
-    """Of eye and hand alike; the rows of views without noise stay -1."""
+def test_shared_stop_number_is_one_stop():
+    """One stop serves the robot as eye and as hand, and rows of views without noise stay -1."""
     problem, _ = two_arm_problem(np.zeros((2, 6)), [-1, -1], [0, 1])
     (group,) = problem.groups
     still = with_hand(with_eye(group, stop_number=np.zeros(2, dtype=int)), stop_number=np.zeros(2, dtype=int))
@@ -133,8 +133,8 @@ NOISY_CELL = Scenario(samples=60, target="pose", robot_noise=(3e-4, 5e-4))
 
 
 @pytest.mark.parametrize("arms", ["both", "halves", "stations"])
-def test_stops_are_those_of_the_views_kept(arms):
-    """Every view has the stop, its sigma and its error that it had, and no stop is without a view."""
+def test_stops_follow_the_selected_views(arms):
+    """Every view keeps its stop with sigma and error, and no stop is without a view."""
     made = simulate(replace(NOISY_CELL, arms=arms), 0)
     problem, _ = build_problem(made.cell, made.recording)
     errors = np.arange(6.0 * len(problem.stops)).reshape(-1, 6)
@@ -149,7 +149,10 @@ def test_stops_are_those_of_the_views_kept(arms):
 
 
 def test_views_without_a_stop_have_none():
-    """Of seven views the first, fourth and last are spread most evenly; the last stop is kept with the last view."""
+    """The first, fourth and last of seven views are the most evenly spread.
+
+    The last stop is kept with the last view.
+    """
     problem, state = pose_problem(np.zeros((7, 6)), None, stop_sigma=np.ones(6))
     problem = problem.with_groups([*problem.groups, problem.groups[0].take(np.zeros(0, dtype=int))])
     state = replace(state, stop_errors=np.arange(42.0).reshape(7, 6))
@@ -162,8 +165,8 @@ def test_views_without_a_stop_have_none():
 
 
 @pytest.mark.parametrize("arms", ["both", "halves", "stations"])
-def test_recorded_alone_places_have_their_views(arms):
-    """Every robot has as many places as views of it show, each with the pose that it had."""
+def test_recorded_subset_has_only_its_stops(arms):
+    """Every robot has as many stops as its views show, each with its previous pose."""
     made = simulate(replace(NOISY_CELL, arms=arms), 0)
     problem, _ = build_problem(made.cell, made.recording)
     few, state = recorded_subset(problem, State(made.truth, {}, np.zeros((len(problem.stops), 6))), 20)
@@ -179,10 +182,10 @@ def test_recorded_alone_places_have_their_views(arms):
     assert list(noisy.stops.robot).count("eye") == few.stop_counts["eye"]
 
 
-def test_sigmas_are_those_of_all_views(monkeypatch):
-    """Started from those of some views, the sigmas, their evidence and the covariance are as without, to a thousandth.
+def test_subset_start_does_not_change_the_estimate(monkeypatch):
+    """A start from the sigmas of some views changes sigmas, evidence and covariance by at most a thousandth.
 
-    The search ends where a step gains a thousandth of what one standard deviation changes.
+    The search ends if a step gains a thousandth of the effect of one standard deviation.
     """
     made = simulate(replace(NOISY_CELL, state_robot_noise=False, state_pixel_noise=False), 0)
     problem, _ = build_problem(made.cell, made.recording)

@@ -1,4 +1,4 @@
-"""Targets that are not shaped as stated: found, taken into account, and none where there is none."""
+"""Tests of targets with shape errors: estimated, propagated to the covariance, and absent without errors."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def problem_of(scenario):
     return build_problem(made.cell, made.recording)[0]
 
 
-def test_flat_is_what_a_board_may_be_bowed_by():
-    """A bow of ten sigmas leaves it flat, a target made in space is none."""
+def test_bowed_board_is_flat():
+    """A board with a bow of ten sigmas is flat, and a target with depth is not."""
     assert is_flat(BOARD.points + 10 * unit_bow(BOARD.points)[..., 0])
     assert not is_flat(BODY.points)
     cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -84,15 +84,18 @@ def of_points(points, stated=False):
         (np.random.default_rng(0).uniform(-1, 1, (41, 3)), 0),
     ],
 )
-def test_how_many_coefficients_a_shape_has(points, coefficients):
-    """Of nine points and more: three in a plane, three a point of 40 in space; none of a line, or a stated board."""
+def test_number_of_shape_coefficients(points, coefficients):
+    """Targets of nine points or more have three in a plane, and three for each of up to 40 points in space.
+
+    A line, or a board with stated sigmas, has none.
+    """
     expected = {"board": coefficients} if coefficients else {}
     assert shaped_targets(of_points(points)) == expected
     assert shaped_targets(of_points(points, stated=True)) == (expected if coefficients > 3 else {})
 
 
-def test_poses_have_no_points():
-    """Nor any shape: they are left as they are, as are targets of which none is given."""
+def test_poses_have_no_shape():
+    """Measurements of poses have no points and no shape. They are unchanged, like targets without a given shape."""
     problem, _ = pose_problem(np.zeros((2, 6)), None)
     assert shaped_points(problem.groups[0]).shape == (0, 3)
     assert shaped_targets(problem) == {}
@@ -102,8 +105,8 @@ def test_poses_have_no_points():
     assert reshape_targets(other, {"another": np.ones(3)}).groups == other.groups
 
 
-def test_a_board_is_bowed_and_a_body_has_a_coefficient_for_each_coordinate():
-    """Each of half a percent of the half size; what shifts or turns the body as a whole is taken out."""
+def test_board_shape_is_a_bow_and_body_shape_is_per_coordinate():
+    """Each coefficient is half a percent of the half size. Shifts and rotations of the whole body are removed."""
     np.testing.assert_array_equal(unit_shifts(BOARD.points), unit_bow(BOARD.points))
     shape = unit_shifts(BODY.points)
     assert shape.shape == (12, 3, 36)
@@ -116,8 +119,8 @@ def test_a_board_is_bowed_and_a_body_has_a_coefficient_for_each_coordinate():
 
 
 @pytest.mark.parametrize(("scenario", "shape"), [(NOISY, [2.0, -1.0, 1.0]), (IN_SPACE, np.linspace(-2, 2, 36))])
-def test_shaping_is_undone_by_the_opposite(scenario, shape):
-    """Coefficients are absolute: a problem shaped and shaped back has the points it began with, nearly."""
+def test_reshaping_is_reversible(scenario, shape):
+    """Coefficients are absolute: a problem shaped and shaped back nearly has its original points."""
     problem = problem_of(replace(scenario, samples=3))
     there = reshape_targets(problem, {"board": np.array(shape)})
     back = reshape_targets(there, {"board": np.zeros(len(shape))})
@@ -129,8 +132,8 @@ def test_shaping_is_undone_by_the_opposite(scenario, shape):
     np.testing.assert_allclose(at[2], at[0], atol=0.02 * off.max())
 
 
-def test_which_targets_have_a_shape_of_their_own():
-    """Nine points and more, in space 40 at most; boards only where pixels state no sigma."""
+def test_shaped_targets_have_enough_points():
+    """They have nine points or more, at most 40 in space. Boards have a shape only if pixels have no stated sigma."""
     few = {"samples": 3}
     assert shaped_targets(problem_of(replace(NOISY, **few))) == {"board": 3}
     assert shaped_targets(problem_of(replace(NOISY, **few, state_pixel_noise=True))) == {}
@@ -145,8 +148,8 @@ def test_which_targets_have_a_shape_of_their_own():
     ("scenario", "truth", "freedoms"),
     [(NOISY, np.array([1.5, -1.0, 0.7]), 3), (IN_SPACE, np.random.default_rng(0).standard_normal(36), 30)],
 )
-def test_a_shape_is_found_and_costs_the_mount_nothing(scenario, truth, freedoms):
-    """Coefficients and mount are where their covariance says, of a target that is off and of one that is not."""
+def test_shape_is_estimated_without_bias_of_the_mount(scenario, truth, freedoms):
+    """Coefficients and mount agree with their covariance, for a target with and without a shape error."""
     as_stated, off = misshaped(scenario, truth)
     onto = np.linalg.pinv(unit_shifts(scenario.board.points).reshape(-1, len(truth)), rcond=1e-6)
     told = onto @ unit_shifts(scenario.board.points).reshape(-1, len(truth))

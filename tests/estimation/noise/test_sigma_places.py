@@ -1,4 +1,4 @@
-"""Places of sigmas: one after the other, each found by what it is of."""
+"""Tests of the order of sigmas, each found by its source."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ VIEWS = (("left", "pose_m"), ("right", "pixel_px"))
 
 
 @pytest.mark.parametrize("kinds", [0, 1, 2])
-def test_sigmas_stand_one_after_the_other(kinds):
-    """Of views, a pair of each robot, jitter, and a pair of each kind of errors that each robot's stops share."""
+def test_sigmas_are_in_sequence(kinds):
+    """The order is views, a pair for each robot, jitter, and a pair for each type of shared errors of each robot."""
     places = SigmaPlaces.sequential(VIEWS, ("eye", "hand"), ("left",), kinds)
     assert places.views == {VIEWS[0]: 0, VIEWS[1]: 1}
     assert places.stops == {"eye": slice(2, 4), "hand": slice(4, 6)}
@@ -23,7 +23,7 @@ def test_sigmas_stand_one_after_the_other(kinds):
     np.testing.assert_array_equal(places.is_of_views, np.arange(places.count) < 2)
 
 
-def test_nothing_open_has_no_place():
-    """Neither of views nor of robots."""
+def test_nothing_open_has_no_places():
+    """Without open sigmas of views or robots there are no places."""
     nothing = SigmaPlaces.sequential((), (), (), 1)
     assert (nothing.count, nothing.is_of_views.tolist(), nothing.shared) == (0, [], ({},))

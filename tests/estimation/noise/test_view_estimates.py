@@ -1,4 +1,4 @@
-"""What a view says by itself is its own estimate; what is left of its points is their scatter."""
+"""Tests of estimates by single views, and of the scatter of their points."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 from basecal.simulation import Scenario, simulate
 
 
-def test_a_board_counts_as_its_pose_and_its_points_show_their_scatter():
-    """At the truth a view of a board has six freedoms, and its points scatter by the 0.2 px they were drawn with."""
+def test_board_view_counts_as_a_pose_and_its_points_as_scatter():
+    """At the truth a view of a board has six freedoms, and its points scatter by the simulated 0.2 px."""
     s = simulate(Scenario(samples=20, state_pixel_noise=False), 1)
     problem, _ = build_problem(s.cell, s.recording)
     found = view_estimates(problem, problem.groups[0], State(s.truth, s.cameras, np.zeros((0, 6))))["pixel_px"]
@@ -31,8 +31,8 @@ def test_a_board_counts_as_its_pose_and_its_points_show_their_scatter():
     assert found.cost.sum() / found.count == pytest.approx(0.04, rel=0.6)
 
 
-def test_freedoms_of_views_with_a_lens_follow_the_state_smoothly():
-    """A fortieth of a distortion term moves them by less than a tenth of one, where ranks hop by whole ones."""
+def test_freedoms_of_views_with_a_lens_are_smooth():
+    """A change of a fortieth of a distortion term changes them by less than 0.1, while ranks jump by whole numbers."""
     cell, recording = example("ur5e_dual")
     found = solve(cell, recording)
     (group,) = found.problem.groups
@@ -49,8 +49,8 @@ def test_freedoms_of_views_with_a_lens_follow_the_state_smoothly():
     assert np.abs(np.diff(counts)).max() < 0.1
 
 
-def test_stated_sigmas_and_open_ones_are_told_apart():
-    """Views of which half state 0.5 px: each part has its own views alone, at that and at unit sigma."""
+def test_stated_and_open_sigmas_are_separate_parts():
+    """Half of the views state 0.5 px. Each part has only its own views, at that sigma or at unit sigma."""
     made = simulate(Scenario(samples=8, state_pixel_noise=False), 1)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -74,8 +74,11 @@ def test_stated_sigmas_and_open_ones_are_told_apart():
         assert some.white + some.cost.sum() == pytest.approx(times**2 * squares, rel=1e-6)
 
 
-def test_a_view_says_as_much_as_its_own_estimate():
-    """Its cost is what its own pose lowers that of its points by, to first order: dense, view by view."""
+def test_view_cost_equals_the_gain_of_its_own_pose():
+    """The cost is the decrease of its points' cost by its own pose, to first order.
+
+    It equals a dense computation for each view.
+    """
     made = simulate(Scenario(samples=5, state_pixel_noise=False), 2)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -88,8 +91,8 @@ def test_a_view_says_as_much_as_its_own_estimate():
     assert found.white == pytest.approx(view.cost.sum() - own.sum(), rel=1e-6)
 
 
-def test_poses_say_all_that_they_are():
-    """Three freedoms of each kind a view, none of them scatter; nothing of what nothing says."""
+def test_measured_poses_have_no_scatter():
+    """Each view has three freedoms of each type, all in its estimate, and parts without open sigmas are absent."""
     errors = 1e-6 * np.random.default_rng(0).standard_normal((4, 6))
     problem, state = pose_problem(errors, None)
     found = view_estimates(problem, problem.groups[0], state)
@@ -109,8 +112,8 @@ def test_poses_say_all_that_they_are():
     assert of.white_count == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_body_of_which_each_point_may_be_off_has_no_scatter():
-    """All that is seen of it counts; with a coefficient less, what shape and pose do not explain is scatter."""
+def test_body_with_free_points_has_no_scatter():
+    """All of its points count. With fewer coefficients, the part unexplained by shape and pose is scatter."""
     body = points_target(0.06 * np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 1) for z in (-1, 1)]))
     made = simulate(Scenario(samples=3, target="points", board=body, state_pixel_noise=False), 1)
     problem, _ = build_problem(made.cell, made.recording)

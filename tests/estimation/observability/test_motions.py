@@ -1,4 +1,4 @@
-"""Motions of a recording: what kind they are, and what they leave open whatever was seen."""
+"""Tests of motions of a recording: their types, and the directions that they leave unobservable."""
 
 from __future__ import annotations
 
@@ -60,15 +60,18 @@ def packed(hand: Move, scenario: Scenario = FEW):
 
 
 @pytest.mark.parametrize("kind", MOVES)
-def test_what_a_motion_leaves_open(kind):
-    """Each kind leaves open as many twists as geometry says; a thousandth of wobble opens no eye."""
+def test_unobservable_twists_of_each_motion(kind):
+    """Each type leaves as many twists as geometry predicts, and a thousandth of wobble is not enough to change that."""
     for move in (MOVES[kind], wobbling(MOVES[kind], 5e-4)):
         problem, _ = packed(move)
         assert len(motions(problem)["hand"].twists_in_base) == LEFT_OPEN[kind]
 
 
-def test_axis_and_extent_are_those_of_the_motion():
-    """The axis is that turned about, in the base, the turn about others nil; still and shifting are told apart."""
+def test_axis_and_extent_of_motions():
+    """The axis is the rotation axis in the base, with zero rotation about others.
+
+    Still and translating arms are distinguished.
+    """
     hand = {kind: motions(packed(move)[0])["hand"] for kind, move in MOVES.items()}
     assert abs(hand["planar"].axes_in_base[:, 0] @ AXIS) == pytest.approx(1.0, abs=1e-9)
     assert hand["planar"].turn_rad[0] > 0.5
@@ -86,8 +89,8 @@ def test_axis_and_extent_are_those_of_the_motion():
 @pytest.mark.parametrize("robot", ["eye", "hand"])
 @pytest.mark.parametrize("target", ["charuco", "led"])
 @pytest.mark.parametrize("kind", ["one line", "planar", "shifts", "still"])
-def test_the_data_say_nothing_of_what_is_loose(kind, target, robot):
-    """The exact information along a loose direction is nil beside that along a random one, of eye and of hand."""
+def test_null_directions_have_no_information(kind, target, robot):
+    """Null directions have zero exact information beside a random direction, for eye and hand."""
     scenario = Scenario(samples=15, target=target)
     made = recorded(scenario, 1, **{robot: MOVES[kind]})
     problem, _ = build_problem(made.cell, made.recording)
@@ -99,16 +102,19 @@ def test_the_data_say_nothing_of_what_is_loose(kind, target, robot):
     assert np.all(along < 1e-9 * np.trace(hessian))
 
 
-def test_what_is_fixed_or_known_is_not_loose():
-    """With the target's mount fixed a still hand leaves nothing open; with a prior it does, but it is told as known."""
+def test_fixed_or_known_transforms_are_not_free():
+    """With a fixed target mount a still hand leaves nothing unobservable.
+
+    With a prior it does, but no gauge partner is named.
+    """
     for status, count, names in (("fixed", 0, 0), ("prior", 6, 0), ("free", 6, 2)):
         problem, state = packed(still, Scenario(samples=15, target_mount=status))
         assert null_directions(problem, state).shape[1] == count
         assert len(gauge_partners(problem, motions(problem)["hand"])) == names
 
 
-def test_motion_within_the_stated_noise_is_none():
-    """Turns of 4 mrad about a second axis count with a robot good to 0.1 mrad, and not with one of 2 mrad."""
+def test_motion_within_the_stated_noise_does_not_count():
+    """Rotations of 4 mrad about a second axis count for a robot of 0.1 mrad noise, but not for one of 2 mrad."""
     move = turned(0.9, 0.12, [AXIS])
     for noise, count in ((1e-4, 0), (2e-3, 1)):
         made = recorded(Scenario(samples=40), 1, hand=wobbling(move, 4e-3))
@@ -118,16 +124,16 @@ def test_motion_within_the_stated_noise_is_none():
 
 
 @pytest.mark.parametrize(("axes", "count"), [("zzz", 1), ("yyy", 1), ("zyyy", 0), ("zyyyx", 0), ("zyyz", 0)])
-def test_arms_of_few_joints(axes, count):
-    """Parallel joints leave the shift along them open; four or five joints that turn about two directions, nothing."""
+def test_unobservable_twists_of_arms_with_few_joints(axes, count):
+    """Parallel joints leave the shift along them. Four or five joints with two axis directions leave nothing."""
     made = recorded_arm(Scenario(samples=15), 0, axes, 0.3)
     problem, _ = build_problem(made.cell, made.recording)
     assert len(motions(problem)["hand"].twists_in_base) == count
 
 
 @pytest.mark.parametrize("kind", [kind for kind, count in LEFT_OPEN.items() if count])
-def test_every_pose_carries_a_twist_to_one_of_the_flange(kind):
-    """Those of the base, in its own axes: carried to the flange by each pose they are alike, and not before."""
+def test_unobservable_twists_are_constant_in_the_flange(kind):
+    """Twists of the base, transformed to the flange by each pose, are equal for all poses."""
     problem, _ = packed(MOVES[kind])
     (group,) = problem.groups
     for twist in motions(problem)["hand"].twists_in_base:
@@ -136,7 +142,7 @@ def test_every_pose_carries_a_twist_to_one_of_the_flange(kind):
 
 
 def test_each_robot_has_its_own_samples_and_poses():
-    """Of two cameras on a robot each: travel, turns and samples are those of its own views, written out."""
+    """For two cameras on a robot each, travel, rotations and samples are those of its own views."""
     made = simulate(Scenario(samples=20, layout="two_cameras"), 1)
     problem, _ = build_problem(made.cell, made.recording)
     found = motions(problem)
@@ -158,8 +164,8 @@ def test_each_robot_has_its_own_samples_and_poses():
 @pytest.mark.parametrize(("turn_rad", "travel_m", "kind"), [
     (0.0099, 9.9e-4, "still"), (0.0101, 9.9e-4, "turns"), (0.0099, 1.01e-3, "shifts"),
 ])  # fmt: skip
-def test_a_hundredth_of_a_radian_and_a_millimetre_are_motion(turn_rad, travel_m, kind):
-    """Less is standing still."""
+def test_motion_limits_are_ten_milliradians_and_one_millimetre(turn_rad, travel_m, kind):
+    """A smaller motion counts as still."""
     problem, _ = packed(still)
     (group,) = problem.groups
     away = np.where((np.arange(len(group)) == 4)[:, None], [travel_m, 0, 0, 0, 0, turn_rad], 0.0)
@@ -181,8 +187,8 @@ def moving(rotvecs, translations, hand_poses=None):
 
 
 @pytest.mark.parametrize(("travel", "turn"), [(0.9e-3, 9e-3), (1.1e-3, 9e-3), (0.9e-3, 11e-3), (1.1e-3, 11e-3)])
-def test_what_hardly_moves_is_still(travel, turn):
-    """Below a millimetre and a hundredth of a radian from where it was at first; below the latter it only shifts."""
+def test_negligible_motion_is_still(travel, turn):
+    """A robot is still below 1 mm and 0.01 rad from its first pose. Below the latter it only translates."""
     found = motions(moving([[0, 0, 0.3], [0, 0, 0.3 + turn]], [[1, 2, 3], [1, 2 - travel, 3]]))["eye"]
     assert found.travel_m == pytest.approx(travel)
     np.testing.assert_allclose(found.turn_rad, [turn, 0.0, 0.0], atol=1e-9)
@@ -190,8 +196,11 @@ def test_what_hardly_moves_is_still(travel, turn):
     assert found.is_still == (turn < 0.01 and travel < 1e-3)
 
 
-def test_turns_are_about_axes_of_the_base():
-    """The largest since the first pose first; travel is to the farthest; robots and samples each by themselves."""
+def test_rotations_are_about_axes_of_the_base():
+    """The largest rotation since the first pose comes first, and travel is to the farthest pose.
+
+    Robots and samples are separate.
+    """
     problem = moving(
         [[0, 0, 0], [0, 0, 0.02], [0.3, 0, 0], [0, 0.1, 0]], [[0, 0, 0], [0.3, 0.4, 0], [0, 0, 0.1], [0.1, 0, 0]]
     )
@@ -213,23 +222,26 @@ def test_turns_are_about_axes_of_the_base():
     ("about_z", "count"),
     [([0, 0.009], 1), ([0, 0.011], 2), ([0, 0.2, 0.204, 0.2], 2), ([0, 0.1, 0.2], 3), ([0, 1, 2, 3], 3)],
 )
-def test_orientations_are_counted_to_three(about_z, count):
-    """Those that are a hundredth of a radian and more from all counted before."""
+def test_orientations_are_counted_up_to_three(about_z, count):
+    """An orientation counts if it is at least 0.01 rad from all counted before."""
     found = motions(moving([[0, 0, angle] for angle in about_z], np.zeros((len(about_z), 3))))["eye"]
     assert found.orientations == count
 
 
 @pytest.mark.parametrize(("over", "alike"), [(0.9, 0), (1.1, 6)])
 def test_twists_differ_by_more_than_noise(over, alike):
-    """Shifted to and fro by d a turn carries 2 d per radian at half a metre: six twists stay where that is noise."""
+    """With shifts of +-d, a rotation changes by 2 d per radian at half a metre.
+
+    Six twists remain if that is within noise.
+    """
     poses = SE3.from_rotvec(np.zeros((6, 3)), np.outer([1, -1] * 3, [0.01, 0, 0]))
     at_base, at_flange = _indistinct_twists(poses, over * 0.01 / MOVE_SCALE[0])
     assert len(at_base) == len(at_flange) == max(alike, 4)
     np.testing.assert_allclose(at_flange, at_base, atol=1e-12)
 
 
-def test_motion_counts_from_five_sigmas_of_a_robots_noise():
-    """Of its largest, half a metre counting as a radian; from three thousandths where that is more."""
+def test_motion_counts_from_five_sigmas_of_robot_noise():
+    """The limit is five of the largest sigmas, with half a metre as a radian, or three thousandths if that is more."""
     problem, _ = pose_problem(np.zeros((2, 6)), None, stop_sigma=np.ones(6))
     sigma = np.array([[2e-3, 1e-3, 0, 0, 1e-3, 0], [9, 9, 9, 9, 9, 9], [0, 0, 0, 2e-3, 3e-3, 1e-3], [1e-5] * 6])
     noisy = replace(problem, stops=Stops(sigma, ("a", "a", "b", "c")))
@@ -237,8 +249,8 @@ def test_motion_counts_from_five_sigmas_of_a_robots_noise():
     assert found == {"a": pytest.approx(5 * 2e-3 / MOVE_SCALE[0]), "b": pytest.approx(5 * 3e-3), "c": LEAST_RMS_RAD}
 
 
-def test_nothing_loose_is_no_direction():
-    """As many rows as unknowns, no column; what something is known of has no partners."""
+def test_general_motion_has_no_null_directions():
+    """The result has as many rows as unknowns and no column. Transforms with prior knowledge have no gauge partners."""
     problem = moving([[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0]], np.zeros((4, 3)), SE3.exp(np.eye(6)[:4]))
     state = State({MOUNT: SE3.identity(), TARGET: SE3.identity()}, {}, np.zeros((0, 6)))
     assert null_directions(problem, state).shape == (6, 0)

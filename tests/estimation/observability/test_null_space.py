@@ -1,4 +1,4 @@
-"""A null space taken apart: translations, rotations, lenses and joints, each with what moves along."""
+"""Tests of separating a null space into translations, rotations, lenses and joints, with coupled transforms."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def separated(problem, directions, at=None, scale=None):
     return [(d.kind, d.names, d) for d in found]
 
 
-def test_nothing_is_taken_apart_into_nothing(problem):
-    """No direction, no word."""
+def test_empty_null_space_has_no_directions(problem):
+    """Without null vectors there is no direction."""
     assert (
         separate_null_space(
             problem, State({}, {}, np.zeros((0, 6))), np.zeros((problem.width, 0)), np.ones(problem.width)
@@ -58,24 +58,24 @@ def test_nothing_is_taken_apart_into_nothing(problem):
     )
 
 
-def test_what_moves_along_is_named_where_it_moves_enough(problem):
-    """A mount that moves four tenths of the base is named beside it, one that moves a fifth is not."""
+def test_coupled_transforms_are_named_by_their_share(problem):
+    """A mount that moves 0.4 of the base is named beside it, one that moves 0.2 is not."""
     ((kind, names, _),) = separated(problem, [{BASE: Z, BOARD: 0.4 * Z, CAMERA: 0.2 * Z}])
     assert (kind, names) == ("translation", (BASE, BOARD))
     ((kind, names, _),) = separated(problem, [{BASE: RZ, CAMERA: 0.4 * RX}])
     assert (kind, names) == ("rotation", (BASE, CAMERA))
 
 
-def test_the_first_of_those_that_move_most_is_named_first(problem):
-    """A base before mounts where it moves half of the largest; else what moves most."""
+def test_base_is_named_before_mounts(problem):
+    """A base is first if it moves at least half of the largest motion, else the largest is first."""
     first = next(n for n in problem.columns if n in problem.unknowns)
     other = next(n for n in problem.columns if n in problem.unknowns and n != first)
     assert separated(problem, [{first: 0.55 * X, other: X}])[0][1] == (first, other)
     assert separated(problem, [{first: 0.45 * X, other: X}])[0][1] == (other, first)
 
 
-def test_rotations_are_twists_of_the_parent_in_metres(problem):
-    """A base 2 m along x that turns about its own z moves about the line through it; scales are taken in."""
+def test_rotations_are_twists_in_the_parent_in_metres(problem):
+    """A base 2 m along x that rotates about its own z moves about the line through it. Scales are included."""
     scale = np.ones(problem.width)
     scale[problem.columns[BASE]] = [0.5, 0.5, 0.5, 1, 1, 1]
     at = {BASE: SE3(np.eye(3), np.array([2.0, 0, 0]))}
@@ -87,15 +87,15 @@ def test_rotations_are_twists_of_the_parent_in_metres(problem):
     np.testing.assert_allclose(np.abs(found.twists_in_parent), [X], atol=1e-12)
 
 
-def test_three_rotations_are_one_and_two_are_two(problem):
-    """Any rotation is said at once; single axes are said one by one."""
+def test_three_rotations_are_merged_and_two_are_not(problem):
+    """Any rotation is one direction, and single axes are separate directions."""
     (all_, *none) = separated(problem, [{BASE: RX}, {BASE: RY}, {BASE: RZ}])
     assert (none, all_[2].twists_in_parent.shape) == ([], (3, 6))
     two = separated(problem, [{BASE: RX}, {BASE: RY}])
     assert [d.twists_in_parent.shape for _, _, d in two] == [(1, 6), (1, 6)]
 
 
-def test_translations_of_one_frame_are_one(problem):
+def test_translations_of_one_frame_are_merged(problem):
     """Two shifts of the base span a plane: two orthonormal rows."""
     ((kind, _, found),) = separated(problem, [{BASE: X}, {BASE: 3 * X + Y}])
     assert kind == "translation"
@@ -113,8 +113,8 @@ def test_translations_of_one_frame_are_one(problem):
         ("wrist", 5, "lens", None),
     ],
 )
-def test_robots_and_lenses_are_told_by_what_moves_most(problem, name, row, kind, joint):
-    """Of free offsets the joints that have a column count; transforms that move along are named after."""
+def test_robots_and_lenses_are_identified_by_the_largest_motion(problem, name, row, kind, joint):
+    """Joints are counted among the free offsets with a column, and coupled transforms are named afterwards."""
     width = problem.columns[name].stop - problem.columns[name].start
     ((found, names, direction),) = separated(problem, [{name: np.eye(width)[row], BASE: 0.5 * RZ}])
     assert (found, names, direction.joint) == (kind, (name, BASE), joint)
@@ -125,21 +125,24 @@ def test_robots_and_lenses_are_told_by_what_moves_most(problem, name, row, kind,
     assert direction.joint_name == ("" if joint is None else six_axis().joint_names[joint])
 
 
-def test_others_come_first_and_are_taken_out(problem):
-    """A lens and a shift of the base mixed at will are told one by one, the lens first."""
+def test_lens_directions_come_first_and_are_separated(problem):
+    """A lens and a shift of the base, arbitrarily mixed, are separated, with the lens first."""
     kinds = [kind for kind, _, _ in separated(problem, [{BASE: X}, {"wrist": np.eye(9)[4]}])]
     assert kinds == ["lens", "translation"]
 
 
-def test_rows_that_are_little_are_left_out():
+def test_small_rows_are_left_out():
     """A row of a tenth of the largest adds no direction, one of three tenths does."""
     assert orthonormal_rows(np.array([[1.0, 0, 0], [0, 0.1, 0]])).shape == (1, 3)
     found = orthonormal_rows(np.array([[1.0, 0, 0], [0, 0.3, 0]]))
     np.testing.assert_allclose(found @ found.T, np.eye(2), atol=1e-12)
 
 
-def test_twists_are_parted_into_translations_and_the_rest():
-    """A shift along z and a turn about a line 1 m off, mixed; of shifts alone no turn is left."""
+def test_twists_are_separated_into_translations_and_rotations():
+    """A shift along z and a rotation about a line 1 m off are separated from a mixture.
+
+    Shifts alone leave no rotation.
+    """
     turn = np.concatenate([np.cross([1.0, 0, 0], [0, 0, 1.0]), [0, 0, 1.0]])
     shifts, turns = separate_twists(np.stack([Z + turn, Z - turn]))
     np.testing.assert_allclose(np.abs(shifts), [[0, 0, 1]], atol=1e-12)
@@ -151,15 +154,18 @@ def test_twists_are_parted_into_translations_and_the_rest():
 
 
 @pytest.mark.parametrize("axis", [RX, RY, RZ])
-def test_a_turn_about_any_axis_is_a_turn(axis):
-    """No shift is left of it."""
+def test_rotation_about_any_axis_has_no_translation(axis):
+    """Separating it leaves no shift."""
     shifts, turns = separate_twists(axis[None])
     assert shifts.shape == (0, 3)
     np.testing.assert_allclose(np.abs(turns), [axis], atol=1e-12)
 
 
-def test_what_moves_together_through_a_third_is_one():
-    """A base and a mount that share no direction, each of them with another mount: one cluster of three."""
+def test_transforms_coupled_through_a_third_are_one_cluster():
+    """Transforms that share no direction are grouped if each is coupled with another mount.
+
+    An independent transform is separate.
+    """
     made = simulate(Scenario(samples=5, layout="two_cameras"), 0)
     problem, _ = build_problem(made.cell, made.recording)
     names = [name for name in problem.columns if name in problem.unknowns]

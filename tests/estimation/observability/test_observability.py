@@ -1,4 +1,4 @@
-"""Where a direction counts as observable, and where it has no number at all."""
+"""Tests of limits of observability, and of directions without any sigma."""
 
 from __future__ import annotations
 
@@ -49,8 +49,11 @@ def seen_by(hessian, factor=1.0, prior=(1.0,) * 6):
 GOOD = np.array([1e-3] * 6)
 
 
-def test_sparse_matrices_say_the_same():
-    """The condition of three robots is that of the dense matrix; there is none where noise leaves a direction open."""
+def test_sparse_and_dense_observability_agree():
+    """The condition of three robots is that of the dense matrix.
+
+    There is none if noise makes a direction unobservable.
+    """
     made = simulate(Scenario(layout="ring", robots=3, samples=30, robot_noise=(1e-4, 1e-4)), 1)
     problem, _ = build_problem(made.cell, made.recording)
     state = solve_problem(problem, made.cell, Settings(robot_noise="stated")).state
@@ -65,8 +68,8 @@ def test_sparse_matrices_say_the_same():
 
 
 @pytest.mark.parametrize("k", range(6))
-def test_a_direction_is_observable_below_three_tenths(k):
-    """A sigma of 0.29 rad, or of 0.29 of the distance, is observable; one of 0.31 is not, and keeps its number."""
+def test_direction_is_observable_below_three_tenths(k):
+    """A sigma of 0.29 rad, or 0.29 of the distance, is observable. One of 0.31 is not, and keeps its number."""
     unit = distances(k)
     below, above = GOOD.copy(), GOOD.copy()
     below[k], above[k] = 0.29 * unit, 0.31 * unit
@@ -83,8 +86,8 @@ def distances(k):
 
 
 @pytest.mark.parametrize("k", [0, 5])
-def test_without_information_there_is_no_number(k):
-    """Beyond a sigma of 30 a direction has none: zero in the inverse, an infinite condition."""
+def test_direction_without_information_has_no_sigma(k):
+    """Beyond a sigma of 30 it has none: zero in the inverse, and an infinite condition."""
     sigmas = GOOD.copy()
     sigmas[k] = 29 * distances(k)
     assert seen_with(sigmas).inverse[k, k] == pytest.approx(sigmas[k] ** 2)
@@ -97,8 +100,11 @@ def test_without_information_there_is_no_number(k):
 
 
 @pytest.mark.parametrize("k", [2, 5])
-def test_what_a_prior_says_is_no_rounding(k):
-    """However much more the views say of all else: the direction has the prior's sigma, of a metre or a radian."""
+def test_prior_information_is_no_rounding(k):
+    """A direction known by its prior alone has the prior's sigma of a metre or a radian.
+
+    The information of views may be much larger elsewhere.
+    """
     prior = np.where(np.arange(6) == k, 1.0, 1e3)
     views = np.where(np.arange(6) == k, 0.0, 1e20)
     found = seen_by(np.diag(views + prior**-2.0), prior=prior)
@@ -107,30 +113,30 @@ def test_what_a_prior_says_is_no_rounding(k):
 
 
 @pytest.mark.parametrize(("share", "count"), [(0.55, 0), (0.45, 1)])
-def test_a_direction_that_is_mostly_distortion_is_not_taken_apart(share, count):
-    """By more than half of its square, in units of a focal length and of a distortion of ten."""
+def test_distortion_dominated_direction_is_not_separated(share, count):
+    """The limit is half of its square, in units of a focal length and a distortion of ten."""
     units = np.repeat([DISTANCE_M, 1.0, 1000.0, 10.0], [3, 3, 4, 4])
     along = np.sqrt(1 - share) * np.eye(14)[6] + np.sqrt(share) * np.eye(14)[10]
     scaled = 1e6 * (np.eye(14) - np.outer(along, along)) + np.outer(along, along)
     assert len(seen_by(scaled / np.outer(units, units)).null_space) == count
 
 
-def test_noise_counts():
-    """The same information with a factor of a hundred on the noise is ten times less observable."""
+def test_noise_factor_reduces_observability():
+    """The same information with a noise factor of a hundred is ten times less observable."""
     sigmas = np.full(6, 0.05)
     assert seen_with(sigmas).unobservable == frozenset()
     assert seen_with(sigmas, factor=100.0).unobservable == {MOUNT}
 
 
 def test_condition_is_largest_over_smallest_sigma():
-    """In lengths of the scene and radians."""
+    """The sigmas are in lengths of the scene and radians."""
     assert seen_with([0.02, 0.02, 0.02, 0.01, 0.01, 0.1]).condition == pytest.approx(10.0)
     assert seen_with(GOOD).length_m == pytest.approx(DISTANCE_M)
 
 
 @pytest.mark.parametrize(("k", "gated"), [(0, True), (1, True), (2, True), (3, True), (4, False)])
-def test_a_lens_must_have_its_focal_lengths_and_centre(k, gated):
-    """Focal lengths and centre count against the mean focal length of 1000 px; distortion may be anything."""
+def test_lens_needs_focal_lengths_and_centre(k, gated):
+    """Focal lengths and centre are relative to the mean focal length of 1000 px, and distortion is unrestricted."""
     lens = np.array([1.0] * 4 + [0.01] * 4)
     lens[k] = 290.0 if gated else 5.0
     assert seen_with(GOOD, lens=lens).unobservable == frozenset()
@@ -140,16 +146,16 @@ def test_a_lens_must_have_its_focal_lengths_and_centre(k, gated):
     assert len(found.null_space) == (1 if gated else 0)
 
 
-def test_without_unknowns_everything_is_observable():
-    """An empty information has the condition one and no null space."""
+def test_no_unknowns_are_fully_observable():
+    """An empty information matrix has a condition of one and no null space."""
     problem, state = pose_problem(np.zeros((4, 6)), np.ones(6))
     found = analyse_observability(replace(problem, columns={}), state, np.zeros((0, 0)), 1.0)
     assert found.condition == 1.0
     assert found.unobservable == frozenset()
 
 
-def test_priors_are_forgotten_and_what_is_fixed_is_not():
-    """A problem without its priors has their transforms free, the fixed ones fixed."""
+def test_without_priors_frees_transforms():
+    """A problem without its priors has their transforms free, and fixed ones stay fixed."""
     problem, _ = pose_problem(np.zeros((4, 6)), np.ones(6), Unknown("prior", SE3.identity(), np.ones(6)))
     alone = without_priors(problem)
     assert {name: u.status for name, u in alone.unknowns.items()} == {
@@ -157,8 +163,11 @@ def test_priors_are_forgotten_and_what_is_fixed_is_not():
     }
 
 
-def test_units_are_a_distance_a_radian_a_focal_length_and_a_large_distortion():
-    """Sigmas of a thousandth of 2 m, 1 rad, 1000 px and a term of 10 are alike; one ten times as large is so."""
+def test_units_are_distance_radian_focal_length_and_large_distortion():
+    """Sigmas of a thousandth of 2 m, 1 rad, 1000 px and a term of 10 have a condition of one.
+
+    One that is ten times as large gives a condition of ten.
+    """
     sigmas = 1e-3 * np.repeat([DISTANCE_M, 1.0, 1000.0, 10.0], [3, 3, 4, 4])
     assert seen_with(sigmas[:6], lens=sigmas[6:]).condition == pytest.approx(1.0)
     for k in range(14):
@@ -166,8 +175,8 @@ def test_units_are_a_distance_a_radian_a_focal_length_and_a_large_distortion():
         assert seen_with(wider[:6], lens=wider[6:]).condition == pytest.approx(10.0)
 
 
-def test_a_problem_without_unknowns_is_seen():
-    """It has no direction that could be open."""
+def test_problem_without_unknowns_is_observable():
+    """It has no unobservable direction."""
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
     found = analyse_observability(replace(problem, columns={}), state, np.zeros((0, 0)), 1.0)
     assert (found.inverse.shape, found.onto_informative.shape, found.condition) == ((0, 0), (0, 0), 1.0)
@@ -175,8 +184,8 @@ def test_a_problem_without_unknowns_is_seen():
 
 
 @pytest.mark.parametrize(("count", "taken"), [(3, 1), (40, 1), (41, 2), (81, 3)])
-def test_how_far_targets_are_is_the_median_of_some_views(count, taken):
-    """Of every so manieth of each group, forty at most; a millimetre at least, a metre of none."""
+def test_target_distance_is_the_median_of_some_views(count, taken):
+    """At most forty views of each group are used. The distance is at least a millimetre, and a metre without views."""
     problem, state = pose_problem(np.zeros((count, 6)), np.ones(6))
     distances = 1.0 + np.arange(count) ** 2
     at = SE3.from_rotvec(np.zeros((count, 3)), np.outer(distances, [0.0, 0.6, 0.8]))
@@ -186,8 +195,8 @@ def test_how_far_targets_are_is_the_median_of_some_views(count, taken):
     assert module._length(problem.with_groups([problem.groups[0].take(np.zeros(0, dtype=int))]), state) == 1.0
 
 
-def test_units_of_columns_are_those_of_what_they_move():
-    """A length and radians of a transform; a focal length, and ten, of a lens's pixels and distortion."""
+def test_column_scales_follow_their_unknowns():
+    """Transforms have a length and radians, and lenses a focal length for pixels and ten for distortion."""
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
     columns = {"camera": slice(0, 8), MOUNT: slice(8, 14)}
     lens = replace(problem, columns=columns, lenses={"camera": Intrinsics("free", LENS)})
@@ -196,8 +205,8 @@ def test_units_of_columns_are_those_of_what_they_move():
     assert [module._required_columns(lens, name) for name in (MOUNT, "camera", "eye_joint_offsets")] == [6, 4, 0]
 
 
-def test_priors_are_taken_off_and_what_is_fixed_stays():
-    """Unknowns under a prior count as free."""
+def test_without_priors_keeps_fixed_transforms():
+    """Unknowns with a prior become free."""
     problem, _ = pose_problem(np.zeros((2, 6)), np.ones(6), Unknown("prior", SE3.identity(), np.ones(6)))
     assert {name: of.status for name, of in without_priors(problem).unknowns.items()} == {
         MOUNT: "free",
@@ -209,8 +218,11 @@ def test_priors_are_taken_off_and_what_is_fixed_stays():
     ("sigma", "factor", "seen"),
     [(0.29, 1.0, True), (0.31, 1.0, False), (2.9, 0.01, True), (29, 1e-9, True), (31, 1e-9, False)],
 )
-def test_sparse_information_is_seen_below_three_tenths(sigma, factor, seen):
-    """Of the worst direction, at a hundredth of its sigma where noise is less; the condition is that of sigmas."""
+def test_sparse_information_is_observable_below_three_tenths(sigma, factor, seen):
+    """The worst direction decides, down to a hundredth of its sigma with less noise.
+
+    The condition is that of sigmas.
+    """
     problem, state = pose_problem(np.zeros((4, 6)), np.ones(6))
     turned = SE3.from_rotvec(np.concatenate([np.zeros((1, 3)), np.eye(3)]), np.zeros((4, 3)))
     problem = problem.with_groups([with_eye(problem.groups[0], base_from_flange=turned)])
@@ -224,8 +236,8 @@ def test_sparse_information_is_seen_below_three_tenths(sigma, factor, seen):
 
 
 @pytest.mark.parametrize("moves", [True, False])
-def test_what_motions_leave_open_is_not_seen_however_sure_it_looks(moves):
-    """A still arm does not tell its camera's mount from its target: what seems to is noise, and is taken off."""
+def test_null_directions_of_motions_are_unobservable(moves):
+    """A still arm cannot separate its camera mount from its target. Apparent information is noise and is removed."""
     problem, state = pose_problem(np.zeros((4, 6)), np.full(6, 1e-3))
     axes = np.concatenate([np.zeros((1, 3)), np.eye(3)]) * moves
     group = with_eye(problem.groups[0], base_from_flange=SE3.from_rotvec(axes, axes))

@@ -1,4 +1,4 @@
-"""Views, shared stops and points against what all else predicts, at the true state."""
+"""Tests of classifying views, shared stops and points by their prediction from all else, at the true state."""
 
 from __future__ import annotations
 
@@ -52,15 +52,15 @@ def kept_of(problem, state, kept=None):
     return found.kept.views[0], found.kept.points[0], found
 
 
-def test_sigmas_are_stated_or_not():
-    """All of them must be; a problem without residuals lacks none."""
+def test_is_stated_needs_all_sigmas():
+    """All sigmas have to be stated, and a problem without residuals lacks none."""
     assert is_stated(pose_problem(np.zeros((3, 6)), np.ones(6))[0])
     assert not is_stated(pose_problem(np.zeros((3, 6)), None)[0])
     assert is_stated(pose_problem(np.zeros((0, 6)), None)[0])
 
 
-def test_the_scale_of_views_counts_the_unknowns_that_they_pay_for(rng):
-    """It is the robust scale with as many freedoms less as there are columns, at the chance of a view."""
+def test_view_scale_counts_the_unknowns(rng):
+    """It is the robust scale with one freedom less for each column, at the chance of a view."""
     problem, _ = pose_problem(np.zeros((40, 6)), None)
     squares = [MahalanobisSquared(4.0 * rng.chisquare(6, 40), np.full(40, 6))]
     found = view_scale(problem, squares)
@@ -72,7 +72,7 @@ def test_the_scale_of_views_counts_the_unknowns_that_they_pay_for(rng):
 
 @pytest.mark.parametrize("target", ["charuco", "points", "pose", "points3d", "led"])
 def test_clean_views_are_inliers(target):
-    """Of twelve views of any kind, all with every point."""
+    """Twelve clean views of any type are kept with every point."""
     problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY))
     views, points, _ = kept_of(problem, state)
     assert views.all()
@@ -80,8 +80,8 @@ def test_clean_views_are_inliers(target):
 
 
 @pytest.mark.parametrize("target", ["charuco", "points", "pose", "points3d"])
-def test_a_view_of_a_bumped_arm_is_left_out(target):
-    """The views of two instants at which the hand was 5 cm off go, and no other; their points are not blamed."""
+def test_view_of_a_bumped_arm_is_left_out(target):
+    """Only the views of two instants with the hand 5 cm off are excluded, and their points are not marked."""
     problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY))
     views, points, found = kept_of(bumped(problem, [3, 7]), state)
     assert np.flatnonzero(~views).tolist() == [3, 7]
@@ -90,8 +90,8 @@ def test_a_view_of_a_bumped_arm_is_left_out(target):
     assert np.sqrt(np.delete(found.views[0].value, [3, 7])).max() < 6
 
 
-def test_a_stray_corner_of_a_board_costs_itself_alone():
-    """A corner seven sigmas off goes, and its view stays."""
+def test_stray_corner_is_excluded_alone():
+    """A corner seven sigmas off is excluded, and its view stays."""
 
     def stray(pixels):
         pixels[2, 5] += 1.5
@@ -102,8 +102,8 @@ def test_a_stray_corner_of_a_board_costs_itself_alone():
     assert np.argwhere(~points).tolist() == [[2, 5]]
 
 
-def test_a_view_that_is_mostly_astray_goes_whole():
-    """Two thirds of the corners anywhere: it is left out, and no other view is."""
+def test_view_with_mostly_stray_corners_is_excluded():
+    """A view with two thirds of its corners at random is excluded, and no other."""
 
     def stray(pixels):
         pixels[4, :24] += np.random.default_rng(0).uniform(-300, 300, (24, 2))
@@ -112,8 +112,8 @@ def test_a_view_that_is_mostly_astray_goes_whole():
     assert np.flatnonzero(~kept_of(with_pixels(problem, stray), state)[0]).tolist() == [4]
 
 
-def test_a_stray_point_of_few_costs_itself_alone():
-    """Of five points one is 40 px off: the others are where all else predicts them, and the view stays."""
+def test_stray_point_of_few_is_excluded_alone():
+    """One of five points is 40 px off: the others are as predicted by all else, and the view stays."""
 
     def stray(pixels):
         pixels[6, 1] += (30.0, -20.0)
@@ -124,8 +124,8 @@ def test_a_stray_point_of_few_costs_itself_alone():
     assert np.argwhere(~points).tolist() == [[6, 1]]
 
 
-def test_what_agrees_again_comes_back():
-    """A view and a view's points that were left out before and are where all else predicts them."""
+def test_agreeing_views_and_points_are_readmitted():
+    """A formerly excluded view with its points is readmitted if all else predicts it."""
     problem, state = at_truth(Scenario(samples=12, target="points", robot_noise=NOISY), 2)
     before = InlierMask((np.arange(12) != 5,), all_inliers(problem).points)
     views, points, _ = kept_of(problem, state, before)
@@ -135,8 +135,8 @@ def test_what_agrees_again_comes_back():
     assert np.flatnonzero(~still_off).tolist() == [5]
 
 
-def test_points_that_were_left_out_stay_out():
-    """They have no deviation, and a view that loses more than half of its points goes."""
+def test_excluded_points_stay_excluded():
+    """They have no distance, and a view that loses more than half of its points is excluded."""
     problem, state = at_truth(Scenario(samples=8))
     before = all_inliers(problem)
     points = before.points[0].copy()
@@ -148,8 +148,8 @@ def test_points_that_were_left_out_stay_out():
     assert np.isfinite(found.points[0].value[1, 10:]).all()
 
 
-def test_a_shared_stop_that_is_off_takes_its_views_along():
-    """The eye at one station is 40 sigmas off: all its views go, and those of no other station."""
+def test_shared_stop_with_an_error_excludes_its_views():
+    """The eye is 40 sigmas off at one station: all of its views are excluded, and those of no other station."""
     scenario = Scenario(samples=20, arms="stations", stations=5, robot_noise=NOISY)
     problem, state = at_truth(scenario)
     (group,) = problem.groups
@@ -166,8 +166,11 @@ def test_a_shared_stop_that_is_off_takes_its_views_along():
 
 
 @pytest.mark.parametrize(("off_px", "stays"), [("each elsewhere", True), ("together", False)])
-def test_points_that_stray_one_by_one_leave_their_view(off_px, stays):
-    """Of five points three are off, each elsewhere: the other two stay. Moved with their whole view they all go."""
+def test_separate_stray_points_keep_their_view(off_px, stays):
+    """With three of five points off in different ways, the other two stay.
+
+    Points shifted with their whole view are all excluded.
+    """
 
     def stray(pixels):
         if off_px == "together":
@@ -183,8 +186,11 @@ def test_points_that_stray_one_by_one_leave_their_view(off_px, stays):
 
 
 @pytest.mark.parametrize(("target", "numbers"), [("points", 2), ("points3d", 3)])
-def test_points_that_may_come_back_are_judged_by_as_many_numbers_as_they_have(monkeypatch, target, numbers):
-    """Two of a pixel, three of a point in space, at the chance at which a good point is left out."""
+def test_readmitted_points_use_their_freedoms(monkeypatch, target, numbers):
+    """The limit is for two freedoms of a pixel, or three of a point in space.
+
+    It has the chance of excluding a good point.
+    """
     limits, largest_agreement = [], PointViews.largest_agreement
 
     def kept_limit(views, poses, limit):
@@ -200,8 +206,8 @@ def test_points_that_may_come_back_are_judged_by_as_many_numbers_as_they_have(mo
     assert limits == [pytest.approx(chi2.isf(1e-6, numbers), rel=1e-6)]
 
 
-def test_views_of_bad_stops_are_those_that_stand_there():
-    """With either arm; views without a stop stand in none, the last stop is no stop of theirs."""
+def test_stop_mask_selects_views_of_bad_stops():
+    """Views at such a stop of either arm are selected. The index -1 of views without a stop is not the last stop."""
     problem, _ = pose_problem(np.zeros((4, 6)), None)
     (group,) = problem.groups
     group = with_hand(with_eye(group, stop=np.array([0, 1, -1, -1])), stop=np.array([2, -1, 0, -1]))
@@ -220,8 +226,8 @@ def some_points(seen):
     return replace(group, measurement=measurement)
 
 
-def test_half_of_what_was_seen_is_enough():
-    """One point at least; a pose is always."""
+def test_half_of_the_seen_points_suffice():
+    """At least one point is needed, and a pose always suffices."""
     seen = [[1] * 6, [1] * 6, [1, 1, 1, 1, 0, 0], [1, 1, 1, 1, 0, 0], [0] * 6]
     left = np.array(
         [[1, 1, 1, 0, 0, 0], [1, 1, 0, 0, 0, 0], [1, 1, 0, 0, 1, 1], [1, 0, 0, 0, 1, 1], [1] * 6], dtype=bool
@@ -231,8 +237,11 @@ def test_half_of_what_was_seen_is_enough():
     assert classify._has_enough(poses, np.zeros((2, 1), dtype=bool)).tolist() == [True, True]
 
 
-def test_a_view_whose_points_all_agree_is_off_itself():
-    """Wherever it is; not so one of which a point is elsewhere, or that not all points that were seen agree with."""
+def test_view_with_mutually_consistent_points_is_off_as_a_whole():
+    """A view whose points all agree with each other is off as a whole, for any pose.
+
+    It is not if a point deviates or not all seen points agree.
+    """
     group = some_points([[1] * 6, [1] * 6, [1, 1, 1, 1, 1, 0]])
     away = SE3.exp(np.full(6, 0.3))
     at = away @ group.measurement.points_in_camera
@@ -244,8 +253,8 @@ def test_a_view_whose_points_all_agree_is_off_itself():
 
 
 @pytest.mark.parametrize("variance", [1.0, 4.0])
-def test_a_view_is_predicted_by_all_others(rng, variance):
-    """Where the others put it, its stop's own error unknown: as sure as their mean and that error are."""
+def test_view_is_predicted_by_all_others(rng, variance):
+    """The prediction is the mean of the others with an unknown own stop error, and has the covariance of both."""
     sigma, stop = np.full(6, 2e-3), np.repeat([1e-3, 3e-3], 3)
     problem, state = pose_problem(1e-6 * rng.standard_normal((5, 6)), sigma, stop_sigma=stop)
     state = replace(state, stop_errors=rng.standard_normal((5, 6)))
@@ -264,8 +273,8 @@ def test_a_view_is_predicted_by_all_others(rng, variance):
 
 
 @pytest.mark.parametrize(("kept", "chance"), [(12, 1e-4), (11, 1e-4), (10, 1e-3)])
-def test_where_many_views_are_out_a_clean_one_may_go_more_often(kept, chance):
-    """More than a tenth of them; of no views at all none are."""
+def test_chance_increases_if_many_views_are_excluded(kept, chance):
+    """It increases if more than a tenth is excluded, and not for an empty problem."""
     problem, state = pose_problem(1e-4 * np.random.default_rng(0).standard_normal((12, 6)), np.full(6, 1e-3))
     before = InlierMask((np.arange(12) < kept,), all_inliers(problem).points)
     assert classify_inliers(problem, state, before).view_scale.chance == chance
@@ -274,8 +283,8 @@ def test_where_many_views_are_out_a_clean_one_may_go_more_often(kept, chance):
 
 
 @pytest.mark.parametrize(("target", "kinds"), [("pose", 0), ("led", 0), ("points", 1)])
-def test_only_views_of_several_points_are_looked_through(monkeypatch, target, kinds):
-    """Of poses, and of lights, there is nothing that could agree without the rest."""
+def test_only_views_of_several_points_are_searched(monkeypatch, target, kinds):
+    """Poses and LEDs have no points that could agree without the rest."""
     asked, subset_fits = [], PointViews.subset_fits
     monkeypatch.setattr(PointViews, "subset_fits", lambda *of: asked.append(of) or subset_fits(*of))
     problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY), 2)

@@ -1,4 +1,4 @@
-"""Which end of a search for outliers is an answer, and which of several the best."""
+"""Tests of accepting the result of an outlier search, and of selecting the best of several."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def end_of(plain, views=10, variance=1.0):
     return Consensus(plain.problem, kept, replace(plain, problem=inlier_problem(plain.problem, kept)), judgement)
 
 
-def test_six_of_ten_views_convince_within_their_noise(plain):
-    """Fewer do not, nor do views that scatter by 1.5 sigmas or residuals that no noise explains."""
+def test_six_of_ten_views_within_noise_are_convincing(plain):
+    """Fewer are not, nor are views that scatter by 1.5 sigmas or residuals beyond any noise."""
     assert is_convincing(end_of(plain, 6))
     assert not is_convincing(end_of(plain, 5))
     assert not is_convincing(end_of(plain, 6, variance=1.6**2))
@@ -54,8 +54,8 @@ def test_six_of_ten_views_convince_within_their_noise(plain):
     assert not is_convincing(None)
 
 
-def test_an_answer_rests_on_half_of_the_views(plain):
-    """And is an optimum that sees what all views see."""
+def test_acceptable_consensus_uses_half_of_the_views(plain):
+    """It also has to be an optimum with the same observable transforms as with all views."""
     assert is_acceptable(end_of(plain, 5), plain)
     assert not is_acceptable(end_of(plain, 4), plain)
     end = end_of(plain)
@@ -64,8 +64,8 @@ def test_an_answer_rests_on_half_of_the_views(plain):
     assert not is_acceptable(replace(end, solution=replace(plain, observability=blind)), plain)
 
 
-def test_of_quiet_ends_the_one_that_rests_on_most(plain):
-    """An end four times noisier than one of most views comes after it, however many points it keeps."""
+def test_best_consensus_has_most_views_within_noise(plain):
+    """A result four times noisier than another comes after it, though it keeps more views."""
     ends = [end_of(plain, 7), end_of(plain, 9), end_of(plain, 8)]
     assert best_consensus(ends) is ends[1]
     assert best_consensus([]) is None
@@ -76,28 +76,28 @@ def test_of_quiet_ends_the_one_that_rests_on_most(plain):
             assert best_consensus(ends) is ends[best]
 
 
-def test_ends_within_stated_noise_go_first(plain):
-    """Before one that rests on more views, which scatter by 1.6 sigmas."""
+def test_consensus_within_stated_noise_is_preferred(plain):
+    """It is preferred to one with more views that scatter by 1.6 sigmas."""
     stated = replace(plain.problem, unstated=frozenset())
     ends = [replace(end_of(plain, n, v), problem=stated) for n, v in ((7, 1.0), (10, 1.6**2))]
     assert best_consensus(ends) is ends[0]
     assert best_consensus([replace(end, problem=plain.problem) for end in ends]).kept.views[0].all()
 
 
-def test_residuals_that_stated_noise_does_not_explain_are_no_fit(plain):
-    """Of ten times their sigma, and clean ones are."""
+def test_residuals_beyond_stated_noise_are_implausible(plain):
+    """Clean residuals are plausible, a hundred times their sigma is not."""
     assert has_plausible_residuals(plain)
     assert not has_plausible_residuals(replace(plain, cost=1e4 * plain.cost))
 
 
-def test_views_that_scatter_beyond_what_is_stated_are_implausible(plain):
-    """By whole views or by points; within it nothing hides."""
+def test_view_scatter_beyond_stated_noise_is_implausible(plain):
+    """Views within the stated noise hide no outliers, and a scatter of 1.6 sigmas may."""
     assert not may_hide_outliers(plain, end_of(plain).judgement)
     assert may_hide_outliers(plain, end_of(plain, variance=1.6**2).judgement)
 
 
-def test_views_that_scatter_beyond_estimated_noise_are_implausible_too():
-    """Where nothing was stated: by whole views, or by a noise of points that no detector has."""
+def test_view_scatter_beyond_estimated_noise_is_implausible():
+    """Without stated noise, whole views that scatter, or point noise beyond that of detectors, may hide outliers."""
     made = simulate(Scenario(samples=10, state_pixel_noise=False), 0)
     plain = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
     assert not may_hide_outliers(plain, end_of(plain).judgement)
@@ -111,8 +111,11 @@ def fitting(solution, ratio):
     return replace(solution, cost=ratio**2 * solution.dof)
 
 
-def test_how_large_residuals_may_be():
-    """Three pixels of points, or 1.5 sigmas where that is more; ten sigmas of poses, and any that nobody stated."""
+def test_limits_of_plausible_residuals():
+    """The limit is 3 px for points, or 1.5 sigmas if that is more.
+
+    It is ten sigmas for stated poses, without limit for unstated ones.
+    """
     for pixel_px, most in ((0.2, 15.0), (6.0, 1.5)):
         made = simulate(Scenario(samples=6, pixel_px=pixel_px), 0)
         solution = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
@@ -125,8 +128,8 @@ def test_how_large_residuals_may_be():
         assert has_plausible_residuals(fitting(solution, 10.1)) != stated
 
 
-def test_a_pixel_of_noise_that_was_estimated_hides_outliers():
-    """A little less does not; nor does noise that is not of pixels, or that was not estimated."""
+def test_estimated_pixel_noise_may_hide_outliers():
+    """Estimated noise above 1 px may, slightly less does not. Noise of other types or without an estimate does not."""
     made = simulate(Scenario(samples=10, state_pixel_noise=False), 0)
     plain = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
 
@@ -137,8 +140,8 @@ def test_a_pixel_of_noise_that_was_estimated_hides_outliers():
     assert (hides(0.99), hides(1.01), hides(1.01, ("pose_m",)), hides(1.01, ())) == (False, True, False, False)
 
 
-def test_points_that_scatter_beyond_what_is_stated_are_implausible(plain):
-    """Though whole views do not: by 1.5 sigmas and more."""
+def test_point_scatter_beyond_stated_noise_is_implausible(plain):
+    """A scatter of points by 1.5 sigmas and more may hide outliers, though whole views do not scatter."""
     judgement = end_of(plain).judgement
     for sigmas, hides in ((1.49, False), (1.51, True)):
         scale = replace(judgement.point_scale, variance=sigmas**2)
@@ -157,27 +160,30 @@ def agreeing(misfits):
 
 
 @pytest.mark.parametrize(("count", "found"), [(5, False), (6, True), (10, True), (16, True), (17, False)])
-def test_between_three_and_eight_tenths_agree(count, found):
-    """Of twenty samples 6 to 16 that stand clear of the rest are told; fewer may be chance, more need no telling."""
+def test_agreeing_samples_are_three_to_eight_tenths(count, found):
+    """Samples that agree are reported if they are 6 to 16 of twenty and separate from the rest.
+
+    Fewer may be chance, more need no report.
+    """
     misfits = np.where(np.arange(20) < count, 1.0, 50.0)
     assert agreeing(misfits) == (tuple(range(count)) if found else ())
 
 
 @pytest.mark.parametrize(("gap", "found"), [(4.9, False), (5.1, True)])
-def test_the_rest_is_five_times_further_off(gap, found):
-    """Without a gap of a factor of five no samples stand clear."""
+def test_gap_to_the_rest_is_a_factor_of_five(gap, found):
+    """Without a gap of a factor of five no samples are reported."""
     misfits = np.where(np.arange(20) < 10, 2.0, 2.0 * gap)
     assert agreeing(misfits) == (tuple(range(10)) if found else ())
 
 
-def test_within_the_noise_there_is_no_gap():
+def test_no_gap_within_the_noise():
     """Misfits below one sigma count as one sigma."""
     assert agreeing(np.where(np.arange(20) < 10, 0.01, 4.9)) == ()
     assert agreeing(np.where(np.arange(20) < 10, 0.01, 5.1)) == tuple(range(10))
 
 
-def test_the_state_that_explains_most_counts():
-    """Of two states with a gap the one whose agreeing samples fit better is taken; without a state there are none."""
+def test_state_with_the_best_agreement_is_used():
+    """The state whose agreeing samples fit better is used if two states have a gap. Without a state there are none."""
     known = Unknown("prior", SE3.identity(), np.full(6, 1e-9))
     problem, state = pose_problem(np.outer(np.where(np.arange(20) < 10, 2.0, 50.0), SIGMA), SIGMA, known)
     other = {**state.transforms, MOUNT: SE3.exp(-1.001 * 50 * SIGMA)}
@@ -187,8 +193,8 @@ def test_the_state_that_explains_most_counts():
     assert agreeing_samples(problem, []) == ()
 
 
-def test_samples_part_at_the_first_clear_gap():
-    """The largest misfit before it, and the numbers up to there, rising."""
+def test_samples_are_split_at_the_first_clear_gap():
+    """The result is the largest misfit before the gap, and the sorted sample numbers."""
     numbers = np.array([7, 3, 9, 1, 5, 8, 2, 4, 6, 0])
     sigmas = np.array([2.0, 1.5, 60.0, 1.7, 3.0, 70.0, 20.0, 4e18, 1.2, np.inf])
     assert _split_at_gap(numbers, sigmas) == (3.0, (1, 3, 5, 6, 7))
@@ -196,8 +202,8 @@ def test_samples_part_at_the_first_clear_gap():
     assert _split_at_gap(numbers, np.where(sigmas < 10, 1e15, 1e30)) == (np.inf, ())
 
 
-def test_no_gap_without_samples_on_both_sides():
-    """Nobody agrees where all do, and where one of two is far off."""
+def test_gap_needs_samples_on_both_sides():
+    """Without a gap, no samples are reported. One of two samples before a gap is."""
     assert _split_at_gap(np.arange(4), np.ones(4)) == (np.inf, ())
     assert _split_at_gap(np.arange(2), np.array([1.0, 100.0])) == (1.0, (0,))
     assert _split_at_gap(np.array([5, 2, 9]), np.array([100.0, 2.0, 1.0])) == (2.0, (2, 9))

@@ -1,4 +1,4 @@
-"""A problem without some of its views and points."""
+"""Tests of masks of inlier views and points."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def board_problem(target="chessboard"):
     return build_problem(made.cell, made.recording)[0]
 
 
-def test_all_are_inliers():
-    """Every view and every point, one of them where poses are measured."""
+def test_all_inliers_keeps_all_views_and_points():
+    """Every view and every point is kept, with one entry for a measured pose."""
     problem = board_problem()
     mask = all_inliers(problem)
     (group,) = problem.groups
@@ -39,8 +39,8 @@ def test_all_are_inliers():
     assert mask.weights[0].tolist() == [1.0] * 4
 
 
-def test_masks_are_the_same_view_by_view_and_point_by_point():
-    """Any that differs makes them differ."""
+def test_masks_are_compared_by_views_and_points():
+    """Any difference makes masks unequal."""
     one = InlierMask((np.array([True, False]),), (np.ones((2, 3), dtype=bool),))
     views = InlierMask((np.array([True, True]),), one.points)
     points = InlierMask(one.views, (np.array([[True] * 3, [True, False, True]]),))
@@ -50,8 +50,8 @@ def test_masks_are_the_same_view_by_view_and_point_by_point():
     assert one.weights[0].tolist() == [1.0, 0.0]
 
 
-def test_points_that_are_not_kept_were_not_seen():
-    """They have no weight; the others keep theirs, in both readings of a chessboard."""
+def test_excluded_points_are_unseen():
+    """They have no weight, and the others keep theirs, in both readings of a chessboard."""
     problem = board_problem()
     (group,) = problem.groups
     kept = np.ones(group.measurement.seen.shape, dtype=bool)
@@ -67,8 +67,8 @@ def test_points_that_are_not_kept_were_not_seen():
     assert poses.mask_points(np.zeros((2, 1), dtype=bool)) is poses
 
 
-def test_inliers_alone():
-    """Views that are not kept go, groups without any too, and each view is read as it stands."""
+def test_inlier_problem_has_only_inliers():
+    """Excluded views and groups without views are removed, and the alternative readings are dropped."""
     problem = board_problem()
     mask = all_inliers(problem)
     some = InlierMask((np.array([True, False, True, False]),), mask.points)
@@ -78,8 +78,8 @@ def test_inliers_alone():
     assert inlier_problem(problem, InlierMask((np.zeros(4, dtype=bool),), mask.points)).groups == ()
 
 
-def test_samples_by_their_numbers():
-    """The views of these samples, in the order of the problem; groups without any go."""
+def test_samples_are_selected_by_number():
+    """Views of these samples are in the order of the problem, and groups without views are removed."""
     problem = board_problem()
     numbers = problem.groups[0].sample
     (group,) = select_samples(problem, numbers[[3, 1]]).groups
@@ -87,8 +87,8 @@ def test_samples_by_their_numbers():
     assert select_samples(problem, np.array([-5])).groups == ()
 
 
-def test_errors_of_stops_that_are_not_used_are_zero():
-    """A stop of which no view is left has no error."""
+def test_errors_of_unused_stops_are_zero():
+    """A stop without remaining views has no error."""
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6), stop_sigma=np.ones(6))
     state = replace(state, stop_errors=np.ones((3, 6)))
     fewer = problem.with_groups(g.take(np.array([0, 2])) for g in problem.groups)
@@ -96,8 +96,8 @@ def test_errors_of_stops_that_are_not_used_are_zero():
     np.testing.assert_array_equal(without_unseen_stops(problem, state).stop_errors, 1.0)
 
 
-def test_what_both_masks_use():
-    """A view, and a point, that one of them leaves out is left out."""
+def test_intersection_of_masks():
+    """A view, or a point, that either mask excludes is excluded."""
     first = InlierMask((np.array([True, True, False]),), (np.array([[True, False], [True, True], [True, True]]),))
     second = InlierMask((np.array([True, False, True]),), (np.array([[True, True], [False, True], [True, True]]),))
     both = first.intersection(second)

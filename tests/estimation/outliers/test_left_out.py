@@ -1,4 +1,4 @@
-"""What was left out, and how far it is from where the rest predicts it."""
+"""Tests of reporting excluded items, with their distance from the prediction."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def measured(cell, problem, state, views=(), points=(), recorded=None):
     return measure_left_out_items(cell, recorded or problem, problem, state, kept, judgement)
 
 
-def test_nothing_left_out_is_nothing():
-    """With all kept there is none."""
+def test_nothing_excluded_gives_no_items():
+    """If all are kept, the list is empty."""
     assert measured(*cell_at_truth(Scenario(samples=4))) == ()
 
 
 @pytest.mark.parametrize("target", ["charuco", "pose", "points3d"])
-def test_a_view_with_a_pose_is_off_in_metres_and_radians(target):
-    """The hand 50 mm and 20 mrad off: as much, within the noise of the view; pixels are not said."""
+def test_view_with_a_pose_is_off_in_metres_and_radians(target):
+    """A hand 50 mm and 20 mrad off is reported within the noise of the view, without pixels."""
     cell, problem, state = cell_at_truth(Scenario(samples=8, target=target, pose_noise=(1e-4, 1e-4), point_m=1e-4))
     (one,) = measured(cell, bumped(problem, 5, [0.05, 0, 0, 0, 0, 0.02]), state, [5])
     assert (one.sample, one.camera, one.target, one.ids) == (5, "wrist", "board", ())
@@ -65,8 +65,8 @@ def test_a_view_with_a_pose_is_off_in_metres_and_radians(target):
     assert one.sigmas > 50
 
 
-def test_a_light_is_off_in_pixels():
-    """A spot 30 px right and 40 px down is 50 px off; behind the camera there is no number."""
+def test_led_is_off_in_pixels():
+    """A spot 30 px right and 40 px down is 50 px off. Behind the camera, the distance is not finite."""
     cell, problem, state = cell_at_truth(Scenario(samples=12, target="led"))
     (group,) = problem.groups
     pixels = group.measurement.pixels.copy()
@@ -83,7 +83,7 @@ def test_a_light_is_off_in_pixels():
 
 
 def test_three_points_give_no_pose():
-    """A view of which three corners were seen is off by its worst pixel; one of four by its pose."""
+    """A view with three visible corners is off by its worst pixel, one with four by its pose."""
     cell, problem, state = cell_at_truth(Scenario(samples=8))
     (group,) = bumped(problem, [2, 5], [0.03, 0, 0, 0, 0, 0]).groups
     seen = group.measurement.seen.copy()
@@ -97,8 +97,8 @@ def test_three_points_give_no_pose():
     assert four.off_m == pytest.approx(0.03, abs=3e-3)
 
 
-def test_three_3d_points_give_a_pose_and_two_give_a_shift():
-    """Of clean points by no more than their noise of 0.1 mm tells."""
+def test_three_3d_points_give_a_pose_and_two_a_shift():
+    """For clean points, the distance is within their noise of 0.1 mm."""
     cell, problem, state = cell_at_truth(Scenario(samples=8, target="points3d", point_m=1e-4))
     (group,) = problem.groups
     seen = group.measurement.seen.copy()
@@ -114,8 +114,8 @@ def test_three_3d_points_give_a_pose_and_two_give_a_shift():
     assert three.off_m < 0.01
 
 
-def test_points_are_named_with_the_worst_of_them():
-    """Two corners of one view, 10 and 25 px off by 0.2 px of noise: both ids, the worst in pixels and sigmas."""
+def test_points_are_reported_with_the_worst_of_them():
+    """Two corners of one view are 10 and 25 px off, at 0.2 px noise: both ids, the worst in pixels and sigmas."""
     cell, problem, state = cell_at_truth(Scenario(samples=6))
     (group,) = problem.groups
     pixels = group.measurement.pixels.copy()
@@ -131,7 +131,7 @@ def test_points_are_named_with_the_worst_of_them():
 
 
 def test_3d_points_are_off_in_metres():
-    """A corner 20 mm off where points are measured within a tenth of a millimetre; not in pixels."""
+    """A corner 20 mm off is reported in metres, at a noise of a tenth of a millimetre."""
     cell, problem, state = cell_at_truth(Scenario(samples=6, target="points3d", point_m=1e-4))
     (group,) = problem.groups
     points = group.measurement.points_in_camera.copy()
@@ -142,15 +142,15 @@ def test_3d_points_are_off_in_metres():
     assert one.off_px is None
 
 
-def test_points_that_a_view_left_out_whole_are_not_told_again():
-    """And what was never seen is not left out; several come by their samples."""
+def test_points_of_excluded_views_are_not_reported():
+    """Only the view is reported, and items are in the order of samples."""
     cell, problem, state = cell_at_truth(Scenario(samples=6))
     found = measured(cell, problem, state, views=[4], points=[(4, 1), (5, 0), (2, 0)])
     assert [(o.sample, bool(o.ids)) for o in found] == [(2, True), (4, False), (5, True)]
 
 
 def test_ids_are_those_of_the_recording():
-    """A view that is read from the other end than it was recorded has its points counted from that end."""
+    """A view read from the opposite end has its point ids counted from the recorded end."""
     cell, problem, state = cell_at_truth(Scenario(samples=4, target="chessboard"))
     (group,) = problem.groups
     turned = half_turn_views(group.measurement)
@@ -161,8 +161,11 @@ def test_ids_are_those_of_the_recording():
     assert [o.ids for o in found] == [(int(ids[0]),), (int(ids[-1]),)]
 
 
-def test_sigmas_are_those_that_views_and_points_scatter_by():
-    """Where these are of twice the variance's root, views and points are half as many sigmas off."""
+def test_sigmas_use_the_scale_of_views_and_points():
+    """Items have half of the sigmas with four times the view variance.
+
+    Points have a third with nine times the point variance.
+    """
     cell, problem, state = cell_at_truth(Scenario(samples=6))
     (group,) = problem.groups
     pixels = group.measurement.pixels.copy()
@@ -191,8 +194,8 @@ def test_sigmas_are_those_that_views_and_points_scatter_by():
 
 
 @pytest.mark.parametrize(("kept", "by_view"), [(2, False), (3, True), (30, True)])
-def test_points_are_off_from_where_their_own_view_puts_them(kept, by_view):
-    """By its own pose where three points and more are kept; else from where all else predicts them."""
+def test_point_distance_is_to_its_own_view(kept, by_view):
+    """With three or more kept points, their own pose predicts the others. Otherwise all else predicts them."""
     _, problem, state = cell_at_truth(Scenario(samples=2, pixel_px=1e-3))
     (group,) = problem.groups
     true, lens = state.camera_from_target(group, problem.stops), state.cameras["wrist"]
@@ -215,8 +218,8 @@ def test_points_are_off_from_where_their_own_view_puts_them(kept, by_view):
 @pytest.mark.parametrize(
     ("kind", "off_m"), [(TouchMeasurement, 0.005), (PlaneMeasurement, 0.004), (GripMeasurement, None)]
 )
-def test_a_contact_is_off_in_metres_if_it_is_one_of_places(kind, off_m):
-    """A tip 5 mm from its mark, 4 mm of them along its z axis; the directions of a grip are no length."""
+def test_contact_distance_is_in_metres_for_positions(kind, off_m):
+    """A tip is 5 mm from its mark, 4 mm of them along its z axis. Directions of a grip have no length."""
     _, problem, state = cell_at_truth(Scenario(samples=2))
     (group,) = problem.groups
     ones, zeros = np.ones((2, 1)), np.zeros((2, 1, 3))
@@ -229,8 +232,8 @@ def test_a_contact_is_off_in_metres_if_it_is_one_of_places(kind, off_m):
 
 
 @pytest.mark.parametrize("target", ["chessboard", "charuco", "points3d"])
-def test_only_grids_that_look_alike_are_counted_from_either_end(target):
-    """Other targets keep their ids, whatever their points are."""
+def test_only_symmetric_grids_are_counted_from_either_end(target):
+    """Other targets keep their ids."""
     _, problem, _ = cell_at_truth(Scenario(samples=3, target=target))
     (group,) = problem.groups
     measurement, ids = group.measurement, np.arange(group.measurement.seen.shape[1])

@@ -1,4 +1,4 @@
-"""Stated lenses whose errors are estimated."""
+"""Tests of stated lenses whose errors are estimated."""
 
 from __future__ import annotations
 
@@ -31,14 +31,17 @@ def robust(off_px: float, exact: bool = False):
 
 
 @pytest.mark.parametrize(("off_px", "exact"), [(0.0, False), (1.0, False), (25.0, True)])
-def test_usual_errors_are_kept(off_px, exact):
-    """Where the lens is off by no more, and where it is stated as exact, the solution is the one given."""
+def test_usual_lens_errors_are_kept(off_px, exact):
+    """If the lens error is usual, or the lens is stated as exact, the solution is unchanged."""
     cell, found = robust(off_px, exact)
     assert with_likely_lenses(found, cell, SETTINGS).solution.state is found.solution.state
 
 
-def test_a_lens_that_is_far_off_is_estimated():
-    """25 px, twenty usual sigmas, which pull the answer by several of its own; then they do not any more."""
+def test_lens_far_off_is_estimated():
+    """An error of 25 px, twenty usual sigmas, biases the solution by several of its own sigmas.
+
+    The estimate removes the bias.
+    """
     cell, found = robust(25.0)
     after = with_likely_lenses(found, cell, SETTINGS).solution
     true, sigma = MADE.cameras["wrist"].parameters, np.sqrt(np.diag(after.lens_covariance("wrist")))

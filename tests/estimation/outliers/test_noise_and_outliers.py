@@ -1,4 +1,4 @@
-"""Noise and outliers are told from one another."""
+"""Tests of separating noise from outliers."""
 
 from __future__ import annotations
 
@@ -21,8 +21,11 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
-def test_one_bumped_arm_is_left_out_and_noise_is_that_of_the_others():
-    """Of 16 samples one is off by 50 mm: it alone goes, and the noise of the rest, 0.3 mm and 0.5 mrad, is found."""
+def test_bumped_arm_is_excluded_from_the_noise_estimate():
+    """One of 16 samples is off by 50 mm, and only it is excluded.
+
+    The noise of the rest, 0.3 mm and 0.5 mrad, is found.
+    """
     s = simulate(Scenario(samples=16, robot_noise=(3e-4, 5e-4), state_robot_noise=False), seed=1)
     samples = list(s.recording.samples)
     eye = samples[5].robots["eye"]
@@ -37,8 +40,8 @@ def test_one_bumped_arm_is_left_out_and_noise_is_that_of_the_others():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_gross_pose_does_not_hide_behind_the_noise_that_it_makes(seed: int) -> None:
-    """One flange of twelve is off by 100 mm, and nobody states the noise of poses, 0.5 mm and 2 mrad."""
+def test_gross_pose_error_is_not_hidden_by_estimated_noise(seed: int) -> None:
+    """One flange of twelve is off by 100 mm, without stated noise of poses, 0.5 mm and 2 mrad."""
     rng = np.random.default_rng(seed)
     s = simulate(Scenario(samples=12, target="pose", state_robot_noise=False), seed=seed)
     samples = [replace(sample, observations=_unstated(sample.observations)) for sample in s.recording.samples]
@@ -58,10 +61,8 @@ def _unstated(observations):
 
 @pytest.mark.parametrize("as_of_arms", [True, False])
 @pytest.mark.parametrize("given", [True, False])
-def test_samples_that_agree_as_if_robots_were_exact_are_told_where_noise_explains_nothing(
-    monkeypatch, as_of_arms, given
-):
-    """Where the noise is such as arms have, what agreed before goes for nothing."""
+def test_agreeing_samples_are_reported_if_noise_is_implausible(monkeypatch, as_of_arms, given):
+    """Samples that agree with exact robots are dropped if the noise is plausible for arms."""
     s = simulate(Scenario(samples=8, robot_noise=(3e-4, 5e-4), state_robot_noise=False), seed=1)
     settings = Settings(robot_noise="estimated")
     plain = solve(s.cell, s.recording)
@@ -89,8 +90,8 @@ def test_samples_that_agree_as_if_robots_were_exact_are_told_where_noise_explain
         ({"eye": (1e-4, 1e-4)}, {"wrist": 21e-3}, True, False),
     ],
 )
-def test_noise_such_as_arms_have(robots, jitter_s, converged, usual):
-    """Up to 12 mm, 12 mrad and 20 ms of each; where none was estimated there is none."""
+def test_plausible_noise_of_arms(robots, jitter_s, converged, usual):
+    """The limits are 12 mm, 12 mrad and 20 ms, and noise without an estimate is not plausible."""
     sigmas = {name: np.repeat(of, 3) for name, of in robots.items()}
     noise = SimpleNamespace(robots=sigmas, jitter_s=jitter_s)
     assert has_plausible_noise(SimpleNamespace(noise=noise, converged=converged)) == usual

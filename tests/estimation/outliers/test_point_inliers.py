@@ -1,4 +1,4 @@
-"""Points that agree with the rest of their view, whatever state the view was predicted from."""
+"""Tests of points that agree with the rest of their view, whatever state predicted the view."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def problem_with_strays(scenario, seed=0, strays=6):
     return moved, State(off, made.cameras, np.zeros((len(problem.stops), 6))), made.cell, wrong
 
 
-def test_without_suspects_all_points_are_kept():
-    """No view is searched."""
+def test_all_points_are_kept_without_suspects():
+    """Without suspect views none is searched."""
     problem, state, cell, _ = problem_with_strays(Scenario(samples=5))
     (kept,) = agreeing_points(problem, state, [np.zeros(0, dtype=np.int64)], cell)
     assert kept.all()
@@ -49,8 +49,8 @@ def test_without_suspects_all_points_are_kept():
 
 @pytest.mark.parametrize("stated", [True, False])
 @pytest.mark.parametrize("target", ["charuco", "points3d"])
-def test_strays_of_suspect_views_are_left_out(target, stated):
-    """All of them, few others, and none of views that nobody suspects, whether their noise is stated or not."""
+def test_stray_points_of_suspect_views_are_excluded(target, stated):
+    """All stray points, few others, and none of the other views are excluded, with stated or unstated noise."""
     scenario = Scenario(samples=5, target=target, state_pixel_noise=stated, state_observation_noise=stated)
     problem, state, cell, wrong = problem_with_strays(scenario, strays=6 if target == "charuco" else 2)
     (kept,) = agreeing_points(problem, state, [np.array([1, 2])], cell)
@@ -60,8 +60,8 @@ def test_strays_of_suspect_views_are_left_out(target, stated):
     assert kept[[0, 3, 4]].all()
 
 
-def test_points_that_fit_are_readmitted():
-    """Those that an earlier state left out come back, whether their view is used or not; strays stay out."""
+def test_fitting_points_are_readmitted():
+    """Points excluded by an earlier state return, whether their view is used or not, and stray points stay out."""
     problem, state, _, wrong = problem_with_strays(Scenario(samples=5), strays=2)
     lost = wrong.copy()
     lost[[1, 2], :3] = True
@@ -71,8 +71,8 @@ def test_points_that_fit_are_readmitted():
     np.testing.assert_array_equal(found.views[0], used)
 
 
-def test_points_of_a_view_without_pose_stay_out():
-    """A view of which few points are left does not predict the others; a view of poses has no points."""
+def test_points_of_a_view_without_pose_stay_excluded():
+    """A view with few remaining points does not predict the others, and a view of a pose has no points."""
     problem, state, _, wrong = problem_with_strays(Scenario(samples=5), strays=2)
     lost = np.zeros_like(wrong)
     lost[0, 2:] = True
@@ -83,8 +83,8 @@ def test_points_of_a_view_without_pose_stay_out():
     assert readmit_points(posed, at, every, Scale(1.0, np.inf, np.inf, 1e-6)).same_as(every)
 
 
-def test_points_not_seen_are_not_told():
-    """They stay kept, as what is not there cannot be left out."""
+def test_unseen_points_are_not_reported():
+    """They stay marked as kept, because a missing point cannot be excluded."""
     problem, state, cell, _ = problem_with_strays(Scenario(samples=5))
     (group,) = problem.groups
     seen = group.measurement.seen.copy()
@@ -94,8 +94,8 @@ def test_points_not_seen_are_not_told():
     assert kept[1, :3].all()
 
 
-def test_a_lens_that_wrong_poses_have_bent_is_not_believed():
-    """Of a free lens twice too short, strays are found by the lens that the views alone tell."""
+def test_biased_lens_is_not_used():
+    """With a free lens at half the focal length, stray points are found by the lens estimated from the views alone."""
     problem, state, cell, wrong = problem_with_strays(Scenario(samples=8, intrinsics="free"))
     lens = state.cameras["wrist"]
     bent = lens.with_parameters(lens.parameters * np.array([0.5, 0.7, *[1.0] * (len(lens.parameters) - 2)]))
@@ -104,8 +104,8 @@ def test_a_lens_that_wrong_poses_have_bent_is_not_believed():
     assert kept[[1, 3]][~wrong[[1, 3]]].mean() > 0.8
 
 
-def test_measured_poses_have_nothing_to_leave_out():
-    """One entry a view, kept, though the view is suspect."""
+def test_measured_poses_have_no_points_to_exclude():
+    """Each view has one entry, which is kept though the view is suspect."""
     made = simulate(Scenario(samples=5, target="pose"), 0)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
@@ -124,8 +124,8 @@ def points_in_space(seen):
     return problem.with_groups([group]), state, group
 
 
-def test_views_of_which_many_points_do_not_agree_are_unclear():
-    """A twentieth and more of those that were seen; of eight points all are, of poses none."""
+def test_views_with_many_disagreeing_points_are_unclear():
+    """The limit is a twentieth of the seen points. Views of eight points are always unclear, poses never."""
     seen = np.ones((5, 40), dtype=bool)
     seen[3, 20:], seen[4] = False, False
     _, _, group = points_in_space(seen)
@@ -144,8 +144,11 @@ def test_views_of_which_many_points_do_not_agree_are_unclear():
     ("variances", "rounds"),
     [([1.4], 1), ([0.7], 1), ([1.6, 1.7], 2), ([0.6, 0.5], 2), ([4.0, 1.0, 4.0, 1.0], 4), ([10.0, 14.0], 2)],
 )
-def test_scale_and_points_rest_within_a_factor_of_one_and_a_half(monkeypatch, variances, rounds):
-    """Of the variance, four rounds at most; from the stated scale, or of points in pixels from three of them."""
+def test_scale_and_points_converge_within_a_factor_of_one_and_a_half(monkeypatch, variances, rounds):
+    """The variance is iterated for at most four rounds.
+
+    It starts at the stated scale, or, for points in pixels, at three times it.
+    """
     problem, state, group = points_in_space(np.ones((2, 5)))
     used, left = [], list(variances)
 
@@ -169,8 +172,8 @@ def test_scale_and_points_rest_within_a_factor_of_one_and_a_half(monkeypatch, va
         assert [of.variance for of in used] == [first]
 
 
-def test_all_points_tell_the_scale_and_those_within_it_are_kept(rng):
-    """By as many numbers as a point has; what was not seen is kept, and so are views without a hypothesis."""
+def test_scale_uses_all_points_and_keeps_those_within(rng):
+    """Each point has as many freedoms as coordinates. Unseen points are kept, and so are views without a hypothesis."""
     seen = np.ones((3, 6))
     seen[1, 5] = False
     _, state, group = points_in_space(seen)
@@ -195,8 +198,8 @@ def test_all_points_tell_the_scale_and_those_within_it_are_kept(rng):
 
 @pytest.mark.parametrize(("stated", "limit"), [(True, 1.5**2), (False, 1.0)])
 @pytest.mark.parametrize("is_free", [True, False])
-def test_a_lens_is_suspected_where_points_scatter(monkeypatch, stated, limit, is_free):
-    """By 1.5 sigmas, or a pixel that nobody stated; of the two lenses the one by which they scatter less is taken."""
+def test_lens_is_suspected_if_points_scatter(monkeypatch, stated, limit, is_free):
+    """The limit is 1.5 sigmas, or a pixel if unstated. Of two lenses the one with less scatter is used."""
     made = simulate(Scenario(samples=3, intrinsics="free" if is_free else "fixed", state_pixel_noise=stated), 0)
     problem, _ = build_problem(made.cell, made.recording)
     bent = {name: replace(of) for name, of in made.cameras.items()}

@@ -1,4 +1,4 @@
-"""The scale of squared deviations of which some are gross."""
+"""Tests of the robust scale of squared distances with gross errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def squares(value, freedoms=6):
     return MahalanobisSquared(value, np.full(len(value), freedoms, dtype=np.int64))
 
 
-def test_stated_sigmas_are_taken_at_their_word(rng):
+def test_stated_sigmas_are_kept(rng):
     """Deviations as large as stated, or smaller, or up to 1.5 times larger leave the scale at one."""
     clean = rng.chisquare(6, 200)
     for factor in (0.01, 1.0, 1.3**2):
@@ -29,7 +29,7 @@ def test_stated_sigmas_are_taken_at_their_word(rng):
 
 
 def test_gross_deviations_do_not_widen_the_scale(rng):
-    """With a third of the deviations a thousand times too large, unstated, the scale is that of the others."""
+    """With a third of unstated deviations a thousand times too large, the scale is that of the others."""
     value = rng.chisquare(6, 300)
     value[:100] *= 1e3
     found = robust_scale([squares(value[:150]), squares(value[150:])], 6, False, CHANCE)
@@ -41,14 +41,14 @@ def test_gross_deviations_do_not_widen_the_scale(rng):
 
 
 @pytest.mark.parametrize("freedoms", [1, 2, 6])
-def test_a_stated_limit_is_the_chi_squares(freedoms):
-    """What a clean deviation exceeds once in ten thousand times; nothing does where nothing checks it."""
+def test_stated_limit_is_chi_square(freedoms):
+    """A clean deviation exceeds the limit once in ten thousand times. Without freedoms it is infinite."""
     limit = Scale(4.0, np.inf, np.inf, CHANCE).limit(np.array([freedoms, 0]))
     np.testing.assert_allclose(limit, [4.0 * chi2.isf(CHANCE, freedoms), np.inf])
 
 
-def test_an_estimated_limit_is_fishers():
-    """Over a scale of so many freedoms the limit is that of F, and wider the fewer there are."""
+def test_estimated_limit_is_fishers_f():
+    """The limit is that of F for the freedoms of the scale, and wider for fewer freedoms."""
     limit = Scale(2.0, 30.0, np.inf, CHANCE).limit(np.array([6]))
     assert limit[0] == pytest.approx(2.0 * 6 * f.isf(CHANCE, 6, 30))
     uneven = Scale(2.0, 30.0, 2.0, CHANCE).limit(np.array([6]))
@@ -56,14 +56,14 @@ def test_an_estimated_limit_is_fishers():
 
 
 def test_uneven_noise_has_fewer_freedoms(rng):
-    """Six numbers of which two carry all the noise scatter like two; even ones like six."""
+    """Six numbers with all noise in two of them scatter like two, even ones like six."""
     for freedoms, value in ((2.0, 3.0 * rng.chisquare(2, 5000)), (6.0, rng.chisquare(6, 5000))):
         found = robust_scale([squares(value)], 6, False, CHANCE)
         assert np.sum(found.shape * found.weight) == pytest.approx(freedoms, abs=0.3)
 
 
 def test_several_shapes_have_one_limit():
-    """The chances to exceed it, weighted by how likely each shape is, are the chance of the scale."""
+    """The chances of exceeding it, weighted by the likelihood of each shape, sum to the chance of the scale."""
     limit = Scale(2.0, 30.0, np.array([1.0, 2.0, 6.0]), CHANCE, np.array([0.1, 0.2, 0.7])).limit(np.array([6, 0, 6]))
     over_median = limit[0] / (2.0 * chi2.median(6))
     tails = [w * f.sf(over_median * chi2.median(k) / k, k, 30) for k, w in ((1, 0.1), (2, 0.2), (6, 0.7))]
@@ -72,27 +72,27 @@ def test_several_shapes_have_one_limit():
 
 
 @pytest.mark.parametrize("shape", [3, 4])
-def test_the_limit_of_twenty_squares_holds_what_it_promises(rng, shape):
-    """A clean square exceeds it at most at the chance of the scale, whichever the shape that twenty hardly tell."""
+def test_limit_of_twenty_squares_keeps_its_chance(rng, shape):
+    """A clean square exceeds it with at most the chance of the scale. Twenty squares hardly determine the shape."""
     rows = rng.chisquare(shape, (150, 20))
     limits = [robust_scale([squares(row)], 12, False, CHANCE).limit(np.array([6]))[0] for row in rows]
     assert chi2.sf(limits, shape).mean() < CHANCE
 
 
-def test_without_deviations_there_is_the_stated_scale():
-    """Nothing, infinities or deviations that nothing checks leave one."""
+def test_no_deviations_have_the_stated_scale():
+    """Empty input, infinities, or deviations without freedoms give one."""
     for none in ([], [squares([np.inf, np.nan])], [squares([1.0, 2.0], 0)]):
         assert robust_scale(none, 6, False, CHANCE).variance == 1.0
 
 
-def test_what_is_not_a_number_is_not_gross():
-    """A deviation that cannot be told is left where it is."""
+def test_nan_deviations_are_not_gross():
+    """A deviation that is not a number is not excluded."""
     assert Scale(1.0, np.inf, np.inf, CHANCE).gross_mask(squares([np.nan, 1.0, 1e6])).tolist() == [False, False, True]
 
 
 @pytest.mark.parametrize(("times", "is_stated"), [(1.45, True), (1.55, False)])
-def test_sigmas_are_taken_at_their_word_up_to_one_and_a_half(times, is_stated):
-    """By the median of squares over the chi-square's; beyond it they are what squares say."""
+def test_stated_sigmas_are_kept_up_to_one_and_a_half(times, is_stated):
+    """The ratio of the median of squares to that of chi-square decides. Beyond it the scale is that of the squares."""
     alike = squares(np.full(50, times**2 * chi2.median(6)))
     found = robust_scale([alike], 6, True, CHANCE)
     assert (found.variance, np.isinf(found.freedoms)) == (pytest.approx(1.0 if is_stated else times**2), is_stated)
@@ -101,15 +101,15 @@ def test_sigmas_are_taken_at_their_word_up_to_one_and_a_half(times, is_stated):
 @pytest.mark.parametrize(
     ("count", "unknowns", "freedoms"), [(50, 6, 0.4 * 294), (50, 40, 0.4 * 260), (1, 6, 0.4), (1, 60, 0.4)]
 )
-def test_freedoms_are_those_of_all_less_the_unknowns(count, unknowns, freedoms):
-    """Of which the median tells as two fifths would; one at least."""
+def test_freedoms_are_reduced_by_the_unknowns(count, unknowns, freedoms):
+    """The median is as informative as two fifths of them, and at least one freedom remains before that."""
     found = robust_scale([squares(np.full(count, 3.0))], unknowns, False, CHANCE)
     assert found.freedoms == pytest.approx(freedoms)
     assert found.chance == CHANCE
 
 
-def test_deviations_of_one_freedom_count():
-    """And those of other freedoms beside them, each over its own median."""
+def test_deviations_with_one_freedom_count():
+    """They are combined with those of other freedoms, each relative to its own median."""
     of_one, of_six = squares(np.full(9, 4.0 * chi2.median(1)), 1), squares(np.full(8, 4.0 * chi2.median(6)))
     assert robust_scale([of_one], 0, False, CHANCE).variance == pytest.approx(4.0)
     found = robust_scale([of_one, of_six, squares([1e9, 1e9], 0)], 0, False, CHANCE)
@@ -117,8 +117,8 @@ def test_deviations_of_one_freedom_count():
     assert found.freedoms == pytest.approx(0.4 * (9 + 48))
 
 
-def test_limits_of_few_freedoms_are_those_of_one():
-    """A scale of less than one freedom is as wide as one of one; exact data have a limit of nothing."""
+def test_limit_needs_at_least_one_freedom():
+    """A scale with less than one freedom has the limit of one. Exact data have a limit near zero."""
     few, one = (Scale(1.0, freedoms, np.inf, CHANCE).limit(np.array([2])) for freedoms in (0.4, 1.0))
     np.testing.assert_allclose(few, one)
     np.testing.assert_allclose(one, 2 * f.isf(CHANCE, 2, 1))

@@ -1,4 +1,4 @@
-"""Gross outliers are found, each with its reason; clean data are left as they are."""
+"""Tests of finding gross outliers with their reasons, and of leaving clean data unchanged."""
 
 from __future__ import annotations
 
@@ -62,7 +62,10 @@ def base(solution) -> SE3:
     ids=str,
 )
 def test_clean_data_give_the_plain_solution(scenario):
-    """Nothing is left out and every bit is that of the plain solver; a false alarm has a chance of 3e-3 a cell."""
+    """Nothing is excluded, and every bit is that of the plain solver.
+
+    A false alarm has a chance of 3e-3 for each cell.
+    """
     s = simulate(scenario, seed=1)
     problem, _ = build_problem(s.cell, s.recording)
     ours, plain = solve_robustly(problem, s.cell), solve_problem(problem, s.cell)
@@ -74,7 +77,10 @@ def test_clean_data_give_the_plain_solution(scenario):
 
 @pytest.mark.parametrize("target", ["charuco", "chessboard", "pose", "points3d"])
 def test_bumped_samples_are_left_out(target):
-    """A robot off by 16 mm in a fifth of the samples: these go, no other; the base is that of the others to 1e-6."""
+    """With a robot off by 16 mm in a fifth of the samples, only these are excluded.
+
+    The base is that of the others to 1e-6.
+    """
     s = simulate(Scenario(target=target, robot_noise=NOISY), seed=2)
     samples = [bumped(x) if x.sample in BAD else x for x in s.recording.samples]
     ours = solved(s.cell, samples)
@@ -85,8 +91,8 @@ def test_bumped_samples_are_left_out(target):
     assert off(base(ours.solution), base(clean.solution)) < 1e-6
 
 
-def test_a_bumped_stop_of_a_still_arm_is_left_out_whole():
-    """The eye stands still at stations; one stop 16 mm off its reading is left out with all its samples."""
+def test_bumped_stop_of_a_still_arm_is_left_out_whole():
+    """The eye is still at stations, and one stop 16 mm off its reading is excluded with all of its samples."""
     s = simulate(Scenario(samples=30, arms="stations", stations=6, robot_noise=NOISY), seed=3)
     eye = [x.robots["eye"].base_from_flange for x in s.recording.samples]
     stop = [x.sample for x, pose in zip(s.recording.samples, eye, strict=True) if off(pose, eye[7]) < 1e-9]
@@ -96,7 +102,7 @@ def test_a_bumped_stop_of_a_still_arm_is_left_out_whole():
 
 
 def test_mispaired_samples_are_left_out():
-    """Six samples have one another's views: metres off, and found all the same."""
+    """Six samples with exchanged views are metres off and are found."""
     s = simulate(Scenario(robot_noise=NOISY), seed=4)
     samples = list(s.recording.samples)
     views = [samples[k].observations for k in BAD]
@@ -108,8 +114,8 @@ def test_mispaired_samples_are_left_out():
 
 
 @pytest.mark.parametrize(("mounts", "count"), [("fixed", 7), ("free", 9)])
-def test_reflections_taken_for_the_light_are_left_out(mounts, count):
-    """So many of thirty lights are bright spots anywhere in the image, mounts known or not: these go, and no other."""
+def test_reflections_instead_of_the_led_are_left_out(mounts, count):
+    """Seven or nine of thirty LED views are random bright spots, with mounts known or not. Only these are excluded."""
     s = simulate(Scenario(target="led", camera_mount=mounts, target_mount=mounts, samples=30), seed=5)
     rng = np.random.default_rng(5)
     bad = set(rng.choice(30, count, replace=False).tolist())
@@ -122,8 +128,11 @@ def test_reflections_taken_for_the_light_are_left_out(mounts, count):
     assert off(base(ours.solution), s.truth[BASE]) < 0.005
 
 
-def test_candidates_are_chosen_anew_at_the_robust_state():
-    """Of two candidates a view, the light second in half of them, all are right though five views show no light."""
+def test_led_candidates_are_chosen_again_at_the_robust_state():
+    """Each view has two candidates, with the LED second in half of them.
+
+    All choices are right though five views show no LED.
+    """
     s = simulate(Scenario(target="led", camera_mount="fixed", target_mount="fixed", samples=30), seed=6)
     rng = np.random.default_rng(6)
     samples = []
@@ -139,8 +148,11 @@ def test_candidates_are_chosen_anew_at_the_robust_state():
 
 
 @pytest.mark.parametrize("state_pixel_noise", [True, False])
-def test_wrong_ids_and_strays_are_left_out_by_point(state_pixel_noise):
-    """In each view two points have each other's ids and three stray by 3 px or more: they go, 1 % of others at most."""
+def test_wrong_ids_and_stray_points_are_left_out_by_point(state_pixel_noise):
+    """In each view two points have exchanged ids and three are off by 3 px or more.
+
+    They are excluded, and at most 1 % of the others.
+    """
     s = simulate(Scenario(robot_noise=NOISY, state_pixel_noise=state_pixel_noise), seed=7)
     rng = np.random.default_rng(7)
     samples, wrong = [], {}
@@ -159,8 +171,8 @@ def test_wrong_ids_and_strays_are_left_out_by_point(state_pixel_noise):
     assert off(base(ours.solution), s.truth[BASE]) < 0.01
 
 
-def test_points_that_a_bent_lens_had_left_out_come_back():
-    """A pose that was recorded twice bends a free lens, by which sharp corners disagree; only its view stays out."""
+def test_points_excluded_by_a_biased_lens_are_readmitted():
+    """A pose recorded twice biases a free lens, so that precise corners disagree. Only its view stays excluded."""
     sharp = Scenario(samples=16, intrinsics="free", robot_noise=(1e-4, 1e-4), pixel_px=0.01, state_pixel_noise=False)
     s = simulate(sharp, seed=0)
     samples = list(s.recording.samples)
@@ -169,8 +181,8 @@ def test_points_that_a_bent_lens_had_left_out_come_back():
     assert [(o.sample, o.ids) for o in found.outliers] == [(8, ())]
 
 
-def test_ids_of_a_chessboard_are_those_of_the_recording():
-    """A view recorded from the other end of the board names its stray point as it was recorded."""
+def test_chessboard_ids_are_those_of_the_recording():
+    """A view recorded from the opposite end of the board names its stray point by its recorded id."""
     s = simulate(Scenario(target="chessboard"), seed=8)
     samples = list(s.recording.samples)
     for k in (4, 11):
@@ -182,8 +194,8 @@ def test_ids_of_a_chessboard_are_those_of_the_recording():
     assert [(o.sample, o.ids) for o in found] == [(4, (2,)), (11, (2,))]
 
 
-def test_one_wrong_corner_of_few_costs_only_that_corner():
-    """Of targets of five to eight points one stray point goes, and the view stays."""
+def test_wrong_corner_of_few_costs_only_that_corner():
+    """For targets of five to eight points one stray point is excluded, and the view stays."""
     s = simulate(Scenario(target="points", robot_noise=NOISY), seed=9)
     samples = list(s.recording.samples)
     for k in BAD:
@@ -196,16 +208,19 @@ def test_one_wrong_corner_of_few_costs_only_that_corner():
     assert ours.outliers[0].off_px > 5
 
 
-def test_sigmas_that_are_too_small_leave_nothing_out():
-    """Unmodelled robot noise twenty times what pixels explain is no outlier: the bulk sets the scale."""
+def test_too_small_sigmas_leave_nothing_out():
+    """Unmodelled robot noise twenty times the pixel noise is no outlier: the majority sets the scale."""
     s = simulate(Scenario(robot_noise=NOISY, state_robot_noise=False, pixel_px=0.04), seed=10)
     problem, _ = build_problem(s.cell, s.recording)
     assert solve_robustly(problem, s.cell).outliers == ()
 
 
 @pytest.mark.slow
-def test_more_than_half_wrong_is_not_passed_off_as_an_answer():
-    """Twenty of thirty samples with views of another instant: nothing is left out, the plain solution stands."""
+def test_more_than_half_wrong_is_no_answer():
+    """Twenty of thirty samples have views of another instant.
+
+    Nothing is excluded, and the plain solution is returned.
+    """
     s = simulate(Scenario(), seed=11)
     samples = list(s.recording.samples)
     order = np.random.default_rng(11).permutation(20)
@@ -216,8 +231,8 @@ def test_more_than_half_wrong_is_not_passed_off_as_an_answer():
     assert ours.solution.cost > 100 * ours.solution.dof
 
 
-def test_the_order_of_samples_changes_nothing():
-    """Reversed, the same samples are left out, and the base is the same to 1e-9."""
+def test_order_of_samples_changes_nothing():
+    """In reversed order, the same samples are excluded, and the base is the same to 1e-9."""
     s = simulate(Scenario(robot_noise=NOISY), seed=12)
     samples = [replace(bumped(x) if x.sample in BAD else x, stamp_s=None) for x in s.recording.samples]
     one, other = solved(s.cell, samples), solved(s.cell, samples[::-1])
@@ -225,7 +240,7 @@ def test_the_order_of_samples_changes_nothing():
     assert off(base(one.solution), base(other.solution)) < 1e-9
 
 
-def test_samples_can_be_taken_by_number():
+def test_samples_are_selected_by_number():
     """A problem of some samples has their views and no others."""
     s = simulate(Scenario(), seed=13)
     problem, _ = build_problem(s.cell, s.recording)
@@ -234,8 +249,8 @@ def test_samples_can_be_taken_by_number():
     assert isinstance(s.recording.samples[2].observations[0], PixelObservation)
 
 
-def test_a_view_that_goes_and_is_taken_back_in_turns_is_left_out(monkeypatch):
-    """Of two sets that lead to each other the smaller one is the answer, as soon as the first comes again."""
+def test_alternating_view_is_left_out(monkeypatch):
+    """If two inlier sets lead to each other, the smaller one is the result, as soon as the first recurs."""
     made = simulate(Scenario(samples=20), 0)
     problem, _ = build_problem(made.cell, made.recording)
     plain = solve_problem(problem, made.cell)
@@ -253,8 +268,11 @@ def test_a_view_that_goes_and_is_taken_back_in_turns_is_left_out(monkeypatch):
     assert len(given) == 3
 
 
-def test_what_was_left_out_is_judged_again_by_other_sigmas(monkeypatch):
-    """From where it was found; None where nothing was left out, or where less is seen or converged then."""
+def test_excluded_items_are_judged_again_with_other_sigmas(monkeypatch):
+    """The second judgement starts from the former consensus.
+
+    It is None if nothing was excluded, or if the result is less observable or not converged.
+    """
     s = simulate(Scenario(samples=14, robot_noise=NOISY), seed=3)
     samples = [bumped(x) if x.sample == 5 else x for x in s.recording.samples]
     problem, _ = build_problem(s.cell, Recording(tuple(samples)))
@@ -281,8 +299,8 @@ def test_what_was_left_out_is_judged_again_by_other_sigmas(monkeypatch):
     assert judge_again(before, robust.solution, problem, s.cell) is not None
 
 
-def test_a_state_that_contradicts_each_point_is_wrong_itself(monkeypatch):
-    """Where no point would be left, all stay, and samples are judged."""
+def test_state_that_contradicts_all_points_is_wrong(monkeypatch):
+    """If no point would be left, all are kept, and samples are judged."""
     monkeypatch.setattr(
         robust_solve,
         "agreeing_points",

@@ -1,4 +1,4 @@
-"""States that some of the samples alone lead to."""
+"""Tests of start states from subsets of samples."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def bumped(scenario, seed):
     [pytest.param(SCENARIOS[1], marks=pytest.mark.slow), SCENARIOS[3]],
     ids=lambda s: f"{s.target}, {s.arms}",
 )
-def test_subsets_do_not_know_of_one_another(scenario, monkeypatch):
-    """Subsets eight at once lead where each alone leads: the same states in the same order, to 1e-6.
+def test_subsets_of_a_batch_are_independent(scenario, monkeypatch):
+    """Eight subsets at once give the same states in the same order as each alone, to 1e-6.
 
     At most a fifth are still far from any optimum after their last step, where rounding decides how far.
     """
@@ -66,8 +66,8 @@ def test_subsets_do_not_know_of_one_another(scenario, monkeypatch):
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS[:1], ids=lambda s: s.target)
-def test_one_of_them_is_that_of_the_clean_samples(scenario):
-    """A third of the samples 5 cm off: what scores best, of few views, is the truth to 3 mm and 3 mrad.
+def test_best_subset_start_is_the_truth(scenario):
+    """With a third of the samples 5 cm off, the best score, of few views, is the truth to 3 mm and 3 mrad.
 
     So it is in 57 to 60 of 60 such cells, as rounding leads descents from afar; in this one seven states are.
     """
@@ -82,8 +82,8 @@ def test_one_of_them_is_that_of_the_clean_samples(scenario):
 
 
 @pytest.mark.parametrize("stated", [True, False])
-def test_score_is_cauchys_likelihood_at_its_best_scale(stated):
-    """Of twenty poses with six numbers each, of which some are far off; at a scale of one at least where stated."""
+def test_score_is_the_cauchy_likelihood_at_its_best_scale(stated):
+    """Twenty poses have six numbers each, and some are far off. If noise is stated, the scale is at least one."""
     errors = np.random.default_rng(0).standard_normal((20, 6))
     errors[:5] *= 30.0
     errors *= 0.5
@@ -94,23 +94,23 @@ def test_score_is_cauchys_likelihood_at_its_best_scale(stated):
     assert score(problem, state, stated) == pytest.approx(wanted, rel=1e-6)
 
 
-def test_nothing_seen_is_the_worst_score():
-    """No view explains nothing."""
+def test_empty_problem_has_the_worst_score():
+    """Without views the score is infinite."""
     problem, state = pose_problem(np.zeros((0, 6)), np.ones(6))
     assert score(problem, state, True) == np.inf
 
 
 @pytest.mark.parametrize("target", ["pose", "charuco"])
-def test_a_subset_holds_every_unknown_and_few_others(target):
-    """Of forty samples of six equations each, for 18 unknowns: three to ten, to be free of outliers."""
+def test_subset_is_just_large_enough_for_the_unknowns(target):
+    """Forty samples of six equations each, for 18 unknowns, need subsets of three to ten, to be free of outliers."""
     made = simulate(Scenario(samples=40, target=target), 0)
     problem, _ = build_problem(made.cell, made.recording)
     assert problem.width == 18
     assert 3 <= _subset_size(problem, np.arange(40)) <= 10
 
 
-def test_subsets_are_halves_thirds_and_draws_of_a_few():
-    """Blocks in their order; then 24 draws of as many samples as hold every unknown, each sample once."""
+def test_subsets_are_halves_thirds_and_random_draws():
+    """Blocks are in order. Then 24 draws have as many samples as determine every unknown, each sample once."""
     problem, _ = build_problem(*(lambda m: (m.cell, m.recording))(simulate(Scenario(samples=12, target="pose"), 0)))
     numbers = np.arange(100, 112)
     found = [of.tolist() for of in subset_starts._subsets(problem, numbers)]
@@ -125,8 +125,8 @@ def test_subsets_are_halves_thirds_and_draws_of_a_few():
     assert len({tuple(draw) for draw in draws}) > 20
 
 
-def test_lenses_are_held_and_the_other_columns_close_up():
-    """In their order, as wide as before."""
+def test_fixed_lenses_have_no_columns():
+    """The other columns keep their order and widths, without gaps."""
     made = simulate(Scenario(samples=4, intrinsics="free"), 0)
     problem, _ = build_problem(made.cell, made.recording)
     held = subset_starts._with_lenses(problem, made.cameras)
@@ -136,8 +136,8 @@ def test_lenses_are_held_and_the_other_columns_close_up():
     assert [held.columns[name] for name in held.columns] == [slice(0, 6), slice(6, 12), slice(12, 18)]
 
 
-def test_where_numbers_end_for_one_the_others_go_on():
-    """In their order; nothing of nothing."""
+def test_failing_items_are_removed_from_a_batch():
+    """The other items keep their order, and an empty batch gives an empty result."""
 
     def work(items):
         """Fails with a three among them."""
@@ -151,16 +151,19 @@ def test_where_numbers_end_for_one_the_others_go_on():
     assert subset_starts._process_batch(work, []) == []
 
 
-def test_one_freedom_more_or_less_is_told_to_each_subset():
-    """Residuals less unknowns of its own samples, one at least; those that cannot hold the unknowns are left out."""
+def test_freedoms_of_each_subset():
+    """They are residuals minus unknowns of its own samples, at least one.
+
+    Subsets without enough samples are left out.
+    """
     made = simulate(Scenario(samples=12, target="pose"), 0)
     problem, _ = build_problem(made.cell, made.recording)
     begun = subset_starts._start_subsets(problem, made.cell, [np.arange(5), np.arange(2), np.arange(3), np.array([50])])
     assert [(of.numbers.tolist(), of.dof) for of in begun] == [([0, 1, 2, 3, 4], 12), ([0, 1, 2], 1)]
 
 
-def test_views_that_nothing_checks_do_not_count(monkeypatch):
-    """Of those of one freedom each counts by it; squares beyond all bounds are alike."""
+def test_views_without_freedoms_do_not_count(monkeypatch):
+    """A view with one freedom counts by it, and squares beyond the limit are equal."""
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
     value, freedoms = np.array([3.0, 7.0, np.inf, 0.2]), np.array([1, 0, 2, 1])
     told = MahalanobisSquared(value, freedoms)
@@ -172,14 +175,17 @@ def test_views_that_nothing_checks_do_not_count(monkeypatch):
 
 
 @pytest.mark.parametrize(("views", "size"), [(10, 3), (3, 3), (2, 2)])
-def test_three_samples_at_least(views, size):
-    """Or all that there are, though one could hold the mount."""
+def test_subset_has_at_least_three_samples(views, size):
+    """It has all samples if there are fewer, though one could determine the mount."""
     problem, _ = pose_problem(np.zeros((views, 6)), np.ones(6))
     assert _subset_size(problem, np.arange(views)) == size
 
 
-def test_states_are_drawn_on_to_the_better_half(monkeypatch):
-    """Views whose squares over freedoms are up to the median of all groups; of each state its own, three times."""
+def test_states_are_refined_on_the_best_half(monkeypatch):
+    """Views with squares per freedom up to the median of all groups are used, three times.
+
+    Each state has its own selection.
+    """
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
     (group,) = problem.groups
     problem = problem.with_groups([group, group.take(np.arange(2))])

@@ -1,4 +1,4 @@
-"""The largest agreement within a view, alone or with a prior of its pose."""
+"""Tests of the largest agreement within a view, with or without a prior of its pose."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def truth_of(scenario, seed):
     return problem, state, state.camera_from_target(problem.groups[0], problem.stops)
 
 
-def test_a_third_of_a_boards_points_wrong():
-    """Twelve of 36 points of every view at random places: found, all of them and no other, from a start 5 cm off."""
+def test_third_of_board_points_wrong_are_found():
+    """Twelve of 36 points of every view are random: exactly these are found, from a start 5 cm off."""
     problem, state, true = truth_of(Scenario(samples=8), 0)
     measurement = problem.groups[0].measurement
     rng = np.random.default_rng(0)
@@ -51,8 +51,8 @@ def test_a_third_of_a_boards_points_wrong():
     np.testing.assert_array_equal(found.points, ~wrong)
 
 
-def test_a_prior_decides_where_points_alone_cannot():
-    """Of five points three wrong: with the pose known to 0.1 mm and 0.1 mrad the other two are told from them."""
+def test_prior_decides_ambiguous_points():
+    """Three of five points are wrong. With the pose known to 0.1 mm and 0.1 mrad, the other two are identified."""
     problem, state, true = truth_of(Scenario(samples=6, target="points", robot_noise=(1e-5, 1e-5)), 2)
     measurement = problem.groups[0].measurement
     assert measurement.seen.shape == (6, 5)
@@ -63,8 +63,11 @@ def test_a_prior_decides_where_points_alone_cannot():
     np.testing.assert_array_equal(found.points, ~wrong)
 
 
-def test_samples_that_close_the_loop_are_told_apart():
-    """Ten of twenty samples with poses 50 mm off: at the truth the other ten stand clear; of clean ones none do."""
+def test_consistent_samples_are_separated():
+    """Ten of twenty samples have poses 50 mm off: at the truth the other ten are separate.
+
+    Clean samples have no gap.
+    """
     problem, state, _ = truth_of(Scenario(samples=20), 1)
     group = problem.groups[0]
     shift = np.zeros((20, 6))
@@ -85,8 +88,8 @@ def strays(problem, count, seed):
 
 
 @pytest.mark.parametrize("target", ["chessboard", "points"])
-def test_how_many_are_fitted_at_once_changes_nothing(target, monkeypatch):
-    """Hypotheses one by one give the poses, points and costs that all of them side by side do."""
+def test_chunk_size_changes_nothing(target, monkeypatch):
+    """Hypotheses fitted one by one give the same poses, points and costs as all together."""
     problem, state, true = truth_of(Scenario(samples=5, target=target), 3)
     measurement, _ = strays(problem, 2, 3)
     near = true @ SE3.exp(np.random.default_rng(4).uniform(-0.02, 0.02, (5, 6)))
@@ -98,8 +101,8 @@ def test_how_many_are_fitted_at_once_changes_nothing(target, monkeypatch):
     np.testing.assert_allclose((together.camera_from_target.inverse() @ alone.camera_from_target).log(), 0.0, atol=1e-6)
 
 
-def test_hypotheses_serve_every_limit():
-    """Fitted once, the poses that views may have give for each limit what a search for that limit gives."""
+def test_hypotheses_are_reused_for_every_limit():
+    """Poses fitted once give, for each limit, the result of a search with that limit."""
     problem, state, true = truth_of(Scenario(samples=5), 5)
     measurement, wrong = strays(problem, 9, 5)
     lens = state.cameras["wrist"]
@@ -113,8 +116,8 @@ def test_hypotheses_serve_every_limit():
         np.testing.assert_array_equal(found.points & wrong, False)
 
 
-def test_a_view_of_a_single_point_agrees_with_its_prior_alone():
-    """There is no subset of one point: the point is kept where the prior puts it, and left out 40 px aside."""
+def test_single_point_agrees_with_its_prior():
+    """There is no subset of one point. The point is kept at its prediction, and excluded 40 px off."""
     problem, state, true = truth_of(Scenario(samples=6, target="led", robot_noise=(1e-5, 1e-5)), 6)
     measurement = problem.groups[0].measurement
     aside = np.arange(6) < 2
@@ -125,16 +128,19 @@ def test_a_view_of_a_single_point_agrees_with_its_prior_alone():
 
 
 @pytest.mark.parametrize(("points", "subsets"), [(4, 4 + 6), (5, 5 + 10), (8, 8 + 28)])
-def test_of_few_points_all_but_one_or_two(points, subsets):
-    """Up to eight points every subset without one or two of them is tried, each once."""
+def test_few_points_use_all_but_one_or_two(points, subsets):
+    """Up to eight points, every subset without one or two of them is tried, each once."""
     found = ransac._subsets(np.ones((1, points), dtype=bool))[:, 0]
     assert len(found) == subsets
     assert len(np.unique(found, axis=0)) == subsets
     assert set(found.sum(1).tolist()) == {points - 1, points - 2}
 
 
-def test_of_many_points_random_fives(rng):
-    """Of nine points and more forty subsets of five that a view sees, in each view others; of four seen all four."""
+def test_many_points_use_random_subsets_of_five(rng):
+    """With nine points or more, forty subsets of five visible points are drawn for each view.
+
+    With four visible points all are used.
+    """
     seen = np.ones((3, 30), dtype=bool)
     seen[1, ::2] = False
     seen[2, 4:] = False
@@ -164,7 +170,7 @@ CAMERA = Camera("pinhole", np.array([800.0, 800.0, 640.0, 360.0]), (1280, 720))
 
 @pytest.mark.parametrize("in_pixels", [True, False])
 def test_points_are_explained_by_their_squares(in_pixels):
-    """Over sigma: infinite behind the camera and where they weigh nothing, nothing where not seen, up to the limit."""
+    """Squares are over sigma, infinite behind the camera or without weight, zero if unseen, and limited in the cost."""
     of = plain(in_pixels, [[True, True, True], [False, True, False]])
     found = explain_views(of, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0)
     squares = [36.0, 144.0, np.inf] if in_pixels else [0.04, 0.45, 0.0]
@@ -180,8 +186,8 @@ def test_points_are_explained_by_their_squares(in_pixels):
     np.testing.assert_allclose(drawn.cost - found.cost, [1.0, 12.0])
 
 
-def test_a_prior_adds_to_what_a_view_says():
-    """Squares, half their derivative, and their information; of views taken the priors are theirs."""
+def test_prior_is_added_to_a_view():
+    """Squares, half their derivative, and their information are added. A selection of views has its own priors."""
     of, information = (
         plain(False, [[True] * 3] * 2),
         np.diag([1.0, 2, 3, 4, 5, 6])[None] * np.array([1.0, 2.0])[:, None, None],
@@ -197,8 +203,8 @@ def test_a_prior_adds_to_what_a_view_says():
     np.testing.assert_allclose(second.cost, both.cost[1:])
 
 
-def test_the_cheaper_of_two_counts():
-    """View by view; the first where they are alike."""
+def test_better_agreement_is_chosen_for_each_view():
+    """The one with the smaller cost is chosen, and the first if costs are equal."""
     of = plain(False, [[True] * 3] * 3)
     one = explain_views(of, SE3.exp(np.array([[0.0] * 6, [0.1] * 6, [0.0] * 6])), None, 40.0)
     two = explain_views(of, SE3.exp(np.array([[0.1] * 6, [0.0] * 6, [0.0] * 6])), None, 40.0)
@@ -211,8 +217,8 @@ def test_the_cheaper_of_two_counts():
     np.testing.assert_array_equal(better.squares, [one.squares[0], two.squares[1], one.squares[2]])
 
 
-def test_the_best_of_several_poses_is_taken():
-    """For each view its own, whatever is no number; fitted to the points that agree."""
+def test_best_of_several_poses_is_taken():
+    """Each view has its own best pose, NaN poses are ignored, and the pose is refitted to the agreeing points."""
     points = np.random.default_rng(0).standard_normal((6, 3))
     seen, weight = np.ones((2, 6), dtype=bool), np.full((2, 6), 100.0)
     of = PointMeasurement(points, np.tile(points, (2, 1, 1)), seen, weight, weight)
@@ -224,8 +230,8 @@ def test_the_best_of_several_poses_is_taken():
     assert found.points.all()
 
 
-def test_as_many_hypotheses_at_once_as_memory_has_room_for():
-    """Fifty thousand points, one hypothesis at least; all of views without points."""
+def test_chunks_of_hypotheses_are_limited_by_memory():
+    """A chunk has fifty thousand points, but at least one hypothesis. Views without points form one chunk."""
     assert list(ransac._chunks(5, 10, 2500)) == [slice(0, 2), slice(2, 4), slice(4, 5)]
     assert list(ransac._chunks(2, 100, 2500)) == [slice(0, 1), slice(1, 2)]
     assert list(ransac._chunks(3, 0, 10)) == [slice(0, 3)]
@@ -233,15 +239,15 @@ def test_as_many_hypotheses_at_once_as_memory_has_room_for():
 
 
 @pytest.mark.parametrize(("points", "left"), [(1, []), (2, [1, 1]), (3, [2, 2, 2, 1, 1, 1])])
-def test_of_fewest_points_some_are_left(points, left):
-    """One at least."""
+def test_subsets_of_fewest_points(points, left):
+    """At least one point is left."""
     found = ransac._subsets(np.ones((1, points), dtype=bool))
     assert found.shape == (len(left), 1, points)
     assert found.sum(-1).ravel().tolist() == left
 
 
-def test_closed_form_poses_are_those_of_the_points_taken(monkeypatch):
-    """Of boards of many points alone; where it finds none it is where the view may be."""
+def test_closed_form_poses_use_the_subset(monkeypatch):
+    """They are used only for boards with many points, and if there is none, the expected pose is used."""
     problem, state, true = truth_of(Scenario(samples=3, pixel_px=0.01), 0)
     measurement, camera = problem.groups[0].measurement, state.cameras["wrist"]
     subsets = np.zeros((6, 36), dtype=bool)
@@ -261,8 +267,8 @@ def test_closed_form_poses_are_those_of_the_points_taken(monkeypatch):
     assert len(asked) == 1
 
 
-def test_views_are_fitted_until_none_of_their_points_changes_sides():
-    """From poses a little off, with points thrown by some sigmas: another fit to those that agree keeps them."""
+def test_views_are_refitted_until_points_are_stable():
+    """From poses slightly off, with points off by some sigmas, another fit to the agreeing points changes nothing."""
     problem, state, true = truth_of(Scenario(samples=30), 0)
     rng = np.random.default_rng(1)
     pixels = problem.groups[0].measurement.pixels

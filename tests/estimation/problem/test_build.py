@@ -1,4 +1,4 @@
-"""From a recording to arrays: joints stand for poses, stops are told apart, what is lacking is said."""
+"""Tests of building a problem from a recording: joints as poses, stops, and reports of missing data."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ from basecal.simulation import Scenario, simulate
 URDF = Path(__file__).parents[2] / "data" / "urdf" / "six_axis.urdf"
 
 
-def test_joints_stand_for_the_poses_they_give():
-    """A hand recorded by joints is the hand recorded by the forward kinematics of these joints."""
+def test_joints_give_poses_by_forward_kinematics():
+    """A hand recorded by joints equals the hand recorded by the forward kinematics of these joints."""
     chain = read_chain(URDF, "base_link", "tool0")
     s = simulate(Scenario(samples=6), seed=0)
     joints = np.random.default_rng(0).uniform(-1, 1, (6, chain.n))
@@ -72,8 +72,8 @@ def _at_poses(order: list[int], jitter_m: float = 0.0) -> Problem:
 
 
 @pytest.mark.parametrize("jitter_m", [0.0, 5e-5])
-def test_a_stop_is_a_place(jitter_m):
-    """Poses that agree within what reading back makes of them are one stop, whenever they were taken."""
+def test_poses_within_readback_noise_are_one_stop(jitter_m):
+    """Poses that agree within readback noise are one stop, whenever they were recorded."""
     (group,) = _at_poses([0, 0, 1, 1, 0, 2], jitter_m).groups
     assert (group.eye.stop - group.eye.stop[0]).tolist() == [0, 0, 1, 1, 0, 2]
     assert len(set(group.hand.stop.tolist())) == 1
@@ -81,7 +81,7 @@ def test_a_stop_is_a_place(jitter_m):
 
 
 def test_copied_rows_count_once():
-    """A view that says the same as an earlier one in the same place is left out and named; other noise is not."""
+    """A view equal to an earlier one in the same place is left out and reported. One with other noise is not."""
     s = simulate(Scenario(samples=6), seed=0)
     first, second = s.recording.samples[:2]
     again = replace(second, sample=7, robots=first.robots)
@@ -91,8 +91,8 @@ def test_copied_rows_count_once():
     assert [(f.code, f.about) for f in findings] == [("duplicate-samples", ("6",))]
 
 
-def test_a_view_without_a_robots_pose_is_left_out_and_said():
-    """The sample is named, and the others are used."""
+def test_view_without_a_robot_pose_is_reported():
+    """The view is left out with its sample named, and the others are used."""
     s = simulate(Scenario(samples=5), seed=0)
     without = replace(s.recording.samples[2], robots={"eye": s.recording.samples[2].robots["eye"]})
     samples = (*s.recording.samples[:2], without, *s.recording.samples[3:])
@@ -103,8 +103,11 @@ def test_a_view_without_a_robots_pose_is_left_out_and_said():
     assert "no pose of hand" in finding.message
 
 
-def test_samples_go_by_time_and_of_two_with_a_number_the_first_stays():
-    """Stamps order samples where all have one, else numbers do."""
+def test_samples_are_ordered_by_time_and_duplicates_removed():
+    """Time stamps order samples if all have one, else numbers do.
+
+    The first of two samples with equal numbers is kept.
+    """
     timed = tuple(Sample(k, stamp_s=t) for k, t in ((0, 3.0), (1, 1.0), (2, 2.0)))
     assert [x.sample for x in canonical_order(timed)] == [1, 2, 0]
     assert [x.sample for x in canonical_order((Sample(2), Sample(1, stamp_s=9.0), Sample(0)))] == [0, 1, 2]
@@ -114,8 +117,8 @@ def test_samples_go_by_time_and_of_two_with_a_number_the_first_stays():
     assert canonical_order((late, early, middle)) == (early, middle)
 
 
-def test_one_camera_may_see_pixels_and_points_of_one_target():
-    """Kinds of measurement of the same pair are separate groups on the same unknowns."""
+def test_camera_may_see_pixels_and_points_of_one_target():
+    """Measurement types of the same pair are separate groups with the same unknowns."""
     s = simulate(Scenario(samples=4), seed=0)
     seen = s.recording.samples[0].observations[0]
     assert isinstance(seen, PixelObservation)
@@ -138,8 +141,8 @@ def _by_joints_where(made, has_joints, noise=None):
     return cell, Recording(samples), chain.forward(joints)
 
 
-def test_some_samples_may_have_joints_and_others_poses():
-    """Each flange is where its own sample says; the joints of all are known only where all have them."""
+def test_samples_may_mix_joints_and_poses():
+    """Each flange is given by its own sample, and joints are known only if all samples have them."""
     made = simulate(Scenario(samples=5), seed=0)
     has_joints = [True, False, True, True, False]
     cell, recording, forward = _by_joints_where(made, has_joints)
@@ -157,8 +160,8 @@ def test_some_samples_may_have_joints_and_others_poses():
     assert whole.groups[0].hand.joints.shape == (5, 6)
 
 
-def test_a_pose_that_is_recorded_beside_joints_counts():
-    """What the robot's controller says comes before what its kinematics say."""
+def test_recorded_pose_has_priority_over_joints():
+    """The pose of the robot's controller is used before its kinematics."""
     made = simulate(Scenario(samples=4), seed=0)
     cell, recording, _ = _by_joints_where(made, [True] * 4)
     poses = [sample.robots["hand"].base_from_flange for sample in made.recording.samples]
@@ -172,15 +175,15 @@ def test_a_pose_that_is_recorded_beside_joints_counts():
 
 
 def test_joints_without_kinematics_are_refused():
-    """The robot is named."""
+    """The error names the robot."""
     made = simulate(Scenario(samples=4), seed=0)
     _, recording, _ = _by_joints_where(made, [False, False, True, False])
     with pytest.raises(InputError, match="robot 'hand' is recorded by joints and has no urdf"):
         build_problem(made.cell, recording)
 
 
-def test_parameters_need_kinematics_and_joints_in_every_sample():
-    """Both kinds asked for are named; one that is fixed asks nothing, nor does a robot that no camera sees."""
+def test_parameters_need_kinematics_and_all_joints():
+    """The error names both requested parameters. A fixed parameter, or a robot without views, needs nothing."""
     made = simulate(Scenario(samples=4), seed=0)
     asked = {
         "joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01),
@@ -206,8 +209,8 @@ def test_parameters_need_kinematics_and_joints_in_every_sample():
 
 
 @pytest.mark.parametrize(("lacking", "shown"), [(10, ", 8, 9"), (11, ", 8, 9, ...")])
-def test_the_first_ten_samples_left_out_are_named(lacking, shown):
-    """And that there are more; all of them are in the finding."""
+def test_first_ten_excluded_samples_are_named(lacking, shown):
+    """The message shows that there are more, and the finding lists all of them."""
     made = simulate(Scenario(samples=14), seed=0)
     samples = [
         replace(sample, robots={"eye": sample.robots["eye"]}) if k < lacking else sample
@@ -222,8 +225,8 @@ def test_the_first_ten_samples_left_out_are_named(lacking, shown):
 
 
 @pytest.mark.parametrize("shape", ["board", "none"])
-def test_candidates_for_several_lights_are_left_out(shape):
-    """Which spot is which point nothing tells, of a target of several points nor of one without a kind."""
+def test_candidates_for_several_leds_are_left_out(shape):
+    """Spots cannot be assigned to points of a target with several points, nor to one without a kind."""
     made = simulate(Scenario(samples=5, target="points" if shape == "board" else "pose"), seed=0)
     (board,) = made.cell.targets.values()
     spots = CandidateObservation("wrist", board.name, np.array([[100.0, 200.0], [300.0, 50.0]]))
@@ -235,7 +238,7 @@ def test_candidates_for_several_lights_are_left_out(shape):
 
 
 def test_only_robots_with_noise_have_stops():
-    """Zero sigmas are none; stops are numbered on from robot to robot, with the sigmas of each."""
+    """Zero sigmas count as none. Stops are numbered across robots, with the sigmas of each."""
     made = simulate(Scenario(samples=3, robot_noise=(1e-3, 2e-3)), seed=0)
     eye, hand = made.cell.robots["eye"], made.cell.robots["hand"]
     for first, second, stops in (
@@ -255,8 +258,8 @@ def test_only_robots_with_noise_have_stops():
         assert sorted(group.eye.stop_number) == sorted(group.hand.stop_number) == [0, 1, 2]
 
 
-def test_columns_follow_one_another():
-    """Six of a transform that is not fixed, three of a light's mount, and four and the terms of a lens."""
+def test_columns_are_consecutive():
+    """A transform that is not fixed has six, an LED's mount three, and a lens four plus its terms."""
     made = simulate(Scenario(samples=4, target="led", intrinsics="free", camera_mount="fixed"), seed=0)
     problem, _ = build_problem(made.cell, made.recording)
     widths = {name: where.stop - where.start for name, where in problem.columns.items()}
@@ -268,8 +271,8 @@ def test_columns_follow_one_another():
     assert problem.lenses == {}
 
 
-def test_what_no_robot_carries_stays_where_it_is():
-    """A board on the world: its flange is the world, which has neither stops nor joints nor a base."""
+def test_world_fixed_target_has_no_robot():
+    """The flange of a board on the world is the world, without stops, joints or a base."""
     made = simulate(Scenario(samples=4, layout="eye_in_hand", robot_noise=(1e-3, 1e-3)), seed=0)
     (group,) = build_problem(made.cell, made.recording)[0].groups
     assert (group.eye.robot, group.hand.robot, group.eye.base, group.hand.base, group.hand.joints) == (
@@ -281,8 +284,8 @@ def test_what_no_robot_carries_stays_where_it_is():
     assert sorted(group.eye.stop) == sorted(group.eye.stop_number) == [0, 1, 2, 3]
 
 
-def test_joints_at_which_a_robot_was_seen_are_each_there_once():
-    """Of all groups in which it carries something; those of another robot are not its own."""
+def test_recorded_joints_are_unique():
+    """They are from all groups in which the robot carries something, without those of other robots."""
     first, second = np.array([[0.1, 0.2], [0.1, 0.2], [0.3, 0.2]]), np.array([[0.3, 0.2], [0.0, 1.0]])
     groups = views(end("a", joints=first), end("b", joints=first + 9)), views(end("c"), end("a", joints=second))
     np.testing.assert_array_equal(recorded_joints(problem_of(*groups), "a"), [[0.0, 1.0], [0.1, 0.2], [0.3, 0.2]])
@@ -295,8 +298,11 @@ def test_joints_at_which_a_robot_was_seen_are_each_there_once():
     (["zb"], "a", (True, True)), (["zb"], "b", (True, False)), (["zb"], "c", (True, True)),
     (["xw"], "a", (False, True)), (["xw"], "b", (True, True)), (["xw"], "c", (True, True)),
 ])  # fmt: skip
-def test_what_hangs_on_one_robot_does_not_hold_another(held, robot, ends):
-    """Robots b and c before the camera of a, the reference, and b before one on the world, of which some are known."""
+def test_free_ends_depend_on_connected_transforms(held, robot, ends):
+    """Robots b and c are seen by the camera of a, the reference, and b by one on the world.
+
+    Some transforms are known.
+    """
     groups = [
         views(end(eye, mount=camera), end(hand, mount=target, base=base))
         for eye, hand, base, camera, target in (
@@ -307,8 +313,8 @@ def test_what_hangs_on_one_robot_does_not_hold_another(held, robot, ends):
     assert free_ends(problem_of(*groups, unknowns=unknowns), robot) == ends
 
 
-def test_a_robot_that_was_never_recorded_made_no_stop():
-    """Whether its noise is stated or not; and only robots with kinematics have a chain."""
+def test_unrecorded_robot_has_no_stop():
+    """An unrecorded robot has no stop with or without stated noise, and only robots with kinematics have a chain."""
     made = simulate(Scenario(samples=3), seed=0)
     cell, recording, _ = _by_joints_where(made, [True] * 3)
     for noise in (None, np.full(6, 1e-3)):
@@ -320,8 +326,8 @@ def test_a_robot_that_was_never_recorded_made_no_stop():
 
 
 @pytest.mark.parametrize("seen_as", ["chessboard", "pose"])
-def test_views_of_a_chessboard_have_its_half_turn(seen_as):
-    """Measured as poses they have none: nothing is to be read in two ways."""
+def test_chessboard_views_have_a_half_turn(seen_as):
+    """Chessboards measured as poses have none, because they have only one reading."""
     board = simulate(Scenario(samples=3, target="chessboard"), 0).cell.targets["board"].target
     made = simulate(Scenario(samples=3, target=seen_as), 0)
     targets = {"board": replace(made.cell.targets["board"], target=board)}
@@ -334,8 +340,8 @@ def test_views_of_a_chessboard_have_its_half_turn(seen_as):
 
 
 @pytest.mark.parametrize("target", ["charuco", "points3d", "pose"])
-def test_contents_are_equal_for_copies_alone(target):
-    """Another view, another stop, another number in the last bit, is another content."""
+def test_view_contents_are_equal_for_copies_only(target):
+    """Another view, another stop, or a difference in the last bit is another content."""
     made = simulate(Scenario(samples=3, target=target), 0)
     first, second = (s.observations[0] for s in made.recording.samples[:2])
     assert view_content(first, (0, 1)) == view_content(replace(first), (0, 1))
@@ -347,7 +353,7 @@ def test_contents_are_equal_for_copies_alone(target):
 
 
 def test_many_copies_are_listed_up_to_ten():
-    """The count is told whole, and nothing is said of none."""
+    """The full count is reported, and there is no finding without copies."""
     assert repeated_views([]) == []
     (finding,) = repeated_views(list(range(12)))
     assert finding.code == "duplicate-samples"
@@ -362,8 +368,8 @@ def test_many_copies_are_listed_up_to_ten():
     assert ten.about == tuple("0123456789")
 
 
-def test_contents_of_pixels_have_their_ids():
-    """The same pixels under other ids, or without any, are another content; so are those of another target."""
+def test_view_contents_include_ids():
+    """The same pixels with other ids, without ids, or of another target are another content."""
     pixels = np.array([[1.0, 2.0], [3.0, 4.0]])
     seen = PixelObservation("eye", "board", np.array([0, 1]), pixels)
     others = [

@@ -1,4 +1,4 @@
-"""Views that can be read in several ways end up read as all of them together say."""
+"""Tests of choosing among several readings of views by their joint prediction."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def turned_round(sample):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_chessboards_read_from_either_end_are_sorted_out(seed):
-    """With each view's corners numbered from a random end, the bases are those of the consistently numbered views."""
+def test_chessboards_read_from_either_end_are_resolved(seed):
+    """With each view numbered from a random end, the bases equal those of consistently numbered views."""
     s = simulate(Scenario(target="chessboard", spread_rad=0.4), seed)
     flips = np.random.default_rng(seed).random(len(s.recording.samples)) < 0.5
     mixed = tuple(turned_round(x) if f else x for x, f in zip(s.recording.samples, flips, strict=True))
@@ -40,8 +40,8 @@ def test_chessboards_read_from_either_end_are_sorted_out(seed):
 
 
 @pytest.mark.parametrize("mounts", ["fixed", "free"])
-def test_the_light_is_found_among_reflections(mounts):
-    """Where a third of the views list a reflection first, the answer is still that of the light alone."""
+def test_led_is_found_among_reflections(mounts):
+    """If a third of the views list a reflection first, the result is still that of the LED alone."""
     scenario = Scenario(target="led", camera_mount=mounts, target_mount=mounts, samples=40)
     s = simulate(scenario, 1)
     rng = np.random.default_rng(1)
@@ -57,8 +57,8 @@ def test_the_light_is_found_among_reflections(mounts):
     assert all(off(found.state.transforms[n], t) < 1e-7 for n, t in clean.state.transforms.items())
 
 
-def test_half_turn_maps_the_grid_onto_itself_backwards():
-    """Point k of a turned chessboard is point n - 1 - k; a ChArUco board has no half turn."""
+def test_half_turn_reverses_the_grid():
+    """Point k of a turned chessboard is point n - 1 - k, and a ChArUco board has no half turn."""
     board = chessboard_target((5, 4), 0.03)
     target_from_turned = half_turn(board)
     np.testing.assert_allclose(target_from_turned @ board.points, board.points[::-1], atol=1e-15)
@@ -68,8 +68,11 @@ def test_half_turn_maps_the_grid_onto_itself_backwards():
 
 
 @pytest.mark.parametrize("detected", [False, True])
-def test_each_view_is_read_as_the_state_predicts(detected):
-    """All that is a point's own goes with it, 1 / sigma, weight and detected shares among it; the others stay."""
+def test_views_are_read_as_the_state_predicts(detected):
+    """All values of a point are reversed with it: 1 / sigma, weight and detected shares.
+
+    The other views are unchanged.
+    """
     made = simulate(Scenario(samples=6, target="chessboard", spread_rad=0.3), 3)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups

@@ -1,4 +1,4 @@
-"""Gauges are found in where the flange went: which parameters a recording cannot tell from what else is free."""
+"""Tests of gauges from recorded flange poses: parameters that cannot be separated from other free transforms."""
 
 from __future__ import annotations
 
@@ -40,45 +40,51 @@ def links_told(arm, joints, ends, **beside):
 
 
 @pytest.mark.parametrize("ends", ENDS)
-def test_ends_that_are_free_take_up_the_first_and_the_last_joint(arm, joints, ends):
-    """The first turns the arm as its base does, the last as what it carries; others are told."""
+def test_free_ends_absorb_the_first_and_last_joint(arm, joints, ends):
+    """The offset of the first joint equals a change of the base, that of the last a change of the mount.
+
+    The others are determined.
+    """
     held = {0} if ends[0] else set()
     held |= {5} if ends[1] else set()
     assert set(range(6)) - set(offsets_told(arm, joints, ends)) == held
 
 
-def test_a_joint_that_never_moved_hands_its_gauge_on(arm, joints):
-    """With the first joint still, the second turns about an axis that stands in the base, too; likewise at the end."""
+def test_still_joint_passes_its_gauge_on(arm, joints):
+    """If the first joint is still, the second rotates about an axis fixed in the base, too.
+
+    The same holds at the end.
+    """
     turntable = joints * np.array([0, 1, 1, 1, 1, 1]) + 0.3
     assert offsets_told(arm, turntable, (True, False)) == [2, 3, 4, 5]
     assert offsets_told(arm, turntable, (False, False)) == [0, 1, 2, 3, 4, 5]
     assert offsets_told(arm, joints * np.array([1, 1, 1, 1, 1, 0]), (False, True)) == [0, 1, 2, 3]
 
 
-def test_a_prior_keeps_what_is_gauge(arm, joints):
-    """Along a gauge the answer is the prior's then."""
+def test_prior_keeps_gauge_parameters(arm, joints):
+    """Along a gauge, the result is that of the prior."""
     stated = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
     columns = robot_model("hand", arm, stated, joints, (True, True)).columns["joint_offsets"]
     np.testing.assert_array_equal(columns.basis, np.eye(6))
 
 
-def test_of_joints_in_one_gauge_the_first_is_held():
-    """Two that move the flange alike, one that moves it otherwise: the first of the pair goes."""
+def test_first_joint_of_a_gauge_is_held():
+    """Two joints move the flange equally and one differently: the first of the pair is held."""
     moves = np.random.default_rng(0).standard_normal((8, 6, 3))
     moves[..., 2] = moves[..., 1]
     assert determined_joints(moves, np.zeros((8, 6, 0))).tolist() == [0, 2]
 
 
 @pytest.mark.parametrize(("size", "told"), [(2.0, 1), (0.5, 0)])
-def test_motions_as_small_as_noise_tell_nothing(size, told):
-    """Twice and half the rms below which a motion counts for none; half a metre counts as a radian."""
+def test_motions_within_noise_determine_nothing(size, told):
+    """Twice and half the rms limit of motion are tested, with half a metre as a radian."""
     moves = np.zeros((4, 6, 1))
     moves[:, 0, 0] = 0.5 * size * LEAST_RMS_RAD
     assert determined_directions(moves, np.zeros((4, 6, 0))).shape == (1, told)
 
 
-def test_what_others_take_up_is_not_counted(rng):
-    """Moves that are sums of others and of a rest have the squares of the rest alone."""
+def test_independent_moves_exclude_those_of_others(rng):
+    """Moves that are sums of others and a remainder have the squares of the remainder alone."""
     others, rest = rng.standard_normal((20, 6, 3)), np.zeros((20, 6, 1))
     rest[:, 4] = rng.standard_normal((20, 1))
     flat = others.reshape(120, 3) / np.tile([0.5] * 3 + [1.0] * 3, 20)[:, None]
@@ -89,8 +95,11 @@ def test_what_others_take_up_is_not_counted(rng):
     np.testing.assert_allclose(np.abs(found.vectors), 1)
 
 
-def test_ends_move_the_flange_as_base_and_mounts_do(arm, joints):
-    """A twist of the base by the adjoint, in units of half a metre and a radian; nothing where neither is free."""
+def test_end_moves_equal_base_and_mount_moves(arm, joints):
+    """A twist of the base is transformed by the adjoint, in units of half a metre and a radian.
+
+    Without free ends there is none.
+    """
     flange = arm.forward(joints)
     moves = end_moves(flange, (True, True))
     np.testing.assert_allclose(moves[..., :3], 0.5 * flange.inverse().adjoint()[..., :3], atol=1e-15)
@@ -98,14 +107,14 @@ def test_ends_move_the_flange_as_base_and_mounts_do(arm, joints):
     assert end_moves(flange, (False, False)).shape == (30, 6, 0)
 
 
-def test_links_that_pass_through_joints_are_no_columns(arm, joints):
-    """Two gauges a joint without free ends, and as many columns as a free base and mounts leave with them."""
+def test_link_gauges_through_joints_have_no_columns(arm, joints):
+    """Each joint has two gauges without free ends. A free base and free mounts remove further columns."""
     counts = [links_told(arm, joints, ends).shape[1] for ends in ENDS]
     assert counts == [42 - 12, 42 - 12 - 6, 42 - 12 - 6, 18]
 
 
-def test_what_a_free_base_and_mounts_take_up_is_no_link_error(arm, joints):
-    """The 18 columns left and the two transforms span all that the 42 and the transforms do."""
+def test_link_columns_and_free_ends_span_all_errors(arm, joints):
+    """The remaining 18 columns and the two transforms span the same space as the 42 and the transforms."""
     basis = links_told(arm, joints, (True, True))
     links, poses = arm.posture(joints).link_derivative, arm.forward(joints)
     ends = np.concatenate([poses.inverse().adjoint(), np.broadcast_to(np.eye(6), (30, 6, 6))], -1)
@@ -114,8 +123,11 @@ def test_what_a_free_base_and_mounts_take_up_is_no_link_error(arm, joints):
     assert np.linalg.matrix_rank(kept) == 30 == np.linalg.matrix_rank(every)
 
 
-def test_links_are_the_smallest_that_do_the_same(arm, joints):
-    """Half a metre counting as a radian, no column has a part along a gauge such as a turn about a joint's axis."""
+def test_link_columns_have_minimum_norm(arm, joints):
+    """No column has a component along a gauge, such as a rotation about a joint's axis.
+
+    Half a metre counts as a radian.
+    """
     basis = links_told(arm, joints, (False, False)) / np.tile([0.5] * 3 + [1.0] * 3, 7)[:, None]
     np.testing.assert_allclose(basis.T @ basis, np.eye(30), atol=1e-12)
     passed = np.zeros(42)
@@ -125,14 +137,14 @@ def test_links_are_the_smallest_that_do_the_same(arm, joints):
     np.testing.assert_allclose(basis.T @ (passed / np.tile([0.5] * 3 + [1.0] * 3, 7)), 0, atol=1e-6)
 
 
-def test_offsets_beside_links_take_up_turns_about_the_axes(arm, joints):
-    """One column less a joint but for those that the free ends took up already."""
+def test_joint_offsets_replace_link_rotations_about_axes(arm, joints):
+    """Links have one column less for each joint, except those that the free ends already absorb."""
     alone, beside = links_told(arm, joints, (True, True)), links_told(arm, joints, (True, True), **OFFSETS)
     assert alone.shape[1] - beside.shape[1] == 4
 
 
-def test_a_compliance_under_a_torque_that_never_changes_is_an_offset(arm, joints):
-    """About an upright first axis gravity has no torque, nor about the last, on which its mass lies."""
+def test_compliance_with_constant_torque_is_an_offset(arm, joints):
+    """Gravity has no torque about a vertical first axis, nor about the last, on which its mass lies."""
     free = deflection.Stated(status="free")
     kept = robot_model("hand", arm, {**OFFSETS, "deflection": free}, joints).columns["deflection"].basis.argmax(axis=0)
     assert kept.tolist() == [1, 2, 3, 4]
@@ -140,16 +152,19 @@ def test_a_compliance_under_a_torque_that_never_changes_is_an_offset(arm, joints
 
 @pytest.mark.parametrize("count", [1, 4])
 @pytest.mark.parametrize(("size", "left"), [(0.5, 1.0), (2.0, 0.0)])
-def test_others_as_small_as_noise_take_up_nothing(size, left, count):
-    """Half and twice the rms below which their motion counts for none, along the very same way."""
+def test_negligible_moves_of_others_absorb_nothing(size, left, count):
+    """Half and twice the rms limit of motion are tested, along the same direction."""
     moves = np.zeros((count, 6, 1))
     moves[:, 4, 0] = 1.0
     found = independent_moves(moves, size * LEAST_RMS_RAD * moves)
     np.testing.assert_allclose(found.values, [left], atol=1e-9)
 
 
-def test_of_each_gauge_among_joints_one_is_held():
-    """Two pairs that move the flange alike: the first of each; and all of three of which any two make the third."""
+def test_one_joint_of_each_gauge_is_held():
+    """Two pairs of joints move the flange equally: the first of each is held.
+
+    Of three dependent joints, one is held.
+    """
     moves = np.random.default_rng(0).standard_normal((8, 6, 4))
     moves[..., 1], moves[..., 3] = 2.0 * moves[..., 0], moves[..., 2]
     told = determined_joints(moves, np.zeros((8, 6, 0)))
@@ -162,16 +177,16 @@ def test_of_each_gauge_among_joints_one_is_held():
 LINE = {"socket_1": [0.0, 0.0, 0.0], "socket_2": [0.0, 0.05, 0.0]}
 
 
-def test_the_rotation_about_the_line_is_held():
-    """Of a line along y that about y alone; of a plate of three marks nothing."""
+def test_rotation_about_a_line_of_marks_is_held():
+    """For marks along y, the rotation about y is held, and for a plate of three marks nothing is."""
     cell = touch_cell((), marks={"plate": {"points_m": LINE}, "wide": {"points_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]}})
     held = held_gauges(cell, ())
     assert held["eye_base_from_plate"].tolist() == [0, 0, 0, 0, 1, 0]
     assert "eye_base_from_wide" not in held
 
 
-def test_an_arm_by_a_plate_of_two_sockets():
-    """One arm that touches two sockets: good, and the tip and the sockets are where they are."""
+def test_arm_is_calibrated_by_two_sockets():
+    """One arm that touches two sockets has a good verdict and a correct tip."""
     cell = touch_cell((), marks={"plate": {"points_m": LINE}}, robots={"eye": {"noise": NOISE}}, tips=TIP)
     marks = {name: np.array([0.4, 0.1, 0.2]) + at for name, at in LINE.items()}
     lines = [line for line in touch_lines(np.random.default_rng(0), 48, 1e-4, marks) if "eye" in line["robots"]]
@@ -191,8 +206,8 @@ def _of_a_point(status: str = "free") -> tuple[Cell, Recording]:
     return replace(made.cell, targets={"board": board}), made.recording
 
 
-def test_orientation_of_a_point_that_was_measured_as_poses_counts():
-    """Its mount has six columns, and the answer is that of a target of no kind."""
+def test_point_measured_as_poses_has_an_orientation():
+    """Its mount has six columns, and the result equals that of a target without a kind."""
     cell, recording = _of_a_point()
     solution = solve(cell, recording)
     assert solution.problem.point_mounts == frozenset()
@@ -203,14 +218,14 @@ def test_orientation_of_a_point_that_was_measured_as_poses_counts():
 
 
 @pytest.mark.parametrize("status", ["fixed", "prior"])
-def test_a_stated_mount_of_a_point_has_no_orientation_for_poses(status):
+def test_stated_point_mount_has_no_orientation_for_poses(status):
     """The error says what to leave out."""
     with pytest.raises(InputError, match="Leave out its `kind`"):
         build_problem(*_of_a_point(status))
 
 
 @pytest.mark.parametrize(("target", "points"), [("led", {"hand_flange_from_board"}), ("points", set())])
-def test_a_light_is_a_point(target, points):
-    """The mount of a single light is a point; that of several points is none."""
+def test_single_led_is_a_point(target, points):
+    """The mount of a single LED is a point, that of several points is not."""
     made = simulate(Scenario(samples=8, target=target), seed=0)
     assert build_problem(made.cell, made.recording)[0].point_mounts == points

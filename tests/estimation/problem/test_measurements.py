@@ -1,4 +1,4 @@
-"""Observations as arrays: sigmas stated, detected and in common, and the ways in which views may be read."""
+"""Tests of observations as arrays: stated, detected and shared sigmas, and alternative readings."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
-def test_a_stated_sigma_is_kept_and_a_detected_one_weighs():
-    """Of two points, detected 0.1 and 0.3 px apart from the median 0.2 px, one counts twice, one two thirds."""
+def test_stated_sigma_is_kept_and_detected_sigma_is_a_weight():
+    """Two points have detected sigmas of 0.1 and 0.3 px around the median 0.2 px.
+
+    One has twice the weight, one two thirds.
+    """
     cell = replace(simulate(Scenario(samples=4), seed=0).cell, pixel_px=None)
     stated = PixelObservation("wrist", "board", np.array([0, 2]), np.ones((2, 2)), np.array([0.1, 0.3]))
     of_detector = replace(stated, detected=True)
@@ -27,16 +30,19 @@ def test_a_stated_sigma_is_kept_and_a_detected_one_weighs():
     assert measurement.common_px == 0.0
 
 
-def test_poses_state_a_sigma_or_none():
-    """1 / sigma of each freedom where it was stated, zero where it was not."""
+def test_poses_may_state_a_sigma():
+    """The array has 1 / sigma of each freedom if stated, else zero."""
     cell = simulate(Scenario(samples=4, target="pose"), seed=0).cell
     seen = [PoseObservation("wrist", "board", SE3.identity(), sigma) for sigma in (None, np.full(6, 0.25))]
     measurement = make_measurement(cell, "wrist", "board", "PoseObservation", seen)
     np.testing.assert_array_equal(measurement.stated, [[0.0] * 6, [4.0] * 6])
 
 
-def test_points_of_a_target_without_a_kind_are_refused():
-    """And pixels of a camera without a lens; each says what is missing."""
+def test_points_without_a_target_kind_are_refused():
+    """Points of a target without a kind, and pixels of a camera without a lens, are refused.
+
+    Each error says what is missing.
+    """
     cell = simulate(Scenario(samples=4), seed=0).cell
     (board,), (wrist,) = cell.targets.values(), cell.cameras.values()
     with pytest.raises(InputError, match="'board' is seen as points and has no `kind`"):
@@ -45,7 +51,7 @@ def test_points_of_a_target_without_a_kind_are_refused():
         make_measurement(replace(cell, cameras={"wrist": replace(wrist, intrinsics=None)}), "wrist", "board", "P", [])
 
 
-def test_an_error_in_common_needs_the_noise_of_single_points():
+def test_shared_error_needs_the_noise_of_single_points():
     """`correlated_px` without `pixel_px` is an error, and with it reaches the measurement."""
     s = simulate(Scenario(samples=4, correlated_px=0.3), seed=0)
     problem, _ = build_problem(s.cell, s.recording)
@@ -55,8 +61,8 @@ def test_an_error_in_common_needs_the_noise_of_single_points():
 
 
 @pytest.mark.parametrize(("spots", "readings"), [(1, 0), (2, 2), (3, 3)])
-def test_candidates_are_read_in_as_many_ways(spots, readings):
-    """Each spot of a view may be the light; of one there is no choice, and none where corners were seen."""
+def test_candidates_have_one_reading_each(spots, readings):
+    """Each spot of a view may be the LED. A single spot has no alternative, and corners have none."""
     s = simulate(Scenario(samples=4, target="led"), seed=0)
     samples = []
     for sample in s.recording.samples:
@@ -71,8 +77,8 @@ def test_candidates_are_read_in_as_many_ways(spots, readings):
     assert build_problem(board.cell, board.recording)[0].groups[0].readings == ()
 
 
-def test_3d_points_stand_in_the_rows_of_their_ids():
-    """With 1 / sigma where it was stated; what was not seen has neither place nor weight."""
+def test_3d_points_are_in_rows_of_their_ids():
+    """They have 1 / sigma if stated, and unseen points have neither a position nor a weight."""
     cell = simulate(Scenario(samples=4, target="points3d"), seed=0).cell
     (board,) = cell.targets.values()
     rng, ids = np.random.default_rng(0), board.target.ids
@@ -87,8 +93,8 @@ def test_3d_points_stand_in_the_rows_of_their_ids():
     np.testing.assert_array_equal(measurement.points_in_target, board.target.points)
 
 
-def test_detected_sigmas_are_shares_of_the_cells():
-    """Of 0.5 px: a point detected as twice the median has half its weight, what states a sigma keeps its own."""
+def test_detected_sigmas_are_relative_to_the_cells():
+    """With 0.5 px, a point detected at twice the median has half the weight, and stated sigmas are kept."""
     cell = replace(simulate(Scenario(samples=4), seed=0).cell, pixel_px=0.5)
     pixels = np.ones((3, 2))
     detected = PixelObservation(
@@ -102,8 +108,11 @@ def test_detected_sigmas_are_shares_of_the_cells():
     assert make_measurement(cell, "wrist", "board", "PixelObservation", [plain, stated]).relative is None
 
 
-def test_views_of_fewer_spots_are_read_by_their_first():
-    """Of three, one and two spots there are three readings, each spot with its own sigma; of ten no more than eight."""
+def test_views_with_fewer_spots_repeat_their_first():
+    """With three, one and two spots there are three readings, each spot with its own sigma.
+
+    With ten spots there are at most eight.
+    """
     cell = simulate(Scenario(samples=4, target="led"), seed=0).cell
     spots = np.arange(20.0).reshape(10, 2)
     (light,) = cell.targets.values()
@@ -131,8 +140,8 @@ def test_views_of_fewer_spots_are_read_by_their_first():
     assert [reading.pixels[:, 0, 0].tolist() for reading in readings] == [[0, 18], [2, 18], [4, 18]]
 
 
-def test_only_pixels_are_read_in_several_ways():
-    """Poses of a chessboard stand for themselves, and so do views of a target of no kind."""
+def test_only_pixels_have_alternative_readings():
+    """Poses of a chessboard, and views of a target without a kind, have one reading."""
     board = simulate(Scenario(samples=3, target="chessboard"), 0).cell.targets["board"].target
     cell = simulate(Scenario(samples=4, target="pose"), seed=0).cell
     seen = [PoseObservation("wrist", "board", SE3.identity(), None)]
