@@ -1,4 +1,4 @@
-"""A problem as arrays: views taken with all that is theirs, columns, states and the one equation."""
+"""Tests of a problem as arrays: selecting views, columns, states and the chain equation."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def per_view(group):
     return found | {"pixels": group.measurement.pixels, "weight": group.measurement.weight}
 
 
-def test_views_are_taken_with_all_that_is_theirs(problem):
-    """Poses, stops, joints, pixels and readings in the order asked for; what belongs to the pair stays."""
+def test_take_selects_all_data_of_views(problem):
+    """Poses, stops, joints, pixels and readings are in the requested order, and data of the pair are unchanged."""
     (group,) = problem.groups
     taken = group.take(np.array([3, 0]))
     before, after = per_view(group), per_view(taken)
@@ -71,8 +71,8 @@ def test_views_are_taken_with_all_that_is_theirs(problem):
     assert (poses_only.eye.joints, poses_only.hand.joints) == (None, None)
 
 
-def test_rows_of_a_batch_are_what_each_saw(problem):
-    """Views that all entries share stay, those of each entry's own are taken by row."""
+def test_take_batch_selects_the_views_of_each_entry(problem):
+    """Views shared by all entries are unchanged, and separate views are selected by row."""
     (group,) = problem.groups
     assert len(group.take_batch(np.array([1])).sample) == 5
     both = group.take(np.array([[0, 1, 2], [4, 3, 2]]))
@@ -84,8 +84,8 @@ def test_rows_of_a_batch_are_what_each_saw(problem):
     )
 
 
-def test_sigmas_reach_every_reading_unless_they_are_held(problem):
-    """Noise that none states is given to the measurement and its readings; held, it stays what it is."""
+def test_noise_is_applied_to_every_reading_unless_held(problem):
+    """Unstated noise is given to the measurement and its readings. Held noise is unchanged."""
     silent = problem.with_groups(
         replace(g, measurement=replace(g.measurement, stated=0.0 * g.measurement.stated),
                 readings=tuple(replace(r, stated=0.0 * r.stated) for r in g.readings))
@@ -98,15 +98,18 @@ def test_sigmas_reach_every_reading_unless_they_are_held(problem):
     assert held.with_noise(Noise(pixel_px=0.5)) is held
 
 
-def test_width_is_where_columns_end(problem):
-    """Three transforms and a lens of nine; nothing without columns."""
+def test_width_is_the_end_of_the_columns(problem):
+    """Three transforms and a lens of nine parameters give 27, and no columns give zero."""
     assert problem.width == 3 * 6 + 9
     assert replace(problem, columns={}).width == 0
     assert replace(problem, columns={"b": slice(6, 9), "a": slice(0, 6)}).width == 9
 
 
-def test_columns_of_robots_follow_all_others(problem, joints):
-    """Those of earlier models are replaced, the others keep theirs; only with columns a robot is modelled."""
+def test_robot_columns_follow_all_others(problem, joints):
+    """Columns of earlier models are replaced, and the others keep theirs.
+
+    A robot has a model only if it has columns.
+    """
     offsets = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
     links = {"link_parameters": link_parameters.Stated(status="free")}
     model = robot_model("hand", six_axis(), offsets | links, joints, (True, True))
@@ -154,8 +157,8 @@ def product(group, state, stops):
     ],
     ids=lambda s: s.layout,
 )
-def test_chain_is_the_one_equation(scenario):
-    """Camera from target by every factor, and each link of the chain ends where it says."""
+def test_chain_equals_the_product_of_all_factors(scenario):
+    """The pose of the target in the camera and each link of the chain are correct."""
     made = simulate(scenario, 2)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.random.default_rng(1).standard_normal((len(problem.stops), 6)))
@@ -171,8 +174,8 @@ def test_chain_is_the_one_equation(scenario):
 
 @pytest.mark.parametrize("noise", [True, False])
 @pytest.mark.parametrize("robot", ["eye", "hand"])
-def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made, robot, noise):
-    """A joint that is off by 0.1 rad gives the views of a recording whose joints are off by that."""
+def test_changed_kinematics_move_the_flange(problem, state, made, robot, noise):
+    """A joint offset of 0.1 rad gives the views of a recording with joints off by that."""
     stated = made.cell.robots[robot].chain
     off = np.array([0, 0.1, 0, 0, 0, 0])
     moved = replace(state, robots={robot: Kinematics(stated, {"joint_offsets": off})})
@@ -190,8 +193,8 @@ def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made,
     np.testing.assert_array_equal(state.kinematics(model).kind_values("joint_offsets"), np.zeros(6))
 
 
-def test_a_state_spread_out_is_itself_many_times(problem, state):
-    """Transforms, errors and lenses that are estimated get a batch axis, one that is known serves all."""
+def test_repeat_of_a_state(problem, state):
+    """Estimated transforms, errors and lenses get a batch axis, and known ones are shared."""
     many = state.repeat(problem, 3)
     assert (state.batch, many.batch) == ((), (3,))
     for name, transform in many.transforms.items():
@@ -204,8 +207,8 @@ def test_a_state_spread_out_is_itself_many_times(problem, state):
     assert state.repeat(known, 3).cameras["wrist"] is state.cameras["wrist"]
 
 
-def test_a_state_spread_out_has_the_kinematics_that_are_estimated(problem, state, joints):
-    """As stated where they were not moved; those of a robot without columns only if they were."""
+def test_repeat_of_a_state_includes_estimated_kinematics(problem, state, joints):
+    """They are the stated ones if unchanged. A robot without columns has kinematics only if they were changed."""
     offsets = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
     modelled = problem.with_models({"hand": robot_model("hand", six_axis(), offsets, joints)})
     assert set(state.repeat(modelled, 2).robots) == {"hand"}
@@ -217,21 +220,24 @@ def test_a_state_spread_out_has_the_kinematics_that_are_estimated(problem, state
     np.testing.assert_array_equal(spread["eye"].values["joint_offsets"], [np.arange(6.0)] * 2)
 
 
-def test_noise_is_where_stops_are_numbered():
-    """A number of a stop, -1 for a robot without noise, nothing without views."""
+def test_has_noise_needs_a_stop_number():
+    """A robot without noise has stop number -1, and an end without views has no noise."""
     assert [end(stop=stops).has_noise for stops in ([0, 0, 1], [0], [-1, -1], [])] == [True, True, False, False]
 
 
-def test_what_carries_camera_and_target(made):
-    """On one body a robot moves neither against the other."""
+def test_camera_and_target_need_different_carriers(made):
+    """On one body, a robot does not move one relative to the other."""
     check_carriers(made.cell, "wrist", "board")
     together = replace(made.cell, cameras={"wrist": replace(made.cell.cameras["wrist"], on="hand")})
     with pytest.raises(InputError, match="both on 'hand'"):
         check_carriers(together, "wrist", "board")
 
 
-def test_shared_stops_are_numbered_in_their_order(problem):
-    """Those of several views, of either robot and of all groups; -1 for the others; none without noise."""
+def test_shared_stops_are_numbered_in_order(problem):
+    """Stops with several views are numbered over robots and groups, and the others are -1.
+
+    Without noise there are none.
+    """
     (group,) = problem.groups
     again = problem.with_groups([group.take(np.array([0, 1, 1, 2, 3, 3, 4]))])
     several = np.unique(np.concatenate([group.eye.stop[[1, 3]], group.hand.stop[[1, 3]]]))
@@ -242,8 +248,8 @@ def test_shared_stops_are_numbered_in_their_order(problem):
     assert replace(problem, stops=Stops(np.zeros((0, 6)))).shared_stops.tolist() == []
 
 
-def test_errors_of_stops_stand_side_by_side(problem, state):
-    """Eye's and then hand's, in metres and radians; of a robot without noise there are none."""
+def test_stop_tangents_of_both_ends(problem, state):
+    """They are the eye's and then the hand's, in metres and radians. A robot without noise has none."""
     (group,) = problem.groups
     physical = state.stop_errors * problem.stops.sigma
     both = stop_tangents(group, state, problem.stops)
@@ -254,8 +260,8 @@ def test_errors_of_stops_stand_side_by_side(problem, state):
 
 
 @pytest.mark.parametrize(("idle", "hint"), [((), ""), (("third",), r" \(on: third\?\)"), (("third", "fourth"), "")])
-def test_what_hangs_on_one_body_is_refused_with_the_robot_that_is_meant(made, idle, hint):
-    """Where just one robot carries nothing it is named."""
+def test_error_on_a_shared_carrier_suggests_the_idle_robot(made, idle, hint):
+    """If exactly one robot carries nothing, it is suggested."""
     wrist = replace(made.cell.cameras["wrist"], on="hand")
     robots = {name: replace(made.cell.robots["hand"], name=name) for name in ("hand", *idle)}
     cell = replace(made.cell, reference="hand", robots=robots, cameras={"wrist": wrist})
@@ -267,8 +273,8 @@ def test_what_hangs_on_one_body_is_refused_with_the_robot_that_is_meant(made, id
         check_carriers(replace(cell, cameras=busy), "wrist", "board")
 
 
-def test_stops_of_several_views_are_numbered(problem):
-    """Of either robot, over all groups; those of one view, or of none, have no number."""
+def test_stops_with_several_views_are_numbered(problem):
+    """They are counted for either robot, over all groups. Stops with one view, or none, have no number."""
     (group,) = problem.groups
     eye, hand = np.array([0, 0, 1, 2, 3]), np.array([4, 5, 5, 6, 7])
     one = with_hand(with_eye(group, stop=eye), stop=hand)
@@ -280,14 +286,14 @@ def test_stops_of_several_views_are_numbered(problem):
 
 
 def test_column_indices_follow_the_names(problem):
-    """Not the order of the columns; none of no name."""
+    """They do not follow the order of the columns, and no names give no indices."""
     some = replace(problem, columns={"b": slice(2, 5), "other": slice(0, 2), "a": slice(5, 11)})
     assert some.column_indices(["a", "b"]).tolist() == [5, 6, 7, 8, 9, 10, 2, 3, 4]
     assert some.column_indices([]).tolist() == []
 
 
-def test_views_in_motion_shake_by_their_stamps_jitter(problem):
-    """In metres and radians; without jitter, or standing still, there is none."""
+def test_jitter_motion_of_moving_views(problem):
+    """It is in metres and radians. Without jitter, or for still views, there is none."""
     (group,) = problem.groups
     motion = np.arange(30.0).reshape(5, 6)
     moving = replace(group, motion=motion)

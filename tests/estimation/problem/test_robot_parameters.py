@@ -1,4 +1,4 @@
-"""Robots' parameters as columns: their derivatives, and the same answer as a dense solver."""
+"""Tests of robot parameters as columns: derivatives, and agreement with a dense solver."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ NOISY = {"robot_noise": (2e-4, 3e-4)}
 FREE_DEFLECTION = deflection.Stated(status="free")
 
 
-def test_one_joint_alone(arm, joints):
-    """Of all that a prior keeps, the columns and sigmas of one; other kinds stay as they are."""
+def test_single_joint_is_selected(arm, joints):
+    """The columns and sigmas of one joint remain of all with a prior. Other types are unchanged."""
     stated = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01), "deflection": FREE_DEFLECTION}
     model = robot_model("hand", arm, stated, joints)
     one = model.select_joint("joint_offsets", 2)
@@ -61,14 +61,17 @@ def test_one_joint_alone(arm, joints):
         (replace(ARMS, layout="eye_to_hand"), "arm", (True, True)),
     ],
 )
-def test_ends_are_free_where_all_that_could_hold_them_is(scenario, robot, ends):
-    """A base, or for the reference everything else in the world; and all that a flange carries."""
+def test_ends_are_free_if_all_that_fixes_them_is_free(scenario, robot, ends):
+    """The base end is a base, or for the reference everything else in the world.
+
+    The other end is all that a flange carries.
+    """
     made = simulate(scenario, seed=0)
     assert free_ends(build_problem(made.cell, made.recording)[0], robot) == ends
 
 
 def test_columns_are_derivatives_of_the_flange(arm, joints):
-    """At offsets, link errors and compliances of some size, for all at once."""
+    """They equal finite differences at large offsets, link errors and compliances, for all at once."""
     rng = np.random.default_rng(1)
     stated = {
         "joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01),
@@ -90,8 +93,8 @@ def test_columns_are_derivatives_of_the_flange(arm, joints):
     check_derivative(after, derivative)
 
 
-def test_a_batch_of_kinematics_is_each_by_itself(arm, joints):
-    """Flange, columns and steps of arms whose parameters differ."""
+def test_batch_of_kinematics_equals_separate_kinematics(arm, joints):
+    """Flange, columns and steps are correct for arms with different parameters."""
     rng = np.random.default_rng(2)
     stated = {
         "joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01),
@@ -117,16 +120,16 @@ def test_a_batch_of_kinematics_is_each_by_itself(arm, joints):
         np.testing.assert_array_equal(found, column_values(model, alone)["hand_joint_offsets"])
 
 
-def test_one_spread_out_has_values_of_all_that_is_estimated(arm, joints):
-    """Those of kinds that are not there are zero."""
+def test_repeat_of_kinematics_has_all_estimated_values(arm, joints):
+    """Values of missing types are zero."""
     model = robot_model("hand", arm, {"link_parameters": link_parameters.Stated(status="free")}, joints)
     spread = Kinematics(arm, {"joint_offsets": np.arange(6.0)}).repeat(model, 2)
     np.testing.assert_array_equal(spread.values["joint_offsets"], [np.arange(6.0)] * 2)
     np.testing.assert_array_equal(spread.values["link_parameters"], np.zeros((2, 7, 6)))
 
 
-def test_solved_together_robots_are_as_solved_by_themselves():
-    """Three starts of offsets and links end at their optimum, each in its own number of steps, to 1e-6 sigmas."""
+def test_batch_of_robots_equals_separate_solutions():
+    """Three starts of offsets and links reach their optimum, each in its own number of steps, to 1e-6 sigmas."""
     made = simulate(replace(ARMS, samples=12, **OFFSETS, **LINKS, **NOISY), seed=3)
     problem, _ = build_problem(made.cell, made.recording)
     solution = solve(made.cell, made.recording)
@@ -146,8 +149,11 @@ def test_solved_together_robots_are_as_solved_by_themselves():
 
 @pytest.mark.parametrize("noise", [{}, NOISY])
 @pytest.mark.parametrize("layout", ["dual", "eye_to_hand"])
-def test_views_move_with_the_kinematics_of_their_robots(layout, noise):
-    """Along six ways that move every column, through the errors of stops too, which follow the modelled flange."""
+def test_jacobian_by_robot_kinematics(layout, noise):
+    """It is correct along six directions that move every column.
+
+    It includes the stop errors, which follow the modelled flange.
+    """
     made = simulate(replace(ARMS, samples=4, layout=layout, **OFFSETS, **LINKS, **GIVING, **noise), seed=2)
     problem, _ = build_problem(made.cell, made.recording)
     errors = np.random.default_rng(0).standard_normal((len(problem.stops), 6))
@@ -169,8 +175,8 @@ def test_views_move_with_the_kinematics_of_their_robots(layout, noise):
     check_derivative(after, derivative @ ways)
 
 
-def test_nothing_changes_for_robots_as_stated():
-    """Joints of a robot that is fixed give what its poses give."""
+def test_fixed_kinematics_change_nothing():
+    """Joints of a robot with fixed kinematics give the result of its poses."""
     made = simulate(ARMS, seed=1)
     chains = {name: robot.chain for name, robot in made.cell.robots.items()}
     posed = [
@@ -184,8 +190,11 @@ def test_nothing_changes_for_robots_as_stated():
 
 
 @pytest.mark.parametrize("noise", [{}, pytest.param(NOISY, marks=pytest.mark.slow)])
-def test_optimum_and_covariance_are_those_of_the_dense_problem(noise):
-    """Offsets beside transforms and stops: optimum to 1e-3 and covariance to 2 % of the sigmas of a dense solver."""
+def test_optimum_and_covariance_equal_the_dense_problem(noise):
+    """The optimum agrees to 1e-3 and the covariance to 2 % of the sigmas of a dense solver.
+
+    Unknowns are offsets, transforms and stops.
+    """
     made = simulate(replace(ARMS, samples=6, **OFFSETS, **noise), seed=3)
     ours = solve(made.cell, made.recording)
     oracle = DenseProblem(made.cell, made.recording, ours.state.transforms, ours.state.stop_errors)
@@ -210,8 +219,8 @@ def test_optimum_and_covariance_are_those_of_the_dense_problem(noise):
         OFFSETS | GIVING,
     ],
 )
-def test_free_or_by_priors_everything_is_seen_and_unseen_views_are_predicted(kind):
-    """With 40 samples no direction is unseen, and `camera_from_target` at ten other joints is right to 0.2 mm rms."""
+def test_kinematics_are_observable_and_predict_new_views(kind):
+    """With 40 samples no direction is unobservable. `camera_from_target` at ten other joints is right to 0.2 mm rms."""
     made = simulate(replace(ARMS, samples=50, target="charuco", **kind), 4)
     ours = solve(made.cell, replace(made.recording, samples=made.recording.samples[:40]))
     assert ours.converged
@@ -224,15 +233,15 @@ def test_free_or_by_priors_everything_is_seen_and_unseen_views_are_predicted(kin
 
 
 def test_deflection_without_masses_is_refused():
-    """One sentence that says what the URDF lacks."""
+    """One sentence says what the URDF lacks."""
     made = simulate(replace(ARMS, **GIVING), seed=0)
     bare = replace(made.cell.robots["hand"], chain=replace(made.cell.robots["hand"].chain, masses=None))
     with pytest.raises(InputError, match="'hand': deflection needs the masses"):
         solve(replace(made.cell, robots={**made.cell.robots, "hand": bare}), made.recording)
 
 
-def test_a_mixed_recording_is_refused():
-    """Offsets of a robot that one sample records by its pose: one sentence with the robot's name."""
+def test_mixed_recording_is_refused():
+    """Offsets of a robot that one sample records by its pose are refused in one sentence with the robot's name."""
     made = simulate(replace(ARMS, **OFFSETS), seed=0)
     first = made.recording.samples[0]
     pose = RobotState(made.cell.robots["hand"].chain.forward(first.robots["hand"].joints_rad))

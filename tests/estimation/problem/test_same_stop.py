@@ -1,4 +1,4 @@
-"""Stops of recorded poses."""
+"""Tests of grouping recorded poses into stops."""
 
 import numpy as np
 import pytest
@@ -16,22 +16,22 @@ def shifted(steps_m):
     return SE3(np.repeat(np.eye(3)[None], len(steps_m), 0), translation)
 
 
-def test_equal_poses_are_one_stop_wherever_they_are():
-    """Numbers count up as places first appear."""
+def test_equal_poses_are_one_stop():
+    """Numbers increase in the order in which places first appear."""
     order = [2, 2, 0, 4, 2, 0, 1]
     assert stop_numbers(PLACES[order], None, None).tolist() == [0, 0, 1, 2, 0, 1, 3]
 
 
 @pytest.mark.parametrize(("off", "stops"), [(1.3e-4, [0, 0, 0]), (1.5e-4, [0, 1, 0])])
-def test_limit_of_read_back(off, stops):
-    """Poses in a row are one stop within five sigmas of a difference of read-backs, 0.14 mm and mrad."""
+def test_readback_limit_of_stops(off, stops):
+    """Consecutive poses are one stop within five sigmas of a difference of read-backs, 0.14 mm and mrad."""
     assert stop_numbers(shifted([0, off, 0]), None, None).tolist() == stops
     turns = SE3.exp(np.array([[0.0] * 6, [0, 0, 0, 0, 0, off], [0.0] * 6]))
     assert stop_numbers(turns, None, None).tolist() == stops
 
 
-def test_a_place_is_one_stop_whenever_it_is_read_back():
-    """Revisits out of order, with read-backs of 20 um and urad; places a millimetre apart stay apart."""
+def test_revisited_place_is_one_stop():
+    """Places are revisited out of order, with read-backs of 20 um and urad. Places a millimetre apart stay separate."""
     rng = np.random.default_rng(1)
     visits = rng.permutation(np.tile(np.arange(8), 5))
     places = SE3.exp(np.concatenate([PLACES.log(), PLACES.log()[:3] + 1e-3]))[visits]
@@ -40,13 +40,13 @@ def test_a_place_is_one_stop_whenever_it_is_read_back():
     assert all(len(set(numbers[visits == place])) == 1 for place in range(8))
 
 
-def test_a_stated_noise_ties_poses_in_a_row_alone():
-    """Of hundreds of places some are within a large noise by chance."""
+def test_stated_noise_joins_consecutive_poses_only():
+    """Among hundreds of places, some are within a large noise by chance."""
     assert stop_numbers(shifted([0, 0.1, 4e-4]), None, np.full(6, 5e-4)).tolist() == [0, 1, 2]
 
 
-def test_a_slow_path_is_many_stops():
-    """Steps below the limit do not chain: a stop ends where its first pose is too far."""
+def test_slow_path_has_many_stops():
+    """Steps below the limit are not chained: a stop ends at the first pose too far from its start."""
     numbers = stop_numbers(shifted(0.6 * READ_BACK * np.arange(9)), None, None)
     assert numbers.tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4]
 
@@ -65,8 +65,11 @@ def test_other_joints_are_another_stop():
 
 
 @pytest.mark.parametrize("axis", range(6))
-def test_the_least_noise_of_places_and_of_angles_is_their_own_limit(axis):
-    """Of three axes each: one of half a millimetre, or milliradian, parts what the others would not."""
+def test_smallest_noise_of_each_type_is_its_limit(axis):
+    """The limit is the smallest noise of three axes each.
+
+    One with half a millimetre or milliradian separates poses that the others would join.
+    """
     noise = np.full(6, 1e-3)
     noise[axis] = 5e-4
     moved = shifted([0, 8e-4])
@@ -75,18 +78,18 @@ def test_the_least_noise_of_places_and_of_angles_is_their_own_limit(axis):
         assert stop_numbers(poses, None, noise).tolist() == [0, int(is_apart)]
 
 
-def test_what_is_as_far_as_the_limit_is_within_it():
-    """Half a metre at a noise of as much, both exact in binary."""
+def test_distance_equal_to_the_limit_is_within():
+    """The distance is half a metre at a noise of half a metre, both exact in binary."""
     assert stop_numbers(shifted([0, 0.5, 0.25]), None, np.full(6, 0.5)).tolist() == [0, 0, 0]
 
 
-def test_a_place_that_belongs_to_another_has_no_places_of_its_own():
+def test_member_of_a_place_starts_no_other_place():
     """Four places in a row, each within the limit of the next, visited far apart in time, are two stops of two."""
     steps = READ_BACK * np.array([0, 90, 0.9, 90, 1.8, 90, 2.7])
     assert stop_numbers(shifted(steps), None, None).tolist() == [0, 1, 0, 1, 2, 1, 2]
 
 
 def test_near_pairs_are_near_in_every_coordinate():
-    """Rows near along the widest coordinate alone are no pair; the lower index is first."""
+    """Rows near only along the widest coordinate are no pair. The lower index is first."""
     places = np.array([[10.5, 5.0], [0.5, 5.0], [10.0, 5.5], [0.0, 0.0]])
     assert _near_pairs(places).tolist() == [[0, 2]]

@@ -1,4 +1,4 @@
-"""Stated lenses as priors."""
+"""Tests of stated lenses as priors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MODELS = [LENS, Camera("pinhole", LENS.parameters[:4], None), Camera("fisheye", 
 
 
 @pytest.mark.parametrize("camera", MODELS)
-def test_each_distortion_term_moves_the_corner_by_as_much(camera):
+def test_distortion_sigmas_move_the_corner_equally(camera):
     """One sigma of each moves the farthest corner by a thousandth of the width, which is twice cx if not stated."""
     sigma = usual_sigmas(camera)
     np.testing.assert_allclose(sigma[:4], [1.8, 1.82, 1.28, 1.28])
@@ -32,13 +32,13 @@ def test_each_distortion_term_moves_the_corner_by_as_much(camera):
 @pytest.mark.parametrize("lens", [
     Intrinsics("fixed", LENS, exact=True), Intrinsics("free", LENS), Intrinsics("prior", LENS, np.ones(9)),
 ])  # fmt: skip
-def test_other_lenses_are_left_alone(lens):
-    """Exact ones, free ones, and priors with sigmas of their own."""
+def test_other_lenses_are_unchanged(lens):
+    """Exact lenses, free lenses, and priors with their own sigmas are unchanged."""
     assert with_usual_error(lens) is lens
 
 
-def test_a_problem_has_columns_for_a_stated_lens():
-    """Unless it is exact, as simulated cells state theirs."""
+def test_stated_lens_has_columns():
+    """It has columns unless it is exact, as simulated cells state theirs."""
     made = simulate(Scenario(samples=4), 0)
     wrist = made.cell.cameras["wrist"]
     cell = replace(made.cell, cameras={"wrist": replace(wrist, intrinsics=replace(wrist.intrinsics, exact=False))})
@@ -48,8 +48,11 @@ def test_a_problem_has_columns_for_a_stated_lens():
     assert problem.lenses["wrist"].status == "prior"
 
 
-def test_errors_are_as_large_as_the_data_show():
-    """The usual ones if the lens is as stated, known or not; larger if it is far off, block by block."""
+def test_likely_sigmas_follow_the_data():
+    """They are the usual ones if the lens agrees with the statement, known or not.
+
+    They are larger if it is far off, block by block.
+    """
     usual = usual_sigmas(LENS)
     lens = Intrinsics("prior", LENS, usual)
     for share in (0.0, 1.0):
@@ -60,8 +63,8 @@ def test_errors_are_as_large_as_the_data_show():
 
 
 @pytest.mark.parametrize("sigma", [0.3, 2.0])
-def test_likely_errors_are_those_of_a_fixed_point(sigma):
-    """The expected squares, estimated again with them as prior, give them back: data of one sigma in usual units."""
+def test_likely_sigmas_are_a_fixed_point(sigma):
+    """The expected squares, estimated again with them as prior, are unchanged, for data of one sigma in usual units."""
     usual = usual_sigmas(LENS)
     shift = np.where(np.arange(9) < 4, 20.0, 0.0)
     used = 9.0

@@ -1,4 +1,4 @@
-"""Views of a scene in a problem."""
+"""Tests of scene views in a problem."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from basecal.estimation.problem.tied_views import SCENE
 from tied_scene import tracks_alone
 
 
-def test_stops_of_the_scene_are_shared() -> None:
-    """Each view ties its stop to all others; robots and their ends are known, and nothing carries the scene."""
+def test_stops_of_a_scene_are_shared() -> None:
+    """Each view connects its stop to all others. Robots and their ends are known, and nothing carries the scene."""
     _, _, problem, _ = tracks_alone(1, count=4)
     assert problem.tied is not None
     assert problem.tied.stops.tolist() == list(range(8))

@@ -1,4 +1,4 @@
-"""The optimum of a scene, and residuals about it."""
+"""Tests of the optimum of a scene, and of residuals about it."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, s
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
 
 
-def test_without_noise_the_truth_is_found():
-    """Exact image points and poses: mounts and base to a micrometre."""
+def test_exact_data_give_the_truth():
+    """Exact image points and poses give mounts and base to 10 um."""
     scene = made_scene(3, arms=2, noise=0.0)
     state = replace(started(scene, 1e-3), points=scene.truth.points)
     noise = np.tile(NOISE, (len(scene.views.stop_robot), 1))
@@ -26,8 +26,8 @@ def test_without_noise_the_truth_is_found():
     assert np.linalg.norm((MOUNT.inverse() @ found.mounts[0]).log()) < 1e-5
 
 
-def test_what_pixels_say_is_told_apart_at_a_sigma_of_one_pixel():
-    """The same whatever their sigma is; with it, and with what poses say, it makes the whole."""
+def test_pixel_information_is_normalised_to_one_pixel():
+    """It is the same for any sigma. Scaled by the sigma, and added to that of poses, it gives the whole."""
     scene = made_scene(5)
     noise = np.tile(NOISE, (len(scene.views.stop_robot), 1))
     one, other = (
@@ -40,8 +40,8 @@ def test_what_pixels_say_is_told_apart_at_a_sigma_of_one_pixel():
         np.testing.assert_allclose(getattr(other, name), whole + (1 / 4 - 4) * by_pixels, **close)
 
 
-def test_a_point_behind_its_camera_has_no_residual():
-    """It is infinite, and those of exact image points are zero."""
+def test_point_behind_its_camera_has_an_infinite_residual():
+    """Residuals of exact image points are zero."""
     scene = made_scene(6, noise=0.0)
     assert np.abs(residuals_px(scene.views, scene.tracks, scene.truth)).max() < 1e-9
     points = scene.truth.points.copy()
@@ -51,8 +51,11 @@ def test_a_point_behind_its_camera_has_no_residual():
     assert np.all(np.isfinite(off[scene.tracks.point != 0]))
 
 
-def test_a_tail_keeps_gross_errors_from_the_mount():
-    """With a tail at two sigmas one image point 50 px off moves the mount by less than a tenth of what it does else."""
+def test_robust_tail_protects_the_mount_from_gross_errors():
+    """A tail at two sigmas limits the effect of image points 50 px off.
+
+    They move the mount by less than a tenth of their effect without it.
+    """
     scene = made_scene(7)
     pixels = scene.tracks.pixels.copy()
     pixels[::40] += 50.0
@@ -70,8 +73,8 @@ def test_a_tail_keeps_gross_errors_from_the_mount():
     assert apart(robust) < 0.1 * apart(plain)
 
 
-def test_gradients_are_differences_of_costs():
-    """Of a mount with a prior, a stated lens, a free lens and errors of stops."""
+def test_prior_gradients_equal_finite_differences():
+    """The gradient is correct for a mount with a prior, a stated lens, a free lens and stop errors."""
     scene = made_scene(1, arms=2, count=3)
     known = Unknown("prior", MOUNT, np.full(6, 0.01))
     stated = Intrinsics("prior", LENS, np.full(9, 0.5))
@@ -89,8 +92,8 @@ def test_gradients_are_differences_of_costs():
         assert ahead - behind == pytest.approx(4 * about.gradient @ step, rel=1e-3, abs=1e-9)
 
 
-def test_a_prior_at_its_middle_costs_nothing():
-    """The state that is expected has no gradient, and one sigma of a mount costs one."""
+def test_prior_at_its_mean_costs_nothing():
+    """The expected state has no cost, and one sigma of a mount costs one."""
     scene = made_scene(2, count=3)
     first = replace(scene.views.cameras[0], mount=Unknown("prior", MOUNT, np.full(6, 0.01)))
     views = replace(scene.views, cameras=(replace(first, lens=Intrinsics("prior", LENS, np.full(9, 0.5))),))
@@ -104,8 +107,11 @@ def test_a_prior_at_its_middle_costs_nothing():
 @pytest.mark.parametrize(("parameter", "off"), [
     ((0, 1), 90.0), ((0, 1), -90.0), ((1,), 0.9), ((2,), 0.03 * 1280), ((3,), 0.03 * 720), ((4,), None), ((6,), None),
 ])  # fmt: skip
-def test_a_free_lens_is_near_its_guess(parameter, off):
-    """A sigma costs one: 10 % of the focal length, 0.1 % of the aspect, 3 % of the image, terms of real lenses."""
+def test_free_lens_has_a_prior_around_its_guess(parameter, off):
+    """The prior has sigmas that cost one each.
+
+    They are 10 % of the focal length, 0.1 % of the aspect, 3 % of the image, and the terms of real lenses.
+    """
     scene = made_scene(2, count=3)
     guess = LENS.with_parameters(np.array([900.0, 900.0, 639.5, 359.5, 0.0, 0, 0, 0, 0]))
     task = SceneProblem(scene.views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (guess,))
@@ -121,8 +127,8 @@ def test_a_free_lens_is_near_its_guess(parameter, off):
     assert cost(moved) == pytest.approx(1.0)
 
 
-def test_lenses_of_no_size_are_as_wide_as_twice_their_focal_length():
-    """Three hundredths of it are the sigma of the principal point, either way."""
+def test_lens_without_a_size_is_twice_its_focal_length_wide():
+    """Three hundredths of that are the sigma of the principal point, along both axes."""
     scene = made_scene(2, count=3)
     guess = replace(LENS, size_px=None)
     task = SceneProblem(scene.views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (guess,))
@@ -135,8 +141,11 @@ def test_lenses_of_no_size_are_as_wide_as_twice_their_focal_length():
 
 
 @pytest.mark.parametrize("tail", [2.0, 10.0, 30.0, np.inf])
-def test_the_cost_is_that_of_a_cauchy_loss(tail):
-    """tail^2 ln(1 + e^2 / tail^2) of each residual e in sigmas, e^2 without a tail; its slope is twice the gradient."""
+def test_cost_is_a_cauchy_loss(tail):
+    """The loss is tail^2 ln(1 + e^2 / tail^2) of each residual e in sigmas, or e^2 without a tail.
+
+    A point behind the camera has a bounded cost.
+    """
     scene = made_scene(3, count=4, points=30)
     pixels = scene.tracks.pixels.copy()
     pixels[::7] += 20 * PIXEL
@@ -156,8 +165,8 @@ def test_the_cost_is_that_of_a_cauchy_loss(tail):
     assert found - rest_cost == pytest.approx(lost * min(tail, 10.0) ** 2 * np.log(101.0))
 
 
-def test_priors_of_stops_and_the_rest_add_up():
-    """An error of a stop of one sigma costs one, and its information is that of its sigma."""
+def test_stop_priors_are_added():
+    """A stop error of one sigma costs one, and its information is that of its sigma."""
     scene = made_scene(2, count=3)
     sigmas = np.full((3, 6), 1e-3)
     sigmas[1] = 2e-3

@@ -1,4 +1,4 @@
-"""Transforms between two clouds of points whose pairs are wrong in part."""
+"""Tests of transforms between two point clouds with partly wrong pairs."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def clouds(rng, right, wrong):
     return first, second
 
 
-def test_a_third_of_right_pairs_is_enough():
-    """60 of 180 pairs are right: the transform is found to a millimetre."""
+def test_third_of_right_pairs_suffices():
+    """With 60 of 180 pairs right, the transform is found to 3 mm."""
     first, second = clouds(np.random.default_rng(1), 60, 120)
     best, agrees = alignments(first, second, np.full(180, 0.01), 5)[0]
     assert np.linalg.norm((BASE @ best).log()) < 3e-3
@@ -38,8 +38,8 @@ def with_twin(right, twins):
     return first, second
 
 
-def test_a_repeated_object_makes_a_rival():
-    """An object that stands twice makes a second transform, told apart from the first."""
+def test_repeated_object_gives_a_second_transform():
+    """An object at two places gives a second transform, separate from the first."""
     first, second = with_twin(80, 40)
     found = alignments(first, second, np.full(120, 0.01), 5)
     assert int(found[0][1].sum()) >= 80
@@ -47,16 +47,16 @@ def test_a_repeated_object_makes_a_rival():
     assert np.linalg.norm((TWIN.inverse() @ BASE @ found[1][0]).log()) < 0.02
 
 
-def test_pairs_by_chance_align_nothing():
-    """Of random pairs no transform has eight that agree within 2 mm."""
+def test_random_pairs_have_no_transform():
+    """Among random pairs no transform has eight that agree within 2 mm."""
     rng = np.random.default_rng(3)
     first, second = rng.uniform(-1, 1, (60, 3)), rng.uniform(-1, 1, (60, 3))
     assert alignments(first, second, np.full(60, 2e-3), 5) == []
     assert alignments(first[:4], second[:4], np.full(4, 1.0), 5) == []
 
 
-def test_it_is_refined_to_the_truth():
-    """From 3 cm and 2 deg off, exact image points lead to a micrometre, one gross error in twenty or not."""
+def test_transform_is_refined_to_the_truth():
+    """From 3 cm and 2 deg off, image points lead to 0.5 mm, with one gross error in twenty."""
     scene = made_scene(1, arms=2, noise=0.0)
     second = np.flatnonzero(scene.views.camera[scene.tracks.view] == 1)
     poses = scene.truth.world_from_camera(scene.views)
@@ -69,8 +69,8 @@ def test_it_is_refined_to_the_truth():
     assert np.linalg.norm((BASE @ found).log()) < 5e-4
 
 
-def test_points_outside_of_the_image_have_no_pixels():
-    """NaN behind the camera and beside the image, else the lens's pixels."""
+def test_points_outside_the_image_have_no_pixels():
+    """Pixels are NaN behind the camera and beside the image, else those of the lens."""
     scene = made_scene(2)
     camera_from_world = scene.truth.world_from_camera(scene.views).inverse()
     points = np.vstack([scene.truth.points, [[0.7, 0.0, 9.0]]])
@@ -81,8 +81,8 @@ def test_points_outside_of_the_image_have_no_pixels():
     assert np.all((pixels[seen] > -0.5) & (pixels[seen] < np.array(LENS.size_px)))
 
 
-def test_most_transforms_are_as_many_as_wanted():
-    """The one that most pairs agree with is the first of them; a pair counts within its own tolerance."""
+def test_number_of_transforms_is_limited():
+    """The first is the one that most pairs agree with. A pair counts within its own tolerance."""
     first, second = with_twin(40, 80)
     both = alignments(first, second, np.full(120, 0.01), 2)
     assert [int(mask.sum()) for _, mask in both] == sorted((int(mask.sum()) for _, mask in both), reverse=True)
@@ -96,8 +96,8 @@ def test_most_transforms_are_as_many_as_wanted():
 
 
 @pytest.mark.parametrize("count", [7, 8])
-def test_eight_pairs_make_a_transform(count):
-    """Seven do not, however well they agree, also among others."""
+def test_transform_needs_eight_pairs(count):
+    """Seven do not suffice, however well they agree, also among others."""
     rng = np.random.default_rng(4)
     first = rng.uniform(-1, 1, (count, 3))
     second = BASE.inverse() @ first
@@ -113,15 +113,15 @@ def test_eight_pairs_make_a_transform(count):
     ([0.049, 0, 0, 0, 0, 0], True), ([0.051, 0, 0, 0, 0, 0], False), ([0, 0, 0, 0, 0, 0.049], True),
     ([0, 0, 0, 0, 0, 0.051], False),
 ])  # fmt: skip
-def test_transforms_are_one_by_what_they_do_to_the_median_point(step, is_one):
-    """Its distance, and the angle between them; a point far away counts for one of many."""
+def test_transforms_are_equal_by_their_effect_on_the_median_point(step, is_one):
+    """The distance and the angle between them count, and a distant point is only one of many."""
     points = np.array([[0.0, 0, 0], [0.1, 0.1, 0.1], [-0.1, -0.1, -0.1], [50.0, 50.0, 50.0], [-50.0, 9.0, 0.0]])
     assert are_equal(BASE, BASE @ SE3.exp(step), points, 0.05) == is_one
     assert are_equal(BASE @ SE3.exp(step), BASE, points, 0.05) == is_one
 
 
 def test_points_are_projected_to_each_view():
-    """As the lens does it, with the pose of each view."""
+    """The projection uses the lens and the pose of each view."""
     scene = made_scene(2)
     camera_from_world = scene.truth.world_from_camera(scene.views).inverse()
     pixels = project_points(scene.truth.points, camera_from_world, LENS)

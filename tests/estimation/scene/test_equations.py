@@ -1,4 +1,4 @@
-"""Derivatives of image points, and points eliminated."""
+"""Tests of derivatives of image points, and of the elimination of points."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from basecal.estimation.scene.state import column_jacobian, scene_columns, take_
 from scene_points import LENS, made_scene
 
 
-def test_derivatives_are_differences():
-    """Of pixels by cameras, lenses and points, through all columns."""
+def test_derivatives_equal_finite_differences():
+    """Pixels are differentiated by cameras, lenses and points, through all columns."""
     scene = made_scene(4, arms=2, count=4, points=20)
     state = scene.truth
     columns = scene_columns(scene.views, state.lenses)
@@ -30,8 +30,8 @@ def test_derivatives_are_differences():
     assert np.abs(after.residual - of.residual - predicted).max() < 1e-7
 
 
-def test_points_are_eliminated_as_by_a_whole_system():
-    """The reduced equations are the Schur complement of all unknowns, points among them."""
+def test_reduced_equations_are_the_schur_complement():
+    """They equal the Schur complement of all unknowns, including points."""
     scene = made_scene(5, count=4, points=15)
     state = scene.truth
     columns = scene_columns(scene.views, state.lenses)
@@ -52,8 +52,8 @@ def test_points_are_eliminated_as_by_a_whole_system():
     assert np.abs(gradient_left - (gradient[:kept] - gain @ gradient[kept:])).max() < 1e-6 * np.abs(gradient).max()
 
 
-def test_points_step_to_where_their_rays_meet():
-    """From a centimetre off, with exact cameras, two steps bring points to a micrometre."""
+def test_point_steps_reach_the_intersection_of_rays():
+    """From a centimetre off, with exact cameras, three steps bring points to a micrometre."""
     scene = made_scene(6, noise=0.0)
     state = scene.truth.with_points(scene.truth.points + 0.01)
     weight = 1.0
@@ -64,13 +64,13 @@ def test_points_step_to_where_their_rays_meet():
     assert np.all(np.linalg.eigvalsh(point_information(scene.tracks, equations)) > 0)
 
 
-def test_sums_go_by_index():
-    """Values of one index are added, absent ones are zero."""
+def test_sums_are_grouped_by_index():
+    """Values with the same index are added, and missing indices are zero."""
     assert sums(np.array([0, 2, 0]), 4, np.array([[1.0], [2.0], [3.0]])).ravel().tolist() == [4.0, 0.0, 2.0, 0.0]
 
 
-def test_fixed_lenses_are_no_columns():
-    """With them, the rest is that of a system without their parameters; so it is for one camera of two."""
+def test_fixed_lenses_have_no_columns():
+    """The rest equals a system without their parameters, also for one camera of two."""
     scene = made_scene(5, arms=2, count=3, points=15)
     of = pixel_equations(scene.views, scene.tracks, scene.truth, 1.0)
     views, terms = 6 * len(scene.views), len(LENS.parameters)
@@ -97,8 +97,8 @@ def test_weights_scale_equations():
     np.testing.assert_allclose(ratio[:, [0, 1, 2], [0, 1, 2]], 4.0, rtol=1e-6)
 
 
-def test_points_behind_or_beside_have_no_equation():
-    """One in the plane of the camera, one behind, and one at the camera itself."""
+def test_points_behind_or_beside_the_camera_have_no_equation():
+    """The points are in the plane of the camera, behind it, and at the camera itself."""
     scene = made_scene(5, count=4, points=15)
     camera = scene.truth.world_from_camera(scene.views)[0]
     for place in ([0.1, 0.1, 0.0], [0.1, 0.1, -0.5], [0.0, 0.0, 0.0]):
@@ -113,7 +113,7 @@ def test_points_behind_or_beside_have_no_equation():
 
 
 def test_points_behind_a_camera_are_not_seen():
-    """Nor are pixels that are not finite; neither has equations, and those of other points stay as they are."""
+    """Neither are non-finite pixels. Both have no equations, and those of other points are unchanged."""
     scene = made_scene(4, count=4, points=20)
     whole = pixel_equations(scene.views, scene.tracks, scene.truth, 2.0)
     assert whole.seen.all()

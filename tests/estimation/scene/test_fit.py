@@ -1,4 +1,4 @@
-"""Mounts, lenses and bases of a scene with their covariance; gross errors are left out."""
+"""Tests of mounts, lenses and bases of a scene with their covariance, and of excluded gross errors."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, s
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
 
 
-def test_two_arms_are_found_from_unknown_points():
-    """Mounts and the base are within their 99.99 % ellipsoids (27.9 of 6), sigmas are near the truth."""
+def test_two_arms_are_calibrated_from_unknown_points():
+    """Mounts and the base are within their 99.99 % ellipsoids (27.9 for 6), and sigmas are near the truth."""
     scene = made_scene(1, arms=2)
     fit = fit_scene(scene.views, scene.tracks, started(scene), (LENS, LENS), (None, None))
     columns, covariance = fit.columns, scene_covariance(fit)
@@ -39,7 +39,7 @@ def test_two_arms_are_found_from_unknown_points():
 
 
 def test_gross_errors_are_left_out():
-    """One image point in ten is 30 px off: the mount stays within its ellipsoid, and these points are gone."""
+    """One image point in ten is 30 px off: the mount stays within its ellipsoid, and these points are removed."""
     scene = made_scene(2)
     rng = np.random.default_rng(5)
     wrong = rng.random(len(scene.tracks)) < 0.1
@@ -52,8 +52,8 @@ def test_gross_errors_are_left_out():
     assert np.abs(residuals_px(fit.views, fit.tracks, fit.state)).max() < 6 * PIXEL
 
 
-def test_a_scene_of_which_nothing_is_left_is_no_scene():
-    """Image points of which no two rays meet in front of the cameras end in one error, not in a fault."""
+def test_scene_without_remaining_points_is_refused():
+    """Image points without any rays that meet in front of the cameras raise LinAlgError."""
     scene = made_scene(2, count=5, points=40)
     rng = np.random.default_rng(6)
     anywhere = rng.uniform(0, 700, scene.tracks.pixels.shape)
@@ -63,8 +63,8 @@ def test_a_scene_of_which_nothing_is_left_is_no_scene():
 
 
 @pytest.mark.parametrize("more", [0, 1])
-def test_points_have_more_equations_than_there_are_unknowns(more):
-    """Two of each image point, of which its point in space takes three."""
+def test_points_need_more_equations_than_unknowns(more):
+    """Each image point has two equations, and its point in space takes three."""
     tracks = made_scene(1).tracks
     count = 2 * len(tracks) - 3 * tracks.count
     columns = SimpleNamespace(errors=slice(count - more, None))
@@ -77,7 +77,10 @@ def test_points_have_more_equations_than_there_are_unknowns(more):
 
 
 def test_points_are_kept_if_their_depth_is_known_to_a_fifth():
-    """By sigmas of image points, at which a point's own is just below or above a fifth of its distances."""
+    """Points with a sigma just below a fifth of their distances are kept, and those just above are not.
+
+    The sigma of image points is chosen accordingly.
+    """
     scene = made_scene(1)
     fit = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
     first = np.flatnonzero(fit.tracks.point == 0)
@@ -92,15 +95,15 @@ def test_points_are_kept_if_their_depth_is_known_to_a_fifth():
 
 
 def test_exact_rays_meet_in_their_points():
-    """Without noise all points are found to a micrometre, and are well seen."""
+    """Without noise all points are found to a micrometre, and are marked as seen."""
     scene = made_scene(1, noise=0.0)
     points, is_seen = triangulate(scene.views, scene.tracks, scene.truth)
     assert is_seen.all()
     assert np.abs(points - scene.truth.points).max() < 1e-6
 
 
-def test_rays_of_one_place_tell_no_depth():
-    """A point that one view shows, given three times as if of three views that are one, is not well seen."""
+def test_rays_of_one_place_have_no_depth():
+    """A point in one view, repeated as in three equal views, is not marked as seen."""
     scene = made_scene(2, noise=0.0)
     same = take(scene.views, np.zeros(3, dtype=np.int64))
     one = np.flatnonzero(scene.tracks.view == 0)[0]
@@ -114,8 +117,11 @@ def test_rays_of_one_place_tell_no_depth():
 
 
 @pytest.mark.parametrize(("points", "views", "share"), [(11, 0, 0.67), (5, 10, 0.25), (0, 15, 0.1), (300, 50, 0.1)])
-def test_residuals_are_smaller_than_noise_by_what_unknowns_take(monkeypatch, points, views, share):
-    """Of 100 equations each point takes three and each view six, but at most nine in ten; infinite ones are none."""
+def test_robust_sigma_is_corrected_for_unknowns(monkeypatch, points, views, share):
+    """Among 100 equations each point takes three and each view six, but at most nine in ten.
+
+    Infinite residuals do not count.
+    """
     off = np.random.default_rng(0).standard_normal((50, 2))
     off[0] = np.inf
     monkeypatch.setattr(module, "residuals_px", lambda *_: off)
@@ -126,7 +132,10 @@ def test_residuals_are_smaller_than_noise_by_what_unknowns_take(monkeypatch, poi
 
 @pytest.mark.parametrize("behind", [False, True])
 def test_points_behind_a_camera_are_lost(behind):
-    """A point is kept by all its cameras before it, and lost by one that looks the other way along the same ray."""
+    """A point is kept if it is in front of all its cameras.
+
+    It is lost if one looks the other way along the same ray.
+    """
     scene = made_scene(1, noise=0.0)
     turned = scene.truth.lenses[0], SE3.from_rotvec((0.0, np.pi, 0.0), np.zeros(3))
     view = int(scene.tracks.view[np.flatnonzero(scene.tracks.point == 0)[0]])

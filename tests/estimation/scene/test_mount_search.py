@@ -1,4 +1,4 @@
-"""A mount is found without a guess, and recorded poses that are wrong leave many pixels."""
+"""Tests of the search for a mount without a guess, and of its residuals with wrong recorded poses."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from scene_points import LENS, MOUNT, looks_from_above, made_scene
 PAIRS = 1500
 
 
-def test_a_mount_is_found_without_a_guess():
-    """To 5 mm and 0.5 deg by pairs alone, from a lens 8 % off; distances are below two pixels."""
+def test_mount_is_found_without_a_guess():
+    """It is found to 5 mm and 0.5 deg by pairs alone, from a lens 8 % off. Distances are below two pixels."""
     scene = made_scene(1)
     parameters = LENS.parameters.copy()
     parameters[:2] *= 1.08
@@ -45,8 +45,8 @@ def test_a_mount_is_found_without_a_guess():
 
 
 @pytest.mark.parametrize("wrong", ["inverted", "shifted"])
-def test_wrong_poses_leave_many_pixels(wrong):
-    """Inverted poses, and poses of the sample before, leave more than ten pixels."""
+def test_wrong_poses_leave_large_residuals(wrong):
+    """Inverted poses, and poses of the previous sample, leave more than ten pixels."""
     scene = made_scene(2)
     poses = scene.views.base_from_flange
     order = np.roll(np.arange(len(poses)), 1)
@@ -57,7 +57,7 @@ def test_wrong_poses_leave_many_pixels(wrong):
 
 
 def test_too_few_pairs_give_no_mount():
-    """With ten pairs nothing is found."""
+    """With ten pairs no mount is found."""
     scene = made_scene(3)
     pairs = point_pairs(scene.tracks, 10)
     assert len(pairs[0]) == 10
@@ -76,7 +76,10 @@ def test_the_grid_covers_all_rotations():
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_points_are_in_front_of_the_camera(seed):
-    """Of views that turn about the vertical at one height, half a turn fits all epipolar lines, its points behind."""
+    """The search selects the solution with points in front.
+
+    If views rotate about the vertical at one height, half a turn satisfies all epipolar lines, with its points behind.
+    """
     scene = made_scene(seed, count=14, look=looks_from_above)
     found = find_mount(point_pairs(scene.tracks, PAIRS), scene.views.base_from_flange, LENS, False)
     assert found is not None
@@ -84,8 +87,8 @@ def test_points_are_in_front_of_the_camera(seed):
     assert np.linalg.norm((MOUNT.inverse() @ found.flange_from_camera).rotvec) < np.radians(1.0)
 
 
-def test_distances_are_those_to_epipolar_lines():
-    """Of true poses and image points without noise they are zero, of a mount 1 deg off they are pixels."""
+def test_distances_are_to_epipolar_lines():
+    """They are zero for true poses and exact image points, and pixels for a mount 1 deg off."""
     scene = made_scene(4, noise=0.0)
     pairs = point_pairs(scene.tracks, 200)
     poses = scene.views.base_from_flange
@@ -95,7 +98,7 @@ def test_distances_are_those_to_epipolar_lines():
     assert np.median(np.abs(sampson_px(pairs, rays, poses, turned, focal_px))) > 1.0
 
 
-def test_pairs_are_of_one_point_and_one_camera():
+def test_pairs_share_a_point_and_a_camera():
     """Both image points of each pair show the same point, in two views of the camera."""
     scene = made_scene(5, arms=2)
     second = take(scene.tracks, scene.views.camera[scene.tracks.view] == 1)
@@ -114,8 +117,8 @@ def test_pairs_are_of_one_point_and_one_camera():
     )
 
 
-def test_views_of_another_order_are_other_pairs():
-    """Pairs follow the views: those of a scene without its last views have none of these."""
+def test_pairs_follow_the_views():
+    """Pairs of a scene without its last views contain none of these."""
     scene = made_scene(6)
     kept, _ = scene.tracks.take(scene.tracks.view < 10)
     assert point_pairs(kept, 500)[1].view.max() < 10
@@ -128,8 +131,11 @@ def exact(seed=4):
     return pairs, directions(pairs, LENS), scene.views.base_from_flange
 
 
-def test_distances_are_sampsons():
-    """Those of both image points from their epipolar lines, to first order, in pixels of the focal length."""
+def test_distances_equal_sampsons():
+    """Distances are those of both image points from their epipolar lines, to first order.
+
+    They are in pixels of the focal length.
+    """
     pairs, rays, poses = exact()
     mount = MOUNT @ SE3.exp([2e-3, 0, 1e-3, 0.01, 0.02, -0.01])
     found = sampson_px(pairs, rays, poses, mount, 900.0)
@@ -144,8 +150,8 @@ def test_distances_are_sampsons():
     np.testing.assert_allclose(sampson_px(pairs, rays, poses, mount, 450.0), found / 2)
 
 
-def test_the_right_rotation_has_the_right_position():
-    """With exact pairs its sines are zero and its position is the camera's; a rotation 5 deg off has larger ones."""
+def test_true_rotation_has_the_true_position():
+    """With exact pairs its sines are zero and its position is the camera's. A rotation 5 deg off has larger sines."""
     pairs, _, poses = exact()
     turned = MOUNT @ SE3.exp([0, 0, 0, np.radians(5), 0, 0])
     positions, sines = mount_search._score_rotations(pairs, poses, LENS, np.stack([MOUNT.rotation, turned.rotation]))
@@ -154,8 +160,8 @@ def test_the_right_rotation_has_the_right_position():
     assert sines[1] > 1e-3
 
 
-def test_wrong_pairs_are_weighed_down():
-    """One pair in twenty shows different points: the position is still the camera's to a millimetre."""
+def test_wrong_pairs_are_down_weighted():
+    """One pair in twenty shows different points, and the position is still the camera's to a millimetre."""
     (one, other), _, poses = exact()
     pixels = other.pixels.copy()
     pixels[::20] += (60.0, 80.0)
@@ -164,8 +170,8 @@ def test_wrong_pairs_are_weighed_down():
     np.testing.assert_allclose(positions[0], MOUNT.translation, atol=1e-3)
 
 
-def test_rays_meet_before_both_cameras():
-    """Those of true poses do; turned about in either camera, or in both, they do not."""
+def test_rays_meet_in_front_of_both_cameras():
+    """Rays of true poses do. With the rays of either camera or both reversed, they do not."""
     pairs, (first, second), poses = exact()
     for one, other, is_front in ((1, 1, True), (-1, 1, False), (1, -1, False), (-1, -1, False)):
         found = are_in_front(pairs, (one * first, other * second), poses, MOUNT)
@@ -174,7 +180,7 @@ def test_rays_meet_before_both_cameras():
 
 @pytest.mark.parametrize(("front", "is_behind"), [(0.49, True), (0.5, False), (1.0, False)])
 def test_starts_behind_the_camera_come_last(front, is_behind):
-    """Most rays decide, then the distance."""
+    """The share of rays in front decides first, then the distance."""
     start = MountStart(MOUNT, LENS, 3.0, front)
     assert start.is_behind == is_behind
     worse, better = (MountStart(MOUNT, LENS, px) for px in (99.0, 2.0))
@@ -183,8 +189,8 @@ def test_starts_behind_the_camera_come_last(front, is_behind):
 
 
 @pytest.mark.parametrize("count", [49, 50])
-def test_fifty_pairs_make_a_search(count):
-    """From a guess the mount is found with them; one fewer is too few, with a guess or without."""
+def test_search_needs_fifty_pairs(count):
+    """With fifty pairs the mount is found from a guess, and with 49 it is not."""
     scene = made_scene(4, noise=0.0)
     pairs, poses = point_pairs(scene.tracks, count), scene.views.base_from_flange
     near = MOUNT @ SE3.exp([0.01, 0, -0.01, 0.02, 0, 0.02])
@@ -196,8 +202,8 @@ def test_fifty_pairs_make_a_search(count):
         assert found.median_px < 1e-6
 
 
-def test_a_free_focal_length_is_found_from_a_guess():
-    """8 % off, with exact pairs; its other parameters stay."""
+def test_free_focal_length_is_estimated_from_a_guess():
+    """The focal length is 8 % off, with exact pairs. The other lens parameters are unchanged."""
     pairs, _, poses = exact()
     near = MOUNT @ SE3.exp([0.01, 0, -0.01, 0.02, 0, 0.02])
     found = find_mount(pairs, poses, scale_focal(LENS, 1.08), True, near)
@@ -205,8 +211,11 @@ def test_a_free_focal_length_is_found_from_a_guess():
     np.testing.assert_array_equal(found.lens.parameters[2:], LENS.parameters[2:])
 
 
-def test_pairs_are_at_most_as_many_as_wanted():
-    """All of them where there are fewer; none of no tracks; an image point is compared with the next of its point."""
+def test_number_of_pairs_is_limited():
+    """With fewer, all are returned, and without tracks none.
+
+    An image point is paired with the next one of its point.
+    """
     scene = made_scene(5, count=4, points=20)
     every, _ = point_pairs(scene.tracks, 10**6)
     assert len(every) == len(scene.tracks) - scene.tracks.count
@@ -215,8 +224,8 @@ def test_pairs_are_at_most_as_many_as_wanted():
     assert len(point_pairs(none, 5)[0]) == 0
 
 
-def test_rays_outside_of_a_lens_are_zero_in_both_images():
-    """One of a pair that has none leaves the other without."""
+def test_rays_outside_a_lens_are_zero_in_both_images():
+    """If one image point of a pair has no ray, the other has none either."""
     pairs, rays, _ = exact()
     folded = LENS.with_parameters(np.array([900.0, 900.0, 639.5, 359.5, -0.3, 0, 0, 0, 0]))
     pixels = np.full_like(pairs[0].pixels, 400.0)

@@ -1,4 +1,4 @@
-"""Sigmas of image points and of arms by the marginal likelihood."""
+"""Tests of sigmas of image points and arms by marginal likelihood."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ from scene_points import ARM_M, ARM_RAD, LENS, PIXEL, made_scene
 NOISE = np.repeat([ARM_M, ARM_RAD], 3)
 
 
-def test_sigmas_of_pixels_and_arm_are_found():
-    """Of 25 views the pixels' within 5 %, the arm's within a factor of 1.8, which its six numbers a view tell."""
+def test_sigmas_of_pixels_and_arm_are_estimated():
+    """With 25 views the pixels' sigma is within 5 %.
+
+    The arm's is within a factor of 1.8, because each view has six numbers.
+    """
     scene = made_scene(1, count=25)
     noise = np.tile(NOISE, (25, 1))
     fit = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, noise, (LENS,)), scene.truth)
@@ -25,8 +28,8 @@ def test_sigmas_of_pixels_and_arm_are_found():
     assert ARM_RAD / 1.8 < stop_sigma[0, 3] < 1.8 * ARM_RAD
 
 
-def test_stated_noise_stays():
-    """The sigmas of a robot that states them are these, and pixels' are found beside."""
+def test_stated_noise_is_kept():
+    """A robot keeps its stated sigmas, and the pixels' sigma is estimated."""
     scene = made_scene(2)
     fit = adjust(SceneProblem(scene.views, scene.tracks, 1.0, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
     sigma_px, stop_sigma = estimate_sigmas(fit, (NOISE,))
@@ -35,8 +38,8 @@ def test_stated_noise_stays():
 
 
 @pytest.mark.parametrize("stated", [None, NOISE])
-def test_gradient_of_the_likelihood(stated):
-    """It agrees with central differences, of pixels and of arms, stated or not."""
+def test_gradient_of_the_likelihood_equals_differences(stated):
+    """The gradient by sigmas of pixels and arms agrees with central differences, with stated noise or without."""
     scene = made_scene(2)
     fit = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
     of = _Likelihood.expand(fit, (stated,))
@@ -48,8 +51,8 @@ def test_gradient_of_the_likelihood(stated):
     assert value < max(max(each) for each in ends)
 
 
-def test_the_sigma_of_pixels_may_be_held():
-    """With a gross point, the squares of all would make it large; the arm's sigmas are found beside the given one."""
+def test_pixel_sigma_may_be_held():
+    """With a gross point, the squares would enlarge it. The arm's sigmas are estimated with the given one."""
     scene = made_scene(1, count=25)
     noise = np.tile(NOISE, (25, 1))
     fit = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, noise, (LENS,)), scene.truth)
@@ -75,8 +78,8 @@ def likelihood(arms=1, stated=(None,)):
     return _Likelihood(fit, noises, prior, fit.pixel_gradient, 100.0)
 
 
-def test_sigmas_of_logarithms_leave_out_stated_ones():
-    """The pixels' first, then translation and rotation of each robot that states none, by its stops."""
+def test_logarithms_of_sigmas_exclude_stated_ones():
+    """The pixels' is first, then translation and rotation of each robot without stated noise, for its stops."""
     sigma_px, of_stops = likelihood(2, ("stated", None)).sigmas(np.log([0.5, 2e-4, 3e-3]))
     assert sigma_px == pytest.approx(0.5)
     assert of_stops.shape == (30, 6)
@@ -84,8 +87,8 @@ def test_sigmas_of_logarithms_leave_out_stated_ones():
     np.testing.assert_allclose(of_stops[15:], np.tile([2e-4] * 3 + [3e-3] * 3, (15, 1)))
 
 
-def test_arms_are_supposed_to_be_usual():
-    """A prior of 0.3 mrad within a factor of 4, and of a translation that is reach times it within 5 %."""
+def test_arms_have_a_prior():
+    """The prior is 0.3 mrad within a factor of 4, and a translation of reach times that within 5 %."""
     of = likelihood()
     reach_m = of.fit.views.reach_m[0]
 
@@ -102,8 +105,8 @@ def test_arms_are_supposed_to_be_usual():
     assert likelihood(1, ("stated",))._prior_cost(np.log([0.3]))[0] == 0.0
 
 
-def test_the_likelihood_is_that_of_a_gaussian():
-    """Minus twice its logarithm, against the determinant and the inverse of the whole information."""
+def test_likelihood_equals_the_gaussian_formula():
+    """It is -2 log likelihood, compared with determinant and inverse of the whole information."""
     of = likelihood()
     logs = np.log([0.4, 2e-4, 3e-4])
     sigma_px, of_stops = of.sigmas(logs)

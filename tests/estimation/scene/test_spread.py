@@ -1,4 +1,4 @@
-"""The covariance of a scene is never below that of the model, and parts that contradict one another widen it."""
+"""Tests of a scene's covariance: never below that of the model, and wider if parts contradict one another."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def covariance_of(pull_px: float) -> np.ndarray:
     return scene_covariance(fitted(pull_px))
 
 
-def test_sigmas_of_sound_data_are_nearly_those_of_the_model():
+def test_sigmas_of_consistent_data_are_near_the_models():
     """Every sigma is that of the model or larger, by half at most."""
     fit = fitted(0.0)
     own = len(covariance_of(0.0))
@@ -46,13 +46,16 @@ def test_sigmas_of_sound_data_are_nearly_those_of_the_model():
 
 
 def test_contradicting_parts_widen_sigmas():
-    """Where half of the points is pulled by a pixel from view to view, sigmas of the mount are larger."""
+    """If half of the points is shifted by pixels from view to view, sigmas of the mount are larger."""
     sound, pulled = covariance_of(0.0), covariance_of(2.0)
     assert np.trace(pulled[:6, :6]) > 1.5 * np.trace(sound[:6, :6])
 
 
-def test_views_that_aim_at_one_point_leave_the_distance_to_it_unknown() -> None:
-    """The mount is ten times as uncertain as of free views, along the way to that point, and within its ellipsoid."""
+def test_views_aimed_at_one_point_leave_its_distance_unknown() -> None:
+    """The mount is ten times as uncertain as with free views, along the direction to that point.
+
+    It is within its ellipsoid.
+    """
     sigmas = []
     for look in (looks, looks_at_one_point):
         scene = made_scene(1, count=15, points=120, look=look)
@@ -66,8 +69,8 @@ def test_views_that_aim_at_one_point_leave_the_distance_to_it_unknown() -> None:
     assert abs(axes[2, -1]) > 0.95
 
 
-def test_the_jackknife_of_a_mean_is_its_variance():
-    """That of the mean of numbers, each left out once; a change that all share is none."""
+def test_jackknife_of_a_mean_is_its_variance():
+    """Each of the numbers is left out once, and a shared change has no effect."""
     numbers = np.random.default_rng(0).normal(3.0, 2.0, 12)
     moves = np.array([np.delete(numbers, k).mean() for k in range(12)])[:, None] - numbers.mean()
     expected = numbers.var(ddof=1) / 12
@@ -77,7 +80,7 @@ def test_the_jackknife_of_a_mean_is_its_variance():
 
 @pytest.mark.parametrize(("count", "off"), [(10, 0.3), (2000, 0.1)])
 def test_few_parts_are_shrunk_to_their_mean_variance(count, off):
-    """Of equal variances, ten parts give no direction of their own; of unequal ones many parts give each its own."""
+    """With equal variances, ten parts give no distinct directions. With unequal ones, many parts give each its own."""
     rng = np.random.default_rng(1)
     equal = spread._jackknife(rng.standard_normal((count, 6)) / np.sqrt(count - 1))
     np.testing.assert_allclose(equal, np.trace(equal) / 6 * np.eye(6), atol=off * np.trace(equal) / 6)
@@ -88,13 +91,16 @@ def test_few_parts_are_shrunk_to_their_mean_variance(count, off):
         np.testing.assert_allclose(found, np.diag(own), atol=0.5)
 
 
-def test_parts_without_any_change_have_no_variance():
-    """And no quotient of nothing by nothing."""
+def test_parts_without_change_have_no_variance():
+    """The result is zero, without a division of zero by zero."""
     np.testing.assert_array_equal(spread._jackknife(np.zeros((4, 3))), np.zeros((3, 3)))
 
 
 def test_folds_of_views_are_interleaved():
-    """Ten at most, one for each of fewer views; every image point is in one of them, and so it is of clusters."""
+    """There are ten at most, or one for each of fewer views.
+
+    Every image point is in exactly one fold, and in one cluster.
+    """
     fit = fitted(0.0)
     folds = spread._view_folds(fit)
     assert len(folds) == 10
@@ -112,7 +118,7 @@ def test_folds_of_views_are_interleaved():
 
 
 def test_sigmas_are_widened_by_the_mean_of_all():
-    """The factor whose square is the mean of variances in units of the model's."""
+    """The square of the factor is the mean of variances in units of the model's."""
     fit = fitted(2.0)
     covariance = covariance_of(2.0)
     own = len(covariance)

@@ -1,4 +1,4 @@
-"""Where cameras are by a state, and its unknowns in a step."""
+"""Tests of camera poses of a state, and of steps of its unknowns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from basecal.numerics.batch import concatenate
 from scene_points import BASE, LENS, MOUNT, made_scene
 
 
-def test_cameras_are_at_base_flange_error_and_mount():
+def test_camera_pose_is_base_flange_error_and_mount():
     """`world_from_camera` is the product of the four."""
     scene = made_scene(1, arms=2)
     errors = scene.truth.errors.copy()
@@ -23,8 +23,8 @@ def test_cameras_are_at_base_flange_error_and_mount():
     assert np.linalg.norm((expected.inverse() @ state.world_from_camera(scene.views)[20]).log()) < 1e-12
 
 
-def test_what_is_fixed_has_no_columns():
-    """The reference's base, a fixed mount and an exact lens have none; errors of stops come last."""
+def test_fixed_transforms_have_no_columns():
+    """The reference's base, a fixed mount and an exact lens have none. Stop errors come last."""
     views = made_scene(2, arms=2).views
     fixed = replace(views.cameras[0], mount=Unknown("fixed", MOUNT), lens=Intrinsics("fixed", LENS, exact=True))
     columns = scene_columns(replace(views, cameras=(fixed, views.cameras[1])), (LENS, LENS))
@@ -35,8 +35,8 @@ def test_what_is_fixed_has_no_columns():
     assert columns.errors.stop == 21 + 6 * len(views.stop_robot)
 
 
-def test_a_step_moves_each_unknown_by_its_part():
-    """Mounts and bases by right tangents, lenses and errors by sums."""
+def test_step_moves_each_unknown_by_its_part():
+    """Mounts and bases move by right tangents, lenses and errors by sums."""
     scene = made_scene(3, arms=2)
     columns = scene_columns(scene.views, scene.truth.lenses)
     step = np.random.default_rng(0).normal(0, 1e-3, columns.errors.stop)
@@ -65,8 +65,8 @@ def with_world_camera(seed=3):
     return more, replace(state, errors=np.full((6, 6), 1e-3))
 
 
-def test_a_camera_on_the_world_is_at_its_mount():
-    """No base and no error of a stop moves it; views before it are where they were."""
+def test_camera_on_the_world_is_at_its_mount():
+    """No base and no stop error moves it, and poses of the views before it are unchanged."""
     views, state = with_world_camera()
     poses = state.world_from_camera(views)
     for k in (6, 7):
@@ -76,8 +76,8 @@ def test_a_camera_on_the_world_is_at_its_mount():
     assert len(state.lenses) == 3
 
 
-def test_cameras_move_as_columns_say():
-    """Differences of their poses by a step of all unknowns, on arms and on the world, are those of the Jacobian."""
+def test_column_jacobian_equals_pose_differences():
+    """A step of all unknowns moves cameras on arms and on the world as the Jacobian predicts."""
     views, state = with_world_camera()
     state = replace(state, errors=np.zeros((6, 6)))
     columns = scene_columns(views, state.lenses)
@@ -93,8 +93,8 @@ def test_cameras_move_as_columns_say():
     assert columns.lens_widths == [9, 9, 9]
 
 
-def test_a_state_starts_without_errors_and_points():
-    """One error for each stop, whatever the number of views."""
+def test_start_state_has_no_errors_and_points():
+    """There is one error for each stop, whatever the number of views."""
     views, state = with_world_camera()
     start = start_state(views, list(state.mounts), list(state.bases), state.lenses)
     assert start.errors.tolist() == [[0.0] * 6] * 6

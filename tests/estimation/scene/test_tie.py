@@ -1,4 +1,4 @@
-"""Tracks joined with a problem."""
+"""Tests of tracks combined with a problem."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from basecal.geometry import SE3
 from tied_scene import tracks_alone
 
 
-def test_tracks_say_in_a_problem_what_they_say_alone() -> None:
-    """Nothing else seen, the information about base, mounts and lenses is that of the scene's own adjustment."""
+def test_tracks_in_a_problem_have_the_scenes_information() -> None:
+    """Without other views, the information on base, mounts and lenses is that of the scene's own adjustment."""
     _, fit, problem, state = tracks_alone(1)
     own = fit.columns
     where = [own.bases[1], *own.mounts, *own.lenses]
@@ -37,8 +37,8 @@ def test_tracks_say_in_a_problem_what_they_say_alone() -> None:
     assert np.abs(off[:18]).max() < 5e-4  # what is expected of the lenses' terms stands in the rest
 
 
-def test_a_problem_of_tracks_alone_ends_where_the_scene_does() -> None:
-    """From a centimetre and ten milliradians off, the base is that of the scene's own adjustment to 10 um."""
+def test_problem_of_tracks_alone_equals_the_scene() -> None:
+    """From 1 cm and 10 mrad off, the base is that of the scene's own adjustment to 0.1 mm."""
     _, fit, problem, state = tracks_alone(2)
     off = state.transforms["left_base_from_right_base"]
     moved = {**state.transforms, "left_base_from_right_base": off @ SE3.exp(np.full(6, 0.01))}

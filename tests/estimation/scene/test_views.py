@@ -1,4 +1,4 @@
-"""Image points by the point that they show, and the views that have them."""
+"""Tests of image points grouped by tracks, and of the views that contain them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from basecal.numerics.batch import take
 from scene_points import LENS, made_scene
 
 
-def test_points_that_too_few_views_show_are_left_out():
-    """Of three points one is seen twice only once an image point is dropped; the others are numbered anew."""
+def test_points_with_too_few_views_are_left_out():
+    """A point that loses an image point and has only two is removed, and the others are renumbered."""
     tracks = Tracks(np.array([0, 1, 2, 0, 1, 2, 3]), np.array([0, 0, 0, 1, 1, 1, 1]), np.zeros((7, 2)), np.arange(7))
     kept, old = tracks.take(np.array([True, True, False, True, True, True, True]))
     assert old.tolist() == [1]
@@ -32,7 +32,7 @@ def test_directions_are_those_of_the_lens():
 
 
 def test_views_keep_their_stops():
-    """The stops of taken views are the same, and all stops stay known."""
+    """Stops of selected views are unchanged, and all stops stay known."""
     views = made_scene(2, arms=2).views
     few = take(views, np.array([3, 20]))
     assert few.stop.tolist() == [3, 20]
@@ -40,8 +40,8 @@ def test_views_keep_their_stops():
 
 
 @pytest.mark.parametrize(("fewest", "points"), [(None, [0, 2]), (2, [0, 1, 2]), (4, [2]), (5, [])])
-def test_a_point_needs_three_views(fewest, points):
-    """Or as many as are asked for; points count anew from zero."""
+def test_point_needs_three_views(fewest, points):
+    """The minimum may be set, and remaining points are renumbered from zero."""
     tracks = Tracks(np.r_[0:3, 0:2, 0:4], np.repeat([0, 1, 2], [3, 2, 4]), np.zeros((9, 2)), np.arange(9))
     kept, old = tracks.take(np.ones(9, dtype=bool), **({} if fewest is None else {"min_views": fewest}))
     assert old.tolist() == points
@@ -50,8 +50,8 @@ def test_a_point_needs_three_views(fewest, points):
     assert len(kept) == sum([3, 2, 4][point] for point in points)
 
 
-def test_the_reach_is_the_mean_distance_of_each_arm():
-    """Root of the mean square, of its own views."""
+def test_reach_is_the_rms_distance_of_each_arm():
+    """It is over each arm's own views."""
     views = made_scene(2, arms=2).views
     for k in (0, 1):
         lengths = np.linalg.norm(views.base_from_flange.translation[views.robot == k], axis=1)
@@ -59,8 +59,8 @@ def test_the_reach_is_the_mean_distance_of_each_arm():
     assert len(views) == 30
 
 
-def test_directions_outside_of_a_lens_are_zero():
-    """Image points beyond its domain are not valid, those of the other camera are."""
+def test_directions_outside_a_lens_are_zero():
+    """Image points beyond its domain are invalid, and those of the other camera are valid."""
     scene = made_scene(1, arms=2)
     folded = LENS.with_parameters(np.array([900.0, 900.0, 639.5, 359.5, -0.3, 0, 0, 0, 0]))
     pixels = np.full_like(scene.tracks.pixels, 400.0)

@@ -1,4 +1,4 @@
-"""Many bases started by all pairs at once."""
+"""Tests of starting many bases by all pairs at once."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def sights(made, problem):
     return [pair_views(group, made.cameras[group.camera], 20, 16) for group in problem.groups]
 
 
-def test_long_rings_start_near(made) -> None:
-    """Every base and mount within some millimetres and milliradians, from nothing."""
+def test_long_rings_start_near_the_truth(made) -> None:
+    """Every base and mount is within 20 mm and 20 mrad, without a guess."""
     problem, _ = build_problem(made.cell, made.recording)
     assert farthest(made, first_state(problem, made.cell, False).transforms) < 0.02
 
 
-def test_pairs_that_start_wrong_spoil_no_others(made) -> None:
-    """A base and a camera placed anyhow do not spoil the others."""
+def test_wrong_start_of_pairs_does_not_affect_others(made) -> None:
+    """One wrong base and one wrong camera leave the others correct."""
     problem, _ = build_problem(made.cell, made.recording)
     wrong = dict(made.truth)
     for name in ("r1_base_from_r4_base", "r6_flange_from_camera6"):
@@ -53,8 +53,8 @@ def test_pairs_that_start_wrong_spoil_no_others(made) -> None:
     assert farthest(made, found) < 0.02
 
 
-def test_pairs_that_drifted_need_no_search(made, monkeypatch, rng) -> None:
-    """Mounts off by 0.3 rad an axis, as at the end of a long chain: all are right without a search."""
+def test_drifted_pairs_need_no_search(made, monkeypatch, rng) -> None:
+    """Mounts are off by 0.3 rad for each axis, as at the end of a long chain. All are corrected without a search."""
     wished = []
 
     def watched(wishes):
@@ -69,8 +69,8 @@ def test_pairs_that_drifted_need_no_search(made, monkeypatch, rng) -> None:
     assert not any(wish.searched for wish in wished)
 
 
-def test_few_bases_and_known_ones_are_left(made) -> None:
-    """To whoever placed them."""
+def test_few_or_known_bases_are_not_placed(made) -> None:
+    """Their earlier placement is kept."""
     problem, _ = build_problem(made.cell, made.recording)
     assert place_by_pairs(problem, sights(made, problem), made.truth, ("r1_base_from_r4_base",)) == {}
     few = simulate(Scenario(layout="ring", robots=4, samples=80), 1)
@@ -78,8 +78,8 @@ def test_few_bases_and_known_ones_are_left(made) -> None:
     assert place_by_pairs(problem, sights(few, problem), few.truth, ()) == {}
 
 
-def test_bases_that_no_right_pair_reaches_are_left(made, rng) -> None:
-    """Where a robot's poses are of anything else, whoever placed all bases has the better word."""
+def test_bases_without_a_good_pair_are_not_placed(made, rng) -> None:
+    """If a robot's poses are unrelated to its views, the earlier placement of all bases is kept."""
     problem, _ = build_problem(made.cell, made.recording)
 
     def spoilt(sight):
@@ -125,8 +125,11 @@ def placed(monkeypatch, pairs, given=()):
     return place_by_pairs(None, [sight for sight, _ in pairs], {}, given)
 
 
-def test_bases_stand_where_pairs_agree_and_mounts_where_the_best_has_them(ring, rng, monkeypatch) -> None:
-    """What is known stays; a pair that fits badly, one without poses and one of a robot with itself place no base."""
+def test_bases_fit_all_pairs_and_mounts_the_best_pair(ring, rng, monkeypatch) -> None:
+    """Known transforms are unchanged.
+
+    A pair that fits badly, one without poses, and one of a robot with itself place no base.
+    """
     bases, pairs = ring
     off = SE3.exp(np.full(6, 0.5))
     sight, (x, y, z) = pair(rng, bases, 9, "b2", "b5")
@@ -144,16 +147,16 @@ def test_bases_stand_where_pairs_agree_and_mounts_where_the_best_has_them(ring, 
 
 
 @pytest.mark.parametrize(("bases", "given", "are_placed"), [(8, (), True), (7, (), False), (8, ("b3",), False)])
-def test_eight_free_bases_are_many(rng, monkeypatch, bases, given, are_placed) -> None:
-    """The reference is none of them; of seven, or where one is known, nothing is placed."""
+def test_eight_free_bases_are_needed(rng, monkeypatch, bases, given, are_placed) -> None:
+    """The reference does not count. With seven, or if one is known, nothing is placed."""
     names = NAMES[: bases + 1]
     at = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in names if name}
     pairs = [pair(rng, at, k, first, second) for k, (first, second) in enumerate(pairwise(names))]
     assert bool(placed(monkeypatch, pairs, given)) == are_placed
 
 
-def test_a_pair_fits_as_the_median_of_its_views_is_turned(rng) -> None:
-    """By the better pose of each view; a few views anywhere do not count."""
+def test_misfit_of_a_pair_is_the_median_angle_of_its_views(rng) -> None:
+    """The better pose of each view counts, and a few outliers have no effect."""
     sight, triple = pair(rng, {"b0": SE3.identity()}, 0, None, "b0", (0.1, 0.2, 3.0, -0.15, 0.01))
     assert all_pairs._misfit(sight, triple) == pytest.approx(0.15)
     nowhere = SE3(np.full((3, 3), np.nan), np.zeros(3))
@@ -161,7 +164,7 @@ def test_a_pair_fits_as_the_median_of_its_views_is_turned(rng) -> None:
 
 
 def test_bases_are_placed_by_the_fewest_relations(rng) -> None:
-    """From either end of a relation; a longer way with an error is not gone."""
+    """Relations are used in either direction, and a longer path with an error is not used."""
     bases = {None: SE3.identity(), **{f"b{k}": SE3.exp(rng.uniform(-1, 1, 6)) for k in range(4)}}
     between = {(a, b): bases[a].inverse() @ bases[b] for a, b in ((None, "b0"), ("b2", "b1"), ("b1", None))}
     off = bases["b0"].inverse() @ bases["b2"] @ SE3.exp(np.full(6, 0.1))
@@ -170,8 +173,8 @@ def test_bases_are_placed_by_the_fewest_relations(rng) -> None:
         np.testing.assert_allclose(found[name].matrix, bases[name].matrix, atol=1e-12)
 
 
-def test_what_is_known_stays_and_leads_on(rng) -> None:
-    """A base that no relation names stays; one that leads nowhere is not placed."""
+def test_known_bases_are_kept_and_propagated(rng) -> None:
+    """A base without relations is kept, and one without a path to a known base is not placed."""
     at, relation = SE3.exp(rng.uniform(-1, 1, 6)), SE3.exp(rng.uniform(-1, 1, 6))
     found = place_bases({"a": at}, {("b", "a"): relation, ("c", "d"): relation, ("a", None): relation})
     assert found.keys() == {"a", "b"}

@@ -1,4 +1,4 @@
-"""The closed forms on data without noise."""
+"""Tests of the closed forms on data without noise."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def loop_of(
 @pytest.mark.parametrize("seed", [5, 2, 0])
 @pytest.mark.parametrize("unknown", PATTERNS)
 def test_exact_data_give_exact_transforms(unknown, seed):
-    """Whatever of X, Y and Z is unknown comes out to 1e-9 and is determined, whichever sign null vectors have."""
+    """Any unknown combination of X, Y and Z is exact to 1e-9 and determined, for either sign of null vectors."""
     loop, truth = loop_of(unknown, 20, seed=seed)
     found = solve_rotations(loop)
     assert found.clear
@@ -40,22 +40,22 @@ def test_exact_data_give_exact_transforms(unknown, seed):
 
 
 @pytest.mark.parametrize("unknown", ["xy", "xyz"])
-def test_an_arm_that_stands_still_is_not_enough(unknown):
-    """With the hand still, Y and Z (or all three) cannot be told apart: the gate stays closed."""
+def test_still_arm_is_not_sufficient(unknown):
+    """With a still hand, Y and Z (or all three) cannot be separated, and the result is not clear."""
     loop, _ = loop_of("yz" if unknown == "xy" else unknown, 20, hand_still=True)
     assert not solve_rotations(loop).clear
     mirrored, _ = loop_of(unknown, 20, eye_still=True)
     assert not solve_rotations(mirrored).clear
 
 
-def test_too_few_samples_are_not_enough():
-    """Three samples leave all three rotations open."""
+def test_too_few_samples_are_not_sufficient():
+    """Three samples leave all three rotations undetermined."""
     loop, _ = loop_of("xyz", 3)
     assert not solve_rotations(loop).clear
 
 
-def test_kronecker_products_are_those_of_numpy(rng):
-    """Over leading axes, of matrices that are not square."""
+def test_kronecker_products_equal_numpy(rng):
+    """They are over leading axes, for matrices that are not square."""
     left, right = rng.standard_normal((4, 2, 3)), rng.standard_normal((4, 5, 2))
     expected = [np.kron(a, b) for a, b in zip(left, right, strict=True)]
     np.testing.assert_allclose(kron(left, right), expected, rtol=1e-14)
@@ -71,8 +71,8 @@ def noisy_loop(unknown: str, n: int = 12):
 
 
 @pytest.mark.parametrize("unknown", ["x", "y", "z"])
-def test_one_rotation_is_the_weighted_mean_of_the_samples(unknown):
-    """Each by the square of its weight, as SciPy averages rotations."""
+def test_single_rotation_is_the_weighted_mean(unknown):
+    """Samples are weighted by the square of their weight, as in SciPy's mean of rotations."""
     loop, truth = noisy_loop(unknown)
     a, b, c = (of.rotation for of in (loop.a, loop.b, loop.c))
     x, y, z = (truth[name].rotation for name in "xyz")
@@ -88,8 +88,8 @@ def _nearest(matrix):
 
 
 @pytest.mark.parametrize("unknown", ["xy", "xz", "yz"])
-def test_two_rotations_are_the_null_vector_of_all_weighted_rows(unknown):
-    """Written out sample by sample: A X B = Y C Z as rows of nine equations in two rotations."""
+def test_two_rotations_are_the_null_vector_of_weighted_rows(unknown):
+    """The explicit form is A X B = Y C Z for each sample, as rows of nine equations in two rotations."""
     loop, truth = noisy_loop(unknown)
     known = {name: truth[name].rotation for name in "xyz" if name not in unknown}
     basis, rows = np.eye(9).reshape(9, 3, 3), []
@@ -111,8 +111,8 @@ def test_two_rotations_are_the_null_vector_of_all_weighted_rows(unknown):
 
 
 @pytest.mark.parametrize("unknown", ["xz", "xyz"])
-def test_a_sample_counts_by_the_square_of_its_weight(unknown):
-    """Of noisy samples: one of weight two as much as four of weight one."""
+def test_sample_counts_by_its_squared_weight(unknown):
+    """Among noisy samples, one of weight two counts as much as four of weight one."""
     loop, _ = noisy_loop(unknown, 16)
     times = np.resize([4, 1, 1], 16)
     rows = np.repeat(np.arange(16), times)
@@ -122,8 +122,8 @@ def test_a_sample_counts_by_the_square_of_its_weight(unknown):
         np.testing.assert_allclose(one, same, atol=1e-7)
 
 
-def test_samples_without_weight_count_nothing():
-    """A fifth of them anywhere: the others give exact transforms, of all three unknown."""
+def test_samples_of_zero_weight_have_no_effect():
+    """With a fifth of them random, the others give exact transforms, with all three unknown."""
     loop, truth = loop_of("xyz", 25)
     anywhere = SE3.exp(np.random.default_rng(4).standard_normal((25, 6)))
     wrong = np.arange(25) % 5 == 2
@@ -139,8 +139,8 @@ def test_samples_without_weight_count_nothing():
 
 
 @pytest.mark.parametrize("unknown", PATTERNS)
-def test_translations_are_those_of_weighted_least_squares(unknown):
-    """A X B against Y C Z as products of poses: the sum of weighted squares of their differences is least."""
+def test_translations_minimise_weighted_least_squares(unknown):
+    """The sum of weighted squared differences of A X B and Y C Z, as products of poses, is minimal."""
     loop, truth = noisy_loop(unknown)
     found = solve_rotations(loop)
     triple = dict(zip("xyz", solve_translations(loop, found), strict=True))
@@ -165,6 +165,6 @@ def test_translations_are_those_of_weighted_least_squares(unknown):
         np.testing.assert_array_equal(triple[name].matrix, truth[name].matrix)
 
 
-def test_letters_of_what_is_not_known():
-    """In their order."""
+def test_unknown_letters_are_in_order():
+    """The names of unknown transforms are in the order x, y, z."""
     assert [loop_of(unknown, 2)[0].unknown for unknown in ("", *PATTERNS)] == ["", *PATTERNS]

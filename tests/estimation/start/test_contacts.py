@@ -1,4 +1,4 @@
-"""Starts of planes, edges and hinges."""
+"""Tests of start states of planes, edges and hinges."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ SHAPES = [
 
 
 @pytest.mark.parametrize("shapes", SHAPES)
-def test_bases_by_planes_and_edges(shapes):
-    """Exact touches of surfaces that nobody knows the places of end at the true base, from no guess."""
+def test_bases_are_found_by_planes_and_edges(shapes):
+    """Exact touches of surfaces at unknown places give the true base without a guess."""
     cell = surface_cell(shapes)
     found = solve(cell, recorded(cell, surface_lines(np.random.default_rng(0), 60, 1e-6, shapes)))
     assert np.abs((found.state.transforms[BASE].inverse() @ TRUTH).log()).max() < 1e-4
 
 
 def test_both_ends_of_a_hinge_are_parallel():
-    """In the first state z of both ends points the same way at every sample, within 0.3 rad."""
+    """In the first state, z of both ends has the same direction at every sample, within 0.3 rad."""
     cell = clamp_cell("free")
     lines = clamp_lines(held_poses(np.random.default_rng(0), 20, 0.0, 0.0, is_hinge=True))
     problem, _ = build_problem(cell, recorded(cell, lines))
@@ -62,8 +62,8 @@ def touched(shapes, count=60):
 
 
 @pytest.mark.parametrize("shapes", [{"floor": "plane", "wall": "plane"}, {"floor": "edge", "wall": "edge"}])
-def test_surfaces_are_where_they_were_touched(shapes):
-    """The normal of a plane and the direction of an edge are z; the origin is in the middle of the touches."""
+def test_surfaces_are_at_their_touches(shapes):
+    """The normal of a plane and the direction of an edge are z, and the origin is in the middle of the touches."""
     problem, transforms = touched(shapes)
     placed = place_contacts(problem, transforms)
     assert set(placed) == {f"eye_base_from_{name}" for name in shapes}
@@ -77,8 +77,8 @@ def test_surfaces_are_where_they_were_touched(shapes):
         assert 1e-3 < np.linalg.norm(off.translation) < 0.1
 
 
-def test_touches_of_the_reference_count_before_others():
-    """A base that is wrong has no effect on a surface that the reference touched as well."""
+def test_touches_of_the_reference_have_priority():
+    """A wrong base has no effect on a surface that the reference touched as well."""
     problem, transforms = touched({"floor": "plane"})
     wrong = {**transforms, BASE: TRUTH @ SE3.exp([0.3, 0.1, 0.2, 0.1, 0.4, 0.2])}
     right, found = (place_contacts(problem, each)["eye_base_from_floor"] for each in (transforms, wrong))
@@ -88,8 +88,11 @@ def test_touches_of_the_reference_count_before_others():
     assert abs((SURFACES["floor"].inverse() @ alone).translation[2]) < 1e-6
 
 
-def test_bases_are_turned_about_the_middle_of_their_flanges():
-    """By every rotation of the icosahedron, surfaces with them; what is known stays, and known bases are not turned."""
+def test_bases_are_rotated_about_the_middle_of_their_flanges():
+    """All rotations of the icosahedron are tried, together with surfaces.
+
+    Known transforms are unchanged, and known bases are not rotated.
+    """
     problem, transforms = touched({"floor": "plane", "wall": "plane"})
     state = State({**transforms, **place_contacts(problem, transforms)}, {}, np.zeros((len(problem.stops), 6)))
     starts = list(rotated_base_states(problem, state, {"eye_base_from_wall"}))
@@ -115,8 +118,8 @@ def held(axis):
     return problem
 
 
-def test_a_held_part_is_halfway_between_the_flanges():
-    """Both ends are one place, half of the way from one flange to the other, in the directions of the eye's flange."""
+def test_held_part_is_halfway_between_the_flanges():
+    """Both ends are at one place, halfway from one flange to the other, with the axes of the eye's flange."""
     problem = held("fixed")
     ((name, start),) = rigid_part_mounts(problem).items()
     assert (name, start.matrix.tolist()) == ("eye_flange_from_part", np.eye(4).tolist())
@@ -129,8 +132,8 @@ def test_a_held_part_is_halfway_between_the_flanges():
     assert ends == pytest.approx([np.linalg.norm(hand_from_eye.translation) / 2] * 2)
 
 
-def test_a_hinge_is_where_flanges_stay_parallel():
-    """With the true base z of both mounts is one direction in all samples; their origins stay."""
+def test_hinge_axis_is_where_flanges_stay_parallel():
+    """With the true base, z of both mounts is one direction in all samples, and their origins are unchanged."""
     problem = held("free")
     (group, _) = problem.groups
     transforms = {
@@ -149,8 +152,11 @@ def test_a_hinge_is_where_flanges_stay_parallel():
     np.testing.assert_allclose(one, other[..., 0], atol=1e-6)
 
 
-def test_contacts_are_left_out_of_the_first_problem():
-    """Grips of a rigid part are poses at the identity, alone of its part; hinges are points; surfaces are not there."""
+def test_contacts_are_excluded_from_the_first_problem():
+    """A grip of a rigid part is a pose at the identity, alone for its part.
+
+    Hinges become points, and surfaces are removed.
+    """
     (pose,) = without_contacts(held("fixed")).groups
     assert isinstance(pose.measurement, PoseMeasurement)
     np.testing.assert_array_equal(pose.measurement.measured_camera_from_target.matrix, np.tile(np.eye(4), (12, 1, 1)))
@@ -166,8 +172,8 @@ def test_contacts_are_left_out_of_the_first_problem():
 
 
 @pytest.mark.parametrize("axis", [*np.eye(3), -np.eye(3)[2], np.array([0.6, 0.0, -0.8]), np.array([0.48, 0.6, 0.64])])
-def test_directions_become_z(axis):
-    """With a rotation that is right-handed."""
+def test_z_rotation_maps_z_to_a_direction(axis):
+    """The rotation is right-handed."""
     rotation = contacts._z_rotation(axis)
     np.testing.assert_allclose(rotation[:, 2], axis)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)

@@ -1,4 +1,4 @@
-"""Without a guess the solver ends at the optimum that it reaches from the truth."""
+"""Tests of the first state: without a guess, the solver ends at the optimum that it reaches from the truth."""
 
 from __future__ import annotations
 
@@ -47,22 +47,25 @@ from quick import quick
 
 @pytest.mark.parametrize("seed", quick([4000, 4001], [4000]))
 @pytest.mark.parametrize("kind", KINDS)
-def test_one_optimum(kind: str, seed: int) -> None:
-    """The two descents of a cell of 15 to 30 samples end alike (1e-6 m and rad), and everything is observable."""
+def test_start_reaches_the_optimum_of_the_truth(kind: str, seed: int) -> None:
+    """The two descents of a cell of 15 to 30 samples end equally (1e-6 m and rad), and everything is observable."""
     assert trial(kind, seed).verdict == "same"
 
 
 @pytest.mark.slow
-def test_one_optimum_in_nearly_all() -> None:
-    """Of eight cells of every kind at least 99.5 % end alike."""
+def test_start_reaches_the_optimum_in_nearly_all_cells() -> None:
+    """Among eight cells of every type, at least 99.5 % end equally."""
     trials = [trial(kind, seed) for kind in KINDS for seed in range(5000, 5008)]
     same, other = (sum(t.verdict == verdict for t in trials) for verdict in ("same", "other"))
     assert same >= 0.995 * (same + other)
     assert same + other >= 0.95 * len(trials)
 
 
-def test_ends_of_a_search_for_a_light() -> None:
-    """The best of clean ones is where the start without a guess ends; a board, which has a closed form, has none."""
+def test_led_search_finds_the_optimum() -> None:
+    """The best clean state ends where the start without a guess ends.
+
+    A board, which has a closed form, has no such states.
+    """
     made = simulate(Scenario(samples=25, target="led"), 2)
     problem, _ = build_problem(made.cell, made.recording)
     states = list(led_states(problem, made.cell, 12))
@@ -76,8 +79,8 @@ def test_ends_of_a_search_for_a_light() -> None:
 
 
 @pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
-def test_what_is_unknown_of_a_pair_is_what_its_loop_lacks(layout: str) -> None:
-    """Whatever is known already: mounts by their names, bases where both are known."""
+def test_unknowns_of_a_pair_match_its_loop(layout: str) -> None:
+    """The unknowns are correct for any known transforms: mounts by name, and bases if both are known."""
     made = simulate(Scenario(layout=layout, samples=5), 0)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -105,8 +108,8 @@ def _points_seen(samples: int, each: int):
     return made, problem.with_groups([group]), pair_views(group, made.cameras["wrist"], 1000, 1000), triple
 
 
-def test_points_seen_one_at_a_time_place_the_whole_target():
-    """Where each is found in the flange, by three points a view, says where the target is."""
+def test_points_seen_separately_place_the_target():
+    """Three points in each view locate each point in the flange, and all of them the target."""
     _, _, sight, (x, y, z) = _points_seen(60, 3)
     assert sight.candidates is None
     nowhere = SE3(np.eye(3), np.array([0.3, -0.2, 0.5]))
@@ -114,8 +117,8 @@ def test_points_seen_one_at_a_time_place_the_whole_target():
     np.testing.assert_allclose(found.matrix, z.matrix, atol=1e-5)
 
 
-def test_a_point_of_parallel_rays_stays_as_far_as_was_known():
-    """Of one view only the directions are known: each point lies on its ray, nearest to where the light was found."""
+def test_point_with_parallel_rays_keeps_its_known_depth():
+    """With one view only the directions are known: each point is on its ray, nearest to the position of the LED."""
     _, _, sight, (x, y, z) = _points_seen(1, 36)
     chords = sight.group.measurement
     flange_from_camera = (
@@ -129,16 +132,16 @@ def test_a_point_of_parallel_rays_stays_as_far_as_was_known():
         np.testing.assert_allclose(found @ chords.points_in_target.mean(0), feet.mean(0), atol=1e-6)
 
 
-def test_a_board_of_which_no_view_shows_four_points_is_started():
-    """From its start a descent ends at the truth, though no view has a pose."""
+def test_board_without_four_visible_points_is_started():
+    """A descent from its start ends at the truth, though no view has a pose."""
     made, problem, _, _ = _points_seen(60, 3)
     end = bundle_adjust(problem, first_state(problem, made.cell, thorough=False), 1).state
     for name, transform in end.transforms.items():
         np.testing.assert_allclose((transform.inverse() @ made.truth[name]).log(), 0.0, atol=1e-6)
 
 
-def test_guesses_are_a_state_where_all_unknowns_have_one():
-    """As they are written; without one of them there is none."""
+def test_guesses_form_a_state_if_complete():
+    """The guesses are used unchanged. If one is missing, there is no state."""
     made = simulate(Scenario(samples=4), 0)
     problem, _ = build_problem(made.cell, made.recording)
     assert guessed_state(problem, made.cell) is None
@@ -155,8 +158,8 @@ def test_guesses_are_a_state_where_all_unknowns_have_one():
 
 
 @pytest.mark.parametrize(("sigma_rad", "stays"), [(0.29, True), (0.31, False)])
-def test_a_prior_within_three_tenths_of_a_radian_is_a_start(sigma_rad, stays):
-    """About each axis: it stays where its mean is; a wider one, and a guess without a prior, are searched for."""
+def test_prior_within_three_tenths_of_a_radian_is_a_start(sigma_rad, stays):
+    """About each axis, the limit is 0.3 rad. A wider prior, and a guess without a prior, are searched for."""
     made = simulate(Scenario(samples=8), 0)
     problem, _ = build_problem(made.cell, made.recording)
     name = "eye_flange_from_wrist"
@@ -172,8 +175,8 @@ def test_a_prior_within_three_tenths_of_a_radian_is_a_start(sigma_rad, stays):
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0), (3, 2, 1), (1, 2, 3)])
-def test_bases_are_placed_from_wherever_a_chain_begins(order):
-    """A ring of four robots of which only some pairs are kept: the bases follow along the chain, either way."""
+def test_bases_are_placed_from_any_start_of_a_chain(order):
+    """Some pairs of a ring of four robots remain, and the bases follow along the chain, in either direction."""
     made = simulate(Scenario(layout="chain", robots=4, samples=40, target="pose", pose_noise=(1e-6, 1e-6)), 1)
     problem, _ = build_problem(made.cell, made.recording)
     groups = [problem.groups[k] for k in order]
@@ -184,8 +187,8 @@ def test_bases_are_placed_from_wherever_a_chain_begins(order):
         assert np.abs((start.transforms[name].inverse() @ made.truth[name]).log()).max() < 1e-3
 
 
-def test_bases_are_placed_as_relations_lead_to_them(rng):
-    """In whatever order they come and whichever end is known: none before it hangs together with the world."""
+def test_bases_are_placed_once_related_to_the_world(rng):
+    """Relations may come in any order and from either end. No base is placed before it is connected to the world."""
     at = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in "abcd"} | {None: SE3.identity()}
     known = _Knowledge()
     for first, second in (("a", "b"), ("c", "b"), ("d", "c")):
@@ -205,8 +208,8 @@ def test_bases_are_placed_as_relations_lead_to_them(rng):
     assert known.transforms == placed
 
 
-def test_bases_that_nothing_relates_to_the_reference_are_related_to_each_other():
-    """A third robot that no view shows is the reference: both others start as they are to each other."""
+def test_bases_without_relation_to_the_reference_are_related():
+    """A third robot without views is the reference: both others start with their relation to each other."""
     made = simulate(Scenario(samples=12, pixel_px=0.0), 0)
     robots = {**made.cell.robots, "third": Robot("third")}
     cell = replace(made.cell, robots=robots, reference="third", bases={})
@@ -216,8 +219,8 @@ def test_bases_that_nothing_relates_to_the_reference_are_related_to_each_other()
     np.testing.assert_allclose(off, 0, atol=1e-5)
 
 
-def test_what_is_given_is_fixed_or_has_a_narrow_prior():
-    """In all of its angles; a mean alone, or none, is no start."""
+def test_known_transforms_are_fixed_or_have_a_narrow_prior():
+    """The prior is narrow in all angles. A mean alone, or none, is no start."""
     mean = SE3.identity()
     narrow, wide = np.array([9.0, 9, 9, 0.1, 0.2, 0.29]), np.array([0.0, 0, 0, 0.1, 0.31, 0.1])
     unknowns = {
@@ -231,8 +234,8 @@ def test_what_is_given_is_fixed_or_has_a_narrow_prior():
     assert known_transforms(SimpleNamespace(unknowns=unknowns)) == {"fixed": mean, "narrow": mean}
 
 
-def test_a_thorough_start_takes_more_views_whose_poses_are_refined(monkeypatch):
-    """Others go by closed forms of few views and points."""
+def test_thorough_start_uses_more_views_with_refined_poses(monkeypatch):
+    """Other starts use closed forms of few views and points."""
     made, asked = simulate(Scenario(samples=3), 0), []
 
     def watched(group, camera, views, points, poses_of):
@@ -269,15 +272,15 @@ def hand_made(rng, swapped=()):
 
 
 @pytest.mark.parametrize("swapped", [(), (3, 8, 13), (0, 1, 2, 3)])
-def test_closed_forms_choose_the_better_of_each_views_poses(rng, swapped):
-    """Until the choice settles: exact, where a few views had their poses the other way round."""
+def test_closed_form_chooses_the_better_pose_of_each_view(rng, swapped):
+    """The choice is iterated until it is stable, and is exact if a few views had their poses swapped."""
     sight, triple = hand_made(rng, swapped)
     for found, true in zip(_solve_closed_form(sight, _Knowledge()), triple, strict=True):
         np.testing.assert_allclose(found.matrix, true.matrix, atol=1e-7)
 
 
-def test_searches_go_in_step_and_end_by_themselves(monkeypatch):
-    """What all want at a time is refined together; each has its own answers, its own end, and its own error."""
+def test_searches_run_in_step_with_separate_ends(monkeypatch):
+    """All requests at a time are refined together. Each search has its own answers, its own end, and its own error."""
     together = []
 
     def search(problem, cell, thorough):
@@ -304,8 +307,8 @@ def test_searches_go_in_step_and_end_by_themselves(monkeypatch):
 
 @pytest.mark.parametrize("known", ["", "x", "xy", "z"])
 @pytest.mark.parametrize("is_point", [True, False])
-def test_a_light_is_refined_from_more_starts_the_more_rotations_are_unknown(monkeypatch, known, is_point):
-    """Its mount stands where the light is; a target's known mount stays, an unknown one is placed by its points."""
+def test_led_refinement_has_more_starts_with_more_unknown_rotations(monkeypatch, known, is_point):
+    """The mount is at the LED. A target's known mount is unchanged, and an unknown one is placed by its points."""
     sight, (x, y, z) = hand_made(np.random.default_rng(0))
     chords = SimpleNamespace(points_in_target=np.array([[9.0, 9.0, 9.0], [0.1, 0.2, 0.3]]))
     monkeypatch.setattr(module, "led_point", lambda measurement: (chords, 1))
@@ -329,8 +332,8 @@ def test_a_light_is_refined_from_more_starts_the_more_rotations_are_unknown(monk
         assert (mount == "by its points") == ("z" not in known)
 
 
-def test_lenses_that_are_not_stated_are_those_of_their_own_views(monkeypatch):
-    """Of pixels alone; a stated one is as it is, whatever was seen."""
+def test_unstated_lenses_are_estimated_from_their_views(monkeypatch):
+    """Only pixel measurements are used, and a stated lens is unchanged."""
     made = simulate(Scenario(samples=3, layout="two_cameras"), 0)
     problem, _ = build_problem(made.cell, made.recording)
     first, second = problem.lenses
@@ -345,8 +348,8 @@ def test_lenses_that_are_not_stated_are_those_of_their_own_views(monkeypatch):
 
 
 @pytest.mark.parametrize("is_clear", [True, False])
-def test_pairs_with_poses_and_many_views_go_first(monkeypatch, is_clear):
-    """Of as few unknowns; each is tried once before one is forced, and again only where more is known."""
+def test_pairs_with_poses_and_many_views_come_first(monkeypatch, is_clear):
+    """Among pairs with as few unknowns, each is tried once before one is forced, and again only if more is known."""
     given = {"light": (None, 50), "few": ("poses", 5), "many": ("poses", 9)}
     ends = end("arm", SE3.identity((1,)), mount="x"), end(mount="z")
     pairs = [group_of(*ends, target=name) for name in given]
@@ -385,8 +388,11 @@ def mount(states, row=0):
     return states.transforms[MOUNT].log()[row]
 
 
-def test_three_tenths_of_outliers_pull_hardly():
-    """Least squares is off by 15 mm, Cauchy's likelihood by less than a tenth of that; the batch does not mix."""
+def test_three_tenths_of_outliers_have_little_effect():
+    """Least squares is off by 15 mm, Cauchy's likelihood by less than a tenth of that.
+
+    The entries of the batch do not mix.
+    """
     problem, state = with_outliers(9)
     plain = bundle_adjust(problem, state, 1).state.transforms[MOUNT].log()
     assert np.abs(plain[:3]).min() > 0.014
@@ -395,8 +401,8 @@ def test_three_tenths_of_outliers_pull_hardly():
     np.testing.assert_allclose(mount(robust, 1), mount(robust, 0), atol=1e-9)
 
 
-def test_it_is_where_the_weighted_forces_balance():
-    """The weights 1 / (1 + d^2 / s), with s the quantile of six tenths of d^2, leave no force at the end."""
+def test_irls_ends_at_the_balance_of_weighted_residuals():
+    """The weights 1 / (1 + d^2 / s), with s the 0.6 quantile of d^2, leave no gradient at the end."""
     problem, state = with_outliers(3, 0.01)
     at = mount(cauchy_irls(problem, batch_states(problem, [state])))
     errors = problem.groups[0].measurement.measured_camera_from_target.log()
@@ -409,14 +415,17 @@ def test_it_is_where_the_weighted_forces_balance():
 
 
 def test_exact_views_are_no_error():
-    """Without noise the scale is none, and the answer exact."""
+    """Without noise the scale is zero, and the result is exact."""
     problem, state = pose_problem(np.zeros((10, 6)), SIGMA)
     np.testing.assert_allclose(mount(cauchy_irls(problem, batch_states(problem, [state]))), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("fails_at", [None, 4])
-def test_a_few_steps_without_weights_are_followed_by_one_of_each_weights(monkeypatch, fails_at):
-    """By squares over freedoms of all groups, each state's own scale; where there is no step all stays."""
+def test_irls_starts_unweighted_and_then_reweights_each_step(monkeypatch, fails_at):
+    """Weights are by squares over freedoms of all groups, with a separate scale for each state.
+
+    If a step fails, the state is unchanged.
+    """
     values = np.array([[6.0, 12.0, np.inf], [1.0, 2.0, 3.0]]), np.array([[30.0, 0.0], [4.0, 5.0]])
     freedoms = np.array([[6, 6, 6], [1, 1, 1]]), np.array([[6, 0], [2, 1]])
     steps = []

@@ -1,4 +1,4 @@
-"""A target of which views show single points goes by the one that most of them see."""
+"""Tests of starting a target with single visible points by its most visible point."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def partial_views():
     return pair, pair.loop(truth[0], None, truth[2], np.zeros(len(pair.group), dtype=int)), truth
 
 
-def test_the_point_that_most_views_see_is_the_light():
-    """Views without it are left out, and where its mount is known the light stands at the point."""
+def test_led_is_the_point_with_most_views():
+    """Views without it are left out, and if its mount is known, the LED is at the point."""
     pair, loop, truth = partial_views()
     one, light, starts = led_search(pair, loop, 3)
     assert one.group.measurement.points_in_target.shape == (1, 3)
@@ -41,23 +41,23 @@ def test_the_point_that_most_views_see_is_the_light():
     assert 1 <= len(starts) <= 3
 
 
-def test_refined_the_best_start_is_the_truth():
-    """With camera and light known, the starts of the grid lead to the base, to a milliradian."""
+def test_best_refined_start_is_the_truth():
+    """With camera and LED known, the starts of the grid lead to the base, to a milliradian."""
     pair, loop, truth = partial_views()
     (found,) = refine_jointly([Refinement(*led_search(pair, loop, 3), is_point=True)])
     assert np.linalg.norm((found[1].inverse() @ truth[1]).rotvec) < 1e-3
 
 
-def test_views_count_however_little_they_weigh():
-    """What has no weight alone is not seen."""
+def test_views_count_with_any_weight():
+    """Only points without weight are unseen."""
     pair, loop, _ = partial_views()
     faint = replace(pair.group.measurement, weight=1e-9 * pair.group.measurement.weight)
     one, _, _ = led_search(replace(pair, group=replace(pair.group, measurement=faint)), loop, 1)
     assert len(one.group) == 10
 
 
-def test_every_rotation_is_within_45_degrees_of_the_grid():
-    """On 2,000 drawn ones; and the grid is a group of sixty."""
+def test_rotations_are_within_45_degrees_of_the_grid():
+    """The bound holds for 2,000 random rotations, and the grid is a group of sixty."""
     grid = icosahedral_rotations()
     assert len(grid) == 60
     drawn = SE3.from_quaternion(*_unit_quaternions(2000)).rotation
@@ -89,8 +89,8 @@ def _light(views, known=(), turned=None):
 
 
 @pytest.mark.parametrize("known", ["x", "y", "xz", "yz"])
-def test_with_rotations_of_the_grid_a_light_is_placed(known):
-    """What is known stays; of the others the best come first, and one of them is within 60 degrees of the truth."""
+def test_led_is_placed_with_rotations_of_the_grid(known):
+    """Known transforms are unchanged. The best starts come first, and one of them is within 60 degrees of the truth."""
     loop, bearings, true = _light(12, known)
     starts = led_starts(loop, bearings, 6)
     assert len(starts) == 6
@@ -105,8 +105,8 @@ def test_with_rotations_of_the_grid_a_light_is_placed(known):
     assert min(off) < np.radians(60)
 
 
-def test_where_rotations_are_known_the_light_is_exact():
-    """The translations are those by which every view meets its point."""
+def test_known_rotations_give_an_exact_led():
+    """The translations are those for which every view meets its point."""
     loop, bearings, true = _light(12, "xy")
     ((x, y, z),) = led_starts(loop, bearings, 3)
     np.testing.assert_allclose(z.translation, true["z"].translation, atol=1e-6)
@@ -114,8 +114,8 @@ def test_where_rotations_are_known_the_light_is_exact():
 
 
 @pytest.mark.parametrize(("views", "step"), [(40, 1), (41, 2), (80, 2), (81, 3)])
-def test_of_many_views_evenly_spread_ones_rank_the_grid(views, step):
-    """Forty at most: as if the others were not there."""
+def test_evenly_spread_views_rank_the_grid(views, step):
+    """At most forty views are used, as if the others did not exist."""
     loop, bearings, _ = _light(views, "x")
     fewer = loop._replace(a=loop.a[::step], c=loop.c[::step])
     for found, same in zip(led_starts(loop, bearings, 2), led_starts(fewer, bearings[::step], 2), strict=True):
@@ -123,8 +123,8 @@ def test_of_many_views_evenly_spread_ones_rank_the_grid(views, step):
             np.testing.assert_array_equal(one.matrix, other.matrix)
 
 
-def test_the_grid_carries_an_icosahedron_onto_itself():
-    """That of vertices (0, 1, golden ratio), of either signs, and with its coordinates in turn."""
+def test_grid_maps_an_icosahedron_to_itself():
+    """Its vertices are (0, 1, golden ratio), with either sign, and with cyclic coordinates."""
     golden = (1 + np.sqrt(5)) / 2
     vertices = np.array([np.roll([0, s, t * golden], k) for k in range(3) for s in (1, -1) for t in (1, -1)])
     carried = np.einsum("kij,vj->kvi", icosahedral_rotations(), vertices)
@@ -132,8 +132,11 @@ def test_the_grid_carries_an_icosahedron_onto_itself():
 
 
 @pytest.mark.parametrize(("known", "count"), [("x", 8), ("y", 20), ("xz", 8), ("yz", 20)])
-def test_a_light_whose_rotations_are_of_the_grid_comes_first(known, count):
-    """Exactly where it is, however far from the camera: directions alone count. Of one rotation of X eight go on."""
+def test_led_with_grid_rotations_comes_first(known, count):
+    """It is at its exact position, however far from the camera, because only directions count.
+
+    For one rotation of X eight starts remain.
+    """
     loop, bearings, true = _light(9, known, icosahedral_rotations()[[13, 42]])
     starts = led_starts(loop, bearings, 20)
     assert len(starts) == count
