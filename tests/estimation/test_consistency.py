@@ -1,4 +1,4 @@
-"""Errors of the base are as large as the covariance says."""
+"""Tests of consistency: errors of the base agree with the covariance."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def mean_of(scenario: Scenario, cells: int, robot_noise: RobotNoise | None = Non
 
 
 @pytest.mark.parametrize("name", quick(QUICK, QUICK[:1]))
-def test_covariance_is_true(name: str) -> None:
+def test_base_covariance_is_consistent(name: str) -> None:
     """Over 50 cells the mean of xi' C^-1 xi / 6 of the base is 1, within the band of 300 degrees of freedom.
 
-    Whitened by the Cramer-Rao bound at the truth in place of the covariance likewise: no estimate could do better.
+    So is the mean whitened by the Cramer-Rao bound at the truth instead of the covariance: no estimate could do better.
     """
     low, high = band(50, CHANCE)
     errors = [base_error(SCENARIOS[name], seed) for seed in range(10_000, 10_050)]
@@ -42,10 +42,10 @@ def test_covariance_is_true(name: str) -> None:
     assert low <= np.mean([e.nees_by_bound for e in errors]) / FREEDOMS <= high
 
 
-def test_robot_noise_that_is_not_told_is_noticed() -> None:
-    """The band bites: robots' noise that is neither told nor estimated makes errors larger than the covariance says.
+def test_unstated_robot_noise_is_detected() -> None:
+    """The band is sensitive to robot noise that is neither stated nor estimated.
 
-    Estimated, the same cells are within it.
+    The errors are then larger than the covariance, and with an estimate, the same cells are within it.
     """
     told = SCENARIOS["board, eye still, mounts fixed, robot noise"]
     silent = replace(told, state_robot_noise=False)
@@ -53,16 +53,16 @@ def test_robot_noise_that_is_not_told_is_noticed() -> None:
     assert mean_of(silent, 6, "estimated") < band(6, CHANCE)[1]
 
 
-def test_common_error_of_a_view_is_in_the_covariance() -> None:
-    """With an error that all points of a view share, and told so, likewise; 36 corners are not 36 witnesses of it."""
+def test_covariance_includes_a_shared_error_of_a_view() -> None:
+    """With a stated error that all points of a view share, it is consistent, too: 36 corners are not independent."""
     low, high = band(40, CHANCE)
     assert low <= mean_of(CORRELATED, 40) <= high
 
 
-def test_lenses_as_they_are_sold() -> None:
-    """Twelve views by a free lens that is as far off its axis as some are: the tilt of its mount has no bias.
+def test_tilt_of_the_mount_is_unbiased_for_real_lenses() -> None:
+    """Twelve views are by a free lens that is as far off its axis as some real ones.
 
-    In sigmas a mean over ten cells scatters by 0.32; were these terms taken for a third as large it would be -1.8.
+    In sigmas a mean over ten cells scatters by 0.32; if these terms were assumed a third as large, it would be -1.8.
     """
     lens = Camera("pinhole", np.array([935.0, 934.0, 646.0, 348.0, -0.09, 0.026, 4e-3, -2e-3, 0.3]), (1280, 720))
     noise = {"pixel_px": 0.3, "robot_noise": (3e-4, 5e-4)}
@@ -76,7 +76,7 @@ def test_lenses_as_they_are_sold() -> None:
 
 
 @pytest.mark.slow
-def test_one_estimated_factor_inflates_as_an_f() -> None:
+def test_one_estimated_factor_inflates_like_f() -> None:
     """Ten degrees of freedom make the mean 10 / 8: 600 cells scatter by a twentieth of it (a mean of F(6, 10))."""
     errors = [base_error(ESTIMATED["light, mounts fixed, 8 samples, pixel sigma"], seed) for seed in range(600)]
     mean = np.mean([e.nees for e in errors]) / FREEDOMS
@@ -87,7 +87,7 @@ def test_one_estimated_factor_inflates_as_an_f() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_covariance_is_true(name: str) -> None:
-    """Over 400 cells of every scenario likewise, within the band of 2,400 degrees of freedom."""
+def test_every_covariance_is_consistent(name: str) -> None:
+    """Over 400 cells of every scenario, the mean is within the band of 2,400 degrees of freedom."""
     low, high = band(400, CHANCE)
     assert low <= mean_of(SCENARIOS[name], 400) <= high

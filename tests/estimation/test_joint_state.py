@@ -1,4 +1,4 @@
-"""Several pairs together determine what none of them does alone."""
+"""Tests of several pairs that jointly determine a state that none determines alone."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def ring(seed: int) -> SimulatedCell:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 5])  # 4 is solved below
-def test_a_ring_of_few_views_begins_near_the_truth(seed: int) -> None:
+def test_ring_of_few_views_starts_near_the_truth(seed: int) -> None:
     """All transforms are within 5 deg."""
     made = ring(seed)
     problem, _ = build_problem(made.cell, made.recording)
@@ -28,8 +28,8 @@ def test_a_ring_of_few_views_begins_near_the_truth(seed: int) -> None:
     assert np.degrees(np.abs(off).max()) < 5
 
 
-def test_what_is_known_stays_as_it_is() -> None:
-    """A base that is stated, beside which the others are found."""
+def test_known_base_is_unchanged() -> None:
+    """The other transforms are found beside a stated base."""
     made = ring(0)
     name = made.cell.base_name(list(made.cell.robots)[1])
     cell = made.cell.with_transform(name, Unknown("fixed", made.truth[name]))
@@ -41,16 +41,16 @@ def test_what_is_known_stays_as_it_is() -> None:
     assert np.degrees(np.abs(off).max()) < 5
 
 
-def test_it_is_solved_from_there() -> None:
-    """The plain starts of this ring end 51 px off; the solution explains the views."""
+def test_ring_of_few_views_is_solved() -> None:
+    """The plain starts of this ring end 51 px off, and the solution explains the views."""
     made = ring(4)
     found = solve(made.cell, made.recording)
     assert found.converged
     assert found.cost < 2 * found.dof
 
 
-def test_one_pair_is_left_to_its_own_search() -> None:
-    """Of one pair, and of a light, there is none."""
+def test_single_pair_has_no_joint_state() -> None:
+    """Neither a single pair nor an LED has one."""
     for scenario in (Scenario(), Scenario(target="led")):
         made = simulate(scenario, 1)
         assert joint_state(build_problem(made.cell, made.recording)[0], made.cell) is None

@@ -1,4 +1,4 @@
-"""What is asked of the solver."""
+"""Tests of the solver's settings."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.stages import Stages
 
 
-def test_settings_as_plain_values():
-    """All but where time is counted, which is no part of what is asked and makes no difference."""
+def test_settings_as_dict():
+    """All settings but the timer are included, because the timer has no effect on the result."""
     assert DEFAULT.as_dict() == {
         "method": "maximum-likelihood",
         "iterations": 100,
@@ -31,8 +31,8 @@ def test_settings_as_plain_values():
     assert Settings(stages=Stages()) == DEFAULT
 
 
-def test_work_is_done_whether_its_time_is_counted_or_not():
-    """A stage without a place to count it is nothing."""
+def test_stages_run_with_or_without_a_timer():
+    """A stage without a timer does nothing else."""
     done = []
     for settings in (DEFAULT, Settings(stages=Stages())):
         with settings.stage("work"):
@@ -40,8 +40,8 @@ def test_work_is_done_whether_its_time_is_counted_or_not():
     assert len(done) == 2
 
 
-def test_stages_are_logged_and_nothing_is_printed(caplog):
-    """By the standard module, as `basecal`; who sets no handler sees nothing."""
+def test_stages_are_logged_and_not_printed(caplog):
+    """They are logged by the standard module, as `basecal`. Without a handler there is no output."""
     with caplog.at_level(logging.INFO, logger="basecal"), DEFAULT.stage("work"):
         pass
     assert [record.getMessage() for record in caplog.records] == ["stage: work"]
@@ -75,15 +75,15 @@ def test_stages_are_logged_and_nothing_is_printed(caplog):
         ({"task_point": (0, 0, 0), "task_box": (0, 0, 0, 1, 1, 0)}, "^task_box is .* that differ in x, in y and in z$"),
     ],
 )
-def test_a_setting_that_does_not_exist_is_refused(values, message):
-    """Its name, its value and the choices are in the error, whether written in Python or read from a file."""
+def test_invalid_settings_are_refused(values, message):
+    """The error has the name, the value and the choices, for settings from Python or from a file."""
     for make in (lambda: Settings(**values), lambda: Settings.from_dict(values)):
         with pytest.raises(InputError, match=message):
             make()
 
 
-def test_places_of_any_sequence_are_tuples_of_numbers():
-    """A list, as a file holds it, and an array are equal to a tuple."""
+def test_points_of_any_sequence_become_tuples():
+    """A list, as in a file, and an array equal a tuple."""
     tuple_of = Settings(task_point=(1.0, 2.0, 3.0))
     assert Settings.from_dict({"task_point": [1, 2, 3], "of_another": 1}) == tuple_of
     assert Settings(task_point=np.array([1.0, 2.0, 3.0])) == tuple_of

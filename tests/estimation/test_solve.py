@@ -1,4 +1,4 @@
-"""The solver against a slow, dense one, and the properties that any solution has."""
+"""Tests of the solver against a slow, dense one, and of properties of any solution."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def off(estimate, truth) -> float:
 
 
 @pytest.mark.parametrize("name", quick(AGAINST_ORACLE, ["half and half", "light with priors"]))
-def test_optimum_and_covariance_are_those_of_the_dense_problem(name):
+def test_optimum_and_covariance_equal_the_dense_problem(name):
     """The elimination of stops changes nothing: optimum to 1e-3 and covariance to 2 % of the sigmas.
 
     The oracle differentiates numerically and keeps second-order terms of stop errors in its Jacobian.
@@ -64,8 +64,11 @@ def test_optimum_and_covariance_are_those_of_the_dense_problem(name):
 
 
 @pytest.mark.parametrize("arms", ["halves", "stations"])
-def test_two_targets_a_sample_share_the_errors_of_their_stops(arms):
-    """Shared stops of both robots at once (the sparse elimination) give the dense problem's optimum."""
+def test_two_targets_of_a_sample_share_stop_errors(arms):
+    """A second target that repeats every pixel does not reduce the sigma of the base much.
+
+    Stops of both robots are shared.
+    """
     s = simulate(Scenario(samples=6, target="points", arms=arms, robot_noise=NOISY, camera_mount="fixed"), seed=5)
     doubled = Recording(tuple(_twice(x) for x in s.recording.samples))
     cell = replace(s.cell, targets={**s.cell.targets, "twin": replace(s.cell.targets["board"], name="twin")})
@@ -87,7 +90,7 @@ def _twice(sample):
 
 @pytest.mark.parametrize("target", ["charuco", "led", "pose"])
 def test_order_of_the_file_changes_nothing(target):
-    """Shuffled samples give the same transforms below 1e-9 m and rad."""
+    """Shuffled samples give the same transforms to 1e-9 m and rad."""
     s = simulate(Scenario(samples=20, target=target, robot_noise=NOISY, arms="both"), seed=1)
     shuffled = list(s.recording.samples)
     random.Random(7).shuffle(shuffled)
@@ -96,7 +99,7 @@ def test_order_of_the_file_changes_nothing(target):
 
 
 def test_renumbered_samples_change_nothing():
-    """Without robot noise the samples' numbers are only names."""
+    """Without robot noise, sample numbers are only names."""
     s = simulate(Scenario(samples=20, robot_noise=(0, 0)), seed=2)
     renumbered = tuple(replace(x, sample=100 - x.sample) for x in s.recording.samples)
     first, second = solve(s.cell, s.recording), solve(s.cell, Recording(renumbered))
@@ -125,8 +128,8 @@ def test_renumbered_samples_change_nothing():
     ],
     ids=str,
 )
-def test_every_kind_of_cell_is_solved_without_a_guess(scenario):
-    """The truth lies where each covariance says: xi' C^-1 xi < 40, chance 5e-7 at 6 freedoms."""
+def test_every_type_of_cell_is_solved_without_a_guess(scenario):
+    """The truth is within each covariance: xi' C^-1 xi < 40, chance 5e-7 at 6 freedoms."""
     s = simulate(scenario, seed=11)
     solution = solve(s.cell, s.recording)
     assert solution.converged
@@ -142,7 +145,7 @@ def test_every_kind_of_cell_is_solved_without_a_guess(scenario):
 
 
 def test_unstated_pixel_sigma_is_estimated():
-    """One common factor: the estimate is within 6 % of the truth (4 sigma of 2,142 degrees of freedom)."""
+    """The estimate is one common factor, within 6 % of the truth (4 sigma of 2,142 degrees of freedom)."""
     s = simulate(Scenario(pixel_px=0.35, state_pixel_noise=False), seed=4)
     solution = solve(s.cell, s.recording)
     assert solution.noise.noise.pixel_px == pytest.approx(0.35, rel=0.06)
@@ -151,22 +154,22 @@ def test_unstated_pixel_sigma_is_estimated():
 
 
 def test_unstated_sigma_beside_stated_priors_is_estimated():
-    """With priors and robot noise stated the pixel sigma still comes out, within 6 %."""
+    """With priors and robot noise stated, the pixel sigma is estimated within 6 %."""
     s = simulate(Scenario(state_pixel_noise=False, target_mount="prior", robot_noise=(1e-4, 1e-4)), seed=4)
     solution = solve(s.cell, s.recording)
     assert solution.noise.converged
     assert solution.noise.noise.pixel_px == pytest.approx(0.2, rel=0.06)
 
 
-def test_unstated_pose_sigmas_are_estimated_apart():
-    """Translation and rotation of measured poses get a sigma each, within 15 %."""
+def test_unstated_pose_sigmas_are_estimated_separately():
+    """Translation and rotation of measured poses have a sigma each, within 15 %."""
     s = simulate(Scenario(samples=120, target="pose", pose_noise=(2e-3, 8e-3), state_observation_noise=False), seed=4)
     noise = solve(s.cell, s.recording).noise.noise
     assert noise.pose_m == pytest.approx(2e-3, rel=0.15)
     assert noise.pose_rad == pytest.approx(8e-3, rel=0.15)
 
 
-def test_guess_is_used_where_asked_for():
+def test_guess_is_used_on_request():
     """`start='guess'` needs a value for every transform, and then ends at the same optimum."""
     s = simulate(Scenario(), seed=6)
     with pytest.raises(InputError, match="needs a guess"):
@@ -182,15 +185,18 @@ def test_guess_is_used_where_asked_for():
 
 
 def test_camera_and_target_on_one_flange_are_refused():
-    """No robot moves one against the other."""
+    """No robot moves one relative to the other."""
     s = simulate(Scenario(), seed=0)
     cell = replace(s.cell, targets={"board": replace(s.cell.targets["board"], on="eye")})
     with pytest.raises(InputError, match="both on 'eye'"):
         solve(cell, s.recording)
 
 
-def test_joint_offsets_are_not_passed_over():
-    """A cell that asks for joint offsets of a robot recorded by poses gets a sentence, not an answer without them."""
+def test_joint_offsets_without_joints_are_refused():
+    """A cell that requests joint offsets of a robot recorded by poses is refused.
+
+    Otherwise the result would not contain them.
+    """
     s, free = simulate(Scenario(), seed=0), joint_offsets.Stated(status="free")
     robots = {**s.cell.robots, "hand": replace(s.cell.robots["hand"], parameters={"joint_offsets": free})}
     with pytest.raises(InputError, match="its urdf and joints_rad in every sample are needed"):
@@ -198,8 +204,8 @@ def test_joint_offsets_are_not_passed_over():
 
 
 @pytest.mark.parametrize(("start", "thorough"), [("closed", [False]), ("thorough", [True])])
-def test_a_start_is_thorough_where_that_is_asked_for(monkeypatch, start, thorough):
-    """Of a cell that any start solves one is made, by a search or not."""
+def test_thorough_start_is_used_on_request(monkeypatch, start, thorough):
+    """A cell that any start solves has a single start, with or without a search."""
     asked = []
 
     def first_state(problem, cell, thorough):
@@ -212,7 +218,7 @@ def test_a_start_is_thorough_where_that_is_asked_for(monkeypatch, start, thoroug
     assert asked == thorough
 
 
-def test_the_papers_closed_form_starts_robots_with_noise():
+def test_axis_shift_closed_form_starts_noisy_robots():
     """From it the descent ends where it ends from the truth."""
     camera = Camera("pinhole", [1000.0, 1000.0, 640.0, 480.0], (1280, 960))
     true = SE3.from_rotvec([0.1, 3.0, 0.3], [0.2, 0.1, 2.5])
@@ -229,10 +235,10 @@ def test_the_papers_closed_form_starts_robots_with_noise():
     assert off(found.state.transforms["eye_base_from_hand_base"], by_truth) < 1e-7
 
 
-def test_sigmas_that_are_sure_leave_the_covariance_as_it_is_observable(monkeypatch):
-    """Where integrating adds nothing: of a hand about one axis a third wider than what its noise seems to say.
+def test_known_sigmas_keep_the_observability_of_the_covariance(monkeypatch):
+    """The covariance of a hand about one axis is a third wider than its noise suggests, if integration adds nothing.
 
-    What integrating adds is added as it is, however much the data seem to say of the directions that the poses hide.
+    The addition by integration is unchanged, however much information data seem to have on hidden directions.
     """
     scenario = Scenario(samples=30, robot_noise=(2e-5, 2e-5), state_robot_noise=False, target_mount="prior")
     made = recorded(scenario, 0, hand=wobbling(SCARA, 1.5e-3))
@@ -248,8 +254,8 @@ def test_sigmas_that_are_sure_leave_the_covariance_as_it_is_observable(monkeypat
         np.testing.assert_allclose(added, more * at_mode / np.outer(sigma, sigma), atol=1e-4)
 
 
-def test_other_starts_are_tried_where_residuals_are_no_noise():
-    """Of eight sigmas where all were stated, of eight pixels where none was; of two of either none is."""
+def test_other_starts_are_tried_if_residuals_are_implausible():
+    """The limit is between two and eight sigmas if all are stated, and between two and eight pixels if none is."""
     for stated in (True, False):
         made = simulate(Scenario(samples=4, state_pixel_noise=stated), 0)
         problem, _ = build_problem(made.cell, made.recording)
@@ -262,8 +268,8 @@ def test_other_starts_are_tried_where_residuals_are_no_noise():
     ("costs", "disputed"),
     [((8.0, 8.0 + 4e-6), False), ((8.0, 8.001), True), ((9.0, 8.0), True), ((np.nan, 8.0), True)],
 )
-def test_starts_that_end_apart_are_disputed(monkeypatch, costs, disputed):
-    """By more than a millionth of the cost; the lowest end is taken, never one without a cost."""
+def test_starts_with_different_ends_are_disputed(monkeypatch, costs, disputed):
+    """The ends differ by more than a millionth of the cost. The lowest is used, never one without a cost."""
     ends = iter([("problem", cost, cost) for cost in costs])
     module = sys.modules["basecal.estimation.solve"]
     monkeypatch.setattr(module, "first_state", lambda *given, **options: "state")
@@ -274,8 +280,8 @@ def test_starts_that_end_apart_are_disputed(monkeypatch, costs, disputed):
     assert module._start("problem", "cell", Settings()) == ("problem", np.nanmin(costs), disputed)
 
 
-def test_a_solution_is_one_line():
-    """The transforms that were solved for, each with its sigmas, and the fit."""
+def test_repr_of_a_solution_is_one_line():
+    """The line has the estimated transforms, each with its sigmas, and the fit."""
     made = simulate(Scenario(samples=6, target="points", camera_mount="fixed"), 1)
     found = solve(made.cell, made.recording)
     base, mount = found.transforms["eye_base_from_hand_base"], found.transforms["hand_flange_from_board"]

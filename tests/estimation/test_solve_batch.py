@@ -1,4 +1,4 @@
-"""Many recordings of one structure side by side are each as it is solved by itself."""
+"""Tests of solving many recordings of one structure in a batch."""
 
 from __future__ import annotations
 
@@ -34,8 +34,11 @@ def drawn(scenario, count=3):
 
 
 @pytest.mark.parametrize("stated", [True, False])
-def test_each_is_as_it_is_by_itself(stated):
-    """State and covariance to 1e-9 of their size, with the pixels' sigma stated or of each entry's own residuals."""
+def test_batch_equals_separate_solutions(stated):
+    """State and covariance agree to 1e-9 of their size.
+
+    The pixels' sigma is stated or estimated from each entry's residuals.
+    """
     problems, together, start = drawn(replace(SCENARIO, state_pixel_noise=stated))
     found = solve_batch(together, batch_states(problems[0], [start] * 3))
     assert found.converged.all()
@@ -55,8 +58,11 @@ def test_each_is_as_it_is_by_itself(stated):
             assert found.cost[row] == pytest.approx(alone.cost, rel=1e-9)
 
 
-def test_stated_sigmas_are_taken_at_their_word():
-    """Stated, the covariance is the inverse information whatever the residuals; unstated, it goes with them."""
+def test_stated_sigmas_are_kept():
+    """With stated sigmas, the covariance is the inverse information for any residuals.
+
+    Without, it is scaled by them.
+    """
     _, told, start = drawn(SCENARIO)
     stated = solve_batch(told, batch_states(told, [start] * 3))
     silent = solve_batch(drawn(replace(SCENARIO, state_pixel_noise=False))[1], batch_states(told, [start] * 3))
@@ -64,15 +70,15 @@ def test_stated_sigmas_are_taken_at_their_word():
     np.testing.assert_allclose(ratio, stated.cost / stated.dof, rtol=1e-6)
 
 
-def test_steps_may_be_limited():
+def test_number_of_steps_may_be_limited():
     """After one step from far off none has converged."""
     problems, together, start = drawn(SCENARIO)
     far = {name: t @ type(t).exp(np.full(6, 0.05)) for name, t in start.transforms.items()}
     assert not solve_batch(together, batch_states(problems[0], [replace(start, transforms=far)] * 3), 1).converged.any()
 
 
-def test_residuals_of_several_kinds_are_refused():
-    """Poses whose translations and rotations state no sigma have two variances: that is done one by one."""
+def test_residuals_of_several_types_are_refused():
+    """Poses without sigmas have two variances, of translations and rotations, and need separate solutions."""
     made = simulate(Scenario(samples=8, target="pose", state_observation_noise=False), 1)
     problem, _ = build_problem(made.cell, made.recording)
     start = State(made.truth, made.cameras, np.zeros((0, 6)))

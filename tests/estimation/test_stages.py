@@ -1,4 +1,4 @@
-"""Where the time goes."""
+"""Tests of timing stages."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.stages import Stages
 
 
-def test_a_stage_within_another_is_part_of_it() -> None:
-    """Times of stages add up to the time of all: what a stage calls on counts once, as its own."""
+def test_nested_stage_counts_for_the_outer_one() -> None:
+    """Times of stages add up to the total: inner stages count once, as part of the outer one."""
     told: list[str] = []
     settings = Settings(stages=Stages(told.append))
     began = time.perf_counter()
@@ -29,7 +29,7 @@ def test_a_stage_within_another_is_part_of_it() -> None:
     assert sum(seconds.values()) <= took
 
 
-def test_a_stage_that_fails_is_over() -> None:
+def test_failing_stage_is_closed() -> None:
     """After an error inside a stage the next one is counted under its own name."""
     stages = Stages()
     with pytest.raises(ValueError, match="no"), stages.stage("first"):
@@ -39,8 +39,8 @@ def test_a_stage_that_fails_is_over() -> None:
     assert list(stages.seconds) == ["first", "second"]
 
 
-def test_parts_of_a_stage_are_told():
-    """Each with how many there are, and nothing outside a stage or without a timer."""
+def test_progress_within_a_stage_is_reported():
+    """Each part is reported with the number of all, but not outside a stage or without a timer."""
     told: list[str] = []
     settings = Settings(stages=Stages(told.append))
     settings.report_progress(1, 2)
@@ -50,8 +50,8 @@ def test_parts_of_a_stage_are_told():
     assert told == ["conventions", "conventions, 1 of 2"]
 
 
-def test_a_timer_is_no_part_of_what_is_asked() -> None:
-    """Settings with a timer equal those without, and none stands in the file."""
+def test_timer_is_no_part_of_the_settings() -> None:
+    """Settings with a timer equal those without, and the file does not contain it."""
     assert Settings(stages=Stages()) == Settings()
     assert Settings(stages=Stages()).as_dict() == Settings().as_dict()
     assert "stages" not in Settings().as_dict()

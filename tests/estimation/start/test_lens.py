@@ -1,4 +1,4 @@
-"""A lens from views of boards alone."""
+"""Tests of estimating a lens from views of boards alone."""
 
 from __future__ import annotations
 
@@ -46,24 +46,24 @@ def views(camera: Camera, noise: float = 0.1, count: int = 12) -> PixelMeasureme
 
 
 @pytest.mark.parametrize("focal", [600.0, 950.0, 1700.0, 3000.0])
-def test_a_lens_is_found_from_any_of_the_guesses(focal):
-    """With a tenth of a pixel of noise the focal lengths are right to a hundredth, from half to over two widths."""
+def test_lens_is_found_from_any_guess(focal):
+    """With 0.1 px of noise the focal lengths are right to a hundredth, from half to over two image widths."""
     true = lens(focal)
     found = lens_from_views(ASKED, [views(true)])
     np.testing.assert_allclose(found.parameters[:2], true.parameters[:2], rtol=0.01)
     np.testing.assert_allclose(found.parameters[2:4], true.parameters[2:4], atol=0.02 * focal)
 
 
-def test_views_of_two_boards_count_together():
-    """Views in two groups give the lens that all of them in one give, to a thousandth of the focal length."""
+def test_views_of_two_boards_are_combined():
+    """Views in two groups give the lens of all of them in one, to a thousandth of the focal length."""
     whole = views(lens(950.0))
     halves = [whole.take(slice(0, 5)), whole.take(slice(5, None))]
     together, apart = lens_from_views(ASKED, [whole]), lens_from_views(ASKED, halves)
     np.testing.assert_allclose(apart.parameters[:2], together.parameters[:2], rtol=1e-3)
 
 
-def test_without_a_view_of_four_points_it_is_a_guess():
-    """Views of three points tell no lens: it is one image width, centred, without distortion."""
+def test_lens_without_views_of_four_points_is_a_guess():
+    """Views of three points do not determine a lens: it is one image width, centred, without distortion."""
     few = views(lens(950.0))
     few = PixelMeasurement(BOARD[:3], few.pixels[:, :3], few.seen[:, :3], few.stated[:, :3], few.weight[:, :3])
     found = lens_from_views(ASKED, [few])
@@ -71,8 +71,11 @@ def test_without_a_view_of_four_points_it_is_a_guess():
     np.testing.assert_array_equal(found.parameters, [1280, 1280, 639.5, 359.5, 0, 0, 0, 0, 0])
 
 
-def test_few_views_of_a_lens_that_bends_much():
-    """Five real views of a wide lens, of 772 px by all ten: within 5 %, where a lens that does not bend has 1126."""
+def test_few_views_of_a_strongly_distorted_lens():
+    """Five real views of a wide lens give 5 % accuracy; all ten give 772 px.
+
+    A lens without distortion would have 1126.
+    """
     cell, recording = example("ur5e_dual")
     few = replace(recording, samples=tuple(s for s in recording.samples if s.sample in (1, 4, 5, 6, 9)))
     problem, _ = build_problem(cell, few)
@@ -80,22 +83,22 @@ def test_few_views_of_a_lens_that_bends_much():
     np.testing.assert_allclose(lens.focal, 772, rtol=0.05)
 
 
-def test_a_guess_is_centred_and_as_wide_as_asked():
-    """In the middle of the pixels' centres."""
+def test_guess_is_centred_with_the_requested_width():
+    """The principal point is in the middle of the pixel centres."""
     wide = guessed_lens(replace(ASKED, size_px=(641, 401)), 0.8)
     np.testing.assert_allclose(wide.parameters, [512.8, 512.8, 320, 200, 0, 0, 0, 0, 0])
     assert wide.size_px == (641, 401)
 
 
-def test_a_lens_of_no_size_is_not_guessed():
-    """What to state is said."""
+def test_lens_without_a_size_is_not_guessed():
+    """The error says what to state."""
     with pytest.raises(InputError, match="a free lens needs size_px"):
         guessed_lens(replace(ASKED, size_px=None))
 
 
 @pytest.mark.parametrize(("count", "step"), [(30, 1), (31, 2), (60, 2), (61, 3)])
-def test_at_most_thirty_views_of_four_points_or_more_are_kept(count, step):
-    """Spread evenly, each point that was seen counting alike, whatever was stated of it."""
+def test_at_most_thirty_views_of_four_points_are_kept(count, step):
+    """They are spread evenly, and each visible point has equal weight, whatever sigma was stated."""
     whole = views(lens(950.0), count=count + 2)
     seen = whole.seen.copy()
     seen[0, 3:], seen[1, 4:] = False, False  # three points, and four
@@ -107,8 +110,8 @@ def test_at_most_thirty_views_of_four_points_or_more_are_kept(count, step):
     assert len(_thin_points(replace(whole, seen=np.zeros_like(seen))).seen) == 0
 
 
-def test_poses_of_a_guess_are_of_the_points_it_can_place():
-    """Exact where the lens is; pixels where nothing was seen, or that it bends out of sight, do not count."""
+def test_poses_of_a_guess_use_its_valid_points():
+    """They are exact if the lens is. Unseen pixels, or pixels without a direction, do not count."""
     fisheye = Camera("fisheye", [300.0, 300.0, 640.0, 360.0, 0.0, 0.0, 0.0, 0.0], SIZE)
     seen = views(fisheye, noise=0.0)
     pixels, mask = seen.pixels.copy(), seen.seen.copy()
@@ -121,8 +124,8 @@ def test_poses_of_a_guess_are_of_the_points_it_can_place():
     np.testing.assert_allclose(fisheye.project(at)[:, others], seen.pixels[:, others], atol=1e-4)
 
 
-def test_poses_are_eliminated_from_what_views_say_of_lenses(rng):
-    """Of two boards and two lenses: cost, gradient, Hessian, what poses promise, and the step, as written out."""
+def test_poses_are_eliminated_from_lens_equations(rng):
+    """For two boards and two lenses, cost, gradient, Hessian, predicted decrease and step equal the explicit system."""
     boards = [views(lens(950.0), count=3), views(lens(950.0), noise=2.0, count=2)]
     lenses = [guessed_lens(ASKED, 0.7), lens(900.0)]
     state = stack([_Lenses(each, tuple(_poses(each, m) for m in boards)) for each in lenses])

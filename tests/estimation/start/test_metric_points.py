@@ -1,4 +1,4 @@
-"""A start from points measured in space."""
+"""Tests of a start from points measured in space."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ TRACKER_CELL = {
 }
 
 
-def test_a_tracker_that_sees_one_reflector():
-    """A tracker in the world starts within 0.3 rad of where it is, though no view holds a pose."""
+def test_tracker_with_one_reflector_is_started():
+    """A tracker in the world starts within 0.3 rad of its pose, though no view has a pose."""
     rng, cell = np.random.default_rng(1), cell_from_dict(TRACKER_CELL)
     tracker, reflector = SE3.from_rpy((0.3, -0.2, 1.0), (3.0, 1.0, 0.5)), np.array([0.05, 0.0, 0.1])
     poses = SE3.from_rotvec(rng.normal(0, 0.7, (15, 3)), np.array([0.4, 0.0, 0.5]) + rng.uniform(-0.5, 0.5, (15, 3)))
@@ -38,8 +38,8 @@ def test_a_tracker_that_sees_one_reflector():
     assert np.linalg.norm((found.inverse() @ tracker).rotvec) < 0.3
 
 
-def test_marks_of_unknown_place_and_tips_of_unknown_length():
-    """Exact touches of three marks give the base, tips and marks at once, within the share that keeps them near."""
+def test_marks_and_tips_of_unknown_position_are_started():
+    """Exact touches of three marks give the base, tips and marks together. A small prior keeps them near."""
     cell = touch_cell()
     problem, _ = build_problem(cell, recorded(cell, touch_lines(np.random.default_rng(0), 30, 0.0)))
     found = first_state(problem, cell, thorough=False).transforms
@@ -50,8 +50,8 @@ def test_marks_of_unknown_place_and_tips_of_unknown_length():
         np.testing.assert_allclose(found[f"eye_base_from_{name}"].translation, mark, atol=1e-4)
 
 
-def test_tip_on_tip_starts_near():
-    """Tips of unknown length that meet one another start within 0.3 rad."""
+def test_tip_to_tip_contacts_start_near_the_truth():
+    """Tips of unknown length that touch each other start within 0.3 rad."""
     cell = touch_cell(())
     problem, _ = build_problem(cell, recorded(cell, touch_lines(np.random.default_rng(0), 30, 0.0, {})))
     found = first_state(problem, cell, thorough=False).transforms

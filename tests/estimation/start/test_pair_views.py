@@ -1,4 +1,4 @@
-"""Views made ready for a start: few of them, as directions or poses, trusted as far as they are clear."""
+"""Tests of preparing views for a start: selection, conversion to directions or poses, and weights by ambiguity."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def off(candidates, truth):
 
 
 def test_measured_poses_are_their_own_candidates():
-    """Both of them, fully trusted."""
+    """Both candidates are the measured pose, with full weight."""
     found, _, group = prepared(Scenario(samples=6, target="pose"))
     for k in (0, 1):
         np.testing.assert_array_equal(
@@ -54,8 +54,8 @@ def test_measured_poses_are_their_own_candidates():
     assert found.weight.tolist() == [1.0] * 6
 
 
-def test_a_boards_views_give_poses_and_directions():
-    """The best candidate is the true pose to a centimetre and radian; directions are where the points are."""
+def test_board_views_give_poses_and_directions():
+    """The best candidate is the true pose to 1 cm and 0.01 rad, and directions point to the points."""
     found, truth, _ = prepared(Scenario(samples=8), points=9)
     assert off(found.candidates, truth) < 0.01
     measurement = found.group.measurement
@@ -70,8 +70,8 @@ def test_a_boards_views_give_poses_and_directions():
     assert np.all((found.weight > 0.5) & (found.weight <= 1.0))
 
 
-def test_views_that_look_alike_from_two_sides_are_trusted_less():
-    """A small board far off: both poses of its plane fit, and its weight is a fifth at most."""
+def test_ambiguous_views_have_less_weight():
+    """For a small distant board, both poses of its plane fit, and its weight is a fifth at most."""
     near, _, _ = prepared(Scenario(samples=8, pixel_px=0.05))
     far, _, _ = prepared(Scenario(samples=8, pixel_px=5.0, distance_m=(0.85, 0.9), spread_rad=0.1))
     assert near.weight.min() > 0.5
@@ -79,15 +79,15 @@ def test_views_that_look_alike_from_two_sides_are_trusted_less():
 
 
 def test_unstated_sigmas_count_as_half_a_pixel():
-    """So that directions have weights."""
+    """The sigma is needed for the weights of directions."""
     found, _, _ = prepared(Scenario(samples=5, state_pixel_noise=False))
     focal = simulate(Scenario(samples=5), 1).cameras["wrist"].focal.mean()
     np.testing.assert_allclose(found.group.measurement.weight, focal / 0.5)
 
 
 @pytest.mark.parametrize("target", ["led", "points"])
-def test_a_light_gives_directions_alone(target):
-    """No candidates from one point; from five points there are."""
+def test_led_gives_directions_only(target):
+    """One point has no candidate poses, five points have."""
     found, truth, _ = prepared(Scenario(samples=8, target=target))
     assert (found.candidates is None) == (target == "led")
     assert found.weight.shape == (8,)
@@ -96,7 +96,7 @@ def test_a_light_gives_directions_alone(target):
 
 
 def test_3d_points_give_their_poses():
-    """By the rotation that brings them together; a single point in 3-D is a direction."""
+    """The pose is the rigid transform between the points. A single 3-D point is a direction."""
     found, truth, _ = prepared(Scenario(samples=6, target="points3d"))
     assert off(found.candidates, truth) < 0.02
 
@@ -124,10 +124,10 @@ def test_3d_points_give_their_poses():
     np.testing.assert_allclose(alone.group.measurement.weight, 1000.0)
 
 
-def test_a_chessboard_is_read_from_one_end():
-    """Views recorded from the other end are turned so that all agree; the other end's poses stay candidates.
+def test_chessboard_is_read_from_one_end():
+    """Views recorded from the other end are reversed so that all agree, and the other end's poses stay candidates.
 
-    With each of the few points that are kept goes the one at its place from the other end.
+    With each of the few points that are kept, the point at its place from the other end is kept, too.
     """
 
     def some_turned(group):
@@ -146,8 +146,8 @@ def test_a_chessboard_is_read_from_one_end():
     assert min(off(back, one), off(back, other)) < 0.02
 
 
-def test_loops_take_the_chosen_candidate():
-    """Factors A and C as recorded, B the candidate that was chosen for each view, X, Y, Z as known."""
+def test_loops_use_the_chosen_candidate():
+    """Factors A and C are as recorded, B is the chosen candidate of each view, and X, Y, Z are the known ones."""
     found, _, group = prepared(Scenario(samples=5))
     x = SE3.exp(np.full(6, 0.1))
     loop = found.loop(x, None, None, np.array([0, 1, 0, 1, 0]))
@@ -160,8 +160,8 @@ def test_loops_take_the_chosen_candidate():
     np.testing.assert_array_equal(light.loop(None, None, None, np.zeros(5, int)).b.matrix, np.stack([np.eye(4)] * 5))
 
 
-def test_umeyama_brings_points_together(rng):
-    """Exact points give the exact transform whatever their weights, and points of no weight do not count."""
+def test_umeyama_aligns_points(rng):
+    """Exact points give the exact transform for any weights, and points of weight zero do not count."""
     points = rng.standard_normal((6, 3))
     true = SE3(rotation_exp(rng.standard_normal((3, 3))), rng.standard_normal((3, 3)))
     seen = (true.rotation @ points.T).swapaxes(1, 2) + true.translation[:, None]
@@ -171,15 +171,15 @@ def test_umeyama_brings_points_together(rng):
     np.testing.assert_allclose(umeyama(points, seen, weight).matrix, true.matrix, atol=1e-12)
 
 
-def test_a_light_of_several_points_is_the_one_most_views_see():
-    """Of three points the one with the most weights."""
+def test_led_point_is_the_one_in_most_views():
+    """Among three points, it is the one with the most weights."""
     weight = np.array([[0.1, 0.2, 0.0], [0.0, 0.3, 0.1]])
     measurement = BearingMeasurement(np.zeros((3, 3)), np.zeros((2, 3, 3)), weight)
     assert led_point(measurement) == (measurement, 1)
 
 
-def test_views_that_show_a_part_of_the_target_keep_enough_of_it():
-    """Each view shows eight of 24 points of a body: thinned to eight of what it shows they still give poses."""
+def test_partial_views_keep_enough_points():
+    """Each view shows eight of 24 points of a body. Thinned to eight of its visible points, it still gives poses."""
     body = points_target(0.1 * np.random.default_rng(0).uniform(-1, 1, (24, 3)))
     made = simulate(Scenario(samples=12, target="points", board=body, pixel_px=0.1), 0)
     problem, _ = build_problem(made.cell, made.recording)
@@ -192,8 +192,8 @@ def test_views_that_show_a_part_of_the_target_keep_enough_of_it():
     assert len(few.group) == 12
 
 
-def test_a_view_of_points_in_a_line_counts_next_to_nothing():
-    """A column of a board alone holds no pose: its information is singular, and by rounding even negative."""
+def test_view_of_collinear_points_has_almost_no_weight():
+    """A single column of a board has no pose: its information is singular, and by rounding even negative."""
 
     def of_a_line(group):
         seen = group.measurement.seen.copy()
@@ -232,8 +232,11 @@ def poses_with(cost, sigma_rad=0.02):
     return lambda *_: ViewPoses(poses, cost, information)
 
 
-def test_poses_are_trusted_by_their_own_sigma_and_a_fifth_where_two_look_alike():
-    """Half at 0.02 rad; alike are two whose costs differ by less than five sigmas, 25."""
+def test_pose_weight_depends_on_sigma_and_ambiguity():
+    """The weight is half at 0.02 rad, and a fifth of that if ambiguous.
+
+    Two poses are ambiguous if their costs differ by less than five sigmas, 25.
+    """
     group = group_of(pixels_of(np.ones((4, 6), dtype=bool)), 4)
     cost = [[0.0, 24.9], [0.0, 25.1], [10.0, 34.9], [10.0, 36.0]]
     for sigma_rad, half in ((0.02, 0.5), (0.06, 0.25)):
@@ -242,8 +245,8 @@ def test_poses_are_trusted_by_their_own_sigma_and_a_fifth_where_two_look_alike()
 
 
 @pytest.mark.parametrize(("none", "kept"), [([], [0, 1, 2, 3]), ([1], [0, 2, 3]), ([1, 2], None)])
-def test_views_without_a_pose_are_left_out_and_of_fewer_than_three_all_go_by_directions(none, kept):
-    """With the poses that are theirs."""
+def test_views_without_a_pose_are_left_out(none, kept):
+    """The others keep their poses. If fewer than three views have a pose, all views are used as directions."""
     cost = np.array([[0.0, 30.0]] * 4)
     cost[none] = np.inf
     poses_of = poses_with(cost)
@@ -259,14 +262,14 @@ def test_views_without_a_pose_are_left_out_and_of_fewer_than_three_all_go_by_dir
 
 
 @pytest.mark.parametrize(("points", "has_poses"), [(3, False), (4, True)])
-def test_a_target_of_four_points_has_poses(points, has_poses):
-    """Of three it has none, whatever they would cost."""
+def test_target_of_four_points_has_poses(points, has_poses):
+    """A target of three points has none, whatever their cost."""
     found = pair_views(group_of(pixels_of(np.ones((3, points), dtype=bool)), 3), LENS, 9, 9, poses_with([[0, 30]] * 3))
     assert (found.candidates is not None) == has_poses
 
 
-def test_directions_weigh_by_stated_sigmas_or_half_a_pixel():
-    """In radians by the mean focal length; what was not seen has neither weight nor direction."""
+def test_directions_are_weighted_by_stated_sigmas_or_half_a_pixel():
+    """Weights are per radian by the mean focal length. Unseen points have neither weight nor direction."""
     seen = np.array([[True, True, False]] * 2)
     group = group_of(pixels_of(seen, np.array([[0.5, 0.0, 0.5]] * 2)), 2)
     of = pair_views(group, LENS, 9, 9).group.measurement
@@ -283,8 +286,8 @@ def test_directions_weigh_by_stated_sigmas_or_half_a_pixel():
     (3, 4, [0, 1, 2]),
     (20, 5, [0, 5, 10, 14, 19]),
 ])  # fmt: skip
-def test_few_views_are_spread_from_first_to_last(total, views, kept):
-    """One alone is the first."""
+def test_selected_views_are_spread_from_first_to_last(total, views, kept):
+    """A single view is the first."""
     poses, weight = SE3.identity((total,)), np.ones((total, 6))
     found = pair_views(group_of(PoseMeasurement(poses, weight, weight), total), None, views, 9)
     assert found.group.sample.tolist() == kept
@@ -294,8 +297,11 @@ def test_few_views_are_spread_from_first_to_last(total, views, kept):
 @pytest.mark.parametrize(
     ("shown", "most", "left"), [([12, 12, 24], 6, 12), ([24, 24, 24], 6, 6), ([0, 0, 150], 1, 150)]
 )
-def test_of_a_target_shown_in_part_more_points_are_kept(shown, most, left):
-    """As many as the median view shows so many of; where that shows none, all of hundreds."""
+def test_partly_visible_targets_keep_more_points(shown, most, left):
+    """As many points are kept as the median view needs to show the requested number.
+
+    If it shows none, all of hundreds are kept.
+    """
     count = max(shown)
     group = group_of(pixels_of(np.arange(count) < np.array(shown)[:, None]), 3)
     assert len(pair_views(group, LENS, 9, most).group.measurement.points_in_target) == left
@@ -307,8 +313,11 @@ def test_of_a_target_shown_in_part_more_points_are_kept(shown, most, left):
     ((1, 1, 1), [3, 3, 2, 2], None),
     ((1, 0, 0), [5, 5, 5, 5], None),
 ])  # fmt: skip
-def test_three_points_in_space_hold_a_pose_but_in_a_line(rng, extent, seen, kept):
-    """Where three views at least have so many; else all go by directions."""
+def test_three_points_in_space_give_a_pose_unless_collinear(rng, extent, seen, kept):
+    """Three points that are not collinear give a pose in space.
+
+    At least three such views are needed, else all views are used as directions.
+    """
     points, poses = rng.standard_normal((5, 3)) * extent, SE3.exp(rng.standard_normal((4, 6)))
     at = (poses.rotation @ points.T).mT + poses.translation[:, None]
     mask = np.arange(5) < np.array(seen)[:, None]
@@ -324,8 +333,8 @@ def test_three_points_in_space_hold_a_pose_but_in_a_line(rng, extent, seen, kept
 
 
 @pytest.mark.parametrize("flip", [[False, True, True], [False, False, False]])
-def test_views_read_from_the_other_end_are_turned_with_all_that_is_theirs(monkeypatch, flip):
-    """Directions and weights in the other order, the poses of that end first; judged by each end's best pose."""
+def test_views_from_the_other_end_are_reversed_completely(monkeypatch, flip):
+    """Directions and weights are reversed, and the poses of that end come first. Each end's best pose decides."""
     target_from_turned = SE3(np.diag([-1.0, -1.0, 1.0]), np.array([0.2, 0.1, 0.0]))
     asked = []
 
@@ -352,8 +361,8 @@ def test_views_read_from_the_other_end_are_turned_with_all_that_is_theirs(monkey
             np.testing.assert_array_equal(getattr(found.group.measurement, name)[view], of)
 
 
-def test_the_nearer_of_two_poses_is_the_one_turned_less(rng):
-    """Against what X, Y and Z predict, wherever it stands."""
+def test_closest_pose_has_the_smaller_rotation(rng):
+    """The rotation is relative to the prediction of X, Y and Z, whatever the translation."""
     group = group_of(PoseMeasurement(SE3.identity((3,)), np.ones((3, 6)), np.ones((3, 6))), 3)
     triple = tuple(SE3.exp(rng.standard_normal(6)) for _ in "xyz")
     turns = np.array([[0.1, 0.2], [0.4, 0.3], [2.0, -1.0]])
@@ -366,7 +375,10 @@ def test_the_nearer_of_two_poses_is_the_one_turned_less(rng):
 
 
 def test_both_poses_of_ambiguous_views_are_samples(rng):
-    """Each view by its better pose, then those that have two by the other; none are added where each has one."""
+    """Each view has its better pose, followed by the other poses of ambiguous views.
+
+    Without ambiguous views none are added.
+    """
     group = group_of(PoseMeasurement(SE3.identity((3,)), np.ones((3, 6)), np.ones((3, 6))), 3)
     sight = module.PairViews(group, SE3.exp(rng.standard_normal((3, 2, 6))), np.array([1.0, 0.2, 0.9]), 3)
     loop = sight.loop(None, None, None, np.zeros(3, dtype=np.int64))
@@ -382,8 +394,8 @@ HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 
 
 @pytest.mark.parametrize("count", [4, 12])
-def test_views_read_from_the_other_end_are_found_however_far_the_arm_turned(count):
-    """One arm that turns by up to 3 rad, poses of views off by 5 mrad: all views are read from one and the same end."""
+def test_half_turns_are_found_for_any_arm_rotation(count):
+    """One arm rotates by up to 3 rad, with poses off by 5 mrad, and all views are read from the same end."""
     s = simulate(Scenario(samples=count, arms="eye_still"), 2)
     (group,) = build_problem(s.cell, s.recording)[0].groups
     rng = np.random.default_rng(0)
@@ -414,16 +426,19 @@ def about(angle_rad, axis=(0.6, 0.0, 0.8)):
 
 
 @pytest.mark.parametrize("stands", [([0, 1, 2, 3], [0, 1, 2, 3]), ([0, 0, 0, 0], [0, 0, 0, 0])])
-def test_where_no_robot_moved_alone_views_turn_least_against_the_first(stands):
-    """Both moved between any two views, or neither: nothing tells by how much the target turned."""
+def test_half_turns_minimise_rotation_if_no_robot_moved_alone(stands):
+    """If both robots moved between any two views, or neither did, the target's rotation is unknown.
+
+    Views are then read with the smallest rotation from the first.
+    """
     wide = about([0.0, 1.0, 1.7, 3.0], (0.0, 0.0, 1.0))
     found = half_turn_mask(group_by_stops(*stands, wide, about([0.0, 0.1, 0.2, 0.3])), wide, wide @ HALF_TURN)
     assert found.tolist() == [False, False, True, True]
 
 
 @pytest.mark.parametrize("still", ["eye", "hand"])
-def test_the_arm_that_moved_alone_tells_how_far_the_target_turned(still):
-    """Whichever it is: by 3 rad, where the other end is nearer to the first view."""
+def test_arm_that_moved_alone_determines_the_half_turns(still):
+    """Either arm may be the moving one. It rotates by 3 rad, for which the other end is nearer to the first view."""
     angle = np.array([0.0, 3.0, 2.5, 0.4, 2.0])
     moved, stood = about(angle, (0.0, 0.0, 1.0)), np.eye(3)
     stands, turns = ([0] * 5, [0, 1, 2, 3, 4]), (stood, moved)
@@ -439,8 +454,8 @@ def test_the_arm_that_moved_alone_tells_how_far_the_target_turned(still):
 
 
 @pytest.mark.parametrize("count", [2, 3, 7])
-def test_no_single_view_gains_by_being_read_otherwise(rng, count):
-    """At the end of a descent; where it begins nothing is changed, and an end is kept as it is."""
+def test_readings_are_optimal_for_each_single_view(rng, count):
+    """At the end of the descent, no single change reduces the cost. The start is not modified, and an end is kept."""
     misfit = rng.uniform(size=(count, 2, count, 2))
     misfit = misfit + misfit.transpose(2, 3, 0, 1)
     misfit[np.arange(count), :, np.arange(count)] = 0.0

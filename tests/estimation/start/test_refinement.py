@@ -1,4 +1,4 @@
-"""Starts of pairs refined side by side: the best of each, whoever else is refined with it."""
+"""Tests of refining starts of pairs in a batch, with the best of each independent of the others."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ def off(found, truth):
     )
 
 
-def test_the_best_start_is_refined():
-    """A start near the truth ends at it, to 5 mm and mrad, though another start is hopeless."""
+def test_best_start_is_refined():
+    """A start near the truth reaches it to 5 mm and mrad, though the other starts are hopeless."""
     asked, truth = wish(1, starts=(3.0, 0.05, 3.0))
     (found,) = refine_jointly([asked])
     assert off(found, truth) < 5e-3
 
 
-def test_wishes_do_not_know_of_one_another():
-    """Pairs of different numbers of views, and one of another structure, end where each ends alone."""
+def test_refinements_in_a_batch_are_independent():
+    """Pairs with different numbers of views, and one of another structure, end where each ends alone."""
     wishes = [wish(1)[0], wish(2, views=6)[0], wish(3, known="x")[0], wish(4)[0]]
     together = refine_jointly(wishes)
     for one, found in zip(wishes, together, strict=True):
@@ -56,7 +56,7 @@ def test_wishes_do_not_know_of_one_another():
             np.testing.assert_allclose((a.inverse() @ b).log(), 0.0, atol=1e-7)
 
 
-def test_rotations_are_searched_where_that_is_asked_for():
+def test_rotations_are_searched_on_request():
     """From hopeless starts alone the truth is found with a search, and not without one."""
     (without,) = refine_jointly([wish(5, starts=(3.0,))[0]])
     asked, truth = wish(5, starts=(3.0,), searched=True)
@@ -64,8 +64,8 @@ def test_rotations_are_searched_where_that_is_asked_for():
     assert off(found, truth) < 5e-3 < off(without, truth)
 
 
-def test_what_is_known_stays():
-    """A mount that is known is that of the start."""
+def test_known_transforms_are_unchanged():
+    """A known mount is that of the start."""
     asked, truth = wish(6, known="x")
     (found,) = refine_jointly([asked])
     np.testing.assert_array_equal(found[0].matrix, truth[0].matrix)
@@ -77,8 +77,8 @@ def test_what_is_known_stays():
     ("", True, {"x": slice(0, 6), "y": slice(6, 12), "z": slice(12, 15)}),
     ("y", True, {"x": slice(0, 6), "z": slice(6, 9)}),
 ])  # fmt: skip
-def test_a_pair_alone_has_three_unknowns(known, is_point, columns):
-    """Of a single point the mount has three columns; stops have no noise; names are those of the loop."""
+def test_pair_problem_has_three_unknowns(known, is_point, columns):
+    """The mount of a single point has three columns, stops have no noise, and names are those of the loop."""
     asked, _ = wish(7, known=known, scenario=Scenario(samples=5, robot_noise=(1e-3, 1e-3)))
     problem = pair_problem(asked.views, asked.loop, is_point)
     assert problem.columns == columns
@@ -88,8 +88,8 @@ def test_a_pair_alone_has_three_unknowns(known, is_point, columns):
     assert len(problem.stops) == 0
 
 
-def test_structures_are_told_apart():
-    """By camera, target's points, what is unknown, whether it is a point, and whether it is searched."""
+def test_structures_of_pairs_are_compared():
+    """They differ by camera, points of the target, unknowns, whether it is a point, and whether it is searched."""
     same, _ = wish(1)
     assert same.structure == wish(2, views=6)[0].structure
     others = [
@@ -101,7 +101,7 @@ def test_structures_are_told_apart():
 
 
 def test_every_view_of_a_pair_counts():
-    """The end is the optimum of the pair alone, first and last view and all between."""
+    """The end is the optimum of the pair alone, with the first and last view and all between."""
     asked, truth = wish(8, views=4, starts=(0.02,))
     (found,) = refine_jointly([asked])
     state = State(dict(zip("xyz", truth, strict=True)), {}, np.zeros((0, 6)))
@@ -111,8 +111,8 @@ def test_every_view_of_a_pair_counts():
 
 
 @pytest.mark.parametrize("seed", [21, 57, 141])
-def test_a_small_board_far_away_is_started_by_both_poses_of_its_views(seed):
-    """Sixteen points within 90 mm, 1.5 to 2.5 m away, look alike from two sides: the optimum is that of the noise."""
+def test_small_distant_board_is_started_by_both_poses_of_its_views(seed):
+    """Sixteen points within 90 mm, 1.5 to 2.5 m away, have two similar poses. The optimum has the cost of the noise."""
     seen = {"board": chessboard_target((4, 4), 0.03), "distance_m": (1.5, 2.5), "pixel_px": 1.5}
     scenario = Scenario(9, "chessboard", spread_rad=0.4, robot_noise=(1e-4, 2e-4), **seen)
     made = simulate(scenario, seed)

@@ -1,4 +1,4 @@
-"""Rotations by a grid and alternating means, loops side by side."""
+"""Tests of searching rotations by a grid and alternating means, for batches of loops."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def loop(truth, unknown, n, seed, noise=0.0):
 
 
 @pytest.mark.parametrize("unknown", ["x", "y", "z", "xy", "xz", "yz", "xyz"])
-def test_the_truth_is_first_where_it_lies_on_the_grid(unknown):
-    """Of exact data with rotations of the grid, the best start is the truth, whatever is unknown."""
+def test_truth_on_the_grid_is_found_first(unknown):
+    """For exact data with rotations of the grid, the best start is the truth, for any unknowns."""
     rng = np.random.default_rng(6)
     grid = icosahedral_rotations()
     truth = {name: SE3(grid[k], rng.standard_normal(3)) for name, k in zip("xyz", (7, 31, 52), strict=True)}
@@ -49,7 +49,7 @@ def drawn(seed):
 
 @pytest.mark.parametrize("unknown", ["xy", "xz", "yz", "xyz"])
 def test_exact_loops_are_closed(unknown):
-    """Eight loops of 12 to 19 samples, each with its own truth: every one is found to a tenth of a milliradian."""
+    """Eight loops of 12 to 19 samples, each with its own truth, are all found to a tenth of a milliradian."""
     truths = [drawn(k) for k in range(8)]
     found = search_rotations([loop(truth, unknown, 12 + k, k) for k, truth in enumerate(truths)])
     assert all(rotations.clear for rotations in found)
@@ -62,8 +62,8 @@ def test_exact_loops_are_closed(unknown):
 
 
 @pytest.mark.parametrize("unknown", ["y", "xz", "xyz"])
-def test_rotations_settle_where_samples_lead(unknown):
-    """From a third of a radian off, rounds leave a tenth of it or less, each loop by itself."""
+def test_rotations_converge_towards_the_truth(unknown):
+    """From a third of a radian off, rounds leave a tenth of it or less, separately for each loop."""
     truths = [drawn(k) for k in range(5)]
     rng = np.random.default_rng(1)
     turns = [{k: rotation_exp(0.2 * rng.standard_normal(3)) for k in unknown} for _ in truths]
@@ -78,8 +78,8 @@ def test_rotations_settle_where_samples_lead(unknown):
         assert off < max(rotation_angle(getattr(begun, k), truth[k].rotation) for k in "xyz") / 10
 
 
-def test_loops_do_not_know_of_one_another():
-    """Noisy loops of different lengths, one of them hopeless: side by side they end where each ends alone."""
+def test_loops_of_a_batch_are_independent():
+    """Noisy loops of different lengths, one of them hopeless, end in a batch where each ends alone."""
     loops = [loop(drawn(k), "xyz", 10 + k, k, noise=0.05) for k in range(4)]
     wild = loop(drawn(4), "xyz", 12, 4, noise=2.0)
     together = search_rotations([*loops, wild])
@@ -89,8 +89,8 @@ def test_loops_do_not_know_of_one_another():
             np.testing.assert_allclose(getattr(found, name), getattr(alone, name), atol=1e-9)
 
 
-def test_a_fifth_of_wrong_samples_does_not_choose_the_end():
-    """Five of 24 samples anywhere: the rotations are those of the others within 0.3 rad."""
+def test_fifth_of_wrong_samples_has_little_effect():
+    """With five of 24 samples random, the rotations are those of the others within 0.3 rad."""
     for seed in range(6):
         truth = drawn(seed)
         clean = loop(truth, "xyz", 24, seed)
@@ -103,7 +103,7 @@ def test_a_fifth_of_wrong_samples_does_not_choose_the_end():
 
 
 def test_sums_of_singular_values():
-    """Those of 3 x 3 matrices, of any rank, determinant and size, to a millionth of the sum."""
+    """They are correct for 3 x 3 matrices of any rank, determinant and size, to a millionth of the sum."""
     rng = np.random.default_rng(0)
     matrix = rng.standard_normal((200, 3, 3)) * rng.uniform(0, 1, (200, 1, 3)) ** 4
     matrix[:20, :, 0] = 0.0
@@ -116,7 +116,7 @@ def test_sums_of_singular_values():
 
 
 def test_angles_between_rotations():
-    """From a nanoradian to half a turn they are the length of the rotation vector between the two."""
+    """From a nanoradian to half a turn, the angle is the length of the rotation vector between the two."""
     angle = np.array([0.0, 1e-9, 1e-4, 0.3, 2.0, 3.1])
     axis = np.array([0.6, 0.0, 0.8])
     first = rotation_exp(np.array([0.4, -1.0, 0.2]))
@@ -131,8 +131,8 @@ def test_angles_between_rotations():
 
 
 @pytest.mark.parametrize("unknown", ["x", "y", "z"])
-def test_one_rotation_settles_at_the_mean_of_the_samples(unknown):
-    """Each by the square of its weight, as the closed form of one unknown has it."""
+def test_single_rotation_converges_to_the_mean_of_samples(unknown):
+    """Samples are weighted by the square of their weight, as in the closed form of one unknown."""
     loops = [loop(drawn(k), unknown, 9 + k, k, noise=0.3) for k in range(2)]
     near = [Rotations(*(np.eye(3) if at is None else at.rotation for at in (of.x, of.y, of.z))) for of in loops]
     for of, found in zip(loops, refine_rotations(loops, near), strict=True):
@@ -140,8 +140,8 @@ def test_one_rotation_settles_at_the_mean_of_the_samples(unknown):
 
 
 @pytest.mark.parametrize("unknown", ["y", "xz"])
-def test_rotations_that_have_settled_go_no_further(monkeypatch, unknown):
-    """From the truth of exact samples a round finds no change; a loop that moved has another, by itself."""
+def test_converged_rotations_are_not_iterated(monkeypatch, unknown):
+    """From the truth of exact samples a round finds no change, and a loop that moved has another round alone."""
     counted, nearest = [], rotation_search.nearest_rotation
     monkeypatch.setattr(rotation_search, "nearest_rotation", lambda of: counted.append(len(of)) or nearest(of))
     truth = drawn(1)
@@ -155,8 +155,8 @@ def test_rotations_that_have_settled_go_no_further(monkeypatch, unknown):
     assert counted[: len(unknown) + 1] == [2] * len(unknown) + [1]
 
 
-def test_starts_that_differ_in_any_rotation_are_apart(monkeypatch):
-    """By more than 0.15 rad; of those alike the first stays, each loop by itself."""
+def test_distinct_starts_differ_in_any_rotation(monkeypatch):
+    """Starts differ by more than 0.15 rad. The first of similar starts is kept, separately for each loop."""
     turn = rotation_exp(np.array([[0.0, 0, 0], [0.14, 0, 0], [0.16, 0, 0], [0, 0.5, 0]]))
     same = np.broadcast_to(np.eye(3), (4, 3, 3))
     ends = {"x": np.stack([same, turn, same]), "y": np.stack([turn, same, same]), "z": np.eye(3)[None, None]}
@@ -168,8 +168,11 @@ def test_starts_that_differ_in_any_rotation_are_apart(monkeypatch):
 
 
 @pytest.mark.parametrize(("most", "unknown"), [(1, "xy"), (5, "xy"), (7, "yz"), (61, "xz")])
-def test_the_best_cells_of_the_grid_are_those_that_close_loops_best(most, unknown):
-    """By the sum of the singular values of the mean that the other rotation is nearest to, tried one by one."""
+def test_best_grid_cells_close_the_loops_best(most, unknown):
+    """The best cells are found by comparing all, one by one.
+
+    The score is the sum of singular values of the mean to which the other rotation is nearest.
+    """
     grid, given = icosahedral_rotations(), [loop(drawn(k), unknown, 8 + k, k, noise=0.2) for k in range(2)]
     best, averaged = _grid_starts(_loops(given), most), unknown[-1]
     for h, of in enumerate(given):
@@ -184,8 +187,8 @@ def test_the_best_cells_of_the_grid_are_those_that_close_loops_best(most, unknow
         np.testing.assert_allclose(best[averaged][h], nearest_rotation(means[order]), atol=1e-9)
 
 
-def test_a_third_of_the_samples_may_be_wrong():
-    """Of each loop's own samples the least seven tenths, rounded up, count, one at least: their root mean square."""
+def test_third_of_the_samples_may_be_wrong():
+    """The smallest seven tenths of each loop's own samples, rounded up and at least one, give the root mean square."""
     angle = np.array([[[1.0, 5.0, 2.0, 2.0, 0.1], [3.0, 3.0, 3.0, 9.0, 9.0]], [[4.0, 1.0, 1.0, 1.0, 1.0]] * 2])
     np.testing.assert_allclose(_trimmed_rms(angle, np.array([4, 1])), [[np.sqrt(3.0), 3.0], [4.0, 4.0]])
     np.testing.assert_allclose(

@@ -1,4 +1,4 @@
-"""Views whose stamps jitter."""
+"""Tests of views with time stamp jitter."""
 
 from __future__ import annotations
 
@@ -42,6 +42,7 @@ def nees(made: Streamed, found: Calibration) -> float:
 
 
 def test_views_move_as_targets_do_before_cameras() -> None:
+    """The motion of views is the derivative of the target in the camera, scaled by a stated jitter."""
     made = streamed(clock=Clock(offset_s=0.03, jitter_s=2e-3))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -61,20 +62,24 @@ def test_views_move_as_targets_do_before_cameras() -> None:
 
 
 @pytest.mark.parametrize("stated", [True, False])
-def test_jitter_is_found_with_the_noise(stated: bool) -> None:
-    """Of 5 ms, from fifty views, within a third."""
+def test_jitter_is_estimated_with_the_noise(stated: bool) -> None:
+    """A jitter of 5 ms is estimated from fifty views, within a third."""
     found = calibrate(*(lambda m: (m.cell, m.recording))(jittered(5e-3, stated=stated)))
     assert found.noise["clocks"]["wrist"]["jitter_s"] == pytest.approx(5e-3, rel=0.33)
     assert "poor-fit" not in {f.code for f in found.findings}
 
 
-def test_where_there_is_none_it_stays_below_what_shows() -> None:
+def test_estimated_jitter_is_small_without_jitter() -> None:
+    """Without jitter, the estimate is below 1 ms."""
     made = jittered(0.0)
     assert calibrate(made.cell, made.recording).noise["clocks"]["wrist"]["jitter_s"] < 1e-3
 
 
-def test_stated_jitter_widens_the_offset_as_it_should() -> None:
-    """Of views that a stamp's error moves by five of their sigmas the offset is known as well as a mean of stamps."""
+def test_stated_jitter_widens_the_clock_offset() -> None:
+    """A time stamp error moves views by five of their sigmas.
+
+    The offset is then known as well as a mean of time stamps.
+    """
     made = jittered(5e-3, clock=Clock("free", 0.0, None, 5e-3))
     found = calibrate(made.cell, made.recording)
     assert isinstance(found.clocks["wrist"], ClockOffset)
@@ -113,8 +118,8 @@ def bent(made: Streamed, seed: int) -> Streamed:
 
 
 @pytest.mark.slow
-def test_answers_are_as_sure_as_they_are_right() -> None:
-    """Of 40 recordings with 4 ms of jitter, and bends as expected: NEES/6 within 3 standard errors of 1."""
+def test_covariance_with_jitter_is_consistent() -> None:
+    """For 40 recordings with 4 ms of jitter, and bends as expected, NEES/6 is within 3 standard errors of 1."""
     made = [bent(jittered(4e-3, seed), seed) for seed in range(40)]
     found = [calibrate(each.cell, each.recording) for each in made]
     mean = np.mean([nees(*each) for each in zip(made, found, strict=True)])
@@ -122,7 +127,8 @@ def test_answers_are_as_sure_as_they_are_right() -> None:
     assert sum(each.verdict == "good" for each in found) >= 30  # large bends are named
 
 
-def test_stamps_taken_for_exact_that_are_not_are_doubted() -> None:
+def test_wrongly_exact_time_stamps_give_a_poor_fit() -> None:
+    """Time stamps with 4 ms of jitter that are stated as exact give the finding `poor-fit`."""
     made = jittered(4e-3, clock=Clock("free", 0.0, None, 0.0))
     assert "poor-fit" in {f.code for f in calibrate(made.cell, made.recording).findings}
 
@@ -137,8 +143,8 @@ def passed(still: bool):
     return group, [stamps[number] for number in group.sample.tolist()]
 
 
-def test_on_a_path_they_are_the_instants_of_the_views():
-    """By the clock of the arm; the world, which carries the tag, passes nothing."""
+def test_passing_times_on_a_path_are_those_of_the_views():
+    """They are by the clock of the arm. The world, which carries the tag, has none."""
     group, stamps = passed(still=False)
     np.testing.assert_array_equal(group.eye.passed_s, stamps)
     assert group.hand.passed_s is None
@@ -149,8 +155,8 @@ def test_on_a_path_they_are_the_instants_of_the_views():
     ("still", "sigma", "is_total", "is_open"),
     [(False, 1e-4, False, True), (False, 1e-4, True, False), (True, 1e-4, False, False), (False, 0.0, False, False)],
 )
-def test_a_repeatability_says_nothing_of_an_arm_that_moves(still, sigma, is_total, is_open):
-    """Its noise is open on a path, unless it states all its errors, or none at all."""
+def test_repeatability_does_not_apply_to_a_moving_arm(still, sigma, is_total, is_open):
+    """Its noise is open on a path, unless it states its total error, or zero noise."""
     made = streamed(still=still)
     arm = replace(made.cell.robots["arm"], noise=np.full(6, sigma), is_total_noise=is_total)
     cell = replace(made.cell, robots={"arm": arm})
@@ -160,7 +166,7 @@ def test_a_repeatability_says_nothing_of_an_arm_that_moves(still, sigma, is_tota
     assert set(problem.stops.robot) == ({"arm"} if sigma else set())
 
 
-def test_where_the_arm_stands_there_is_none():
-    """Views at stops of a stream have errors of their own, as separate samples have."""
+def test_still_arm_has_no_passing_times():
+    """Views at stops of a stream have separate errors, like separate samples."""
     group, _ = passed(still=True)
     assert np.isnan(group.eye.passed_s).all()

@@ -1,4 +1,4 @@
-"""A robot between the instants at which it was recorded."""
+"""Tests of a robot's path between its records."""
 
 import numpy as np
 import pytest
@@ -20,43 +20,49 @@ def recorded(rate: float) -> Path:
     return Path(times, path_poses(times))
 
 
-def test_it_goes_through_what_was_recorded() -> None:
+def test_path_passes_through_its_records() -> None:
+    """At the times of records the path has their poses."""
     path = recorded(20.0)
     assert off(path, path.times) < 1e-12
 
 
-def test_it_is_of_third_order_between_records() -> None:
-    """Half the spacing leaves an eighth of the error, of smooth motion: a line would leave a quarter."""
+def test_path_is_of_third_order_between_records() -> None:
+    """Half the spacing leaves an eighth of the error of smooth motion. A line would leave a quarter."""
     times = np.linspace(1.0, 3.0, 777)
     coarse, fine = off(recorded(10.0), times), off(recorded(20.0), times)
     assert fine < 1e-4
     assert 6.0 < coarse / fine < 20.0
 
 
-def test_its_velocity_is_its_derivative() -> None:
+def test_path_velocity_is_the_derivative() -> None:
+    """The velocity equals central differences of the pose."""
     path, times, step = recorded(20.0), np.linspace(1.003, 3.0, 41), 1e-6
     before, after = path.evaluate(times - step).base_from_flange, path.evaluate(times + step).base_from_flange
     np.testing.assert_allclose(path.evaluate(times).velocity, (before.inverse() @ after).log() / (2 * step), atol=1e-6)
 
 
-def test_records_at_unequal_times_are_followed_as_well() -> None:
+def test_records_at_unequal_times_are_interpolated() -> None:
+    """With random times, the path is right to 2e-3."""
     times = np.sort(np.random.default_rng(3).uniform(0.0, 4.0, 200))
     assert off(Path(times, path_poses(times)), np.linspace(0.5, 3.5, 99)) < 2e-3
 
 
-def test_a_gap_is_not_followed() -> None:
+def test_path_is_unknown_within_a_gap() -> None:
+    """Times in a gap, and outside of the records, are not known."""
     times = np.concatenate([np.arange(0.0, 1.0, 0.05), np.arange(2.0, 3.0, 0.05)])
     path = Path(times, path_poses(times))
     np.testing.assert_array_equal(path.known_mask(np.array([-0.1, 0.5, 1.2, 1.5, 2.5, 3.5])), [0, 1, 0, 0, 1, 0])
 
 
-def test_beside_a_gap_slopes_are_of_their_own_side() -> None:
+def test_slopes_beside_a_gap_are_one_sided() -> None:
+    """Near a gap, slopes use records of their own side only."""
     times = np.concatenate([np.arange(0.0, 1.0, 0.05), np.arange(2.0, 3.0, 0.05)])
     near = np.array([0.93, 2.02])
     assert off(Path(times, path_poses(times)), near) < 1e-3
 
 
-def test_a_record_alone_is_of_a_robot_that_stands() -> None:
+def test_isolated_record_is_of_a_still_robot() -> None:
+    """Near an isolated record the robot has its pose and no velocity."""
     times = np.array([0.0, 5.0, 10.0])
     path = Path(times, path_poses(times))
     asked = np.array([4.9, 5.2, 10.1, 6.0])
@@ -67,13 +73,14 @@ def test_a_record_alone_is_of_a_robot_that_stands() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1])
-def test_too_few_records_are_no_path(count: int) -> None:
+def test_too_few_records_give_no_path(count: int) -> None:
+    """No time is known with no record or one."""
     path = Path(np.arange(count, dtype=float), SE3.identity((count,)))
     assert not path.known_mask(np.array([0.0, LARGEST_GAP_S])).any()
 
 
-def test_joints_are_interpolated_as_joints() -> None:
-    """Far from each other, the flange goes on a curve that only the joints know."""
+def test_joints_are_interpolated_in_joint_space() -> None:
+    """If records are far apart, the flange moves along a curve that only the joints determine."""
     chain = planar(0.4, 0.3, 0.2)
     times = np.arange(0.0, 2.0, 0.1)
     joints = np.sin(times)[:, None] * np.linspace(0.5, 1.5, chain.n)
@@ -89,8 +96,8 @@ def test_joints_are_interpolated_as_joints() -> None:
 
 
 @pytest.mark.parametrize("by_joints", [False, True])
-def test_between_records_it_is_the_cubic_of_the_slopes_around(by_joints: bool) -> None:
-    """As SciPy's Hermite spline, of unequal times, one-sided at both ends and beside a pause: places and velocity."""
+def test_path_is_a_cubic_hermite_spline(by_joints: bool) -> None:
+    """Positions and velocities equal SciPy's spline, for unequal times, one-sided at both ends and beside a gap."""
     times = np.array([0.0, 0.1, 0.25, 0.3, 0.5, 1.5, 1.6, 1.85, 1.9])
     values = np.random.default_rng(2).uniform(-1, 1, (len(times), 3))
     before, after = np.array([0, 0, 1, 2, 3, 5, 5, 6, 7]), np.array([1, 2, 3, 4, 4, 6, 7, 8, 8])
@@ -114,8 +121,8 @@ def test_between_records_it_is_the_cubic_of_the_slopes_around(by_joints: bool) -
     np.testing.assert_allclose(there.velocity, expected, atol=1e-10)
 
 
-def test_a_quarter_of_a_second_is_followed_and_more_is_not() -> None:
-    """Both ends of a path belong to it; a record with none so near is one of a robot that stood, for as long."""
+def test_gaps_up_to_a_quarter_of_a_second_are_interpolated() -> None:
+    """Both ends of a path belong to it. A record without such neighbours is of a robot that is still, for as long."""
     path = Path(np.array([0.0, 0.25, 0.5, 1.0, 1.251953125]), SE3.identity((5,)))
     np.testing.assert_array_equal(path.steady_intervals, [True, True, False, False])
     np.testing.assert_array_equal(path.isolated_records, [False, False, False, True, True])
@@ -123,8 +130,8 @@ def test_a_quarter_of_a_second_is_followed_and_more_is_not() -> None:
     np.testing.assert_array_equal(path.known_mask(np.array(asked)), [0, 1, 1, 1, 1, 0, 0, 1, 1, 1, 0])
 
 
-def test_a_robot_stands_at_the_nearer_record() -> None:
-    """Just before the middle at the first, just after it at the second."""
+def test_still_robot_is_at_the_nearer_record() -> None:
+    """Just before the middle it is at the first record, just after it at the second."""
     times = np.array([0.0, 0.4, 0.8])
     path = Path(times, path_poses(times))
     there = path.evaluate(np.array([0.19, 0.21, 0.61, 1.0])).base_from_flange

@@ -1,4 +1,4 @@
-"""Rows that are seen one after another."""
+"""Tests of rolling shutter correction."""
 
 from dataclasses import replace
 
@@ -50,8 +50,8 @@ def seen_at_once(recording: Recording, made: Streamed) -> np.ndarray:
     return np.stack([s.observations[0].pixels for s in recording.samples]) - lens.project(poses[:, None] @ shape.points)
 
 
-def test_views_stand_at_their_mean_row_and_pixels_where_they_were_then() -> None:
-    """Without noise: what rows of 30 us bend by pixels is mended to some hundredths."""
+def test_views_are_at_their_mean_row_with_corrected_pixels() -> None:
+    """Without noise, rows of 30 us shift pixels by more than 0.5 px. The correction leaves at most 0.03 px."""
     made = imaged(LINE_S, RollingShutter("fixed", LINE_S), noise_px=0.0)
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -63,14 +63,16 @@ def test_views_stand_at_their_mean_row_and_pixels_where_they_were_then() -> None
     assert plain.correct_rows(known(made), {"arm": 0.0, "wrist": 0.0}) is plain
 
 
-def test_a_calibration_mends_what_is_read_with_it() -> None:
+def test_calibration_corrects_recordings_read_with_it() -> None:
+    """Pixels are corrected by the line time of the calibration."""
     made = imaged(LINE_S, RollingShutter("free"), noise_px=0.0)
     transforms = {name: PoseEstimate(mean, np.zeros((6, 6))) for name, mean in TRUE.items()}
     found = Calibration("good", transforms=transforms, line_times={"wrist": LineTime(LINE_S, 1e-7)})
     assert np.abs(seen_at_once(synchronous_recording(made.cell, made.recording, found), made)).max() < 0.03
 
 
-def test_the_velocity_of_a_target_is_that_of_differences() -> None:
+def test_target_velocity_equals_differences() -> None:
+    """The pose and velocity of the target in the camera equal finite differences of the path."""
     made = imaged(LINE_S, None)
     step = 1e-6
     here, later = path_poses(np.array([2.0, 2.0 + step]))
@@ -82,7 +84,8 @@ def test_the_velocity_of_a_target_is_that_of_differences() -> None:
     np.testing.assert_allclose(velocity, (pose.inverse() @ after).log() / step, atol=1e-5)
 
 
-def test_what_is_not_known_yet_mends_nothing() -> None:
+def test_unknown_transforms_give_no_correction() -> None:
+    """Without transforms, the pixels are unchanged."""
     made = imaged(LINE_S, RollingShutter("fixed", LINE_S))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -93,8 +96,8 @@ def test_what_is_not_known_yet_mends_nothing() -> None:
         np.testing.assert_array_equal(a.observations[0].pixels, b.observations[0].pixels)
 
 
-def test_arms_that_stand_have_no_rows() -> None:
-    """Samples a second apart and samples without stamps are by one clock, whatever the shutter."""
+def test_recordings_of_still_arms_have_no_streams() -> None:
+    """Samples a second apart and samples without time stamps share one clock, whatever the shutter."""
     made = imaged(LINE_S, RollingShutter("fixed", LINE_S))
     together = synchronous_recording(replace(made.cell, cameras={}), Recording(made.recording.samples[:0]))
     assert together.samples == ()
@@ -114,7 +117,8 @@ def _beside(made: Streamed) -> tuple[Sample, ...]:
 
 
 @pytest.mark.parametrize("rows", [[10.0, 20.0, 60.0], []])
-def test_the_mean_row_is_of_all_pixels(rows: list[float]) -> None:
+def test_mean_row_is_over_all_pixels(rows: list[float]) -> None:
+    """Without pixels, the mean row is zero."""
     spots = np.array([[0.0, v] for v in rows]).reshape(-1, 2)
     assert mean_row(Sample(0, observations=(CandidateObservation("a", "b", spots),))) == (30.0 if rows else 0.0)
 
@@ -122,8 +126,8 @@ def test_the_mean_row_is_of_all_pixels(rows: list[float]) -> None:
 @pytest.mark.parametrize(
     ("camera_on", "target_on"), [("eye", "hand"), ("hand", "eye"), ("world", "hand"), ("eye", "world")]
 )
-def test_poses_and_velocities_of_any_pair_are_those_of_differences(camera_on: str, target_on: str) -> None:
-    """Both arms move; the reference's base is the world, the other's stands where the cell says."""
+def test_poses_and_velocities_of_any_pair_equal_differences(camera_on: str, target_on: str) -> None:
+    """Both arms move. The reference's base is the world, and the other's is at its pose in the cell."""
     cell = Cell(
         "eye",
         {"eye": Robot("eye"), "hand": Robot("hand")},
@@ -155,8 +159,8 @@ def test_poses_and_velocities_of_any_pair_are_those_of_differences(camera_on: st
         assert (fewer.camera_from_target("wrist", "tag", moving) is None) != unneeded
 
 
-def test_each_pixel_is_mended_by_the_rows_since_the_mean_one() -> None:
-    """Written out for corners and for candidates of a light; other cameras, and lines without time, stay."""
+def test_pixels_are_corrected_by_rows_from_the_mean() -> None:
+    """Corners and LED candidates equal an explicit computation. Other cameras, and zero line times, are unchanged."""
     made = imaged(LINE_S, RollingShutter("fixed", LINE_S))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -205,8 +209,8 @@ def moving_light(velocity: np.ndarray) -> tuple[KnownGeometry, dict[str, RobotMo
     return KnownGeometry(cell, transforms, {"wrist": lens}), arms
 
 
-def test_what_moved_until_a_row_is_taken_off_its_pixels() -> None:
-    """A tag that goes by 1 m/s, seen 100 rows of 10 us after the mean one: 800 px at 1 m times a millimetre."""
+def test_motion_until_a_row_is_subtracted_from_its_pixels() -> None:
+    """A tag moves by 1 m/s and is seen 100 rows of 10 us from the mean one: 800 px at 1 m times a millimetre."""
     known, arms = moving_light(np.array([1.0, 0, 0, 0, 0, 0]))
     ids = known.cell.targets["tag"].target.ids
     pixels = np.array([[640.0, 260.0], [720.0, 460.0]])
@@ -232,8 +236,8 @@ def test_what_moved_until_a_row_is_taken_off_its_pixels() -> None:
     assert same.observations == posed.observations
 
 
-def test_what_is_behind_the_camera_is_left_where_it_is() -> None:
-    """It has no pixel to be mended by."""
+def test_pixels_of_points_behind_the_camera_are_unchanged() -> None:
+    """Such points have no pixel to correct by."""
     known, arms = moving_light(np.array([1.0, 0, 0, 0, 0, 0]))
     base = {known.cell.base_name("hand"): SE3.from_rotvec([0, 0, 0], [0, 0, -1.0])}
     behind = replace(known, transforms={**known.transforms, **base})

@@ -1,4 +1,4 @@
-"""Recordings of streams, and their samples."""
+"""Tests of recordings as streams, and of their synchronised samples."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -32,7 +32,8 @@ from planar_arm import planar
 from stream_cells import MOUNT, imaged, path_poses, streamed
 
 
-def test_samples_by_one_clock_are_no_streams() -> None:
+def test_samples_of_one_clock_are_no_streams() -> None:
+    """A synchronous recording is returned unchanged."""
     made = streamed()
     together = synchronous_recording(
         made.cell, made.recording, Calibration("good", clocks={"wrist": ClockOffset(made.offset_s, 0.0)})
@@ -41,7 +42,8 @@ def test_samples_by_one_clock_are_no_streams() -> None:
     assert synchronous_recording(made.cell, together) is together
 
 
-def test_the_clock_of_a_camera_whose_views_stand_alone_is_free() -> None:
+def test_clock_of_a_camera_with_separate_views_is_free() -> None:
+    """Its offset is estimated, with zero as the stated offset."""
     made = streamed()
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -49,8 +51,11 @@ def test_the_clock_of_a_camera_whose_views_stand_alone_is_free() -> None:
     assert streams.stated_offsets == {"arm": 0.0, "wrist": 0.0}
 
 
-def test_rows_of_streams_may_be_seen_one_after_another() -> None:
-    """If nothing is stated, and pixels were seen; a stated shutter holds, as does one clock for all."""
+def test_streams_may_have_a_rolling_shutter() -> None:
+    """The line time has a prior if nothing is stated and pixels were seen.
+
+    A stated shutter is kept, and one clock for all has none.
+    """
     made, name = imaged(0.0, None), line_time_name("wrist")
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -70,7 +75,8 @@ def replace_clock(cell: Cell) -> Cell:
     return replace(cell, cameras={"wrist": replace(cell.cameras["wrist"], clock=None)})
 
 
-def test_what_is_stated_of_a_clock_holds() -> None:
+def test_stated_clocks_are_kept() -> None:
+    """A stated prior is used, and a fixed clock is not estimated."""
     made = streamed(clock=Clock("prior", 0.02, 0.01))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -80,7 +86,8 @@ def test_what_is_stated_of_a_clock_holds() -> None:
     assert fixed.estimated_clocks == ()
 
 
-def test_where_all_clocks_are_free_that_of_the_reference_is_held() -> None:
+def test_reference_clock_is_held_if_all_are_free() -> None:
+    """The clock of the reference robot is fixed at its stated offset."""
     made = streamed(clock=Clock("free"))
     robots = {"arm": replace(made.cell.robots["arm"], clock=Clock("free", 1.0))}
     streams = recording_streams(replace(made.cell, robots=robots), made.recording)
@@ -89,7 +96,8 @@ def test_where_all_clocks_are_free_that_of_the_reference_is_held() -> None:
     assert streams.clocks["arm"] == Clock("fixed", 1.0)
 
 
-def test_robots_stand_where_they_were_at_the_instant_of_the_view() -> None:
+def test_robot_poses_are_interpolated_at_the_view_times() -> None:
+    """Samples have the robot's pose at the time of each view."""
     made = streamed()
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -101,7 +109,8 @@ def test_robots_stand_where_they_were_at_the_instant_of_the_view() -> None:
     assert np.abs((path_poses(times).inverse() @ found).log()).max() < 1e-5
 
 
-def test_the_offset_of_a_robot_counts_the_other_way() -> None:
+def test_robot_clock_offset_has_the_opposite_sign() -> None:
+    """A negative offset of the robot has the effect of a positive one of the camera."""
     made = streamed()
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -111,7 +120,8 @@ def test_the_offset_of_a_robot_counts_the_other_way() -> None:
     np.testing.assert_allclose(first.matrix, second.matrix, atol=1e-12)
 
 
-def test_views_that_no_record_surrounds_are_left_out_and_said() -> None:
+def test_views_without_surrounding_records_are_reported() -> None:
+    """They are left out with a finding that counts them."""
     made = streamed()
     holed = tuple(s for s in made.recording.samples if not (s.robots and 3.0 < s.stamp_s < 4.0))
     found = synchronous_recording(
@@ -124,6 +134,7 @@ def test_views_that_no_record_surrounds_are_left_out_and_said() -> None:
 
 
 def test_two_cameras_of_one_line_become_two_samples() -> None:
+    """Each camera has its own sample number and time stamp."""
     made = streamed()
     cameras = {**made.cell.cameras, "side": CellCamera("side", "arm")}
     both = [
@@ -138,15 +149,16 @@ def test_two_cameras_of_one_line_become_two_samples() -> None:
     assert second.stamp_s == pytest.approx(first.stamp_s + 0.02)
 
 
-def test_a_line_without_a_stamp_is_an_error() -> None:
+def test_line_without_a_time_stamp_is_an_error() -> None:
+    """The error names the sample."""
     made = streamed()
     first, *others = made.recording.samples
     with pytest.raises(InputError, match="sample 0 has no stamp_s"):
         recording_streams(made.cell, Recording((replace(first, stamp_s=None), *others)))
 
 
-def test_poses_of_a_still_arm_that_are_missing_are_named() -> None:
-    """Views without the arm's poses and without times are no streams, but sessions with another arm still."""
+def test_missing_poses_of_a_still_arm_are_reported() -> None:
+    """Views without the arm's poses and times are no streams, but may be sessions with another arm still."""
     made = streamed()
     samples = tuple(replace(sample, stamp_s=None) for sample in made.recording.samples)
     with pytest.raises(InputError, match=r"sample 0 has no pose of arm, and 69 more have none: .* --still"):
@@ -156,7 +168,8 @@ def test_poses_of_a_still_arm_that_are_missing_are_named() -> None:
         recording_streams(made.cell, Recording(single))
 
 
-def test_clocks_that_share_no_time_are_an_error() -> None:
+def test_clocks_without_a_shared_time_are_an_error() -> None:
+    """The error suggests a free clock with an offset, and a guessed offset is accepted."""
     made = streamed(offset_s=1.6e9)
     with pytest.raises(InputError, match=r"stamps of wrist and of arm do not overlap.*clock: \{status: free, offset_s"):
         recording_streams(made.cell, made.recording)
@@ -165,6 +178,7 @@ def test_clocks_that_share_no_time_are_an_error() -> None:
 
 
 def test_poses_and_joints_of_one_robot_do_not_mix() -> None:
+    """The error says that one kind has to be given in all lines."""
     made = streamed()
     *others, last = made.recording.samples
     with pytest.raises(InputError, match="'arm' is recorded by poses in some lines and by joints in others"):
@@ -173,7 +187,8 @@ def test_poses_and_joints_of_one_robot_do_not_mix() -> None:
         )
 
 
-def test_solve_reads_streams_by_the_clocks_as_stated() -> None:
+def test_solve_uses_stated_clocks() -> None:
+    """The estimated mount agrees with the truth within its covariance."""
     made = streamed(clock=Clock(offset_s=0.03))
     found = solve(made.cell, made.recording).transforms["arm_flange_from_wrist"]
     xi = (found.mean.inverse() @ MOUNT).log()
@@ -181,21 +196,23 @@ def test_solve_reads_streams_by_the_clocks_as_stated() -> None:
 
 
 def test_thinned_views_are_spread_over_all() -> None:
+    """Three of 70 views are the first, the middle and the last."""
     made = streamed()
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     assert [s.sample for s in streams.thin(3).instants] == [0, 34, 69]
 
 
-def test_a_few_samples_without_a_robot_do_not_make_streams() -> None:
+def test_few_samples_without_a_robot_are_no_streams() -> None:
+    """One of four samples without the robot does not make streams."""
     view = PoseObservation("wrist", "tag", SE3.identity())
     made = streamed()
     samples = [Sample(k, None, {"arm": RobotState(SE3.identity())} if k else {}, (view,)) for k in range(4)]
     assert recording_streams(made.cell, Recording(tuple(samples))) is None
 
 
-def test_most_views_stand_alone_or_there_are_no_streams() -> None:
-    """Of four views two without their robot are not most; three are, if other lines have that robot."""
+def test_streams_need_a_majority_of_separate_views() -> None:
+    """Two of four views without their robot are no majority. Three are, if other lines have that robot."""
     view = PoseObservation("wrist", "tag", SE3.identity())
     made = streamed()
 
@@ -211,8 +228,8 @@ def test_most_views_stand_alone_or_there_are_no_streams() -> None:
 
 
 @pytest.mark.parametrize(("gone", "shown"), [(10, "8, 9"), (11, "8, 9, ...")])
-def test_ten_of_the_views_left_out_are_named(gone: int, shown: str) -> None:
-    """All of them are in the finding."""
+def test_ten_excluded_views_are_named(gone: int, shown: str) -> None:
+    """The finding lists all of them."""
     made = streamed(clock=Clock(offset_s=0.03))
     late = tuple(s for s in made.recording.samples if s.observations or s.stamp_s > 0.5 + 0.1 * (gone - 1) + 1e-3)
     assert min(s.stamp_s for s in late if s.robots) < 0.5 + 0.1 * gone + 1e-3
@@ -224,8 +241,8 @@ def test_ten_of_the_views_left_out_are_named(gone: int, shown: str) -> None:
     assert finding.about == tuple(map(str, range(gone)))
 
 
-def test_of_two_records_at_one_stamp_the_first_counts() -> None:
-    """By its number, wherever it stands in the recording."""
+def test_first_of_two_records_at_one_time_counts() -> None:
+    """The sample number decides, whatever the order in the recording."""
     made = streamed(clock=Clock(offset_s=0.03))
     record = next(s for s in made.recording.samples if s.robots and s.stamp_s == 2.0)
     elsewhere = replace(record, sample=5000, robots={"arm": RobotState(SE3.identity())})
@@ -238,8 +255,8 @@ def test_of_two_records_at_one_stamp_the_first_counts() -> None:
 
 
 @pytest.mark.parametrize(("shift", "shares"), [(7.49, False), (7.47, True), (-7.39, True), (-7.41, False)])
-def test_one_view_within_the_records_is_enough(shift: float, shares: bool) -> None:
-    """The first at the end of the records, or the last at their beginning: by the clocks as stated."""
+def test_one_view_within_the_records_suffices(shift: float, shares: bool) -> None:
+    """It is the first at the end of the records, or the last at their beginning, by the stated clocks."""
     made = streamed(offset_s=0.0, clock=Clock(offset_s=shift))
     assert max(s.stamp_s for s in made.recording.samples if s.robots) == pytest.approx(7.98)
     if shares:
@@ -250,8 +267,8 @@ def test_one_view_within_the_records_is_enough(shift: float, shares: bool) -> No
         recording_streams(made.cell, made.recording)
 
 
-def test_joints_are_given_on_as_joints() -> None:
-    """Where a robot was recorded by them; without its kinematics that is an error."""
+def test_joints_are_passed_on_as_joints() -> None:
+    """A robot recorded by joints keeps them. Without its kinematics, they are an error."""
     made, chain = streamed(clock=Clock(offset_s=0.03)), planar(0.4, 0.3, 0.2)
     joints = {s.sample: np.sin(s.stamp_s + np.arange(chain.n)) for s in made.recording.samples}
     samples = tuple(
@@ -291,8 +308,8 @@ def two_arms(**clocks: Clock) -> Cell:
     return Cell("left", robots, {"right": Unknown()}, cameras, {"tag": CellTarget("tag", "world")})
 
 
-def test_views_of_further_cameras_have_numbers_beyond_all_others() -> None:
-    """A sample for each camera, that of the first with its number; without robots, the stamp as it was."""
+def test_views_of_further_cameras_have_new_numbers() -> None:
+    """Each camera has a sample, and the first keeps its number. Robots are removed, and the time stamp is unchanged."""
     lines = [
         seen(4, 1.0, ["first", "second"], ["left"]),
         seen(7, 2.0, ["third"]),
@@ -308,7 +325,8 @@ def test_views_of_further_cameras_have_numbers_beyond_all_others() -> None:
     assert not any(of.robots for of in found)
 
 
-def test_an_instant_is_later_than_its_stamp_by_clock_and_rows() -> None:
+def test_instant_includes_clock_offset_and_rows() -> None:
+    """The delay is the clock offset plus the line time of the mean row."""
     spots = CandidateObservation("second", "tag", np.array([[0.0, 20.0], [0.0, 40.0]]))
     sample = Sample(1, stamp_s=5.0, observations=(spots,))
     offsets = {"second": 0.5, line_time_name("second"): 2e-3}
@@ -317,8 +335,8 @@ def test_an_instant_is_later_than_its_stamp_by_clock_and_rows() -> None:
     assert streams._stamp_delay(sample, {"second": -0.5, line_time_name("second"): 0.0}) == -0.5
 
 
-def test_a_path_is_in_the_order_of_stamps() -> None:
-    """Of two records at one stamp the first line counts; lines without a stamp do not."""
+def test_path_is_in_the_order_of_time_stamps() -> None:
+    """The first of two records at one time counts, and lines without a time stamp do not."""
     poses = SE3.exp(np.arange(30.0).reshape(5, 6) / 50)
     stamps = (3.0, 1.0, 3.0, None, 2.0)
     lines = [Sample(k, stamp_s=at, robots={"left": RobotState(poses[k])}) for k, at in enumerate(stamps)]
@@ -347,8 +365,8 @@ def test_a_path_is_in_the_order_of_stamps() -> None:
         (0.0, 0.0, "right", True),
     ],
 )
-def test_stamps_must_share_some_time(offset_s: float, of_robot_s: float, robot: str, overlaps: bool) -> None:
-    """Of a camera and the robot that carries it, by clocks as they are stated; other robots do not matter."""
+def test_time_stamps_must_overlap(offset_s: float, of_robot_s: float, robot: str, overlaps: bool) -> None:
+    """They are of a camera and the robot that carries it, by the stated clocks. Other robots do not matter."""
     cell = two_arms(first=Clock("fixed", offset_s), left=Clock("fixed", of_robot_s))
     arm = [seen(k, 100.0 + k, robots=[robot]) for k in range(3)]
     lines = [*arm, seen(5, 1e4, ["third"]), seen(8, -1.0, ["first"]), seen(9, 1.0, ["first"])]
@@ -361,8 +379,8 @@ def test_stamps_must_share_some_time(offset_s: float, of_robot_s: float, robot: 
 
 
 @pytest.mark.parametrize(("apart_s", "is_path"), [(0.24, True), (0.26, False)])
-def test_rows_matter_where_robots_are_recorded_often(apart_s: float, is_path: bool) -> None:
-    """At most a quarter of a second apart, all lines with stamps."""
+def test_rolling_shutter_matters_if_robots_are_recorded_often(apart_s: float, is_path: bool) -> None:
+    """Records are at most a quarter of a second apart, and all lines have time stamps."""
     lines = tuple(seen(k, k * apart_s, ["second"], ["right", "left"]) for k in range(4))
     assert streams._has_rolling_shutter(two_arms(), Recording(lines)) == is_path
     views = tuple(seen(k, 0.1 * k, ["second"]) for k in range(10, 14))
@@ -375,8 +393,8 @@ def test_rows_matter_where_robots_are_recorded_often(apart_s: float, is_path: bo
 
 
 @pytest.mark.parametrize(("offset_s", "followed"), [(0.4, [8, 9]), (-0.4, [6, 7])])
-def test_robots_are_followed_by_their_own_clock(offset_s: float, followed: list[int]) -> None:
-    """An arm recorded from 1 to 2 s by a clock that is so much behind."""
+def test_robots_are_interpolated_by_their_own_clock(offset_s: float, followed: list[int]) -> None:
+    """An arm is recorded from 1 to 2 s by a clock with this offset."""
     cell = two_arms(left=Clock("fixed"))
     arm = [seen(100 + k, 1.0 + 0.1 * k, robots=["left"]) for k in range(11)]
     at = {6: 0.7, 7: 1.3, 8: 1.7, 9: 2.3}

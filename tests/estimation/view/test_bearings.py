@@ -1,4 +1,4 @@
-"""Directions to a target's points: chords, weights of their own, views and batches."""
+"""Tests of directions to a target's points: chord cost, weights, views and batches."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def measurement():
 
 
 def test_cost_is_the_weighted_chord(measurement):
-    """Unit vectors at a right angle are sqrt(2) apart, and what is seen behind the camera costs nothing there."""
+    """Unit vectors at a right angle are sqrt(2) apart, and a point seen behind the camera costs nothing there."""
     view = measurement.linearise(SE3.identity((2,)), None, False)
     np.testing.assert_allclose(view.cost, [2.0 * 2.0**2, 0.0], atol=1e-12)
 
 
-def test_distance_along_the_direction_is_not_seen():
-    """A single point: its direction tells two of three shifts, the third has no information."""
+def test_distance_along_the_direction_is_unobservable():
+    """The direction of a single point determines two of three shifts, and the third has no information."""
     one = BearingMeasurement(np.array([[0.0, 0.0, 0.0]]), np.array([[[0.0, 0.6, 0.8]]]), np.array([[5.0]]))
     view = one.linearise(SE3(np.eye(3)[None], np.array([[0.0, 1.2, 1.6]])), None, False)
     np.testing.assert_allclose(view.information[0, :3, :3] @ [0, 0.6, 0.8], 0.0, atol=1e-12)
@@ -39,34 +39,34 @@ def test_distance_along_the_direction_is_not_seen():
     np.testing.assert_array_equal(view.information[0, 3:], 0.0)
 
 
-def test_a_point_has_a_direction_down_to_the_camera_itself():
-    """Some billionths of a millimetre before it the point is seen where it is; in its very centre it is nowhere."""
+def test_direction_is_defined_near_the_camera_centre():
+    """Some billionths of a millimetre before the camera the point has a direction, and in its exact centre none."""
     one = BearingMeasurement(np.zeros((1, 3)), np.array([[[0.0, 0.6, 0.8]]]), np.array([[5.0]]))
     at = SE3(np.tile(np.eye(3), (2, 1, 1)), np.array([[0.0, 0.6, 0.8], [0, 0, 0]]) * 2e-12)
     np.testing.assert_allclose(one.take([0, 0]).linearise(at, None, False).cost, [0.0, 25.0], atol=1e-9)
 
 
-def test_weights_are_its_own(measurement):
-    """No noise that is estimated changes them, and none of its residuals asks for one."""
+def test_weights_of_directions_are_fixed(measurement):
+    """Estimated noise does not change them, and none of their residuals needs an estimate."""
     assert measurement.with_noise(Noise(pixel_px=7.0)) is measurement
     assert measurement.squares(SE3.identity((2,)), None) == {}
     assert measurement.counts() == {"stated": 2 * 6}
 
 
-def test_equations_are_two_a_direction_and_six_at_most(measurement):
-    """Two directions hold four freedoms, four hold all six."""
+def test_equations_are_two_for_each_direction_up_to_six(measurement):
+    """Two directions determine four freedoms, four determine all six."""
     assert measurement.equations().tolist() == [4, 6]
 
 
-def test_views_are_taken_in_the_order_asked_for(measurement):
-    """Bearings with their weights."""
+def test_views_are_selected_in_the_requested_order(measurement):
+    """Bearings are selected with their weights."""
     taken = measurement.take(np.array([1, 0]))
     np.testing.assert_array_equal(taken.bearings_in_camera, measurement.bearings_in_camera[[1, 0]])
     np.testing.assert_array_equal(taken.weight, WEIGHT[[1, 0]])
 
 
-def test_rows_of_a_batch(measurement):
-    """What all entries saw is shared; what each saw for itself is taken by row."""
+def test_rows_of_a_batch_are_selected(measurement):
+    """Data shared by all entries are kept, and separate data are selected by row."""
     assert measurement.take_batch(np.array([1])).bearings_in_camera.shape == (2, 4, 3)
     own = replace(
         measurement,

@@ -1,4 +1,4 @@
-"""An error that all points of a view have in common."""
+"""Tests of an error shared by all points of a view."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from basecal.estimation.view.common_error import without_common_shift, without_m
 
 
 @pytest.mark.parametrize("tau", [1e-3, 0.5, 1e3])
-def test_it_is_that_of_the_whole_covariance(rng, tau):
+def test_shared_shift_equals_the_full_covariance(rng, tau):
     """Cost, gradient and information are r'V^-1 r, J'V^-1 r and J'V^-1 J with V = diag(sigma^2) + tau^2 11'."""
     n, p, k = 3, 7, 6
     weight, off, jacobian = rng.uniform(0.5, 3.0, (n, p)), rng.normal(size=(n, 2, p)), rng.normal(size=(n, k, 2, p))
@@ -28,8 +28,8 @@ def test_it_is_that_of_the_whole_covariance(rng, tau):
     np.testing.assert_allclose(information, expected, rtol=1e-6, atol=1e-8)
 
 
-def test_a_motion_of_all_points_is_integrated_out():
-    """As a covariance of residuals with one more column: what is left is that of whitened residuals."""
+def test_shared_motion_is_marginalised():
+    """The result equals a residual covariance with one more column, as for whitened residuals."""
     rng = np.random.default_rng(3)
     jacobian, residual, motion = (
         rng.standard_normal((4, 12, 8)),

@@ -1,4 +1,4 @@
-"""Contacts that are no point at a point."""
+"""Tests of contacts other than a point at a point."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def some(kind, count=4):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_gradient_is_that_of_the_cost(kind):
-    """By central differences along each direction of the tangent, far from contact."""
+def test_gradient_equals_differences_of_the_cost(kind):
+    """Central differences along each direction of the tangent agree, far from contact."""
     rng = np.random.default_rng(0)
     contacts = some(kind).with_noise(Noise(touch_m=0.3, grip_rad=0.2))
     pose = SE3.exp(rng.normal(0, 0.6, (4, 6)))
@@ -32,14 +32,14 @@ def test_the_gradient_is_that_of_the_cost(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_gauges_of_targets_change_no_residual(kind):
-    """At contact, moves of a target along the directions that are held leave residuals zero."""
+def test_target_gauges_change_no_residual(kind):
+    """At contact, moves of a target along its gauge directions leave residuals zero."""
     for along in np.diag(kind.target_gauge)[np.array(kind.target_gauge) > 0]:
         np.testing.assert_allclose(some(kind, 1).residuals(SE3.exp(0.3 * along[None]), None), 0, atol=1e-12)
 
 
 def test_unstated_noise_is_counted_by_its_field():
-    """Places by `touch_m`, directions by `grip_rad`, as many equations as a contact has."""
+    """Positions count as `touch_m`, directions as `grip_rad`, with as many equations as a contact has."""
     assert some(PlaneMeasurement).counts() == {"stated": 0, "touch_m": 4}
     assert some(HingeMeasurement).counts() == {"stated": 0, "grip_rad": 8}
 
@@ -48,7 +48,7 @@ def test_unstated_noise_is_counted_by_its_field():
     (PlaneMeasurement, [0.2, -0.3, 0, 0, 0, 0.7], slice(0, 6)), (EdgeMeasurement, [0, 0, 0.3, 0, 0, 0.5], slice(0, 6)),
     (HingeMeasurement, [0.1, 0.2, 0.3, 0, 0, 0.5], slice(3, 6)),
 ])  # fmt: skip
-def test_all_other_moves_of_targets_are_seen(kind, start, parts):
+def test_all_other_target_moves_are_observable(kind, start, parts):
     """From a contact away from the target's origin, only moves along the gauges leave residuals zero."""
     contact, pose = some(kind, 1), SE3.exp(np.array([start], dtype=float))
     np.testing.assert_allclose(contact.residuals(pose, None), 0, atol=1e-12)
@@ -56,7 +56,7 @@ def test_all_other_moves_of_targets_are_seen(kind, start, parts):
     assert moved[parts] == [not held for held in kind.target_gauge[parts]]
 
 
-def test_a_hinge_turns_about_its_axis_at_either_end():
+def test_hinge_rotates_about_its_axis_at_either_end():
     """Moves of the camera's end along and about its z axis leave residuals zero, and other rotations do not."""
     contact, pose = some(HingeMeasurement, 1), SE3.exp(np.array([[0.1, 0.2, 0.3, 0, 0, 0.5]]))
     moved = [np.abs(contact.residuals(SE3.exp(0.3 * along[None]) @ pose, None)).max() > 1e-3 for along in np.eye(6)]

@@ -1,4 +1,4 @@
-"""What views say, against differences of their cost and against the long way by a Jacobian."""
+"""Tests of linearised views, against differences of their cost and against explicit Jacobians."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def made(kind: str, residual: float) -> tuple[Measurement, SE3, Camera | None]:
 @pytest.mark.parametrize("residual", RESIDUALS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_gradient_is_half_the_slope_of_the_cost(kind, residual):
-    """By central differences of sixth order."""
+    """The slope is by central differences of sixth order."""
     measurement, pose, camera = made(kind, RESIDUALS[residual])
 
     def half_cost(xi: np.ndarray) -> np.ndarray:
@@ -78,7 +78,7 @@ def test_gradient_is_half_the_slope_of_the_cost(kind, residual):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_information_is_the_slope_of_the_gradient_where_nothing_is_left_over(kind):
+def test_information_is_the_slope_of_the_gradient_without_residuals(kind):
     """Without residuals the second derivative is J'J alone."""
     measurement, pose, camera = made(kind, 0.0)
     information = measurement.linearise(pose, camera, False).information
@@ -88,7 +88,7 @@ def test_information_is_the_slope_of_the_gradient_where_nothing_is_left_over(kin
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_noisier_views_say_less(kind):
+def test_noisier_views_have_less_information(kind):
     """With sigmas twice as large all is a quarter."""
     measurement, pose, camera = made(kind, 1.0)
     for plain, noisier in zip(
@@ -101,8 +101,8 @@ def test_noisier_views_say_less(kind):
 
 @pytest.mark.parametrize("own", [False, True], ids=["shared", "own"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_batch_says_what_each_of_its_entries_says_alone(kind, own):
-    """Of poses (3, 4), whether all entries saw the same or each had its own sigmas; the lens free if any."""
+def test_batch_equals_separate_linearisations(kind, own):
+    """Poses are (3, 4), with the same data for all entries or separate sigmas, and with a free lens if there is one."""
     measurement, pose, camera = made(kind, 1.0)
     poses = pose @ SE3.exp(0.03 * np.random.default_rng(0).standard_normal((3, 4, 6)))
     each = [measurement.noisier(1.0 + own * k) for k in range(3)]
@@ -115,8 +115,8 @@ def test_a_batch_says_what_each_of_its_entries_says_alone(kind, own):
 
 
 @pytest.mark.parametrize(("kind", "weight"), [("pixels", 1.0), ("points", 1000.0), ("pose", 1000.0)])
-def test_where_nobody_states_it_sigma_is_a_pixel_a_millimetre_and_a_milliradian(kind, weight):
-    """Of what was seen; the rest has no weight."""
+def test_default_sigma_is_a_pixel_a_millimetre_and_a_milliradian(kind, weight):
+    """It applies to seen data, and the rest has no weight."""
     measurement, _, _ = made(kind, 0.0)
     seen = getattr(measurement, "seen", np.ones((4, 6)))
     unstated = replace(measurement, stated=np.zeros(measurement.stated.shape)).with_noise(Noise())
@@ -125,7 +125,7 @@ def test_where_nobody_states_it_sigma_is_a_pixel_a_millimetre_and_a_milliradian(
 
 @pytest.mark.parametrize("kind", ["pixels", "fisheye pixels"])
 def test_lens_columns_are_the_slope_of_the_gradient(kind):
-    """The same with the lens's parameters, each scaled to order one."""
+    """The information by the lens's parameters, each scaled to order one, is the slope of the gradient, too."""
     measurement, pose, camera = made(kind, 0.0)
     assert camera is not None
     scale = np.concatenate([np.ones(6), np.full(4, 100.0), np.ones(len(camera.distortion))])
@@ -140,8 +140,11 @@ def test_lens_columns_are_the_slope_of_the_gradient(kind):
 
 @pytest.mark.parametrize("camera", [LENS, FISHEYE, Camera("pinhole", np.array([900.0, 900, 640, 360]))], ids=str)
 @pytest.mark.parametrize(("distance", "offset", "flat"), [(0.9, 0.0, 1.0), (60.0, 0.0, 0.0), (9.0, 3.0, 1.0)])
-def test_moments_give_what_the_jacobian_gives(camera, distance, offset, flat):
-    """Gradient and information equal J'r and J'J to 1e-12 of their size: near, far, and origin off the points."""
+def test_moments_equal_the_jacobian_result(camera, distance, offset, flat):
+    """Gradient and information equal J'r and J'J to 1e-12 of their size.
+
+    Targets are near, far, and with the origin off the points.
+    """
     rng = np.random.default_rng(8)
     pose = facing(rng, 20, distance)
     points = target(rng, offset) * [1, 1, flat]
@@ -158,8 +161,8 @@ def test_moments_give_what_the_jacobian_gives(camera, distance, offset, flat):
         np.testing.assert_allclose(few / size, all_ / size, rtol=0, atol=1e-12)
 
 
-def test_many_views_say_what_each_says_alone():
-    """Chunks change nothing."""
+def test_chunks_of_views_change_nothing():
+    """Views at the limits of chunks are the same alone."""
     rng = np.random.default_rng(1)
     pose, points = facing(rng, 4000, 0.9), target(rng)
     measurement = pixels_of(LENS, pose, points, weights(rng, 4000, 7, 0.2), rng.standard_normal((4000, 7, 2)))
@@ -172,8 +175,8 @@ def test_many_views_say_what_each_says_alone():
 
 @pytest.mark.parametrize("common_px", [0.0, 0.5])
 @pytest.mark.parametrize("free_lens", [False, True])
-def test_a_seen_point_behind_the_camera_costs_infinitely_much_and_an_unseen_one_nothing(free_lens, common_px):
-    """Only its own view is lost, and gradients stay finite."""
+def test_seen_point_behind_the_camera_has_infinite_cost(free_lens, common_px):
+    """An unseen one costs nothing. Only its own view is lost, and gradients stay finite."""
     rng = np.random.default_rng(2)
     pose, points = facing(rng, 3, 0.9), target(rng)
     points[0] = [0.0, 0.0, -3.0]
@@ -200,7 +203,7 @@ def test_a_seen_point_behind_the_camera_costs_infinitely_much_and_an_unseen_one_
 
 
 @pytest.mark.parametrize("free_lens", [False, True])
-def test_common_shift_is_that_of_the_dense_covariance(free_lens):
+def test_shared_shift_equals_the_dense_covariance(free_lens):
     """Cost, gradient and information are r'V^-1 r, J'V^-1 r and J'V^-1 J with V = diag(sigma^2) + tau^2 11'."""
     measurement, pose, camera = made("pixels", 1.0)
     assert isinstance(measurement, PixelMeasurement)
@@ -224,8 +227,8 @@ def test_common_shift_is_that_of_the_dense_covariance(free_lens):
         np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-9 * np.abs(b).max())
 
 
-def test_common_shift_keeps_the_gradient_that_of_the_cost():
-    """With a common shift the gradient is still half the derivative of the cost."""
+def test_shared_shift_keeps_the_gradient_of_the_cost():
+    """With a shared shift the gradient is still half the derivative of the cost."""
     measurement, pose, camera = made("pixels", 1.0)
     assert isinstance(measurement, PixelMeasurement)
     shifted = replace(measurement, common_px=0.4)
@@ -235,7 +238,7 @@ def test_common_shift_keeps_the_gradient_that_of_the_cost():
         np.testing.assert_allclose(view.gradient[:, k], (ahead - behind) / 4e-6, rtol=1e-4, atol=1e-3)
 
 
-def test_no_views_say_nothing():
+def test_empty_group_has_no_cost():
     """A group without views has no cost, gradients of its width, and no error."""
     made = simulate(Scenario(samples=3), 0)
     problem, _ = build_problem(made.cell, made.recording)
@@ -244,6 +247,6 @@ def test_no_views_say_nothing():
     assert [part.shape for part in found] == [(0,), (0, 6), (0, 6, 6)]
 
 
-def test_a_view_says_no_more_than_a_pose_has_freedoms():
+def test_equations_are_limited_to_six_freedoms():
     """One point of an image gives two equations, three and a whole board six."""
     np.testing.assert_array_equal(limit_equations(2 * np.array([0, 1, 3, 4, 54])), [0, 2, 6, 6, 6])

@@ -1,4 +1,4 @@
-"""Pixels of a target's points: sigmas, counts, points fewer, views and batches."""
+"""Tests of pixels of a target's points: sigmas, counts, thinning, views and batches."""
 
 from __future__ import annotations
 
@@ -29,41 +29,44 @@ def measurement():
     return PixelMeasurement(POINTS, pixels, SEEN, STATED, np.where(STATED > 0, STATED, 1.0 * SEEN))
 
 
-def test_what_states_no_sigma_gets_that_of_the_noise(measurement):
-    """Stated sigmas stay, points that were not seen weigh nothing, detectors' own weigh points against one another."""
+def test_unstated_sigma_is_that_of_the_noise(measurement):
+    """Stated sigmas are kept, and unseen points have no weight.
+
+    Detector sigmas weight points relative to each other.
+    """
     weight = measurement.with_noise(Noise(pixel_px=0.5)).weight
     np.testing.assert_array_equal(weight, [[4, 2, 2, 2, 0], [4, 0, 0, 2, 0], [0, 2, 0, 0, 0]])
     doubled = replace(measurement, relative=np.full(SEEN.shape, 2.0)).with_noise(Noise(pixel_px=0.5)).weight
     np.testing.assert_array_equal(doubled, [[4, 4, 4, 4, 0], [4, 0, 0, 4, 0], [0, 4, 0, 0, 0]])
 
 
-def test_counts_and_equations(measurement):
-    """Two residuals a point, those with a sigma apart; six freedoms at most a view."""
+def test_counts_and_equations_of_pixels(measurement):
+    """A point has two residuals, those with a sigma are counted separately, and a view has six freedoms at most."""
     assert measurement.counts() == {"stated": 4, "pixel_px": 10}
     assert measurement.equations().tolist() == [6, 4, 2]
 
 
-def test_squares_are_those_without_a_sigma(measurement):
+def test_squares_are_of_points_without_a_sigma(measurement):
     """Each point is 5 px off: at a sigma of 5 px its square is one, and stated ones do not count."""
     squares = measurement.with_noise(Noise(pixel_px=5.0)).squares(AHEAD, LENS)
     assert squares == {"pixel_px": pytest.approx(5.0)}
 
 
 def test_cost_is_the_weighted_square(measurement):
-    """Of all points that were seen, view by view."""
+    """It is over all seen points, view by view."""
     view = measurement.with_noise(Noise(pixel_px=5.0)).linearise(AHEAD, LENS, False)
     np.testing.assert_allclose(view.cost, [25 * 16 + 3, 25 * 16 + 1, 1])
 
 
 def test_residuals_are_predicted_minus_seen(measurement):
-    """In pixels; NaN where nothing was seen."""
+    """They are in pixels, and NaN for unseen points."""
     off = measurement.residual_px(AHEAD, LENS)
     np.testing.assert_allclose(off[SEEN], np.tile([3.0, 4.0], (SEEN.sum(), 1)))
     assert np.isnan(off[~SEEN]).all()
 
 
-def test_thinned_points_are_spread_and_keep_what_is_theirs(measurement):
-    """Of five points two lie far apart, with what is theirs; three are as many as asked for, and five stay all."""
+def test_thinned_points_are_spread_with_their_data(measurement):
+    """Two of five points are far apart, with their data. Three are as many as requested, and five are all."""
     with_relative = replace(measurement, relative=np.tile(np.arange(5.0), (3, 1)))
     few = with_relative.thin(2)
     np.testing.assert_array_equal(few.points_in_target, POINTS[[2, 4]])
@@ -79,10 +82,10 @@ def test_thinned_points_are_spread_and_keep_what_is_theirs(measurement):
 
 @pytest.mark.parametrize("count", [11, 12])
 @pytest.mark.parametrize("most", [2, 5, 6, 12])
-def test_points_that_change_places_are_kept_together(count, most):
-    """Each once, with the one whose place it takes where the target is read from its other end; no half pairs.
+def test_paired_points_are_thinned_together(count, most):
+    """A point is kept with the one at its place if the target is read from the other end, without half pairs.
 
-    They stay in order, so that their places are taken likewise, and all of few stay.
+    They stay in order, so that their places correspond, and few points all stay.
     """
     places = np.random.default_rng(1).uniform(size=(count, 3)) * [1, 1, 0]
     every = np.tile(np.arange(float(count)), (1, 1))
@@ -95,8 +98,8 @@ def test_points_that_change_places_are_kept_together(count, most):
     np.testing.assert_array_equal(few.points_in_target, places[kept])
 
 
-def test_views_are_taken_with_all_that_is_theirs(measurement):
-    """In the order asked for."""
+def test_views_are_selected_with_their_data(measurement):
+    """They are in the requested order."""
     taken = replace(measurement, relative=np.tile(np.arange(3.0)[:, None], (1, 5))).take(np.array([2, 0]))
     np.testing.assert_array_equal(taken.seen, SEEN[[2, 0]])
     np.testing.assert_array_equal(taken.stated, STATED[[2, 0]])
@@ -106,8 +109,8 @@ def test_views_are_taken_with_all_that_is_theirs(measurement):
     assert measurement.take(np.array([0])).relative is None
 
 
-def test_rows_of_a_batch(measurement):
-    """What all entries saw is shared; what each saw for itself is taken by row, with weights of its own or shared."""
+def test_rows_of_a_batch_are_selected(measurement):
+    """Data shared by all entries are kept, and separate data are selected by row, with separate or shared weights."""
     assert measurement.take_batch(np.array([1])).pixels.shape == (3, 5, 2)
     twice = {
         name: np.stack([value, 2 * value]) for name in ("pixels", "weight") for value in [getattr(measurement, name)]
@@ -125,7 +128,7 @@ def test_rows_of_a_batch(measurement):
 
 
 @pytest.mark.parametrize("lens_each", [False, True])
-def test_many_entries_of_a_batch_say_what_each_says_alone(measurement, lens_each):
+def test_batch_entries_equal_separate_linearisations(measurement, lens_each):
     """Chunks change nothing, whether all entries share one lens or each has its own."""
     count = 1000
     rng = np.random.default_rng(0)
@@ -152,8 +155,11 @@ def test_many_entries_of_a_batch_say_what_each_says_alone(measurement, lens_each
     ((40, 0), False, [40]),
 ])  # fmt: skip
 @pytest.mark.parametrize("lens_each", [False, True])
-def test_chunks_have_so_many_points_or_half_as_many_again(measurement, monkeypatch, shape, lens, chunks, lens_each):
-    """Of 34, or 12 with a free lens, and of one view or entry at least; each has its own lenses."""
+def test_chunk_sizes_follow_the_number_of_points(measurement, monkeypatch, shape, lens, chunks, lens_each):
+    """A chunk has 34 points, or 12 with a free lens, or half as many again, and at least one view or entry.
+
+    Each has its own lenses.
+    """
     monkeypatch.setattr(pixels, "_CHUNK_POINTS", 34)
     monkeypatch.setattr(pixels, "_CHUNK_LENS_POINTS", 12)
     found, whole = [], PixelMeasurement._linearise
@@ -175,8 +181,8 @@ def test_chunks_have_so_many_points_or_half_as_many_again(measurement, monkeypat
 
 
 @pytest.mark.parametrize("lens", ["pinhole", "fisheye"])
-def test_a_free_lens_is_the_sum_over_points(measurement, lens):
-    """Gradient and information by pose and lens are those of all points' own derivatives, turned views and all."""
+def test_free_lens_equations_are_sums_over_points(measurement, lens):
+    """Gradient and information by pose and lens are sums over derivatives of all points, also for rotated views."""
     camera = Camera(lens, [100.0, 102.0, 50.0, 40.0, 0.05, -0.01, 2e-3, 1e-3])
     poses = AHEAD @ SE3.exp(np.random.default_rng(3).normal(scale=0.2, size=(3, 6)))
     of_points = point_jacobians(measurement, poses, camera, True)
@@ -189,8 +195,8 @@ def test_a_free_lens_is_the_sum_over_points(measurement, lens):
     np.testing.assert_allclose(view.information / np.outer(scale, scale), information, atol=1e-13)
 
 
-def test_a_batch_of_one_is_the_one(measurement):
-    """With a lens of its own and without."""
+def test_batch_of_one_equals_the_single_result(measurement):
+    """A batch of one has the result of its entry, with a separate lens and without."""
     camera = replace(LENS, parameters=np.append(LENS.parameters, [0.01, 0.0, 1e-3, 0.0]))
     alone = measurement.linearise(AHEAD, camera, True)
     one = SE3(AHEAD.rotation[None], AHEAD.translation[None])
@@ -202,8 +208,8 @@ def test_a_batch_of_one_is_the_one(measurement):
         np.testing.assert_array_equal(of, expected[None])
 
 
-def test_noisier_pixels_have_a_larger_common_error_too(measurement):
-    """By the same factor: all that they say falls by its square."""
+def test_noisier_pixels_have_a_larger_shared_error(measurement):
+    """It grows by the same factor, so that cost, gradient and information decrease by its square."""
     shaken = replace(measurement, common_px=0.7)
     for wide, plain in zip(
         shaken.noisier(3.0).linearise(AHEAD, LENS, False), shaken.linearise(AHEAD, LENS, False), strict=True
@@ -212,8 +218,8 @@ def test_noisier_pixels_have_a_larger_common_error_too(measurement):
 
 
 @pytest.mark.parametrize("lens", [False, True])
-def test_many_views_say_what_few_of_them_do(measurement, lens):
-    """Chunks of them change nothing, nor do views in a batch that each saw something of its own."""
+def test_many_views_equal_few_of_them(measurement, lens):
+    """Chunks of views change nothing."""
     rng = np.random.default_rng(0)
     rows = rng.integers(0, 3, 9000)
     many = measurement.take(rows)
@@ -226,8 +232,8 @@ def test_many_views_say_what_few_of_them_do(measurement, lens):
             np.testing.assert_allclose(part[some], each, rtol=1e-9, atol=1e-9 * np.abs(each).max())
 
 
-def test_shapes_have_columns_of_their_own(measurement):
-    """After pose and lens, how points move in the target: by differences of the cost."""
+def test_shapes_have_their_own_columns(measurement):
+    """After pose and lens, columns of moved target points equal differences of the cost."""
     by_shape = np.random.default_rng(2).standard_normal((5, 3, 2))
     view = measurement.linearise_shape(AHEAD, LENS, True, by_shape)
     plain = measurement.linearise(AHEAD, LENS, True)

@@ -1,4 +1,4 @@
-"""A target's points measured in 3-D: sigmas, counts and views."""
+"""Tests of target points measured in 3-D: sigmas, counts and views."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ def measurement(rng):
     return PointMeasurement(points, points + np.array([0.0, 0.0, 0.5]) * SEEN[..., None], SEEN, STATED, 1.0 * SEEN)
 
 
-def test_what_states_no_sigma_gets_that_of_the_noise(measurement):
-    """Stated sigmas stay, points that were not seen weigh nothing."""
+def test_unstated_sigma_is_that_of_the_noise(measurement):
+    """Stated sigmas are kept, and unseen points have no weight."""
     weight = measurement.with_noise(Noise(point_m=0.5)).weight
     np.testing.assert_array_equal(weight, [[4, 2, 2, 2], [4, 0, 0, 2], [0, 0, 2, 0]])
 
 
-def test_counts_and_equations(measurement):
-    """Three residuals a point, those with a sigma apart; six freedoms at most a view."""
+def test_counts_and_equations_of_points(measurement):
+    """A point has three residuals, those with a sigma are counted separately, and a view has six freedoms at most."""
     assert measurement.counts() == {"stated": 6, "point_m": 15}
     assert measurement.equations().tolist() == [6, 6, 3]
 
 
-def test_squares_are_those_without_a_sigma(measurement):
+def test_squares_are_of_points_without_a_sigma(measurement):
     """Each point is 0.5 m off: at a sigma of 0.5 m its square is one, and stated ones do not count."""
     squares = measurement.with_noise(Noise(point_m=0.5)).squares(SE3.identity((3,)), None)
     assert squares == {"point_m": pytest.approx(5.0)}
 
 
 def test_cost_is_the_weighted_square(measurement):
-    """Of all points that were seen, view by view."""
+    """It is over all seen points, view by view."""
     view = measurement.with_noise(Noise(point_m=0.5)).linearise(SE3.identity((3,)), None, False)
     np.testing.assert_allclose(view.cost, [4 + 3, 4 + 1, 1])
 
 
-def test_views_are_taken_with_all_that_is_theirs(measurement):
-    """In the order asked for."""
+def test_views_are_selected_with_their_data(measurement):
+    """They are in the requested order."""
     taken = measurement.take(np.array([2, 0]))
     np.testing.assert_array_equal(taken.seen, SEEN[[2, 0]])
     np.testing.assert_array_equal(taken.stated, STATED[[2, 0]])
@@ -54,8 +54,8 @@ def test_views_are_taken_with_all_that_is_theirs(measurement):
     np.testing.assert_array_equal(taken.weight, measurement.weight[[2, 0]])
 
 
-def test_rows_of_a_batch(measurement):
-    """What all entries saw is shared; what each saw for itself is taken by row."""
+def test_rows_of_a_batch_are_selected(measurement):
+    """Data shared by all entries are kept, and separate data are selected by row."""
     rows = np.array([1])
     shared = measurement.take_batch(rows)
     for name in ("points_in_camera", "seen", "stated", "weight"):
@@ -73,14 +73,14 @@ def test_rows_of_a_batch(measurement):
     np.testing.assert_array_equal(masked.stated, [1.0 * ~SEEN])
 
 
-def test_noisier_points_weigh_less(measurement):
-    """Sigmas of all, stated or not, are larger by a factor; the cost is smaller by its square."""
+def test_noisier_points_have_less_weight(measurement):
+    """All sigmas, stated or not, are larger by a factor, and the cost is smaller by its square."""
     plain, wide = (m.linearise(SE3.identity((3,)), None, False).cost for m in (measurement, measurement.noisier(2.0)))
     np.testing.assert_allclose(wide, plain / 4)
 
 
-def test_points_at_the_origin_of_a_sensor_are_touched(measurement):
-    """All of them must be there."""
+def test_points_at_the_sensor_origin_are_touches(measurement):
+    """All points have to be there."""
     assert not is_touch(measurement)
     touched = replace(measurement, points_in_camera=np.zeros_like(measurement.points_in_camera))
     assert is_touch(touched)

@@ -1,4 +1,4 @@
-"""Errors of poses found from the corners of a flat target."""
+"""Tests of errors of poses from the corners of a flat target."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ POSES = SE3.stack(
 HALF_M = 0.04
 
 
-def test_covariance_is_that_of_pnp() -> None:
-    """Errors of `solvePnP` on corners of 0.1 px have it, within what 400 draws leave open."""
+def test_covariance_equals_that_of_pnp() -> None:
+    """Errors of `solvePnP` with corners of 0.1 px have this covariance, within the uncertainty of 400 draws."""
     rng, focal = np.random.default_rng(0), 800.0
     lens = np.diag([focal, focal, 1.0])
     corners = HALF_M * np.array([[-1.0, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
@@ -36,15 +36,21 @@ def test_covariance_is_that_of_pnp() -> None:
         assert 0.8 < np.mean(whitened**2) < 1.25  # 2400 squares: three per cent of noise, and curvature of far views
 
 
-def test_tilt_is_worst_from_the_front() -> None:
-    """Three times worse than aslant at ten times its half size, and four times worse at twice the distance."""
+def test_tilt_is_least_accurate_from_the_front() -> None:
+    """Seen from the front at ten times its half size, tilt is three times worse than from the side.
+
+    It is four times worse at twice the distance.
+    """
     tilt = np.sqrt(corner_covariances(POSES, HALF_M)[:, 3, 3])
     assert 3 < tilt[0] / tilt[1] < 10
     assert 3.5 < tilt[2] / tilt[0] < 4.5
 
 
 def test_whitening_makes_views_equal() -> None:
-    """Errors of each view become independent; rotations of all views together keep their size, as translations do."""
+    """Errors of each view become independent.
+
+    The overall size of rotations is unchanged, and so is that of translations.
+    """
     covariance = corner_covariances(POSES, HALF_M)
     whitening = whitening_matrix(covariance)
     equal = whitening @ covariance @ whitening.mT
@@ -58,7 +64,7 @@ def test_whitening_makes_views_equal() -> None:
 
 
 def test_differences_are_whitened_tangents() -> None:
-    """To first order; and their derivative is that of the differences."""
+    """They agree to first order, and their derivative is that of the differences."""
     rng = np.random.default_rng(1)
     errors = CornerErrors.from_poses(POSES, HALF_M)
     tangents = 1e-6 * rng.normal(size=(3, 6))
@@ -74,8 +80,8 @@ def test_differences_are_whitened_tangents() -> None:
     np.testing.assert_allclose(change, 2 * (errors.jacobian(far) @ step[..., None])[..., 0], rtol=1e-4, atol=1e-11)
 
 
-def test_target_tilted_the_other_way_is_near() -> None:
-    """Perspective alone tells both apart: far away they differ by a fifth of what their tangent says, at most."""
+def test_oppositely_tilted_target_is_near() -> None:
+    """Only perspective separates the two: far away they differ by at most a fifth of their tangent."""
     true, mirrored = (
         SE3.stack([SE3((FACING @ SE3.from_rotvec([tilt, 0, 0], [0, 0, 0])).rotation, [0.0, 0.0, 4.0])])
         for tilt in (0.1, -0.1)
@@ -86,8 +92,8 @@ def test_target_tilted_the_other_way_is_near() -> None:
     assert np.linalg.norm(by_corners) < 0.2 * np.linalg.norm(by_tangent)
 
 
-def test_rows_of_a_batch_are_taken() -> None:
-    """Those that differ from problem to problem; what all share stays."""
+def test_rows_of_a_batch_are_selected() -> None:
+    """Separate whitening matrices are selected by row, and a shared one is kept."""
     errors = CornerErrors.from_poses(POSES, HALF_M)
     assert errors.take_batch(np.array([0])).whitening is errors.whitening
     both = CornerErrors(HALF_M, np.stack([errors.whitening, 2 * errors.whitening]))

@@ -1,4 +1,4 @@
-"""Measured poses: sigmas, counts and views."""
+"""Tests of measured poses: sigmas, counts and views."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ def measurement():
     return PoseMeasurement(SE3.identity((3,)), STATED, np.where(STATED > 0, STATED, 1.0))
 
 
-def test_what_states_no_sigma_gets_that_of_the_noise(measurement):
-    """Translations and rotations each have their own; stated ones stay."""
+def test_unstated_sigma_is_that_of_the_noise(measurement):
+    """Translations and rotations have separate sigmas, and stated ones are kept."""
     weight = measurement.with_noise(Noise(pose_m=0.5, pose_rad=0.1)).weight
     np.testing.assert_allclose(weight, [[4] * 6, [2, 2, 2, 10, 10, 10], [2, 2, 2, 8, 8, 8]])
 
 
-def test_counts_and_equations(measurement):
-    """Six residuals a pose, by what their sigma is; each pose holds all six freedoms."""
+def test_counts_and_equations_of_poses(measurement):
+    """A pose has six residuals, counted by their sigma, and all six freedoms."""
     assert measurement.counts() == {"stated": 9, "pose_m": 6, "pose_rad": 3}
     assert measurement.equations().tolist() == [6, 6, 6]
 
 
-def test_squares_are_those_without_a_sigma(measurement):
-    """Off by 1 m along z and by 0.1 rad about x, which stand side by side."""
+def test_squares_are_of_poses_without_a_sigma(measurement):
+    """Shifts by 1 m along z and rotations by 0.1 rad about x are counted separately."""
     shifted = SE3.exp(np.tile([0, 0, 1.0, 0, 0, 0], (3, 1)))
     turned = SE3.exp(np.tile([0, 0, 0, 0.1, 0, 0], (3, 1)))
     noisy = measurement.with_noise(Noise(pose_m=0.5, pose_rad=0.1))
@@ -40,20 +40,20 @@ def test_squares_are_those_without_a_sigma(measurement):
 
 
 def test_cost_is_the_weighted_square(measurement):
-    """View by view; at its own pose a view costs nothing."""
+    """It is separate for each view, and zero at the measured pose."""
     shifted = SE3.exp(np.tile([1.0, 0, 0, 0, 0, 0], (3, 1)))
     np.testing.assert_allclose(measurement.linearise(shifted, None, False).cost, [16, 1, 1])
     np.testing.assert_array_equal(measurement.linearise(SE3.identity((3,)), None, False).cost, 0.0)
 
 
-def test_views_are_taken_with_all_that_is_theirs(measurement):
-    """In the order asked for."""
+def test_views_are_selected_with_their_data(measurement):
+    """They are in the requested order."""
     np.testing.assert_array_equal(measurement.take(np.array([2, 0])).stated, STATED[[2, 0]])
     np.testing.assert_array_equal(measurement.take(np.array([2, 0])).weight, measurement.weight[[2, 0]])
 
 
-def test_poses_of_a_batch_are_taken_with_their_rows():
-    """Those that differ from problem to problem; those of all problems alike stay."""
+def test_rows_of_a_batch_are_selected():
+    """Separate poses are selected by row, and shared ones are kept."""
     ahead = SE3.exp(np.arange(6.0).reshape(2, 3, 1) * np.eye(6)[0])
     stated = 1.0 + np.arange(2 * 3 * 6).reshape(2, 3, 6)
     taken = PoseMeasurement(ahead, stated, 2 * stated).take_batch(np.array([1]))
@@ -64,8 +64,8 @@ def test_poses_of_a_batch_are_taken_with_their_rows():
     np.testing.assert_array_equal(alike.measured_camera_from_target.translation[..., 0], [0.0, 1.0, 2.0])
 
 
-def test_errors_of_corners_are_weighed() -> None:
-    """Cost, gradient and the least information about a rotation are those of whitened differences of corners."""
+def test_corner_errors_are_weighted() -> None:
+    """Cost, gradient and the smallest rotation information are those of whitened corner differences."""
     rng = np.random.default_rng(3)
     ahead = SE3.from_rotvec([np.pi, 0, 0], [0, 0, 0.5])
     measured, near = (SE3.stack([ahead] * 4) @ SE3.exp(0.1 * rng.normal(size=(4, 6))) for _ in range(2))

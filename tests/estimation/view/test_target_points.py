@@ -1,4 +1,4 @@
-"""What all measurements of a target's points have in common."""
+"""Tests of properties shared by all measurements of a target's points."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def bearings(views: int) -> BearingMeasurement:
     )
 
 
-def test_points_are_carried_by_each_pose():
-    """A view's points in the camera are those of the target under its own pose."""
+def test_points_are_transformed_by_each_pose():
+    """A view's points in the camera are those of the target at its own pose."""
     poses = SE3.exp(np.random.default_rng(1).normal(size=(3, 6)))
     at = bearings(3).camera_points(poses)
     assert all(np.allclose(at[k], poses[k] @ POINTS, rtol=0, atol=1e-14) for k in range(3))
 
 
-def test_views_are_taken_and_points_stay():
-    """Rows choose views: what was seen follows them, the target's points are shared."""
+def test_selected_views_share_the_target_points():
+    """Rows select the data of views, and the target's points are shared."""
     whole = bearings(4)
     some = whole.take(np.array([2, 0]))
     assert some.points_in_target is whole.points_in_target
@@ -41,7 +41,7 @@ def test_views_are_taken_and_points_stay():
 
 
 def test_pixels_need_a_lens():
-    """Without the camera pixels say nothing, which is an error and no number."""
+    """Pixels without a lens raise InputError."""
     everywhere = np.ones((1, len(POINTS)), dtype=bool)
     pixels = PixelMeasurement(POINTS, np.zeros((1, len(POINTS), 2)), everywhere, 1.0 * everywhere, 1.0 * everywhere)
     with pytest.raises(InputError, match="lens"):
@@ -51,8 +51,11 @@ def test_pixels_need_a_lens():
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(11, 15), (7, 16), (28, 17), (5, 5)])
-def test_a_few_points_of_a_grid_span_it(columns, rows):
-    """At most sixteen of any grid, each once, lie in no line: every eleventh of 11 x 15 is one column."""
+def test_spread_rows_of_a_grid_span_it(columns, rows):
+    """At most sixteen points of any grid are selected, each once, and not in one line.
+
+    Every eleventh of 11 x 15 is one column.
+    """
     grid = np.array([[x, y, 0.0] for y in range(rows) for x in range(columns)])
     few = spread_rows(grid, 16)
     assert 10 <= len(few) <= 16
@@ -61,20 +64,23 @@ def test_a_few_points_of_a_grid_span_it(columns, rows):
 
 
 @pytest.mark.parametrize("away", [0.0, [-10.0, 5.0, 0.0], [10.0, -5.0, 3.0]], ids=str)
-def test_points_of_which_every_so_manyth_span_less_are_spread_from_the_outermost_on(away):
-    """First the one farthest from their middle, then what is farthest from all of these, wherever the target stands."""
+def test_spread_rows_start_at_the_outermost_point(away):
+    """If regular steps span less, the point farthest from the middle is first, then the farthest from these.
+
+    The target's origin has no effect.
+    """
     points = np.array([[0.0, 0.2, 0.0], [-1.75, 0.9, 0.0], [0.05, 0.9, 0.0], [1.7, 0.9, 0.0], [0.0, -2.0, 0.0]]) + away
     assert spread_rows(points, 2).tolist() == [1, 4]
 
 
-def test_few_points_stay_all():
-    """As many as are asked for, or fewer, are not thinned."""
+def test_few_points_are_all_kept():
+    """Up to the requested number, points are not thinned."""
     np.testing.assert_array_equal(spread_rows(POINTS, 4), np.arange(4))
     assert len(spread_rows(POINTS, 9)) == 4
 
 
-def test_points_turned_and_then_moved_are_in_the_camera():
-    """Turned, they stand about the target's origin; a shift brings them to the camera, batch or not."""
+def test_rotated_and_shifted_points_are_in_the_camera():
+    """Rotated points are about the target's origin, and the shift moves them to the camera, with or without a batch."""
     poses = SE3.exp(np.random.default_rng(1).normal(size=(2, 3, 6)))
     whole = bearings(3)
     turned = whole.rotate_points(poses)
@@ -98,7 +104,7 @@ def measurement(request, rng):
 
 
 def test_weights_are_scaled_and_masked(measurement):
-    """Sigmas twice as large, and one point as if it had not been seen."""
+    """Sigmas are twice as large, and one point is marked as unseen."""
     np.testing.assert_array_equal(measurement.noisier(2.0).weight, WEIGHT / 2)
     kept = np.array([[True, True, False], [True, True, True]])
     fewer = measurement.mask_points(kept)
@@ -106,14 +112,14 @@ def test_weights_are_scaled_and_masked(measurement):
     assert fewer.point_counts().tolist() == [2, 2]
 
 
-def test_points_are_counted_and_hold_as_many_freedoms_as_a_pose_has(measurement):
-    """Each by its coordinates, six at most."""
+def test_points_are_counted_up_to_six_freedoms(measurement):
+    """Each point counts by its coordinates, six at most."""
     assert measurement.point_counts().tolist() == [3, 2]
     assert measurement.equations().tolist() == [min(6, count * measurement.coordinates) for count in (3, 2)]
 
 
-def test_only_arrays_with_a_batch_axis_are_taken_apart(measurement):
-    """What all entries of a batch saw alike stays as it is."""
+def test_only_arrays_with_a_batch_axis_are_selected(measurement):
+    """Data shared by all entries of a batch are kept."""
     assert set(measurement.axes) <= set(vars(measurement))
     (name,) = set(measurement.axes) - {"seen", "stated", "weight", "relative"}
     several = np.stack([getattr(measurement, name) + shift for shift in range(4)])
@@ -144,8 +150,8 @@ def seen_points(request, rng):
     return kind(points, exact + rng.normal(size=exact.shape), SEEN_OF_FOUR, STATED, weight)
 
 
-def test_derivatives_are_those_of_the_residuals(seen_points):
-    """By the place of a point, by differences; residuals are the same as those of poses."""
+def test_derivatives_equal_those_of_residuals(seen_points):
+    """Derivatives by the position of a point equal differences, and residuals equal those of poses."""
     places = seen_points.camera_points(AT)
     off, by_point, by_lens = seen_points.with_derivatives(places, LENS, False)
     np.testing.assert_allclose(off, seen_points.residuals(AT, LENS), atol=1e-9)
@@ -157,7 +163,7 @@ def test_derivatives_are_those_of_the_residuals(seen_points):
 
 
 def test_squares_are_of_points_without_a_sigma(seen_points):
-    """By the sigma in use; what was not seen counts nothing."""
+    """The sigma in use applies, and unseen points do not count."""
     off = seen_points.residuals(AT, LENS)
     expected = sum(
         9.0 * np.sum(off[v, p] ** 2) for v in range(2) for p in range(4) if SEEN_OF_FOUR[v, p] and not STATED[v, p]
@@ -167,8 +173,8 @@ def test_squares_are_of_points_without_a_sigma(seen_points):
     assert seen_points.counts() == {"stated": all_seen - free, seen_points.noise_field: free}
 
 
-def test_masked_points_were_never_seen(seen_points):
-    """They state nothing and weigh nothing; where all are kept nothing changes."""
+def test_masked_points_are_unseen(seen_points):
+    """They have neither a stated sigma nor a weight. If all are kept, nothing changes."""
     kept = np.ones((2, 4), dtype=bool)
     assert seen_points.mask_points(kept) is seen_points
     kept[0, 2] = False
@@ -178,8 +184,8 @@ def test_masked_points_were_never_seen(seen_points):
     assert fewer.point_counts().tolist() == [3, 3]
 
 
-def test_what_states_no_sigma_any_more_keeps_its_weight(seen_points):
-    """Of points in space; pixels keep how they compare, 1 for those that stated none."""
+def test_without_sigmas_keeps_the_weights(seen_points):
+    """Points in space keep their weights. Pixels keep their relative weights, 1 for those without a stated sigma."""
     silent = replace(seen_points, stated=STATED).without_sigmas()
     assert not silent.stated.any()
     np.testing.assert_array_equal(silent.weight, seen_points.weight)
@@ -199,8 +205,8 @@ def pixels(rng, n=3, p=6):
 
 
 @pytest.mark.parametrize("lens", [False, True])
-def test_points_sum_up_to_their_view(rng, lens):
-    """Squares to the cost, J'r to the gradient and J'J to the information, with the lens's columns or without."""
+def test_points_sum_to_their_view(rng, lens):
+    """Squares sum to the cost, J'r to the gradient and J'J to the information, with or without the lens's columns."""
     seen_points, at = pixels(rng), poses(rng, 3)
     rows, view = point_jacobians(seen_points, at, BENT_LENS, lens), seen_points.linearise(at, BENT_LENS, lens)
     np.testing.assert_allclose(np.sum(rows.residual**2, (1, 2)), view.cost)
@@ -210,8 +216,8 @@ def test_points_sum_up_to_their_view(rng, lens):
     np.testing.assert_allclose(information, view.information, rtol=1e-9, atol=1e-9 * np.abs(information).max())
 
 
-def test_3d_points_sum_up_to_their_view(rng):
-    """The same for points measured in 3-D, which need no lens."""
+def test_3d_points_sum_to_their_view(rng):
+    """The sums hold for points measured in 3-D, which need no lens."""
     points, at = rng.standard_normal((5, 3)), poses(rng, 2)
     weight = rng.uniform(0.5, 2.0, (2, 5)) * (rng.uniform(size=(2, 5)) < 0.8)
     seen_points = PointMeasurement(points, rng.standard_normal((2, 5, 3)), weight > 0, weight, weight)
@@ -221,8 +227,11 @@ def test_3d_points_sum_up_to_their_view(rng):
     np.testing.assert_allclose(np.einsum("npdk,npdl->nkl", rows.jacobian, rows.jacobian), view.information, atol=1e-9)
 
 
-def test_points_not_seen_say_nothing(rng):
-    """Neither those without weight nor those behind the camera: no residual, no derivative, and they are told."""
+def test_unseen_points_have_no_effect(rng):
+    """Points without weight, and those behind the camera, have no residual and no derivative.
+
+    They are marked as unseen.
+    """
     seen_points, at = pixels(rng), poses(rng, 3)
     behind = replace(seen_points, points_in_target=seen_points.points_in_target - np.array([0, 0, 9.0]))
     rows = point_jacobians(behind, at, BENT_LENS, False)

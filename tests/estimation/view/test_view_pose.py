@@ -1,4 +1,4 @@
-"""Poses of a target in single views."""
+"""Tests of poses of a target in single views."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def tilted(n: int, distance: float) -> SE3:
 
 @pytest.mark.parametrize("points", [FLAT, DEEP], ids=["flat", "deep"])
 def test_exact_directions_give_the_exact_pose(points):
-    """To 1e-8, and at no cost."""
+    """The pose is exact to 1e-8, with zero cost."""
     pose = tilted(12, 0.7)
     found = poses_of(seen_from(pose, points))
     assert found.has_pose.all()
@@ -49,8 +49,8 @@ def test_exact_directions_give_the_exact_pose(points):
 
 @pytest.mark.parametrize("at", [[-1.0, 0.1, 0.3], [0.1, -1.0, 0.3], [1.0, 1.0, 0.2], [0.0, 0.0, 0.2]], ids=str)
 @pytest.mark.parametrize("points", [FLAT, DEEP], ids=["flat", "deep"])
-def test_a_target_is_found_wherever_before_the_camera_it_stands(points, at):
-    """Far to a side and so near that it fills the view, whichever way it is turned: by closed form alone."""
+def test_target_is_found_anywhere_before_the_camera(points, at):
+    """It may be far to a side, or so near that it fills the view, at any rotation. The closed form alone finds it."""
     rng = np.random.default_rng(2)
     pose = SE3.from_rotvec(rng.standard_normal((8, 3)), np.tile(at, (8, 1))) @ SE3(np.eye(3), -points.mean(0))
     exact = seen_from(pose, points)
@@ -58,8 +58,11 @@ def test_a_target_is_found_wherever_before_the_camera_it_stands(points, at):
     assert np.abs((pose.inverse() @ found.camera_from_target[:, 0]).log()).max() < 1e-7
 
 
-def test_a_plane_is_turned_about_its_normal_and_then_about_the_line_of_sight():
-    """By half a turn each: that is its second pose before any step, its middle where it was."""
+def test_second_pose_of_a_plane_is_two_half_turns():
+    """The second pose is rotated by half a turn about the normal and then about the line of sight, before any step.
+
+    The middle of the plane is fixed.
+    """
     pose, middle = tilted(6, 0.7), FLAT.mean(0)
     exact = seen_from(pose, FLAT)
     second = view_poses(FLAT, exact.bearings_in_camera, exact.weight > 0, exact, iterations=0).camera_from_target[:, 1]
@@ -71,7 +74,8 @@ def test_a_plane_is_turned_about_its_normal_and_then_about_the_line_of_sight():
 
 
 @pytest.mark.parametrize("distance", [0.0, 1e-170, 3.8e-14, 1e-12, 1e-9])
-def test_the_mirrored_pose_of_a_plane_at_the_camera_is_a_rotation(distance):
+def test_mirrored_pose_of_a_plane_at_the_camera_is_a_rotation(distance):
+    """The matrix is orthogonal at distances down to zero."""
     toward = np.array([[-0.07, -0.27, 0.96]]) / np.linalg.norm([-0.07, -0.27, 0.96])
     pose = SE3(rotation_exp(np.array([[0.3, 1.2, -0.4]])), distance * toward)
     mirrored = view_pose._mirror_normal(pose).rotation
@@ -79,8 +83,8 @@ def test_the_mirrored_pose_of_a_plane_at_the_camera_is_a_rotation(distance):
 
 
 @pytest.mark.parametrize("steps", [0, 3])
-def test_views_of_pixels_are_refined_with_the_lens_that_took_them(steps):
-    """It stays as it is: what a view says is of its pose alone."""
+def test_pixel_views_are_refined_with_a_fixed_lens(steps):
+    """The information is of the pose alone."""
     pose, camera = tilted(3, 0.7), Camera("pinhole", [900.0, 900.0, 640.0, 360.0])
     at = (pose.rotation @ FLAT.T).swapaxes(1, 2) + pose.translation[:, None]
     seen = np.ones(at.shape[:2], dtype=bool)
@@ -90,7 +94,7 @@ def test_views_of_pixels_are_refined_with_the_lens_that_took_them(steps):
     np.testing.assert_allclose(found.information, pixels.linearise(pose, camera, False).information, rtol=1e-6)
 
 
-def test_the_second_candidate_of_a_plane_is_tilted_the_other_way():
+def test_second_candidate_of_a_plane_has_the_opposite_tilt():
     """From afar, with noise, the truth is one of the two, which differ by about twice the board's tilt."""
     pose = tilted(40, 3.0)
     found = poses_of(seen_from(pose, FLAT, 2e-4))
@@ -108,7 +112,7 @@ def test_the_second_candidate_of_a_plane_is_tilted_the_other_way():
 
 @pytest.mark.parametrize("few", [0, 1, 3])
 def test_views_of_three_points_have_no_pose(few):
-    """Their cost is infinite; the other views are not touched."""
+    """Their cost is infinite, and the other views are unchanged."""
     pose = tilted(3, 0.7)
     chords = seen_from(pose, FLAT)
     chords.weight[1, few:] = 0.0
@@ -116,8 +120,8 @@ def test_views_of_three_points_have_no_pose(few):
     assert found.has_pose.tolist() == [True, False, True]
 
 
-def test_refining_never_raises_a_cost():
-    """Each view's cost falls or stays, from a start off by 0.2 rad; nearly all end at the noise."""
+def test_refinement_never_increases_a_cost():
+    """Each view's cost decreases or stays, from a start off by 0.2 rad, and nearly all end at the noise."""
     pose = tilted(20, 0.7)
     chords = seen_from(pose, FLAT, 2e-4)
     start = pose @ SE3.exp(0.1 * np.random.default_rng(2).standard_normal((20, 6)))
@@ -126,8 +130,11 @@ def test_refining_never_raises_a_cost():
     assert np.mean(costs[-1] < 0.01 * costs[0]) >= 0.95
 
 
-def test_without_steps_poses_are_those_of_the_closed_form():
-    """Of exact directions exact; of noisy ones near, and no better than refined; either with its own information."""
+def test_zero_steps_give_closed_form_poses():
+    """They are exact for exact directions.
+
+    For noisy ones they are near, and no better than refined, each with its own information.
+    """
     pose = tilted(12, 0.7)
     exact = seen_from(pose, FLAT)
     found = view_poses(FLAT, exact.bearings_in_camera, exact.weight > 0, exact, iterations=0)
@@ -141,8 +148,8 @@ def test_without_steps_poses_are_those_of_the_closed_form():
     np.testing.assert_allclose(rough.information, of_best.information)
 
 
-def test_a_view_is_found_where_its_best_pose_is():
-    """Whatever the next best is."""
+def test_view_has_a_pose_if_its_best_cost_is_finite():
+    """The cost of the second pose does not matter."""
     poses = SE3.identity((3, 2))
     found = ViewPoses(poses, np.array([[1.0, np.inf], [np.inf, np.inf], [1.0, 2.0]]), np.zeros((3, 6, 6))).has_pose
     assert found.tolist() == [True, False, True]
@@ -150,7 +157,7 @@ def test_a_view_is_found_where_its_best_pose_is():
 
 @pytest.mark.parametrize(("points", "fewest"), [(FLAT, 4), (DEEP, 6)], ids=["flat", "deep"])
 def test_four_points_of_a_plane_or_six_in_space_have_a_pose(points, fewest):
-    """One less has none."""
+    """One point less has none."""
     pose = tilted(2, 0.7)
     chords = seen_from(pose, points)
     spread = [0, 3, 16, 19, 9, 6]
@@ -179,8 +186,11 @@ def of(poses, measurement: BearingMeasurement):
     return poses(measurement.points_in_target, measurement.bearings_in_camera, seen, measurement)
 
 
-def test_known_poses_are_those_found_anew(monkeypatch):
-    """Views asked for again, in another order and beside new ones: as of all at once; only new ones are sought."""
+def test_cached_poses_equal_new_ones(monkeypatch):
+    """Repeated views, in another order and beside new ones, have the poses of a single call.
+
+    Only new ones are computed.
+    """
     all_views, known, sought = views(6), PoseCache(), []
 
     def counted(points, bearings, seen, measurement):
@@ -198,8 +208,8 @@ def test_known_poses_are_those_found_anew(monkeypatch):
 
 
 @pytest.mark.parametrize("change", ["weight", "points_in_target"])
-def test_other_views_are_not_taken_for_known_ones(change):
-    """Of other weights, or of another target, a view is found anew."""
+def test_other_views_are_not_confused_with_cached_ones(change):
+    """With other weights, or another target, the pose of a view is computed again."""
     first, known = views(2), PoseCache()
     of(known, first)
     other = BearingMeasurement(**{**vars(first), change: 2.0 * getattr(first, change)})
