@@ -19,7 +19,7 @@ def ring(seed: int) -> SimulatedCell:
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 5])  # 4 is solved below
 def test_ring_of_few_views_starts_near_the_truth(seed: int) -> None:
-    """All transforms are within 5 deg."""
+    """All transforms of the joint start are within 5 deg."""
     made = ring(seed)
     problem, _ = build_problem(made.cell, made.recording)
     state = joint_state(problem, made.cell)
@@ -50,7 +50,7 @@ def test_ring_of_few_views_is_solved() -> None:
 
 
 def test_single_pair_has_no_joint_state() -> None:
-    """Neither a single pair nor an LED has one."""
+    """A single pair has no joint state, nor has an LED."""
     for scenario in (Scenario(), Scenario(target="led")):
         made = simulate(scenario, 1)
         assert joint_state(build_problem(made.cell, made.recording)[0], made.cell) is None

@@ -41,7 +41,7 @@ def test_stages_run_with_or_without_a_timer():
 
 
 def test_stages_are_logged_and_not_printed(caplog):
-    """They are logged by the standard module, as `basecal`. Without a handler there is no output."""
+    """Stages are logged by the standard module, as `basecal`. Without a handler there is no output."""
     with caplog.at_level(logging.INFO, logger="basecal"), DEFAULT.stage("work"):
         pass
     assert [record.getMessage() for record in caplog.records] == ["stage: work"]

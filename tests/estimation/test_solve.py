@@ -89,7 +89,7 @@ def _twice(sample):
 
 
 @pytest.mark.parametrize("target", ["charuco", "led", "pose"])
-def test_order_of_the_file_changes_nothing(target):
+def test_file_order_has_no_effect(target):
     """Shuffled samples give the same transforms to 1e-9 m and rad."""
     s = simulate(Scenario(samples=20, target=target, robot_noise=NOISY, arms="both"), seed=1)
     shuffled = list(s.recording.samples)
@@ -98,7 +98,7 @@ def test_order_of_the_file_changes_nothing(target):
     assert all(off(second.state.transforms[n], t) < 1e-9 for n, t in first.state.transforms.items())
 
 
-def test_renumbered_samples_change_nothing():
+def test_sample_numbers_have_no_effect():
     """Without robot noise, sample numbers are only names."""
     s = simulate(Scenario(samples=20, robot_noise=(0, 0)), seed=2)
     renumbered = tuple(replace(x, sample=100 - x.sample) for x in s.recording.samples)

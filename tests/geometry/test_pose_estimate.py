@@ -98,7 +98,7 @@ def test_invalid_estimates_are_refused(mean, covariance, message):
 
 
 def test_covariance_is_read_only():
-    """A covariance cannot be written."""
+    """The covariance array of an estimate cannot be written."""
     with pytest.raises(ValueError, match="read-only"):
         PoseEstimate.exact(SE3.identity()).covariance[0, 0] = 1.0
 

@@ -198,7 +198,7 @@ def test_steps_are_limited_to_a_radian(largest):
 
 
 def test_empty_batch_is_reached():
-    """A batch of no poses has no joints."""
+    """The inverse kinematics of no poses are an empty array of joints."""
     assert inverse(planar(0.5, 0.3), SE3.identity((0,)), np.zeros(2)).shape == (0, 2)
 
 

@@ -399,8 +399,11 @@ def test_damping_has_a_lower_bound():
 
 
 @pytest.mark.parametrize(("dof", "limit"), [(2.0, 0.8), (2000.0, 0.4)])
-def test_near_optimum_within_a_sigma_and_a_thousandth_of_the_cost(dof, limit):
-    """A predicted decrease of a cost of 800 decides if the state is near the optimum."""
+def test_near_optimum_is_a_sigma_and_a_cost_share(dof, limit):
+    """A state is near the optimum within a sigma and a thousandth of the cost.
+
+    The predicted decrease of a cost of 800 decides.
+    """
     of = flight(cost=800.0, dof=dof)
     assert _is_near(of, np.array([0.99 * limit])).all()
     assert not _is_near(of, np.array([1.01 * limit])).any()

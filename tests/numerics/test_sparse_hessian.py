@@ -106,7 +106,7 @@ def test_eigenvalue_at_rounding_is_zero(smallest: float, found: float) -> None:
 
 
 def test_column_without_information_is_scaled_by_the_largest() -> None:
-    """As with dense Hessians, its scale is 1e-12 of the largest diagonal entry.
+    """The scale of such a column is 1e-12 of the largest diagonal entry, as with dense Hessians.
 
     A small gradient along it is damped by that.
     """

@@ -279,7 +279,7 @@ def test_floored_inverse_at_rounding_has_positive_eigenvalues():
     assert np.linalg.eigvalsh(floored_inverse(matrix, 1e-15)).min() > 0
 
 
-def test_inverse_beside_identity_is_regular_if_the_identity_is_rounding(rng):
+def test_inverse_beside_a_tiny_identity_is_regular(rng):
     """For a matrix of rank 2 with 1 at a millionth of its rounding, all eigenvalues are from 0 to 1."""
     rows = 1e11 * rng.standard_normal((2, 4))
     values = np.linalg.eigvalsh(inverse_beside_identity(rows.T @ rows))
@@ -353,7 +353,7 @@ def test_diagonal_is_the_unit_of_each_row(unit):
     (0.0, 10.0, 9e3, True), (0.0, 10.0, 1.1e4, False),  # which has to be a thousandth of the rows' size
     (0.034, 0.1, 1.0, True), (0.036, 0.1, 1.0, False),
 ])  # fmt: skip
-def test_null_vector_needs_a_gap_to_a_regular_next_value(first, second, size, unique):
+def test_null_vector_needs_a_gap(first, second, size, unique):
     """The smallest singular value has to be below a third of the next.
 
     The next has to exceed a thousandth of the rows' size.

@@ -34,7 +34,7 @@ def _threads(**stated: str) -> list[int]:
 
 
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has one thread anyway")
-def test_a_library_call_has_one_thread_and_restores_the_number() -> None:
+def test_library_call_is_limited_to_one_thread() -> None:
     """A library call limits BLAS to one thread and restores the number afterwards."""
     before, within, after = _threads()
     assert before == after > 1
@@ -42,6 +42,6 @@ def test_a_library_call_has_one_thread_and_restores_the_number() -> None:
 
 
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has one thread anyway")
-def test_a_stated_number_is_kept() -> None:
+def test_stated_number_of_threads_is_kept() -> None:
     """A number of threads that the environment states is kept."""
     assert _threads(OPENBLAS_NUM_THREADS="2") == [2, 2, 2]

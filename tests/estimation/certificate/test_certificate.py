@@ -232,8 +232,8 @@ def test_better_optimum_replaces_the_solution():
     assert astray >= 1
 
 
-def test_certificate_is_made_on_request_or_for_disputed_solutions():
-    """It is not made by default, but without a request if starts ended in different optima."""
+def test_certificate_is_made_on_request_or_if_disputed():
+    """A certificate is not made by default. It is made without a request if starts ended in different optima."""
     solution = solved(Scenario(target="pose"))
     assert prove_solution(solution, Settings())[1] is None
     for certificate in (

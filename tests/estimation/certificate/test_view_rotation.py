@@ -125,7 +125,7 @@ def test_point_views_cost_by_their_spread(half, least, scatter):
 
 
 def test_points_of_zero_weight_have_no_effect():
-    """Their coordinates do not matter, and a mirror image is no pose."""
+    """Coordinates of points without weight have no effect on a view's cost, and a mirror image is no pose."""
     points = np.array([[3.0, 0, 0], [-3, 0, 0], [0, 2, 0], [0, -2, 0], [0, 0, 1], [0, 0, -1]])
     weight = np.array([[1.0, 1, 1, 1, 1, 1, 0]])
     problem, state = pose_problem(np.zeros((1, 6)), None)
@@ -184,8 +184,8 @@ def test_planar_board_has_a_second_pose():
     np.testing.assert_allclose(found.weight, 2 * np.linalg.eigvalsh(left)[:, 0], rtol=1e-5)
 
 
-def test_view_of_three_points_proves_nothing():
-    """Its cost is zero at any rotation, and the other views keep their costs."""
+def test_view_of_three_points_has_zero_weight():
+    """A view of three points costs nothing at any rotation, and the other views keep their costs."""
     problem, state, group = at_the_truth(Scenario(samples=3))
     whole = view_costs(problem, state, group)
     seen = group.measurement.seen.copy()

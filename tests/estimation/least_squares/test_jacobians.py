@@ -135,7 +135,7 @@ def test_unchanged_robots_have_no_columns():
 
 
 def test_lens_columns_exist_for_lens_rows():
-    """There is one column for each parameter, behind those of the transforms.
+    """A lens has one column for each parameter, behind those of the transforms.
 
     With rows of a pose alone there are none.
     """

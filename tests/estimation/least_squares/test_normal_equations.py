@@ -215,8 +215,8 @@ def test_private_errors_are_weighted_like_their_view():
     assert linearise(problem, state, [np.array([0.5])]).cost == pytest.approx(0.5 + 2.0)
 
 
-def test_view_behind_the_camera_with_zero_weight_costs_nothing():
-    """With any weight, its cost is infinite."""
+def test_zero_weight_view_behind_the_camera_has_finite_cost():
+    """A view behind the camera costs nothing without weight, and infinitely much with any weight."""
     problem, state = near_truth(*CELLS["no noise"])
     (group,) = problem.groups
     far = group.measurement.points_in_target - 50 * state.camera_from_target(group, problem.stops)[0].rotation[2]

@@ -119,7 +119,7 @@ def test_batch_equals_separate_entries(rng, robots):
         assert together.log_det[row] == pytest.approx(alone.log_det)
 
 
-def test_views_without_shared_stops_change_nothing(rng):
+def test_views_without_shared_stops_have_no_effect(rng):
     """Without views, errors have a sigma of one each, and the unknowns are unchanged."""
     values = drawn(rng)
     sums = SchurAccumulator(values[0], WIDTH)

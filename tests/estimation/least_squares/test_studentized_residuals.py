@@ -301,8 +301,11 @@ def lights(points, free_lens=False):
     return problem, replace(state, cameras={"camera": lens})
 
 
-def test_led_misfit_is_in_pixels_or_infinite_behind_the_camera():
-    """A view is infinitely far from the camera's own position on. It has as many freedoms as equations."""
+def test_led_misfit_is_infinite_behind_the_camera():
+    """The misfit of an LED view is in pixels, and infinite from the camera's own position on.
+
+    It has as many freedoms as equations.
+    """
     problem, state = lights(np.array([[0.0, 0.0, 0.0]]))
     (found,) = view_misfits(problem, state)
     np.testing.assert_allclose(found.value, [25 / 4, 25 / 4, np.inf, np.inf], rtol=1e-9)
@@ -321,7 +324,7 @@ def test_view_is_judged_if_others_contribute_enough(share, freedoms):
 
 
 def test_view_of_one_coordinate_has_one_freedom():
-    """Its error along that coordinate, relative to the other view, is divided by the variance of both."""
+    """The squared error along the only coordinate is relative to the other view and divided by the variance of both."""
     problem, state = pose_problem(np.array([[3e-6] * 6, [1e-6] * 6]), np.full(6, 1e-6))
     problem.groups[0].measurement.weight[0, 1:] = 0.0
     state = bundle_adjust(problem, state, 1).state
@@ -349,7 +352,7 @@ def test_shared_stop_is_judged_if_views_explain_a_billionth(learnt, freedoms):
 
 
 def test_poses_and_single_points_have_no_point_distances():
-    """They have no freedoms and NaN, but two points of a view have values."""
+    """Poses and single points have no freedoms and a distance of NaN, but two points of a view have values."""
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
     (found,) = studentized_points(leave_one_out(problem, state, [np.ones(3)]))
     for points, shape in ((None, (3, 1)), (np.zeros((1, 3)), (4, 1)), (np.array([[0, 0, 0], [0.1, 0, 0]]), (4, 2))):

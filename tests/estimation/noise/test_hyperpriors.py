@@ -41,9 +41,9 @@ def test_robots_share_a_prior_and_slopes_are_derivatives():
 
 
 def test_shared_errors_are_relative_to_stops_or_absolute():
-    """They are relative to the sigma of stops and the reach.
+    """The prior of shared errors is relative to the sigma of stops and the reach.
 
-    Or they are in radians with their own lever, whatever the stops have.
+    Or it is in radians with its own lever, whatever the stops have.
     """
     model = _model(SharedErrors.repeat_coordinates(np.ones((8, 1))))
     over = hyperpriors(model, REACH_M, [SharedPrior((2.5, 2.0), "")])
@@ -176,8 +176,8 @@ def _with_jitter(model, *cameras):
     return replace(model, sigmas=SigmaPlaces.sequential(list(of.views), list(of.stops), cameras, len(of.shared)))
 
 
-def test_time_stamp_jitter_has_a_prior_of_a_fifth_of_a_millisecond():
-    """It holds within a factor of five, whatever the arms have."""
+def test_time_stamp_jitter_has_a_prior():
+    """Time stamp jitter is expected to be a fifth of a millisecond within a factor of five, whatever the arms have."""
     model = _with_jitter(_model(), "wrist")
     prior = hyperpriors(model, REACH_M)
     plain = hyperpriors(_model(), REACH_M)

@@ -297,7 +297,7 @@ def test_final_estimate_has_sigmas_and_mean_squares(rng):
 
 
 def test_open_sigmas_are_unstated_ones():
-    """They are sigmas of views, of robots with views, or jitter of moving cameras."""
+    """Open sigmas are those of views, of robots with views, or jitter of moving cameras."""
     stated, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
     silent, _ = pose_problem(np.zeros((3, 6)), None)
     assert not joint_estimate._is_open(stated)
@@ -311,7 +311,7 @@ def test_open_sigmas_are_unstated_ones():
 
 
 def test_reach_is_computed_from_observed_poses():
-    """It is the root mean square distance of flange and base."""
+    """The reach is the root mean square distance of flange and base."""
     problem, _ = pose_problem(np.zeros((3, 6)), None)
     poses = SE3.from_rotvec(np.zeros((3, 3)), [[3.0, 0, 4.0], [0, 1.0, 0], [0, 0, 2.0]])
     moved = with_eye(problem.groups[0], base_from_flange=poses, stop_number=np.array([4, 0, 2]))

@@ -119,7 +119,10 @@ def found():
 
 
 def test_evidence_is_laplaces_approximation(found):
-    """It is -2 log of the height at the mode times the volume of a normal with that covariance."""
+    """The negative log evidence is -2 log of the height at the mode times a volume.
+
+    The volume is that of a normal with that covariance.
+    """
     assert (np.linalg.eigvalsh(found.covariance) > 0).all()
     here = posterior(found.model, found.logs)
     height = here.value + found.prior.value(found.logs)[0]
@@ -244,7 +247,10 @@ def test_cubature_nodes_have_the_mean_and_covariance(of_numbers):
 
 
 def test_drawn_nodes_are_pairs_with_their_density(of_numbers):
-    """They are of Student's t with five freedoms, a fifth wider than the covariance, and clipped to the bounds."""
+    """Nodes are drawn from Student's t with five freedoms and clipped to the bounds.
+
+    The distribution is a fifth wider than the covariance.
+    """
     nodes, drawn = laplace._draw_nodes(of_numbers)
     assert (nodes.shape, drawn.shape) == ((128, 11), (128,))
     np.testing.assert_allclose(nodes[:64] + nodes[64:], np.tile(2 * of_numbers.logs, (64, 1)), atol=1e-12)

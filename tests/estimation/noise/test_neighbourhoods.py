@@ -57,7 +57,7 @@ def state_of(problem):
 
 
 def test_each_robot_has_its_own_views(problem):
-    """Its base is fixed, transforms without its views have no column, and each camera belongs to one part."""
+    """The robot's base is fixed, transforms without its views have no column, and each camera belongs to one part."""
     parts = list(neighbourhoods(problem, state_of(problem)))
     assert [part.robot for part in parts] == sorted(MADE.cell.robots)
     assert sorted(name for part in parts for name in part.cameras) == sorted(MADE.cell.cameras)
@@ -104,7 +104,10 @@ def test_neighbourhood_sigmas_equal_the_joint_estimate(problem, monkeypatch):
 
 
 def test_single_robot_has_no_neighbourhoods(problem, monkeypatch):
-    """It has none with any number of unknowns. Several robots have neighbourhoods once there are many unknowns."""
+    """A single robot has no neighbourhoods with any number of unknowns.
+
+    Several robots have them once there are many unknowns.
+    """
     alone = simulate(Scenario(layout="eye_in_hand", samples=6), 0)
     alone = build_problem(alone.cell, alone.recording)[0]
     monkeypatch.setattr(module, "MANY_COLUMNS", 2)
@@ -182,7 +185,7 @@ def test_world_fixed_devices_join_the_other_robot(role):
 
 
 def test_columns_are_compacted_in_order():
-    """Each keeps its width."""
+    """Columns are renumbered without gaps, and each keeps its width."""
     problem, _ = two_arm_problem(np.zeros((3, 6)), [0, 1, 2], [3, 4, 5])
     (group,) = problem.groups
     mount, target = group.eye.mount, group.hand.mount

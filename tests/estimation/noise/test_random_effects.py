@@ -37,7 +37,7 @@ def test_posture_at_stops_equals_the_recorded_joints():
 
 
 def test_arms_with_poses_or_few_stops_have_no_posture():
-    """Their joints are unknown."""
+    """Joints of arms recorded by poses are unknown, and few stops do not determine joint errors."""
     assert posture_at_stops(simulated_problem(replace(SCENARIO, joints=False)), "hand") is None
     assert posture_at_stops(simulated_problem(replace(SCENARIO, samples=3)), "hand") is None
 
@@ -49,7 +49,7 @@ def problem_with(name, samples):
 
 
 def test_arms_with_joints_have_joint_and_link_errors():
-    """They have no errors by reach."""
+    """Arms recorded by joints have errors of joints and links, but no errors by reach."""
     assert shared_errors(RANDOM_EFFECTS["smooth_by_reach"], simulated_problem(SCENARIO), "hand") is None
 
 

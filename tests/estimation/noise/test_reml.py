@@ -74,7 +74,10 @@ def dense_surprise(problem, state, logs):
 
 @pytest.mark.parametrize("arms", ["both", "stations", "halves"])
 def test_average_information_equals_the_dense_formula(arms):
-    """It is r'P V_i P V_j P r with all residuals and stops, Gilmour, Thompson & Cullis 1995, (7)."""
+    """The average information is r'P V_i P V_j P r by Gilmour, Thompson & Cullis 1995, (7).
+
+    All residuals and stops are written out.
+    """
     problem, state = at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))
     model = mixed_model(problem, state, ROBOTS)
     logs = np.log([1e-3, 2e-3, 5e-4, 1e-3])
@@ -115,7 +118,7 @@ def test_slope_equals_finite_differences(arms, smooth):
 
 
 @pytest.mark.parametrize("constant", ["_CHUNK_NUMBERS", "_MOST_PADDING"])
-def test_chunks_of_blocks_change_nothing(monkeypatch, constant):
+def test_chunking_of_blocks_has_no_effect(monkeypatch, constant):
     """Value, slope, means and covariance are the same with single blocks per chunk, or without padding."""
     problem, state = two_arm_problem(1e-3 * np.random.default_rng(2).standard_normal((6, 6)), *STAR)
     model = mixed_model(problem, state, ROBOTS)
@@ -375,7 +378,7 @@ def test_rounding_does_not_break_the_sums(rng):
 
 
 def test_indistinguishable_unknowns_are_held(rng):
-    """They are held by 1e-11 of their own information, including the prior's."""
+    """Unknowns that cannot be separated are held by 1e-11 of their own information, including the prior's."""
     model, parts = made_up(rng, OPEN)
     alike = {
         key: replace(of, column_jacobian=of.column_jacobian[:, [0, 1, 1, *range(3, COLUMNS)]])

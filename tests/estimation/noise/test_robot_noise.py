@@ -82,7 +82,7 @@ def test_stop_numbers_are_those_of_the_recording():
 
 
 def test_unknown_robot_has_no_stop():
-    """It has no pose, and no error."""
+    """A robot that is in no view has no stop, no pose, and no error."""
     problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 1], [2, 2, 3])
     assert [count_stops(problem, robot) for robot in ("eye", "hand", "another")] == [2, 2, 0]
     poses, seen = stop_poses(problem, "another")

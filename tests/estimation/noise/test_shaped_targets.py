@@ -105,8 +105,11 @@ def test_poses_have_no_shape():
     assert reshape_targets(other, {"another": np.ones(3)}).groups == other.groups
 
 
-def test_board_shape_is_a_bow_and_body_shape_is_per_coordinate():
-    """Each coefficient is half a percent of the half size. Shifts and rotations of the whole body are removed."""
+def test_shape_coefficients_of_boards_and_bodies():
+    """A board has the coefficients of a bow, and a body one for each coordinate.
+
+    Each is half a percent of the half size. Shifts and rotations of the whole body are removed.
+    """
     np.testing.assert_array_equal(unit_shifts(BOARD.points), unit_bow(BOARD.points))
     shape = unit_shifts(BODY.points)
     assert shape.shape == (12, 3, 36)
@@ -133,7 +136,10 @@ def test_reshaping_is_reversible(scenario, shape):
 
 
 def test_shaped_targets_have_enough_points():
-    """They have nine points or more, at most 40 in space. Boards have a shape only if pixels have no stated sigma."""
+    """Targets with an estimated shape have nine points or more, at most 40 in space.
+
+    Boards have a shape only if pixels have no stated sigma.
+    """
     few = {"samples": 3}
     assert shaped_targets(problem_of(replace(NOISY, **few))) == {"board": 3}
     assert shaped_targets(problem_of(replace(NOISY, **few, state_pixel_noise=True))) == {}

@@ -23,7 +23,7 @@ def test_sigmas_are_in_sequence(kinds):
     np.testing.assert_array_equal(places.is_of_views, np.arange(places.count) < 2)
 
 
-def test_nothing_open_has_no_places():
+def test_empty_sigma_places():
     """Without open sigmas of views or robots there are no places."""
     nothing = SigmaPlaces.sequential((), (), (), 1)
     assert (nothing.count, nothing.is_of_views.tolist(), nothing.shared) == (0, [], ({},))

@@ -21,7 +21,7 @@ from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 from basecal.simulation import Scenario, simulate
 
 
-def test_board_view_counts_as_a_pose_and_its_points_as_scatter():
+def test_board_view_counts_as_a_pose():
     """At the truth a view of a board has six freedoms, and its points scatter by the simulated 0.2 px."""
     s = simulate(Scenario(samples=20, state_pixel_noise=False), 1)
     problem, _ = build_problem(s.cell, s.recording)

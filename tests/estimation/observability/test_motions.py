@@ -165,7 +165,7 @@ def test_each_robot_has_its_own_samples_and_poses():
     (0.0099, 9.9e-4, "still"), (0.0101, 9.9e-4, "turns"), (0.0099, 1.01e-3, "shifts"),
 ])  # fmt: skip
 def test_motion_limits_are_ten_milliradians_and_one_millimetre(turn_rad, travel_m, kind):
-    """A smaller motion counts as still."""
+    """A motion below 0.01 rad and 1 mm counts as still, and below 0.01 rad alone as pure translation."""
     problem, _ = packed(still)
     (group,) = problem.groups
     away = np.where((np.arange(len(group)) == 4)[:, None], [travel_m, 0, 0, 0, 0, turn_rad], 0.0)

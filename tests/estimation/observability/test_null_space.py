@@ -155,7 +155,7 @@ def test_twists_are_separated_into_translations_and_rotations():
 
 @pytest.mark.parametrize("axis", [RX, RY, RZ])
 def test_rotation_about_any_axis_has_no_translation(axis):
-    """Separating it leaves no shift."""
+    """The separation of a rotation about x, y or z leaves no shift."""
     shifts, turns = separate_twists(axis[None])
     assert shifts.shape == (0, 3)
     np.testing.assert_allclose(np.abs(turns), [axis], atol=1e-12)

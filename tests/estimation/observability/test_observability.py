@@ -176,7 +176,7 @@ def test_units_are_distance_radian_focal_length_and_large_distortion():
 
 
 def test_problem_without_unknowns_is_observable():
-    """It has no unobservable direction."""
+    """A problem without unknowns has no unobservable direction and a condition of one."""
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
     found = analyse_observability(replace(problem, columns={}), state, np.zeros((0, 0)), 1.0)
     assert (found.inverse.shape, found.onto_informative.shape, found.condition) == ((0, 0), (0, 0), 1.0)
@@ -206,7 +206,7 @@ def test_column_scales_follow_their_unknowns():
 
 
 def test_without_priors_keeps_fixed_transforms():
-    """Unknowns with a prior become free."""
+    """Unknowns with a prior become free, and fixed transforms stay fixed."""
     problem, _ = pose_problem(np.zeros((2, 6)), np.ones(6), Unknown("prior", SE3.identity(), np.ones(6)))
     assert {name: of.status for name, of in without_priors(problem).unknowns.items()} == {
         MOUNT: "free",

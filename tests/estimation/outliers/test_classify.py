@@ -60,7 +60,7 @@ def test_is_stated_needs_all_sigmas():
 
 
 def test_view_scale_counts_the_unknowns(rng):
-    """It is the robust scale with one freedom less for each column, at the chance of a view."""
+    """The scale of views is the robust scale with one freedom less for each column, at the chance of a view."""
     problem, _ = pose_problem(np.zeros((40, 6)), None)
     squares = [MahalanobisSquared(4.0 * rng.chisquare(6, 40), np.full(40, 6))]
     found = view_scale(problem, squares)
@@ -136,7 +136,7 @@ def test_agreeing_views_and_points_are_readmitted():
 
 
 def test_excluded_points_stay_excluded():
-    """They have no distance, and a view that loses more than half of its points is excluded."""
+    """Excluded points have no distance, and a view that loses more than half of its points is excluded."""
     problem, state = at_truth(Scenario(samples=8))
     before = all_inliers(problem)
     points = before.points[0].copy()
@@ -237,7 +237,7 @@ def test_half_of_the_seen_points_suffice():
     assert classify._has_enough(poses, np.zeros((2, 1), dtype=bool)).tolist() == [True, True]
 
 
-def test_view_with_mutually_consistent_points_is_off_as_a_whole():
+def test_view_with_consistent_points_is_off_as_a_whole():
     """A view whose points all agree with each other is off as a whole, for any pose.
 
     It is not if a point deviates or not all seen points agree.
@@ -274,7 +274,10 @@ def test_view_is_predicted_by_all_others(rng, variance):
 
 @pytest.mark.parametrize(("kept", "chance"), [(12, 1e-4), (11, 1e-4), (10, 1e-3)])
 def test_chance_increases_if_many_views_are_excluded(kept, chance):
-    """It increases if more than a tenth is excluded, and not for an empty problem."""
+    """A clean view is excluded more often if more than a tenth of the views is excluded.
+
+    An empty problem keeps the usual chance.
+    """
     problem, state = pose_problem(1e-4 * np.random.default_rng(0).standard_normal((12, 6)), np.full(6, 1e-3))
     before = InlierMask((np.arange(12) < kept,), all_inliers(problem).points)
     assert classify_inliers(problem, state, before).view_scale.chance == chance

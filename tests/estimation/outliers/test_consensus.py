@@ -55,7 +55,10 @@ def test_six_of_ten_views_within_noise_are_convincing(plain):
 
 
 def test_acceptable_consensus_uses_half_of_the_views(plain):
-    """It also has to be an optimum with the same observable transforms as with all views."""
+    """An acceptable consensus keeps half of the views and is an optimum.
+
+    It has the same observable transforms as with all views.
+    """
     assert is_acceptable(end_of(plain, 5), plain)
     assert not is_acceptable(end_of(plain, 4), plain)
     end = end_of(plain)
@@ -77,7 +80,7 @@ def test_best_consensus_has_most_views_within_noise(plain):
 
 
 def test_consensus_within_stated_noise_is_preferred(plain):
-    """It is preferred to one with more views that scatter by 1.6 sigmas."""
+    """A result within the stated noise is preferred to one with more views that scatter by 1.6 sigmas."""
     stated = replace(plain.problem, unstated=frozenset())
     ends = [replace(end_of(plain, n, v), problem=stated) for n, v in ((7, 1.0), (10, 1.6**2))]
     assert best_consensus(ends) is ends[0]

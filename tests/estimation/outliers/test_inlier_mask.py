@@ -40,7 +40,7 @@ def test_all_inliers_keeps_all_views_and_points():
 
 
 def test_masks_are_compared_by_views_and_points():
-    """Any difference makes masks unequal."""
+    """Masks are unequal if any view or point differs."""
     one = InlierMask((np.array([True, False]),), (np.ones((2, 3), dtype=bool),))
     views = InlierMask((np.array([True, True]),), one.points)
     points = InlierMask(one.views, (np.array([[True] * 3, [True, False, True]]),))
@@ -51,7 +51,7 @@ def test_masks_are_compared_by_views_and_points():
 
 
 def test_excluded_points_are_unseen():
-    """They have no weight, and the others keep theirs, in both readings of a chessboard."""
+    """Excluded points have no weight, and the others keep theirs, in both readings of a chessboard."""
     problem = board_problem()
     (group,) = problem.groups
     kept = np.ones(group.measurement.seen.shape, dtype=bool)

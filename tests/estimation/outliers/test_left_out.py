@@ -46,8 +46,8 @@ def measured(cell, problem, state, views=(), points=(), recorded=None):
     return measure_left_out_items(cell, recorded or problem, problem, state, kept, judgement)
 
 
-def test_nothing_excluded_gives_no_items():
-    """If all are kept, the list is empty."""
+def test_empty_list_without_excluded_items():
+    """If all views and points are kept, the list of excluded items is empty."""
     assert measured(*cell_at_truth(Scenario(samples=4))) == ()
 
 
@@ -98,7 +98,10 @@ def test_three_points_give_no_pose():
 
 
 def test_three_3d_points_give_a_pose_and_two_a_shift():
-    """For clean points, the distance is within their noise of 0.1 mm."""
+    """Distances of clean views are within their noise of 0.1 mm.
+
+    Three 3-D points give a pose, and two give only a shift.
+    """
     cell, problem, state = cell_at_truth(Scenario(samples=8, target="points3d", point_m=1e-4))
     (group,) = problem.groups
     seen = group.measurement.seen.copy()
@@ -233,7 +236,7 @@ def test_contact_distance_is_in_metres_for_positions(kind, off_m):
 
 @pytest.mark.parametrize("target", ["chessboard", "charuco", "points3d"])
 def test_only_symmetric_grids_are_counted_from_either_end(target):
-    """Other targets keep their ids."""
+    """Only chessboards that look equal from both ends have their ids reversed, and other targets keep their ids."""
     _, problem, _ = cell_at_truth(Scenario(samples=3, target=target))
     (group,) = problem.groups
     measurement, ids = group.measurement, np.arange(group.measurement.seen.shape[1])

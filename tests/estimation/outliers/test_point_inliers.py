@@ -41,7 +41,7 @@ def problem_with_strays(scenario, seed=0, strays=6):
 
 
 def test_all_points_are_kept_without_suspects():
-    """Without suspect views none is searched."""
+    """Without suspect views no view is searched, and all points are kept."""
     problem, state, cell, _ = problem_with_strays(Scenario(samples=5))
     (kept,) = agreeing_points(problem, state, [np.zeros(0, dtype=np.int64)], cell)
     assert kept.all()
@@ -84,7 +84,7 @@ def test_points_of_a_view_without_pose_stay_excluded():
 
 
 def test_unseen_points_are_not_reported():
-    """They stay marked as kept, because a missing point cannot be excluded."""
+    """Unseen points stay marked as kept, because a missing point cannot be excluded."""
     problem, state, cell, _ = problem_with_strays(Scenario(samples=5))
     (group,) = problem.groups
     seen = group.measurement.seen.copy()
@@ -144,10 +144,10 @@ def test_views_with_many_disagreeing_points_are_unclear():
     ("variances", "rounds"),
     [([1.4], 1), ([0.7], 1), ([1.6, 1.7], 2), ([0.6, 0.5], 2), ([4.0, 1.0, 4.0, 1.0], 4), ([10.0, 14.0], 2)],
 )
-def test_scale_and_points_converge_within_a_factor_of_one_and_a_half(monkeypatch, variances, rounds):
-    """The variance is iterated for at most four rounds.
+def test_scale_and_points_are_iterated_until_stable(monkeypatch, variances, rounds):
+    """The variance is iterated until it changes by less than a factor of 1.5, for at most four rounds.
 
-    It starts at the stated scale, or, for points in pixels, at three times it.
+    It starts at the stated scale, or at three pixels if it is unstated.
     """
     problem, state, group = points_in_space(np.ones((2, 5)))
     used, left = [], list(variances)

@@ -91,8 +91,11 @@ def test_nan_deviations_are_not_gross():
 
 
 @pytest.mark.parametrize(("times", "is_stated"), [(1.45, True), (1.55, False)])
-def test_stated_sigmas_are_kept_up_to_one_and_a_half(times, is_stated):
-    """The ratio of the median of squares to that of chi-square decides. Beyond it the scale is that of the squares."""
+def test_stated_sigmas_are_kept_up_to_a_factor(times, is_stated):
+    """Stated sigmas are kept up to a ratio of 1.5, by the median of squares over that of chi-square.
+
+    Beyond it the scale is that of the squares.
+    """
     alike = squares(np.full(50, times**2 * chi2.median(6)))
     found = robust_scale([alike], 6, True, CHANCE)
     assert (found.variance, np.isinf(found.freedoms)) == (pytest.approx(1.0 if is_stated else times**2), is_stated)
@@ -109,7 +112,7 @@ def test_freedoms_are_reduced_by_the_unknowns(count, unknowns, freedoms):
 
 
 def test_deviations_with_one_freedom_count():
-    """They are combined with those of other freedoms, each relative to its own median."""
+    """Deviations with one freedom are combined with those of other freedoms, each relative to its own median."""
     of_one, of_six = squares(np.full(9, 4.0 * chi2.median(1)), 1), squares(np.full(8, 4.0 * chi2.median(6)))
     assert robust_scale([of_one], 0, False, CHANCE).variance == pytest.approx(4.0)
     found = robust_scale([of_one, of_six, squares([1e9, 1e9], 0)], 0, False, CHANCE)

@@ -91,7 +91,7 @@ def test_bumped_samples_are_left_out(target):
     assert off(base(ours.solution), base(clean.solution)) < 1e-6
 
 
-def test_bumped_stop_of_a_still_arm_is_left_out_whole():
+def test_bumped_stop_of_a_still_arm_is_left_out():
     """The eye is still at stations, and one stop 16 mm off its reading is excluded with all of its samples."""
     s = simulate(Scenario(samples=30, arms="stations", stations=6, robot_noise=NOISY), seed=3)
     eye = [x.robots["eye"].base_from_flange for x in s.recording.samples]
@@ -148,7 +148,7 @@ def test_led_candidates_are_chosen_again_at_the_robust_state():
 
 
 @pytest.mark.parametrize("state_pixel_noise", [True, False])
-def test_wrong_ids_and_stray_points_are_left_out_by_point(state_pixel_noise):
+def test_wrong_ids_and_stray_points_are_left_out(state_pixel_noise):
     """In each view two points have exchanged ids and three are off by 3 px or more.
 
     They are excluded, and at most 1 % of the others.
@@ -208,7 +208,7 @@ def test_wrong_corner_of_few_costs_only_that_corner():
     assert ours.outliers[0].off_px > 5
 
 
-def test_too_small_sigmas_leave_nothing_out():
+def test_too_small_sigmas_do_not_make_outliers():
     """Unmodelled robot noise twenty times the pixel noise is no outlier: the majority sets the scale."""
     s = simulate(Scenario(robot_noise=NOISY, state_robot_noise=False, pixel_px=0.04), seed=10)
     problem, _ = build_problem(s.cell, s.recording)
@@ -231,7 +231,7 @@ def test_more_than_half_wrong_is_no_answer():
     assert ours.solution.cost > 100 * ours.solution.dof
 
 
-def test_order_of_samples_changes_nothing():
+def test_sample_order_has_no_effect():
     """In reversed order, the same samples are excluded, and the base is the same to 1e-9."""
     s = simulate(Scenario(robot_noise=NOISY), seed=12)
     samples = [replace(bumped(x) if x.sample in BAD else x, stamp_s=None) for x in s.recording.samples]

@@ -95,7 +95,7 @@ def test_score_is_the_cauchy_likelihood_at_its_best_scale(stated):
 
 
 def test_empty_problem_has_the_worst_score():
-    """Without views the score is infinite."""
+    """A problem without views has an infinite score."""
     problem, state = pose_problem(np.zeros((0, 6)), np.ones(6))
     assert score(problem, state, True) == np.inf
 
@@ -152,7 +152,7 @@ def test_failing_items_are_removed_from_a_batch():
 
 
 def test_freedoms_of_each_subset():
-    """They are residuals minus unknowns of its own samples, at least one.
+    """Freedoms are residuals minus unknowns of the subset's own samples, at least one.
 
     Subsets without enough samples are left out.
     """
@@ -176,7 +176,7 @@ def test_views_without_freedoms_do_not_count(monkeypatch):
 
 @pytest.mark.parametrize(("views", "size"), [(10, 3), (3, 3), (2, 2)])
 def test_subset_has_at_least_three_samples(views, size):
-    """It has all samples if there are fewer, though one could determine the mount."""
+    """A subset has at least three samples, or all if there are fewer, though one could determine the mount."""
     problem, _ = pose_problem(np.zeros((views, 6)), np.ones(6))
     assert _subset_size(problem, np.arange(views)) == size
 

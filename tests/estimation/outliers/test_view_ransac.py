@@ -88,7 +88,7 @@ def strays(problem, count, seed):
 
 
 @pytest.mark.parametrize("target", ["chessboard", "points"])
-def test_chunk_size_changes_nothing(target, monkeypatch):
+def test_chunk_size_has_no_effect(target, monkeypatch):
     """Hypotheses fitted one by one give the same poses, points and costs as all together."""
     problem, state, true = truth_of(Scenario(samples=5, target=target), 3)
     measurement, _ = strays(problem, 2, 3)
@@ -117,7 +117,7 @@ def test_hypotheses_are_reused_for_every_limit():
 
 
 def test_single_point_agrees_with_its_prior():
-    """There is no subset of one point. The point is kept at its prediction, and excluded 40 px off."""
+    """A single point has no subsets. It is kept at its prediction, and excluded 40 px off."""
     problem, state, true = truth_of(Scenario(samples=6, target="led", robot_noise=(1e-5, 1e-5)), 6)
     measurement = problem.groups[0].measurement
     aside = np.arange(6) < 2
@@ -240,14 +240,14 @@ def test_chunks_of_hypotheses_are_limited_by_memory():
 
 @pytest.mark.parametrize(("points", "left"), [(1, []), (2, [1, 1]), (3, [2, 2, 2, 1, 1, 1])])
 def test_subsets_of_fewest_points(points, left):
-    """At least one point is left."""
+    """Subsets of one, two or three points leave at least one point."""
     found = ransac._subsets(np.ones((1, points), dtype=bool))
     assert found.shape == (len(left), 1, points)
     assert found.sum(-1).ravel().tolist() == left
 
 
 def test_closed_form_poses_use_the_subset(monkeypatch):
-    """They are used only for boards with many points, and if there is none, the expected pose is used."""
+    """Closed-form poses are used only for boards with many points. If there is none, the expected pose is used."""
     problem, state, true = truth_of(Scenario(samples=3, pixel_px=0.01), 0)
     measurement, camera = problem.groups[0].measurement, state.cameras["wrist"]
     subsets = np.zeros((6, 36), dtype=bool)

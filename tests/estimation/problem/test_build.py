@@ -175,7 +175,7 @@ def test_recorded_pose_has_priority_over_joints():
 
 
 def test_joints_without_kinematics_are_refused():
-    """The error names the robot."""
+    """The error about joints without a URDF names the robot."""
     made = simulate(Scenario(samples=4), seed=0)
     _, recording, _ = _by_joints_where(made, [False, False, True, False])
     with pytest.raises(InputError, match="robot 'hand' is recorded by joints and has no urdf"):
@@ -285,7 +285,7 @@ def test_world_fixed_target_has_no_robot():
 
 
 def test_recorded_joints_are_unique():
-    """They are from all groups in which the robot carries something, without those of other robots."""
+    """Recorded joints are from all groups in which the robot carries something, without those of other robots."""
     first, second = np.array([[0.1, 0.2], [0.1, 0.2], [0.3, 0.2]]), np.array([[0.3, 0.2], [0.0, 1.0]])
     groups = views(end("a", joints=first), end("b", joints=first + 9)), views(end("c"), end("a", joints=second))
     np.testing.assert_array_equal(recorded_joints(problem_of(*groups), "a"), [[0.0, 1.0], [0.1, 0.2], [0.3, 0.2]])

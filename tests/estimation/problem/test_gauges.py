@@ -76,8 +76,11 @@ def test_first_joint_of_a_gauge_is_held():
 
 
 @pytest.mark.parametrize(("size", "told"), [(2.0, 1), (0.5, 0)])
-def test_motions_within_noise_determine_nothing(size, told):
-    """Twice and half the rms limit of motion are tested, with half a metre as a radian."""
+def test_motions_within_noise_are_not_informative(size, told):
+    """Motions at twice and half the rms limit are tested, with half a metre as a radian.
+
+    Only the larger ones determine a direction.
+    """
     moves = np.zeros((4, 6, 1))
     moves[:, 0, 0] = 0.5 * size * LEAST_RMS_RAD
     assert determined_directions(moves, np.zeros((4, 6, 0))).shape == (1, told)
@@ -152,8 +155,11 @@ def test_compliance_with_constant_torque_is_an_offset(arm, joints):
 
 @pytest.mark.parametrize("count", [1, 4])
 @pytest.mark.parametrize(("size", "left"), [(0.5, 1.0), (2.0, 0.0)])
-def test_negligible_moves_of_others_absorb_nothing(size, left, count):
-    """Half and twice the rms limit of motion are tested, along the same direction."""
+def test_negligible_moves_do_not_absorb_others(size, left, count):
+    """Moves of others at half and twice the rms limit of motion are tested, along the same direction.
+
+    Only the larger ones absorb it.
+    """
     moves = np.zeros((count, 6, 1))
     moves[:, 4, 0] = 1.0
     found = independent_moves(moves, size * LEAST_RMS_RAD * moves)
@@ -207,7 +213,7 @@ def _of_a_point(status: str = "free") -> tuple[Cell, Recording]:
 
 
 def test_point_measured_as_poses_has_an_orientation():
-    """Its mount has six columns, and the result equals that of a target without a kind."""
+    """The mount of a point measured as poses has six columns, and the result equals that of a target without a kind."""
     cell, recording = _of_a_point()
     solution = solve(cell, recording)
     assert solution.problem.point_mounts == frozenset()
@@ -219,7 +225,7 @@ def test_point_measured_as_poses_has_an_orientation():
 
 @pytest.mark.parametrize("status", ["fixed", "prior"])
 def test_stated_point_mount_has_no_orientation_for_poses(status):
-    """The error says what to leave out."""
+    """A fixed or prior mount of a point, measured as poses, is refused, and the error says what to leave out."""
     with pytest.raises(InputError, match="Leave out its `kind`"):
         build_problem(*_of_a_point(status))
 

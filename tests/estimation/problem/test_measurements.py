@@ -15,7 +15,7 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
-def test_stated_sigma_is_kept_and_detected_sigma_is_a_weight():
+def test_stated_sigmas_are_kept_and_detected_ones_weight():
     """Two points have detected sigmas of 0.1 and 0.3 px around the median 0.2 px.
 
     One has twice the weight, one two thirds.
@@ -78,7 +78,7 @@ def test_candidates_have_one_reading_each(spots, readings):
 
 
 def test_3d_points_are_in_rows_of_their_ids():
-    """They have 1 / sigma if stated, and unseen points have neither a position nor a weight."""
+    """Points have 1 / sigma if stated, and unseen points have neither a position nor a weight."""
     cell = simulate(Scenario(samples=4, target="points3d"), seed=0).cell
     (board,) = cell.targets.values()
     rng, ids = np.random.default_rng(0), board.target.ids

@@ -208,7 +208,10 @@ def test_repeat_of_a_state(problem, state):
 
 
 def test_repeat_of_a_state_includes_estimated_kinematics(problem, state, joints):
-    """They are the stated ones if unchanged. A robot without columns has kinematics only if they were changed."""
+    """Estimated kinematics are the stated ones if unchanged.
+
+    A robot without columns has kinematics only if they were changed.
+    """
     offsets = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
     modelled = problem.with_models({"hand": robot_model("hand", six_axis(), offsets, joints)})
     assert set(state.repeat(modelled, 2).robots) == {"hand"}
@@ -249,7 +252,10 @@ def test_shared_stops_are_numbered_in_order(problem):
 
 
 def test_stop_tangents_of_both_ends(problem, state):
-    """They are the eye's and then the hand's, in metres and radians. A robot without noise has none."""
+    """Tangents of stop errors are the eye's and then the hand's, in metres and radians.
+
+    A robot without noise has none.
+    """
     (group,) = problem.groups
     physical = state.stop_errors * problem.stops.sigma
     both = stop_tangents(group, state, problem.stops)
@@ -274,7 +280,7 @@ def test_error_on_a_shared_carrier_suggests_the_idle_robot(made, idle, hint):
 
 
 def test_stops_with_several_views_are_numbered(problem):
-    """They are counted for either robot, over all groups. Stops with one view, or none, have no number."""
+    """Shared stops are counted for either robot, over all groups. Stops with one view, or none, have no number."""
     (group,) = problem.groups
     eye, hand = np.array([0, 0, 1, 2, 3]), np.array([4, 5, 5, 6, 7])
     one = with_hand(with_eye(group, stop=eye), stop=hand)
@@ -286,14 +292,14 @@ def test_stops_with_several_views_are_numbered(problem):
 
 
 def test_column_indices_follow_the_names(problem):
-    """They do not follow the order of the columns, and no names give no indices."""
+    """Indices do not follow the order of the columns, and no names give no indices."""
     some = replace(problem, columns={"b": slice(2, 5), "other": slice(0, 2), "a": slice(5, 11)})
     assert some.column_indices(["a", "b"]).tolist() == [5, 6, 7, 8, 9, 10, 2, 3, 4]
     assert some.column_indices([]).tolist() == []
 
 
 def test_jitter_motion_of_moving_views(problem):
-    """It is in metres and radians. Without jitter, or for still views, there is none."""
+    """The jitter motion is in metres and radians. Without jitter, or for still views, there is none."""
     (group,) = problem.groups
     motion = np.arange(30.0).reshape(5, 6)
     moving = replace(group, motion=motion)

@@ -61,7 +61,7 @@ def test_single_joint_is_selected(arm, joints):
         (replace(ARMS, layout="eye_to_hand"), "arm", (True, True)),
     ],
 )
-def test_ends_are_free_if_all_that_fixes_them_is_free(scenario, robot, ends):
+def test_end_is_free_if_all_its_transforms_are(scenario, robot, ends):
     """The base end is a base, or for the reference everything else in the world.
 
     The other end is all that a flange carries.
@@ -71,7 +71,7 @@ def test_ends_are_free_if_all_that_fixes_them_is_free(scenario, robot, ends):
 
 
 def test_columns_are_derivatives_of_the_flange(arm, joints):
-    """They equal finite differences at large offsets, link errors and compliances, for all at once."""
+    """Columns equal finite differences at large offsets, link errors and compliances, for all at once."""
     rng = np.random.default_rng(1)
     stated = {
         "joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01),
@@ -121,7 +121,7 @@ def test_batch_of_kinematics_equals_separate_kinematics(arm, joints):
 
 
 def test_repeat_of_kinematics_has_all_estimated_values(arm, joints):
-    """Values of missing types are zero."""
+    """Repeated kinematics contain all estimated values, and values of missing types are zero."""
     model = robot_model("hand", arm, {"link_parameters": link_parameters.Stated(status="free")}, joints)
     spread = Kinematics(arm, {"joint_offsets": np.arange(6.0)}).repeat(model, 2)
     np.testing.assert_array_equal(spread.values["joint_offsets"], [np.arange(6.0)] * 2)
@@ -150,7 +150,7 @@ def test_batch_of_robots_equals_separate_solutions():
 @pytest.mark.parametrize("noise", [{}, NOISY])
 @pytest.mark.parametrize("layout", ["dual", "eye_to_hand"])
 def test_jacobian_by_robot_kinematics(layout, noise):
-    """It is correct along six directions that move every column.
+    """The Jacobian is correct along six directions that move every column.
 
     It includes the stop errors, which follow the modelled flange.
     """
@@ -175,7 +175,7 @@ def test_jacobian_by_robot_kinematics(layout, noise):
     check_derivative(after, derivative @ ways)
 
 
-def test_fixed_kinematics_change_nothing():
+def test_fixed_kinematics_equal_recorded_poses():
     """Joints of a robot with fixed kinematics give the result of its poses."""
     made = simulate(ARMS, seed=1)
     chains = {name: robot.chain for name, robot in made.cell.robots.items()}
@@ -233,7 +233,7 @@ def test_kinematics_are_observable_and_predict_new_views(kind):
 
 
 def test_deflection_without_masses_is_refused():
-    """One sentence says what the URDF lacks."""
+    """The error about deflection without masses says in one sentence what the URDF lacks."""
     made = simulate(replace(ARMS, **GIVING), seed=0)
     bare = replace(made.cell.robots["hand"], chain=replace(made.cell.robots["hand"].chain, masses=None))
     with pytest.raises(InputError, match="'hand': deflection needs the masses"):

@@ -38,7 +38,7 @@ def test_other_lenses_are_unchanged(lens):
 
 
 def test_stated_lens_has_columns():
-    """It has columns unless it is exact, as simulated cells state theirs."""
+    """A stated lens has columns unless it is exact, as simulated cells state theirs."""
     made = simulate(Scenario(samples=4), 0)
     wrist = made.cell.cameras["wrist"]
     cell = replace(made.cell, cameras={"wrist": replace(wrist, intrinsics=replace(wrist.intrinsics, exact=False))})
@@ -49,7 +49,7 @@ def test_stated_lens_has_columns():
 
 
 def test_likely_sigmas_follow_the_data():
-    """They are the usual ones if the lens agrees with the statement, known or not.
+    """Errors are the usual ones if the lens agrees with the statement, known or not.
 
     They are larger if it is far off, block by block.
     """

@@ -29,7 +29,7 @@ def test_robots_and_frames_of_both_ends():
 
 
 def test_relation_of_two_bases():
-    """A base without a name is in the world."""
+    """The relation is the product of both base poses, and a base without a name is in the world."""
     related = group_of("eye base").eye_base_from_hand_base(PLACES)
     np.testing.assert_allclose((PLACES["eye base"] @ related).matrix, PLACES["hand base"].matrix, atol=1e-12)
     assert group_of(None, None).eye_base_from_hand_base(PLACES).matrix.tolist() == np.eye(4).tolist()

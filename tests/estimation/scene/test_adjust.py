@@ -27,7 +27,10 @@ def test_exact_data_give_the_truth():
 
 
 def test_pixel_information_is_normalised_to_one_pixel():
-    """It is the same for any sigma. Scaled by the sigma, and added to that of poses, it gives the whole."""
+    """The pixel information is the same for any sigma.
+
+    Scaled by the sigma, and added to that of poses, it gives the whole.
+    """
     scene = made_scene(5)
     noise = np.tile(NOISE, (len(scene.views.stop_robot), 1))
     one, other = (
@@ -92,7 +95,7 @@ def test_prior_gradients_equal_finite_differences():
         assert ahead - behind == pytest.approx(4 * about.gradient @ step, rel=1e-3, abs=1e-9)
 
 
-def test_prior_at_its_mean_costs_nothing():
+def test_prior_at_its_mean_has_zero_cost():
     """The expected state has no cost, and one sigma of a mount costs one."""
     scene = made_scene(2, count=3)
     first = replace(scene.views.cameras[0], mount=Unknown("prior", MOUNT, np.full(6, 0.01)))

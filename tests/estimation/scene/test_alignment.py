@@ -113,8 +113,8 @@ def test_transform_needs_eight_pairs(count):
     ([0.049, 0, 0, 0, 0, 0], True), ([0.051, 0, 0, 0, 0, 0], False), ([0, 0, 0, 0, 0, 0.049], True),
     ([0, 0, 0, 0, 0, 0.051], False),
 ])  # fmt: skip
-def test_transforms_are_equal_by_their_effect_on_the_median_point(step, is_one):
-    """The distance and the angle between them count, and a distant point is only one of many."""
+def test_transforms_are_compared_by_the_median_point(step, is_one):
+    """The distance of the median point and the angle count, and a distant point is only one of many."""
     points = np.array([[0.0, 0, 0], [0.1, 0.1, 0.1], [-0.1, -0.1, -0.1], [50.0, 50.0, 50.0], [-50.0, 9.0, 0.0]])
     assert are_equal(BASE, BASE @ SE3.exp(step), points, 0.05) == is_one
     assert are_equal(BASE @ SE3.exp(step), BASE, points, 0.05) == is_one

@@ -31,7 +31,7 @@ def test_derivatives_equal_finite_differences():
 
 
 def test_reduced_equations_are_the_schur_complement():
-    """They equal the Schur complement of all unknowns, including points."""
+    """Reduced equations equal the Schur complement of all unknowns, including points."""
     scene = made_scene(5, count=4, points=15)
     state = scene.truth
     columns = scene_columns(scene.views, state.lenses)
@@ -113,7 +113,7 @@ def test_points_behind_or_beside_the_camera_have_no_equation():
 
 
 def test_points_behind_a_camera_are_not_seen():
-    """Neither are non-finite pixels. Both have no equations, and those of other points are unchanged."""
+    """Points behind a camera, and non-finite pixels, have no equations, and those of other points are unchanged."""
     scene = made_scene(4, count=4, points=20)
     whole = pixel_equations(scene.views, scene.tracks, scene.truth, 2.0)
     assert whole.seen.all()

@@ -76,7 +76,7 @@ def test_points_need_more_equations_than_unknowns(more):
             module._check_points(task)
 
 
-def test_points_are_kept_if_their_depth_is_known_to_a_fifth():
+def test_points_of_known_depth_are_kept():
     """Points with a sigma just below a fifth of their distances are kept, and those just above are not.
 
     The sigma of image points is chosen accordingly.

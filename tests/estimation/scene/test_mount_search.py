@@ -26,7 +26,7 @@ PAIRS = 1500
 
 
 def test_mount_is_found_without_a_guess():
-    """It is found to 5 mm and 0.5 deg by pairs alone, from a lens 8 % off. Distances are below two pixels."""
+    """The mount is found to 5 mm and 0.5 deg by pairs alone, from a lens 8 % off. Distances are below two pixels."""
     scene = made_scene(1)
     parameters = LENS.parameters.copy()
     parameters[:2] *= 1.08
@@ -57,7 +57,7 @@ def test_wrong_poses_leave_large_residuals(wrong):
 
 
 def test_too_few_pairs_give_no_mount():
-    """With ten pairs no mount is found."""
+    """With ten pairs of image points no mount is found."""
     scene = made_scene(3)
     pairs = point_pairs(scene.tracks, 10)
     assert len(pairs[0]) == 10
@@ -88,7 +88,7 @@ def test_points_are_in_front_of_the_camera(seed):
 
 
 def test_distances_are_to_epipolar_lines():
-    """They are zero for true poses and exact image points, and pixels for a mount 1 deg off."""
+    """Distances are zero for true poses and exact image points, and pixels for a mount 1 deg off."""
     scene = made_scene(4, noise=0.0)
     pairs = point_pairs(scene.tracks, 200)
     poses = scene.views.base_from_flange

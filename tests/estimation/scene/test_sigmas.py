@@ -106,7 +106,7 @@ def test_arms_have_a_prior():
 
 
 def test_likelihood_equals_the_gaussian_formula():
-    """It is -2 log likelihood, compared with determinant and inverse of the whole information."""
+    """The value is -2 log likelihood, compared with determinant and inverse of the whole information."""
     of = likelihood()
     logs = np.log([0.4, 2e-4, 3e-4])
     sigma_px, of_stops = of.sigmas(logs)

@@ -97,7 +97,7 @@ def test_parts_without_change_have_no_variance():
 
 
 def test_folds_of_views_are_interleaved():
-    """There are ten at most, or one for each of fewer views.
+    """Views are split into at most ten folds, or one for each of fewer views.
 
     Every image point is in exactly one fold, and in one cluster.
     """

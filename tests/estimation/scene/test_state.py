@@ -94,7 +94,7 @@ def test_column_jacobian_equals_pose_differences():
 
 
 def test_start_state_has_no_errors_and_points():
-    """There is one error for each stop, whatever the number of views."""
+    """A start state has one zero error for each stop, whatever the number of views, and no points."""
     views, state = with_world_camera()
     start = start_state(views, list(state.mounts), list(state.bases), state.lenses)
     assert start.errors.tolist() == [[0.0] * 6] * 6

@@ -51,7 +51,7 @@ def test_point_needs_three_views(fewest, points):
 
 
 def test_reach_is_the_rms_distance_of_each_arm():
-    """It is over each arm's own views."""
+    """The reach is the root mean square distance over each arm's own views."""
     views = made_scene(2, arms=2).views
     for k in (0, 1):
         lengths = np.linalg.norm(views.base_from_flange.translation[views.robot == k], axis=1)

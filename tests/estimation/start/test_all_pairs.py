@@ -70,7 +70,7 @@ def test_drifted_pairs_need_no_search(made, monkeypatch, rng) -> None:
 
 
 def test_few_or_known_bases_are_not_placed(made) -> None:
-    """Their earlier placement is kept."""
+    """Few bases, or bases beside a known one, keep their earlier placement."""
     problem, _ = build_problem(made.cell, made.recording)
     assert place_by_pairs(problem, sights(made, problem), made.truth, ("r1_base_from_r4_base",)) == {}
     few = simulate(Scenario(layout="ring", robots=4, samples=80), 1)
@@ -155,8 +155,11 @@ def test_eight_free_bases_are_needed(rng, monkeypatch, bases, given, are_placed)
     assert bool(placed(monkeypatch, pairs, given)) == are_placed
 
 
-def test_misfit_of_a_pair_is_the_median_angle_of_its_views(rng) -> None:
-    """The better pose of each view counts, and a few outliers have no effect."""
+def test_misfit_of_a_pair_is_a_median_angle(rng) -> None:
+    """The misfit is the median angle of a pair's views.
+
+    The better pose of each view counts, and a few outliers have no effect.
+    """
     sight, triple = pair(rng, {"b0": SE3.identity()}, 0, None, "b0", (0.1, 0.2, 3.0, -0.15, 0.01))
     assert all_pairs._misfit(sight, triple) == pytest.approx(0.15)
     nowhere = SE3(np.full((3, 3), np.nan), np.zeros(3))

@@ -55,7 +55,7 @@ def test_too_few_samples_are_not_sufficient():
 
 
 def test_kronecker_products_equal_numpy(rng):
-    """They are over leading axes, for matrices that are not square."""
+    """Kronecker products over leading axes equal NumPy's, for matrices that are not square."""
     left, right = rng.standard_normal((4, 2, 3)), rng.standard_normal((4, 5, 2))
     expected = [np.kron(a, b) for a, b in zip(left, right, strict=True)]
     np.testing.assert_allclose(kron(left, right), expected, rtol=1e-14)

@@ -173,7 +173,7 @@ def test_contacts_are_excluded_from_the_first_problem():
 
 @pytest.mark.parametrize("axis", [*np.eye(3), -np.eye(3)[2], np.array([0.6, 0.0, -0.8]), np.array([0.48, 0.6, 0.64])])
 def test_z_rotation_maps_z_to_a_direction(axis):
-    """The rotation is right-handed."""
+    """The z axis of the rotation is the given direction, and the rotation is right-handed."""
     rotation = contacts._z_rotation(axis)
     np.testing.assert_allclose(rotation[:, 2], axis)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)

@@ -158,8 +158,11 @@ def test_guesses_form_a_state_if_complete():
 
 
 @pytest.mark.parametrize(("sigma_rad", "stays"), [(0.29, True), (0.31, False)])
-def test_prior_within_three_tenths_of_a_radian_is_a_start(sigma_rad, stays):
-    """About each axis, the limit is 0.3 rad. A wider prior, and a guess without a prior, are searched for."""
+def test_narrow_prior_is_a_start(sigma_rad, stays):
+    """A prior is a start up to 0.3 rad about each axis.
+
+    A wider prior, and a guess without a prior, are searched for.
+    """
     made = simulate(Scenario(samples=8), 0)
     problem, _ = build_problem(made.cell, made.recording)
     name = "eye_flange_from_wrist"

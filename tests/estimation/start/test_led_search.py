@@ -49,7 +49,7 @@ def test_best_refined_start_is_the_truth():
 
 
 def test_views_count_with_any_weight():
-    """Only points without weight are unseen."""
+    """Views count with any positive weight, and only points without weight are unseen."""
     pair, loop, _ = partial_views()
     faint = replace(pair.group.measurement, weight=1e-9 * pair.group.measurement.weight)
     one, _, _ = led_search(replace(pair, group=replace(pair.group, measurement=faint)), loop, 1)
@@ -123,8 +123,8 @@ def test_evenly_spread_views_rank_the_grid(views, step):
             np.testing.assert_array_equal(one.matrix, other.matrix)
 
 
-def test_grid_maps_an_icosahedron_to_itself():
-    """Its vertices are (0, 1, golden ratio), with either sign, and with cyclic coordinates."""
+def test_grid_rotations_are_symmetries_of_an_icosahedron():
+    """The grid maps the vertices (0, 1, golden ratio), with either sign, and with cyclic coordinates, to each other."""
     golden = (1 + np.sqrt(5)) / 2
     vertices = np.array([np.roll([0, s, t * golden], k) for k in range(3) for s in (1, -1) for t in (1, -1)])
     carried = np.einsum("kij,vj->kvi", icosahedral_rotations(), vertices)
@@ -133,9 +133,9 @@ def test_grid_maps_an_icosahedron_to_itself():
 
 @pytest.mark.parametrize(("known", "count"), [("x", 8), ("y", 20), ("xz", 8), ("yz", 20)])
 def test_led_with_grid_rotations_comes_first(known, count):
-    """It is at its exact position, however far from the camera, because only directions count.
+    """An LED with rotations of the grid is found at its exact position.
 
-    For one rotation of X eight starts remain.
+    Only directions count, so the distance from the camera does not matter. For one rotation of X eight starts remain.
     """
     loop, bearings, true = _light(9, known, icosahedral_rotations()[[13, 42]])
     starts = led_starts(loop, bearings, 20)

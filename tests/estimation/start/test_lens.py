@@ -91,14 +91,14 @@ def test_guess_is_centred_with_the_requested_width():
 
 
 def test_lens_without_a_size_is_not_guessed():
-    """The error says what to state."""
+    """The error about a lens without a size says what to state."""
     with pytest.raises(InputError, match="a free lens needs size_px"):
         guessed_lens(replace(ASKED, size_px=None))
 
 
 @pytest.mark.parametrize(("count", "step"), [(30, 1), (31, 2), (60, 2), (61, 3)])
 def test_at_most_thirty_views_of_four_points_are_kept(count, step):
-    """They are spread evenly, and each visible point has equal weight, whatever sigma was stated."""
+    """Kept views are spread evenly, and each visible point has equal weight, whatever sigma was stated."""
     whole = views(lens(950.0), count=count + 2)
     seen = whole.seen.copy()
     seen[0, 3:], seen[1, 4:] = False, False  # three points, and four
@@ -111,7 +111,7 @@ def test_at_most_thirty_views_of_four_points_are_kept(count, step):
 
 
 def test_poses_of_a_guess_use_its_valid_points():
-    """They are exact if the lens is. Unseen pixels, or pixels without a direction, do not count."""
+    """Poses are exact if the lens is. Unseen pixels, or pixels without a direction, do not count."""
     fisheye = Camera("fisheye", [300.0, 300.0, 640.0, 360.0, 0.0, 0.0, 0.0, 0.0], SIZE)
     seen = views(fisheye, noise=0.0)
     pixels, mask = seen.pixels.copy(), seen.seen.copy()

@@ -268,8 +268,11 @@ def test_target_of_four_points_has_poses(points, has_poses):
     assert (found.candidates is not None) == has_poses
 
 
-def test_directions_are_weighted_by_stated_sigmas_or_half_a_pixel():
-    """Weights are per radian by the mean focal length. Unseen points have neither weight nor direction."""
+def test_directions_have_stated_or_default_weights():
+    """Weights are per radian by the mean focal length, with half a pixel if unstated.
+
+    Unseen points have neither weight nor direction.
+    """
     seen = np.array([[True, True, False]] * 2)
     group = group_of(pixels_of(seen, np.array([[0.5, 0.0, 0.5]] * 2)), 2)
     of = pair_views(group, LENS, 9, 9).group.measurement
@@ -287,7 +290,7 @@ def test_directions_are_weighted_by_stated_sigmas_or_half_a_pixel():
     (20, 5, [0, 5, 10, 14, 19]),
 ])  # fmt: skip
 def test_selected_views_are_spread_from_first_to_last(total, views, kept):
-    """A single view is the first."""
+    """Selected views are spread from the first to the last, and a single view is the first."""
     poses, weight = SE3.identity((total,)), np.ones((total, 6))
     found = pair_views(group_of(PoseMeasurement(poses, weight, weight), total), None, views, 9)
     assert found.group.sample.tolist() == kept
@@ -298,7 +301,7 @@ def test_selected_views_are_spread_from_first_to_last(total, views, kept):
     ("shown", "most", "left"), [([12, 12, 24], 6, 12), ([24, 24, 24], 6, 6), ([0, 0, 150], 1, 150)]
 )
 def test_partly_visible_targets_keep_more_points(shown, most, left):
-    """As many points are kept as the median view needs to show the requested number.
+    """A target is thinned such that the median view shows the requested number of points.
 
     If it shows none, all of hundreds are kept.
     """

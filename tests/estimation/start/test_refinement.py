@@ -65,7 +65,7 @@ def test_rotations_are_searched_on_request():
 
 
 def test_known_transforms_are_unchanged():
-    """A known mount is that of the start."""
+    """A known mount equals that of the start after the refinement."""
     asked, truth = wish(6, known="x")
     (found,) = refine_jointly([asked])
     np.testing.assert_array_equal(found[0].matrix, truth[0].matrix)
@@ -89,7 +89,7 @@ def test_pair_problem_has_three_unknowns(known, is_point, columns):
 
 
 def test_structures_of_pairs_are_compared():
-    """They differ by camera, points of the target, unknowns, whether it is a point, and whether it is searched."""
+    """Structures differ by camera, points of the target, unknowns, point mounts, and searches."""
     same, _ = wish(1)
     assert same.structure == wish(2, views=6)[0].structure
     others = [
@@ -111,7 +111,7 @@ def test_every_view_of_a_pair_counts():
 
 
 @pytest.mark.parametrize("seed", [21, 57, 141])
-def test_small_distant_board_is_started_by_both_poses_of_its_views(seed):
+def test_small_distant_board_uses_both_poses(seed):
     """Sixteen points within 90 mm, 1.5 to 2.5 m away, have two similar poses. The optimum has the cost of the noise."""
     seen = {"board": chessboard_target((4, 4), 0.03), "distance_m": (1.5, 2.5), "pixel_px": 1.5}
     scenario = Scenario(9, "chessboard", spread_rad=0.4, robot_noise=(1e-4, 2e-4), **seen)

@@ -103,7 +103,7 @@ def test_fifth_of_wrong_samples_has_little_effect():
 
 
 def test_sums_of_singular_values():
-    """They are correct for 3 x 3 matrices of any rank, determinant and size, to a millionth of the sum."""
+    """Sums are correct for 3 x 3 matrices of any rank, determinant and size, to a millionth of the sum."""
     rng = np.random.default_rng(0)
     matrix = rng.standard_normal((200, 3, 3)) * rng.uniform(0, 1, (200, 1, 3)) ** 4
     matrix[:20, :, 0] = 0.0

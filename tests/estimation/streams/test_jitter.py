@@ -143,8 +143,8 @@ def passed(still: bool):
     return group, [stamps[number] for number in group.sample.tolist()]
 
 
-def test_passing_times_on_a_path_are_those_of_the_views():
-    """They are by the clock of the arm. The world, which carries the tag, has none."""
+def test_passing_times_are_those_of_the_views():
+    """Passing times on a path are by the clock of the arm. The world, which carries the tag, has none."""
     group, stamps = passed(still=False)
     np.testing.assert_array_equal(group.eye.passed_s, stamps)
     assert group.hand.passed_s is None
@@ -156,7 +156,7 @@ def test_passing_times_on_a_path_are_those_of_the_views():
     [(False, 1e-4, False, True), (False, 1e-4, True, False), (True, 1e-4, False, False), (False, 0.0, False, False)],
 )
 def test_repeatability_does_not_apply_to_a_moving_arm(still, sigma, is_total, is_open):
-    """Its noise is open on a path, unless it states its total error, or zero noise."""
+    """The noise of an arm is open on a path, unless it states its total error, or zero noise."""
     made = streamed(still=still)
     arm = replace(made.cell.robots["arm"], noise=np.full(6, sigma), is_total_noise=is_total)
     cell = replace(made.cell, robots={"arm": arm})

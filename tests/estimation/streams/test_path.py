@@ -74,7 +74,7 @@ def test_isolated_record_is_of_a_still_robot() -> None:
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_few_records_give_no_path(count: int) -> None:
-    """No time is known with no record or one."""
+    """A path with no record, or with one, is known at no time."""
     path = Path(np.arange(count, dtype=float), SE3.identity((count,)))
     assert not path.known_mask(np.array([0.0, LARGEST_GAP_S])).any()
 
@@ -121,8 +121,11 @@ def test_path_is_a_cubic_hermite_spline(by_joints: bool) -> None:
     np.testing.assert_allclose(there.velocity, expected, atol=1e-10)
 
 
-def test_gaps_up_to_a_quarter_of_a_second_are_interpolated() -> None:
-    """Both ends of a path belong to it. A record without such neighbours is of a robot that is still, for as long."""
+def test_gaps_up_to_a_limit_are_interpolated() -> None:
+    """Gaps up to a quarter of a second are interpolated, and both ends of a path belong to it.
+
+    A record without such neighbours is of a robot that is still, for as long.
+    """
     path = Path(np.array([0.0, 0.25, 0.5, 1.0, 1.251953125]), SE3.identity((5,)))
     np.testing.assert_array_equal(path.steady_intervals, [True, True, False, False])
     np.testing.assert_array_equal(path.isolated_records, [False, False, False, True, True])

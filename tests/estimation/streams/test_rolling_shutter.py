@@ -118,7 +118,7 @@ def _beside(made: Streamed) -> tuple[Sample, ...]:
 
 @pytest.mark.parametrize("rows", [[10.0, 20.0, 60.0], []])
 def test_mean_row_is_over_all_pixels(rows: list[float]) -> None:
-    """Without pixels, the mean row is zero."""
+    """The mean row is over all pixels, and zero without pixels."""
     spots = np.array([[0.0, v] for v in rows]).reshape(-1, 2)
     assert mean_row(Sample(0, observations=(CandidateObservation("a", "b", spots),))) == (30.0 if rows else 0.0)
 
@@ -237,7 +237,7 @@ def test_motion_until_a_row_is_subtracted_from_its_pixels() -> None:
 
 
 def test_pixels_of_points_behind_the_camera_are_unchanged() -> None:
-    """Such points have no pixel to correct by."""
+    """Points behind the camera have no pixel to correct by, and are unchanged."""
     known, arms = moving_light(np.array([1.0, 0, 0, 0, 0, 0]))
     base = {known.cell.base_name("hand"): SE3.from_rotvec([0, 0, 0], [0, 0, -1.0])}
     behind = replace(known, transforms={**known.transforms, **base})

@@ -43,7 +43,7 @@ def test_samples_of_one_clock_are_no_streams() -> None:
 
 
 def test_clock_of_a_camera_with_separate_views_is_free() -> None:
-    """Its offset is estimated, with zero as the stated offset."""
+    """The clock offset of such a camera is estimated, with zero as the stated offset."""
     made = streamed()
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
@@ -121,7 +121,7 @@ def test_robot_clock_offset_has_the_opposite_sign() -> None:
 
 
 def test_views_without_surrounding_records_are_reported() -> None:
-    """They are left out with a finding that counts them."""
+    """Views without surrounding records are left out with a finding that counts them."""
     made = streamed()
     holed = tuple(s for s in made.recording.samples if not (s.robots and 3.0 < s.stamp_s < 4.0))
     found = synchronous_recording(
@@ -150,7 +150,7 @@ def test_two_cameras_of_one_line_become_two_samples() -> None:
 
 
 def test_line_without_a_time_stamp_is_an_error() -> None:
-    """The error names the sample."""
+    """The error about a line without a time stamp names the sample."""
     made = streamed()
     first, *others = made.recording.samples
     with pytest.raises(InputError, match="sample 0 has no stamp_s"):
@@ -229,7 +229,7 @@ def test_streams_need_a_majority_of_separate_views() -> None:
 
 @pytest.mark.parametrize(("gone", "shown"), [(10, "8, 9"), (11, "8, 9, ...")])
 def test_ten_excluded_views_are_named(gone: int, shown: str) -> None:
-    """The finding lists all of them."""
+    """The message names ten excluded views, and the finding lists all of them."""
     made = streamed(clock=Clock(offset_s=0.03))
     late = tuple(s for s in made.recording.samples if s.observations or s.stamp_s > 0.5 + 0.1 * (gone - 1) + 1e-3)
     assert min(s.stamp_s for s in late if s.robots) < 0.5 + 0.1 * gone + 1e-3
@@ -256,7 +256,7 @@ def test_first_of_two_records_at_one_time_counts() -> None:
 
 @pytest.mark.parametrize(("shift", "shares"), [(7.49, False), (7.47, True), (-7.39, True), (-7.41, False)])
 def test_one_view_within_the_records_suffices(shift: float, shares: bool) -> None:
-    """It is the first at the end of the records, or the last at their beginning, by the stated clocks."""
+    """The only view is the first at the end of the records, or the last at their beginning, by the stated clocks."""
     made = streamed(offset_s=0.0, clock=Clock(offset_s=shift))
     assert max(s.stamp_s for s in made.recording.samples if s.robots) == pytest.approx(7.98)
     if shares:
@@ -366,7 +366,10 @@ def test_path_is_in_the_order_of_time_stamps() -> None:
     ],
 )
 def test_time_stamps_must_overlap(offset_s: float, of_robot_s: float, robot: str, overlaps: bool) -> None:
-    """They are of a camera and the robot that carries it, by the stated clocks. Other robots do not matter."""
+    """Time stamps of a camera and the robot that carries it have to overlap, by the stated clocks.
+
+    Other robots do not matter.
+    """
     cell = two_arms(first=Clock("fixed", offset_s), left=Clock("fixed", of_robot_s))
     arm = [seen(k, 100.0 + k, robots=[robot]) for k in range(3)]
     lines = [*arm, seen(5, 1e4, ["third"]), seen(8, -1.0, ["first"]), seen(9, 1.0, ["first"])]

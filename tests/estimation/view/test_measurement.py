@@ -115,8 +115,8 @@ def test_batch_equals_separate_linearisations(kind, own):
 
 
 @pytest.mark.parametrize(("kind", "weight"), [("pixels", 1.0), ("points", 1000.0), ("pose", 1000.0)])
-def test_default_sigma_is_a_pixel_a_millimetre_and_a_milliradian(kind, weight):
-    """It applies to seen data, and the rest has no weight."""
+def test_default_sigmas_of_measurements(kind, weight):
+    """The default sigma is a pixel, a millimetre and a milliradian for seen data, and the rest has no weight."""
     measurement, _, _ = made(kind, 0.0)
     seen = getattr(measurement, "seen", np.ones((4, 6)))
     unstated = replace(measurement, stated=np.zeros(measurement.stated.shape)).with_noise(Noise())
@@ -161,8 +161,8 @@ def test_moments_equal_the_jacobian_result(camera, distance, offset, flat):
         np.testing.assert_allclose(few / size, all_ / size, rtol=0, atol=1e-12)
 
 
-def test_chunks_of_views_change_nothing():
-    """Views at the limits of chunks are the same alone."""
+def test_chunking_of_views_has_no_effect():
+    """Views at the limits of chunks have the same result alone."""
     rng = np.random.default_rng(1)
     pose, points = facing(rng, 4000, 0.9), target(rng)
     measurement = pixels_of(LENS, pose, points, weights(rng, 4000, 7, 0.2), rng.standard_normal((4000, 7, 2)))

@@ -53,13 +53,13 @@ def test_squares_are_of_points_without_a_sigma(measurement):
 
 
 def test_cost_is_the_weighted_square(measurement):
-    """It is over all seen points, view by view."""
+    """The cost is the weighted square over all seen points, view by view."""
     view = measurement.with_noise(Noise(pixel_px=5.0)).linearise(AHEAD, LENS, False)
     np.testing.assert_allclose(view.cost, [25 * 16 + 3, 25 * 16 + 1, 1])
 
 
 def test_residuals_are_predicted_minus_seen(measurement):
-    """They are in pixels, and NaN for unseen points."""
+    """Residuals are in pixels, and NaN for unseen points."""
     off = measurement.residual_px(AHEAD, LENS)
     np.testing.assert_allclose(off[SEEN], np.tile([3.0, 4.0], (SEEN.sum(), 1)))
     assert np.isnan(off[~SEEN]).all()
@@ -99,7 +99,7 @@ def test_paired_points_are_thinned_together(count, most):
 
 
 def test_views_are_selected_with_their_data(measurement):
-    """They are in the requested order."""
+    """Selected views keep all of their data, in the requested order."""
     taken = replace(measurement, relative=np.tile(np.arange(3.0)[:, None], (1, 5))).take(np.array([2, 0]))
     np.testing.assert_array_equal(taken.seen, SEEN[[2, 0]])
     np.testing.assert_array_equal(taken.stated, STATED[[2, 0]])
@@ -209,7 +209,7 @@ def test_batch_of_one_equals_the_single_result(measurement):
 
 
 def test_noisier_pixels_have_a_larger_shared_error(measurement):
-    """It grows by the same factor, so that cost, gradient and information decrease by its square."""
+    """The shared error grows by the same factor, so that cost, gradient and information decrease by its square."""
     shaken = replace(measurement, common_px=0.7)
     for wide, plain in zip(
         shaken.noisier(3.0).linearise(AHEAD, LENS, False), shaken.linearise(AHEAD, LENS, False), strict=True
@@ -219,7 +219,7 @@ def test_noisier_pixels_have_a_larger_shared_error(measurement):
 
 @pytest.mark.parametrize("lens", [False, True])
 def test_many_views_equal_few_of_them(measurement, lens):
-    """Chunks of views change nothing."""
+    """Chunks of views have no effect, nor have views of a batch with separate data."""
     rng = np.random.default_rng(0)
     rows = rng.integers(0, 3, 9000)
     many = measurement.take(rows)

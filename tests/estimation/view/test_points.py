@@ -40,13 +40,13 @@ def test_squares_are_of_points_without_a_sigma(measurement):
 
 
 def test_cost_is_the_weighted_square(measurement):
-    """It is over all seen points, view by view."""
+    """The cost is the weighted square over all seen points, view by view."""
     view = measurement.with_noise(Noise(point_m=0.5)).linearise(SE3.identity((3,)), None, False)
     np.testing.assert_allclose(view.cost, [4 + 3, 4 + 1, 1])
 
 
 def test_views_are_selected_with_their_data(measurement):
-    """They are in the requested order."""
+    """Selected views keep all of their data, in the requested order."""
     taken = measurement.take(np.array([2, 0]))
     np.testing.assert_array_equal(taken.seen, SEEN[[2, 0]])
     np.testing.assert_array_equal(taken.stated, STATED[[2, 0]])
@@ -80,7 +80,7 @@ def test_noisier_points_have_less_weight(measurement):
 
 
 def test_points_at_the_sensor_origin_are_touches(measurement):
-    """All points have to be there."""
+    """A touch has all of its points at the origin of the sensor."""
     assert not is_touch(measurement)
     touched = replace(measurement, points_in_camera=np.zeros_like(measurement.points_in_camera))
     assert is_touch(touched)

@@ -64,7 +64,7 @@ def test_whitening_makes_views_equal() -> None:
 
 
 def test_differences_are_whitened_tangents() -> None:
-    """They agree to first order, and their derivative is that of the differences."""
+    """Differences are whitened tangents to first order, and their derivative is that of the differences."""
     rng = np.random.default_rng(1)
     errors = CornerErrors.from_poses(POSES, HALF_M)
     tangents = 1e-6 * rng.normal(size=(3, 6))

@@ -40,14 +40,14 @@ def test_squares_are_of_poses_without_a_sigma(measurement):
 
 
 def test_cost_is_the_weighted_square(measurement):
-    """It is separate for each view, and zero at the measured pose."""
+    """The cost is the weighted square of each view, and zero at the measured pose."""
     shifted = SE3.exp(np.tile([1.0, 0, 0, 0, 0, 0], (3, 1)))
     np.testing.assert_allclose(measurement.linearise(shifted, None, False).cost, [16, 1, 1])
     np.testing.assert_array_equal(measurement.linearise(SE3.identity((3,)), None, False).cost, 0.0)
 
 
 def test_views_are_selected_with_their_data(measurement):
-    """They are in the requested order."""
+    """Selected views keep all of their data, in the requested order."""
     np.testing.assert_array_equal(measurement.take(np.array([2, 0])).stated, STATED[[2, 0]])
     np.testing.assert_array_equal(measurement.take(np.array([2, 0])).weight, measurement.weight[[2, 0]])
 

@@ -41,7 +41,7 @@ def test_selected_views_share_the_target_points():
 
 
 def test_pixels_need_a_lens():
-    """Pixels without a lens raise InputError."""
+    """Pixels without a lens raise InputError, both for linearisation and for squares."""
     everywhere = np.ones((1, len(POINTS)), dtype=bool)
     pixels = PixelMeasurement(POINTS, np.zeros((1, len(POINTS), 2)), everywhere, 1.0 * everywhere, 1.0 * everywhere)
     with pytest.raises(InputError, match="lens"):
@@ -174,7 +174,7 @@ def test_squares_are_of_points_without_a_sigma(seen_points):
 
 
 def test_masked_points_are_unseen(seen_points):
-    """They have neither a stated sigma nor a weight. If all are kept, nothing changes."""
+    """Masked points have neither a stated sigma nor a weight. If all are kept, the measurement is unchanged."""
     kept = np.ones((2, 4), dtype=bool)
     assert seen_points.mask_points(kept) is seen_points
     kept[0, 2] = False

@@ -50,7 +50,10 @@ def test_exact_directions_give_the_exact_pose(points):
 @pytest.mark.parametrize("at", [[-1.0, 0.1, 0.3], [0.1, -1.0, 0.3], [1.0, 1.0, 0.2], [0.0, 0.0, 0.2]], ids=str)
 @pytest.mark.parametrize("points", [FLAT, DEEP], ids=["flat", "deep"])
 def test_target_is_found_anywhere_before_the_camera(points, at):
-    """It may be far to a side, or so near that it fills the view, at any rotation. The closed form alone finds it."""
+    """The target may be far to a side, or so near that it fills the view, at any rotation.
+
+    The closed form alone finds it.
+    """
     rng = np.random.default_rng(2)
     pose = SE3.from_rotvec(rng.standard_normal((8, 3)), np.tile(at, (8, 1))) @ SE3(np.eye(3), -points.mean(0))
     exact = seen_from(pose, points)
@@ -74,8 +77,8 @@ def test_second_pose_of_a_plane_is_two_half_turns():
 
 
 @pytest.mark.parametrize("distance", [0.0, 1e-170, 3.8e-14, 1e-12, 1e-9])
-def test_mirrored_pose_of_a_plane_at_the_camera_is_a_rotation(distance):
-    """The matrix is orthogonal at distances down to zero."""
+def test_mirrored_pose_at_the_camera_is_a_rotation(distance):
+    """The mirrored pose of a plane has an orthogonal matrix at distances down to zero."""
     toward = np.array([[-0.07, -0.27, 0.96]]) / np.linalg.norm([-0.07, -0.27, 0.96])
     pose = SE3(rotation_exp(np.array([[0.3, 1.2, -0.4]])), distance * toward)
     mirrored = view_pose._mirror_normal(pose).rotation
@@ -84,7 +87,7 @@ def test_mirrored_pose_of_a_plane_at_the_camera_is_a_rotation(distance):
 
 @pytest.mark.parametrize("steps", [0, 3])
 def test_pixel_views_are_refined_with_a_fixed_lens(steps):
-    """The information is of the pose alone."""
+    """Poses of pixel views are refined with a fixed lens, and the information is of the pose alone."""
     pose, camera = tilted(3, 0.7), Camera("pinhole", [900.0, 900.0, 640.0, 360.0])
     at = (pose.rotation @ FLAT.T).swapaxes(1, 2) + pose.translation[:, None]
     seen = np.ones(at.shape[:2], dtype=bool)
@@ -112,7 +115,7 @@ def test_second_candidate_of_a_plane_has_the_opposite_tilt():
 
 @pytest.mark.parametrize("few", [0, 1, 3])
 def test_views_of_three_points_have_no_pose(few):
-    """Their cost is infinite, and the other views are unchanged."""
+    """The cost of views with up to three points is infinite, and the other views are unchanged."""
     pose = tilted(3, 0.7)
     chords = seen_from(pose, FLAT)
     chords.weight[1, few:] = 0.0
@@ -131,7 +134,7 @@ def test_refinement_never_increases_a_cost():
 
 
 def test_zero_steps_give_closed_form_poses():
-    """They are exact for exact directions.
+    """Poses without steps are exact for exact directions.
 
     For noisy ones they are near, and no better than refined, each with its own information.
     """
@@ -149,15 +152,15 @@ def test_zero_steps_give_closed_form_poses():
 
 
 def test_view_has_a_pose_if_its_best_cost_is_finite():
-    """The cost of the second pose does not matter."""
+    """A view has a pose if its best cost is finite, whatever the cost of the second pose."""
     poses = SE3.identity((3, 2))
     found = ViewPoses(poses, np.array([[1.0, np.inf], [np.inf, np.inf], [1.0, 2.0]]), np.zeros((3, 6, 6))).has_pose
     assert found.tolist() == [True, False, True]
 
 
 @pytest.mark.parametrize(("points", "fewest"), [(FLAT, 4), (DEEP, 6)], ids=["flat", "deep"])
-def test_four_points_of_a_plane_or_six_in_space_have_a_pose(points, fewest):
-    """One point less has none."""
+def test_minimum_number_of_points_of_a_pose(points, fewest):
+    """Four points of a plane, or six in space, have a pose. One point less has none."""
     pose = tilted(2, 0.7)
     chords = seen_from(pose, points)
     spread = [0, 3, 16, 19, 9, 6]

@@ -58,7 +58,7 @@ def test_terms_stand_in_the_documents() -> None:
 
 
 def test_terms_text_brackets_optional_terms() -> None:
-    """Optional terms are in nested brackets."""
+    """Optional distortion terms are in nested brackets."""
     assert terms_text("fisheye") == "k1 k2 k3 k4"
     assert terms_text("pinhole").startswith("k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4")
     assert terms_text("pinhole").endswith("]" * (len(term_counts("pinhole")) - 2))
