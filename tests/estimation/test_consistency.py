@@ -22,7 +22,7 @@ QUICK = ("board, mounts free, halves, robot noise", "light, mounts free, robot n
 CORRELATED = Scenario(samples=20, correlated_px=0.3)
 
 
-def mean_of(scenario: Scenario, cells: int, robot_noise: RobotNoise | None = None) -> float:
+def mean_nees(scenario: Scenario, cells: int, robot_noise: RobotNoise | None = None) -> float:
     """Mean of NEES / 6; NaN if any base was not seen."""
     errors = [base_error(scenario, seed, robot_noise) for seed in range(10_000, 10_000 + cells)]
     assert all(error.converged for error in errors)
@@ -49,14 +49,14 @@ def test_unstated_robot_noise_is_detected() -> None:
     """
     told = SCENARIOS["board, eye still, mounts fixed, robot noise"]
     silent = replace(told, state_robot_noise=False)
-    assert mean_of(silent, 6, "stated") > band(6, CHANCE)[1]
-    assert mean_of(silent, 6, "estimated") < band(6, CHANCE)[1]
+    assert mean_nees(silent, 6, "stated") > band(6, CHANCE)[1]
+    assert mean_nees(silent, 6, "estimated") < band(6, CHANCE)[1]
 
 
 def test_covariance_includes_a_shared_error_of_a_view() -> None:
     """With a stated error that all points of a view share, it is consistent, too: 36 corners are not independent."""
     low, high = band(40, CHANCE)
-    assert low <= mean_of(CORRELATED, 40) <= high
+    assert low <= mean_nees(CORRELATED, 40) <= high
 
 
 def test_tilt_of_the_mount_is_unbiased_for_real_lenses() -> None:
@@ -90,4 +90,4 @@ def test_one_estimated_factor_inflates_like_f() -> None:
 def test_every_covariance_is_consistent(name: str) -> None:
     """Over 400 cells of every scenario, the mean is within the band of 2,400 degrees of freedom."""
     low, high = band(400, CHANCE)
-    assert low <= mean_of(SCENARIOS[name], 400) <= high
+    assert low <= mean_nees(SCENARIOS[name], 400) <= high

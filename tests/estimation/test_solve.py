@@ -39,7 +39,7 @@ AGAINST_ORACLE = {
 }
 
 
-def off(estimate, truth) -> float:
+def distance(estimate, truth) -> float:
     return float(np.abs((estimate.inverse() @ truth).log()).max())
 
 
@@ -70,7 +70,7 @@ def test_two_targets_of_a_sample_share_stop_errors(arms):
     Stops of both robots are shared.
     """
     s = simulate(Scenario(samples=6, target="points", arms=arms, robot_noise=NOISY, camera_mount="fixed"), seed=5)
-    doubled = Recording(tuple(_twice(x) for x in s.recording.samples))
+    doubled = Recording(tuple(_repeat_views(x) for x in s.recording.samples))
     cell = replace(s.cell, targets={**s.cell.targets, "twin": replace(s.cell.targets["board"], name="twin")})
     ours = solve(cell, doubled)
     once = solve(s.cell, s.recording)
@@ -79,10 +79,12 @@ def test_two_targets_of_a_sample_share_stop_errors(arms):
         ours.transforms["eye_base_from_hand_base"].sigma_t.max()
         > 0.7 * once.transforms["eye_base_from_hand_base"].sigma_t.max()
     )
-    assert off(ours.state.transforms["hand_flange_from_twin"], ours.state.transforms["hand_flange_from_board"]) < 1e-7
+    assert (
+        distance(ours.state.transforms["hand_flange_from_twin"], ours.state.transforms["hand_flange_from_board"]) < 1e-7
+    )
 
 
-def _twice(sample):
+def _repeat_views(sample):
     return replace(
         sample, observations=(*sample.observations, *(replace(o, target="twin") for o in sample.observations))
     )
@@ -95,7 +97,7 @@ def test_file_order_has_no_effect(target):
     shuffled = list(s.recording.samples)
     random.Random(7).shuffle(shuffled)
     first, second = solve(s.cell, s.recording), solve(s.cell, Recording(tuple(shuffled)))
-    assert all(off(second.state.transforms[n], t) < 1e-9 for n, t in first.state.transforms.items())
+    assert all(distance(second.state.transforms[n], t) < 1e-9 for n, t in first.state.transforms.items())
 
 
 def test_sample_numbers_have_no_effect():
@@ -103,7 +105,7 @@ def test_sample_numbers_have_no_effect():
     s = simulate(Scenario(samples=20, robot_noise=(0, 0)), seed=2)
     renumbered = tuple(replace(x, sample=100 - x.sample) for x in s.recording.samples)
     first, second = solve(s.cell, s.recording), solve(s.cell, Recording(renumbered))
-    assert all(off(second.state.transforms[n], t) < 1e-9 for n, t in first.state.transforms.items())
+    assert all(distance(second.state.transforms[n], t) < 1e-9 for n, t in first.state.transforms.items())
 
 
 @pytest.mark.parametrize(
@@ -181,7 +183,7 @@ def test_guess_is_used_on_request():
         targets={"board": replace(s.cell.targets["board"], mount=Unknown("free", s.truth["hand_flange_from_board"]))},
     )
     by_guess = solve(told, s.recording, Settings(start="guess", robot_noise="stated")).state.transforms
-    assert all(off(by_guess[n], t) < 1e-8 for n, t in solve(s.cell, s.recording).state.transforms.items())
+    assert all(distance(by_guess[n], t) < 1e-8 for n, t in solve(s.cell, s.recording).state.transforms.items())
 
 
 def test_camera_and_target_on_one_flange_are_refused():
@@ -232,7 +234,7 @@ def test_axis_shift_closed_form_starts_noisy_robots():
     by_truth = solve(told, s.recording, Settings(start="guess", robot_noise="stated")).state.transforms[
         "eye_base_from_hand_base"
     ]
-    assert off(found.state.transforms["eye_base_from_hand_base"], by_truth) < 1e-7
+    assert distance(found.state.transforms["eye_base_from_hand_base"], by_truth) < 1e-7
 
 
 def test_known_sigmas_keep_the_observability_of_the_covariance(monkeypatch):

@@ -19,7 +19,7 @@ from basecal.simulation import Scenario, simulate
 SCENARIO = Scenario(samples=8, target="points")
 
 
-def drawn(scenario, count=3):
+def make_problems(scenario, count=3):
     """Problems of one structure, what each saw of its own, as one; and their starts at the truth of the first."""
     made = simulate(scenario, 1)
     problem, _ = build_problem(made.cell, made.recording)
@@ -39,7 +39,7 @@ def test_batch_equals_separate_solutions(stated):
 
     The pixels' sigma is stated or estimated from each entry's residuals.
     """
-    problems, together, start = drawn(replace(SCENARIO, state_pixel_noise=stated))
+    problems, together, start = make_problems(replace(SCENARIO, state_pixel_noise=stated))
     found = solve_batch(together, batch_states(problems[0], [start] * 3))
     assert found.converged.all()
     for row, problem in enumerate(problems):
@@ -63,16 +63,16 @@ def test_stated_sigmas_are_kept():
 
     Without, it is scaled by them.
     """
-    _, told, start = drawn(SCENARIO)
+    _, told, start = make_problems(SCENARIO)
     stated = solve_batch(told, batch_states(told, [start] * 3))
-    silent = solve_batch(drawn(replace(SCENARIO, state_pixel_noise=False))[1], batch_states(told, [start] * 3))
+    silent = solve_batch(make_problems(replace(SCENARIO, state_pixel_noise=False))[1], batch_states(told, [start] * 3))
     ratio = silent.covariance[:, 0, 0] / stated.covariance[:, 0, 0]
     np.testing.assert_allclose(ratio, stated.cost / stated.dof, rtol=1e-6)
 
 
 def test_number_of_steps_may_be_limited():
     """After one step from far off none has converged."""
-    problems, together, start = drawn(SCENARIO)
+    problems, together, start = make_problems(SCENARIO)
     far = {name: t @ type(t).exp(np.full(6, 0.05)) for name, t in start.transforms.items()}
     assert not solve_batch(together, batch_states(problems[0], [replace(start, transforms=far)] * 3), 1).converged.any()
 

@@ -19,7 +19,7 @@ LOCKED = [
 ]
 
 
-def turned(axes: str, angles):
+def rotate_about_axes(axes: str, angles):
     """Rotations by angles about axes that turn along, multiplied from left to right."""
     whole = np.eye(3)
     for axis, angle in zip(axes, np.moveaxis(angles, -1, 0), strict=True):
@@ -27,7 +27,7 @@ def turned(axes: str, angles):
     return whole
 
 
-@pytest.mark.parametrize("rotations", [DRAWN, *(turned("zyx", angles) for angles in LOCKED)])
+@pytest.mark.parametrize("rotations", [DRAWN, *(rotate_about_axes("zyx", angles) for angles in LOCKED)])
 def test_rpy_round_trip(rotations):
     """Roll, pitch and yaw reproduce the rotation to 1e-14, at and near gimbal lock, too."""
     np.testing.assert_allclose(
@@ -35,11 +35,11 @@ def test_rpy_round_trip(rotations):
     )
 
 
-@pytest.mark.parametrize("rotations", [DRAWN, *(turned("zyz", angles) for angles in LOCKED)])
+@pytest.mark.parametrize("rotations", [DRAWN, *(rotate_about_axes("zyz", angles) for angles in LOCKED)])
 def test_zyz_round_trip(rotations):
     """The angles reproduce the rotation to 1e-14, at and near the singular angles 0 and 180 deg, too."""
     angles = zyz_of_rotation(rotations)
-    np.testing.assert_allclose(turned("zyz", angles), rotations, atol=1e-14)
+    np.testing.assert_allclose(rotate_about_axes("zyz", angles), rotations, atol=1e-14)
     assert np.all((angles[..., 1] >= 0) & (angles[..., 1] <= np.pi))
 
 

@@ -17,7 +17,7 @@ def random_estimate(rng, size=1e-3):
     return PoseEstimate(SE3.exp(rng.normal(size=6)), root @ root.T)
 
 
-def drawn(rng, estimate):
+def draw_poses(rng, estimate):
     return estimate.mean @ SE3.exp(rng.multivariate_normal(np.zeros(6), estimate.covariance, DRAWS))
 
 
@@ -31,20 +31,20 @@ def test_inverse_covariance_equals_sample_covariance(rng):
     """The covariance of the inverse is that of inverted draws, in the axes of a."""
     estimate = random_estimate(rng)
     inverse = estimate.inverse()
-    assert_covers(inverse.covariance, (inverse.mean.inverse() @ drawn(rng, estimate).inverse()).log())
+    assert_covers(inverse.covariance, (inverse.mean.inverse() @ draw_poses(rng, estimate).inverse()).log())
 
 
 def test_product_covariance_equals_sample_covariance(rng):
     """The covariance of a product is that of composed independent draws."""
     a, b = random_estimate(rng), random_estimate(rng)
     product = a @ b
-    assert_covers(product.covariance, (product.mean.inverse() @ drawn(rng, a) @ drawn(rng, b)).log())
+    assert_covers(product.covariance, (product.mean.inverse() @ draw_poses(rng, a) @ draw_poses(rng, b)).log())
 
 
 def test_left_covariance_equals_sample_covariance(rng):
     """The left covariance is that of the same draws as perturbations before the mean."""
     estimate = random_estimate(rng)
-    assert_covers(estimate.left_covariance(), (drawn(rng, estimate) @ estimate.mean.inverse()).log())
+    assert_covers(estimate.left_covariance(), (draw_poses(rng, estimate) @ estimate.mean.inverse()).log())
 
 
 def test_right_covariance_is_independent_of_the_lever_arm():

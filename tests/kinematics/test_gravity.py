@@ -14,7 +14,7 @@ from basecal.simulation.arms import six_axis
 DOWN = np.array([0.0, 0, -1])
 
 
-def hung(down: np.ndarray) -> SerialChain:
+def arm_with_gravity(down: np.ndarray) -> SerialChain:
     """The arm of the simulation where gravity pulls elsewhere."""
     chain = six_axis()
     return replace(chain, masses=replace(chain.masses, down=down))
@@ -32,7 +32,7 @@ def potential(chain: SerialChain, joints: np.ndarray, down: np.ndarray) -> np.nd
 @pytest.mark.parametrize("down", [DOWN, np.array([0.6, 0, -0.8])])
 def test_torques_are_the_gradient_of_gravity_work(down):
     """Torques equal central differences, for an upright arm and one on an incline."""
-    chain = hung(down)
+    chain = arm_with_gravity(down)
     joints = np.random.default_rng(0).uniform(-3, 3, (20, 6))
     step = 1e-5
     wanted = [

@@ -10,7 +10,7 @@ from basecal.kinematics.inverse import _Arm
 from planar_arm import planar
 
 
-def left(chain, joints, pose):
+def remaining_error(chain, joints, pose):
     return (chain.forward(joints).inverse() @ pose).log()
 
 
@@ -21,7 +21,7 @@ def test_inverse_kinematics_round_trip(chain):
     for wanted in rng.uniform(lower, upper, (30, chain.n)):
         pose = chain.forward(wanted)
         found = inverse(chain, pose, wanted + rng.uniform(-0.3, 0.3, chain.n))
-        assert np.abs(left(chain, found, pose)).max() <= 1e-10
+        assert np.abs(remaining_error(chain, found, pose)).max() <= 1e-10
         assert np.all((found >= chain.lower) & (found <= chain.upper))
 
 
@@ -64,7 +64,7 @@ def test_unreachable_pose_is_approached(chain):
         inverse(chain, pose, start)
     joints = caught.value.state
     assert np.all((joints >= chain.lower) & (joints <= chain.upper))
-    assert np.linalg.norm(left(chain, joints, pose)) < np.linalg.norm(left(chain, start, pose))
+    assert np.linalg.norm(remaining_error(chain, joints, pose)) < np.linalg.norm(remaining_error(chain, start, pose))
 
 
 def test_joint_at_its_limit_does_not_slow_the_others():
@@ -72,7 +72,7 @@ def test_joint_at_its_limit_does_not_slow_the_others():
     arm = replace(planar(0.5, 0.4, 0.3, 0.2), upper=np.array([0.0, 3.0, 3.0, 3.0]))
     pose = arm.forward(np.array([0.0, 0.5, 0.6, 0.4]))
     found = inverse(arm, pose, np.array([0.0, 0.3, 0.9, 0.1]), iterations=10)
-    assert np.abs(left(arm, found, pose)).max() <= 1e-10
+    assert np.abs(remaining_error(arm, found, pose)).max() <= 1e-10
 
 
 def test_any_start_ends_in_an_answer_or_not_converged():
@@ -87,7 +87,7 @@ def test_any_start_ends_in_an_answer_or_not_converged():
             found = inverse(arm, pose, rng.uniform(-3, 3, 3))
         except NotConverged:
             continue
-        assert np.abs(left(arm, found, pose)).max() <= 1e-10
+        assert np.abs(remaining_error(arm, found, pose)).max() <= 1e-10
         reached += 1
     assert reached >= 5
 
@@ -135,7 +135,7 @@ def test_error_reports_the_farthest_pose():
         inverse(arm, SE3.stack([near, far]), np.array([0.2, 0.3]))
     joints = caught.value.state
     np.testing.assert_allclose(joints[0], [0.3, 0.4], atol=1e-8)
-    off = left(arm, joints[1], far)
+    off = remaining_error(arm, joints[1], far)
     said = f"{1e3 * np.linalg.norm(off[:3]):.3g} mm and {np.degrees(np.linalg.norm(off[3:])):.3g} deg away; give a"
     assert said in str(caught.value)
     assert np.linalg.norm(off[:3]) == pytest.approx(0.5, abs=0.1)

@@ -159,11 +159,11 @@ def test_implausible_numbers_are_refused(number):
 
 def test_parsing_time_is_linear_in_links():
     """Twice as many links, each with a mass, take about twice as many calls, not four times."""
-    few, many = calls_of(300), calls_of(600)
+    few, many = count_calls(300), count_calls(600)
     assert many < 2.2 * few
 
 
-def calls_of(count):
+def count_calls(count):
     """Calls of Python functions that reading a chain of so many links takes."""
     mass = '<inertial><mass value="1"/></inertial>'
     links = "".join(f'<link name="l{k}">{mass}</link>' for k in range(count))

@@ -26,7 +26,7 @@ from basecal.numerics.levenberg_marquardt import (
 
 
 @dataclass(frozen=True, eq=False)
-class About:
+class Linearisation:
     """Curves to second order."""
 
     cost: Array
@@ -52,7 +52,7 @@ class Exponentials:
         jacobian = np.stack([np.exp(-b * self.times), -self.times * curve], 1)
         residual = curve - self.seen
         gradient = (jacobian @ residual[..., None])[..., 0]
-        return About(np.sum(residual**2, -1), gradient, jacobian @ np.swapaxes(jacobian, -1, -2))
+        return Linearisation(np.sum(residual**2, -1), gradient, jacobian @ np.swapaxes(jacobian, -1, -2))
 
     def retract(self, state, about, step):
         return state + step
@@ -130,7 +130,7 @@ def test_looser_tolerance_takes_fewer_steps():
     assert np.any(np.abs(off) > 1e-9)
 
 
-def by_hand(system, row, x, steps):
+def explicit_steps(system, row, x, steps):
     """The state after so many steps of one problem, with Nielsen's damping of the diagonal."""
     one, damping, growth = system.take([row]), 1e-9, 2.0
     about = one.linearise(x[None])
@@ -157,20 +157,20 @@ def test_damping_follows_the_gain(steps, first):
     start = np.tile(first, (4, 1))
     with np.errstate(all="ignore"):
         optima = levenberg_marquardt(curves(0.1), start, Criteria(iterations=steps, tolerance=1e-12, dof=1e12))
-        wanted = [by_hand(curves(0.1), row, start[row], steps) for row in range(4)]
+        wanted = [explicit_steps(curves(0.1), row, start[row], steps) for row in range(4)]
     going = optima.iterations == steps
     np.testing.assert_allclose(optima.state[going], np.array(wanted)[going], rtol=1e-7)
     assert np.count_nonzero(going) >= (4 if steps < 5 else 1)
 
 
 @dataclass(frozen=True, eq=False)
-class Misled:
+class WrongGradient:
     """A slope that is told the wrong way round: no step is any good."""
 
     slope: float = 1.0
 
     def linearise(self, state):
-        return About(10.0 + state[:, 0], np.full((len(state), 1), -self.slope), np.ones((len(state), 1, 1)))
+        return Linearisation(10.0 + state[:, 0], np.full((len(state), 1), -self.slope), np.ones((len(state), 1, 1)))
 
     def retract(self, state, about, step):
         return state + step
@@ -180,7 +180,7 @@ class Misled:
 
 
 @dataclass(frozen=True, eq=False)
-class Bent:
+class CurvedResiduals:
     """Residuals x + 1 and c x^2 + x - 1 of each problem's c: Gauss-Newton's steps about the optimum 0 go by 1 + c."""
 
     c: Array
@@ -190,7 +190,7 @@ class Bent:
         residual = np.stack([x + 1, self.c * x**2 + x - 1], -1)
         jacobian = np.stack([np.ones_like(x), 2 * self.c * x + 1], -1)
         gradient = np.einsum("bi,bi->b", jacobian, residual)[:, None]
-        return About(np.sum(residual**2, -1), gradient, np.sum(jacobian**2, -1)[:, None, None])
+        return Linearisation(np.sum(residual**2, -1), gradient, np.sum(jacobian**2, -1)[:, None, None])
 
     def retract(self, state, about, step):
         return state + step
@@ -201,7 +201,7 @@ class Bent:
 
 def test_convergence_with_second_order_curvature():
     """Ten steps reach the optimum to 1e-5 sigma if steps overshoot it by up to 0.9 of their length or fall short."""
-    system = Bent(np.array([-0.9, -0.5, 0.0, 0.4, 0.7]))
+    system = CurvedResiduals(np.array([-0.9, -0.5, 0.0, 0.4, 0.7]))
     optima = levenberg_marquardt(system, np.full((5, 1), 0.01), Criteria(iterations=10))
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state[:, 0], 0.0, atol=1.5e-5)
@@ -210,14 +210,14 @@ def test_convergence_with_second_order_curvature():
 @pytest.mark.parametrize("c", [-3.0, -30.0])
 def test_damped_steps_learn_strong_curvature(c):
     """At most 15 steps suffice if Gauss-Newton steps are 4 or 30 times too long. Damping alone took 18 and 44."""
-    optimum = levenberg_marquardt(Bent(np.array([c])), np.full((1, 1), 0.01), Criteria(iterations=100))
+    optimum = levenberg_marquardt(CurvedResiduals(np.array([c])), np.full((1, 1), 0.01), Criteria(iterations=100))
     assert optimum.converged[0]
     assert optimum.iterations[0] <= 15
     np.testing.assert_allclose(optimum.state[:, 0], 0.0, atol=1.5e-5)
 
 
 @dataclass(frozen=True, eq=False)
-class Shadowed:
+class EliminatedUnknown:
     """(x - y)^2 + (y - 1)^2 / 100 of x and of y, which is eliminated and goes but half of its way at each step."""
 
     def linearise(self, state):
@@ -225,7 +225,7 @@ class Shadowed:
         force = y - x + (y - 1) / 100
         gradient = (x - y) + force / 1.01
         cost = (x - y) ** 2 + (y - 1) ** 2 / 100
-        return About(cost, gradient[:, None], np.full((len(x), 1, 1), 1 - 1 / 1.01), force**2 / 1.01)
+        return Linearisation(cost, gradient[:, None], np.full((len(x), 1, 1), 1 - 1 / 1.01), force**2 / 1.01)
 
     def retract(self, state, about, step):
         x, y = state.T
@@ -238,7 +238,9 @@ class Shadowed:
 
 def test_no_convergence_while_eliminated_unknowns_move():
     """From the best x and a distant y, both unknowns are found to within the tolerance."""
-    optima = levenberg_marquardt(Shadowed(), np.array([[1.0, 5.0], [-3.0, 1.0]]), Criteria(dof=1e4, tolerance=1e-6))
+    optima = levenberg_marquardt(
+        EliminatedUnknown(), np.array([[1.0, 5.0], [-3.0, 1.0]]), Criteria(dof=1e4, tolerance=1e-6)
+    )
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state, 1.0, atol=1e-3)
 
@@ -249,7 +251,7 @@ def test_useless_steps_are_damped_until_the_end(slope, converged, steps):
 
     A step that is negligible for the data ends converged, one beyond all damping is given up.
     """
-    optima = levenberg_marquardt(Misled(slope), np.array([[3.0], [5.0]]), Criteria(iterations=50))
+    optima = levenberg_marquardt(WrongGradient(slope), np.array([[3.0], [5.0]]), Criteria(iterations=50))
     np.testing.assert_array_equal(optima.state, [[3.0], [5.0]])
     np.testing.assert_array_equal(optima.cost, [13.0, 15.0])
     assert optima.converged.tolist() == [converged] * 2
@@ -260,19 +262,21 @@ def test_unobservable_direction_is_no_error():
     """An unknown without effect keeps its value, and the other one reaches its optimum."""
 
     @dataclass(frozen=True, eq=False)
-    class Half(Misled):
+    class Half(WrongGradient):
         """A parabola of the first of two unknowns."""
 
         def linearise(self, state):
             gradient = np.stack([state[:, 0] - 2.0, np.zeros(len(state))], 1)
-            return About((state[:, 0] - 2.0) ** 2, gradient, np.tile(np.diag([1.0, 0.0]), (len(state), 1, 1)))
+            return Linearisation((state[:, 0] - 2.0) ** 2, gradient, np.tile(np.diag([1.0, 0.0]), (len(state), 1, 1)))
 
     optima = levenberg_marquardt(Half(), np.array([[0.0, 7.0]]), Criteria())
     assert optima.converged.all()
     np.testing.assert_allclose(optima.state, [[2.0, 7.0]], atol=1e-6)
 
 
-def flight(cost=8.0, dof=2.0, damping=1e-9, growth=2.0, expected=0.0, eliminated=0.0, hessian=None, gradient=(0, 0)):
+def make_active(
+    cost=8.0, dof=2.0, damping=1e-9, growth=2.0, expected=0.0, eliminated=0.0, hessian=None, gradient=(0, 0)
+):
     """One problem of two unknowns, on its way."""
     hessian = np.eye(2) if hessian is None else np.array(hessian, dtype=float)
     about = Quadratic(np.array([cost]), np.array([gradient], dtype=float), hessian[None], np.array([eliminated]))
@@ -299,10 +303,10 @@ def test_convergence_by_predicted_decrease(expected, before, damping, settled):
     It is in squared sigmas, scaled by the residuals.
     """
     step = np.array([[1e-3, 0.0]])
-    of = flight(damping=damping, expected=before)
+    of = make_active(damping=damping, expected=before)
     assert _has_converged(of, step, np.array([expected]), LOOSE).tolist() == [settled]
     assert _scale(of).tolist() == [4.0]
-    assert _scale(flight(cost=np.inf)).tolist() == [1.0]
+    assert _scale(make_active(cost=np.inf)).tolist() == [1.0]
 
 
 @pytest.mark.parametrize(("step", "eliminated", "before", "damping", "settled"), [
@@ -318,7 +322,7 @@ def test_convergence_by_predicted_decrease(expected, before, damping, settled):
 ])  # fmt: skip
 def test_negligible_step_converges_if_eliminated_unknowns_rest(step, eliminated, before, damping, settled):
     """A step of at most 1e-13 on every axis ends the descent if the eliminated unknowns no longer move."""
-    of = flight(damping=damping, expected=before, eliminated=eliminated)
+    of = make_active(damping=damping, expected=before, eliminated=eliminated)
     assert _has_converged(of, np.array([step]), np.array([1.0]), LOOSE).tolist() == [settled]
 
 
@@ -335,7 +339,7 @@ def test_predicted_decrease_below_rounding_converges(expected, before, cost, dam
 
     Along directions known to degrees, the gradient's rounding predicts that much for ever.
     """
-    of = flight(cost=cost, dof=1.0, damping=damping, expected=before)
+    of = make_active(cost=cost, dof=1.0, damping=damping, expected=before)
     found = _has_converged(of, np.array([[1e-3, 0.0]]), np.array([expected]), Criteria(tolerance=1e-9))
     assert found.tolist() == [settled]
 
@@ -348,7 +352,7 @@ def test_negligible_damping_counts_as_gauss_newton(damping, slope, undamped):
 
     With more, the undamped step, whose square of sigmas is 4e-4, has to be negligible.
     """
-    of = flight(damping=damping, gradient=(slope, 0.0))
+    of = make_active(damping=damping, gradient=(slope, 0.0))
     assert _is_gauss_newton(of, LOOSE).tolist() == [undamped]
 
 
@@ -357,8 +361,8 @@ def test_negligible_damping_counts_as_gauss_newton(damping, slope, undamped):
 )
 def test_accepted_step_reduces_damping_by_gain(gain, factor):
     """Damping changes by Nielsen's cubic of actual over predicted decrease, and its growth restarts from two."""
-    of = flight(cost=300.0, damping=0.5, growth=16.0, expected=7.0)
-    after = flight(cost=300.0 - 2 * gain).linearisation
+    of = make_active(cost=300.0, damping=0.5, growth=16.0, expected=7.0)
+    after = make_active(cost=300.0 - 2 * gain).linearisation
     moved = _accept_step(of, np.ones((1, 2)), after, after.cost, YES, np.array([2.0]), None, FIRST_DAMPING)
     assert moved.damping[0] == pytest.approx(0.5 * factor)
     assert (moved.growth[0], moved.expected[0], moved.cost[0]) == (2.0, 2.0, 300.0 - 2 * gain)
@@ -368,8 +372,8 @@ def test_accepted_step_reduces_damping_by_gain(gain, factor):
 @pytest.mark.parametrize(("damping", "stiffened"), [(0.5, 8.0), (1e-9, 1.6e-2)])
 def test_rejected_step_increases_damping_ever_faster(damping, stiffened):
     """Damping grows from at least 1e-3, and the rest of the state is unchanged."""
-    of = flight(damping=damping, growth=16.0, expected=7.0)
-    after = flight(cost=9.0).linearisation
+    of = make_active(damping=damping, growth=16.0, expected=7.0)
+    after = make_active(cost=9.0).linearisation
     moved = _accept_step(of, np.ones((1, 2)), after, after.cost, ~YES, np.array([2.0]), None, FIRST_DAMPING)
     assert moved.damping[0] == pytest.approx(stiffened)
     assert (moved.growth[0], moved.expected[0], moved.cost[0]) == (32.0, 7.0, 8.0)
@@ -382,8 +386,8 @@ def test_rejected_step_increases_damping_ever_faster(damping, stiffened):
 ])  # fmt: skip
 def test_uninformative_costs_do_not_reduce_the_gain(before, after, factor):
     """Infinite costs, or changes of cost within rounding of a tiny predicted decrease, count as a full gain."""
-    about = flight(cost=after).linearisation
-    of = flight(cost=before, damping=0.5)
+    about = make_active(cost=after).linearisation
+    of = make_active(cost=before, damping=0.5)
     promised = 1e-14 if not before - after > 1e-12 else 8e-12
     moved = _accept_step(of, np.ones((1, 2)), about, about.cost, YES, np.array([promised]), None, FIRST_DAMPING)
     assert moved.damping[0] == pytest.approx(0.5 * factor, rel=1e-3)
@@ -391,9 +395,9 @@ def test_uninformative_costs_do_not_reduce_the_gain(before, after, factor):
 
 def test_damping_has_a_lower_bound():
     """At the lower bound of 1e-9 a step is a Gauss-Newton step."""
-    about = flight(cost=6.0).linearisation
+    about = make_active(cost=6.0).linearisation
     moved = _accept_step(
-        flight(damping=2e-9), np.ones((1, 2)), about, about.cost, YES, np.array([2.0]), None, FIRST_DAMPING
+        make_active(damping=2e-9), np.ones((1, 2)), about, about.cost, YES, np.array([2.0]), None, FIRST_DAMPING
     )
     assert moved.damping[0] == 1e-9
 
@@ -404,7 +408,7 @@ def test_near_optimum_is_a_sigma_and_a_cost_share(dof, limit):
 
     The predicted decrease of a cost of 800 decides.
     """
-    of = flight(cost=800.0, dof=dof)
+    of = make_active(cost=800.0, dof=dof)
     assert _is_near(of, np.array([0.99 * limit])).all()
     assert not _is_near(of, np.array([1.01 * limit])).any()
 
@@ -414,13 +418,13 @@ def test_next_step_uses_residual_curvature():
 
     Eliminated unknowns add their own predicted decrease.
     """
-    of = flight(gradient=(2.0, 1.0), hessian=np.diag([4.0, 1.0]), eliminated=0.25)
+    of = make_active(gradient=(2.0, 1.0), hessian=np.diag([4.0, 1.0]), eliminated=0.25)
     for curvature, step in ((np.diag([0, 0.0]), (-0.5, -1.0)), (np.diag([4.0, 1.0]), (-0.25, -0.5))):
         found, expected = _next_step(replace(of, residual_curvature=curvature[None]))
         np.testing.assert_allclose(found, [step], rtol=1e-6)
         assert expected == pytest.approx(np.sum(np.square(step) * np.diag(np.diag([4.0, 1.0]) + curvature)) + 0.25)
     uphill = np.array([[0.0, 5.0], [5.0, 0.0]])  # its step promises less than nothing
-    of = flight(gradient=(1.0, -1.0), hessian=np.diag([4.0, 1.0]), eliminated=0.25)
+    of = make_active(gradient=(1.0, -1.0), hessian=np.diag([4.0, 1.0]), eliminated=0.25)
     found, expected = _next_step(replace(of, residual_curvature=uphill[None]))
     np.testing.assert_allclose(found, [(-0.25, 1.0)], rtol=1e-6)
     assert expected == pytest.approx(1.5)
@@ -474,12 +478,12 @@ def test_failing_problem_does_not_stop_the_batch():
 
 
 @dataclass(frozen=True, eq=False)
-class Straight:
+class Parabola:
     """A parabola of curvature 4 about 2, of which 0.3 are left at its best."""
 
     def linearise(self, state):
         x = state[:, 0] - 2.0
-        return About(4 * x**2 + 0.3, 4 * x[:, None], np.full((len(x), 1, 1), 4.0))
+        return Linearisation(4 * x**2 + 0.3, 4 * x[:, None], np.full((len(x), 1, 1), 4.0))
 
     def retract(self, state, about, step):
         return state + step
@@ -490,7 +494,7 @@ class Straight:
 
 def test_cost_is_predicted_after_the_last_step():
     """The final cost is computed from the predicted decrease, without another evaluation."""
-    loose = levenberg_marquardt(Straight(), np.array([[2.1], [1.8]]), Criteria(tolerance=1.0))
+    loose = levenberg_marquardt(Parabola(), np.array([[2.1], [1.8]]), Criteria(tolerance=1.0))
     assert (loose.iterations.tolist(), loose.converged.tolist()) == ([1, 1], [True, True])
     np.testing.assert_allclose(loose.state, 2.0, atol=1e-6)
     np.testing.assert_allclose(loose.cost, 0.3, atol=1e-8)

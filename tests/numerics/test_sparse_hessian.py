@@ -62,7 +62,7 @@ def test_non_finite_hessian_has_no_step(dense) -> None:
     assert np.isnan(step).all()
 
 
-class _Line:
+class _LinearProblem:
     """Least squares of a straight problem, as Levenberg-Marquardt knows it."""
 
     def __init__(self, dense):
@@ -81,7 +81,7 @@ class _Line:
 
 def test_levenberg_marquardt_accepts_sparse_hessians(dense) -> None:
     """The descent reaches the optimum, at which every unknown is one."""
-    found = levenberg_marquardt(_Line(dense), np.zeros((1, 12)), Criteria())
+    found = levenberg_marquardt(_LinearProblem(dense), np.zeros((1, 12)), Criteria())
     assert found.converged.all()
     np.testing.assert_allclose(found.state, 1.0, atol=1e-6)
 

@@ -12,7 +12,7 @@ STEP = np.array([0.3, -0.2, 0.1])
 YES = np.array([True])
 
 
-def learnt(missing, bend=None, step=STEP, near=YES):
+def learn_curvature(missing, bend=None, step=STEP, near=YES):
     """What a step of a quadratic shows, of whose curvature the hessian lacks a part."""
     bend = np.zeros((3, 3)) if bend is None else bend
     change = (HESSIAN + missing) @ step
@@ -24,27 +24,27 @@ def test_curvature_of_rank_one_is_learnt_in_one_step(share):
     """Curvature of rank one, above or below the Hessian's, is found fully by a step that is not orthogonal to it."""
     direction = np.array([2.0, 0.5, 0.0])
     missing = share * np.outer(direction, direction) / 4.25
-    np.testing.assert_allclose(learnt(missing), missing, atol=1e-12)
+    np.testing.assert_allclose(learn_curvature(missing), missing, atol=1e-12)
 
 
 def test_curvature_of_rank_two_needs_two_steps():
     """The second step keeps the first step's estimate, and the predicted change of the gradient is exact."""
     missing = np.diag([2.0, 0.5, 0.0])
-    first = learnt(missing)
-    second = learnt(missing, first, np.array([0.1, 0.4, 0.2]))
+    first = learn_curvature(missing)
+    second = learn_curvature(missing, first, np.array([0.1, 0.4, 0.2]))
     np.testing.assert_allclose(second, missing, atol=1e-12)
     assert np.abs(first - missing).max() > 0.1
 
 
 def test_curvature_is_discarded_far_from_the_optimum():
     """Far from an optimum, neither the last step nor the earlier estimate gives any curvature."""
-    assert not learnt(np.eye(3), np.eye(3), near=~YES).any()
+    assert not learn_curvature(np.eye(3), np.eye(3), near=~YES).any()
 
 
 def test_linear_model_has_no_residual_curvature():
     """Changes below a hundredth of the curvature, and steps of zero, leave the estimate unchanged."""
-    assert not learnt(0.005 * HESSIAN).any()
-    assert not learnt(np.eye(3), step=np.zeros(3)).any()
+    assert not learn_curvature(0.005 * HESSIAN).any()
+    assert not learn_curvature(np.eye(3), step=np.zeros(3)).any()
 
 
 def test_ill_conditioned_secant_update_is_skipped():

@@ -36,26 +36,26 @@ PRINTED = pose(PAPER["testbed"]["eye_base_from_hand_base_true"])
 TRUE = SE3(nearest_rotation(PRINTED.rotation), PRINTED.translation)
 
 
-def noiseless(shifts):
+def estimate_without_noise(shifts):
     camera_from_led = EYE_BASE_FROM_CAMERA.inverse() @ PRINTED @ HAND_BASE_FROM_LED
     at = camera_from_led @ np.concatenate([np.zeros((1, 3)), shifts])
     pixels = FOCAL * at[:, :2] / at[:, 2:]
     return estimate(pixels[0], image_gradient(pixels[1:] - pixels[0], shifts), FOCAL)
 
 
-def batch(transform: SE3, spread: float, count: int, seed: int) -> SE3:
+def perturb_transform(transform: SE3, spread: float, count: int, seed: int) -> SE3:
     return transform @ SE3.exp(spread * np.random.default_rng(seed).normal(size=(count, 6)))
 
 
 def test_noiseless_rotation_equals_the_paper():
     """Every entry is within 1e-4 of the printed one, before orthonormalising."""
-    ours = noiseless(0.01 * np.eye(3))
+    ours = estimate_without_noise(0.01 * np.eye(3))
     np.testing.assert_allclose(ours.raw_rotation, PAPER["noiseless"]["camera_from_led"]["R"], atol=1e-4)
 
 
 def test_noiseless_translation_equals_the_paper_except_depth():
     """The paper prints the true depth 3.6084; eq. (9) gives 3.6092."""
-    ours = noiseless(0.01 * np.eye(3)).camera_from_led.translation
+    ours = estimate_without_noise(0.01 * np.eye(3)).camera_from_led.translation
     np.testing.assert_allclose(ours[:2], PAPER["noiseless"]["camera_from_led"]["t"][:2], atol=1e-4)
     assert ours[2] == pytest.approx(3.6092, abs=1e-4)
 
@@ -100,7 +100,9 @@ def test_iteration_without_convergence_is_an_error():
 def test_oblique_and_unequal_shifts_equal_the_papers():
     """With infinitesimal shifts the measured matrix of shifts makes any three directions equivalent."""
     shifts = 1e-6 * np.array([[1.0, 0.2, 0.0], [-0.3, 2.0, 0.1], [0.4, 0.0, 1.5]])
-    np.testing.assert_allclose(noiseless(shifts).raw_rotation, noiseless(1e-6 * np.eye(3)).raw_rotation, atol=1e-5)
+    np.testing.assert_allclose(
+        estimate_without_noise(shifts).raw_rotation, estimate_without_noise(1e-6 * np.eye(3)).raw_rotation, atol=1e-5
+    )
 
 
 def test_coplanar_shifts_are_not_observable():
@@ -113,7 +115,12 @@ def test_coplanar_shifts_are_not_observable():
 def test_stations_and_shifts_are_found_from_poses(two_sided):
     """Three stations are separated by the poses alone, each with its own samples and its shifts measured."""
     simulated = simulate_shifts(
-        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.03, 3, 1), batch(HAND_BASE_FROM_LED, 0.1, 3, 2), CAMERA, 0.05, two_sided
+        TRUE,
+        perturb_transform(EYE_BASE_FROM_CAMERA, 0.03, 3, 1),
+        perturb_transform(HAND_BASE_FROM_LED, 0.1, 3, 2),
+        CAMERA,
+        0.05,
+        two_sided,
     )
     problem, _ = build_problem(simulated.cell, simulated.recording)
     stations = find_stations(problem, lenses(problem, simulated.cell))
@@ -125,7 +132,11 @@ def test_stations_and_shifts_are_found_from_poses(two_sided):
 def test_base_for_a_task_point():
     """The nearest station's base is used unchanged, and the weighted mean approaches it near that station."""
     simulated = simulate_shifts(
-        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.03, 3, 1), batch(HAND_BASE_FROM_LED, 0.2, 3, 2), CAMERA, 0.05
+        TRUE,
+        perturb_transform(EYE_BASE_FROM_CAMERA, 0.03, 3, 1),
+        perturb_transform(HAND_BASE_FROM_LED, 0.2, 3, 2),
+        CAMERA,
+        0.05,
     )
     problem, _ = build_problem(simulated.cell, simulated.recording)
     stations = find_stations(problem, lenses(problem, simulated.cell))
@@ -140,8 +151,8 @@ def test_base_for_a_task_point():
 def test_closed_form_includes_neglected_depth_in_sigma():
     """The truth is within four sigmas, which include the neglected depth, and the verdict is doubtful."""
     simulated = simulate_shifts(
-        TRUE, batch(EYE_BASE_FROM_CAMERA, 0.02, 6, 1), batch(HAND_BASE_FROM_LED, 0.05, 6, 2), CAMERA, 0.1,
-        is_two_sided=True, pixel_px=0.05,
+        TRUE, perturb_transform(EYE_BASE_FROM_CAMERA, 0.02, 6, 1), perturb_transform(HAND_BASE_FROM_LED, 0.05, 6, 2),
+        CAMERA, 0.1, is_two_sided=True, pixel_px=0.05,
     )  # fmt: skip
     calibration = calibrate(simulated.cell, simulated.recording, Settings(method="axis-shift"))
     estimated = calibration["eye_base_from_hand_base"]
@@ -155,8 +166,8 @@ def test_closed_form_starts_the_general_solver():
     """A descent from the closed form ends at the solver's own optimum."""
     simulated = simulate_shifts(
         TRUE,
-        batch(EYE_BASE_FROM_CAMERA, 0.02, 4, 1),
-        batch(HAND_BASE_FROM_LED, 0.05, 4, 2),
+        perturb_transform(EYE_BASE_FROM_CAMERA, 0.02, 4, 1),
+        perturb_transform(HAND_BASE_FROM_LED, 0.05, 4, 2),
         CAMERA,
         0.1,
         pixel_px=0.1,

@@ -22,14 +22,14 @@ EYE = SE3.from_rotvec([[0.0, 0.0, 0.1], [0.05, 0.0, 0.2]], [[0.1, 0.0, 0.0], [0.
 SEEN = SE3.from_rotvec([[0.1, 0.2, 0.0], [0.0, 0.1, -0.1]], [[0.0, 0.0, 0.8], [0.0, 0.0, 0.9]])
 
 
-def recorded(shift_m=0.01, two_sided=True):
+def problem_of_two_stations(shift_m=0.01, two_sided=True):
     """A problem of two stations, and their cameras."""
     made = simulate_shifts(BASE, EYE, BASE.inverse() @ EYE @ SEEN, LENS, shift_m, two_sided)
     problem, _ = build_problem(made.cell, made.recording)
     return problem, made.cameras
 
 
-def moved(problem, view, camera=(0.0,) * 6, light=(0.0,) * 6):
+def perturb_view(problem, view, camera=(0.0,) * 6, light=(0.0,) * 6):
     """The problem with the poses of one view changed."""
     (group,) = problem.groups
     change = np.zeros((2, len(group), 6))
@@ -40,7 +40,7 @@ def moved(problem, view, camera=(0.0,) * 6, light=(0.0,) * 6):
 
 def test_each_camera_pose_is_a_station():
     """Two stations are found, each with its samples, its shifts from the middle, and nearly the true base."""
-    problem, cameras = recorded(shift_m=1e-3)
+    problem, cameras = problem_of_two_stations(shift_m=1e-3)
     found = find_stations(problem, cameras)
     assert [sorted(s.samples.tolist()) for s in found] == [list(range(7)), list(range(7, 14))]
     for station, eye in zip(found, (EYE[0], EYE[1]), strict=True):
@@ -55,8 +55,8 @@ def test_each_camera_pose_is_a_station():
 @pytest.mark.parametrize(("shift", "views"), [(1.9e-4, [7, 7]), (2.1e-4, [4, 7])])
 def test_camera_is_still_within_arm_repeatability(shift, views):
     """A motion of 0.2 mm ends a station, and three views after it do not form another one."""
-    problem, cameras = recorded()
-    found = find_stations(moved(problem, [4, 5, 6], camera=[shift, 0, 0, 0, 0, 0]), cameras)
+    problem, cameras = problem_of_two_stations()
+    found = find_stations(perturb_view(problem, [4, 5, 6], camera=[shift, 0, 0, 0, 0, 0]), cameras)
     assert [len(station.samples) for station in found] == views
 
 
@@ -64,17 +64,17 @@ def test_camera_is_still_within_arm_repeatability(shift, views):
 @pytest.mark.parametrize("who", ["camera", "light"])
 def test_rotations_end_a_station(turn, whole, who):
     """A rotation of 1 mrad of camera or LED ends a station."""
-    problem, cameras = recorded()
-    found = find_stations(moved(problem, [5, 6], **{who: [0, 0, 0, turn, 0, 0]}), cameras)
+    problem, cameras = problem_of_two_stations()
+    found = find_stations(perturb_view(problem, [5, 6], **{who: [0, 0, 0, turn, 0, 0]}), cameras)
     assert (len(found[0].samples) == 7) == whole
 
 
 def test_station_needs_three_directions():
     """Three views, or coplanar shifts, form no station, and the error suggests what to do."""
-    problem, cameras = recorded(two_sided=False)
+    problem, cameras = problem_of_two_stations(two_sided=False)
     (group,) = problem.groups
     three = problem.with_groups([group.take(np.array([0, 1, 2]))])
-    (flat,) = moved(problem, [3], light=[0.0, 0.0, -0.01, 0, 0, 0]).groups
+    (flat,) = perturb_view(problem, [3], light=[0.0, 0.0, -0.01, 0, 0, 0]).groups
     for none in (three, problem.with_groups([flat.take(np.arange(4))])):
         with pytest.raises(NotObservable, match="no station found"):
             find_stations(none, cameras)
@@ -82,7 +82,7 @@ def test_station_needs_three_directions():
 
 def test_mounts_of_camera_and_led_must_be_known():
     """The mounts of camera and LED have to be fixed or have a prior."""
-    problem, cameras = recorded()
+    problem, cameras = problem_of_two_stations()
     (group,) = problem.groups
     for name in (group.eye.mount, group.hand.mount):
         unknown = replace(problem, unknowns={**problem.unknowns, name: Unknown("free", SE3.identity())})
@@ -104,7 +104,7 @@ def test_bases_are_fused_by_weight():
 
 def test_base_for_a_task_is_nearest_or_weighted():
     """The base is that of the nearest station, or the mean weighted by the squared inverse distance."""
-    problem, cameras = recorded()
+    problem, cameras = problem_of_two_stations()
     first, second = find_stations(problem, cameras)
     bases = [first.base(), second.base()]
     lights = [(b @ s.hand_base_from_led).translation for b, s in zip(bases, (first, second), strict=True)]
@@ -124,7 +124,7 @@ SHIFTS = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.
 FOCAL = np.array([800.0, 400.0])
 
 
-def station_of(led_px):
+def make_station(led_px):
     """One that saw so much at `SHIFTS`."""
     return Station("camera", "light", np.arange(4), FOCAL, led_px, SHIFTS, EYE[0], SEEN[1])
 
@@ -136,7 +136,7 @@ def test_station_predicts_its_pixels():
     """
     matrix = np.linalg.inv(EYE[0].matrix) @ BASE.matrix @ SEEN[1].matrix
     at = SHIFTS @ matrix[:3, :3].T + matrix[:3, 3]
-    found = station_of(np.zeros((4, 2)))
+    found = make_station(np.zeros((4, 2)))
     np.testing.assert_allclose(found.predicted_px(BASE), np.stack([800 * at[:, 0], 400 * at[:, 1]], 1) / at[:, 2:])
     assert found.rms_shift_m == pytest.approx(np.sqrt((0.02**2 + 0.03**2 + 0.06**2) / 3))
 
@@ -146,17 +146,17 @@ def test_closed_form_is_exact_for_shifts_without_depth():
     pose = SE3.from_rotvec([0.3, -0.2, 0.4], [0.05, -0.1, 0.5])
     first = FOCAL * pose.translation[:2] / 0.5
     px = first + FOCAL * (SHIFTS @ pose.rotation[:2].T) / 0.5
-    found = station_of(px).camera_from_led()
+    found = make_station(px).camera_from_led()
     np.testing.assert_allclose(found.matrix, pose.matrix, atol=1e-12)
-    several = station_of(np.zeros((4, 2))).camera_from_led(np.stack([px, px]))
+    several = make_station(np.zeros((4, 2))).camera_from_led(np.stack([px, px]))
     np.testing.assert_allclose(several.matrix, np.stack([pose.matrix] * 2), atol=1e-12)
     base = EYE[0].matrix @ pose.matrix @ np.linalg.inv(SEEN[1].matrix)
-    np.testing.assert_allclose(station_of(px).base().matrix, base, atol=1e-12)
+    np.testing.assert_allclose(make_station(px).base().matrix, base, atol=1e-12)
 
 
 def test_shifts_start_from_the_view_nearest_to_their_middle():
     """Shifts are in the axes of the LED, wherever it is. Three views, or coplanar shifts, are no station."""
-    (group,) = recorded()[0].groups
+    (group,) = problem_of_two_stations()[0].groups
     turned = SE3.from_rotvec([0.0, 0.0, np.pi / 2], [5.0, 6.0, 7.0])
     shifts = np.array([[0.2, 0, 0], [0, 0.3, 0], [0.01, 0, 0], [0, 0, 0.25], [-0.2, 0, 0], [0, -0.3, 0], [0, 0, -0.25]])
     lights = SE3.stack([SE3(turned.rotation, turned.translation + shift) for shift in shifts])
@@ -174,7 +174,7 @@ def test_shifts_start_from_the_view_nearest_to_their_middle():
 
 def test_targets_with_several_points_have_no_stations():
     """An LED that is not measured in pixels has none either, but an LED beside them has its own."""
-    problem, cameras = recorded()
+    problem, cameras = problem_of_two_stations()
     (group,) = problem.groups
     of = group.measurement
     twice = {name: np.repeat(getattr(of, name), 2, axis=1) for name in ("pixels", "seen", "stated", "weight")}

@@ -54,12 +54,12 @@ NOT_TOLD = {
 }
 
 
-def solved(scenario: Scenario, seed: int = 1) -> Solution:
+def solve_scenario(scenario: Scenario, seed: int = 1) -> Solution:
     made = simulate(scenario, seed)
     return solve(made.cell, made.recording)
 
 
-def shifted(solution: Solution, rng: np.random.Generator, size: float) -> State:
+def perturb_state(solution: Solution, rng: np.random.Generator, size: float) -> State:
     """A state as far from the solution as `size`, its stop errors random too."""
     state = solution.state
     moved = {
@@ -77,7 +77,7 @@ def test_well_posed_cells_are_proven(name):
 
     Noise is up to 0.1 rad on arms and views, and arms rotate by 1.2 rad.
     """
-    certificate, better = certify(solved(PROVEN[name]))
+    certificate, better = certify(solve_scenario(PROVEN[name]))
     assert certificate.is_global is True
     assert certificate.reason == ""
     assert certificate.gap is not None
@@ -89,7 +89,7 @@ def test_well_posed_cells_are_proven(name):
 def test_cells_without_view_poses_are_not_certified(name):
     """The result is null with the reason, and has no bound."""
     scenario, reason = NOT_TOLD[name]
-    certificate = certify(solved(scenario)).certificate
+    certificate = certify(solve_scenario(scenario)).certificate
     assert certificate.gap is None
     assert certificate.is_global is None
     assert reason in certificate.reason
@@ -97,7 +97,7 @@ def test_cells_without_view_poses_are_not_certified(name):
 
 def test_form_is_the_sum_over_loops():
     """At any rotations the form is the weighted mean of sin^2 of half the loops' angles, to 1e-12."""
-    solution = solved(Scenario(target="pose", samples=7))
+    solution = solve_scenario(Scenario(target="pose", samples=7))
     problem, (group,) = solution.problem, solution.problem.groups
     made = loop_form(problem, solution.state, group, view_costs(problem, solution.state, group))
     rng = np.random.default_rng(0)
@@ -128,14 +128,14 @@ SOUND = {
 def test_no_state_costs_less_than_its_bound(name):
     """The cost of any state is at least the views' constants plus the loops' forms at its rotations."""
     scenario, sizes = SOUND[name]
-    solution = solved(scenario)
+    solution = solve_scenario(scenario)
     problem = solution.problem
     views = [view_costs(problem, solution.state, group) for group in problem.groups]
     forms = [loop_form(problem, solution.state, g, v) for g, v in zip(problem.groups, views, strict=True)]
     rng = np.random.default_rng(3)
     for size in sizes:
         for _ in range(12):
-            state = shifted(solution, rng, size)
+            state = perturb_state(solution, rng, size)
             least = sum(v.constant.sum() for v in views)
             for group, made in zip(problem.groups, forms, strict=True):
                 v = kronecker_product(rotation_factors(made.loop, state_rotations(state, group, made.merged)))
@@ -145,7 +145,7 @@ def test_no_state_costs_less_than_its_bound(name):
 
 def test_bound_nearly_equals_the_cost_of_rotations():
     """With nearly unweighted translations and equal sigmas, the bound leaves less than 2 % of the cost."""
-    solution = solved(Scenario(target="pose", pose_noise=(10.0, 3e-3), samples=40))
+    solution = solve_scenario(Scenario(target="pose", pose_noise=(10.0, 3e-3), samples=40))
     rotation_only = replace(
         solution.problem.groups[0].measurement,
         weight=solution.problem.groups[0].measurement.weight * np.array([1e-9] * 3 + [1.0] * 3),
@@ -167,7 +167,7 @@ def test_rotations_about_one_axis_are_never_proven(seed):
 def test_ambiguous_views_do_not_count():
     """At 0.2 px every view of a far board counts. At 8 px some do not, and no claim is made."""
     clear, blurred = (
-        solved(Scenario(pixel_px=px, samples=12, spread_rad=0.3, distance_m=(0.85, 0.9))) for px in (0.2, 8.0)
+        solve_scenario(Scenario(pixel_px=px, samples=12, spread_rad=0.3, distance_m=(0.85, 0.9))) for px in (0.2, 8.0)
     )
     counted = []
     for solution in (clear, blurred):
@@ -194,7 +194,7 @@ def test_no_claim_of_forty_cells_is_undercut(kind):
     assert not any(trial(kind, seed).false for seed in range(200, 240))
 
 
-def misled(seed: int):
+def cell_with_wrong_guesses(seed: int):
     """A cell whose guesses are far off, and its recording."""
     made = simulate(Scenario(target="pose", spread_rad=1.0, samples=12), seed)
     rng = np.random.default_rng(seed)
@@ -216,7 +216,7 @@ def test_better_optimum_replaces_the_solution():
     """From misleading guesses the result returns to the proven optimum, with a finding."""
     astray = 0
     for seed in range(12):
-        cell, recording = misled(seed)
+        cell, recording = cell_with_wrong_guesses(seed)
         guessed = solve(cell, recording, Settings(start="guess", robot_noise="stated"))
         best = solve(cell, recording)
         calibration = calibrate(cell, recording, Settings(start="guess", certify=True))
@@ -234,7 +234,7 @@ def test_better_optimum_replaces_the_solution():
 
 def test_certificate_is_made_on_request_or_if_disputed():
     """A certificate is not made by default. It is made without a request if starts ended in different optima."""
-    solution = solved(Scenario(target="pose"))
+    solution = solve_scenario(Scenario(target="pose"))
     assert prove_solution(solution, Settings())[1] is None
     for certificate in (
         prove_solution(solution, Settings(certify=True))[1],
@@ -253,11 +253,11 @@ def test_differing_starts_trigger_a_certificate(monkeypatch):
 
     def leads_elsewhere(seed):
         """Whether the guesses of a cell end above its best start."""
-        cell, recording = misled(seed)
+        cell, recording = cell_with_wrong_guesses(seed)
         best = solve(cell, recording).cost
         return solve(cell, recording, Settings(start="guess", robot_noise="stated")).cost > best * (1 + 1e-5)
 
-    cell, recording = misled(next(filter(leads_elsewhere, range(12))))
+    cell, recording = cell_with_wrong_guesses(next(filter(leads_elsewhere, range(12))))
     assert solve(cell, recording).disputed
     certificate = calibrate(cell, recording).certificate
     assert certificate is not None
@@ -269,7 +269,7 @@ def test_differing_starts_trigger_a_certificate(monkeypatch):
 @pytest.mark.parametrize("target", ["charuco", "led"])
 def test_perturbed_starts_have_the_requested_rotation(target):
     """All rotations together change by 0.5 rad. An LED, which has no rotation, and fixed transforms are unchanged."""
-    solution = solved(Scenario(target=target, samples=8))
+    solution = solve_scenario(Scenario(target=target, samples=8))
     moves = [name for name in solution.problem.columns if name not in solution.problem.point_mounts]
     for state in _perturbed_states(solution, 0.5):
         off = {n: (t.inverse() @ state.transforms[n]).log() for n, t in solution.state.transforms.items()}
@@ -290,7 +290,7 @@ def test_proven_rotations_lead_back_from_a_worse_state(reference, monkeypatch):
     ]
     other = "hand" if reference == "eye" else "eye"
     best = solve(replace(made.cell, reference=reference, bases={other: Unknown()}), Recording(tuple(samples)))
-    astray = replace(best, state=shifted(best, np.random.default_rng(0), 0.8), cost=1e3 * best.cost)
+    astray = replace(best, state=perturb_state(best, np.random.default_rng(0), 0.8), cost=1e3 * best.cost)
     certificate, better = certify(astray)
     assert certificate.is_global is None
     assert certificate.reason == "the proven rotations lead to a better fit"
@@ -316,7 +316,7 @@ def test_proven_rotations_lead_back_from_a_worse_state(reference, monkeypatch):
 )
 def test_reasons_for_no_certificate(change, reason):
     """Each reason is tested separately. A gap is present if it was found on the way."""
-    solution = solved(Scenario(target="pose", samples=8))
+    solution = solve_scenario(Scenario(target="pose", samples=8))
     certificate, better = certify(change(solution))
     assert (certificate.is_global, certificate.reason, better) == (None, reason, None)
     assert (certificate.gap is None) == (reason != "the solution is not an optimum")
@@ -326,7 +326,9 @@ def test_reasons_for_no_certificate(change, reason):
 def test_views_of_four_points_have_a_pose(corners, told):
     """Views of three points have none, and the certificate reports it."""
     square = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]])[:corners]
-    certificate = certify(solved(Scenario(target="points", samples=10, board=points_target(square)))).certificate
+    certificate = certify(
+        solve_scenario(Scenario(target="points", samples=10, board=points_target(square)))
+    ).certificate
     reason = "no pose from a single view: fewer than four points are seen"
     assert (certificate.reason == reason) != told
     assert (certificate.gap is None) != told
@@ -338,7 +340,7 @@ def test_views_of_four_points_have_a_pose(corners, told):
 ])  # fmt: skip
 def test_other_optima_differ_in_cost_and_transforms(monkeypatch, cost, off, is_global, is_better):
     """If descents end at another cost, the transforms decide if it is another optimum. A better one is returned."""
-    solution = solved(Scenario(target="pose", samples=5, layout="eye_in_hand"))
+    solution = solve_scenario(Scenario(target="pose", samples=5, layout="eye_in_hand"))
     state = solution.state
     other = replace(state, transforms={n: t @ SE3.exp([off, 0, 0, 0, 0, 0]) for n, t in state.transforms.items()})
     ends = iter([SimpleNamespace(cost=1.0, state=state), SimpleNamespace(cost=cost, state=other)])
@@ -359,7 +361,7 @@ def test_search_radius_follows_from_the_bound(monkeypatch):
     """
     asked = []
     monkeypatch.setattr(module, "_explore_surroundings", lambda *given: asked.append(given))
-    solution = solved(Scenario(target="pose", samples=8, layout="eye_in_hand"))
+    solution = solve_scenario(Scenario(target="pose", samples=8, layout="eye_in_hand"))
     certify(solution)
     ((_, share, _),) = asked
     (loop,), constant = proven_loops(solution)

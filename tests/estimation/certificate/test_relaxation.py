@@ -11,7 +11,7 @@ from basecal.estimation.certificate import relaxation
 from basecal.estimation.certificate.relaxation import Bound, kronecker_product, local_minimum, lower_bound
 
 
-def units(rng: np.random.Generator, count: int) -> tuple[np.ndarray, ...]:
+def random_units(rng: np.random.Generator, count: int) -> tuple[np.ndarray, ...]:
     q = rng.standard_normal((count, 4))
     return tuple(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
@@ -23,12 +23,12 @@ def random_form(rng: np.random.Generator, count: int, rank: int) -> np.ndarray:
 
 def brute_force(form: np.ndarray, count: int, starts: int, seed: int) -> tuple[tuple[np.ndarray, ...], float]:
     rng = np.random.default_rng(seed)
-    return min((local_minimum(form, units(rng, count)) for _ in range(starts)), key=lambda end: end[1])
+    return min((local_minimum(form, random_units(rng, count)) for _ in range(starts)), key=lambda end: end[1])
 
 
-def near_a_product(rng: np.random.Generator, count: int, noise: float) -> np.ndarray:
+def form_near_a_product(rng: np.random.Generator, count: int, noise: float) -> np.ndarray:
     """A form that is nearly zero on one product, as data with little noise give."""
-    best = kronecker_product(units(rng, count))
+    best = kronecker_product(random_units(rng, count))
     rows = rng.standard_normal((3 * 4**count, 4**count))
     rows -= np.outer(rows @ best, best) * (1 - noise)
     return rows.T @ rows / (3 * 16**count)
@@ -54,7 +54,7 @@ def test_no_product_is_below_the_bound(count, rank):
 def test_growth_holds_for_every_product(count):
     """The form is nowhere below lower + growth (1 - (v' best)^2), near the best product and far from it."""
     rng = np.random.default_rng(count)
-    form = near_a_product(rng, count, 0.05)
+    form = form_near_a_product(rng, count, 0.05)
     found = lower_bound(form, brute_force(form, count, 10, 2)[0])
     best = kronecker_product(found.factors)
     for size in (0.01, 0.1, 1.0, 10.0):
@@ -69,7 +69,7 @@ def test_proof_is_tight_for_a_distinct_optimum(count):
     """If one product is much better than others, the bound is its value to 1e-9 of the form."""
     rng = np.random.default_rng(count)
     for _ in range(5):
-        form = near_a_product(rng, count, 0.05)
+        form = form_near_a_product(rng, count, 0.05)
         found = lower_bound(form, brute_force(form, count, 10, 3)[0])
         assert found.value - found.lower < 1e-9 * np.linalg.eigvalsh(form)[-1]
         assert found.growth > 1e-3 * np.linalg.eigvalsh(form)[-1]
@@ -101,7 +101,7 @@ def test_continuum_of_minima_has_no_growth():
     assert found.growth < 1e-6
 
 
-def by_clarabel(form: np.ndarray, count: int) -> float:
+def bound_by_clarabel(form: np.ndarray, count: int) -> float:
     """The least of <form, T> over semidefinite T of trace one that exchanges of indices leave as they are."""
     clarabel = pytest.importorskip("clarabel", reason="clarabel, the other solver of this test, is not installed")
     from scipy import sparse
@@ -132,17 +132,17 @@ def by_clarabel(form: np.ndarray, count: int) -> float:
 @pytest.mark.parametrize("noise", [0.02, 0.2])
 def test_bound_equals_an_interior_point_solver(seed, noise):
     """An interior-point solver for semidefinite programs finds the same bound, to 1e-6 of the form."""
-    form = near_a_product(np.random.default_rng([seed, 9]), 2, noise)
+    form = form_near_a_product(np.random.default_rng([seed, 9]), 2, noise)
     found: Bound = lower_bound(form, brute_force(form, 2, 10, 1)[0])
-    assert found.lower == pytest.approx(by_clarabel(form, 2), abs=1e-6 * np.linalg.eigvalsh(form)[-1])
+    assert found.lower == pytest.approx(bound_by_clarabel(form, 2), abs=1e-6 * np.linalg.eigvalsh(form)[-1])
 
 
 @pytest.mark.slow
 def test_bound_of_three_factors_equals_an_interior_point_solver():
     """With three factors the bounds agree to 1e-6 of the form. The other solver takes seconds."""
-    form = near_a_product(np.random.default_rng(9), 3, 0.1)
+    form = form_near_a_product(np.random.default_rng(9), 3, 0.1)
     found = lower_bound(form, brute_force(form, 3, 10, 1)[0])
-    assert found.lower == pytest.approx(by_clarabel(form, 3), abs=1e-6 * np.linalg.eigvalsh(form)[-1])
+    assert found.lower == pytest.approx(bound_by_clarabel(form, 3), abs=1e-6 * np.linalg.eigvalsh(form)[-1])
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -155,7 +155,7 @@ def test_smallest_eigenvalue_is_raised(seed):
     np.testing.assert_allclose(np.bincount(entries, (raised - form).ravel()), 0, atol=1e-12)
 
 
-def exchanged(matrix: np.ndarray, count: int) -> list[np.ndarray]:
+def all_exchanges(matrix: np.ndarray, count: int) -> list[np.ndarray]:
     """A matrix with the indices of any of its factors exchanged between row and column, all 2^k."""
     of = matrix.reshape((4,) * (2 * count))
     found = []
@@ -172,7 +172,7 @@ def exchanged(matrix: np.ndarray, count: int) -> list[np.ndarray]:
 def test_exchange_mean_is_the_mean_of_all_exchanges(count, rng):
     """The mean is over all 2^k exchanges of row and column indices of factors."""
     matrix = rng.standard_normal((4**count, 4**count))
-    mean = sum(exchanged(matrix, count)) / 2**count
+    mean = sum(all_exchanges(matrix, count)) / 2**count
     np.testing.assert_allclose(relaxation._exchange_mean(matrix, count), mean, atol=1e-12)
 
 
@@ -276,7 +276,7 @@ def test_conjugate_gradients_end_at_a_hundredth(rng, monkeypatch):
 def test_parts_that_affect_products_lower_the_bound(monkeypatch):
     """If the form is raised by a part that affects products, the bound is not raised."""
     rng = np.random.default_rng(3)
-    form = near_a_product(rng, 2, 0.05)
+    form = form_near_a_product(rng, 2, 0.05)
     factors, value = brute_force(form, 2, 5, 1)
     honest, raised = lower_bound(form, factors), relaxation._maximise_dual
     monkeypatch.setattr(relaxation, "_maximise_dual", lambda rest, count: raised(rest, count) + 0.1 * np.eye(len(rest)))
@@ -293,7 +293,7 @@ def test_local_minimum_is_lowest_in_each_factor(count, rng):
     For a single factor it is the smallest eigenvalue, found at once and confirmed.
     """
     form = random_form(rng, count, 6)
-    factors, value = local_minimum(form, units(rng, count))
+    factors, value = local_minimum(form, random_units(rng, count))
     best = kronecker_product(factors)
     assert best @ form @ best == pytest.approx(value, rel=1e-9)
     for j in range(count):
@@ -308,7 +308,7 @@ def test_local_minimum_is_lowest_in_each_factor(count, rng):
 
 def test_sweeps_end_without_improvement(rng, monkeypatch):
     """With one factor the second sweep improves nothing; with a limit of one, there is one sweep."""
-    form, start = random_form(rng, 1, 6), units(rng, 1)
+    form, start = random_form(rng, 1, 6), random_units(rng, 1)
     made, whole = [], relaxation.kronecker_product
     monkeypatch.setattr(relaxation, "kronecker_product", lambda of: made.append(len(of)) or whole(of))
     _, value = local_minimum(form, start)

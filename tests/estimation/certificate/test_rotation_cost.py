@@ -31,7 +31,7 @@ def random_poses(rng, shape=()):
     return SE3.exp(rng.normal(size=(*shape, 6)))
 
 
-def loop_of(rng, fixed=(), eye="eye", hand="hand", n=9, stops=None, eye_stop=None):
+def random_loop(rng, fixed=(), eye="eye", hand="hand", n=9, stops=None, eye_stop=None):
     """A problem of one loop with random poses, a random state, and views of random weights."""
     a, b, c = (random_poses(rng, (n,)) for _ in "abc")
     a = SE3.identity((n,)) if eye is None else a
@@ -58,7 +58,7 @@ def half_sines(group, costs, x, y, z):
 @pytest.mark.parametrize("fixed", [(), (X,), (Y,), (Z,), (X, Y), (Y, Z), (X, Z)])
 def test_form_equals_the_loop_cost(rng, fixed):
     """On the quaternions of any rotations it is the weighted mean of sin^2 of half the loops' angles."""
-    problem, state, group, costs = loop_of(rng, fixed)
+    problem, state, group, costs = random_loop(rng, fixed)
     found = loop_form(problem, state, group, costs)
     assert found.weight == pytest.approx(costs.weight.sum())
     assert found.merged == ""
@@ -72,7 +72,7 @@ def test_form_equals_the_loop_cost(rng, fixed):
 
 def test_factors_represent_rotations(rng):
     """Rotations are converted to factors and back, with the known ones beside them."""
-    problem, state, group, costs = loop_of(rng, (Y,))
+    problem, state, group, costs = random_loop(rng, (Y,))
     loop = loop_form(problem, state, group, costs).loop
     x, z = random_poses(rng).rotation, random_poses(rng).rotation
     back = rotations_from_factors(loop, rotation_factors(loop, Rotations(x, np.eye(3), z)))
@@ -85,7 +85,7 @@ def test_factors_represent_rotations(rng):
 @pytest.mark.parametrize(("eye", "hand", "merged"), [(None, "hand", "x"), ("eye", None, "z"), ("eye", "hand", "")])
 def test_missing_arm_merges_two_unknowns(rng, eye, hand, merged):
     """Without the eye's arm Y' X is one rotation, without the hand's Y Z. The state's rotations are merged equally."""
-    problem, state, group, costs = loop_of(rng, eye=eye, hand=hand)
+    problem, state, group, costs = random_loop(rng, eye=eye, hand=hand)
     found = loop_form(problem, state, group, costs)
     assert found.merged == merged
     assert len(found.loop.unknown) == (3 if merged == "" else 2)
@@ -100,7 +100,7 @@ def test_missing_arm_merges_two_unknowns(rng, eye, hand, merged):
 def test_stop_errors_reduce_view_weights(rng):
     """A view of weight w at a stop of m views and sigma s counts as 1 / (1 / w + m s^2 / 4). The worst axis gives s."""
     stops = Stops(np.array([[1, 1, 1, 0.1, 0.3, 0.2], [1, 1, 1, 0.5, 0.5, 0.5]]), ("eye", "eye"))
-    problem, state, group, costs = loop_of(rng, n=4, stops=stops, eye_stop=[0, 0, 1, -1])
+    problem, state, group, costs = random_loop(rng, n=4, stops=stops, eye_stop=[0, 0, 1, -1])
     found = loop_form(problem, state, group, costs)
     slack = np.array([2 * 0.09, 2 * 0.09, 0.25, 0.0]) / 4
     np.testing.assert_allclose(found.loop.weight, 1 / (1 / costs.weight + slack))
@@ -117,7 +117,7 @@ def test_stop_errors_reduce_view_weights(rng):
 
 def test_form_of_more_views_than_one_chunk(rng):
     """More views than are summed at once give the form of all."""
-    problem, state, group, costs = loop_of(rng, (X, Y), n=2100)
+    problem, state, group, costs = random_loop(rng, (X, Y), n=2100)
     found = loop_form(problem, state, group, costs)
     z = random_poses(rng).rotation
     x, y = (state.transforms[name].rotation for name in (X, Y))

@@ -21,11 +21,16 @@ SMALL_RAD = 1e-3
 
 def views_of(target):
     """Group, camera, costs and poses of three views of a board, in pixels, as points or as poses."""
-    problem, state, group = at_the_truth(Scenario(samples=3, target=target))
-    return group, state.cameras.get(group.camera), view_costs(problem, state, group), near_of(problem, state)
+    problem, state, group = problem_at_truth(Scenario(samples=3, target=target))
+    return (
+        group,
+        state.cameras.get(group.camera),
+        view_costs(problem, state, group),
+        view_poses_near_truth(problem, state),
+    )
 
 
-def at_the_truth(scenario: Scenario):
+def problem_at_truth(scenario: Scenario):
     """A simulated problem of one group, its true state, and the group."""
     made = simulate(scenario, 4)
     problem, _ = build_problem(made.cell, made.recording)
@@ -33,13 +38,13 @@ def at_the_truth(scenario: Scenario):
     return problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6))), group
 
 
-def near_of(problem, state):
+def view_poses_near_truth(problem, state):
     """Where the views are: their own poses where these were measured, else the true ones."""
     measured = getattr(problem.groups[0].measurement, "measured_camera_from_target", None)
     return measured or state.camera_from_target(problem.groups[0], problem.stops)
 
 
-def cost_turned(group, camera, costs, near, turns):
+def rotated_cost(group, camera, costs, near, turns):
     """Least cost over translations of each view turned from its own rotation by rotation vectors (k, 3), (k, n)."""
     k, n = len(turns), len(group)
     rotation = costs.camera_from_target.rotation @ SE3.from_rotvec(turns, np.zeros((k, 3))).rotation[:, None]
@@ -62,7 +67,7 @@ def directions(rng, count):
 def test_cost_increases_at_least_as_bounded(target, angle, rng):
     """Rotated about any axis, a view costs more than its constant plus the weight times sin^2 of half the angle."""
     group, camera, costs, near = views_of(target)
-    cost = cost_turned(group, camera, costs, near, angle * directions(rng, 30))
+    cost = rotated_cost(group, camera, costs, near, angle * directions(rng, 30))
     bound = costs.constant + costs.weight * np.sin(angle / 2) ** 2
     assert np.all(cost >= bound - 1e-6 * np.abs(bound))
 
@@ -74,7 +79,7 @@ def test_bound_is_as_tight_as_stated(target, share, rng):
     For pixels, whose curvature is halved, it costs twice that.
     """
     group, camera, costs, near = views_of(target)
-    rise = cost_turned(group, camera, costs, near, SMALL_RAD * directions(rng, 500)) - costs.constant
+    rise = rotated_cost(group, camera, costs, near, SMALL_RAD * directions(rng, 500)) - costs.constant
     ratio = costs.weight * np.sin(SMALL_RAD / 2) ** 2 / np.min(rise, axis=0)
     np.testing.assert_allclose(ratio, share, rtol=0.05)
 
@@ -148,7 +153,7 @@ def test_unseen_and_unweighted_corners_are_ignored():
 
     The coordinates of such corners do not affect the others.
     """
-    problem, state, group = at_the_truth(Scenario(samples=4))
+    problem, state, group = problem_at_truth(Scenario(samples=4))
     of = group.measurement
     whole = view_costs(problem, state, group)
     seen, weight, pixels = of.seen.copy(), of.weight.copy(), of.pixels.copy()
@@ -171,7 +176,7 @@ def test_unseen_and_unweighted_corners_are_ignored():
 
 def test_planar_board_has_a_second_pose():
     """The second pose is worse than the first at a slanted view, and its cost is that of the points around it."""
-    problem, state, group = at_the_truth(Scenario(samples=4))
+    problem, state, group = problem_at_truth(Scenario(samples=4))
     found = view_costs(problem, state, group)
     camera = state.cameras[group.camera]
     cost = group.measurement.linearise(found.camera_from_target, camera, False).cost
@@ -186,7 +191,7 @@ def test_planar_board_has_a_second_pose():
 
 def test_view_of_three_points_has_zero_weight():
     """A view of three points costs nothing at any rotation, and the other views keep their costs."""
-    problem, state, group = at_the_truth(Scenario(samples=3))
+    problem, state, group = problem_at_truth(Scenario(samples=3))
     whole = view_costs(problem, state, group)
     seen = group.measurement.seen.copy()
     seen[1, 3:] = False
@@ -200,7 +205,7 @@ def test_view_of_three_points_has_zero_weight():
 
 def test_weights_below_one_are_used():
     """Noise a thousand times as large costs a millionth, with the same poses."""
-    problem, state, group = at_the_truth(Scenario(samples=3))
+    problem, state, group = problem_at_truth(Scenario(samples=3))
     faint = replace(group, measurement=replace(group.measurement, weight=1e-3 * group.measurement.weight))
     whole, found = view_costs(problem, state, group), view_costs(problem, state, faint)
     for part in ("constant", "weight", "second"):

@@ -13,14 +13,14 @@ from basecal.estimation.problem.problem import State
 from basecal.simulation import Scenario, simulate
 
 
-def problem(scenario: Scenario):
+def make_problem(scenario: Scenario):
     made = simulate(scenario, 1)
     return build_problem(made.cell, made.recording)[0]
 
 
 def test_ring_is_one_batch_except_reference_pairs() -> None:
     """Every pair is in one batch, once. Pairs of the reference have one base less on either side."""
-    ring = problem(Scenario(layout="ring", robots=5, samples=53, robot_noise=(1e-4, 1e-4)))
+    ring = make_problem(Scenario(layout="ring", robots=5, samples=53, robot_noise=(1e-4, 1e-4)))
     batches = group_pairs(ring)
     assert sorted(number for of in batches for number in of.groups) == list(range(10))
     assert sorted(len(of.groups) for of in batches) == [2, 2, 6]
@@ -35,7 +35,7 @@ def test_ring_is_one_batch_except_reference_pairs() -> None:
 
 def test_different_noise_needs_another_batch() -> None:
     """Stops of one batch have the same sigmas."""
-    ring = problem(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)))
+    ring = make_problem(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)))
     noisier = np.array(ring.stops.robot) == "r3"
     sigma = np.where(noisier[:, None], 2 * ring.stops.sigma, ring.stops.sigma)
     batches = group_pairs(replace(ring, stops=replace(ring.stops, sigma=sigma)))
@@ -46,7 +46,7 @@ def test_different_noise_needs_another_batch() -> None:
 
 def test_many_views_are_split_into_parts(monkeypatch) -> None:
     """A part has a limited number of views, or one pair, and no pair is lost."""
-    ring = problem(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)))
+    ring = make_problem(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)))
     monkeypatch.setattr(module, "MOST_VIEWS", 12)
     batches = group_pairs(ring)
     assert sorted(number for of in batches for number in of.groups) == list(range(10))
@@ -71,7 +71,7 @@ def test_batch_states_equal_the_cells(monkeypatch) -> None:
 
 def test_view_weights_follow_each_pair(monkeypatch) -> None:
     """Weights are none if all views count once, and repeated views have weight zero."""
-    ring = problem(Scenario(layout="ring", robots=5, samples=53, robot_noise=(1e-4, 1e-4)))
+    ring = make_problem(Scenario(layout="ring", robots=5, samples=53, robot_noise=(1e-4, 1e-4)))
     monkeypatch.setattr(module, "linearise", lambda problem, own, weights: weights)
     for of in group_pairs(ring):
         once = bool(of.weight.all())
@@ -86,7 +86,7 @@ def test_view_weights_follow_each_pair(monkeypatch) -> None:
 
 def test_different_unknowns_need_another_batch() -> None:
     """A pair whose target mount is known has fewer columns. An LED's mount has only a position."""
-    ring = problem(Scenario(layout="ring", robots=5, samples=50))
+    ring = make_problem(Scenario(layout="ring", robots=5, samples=50))
     mount = ring.groups[4].hand.mount
     known = replace(ring, columns={name: where for name, where in ring.columns.items() if name != mount})
     apart = {of.groups: of.columns.shape[1] for of in group_pairs(known)}
@@ -95,5 +95,5 @@ def test_different_unknowns_need_another_batch() -> None:
         for number in groups:
             assert width == 6 * sum(name in known.columns for name in ring.groups[number].frames)
     assert [of.problem.point_mounts for of in group_pairs(ring)] == [frozenset()] * len(group_pairs(ring))
-    (light,) = group_pairs(problem(Scenario(samples=4, target="led")))
+    (light,) = group_pairs(make_problem(Scenario(samples=4, target="led")))
     assert light.problem.point_mounts == {"hand_mount"}

@@ -28,14 +28,14 @@ CELLS = {
 }
 
 
-def near_truth(scenario: Scenario) -> tuple[Problem, State]:
+def problem_near_truth(scenario: Scenario) -> tuple[Problem, State]:
     made = simulate(scenario, seed=2)
     problem, _ = build_problem(made.cell, made.recording)
     errors = np.random.default_rng(0).standard_normal((len(problem.stops), 6))
     return problem, State(made.truth, made.cameras, errors)
 
 
-def moved_by(problem: Problem, group: ViewGroup, state: State, after: State) -> np.ndarray:
+def view_tangents(problem: Problem, group: ViewGroup, state: State, after: State) -> np.ndarray:
     """Tangents (n, 6) of the views from one state to another."""
     before = chain(group, state, problem.stops).camera_from_target
     return (before.inverse() @ chain(group, after, problem.stops).camera_from_target).log()
@@ -44,7 +44,7 @@ def moved_by(problem: Problem, group: ViewGroup, state: State, after: State) -> 
 @pytest.mark.parametrize("name", CELLS)
 def test_jacobian_by_every_unknown(name):
     """The derivatives of views by camera mount, base and target mount are correct in every group of the cell."""
-    problem, state = near_truth(CELLS[name])
+    problem, state = problem_near_truth(CELLS[name])
     for group in problem.groups:
         links = chain(group, state, problem.stops)
         derivative, columns = unknown_jacobian(problem, group, links, state, 6)
@@ -57,7 +57,7 @@ def test_jacobian_by_every_unknown(name):
             def after(xi: np.ndarray, unknown: str = unknown, group: ViewGroup = group) -> np.ndarray:
                 step = SE3.exp(np.concatenate([xi, np.zeros(6 - len(xi))]))
                 moved = {**state.transforms, unknown: state.transforms[unknown] @ step}
-                return moved_by(problem, group, state, replace(state, transforms=moved))
+                return view_tangents(problem, group, state, replace(state, transforms=moved))
 
             start = int(np.flatnonzero(columns == where.start)[0])
             check_derivative(after, derivative[..., start : start + width])
@@ -66,7 +66,7 @@ def test_jacobian_by_every_unknown(name):
 @pytest.mark.parametrize("name", ["dual", "eye to hand", "ring"])
 def test_jacobian_by_stop_errors(name):
     """The derivatives are correct at errors of order one sigma, not only at zero."""
-    problem, state = near_truth(CELLS[name])
+    problem, state = problem_near_truth(CELLS[name])
     checked = 0
     for group in problem.groups:
         links = chain(group, state, problem.stops)
@@ -75,7 +75,7 @@ def test_jacobian_by_stop_errors(name):
             def after(xi: np.ndarray, stop: IntArray = stop, group: ViewGroup = group) -> np.ndarray:
                 errors = state.stop_errors.copy()
                 errors[np.unique(stop)] += xi
-                return moved_by(problem, group, state, replace(state, stop_errors=errors))
+                return view_tangents(problem, group, state, replace(state, stop_errors=errors))
 
             size = np.abs(derivative).max()
             check_derivative(lambda xi, f=after, s=size: f(xi) / s, derivative / size)
@@ -114,7 +114,7 @@ def test_jacobian_by_robot_kinematics(noise):
         def after(step: np.ndarray, name: str = name, model: RobotModel = model) -> np.ndarray:
             parts = np.split(step, np.cumsum([*model.widths.values()])[:-1])
             moved = apply_step(model, state.robots[name], dict(zip(model.widths, parts, strict=True)))
-            return moved_by(problem, group, state, replace(state, robots={**state.robots, name: moved}))
+            return view_tangents(problem, group, state, replace(state, robots={**state.robots, name: moved}))
 
         at = [int(np.flatnonzero(columns == k)[0]) for k in of]
         check_derivative(after, derivative[:, :6][..., at], tolerance=1e-8)
@@ -127,7 +127,7 @@ def some_step(model: RobotModel) -> dict[str, np.ndarray]:
 
 def test_unchanged_robots_have_no_columns():
     """Robots with fixed kinematics have nothing to differentiate."""
-    problem, state = near_truth(CELLS["dual"])
+    problem, state = problem_near_truth(CELLS["dual"])
     (group,) = problem.groups
     derivative, columns = robot_model_jacobian(problem, group, chain(group, state, problem.stops), state, 6)
     assert derivative.shape == (4, 6, 0)

@@ -52,7 +52,7 @@ CELLS = {
 JITTER_S = 0.3
 
 
-def near_truth(scenario: Scenario, rows: list[int]) -> tuple[Problem, State]:
+def problem_near_truth(scenario: Scenario, rows: list[int]) -> tuple[Problem, State]:
     """A problem of the views at these rows, and a state off by 1 mm and mrad with errors of stops of order one."""
     made = simulate(scenario, seed=4)
     problem, _ = build_problem(made.cell, made.recording)
@@ -62,9 +62,9 @@ def near_truth(scenario: Scenario, rows: list[int]) -> tuple[Problem, State]:
     return problem.with_groups(g.take(np.array(rows)) for g in problem.groups), state
 
 
-def of_cell(name: str) -> tuple[Problem, State]:
+def problem_of_cell(name: str) -> tuple[Problem, State]:
     """One of `CELLS`; where stamps jitter, its views in motion, by some centimetres and hundredths in a second."""
-    problem, state = near_truth(*CELLS[name])
+    problem, state = problem_near_truth(*CELLS[name])
     if name != "stamps that jitter":
         return problem, state
     (group,) = problem.groups
@@ -73,7 +73,7 @@ def of_cell(name: str) -> tuple[Problem, State]:
     return replace(moving, jitter_s={group.camera: JITTER_S}), state
 
 
-def dense(problem: Problem, state: State):
+def dense_equations(problem: Problem, state: State):
     """Hessian and gradient of unknowns and, behind them, of all stops' errors."""
     p, k = problem.width, len(problem.stops)
     hessian, gradient = np.zeros((p + 6 * k,) * 2), np.zeros(p + 6 * k)
@@ -109,8 +109,8 @@ def test_elimination_equals_the_dense_schur_complement(name):
 
     Any robot may share stops.
     """
-    problem, state = of_cell(name)
-    hessian, gradient = dense(problem, state)
+    problem, state = problem_of_cell(name)
+    hessian, gradient = dense_equations(problem, state)
     p, normal = problem.width, linearise(problem, state)
     solved = np.linalg.solve(hessian[p:, p:], np.column_stack([hessian[p:, :p], gradient[p:]]))
     reduced = np.column_stack([hessian[:p, :p], gradient[:p]]) - hessian[:p, p:] @ solved
@@ -129,8 +129,8 @@ def test_elimination_equals_the_dense_schur_complement(name):
 @pytest.mark.parametrize("name", CELLS)
 def test_stop_errors_are_optimal_after_a_step(name):
     """The errors minimise the dense quadratic for the moved unknowns."""
-    problem, state = of_cell(name)
-    hessian, gradient = dense(problem, state)
+    problem, state = problem_of_cell(name)
+    hessian, gradient = dense_equations(problem, state)
     p = problem.width
     step = 1e-3 * np.random.default_rng(2).standard_normal(p)
     after = retract(problem, state, linearise(problem, state), step)
@@ -148,7 +148,7 @@ SLOPES = [name for name in CELLS if name not in {"so many views that factors pay
 @pytest.mark.parametrize("name", SLOPES)
 def test_gradient_is_half_the_slope_of_the_cost(name):
     """The slope is by finite differences along a direction of all unknowns, after the stop errors were optimised."""
-    problem, state = of_cell(name)
+    problem, state = problem_of_cell(name)
     for _ in range(4):
         state = retract(problem, state, linearise(problem, state), np.zeros(problem.width))
     normal = linearise(problem, state)
@@ -164,7 +164,7 @@ def test_gradient_is_half_the_slope_of_the_cost(name):
 @pytest.mark.parametrize("name", ["each at its own stop", "all stops of two views", "no noise"])
 def test_views_of_zero_weight_have_no_effect(name):
     """Cost, Hessian and gradient are those of the other views alone, including the private errors of their stops."""
-    problem, state = near_truth(*CELLS[name])
+    problem, state = problem_near_truth(*CELLS[name])
     rows = np.arange(2, len(problem.groups[0]))
     fewer = problem.with_groups(g.take(rows) for g in problem.groups)
     used = np.unique(np.concatenate([s for g in fewer.groups for s in (g.eye.stop, g.hand.stop)]))
@@ -188,7 +188,7 @@ def test_step_reduces_the_cost_as_predicted(name):
 
     The errors contribute more than a tenth of the unknowns' part.
     """
-    problem, state = near_truth(*CELLS[name])
+    problem, state = problem_near_truth(*CELLS[name])
     state = replace(state, stop_errors=0.3 * state.stop_errors)
     normal = linearise(problem, state)
     step = -np.linalg.solve(normal.hessian, normal.gradient)
@@ -200,7 +200,7 @@ def test_step_reduces_the_cost_as_predicted(name):
 
 def test_weight_of_two_counts_a_view_twice():
     """A weight of two equals a repeated view if robots have no noise."""
-    problem, state = near_truth(*CELLS["no noise"])
+    problem, state = problem_near_truth(*CELLS["no noise"])
     twice = linearise(problem.with_groups(g.take(np.array([0, 1, 1, 2, 3])) for g in problem.groups), state)
     weighted = linearise(problem, state, [np.array([1.0, 2.0, 1.0, 1.0])])
     assert weighted.cost == pytest.approx(twice.cost, rel=1e-12)
@@ -217,7 +217,7 @@ def test_private_errors_are_weighted_like_their_view():
 
 def test_zero_weight_view_behind_the_camera_has_finite_cost():
     """A view behind the camera costs nothing without weight, and infinitely much with any weight."""
-    problem, state = near_truth(*CELLS["no noise"])
+    problem, state = problem_near_truth(*CELLS["no noise"])
     (group,) = problem.groups
     far = group.measurement.points_in_target - 50 * state.camera_from_target(group, problem.stops)[0].rotation[2]
     lost = problem.with_groups([replace(group, measurement=replace(group.measurement, points_in_target=far))])

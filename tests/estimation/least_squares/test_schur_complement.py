@@ -13,7 +13,7 @@ EYE = np.array([0, 0, 1, 1, 1, 0, 1])
 HAND = np.array([2, 3, 2, 3, 3, 2, 2])
 
 
-def drawn(rng, batch=()):
+def random_values(rng, batch=()):
     """Errors, and of views: gradient, information, derivative to the unknowns, to the eye's and the hand's stops."""
     root = rng.standard_normal((*batch, VIEWS, 6, 6))
     return (
@@ -25,7 +25,7 @@ def drawn(rng, batch=()):
     )
 
 
-def eliminated(values, robots):
+def eliminate_stops(values, robots):
     """Ours, of views that stand in stops of the eye, the hand or both; no view moves with the second unknown."""
     errors, gradient, information, by_unknowns, by_error = values
     sums = SchurAccumulator(errors, WIDTH)
@@ -35,7 +35,7 @@ def eliminated(values, robots):
     return sums.solve()
 
 
-def dense(values, robots):
+def dense_system(values, robots):
     """Information of the errors, mixed with the unknowns, and their gradient."""
     errors, gradient, information, by_unknowns, by_error = values
     full = np.zeros((VIEWS, 6, STOPS, 6))
@@ -51,9 +51,9 @@ def dense(values, robots):
 @pytest.mark.parametrize("robots", [(0,), (0, 1)])
 def test_reduction_equals_the_dense_system(rng, robots):
     """Hessian, gradient, log determinant and the best step of errors agree, if one robot or both share stops."""
-    values = drawn(rng)
-    own, mixed, force = dense(values, robots)
-    ours = eliminated(values, robots)
+    values = random_values(rng)
+    own, mixed, force = dense_system(values, robots)
+    ours = eliminate_stops(values, robots)
     hessian, gradient = ours.reduce(np.zeros((WIDTH, WIDTH)), np.zeros(WIDTH))
     np.testing.assert_allclose(hessian, -mixed.T @ np.linalg.solve(own, mixed), atol=1e-9)
     np.testing.assert_allclose(gradient, -mixed.T @ np.linalg.solve(own, force), atol=1e-9)
@@ -82,18 +82,18 @@ def test_scene_terms_are_eliminated_with_their_stops(rng):
 @pytest.mark.parametrize("robots", [(0,), (0, 1)])
 def test_covariance_is_the_inverse_information_of_errors(rng, robots):
     """Blocks are correct for any pair of stops."""
-    values = drawn(rng)
-    inverse = np.linalg.inv(dense(values, robots)[0]).reshape(STOPS, 6, STOPS, 6)
+    values = random_values(rng)
+    inverse = np.linalg.inv(dense_system(values, robots)[0]).reshape(STOPS, 6, STOPS, 6)
     first, second = np.array([0, 0, 2, 3]), np.array([0, 3, 1, 3])
     np.testing.assert_allclose(
-        eliminated(values, robots).covariance(first, second), inverse[first, :, second], atol=1e-9
+        eliminate_stops(values, robots).covariance(first, second), inverse[first, :, second], atol=1e-9
     )
 
 
 def test_covariance_of_many_stops_is_block_diagonal(rng, monkeypatch):
     """Beyond a limit of stops, correlations are left out: each stop has its block, with zeros between."""
-    values = drawn(rng)
-    ours = eliminated(values, (0, 1))
+    values = random_values(rng)
+    ours = eliminate_stops(values, (0, 1))
     alone = np.linalg.inv(ours.precision)
     monkeypatch.setattr(schur_complement, "_MOST_INVERTED", STOPS - 1)
     found = ours.covariance(np.array([1, 1]), np.array([1, 3]))
@@ -106,12 +106,12 @@ def test_covariance_of_many_stops_is_block_diagonal(rng, monkeypatch):
 @pytest.mark.parametrize("robots", [(0,), (0, 1)])
 def test_batch_equals_separate_entries(rng, robots):
     """Reduction, log determinant and step of two entries equal those of each."""
-    values = drawn(rng, (2,))
-    together = eliminated(values, robots)
+    values = random_values(rng, (2,))
+    together = eliminate_stops(values, robots)
     step = rng.standard_normal((2, WIDTH))
     hessian, gradient = together.reduce(np.zeros((2, WIDTH, WIDTH)), np.zeros((2, WIDTH)))
     for row in range(2):
-        alone = eliminated((*(v[row] for v in values[:-1]), values[-1][:, row]), robots)
+        alone = eliminate_stops((*(v[row] for v in values[:-1]), values[-1][:, row]), robots)
         of_one = alone.reduce(np.zeros((WIDTH, WIDTH)), np.zeros(WIDTH))
         np.testing.assert_allclose(hessian[row], of_one[0], atol=1e-9)
         np.testing.assert_allclose(gradient[row], of_one[1], atol=1e-9)
@@ -121,7 +121,7 @@ def test_batch_equals_separate_entries(rng, robots):
 
 def test_views_without_shared_stops_have_no_effect(rng):
     """Without views, errors have a sigma of one each, and the unknowns are unchanged."""
-    values = drawn(rng)
+    values = random_values(rng)
     sums = SchurAccumulator(values[0], WIDTH)
     none = np.zeros(0, dtype=np.int64)
     sums.add([StopViews(none, none, np.zeros((0, 6, 6)))] * 2, *values[1:4], np.arange(WIDTH - 1))
@@ -133,21 +133,21 @@ def test_views_without_shared_stops_have_no_effect(rng):
 
 def test_overflow_raises_linalg_error(rng):
     """If a state pulled aside by outliers overflows, LinAlgError is raised, which every search handles."""
-    errors, gradient, information, by_unknowns, by_error = drawn(rng)
+    errors, gradient, information, by_unknowns, by_error = random_values(rng)
     values = errors, gradient, np.where(information > 0, np.inf, information), by_unknowns, by_error
     with np.errstate(all="ignore"), pytest.raises(np.linalg.LinAlgError):
-        eliminated(values, (0, 1))
+        eliminate_stops(values, (0, 1))
 
 
 @pytest.mark.parametrize("robots", [(0,), (0, 1)])
 def test_views_added_separately_equal_views_added_together(rng, robots):
     """Groups with one view per stop give the same sums as one group with shared stops."""
-    errors, gradient, information, by_unknowns, by_error = drawn(rng)
+    errors, gradient, information, by_unknowns, by_error = random_values(rng)
     sums, columns = SchurAccumulator(errors, WIDTH), np.array([0, 2, 3, 4])
     for row in range(VIEWS):
         of, first = slice(row, row + 1), np.zeros(1, dtype=np.int64)
         shared = [StopViews(first, {0: EYE, 1: HAND}[r][of], by_error[r][of]) for r in robots]
         sums.add(shared, gradient[of], information[of], by_unknowns[of], columns)
-    ours, together = sums.solve(), eliminated((errors, gradient, information, by_unknowns, by_error), robots)
+    ours, together = sums.solve(), eliminate_stops((errors, gradient, information, by_unknowns, by_error), robots)
     for name in ("by_unknowns", "solution", "eliminated_cost", "log_det", "precision"):
         np.testing.assert_allclose(getattr(ours, name), getattr(together, name), rtol=1e-9, atol=1e-9)

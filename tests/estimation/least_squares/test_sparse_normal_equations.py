@@ -28,7 +28,7 @@ SCENARIOS = {
 }
 
 
-def near(scenario: Scenario, seed: int = 1):
+def problem_near_truth(scenario: Scenario, seed: int = 1):
     """A problem, and a state near the truth, errors of stops among it."""
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
@@ -45,7 +45,7 @@ def near(scenario: Scenario, seed: int = 1):
 @pytest.mark.parametrize("weighted", [False, True])
 def test_sparse_equations_and_steps_equal_dense_ones(name: str, weighted: bool) -> None:
     """Cost, gradient, Hessian, and the state after a step with stop errors agree. Views may have partial weights."""
-    problem, state = near(SCENARIOS[name])
+    problem, state = problem_near_truth(SCENARIOS[name])
     rng = np.random.default_rng(0)
     weights = [rng.choice([0.0, 0.5, 1.0], len(g)) for g in problem.groups] if weighted else None
     dense, bundle = linearise(problem, state, weights), sparse_bundle(problem, weights)
@@ -66,7 +66,7 @@ def test_sparse_equations_and_steps_equal_dense_ones(name: str, weighted: bool) 
 
 def test_sparse_and_dense_descents_have_the_same_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Both end at the same state, with the same information."""
-    problem, state = near(SCENARIOS["robots with noise"])
+    problem, state = problem_near_truth(SCENARIOS["robots with noise"])
     dense = bundle_adjust(problem, state, 1.0)
     monkeypatch.setattr(bundle_adjustment, "is_sparse", lambda problem: True)
     sparse = bundle_adjust(problem, state, 1.0)

@@ -34,13 +34,13 @@ from basecal.simulation import Scenario, simulate
 NOISY = (3e-4, 5e-4)
 
 
-def about(scenario, seed):
+def solve_and_leave_one_out(scenario, seed):
     made = simulate(scenario, seed)
     found = solve(made.cell, made.recording)
     return leave_one_out(found.problem, found.state, all_inliers(found.problem).weights)
 
 
-def per_freedom(squares) -> np.ndarray:
+def squares_per_freedom(squares) -> np.ndarray:
     return np.concatenate([s.value[s.freedoms > 0] / s.freedoms[s.freedoms > 0] for s in squares])
 
 
@@ -57,9 +57,9 @@ def per_freedom(squares) -> np.ndarray:
 )
 def test_view_distances_are_chi_square(scenario, freedoms):
     """The mean of d^2 / freedoms over five cells is 1 within five standard errors of independent views."""
-    every = [s for seed in range(5) for s in studentized_views(about(scenario, seed))]
+    every = [s for seed in range(5) for s in studentized_views(solve_and_leave_one_out(scenario, seed))]
     assert {int(f) for s in every for f in s.freedoms} == {freedoms}
-    mean = per_freedom(every)
+    mean = squares_per_freedom(every)
     assert abs(mean.mean() - 1) < 5 * np.sqrt(2 / freedoms / len(mean))
 
 
@@ -67,9 +67,11 @@ def test_view_distances_are_chi_square(scenario, freedoms):
 def test_point_distances_are_chi_square(target):
     """Points are predicted by their view or by all else, with mean 1 within five standard errors."""
     every = [
-        s for seed in range(4) for s in studentized_points(about(Scenario(target=target, robot_noise=NOISY), seed))
+        s
+        for seed in range(4)
+        for s in studentized_points(solve_and_leave_one_out(Scenario(target=target, robot_noise=NOISY), seed))
     ]
-    mean = per_freedom(every)
+    mean = squares_per_freedom(every)
     assert abs(mean.mean() - 1) < 5 * np.sqrt(2 / every[0].freedoms.max() / len(mean))
 
 
@@ -78,8 +80,11 @@ def test_shared_stop_distances_are_chi_square():
 
     Each has fewer than six freedoms.
     """
-    mean = per_freedom(
-        [studentized_stops(about(Scenario(arms="stations", robot_noise=NOISY), seed)) for seed in range(8)]
+    mean = squares_per_freedom(
+        [
+            studentized_stops(solve_and_leave_one_out(Scenario(arms="stations", robot_noise=NOISY), seed))
+            for seed in range(8)
+        ]
     )
     assert len(mean) == 40
     assert abs(mean.mean() - 1) < 5 * np.sqrt(2 / 4 / len(mean))
@@ -182,7 +187,7 @@ def dense_rows(problem, state):
     return np.concatenate(residuals), np.concatenate(rows)
 
 
-def held_by_the_others(residuals, rows, width, weights, view):
+def distance_from_refit(residuals, rows, width, weights, view):
     """The squared deviation of a view from where all others that count put it: residual and covariance in full."""
     others = (np.arange(len(rows)) != view) & (weights > 0)
     flat = rows[others].reshape(-1, rows.shape[-1])
@@ -212,7 +217,7 @@ def test_view_distances_equal_explicit_refits(scenario, out):
     residuals, rows = dense_rows(problem, state)
     # Errors of stops are unknowns whose residuals are what they are at the state.
     residuals = residuals - rows[..., problem.width :] @ state.stop_errors.ravel()
-    expected = [held_by_the_others(residuals, rows, problem.width, weights, view) for view in range(12)]
+    expected = [distance_from_refit(residuals, rows, problem.width, weights, view) for view in range(12)]
     np.testing.assert_allclose(found.value, expected, rtol=1e-4)
     assert set(found.freedoms.tolist()) == {6}
 
@@ -284,7 +289,7 @@ def test_view_misfits_are_in_sigmas(batch):
     np.testing.assert_array_equal(found.freedoms, np.full((*batch, 3), 6))
 
 
-def lights(points, free_lens=False):
+def led_problem(points, free_lens=False):
     """Views of a target from its front at 1, 0.5, 0 and -1 m, each point 3 px and 4 px off where it is expected."""
     problem, state = pose_problem(np.zeros((4, 6)), None)
     (group,) = problem.groups
@@ -306,7 +311,7 @@ def test_led_misfit_is_infinite_behind_the_camera():
 
     It has as many freedoms as equations.
     """
-    problem, state = lights(np.array([[0.0, 0.0, 0.0]]))
+    problem, state = led_problem(np.array([[0.0, 0.0, 0.0]]))
     (found,) = view_misfits(problem, state)
     np.testing.assert_allclose(found.value, [25 / 4, 25 / 4, np.inf, np.inf], rtol=1e-9)
     assert found.freedoms.tolist() == [2, 2, 2, 2]
@@ -357,7 +362,7 @@ def test_poses_and_single_points_have_no_point_distances():
     (found,) = studentized_points(leave_one_out(problem, state, [np.ones(3)]))
     for points, shape in ((None, (3, 1)), (np.zeros((1, 3)), (4, 1)), (np.array([[0, 0, 0], [0.1, 0, 0]]), (4, 2))):
         if points is not None:
-            problem, state = lights(points)
+            problem, state = led_problem(points)
         (found,) = studentized_points(leave_one_out(problem, state, [np.zeros(shape[0])]))
         assert found.value.shape == found.freedoms.shape == shape
         assert np.isnan(found.value[:2]).all() == (shape[1] == 1)
@@ -368,7 +373,7 @@ def test_poses_and_single_points_have_no_point_distances():
 def test_points_of_a_full_view_use_its_own_pose(free_lens):
     """Each residual is relative to a pose fitted to its view alone, whatever the lens. Other views use all else."""
     points = np.random.default_rng(0).uniform(-0.2, 0.2, (14, 3))
-    problem, state = lights(points, free_lens)
+    problem, state = led_problem(points, free_lens)
     (group,) = (g.take(np.array([0, 1])) for g in problem.groups)
     noise = np.random.default_rng(1).standard_normal(group.measurement.pixels.shape)
     seen = np.arange(14) < np.array([[14], [11]])

@@ -21,7 +21,7 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
-def estimated(errors, sigma=None, prior=None):
+def estimate_pose_noise(errors, sigma=None, prior=None):
     """Noise, and the mount, of poses off by `errors`."""
     problem, state = pose_problem(errors, sigma, prior)
     end = bundle_adjust(problem, state, 1, 30)
@@ -42,17 +42,17 @@ def test_residuals_and_freedoms_are_counted():
 def test_stated_sigmas_are_kept(rng):
     """With all sigmas stated, nothing is estimated or scaled, however large the residuals are."""
     errors = 1e-3 * rng.normal(size=(40, 6))
-    _, _, noise = estimated(errors, np.full(6, 1e-3))
+    _, _, noise = estimate_pose_noise(errors, np.full(6, 1e-3))
     assert noise.estimated == ()
     assert noise.factor == 1.0
-    _, _, noise = estimated(errors, np.full(6, 1e-4))
+    _, _, noise = estimate_pose_noise(errors, np.full(6, 1e-4))
     assert noise.factor == 1.0
 
 
 def test_unstated_sigmas_equal_those_of_residuals(rng):
     """With a free mount, each sigma is that of the residuals with three freedoms fewer."""
     errors = rng.normal(size=(20, 6)) * np.repeat([2e-3, 5e-4], 3)
-    _, _, noise = estimated(errors)
+    _, _, noise = estimate_pose_noise(errors)
     off = errors - errors.mean(0)
     for part, sigma in ((slice(0, 3), noise.noise.pose_m), (slice(3, 6), noise.noise.pose_rad)):
         assert sigma == pytest.approx(np.sqrt(np.sum(off[:, part] ** 2) / 57), rel=2e-3)
@@ -65,7 +65,7 @@ def test_prior_reduces_the_freedoms_of_unknowns(rng):
     n, width = 8, 1e-3
     errors = 2e-3 * rng.normal(size=(n, 6))
     prior = Unknown("prior", SE3.identity(), np.full(6, width))
-    problem, end, noise = estimated(errors, None, prior)
+    problem, end, noise = estimate_pose_noise(errors, None, prior)
     squares = problem.groups[0].measurement.squares(
         end.state.camera_from_target(problem.groups[0], problem.stops), None
     )
@@ -137,7 +137,7 @@ def test_arm_priors_add_residuals_for_their_columns(links, more):
     assert degrees_of_freedom(problem) == count - 18 - (0 if more else free)
 
 
-def ratio(problem, state, noise, name="pose_m"):
+def variance_ratio(problem, state, noise, name="pose_m"):
     """New over old variance of one field at a state."""
     problem = problem.with_noise(noise)
     return module._variance_ratio(
@@ -152,7 +152,7 @@ def test_views_at_own_stops_lose_freedoms_to_them(rng, stop, sigma):
     problem, state = pose_problem(errors, None, stop_sigma=np.full(6, stop))
     squares = np.sum(errors[:, :3] ** 2) / sigma**2
     paid = 3 * (5 * stop**2 + sigma**2) / (stop**2 + sigma**2)
-    found = ratio(problem, state, Noise(pose_m=sigma))
+    found = variance_ratio(problem, state, Noise(pose_m=sigma))
     assert found == pytest.approx(squares / (15 - paid), rel=1e-3)
 
 
@@ -160,12 +160,12 @@ def test_view_without_freedoms_keeps_a_hundredth():
     """The variance is then 100 times its mean square, limited to a change by 1e-8 to 1e8."""
     for size, expected in ((1e-3, 100.0), (1e-9, 1e-8), (3.0, 1e8)):
         problem, state = pose_problem(np.array([[size, -size, size, 0.0, 0.0, 0.0]]), None)
-        assert ratio(problem, state, Noise()) == pytest.approx(expected, rel=1e-4)
+        assert variance_ratio(problem, state, Noise()) == pytest.approx(expected, rel=1e-4)
 
 
 def test_exact_fit_has_a_sigma_of_a_nanometre():
     """The smallest sigmas are 1 nm and 1 nrad, because less is rounding."""
-    _, _, noise = estimated(np.zeros((4, 6)))
+    _, _, noise = estimate_pose_noise(np.zeros((4, 6)))
     assert noise.noise.pose_m == pytest.approx(1e-9, rel=1e-3)
     assert noise.noise.pose_rad == pytest.approx(1e-9, rel=1e-3)
     assert noise.converged
@@ -174,7 +174,7 @@ def test_exact_fit_has_a_sigma_of_a_nanometre():
 def test_missing_convergence_of_the_estimate_is_reported(rng, monkeypatch):
     """After one round of an estimate that needs several, it is not converged."""
     monkeypatch.setattr(module, "_FIXED_POINT_ROUNDS", 1)
-    _, _, noise = estimated(0.1 * rng.standard_normal((4, 6)))
+    _, _, noise = estimate_pose_noise(0.1 * rng.standard_normal((4, 6)))
     assert (noise.converged, noise.factor, noise.estimated) == (False, 1.0, ("pose_m", "pose_rad"))
 
 

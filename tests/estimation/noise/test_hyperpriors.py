@@ -130,7 +130,7 @@ def _pooled_cost(logs, scale, factor):
     return -2 * multivariate_normal.logpdf(logs, np.full(len(logs), np.log(scale)), covariance)
 
 
-def _apart(value, mean, factor):
+def _normal_cost(value, mean, factor):
     """That of one logarithm, or a difference of two."""
     return -2 * norm.logpdf(value, mean, np.log(factor))
 
@@ -149,9 +149,9 @@ def test_hyperprior_equals_the_explicit_density(lever, is_over_stop, rng):
     cost = scatter**2 + np.log(2 * np.pi * (np.log(3) ** 2 + 1 / 200))
     turns, shared = logs[[2, 4]], logs[[6, 8]]
     for k, reach in enumerate((0.5, 0.1)):  # an arm is not shorter than a tenth of a metre
-        cost += _apart(logs[1 + 2 * k] - turns[k], np.log(reach), 1.4)
-        cost += _apart(logs[5 + 2 * k] - shared[k], np.log(lever or reach), 1.7)
-        cost += _apart(shared[k] - turns[k], np.log(2.5), 3.0) if is_over_stop else 0.0
+        cost += _normal_cost(logs[1 + 2 * k] - turns[k], np.log(reach), 1.4)
+        cost += _normal_cost(logs[5 + 2 * k] - shared[k], np.log(lever or reach), 1.7)
+        cost += _normal_cost(shared[k] - turns[k], np.log(2.5), 3.0) if is_over_stop else 0.0
     cost += _pooled_cost(turns, 3e-4, 4.0)
     cost += 0.0 if is_over_stop else _pooled_cost(shared, 2.5, 3.0)
     assert prior.value(logs)[0] == pytest.approx(cost, rel=1e-9)

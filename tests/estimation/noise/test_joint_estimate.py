@@ -30,7 +30,7 @@ SILENT = Scenario(samples=20, robot_noise=TRUE, state_robot_noise=False)
 BASE = "eye_base_from_hand_base"
 
 
-def solved(scenario: Scenario, seed: int, settings: Settings = ESTIMATED) -> Solution:
+def solve_scenario(scenario: Scenario, seed: int, settings: Settings = ESTIMATED) -> Solution:
     """The optimum from the truth."""
     s = simulate(scenario, seed)
     problem, _ = build_problem(s.cell, s.recording)
@@ -39,11 +39,11 @@ def solved(scenario: Scenario, seed: int, settings: Settings = ESTIMATED) -> Sol
     )
 
 
-def nees(scenario: Scenario, seeds: range) -> list[float]:
+def base_nees(scenario: Scenario, seeds: range) -> list[float]:
     """Squared Mahalanobis distance of the base from the truth over its six freedoms, by seed."""
     found = []
     for seed in seeds:
-        truth, estimate = simulate(scenario, seed).truth[BASE], solved(scenario, seed).transforms[BASE]
+        truth, estimate = simulate(scenario, seed).truth[BASE], solve_scenario(scenario, seed).transforms[BASE]
         off = (truth.inverse() @ estimate.mean).log()
         found.append(float(off @ np.linalg.solve(estimate.covariance, off)) / 6)
     return found
@@ -55,7 +55,7 @@ def test_robot_sigmas_are_estimated(told):
 
     One cell scatters by 18 %, a mean of four by 9 %: five are 45 %; priors take their share of that.
     """
-    cells = [solved(replace(SILENT, state_pixel_noise=told), seed) for seed in range(4)]
+    cells = [solve_scenario(replace(SILENT, state_pixel_noise=told), seed) for seed in range(4)]
     found = np.mean([cell.noise.robots[robot][[0, 3]] for cell in cells for robot in ("eye", "hand")], axis=0)
     np.testing.assert_allclose(found, TRUE, rtol=0.45)
     if not told:
@@ -80,21 +80,23 @@ def test_different_robots_have_their_own_sigmas():
 
 def test_clean_cells_have_little_robot_noise():
     """Without robot noise, the estimate is below that of good arms: 0.05 mm and 0.05 mrad."""
-    found = [solved(Scenario(samples=12, state_pixel_noise=False), seed).noise.robots["hand"] for seed in range(2)]
+    found = [
+        solve_scenario(Scenario(samples=12, state_pixel_noise=False), seed).noise.robots["hand"] for seed in range(2)
+    ]
     assert np.max(found) < 5e-5
 
 
 def test_stated_noise_is_not_estimated():
     """If every robot and the pixels state their noise, requesting an estimate changes nothing."""
     told = replace(SILENT, state_robot_noise=True)
-    asked, plain = solved(told, 0), solved(told, 0, STATED)
+    asked, plain = solve_scenario(told, 0), solve_scenario(told, 0, STATED)
     assert not asked.noise.robots
     np.testing.assert_allclose(asked.covariance, plain.covariance, rtol=1e-6)
 
 
 def test_still_arm_has_the_noise_of_the_other():
     """A single stop shows no noise of its own. The other arm determines it, and the base's sigmas contain it."""
-    found = solved(replace(SILENT, arms="eye_still", camera_mount="fixed"), 0)
+    found = solve_scenario(replace(SILENT, arms="eye_still", camera_mount="fixed"), 0)
     still, moving = found.noise.robots["eye"], found.noise.robots["hand"]
     assert 0.3 < still[3] / moving[3] < 3
     assert found.transforms[BASE].sigma_t.min() > 0.5 * still[0]
@@ -107,19 +109,19 @@ def test_covariance_of_few_samples_covers_the_truth(samples):
     With a chance of a twentieth each, three and more are one case in five hundred.
     """
     silent = replace(SILENT, samples=samples, robot_noise=(1e-4, 2e-4), state_pixel_noise=False)
-    assert np.sum(6 * np.array(nees(silent, range(6))) > 12.59) <= 2
+    assert np.sum(6 * np.array(base_nees(silent, range(6))) > 12.59) <= 2
 
 
 @pytest.mark.slow
 def test_led_views_widen_the_covariance():
     """A view has two equations and neither sigma is stated: the bases of 8 cells agree with their covariances."""
     light = Scenario(samples=25, target="led", robot_noise=(2e-4, 3e-4), state_robot_noise=False)
-    assert 0.3 < np.mean(nees(replace(light, state_pixel_noise=False), range(8))) < 1.9
+    assert 0.3 < np.mean(base_nees(replace(light, state_pixel_noise=False), range(8))) < 1.9
 
 
 def test_exact_data_have_no_noise():
     """Data without noise give sigmas far below those of any camera or arm."""
-    found = solved(Scenario(samples=8, pixel_px=0.0, state_pixel_noise=False), 0)
+    found = solve_scenario(Scenario(samples=8, pixel_px=0.0, state_pixel_noise=False), 0)
     assert found.converged
     assert found.noise.noise.pixel_px < 1e-2
     assert found.noise.robots["hand"].max() < 1e-5
@@ -231,7 +233,7 @@ def test_covariances_are_weighted_by_model_priors(monkeypatch):
     assert (found.minus_2_log_evidence, dict(found.common)) == (0.0, {})
 
 
-def sigmas_found(rng, shapes=None):
+def synthetic_posterior(rng, shapes=None):
     """Of a made-up model: sigmas of two cameras, two robots, a jitter and, of one robot, errors in common."""
     model, _ = made_up(rng, OPEN)
     if shapes is not None:
@@ -242,7 +244,7 @@ def sigmas_found(rng, shapes=None):
 
 def test_sigmas_are_assigned_by_name(rng):
     """The order of the logarithms is: fields of cameras, shift and rotation of each robot, jitter, shared errors."""
-    of = sigmas_found(rng)
+    of = synthetic_posterior(rng)
     found, (common,) = joint_estimate._estimate(of, SimpleNamespace(shapes={})), joint_estimate._shared_sigmas(of)
     assert found.cameras == {"left": Noise(pose_m=pytest.approx(1.0)), "right": Noise(pixel_px=pytest.approx(2.0))}
     assert found.robots.keys() == {"eye", "hand"}
@@ -256,7 +258,7 @@ def test_sigmas_are_assigned_by_name(rng):
 
 def test_shapes_are_added_to_the_problems_shapes(rng):
     """The mean shape about the state and its covariance are added. The remaining change decides on convergence."""
-    of = sigmas_found(rng, {"board": slice(3, 5)})
+    of = synthetic_posterior(rng, {"board": slice(3, 5)})
     mean, spread = of.columns.mean[3:5], of.columns.spread[3:5, 3:5]
     before = np.array([0.5, -1.0])
     for shapes, expected in (({}, mean), ({"board": before}, before + mean)):
@@ -271,7 +273,7 @@ def test_shapes_are_added_to_the_problems_shapes(rng):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(joint_estimate, "_SETTLED_CHANGE", limit)
             assert joint_estimate._has_converged(of, of.logs) == (limit > largest)
-    without = sigmas_found(rng)
+    without = synthetic_posterior(rng)
     for step, expected in ((0.0, True), (0.019, True), (0.021, False)):
         off = without.logs + step * np.eye(len(without.logs))[0]
         assert joint_estimate._has_converged(without, off) == expected
@@ -279,7 +281,7 @@ def test_shapes_are_added_to_the_problems_shapes(rng):
 
 def test_final_estimate_has_sigmas_and_mean_squares(rng):
     """Sigmas are by name. Robots also have the mean of squares, which for log-normals grows by twice the variance."""
-    of = sigmas_found(rng)
+    of = synthetic_posterior(rng)
     found = joint_estimate._final_estimate(of, SimpleNamespace(shapes={}), False)
     assert (found.factor, found.converged, found.minus_2_log_evidence, found.plain_minus_2_log_evidence) == (
         1.0,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
+from tests.estimation.noise.test_reml import NOISY, ROBOTS, problem_at_truth
 from tests.made_up_model import made_up
 
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
@@ -26,24 +26,38 @@ from basecal.estimation.noise.robot_noise import count_stops
 from quick import quick
 
 
-def test_integration_over_sigmas_widens_the_covariance(found):
+def test_integration_over_sigmas_widens_the_covariance(small_posterior):
     """The mode of the sigmas is stationary, and the integrated covariance is larger than the one at the mode."""
-    assert np.abs(posterior(found.model, found.logs).slope() + found.prior.value(found.logs)[1]).max() < 0.1
-    whole = integrated_covariance([found], np.ones(1), posterior(found.model, found.logs).step)
-    assert np.trace(whole[:6, :6]) > 1.02 * np.trace(posterior(found.model, found.logs).covariance[:6, :6])
+    assert (
+        np.abs(
+            posterior(small_posterior.model, small_posterior.logs).slope()
+            + small_posterior.prior.value(small_posterior.logs)[1]
+        ).max()
+        < 0.1
+    )
+    whole = integrated_covariance(
+        [small_posterior], np.ones(1), posterior(small_posterior.model, small_posterior.logs).step
+    )
+    assert np.trace(whole[:6, :6]) > 1.02 * np.trace(
+        posterior(small_posterior.model, small_posterior.logs).covariance[:6, :6]
+    )
 
 
-def test_models_are_weighted_by_relative_evidence(found):
+def test_models_are_weighted_by_relative_evidence(small_posterior):
     """The weights do not depend on the absolute evidence: two equal models have the covariance of either."""
-    found = replace(found, covariance=1e-6 * np.eye(len(found.logs)))
-    alone = integrated_covariance([found], np.ones(1), posterior(found.model, found.logs).step)
+    small_posterior = replace(small_posterior, covariance=1e-6 * np.eye(len(small_posterior.logs)))
+    alone = integrated_covariance(
+        [small_posterior], np.ones(1), posterior(small_posterior.model, small_posterior.logs).step
+    )
     for minus_2_log_evidence in (-1e5, 0.0, 1e5):
         both = [
-            replace(found, minus_2_log_evidence=minus_2_log_evidence),
-            replace(found, minus_2_log_evidence=minus_2_log_evidence),
+            replace(small_posterior, minus_2_log_evidence=minus_2_log_evidence),
+            replace(small_posterior, minus_2_log_evidence=minus_2_log_evidence),
         ]
         np.testing.assert_allclose(
-            integrated_covariance(both, np.ones(2), posterior(found.model, found.logs).step), alone, rtol=1e-9
+            integrated_covariance(both, np.ones(2), posterior(small_posterior.model, small_posterior.logs).step),
+            alone,
+            rtol=1e-9,
         )
 
 
@@ -54,7 +68,7 @@ def test_heavy_tails_of_few_stops_are_integrated(samples, seed, nodes):
     Those differ by 3 % among themselves, of five stops with 4,000; nodes at one distance from the mode are short by a
     fifth here.
     """
-    model = mixed_model(*at_truth(replace(NOISY, samples=samples), seed), ROBOTS)
+    model = mixed_model(*problem_at_truth(replace(NOISY, samples=samples), seed), ROBOTS)
     prior = hyperpriors(model, dict.fromkeys(ROBOTS, 0.5))
     found = sigma_posterior(model, prior)
     whole = integrated_covariance([found], np.ones(1), posterior(found.model, found.logs).step)[:6, :6]
@@ -76,7 +90,7 @@ def test_heavy_tails_of_few_stops_are_integrated(samples, seed, nodes):
 @pytest.mark.parametrize("samples", [4, 8, 20])
 def test_covariance_is_independent_of_robot_order(samples):
     """Nodes are along axes of the posterior, not of the sigmas. Formerly, the drawn nodes depended on names."""
-    problem, state = at_truth(replace(NOISY, samples=samples), 3)
+    problem, state = problem_at_truth(replace(NOISY, samples=samples), 3)
     covariances = []
     for robots in (ROBOTS, ROBOTS[::-1]):
         model = mixed_model(problem, state, robots)
@@ -90,7 +104,7 @@ def test_moments_integrate_the_whole_posterior():
 
     Those of sigmas exceed the squares at the mode.
     """
-    problem, state = at_truth(NOISY)
+    problem, state = problem_at_truth(NOISY)
     shared = {robot: SharedErrors.repeat_coordinates(np.ones((count_stops(problem, robot), 1))) for robot in ROBOTS}
     model = mixed_model(problem, state, ROBOTS, [shared])
     found = sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5), [SharedPrior((2.5, 2.0), "")]))
@@ -112,47 +126,51 @@ def test_moments_integrate_the_whole_posterior():
 
 
 @pytest.fixture(scope="module")
-def found():
+def small_posterior():
     """The sigmas of a small model, given its views."""
-    model = mixed_model(*at_truth(NOISY), ROBOTS)
+    model = mixed_model(*problem_at_truth(NOISY), ROBOTS)
     return sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5)))
 
 
-def test_evidence_is_laplaces_approximation(found):
+def test_evidence_is_laplaces_approximation(small_posterior):
     """The negative log evidence is -2 log of the height at the mode times a volume.
 
     The volume is that of a normal with that covariance.
     """
-    assert (np.linalg.eigvalsh(found.covariance) > 0).all()
-    here = posterior(found.model, found.logs)
-    height = here.value + found.prior.value(found.logs)[0]
-    assert found.minus_2_log_evidence == pytest.approx(
-        height - np.linalg.slogdet(2 * np.pi * found.covariance)[1], rel=1e-9
+    assert (np.linalg.eigvalsh(small_posterior.covariance) > 0).all()
+    here = posterior(small_posterior.model, small_posterior.logs)
+    height = here.value + small_posterior.prior.value(small_posterior.logs)[0]
+    assert small_posterior.minus_2_log_evidence == pytest.approx(
+        height - np.linalg.slogdet(2 * np.pi * small_posterior.covariance)[1], rel=1e-9
     )
-    information = 0.5 * (here.average_information() + found.prior.curvature)
-    np.testing.assert_allclose(found.covariance, np.linalg.inv(information), rtol=1e-6, atol=1e-9)
-    np.testing.assert_array_equal(found.columns.mean[: found.model.width], here.step)
+    information = 0.5 * (here.average_information() + small_posterior.prior.curvature)
+    np.testing.assert_allclose(small_posterior.covariance, np.linalg.inv(information), rtol=1e-6, atol=1e-9)
+    np.testing.assert_array_equal(small_posterior.columns.mean[: small_posterior.model.width], here.step)
 
 
-def test_mode_is_found_from_any_start(found):
+def test_mode_is_found_from_any_start(small_posterior):
     """The mode does not depend on the first logarithms, and no neighbours are more likely."""
-    k = len(found.logs)
+    k = len(small_posterior.logs)
 
     def height(logs):
-        return posterior(found.model, logs).value + found.prior.value(logs)[0]
+        return posterior(small_posterior.model, logs).value + small_posterior.prior.value(logs)[0]
 
-    for start in (found.logs[:1] + 2.0, found.logs - 1.5, found.logs + np.resize([2.5, -2.5], k)):
-        again = sigma_posterior(found.model, found.prior, start)
-        assert height(again.logs) == pytest.approx(height(found.logs), abs=0.02)
-        np.testing.assert_allclose(again.logs, found.logs, atol=0.1)
+    for start in (
+        small_posterior.logs[:1] + 2.0,
+        small_posterior.logs - 1.5,
+        small_posterior.logs + np.resize([2.5, -2.5], k),
+    ):
+        again = sigma_posterior(small_posterior.model, small_posterior.prior, start)
+        assert height(again.logs) == pytest.approx(height(small_posterior.logs), abs=0.02)
+        np.testing.assert_allclose(again.logs, small_posterior.logs, atol=0.1)
     for step in 0.3 * np.eye(k):
-        assert height(found.logs + step) > height(found.logs) < height(found.logs - step)
+        assert height(small_posterior.logs + step) > height(small_posterior.logs) < height(small_posterior.logs - step)
 
 
 def test_sigmas_are_bounded_by_usual_devices():
     """For data without noise, views have a twentieth of the expected sigma, however vague the prior is."""
     exact = replace(NOISY, pixel_px=1e-9, robot_noise=(1e-9, 1e-9), state_pixel_noise=False)
-    model = mixed_model(*at_truth(exact), ROBOTS)
+    model = mixed_model(*problem_at_truth(exact), ROBOTS)
     prior = hyperpriors(model, dict.fromkeys(ROBOTS, 0.5))
     vague = replace(prior, sigma=30 * prior.sigma)
     least = sigma_posterior(model, vague).logs - vague.start
@@ -162,32 +180,36 @@ def test_sigmas_are_bounded_by_usual_devices():
     assert np.all(least[views:] > -np.log(400.0) - 1e-9)
 
 
-def test_sigmas_known_to_a_twentieth_count_as_known(found):
+def test_sigmas_known_to_a_twentieth_count_as_known(small_posterior):
     """The covariance is then that at the mode plus the offset of its mean. Otherwise nodes about it are weighted."""
-    k, width = len(found.logs), found.model.width
-    mean, covariance = found.columns.mean[:width], found.columns.spread[:width, :width]
+    k, width = len(small_posterior.logs), small_posterior.model.width
+    mean, covariance = small_posterior.columns.mean[:width], small_posterior.columns.spread[:width, :width]
     about = 0.9 * mean
     off = np.outer(mean - about, mean - about)
-    sure = replace(found, covariance=0.049**2 * np.eye(k))
+    sure = replace(small_posterior, covariance=0.049**2 * np.eye(k))
     np.testing.assert_allclose(integrated_covariance([sure], np.ones(1), about), covariance + off, rtol=1e-12)
-    less = replace(found, covariance=0.051**2 * np.eye(k))
+    less = replace(small_posterior, covariance=0.051**2 * np.eye(k))
     assert not np.allclose(integrated_covariance([less], np.ones(1), about), covariance + off, rtol=1e-6, atol=0)
 
 
-def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
+def test_nearly_normal_sigmas_are_integrated_by_cubature(small_posterior):
     """Nodes are at sqrt(k) standard deviations to either side along k principal axes, weighted by likelihood."""
-    rng, k, about = np.random.default_rng(3), len(found.logs), posterior(found.model, found.logs).step
+    rng, k, about = (
+        np.random.default_rng(3),
+        len(small_posterior.logs),
+        posterior(small_posterior.model, small_posterior.logs).step,
+    )
     root = 0.1 * np.eye(k) + 0.05 * np.tril(rng.standard_normal((k, k)))
-    near = replace(found, covariance=root @ root.T)
+    near = replace(small_posterior, covariance=root @ root.T)
     assert 0.05 < np.sqrt(np.diag(near.covariance)).max() < 0.5
     total, weights = 0.0, 0.0
     sigmas = np.sqrt(np.diag(near.covariance))
     values, vectors = np.linalg.eigh(near.covariance / np.outer(sigmas, sigmas))
     for axis in (sigmas[:, None] * vectors * np.sqrt(values)).T:
         for sign in (1, -1):
-            logs = found.logs + sign * np.sqrt(k) * axis
-            node = posterior(found.model, logs)
-            height = node.value + found.prior.value(logs)[0] - found.minus_2_log_evidence
+            logs = small_posterior.logs + sign * np.sqrt(k) * axis
+            node = posterior(small_posterior.model, logs)
+            height = node.value + small_posterior.prior.value(logs)[0] - small_posterior.minus_2_log_evidence
             off = node.step - about
             total = total + np.exp(-0.5 * height) * (node.covariance + np.outer(off, off))
             weights += np.exp(-0.5 * height)
@@ -197,11 +219,11 @@ def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
     )
 
 
-def test_models_are_weighted_by_evidence(found):
+def test_models_are_weighted_by_evidence(small_posterior):
     """A model three times as likely as another has three quarters, and one of a millionth has no weight."""
-    k, about = len(found.logs), np.zeros(found.model.width)
-    sure = replace(found, covariance=1e-4 * np.eye(k), minus_2_log_evidence=7.0)
-    other = replace(sure, logs=found.logs + 0.5)
+    k, about = len(small_posterior.logs), np.zeros(small_posterior.model.width)
+    sure = replace(small_posterior, covariance=1e-4 * np.eye(k), minus_2_log_evidence=7.0)
+    other = replace(sure, logs=small_posterior.logs + 0.5)
     first, second = (integrated_covariance([of], np.ones(1), about) for of in (sure, other))
     third = replace(other, minus_2_log_evidence=7.0 + 2 * np.log(3.0))
     np.testing.assert_allclose(
@@ -214,7 +236,7 @@ def test_models_are_weighted_by_evidence(found):
 
 
 @pytest.fixture
-def of_numbers(rng):
+def synthetic_posterior(rng):
     """Sigmas of a made-up model: eleven, that are expected within a factor of e."""
     model, _ = made_up(rng)
     prior = LogNormals(np.eye(11), 0.1 * np.arange(11.0), np.ones(11))
@@ -222,11 +244,11 @@ def of_numbers(rng):
     return SigmaPosterior(model, prior, 0.1 * rng.standard_normal(11), root @ root.T, 0.0)
 
 
-def test_sigmas_are_searched_within_bounds(of_numbers):
+def test_sigmas_are_searched_within_bounds(synthetic_posterior):
     """The bounds are 400 times the expected value, and a four-hundredth, or a twentieth for views, which come first."""
-    least, most = laplace._bounds(of_numbers.model, of_numbers.prior)
-    np.testing.assert_allclose(np.exp(most - of_numbers.prior.start), 400.0)
-    np.testing.assert_allclose(np.exp(of_numbers.prior.start - least), [20.0] * 2 + [400.0] * 9)
+    least, most = laplace._bounds(synthetic_posterior.model, synthetic_posterior.prior)
+    np.testing.assert_allclose(np.exp(most - synthetic_posterior.prior.start), 400.0)
+    np.testing.assert_allclose(np.exp(synthetic_posterior.prior.start - least), [20.0] * 2 + [400.0] * 9)
 
 
 def test_covariance_root_exists_for_singular_matrices(rng):
@@ -238,29 +260,29 @@ def test_covariance_root_exists_for_singular_matrices(rng):
     assert laplace._root(np.diag([4.0, 9.0])).tolist() == [[2.0, 0.0], [0.0, 3.0]]
 
 
-def test_cubature_nodes_have_the_mean_and_covariance(of_numbers):
+def test_cubature_nodes_have_the_mean_and_covariance(synthetic_posterior):
     """Two nodes of equal weight are along each axis of the root."""
-    nodes, drawn = laplace._cubature(of_numbers)
+    nodes, drawn = laplace._cubature(synthetic_posterior)
     assert (nodes.shape, drawn.tolist()) == ((22, 11), [0.0] * 22)
-    np.testing.assert_allclose(nodes.mean(0), of_numbers.logs, atol=1e-12)
-    np.testing.assert_allclose(np.cov(nodes.T, bias=True), of_numbers.covariance, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(nodes.mean(0), synthetic_posterior.logs, atol=1e-12)
+    np.testing.assert_allclose(np.cov(nodes.T, bias=True), synthetic_posterior.covariance, rtol=1e-9, atol=1e-12)
 
 
-def test_drawn_nodes_are_pairs_with_their_density(of_numbers):
+def test_drawn_nodes_are_pairs_with_their_density(synthetic_posterior):
     """Nodes are drawn from Student's t with five freedoms and clipped to the bounds.
 
     The distribution is a fifth wider than the covariance.
     """
-    nodes, drawn = laplace._draw_nodes(of_numbers)
+    nodes, drawn = laplace._draw_nodes(synthetic_posterior)
     assert (nodes.shape, drawn.shape) == ((128, 11), (128,))
-    np.testing.assert_allclose(nodes[:64] + nodes[64:], np.tile(2 * of_numbers.logs, (64, 1)), atol=1e-12)
-    off = nodes - of_numbers.logs
-    squares = np.einsum("ni,ij,nj->n", off, np.linalg.inv(of_numbers.covariance), off) / 1.2**2
+    np.testing.assert_allclose(nodes[:64] + nodes[64:], np.tile(2 * synthetic_posterior.logs, (64, 1)), atol=1e-12)
+    off = nodes - synthetic_posterior.logs
+    squares = np.einsum("ni,ij,nj->n", off, np.linalg.inv(synthetic_posterior.covariance), off) / 1.2**2
     np.testing.assert_allclose(drawn, (5 + 11) * np.log(1 + squares / 5), rtol=1e-8)
     assert 0.4 * 11 < np.median(squares) < 2.5 * 11  # the median of that t is 12.6
-    np.testing.assert_array_equal(laplace._draw_nodes(of_numbers)[0], nodes)
-    least, most = laplace._bounds(of_numbers.model, of_numbers.prior)
-    wide = laplace._draw_nodes(replace(of_numbers, covariance=1e4 * of_numbers.covariance))[0]
+    np.testing.assert_array_equal(laplace._draw_nodes(synthetic_posterior)[0], nodes)
+    least, most = laplace._bounds(synthetic_posterior.model, synthetic_posterior.prior)
+    wide = laplace._draw_nodes(replace(synthetic_posterior, covariance=1e4 * synthetic_posterior.covariance))[0]
     assert np.all((wide >= least) & (wide <= most))
     assert np.any(wide == most)
 
@@ -268,12 +290,14 @@ def test_drawn_nodes_are_pairs_with_their_density(of_numbers):
 @pytest.mark.parametrize(
     ("sigma", "blocks", "nodes"), [(0.049, 2, 1), (0.051, 2, 22), (0.49, 2, 22), (0.51, 40, 128), (0.51, 41, 22)]
 )
-def test_integration_method_depends_on_the_largest_uncertainty(of_numbers, sigma, blocks, nodes):
+def test_integration_method_depends_on_the_largest_uncertainty(synthetic_posterior, sigma, blocks, nodes):
     """The mode, cubature, or, with few stops, drawn nodes are used, and each node is weighted by its height."""
     variances = np.full(11, 1e-4)
     variances[3] = sigma**2
-    layout = replace(of_numbers.model.layout, sizes=np.full(blocks, 7))
-    of = replace(of_numbers, covariance=np.diag(variances), model=replace(of_numbers.model, layout=layout))
+    layout = replace(synthetic_posterior.model.layout, sizes=np.full(blocks, 7))
+    of = replace(
+        synthetic_posterior, covariance=np.diag(variances), model=replace(synthetic_posterior.model, layout=layout)
+    )
     found, logs, _ = laplace._weighted_nodes(of, np.arange(3))
     assert 1 <= len(found) <= nodes
     assert (len(found) == 1) == (nodes == 1)
@@ -309,9 +333,9 @@ def test_bounded_step_is_newtons_inside_the_bounds():
     np.testing.assert_allclose(laplace._bounded_step(*flat, np.zeros(1), -np.ones(1), np.ones(1), []), [10.0])
 
 
-def test_integrated_covariance_of_two_models(of_numbers):
+def test_integrated_covariance_of_two_models(synthetic_posterior):
     """The covariance about a point is the weighted sum of both models, with the offset of each mean."""
-    sure = replace(of_numbers, covariance=1e-6 * np.eye(11), minus_2_log_evidence=1e5)
+    sure = replace(synthetic_posterior, covariance=1e-6 * np.eye(11), minus_2_log_evidence=1e5)
     other = replace(sure, logs=sure.logs + 0.3, minus_2_log_evidence=1e5 + 2 * np.log(3.0))
     about = np.array([0.1, -0.2, 0.3])
     expected = 0.0
@@ -328,14 +352,14 @@ def test_integrated_covariance_of_two_models(of_numbers):
     np.testing.assert_allclose(squares, np.exp(2 * sure.logs))
 
 
-def test_mode_of_synthetic_numbers_is_stationary(of_numbers):
+def test_mode_of_synthetic_numbers_is_stationary(synthetic_posterior):
     """The remaining slope is below the tolerance of the last step's gain.
 
     Curvature and evidence are those at the mode.
     """
-    model, prior = of_numbers.model, of_numbers.prior
-    surface = laplace._Surface(posterior(model, of_numbers.logs), prior)
-    known, (height, slope) = posterior(model, of_numbers.logs), prior.value(of_numbers.logs)
+    model, prior = synthetic_posterior.model, synthetic_posterior.prior
+    surface = laplace._Surface(posterior(model, synthetic_posterior.logs), prior)
+    known, (height, slope) = posterior(model, synthetic_posterior.logs), prior.value(synthetic_posterior.logs)
     assert surface.value == pytest.approx(known.value + height)
     np.testing.assert_allclose(surface.slope, known.slope() + slope)
     np.testing.assert_allclose(surface.curvature, known.average_information() + prior.curvature)
@@ -351,7 +375,7 @@ def test_mode_of_synthetic_numbers_is_stationary(of_numbers):
     np.testing.assert_allclose(again.logs, found.logs, atol=0.1)
 
 
-def _steps(curvature: np.ndarray, seed: int, count: int) -> list[Secant]:
+def _random_secants(curvature: np.ndarray, seed: int, count: int) -> list[Secant]:
     steps = np.random.default_rng(seed).standard_normal((count, len(curvature)))
     return [Secant(step, curvature @ step) for step in steps]
 
@@ -360,7 +384,7 @@ def test_secants_in_every_direction_determine_the_curvature() -> None:
     """For a quadratic, k steps in general position correct any curvature that is too small."""
     root = np.random.default_rng(1).standard_normal((4, 4))
     right = root @ root.T + np.eye(4)
-    found = correct_curvature(0.05 * np.eye(4), _steps(right, 2, 4))
+    found = correct_curvature(0.05 * np.eye(4), _random_secants(right, 2, 4))
     np.testing.assert_allclose(found, right, rtol=1e-9, atol=1e-9)
 
 
@@ -368,7 +392,7 @@ def test_single_secant_is_satisfied() -> None:
     """The change of slope over the last step follows from the corrected curvature, larger or smaller than before."""
     for factor in (0.5, 2.0):
         right, guess = np.diag([1.0, 4.0, 9.0]), factor * np.diag([1.0, 4.0, 9.0])
-        (secant,) = _steps(right, 3, 1)
+        (secant,) = _random_secants(right, 3, 1)
         np.testing.assert_allclose(correct_curvature(guess, [secant]) @ secant.step, secant.change, rtol=1e-12)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.ends import with_eye, with_hand
-from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
+from tests.estimation.noise.test_reml import NOISY, ROBOTS, problem_at_truth
 from tests.pose_problem import CHAINED, EXACT, MOUNT, OWN, SINGLE, STAR, pose_problem, shaken, two_arm_problem
 
 from basecal.cell import Unknown
@@ -25,7 +25,7 @@ from tied_scene import tracks_alone
 
 def test_mixed_model_step_is_zero_at_the_optimum():
     """At the optimum of the same sigmas, the most likely unknowns are no step away, and stop errors are unchanged."""
-    problem, state = at_truth(NOISY)
+    problem, state = problem_at_truth(NOISY)
     sigma = np.repeat([1e-3, 2e-3], 3)
     used = with_robot_noise(problem, dict.fromkeys(ROBOTS, sigma))
     end = bundle_adjust(used, without_errors(used, state), 100)
@@ -39,7 +39,7 @@ def test_mixed_model_step_is_zero_at_the_optimum():
 @pytest.mark.parametrize("arms", ["both", "stations", "halves"])
 def test_grouping_of_views_has_no_effect(arms):
     """Sums, scatter and the posterior do not depend on how the views of a camera are grouped."""
-    problem, state = at_truth(replace(NOISY, arms=arms, state_pixel_noise=False))
+    problem, state = problem_at_truth(replace(NOISY, arms=arms, state_pixel_noise=False))
     (group,) = problem.groups
     halves = problem.with_groups([group.take(np.arange(5)), group.take(np.arange(5, 8))])
     whole, parts = mixed_model(problem, state, ROBOTS), mixed_model(halves, state, ROBOTS)
@@ -63,7 +63,7 @@ def test_stop_errors_are_own_plus_shared_errors(arms):
 
     Shared errors are by each robot's stops.
     """
-    problem, state = at_truth(replace(NOISY, arms=arms))
+    problem, state = problem_at_truth(replace(NOISY, arms=arms))
     rng = np.random.default_rng(0)
     modes = {name: rng.standard_normal((count_stops(problem, name), 2)) for name in ROBOTS}
     shared = {name: SharedErrors.repeat_coordinates(of) for name, of in modes.items()}
@@ -87,7 +87,7 @@ def test_stop_errors_are_own_plus_shared_errors(arms):
     assert np.isin(model.of_columns, places).sum() == 24
 
 
-def derivative(problem, layout, view, motion, common):
+def view_derivative(problem, layout, view, motion, common):
     """Of a view near the identity to the columns, (6, m), and to the errors in its block, (6, q)."""
     (group,) = problem.groups
     columns, errors = np.zeros((6, layout.width)), np.zeros((6, layout.rows))
@@ -143,7 +143,7 @@ def test_moments_are_sums_over_views(stops, known_s, robots_in_common, mount, rn
         across = np.zeros((*errors.shape, layout.width))
         errors_errors = np.zeros((*errors.shape, layout.rows))
         for view in range(views):
-            x, z = derivative(problem, layout, view, motion, common)
+            x, z = view_derivative(problem, layout, view, motion, common)
             of_stops = [end.stop[view] for end in group.ends if end.stop[view] >= 0]
             block = max([jitter[view], *layout.block[of_stops].tolist()])
             fixed += x.T @ (own * residual[view])
@@ -215,7 +215,7 @@ def test_prior_is_that_of_the_state():
 
 def test_shape_has_its_own_columns(rng):
     """The columns are the last ones and sum over all views. The prior is the previous shape with unit variance."""
-    problem, state = at_truth(replace(NOISY, samples=3, target="chessboard", state_pixel_noise=False))
+    problem, state = problem_at_truth(replace(NOISY, samples=3, target="chessboard", state_pixel_noise=False))
     problem = replace(problem, shapes={"board": np.array([1.0, -2.0, 0.5])})
     model = mixed_model(problem, state, ROBOTS)
     shape = model.layout.shapes["board"]
@@ -250,11 +250,11 @@ def test_views_in_one_block_are_added(monkeypatch):
 
 def test_targets_without_a_shape_have_no_shape_columns():
     """Targets with too few points, and measured poses, have none either."""
-    problem, state = at_truth(replace(NOISY, samples=3, target="chessboard", state_pixel_noise=False))
+    problem, state = problem_at_truth(replace(NOISY, samples=3, target="chessboard", state_pixel_noise=False))
     (of_poses,) = pose_problem(np.zeros((3, 6)), None)[0].groups
     few = problem.with_groups([replace(problem.groups[0], measurement=of_poses.measurement)])
     (of_board,), (of_poses,) = (make_estimates(of, state) for of in (problem, few))
-    points, state_of_points = at_truth(replace(NOISY, samples=3, target="points", state_pixel_noise=False))
+    points, state_of_points = problem_at_truth(replace(NOISY, samples=3, target="points", state_pixel_noise=False))
     (of_points,) = make_estimates(points, state_of_points)
     assert of_points["pixel_px"].gradient.shape == (3, 6)
     assert of_board["pixel_px"].gradient.shape == (3, 9)
@@ -263,7 +263,7 @@ def test_targets_without_a_shape_have_no_shape_columns():
 
 def test_jitter_moves_the_view_but_not_the_lens(rng):
     """Jitter does not affect the lens, also if the lens is free."""
-    problem, state = at_truth(replace(NOISY, samples=3, intrinsics="free", state_pixel_noise=False))
+    problem, state = problem_at_truth(replace(NOISY, samples=3, intrinsics="free", state_pixel_noise=False))
     motion = rng.standard_normal((3, 6))
     moving = replace(problem.with_groups([replace(problem.groups[0], motion=motion)]), open_jitter=frozenset({"wrist"}))
     (part,) = mixed_model(moving, state, ROBOTS).parts.values()

@@ -32,7 +32,7 @@ UNSTATED = replace(
 )
 
 
-class Told(Stages):
+class RecordingStages(Stages):
     """Stages of which only the parts are kept."""
 
     def __init__(self, parts):
@@ -67,10 +67,10 @@ def test_each_robot_has_its_own_views(problem):
         assert f"r1_base_from_{part.robot}_base" not in part.problem.columns
         used = np.concatenate([np.arange(s.start, s.stop) for s in part.problem.columns.values()])
         assert sorted(used) == list(range(part.problem.width))
-        assert part.problem.width == 6 * len(part.problem.columns) == 6 * len(_needed(part))
+        assert part.problem.width == 6 * len(part.problem.columns) == 6 * len(_needed_transforms(part))
 
 
-def _needed(part):
+def _needed_transforms(part):
     """Transforms that a robot's views depend on, but for its base."""
     held = None if part.robot == "r1" else f"r1_base_from_{part.robot}_base"
     named = {n for g in part.problem.groups for n in (g.eye.mount, g.hand.mount, g.eye.base, g.hand.base)}
@@ -92,7 +92,7 @@ def test_neighbourhood_sigmas_equal_the_joint_estimate(problem, monkeypatch):
     whole = solve_from(problem, state_of(problem), settings)
     monkeypatch.setattr(module, "MANY_COLUMNS", 1)
     parts = []
-    found = solve_from(problem, state_of(problem), replace(settings, stages=Told(parts)))
+    found = solve_from(problem, state_of(problem), replace(settings, stages=RecordingStages(parts)))
     assert parts == [(k, 4) for k in range(4)]
     assert found.converged
     for sigma in found.noise.robots.values():

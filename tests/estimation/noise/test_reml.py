@@ -33,7 +33,7 @@ ROBOTS = ("eye", "hand")
 NOISY = Scenario(samples=8, robot_noise=(1e-3, 2e-3), state_robot_noise=False)
 
 
-def at_truth(scenario, seed=1):
+def problem_at_truth(scenario, seed=1):
     """A problem whose stops have unit sigmas, and the truth, its stops without errors."""
     s = simulate(scenario, seed)
     problem, _ = build_problem(s.cell, s.recording)
@@ -63,7 +63,7 @@ def dense_model(problem, state, logs):
     return error.ravel(), x, v, [2 * z[:, of == k] @ z[:, of == k].T for k in range(2 * len(ROBOTS))]
 
 
-def dense_surprise(problem, state, logs):
+def dense_value(problem, state, logs):
     """log|V| + log|X'V^-1 X| + r'P r, with V of views and stops written out in full."""
     error, x, v, _ = dense_model(problem, state, logs)
     vx, vr = np.linalg.solve(v, x), np.linalg.solve(v, error)
@@ -78,7 +78,7 @@ def test_average_information_equals_the_dense_formula(arms):
 
     All residuals and stops are written out.
     """
-    problem, state = at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))
+    problem, state = problem_at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))
     model = mixed_model(problem, state, ROBOTS)
     logs = np.log([1e-3, 2e-3, 5e-4, 1e-3])
     error, x, v, slopes = dense_model(problem, state, logs)
@@ -92,11 +92,11 @@ def test_average_information_equals_the_dense_formula(arms):
 @pytest.mark.parametrize("arms", ["both", "stations", "halves"])
 def test_value_equals_the_dense_formula(arms):
     """Between sigmas it changes like the restricted likelihood of all residuals and stops."""
-    problem, state = at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))
+    problem, state = problem_at_truth(replace(NOISY, target="pose", arms=arms, camera_mount="fixed"))
     model = mixed_model(problem, state, ROBOTS)
     rows = np.log([[1e-3, 2e-3, 1e-3, 2e-3], [3e-3, 1e-3, 5e-4, 4e-3]])
     ours = [posterior(model, logs).value for logs in rows]
-    dense = [dense_surprise(problem, state, logs) for logs in rows]
+    dense = [dense_value(problem, state, logs) for logs in rows]
     assert ours[1] - ours[0] == pytest.approx(dense[1] - dense[0], abs=1e-3)
     assert abs(dense[1] - dense[0]) > 1
 
@@ -105,7 +105,7 @@ def test_value_equals_the_dense_formula(arms):
 @pytest.mark.parametrize("smooth", [False, True])
 def test_slope_equals_finite_differences(arms, smooth):
     """The slopes by sigmas of views, robots and smooth errors agree with central differences to 1e-3."""
-    problem, state = at_truth(replace(NOISY, arms=arms, intrinsics="free", state_pixel_noise=False))
+    problem, state = problem_at_truth(replace(NOISY, arms=arms, intrinsics="free", state_pixel_noise=False))
     rng = np.random.default_rng(0)
     state = replace(state, stop_errors=1e-3 * rng.standard_normal(state.stop_errors.shape))
     modes = {robot: rng.standard_normal((count_stops(problem, robot), 2)) for robot in ROBOTS} if smooth else {}
@@ -139,7 +139,7 @@ def test_chunking_of_blocks_has_no_effect(monkeypatch, constant):
 @pytest.mark.parametrize("arms", ["both", "halves", "stations"])
 def test_columns_alone_equal_the_whole_solution(arms):
     """Without the errors in blocks the columns are the same to the last bit."""
-    problem, state = at_truth(replace(NOISY, arms=arms, state_pixel_noise=False))
+    problem, state = problem_at_truth(replace(NOISY, arms=arms, state_pixel_noise=False))
     model, logs = mixed_model(problem, state, ROBOTS), np.log([0.3, 1e-3, 2e-3, 1e-3, 2e-3])
     whole, alone = posterior(model, logs), solve_columns(node_equations(model, logs[None]), np.arange(len(model.prior)))
     assert alone.value[0] == whole.value
@@ -164,7 +164,7 @@ def test_batch_of_nodes_equals_single_nodes(monkeypatch, rng, at_once):
 @pytest.mark.parametrize("arms", ["both", "stations"])
 def test_block_sums_equal_the_general_case(arms):
     """With a single part, the slope equals that of two equal halves, which use the general case."""
-    problem, state = at_truth(replace(NOISY, target="chessboard", arms=arms, state_pixel_noise=False))
+    problem, state = problem_at_truth(replace(NOISY, target="chessboard", arms=arms, state_pixel_noise=False))
     model = mixed_model(problem, state, ROBOTS)
     ((camera, name),) = model.parts
     half = {f.name: 0.5 * getattr(model.parts[camera, name], f.name) for f in fields(Moments)}
@@ -203,16 +203,21 @@ def test_time_stamp_jitter_is_noise_along_the_motion(is_open, exact):
         motion = np.zeros_like(motion)
     keep = [*range(4 if robots else 0), *([4] if is_open else [])]
     values = [posterior(model, logs[keep]).value for logs in sigmas]
-    dense = [dense_shaken(problem, state, logs[:4] if robots else None, motion * np.exp(logs[4])) for logs in sigmas]
+    dense = [
+        dense_value_with_jitter(problem, state, logs[:4] if robots else None, motion * np.exp(logs[4]))
+        for logs in sigmas
+    ]
     assert values[1] - values[0] == pytest.approx(dense[1] - dense[0], abs=1e-3)
     assert abs(dense[1] - dense[0]) > 0.5 or not keep
-    step, covariance = dense_answer(problem, state, sigmas[0][:4] if robots else None, motion * np.exp(sigmas[0][4]))
+    step, covariance = dense_solution_with_jitter(
+        problem, state, sigmas[0][:4] if robots else None, motion * np.exp(sigmas[0][4])
+    )
     found = posterior(model, sigmas[0][keep])
     np.testing.assert_allclose(found.step, step, atol=1e-6)
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-3, atol=1e-10)
 
 
-def shaken_model(problem, state, logs, shake):
+def dense_model_with_jitter(problem, state, logs, shake):
     """Residuals, derivative and covariance: views shaken along (n, 6), arms as `logs` say, or exact."""
     error, x, v, _ = dense_model(problem, state, np.zeros(4) if logs is None else logs)
     inner = right_jacobian_inverse(error.reshape(-1, 6))
@@ -222,24 +227,24 @@ def shaken_model(problem, state, logs, shake):
     return error, x, v
 
 
-def dense_shaken(problem, state, logs, shake):
-    error, x, v = shaken_model(problem, state, logs, shake)
+def dense_value_with_jitter(problem, state, logs, shake):
+    error, x, v = dense_model_with_jitter(problem, state, logs, shake)
     information = x.T @ np.linalg.solve(v, x)
     explained = (x.T @ np.linalg.solve(v, error)) @ np.linalg.solve(information, x.T @ np.linalg.solve(v, error))
     value = np.linalg.slogdet(v)[1] + np.linalg.slogdet(information)[1]
     return value + error @ np.linalg.solve(v, error) - explained
 
 
-def dense_answer(problem, state, logs, shake):
+def dense_solution_with_jitter(problem, state, logs, shake):
     """The generalised least-squares step, and its covariance."""
-    error, x, v = shaken_model(problem, state, logs, shake)
+    error, x, v = dense_model_with_jitter(problem, state, logs, shake)
     covariance = np.linalg.inv(x.T @ np.linalg.solve(v, x))
     return -covariance @ (x.T @ np.linalg.solve(v, error)), covariance
 
 
 def test_jitter_of_still_views_is_not_open():
     """Views without motion have no information on it."""
-    problem, state = at_truth(replace(NOISY, target="pose", camera_mount="fixed"))
+    problem, state = problem_at_truth(replace(NOISY, target="pose", camera_mount="fixed"))
     problem = replace(problem, open_jitter=frozenset({"wrist"}))
     assert open_jitter(problem) == ()
     (group,) = problem.groups
@@ -251,15 +256,15 @@ def test_jitter_of_still_views_is_not_open():
 
 
 @pytest.fixture(params=[(*OPEN, ALL_STATED), OPEN[:1], (ALL_STATED,)], ids=["parts", "open", "stated"])
-def of_numbers(request, rng):
+def synthetic_model(request, rng):
     """A made-up model, its parts written out, and sigmas: one part alone goes by sums over blocks."""
     model, parts = made_up(rng, request.param)
     return model, parts, np.exp(0.5 * rng.standard_normal(9 + len(model.sigmas.views)))
 
 
-def test_posterior_equals_one_matrix_inverse(of_numbers):
+def test_posterior_equals_one_matrix_inverse(synthetic_model):
     """Value, means and covariances of columns and block errors equal one inverse of the whole system."""
-    model, parts, sigmas = of_numbers
+    model, parts, sigmas = synthetic_model
     found, expected = posterior(model, np.log(sigmas)), expand_model(model, parts, sigmas)
     assert found.value == pytest.approx(expected.value, rel=1e-8)
     mean, covariance = expected.mean, expected.covariance
@@ -280,9 +285,9 @@ def test_posterior_equals_one_matrix_inverse(of_numbers):
     np.testing.assert_allclose(scales(np.log(sigmas), model.of_columns), expected.scales[:COLUMNS])
 
 
-def test_stop_errors_are_in_their_units(of_numbers):
+def test_stop_errors_are_in_their_units(synthetic_model):
     """Errors from blocks and columns are multiplied by their sigmas, and so are shared errors."""
-    model, parts, sigmas = of_numbers
+    model, parts, sigmas = synthetic_model
     expected = expand_model(model, parts, sigmas)
     units = expected.mean * expected.scales
     errors, (_, shared) = units[COLUMNS:].reshape(BLOCKS, ROWS), model.layout.shared[0]["hand"]
@@ -291,12 +296,12 @@ def test_stop_errors_are_in_their_units(of_numbers):
     np.testing.assert_allclose(posterior(model, np.log(sigmas)).stop_errors, of_stops, rtol=1e-6, atol=1e-8)
 
 
-def test_slope_and_average_information_equal_explicit_formulas(of_numbers):
+def test_slope_and_average_information_equal_explicit_formulas(synthetic_model):
     """The slope is that of the value.
 
     The information is 4 (S - V' M^-1 V), with V by the terms that each sigma scales.
     """
-    model, parts, sigmas = of_numbers
+    model, parts, sigmas = synthetic_model
     found, logs, step = posterior(model, np.log(sigmas)), np.log(sigmas), 1e-5
     slope = [
         (expand_model(model, parts, np.exp(logs + h)).value - expand_model(model, parts, np.exp(logs - h)).value)
@@ -321,9 +326,9 @@ def test_slope_and_average_information_equal_explicit_formulas(of_numbers):
     np.testing.assert_allclose(found.average_information(), expected, rtol=1e-5, atol=1e-6)
 
 
-def test_unscaled_errors_are_unchanged(of_numbers):
+def test_unscaled_errors_are_unchanged(synthetic_model):
     """Errors of a robot without an open sigma are unscaled, in blocks and columns."""
-    model, parts, sigmas = of_numbers
+    model, parts, sigmas = synthetic_model
     of_errors, of_columns = model.of_errors.copy(), model.of_columns.copy()
     of_errors[0, :6] = -1
     of_columns[3:9] = -1

@@ -34,7 +34,7 @@ ESTIMATED = Settings(robot_noise="estimated")
 CHI2_LIMIT = {3: 21.1, 6: 27.9, 30: 70.1}  # by freedoms: one in ten thousand
 
 
-def misshaped(scenario, shape, seed=0):
+def simulate_shape_error(scenario, shape, seed=0):
     """A cell as stated, and one whose target is shaped so [sigmas] though its points are stated as before."""
     target = scenario.board
     other = replace(target, points=target.points + unit_shifts(target.points) @ shape)
@@ -56,7 +56,7 @@ def test_bowed_board_is_flat():
     assert not is_flat(cube * [1.0, 0.7, 0.051])
 
 
-def of_points(points, stated=False):
+def problem_of_points(points, stated=False):
     """A problem of a target of such points, seen at three places."""
     (group,) = (problem := problem_of(replace(NOISY, samples=3))).groups
     count = len(points)
@@ -90,8 +90,8 @@ def test_number_of_shape_coefficients(points, coefficients):
     A line, or a board with stated sigmas, has none.
     """
     expected = {"board": coefficients} if coefficients else {}
-    assert shaped_targets(of_points(points)) == expected
-    assert shaped_targets(of_points(points, stated=True)) == (expected if coefficients > 3 else {})
+    assert shaped_targets(problem_of_points(points)) == expected
+    assert shaped_targets(problem_of_points(points, stated=True)) == (expected if coefficients > 3 else {})
 
 
 def test_poses_have_no_shape():
@@ -101,7 +101,7 @@ def test_poses_have_no_shape():
     assert shaped_targets(problem) == {}
     same = reshape_targets(problem, {"target": np.ones(3)})
     assert same.groups == problem.groups
-    other = of_points(BOARD.points)
+    other = problem_of_points(BOARD.points)
     assert reshape_targets(other, {"another": np.ones(3)}).groups == other.groups
 
 
@@ -156,7 +156,7 @@ def test_shaped_targets_have_enough_points():
 )
 def test_shape_is_estimated_without_bias_of_the_mount(scenario, truth, freedoms):
     """Coefficients and mount agree with their covariance, for a target with and without a shape error."""
-    as_stated, off = misshaped(scenario, truth)
+    as_stated, off = simulate_shape_error(scenario, truth)
     onto = np.linalg.pinv(unit_shifts(scenario.board.points).reshape(-1, len(truth)), rcond=1e-6)
     told = onto @ unit_shifts(scenario.board.points).reshape(-1, len(truth))
     for shape, recording in ((truth, off.recording), (0 * truth, as_stated.recording)):

@@ -53,7 +53,7 @@ MOVES: dict[str, Move] = {
 }
 
 
-def packed(hand: Move, scenario: Scenario = FEW):
+def problem_of_move(hand: Move, scenario: Scenario = FEW):
     made = recorded(scenario, 1, hand=hand)
     problem, _ = build_problem(made.cell, made.recording)
     return problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
@@ -63,7 +63,7 @@ def packed(hand: Move, scenario: Scenario = FEW):
 def test_unobservable_twists_of_each_motion(kind):
     """Each type leaves as many twists as geometry predicts, and a thousandth of wobble is not enough to change that."""
     for move in (MOVES[kind], wobbling(MOVES[kind], 5e-4)):
-        problem, _ = packed(move)
+        problem, _ = problem_of_move(move)
         assert len(motions(problem)["hand"].twists_in_base) == LEFT_OPEN[kind]
 
 
@@ -72,7 +72,7 @@ def test_axis_and_extent_of_motions():
 
     Still and translating arms are distinguished.
     """
-    hand = {kind: motions(packed(move)[0])["hand"] for kind, move in MOVES.items()}
+    hand = {kind: motions(problem_of_move(move)[0])["hand"] for kind, move in MOVES.items()}
     assert abs(hand["planar"].axes_in_base[:, 0] @ AXIS) == pytest.approx(1.0, abs=1e-9)
     assert hand["planar"].turn_rad[0] > 0.5
     assert hand["planar"].turn_rad[1] < 1e-9
@@ -108,7 +108,7 @@ def test_fixed_or_known_transforms_are_not_free():
     With a prior it does, but no gauge partner is named.
     """
     for status, count, names in (("fixed", 0, 0), ("prior", 6, 0), ("free", 6, 2)):
-        problem, state = packed(still, Scenario(samples=15, target_mount=status))
+        problem, state = problem_of_move(still, Scenario(samples=15, target_mount=status))
         assert null_directions(problem, state).shape[1] == count
         assert len(gauge_partners(problem, motions(problem)["hand"])) == names
 
@@ -134,7 +134,7 @@ def test_unobservable_twists_of_arms_with_few_joints(axes, count):
 @pytest.mark.parametrize("kind", [kind for kind, count in LEFT_OPEN.items() if count])
 def test_unobservable_twists_are_constant_in_the_flange(kind):
     """Twists of the base, transformed to the flange by each pose, are equal for all poses."""
-    problem, _ = packed(MOVES[kind])
+    problem, _ = problem_of_move(MOVES[kind])
     (group,) = problem.groups
     for twist in motions(problem)["hand"].twists_in_base:
         carried = group.hand.base_from_flange.inverse().adjoint() @ twist
@@ -166,7 +166,7 @@ def test_each_robot_has_its_own_samples_and_poses():
 ])  # fmt: skip
 def test_motion_limits_are_ten_milliradians_and_one_millimetre(turn_rad, travel_m, kind):
     """A motion below 0.01 rad and 1 mm counts as still, and below 0.01 rad alone as pure translation."""
-    problem, _ = packed(still)
+    problem, _ = problem_of_move(still)
     (group,) = problem.groups
     away = np.where((np.arange(len(group)) == 4)[:, None], [travel_m, 0, 0, 0, 0, turn_rad], 0.0)
     at = group.hand.base_from_flange[0]
@@ -177,7 +177,7 @@ def test_motion_limits_are_ten_milliradians_and_one_millimetre(turn_rad, travel_
     assert hand.orientations == (2 if kind == "turns" else 1)
 
 
-def moving(rotvecs, translations, hand_poses=None):
+def problem_of_poses(rotvecs, translations, hand_poses=None):
     """How the eye, and the hand, of a problem of a view a pose move."""
     poses = SE3.from_rotvec(np.array(rotvecs, dtype=float), np.array(translations, dtype=float))
     problem, _ = two_arm_problem(np.zeros((len(poses), 6)), np.arange(len(poses)), len(poses) + np.arange(len(poses)))
@@ -189,7 +189,7 @@ def moving(rotvecs, translations, hand_poses=None):
 @pytest.mark.parametrize(("travel", "turn"), [(0.9e-3, 9e-3), (1.1e-3, 9e-3), (0.9e-3, 11e-3), (1.1e-3, 11e-3)])
 def test_negligible_motion_is_still(travel, turn):
     """A robot is still below 1 mm and 0.01 rad from its first pose. Below the latter it only translates."""
-    found = motions(moving([[0, 0, 0.3], [0, 0, 0.3 + turn]], [[1, 2, 3], [1, 2 - travel, 3]]))["eye"]
+    found = motions(problem_of_poses([[0, 0, 0.3], [0, 0, 0.3 + turn]], [[1, 2, 3], [1, 2 - travel, 3]]))["eye"]
     assert found.travel_m == pytest.approx(travel)
     np.testing.assert_allclose(found.turn_rad, [turn, 0.0, 0.0], atol=1e-9)
     assert found.is_translation_only == (turn < 0.01)
@@ -201,7 +201,7 @@ def test_rotations_are_about_axes_of_the_base():
 
     Robots and samples are separate.
     """
-    problem = moving(
+    problem = problem_of_poses(
         [[0, 0, 0], [0, 0, 0.02], [0.3, 0, 0], [0, 0.1, 0]], [[0, 0, 0], [0.3, 0.4, 0], [0, 0, 0.1], [0.1, 0, 0]]
     )
     (group,) = problem.groups
@@ -224,7 +224,7 @@ def test_rotations_are_about_axes_of_the_base():
 )
 def test_orientations_are_counted_up_to_three(about_z, count):
     """An orientation counts if it is at least 0.01 rad from all counted before."""
-    found = motions(moving([[0, 0, angle] for angle in about_z], np.zeros((len(about_z), 3))))["eye"]
+    found = motions(problem_of_poses([[0, 0, angle] for angle in about_z], np.zeros((len(about_z), 3))))["eye"]
     assert found.orientations == count
 
 
@@ -251,10 +251,10 @@ def test_motion_counts_from_five_sigmas_of_robot_noise():
 
 def test_general_motion_has_no_null_directions():
     """The result has as many rows as unknowns and no column. Transforms with prior knowledge have no gauge partners."""
-    problem = moving([[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0]], np.zeros((4, 3)), SE3.exp(np.eye(6)[:4]))
+    problem = problem_of_poses([[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0]], np.zeros((4, 3)), SE3.exp(np.eye(6)[:4]))
     state = State({MOUNT: SE3.identity(), TARGET: SE3.identity()}, {}, np.zeros((0, 6)))
     assert null_directions(problem, state).shape == (6, 0)
-    still = moving(np.zeros((3, 3)), np.zeros((3, 3)))
+    still = problem_of_poses(np.zeros((3, 3)), np.zeros((3, 3)))
     free = replace(still, unknowns={MOUNT: Unknown(), TARGET: Unknown()}, reference="none")
     of_eye = motions(still)["eye"]
     assert gauge_partners(free, of_eye) == (MOUNT,)

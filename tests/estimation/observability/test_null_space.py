@@ -34,7 +34,7 @@ def problem():
     return build_problem(made.cell, made.recording)[0].with_models({"hand": both})
 
 
-def separated(problem, directions, at=None, scale=None):
+def separate_directions(problem, directions, at=None, scale=None):
     """Of directions given by name, mixed by a random rotation."""
     vectors = np.zeros((problem.width, len(directions)))
     for k, direction in enumerate(directions):
@@ -60,9 +60,9 @@ def test_empty_null_space_has_no_directions(problem):
 
 def test_coupled_transforms_are_named_by_their_share(problem):
     """A mount that moves 0.4 of the base is named beside it, one that moves 0.2 is not."""
-    ((kind, names, _),) = separated(problem, [{BASE: Z, BOARD: 0.4 * Z, CAMERA: 0.2 * Z}])
+    ((kind, names, _),) = separate_directions(problem, [{BASE: Z, BOARD: 0.4 * Z, CAMERA: 0.2 * Z}])
     assert (kind, names) == ("translation", (BASE, BOARD))
-    ((kind, names, _),) = separated(problem, [{BASE: RZ, CAMERA: 0.4 * RX}])
+    ((kind, names, _),) = separate_directions(problem, [{BASE: RZ, CAMERA: 0.4 * RX}])
     assert (kind, names) == ("rotation", (BASE, CAMERA))
 
 
@@ -70,8 +70,8 @@ def test_base_is_named_before_mounts(problem):
     """A base is first if it moves at least half of the largest motion, else the largest is first."""
     first = next(n for n in problem.columns if n in problem.unknowns)
     other = next(n for n in problem.columns if n in problem.unknowns and n != first)
-    assert separated(problem, [{first: 0.55 * X, other: X}])[0][1] == (first, other)
-    assert separated(problem, [{first: 0.45 * X, other: X}])[0][1] == (other, first)
+    assert separate_directions(problem, [{first: 0.55 * X, other: X}])[0][1] == (first, other)
+    assert separate_directions(problem, [{first: 0.45 * X, other: X}])[0][1] == (other, first)
 
 
 def test_rotations_are_twists_in_the_parent_in_metres(problem):
@@ -79,25 +79,27 @@ def test_rotations_are_twists_in_the_parent_in_metres(problem):
     scale = np.ones(problem.width)
     scale[problem.columns[BASE]] = [0.5, 0.5, 0.5, 1, 1, 1]
     at = {BASE: SE3(np.eye(3), np.array([2.0, 0, 0]))}
-    ((_, _, found),) = separated(problem, [{BASE: RZ}], at, scale)
+    ((_, _, found),) = separate_directions(problem, [{BASE: RZ}], at, scale)
     np.testing.assert_allclose(
         found.twists_in_parent / found.twists_in_parent[0, 5], [[0, -2.0, 0, 0, 0, 1]], atol=1e-12
     )
-    ((_, _, found),) = separated(problem, [{BASE: Y}], {BASE: SE3.from_rotvec([0, 0, np.pi / 2], [0.0, 0, 0])}, scale)
+    ((_, _, found),) = separate_directions(
+        problem, [{BASE: Y}], {BASE: SE3.from_rotvec([0, 0, np.pi / 2], [0.0, 0, 0])}, scale
+    )
     np.testing.assert_allclose(np.abs(found.twists_in_parent), [X], atol=1e-12)
 
 
 def test_three_rotations_are_merged_and_two_are_not(problem):
     """Any rotation is one direction, and single axes are separate directions."""
-    (all_, *none) = separated(problem, [{BASE: RX}, {BASE: RY}, {BASE: RZ}])
+    (all_, *none) = separate_directions(problem, [{BASE: RX}, {BASE: RY}, {BASE: RZ}])
     assert (none, all_[2].twists_in_parent.shape) == ([], (3, 6))
-    two = separated(problem, [{BASE: RX}, {BASE: RY}])
+    two = separate_directions(problem, [{BASE: RX}, {BASE: RY}])
     assert [d.twists_in_parent.shape for _, _, d in two] == [(1, 6), (1, 6)]
 
 
 def test_translations_of_one_frame_are_merged(problem):
     """Two shifts of the base span a plane: two orthonormal rows."""
-    ((kind, _, found),) = separated(problem, [{BASE: X}, {BASE: 3 * X + Y}])
+    ((kind, _, found),) = separate_directions(problem, [{BASE: X}, {BASE: 3 * X + Y}])
     assert kind == "translation"
     np.testing.assert_allclose(found.twists_in_parent @ found.twists_in_parent.T, np.eye(2), atol=1e-12)
     np.testing.assert_allclose(found.twists_in_parent[:, 2:], 0.0, atol=1e-12)
@@ -116,7 +118,7 @@ def test_translations_of_one_frame_are_merged(problem):
 def test_robots_and_lenses_are_identified_by_the_largest_motion(problem, name, row, kind, joint):
     """Joints are counted among the free offsets with a column, and coupled transforms are named afterwards."""
     width = problem.columns[name].stop - problem.columns[name].start
-    ((found, names, direction),) = separated(problem, [{name: np.eye(width)[row], BASE: 0.5 * RZ}])
+    ((found, names, direction),) = separate_directions(problem, [{name: np.eye(width)[row], BASE: 0.5 * RZ}])
     assert (found, names, direction.joint) == (kind, (name, BASE), joint)
     assert direction.twists_in_parent.shape == (0, 6)
     assert (direction.robot, direction.parameters) == (
@@ -127,7 +129,7 @@ def test_robots_and_lenses_are_identified_by_the_largest_motion(problem, name, r
 
 def test_lens_directions_come_first_and_are_separated(problem):
     """A lens and a shift of the base, arbitrarily mixed, are separated, with the lens first."""
-    kinds = [kind for kind, _, _ in separated(problem, [{BASE: X}, {"wrist": np.eye(9)[4]}])]
+    kinds = [kind for kind, _, _ in separate_directions(problem, [{BASE: X}, {"wrist": np.eye(9)[4]}])]
     assert kinds == ["lens", "translation"]
 
 
@@ -171,7 +173,7 @@ def test_transforms_coupled_through_a_third_are_one_cluster():
     names = [name for name in problem.columns if name in problem.unknowns]
     assert len(names) >= 4
     first, second, third, fourth = names[:4]
-    found = separated(problem, [{first: X, third: X}, {second: Y, third: Y}, {fourth: Z}])
+    found = separate_directions(problem, [{first: X, third: X}, {second: Y, third: Y}, {fourth: Z}])
     clusters = {frozenset(moved) for _, moved, _ in found}
     assert frozenset({fourth}) in clusters
     assert all(fourth not in moved for moved in clusters if len(moved) > 1)

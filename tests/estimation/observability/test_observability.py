@@ -26,12 +26,12 @@ DISTANCE_M = 2.0
 LENS = Camera("pinhole", np.array([800.0, 1200.0, 640.0, 360.0, *[0.0] * 4]), (1280, 720))
 
 
-def seen_with(sigmas, factor=1.0, lens=()):
+def analyse_sigmas(sigmas, factor=1.0, lens=()):
     """What is said of a mount whose tangent is known with these sigmas [m, rad], targets 2 m away; and of a lens."""
-    return seen_by(np.diag(1.0 / np.array([*sigmas, *lens]) ** 2), factor)
+    return analyse_information(np.diag(1.0 / np.array([*sigmas, *lens]) ** 2), factor)
 
 
-def seen_by(hessian, factor=1.0, prior=(1.0,) * 6):
+def analyse_information(hessian, factor=1.0, prior=(1.0,) * 6):
     """What is said by an information of a mount under a prior, and of a lens if there are columns for it."""
     problem, state = pose_problem(np.zeros((4, 6)), np.ones(6), Unknown("prior", SE3.identity(), np.array(prior)))
     mount = SE3.from_rotvec([0, 0, 0], [0, 0, -DISTANCE_M])
@@ -70,18 +70,18 @@ def test_sparse_and_dense_observability_agree():
 @pytest.mark.parametrize("k", range(6))
 def test_direction_is_observable_below_three_tenths(k):
     """A sigma of 0.29 rad, or 0.29 of the distance, is observable. One of 0.31 is not, and keeps its number."""
-    unit = distances(k)
+    unit = unit_of_column(k)
     below, above = GOOD.copy(), GOOD.copy()
     below[k], above[k] = 0.29 * unit, 0.31 * unit
-    assert seen_with(below).unobservable == frozenset()
-    assert seen_with(below).null_space == ()
-    found = seen_with(above)
+    assert analyse_sigmas(below).unobservable == frozenset()
+    assert analyse_sigmas(below).null_space == ()
+    found = analyse_sigmas(above)
     assert found.unobservable == {MOUNT}
     assert len(found.null_space) == 1
     assert found.inverse[k, k] == pytest.approx(above[k] ** 2)
 
 
-def distances(k):
+def unit_of_column(k):
     return DISTANCE_M if k < 3 else 1.0
 
 
@@ -89,11 +89,11 @@ def distances(k):
 def test_direction_without_information_has_no_sigma(k):
     """Beyond a sigma of 30 it has none: zero in the inverse, and an infinite condition."""
     sigmas = GOOD.copy()
-    sigmas[k] = 29 * distances(k)
-    assert seen_with(sigmas).inverse[k, k] == pytest.approx(sigmas[k] ** 2)
-    assert np.isfinite(seen_with(sigmas).condition)
-    sigmas[k] = 31 * distances(k)
-    found = seen_with(sigmas)
+    sigmas[k] = 29 * unit_of_column(k)
+    assert analyse_sigmas(sigmas).inverse[k, k] == pytest.approx(sigmas[k] ** 2)
+    assert np.isfinite(analyse_sigmas(sigmas).condition)
+    sigmas[k] = 31 * unit_of_column(k)
+    found = analyse_sigmas(sigmas)
     assert found.inverse[k, k] == 0.0
     assert found.condition == np.inf
     assert found.unobservable == {MOUNT}
@@ -107,7 +107,7 @@ def test_prior_information_is_no_rounding(k):
     """
     prior = np.where(np.arange(6) == k, 1.0, 1e3)
     views = np.where(np.arange(6) == k, 0.0, 1e20)
-    found = seen_by(np.diag(views + prior**-2.0), prior=prior)
+    found = analyse_information(np.diag(views + prior**-2.0), prior=prior)
     assert found.inverse[k, k] == pytest.approx(1.0)
     assert np.isfinite(found.condition)
 
@@ -118,20 +118,20 @@ def test_distortion_dominated_direction_is_not_separated(share, count):
     units = np.repeat([DISTANCE_M, 1.0, 1000.0, 10.0], [3, 3, 4, 4])
     along = np.sqrt(1 - share) * np.eye(14)[6] + np.sqrt(share) * np.eye(14)[10]
     scaled = 1e6 * (np.eye(14) - np.outer(along, along)) + np.outer(along, along)
-    assert len(seen_by(scaled / np.outer(units, units)).null_space) == count
+    assert len(analyse_information(scaled / np.outer(units, units)).null_space) == count
 
 
 def test_noise_factor_reduces_observability():
     """The same information with a noise factor of a hundred is ten times less observable."""
     sigmas = np.full(6, 0.05)
-    assert seen_with(sigmas).unobservable == frozenset()
-    assert seen_with(sigmas, factor=100.0).unobservable == {MOUNT}
+    assert analyse_sigmas(sigmas).unobservable == frozenset()
+    assert analyse_sigmas(sigmas, factor=100.0).unobservable == {MOUNT}
 
 
 def test_condition_is_largest_over_smallest_sigma():
     """The sigmas are in lengths of the scene and radians."""
-    assert seen_with([0.02, 0.02, 0.02, 0.01, 0.01, 0.1]).condition == pytest.approx(10.0)
-    assert seen_with(GOOD).length_m == pytest.approx(DISTANCE_M)
+    assert analyse_sigmas([0.02, 0.02, 0.02, 0.01, 0.01, 0.1]).condition == pytest.approx(10.0)
+    assert analyse_sigmas(GOOD).length_m == pytest.approx(DISTANCE_M)
 
 
 @pytest.mark.parametrize(("k", "gated"), [(0, True), (1, True), (2, True), (3, True), (4, False)])
@@ -139,9 +139,9 @@ def test_lens_needs_focal_lengths_and_centre(k, gated):
     """Focal lengths and centre are relative to the mean focal length of 1000 px, and distortion is unrestricted."""
     lens = np.array([1.0] * 4 + [0.01] * 4)
     lens[k] = 290.0 if gated else 5.0
-    assert seen_with(GOOD, lens=lens).unobservable == frozenset()
+    assert analyse_sigmas(GOOD, lens=lens).unobservable == frozenset()
     lens[k] = 310.0 if gated else 200.0
-    found = seen_with(GOOD, lens=lens)
+    found = analyse_sigmas(GOOD, lens=lens)
     assert found.unobservable == ({"camera"} if gated else frozenset())
     assert len(found.null_space) == (1 if gated else 0)
 
@@ -169,10 +169,10 @@ def test_units_are_distance_radian_focal_length_and_large_distortion():
     One that is ten times as large gives a condition of ten.
     """
     sigmas = 1e-3 * np.repeat([DISTANCE_M, 1.0, 1000.0, 10.0], [3, 3, 4, 4])
-    assert seen_with(sigmas[:6], lens=sigmas[6:]).condition == pytest.approx(1.0)
+    assert analyse_sigmas(sigmas[:6], lens=sigmas[6:]).condition == pytest.approx(1.0)
     for k in range(14):
         wider = np.where(np.arange(14) == k, 10.0, 1.0) * sigmas
-        assert seen_with(wider[:6], lens=wider[6:]).condition == pytest.approx(10.0)
+        assert analyse_sigmas(wider[:6], lens=wider[6:]).condition == pytest.approx(10.0)
 
 
 def test_problem_without_unknowns_is_observable():

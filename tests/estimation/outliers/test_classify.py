@@ -25,7 +25,7 @@ from basecal.simulation import Scenario, simulate
 NOISY = (3e-4, 5e-4)
 
 
-def at_truth(scenario, seed=0):
+def problem_at_truth(scenario, seed=0):
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
     return problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
@@ -39,7 +39,7 @@ def with_pixels(problem, change):
     return problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))])
 
 
-def bumped(problem, views, by=(0.05, 0, 0, 0, 0, 0)):
+def bump_hand(problem, views, by=(0.05, 0, 0, 0, 0, 0)):
     """The problem with the hand elsewhere in some views of its only group."""
     (group,) = problem.groups
     off = np.zeros((len(group), 6))
@@ -47,7 +47,7 @@ def bumped(problem, views, by=(0.05, 0, 0, 0, 0, 0)):
     return problem.with_groups([with_hand(group, base_from_flange=group.hand.base_from_flange @ SE3.exp(off))])
 
 
-def kept_of(problem, state, kept=None):
+def classify_first_group(problem, state, kept=None):
     found = classify_inliers(problem, state, kept or all_inliers(problem))
     return found.kept.views[0], found.kept.points[0], found
 
@@ -73,8 +73,8 @@ def test_view_scale_counts_the_unknowns(rng):
 @pytest.mark.parametrize("target", ["charuco", "points", "pose", "points3d", "led"])
 def test_clean_views_are_inliers(target):
     """Twelve clean views of any type are kept with every point."""
-    problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY))
-    views, points, _ = kept_of(problem, state)
+    problem, state = problem_at_truth(Scenario(samples=12, target=target, robot_noise=NOISY))
+    views, points, _ = classify_first_group(problem, state)
     assert views.all()
     assert points.all()
 
@@ -82,8 +82,8 @@ def test_clean_views_are_inliers(target):
 @pytest.mark.parametrize("target", ["charuco", "points", "pose", "points3d"])
 def test_view_of_a_bumped_arm_is_left_out(target):
     """Only the views of two instants with the hand 5 cm off are excluded, and their points are not marked."""
-    problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY))
-    views, points, found = kept_of(bumped(problem, [3, 7]), state)
+    problem, state = problem_at_truth(Scenario(samples=12, target=target, robot_noise=NOISY))
+    views, points, found = classify_first_group(bump_hand(problem, [3, 7]), state)
     assert np.flatnonzero(~views).tolist() == [3, 7]
     assert points.all()
     assert np.sqrt(found.views[0].value[[3, 7]]).min() > 20
@@ -96,8 +96,8 @@ def test_stray_corner_is_excluded_alone():
     def stray(pixels):
         pixels[2, 5] += 1.5
 
-    problem, state = at_truth(Scenario(samples=12, robot_noise=NOISY))
-    views, points, _ = kept_of(with_pixels(problem, stray), state)
+    problem, state = problem_at_truth(Scenario(samples=12, robot_noise=NOISY))
+    views, points, _ = classify_first_group(with_pixels(problem, stray), state)
     assert views.all()
     assert np.argwhere(~points).tolist() == [[2, 5]]
 
@@ -108,8 +108,8 @@ def test_view_with_mostly_stray_corners_is_excluded():
     def stray(pixels):
         pixels[4, :24] += np.random.default_rng(0).uniform(-300, 300, (24, 2))
 
-    problem, state = at_truth(Scenario(samples=12, robot_noise=NOISY))
-    assert np.flatnonzero(~kept_of(with_pixels(problem, stray), state)[0]).tolist() == [4]
+    problem, state = problem_at_truth(Scenario(samples=12, robot_noise=NOISY))
+    assert np.flatnonzero(~classify_first_group(with_pixels(problem, stray), state)[0]).tolist() == [4]
 
 
 def test_stray_point_of_few_is_excluded_alone():
@@ -118,30 +118,30 @@ def test_stray_point_of_few_is_excluded_alone():
     def stray(pixels):
         pixels[6, 1] += (30.0, -20.0)
 
-    problem, state = at_truth(Scenario(samples=12, target="points", robot_noise=(1e-5, 1e-5)), 2)
-    views, points, _ = kept_of(with_pixels(problem, stray), state)
+    problem, state = problem_at_truth(Scenario(samples=12, target="points", robot_noise=(1e-5, 1e-5)), 2)
+    views, points, _ = classify_first_group(with_pixels(problem, stray), state)
     assert views.all()
     assert np.argwhere(~points).tolist() == [[6, 1]]
 
 
 def test_agreeing_views_and_points_are_readmitted():
     """A formerly excluded view with its points is readmitted if all else predicts it."""
-    problem, state = at_truth(Scenario(samples=12, target="points", robot_noise=NOISY), 2)
+    problem, state = problem_at_truth(Scenario(samples=12, target="points", robot_noise=NOISY), 2)
     before = InlierMask((np.arange(12) != 5,), all_inliers(problem).points)
-    views, points, _ = kept_of(problem, state, before)
+    views, points, _ = classify_first_group(problem, state, before)
     assert views.all()
     assert points.all()
-    still_off = kept_of(bumped(problem, [5]), state, before)[0]
+    still_off = classify_first_group(bump_hand(problem, [5]), state, before)[0]
     assert np.flatnonzero(~still_off).tolist() == [5]
 
 
 def test_excluded_points_stay_excluded():
     """Excluded points have no distance, and a view that loses more than half of its points is excluded."""
-    problem, state = at_truth(Scenario(samples=8))
+    problem, state = problem_at_truth(Scenario(samples=8))
     before = all_inliers(problem)
     points = before.points[0].copy()
     points[1, :10] = points[3, :19] = False
-    views, kept, found = kept_of(problem, state, InlierMask(before.views, (points,)))
+    views, kept, found = classify_first_group(problem, state, InlierMask(before.views, (points,)))
     assert np.flatnonzero(~views).tolist() == [3]
     assert not kept[1, :10].any()
     assert np.isnan(found.points[0].value[1, :10]).all()
@@ -151,7 +151,7 @@ def test_excluded_points_stay_excluded():
 def test_shared_stop_with_an_error_excludes_its_views():
     """The eye is 40 sigmas off at one station: all of its views are excluded, and those of no other station."""
     scenario = Scenario(samples=20, arms="stations", stations=5, robot_noise=NOISY)
-    problem, state = at_truth(scenario)
+    problem, state = problem_at_truth(scenario)
     (group,) = problem.groups
     errors = state.stop_errors.copy()
     stop = int(np.bincount(group.eye.stop).argmax())
@@ -160,7 +160,7 @@ def test_shared_stop_with_an_error_excludes_its_views():
     shift = np.where(there[:, None], -errors[stop] * problem.stops.sigma[stop], 0.0)
     poses = group.eye.base_from_flange @ SE3.exp(shift)
     moved = problem.with_groups([with_eye(group, base_from_flange=poses)])
-    views, _, found = kept_of(moved, replace(state, stop_errors=errors))
+    views, _, found = classify_first_group(moved, replace(state, stop_errors=errors))
     assert np.flatnonzero(~views).tolist() == np.flatnonzero(there).tolist()
     assert found.stops.value[stop] > 30**2 / 6
 
@@ -178,8 +178,8 @@ def test_separate_stray_points_keep_their_view(off_px, stays):
         else:
             pixels[6, :3] += ((60.0, -40.0), (-50.0, 30.0), (20.0, 70.0))
 
-    problem, state = at_truth(Scenario(samples=12, target="points", robot_noise=(1e-5, 1e-5)), 2)
-    views, points, _ = kept_of(with_pixels(problem, stray), state)
+    problem, state = problem_at_truth(Scenario(samples=12, target="points", robot_noise=(1e-5, 1e-5)), 2)
+    views, points, _ = classify_first_group(with_pixels(problem, stray), state)
     assert np.flatnonzero(~views).tolist() == ([] if stays else [6])
     if stays:
         assert np.argwhere(~points).tolist() == [[6, 0], [6, 1], [6, 2]]
@@ -199,9 +199,9 @@ def test_readmitted_points_use_their_freedoms(monkeypatch, target, numbers):
         return largest_agreement(views, poses, limit)
 
     monkeypatch.setattr(PointViews, "largest_agreement", kept_limit)
-    problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY), 2)
+    problem, state = problem_at_truth(Scenario(samples=12, target=target, robot_noise=NOISY), 2)
     before = InlierMask((np.arange(12) != 5,), all_inliers(problem).points)
-    views, _, _ = kept_of(bumped(problem, [5]), state, before)
+    views, _, _ = classify_first_group(bump_hand(problem, [5]), state, before)
     assert not views[5]
     assert limits == [pytest.approx(chi2.isf(1e-6, numbers), rel=1e-6)]
 
@@ -216,7 +216,7 @@ def test_stop_mask_selects_views_of_bad_stops():
     assert classify._stop_mask(group, np.zeros(0, dtype=bool)).tolist() == [False] * 4
 
 
-def some_points(seen):
+def point_group(seen):
     """A group of views of points measured in space, seen where told."""
     seen = np.array(seen, dtype=bool)
     points = np.random.default_rng(0).standard_normal((seen.shape[1], 3))
@@ -232,7 +232,7 @@ def test_half_of_the_seen_points_suffice():
     left = np.array(
         [[1, 1, 1, 0, 0, 0], [1, 1, 0, 0, 0, 0], [1, 1, 0, 0, 1, 1], [1, 0, 0, 0, 1, 1], [1] * 6], dtype=bool
     )
-    assert classify._has_enough(some_points(seen), left).tolist() == [True, False, True, False, False]
+    assert classify._has_enough(point_group(seen), left).tolist() == [True, False, True, False, False]
     (poses,) = pose_problem(np.zeros((2, 6)), None)[0].groups
     assert classify._has_enough(poses, np.zeros((2, 1), dtype=bool)).tolist() == [True, True]
 
@@ -242,7 +242,7 @@ def test_view_with_consistent_points_is_off_as_a_whole():
 
     It is not if a point deviates or not all seen points agree.
     """
-    group = some_points([[1] * 6, [1] * 6, [1, 1, 1, 1, 1, 0]])
+    group = point_group([[1] * 6, [1] * 6, [1, 1, 1, 1, 1, 0]])
     away = SE3.exp(np.full(6, 0.3))
     at = away @ group.measurement.points_in_camera
     at[1, 2] += 0.5
@@ -290,7 +290,7 @@ def test_only_views_of_several_points_are_searched(monkeypatch, target, kinds):
     """Poses and LEDs have no points that could agree without the rest."""
     asked, subset_fits = [], PointViews.subset_fits
     monkeypatch.setattr(PointViews, "subset_fits", lambda *of: asked.append(of) or subset_fits(*of))
-    problem, state = at_truth(Scenario(samples=12, target=target, robot_noise=NOISY), 2)
+    problem, state = problem_at_truth(Scenario(samples=12, target=target, robot_noise=NOISY), 2)
     before = InlierMask((np.arange(12) != 5,), all_inliers(problem).points)
-    kept_of(bumped(problem, [5]), state, before)
+    classify_first_group(bump_hand(problem, [5]), state, before)
     assert len(asked) == kinds

@@ -30,86 +30,96 @@ MADE = simulate(Scenario(samples=10), 0)
 
 
 @pytest.fixture(scope="module")
-def plain():
+def clean_solution():
     """The solution of a clean recording, all noise stated."""
     problem, _ = build_problem(MADE.cell, MADE.recording)
     return solve_problem(problem, MADE.cell)
 
 
-def end_of(plain, views=10, variance=1.0):
+def make_consensus(clean_solution, views=10, variance=1.0):
     """An end that keeps so many views of ten, which scatter by so many times their variance."""
-    whole = all_inliers(plain.problem)
+    whole = all_inliers(clean_solution.problem)
     kept = InlierMask((np.arange(10) < views,), whole.points)
-    judgement = classify_inliers(plain.problem, plain.state, whole)
+    judgement = classify_inliers(clean_solution.problem, clean_solution.state, whole)
     judgement = replace(judgement, view_scale=replace(judgement.view_scale, variance=variance))
-    return Consensus(plain.problem, kept, replace(plain, problem=inlier_problem(plain.problem, kept)), judgement)
+    return Consensus(
+        clean_solution.problem,
+        kept,
+        replace(clean_solution, problem=inlier_problem(clean_solution.problem, kept)),
+        judgement,
+    )
 
 
-def test_six_of_ten_views_within_noise_are_convincing(plain):
+def test_six_of_ten_views_within_noise_are_convincing(clean_solution):
     """Fewer are not, nor are views that scatter by 1.5 sigmas or residuals beyond any noise."""
-    assert is_convincing(end_of(plain, 6))
-    assert not is_convincing(end_of(plain, 5))
-    assert not is_convincing(end_of(plain, 6, variance=1.6**2))
-    assert not is_convincing(replace(end_of(plain), solution=replace(plain, cost=1e6 * plain.cost)))
+    assert is_convincing(make_consensus(clean_solution, 6))
+    assert not is_convincing(make_consensus(clean_solution, 5))
+    assert not is_convincing(make_consensus(clean_solution, 6, variance=1.6**2))
+    assert not is_convincing(
+        replace(make_consensus(clean_solution), solution=replace(clean_solution, cost=1e6 * clean_solution.cost))
+    )
     assert not is_convincing(None)
 
 
-def test_acceptable_consensus_uses_half_of_the_views(plain):
+def test_acceptable_consensus_uses_half_of_the_views(clean_solution):
     """An acceptable consensus keeps half of the views and is an optimum.
 
     It has the same observable transforms as with all views.
     """
-    assert is_acceptable(end_of(plain, 5), plain)
-    assert not is_acceptable(end_of(plain, 4), plain)
-    end = end_of(plain)
-    assert not is_acceptable(replace(end, solution=replace(plain, converged=False)), plain)
-    blind = replace(plain.observability, unobservable=frozenset({"eye_flange_from_wrist"}))
-    assert not is_acceptable(replace(end, solution=replace(plain, observability=blind)), plain)
+    assert is_acceptable(make_consensus(clean_solution, 5), clean_solution)
+    assert not is_acceptable(make_consensus(clean_solution, 4), clean_solution)
+    end = make_consensus(clean_solution)
+    assert not is_acceptable(replace(end, solution=replace(clean_solution, converged=False)), clean_solution)
+    blind = replace(clean_solution.observability, unobservable=frozenset({"eye_flange_from_wrist"}))
+    assert not is_acceptable(replace(end, solution=replace(clean_solution, observability=blind)), clean_solution)
 
 
-def test_best_consensus_has_most_views_within_noise(plain):
+def test_best_consensus_has_most_views_within_noise(clean_solution):
     """A result four times noisier than another comes after it, though it keeps more views."""
-    ends = [end_of(plain, 7), end_of(plain, 9), end_of(plain, 8)]
+    ends = [make_consensus(clean_solution, 7), make_consensus(clean_solution, 9), make_consensus(clean_solution, 8)]
     assert best_consensus(ends) is ends[1]
     assert best_consensus([]) is None
-    unstated = replace(plain.problem, unstated=frozenset({"eye"}))
+    unstated = replace(clean_solution.problem, unstated=frozenset({"eye"}))
     for quiet in (1.0, 9.0):
         for times, best in ((3.9, 1), (4.1, 0)):
-            ends = [replace(end_of(plain, n, v), problem=unstated) for n, v in ((7, quiet), (10, times * quiet))]
+            ends = [
+                replace(make_consensus(clean_solution, n, v), problem=unstated)
+                for n, v in ((7, quiet), (10, times * quiet))
+            ]
             assert best_consensus(ends) is ends[best]
 
 
-def test_consensus_within_stated_noise_is_preferred(plain):
+def test_consensus_within_stated_noise_is_preferred(clean_solution):
     """A result within the stated noise is preferred to one with more views that scatter by 1.6 sigmas."""
-    stated = replace(plain.problem, unstated=frozenset())
-    ends = [replace(end_of(plain, n, v), problem=stated) for n, v in ((7, 1.0), (10, 1.6**2))]
+    stated = replace(clean_solution.problem, unstated=frozenset())
+    ends = [replace(make_consensus(clean_solution, n, v), problem=stated) for n, v in ((7, 1.0), (10, 1.6**2))]
     assert best_consensus(ends) is ends[0]
-    assert best_consensus([replace(end, problem=plain.problem) for end in ends]).kept.views[0].all()
+    assert best_consensus([replace(end, problem=clean_solution.problem) for end in ends]).kept.views[0].all()
 
 
-def test_residuals_beyond_stated_noise_are_implausible(plain):
+def test_residuals_beyond_stated_noise_are_implausible(clean_solution):
     """Clean residuals are plausible, a hundred times their sigma is not."""
-    assert has_plausible_residuals(plain)
-    assert not has_plausible_residuals(replace(plain, cost=1e4 * plain.cost))
+    assert has_plausible_residuals(clean_solution)
+    assert not has_plausible_residuals(replace(clean_solution, cost=1e4 * clean_solution.cost))
 
 
-def test_view_scatter_beyond_stated_noise_is_implausible(plain):
+def test_view_scatter_beyond_stated_noise_is_implausible(clean_solution):
     """Views within the stated noise hide no outliers, and a scatter of 1.6 sigmas may."""
-    assert not may_hide_outliers(plain, end_of(plain).judgement)
-    assert may_hide_outliers(plain, end_of(plain, variance=1.6**2).judgement)
+    assert not may_hide_outliers(clean_solution, make_consensus(clean_solution).judgement)
+    assert may_hide_outliers(clean_solution, make_consensus(clean_solution, variance=1.6**2).judgement)
 
 
 def test_view_scatter_beyond_estimated_noise_is_implausible():
     """Without stated noise, whole views that scatter, or point noise beyond that of detectors, may hide outliers."""
     made = simulate(Scenario(samples=10, state_pixel_noise=False), 0)
     plain = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
-    assert not may_hide_outliers(plain, end_of(plain).judgement)
-    assert may_hide_outliers(plain, end_of(plain, variance=1.6**2).judgement)
+    assert not may_hide_outliers(plain, make_consensus(plain).judgement)
+    assert may_hide_outliers(plain, make_consensus(plain, variance=1.6**2).judgement)
     noise = replace(plain.noise, noise=plain.noise.noise._replace(pixel_px=30.0))
-    assert may_hide_outliers(replace(plain, noise=noise), end_of(plain).judgement)
+    assert may_hide_outliers(replace(plain, noise=noise), make_consensus(plain).judgement)
 
 
-def fitting(solution, ratio):
+def scale_residuals(solution, ratio):
     """The same with residuals of so many times their sigmas."""
     return replace(solution, cost=ratio**2 * solution.dof)
 
@@ -122,13 +132,13 @@ def test_limits_of_plausible_residuals():
     for pixel_px, most in ((0.2, 15.0), (6.0, 1.5)):
         made = simulate(Scenario(samples=6, pixel_px=pixel_px), 0)
         solution = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
-        assert has_plausible_residuals(fitting(solution, 0.99 * most))
-        assert not has_plausible_residuals(fitting(solution, 1.01 * most))
+        assert has_plausible_residuals(scale_residuals(solution, 0.99 * most))
+        assert not has_plausible_residuals(scale_residuals(solution, 1.01 * most))
     for stated in (True, False):
         made = simulate(Scenario(samples=6, target="pose", state_observation_noise=stated), 0)
         solution = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
-        assert has_plausible_residuals(fitting(solution, 9.9))
-        assert has_plausible_residuals(fitting(solution, 10.1)) != stated
+        assert has_plausible_residuals(scale_residuals(solution, 9.9))
+        assert has_plausible_residuals(scale_residuals(solution, 10.1)) != stated
 
 
 def test_estimated_pixel_noise_may_hide_outliers():
@@ -138,24 +148,24 @@ def test_estimated_pixel_noise_may_hide_outliers():
 
     def hides(pixel_px, names=("pixel_px",)):
         noise = replace(plain.noise, noise=plain.noise.noise._replace(pixel_px=pixel_px), estimated=names)
-        return may_hide_outliers(replace(plain, noise=noise), end_of(plain).judgement)
+        return may_hide_outliers(replace(plain, noise=noise), make_consensus(plain).judgement)
 
     assert (hides(0.99), hides(1.01), hides(1.01, ("pose_m",)), hides(1.01, ())) == (False, True, False, False)
 
 
-def test_point_scatter_beyond_stated_noise_is_implausible(plain):
+def test_point_scatter_beyond_stated_noise_is_implausible(clean_solution):
     """A scatter of points by 1.5 sigmas and more may hide outliers, though whole views do not scatter."""
-    judgement = end_of(plain).judgement
+    judgement = make_consensus(clean_solution).judgement
     for sigmas, hides in ((1.49, False), (1.51, True)):
         scale = replace(judgement.point_scale, variance=sigmas**2)
-        assert may_hide_outliers(plain, replace(judgement, point_scale=scale)) == hides
-        assert is_convincing(end_of(plain, variance=sigmas**2)) != hides
+        assert may_hide_outliers(clean_solution, replace(judgement, point_scale=scale)) == hides
+        assert is_convincing(make_consensus(clean_solution, variance=sigmas**2)) != hides
 
 
 SIGMA = np.full(6, 1e-4)
 
 
-def agreeing(misfits):
+def agreeing_of_misfits(misfits):
     """Samples said to agree, of those that are off by so many sigmas in every number, at the true state."""
     known = Unknown("prior", SE3.identity(), np.full(6, 1e-9))
     problem, state = pose_problem(np.outer(misfits, SIGMA), SIGMA, known)
@@ -169,20 +179,20 @@ def test_agreeing_samples_are_three_to_eight_tenths(count, found):
     Fewer may be chance, more need no report.
     """
     misfits = np.where(np.arange(20) < count, 1.0, 50.0)
-    assert agreeing(misfits) == (tuple(range(count)) if found else ())
+    assert agreeing_of_misfits(misfits) == (tuple(range(count)) if found else ())
 
 
 @pytest.mark.parametrize(("gap", "found"), [(4.9, False), (5.1, True)])
 def test_gap_to_the_rest_is_a_factor_of_five(gap, found):
     """Without a gap of a factor of five no samples are reported."""
     misfits = np.where(np.arange(20) < 10, 2.0, 2.0 * gap)
-    assert agreeing(misfits) == (tuple(range(10)) if found else ())
+    assert agreeing_of_misfits(misfits) == (tuple(range(10)) if found else ())
 
 
 def test_no_gap_within_the_noise():
     """Misfits below one sigma count as one sigma."""
-    assert agreeing(np.where(np.arange(20) < 10, 0.01, 4.9)) == ()
-    assert agreeing(np.where(np.arange(20) < 10, 0.01, 5.1)) == tuple(range(10))
+    assert agreeing_of_misfits(np.where(np.arange(20) < 10, 0.01, 4.9)) == ()
+    assert agreeing_of_misfits(np.where(np.arange(20) < 10, 0.01, 5.1)) == tuple(range(10))
 
 
 def test_state_with_the_best_agreement_is_used():

@@ -27,14 +27,14 @@ def cell_at_truth(scenario, seed=0):
     return made.cell, problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
 
 
-def bumped(problem, view, by):
+def bump_hand(problem, view, by):
     (group,) = problem.groups
     off = np.zeros((len(group), 6))
     off[view] = by
     return problem.with_groups([with_hand(group, base_from_flange=group.hand.base_from_flange @ SE3.exp(off))])
 
 
-def measured(cell, problem, state, views=(), points=(), recorded=None):
+def measure_excluded(cell, problem, state, views=(), points=(), recorded=None):
     """What is said where these views, and these pairs of view and point, are not kept."""
     mask = all_inliers(problem)
     of_views, of_points = mask.views[0].copy(), mask.points[0].copy()
@@ -48,14 +48,14 @@ def measured(cell, problem, state, views=(), points=(), recorded=None):
 
 def test_empty_list_without_excluded_items():
     """If all views and points are kept, the list of excluded items is empty."""
-    assert measured(*cell_at_truth(Scenario(samples=4))) == ()
+    assert measure_excluded(*cell_at_truth(Scenario(samples=4))) == ()
 
 
 @pytest.mark.parametrize("target", ["charuco", "pose", "points3d"])
 def test_view_with_a_pose_is_off_in_metres_and_radians(target):
     """A hand 50 mm and 20 mrad off is reported within the noise of the view, without pixels."""
     cell, problem, state = cell_at_truth(Scenario(samples=8, target=target, pose_noise=(1e-4, 1e-4), point_m=1e-4))
-    (one,) = measured(cell, bumped(problem, 5, [0.05, 0, 0, 0, 0, 0.02]), state, [5])
+    (one,) = measure_excluded(cell, bump_hand(problem, 5, [0.05, 0, 0, 0, 0, 0.02]), state, [5])
     assert (one.sample, one.camera, one.target, one.ids) == (5, "wrist", "board", ())
     board = state.transforms["hand_flange_from_board"].translation
     lever = np.linalg.norm(SE3.exp([0.05, 0, 0, 0, 0, 0.02]) @ board - board)
@@ -72,26 +72,26 @@ def test_led_is_off_in_pixels():
     pixels = group.measurement.pixels.copy()
     pixels[3, 0] += (30.0, 40.0)
     moved = problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))])
-    (one,) = measured(cell, moved, state, [3])
+    (one,) = measure_excluded(cell, moved, state, [3])
     assert (one.sample, one.off_m, one.off_rad) == (3, None, None)
     assert one.off_px == pytest.approx(50.0, abs=1.5)
     mount, turned = state.transforms["eye_flange_from_wrist"], SE3.from_rotvec([0, np.pi, 0], [0, 0, 0])
     eye = [p @ mount @ turned @ mount.inverse() if k == 3 else p for k, p in enumerate(group.eye.base_from_flange)]
     away = problem.with_groups([with_eye(group, base_from_flange=SE3.stack(eye))])
-    (one,) = measured(cell, away, state, [3])
+    (one,) = measure_excluded(cell, away, state, [3])
     assert not np.isfinite(one.off_px)
 
 
 def test_three_points_give_no_pose():
     """A view with three visible corners is off by its worst pixel, one with four by its pose."""
     cell, problem, state = cell_at_truth(Scenario(samples=8))
-    (group,) = bumped(problem, [2, 5], [0.03, 0, 0, 0, 0, 0]).groups
+    (group,) = bump_hand(problem, [2, 5], [0.03, 0, 0, 0, 0, 0]).groups
     seen = group.measurement.seen.copy()
     seen[2, [k for k in range(36) if k not in (0, 5, 30)]] = False
     seen[5, [k for k in range(36) if k not in (0, 5, 30, 35)]] = False
     weight = np.where(seen, group.measurement.weight, 0.0)
     few = replace(group.measurement, seen=seen, weight=weight, stated=weight)
-    three, four = measured(cell, problem.with_groups([replace(group, measurement=few)]), state, [2, 5])
+    three, four = measure_excluded(cell, problem.with_groups([replace(group, measurement=few)]), state, [2, 5])
     assert (three.off_m, four.off_px) == (None, None)
     assert 10 < three.off_px < 200
     assert four.off_m == pytest.approx(0.03, abs=3e-3)
@@ -110,7 +110,7 @@ def test_three_3d_points_give_a_pose_and_two_a_shift():
     seen[5, [k for k in range(count) if k not in (0, 1, count - 1)]] = False
     weight = np.where(seen, group.measurement.weight, 0.0)
     few = replace(group.measurement, seen=seen, weight=weight, stated=weight)
-    two, three = measured(cell, problem.with_groups([replace(group, measurement=few)]), state, [2, 5])
+    two, three = measure_excluded(cell, problem.with_groups([replace(group, measurement=few)]), state, [2, 5])
     assert two.off_rad is None
     assert two.off_m < 5e-4
     assert two.off_px is None
@@ -125,7 +125,7 @@ def test_points_are_reported_with_the_worst_of_them():
     pixels[4, 7] += (6.0, -8.0)
     pixels[4, 3] += (-15.0, 20.0)
     moved = problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))])
-    (one,) = measured(cell, moved, state, points=[(4, 7), (4, 3)])
+    (one,) = measure_excluded(cell, moved, state, points=[(4, 7), (4, 3)])
     ids = cell.targets["board"].target.ids
     assert (one.sample, one.ids) == (4, tuple(sorted((int(ids[3]), int(ids[7])))))
     assert one.off_px == pytest.approx(25.0, abs=0.8)
@@ -140,7 +140,7 @@ def test_3d_points_are_off_in_metres():
     points = group.measurement.points_in_camera.copy()
     points[1, 2] += (0.0, 0.02, 0.0)
     moved = problem.with_groups([replace(group, measurement=replace(group.measurement, points_in_camera=points))])
-    (one,) = measured(cell, moved, state, points=[(1, 2)])
+    (one,) = measure_excluded(cell, moved, state, points=[(1, 2)])
     assert one.off_m == pytest.approx(0.02, abs=2e-3)
     assert one.off_px is None
 
@@ -148,7 +148,7 @@ def test_3d_points_are_off_in_metres():
 def test_points_of_excluded_views_are_not_reported():
     """Only the view is reported, and items are in the order of samples."""
     cell, problem, state = cell_at_truth(Scenario(samples=6))
-    found = measured(cell, problem, state, views=[4], points=[(4, 1), (5, 0), (2, 0)])
+    found = measure_excluded(cell, problem, state, views=[4], points=[(4, 1), (5, 0), (2, 0)])
     assert [(o.sample, bool(o.ids)) for o in found] == [(2, True), (4, False), (5, True)]
 
 
@@ -159,7 +159,7 @@ def test_ids_are_those_of_the_recording():
     turned = half_turn_views(group.measurement)
     pixels = np.where((np.arange(4) == 2)[:, None, None], turned.pixels, group.measurement.pixels)
     recorded = problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))])
-    found = measured(cell, problem, state, points=[(1, 0), (2, 0)], recorded=recorded)
+    found = measure_excluded(cell, problem, state, points=[(1, 0), (2, 0)], recorded=recorded)
     ids = cell.targets["board"].target.ids
     assert [o.ids for o in found] == [(int(ids[0]),), (int(ids[-1]),)]
 
@@ -173,7 +173,7 @@ def test_sigmas_use_the_scale_of_views_and_points():
     (group,) = problem.groups
     pixels = group.measurement.pixels.copy()
     pixels[4, 7] += (6.0, -8.0)
-    problem = bumped(
+    problem = bump_hand(
         problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))]),
         2,
         [0.05] + [0] * 5,

@@ -19,7 +19,7 @@ MADE = simulate(Scenario(samples=20, layout="eye_in_hand"), 3)
 SETTINGS = Settings(robot_noise="stated")
 
 
-def robust(off_px: float, exact: bool = False):
+def solve_with_lens_error(off_px: float, exact: bool = False):
     """The cell whose principal point is stated so far off, and its solution with the usual errors."""
     wrist = MADE.cell.cameras["wrist"]
     camera = wrist.intrinsics.camera
@@ -33,7 +33,7 @@ def robust(off_px: float, exact: bool = False):
 @pytest.mark.parametrize(("off_px", "exact"), [(0.0, False), (1.0, False), (25.0, True)])
 def test_usual_lens_errors_are_kept(off_px, exact):
     """If the lens error is usual, or the lens is stated as exact, the solution is unchanged."""
-    cell, found = robust(off_px, exact)
+    cell, found = solve_with_lens_error(off_px, exact)
     assert with_likely_lenses(found, cell, SETTINGS).solution.state is found.solution.state
 
 
@@ -42,7 +42,7 @@ def test_lens_far_off_is_estimated():
 
     The estimate removes the bias.
     """
-    cell, found = robust(25.0)
+    cell, found = solve_with_lens_error(25.0)
     after = with_likely_lenses(found, cell, SETTINGS).solution
     true, sigma = MADE.cameras["wrist"].parameters, np.sqrt(np.diag(after.lens_covariance("wrist")))
     assert np.abs((found.solution.state.cameras["wrist"].parameters - true) / sigma)[2] > 4

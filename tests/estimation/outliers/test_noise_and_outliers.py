@@ -44,7 +44,7 @@ def test_gross_pose_error_is_not_hidden_by_estimated_noise(seed: int) -> None:
     """One flange of twelve is off by 100 mm, without stated noise of poses, 0.5 mm and 2 mrad."""
     rng = np.random.default_rng(seed)
     s = simulate(Scenario(samples=12, target="pose", state_robot_noise=False), seed=seed)
-    samples = [replace(sample, observations=_unstated(sample.observations)) for sample in s.recording.samples]
+    samples = [replace(sample, observations=_without_sigma(sample.observations)) for sample in s.recording.samples]
     eye = samples[4].robots["eye"]
     way = rng.normal(size=3)
     off = replace(eye, base_from_flange=eye.base_from_flange @ SE3.exp([*(0.1 * way / np.linalg.norm(way)), 0, 0, 0]))
@@ -55,7 +55,7 @@ def test_gross_pose_error_is_not_hidden_by_estimated_noise(seed: int) -> None:
         assert {each.sample for each in found.outliers} == culprits
 
 
-def _unstated(observations):
+def _without_sigma(observations):
     return tuple(replace(each, sigma=None) for each in observations)
 
 

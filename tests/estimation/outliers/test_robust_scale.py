@@ -12,7 +12,7 @@ from basecal.estimation.outliers.robust_scale import Scale, robust_scale
 CHANCE = 1e-4
 
 
-def squares(value, freedoms=6):
+def make_squares(value, freedoms=6):
     value = np.asarray(value, dtype=np.float64)
     return MahalanobisSquared(value, np.full(len(value), freedoms, dtype=np.int64))
 
@@ -21,20 +21,20 @@ def test_stated_sigmas_are_kept(rng):
     """Deviations as large as stated, or smaller, or up to 1.5 times larger leave the scale at one."""
     clean = rng.chisquare(6, 200)
     for factor in (0.01, 1.0, 1.3**2):
-        found = robust_scale([squares(factor * clean)], 6, True, CHANCE)
+        found = robust_scale([make_squares(factor * clean)], 6, True, CHANCE)
         assert (found.variance, found.freedoms) == (1.0, np.inf)
-    found = robust_scale([squares(1.8**2 * clean)], 6, True, CHANCE)
+    found = robust_scale([make_squares(1.8**2 * clean)], 6, True, CHANCE)
     assert found.variance == pytest.approx(1.8**2, rel=0.2)
-    assert robust_scale([squares(0.01 * clean)], 6, False, CHANCE).variance == pytest.approx(0.01, rel=0.2)
+    assert robust_scale([make_squares(0.01 * clean)], 6, False, CHANCE).variance == pytest.approx(0.01, rel=0.2)
 
 
 def test_gross_deviations_do_not_widen_the_scale(rng):
     """With a third of unstated deviations a thousand times too large, the scale is that of the others."""
     value = rng.chisquare(6, 300)
     value[:100] *= 1e3
-    found = robust_scale([squares(value[:150]), squares(value[150:])], 6, False, CHANCE)
+    found = robust_scale([make_squares(value[:150]), make_squares(value[150:])], 6, False, CHANCE)
     assert found.variance == pytest.approx(1.0, rel=0.25)
-    gross = found.gross_mask(squares(value))
+    gross = found.gross_mask(make_squares(value))
     assert gross[:100].mean() > 0.95
     assert gross[100:].mean() < 0.02
     assert found.freedoms == pytest.approx(0.4 * (200 * 6 - 6), rel=0.1)
@@ -58,7 +58,7 @@ def test_estimated_limit_is_fishers_f():
 def test_uneven_noise_has_fewer_freedoms(rng):
     """Six numbers with all noise in two of them scatter like two, even ones like six."""
     for freedoms, value in ((2.0, 3.0 * rng.chisquare(2, 5000)), (6.0, rng.chisquare(6, 5000))):
-        found = robust_scale([squares(value)], 6, False, CHANCE)
+        found = robust_scale([make_squares(value)], 6, False, CHANCE)
         assert np.sum(found.shape * found.weight) == pytest.approx(freedoms, abs=0.3)
 
 
@@ -75,19 +75,23 @@ def test_several_shapes_have_one_limit():
 def test_limit_of_twenty_squares_keeps_its_chance(rng, shape):
     """A clean square exceeds it with at most the chance of the scale. Twenty squares hardly determine the shape."""
     rows = rng.chisquare(shape, (150, 20))
-    limits = [robust_scale([squares(row)], 12, False, CHANCE).limit(np.array([6]))[0] for row in rows]
+    limits = [robust_scale([make_squares(row)], 12, False, CHANCE).limit(np.array([6]))[0] for row in rows]
     assert chi2.sf(limits, shape).mean() < CHANCE
 
 
 def test_no_deviations_have_the_stated_scale():
     """Empty input, infinities, or deviations without freedoms give one."""
-    for none in ([], [squares([np.inf, np.nan])], [squares([1.0, 2.0], 0)]):
+    for none in ([], [make_squares([np.inf, np.nan])], [make_squares([1.0, 2.0], 0)]):
         assert robust_scale(none, 6, False, CHANCE).variance == 1.0
 
 
 def test_nan_deviations_are_not_gross():
     """A deviation that is not a number is not excluded."""
-    assert Scale(1.0, np.inf, np.inf, CHANCE).gross_mask(squares([np.nan, 1.0, 1e6])).tolist() == [False, False, True]
+    assert Scale(1.0, np.inf, np.inf, CHANCE).gross_mask(make_squares([np.nan, 1.0, 1e6])).tolist() == [
+        False,
+        False,
+        True,
+    ]
 
 
 @pytest.mark.parametrize(("times", "is_stated"), [(1.45, True), (1.55, False)])
@@ -96,7 +100,7 @@ def test_stated_sigmas_are_kept_up_to_a_factor(times, is_stated):
 
     Beyond it the scale is that of the squares.
     """
-    alike = squares(np.full(50, times**2 * chi2.median(6)))
+    alike = make_squares(np.full(50, times**2 * chi2.median(6)))
     found = robust_scale([alike], 6, True, CHANCE)
     assert (found.variance, np.isinf(found.freedoms)) == (pytest.approx(1.0 if is_stated else times**2), is_stated)
 
@@ -106,16 +110,16 @@ def test_stated_sigmas_are_kept_up_to_a_factor(times, is_stated):
 )
 def test_freedoms_are_reduced_by_the_unknowns(count, unknowns, freedoms):
     """The median is as informative as two fifths of them, and at least one freedom remains before that."""
-    found = robust_scale([squares(np.full(count, 3.0))], unknowns, False, CHANCE)
+    found = robust_scale([make_squares(np.full(count, 3.0))], unknowns, False, CHANCE)
     assert found.freedoms == pytest.approx(freedoms)
     assert found.chance == CHANCE
 
 
 def test_deviations_with_one_freedom_count():
     """Deviations with one freedom are combined with those of other freedoms, each relative to its own median."""
-    of_one, of_six = squares(np.full(9, 4.0 * chi2.median(1)), 1), squares(np.full(8, 4.0 * chi2.median(6)))
+    of_one, of_six = make_squares(np.full(9, 4.0 * chi2.median(1)), 1), make_squares(np.full(8, 4.0 * chi2.median(6)))
     assert robust_scale([of_one], 0, False, CHANCE).variance == pytest.approx(4.0)
-    found = robust_scale([of_one, of_six, squares([1e9, 1e9], 0)], 0, False, CHANCE)
+    found = robust_scale([of_one, of_six, make_squares([1e9, 1e9], 0)], 0, False, CHANCE)
     assert found.variance == pytest.approx(4.0)
     assert found.freedoms == pytest.approx(0.4 * (9 + 48))
 
@@ -126,5 +130,5 @@ def test_limit_needs_at_least_one_freedom():
     np.testing.assert_allclose(few, one)
     np.testing.assert_allclose(one, 2 * f.isf(CHANCE, 2, 1))
     exact = Scale(1e-9, np.inf, np.inf, CHANCE)
-    assert exact.gross_mask(squares([np.nan, 1e-10, 0.5])).tolist() == [False, False, True]
+    assert exact.gross_mask(make_squares([np.nan, 1e-10, 0.5])).tolist() == [False, False, True]
     assert exact.limit(np.zeros(0, dtype=int)).shape == (0,)

@@ -23,12 +23,12 @@ BUMP = SE3.exp([0.012, -0.009, 0.006, 0.03, 0.04, -0.02])
 BAD = (3, 8, 9, 14, 20, 27)
 
 
-def solved(cell, samples):
+def solve_samples(cell, samples):
     problem, _ = build_problem(cell, Recording(tuple(samples)))
     return solve_robustly(problem, cell)
 
 
-def bumped(sample, robot="eye"):
+def bump_robot(sample, robot="eye"):
     state = RobotState(sample.robots[robot].base_from_flange @ BUMP)
     return replace(sample, robots={**sample.robots, robot: state})
 
@@ -38,11 +38,11 @@ def with_pixels(sample, pixels):
     return replace(sample, observations=(replace(seen, pixels=pixels),))
 
 
-def off(first, second) -> float:
+def distance(first, second) -> float:
     return float(np.abs((first.inverse() @ second).log()).max())
 
 
-def base(solution) -> SE3:
+def base_of(solution) -> SE3:
     return solution.state.transforms[BASE]
 
 
@@ -82,23 +82,23 @@ def test_bumped_samples_are_left_out(target):
     The base is that of the others to 1e-6.
     """
     s = simulate(Scenario(target=target, robot_noise=NOISY), seed=2)
-    samples = [bumped(x) if x.sample in BAD else x for x in s.recording.samples]
-    ours = solved(s.cell, samples)
+    samples = [bump_robot(x) if x.sample in BAD else x for x in s.recording.samples]
+    ours = solve_samples(s.cell, samples)
     assert {o.sample for o in ours.outliers if not o.ids} == set(BAD)
     assert ours.outliers[0].sigmas > 5
     assert 0.01 < ours.outliers[0].off_m < 0.1  # 16 mm, and 54 mrad over the lever to the target
-    clean = solved(s.cell, [x for x in samples if x.sample not in BAD])
-    assert off(base(ours.solution), base(clean.solution)) < 1e-6
+    clean = solve_samples(s.cell, [x for x in samples if x.sample not in BAD])
+    assert distance(base_of(ours.solution), base_of(clean.solution)) < 1e-6
 
 
 def test_bumped_stop_of_a_still_arm_is_left_out():
     """The eye is still at stations, and one stop 16 mm off its reading is excluded with all of its samples."""
     s = simulate(Scenario(samples=30, arms="stations", stations=6, robot_noise=NOISY), seed=3)
     eye = [x.robots["eye"].base_from_flange for x in s.recording.samples]
-    stop = [x.sample for x, pose in zip(s.recording.samples, eye, strict=True) if off(pose, eye[7]) < 1e-9]
+    stop = [x.sample for x, pose in zip(s.recording.samples, eye, strict=True) if distance(pose, eye[7]) < 1e-9]
     assert 3 < len(stop) < 8
-    samples = [bumped(x) if x.sample in stop else x for x in s.recording.samples]
-    assert {o.sample for o in solved(s.cell, samples).outliers} == set(stop)
+    samples = [bump_robot(x) if x.sample in stop else x for x in s.recording.samples]
+    assert {o.sample for o in solve_samples(s.cell, samples).outliers} == set(stop)
 
 
 def test_mispaired_samples_are_left_out():
@@ -108,9 +108,9 @@ def test_mispaired_samples_are_left_out():
     views = [samples[k].observations for k in BAD]
     for k, view in zip(BAD, [*views[1:], views[0]], strict=True):
         samples[k] = replace(samples[k], observations=view)
-    ours = solved(s.cell, samples)
+    ours = solve_samples(s.cell, samples)
     assert {o.sample for o in ours.outliers if not o.ids} == set(BAD)
-    assert off(base(ours.solution), s.truth[BASE]) < 0.01
+    assert distance(base_of(ours.solution), s.truth[BASE]) < 0.01
 
 
 @pytest.mark.parametrize(("mounts", "count"), [("fixed", 7), ("free", 9)])
@@ -122,10 +122,10 @@ def test_reflections_instead_of_the_led_are_left_out(mounts, count):
     samples = [
         with_pixels(x, rng.uniform((0, 0), (1280, 720), (1, 2))) if x.sample in bad else x for x in s.recording.samples
     ]
-    ours = solved(s.cell, samples)
+    ours = solve_samples(s.cell, samples)
     assert {o.sample for o in ours.outliers} == bad
     assert ours.outliers[0].off_px > 5
-    assert off(base(ours.solution), s.truth[BASE]) < 0.005
+    assert distance(base_of(ours.solution), s.truth[BASE]) < 0.005
 
 
 def test_led_candidates_are_chosen_again_at_the_robust_state():
@@ -143,7 +143,7 @@ def test_led_candidates_are_chosen_again_at_the_robust_state():
             spots = rng.uniform((0, 0), (1280, 720), (2, 2))
         spots = spots[::-1] if x.sample % 2 else spots
         samples.append(replace(x, observations=(CandidateObservation(seen.camera, seen.target, spots),)))
-    ours = solved(s.cell, samples)
+    ours = solve_samples(s.cell, samples)
     assert {o.sample for o in ours.outliers} == set(BAD[:5])
 
 
@@ -163,12 +163,12 @@ def test_wrong_ids_and_stray_points_are_left_out(state_pixel_noise):
         pixels[rows[2:]] += rng.choice([-1, 1], (3, 2)) * rng.uniform(3, 60, (3, 2))
         samples.append(with_pixels(x, pixels))
         wrong[x.sample] = set(seen.ids[rows].tolist())
-    ours = solved(s.cell, samples)
+    ours = solve_samples(s.cell, samples)
     assert all(o.ids for o in ours.outliers)
     found = {o.sample: set(o.ids) for o in ours.outliers}
     assert all(ids <= found[sample] for sample, ids in wrong.items())
     assert sum(len(found[k] - wrong[k]) for k in wrong) <= 0.01 * 31 * 30
-    assert off(base(ours.solution), s.truth[BASE]) < 0.01
+    assert distance(base_of(ours.solution), s.truth[BASE]) < 0.01
 
 
 def test_points_excluded_by_a_biased_lens_are_readmitted():
@@ -177,7 +177,7 @@ def test_points_excluded_by_a_biased_lens_are_readmitted():
     s = simulate(sharp, seed=0)
     samples = list(s.recording.samples)
     samples[8] = replace(samples[8], robots={**samples[8].robots, "hand": samples[2].robots["hand"]})
-    found = solved(s.cell, samples)
+    found = solve_samples(s.cell, samples)
     assert [(o.sample, o.ids) for o in found.outliers] == [(8, ())]
 
 
@@ -190,7 +190,7 @@ def test_chessboard_ids_are_those_of_the_recording():
         pixels = seen.pixels[::-1].copy() if k == 11 else seen.pixels.copy()
         pixels[2] += 25
         samples[k] = with_pixels(samples[k], pixels)
-    found = solved(s.cell, samples).outliers
+    found = solve_samples(s.cell, samples).outliers
     assert [(o.sample, o.ids) for o in found] == [(4, (2,)), (11, (2,))]
 
 
@@ -202,7 +202,7 @@ def test_wrong_corner_of_few_costs_only_that_corner():
         pixels = samples[k].observations[0].pixels.copy()
         pixels[1] += (6, -4)
         samples[k] = with_pixels(samples[k], pixels)
-    ours = solved(s.cell, samples)
+    ours = solve_samples(s.cell, samples)
     assert [o.sample for o in ours.outliers] == list(BAD)
     assert all(o.ids == (int(samples[o.sample].observations[0].ids[1]),) for o in ours.outliers)
     assert ours.outliers[0].off_px > 5
@@ -226,7 +226,7 @@ def test_more_than_half_wrong_is_no_answer():
     order = np.random.default_rng(11).permutation(20)
     for k in range(20):
         samples[k] = replace(samples[k], observations=s.recording.samples[order[k - 1]].observations)
-    ours = solved(s.cell, samples)
+    ours = solve_samples(s.cell, samples)
     assert ours.outliers == ()
     assert ours.solution.cost > 100 * ours.solution.dof
 
@@ -234,10 +234,10 @@ def test_more_than_half_wrong_is_no_answer():
 def test_sample_order_has_no_effect():
     """In reversed order, the same samples are excluded, and the base is the same to 1e-9."""
     s = simulate(Scenario(robot_noise=NOISY), seed=12)
-    samples = [replace(bumped(x) if x.sample in BAD else x, stamp_s=None) for x in s.recording.samples]
-    one, other = solved(s.cell, samples), solved(s.cell, samples[::-1])
+    samples = [replace(bump_robot(x) if x.sample in BAD else x, stamp_s=None) for x in s.recording.samples]
+    one, other = solve_samples(s.cell, samples), solve_samples(s.cell, samples[::-1])
     assert one.outliers == other.outliers
-    assert off(base(one.solution), base(other.solution)) < 1e-9
+    assert distance(base_of(one.solution), base_of(other.solution)) < 1e-9
 
 
 def test_samples_are_selected_by_number():
@@ -274,13 +274,13 @@ def test_excluded_items_are_judged_again_with_other_sigmas(monkeypatch):
     It is None if nothing was excluded, or if the result is less observable or not converged.
     """
     s = simulate(Scenario(samples=14, robot_noise=NOISY), seed=3)
-    samples = [bumped(x) if x.sample == 5 else x for x in s.recording.samples]
+    samples = [bump_robot(x) if x.sample == 5 else x for x in s.recording.samples]
     problem, _ = build_problem(s.cell, Recording(tuple(samples)))
     robust = solve_robustly(problem, s.cell)
     assert [each.sample for each in robust.outliers] == [5]
     again = judge_again(robust, robust.solution, problem, s.cell)
     assert [each.sample for each in again.outliers] == [5]
-    assert off(base(again.solution), base(robust.solution)) < 1e-6
+    assert distance(base_of(again.solution), base_of(robust.solution)) < 1e-6
     assert judge_again(replace(robust, consensus=None), robust.solution, problem, s.cell) is None
     end = robust.consensus
     seen = end.solution.observability
@@ -307,5 +307,5 @@ def test_state_that_contradicts_all_points_is_wrong(monkeypatch):
         lambda problem, *_: [np.zeros_like(m) for m in all_inliers(problem).points],
     )
     s = simulate(Scenario(robot_noise=NOISY), seed=12)
-    ours = solved(s.cell, [bumped(x) if x.sample in BAD else x for x in s.recording.samples])
+    ours = solve_samples(s.cell, [bump_robot(x) if x.sample in BAD else x for x in s.recording.samples])
     assert {o.sample for o in ours.outliers} == set(BAD)

@@ -27,7 +27,7 @@ SCENARIOS = [
 ]
 
 
-def bumped(scenario, seed):
+def problem_with_bumped_hand(scenario, seed):
     """A problem of which the hand's poses of the last third of the samples are 5 cm off; the cell and the truth."""
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
@@ -49,7 +49,7 @@ def test_subsets_of_a_batch_are_independent(scenario, monkeypatch):
 
     At most a fifth are still far from any optimum after their last step, where rounding decides how far.
     """
-    problem, cell, first = bumped(scenario, 1)
+    problem, cell, first = problem_with_bumped_hand(scenario, 1)
     monkeypatch.setattr(subset_starts, "_DRAWS", 4)
     together = list(subset_states(problem, cell, first))
     monkeypatch.setattr(subset_starts, "_BATCH_SUBSETS", 1)
@@ -71,7 +71,7 @@ def test_best_subset_start_is_the_truth(scenario):
 
     So it is in 57 to 60 of 60 such cells, as rounding leads descents from afar; in this one seven states are.
     """
-    problem, cell, truth = bumped(scenario, 3)
+    problem, cell, truth = problem_with_bumped_hand(scenario, 3)
     wrong = {name: transform @ SE3.exp([0.02] * 3 + [0.01] * 3) for name, transform in truth.transforms.items()}
     states = subset_states(problem, cell, replace(truth, transforms=wrong))
     best = min(states, key=lambda state: score(problem, state, False))

@@ -32,7 +32,7 @@ def explain_views(measurement, pose, camera, limit, prior=None):
     return PointViews(measurement, camera, prior).agreement(pose, limit)
 
 
-def truth_of(scenario, seed):
+def problem_at_truth(scenario, seed):
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
@@ -41,7 +41,7 @@ def truth_of(scenario, seed):
 
 def test_third_of_board_points_wrong_are_found():
     """Twelve of 36 points of every view are random: exactly these are found, from a start 5 cm off."""
-    problem, state, true = truth_of(Scenario(samples=8), 0)
+    problem, state, true = problem_at_truth(Scenario(samples=8), 0)
     measurement = problem.groups[0].measurement
     rng = np.random.default_rng(0)
     wrong = rng.permuted(np.tile(np.arange(36) < 12, (8, 1)), axis=1)
@@ -53,7 +53,7 @@ def test_third_of_board_points_wrong_are_found():
 
 def test_prior_decides_ambiguous_points():
     """Three of five points are wrong. With the pose known to 0.1 mm and 0.1 mrad, the other two are identified."""
-    problem, state, true = truth_of(Scenario(samples=6, target="points", robot_noise=(1e-5, 1e-5)), 2)
+    problem, state, true = problem_at_truth(Scenario(samples=6, target="points", robot_noise=(1e-5, 1e-5)), 2)
     measurement = problem.groups[0].measurement
     assert measurement.seen.shape == (6, 5)
     wrong = np.tile(np.arange(5) < 3, (6, 1))
@@ -68,7 +68,7 @@ def test_consistent_samples_are_separated():
 
     Clean samples have no gap.
     """
-    problem, state, _ = truth_of(Scenario(samples=20), 1)
+    problem, state, _ = problem_at_truth(Scenario(samples=20), 1)
     group = problem.groups[0]
     shift = np.zeros((20, 6))
     shift[10:, :3] = 0.05
@@ -77,7 +77,7 @@ def test_consistent_samples_are_separated():
     assert agreeing_samples(problem, [state]) == ()
 
 
-def strays(problem, count, seed):
+def with_stray_points(problem, count, seed):
     """The views of a problem's first group with `count` points of each at random places."""
     measurement = problem.groups[0].measurement
     n, p = measurement.seen.shape
@@ -90,8 +90,8 @@ def strays(problem, count, seed):
 @pytest.mark.parametrize("target", ["chessboard", "points"])
 def test_chunk_size_has_no_effect(target, monkeypatch):
     """Hypotheses fitted one by one give the same poses, points and costs as all together."""
-    problem, state, true = truth_of(Scenario(samples=5, target=target), 3)
-    measurement, _ = strays(problem, 2, 3)
+    problem, state, true = problem_at_truth(Scenario(samples=5, target=target), 3)
+    measurement, _ = with_stray_points(problem, 2, 3)
     near = true @ SE3.exp(np.random.default_rng(4).uniform(-0.02, 0.02, (5, 6)))
     together = view_ransac(measurement, near, state.cameras["wrist"], LIMIT)
     monkeypatch.setattr(ransac, "_CHUNK_POINTS", 1)
@@ -103,8 +103,8 @@ def test_chunk_size_has_no_effect(target, monkeypatch):
 
 def test_hypotheses_are_reused_for_every_limit():
     """Poses fitted once give, for each limit, the result of a search with that limit."""
-    problem, state, true = truth_of(Scenario(samples=5), 5)
-    measurement, wrong = strays(problem, 9, 5)
+    problem, state, true = problem_at_truth(Scenario(samples=5), 5)
+    measurement, wrong = with_stray_points(problem, 9, 5)
     lens = state.cameras["wrist"]
     views = PointViews(measurement, lens)
     poses = views.subset_fits(true)
@@ -118,7 +118,7 @@ def test_hypotheses_are_reused_for_every_limit():
 
 def test_single_point_agrees_with_its_prior():
     """A single point has no subsets. It is kept at its prediction, and excluded 40 px off."""
-    problem, state, true = truth_of(Scenario(samples=6, target="led", robot_noise=(1e-5, 1e-5)), 6)
+    problem, state, true = problem_at_truth(Scenario(samples=6, target="led", robot_noise=(1e-5, 1e-5)), 6)
     measurement = problem.groups[0].measurement
     aside = np.arange(6) < 2
     pixels = measurement.pixels + np.where(aside[:, None, None], (40.0, 0.0), 0.0)
@@ -153,7 +153,7 @@ def test_many_points_use_random_subsets_of_five(rng):
     assert ransac._subsets(np.ones((1, 9), dtype=bool)).shape == (40, 1, 9)
 
 
-def plain(in_pixels, seen=((True, True, True),)):
+def three_points(in_pixels, seen=((True, True, True),)):
     """Three points at (0, 0, 2), (1, 0, 2) and (0, 1, -2) m before the camera, seen where the first two are."""
     points = np.array([[0.0, 0, 2], [1, 0, 2], [0, 1, -2]])
     seen = np.array(seen)
@@ -171,7 +171,7 @@ CAMERA = Camera("pinhole", np.array([800.0, 800.0, 640.0, 360.0]), (1280, 720))
 @pytest.mark.parametrize("in_pixels", [True, False])
 def test_points_are_explained_by_their_squares(in_pixels):
     """Squares are over sigma, infinite behind the camera or without weight, zero if unseen, and limited in the cost."""
-    of = plain(in_pixels, [[True, True, True], [False, True, False]])
+    of = three_points(in_pixels, [[True, True, True], [False, True, False]])
     found = explain_views(of, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0)
     squares = [36.0, 144.0, np.inf] if in_pixels else [0.04, 0.45, 0.0]
     np.testing.assert_allclose(found.squares, [squares, [0.0, squares[1], 0.0]])
@@ -189,7 +189,7 @@ def test_points_are_explained_by_their_squares(in_pixels):
 def test_prior_is_added_to_a_view():
     """Squares, half their derivative, and their information are added. A selection of views has its own priors."""
     of, information = (
-        plain(False, [[True] * 3] * 2),
+        three_points(False, [[True] * 3] * 2),
         np.diag([1.0, 2, 3, 4, 5, 6])[None] * np.array([1.0, 2.0])[:, None, None],
     )
     off = np.array([[0.1, 0.2, 0.3, 0, 0, 0], [0.3, 0.0, -0.2, 0, 0, 0]])
@@ -205,7 +205,7 @@ def test_prior_is_added_to_a_view():
 
 def test_better_agreement_is_chosen_for_each_view():
     """The one with the smaller cost is chosen, and the first if costs are equal."""
-    of = plain(False, [[True] * 3] * 3)
+    of = three_points(False, [[True] * 3] * 3)
     one = explain_views(of, SE3.exp(np.array([[0.0] * 6, [0.1] * 6, [0.0] * 6])), None, 40.0)
     two = explain_views(of, SE3.exp(np.array([[0.1] * 6, [0.0] * 6, [0.0] * 6])), None, 40.0)
     two = replace(two, points=~two.points)
@@ -248,7 +248,7 @@ def test_subsets_of_fewest_points(points, left):
 
 def test_closed_form_poses_use_the_subset(monkeypatch):
     """Closed-form poses are used only for boards with many points. If there is none, the expected pose is used."""
-    problem, state, true = truth_of(Scenario(samples=3, pixel_px=0.01), 0)
+    problem, state, true = problem_at_truth(Scenario(samples=3, pixel_px=0.01), 0)
     measurement, camera = problem.groups[0].measurement, state.cameras["wrist"]
     subsets = np.zeros((6, 36), dtype=bool)
     subsets[:5, [0, 5, 14, 30, 35]] = True
@@ -262,14 +262,14 @@ def test_closed_form_poses_use_the_subset(monkeypatch):
     PointViews(measurement, camera).subset_fits(true)
     assert len(asked) == 1
     for target in ("points", "points3d"):
-        problem, state, true = truth_of(Scenario(samples=3, target=target), 0)
+        problem, state, true = problem_at_truth(Scenario(samples=3, target=target), 0)
         PointViews(problem.groups[0].measurement, state.cameras.get("wrist")).subset_fits(true)
     assert len(asked) == 1
 
 
 def test_views_are_refitted_until_points_are_stable():
     """From poses slightly off, with points off by some sigmas, another fit to the agreeing points changes nothing."""
-    problem, state, true = truth_of(Scenario(samples=30), 0)
+    problem, state, true = problem_at_truth(Scenario(samples=30), 0)
     rng = np.random.default_rng(1)
     pixels = problem.groups[0].measurement.pixels
     thrown = rng.uniform(size=pixels.shape[:2]) < 0.3

@@ -58,7 +58,7 @@ def _with_hand(sample: Sample, state: RobotState) -> Sample:
     return replace(sample, robots={**sample.robots, "hand": state})
 
 
-def _at_poses(order: list[int], jitter_m: float = 0.0) -> Problem:
+def _problem_of_places(order: list[int], jitter_m: float = 0.0) -> Problem:
     """Three places of the eye, taken in an order and read back with jitter; a new view at each, the hand still."""
     s = simulate(Scenario(samples=len(order), robot_noise=(5e-5, 5e-5), target="led", arms="hand_still"), seed=0)
     rng = np.random.default_rng(0)
@@ -74,7 +74,7 @@ def _at_poses(order: list[int], jitter_m: float = 0.0) -> Problem:
 @pytest.mark.parametrize("jitter_m", [0.0, 5e-5])
 def test_poses_within_readback_noise_are_one_stop(jitter_m):
     """Poses that agree within readback noise are one stop, whenever they were recorded."""
-    (group,) = _at_poses([0, 0, 1, 1, 0, 2], jitter_m).groups
+    (group,) = _problem_of_places([0, 0, 1, 1, 0, 2], jitter_m).groups
     assert (group.eye.stop - group.eye.stop[0]).tolist() == [0, 0, 1, 1, 0, 2]
     assert len(set(group.hand.stop.tolist())) == 1
     assert set(group.eye.stop.tolist()).isdisjoint(group.hand.stop.tolist())
@@ -129,7 +129,7 @@ def test_camera_may_see_pixels_and_points_of_one_target():
     assert {g.eye.mount for g in problem.groups} == {"eye_flange_from_wrist"}
 
 
-def _by_joints_where(made, has_joints, noise=None):
+def _record_some_joints(made, has_joints, noise=None):
     """The hand recorded by joints in some samples and by its pose in the others; the cell has its chain."""
     chain = read_chain(URDF, "base_link", "tool0")
     joints = np.random.default_rng(3).uniform(-1, 1, (len(has_joints), chain.n))
@@ -145,7 +145,7 @@ def test_samples_may_mix_joints_and_poses():
     """Each flange is given by its own sample, and joints are known only if all samples have them."""
     made = simulate(Scenario(samples=5), seed=0)
     has_joints = [True, False, True, True, False]
-    cell, recording, forward = _by_joints_where(made, has_joints)
+    cell, recording, forward = _record_some_joints(made, has_joints)
     problem, findings = build_problem(cell, recording)
     (group,) = problem.groups
     assert findings == []
@@ -154,7 +154,7 @@ def test_samples_may_mix_joints_and_poses():
         np.testing.assert_allclose(group.hand.base_from_flange[k].matrix, expected.matrix, atol=1e-12)
     assert (group.eye.joints, group.hand.joints) == (None, None)
     assert not recorded_by_joints(problem, "hand")
-    whole, _ = build_problem(*_by_joints_where(made, [True] * 5)[:2])
+    whole, _ = build_problem(*_record_some_joints(made, [True] * 5)[:2])
     assert recorded_by_joints(whole, "hand")
     assert not recorded_by_joints(whole, "eye")
     assert whole.groups[0].hand.joints.shape == (5, 6)
@@ -163,7 +163,7 @@ def test_samples_may_mix_joints_and_poses():
 def test_recorded_pose_has_priority_over_joints():
     """The pose of the robot's controller is used before its kinematics."""
     made = simulate(Scenario(samples=4), seed=0)
-    cell, recording, _ = _by_joints_where(made, [True] * 4)
+    cell, recording, _ = _record_some_joints(made, [True] * 4)
     poses = [sample.robots["hand"].base_from_flange for sample in made.recording.samples]
     both = [
         _with_hand(sample, replace(sample.robots["hand"], base_from_flange=pose))
@@ -177,7 +177,7 @@ def test_recorded_pose_has_priority_over_joints():
 def test_joints_without_kinematics_are_refused():
     """The error about joints without a URDF names the robot."""
     made = simulate(Scenario(samples=4), seed=0)
-    _, recording, _ = _by_joints_where(made, [False, False, True, False])
+    _, recording, _ = _record_some_joints(made, [False, False, True, False])
     with pytest.raises(InputError, match="robot 'hand' is recorded by joints and has no urdf"):
         build_problem(made.cell, recording)
 
@@ -191,7 +191,7 @@ def test_parameters_need_kinematics_and_all_joints():
     }
     wanted = "robot 'hand': to estimate joint_offsets and link_parameters, its urdf and joints_rad in every sample"
     for has_joints, chain in (([True, True, False, True], True), ([False] * 4, False)):
-        cell, recording, _ = _by_joints_where(made, has_joints)
+        cell, recording, _ = _record_some_joints(made, has_joints)
         hand = replace(cell.robots["hand"], parameters=asked)
         hand = hand if chain else replace(hand, chain=None)
         with pytest.raises(InputError, match=wanted):
@@ -200,7 +200,7 @@ def test_parameters_need_kinematics_and_all_joints():
         idle = replace(hand, name="idle")
         problem, _ = build_problem(replace(cell, robots={**cell.robots, "hand": still, "idle": idle}), recording)
         assert problem.models == {}
-    cell, recording, _ = _by_joints_where(made, [True] * 4)
+    cell, recording, _ = _record_some_joints(made, [True] * 4)
     one = {**asked, "link_parameters": link_parameters.Stated(status="fixed")}
     hand = replace(cell.robots["hand"], parameters=one)
     problem, _ = build_problem(replace(cell, robots={**cell.robots, "hand": hand}), recording)
@@ -316,7 +316,7 @@ def test_free_ends_depend_on_connected_transforms(held, robot, ends):
 def test_unrecorded_robot_has_no_stop():
     """An unrecorded robot has no stop with or without stated noise, and only robots with kinematics have a chain."""
     made = simulate(Scenario(samples=3), seed=0)
-    cell, recording, _ = _by_joints_where(made, [True] * 3)
+    cell, recording, _ = _record_some_joints(made, [True] * 3)
     for noise in (None, np.full(6, 1e-3)):
         robots = {**cell.robots, "idle": Robot("idle", noise=noise)}
         problem, _ = build_problem(replace(cell, robots=robots), recording)

@@ -18,11 +18,11 @@ from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
 
-def off(first, second) -> float:
+def distance(first, second) -> float:
     return float(np.abs((first.inverse() @ second).log()).max())
 
 
-def turned_round(sample):
+def reverse_ids(sample):
     (seen,) = sample.observations
     return replace(sample, observations=(replace(seen, ids=(seen.ids.max() + seen.ids.min() - seen.ids)),))
 
@@ -32,11 +32,11 @@ def test_chessboards_read_from_either_end_are_resolved(seed):
     """With each view numbered from a random end, the bases equal those of consistently numbered views."""
     s = simulate(Scenario(target="chessboard", spread_rad=0.4), seed)
     flips = np.random.default_rng(seed).random(len(s.recording.samples)) < 0.5
-    mixed = tuple(turned_round(x) if f else x for x, f in zip(s.recording.samples, flips, strict=True))
+    mixed = tuple(reverse_ids(x) if f else x for x, f in zip(s.recording.samples, flips, strict=True))
     clean, sorted_out = solve(s.cell, s.recording), solve(s.cell, Recording(mixed))
     assert sorted_out.cost == pytest.approx(clean.cost, rel=1e-6)
     for name in ("eye_base_from_hand_base", "eye_flange_from_wrist"):
-        assert off(clean.state.transforms[name], sorted_out.state.transforms[name]) < 1e-7
+        assert distance(clean.state.transforms[name], sorted_out.state.transforms[name]) < 1e-7
 
 
 @pytest.mark.parametrize("mounts", ["fixed", "free"])
@@ -54,7 +54,7 @@ def test_led_is_found_among_reflections(mounts):
         candidates = CandidateObservation(seen.camera, seen.target, spots[order], None)
         listed.append(replace(sample, observations=(candidates,)))
     clean, found = solve(s.cell, s.recording), solve(s.cell, Recording(tuple(listed)))
-    assert all(off(found.state.transforms[n], t) < 1e-7 for n, t in clean.state.transforms.items())
+    assert all(distance(found.state.transforms[n], t) < 1e-7 for n, t in clean.state.transforms.items())
 
 
 def test_half_turn_reverses_the_grid():

@@ -31,11 +31,11 @@ LINKS = {"link_parameters": link_parameters.Stated(status="free")}
 ENDS = [(False, False), (True, False), (False, True), (True, True)]
 
 
-def offsets_told(arm, joints, ends):
+def determined_offsets(arm, joints, ends):
     return robot_model("hand", arm, OFFSETS, joints, ends).columns["joint_offsets"].basis.argmax(axis=0).tolist()
 
 
-def links_told(arm, joints, ends, **beside):
+def link_basis(arm, joints, ends, **beside):
     return robot_model("hand", arm, {**beside, **LINKS}, joints, ends).columns["link_parameters"].basis
 
 
@@ -47,7 +47,7 @@ def test_free_ends_absorb_the_first_and_last_joint(arm, joints, ends):
     """
     held = {0} if ends[0] else set()
     held |= {5} if ends[1] else set()
-    assert set(range(6)) - set(offsets_told(arm, joints, ends)) == held
+    assert set(range(6)) - set(determined_offsets(arm, joints, ends)) == held
 
 
 def test_still_joint_passes_its_gauge_on(arm, joints):
@@ -56,9 +56,9 @@ def test_still_joint_passes_its_gauge_on(arm, joints):
     The same holds at the end.
     """
     turntable = joints * np.array([0, 1, 1, 1, 1, 1]) + 0.3
-    assert offsets_told(arm, turntable, (True, False)) == [2, 3, 4, 5]
-    assert offsets_told(arm, turntable, (False, False)) == [0, 1, 2, 3, 4, 5]
-    assert offsets_told(arm, joints * np.array([1, 1, 1, 1, 1, 0]), (False, True)) == [0, 1, 2, 3]
+    assert determined_offsets(arm, turntable, (True, False)) == [2, 3, 4, 5]
+    assert determined_offsets(arm, turntable, (False, False)) == [0, 1, 2, 3, 4, 5]
+    assert determined_offsets(arm, joints * np.array([1, 1, 1, 1, 1, 0]), (False, True)) == [0, 1, 2, 3]
 
 
 def test_prior_keeps_gauge_parameters(arm, joints):
@@ -112,13 +112,13 @@ def test_end_moves_equal_base_and_mount_moves(arm, joints):
 
 def test_link_gauges_through_joints_have_no_columns(arm, joints):
     """Each joint has two gauges without free ends. A free base and free mounts remove further columns."""
-    counts = [links_told(arm, joints, ends).shape[1] for ends in ENDS]
+    counts = [link_basis(arm, joints, ends).shape[1] for ends in ENDS]
     assert counts == [42 - 12, 42 - 12 - 6, 42 - 12 - 6, 18]
 
 
 def test_link_columns_and_free_ends_span_all_errors(arm, joints):
     """The remaining 18 columns and the two transforms span the same space as the 42 and the transforms."""
-    basis = links_told(arm, joints, (True, True))
+    basis = link_basis(arm, joints, (True, True))
     links, poses = arm.posture(joints).link_derivative, arm.forward(joints)
     ends = np.concatenate([poses.inverse().adjoint(), np.broadcast_to(np.eye(6), (30, 6, 6))], -1)
     kept = np.concatenate([links @ basis, ends], -1).reshape(180, -1)
@@ -131,7 +131,7 @@ def test_link_columns_have_minimum_norm(arm, joints):
 
     Half a metre counts as a radian.
     """
-    basis = links_told(arm, joints, (False, False)) / np.tile([0.5] * 3 + [1.0] * 3, 7)[:, None]
+    basis = link_basis(arm, joints, (False, False)) / np.tile([0.5] * 3 + [1.0] * 3, 7)[:, None]
     np.testing.assert_allclose(basis.T @ basis, np.eye(30), atol=1e-12)
     passed = np.zeros(42)
     passed[9:12] = arm.axes[1]
@@ -142,7 +142,7 @@ def test_link_columns_have_minimum_norm(arm, joints):
 
 def test_joint_offsets_replace_link_rotations_about_axes(arm, joints):
     """Links have one column less for each joint, except those that the free ends already absorb."""
-    alone, beside = links_told(arm, joints, (True, True)), links_told(arm, joints, (True, True), **OFFSETS)
+    alone, beside = link_basis(arm, joints, (True, True)), link_basis(arm, joints, (True, True), **OFFSETS)
     assert alone.shape[1] - beside.shape[1] == 4
 
 
@@ -205,7 +205,7 @@ NOISE = {"sigma_t_m": 1e-6, "sigma_r_rad": 1e-6}
 TIP = {"eye_tip": {"on": "eye"}}
 
 
-def _of_a_point(status: str = "free") -> tuple[Cell, Recording]:
+def _point_cell(status: str = "free") -> tuple[Cell, Recording]:
     """Poses measured of a target that is declared as one point."""
     made = simulate(Scenario(samples=12, target="pose", target_mount=status), seed=0)
     board = replace(made.cell.targets["board"], target=points_target([[0.0, 0.0, 0.0]]))
@@ -214,7 +214,7 @@ def _of_a_point(status: str = "free") -> tuple[Cell, Recording]:
 
 def test_point_measured_as_poses_has_an_orientation():
     """The mount of a point measured as poses has six columns, and the result equals that of a target without a kind."""
-    cell, recording = _of_a_point()
+    cell, recording = _point_cell()
     solution = solve(cell, recording)
     assert solution.problem.point_mounts == frozenset()
     plain = replace(cell, targets={"board": replace(cell.targets["board"], target=None)})
@@ -227,7 +227,7 @@ def test_point_measured_as_poses_has_an_orientation():
 def test_stated_point_mount_has_no_orientation_for_poses(status):
     """A fixed or prior mount of a point, measured as poses, is refused, and the error says what to leave out."""
     with pytest.raises(InputError, match="Leave out its `kind`"):
-        build_problem(*_of_a_point(status))
+        build_problem(*_point_cell(status))
 
 
 @pytest.mark.parametrize(("target", "points"), [("led", {"hand_flange_from_board"}), ("points", set())])

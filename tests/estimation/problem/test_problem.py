@@ -43,7 +43,7 @@ def state(made, problem):
     return State(made.truth, made.cameras, errors)
 
 
-def per_view(group):
+def arrays_per_view(group):
     """Everything of a group that has one row a view, by name."""
     found = {}
     for f in fields(group):
@@ -61,7 +61,7 @@ def test_take_selects_all_data_of_views(problem):
     """Poses, stops, joints, pixels and readings are in the requested order, and data of the pair are unchanged."""
     (group,) = problem.groups
     taken = group.take(np.array([3, 0]))
-    before, after = per_view(group), per_view(taken)
+    before, after = arrays_per_view(group), arrays_per_view(taken)
     assert before.keys() == after.keys() >= {"0 joints", "1 joints", "reading 0", "reading 1"}
     for name, value in before.items():
         np.testing.assert_array_equal(after[name], value[[3, 0]])
@@ -129,7 +129,7 @@ def test_robot_columns_follow_all_others(problem, joints):
     assert replace(within, columns=problem.columns).robot_model("hand") is None
 
 
-def product(group, state, stops):
+def explicit_product(group, state, stops):
     """The one equation, view by view, errors of stops and all."""
     found = []
     for k in range(len(group)):
@@ -163,7 +163,7 @@ def test_chain_equals_the_product_of_all_factors(scenario):
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.random.default_rng(1).standard_normal((len(problem.stops), 6)))
     for group in problem.groups:
-        links, wanted = chain(group, state, problem.stops), product(group, state, problem.stops)
+        links, wanted = chain(group, state, problem.stops), explicit_product(group, state, problem.stops)
         np.testing.assert_allclose(links.camera_from_target.matrix, wanted.matrix, atol=1e-12)
         np.testing.assert_allclose(state.camera_from_target(group, problem.stops).matrix, wanted.matrix, atol=1e-12)
         flange = links.target_from_camera @ state.transforms[group.eye.mount].inverse()

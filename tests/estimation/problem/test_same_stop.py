@@ -9,7 +9,7 @@ from basecal.geometry import SE3
 PLACES = SE3.exp(np.random.default_rng(0).uniform(-1, 1, (5, 6)))
 
 
-def shifted(steps_m):
+def shifted_poses(steps_m):
     """One pose, shifted along an axis."""
     translation = np.zeros((len(steps_m), 3))
     translation[:, 1] = steps_m
@@ -25,7 +25,7 @@ def test_equal_poses_are_one_stop():
 @pytest.mark.parametrize(("off", "stops"), [(1.3e-4, [0, 0, 0]), (1.5e-4, [0, 1, 0])])
 def test_readback_limit_of_stops(off, stops):
     """Consecutive poses are one stop within five sigmas of a difference of read-backs, 0.14 mm and mrad."""
-    assert stop_numbers(shifted([0, off, 0]), None, None).tolist() == stops
+    assert stop_numbers(shifted_poses([0, off, 0]), None, None).tolist() == stops
     turns = SE3.exp(np.array([[0.0] * 6, [0, 0, 0, 0, 0, off], [0.0] * 6]))
     assert stop_numbers(turns, None, None).tolist() == stops
 
@@ -42,18 +42,18 @@ def test_revisited_place_is_one_stop():
 
 def test_stated_noise_joins_consecutive_poses_only():
     """Among hundreds of places, some are within a large noise by chance."""
-    assert stop_numbers(shifted([0, 0.1, 4e-4]), None, np.full(6, 5e-4)).tolist() == [0, 1, 2]
+    assert stop_numbers(shifted_poses([0, 0.1, 4e-4]), None, np.full(6, 5e-4)).tolist() == [0, 1, 2]
 
 
 def test_slow_path_has_many_stops():
     """Steps below the limit are not chained: a stop ends at the first pose too far from its start."""
-    numbers = stop_numbers(shifted(0.6 * READ_BACK * np.arange(9)), None, None)
+    numbers = stop_numbers(shifted_poses(0.6 * READ_BACK * np.arange(9)), None, None)
     assert numbers.tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4]
 
 
 def test_stated_noise_widens_the_limit():
     """Places nearer than the noise are one, however noisy the readings of one place are."""
-    near = shifted([0, 4e-4, 9e-4])
+    near = shifted_poses([0, 4e-4, 9e-4])
     assert stop_numbers(near, None, np.full(6, 5e-4)).tolist() == [0, 0, 1]
     assert stop_numbers(near, None, np.full(6, 1e-9)).tolist() == [0, 1, 2]
 
@@ -72,7 +72,7 @@ def test_smallest_noise_of_each_type_is_its_limit(axis):
     """
     noise = np.full(6, 1e-3)
     noise[axis] = 5e-4
-    moved = shifted([0, 8e-4])
+    moved = shifted_poses([0, 8e-4])
     turned = SE3.exp(np.array([[0.0] * 6, [0, 0, 0, 0, 8e-4, 0]]))
     for poses, is_apart in ((moved, axis < 3), (turned, axis >= 3)):
         assert stop_numbers(poses, None, noise).tolist() == [0, int(is_apart)]
@@ -80,13 +80,13 @@ def test_smallest_noise_of_each_type_is_its_limit(axis):
 
 def test_distance_equal_to_the_limit_is_within():
     """The distance is half a metre at a noise of half a metre, both exact in binary."""
-    assert stop_numbers(shifted([0, 0.5, 0.25]), None, np.full(6, 0.5)).tolist() == [0, 0, 0]
+    assert stop_numbers(shifted_poses([0, 0.5, 0.25]), None, np.full(6, 0.5)).tolist() == [0, 0, 0]
 
 
 def test_member_of_a_place_starts_no_other_place():
     """Four places in a row, each within the limit of the next, visited far apart in time, are two stops of two."""
     steps = READ_BACK * np.array([0, 90, 0.9, 90, 1.8, 90, 2.7])
-    assert stop_numbers(shifted(steps), None, None).tolist() == [0, 1, 0, 1, 2, 1, 2]
+    assert stop_numbers(shifted_poses(steps), None, None).tolist() == [0, 1, 0, 1, 2, 1, 2]
 
 
 def test_near_pairs_are_near_in_every_coordinate():

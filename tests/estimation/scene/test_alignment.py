@@ -15,7 +15,7 @@ from scene_points import BASE, LENS, made_scene
 TWIN = SE3.from_rpy((0.0, 0.0, 1.0), (0.3, 0.2, 0.0))
 
 
-def clouds(rng, right, wrong):
+def make_clouds(rng, right, wrong):
     """Points of the first arm, their partners in the second, some of which are others."""
     first = rng.uniform(-0.5, 0.5, (right + wrong, 3))
     second = BASE.inverse() @ first + 1e-3 * rng.standard_normal(first.shape)
@@ -25,22 +25,22 @@ def clouds(rng, right, wrong):
 
 def test_third_of_right_pairs_suffices():
     """With 60 of 180 pairs right, the transform is found to 3 mm."""
-    first, second = clouds(np.random.default_rng(1), 60, 120)
+    first, second = make_clouds(np.random.default_rng(1), 60, 120)
     best, agrees = alignments(first, second, np.full(180, 0.01), 5)[0]
     assert np.linalg.norm((BASE @ best).log()) < 3e-3
     assert agrees[:60].mean() > 0.9
 
 
-def with_twin(right, twins):
+def clouds_with_twin(right, twins):
     """Clouds of points, the last of which belong to an object that stands elsewhere a second time."""
-    first, second = clouds(np.random.default_rng(2), right, twins)
+    first, second = make_clouds(np.random.default_rng(2), right, twins)
     second[right:] = BASE.inverse() @ (TWIN @ first[right:])
     return first, second
 
 
 def test_repeated_object_gives_a_second_transform():
     """An object at two places gives a second transform, separate from the first."""
-    first, second = with_twin(80, 40)
+    first, second = clouds_with_twin(80, 40)
     found = alignments(first, second, np.full(120, 0.01), 5)
     assert int(found[0][1].sum()) >= 80
     assert found[1][1][80:].mean() > 0.9
@@ -83,7 +83,7 @@ def test_points_outside_the_image_have_no_pixels():
 
 def test_number_of_transforms_is_limited():
     """The first is the one that most pairs agree with. A pair counts within its own tolerance."""
-    first, second = with_twin(40, 80)
+    first, second = clouds_with_twin(40, 80)
     both = alignments(first, second, np.full(120, 0.01), 2)
     assert [int(mask.sum()) for _, mask in both] == sorted((int(mask.sum()) for _, mask in both), reverse=True)
     assert both[0][1][40:].all()

@@ -124,7 +124,7 @@ def test_pairs_follow_the_views():
     assert point_pairs(kept, 500)[1].view.max() < 10
 
 
-def exact(seed=4):
+def exact_pairs(seed=4):
     """A scene without noise, its pairs with their rays, and its poses."""
     scene = made_scene(seed, noise=0.0)
     pairs = point_pairs(scene.tracks, 200)
@@ -136,7 +136,7 @@ def test_distances_equal_sampsons():
 
     They are in pixels of the focal length.
     """
-    pairs, rays, poses = exact()
+    pairs, rays, poses = exact_pairs()
     mount = MOUNT @ SE3.exp([2e-3, 0, 1e-3, 0.01, 0.02, -0.01])
     found = sampson_px(pairs, rays, poses, mount, 900.0)
     for k in range(0, 200, 25):
@@ -152,7 +152,7 @@ def test_distances_equal_sampsons():
 
 def test_true_rotation_has_the_true_position():
     """With exact pairs its sines are zero and its position is the camera's. A rotation 5 deg off has larger sines."""
-    pairs, _, poses = exact()
+    pairs, _, poses = exact_pairs()
     turned = MOUNT @ SE3.exp([0, 0, 0, np.radians(5), 0, 0])
     positions, sines = mount_search._score_rotations(pairs, poses, LENS, np.stack([MOUNT.rotation, turned.rotation]))
     np.testing.assert_allclose(positions[0], MOUNT.translation, atol=1e-5)
@@ -162,7 +162,7 @@ def test_true_rotation_has_the_true_position():
 
 def test_wrong_pairs_are_down_weighted():
     """One pair in twenty shows different points, and the position is still the camera's to a millimetre."""
-    (one, other), _, poses = exact()
+    (one, other), _, poses = exact_pairs()
     pixels = other.pixels.copy()
     pixels[::20] += (60.0, 80.0)
     pairs = one, replace(other, pixels=pixels)
@@ -172,7 +172,7 @@ def test_wrong_pairs_are_down_weighted():
 
 def test_rays_meet_in_front_of_both_cameras():
     """Rays of true poses do. With the rays of either camera or both reversed, they do not."""
-    pairs, (first, second), poses = exact()
+    pairs, (first, second), poses = exact_pairs()
     for one, other, is_front in ((1, 1, True), (-1, 1, False), (1, -1, False), (-1, -1, False)):
         found = are_in_front(pairs, (one * first, other * second), poses, MOUNT)
         assert found.all() if is_front else not found.any()
@@ -204,7 +204,7 @@ def test_search_needs_fifty_pairs(count):
 
 def test_free_focal_length_is_estimated_from_a_guess():
     """The focal length is 8 % off, with exact pairs. The other lens parameters are unchanged."""
-    pairs, _, poses = exact()
+    pairs, _, poses = exact_pairs()
     near = MOUNT @ SE3.exp([0.01, 0, -0.01, 0.02, 0, 0.02])
     found = find_mount(pairs, poses, scale_focal(LENS, 1.08), True, near)
     assert found.lens.focal == pytest.approx([900.0, 900.0], rel=2e-3)
@@ -226,7 +226,7 @@ def test_number_of_pairs_is_limited():
 
 def test_rays_outside_a_lens_are_zero_in_both_images():
     """If one image point of a pair has no ray, the other has none either."""
-    pairs, rays, _ = exact()
+    pairs, rays, _ = exact_pairs()
     folded = LENS.with_parameters(np.array([900.0, 900.0, 639.5, 359.5, -0.3, 0, 0, 0, 0]))
     pixels = np.full_like(pairs[0].pixels, 400.0)
     pixels[7] = (1400.0, 359.5)

@@ -19,7 +19,7 @@ NOISE = np.repeat([ARM_M, ARM_RAD], 3)
 
 
 @cache
-def fitted(pull_px: float) -> SceneFit:
+def fit_shifted_scene(pull_px: float) -> SceneFit:
     """A scene, the image points of one half of which are pulled by so much in one direction of the world."""
     scene = made_scene(1, count=12)
     pixels = scene.tracks.pixels.copy()
@@ -30,24 +30,24 @@ def fitted(pull_px: float) -> SceneFit:
 
 
 @cache
-def covariance_of(pull_px: float) -> np.ndarray:
-    """The covariance of `fitted`."""
-    return scene_covariance(fitted(pull_px))
+def covariance_of_shifted_scene(pull_px: float) -> np.ndarray:
+    """The covariance of `fit_shifted_scene`."""
+    return scene_covariance(fit_shifted_scene(pull_px))
 
 
 def test_sigmas_of_consistent_data_are_near_the_models():
     """Every sigma is that of the model or larger, by half at most."""
-    fit = fitted(0.0)
-    own = len(covariance_of(0.0))
+    fit = fit_shifted_scene(0.0)
+    own = len(covariance_of_shifted_scene(0.0))
     model = np.sqrt(np.diag(np.linalg.inv(fit.information))[:own])
-    ratio = np.sqrt(np.diag(covariance_of(0.0))) / model
+    ratio = np.sqrt(np.diag(covariance_of_shifted_scene(0.0))) / model
     assert ratio.min() > 1 - 1e-9
     assert ratio.max() < 1.5
 
 
 def test_contradicting_parts_widen_sigmas():
     """If half of the points is shifted by pixels from view to view, sigmas of the mount are larger."""
-    sound, pulled = covariance_of(0.0), covariance_of(2.0)
+    sound, pulled = covariance_of_shifted_scene(0.0), covariance_of_shifted_scene(2.0)
     assert np.trace(pulled[:6, :6]) > 1.5 * np.trace(sound[:6, :6])
 
 
@@ -101,7 +101,7 @@ def test_folds_of_views_are_interleaved():
 
     Every image point is in exactly one fold, and in one cluster.
     """
-    fit = fitted(0.0)
+    fit = fit_shifted_scene(0.0)
     folds = spread._view_folds(fit)
     assert len(folds) == 10
     assert [sorted({int(v) for v in fit.tracks.view[fold]}) for fold in folds] == [
@@ -119,8 +119,8 @@ def test_folds_of_views_are_interleaved():
 
 def test_sigmas_are_widened_by_the_mean_of_all():
     """The square of the factor is the mean of variances in units of the model's."""
-    fit = fitted(2.0)
-    covariance = covariance_of(2.0)
+    fit = fit_shifted_scene(2.0)
+    covariance = covariance_of_shifted_scene(2.0)
     own = len(covariance)
     root = np.linalg.cholesky(np.linalg.inv(fit.information)[:own, :own])
     whitened = np.linalg.solve(root, np.linalg.solve(root, covariance).T)

@@ -32,7 +32,7 @@ def farthest(made, transforms):
     return max(np.abs((pose.inverse() @ made.truth[name]).log()).max() for name, pose in transforms.items())
 
 
-def sights(made, problem):
+def all_pair_views(made, problem):
     return [pair_views(group, made.cameras[group.camera], 20, 16) for group in problem.groups]
 
 
@@ -48,7 +48,7 @@ def test_wrong_start_of_pairs_does_not_affect_others(made) -> None:
     wrong = dict(made.truth)
     for name in ("r1_base_from_r4_base", "r6_flange_from_camera6"):
         wrong[name] = wrong[name] @ SE3.exp([0.5, -2.0, 1.0, 1.5, -1.0, 0.5])
-    found = place_by_pairs(problem, sights(made, problem), wrong, ())
+    found = place_by_pairs(problem, all_pair_views(made, problem), wrong, ())
     assert set(found) == set(made.truth)
     assert farthest(made, found) < 0.02
 
@@ -64,7 +64,7 @@ def test_drifted_pairs_need_no_search(made, monkeypatch, rng) -> None:
     monkeypatch.setattr(all_pairs, "refine_jointly", watched)
     problem, _ = build_problem(made.cell, made.recording)
     drifted = {name: pose @ SE3.exp(rng.normal(0, 0.3, 6)) for name, pose in made.truth.items()}
-    assert farthest(made, place_by_pairs(problem, sights(made, problem), drifted, ())) < 0.02
+    assert farthest(made, place_by_pairs(problem, all_pair_views(made, problem), drifted, ())) < 0.02
     assert len(wished) == len(problem.groups)
     assert not any(wish.searched for wish in wished)
 
@@ -72,10 +72,10 @@ def test_drifted_pairs_need_no_search(made, monkeypatch, rng) -> None:
 def test_few_or_known_bases_are_not_placed(made) -> None:
     """Few bases, or bases beside a known one, keep their earlier placement."""
     problem, _ = build_problem(made.cell, made.recording)
-    assert place_by_pairs(problem, sights(made, problem), made.truth, ("r1_base_from_r4_base",)) == {}
+    assert place_by_pairs(problem, all_pair_views(made, problem), made.truth, ("r1_base_from_r4_base",)) == {}
     few = simulate(Scenario(layout="ring", robots=4, samples=80), 1)
     problem, _ = build_problem(few.cell, few.recording)
-    assert place_by_pairs(problem, sights(few, problem), few.truth, ()) == {}
+    assert place_by_pairs(problem, all_pair_views(few, problem), few.truth, ()) == {}
 
 
 def test_bases_without_a_good_pair_are_not_placed(made, rng) -> None:
@@ -87,14 +87,14 @@ def test_bases_without_a_good_pair_are_not_placed(made, rng) -> None:
         poses = SE3.exp(rng.uniform(-1, 1, (len(sight.group), 6)))
         return replace(sight, group=with_eye(sight.group, base_from_flange=poses))
 
-    seen = [spoilt(s) if "r5" in (s.group.eye.robot, s.group.hand.robot) else s for s in sights(made, problem)]
+    seen = [spoilt(s) if "r5" in (s.group.eye.robot, s.group.hand.robot) else s for s in all_pair_views(made, problem)]
     assert place_by_pairs(problem, seen, made.truth, ()) == {}
 
 
 NAMES = [None, *(f"b{k}" for k in range(8))]
 
 
-def pair(rng, bases, k, eye, hand, turned_rad=(0.0,) * 5):
+def make_pair(rng, bases, k, eye, hand, turned_rad=(0.0,) * 5):
     """Views of the k-th camera and target between two bases, turned so far from where X, Y and Z have them; these."""
     n, at = len(turned_rad), {None: SE3.identity(), **bases}
     a, c = SE3.exp(rng.standard_normal((n, 6))), SE3.exp(rng.standard_normal((n, 6)))
@@ -112,11 +112,11 @@ def pair(rng, bases, k, eye, hand, turned_rad=(0.0,) * 5):
 def ring(rng):
     """Eight bases about the reference and the nine pairs of neighbours among them, views turned by a milliradian."""
     bases = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in NAMES if name}
-    pairs = [pair(rng, bases, k, NAMES[k], NAMES[(k + 1) % 9], (1e-3,) * 5) for k in range(9)]
+    pairs = [make_pair(rng, bases, k, NAMES[k], NAMES[(k + 1) % 9], (1e-3,) * 5) for k in range(9)]
     return bases, pairs
 
 
-def placed(monkeypatch, pairs, given=()):
+def place_bases_of_pairs(monkeypatch, pairs, given=()):
     """Where pairs place bases and mounts whose X, Y and Z are these."""
     monkeypatch.setattr(all_pairs, "_make_refinement", lambda _, sight, *__: sight)
     monkeypatch.setattr(all_pairs, "_restart_pairs", lambda seen: seen)
@@ -132,15 +132,15 @@ def test_bases_fit_all_pairs_and_mounts_the_best_pair(ring, rng, monkeypatch) ->
     """
     bases, pairs = ring
     off = SE3.exp(np.full(6, 0.5))
-    sight, (x, y, z) = pair(rng, bases, 9, "b2", "b5")
+    sight, (x, y, z) = make_pair(rng, bases, 9, "b2", "b5")
     pairs.append((sight, (x, y @ off, z)))
-    best, worse = (pair(rng, bases, 3, "b2", "b6", (turned_rad,) * 5) for turned_rad in (0.5e-3, 2e-3))
+    best, worse = (make_pair(rng, bases, 3, "b2", "b6", (turned_rad,) * 5) for turned_rad in (0.5e-3, 2e-3))
     pairs = [best, *pairs, worse]
-    without, _ = pair(rng, bases, 10, "b1", "b3")
+    without, _ = make_pair(rng, bases, 10, "b1", "b3")
     pairs.append((replace(without, candidates=None), (off, off, off)))
-    alone, triple = pair(rng, bases, 11, "b4", "b4")
+    alone, triple = make_pair(rng, bases, 11, "b4", "b4")
     pairs.append((alone, (off, triple[1] @ off, off)))
-    found = placed(monkeypatch, pairs, ("x5",))
+    found = place_bases_of_pairs(monkeypatch, pairs, ("x5",))
     assert set(found) == {*bases, *(f"{of}{k}" for of in "xz" for k in range(10))} - {"x5"}
     assert max(np.abs((found[name].inverse() @ pose).log()).max() for name, pose in bases.items()) < 1e-6
     np.testing.assert_array_equal(found["x3"].matrix, best[1][0].matrix)
@@ -151,8 +151,8 @@ def test_eight_free_bases_are_needed(rng, monkeypatch, bases, given, are_placed)
     """The reference does not count. With seven, or if one is known, nothing is placed."""
     names = NAMES[: bases + 1]
     at = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in names if name}
-    pairs = [pair(rng, at, k, first, second) for k, (first, second) in enumerate(pairwise(names))]
-    assert bool(placed(monkeypatch, pairs, given)) == are_placed
+    pairs = [make_pair(rng, at, k, first, second) for k, (first, second) in enumerate(pairwise(names))]
+    assert bool(place_bases_of_pairs(monkeypatch, pairs, given)) == are_placed
 
 
 def test_misfit_of_a_pair_is_a_median_angle(rng) -> None:
@@ -160,7 +160,7 @@ def test_misfit_of_a_pair_is_a_median_angle(rng) -> None:
 
     The better pose of each view counts, and a few outliers have no effect.
     """
-    sight, triple = pair(rng, {"b0": SE3.identity()}, 0, None, "b0", (0.1, 0.2, 3.0, -0.15, 0.01))
+    sight, triple = make_pair(rng, {"b0": SE3.identity()}, 0, None, "b0", (0.1, 0.2, 3.0, -0.15, 0.01))
     assert all_pairs._misfit(sight, triple) == pytest.approx(0.15)
     nowhere = SE3(np.full((3, 3), np.nan), np.zeros(3))
     assert all_pairs._misfit(sight, (triple[0], nowhere, triple[2])) == np.inf

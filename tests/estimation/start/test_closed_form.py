@@ -17,7 +17,7 @@ def poses(rng: np.random.Generator, n: int, still: bool = False) -> SE3:
     return SE3.exp(np.broadcast_to(xi[0], xi.shape) if still else xi)
 
 
-def loop_of(
+def make_loop(
     unknown: str, n: int, eye_still: bool = False, hand_still: bool = False, seed: int = 5
 ) -> tuple[Loop, dict[str, SE3]]:
     rng = np.random.default_rng(seed)
@@ -32,7 +32,7 @@ def loop_of(
 @pytest.mark.parametrize("unknown", PATTERNS)
 def test_exact_data_give_exact_transforms(unknown, seed):
     """Any unknown combination of X, Y and Z is exact to 1e-9 and determined, for either sign of null vectors."""
-    loop, truth = loop_of(unknown, 20, seed=seed)
+    loop, truth = make_loop(unknown, 20, seed=seed)
     found = solve_rotations(loop)
     assert found.clear
     for name, ours in zip("xyz", solve_translations(loop, found), strict=True):
@@ -42,15 +42,15 @@ def test_exact_data_give_exact_transforms(unknown, seed):
 @pytest.mark.parametrize("unknown", ["xy", "xyz"])
 def test_still_arm_is_not_sufficient(unknown):
     """With a still hand, Y and Z (or all three) cannot be separated, and the result is not clear."""
-    loop, _ = loop_of("yz" if unknown == "xy" else unknown, 20, hand_still=True)
+    loop, _ = make_loop("yz" if unknown == "xy" else unknown, 20, hand_still=True)
     assert not solve_rotations(loop).clear
-    mirrored, _ = loop_of(unknown, 20, eye_still=True)
+    mirrored, _ = make_loop(unknown, 20, eye_still=True)
     assert not solve_rotations(mirrored).clear
 
 
 def test_too_few_samples_are_not_sufficient():
     """Three samples leave all three rotations undetermined."""
-    loop, _ = loop_of("xyz", 3)
+    loop, _ = make_loop("xyz", 3)
     assert not solve_rotations(loop).clear
 
 
@@ -64,7 +64,7 @@ def test_kronecker_products_equal_numpy(rng):
 
 def noisy_loop(unknown: str, n: int = 12):
     """Samples that contradict one another, each of its own weight."""
-    loop, truth = loop_of(unknown, n)
+    loop, truth = make_loop(unknown, n)
     rng = np.random.default_rng(8)
     b = loop.b @ SE3.exp(0.05 * rng.standard_normal((n, 6)))
     return loop._replace(b=b, weight=rng.uniform(0.2, 3.0, n)), truth
@@ -124,7 +124,7 @@ def test_sample_counts_by_its_squared_weight(unknown):
 
 def test_samples_of_zero_weight_have_no_effect():
     """With a fifth of them random, the others give exact transforms, with all three unknown."""
-    loop, truth = loop_of("xyz", 25)
+    loop, truth = make_loop("xyz", 25)
     anywhere = SE3.exp(np.random.default_rng(4).standard_normal((25, 6)))
     wrong = np.arange(25) % 5 == 2
     spoilt = SE3(
@@ -167,4 +167,4 @@ def test_translations_minimise_weighted_least_squares(unknown):
 
 def test_unknown_letters_are_in_order():
     """The names of unknown transforms are in the order x, y, z."""
-    assert [loop_of(unknown, 2)[0].unknown for unknown in ("", *PATTERNS)] == ["", *PATTERNS]
+    assert [make_loop(unknown, 2)[0].unknown for unknown in ("", *PATTERNS)] == ["", *PATTERNS]

@@ -53,7 +53,7 @@ def test_both_ends_of_a_hinge_are_parallel():
         assert np.all(axes[:, 2] > np.cos(0.3))
 
 
-def touched(shapes, count=60):
+def problem_of_touches(shapes, count=60):
     """The problem of exact touches, and the true transforms of bases and tips."""
     cell = surface_cell(shapes)
     problem, _ = build_problem(cell, recorded(cell, surface_lines(np.random.default_rng(0), count, 0.0, shapes)))
@@ -64,7 +64,7 @@ def touched(shapes, count=60):
 @pytest.mark.parametrize("shapes", [{"floor": "plane", "wall": "plane"}, {"floor": "edge", "wall": "edge"}])
 def test_surfaces_are_at_their_touches(shapes):
     """The normal of a plane and the direction of an edge are z, and the origin is in the middle of the touches."""
-    problem, transforms = touched(shapes)
+    problem, transforms = problem_of_touches(shapes)
     placed = place_contacts(problem, transforms)
     assert set(placed) == {f"eye_base_from_{name}" for name in shapes}
     for name in shapes:
@@ -79,7 +79,7 @@ def test_surfaces_are_at_their_touches(shapes):
 
 def test_touches_of_the_reference_have_priority():
     """A wrong base has no effect on a surface that the reference touched as well."""
-    problem, transforms = touched({"floor": "plane"})
+    problem, transforms = problem_of_touches({"floor": "plane"})
     wrong = {**transforms, BASE: TRUTH @ SE3.exp([0.3, 0.1, 0.2, 0.1, 0.4, 0.2])}
     right, found = (place_contacts(problem, each)["eye_base_from_floor"] for each in (transforms, wrong))
     np.testing.assert_array_equal(found.matrix, right.matrix)
@@ -93,7 +93,7 @@ def test_bases_are_rotated_about_the_middle_of_their_flanges():
 
     Known transforms are unchanged, and known bases are not rotated.
     """
-    problem, transforms = touched({"floor": "plane", "wall": "plane"})
+    problem, transforms = problem_of_touches({"floor": "plane", "wall": "plane"})
     state = State({**transforms, **place_contacts(problem, transforms)}, {}, np.zeros((len(problem.stops), 6)))
     starts = list(rotated_base_states(problem, state, {"eye_base_from_wall"}))
     assert len(starts) == len(list(icosahedral_rotations())) == 60
@@ -110,7 +110,7 @@ def test_bases_are_rotated_about_the_middle_of_their_flanges():
     assert list(rotated_base_states(problem, state, {BASE})) == []
 
 
-def held(axis):
+def problem_of_held_part(axis):
     """The problem of a part that both arms hold, exactly, and the identity for all transforms but the base."""
     cell = clamp_cell(axis)
     lines = clamp_lines(held_poses(np.random.default_rng(1), 12, 0.0, 0.0, is_hinge=axis == "free"))
@@ -120,7 +120,7 @@ def held(axis):
 
 def test_held_part_is_halfway_between_the_flanges():
     """Both ends are at one place, halfway from one flange to the other, with the axes of the eye's flange."""
-    problem = held("fixed")
+    problem = problem_of_held_part("fixed")
     ((name, start),) = rigid_part_mounts(problem).items()
     assert (name, start.matrix.tolist()) == ("eye_flange_from_part", np.eye(4).tolist())
     hand_from_eye = SE3.exp([0.2, -0.1, 0.4, 0.3, 0.2, 0.1])
@@ -134,7 +134,7 @@ def test_held_part_is_halfway_between_the_flanges():
 
 def test_hinge_axis_is_where_flanges_stay_parallel():
     """With the true base, z of both mounts is one direction in all samples, and their origins are unchanged."""
-    problem = held("free")
+    problem = problem_of_held_part("free")
     (group, _) = problem.groups
     transforms = {
         BASE: TRUTH,
@@ -157,15 +157,15 @@ def test_contacts_are_excluded_from_the_first_problem():
 
     Hinges become points, and surfaces are removed.
     """
-    (pose,) = without_contacts(held("fixed")).groups
+    (pose,) = without_contacts(problem_of_held_part("fixed")).groups
     assert isinstance(pose.measurement, PoseMeasurement)
     np.testing.assert_array_equal(pose.measurement.measured_camera_from_target.matrix, np.tile(np.eye(4), (12, 1, 1)))
-    hinged = held("free")
+    hinged = problem_of_held_part("free")
     points = without_contacts(hinged)
     assert [type(g.measurement).__name__ for g in points.groups] == ["TouchMeasurement"]
     assert points.point_mounts == {hinged.groups[0].eye.mount, hinged.groups[0].hand.mount}
     assert rigid_part_mounts(hinged) == {}
-    mixed, _ = touched({"floor": "plane", "mark_a": "point"})
+    mixed, _ = problem_of_touches({"floor": "plane", "mark_a": "point"})
     left = without_contacts(mixed)
     assert {g.target for g in left.groups} == {"mark_a"}
     assert without_contacts(left) is left

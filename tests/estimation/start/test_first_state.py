@@ -92,7 +92,7 @@ def test_unknowns_of_a_pair_match_its_loop(layout: str) -> None:
             assert _unknown_letters(sight, known) == _loop(sight, known).unknown
 
 
-def _points_seen(samples: int, each: int):
+def _partial_views(samples: int, each: int):
     """Views without noise that show the first point of a board and some others each, in turn; X, Y and Z."""
     made = simulate(Scenario(samples=samples, pixel_px=1e-9), 1)
     problem, _ = build_problem(made.cell, made.recording)
@@ -110,7 +110,7 @@ def _points_seen(samples: int, each: int):
 
 def test_points_seen_separately_place_the_target():
     """Three points in each view locate each point in the flange, and all of them the target."""
-    _, _, sight, (x, y, z) = _points_seen(60, 3)
+    _, _, sight, (x, y, z) = _partial_views(60, 3)
     assert sight.candidates is None
     nowhere = SE3(np.eye(3), np.array([0.3, -0.2, 0.5]))
     found = _mount_of_points(sight, x, y, nowhere)
@@ -119,7 +119,7 @@ def test_points_seen_separately_place_the_target():
 
 def test_point_with_parallel_rays_keeps_its_known_depth():
     """With one view only the directions are known: each point is on its ray, nearest to the position of the LED."""
-    _, _, sight, (x, y, z) = _points_seen(1, 36)
+    _, _, sight, (x, y, z) = _partial_views(1, 36)
     chords = sight.group.measurement
     flange_from_camera = (
         sight.group.hand.base_from_flange[0].inverse() @ y.inverse() @ sight.group.eye.base_from_flange[0] @ x
@@ -134,7 +134,7 @@ def test_point_with_parallel_rays_keeps_its_known_depth():
 
 def test_board_without_four_visible_points_is_started():
     """A descent from its start ends at the truth, though no view has a pose."""
-    made, problem, _, _ = _points_seen(60, 3)
+    made, problem, _, _ = _partial_views(60, 3)
     end = bundle_adjust(problem, first_state(problem, made.cell, thorough=False), 1).state
     for name, transform in end.transforms.items():
         np.testing.assert_allclose((transform.inverse() @ made.truth[name]).log(), 0.0, atol=1e-6)
@@ -257,7 +257,7 @@ def test_thorough_start_uses_more_views_with_refined_poses(monkeypatch):
     assert (closed.func, closed.keywords) == (view_poses, {"iterations": 0})
 
 
-def hand_made(rng, swapped=()):
+def make_pair(rng, swapped=()):
     """Twenty views of a pair, each with its true pose and one off by half a radian, first and second; X, Y and Z."""
     n = 20
     a, c = SE3.exp(rng.standard_normal((n, 6))), SE3.exp(rng.standard_normal((n, 6)))
@@ -277,7 +277,7 @@ def hand_made(rng, swapped=()):
 @pytest.mark.parametrize("swapped", [(), (3, 8, 13), (0, 1, 2, 3)])
 def test_closed_form_chooses_the_better_pose_of_each_view(rng, swapped):
     """The choice is iterated until it is stable, and is exact if a few views had their poses swapped."""
-    sight, triple = hand_made(rng, swapped)
+    sight, triple = make_pair(rng, swapped)
     for found, true in zip(_solve_closed_form(sight, _Knowledge()), triple, strict=True):
         np.testing.assert_allclose(found.matrix, true.matrix, atol=1e-7)
 
@@ -312,7 +312,7 @@ def test_searches_run_in_step_with_separate_ends(monkeypatch):
 @pytest.mark.parametrize("is_point", [True, False])
 def test_led_refinement_has_more_starts_with_more_unknown_rotations(monkeypatch, known, is_point):
     """The mount is at the LED. A target's known mount is unchanged, and an unknown one is placed by its points."""
-    sight, (x, y, z) = hand_made(np.random.default_rng(0))
+    sight, (x, y, z) = make_pair(np.random.default_rng(0))
     chords = SimpleNamespace(points_in_target=np.array([[9.0, 9.0, 9.0], [0.1, 0.2, 0.3]]))
     monkeypatch.setattr(module, "led_point", lambda measurement: (chords, 1))
     asked = []

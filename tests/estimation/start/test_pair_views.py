@@ -30,7 +30,7 @@ from basecal.geometry.rotation import rotation_exp
 from basecal.simulation import Scenario, simulate
 
 
-def prepared(scenario, views=100, points=100, seed=1, change=None):
+def prepare_views(scenario, views=100, points=100, seed=1, change=None):
     """Views made ready, the poses of the target that are true, and the group they are of."""
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
@@ -40,13 +40,13 @@ def prepared(scenario, views=100, points=100, seed=1, change=None):
     return pair_views(group, made.cameras["wrist"], views, points), truth, group
 
 
-def off(candidates, truth):
+def distance(candidates, truth):
     return np.abs((candidates[:, 0].inverse() @ truth).log()).max()
 
 
 def test_measured_poses_are_their_own_candidates():
     """Both candidates are the measured pose, with full weight."""
-    found, _, group = prepared(Scenario(samples=6, target="pose"))
+    found, _, group = prepare_views(Scenario(samples=6, target="pose"))
     for k in (0, 1):
         np.testing.assert_array_equal(
             found.candidates[:, k].matrix, group.measurement.measured_camera_from_target.matrix
@@ -56,8 +56,8 @@ def test_measured_poses_are_their_own_candidates():
 
 def test_board_views_give_poses_and_directions():
     """The best candidate is the true pose to 1 cm and 0.01 rad, and directions point to the points."""
-    found, truth, _ = prepared(Scenario(samples=8), points=9)
-    assert off(found.candidates, truth) < 0.01
+    found, truth, _ = prepare_views(Scenario(samples=8), points=9)
+    assert distance(found.candidates, truth) < 0.01
     measurement = found.group.measurement
     assert isinstance(measurement, BearingMeasurement)
     assert len(measurement.points_in_target) == 9
@@ -72,15 +72,15 @@ def test_board_views_give_poses_and_directions():
 
 def test_ambiguous_views_have_less_weight():
     """For a small distant board, both poses of its plane fit, and its weight is a fifth at most."""
-    near, _, _ = prepared(Scenario(samples=8, pixel_px=0.05))
-    far, _, _ = prepared(Scenario(samples=8, pixel_px=5.0, distance_m=(0.85, 0.9), spread_rad=0.1))
+    near, _, _ = prepare_views(Scenario(samples=8, pixel_px=0.05))
+    far, _, _ = prepare_views(Scenario(samples=8, pixel_px=5.0, distance_m=(0.85, 0.9), spread_rad=0.1))
     assert near.weight.min() > 0.5
     assert far.weight.min() < 0.2
 
 
 def test_unstated_sigmas_count_as_half_a_pixel():
     """The sigma is needed for the weights of directions."""
-    found, _, _ = prepared(Scenario(samples=5, state_pixel_noise=False))
+    found, _, _ = prepare_views(Scenario(samples=5, state_pixel_noise=False))
     focal = simulate(Scenario(samples=5), 1).cameras["wrist"].focal.mean()
     np.testing.assert_allclose(found.group.measurement.weight, focal / 0.5)
 
@@ -88,17 +88,17 @@ def test_unstated_sigmas_count_as_half_a_pixel():
 @pytest.mark.parametrize("target", ["led", "points"])
 def test_led_gives_directions_only(target):
     """One point has no candidate poses, five points have."""
-    found, truth, _ = prepared(Scenario(samples=8, target=target))
+    found, truth, _ = prepare_views(Scenario(samples=8, target=target))
     assert (found.candidates is None) == (target == "led")
     assert found.weight.shape == (8,)
     if target == "points":
-        assert off(found.candidates, truth) < 0.05
+        assert distance(found.candidates, truth) < 0.05
 
 
 def test_3d_points_give_their_poses():
     """The pose is the rigid transform between the points. A single 3-D point is a direction."""
-    found, truth, _ = prepared(Scenario(samples=6, target="points3d"))
-    assert off(found.candidates, truth) < 0.02
+    found, truth, _ = prepare_views(Scenario(samples=6, target="points3d"))
+    assert distance(found.candidates, truth) < 0.02
 
     def one_point(group):
         of = group.measurement
@@ -115,7 +115,7 @@ def test_3d_points_give_their_poses():
             ),
         )
 
-    alone, _, group = prepared(Scenario(samples=6, target="points3d"), change=one_point)
+    alone, _, group = prepare_views(Scenario(samples=6, target="points3d"), change=one_point)
     assert alone.candidates is None
     at = group.measurement.points_in_camera
     np.testing.assert_allclose(
@@ -135,20 +135,20 @@ def test_chessboard_is_read_from_one_end():
         pixels = np.where((np.arange(10) % 3 == 1)[:, None, None], turned.pixels, group.measurement.pixels)
         return replace(group, measurement=replace(group.measurement, pixels=pixels))
 
-    found, truth, group = prepared(Scenario(samples=10, target="chessboard"), points=9, change=some_turned)
+    found, truth, group = prepare_views(Scenario(samples=10, target="chessboard"), points=9, change=some_turned)
     assert found.candidates.shape == (10, 4)
     few = found.group.measurement.points_in_target
     assert len(few) == 10
     np.testing.assert_allclose(group.half_turn @ few, few[::-1], atol=1e-12)
     one, other = truth, truth @ group.half_turn
-    assert min(off(found.candidates, one), off(found.candidates, other)) < 0.02
+    assert min(distance(found.candidates, one), distance(found.candidates, other)) < 0.02
     back = found.candidates[:, 2:]
-    assert min(off(back, one), off(back, other)) < 0.02
+    assert min(distance(back, one), distance(back, other)) < 0.02
 
 
 def test_loops_use_the_chosen_candidate():
     """Factors A and C are as recorded, B is the chosen candidate of each view, and X, Y, Z are the known ones."""
-    found, _, group = prepared(Scenario(samples=5))
+    found, _, group = prepare_views(Scenario(samples=5))
     x = SE3.exp(np.full(6, 0.1))
     loop = found.loop(x, None, None, np.array([0, 1, 0, 1, 0]))
     np.testing.assert_array_equal(loop.a.matrix, group.eye.base_from_flange.matrix)
@@ -156,7 +156,7 @@ def test_loops_use_the_chosen_candidate():
     np.testing.assert_array_equal(loop.b.matrix[1], found.candidates[1, 1].matrix)
     np.testing.assert_array_equal(loop.b.matrix[2], found.candidates[2, 0].matrix)
     assert loop.unknown == "yz"
-    light, _, _ = prepared(Scenario(samples=5, target="led"))
+    light, _, _ = prepare_views(Scenario(samples=5, target="led"))
     np.testing.assert_array_equal(light.loop(None, None, None, np.zeros(5, int)).b.matrix, np.stack([np.eye(4)] * 5))
 
 
@@ -201,7 +201,7 @@ def test_view_of_collinear_points_has_almost_no_weight():
         weight = np.where(seen, group.measurement.weight, 0.0)
         return replace(group, measurement=replace(group.measurement, seen=seen, weight=weight))
 
-    found, _, _ = prepared(Scenario(samples=20, target="charuco"), change=of_a_line)
+    found, _, _ = prepare_views(Scenario(samples=20, target="charuco"), change=of_a_line)
     assert np.isfinite(found.weight).all()
     assert found.weight[3] < 0.01 * np.median(found.weight)
 
@@ -404,7 +404,7 @@ def test_half_turns_are_found_for_any_arm_rotation(count):
     rng = np.random.default_rng(0)
     # The target turned as far as its arm, about axes of its own.
     wide = rotation_exp(rng.uniform(-1.7, 1.7, (count, 3)))
-    turned_group = with_hand(group, base_from_flange=_turned(group, wide))
+    turned_group = with_hand(group, base_from_flange=_rotate_flanges(group, wide))
     mount = rotation_exp(np.array([0.3, -0.2, 2.0]))
     read = np.swapaxes(mount, -1, -2) @ wide @ mount @ rotation_exp(5e-3 * rng.standard_normal((count, 3)))
     flipped = rng.random(count) < 0.5
@@ -413,7 +413,7 @@ def test_half_turns_are_found_for_any_arm_rotation(count):
     assert np.array_equal(found, flipped) or np.array_equal(found, ~flipped)
 
 
-def _turned(group, rotation):
+def _rotate_flanges(group, rotation):
     return type(group.hand.base_from_flange)(rotation, group.hand.base_from_flange.translation)
 
 
@@ -424,7 +424,7 @@ def group_by_stops(eye_stand, hand_stand, eye, hand):
     return views(end("eye", a, stop_number=eye_stand), end("hand", c, stop_number=hand_stand))
 
 
-def about(angle_rad, axis=(0.6, 0.0, 0.8)):
+def rotation_about(angle_rad, axis=(0.6, 0.0, 0.8)):
     return rotation_exp(np.multiply.outer(angle_rad, axis))
 
 
@@ -434,8 +434,8 @@ def test_half_turns_minimise_rotation_if_no_robot_moved_alone(stands):
 
     Views are then read with the smallest rotation from the first.
     """
-    wide = about([0.0, 1.0, 1.7, 3.0], (0.0, 0.0, 1.0))
-    found = half_turn_mask(group_by_stops(*stands, wide, about([0.0, 0.1, 0.2, 0.3])), wide, wide @ HALF_TURN)
+    wide = rotation_about([0.0, 1.0, 1.7, 3.0], (0.0, 0.0, 1.0))
+    found = half_turn_mask(group_by_stops(*stands, wide, rotation_about([0.0, 0.1, 0.2, 0.3])), wide, wide @ HALF_TURN)
     assert found.tolist() == [False, False, True, True]
 
 
@@ -443,7 +443,7 @@ def test_half_turns_minimise_rotation_if_no_robot_moved_alone(stands):
 def test_arm_that_moved_alone_determines_the_half_turns(still):
     """Either arm may be the moving one. It rotates by 3 rad, for which the other end is nearer to the first view."""
     angle = np.array([0.0, 3.0, 2.5, 0.4, 2.0])
-    moved, stood = about(angle, (0.0, 0.0, 1.0)), np.eye(3)
+    moved, stood = rotation_about(angle, (0.0, 0.0, 1.0)), np.eye(3)
     stands, turns = ([0] * 5, [0, 1, 2, 3, 4]), (stood, moved)
     seen = moved if still == "eye" else moved.mT
     if still == "hand":

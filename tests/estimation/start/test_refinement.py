@@ -16,7 +16,7 @@ from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 
-def wish(seed, views=100, starts=(0.3, 0.05), searched=False, known="", scenario=None):
+def make_request(seed, views=100, starts=(0.3, 0.05), searched=False, known="", scenario=None):
     """A pair's views, with starts so far off the truth [m, rad], and the truth of X, Y and Z."""
     made = simulate(scenario or Scenario(samples=10), seed)
     (group,) = build_problem(made.cell, made.recording)[0].groups
@@ -32,7 +32,7 @@ def wish(seed, views=100, starts=(0.3, 0.05), searched=False, known="", scenario
     return Refinement(pair, loop, away, pair.candidates is None, searched), truth
 
 
-def off(found, truth):
+def distance(found, truth):
     return max(
         np.abs((a.inverse() @ b).log()[: 3 if k == 2 else 6]).max()
         for k, (a, b) in enumerate(zip(found, truth, strict=True))
@@ -41,14 +41,14 @@ def off(found, truth):
 
 def test_best_start_is_refined():
     """A start near the truth reaches it to 5 mm and mrad, though the other starts are hopeless."""
-    asked, truth = wish(1, starts=(3.0, 0.05, 3.0))
+    asked, truth = make_request(1, starts=(3.0, 0.05, 3.0))
     (found,) = refine_jointly([asked])
-    assert off(found, truth) < 5e-3
+    assert distance(found, truth) < 5e-3
 
 
 def test_refinements_in_a_batch_are_independent():
     """Pairs with different numbers of views, and one of another structure, end where each ends alone."""
-    wishes = [wish(1)[0], wish(2, views=6)[0], wish(3, known="x")[0], wish(4)[0]]
+    wishes = [make_request(1)[0], make_request(2, views=6)[0], make_request(3, known="x")[0], make_request(4)[0]]
     together = refine_jointly(wishes)
     for one, found in zip(wishes, together, strict=True):
         (alone,) = refine_jointly([one])
@@ -58,18 +58,18 @@ def test_refinements_in_a_batch_are_independent():
 
 def test_rotations_are_searched_on_request():
     """From hopeless starts alone the truth is found with a search, and not without one."""
-    (without,) = refine_jointly([wish(5, starts=(3.0,))[0]])
-    asked, truth = wish(5, starts=(3.0,), searched=True)
+    (without,) = refine_jointly([make_request(5, starts=(3.0,))[0]])
+    asked, truth = make_request(5, starts=(3.0,), searched=True)
     (found,) = refine_jointly([asked])
-    assert off(found, truth) < 5e-3 < off(without, truth)
+    assert distance(found, truth) < 5e-3 < distance(without, truth)
 
 
 def test_known_transforms_are_unchanged():
     """A known mount equals that of the start after the refinement."""
-    asked, truth = wish(6, known="x")
+    asked, truth = make_request(6, known="x")
     (found,) = refine_jointly([asked])
     np.testing.assert_array_equal(found[0].matrix, truth[0].matrix)
-    assert off(found, truth) < 5e-3
+    assert distance(found, truth) < 5e-3
 
 
 @pytest.mark.parametrize(("known", "is_point", "columns"), [
@@ -79,7 +79,7 @@ def test_known_transforms_are_unchanged():
 ])  # fmt: skip
 def test_pair_problem_has_three_unknowns(known, is_point, columns):
     """The mount of a single point has three columns, stops have no noise, and names are those of the loop."""
-    asked, _ = wish(7, known=known, scenario=Scenario(samples=5, robot_noise=(1e-3, 1e-3)))
+    asked, _ = make_request(7, known=known, scenario=Scenario(samples=5, robot_noise=(1e-3, 1e-3)))
     problem = pair_problem(asked.views, asked.loop, is_point)
     assert problem.columns == columns
     (group,) = problem.groups
@@ -90,19 +90,19 @@ def test_pair_problem_has_three_unknowns(known, is_point, columns):
 
 def test_structures_of_pairs_are_compared():
     """Structures differ by camera, points of the target, unknowns, point mounts, and searches."""
-    same, _ = wish(1)
-    assert same.structure == wish(2, views=6)[0].structure
+    same, _ = make_request(1)
+    assert same.structure == make_request(2, views=6)[0].structure
     others = [
-        wish(1, known="x")[0],
-        wish(1, searched=True)[0],
-        wish(1, scenario=Scenario(samples=10, target="points"))[0],
+        make_request(1, known="x")[0],
+        make_request(1, searched=True)[0],
+        make_request(1, scenario=Scenario(samples=10, target="points"))[0],
     ]
     assert len({same.structure, *(other.structure for other in others)}) == 4
 
 
 def test_every_view_of_a_pair_counts():
     """The end is the optimum of the pair alone, with the first and last view and all between."""
-    asked, truth = wish(8, views=4, starts=(0.02,))
+    asked, truth = make_request(8, views=4, starts=(0.02,))
     (found,) = refine_jointly([asked])
     state = State(dict(zip("xyz", truth, strict=True)), {}, np.zeros((0, 6)))
     best = bundle_adjust(pair_problem(asked.views, asked.loop, False), state, 1).state

@@ -22,7 +22,7 @@ from basecal.geometry import SE3
 from basecal.geometry.rotation import nearest_rotation, rotation_exp, rotation_log
 
 
-def loop(truth, unknown, n, seed, noise=0.0):
+def make_loop(truth, unknown, n, seed, noise=0.0):
     """A loop of n samples with B in noise [rad], of which some of X, Y and Z are unknown."""
     rng = np.random.default_rng(seed)
     a, c = SE3.exp(rng.standard_normal((n, 6))), SE3.exp(rng.standard_normal((n, 6)))
@@ -37,12 +37,12 @@ def test_truth_on_the_grid_is_found_first(unknown):
     rng = np.random.default_rng(6)
     grid = icosahedral_rotations()
     truth = {name: SE3(grid[k], rng.standard_normal(3)) for name, k in zip("xyz", (7, 31, 52), strict=True)}
-    starts = pose_starts([loop(truth, unknown, 15, 6)], 5)[0]
+    starts = pose_starts([make_loop(truth, unknown, 15, 6)], 5)[0]
     for name, rotation in zip("xyz", starts[0][:3], strict=True):
         np.testing.assert_allclose(rotation, truth[name].rotation, atol=1e-9)
 
 
-def drawn(seed):
+def random_truth(seed):
     rng = np.random.default_rng(seed)
     return {name: SE3.exp(rng.standard_normal(6) * (1, 1, 1, 2, 2, 2)) for name in "xyz"}
 
@@ -50,8 +50,8 @@ def drawn(seed):
 @pytest.mark.parametrize("unknown", ["xy", "xz", "yz", "xyz"])
 def test_exact_loops_are_closed(unknown):
     """Eight loops of 12 to 19 samples, each with its own truth, are all found to a tenth of a milliradian."""
-    truths = [drawn(k) for k in range(8)]
-    found = search_rotations([loop(truth, unknown, 12 + k, k) for k, truth in enumerate(truths)])
+    truths = [random_truth(k) for k in range(8)]
+    found = search_rotations([make_loop(truth, unknown, 12 + k, k) for k, truth in enumerate(truths)])
     assert all(rotations.clear for rotations in found)
     off = [
         rotation_angle(getattr(rotations, k), truth[k].rotation)
@@ -64,14 +64,14 @@ def test_exact_loops_are_closed(unknown):
 @pytest.mark.parametrize("unknown", ["y", "xz", "xyz"])
 def test_rotations_converge_towards_the_truth(unknown):
     """From a third of a radian off, rounds leave a tenth of it or less, separately for each loop."""
-    truths = [drawn(k) for k in range(5)]
+    truths = [random_truth(k) for k in range(5)]
     rng = np.random.default_rng(1)
     turns = [{k: rotation_exp(0.2 * rng.standard_normal(3)) for k in unknown} for _ in truths]
     near = [
         Rotations(*(truth[k].rotation @ turn.get(k, np.eye(3)) for k in "xyz"))
         for truth, turn in zip(truths, turns, strict=True)
     ]
-    found = refine_rotations([loop(truth, unknown, 20, k) for k, truth in enumerate(truths)], near)
+    found = refine_rotations([make_loop(truth, unknown, 20, k) for k, truth in enumerate(truths)], near)
     assert all(rotations.clear for rotations in found)
     for at, begun, truth in zip(found, near, truths, strict=True):
         off = max(rotation_angle(getattr(at, k), truth[k].rotation) for k in "xyz")
@@ -80,8 +80,8 @@ def test_rotations_converge_towards_the_truth(unknown):
 
 def test_loops_of_a_batch_are_independent():
     """Noisy loops of different lengths, one of them hopeless, end in a batch where each ends alone."""
-    loops = [loop(drawn(k), "xyz", 10 + k, k, noise=0.05) for k in range(4)]
-    wild = loop(drawn(4), "xyz", 12, 4, noise=2.0)
+    loops = [make_loop(random_truth(k), "xyz", 10 + k, k, noise=0.05) for k in range(4)]
+    wild = make_loop(random_truth(4), "xyz", 12, 4, noise=2.0)
     together = search_rotations([*loops, wild])
     for each, found in zip([*loops, wild], together, strict=True):
         (alone,) = search_rotations([each])
@@ -92,8 +92,8 @@ def test_loops_of_a_batch_are_independent():
 def test_fifth_of_wrong_samples_has_little_effect():
     """With five of 24 samples random, the rotations are those of the others within 0.3 rad."""
     for seed in range(6):
-        truth = drawn(seed)
-        clean = loop(truth, "xyz", 24, seed)
+        truth = random_truth(seed)
+        clean = make_loop(truth, "xyz", 24, seed)
         wrong = np.arange(24) < 5
         turned = np.where(
             wrong[:, None, None], rotation_exp(np.random.default_rng(seed).standard_normal((24, 3))), np.eye(3)
@@ -133,7 +133,7 @@ def test_angles_between_rotations():
 @pytest.mark.parametrize("unknown", ["x", "y", "z"])
 def test_single_rotation_converges_to_the_mean_of_samples(unknown):
     """Samples are weighted by the square of their weight, as in the closed form of one unknown."""
-    loops = [loop(drawn(k), unknown, 9 + k, k, noise=0.3) for k in range(2)]
+    loops = [make_loop(random_truth(k), unknown, 9 + k, k, noise=0.3) for k in range(2)]
     near = [Rotations(*(np.eye(3) if at is None else at.rotation for at in (of.x, of.y, of.z))) for of in loops]
     for of, found in zip(loops, refine_rotations(loops, near), strict=True):
         np.testing.assert_allclose(getattr(found, unknown), getattr(solve_rotations(of), unknown), atol=1e-9)
@@ -144,14 +144,14 @@ def test_converged_rotations_are_not_iterated(monkeypatch, unknown):
     """From the truth of exact samples a round finds no change, and a loop that moved has another round alone."""
     counted, nearest = [], rotation_search.nearest_rotation
     monkeypatch.setattr(rotation_search, "nearest_rotation", lambda of: counted.append(len(of)) or nearest(of))
-    truth = drawn(1)
-    exact, right = loop(truth, unknown, 20, 1), Rotations(*(truth[k].rotation for k in "xyz"))
+    truth = random_truth(1)
+    exact, right = make_loop(truth, unknown, 20, 1), Rotations(*(truth[k].rotation for k in "xyz"))
     refine_rotations([exact], [right])
     assert counted == [1] * len(unknown)
     counted.clear()
     turned = getattr(right, unknown[0]) @ rotation_exp(np.array([0.0, 0.0, 1e-2]))
     off = right._replace(**{unknown[0]: turned})
-    refine_rotations([exact, loop(truth, unknown, 12, 2)], [off, right])
+    refine_rotations([exact, make_loop(truth, unknown, 12, 2)], [off, right])
     assert counted[: len(unknown) + 1] == [2] * len(unknown) + [1]
 
 
@@ -161,7 +161,7 @@ def test_distinct_starts_differ_in_any_rotation(monkeypatch):
     same = np.broadcast_to(np.eye(3), (4, 3, 3))
     ends = {"x": np.stack([same, turn, same]), "y": np.stack([turn, same, same]), "z": np.eye(3)[None, None]}
     monkeypatch.setattr(rotation_search, "_alternate", lambda loops, at, rounds: ends)
-    found = pose_starts([loop(drawn(k), "xy", 5, k) for k in range(3)], 4)
+    found = pose_starts([make_loop(random_truth(k), "xy", 5, k) for k in range(3)], 4)
     np.testing.assert_array_equal([start[1] for start in found[0]], turn[[0, 2, 3]])
     np.testing.assert_array_equal([start[0] for start in found[1]], turn[[0, 2, 3]])
     np.testing.assert_array_equal([start[:3] for start in found[2]], [np.stack([np.eye(3)] * 3)])
@@ -173,7 +173,7 @@ def test_best_grid_cells_close_the_loops_best(most, unknown):
 
     The score is the sum of singular values of the mean to which the other rotation is nearest.
     """
-    grid, given = icosahedral_rotations(), [loop(drawn(k), unknown, 8 + k, k, noise=0.2) for k in range(2)]
+    grid, given = icosahedral_rotations(), [make_loop(random_truth(k), unknown, 8 + k, k, noise=0.2) for k in range(2)]
     best, averaged = _grid_starts(_loops(given), most), unknown[-1]
     for h, of in enumerate(given):
         a, b, c = (at.rotation for at in (of.a, of.b, of.c))

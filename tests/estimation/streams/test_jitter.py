@@ -26,7 +26,7 @@ answers_alone = without_stages(screen_conventions, find_error_at_task)
 NAME = "arm_flange_from_wrist"
 
 
-def jittered(jitter_s: float, seed: int = 0, clock: Clock | None = None, stated: bool = True) -> Streamed:
+def with_stamp_jitter(jitter_s: float, seed: int = 0, clock: Clock | None = None, stated: bool = True) -> Streamed:
     """Views whose stamps are off by so much each [s]."""
     made, rng = streamed(seed=seed, seconds=6.0, clock=clock, stated=stated), np.random.default_rng(100 + seed)
     samples = tuple(
@@ -36,7 +36,7 @@ def jittered(jitter_s: float, seed: int = 0, clock: Clock | None = None, stated:
     return Streamed(made.cell, Recording(samples), made.offset_s)
 
 
-def nees(made: Streamed, found: Calibration) -> float:
+def mount_nees(made: Streamed, found: Calibration) -> float:
     xi = (found[NAME].mean.inverse() @ MOUNT).log()
     return float(xi @ np.linalg.solve(found[NAME].covariance, xi))
 
@@ -64,14 +64,14 @@ def test_views_move_as_targets_do_before_cameras() -> None:
 @pytest.mark.parametrize("stated", [True, False])
 def test_jitter_is_estimated_with_the_noise(stated: bool) -> None:
     """A jitter of 5 ms is estimated from fifty views, within a third."""
-    found = calibrate(*(lambda m: (m.cell, m.recording))(jittered(5e-3, stated=stated)))
+    found = calibrate(*(lambda m: (m.cell, m.recording))(with_stamp_jitter(5e-3, stated=stated)))
     assert found.noise["clocks"]["wrist"]["jitter_s"] == pytest.approx(5e-3, rel=0.33)
     assert "poor-fit" not in {f.code for f in found.findings}
 
 
 def test_estimated_jitter_is_small_without_jitter() -> None:
     """Without jitter, the estimate is below 1 ms."""
-    made = jittered(0.0)
+    made = with_stamp_jitter(0.0)
     assert calibrate(made.cell, made.recording).noise["clocks"]["wrist"]["jitter_s"] < 1e-3
 
 
@@ -80,7 +80,7 @@ def test_stated_jitter_widens_the_clock_offset() -> None:
 
     The offset is then known as well as a mean of time stamps.
     """
-    made = jittered(5e-3, clock=Clock("free", 0.0, None, 5e-3))
+    made = with_stamp_jitter(5e-3, clock=Clock("free", 0.0, None, 5e-3))
     found = calibrate(made.cell, made.recording)
     assert isinstance(found.clocks["wrist"], ClockOffset)
     assert found.clocks["wrist"].sigma_s == pytest.approx(5e-3 / np.sqrt(50), rel=0.4)
@@ -89,7 +89,7 @@ def test_stated_jitter_widens_the_clock_offset() -> None:
     assert exact.clocks["wrist"].sigma_s > 0.5 * found.clocks["wrist"].sigma_s
 
 
-def bent(made: Streamed, seed: int) -> Streamed:
+def with_bends(made: Streamed, seed: int) -> Streamed:
     """Views of a mount and a lens that yield to gravity as much as every answer expects of them."""
     rng = np.random.default_rng(200 + seed)
     seen = [s for s in made.recording.samples if s.observations]
@@ -120,20 +120,20 @@ def bent(made: Streamed, seed: int) -> Streamed:
 @pytest.mark.slow
 def test_covariance_with_jitter_is_consistent() -> None:
     """For 40 recordings with 4 ms of jitter, and bends as expected, NEES/6 is within 3 standard errors of 1."""
-    made = [bent(jittered(4e-3, seed), seed) for seed in range(40)]
+    made = [with_bends(with_stamp_jitter(4e-3, seed), seed) for seed in range(40)]
     found = [calibrate(each.cell, each.recording) for each in made]
-    mean = np.mean([nees(*each) for each in zip(made, found, strict=True)])
+    mean = np.mean([mount_nees(*each) for each in zip(made, found, strict=True)])
     assert mean / 6 == pytest.approx(1.0, abs=3 * np.sqrt(2 / (6 * 40)))
     assert sum(each.verdict == "good" for each in found) >= 30  # large bends are named
 
 
 def test_wrongly_exact_time_stamps_give_a_poor_fit() -> None:
     """Time stamps with 4 ms of jitter that are stated as exact give the finding `poor-fit`."""
-    made = jittered(4e-3, clock=Clock("free", 0.0, None, 0.0))
+    made = with_stamp_jitter(4e-3, clock=Clock("free", 0.0, None, 0.0))
     assert "poor-fit" in {f.code for f in calibrate(made.cell, made.recording).findings}
 
 
-def passed(still: bool):
+def passing_group(still: bool):
     """The end of the arm, and the stamps of its views."""
     made = streamed(clock=Clock(offset_s=0.03), still=still)
     streams = recording_streams(made.cell, made.recording)
@@ -145,7 +145,7 @@ def passed(still: bool):
 
 def test_passing_times_are_those_of_the_views():
     """Passing times on a path are by the clock of the arm. The world, which carries the tag, has none."""
-    group, stamps = passed(still=False)
+    group, stamps = passing_group(still=False)
     np.testing.assert_array_equal(group.eye.passed_s, stamps)
     assert group.hand.passed_s is None
     np.testing.assert_array_equal(group.take(np.array([3, 5])).eye.passed_s, np.array(stamps)[[3, 5]])
@@ -168,5 +168,5 @@ def test_repeatability_does_not_apply_to_a_moving_arm(still, sigma, is_total, is
 
 def test_still_arm_has_no_passing_times():
     """Views at stops of a stream have separate errors, like separate samples."""
-    group, _ = passed(still=True)
+    group, _ = passing_group(still=True)
     assert np.isnan(group.eye.passed_s).all()

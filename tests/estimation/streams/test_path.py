@@ -10,33 +10,33 @@ from planar_arm import planar
 from stream_cells import path_poses
 
 
-def off(path: Path, times: np.ndarray) -> float:
+def path_error(path: Path, times: np.ndarray) -> float:
     """The largest difference from where the flange truly is, in any coordinate."""
     return float(np.abs((path_poses(times).inverse() @ path.evaluate(times).base_from_flange).log()).max())
 
 
-def recorded(rate: float) -> Path:
+def record_path(rate: float) -> Path:
     times = np.arange(0.0, 4.0, 1 / rate)
     return Path(times, path_poses(times))
 
 
 def test_path_passes_through_its_records() -> None:
     """At the times of records the path has their poses."""
-    path = recorded(20.0)
-    assert off(path, path.times) < 1e-12
+    path = record_path(20.0)
+    assert path_error(path, path.times) < 1e-12
 
 
 def test_path_is_of_third_order_between_records() -> None:
     """Half the spacing leaves an eighth of the error of smooth motion. A line would leave a quarter."""
     times = np.linspace(1.0, 3.0, 777)
-    coarse, fine = off(recorded(10.0), times), off(recorded(20.0), times)
+    coarse, fine = path_error(record_path(10.0), times), path_error(record_path(20.0), times)
     assert fine < 1e-4
     assert 6.0 < coarse / fine < 20.0
 
 
 def test_path_velocity_is_the_derivative() -> None:
     """The velocity equals central differences of the pose."""
-    path, times, step = recorded(20.0), np.linspace(1.003, 3.0, 41), 1e-6
+    path, times, step = record_path(20.0), np.linspace(1.003, 3.0, 41), 1e-6
     before, after = path.evaluate(times - step).base_from_flange, path.evaluate(times + step).base_from_flange
     np.testing.assert_allclose(path.evaluate(times).velocity, (before.inverse() @ after).log() / (2 * step), atol=1e-6)
 
@@ -44,7 +44,7 @@ def test_path_velocity_is_the_derivative() -> None:
 def test_records_at_unequal_times_are_interpolated() -> None:
     """With random times, the path is right to 2e-3."""
     times = np.sort(np.random.default_rng(3).uniform(0.0, 4.0, 200))
-    assert off(Path(times, path_poses(times)), np.linspace(0.5, 3.5, 99)) < 2e-3
+    assert path_error(Path(times, path_poses(times)), np.linspace(0.5, 3.5, 99)) < 2e-3
 
 
 def test_path_is_unknown_within_a_gap() -> None:
@@ -58,7 +58,7 @@ def test_slopes_beside_a_gap_are_one_sided() -> None:
     """Near a gap, slopes use records of their own side only."""
     times = np.concatenate([np.arange(0.0, 1.0, 0.05), np.arange(2.0, 3.0, 0.05)])
     near = np.array([0.93, 2.02])
-    assert off(Path(times, path_poses(times)), near) < 1e-3
+    assert path_error(Path(times, path_poses(times)), near) < 1e-3
 
 
 def test_isolated_record_is_of_a_still_robot() -> None:

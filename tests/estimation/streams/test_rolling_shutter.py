@@ -35,16 +35,16 @@ LINE_S = 3e-5
 TRUE = {"arm_flange_from_wrist": MOUNT, "arm_base_from_board": BOARD}
 
 
-def known(made: Streamed) -> KnownGeometry:
+def true_geometry(made: Streamed) -> KnownGeometry:
     lens = made.cell.cameras["wrist"].intrinsics
     assert lens is not None
     assert lens.camera is not None
     return KnownGeometry(made.cell, TRUE, {"wrist": lens.camera})
 
 
-def seen_at_once(recording: Recording, made: Streamed) -> np.ndarray:
+def row_shifts(recording: Recording, made: Streamed) -> np.ndarray:
     """Pixels less where they are at the instants of the samples, (n, p, 2)."""
-    shape, lens = made.cell.targets["board"].target, known(made).lenses["wrist"]
+    shape, lens = made.cell.targets["board"].target, true_geometry(made).lenses["wrist"]
     assert shape is not None
     poses = (path_poses(np.array([s.stamp_s for s in recording.samples])) @ MOUNT).inverse() @ BOARD
     return np.stack([s.observations[0].pixels for s in recording.samples]) - lens.project(poses[:, None] @ shape.points)
@@ -56,11 +56,11 @@ def test_views_are_at_their_mean_row_with_corrected_pixels() -> None:
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     at_mean = synchronise(streams, streams.stated_offsets)
-    assert np.abs(seen_at_once(at_mean.recording, made)).max() > 0.5
-    mended = at_mean.correct_rows(known(made), streams.stated_offsets)
-    assert np.abs(seen_at_once(mended.recording, made)).max() < 0.03
+    assert np.abs(row_shifts(at_mean.recording, made)).max() > 0.5
+    mended = at_mean.correct_rows(true_geometry(made), streams.stated_offsets)
+    assert np.abs(row_shifts(mended.recording, made)).max() < 0.03
     plain = synchronise(streams, {**streams.stated_offsets, line_time_name("wrist"): 0.0})
-    assert plain.correct_rows(known(made), {"arm": 0.0, "wrist": 0.0}) is plain
+    assert plain.correct_rows(true_geometry(made), {"arm": 0.0, "wrist": 0.0}) is plain
 
 
 def test_calibration_corrects_recordings_read_with_it() -> None:
@@ -68,7 +68,7 @@ def test_calibration_corrects_recordings_read_with_it() -> None:
     made = imaged(LINE_S, RollingShutter("free"), noise_px=0.0)
     transforms = {name: PoseEstimate(mean, np.zeros((6, 6))) for name, mean in TRUE.items()}
     found = Calibration("good", transforms=transforms, line_times={"wrist": LineTime(LINE_S, 1e-7)})
-    assert np.abs(seen_at_once(synchronous_recording(made.cell, made.recording, found), made)).max() < 0.03
+    assert np.abs(row_shifts(synchronous_recording(made.cell, made.recording, found), made)).max() < 0.03
 
 
 def test_target_velocity_equals_differences() -> None:
@@ -77,7 +77,7 @@ def test_target_velocity_equals_differences() -> None:
     step = 1e-6
     here, later = path_poses(np.array([2.0, 2.0 + step]))
     moving = {"arm": RobotMotion(here, (here.inverse() @ later).log() / step)}
-    pose, velocity = known(made).camera_from_target("wrist", "board", moving) or (None, None)
+    pose, velocity = true_geometry(made).camera_from_target("wrist", "board", moving) or (None, None)
     assert pose is not None
     np.testing.assert_allclose(pose.matrix, ((here @ MOUNT).inverse() @ BOARD).matrix, atol=1e-12)
     after = (later @ MOUNT).inverse() @ BOARD
@@ -90,7 +90,7 @@ def test_unknown_transforms_give_no_correction() -> None:
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     at_mean = synchronise(streams, streams.stated_offsets)
-    without = replace(known(made), transforms={})
+    without = replace(true_geometry(made), transforms={})
     after = correct_rolling_shutter(at_mean.recording, without, {"wrist": LINE_S}, at_mean.robots)
     for a, b in zip(after.samples, at_mean.recording.samples, strict=True):
         np.testing.assert_array_equal(a.observations[0].pixels, b.observations[0].pixels)
@@ -101,17 +101,17 @@ def test_recordings_of_still_arms_have_no_streams() -> None:
     made = imaged(LINE_S, RollingShutter("fixed", LINE_S))
     together = synchronous_recording(replace(made.cell, cameras={}), Recording(made.recording.samples[:0]))
     assert together.samples == ()
-    slow = tuple(replace(s, stamp_s=float(k)) for k, s in enumerate(_beside(made)))
-    assert recording_streams(_clockless(made), Recording(slow)) is None
-    assert recording_streams(_clockless(made), Recording(tuple(replace(s, stamp_s=None) for s in slow))) is None
-    assert recording_streams(_clockless(made), Recording(_beside(made))) is not None
+    slow = tuple(replace(s, stamp_s=float(k)) for k, s in enumerate(_synchronous_samples(made)))
+    assert recording_streams(_without_clock(made), Recording(slow)) is None
+    assert recording_streams(_without_clock(made), Recording(tuple(replace(s, stamp_s=None) for s in slow))) is None
+    assert recording_streams(_without_clock(made), Recording(_synchronous_samples(made))) is not None
 
 
-def _clockless(made: Streamed):
+def _without_clock(made: Streamed):
     return replace(made.cell, cameras={n: replace(c, clock=None) for n, c in made.cell.cameras.items()})
 
 
-def _beside(made: Streamed) -> tuple[Sample, ...]:
+def _synchronous_samples(made: Streamed) -> tuple[Sample, ...]:
     """Views with the arm beside them, as one clock records."""
     return synchronous_recording(made.cell, made.recording).samples
 
@@ -167,13 +167,17 @@ def test_pixels_are_corrected_by_rows_from_the_mean() -> None:
     at_mean = synchronise(streams, streams.stated_offsets)
     first = at_mean.recording.samples[3]
     (seen,) = first.observations
-    shape, lens = made.cell.targets["board"].target, known(made).lenses["wrist"]
+    shape, lens = made.cell.targets["board"].target, true_geometry(made).lenses["wrist"]
     assert shape is not None
     ids, spots = seen.ids[[4, 1]], np.array([[600.0, 100.0], [650.0, 700.0], [640.0, 400.0]])
     some = replace(seen, ids=ids, pixels=seen.pixels[[4, 1]], sigma_px=None)
     candidates = CandidateObservation("wrist", "board", spots)
     recording = replace(at_mean.recording, samples=(replace(first, observations=(some, candidates)),))
-    mended = correct_rolling_shutter(recording, known(made), {"wrist": LINE_S}, at_mean.robots).samples[0].observations
+    mended = (
+        correct_rolling_shutter(recording, true_geometry(made), {"wrist": LINE_S}, at_mean.robots)
+        .samples[0]
+        .observations
+    )
     arm = at_mean.robots["arm"][first.sample]
     middle = np.concatenate([some.pixels, spots])[:, 1].mean()
     for before, after, points in (
@@ -187,8 +191,8 @@ def test_pixels_are_corrected_by_rows_from_the_mean() -> None:
             )
             np.testing.assert_allclose(after.pixels[k], before.pixels[k] - (there - here), atol=1e-9)
             assert np.abs(there - here).max() > 0.01
-    for lines, lenses in (({"wrist": 0.0}, known(made).lenses), ({"wrist": LINE_S}, {})):
-        same = correct_rolling_shutter(recording, replace(known(made), lenses=lenses), lines, at_mean.robots)
+    for lines, lenses in (({"wrist": 0.0}, true_geometry(made).lenses), ({"wrist": LINE_S}, {})):
+        same = correct_rolling_shutter(recording, replace(true_geometry(made), lenses=lenses), lines, at_mean.robots)
         assert same.samples[0].observations == (some, candidates)
 
 

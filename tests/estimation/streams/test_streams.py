@@ -67,10 +67,10 @@ def test_streams_may_have_a_rolling_shutter() -> None:
     together = synchronous_recording(
         made.cell, made.recording, Calibration("good", clocks={"wrist": ClockOffset(0.0, 0.0)})
     )
-    assert recording_streams(replace_clock(made.cell), together) is None
+    assert recording_streams(without_clock(made.cell), together) is None
 
 
-def replace_clock(cell: Cell) -> Cell:
+def without_clock(cell: Cell) -> Cell:
     """The cell without a stated clock."""
     return replace(cell, cameras={"wrist": replace(cell.cameras["wrist"], clock=None)})
 
@@ -290,7 +290,7 @@ def test_joints_are_passed_on_as_joints() -> None:
         np.testing.assert_allclose(moving.base_from_flange.matrix, chain.forward(arm.joints_rad).matrix, atol=1e-12)
 
 
-def seen(number: int, stamp_s: float | None, cameras: Sequence[str] = (), robots: Sequence[str] = ()) -> Sample:
+def make_line(number: int, stamp_s: float | None, cameras: Sequence[str] = (), robots: Sequence[str] = ()) -> Sample:
     """A line with views of the tag by some cameras, and robots where they stand."""
     views = tuple(PoseObservation(camera, "tag", SE3.identity()) for camera in cameras)
     return Sample(number, stamp_s=stamp_s, observations=views, robots={n: RobotState(SE3.identity()) for n in robots})
@@ -311,10 +311,10 @@ def two_arms(**clocks: Clock) -> Cell:
 def test_views_of_further_cameras_have_new_numbers() -> None:
     """Each camera has a sample, and the first keeps its number. Robots are removed, and the time stamp is unchanged."""
     lines = [
-        seen(4, 1.0, ["first", "second"], ["left"]),
-        seen(7, 2.0, ["third"]),
-        seen(2, 3.0),
-        seen(3, 4.0, ["third", "first", "third", "second"]),
+        make_line(4, 1.0, ["first", "second"], ["left"]),
+        make_line(7, 2.0, ["third"]),
+        make_line(2, 3.0),
+        make_line(3, 4.0, ["third", "first", "third", "second"]),
     ]
     found = list(streams._instants(lines))
     assert [of.sample for of in found] == [4, 8, 7, 3, 9, 10]
@@ -340,7 +340,7 @@ def test_path_is_in_the_order_of_time_stamps() -> None:
     poses = SE3.exp(np.arange(30.0).reshape(5, 6) / 50)
     stamps = (3.0, 1.0, 3.0, None, 2.0)
     lines = [Sample(k, stamp_s=at, robots={"left": RobotState(poses[k])}) for k, at in enumerate(stamps)]
-    path = streams._path(two_arms(), "left", [*lines, seen(9, 0.5, robots=["right"])])
+    path = streams._path(two_arms(), "left", [*lines, make_line(9, 0.5, robots=["right"])])
     assert path.times.tolist() == [1.0, 2.0, 3.0]
     np.testing.assert_array_equal(path.base_from_flange.translation, poses.translation[[1, 4, 0]])
     nothing = streams._path(two_arms(), "right", lines)
@@ -349,7 +349,7 @@ def test_path_is_in_the_order_of_time_stamps() -> None:
     with pytest.raises(InputError, match="no urdf"):
         streams._path(two_arms(), "left", by_joints)
     with pytest.raises(InputError, match="give one kind"):
-        streams._path(two_arms(), "left", [*by_joints, seen(2, 2.0, robots=["left"])])
+        streams._path(two_arms(), "left", [*by_joints, make_line(2, 2.0, robots=["left"])])
 
 
 @pytest.mark.parametrize(
@@ -371,8 +371,8 @@ def test_time_stamps_must_overlap(offset_s: float, of_robot_s: float, robot: str
     Other robots do not matter.
     """
     cell = two_arms(first=Clock("fixed", offset_s), left=Clock("fixed", of_robot_s))
-    arm = [seen(k, 100.0 + k, robots=[robot]) for k in range(3)]
-    lines = [*arm, seen(5, 1e4, ["third"]), seen(8, -1.0, ["first"]), seen(9, 1.0, ["first"])]
+    arm = [make_line(k, 100.0 + k, robots=[robot]) for k in range(3)]
+    lines = [*arm, make_line(5, 1e4, ["third"]), make_line(8, -1.0, ["first"]), make_line(9, 1.0, ["first"])]
     lines = lines if robot == "left" else [*arm, *lines[4:]]
     if overlaps:
         assert recording_streams(cell, Recording(tuple(lines))) is not None
@@ -384,11 +384,11 @@ def test_time_stamps_must_overlap(offset_s: float, of_robot_s: float, robot: str
 @pytest.mark.parametrize(("apart_s", "is_path"), [(0.24, True), (0.26, False)])
 def test_rolling_shutter_matters_if_robots_are_recorded_often(apart_s: float, is_path: bool) -> None:
     """Records are at most a quarter of a second apart, and all lines have time stamps."""
-    lines = tuple(seen(k, k * apart_s, ["second"], ["right", "left"]) for k in range(4))
+    lines = tuple(make_line(k, k * apart_s, ["second"], ["right", "left"]) for k in range(4))
     assert streams._has_rolling_shutter(two_arms(), Recording(lines)) == is_path
-    views = tuple(seen(k, 0.1 * k, ["second"]) for k in range(10, 14))
+    views = tuple(make_line(k, 0.1 * k, ["second"]) for k in range(10, 14))
     assert streams._has_rolling_shutter(two_arms(), Recording((*lines, *views))) == is_path
-    unstamped = seen(9, None, ["second"], ["right"])
+    unstamped = make_line(9, None, ["second"], ["right"])
     assert not streams._has_rolling_shutter(two_arms(), Recording((*lines, unstamped)))
     cell = two_arms()
     still = replace(cell, cameras={"third": cell.cameras["third"]})
@@ -399,9 +399,9 @@ def test_rolling_shutter_matters_if_robots_are_recorded_often(apart_s: float, is
 def test_robots_are_interpolated_by_their_own_clock(offset_s: float, followed: list[int]) -> None:
     """An arm is recorded from 1 to 2 s by a clock with this offset."""
     cell = two_arms(left=Clock("fixed"))
-    arm = [seen(100 + k, 1.0 + 0.1 * k, robots=["left"]) for k in range(11)]
+    arm = [make_line(100 + k, 1.0 + 0.1 * k, robots=["left"]) for k in range(11)]
     at = {6: 0.7, 7: 1.3, 8: 1.7, 9: 2.3}
-    found = recording_streams(cell, Recording((*arm, *(seen(k, t, ["first"]) for k, t in at.items()))))
+    found = recording_streams(cell, Recording((*arm, *(make_line(k, t, ["first"]) for k, t in at.items()))))
     assert found is not None
     samples = synchronise(found, {**found.stated_offsets, "left": offset_s}).recording.samples
     assert [of.sample for of in samples] == followed

@@ -24,16 +24,16 @@ KINDS = ["pixels", "fisheye pixels", "bearings", "pose", "points"]
 RESIDUALS = {"with residuals": 1.0, "without": 0.0}
 
 
-def facing(rng: np.random.Generator, n: int, distance: float) -> SE3:
+def facing_poses(rng: np.random.Generator, n: int, distance: float) -> SE3:
     turn = SE3.exp(np.concatenate([0.05 * rng.standard_normal((n, 3)), 0.4 * rng.standard_normal((n, 3))], -1))
     return SE3(turn.rotation, turn.translation + np.array([0.0, 0.0, distance]))
 
 
-def target(rng: np.random.Generator, offset: float = 0.1) -> np.ndarray:
+def random_points(rng: np.random.Generator, offset: float = 0.1) -> np.ndarray:
     return 0.1 * rng.standard_normal((7, 3)) + offset
 
 
-def weights(rng: np.random.Generator, n: int, p: int, sigma: float) -> np.ndarray:
+def random_weights(rng: np.random.Generator, n: int, p: int, sigma: float) -> np.ndarray:
     return rng.uniform(0.5, 2, (n, p)) / sigma * (rng.uniform(size=(n, p)) < 0.8)
 
 
@@ -42,16 +42,16 @@ def pixels_of(camera: Camera, pose: SE3, points: np.ndarray, weight: np.ndarray,
     return PixelMeasurement(points, seen + off, weight > 0, weight, weight)
 
 
-def made(kind: str, residual: float) -> tuple[Measurement, SE3, Camera | None]:
+def make_measurement(kind: str, residual: float) -> tuple[Measurement, SE3, Camera | None]:
     """A measurement of 4 views, the poses it is linearised at, and the lens."""
     rng = np.random.default_rng(3)
-    pose, points = facing(rng, 4, 0.9), target(rng)
+    pose, points = facing_poses(rng, 4, 0.9), random_points(rng)
     in_camera = (pose.rotation @ points.T).swapaxes(1, 2) + pose.translation[:, None]
     if kind == "pose":
         off = SE3.exp(residual * 0.3 * rng.standard_normal((4, 6)))
         weight = np.full((4, 6), 10.0)
         return PoseMeasurement(pose @ off, weight, weight), pose, None
-    weight = weights(rng, 4, 7, 0.1)
+    weight = random_weights(rng, 4, 7, 0.1)
     if kind == "points":
         off = residual * 0.05 * rng.standard_normal((4, 7, 3))
         return PointMeasurement(points, in_camera + off, weight > 0, weight, weight), pose, None
@@ -68,7 +68,7 @@ def made(kind: str, residual: float) -> tuple[Measurement, SE3, Camera | None]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_gradient_is_half_the_slope_of_the_cost(kind, residual):
     """The slope is by central differences of sixth order."""
-    measurement, pose, camera = made(kind, RESIDUALS[residual])
+    measurement, pose, camera = make_measurement(kind, RESIDUALS[residual])
 
     def half_cost(xi: np.ndarray) -> np.ndarray:
         return 0.5 * measurement.linearise(pose @ SE3.exp(xi), camera, False).cost[:, None]
@@ -80,7 +80,7 @@ def test_gradient_is_half_the_slope_of_the_cost(kind, residual):
 @pytest.mark.parametrize("kind", KINDS)
 def test_information_is_the_slope_of_the_gradient_without_residuals(kind):
     """Without residuals the second derivative is J'J alone."""
-    measurement, pose, camera = made(kind, 0.0)
+    measurement, pose, camera = make_measurement(kind, 0.0)
     information = measurement.linearise(pose, camera, False).information
     check_derivative(
         lambda xi: measurement.linearise(pose @ SE3.exp(xi), camera, False).gradient, information, 3e-3, 1e-8
@@ -90,7 +90,7 @@ def test_information_is_the_slope_of_the_gradient_without_residuals(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_noisier_views_have_less_information(kind):
     """With sigmas twice as large all is a quarter."""
-    measurement, pose, camera = made(kind, 1.0)
+    measurement, pose, camera = make_measurement(kind, 1.0)
     for plain, noisier in zip(
         measurement.linearise(pose, camera, False),
         measurement.noisier(2.0).linearise(pose, camera, False),
@@ -103,7 +103,7 @@ def test_noisier_views_have_less_information(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_batch_equals_separate_linearisations(kind, own):
     """Poses are (3, 4), with the same data for all entries or separate sigmas, and with a free lens if there is one."""
-    measurement, pose, camera = made(kind, 1.0)
+    measurement, pose, camera = make_measurement(kind, 1.0)
     poses = pose @ SE3.exp(0.03 * np.random.default_rng(0).standard_normal((3, 4, 6)))
     each = [measurement.noisier(1.0 + own * k) for k in range(3)]
     together = (stack(each) if own else measurement).linearise(poses, camera, camera is not None)
@@ -117,7 +117,7 @@ def test_batch_equals_separate_linearisations(kind, own):
 @pytest.mark.parametrize(("kind", "weight"), [("pixels", 1.0), ("points", 1000.0), ("pose", 1000.0)])
 def test_default_sigmas_of_measurements(kind, weight):
     """The default sigma is a pixel, a millimetre and a milliradian for seen data, and the rest has no weight."""
-    measurement, _, _ = made(kind, 0.0)
+    measurement, _, _ = make_measurement(kind, 0.0)
     seen = getattr(measurement, "seen", np.ones((4, 6)))
     unstated = replace(measurement, stated=np.zeros(measurement.stated.shape)).with_noise(Noise())
     np.testing.assert_allclose(unstated.weight, weight * seen)
@@ -126,7 +126,7 @@ def test_default_sigmas_of_measurements(kind, weight):
 @pytest.mark.parametrize("kind", ["pixels", "fisheye pixels"])
 def test_lens_columns_are_the_slope_of_the_gradient(kind):
     """The information by the lens's parameters, each scaled to order one, is the slope of the gradient, too."""
-    measurement, pose, camera = made(kind, 0.0)
+    measurement, pose, camera = make_measurement(kind, 0.0)
     assert camera is not None
     scale = np.concatenate([np.ones(6), np.full(4, 100.0), np.ones(len(camera.distortion))])
 
@@ -146,9 +146,9 @@ def test_moments_equal_the_jacobian_result(camera, distance, offset, flat):
     Targets are near, far, and with the origin off the points.
     """
     rng = np.random.default_rng(8)
-    pose = facing(rng, 20, distance)
-    points = target(rng, offset) * [1, 1, flat]
-    weight = weights(rng, 20, 7, 0.2)
+    pose = facing_poses(rng, 20, distance)
+    points = random_points(rng, offset) * [1, 1, flat]
+    weight = random_weights(rng, 20, 7, 0.2)
     measurement = pixels_of(camera, pose, points, weight, 3 * rng.standard_normal((20, 7, 2)))
     by_moments = measurement.linearise(pose, camera, False)
     by_jacobian = measurement.linearise(pose, camera, True)
@@ -164,8 +164,8 @@ def test_moments_equal_the_jacobian_result(camera, distance, offset, flat):
 def test_chunking_of_views_has_no_effect():
     """Views at the limits of chunks have the same result alone."""
     rng = np.random.default_rng(1)
-    pose, points = facing(rng, 4000, 0.9), target(rng)
-    measurement = pixels_of(LENS, pose, points, weights(rng, 4000, 7, 0.2), rng.standard_normal((4000, 7, 2)))
+    pose, points = facing_poses(rng, 4000, 0.9), random_points(rng)
+    measurement = pixels_of(LENS, pose, points, random_weights(rng, 4000, 7, 0.2), rng.standard_normal((4000, 7, 2)))
     whole = measurement.linearise(pose, LENS, False)
     some = np.array([0, 1027, 1028, 1029, 2056, 3999])
     alone = measurement.take(some).linearise(pose[some], LENS, False)
@@ -178,7 +178,7 @@ def test_chunking_of_views_has_no_effect():
 def test_seen_point_behind_the_camera_has_infinite_cost(free_lens, common_px):
     """An unseen one costs nothing. Only its own view is lost, and gradients stay finite."""
     rng = np.random.default_rng(2)
-    pose, points = facing(rng, 3, 0.9), target(rng)
+    pose, points = facing_poses(rng, 3, 0.9), random_points(rng)
     points[0] = [0.0, 0.0, -3.0]
     pose = SE3(np.broadcast_to(np.eye(3), (3, 3, 3)).copy(), pose.translation)
     weight = np.full((3, 7), 5.0)
@@ -205,7 +205,7 @@ def test_seen_point_behind_the_camera_has_infinite_cost(free_lens, common_px):
 @pytest.mark.parametrize("free_lens", [False, True])
 def test_shared_shift_equals_the_dense_covariance(free_lens):
     """Cost, gradient and information are r'V^-1 r, J'V^-1 r and J'V^-1 J with V = diag(sigma^2) + tau^2 11'."""
-    measurement, pose, camera = made("pixels", 1.0)
+    measurement, pose, camera = make_measurement("pixels", 1.0)
     assert isinstance(measurement, PixelMeasurement)
     assert camera is not None
     common = 0.3
@@ -229,7 +229,7 @@ def test_shared_shift_equals_the_dense_covariance(free_lens):
 
 def test_shared_shift_keeps_the_gradient_of_the_cost():
     """With a shared shift the gradient is still half the derivative of the cost."""
-    measurement, pose, camera = made("pixels", 1.0)
+    measurement, pose, camera = make_measurement("pixels", 1.0)
     assert isinstance(measurement, PixelMeasurement)
     shifted = replace(measurement, common_px=0.4)
     view = shifted.linearise(pose, camera, False)

@@ -19,14 +19,14 @@ def test_images_and_derivatives(rng):
     check_projection(fisheye, DISTORTION, points_before(rng, widest=1.5), cv2.fisheye.projectPoints)
 
 
-def behind(rng):
+def points_behind(rng):
     angle, turn = rng.uniform(1.6, 2.6, 20), rng.uniform(-3, 3, 20)
     return np.column_stack([np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), np.cos(angle)])
 
 
 def test_derivative_beyond_a_right_angle(rng):
     """Points behind the lens have an image and a derivative, too."""
-    points = behind(rng)
+    points = points_behind(rng)
     _, _, d_points, _ = fisheye.project_with_derivatives(points, FOCAL, DISTORTION, False)
     check_derivative(
         lambda d: np.stack(fisheye.project(points + d, DISTORTION), -1) * FOCAL, d_points, step=3e-3, tolerance=1e-7
@@ -36,7 +36,7 @@ def test_derivative_beyond_a_right_angle(rng):
 def test_unprojection_inverts_projection(rng):
     """Every image inside the fold leads back to its point, behind the lens too."""
     check_inverse(fisheye, DISTORTION, points_before(rng, widest=2.0))
-    check_inverse(fisheye, STRAIGHT, behind(rng))
+    check_inverse(fisheye, STRAIGHT, points_behind(rng))
     check_inverse(fisheye, [-0.05, 0.0, 0.0, 0.0], points_before(rng, widest=2.0))
 
 
