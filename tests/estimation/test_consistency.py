@@ -15,7 +15,7 @@ from basecal.simulation import Scenario, simulate
 from quick import quick
 
 # A mean over n cells has 6 n degrees of freedom. The band is left by chance once in a million times: a failure is a
-# fault. Fifty cells show a covariance that is wrong by four tenths, 400 one by a seventh, and 2,000, by the narrower
+# defect. Fifty cells show a covariance that is wrong by four tenths, 400 one by a seventh, and 2,000, by the narrower
 # band of `benchmarks.consistency`, one by a twentieth.
 CHANCE = 1e-6
 QUICK = ("board, mounts free, halves, robot noise", "light, mounts free, robot noise")
@@ -23,7 +23,7 @@ CORRELATED = Scenario(samples=20, correlated_px=0.3)
 
 
 def mean_nees(scenario: Scenario, cells: int, robot_noise: RobotNoise | None = None) -> float:
-    """Mean of NEES / 6; NaN if any base was not seen."""
+    """Mean of NEES / 6; all cells have to converge."""
     errors = [base_error(scenario, seed, robot_noise) for seed in range(10_000, 10_000 + cells)]
     assert all(error.converged for error in errors)
     return float(np.mean([error.nees for error in errors])) / FREEDOMS
@@ -47,8 +47,8 @@ def test_unstated_robot_noise_is_detected() -> None:
 
     The errors are then larger than the covariance, and with an estimate, the same cells are within it.
     """
-    told = SCENARIOS["board, eye still, mounts fixed, robot noise"]
-    silent = replace(told, state_robot_noise=False)
+    stated = SCENARIOS["board, eye still, mounts fixed, robot noise"]
+    silent = replace(stated, state_robot_noise=False)
     assert mean_nees(silent, 6, "stated") > band(6, CHANCE)[1]
     assert mean_nees(silent, 6, "estimated") < band(6, CHANCE)[1]
 

@@ -13,7 +13,7 @@ from basecal.simulation import Scenario, SimulatedCell, simulate
 
 
 def ring(seed: int) -> SimulatedCell:
-    """Three arms, each of six pairs of which saw one another two or three times."""
+    """Three arms with six pairs, each with two or three views."""
     return simulate(Scenario(layout="ring", robots=3, samples=16, robot_noise=(1e-4, 2e-4)), seed)
 
 

@@ -46,8 +46,8 @@ def test_stages_are_logged_and_not_printed(caplog):
         pass
     assert [record.getMessage() for record in caplog.records] == ["stage: work"]
     quiet = "import logging, basecal\nbasecal.Settings()\nlogging.getLogger('basecal').error('x')"
-    said = subprocess.run([sys.executable, "-c", quiet], capture_output=True, text=True, check=True)
-    assert (said.stdout, said.stderr) == ("", "")
+    result = subprocess.run([sys.executable, "-c", quiet], capture_output=True, text=True, check=True)
+    assert (result.stdout, result.stderr) == ("", "")
 
 
 @pytest.mark.parametrize(

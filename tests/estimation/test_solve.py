@@ -74,7 +74,7 @@ def test_two_targets_of_a_sample_share_stop_errors(arms):
     cell = replace(s.cell, targets={**s.cell.targets, "twin": replace(s.cell.targets["board"], name="twin")})
     ours = solve(cell, doubled)
     once = solve(s.cell, s.recording)
-    # The twin repeats every pixel at its own free mount: the robots' errors are not two draws.
+    # The twin repeats every pixel at its own free mount: the robot errors are not independent.
     assert (
         ours.transforms["eye_base_from_hand_base"].sigma_t.max()
         > 0.7 * once.transforms["eye_base_from_hand_base"].sigma_t.max()
@@ -176,13 +176,13 @@ def test_guess_is_used_on_request():
     s = simulate(Scenario(), seed=6)
     with pytest.raises(InputError, match="needs a guess"):
         solve(s.cell, s.recording, Settings(start="guess", robot_noise="stated"))
-    told = replace(
+    with_guesses = replace(
         s.cell,
         bases={"hand": Unknown("free", s.truth["eye_base_from_hand_base"])},
         cameras={"wrist": replace(s.cell.cameras["wrist"], mount=Unknown("free", s.truth["eye_flange_from_wrist"]))},
         targets={"board": replace(s.cell.targets["board"], mount=Unknown("free", s.truth["hand_flange_from_board"]))},
     )
-    by_guess = solve(told, s.recording, Settings(start="guess", robot_noise="stated")).state.transforms
+    by_guess = solve(with_guesses, s.recording, Settings(start="guess", robot_noise="stated")).state.transforms
     assert all(distance(by_guess[n], t) < 1e-8 for n, t in solve(s.cell, s.recording).state.transforms.items())
 
 
@@ -230,8 +230,8 @@ def test_axis_shift_closed_form_starts_noisy_robots():
     cell = replace(s.cell, robots=robots)
     found = solve(cell, s.recording, Settings(start="axis-shift", robot_noise="stated"))
     assert found.converged
-    told = replace(cell, bases={"hand": Unknown("free", true)})
-    by_truth = solve(told, s.recording, Settings(start="guess", robot_noise="stated")).state.transforms[
+    with_guesses = replace(cell, bases={"hand": Unknown("free", true)})
+    by_truth = solve(with_guesses, s.recording, Settings(start="guess", robot_noise="stated")).state.transforms[
         "eye_base_from_hand_base"
     ]
     assert distance(found.state.transforms["eye_base_from_hand_base"], by_truth) < 1e-7

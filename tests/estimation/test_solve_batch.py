@@ -20,7 +20,7 @@ SCENARIO = Scenario(samples=8, target="points")
 
 
 def make_problems(scenario, count=3):
-    """Problems of one structure, what each saw of its own, as one; and their starts at the truth of the first."""
+    """Problems of one structure with different pixels, the same as a batch, and the true state as start."""
     made = simulate(scenario, 1)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -63,9 +63,11 @@ def test_stated_sigmas_are_kept():
 
     Without, it is scaled by them.
     """
-    _, told, start = make_problems(SCENARIO)
-    stated = solve_batch(told, batch_states(told, [start] * 3))
-    silent = solve_batch(make_problems(replace(SCENARIO, state_pixel_noise=False))[1], batch_states(told, [start] * 3))
+    _, together, start = make_problems(SCENARIO)
+    stated = solve_batch(together, batch_states(together, [start] * 3))
+    silent = solve_batch(
+        make_problems(replace(SCENARIO, state_pixel_noise=False))[1], batch_states(together, [start] * 3)
+    )
     ratio = silent.covariance[:, 0, 0] / stated.covariance[:, 0, 0]
     np.testing.assert_allclose(ratio, stated.cost / stated.dof, rtol=1e-6)
 

@@ -12,8 +12,8 @@ from basecal.estimation.stages import Stages
 
 def test_nested_stage_counts_for_the_outer_one() -> None:
     """Times of stages add up to the total: inner stages count once, as part of the outer one."""
-    told: list[str] = []
-    settings = Settings(stages=Stages(told.append))
+    reported: list[str] = []
+    settings = Settings(stages=Stages(reported.append))
     began = time.perf_counter()
     for _ in range(2):
         with settings.stage("outer"), settings.stage("inner"):
@@ -24,7 +24,7 @@ def test_nested_stage_counts_for_the_outer_one() -> None:
     assert settings.stages is not None
     seconds = settings.stages.seconds
     assert list(seconds) == ["outer", "last"]
-    assert told == ["outer", "outer", "last"]
+    assert reported == ["outer", "outer", "last"]
     assert seconds["outer"] >= 0.02
     assert sum(seconds.values()) <= took
 
@@ -41,13 +41,13 @@ def test_failing_stage_is_closed() -> None:
 
 def test_progress_within_a_stage_is_reported():
     """Each part is reported with the number of all, but not outside a stage or without a timer."""
-    told: list[str] = []
-    settings = Settings(stages=Stages(told.append))
+    reported: list[str] = []
+    settings = Settings(stages=Stages(reported.append))
     settings.report_progress(1, 2)
     with settings.stage("conventions"):
         settings.report_progress(1, 2)
     Settings().report_progress(1, 2)
-    assert told == ["conventions", "conventions, 1 of 2"]
+    assert reported == ["conventions", "conventions, 1 of 2"]
 
 
 def test_timer_is_no_part_of_the_settings() -> None:

@@ -44,7 +44,7 @@ def opencv_pixels(camera, points):
 
 
 def exact_pixel(camera, point):
-    """The formulas of the two lenses once more, in mpmath."""
+    """The formulas of both lens models in mpmath."""
     fx, fy, cx, cy, *k = map(mpmath.mpf, camera.parameters.tolist())
     x, y, z = point
     if camera.model == "fisheye":

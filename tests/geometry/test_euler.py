@@ -20,7 +20,7 @@ LOCKED = [
 
 
 def rotate_about_axes(axes: str, angles):
-    """Rotations by angles about axes that turn along, multiplied from left to right."""
+    """Rotations by angles about rotating axes, multiplied from left to right."""
     whole = np.eye(3)
     for axis, angle in zip(axes, np.moveaxis(angles, -1, 0), strict=True):
         whole = whole @ rotation_exp(angle[..., None] * np.eye(3)["xyz".index(axis)])

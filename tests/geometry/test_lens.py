@@ -39,7 +39,7 @@ def test_images_beyond_a_fold_are_invalid() -> None:
         edge = radius * (1 - 0.3 * limit)
         reach = share * radius * (1 - 0.3 * share**2 * limit) if inside else share * edge
         u, v = reach * np.cos(turn), reach * np.sin(turn)
-        with np.errstate(all="ignore"):  # as a camera calls it
+        with np.errstate(all="ignore"):  # as in a camera's call
             rays, valid = invert_map(lambda a, b: pinhole.project_direction(a, b, barrel), u, v, limit)
         assert (valid == inside).all()
         if inside:
@@ -53,7 +53,7 @@ def test_inversion_of_flat_maps_is_exact(slope: float) -> None:
     wanted = np.linspace(0.0, 0.9, 7)
 
     def flat(a: Array, b: Array) -> Image:
-        """A map that rises by its slope and bends a little."""
+        """A map with a small slope and a slight curvature."""
         zero = np.zeros_like(a)
         return Image(slope * (a + 0.2 * a**3), slope * b, slope * (1 + 0.6 * a * a), zero, zero, slope + zero)
 
@@ -70,7 +70,7 @@ def test_mirrored_maps_are_invalid() -> None:
     for sign_u, sign_v, is_valid in ((1, 1, True), (-1, 1, False), (1, -1, False), (-1, -1, False)):
 
         def mapped(a: Array, b: Array, sign_u: int = sign_u, sign_v: int = sign_v) -> Image:
-            """Both coordinates with their signs."""
+            """A map that changes the signs of both coordinates."""
             zero = np.zeros_like(a)
             return Image(sign_u * a, sign_v * b, zero + sign_u, zero, zero, zero + sign_v)
 

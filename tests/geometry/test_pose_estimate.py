@@ -22,7 +22,7 @@ def draw_poses(rng, estimate):
 
 
 def assert_covers(covariance, tangents):
-    """The tangents have this covariance: whitened, theirs is the identity within five of its standard errors."""
+    """Assert that the whitened tangents have unit covariance within five of its standard errors."""
     whitened = np.linalg.solve(np.linalg.cholesky(covariance), tangents.T)
     np.testing.assert_allclose(whitened @ whitened.T / DRAWS, np.eye(6), rtol=0, atol=5 * np.sqrt(2 / DRAWS))
 

@@ -310,10 +310,10 @@ def test_worst_quaternion_of_a_batch_is_reported():
         SE3.from_quaternion(q, np.zeros((3, 3)))
 
 
-@pytest.mark.parametrize(("factor", "told"), [(1.1, "is not a rotation"), (-1.0, "is a reflection")])
-def test_invalid_rotations_are_refused(factor, told):
+@pytest.mark.parametrize(("factor", "message"), [(1.1, "is not a rotation"), (-1.0, "is a reflection")])
+def test_invalid_rotations_are_refused(factor, message):
     """A scaled rotation and a reflection raise InputError; a NaN state does not."""
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         SE3(factor * SE3.exp([0, 0, 0, 0.3, 0.2, 0.1]).rotation, np.zeros(3))
     assert np.all(np.isnan(SE3(np.full((3, 3), np.nan), np.zeros(3)).rotation))
 

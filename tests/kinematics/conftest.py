@@ -15,7 +15,7 @@ def folder():
 
 @pytest.fixture(params=ARMS)
 def arm(request):
-    """File, base link and flange link of a made-up arm."""
+    """File, base link and flange link of a synthetic arm."""
     return FOLDER / f"{request.param}.urdf", *ARMS[request.param]
 
 

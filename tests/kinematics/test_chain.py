@@ -17,7 +17,7 @@ def joints(chain):
 
 
 class Pinocchio:
-    """The same arm in Pinocchio, which takes a joint without limits as a cosine and a sine."""
+    """The same arm in Pinocchio, which represents a joint without limits by cosine and sine."""
 
     def __init__(self, arm, names):
         self.pin = pytest.importorskip("pinocchio")

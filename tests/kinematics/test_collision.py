@@ -19,7 +19,7 @@ PLACED = SE3.from_rotvec([0.4, -1.0, 0.3], [0.2, 0.1, -0.3])
 
 
 def depth(capsules, points):
-    """How deep points, (n, 3), are within the capsules at least, by many points of each segment, (n,)."""
+    """The depth of points, (n, 3), within the capsules, sampled along each segment, (n,)."""
     shares = np.linspace(0, 1, 400)[:, None]
     along = capsules.ends[:, :1] + shares * (capsules.ends[:, 1:] - capsules.ends[:, :1])
     far = np.linalg.norm(points[:, None, None] - along, axis=-1).min(-1)

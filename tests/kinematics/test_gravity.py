@@ -15,13 +15,13 @@ DOWN = np.array([0.0, 0, -1])
 
 
 def arm_with_gravity(down: np.ndarray) -> SerialChain:
-    """The arm of the simulation where gravity pulls elsewhere."""
+    """The simulated arm with this direction of gravity."""
     chain = six_axis()
     return replace(chain, masses=replace(chain.masses, down=down))
 
 
 def potential(chain: SerialChain, joints: np.ndarray, down: np.ndarray) -> np.ndarray:
-    """What the weights would gain by falling, (...) [J]: its derivative to a joint is the torque."""
+    """The work of gravity on the arm, (...) [J]; its derivative by a joint is the torque."""
     frames = chain.joint_frames(joints)
     return sum(
         9.80665 * m * (frame @ c) @ down

@@ -100,7 +100,7 @@ def test_batch_equals_separate_poses(chain):
     start, poses = wanted + rng.uniform(-0.2, 0.2, wanted.shape), chain.forward(wanted)
     together = inverse(chain, poses, start)
     alone = [inverse(chain, pose, near) for pose, near in zip(poses, start, strict=True)]
-    np.testing.assert_allclose(together, alone, rtol=0, atol=1e-6)  # seven joints end anywhere along their freedom
+    np.testing.assert_allclose(together, alone, rtol=0, atol=1e-6)  # seven joints have a redundant degree of freedom
     far = SE3.stack([poses[0], SE3.from_rotvec([0, 0, 0], [30.0, 0.0, 0.0])])
     with pytest.raises(NotConverged, match="check the reach") as caught:
         inverse(chain, far, start[:2])
@@ -136,8 +136,8 @@ def test_error_reports_the_farthest_pose():
     joints = caught.value.state
     np.testing.assert_allclose(joints[0], [0.3, 0.4], atol=1e-8)
     off = remaining_error(arm, joints[1], far)
-    said = f"{1e3 * np.linalg.norm(off[:3]):.3g} mm and {np.degrees(np.linalg.norm(off[3:])):.3g} deg away; give a"
-    assert said in str(caught.value)
+    message = f"{1e3 * np.linalg.norm(off[:3]):.3g} mm and {np.degrees(np.linalg.norm(off[3:])):.3g} deg away; give a"
+    assert message in str(caught.value)
     assert np.linalg.norm(off[:3]) == pytest.approx(0.5, abs=0.1)
 
 

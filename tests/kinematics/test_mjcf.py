@@ -15,7 +15,7 @@ from basecal.kinematics.gravity import gravity_torques
 
 mujoco = pytest.importorskip("mujoco", reason="pip install 'basecal[sim]'")
 
-# Joints beside the middle of their bodies, two in one body, angles that count from elsewhere, classes, degrees.
+# Joints off the origins of their bodies, two in one body, reference angles, default classes, degrees.
 ARM = """
 <mujoco>
   <compiler angle="degree" meshdir="meshes"/>
@@ -46,14 +46,14 @@ ANGLES = np.radians([[0, 15, 0], [30, -40, 110], [-100, 60, -20]])
 
 
 def chain_of(tmp_path, text: str, base: str = "base", flange: str = "flange") -> SerialChain:
-    """The chain of a text."""
+    """The chain of an MJCF text."""
     path = tmp_path / "arm.xml"
     path.write_text(text, encoding="utf-8")
     return read_chain(path, base, flange)
 
 
 def own_model():
-    """The same in MuJoCo, without what has a file."""
+    """The same model in MuJoCo, without its files."""
     return mujoco.MjModel.from_xml_string(
         re.sub(r"<geom type.*?/>|<geom mesh.*?/>|<asset>.*?</asset>", "", ARM, flags=re.DOTALL)
     )
@@ -91,7 +91,7 @@ def test_limits_and_masses(tmp_path) -> None:
     data.qpos[:] = ANGLES[1]
     mujoco.mj_forward(model, data)
     ours: Array = gravity_torques(chain, ANGLES[1])
-    # MuJoCo's bias is the torque that holds the arm, of its own gravity of 9.81.
+    # MuJoCo's bias is the torque that holds the arm, with a gravity of 9.81.
     np.testing.assert_allclose(ours * 9.81 / 9.80665, -data.qfrc_bias, atol=1e-9)
 
 

@@ -164,7 +164,7 @@ def test_parsing_time_is_linear_in_links():
 
 
 def count_calls(count):
-    """Calls of Python functions that reading a chain of so many links takes."""
+    """The number of Python calls for reading a chain of `count` links."""
     mass = '<inertial><mass value="1"/></inertial>'
     links = "".join(f'<link name="l{k}">{mass}</link>' for k in range(count))
     fixed = '<joint name="j{0}" type="{2}"><parent link="l{0}"/><child link="l{1}"/></joint>'

@@ -8,5 +8,5 @@ import pytest
 
 @pytest.fixture
 def rng() -> np.random.Generator:
-    """The same numbers in every test."""
+    """A random generator with the same seed in every test."""
     return np.random.default_rng(0)

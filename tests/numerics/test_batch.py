@@ -13,7 +13,7 @@ from basecal.numerics.batch import SHARED, choose_entries, concatenate, stack, t
 
 @dataclass(frozen=True, eq=False)
 class Container:
-    """What a batch may hold."""
+    """A container with all types of fields that a batch supports."""
 
     poses: dict[str, SE3]
     lens: Camera
@@ -63,7 +63,7 @@ def test_choose_entries_selects_row_by_row(rng):
 
 
 class Pair(NamedTuple):
-    """Two arrays by name."""
+    """A named tuple of two arrays."""
 
     first: Array
     second: Array

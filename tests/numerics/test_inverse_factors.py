@@ -49,14 +49,14 @@ def test_non_finite_matrix_leaves_other_factors_valid(count):
     (64, 2**17, [64]),
     (1200, 2**17, [910, 290]),
     (70, 40 * 144 + 143, [40, 30]),
-    (64, 100, [1] * 64),  # one at a time where even one is more than that
+    (64, 100, [1] * 64),  # one at a time if even one exceeds the limit
 ])  # fmt: skip
 def test_large_batches_are_factorised_in_chunks(monkeypatch, count, at_once, chunks):
     """A chunk has as many matrices as fit into a limit of numbers; small batches are factorised one by one."""
     taken = []
 
     def factorised(lower):
-        """As `_invert_factors`."""
+        """`_invert_factors`, with its batch size recorded."""
         taken.append(lower.shape[-1])
         return _invert_factors(lower)
 

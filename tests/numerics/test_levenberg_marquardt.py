@@ -27,7 +27,7 @@ from basecal.numerics.levenberg_marquardt import (
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Curves to second order."""
+    """A cost to second order."""
 
     cost: Array
     gradient: Array
@@ -37,7 +37,7 @@ class Linearisation:
 
 @dataclass(frozen=True, eq=False)
 class Exponentials:
-    """Curves a exp(-b t), each seen at the same times."""
+    """Curves a exp(-b t), each sampled at the same times."""
 
     seen: Array
     singular_above: float = np.inf
@@ -131,7 +131,7 @@ def test_looser_tolerance_takes_fewer_steps():
 
 
 def explicit_steps(system, row, x, steps):
-    """The state after so many steps of one problem, with Nielsen's damping of the diagonal."""
+    """The state of one problem after some steps, with Nielsen's damping of the diagonal."""
     one, damping, growth = system.take([row]), 1e-9, 2.0
     about = one.linearise(x[None])
     for _ in range(steps):
@@ -165,7 +165,7 @@ def test_damping_follows_the_gain(steps, first):
 
 @dataclass(frozen=True, eq=False)
 class WrongGradient:
-    """A slope that is told the wrong way round: no step is any good."""
+    """A slope with a gradient of the wrong sign, so that no step reduces the cost."""
 
     slope: float = 1.0
 
@@ -181,7 +181,7 @@ class WrongGradient:
 
 @dataclass(frozen=True, eq=False)
 class CurvedResiduals:
-    """Residuals x + 1 and c x^2 + x - 1 of each problem's c: Gauss-Newton's steps about the optimum 0 go by 1 + c."""
+    """Residuals x + 1 and c x^2 + x - 1 for each c, where Gauss-Newton steps about the optimum 0 go by 1 + c."""
 
     c: Array
 
@@ -218,7 +218,7 @@ def test_damped_steps_learn_strong_curvature(c):
 
 @dataclass(frozen=True, eq=False)
 class EliminatedUnknown:
-    """(x - y)^2 + (y - 1)^2 / 100 of x and of y, which is eliminated and goes but half of its way at each step."""
+    """(x - y)^2 + (y - 1)^2 / 100 of x and of the eliminated y, which moves only half of its way at each step."""
 
     def linearise(self, state):
         x, y = state.T
@@ -277,25 +277,25 @@ def test_unobservable_direction_is_no_error():
 def make_active(
     cost=8.0, dof=2.0, damping=1e-9, growth=2.0, expected=0.0, eliminated=0.0, hessian=None, gradient=(0, 0)
 ):
-    """One problem of two unknowns, on its way."""
+    """The state of one problem of two unknowns during a descent."""
     hessian = np.eye(2) if hessian is None else np.array(hessian, dtype=float)
     about = Quadratic(np.array([cost]), np.array([gradient], dtype=float), hessian[None], np.array([eliminated]))
     numbers = (np.array([float(of)]) for of in (dof, damping, growth, expected))
     return _Active(np.array([0]), np.zeros((1, 2)), np.array([cost]), about, *numbers, np.zeros((1, 2, 2)))
 
 
-LOOSE = Criteria(tolerance=1e-2)  # of a scale of 4: at most 4e-4 may be left
+LOOSE = Criteria(tolerance=1e-2)  # with a scale of 4, at most 4e-4 may remain
 
 
 @pytest.mark.parametrize(("expected", "before", "damping", "settled"), [
     (3.9e-4, 0.0, 1e-9, True),
     (4.1e-4, 0.0, 1e-9, False),
-    (4.1e-4, 8e-4, 1e-9, True),  # half as much as before: as much again is left in all
+    (4.1e-4, 8e-4, 1e-9, True),  # half of the previous decrease: the same amount remains in total
     (7.0e-4, 1.2e-3, 1e-9, False),
     (4.1e-4, 8e-4, 1e-3, True),
-    (4.1e-4, 8e-4, 1.1e-3, False),  # how damped steps shrink says nothing
+    (4.1e-4, 8e-4, 1.1e-3, False),  # damped steps have no rate of convergence
     (4.1e-4, 4e-4, 1e-9, False),
-    (3.9e-4, 1e-4, 1e-9, True),  # that a step promises more than the last is no reason to go on
+    (3.9e-4, 1e-4, 1e-9, True),  # an increasing predicted decrease does not prevent convergence
 ])  # fmt: skip
 def test_convergence_by_predicted_decrease(expected, before, damping, settled):
     """The predicted remaining decrease, extrapolated by how undamped steps shrink, decides on convergence.
@@ -312,11 +312,11 @@ def test_convergence_by_predicted_decrease(expected, before, damping, settled):
 @pytest.mark.parametrize(("step", "eliminated", "before", "damping", "settled"), [
     ((0.9e-13, -0.9e-13), 0.0, 0.0, 1e-9, True),
     ((0.9e-13, -1.1e-13), 0.0, 0.0, 1e-9, False),
-    ((0.0, 0.0), 4.1e-4, 0.0, 1e-9, False),  # what is eliminated still moves
+    ((0.0, 0.0), 4.1e-4, 0.0, 1e-9, False),  # the eliminated unknowns still move
     ((0.0, 0.0), 3.9e-4, 0.0, 1e-9, True),
-    ((0.0, 0.0), 1.0, 0.0, 1.1e-3, True),  # refused: it moves by rounding
+    ((0.0, 0.0), 1.0, 0.0, 1.1e-3, True),  # rejected: it moves by rounding
     ((0.0, 0.0), 1.0, 0.0, 1e-3, False),
-    ((0.0, 0.0), 1.0, 1.9, 1e-9, True),  # it promises as much as before: likewise
+    ((0.0, 0.0), 1.0, 1.9, 1e-9, True),  # the same predicted decrease as before: rounding, too
     ((0.0, 0.0), 1.0, 2.1, 1e-9, False),
         ((0.0, 0.0), 1.0, 0.9, 1e-9, True),
 ])  # fmt: skip
@@ -328,8 +328,8 @@ def test_negligible_step_converges_if_eliminated_unknowns_rest(step, eliminated,
 
 @pytest.mark.parametrize(("expected", "before", "cost", "damping", "settled"), [
     (0.9e-12, 1.1e-12, 1.0, 1e-9, True),
-    (1.1e-12, 1.1e-12, 1.0, 1e-9, False),  # the cost still shows it
-    (0.9e-12, 1.9e-12, 1.0, 1e-9, False),  # it is half of what was promised before: steps still shrink
+    (1.1e-12, 1.1e-12, 1.0, 1e-9, False),  # the change is visible in the cost
+    (0.9e-12, 1.9e-12, 1.0, 1e-9, False),  # half of the previous predicted decrease: steps still shrink
     (0.9e-12, 0.0, 1.0, 1e-9, False),
     (0.9e-12, 0.0, 1.0, 1.1e-3, True),
     (0.9e-12, 1.1e-12, np.inf, 1e-9, False),
@@ -423,7 +423,7 @@ def test_next_step_uses_residual_curvature():
         found, expected = _next_step(replace(of, residual_curvature=curvature[None]))
         np.testing.assert_allclose(found, [step], rtol=1e-6)
         assert expected == pytest.approx(np.sum(np.square(step) * np.diag(np.diag([4.0, 1.0]) + curvature)) + 0.25)
-    uphill = np.array([[0.0, 5.0], [5.0, 0.0]])  # its step promises less than nothing
+    uphill = np.array([[0.0, 5.0], [5.0, 0.0]])  # its step predicts an increase of the cost
     of = make_active(gradient=(1.0, -1.0), hessian=np.diag([4.0, 1.0]), eliminated=0.25)
     found, expected = _next_step(replace(of, residual_curvature=uphill[None]))
     np.testing.assert_allclose(found, [(-0.25, 1.0)], rtol=1e-6)
@@ -479,7 +479,7 @@ def test_failing_problem_does_not_stop_the_batch():
 
 @dataclass(frozen=True, eq=False)
 class Parabola:
-    """A parabola of curvature 4 about 2, of which 0.3 are left at its best."""
+    """A parabola of curvature 4 about 2, with a minimum of 0.3."""
 
     def linearise(self, state):
         x = state[:, 0] - 2.0

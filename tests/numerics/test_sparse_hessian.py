@@ -12,7 +12,7 @@ from basecal.numerics.sparse_hessian import SparseHessian
 
 @pytest.fixture
 def dense(rng):
-    """A band of information on 12 unknowns, of very different sizes, (12, 12)."""
+    """A band matrix of information on 12 unknowns of very different sizes, (12, 12)."""
     rows = np.eye(12) + 0.3 * np.eye(12, k=1) + 0.1 * rng.standard_normal((12, 12)) * (np.eye(12) + np.eye(12, k=3))
     rows = rows * np.geomspace(1, 1e3, 12)
     return rows.T @ rows
@@ -63,7 +63,7 @@ def test_non_finite_hessian_has_no_step(dense) -> None:
 
 
 class _LinearProblem:
-    """Least squares of a straight problem, as Levenberg-Marquardt knows it."""
+    """A linear least squares problem for Levenberg-Marquardt."""
 
     def __init__(self, dense):
         self.hessian = SparseHessian(csc_array(dense))

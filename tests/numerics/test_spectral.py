@@ -349,8 +349,8 @@ def test_diagonal_is_the_unit_of_each_row(unit):
 
 
 @pytest.mark.parametrize(("first", "second", "size", "unique"), [
-    (3.4, 10.0, 100.0, True), (3.6, 10.0, 100.0, False),  # it has to be a third of the next
-    (0.0, 10.0, 9e3, True), (0.0, 10.0, 1.1e4, False),  # which has to be a thousandth of the rows' size
+    (3.4, 10.0, 100.0, True), (3.6, 10.0, 100.0, False),  # the limit is a third of the next
+    (0.0, 10.0, 9e3, True), (0.0, 10.0, 1.1e4, False),  # the next has to exceed a thousandth of the rows' size
     (0.034, 0.1, 1.0, True), (0.036, 0.1, 1.0, False),
 ])  # fmt: skip
 def test_null_vector_needs_a_gap(first, second, size, unique):

@@ -13,7 +13,7 @@ YES = np.array([True])
 
 
 def learn_curvature(missing, bend=None, step=STEP, near=YES):
-    """What a step of a quadratic shows, of whose curvature the hessian lacks a part."""
+    """The curvature learnt from a step of a quadratic whose Hessian lacks a part."""
     bend = np.zeros((3, 3)) if bend is None else bend
     change = (HESSIAN + missing) @ step
     return with_secant(bend[None], HESSIAN[None], change[None], step[None], near)[0]
@@ -75,8 +75,8 @@ def test_excessive_negative_curvature_is_not_used():
     np.testing.assert_array_equal(found, np.stack([bends[0], np.zeros((3, 3)), np.zeros((3, 3))]))
 
 
-@pytest.mark.parametrize(("across", "told"), [(49.0, True), (51.0, False), (-49.0, True), (-51.0, False)])
-def test_orthogonal_gradient_change_gives_no_curvature(across, told):
+@pytest.mark.parametrize(("across", "has_curvature"), [(49.0, True), (51.0, False), (-49.0, True), (-51.0, False)])
+def test_orthogonal_gradient_change_gives_no_curvature(across, has_curvature):
     """At least a hundredth of the change has to be along the step.
 
     Here 0.5 of the first gradient is compared with some fifty of the second.
@@ -84,4 +84,4 @@ def test_orthogonal_gradient_change_gives_no_curvature(across, told):
     step = np.array([0.3, 0.0, 0.0])
     change = HESSIAN @ step + np.array([1.0, across, 0.0])
     found = with_secant(np.zeros((1, 3, 3)), HESSIAN[None], change[None], step[None], YES)
-    assert found.any() == told
+    assert found.any() == has_curvature

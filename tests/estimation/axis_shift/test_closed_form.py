@@ -209,7 +209,7 @@ def test_rotations_from_two_rows_are_nearest(angle):
 
 
 def lagrangian(x, rows):
-    """Half the squares of three rows off a rotation's, and what holds its first two to length one and across."""
+    """Half the squared distance of three rows from those of a rotation, plus its orthonormality constraints."""
     r1, r2, (m1, m2, m3) = x[:3], x[3:6], x[6:]
     off = np.concatenate([r1, r2, np.cross(r1, r2)]) - rows.ravel()
     return 0.5 * (off @ off + m1 * r1 @ r2 + m2 * (r1 @ r1 - 1) + m3 * (r2 @ r2 - 1))

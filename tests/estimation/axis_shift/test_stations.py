@@ -125,7 +125,7 @@ FOCAL = np.array([800.0, 400.0])
 
 
 def make_station(led_px):
-    """One that saw so much at `SHIFTS`."""
+    """A station that saw these pixels at `SHIFTS`."""
     return Station("camera", "light", np.arange(4), FOCAL, led_px, SHIFTS, EYE[0], SEEN[1])
 
 

@@ -60,7 +60,7 @@ def solve_scenario(scenario: Scenario, seed: int = 1) -> Solution:
 
 
 def perturb_state(solution: Solution, rng: np.random.Generator, size: float) -> State:
-    """A state as far from the solution as `size`, its stop errors random too."""
+    """A state perturbed by `size` from the solution, with random stop errors."""
     state = solution.state
     moved = {
         name: state.transforms[name] @ SE3.exp(size * rng.standard_normal(6))
@@ -252,7 +252,7 @@ def test_differing_starts_trigger_a_certificate(monkeypatch):
     monkeypatch.setattr("basecal.estimation.solve.PLAUSIBLE_SIGMAS", 0.0)
 
     def leads_elsewhere(seed):
-        """Whether the guesses of a cell end above its best start."""
+        """Whether a descent from the guesses of a cell ends above its best start."""
         cell, recording = cell_with_wrong_guesses(seed)
         best = solve(cell, recording).cost
         return solve(cell, recording, Settings(start="guess", robot_noise="stated")).cost > best * (1 + 1e-5)
@@ -282,7 +282,7 @@ def test_proven_rotations_lead_back_from_a_worse_state(reference, monkeypatch):
     """A few steps reach the best fit, whichever arm's base is the world. Nothing is claimed about the worse state."""
     monkeypatch.setattr("basecal.estimation.certificate.certificate._DESCENT_STEPS", 2)
     made = simulate(Scenario(target="pose", samples=12, pose_noise=(1e-3, 1e-2)), 1)
-    # Arms that face one another have a base that is its own inverse, nearly: this one stands askew.
+    # Arms that face each other have a base that is nearly its own inverse; this one is oblique.
     askew = SE3.exp([0.3, 0.2, -0.1, 0.5, -0.4, 0.8])
     samples = [
         replace(s, robots={**s.robots, "hand": RobotState(askew @ s.robots["hand"].base_from_flange)})
@@ -322,16 +322,16 @@ def test_reasons_for_no_certificate(change, reason):
     assert (certificate.gap is None) == (reason != "the solution is not an optimum")
 
 
-@pytest.mark.parametrize(("corners", "told"), [(3, False), (4, True)])
-def test_views_of_four_points_have_a_pose(corners, told):
+@pytest.mark.parametrize(("corners", "has_pose"), [(3, False), (4, True)])
+def test_views_of_four_points_have_a_pose(corners, has_pose):
     """Views of three points have none, and the certificate reports it."""
     square = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]])[:corners]
     certificate = certify(
         solve_scenario(Scenario(target="points", samples=10, board=points_target(square)))
     ).certificate
     reason = "no pose from a single view: fewer than four points are seen"
-    assert (certificate.reason == reason) != told
-    assert (certificate.gap is None) != told
+    assert (certificate.reason == reason) != has_pose
+    assert (certificate.gap is None) != has_pose
 
 
 @pytest.mark.parametrize(("cost", "off", "is_global", "is_better"), [

@@ -27,7 +27,7 @@ def brute_force(form: np.ndarray, count: int, starts: int, seed: int) -> tuple[t
 
 
 def form_near_a_product(rng: np.random.Generator, count: int, noise: float) -> np.ndarray:
-    """A form that is nearly zero on one product, as data with little noise give."""
+    """A form that is nearly zero on one product, as with low-noise data."""
     best = kronecker_product(random_units(rng, count))
     rows = rng.standard_normal((3 * 4**count, 4**count))
     rows -= np.outer(rows @ best, best) * (1 - noise)
@@ -102,7 +102,7 @@ def test_continuum_of_minima_has_no_growth():
 
 
 def bound_by_clarabel(form: np.ndarray, count: int) -> float:
-    """The least of <form, T> over semidefinite T of trace one that exchanges of indices leave as they are."""
+    """The minimum of <form, T> over semidefinite T of trace one that are invariant to exchanges of indices."""
     clarabel = pytest.importorskip("clarabel", reason="clarabel, the other solver of this test, is not installed")
     from scipy import sparse
 
@@ -252,12 +252,12 @@ def test_conjugate_gradients_end_at_a_hundredth(rng, monkeypatch):
     asked = []
 
     def operator(along):
-        """The matrix, by its products alone."""
+        """The product with the matrix, counted."""
         asked.append(along)
         return matrix @ along
 
     def left(found):
-        """Of the first gradient."""
+        """The remaining residual relative to the first one."""
         return np.linalg.norm(right - matrix @ found) / np.linalg.norm(right)
 
     found, steps = relaxation._solve_conjugate_gradients(operator, right), len(asked)

@@ -39,13 +39,13 @@ def problem_at_truth(scenario: Scenario):
 
 
 def view_poses_near_truth(problem, state):
-    """Where the views are: their own poses where these were measured, else the true ones."""
+    """The views' own poses if measured, else the true ones."""
     measured = getattr(problem.groups[0].measurement, "measured_camera_from_target", None)
     return measured or state.camera_from_target(problem.groups[0], problem.stops)
 
 
 def rotated_cost(group, camera, costs, near, turns):
-    """Least cost over translations of each view turned from its own rotation by rotation vectors (k, 3), (k, n)."""
+    """The least cost over translations of views rotated by rotation vectors (k, 3), (k, n)."""
     k, n = len(turns), len(group)
     rotation = costs.camera_from_target.rotation @ SE3.from_rotvec(turns, np.zeros((k, 3))).rotation[:, None]
     pose = SE3(rotation.reshape(-1, 3, 3), np.tile(near.translation, (k, 1)))
@@ -137,7 +137,7 @@ def test_points_of_zero_weight_have_no_effect():
     far, mirrored = np.vstack([points, [50.0, 60.0, 70.0]])[None], np.vstack([points * [1, 1, -1], np.zeros(3)])[None]
 
     def found(seen):
-        """Of a target with a point more."""
+        """The costs for a target with one more point."""
         of = PointMeasurement(np.vstack([points, [9.0, 9.0, 9.0]]), seen, weight > 0, weight, weight)
         return view_costs(problem, state, replace(problem.groups[0], measurement=of))
 

@@ -26,7 +26,7 @@ from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 
 NOISY = (2e-3, 3e-3)
-# Views of a cell by their rows: repeated rows stand in the same stops of both robots.
+# Views of a cell by their rows: repeated rows have the same stops of both robots.
 PRIVATE, PAIRS, MIXED = [0, 1, 2, 3], [0, 0, 1, 1, 2, 2, 3, 3], [0, 1, 1, 2, 2, 2, 3]
 CELLS = {
     "each at its own stop": (Scenario(samples=4, target="points", robot_noise=NOISY), PRIVATE),
@@ -53,7 +53,7 @@ JITTER_S = 0.3
 
 
 def problem_near_truth(scenario: Scenario, rows: list[int]) -> tuple[Problem, State]:
-    """A problem of the views at these rows, and a state off by 1 mm and mrad with errors of stops of order one."""
+    """A problem of views at these rows, and a state off by 1 mm and mrad with stop errors of order one."""
     made = simulate(scenario, seed=4)
     problem, _ = build_problem(made.cell, made.recording)
     rng = np.random.default_rng(1)
@@ -63,7 +63,7 @@ def problem_near_truth(scenario: Scenario, rows: list[int]) -> tuple[Problem, St
 
 
 def problem_of_cell(name: str) -> tuple[Problem, State]:
-    """One of `CELLS`; where stamps jitter, its views in motion, by some centimetres and hundredths in a second."""
+    """One of `CELLS`; with jitter, its views move by some centimetres and hundredths of a radian per second."""
     problem, state = problem_near_truth(*CELLS[name])
     if name != "stamps that jitter":
         return problem, state
@@ -74,7 +74,7 @@ def problem_of_cell(name: str) -> tuple[Problem, State]:
 
 
 def dense_equations(problem: Problem, state: State):
-    """Hessian and gradient of unknowns and, behind them, of all stops' errors."""
+    """Hessian and gradient of unknowns, followed by all stop errors."""
     p, k = problem.width, len(problem.stops)
     hessian, gradient = np.zeros((p + 6 * k,) * 2), np.zeros(p + 6 * k)
     hessian[p:, p:], gradient[p:] = np.eye(6 * k), state.stop_errors.ravel()
@@ -86,7 +86,7 @@ def dense_equations(problem: Problem, state: State):
         lens = group.camera in problem.columns
         view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), lens)
         rows = view.gradient.shape[-1]
-        if group.motion is not None:  # what shakes a view is noise of its pose along its motion
+        if group.motion is not None:  # jitter is noise of a view's pose along its motion
             spread = np.linalg.inv(view.information)
             shaken = np.linalg.inv(spread + np.einsum("ni,nj->nij", *[JITTER_S * group.motion] * 2))
             gradient_of = (shaken @ spread @ view.gradient[..., None])[..., 0]
@@ -141,7 +141,7 @@ def test_stop_errors_are_optimal_after_a_step(name):
     )
 
 
-# Jitter weighs a view by how its motion stands at the state, which no step to second order takes in.
+# Jitter weights depend on the motion at the state, which is not part of the second-order expansion.
 SLOPES = [name for name in CELLS if name not in {"so many views that factors pay", "stamps that jitter"}]
 
 
@@ -176,7 +176,7 @@ def test_views_of_zero_weight_have_no_effect(name):
     assert weighted.cost == pytest.approx(alone.cost, rel=1e-12)
     np.testing.assert_allclose(weighted.hessian, alone.hessian, rtol=1e-9, atol=1e-9 * np.abs(alone.hessian).max())
     np.testing.assert_allclose(weighted.gradient, alone.gradient, rtol=1e-9, atol=1e-9 * np.abs(alone.gradient).max())
-    # Stops that several views had hold what nobody sees: that they promise to leave it is theirs, not of the views.
+    # Shared stops without visible views keep their errors, whose predicted decrease is not part of the views'.
     unseen = np.setdiff1d(np.arange(len(errors)), used) if np.any(problem.shared_stops >= 0) else []
     promised = alone.eliminated_cost + np.sum(state.stop_errors[unseen] ** 2)
     assert weighted.eliminated_cost == pytest.approx(promised, rel=1e-9)
@@ -351,7 +351,7 @@ def test_extreme_view_weights_leave_the_others_unchanged(count):
     (group,) = problem.groups
     plain = linearise(problem, state)
     wild = np.where(np.arange(count + 1) == 0, 1e12, 1.0)[:, None] * group.measurement.weight
-    mixing = SE3.exp(np.array([3.0, -2.0, 1.0, 1.0, 2.0, 0.5]))  # makes information singular but for rounding
+    mixing = SE3.exp(np.array([3.0, -2.0, 1.0, 1.0, 2.0, 0.5]))  # makes information singular except for rounding
     off = SE3.stack([mixing, *[SE3.identity()] * count])
     measured = replace(
         group.measurement, weight=wild, measured_camera_from_target=group.measurement.measured_camera_from_target @ off

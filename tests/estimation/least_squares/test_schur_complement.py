@@ -14,7 +14,7 @@ HAND = np.array([2, 3, 2, 3, 3, 2, 2])
 
 
 def random_values(rng, batch=()):
-    """Errors, and of views: gradient, information, derivative to the unknowns, to the eye's and the hand's stops."""
+    """Stop errors, and gradient, information and derivatives of views by unknowns, eye and hand stops."""
     root = rng.standard_normal((*batch, VIEWS, 6, 6))
     return (
         rng.standard_normal((*batch, STOPS, 6)),
@@ -26,7 +26,7 @@ def random_values(rng, batch=()):
 
 
 def eliminate_stops(values, robots):
-    """Ours, of views that stand in stops of the eye, the hand or both; no view moves with the second unknown."""
+    """The elimination of stops of the eye, the hand or both; the second unknown moves no view."""
     errors, gradient, information, by_unknowns, by_error = values
     sums = SchurAccumulator(errors, WIDTH)
     rows = np.arange(VIEWS)
@@ -36,7 +36,7 @@ def eliminate_stops(values, robots):
 
 
 def dense_system(values, robots):
-    """Information of the errors, mixed with the unknowns, and their gradient."""
+    """Information of the errors, mixed terms with the unknowns, and gradient of the errors."""
     errors, gradient, information, by_unknowns, by_error = values
     full = np.zeros((VIEWS, 6, STOPS, 6))
     for r in robots:

@@ -29,7 +29,7 @@ SCENARIOS = {
 
 
 def problem_near_truth(scenario: Scenario, seed: int = 1):
-    """A problem, and a state near the truth, errors of stops among it."""
+    """A problem, and a state near the truth with stop errors."""
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
     rng = np.random.default_rng(seed)

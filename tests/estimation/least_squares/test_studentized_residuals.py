@@ -131,7 +131,7 @@ def test_sole_view_of_an_unknown_has_no_freedoms():
     problem, state = pose_problem(np.full((3, 6), 1e-6), np.ones(6))
     (group,) = problem.groups
     weight = np.ones((3, 6))
-    weight[1:, 4] = 0.0  # only the first view tells this turn
+    weight[1:, 4] = 0.0  # only the first view observes this rotation
     one = problem.with_groups([replace(group, measurement=replace(group.measurement, weight=weight))])
     (found,) = studentized_views(leave_one_out(one, state, [np.ones(3)]))
     assert found.freedoms.tolist() == [5, 5, 5]
@@ -166,10 +166,7 @@ def test_points_of_excluded_views_are_judged():
 
 
 def dense_rows(problem, state):
-    """Whitened residuals of views, those of errors of stops behind them, and their derivative to unknowns and errors.
-
-    Written out for poses, each view's six rows by its own sigmas.
-    """
+    """Whitened residuals of pose views, and their derivatives by unknowns and stop errors."""
     p, k = problem.width, len(problem.stops)
     residuals, rows = [], []
     for group in problem.groups:
@@ -188,13 +185,13 @@ def dense_rows(problem, state):
 
 
 def distance_from_refit(residuals, rows, width, weights, view):
-    """The squared deviation of a view from where all others that count put it: residual and covariance in full."""
+    """The squared distance of a view from the prediction of all other views in the fit, with full covariance."""
     others = (np.arange(len(rows)) != view) & (weights > 0)
     flat = rows[others].reshape(-1, rows.shape[-1])
-    told = flat.T @ flat + np.diag((np.arange(rows.shape[-1]) >= width).astype(float))
-    step = -np.linalg.solve(told, flat.T @ residuals[others].ravel())
+    information = flat.T @ flat + np.diag((np.arange(rows.shape[-1]) >= width).astype(float))
+    step = -np.linalg.solve(information, flat.T @ residuals[others].ravel())
     off = residuals[view] + rows[view] @ step
-    return off @ np.linalg.solve(np.eye(6) + rows[view] @ np.linalg.solve(told, rows[view].T), off)
+    return off @ np.linalg.solve(np.eye(6) + rows[view] @ np.linalg.solve(information, rows[view].T), off)
 
 
 STATIONS = Scenario(samples=12, target="pose", arms="stations", stations=4, robot_noise=(2e-3, 3e-3))
@@ -215,7 +212,7 @@ def test_view_distances_equal_explicit_refits(scenario, out):
     state = without_unseen_stops(kept, bundle_adjust(kept, state, 1, 50).state)
     found = studentized_views(leave_one_out(problem, state, [weights]))[0]
     residuals, rows = dense_rows(problem, state)
-    # Errors of stops are unknowns whose residuals are what they are at the state.
+    # Stop errors are unknowns whose residuals are their values at the state.
     residuals = residuals - rows[..., problem.width :] @ state.stop_errors.ravel()
     expected = [distance_from_refit(residuals, rows, problem.width, weights, view) for view in range(12)]
     np.testing.assert_allclose(found.value, expected, rtol=1e-4)
@@ -243,10 +240,10 @@ def test_shared_stop_distances_use_the_explained_variance():
             assert found.freedoms[stop] == 0
             continue
         values, vectors = np.linalg.eigh(np.eye(6) - covariance[stop][:, 6 * stop : 6 * stop + 6])
-        told = values > 1e-9
+        informative = values > 1e-9
         along = vectors.T @ state.stop_errors[stop]
-        assert found.freedoms[stop] == told.sum()
-        assert found.value[stop] == pytest.approx(np.sum(along[told] ** 2 / values[told]), rel=1e-4)
+        assert found.freedoms[stop] == informative.sum()
+        assert found.value[stop] == pytest.approx(np.sum(along[informative] ** 2 / values[informative]), rel=1e-4)
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
@@ -290,7 +287,7 @@ def test_view_misfits_are_in_sigmas(batch):
 
 
 def led_problem(points, free_lens=False):
-    """Views of a target from its front at 1, 0.5, 0 and -1 m, each point 3 px and 4 px off where it is expected."""
+    """Views of a target at 1, 0.5, 0 and -1 m, each point 3 px and 4 px off its prediction."""
     problem, state = pose_problem(np.zeros((4, 6)), None)
     (group,) = problem.groups
     lens = Camera("pinhole", [1000.0, 1000.0, 500.0, 500.0])

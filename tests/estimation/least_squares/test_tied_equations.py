@@ -25,7 +25,7 @@ def test_scene_derivatives_equal_finite_differences() -> None:
     errors = 1e-7 * rng.standard_normal(state.stop_errors.shape)
 
     def cost(sign: float) -> float:
-        """After a step forwards or backwards."""
+        """The cost after a step forwards or backwards."""
         moved = retract(problem, state, normal, sign * step)
         moved = replace(moved, stop_errors=state.stop_errors + sign * errors)
         return float(linearise_scene(problem, problem.tied, moved).cost)

@@ -22,7 +22,7 @@ from basecal.simulation import Scenario, simulate
 
 
 def estimate_pose_noise(errors, sigma=None, prior=None):
-    """Noise, and the mount, of poses off by `errors`."""
+    """The estimated noise, and the mount, of poses with these errors."""
     problem, state = pose_problem(errors, sigma, prior)
     end = bundle_adjust(problem, state, 1, 30)
     problem, end, noise = estimate_noise(problem, end, 30)

@@ -22,7 +22,7 @@ REACH_M = {"eye": 0.5, "hand": 0.8}
 
 
 def _model(errors=None):
-    """Of two arms at eight stops."""
+    """A mixed model of two arms with eight stops."""
     s = simulate(Scenario(samples=8, state_robot_noise=False, state_pixel_noise=False), 1)
     problem, _ = build_problem(s.cell, s.recording)
     unit = with_robot_noise(problem, dict.fromkeys(ROBOTS, np.ones(6)))
@@ -69,7 +69,7 @@ def test_shared_errors_may_loosen_the_tie_of_stops():
 
 
 def _cost(prior, first):
-    """What the first sigma costs over the one that is expected; 1 at a standard deviation."""
+    """The cost of the first sigma relative to the expected one; 1 at a standard deviation."""
     other = np.array([np.log(first), *prior.start[1:]])
     return prior.value(other)[0] - prior.value(prior.start)[0]
 
@@ -102,7 +102,7 @@ def test_usual_arms_are_within_two_standard_deviations():
     prior = hyperpriors(_model(), REACH_M)
 
     def cost(rad):
-        """Of both arms at so many radians, shifts in proportion to their reach."""
+        """The cost of rotations of both arms, with shifts in proportion to their reach."""
         logs = prior.start + np.array([0, 1, 1, 1, 1]) * np.log(rad / 3e-4)
         return prior.value(logs)[0] - prior.value(prior.start)[0]
 
@@ -124,14 +124,14 @@ def test_log_normal_priors_are_normal_in_logarithms():
 
 
 def _pooled_cost(logs, scale, factor):
-    """Minus twice the log density of robots of one cell: each apart by a factor of two, all together by `factor`."""
+    """-2 log density of robots of one cell, each within a factor of two of a shared scale within `factor`."""
     own = np.log(2.0) ** 2
     covariance = np.full((len(logs), len(logs)), np.log(factor) ** 2 - own) + own * np.eye(len(logs))
     return -2 * multivariate_normal.logpdf(logs, np.full(len(logs), np.log(scale)), covariance)
 
 
 def _normal_cost(value, mean, factor):
-    """That of one logarithm, or a difference of two."""
+    """-2 log density of one logarithm, or of a difference of two."""
     return -2 * norm.logpdf(value, mean, np.log(factor))
 
 

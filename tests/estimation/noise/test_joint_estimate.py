@@ -31,7 +31,7 @@ BASE = "eye_base_from_hand_base"
 
 
 def solve_scenario(scenario: Scenario, seed: int, settings: Settings = ESTIMATED) -> Solution:
-    """The optimum from the truth."""
+    """The optimum reached from the truth."""
     s = simulate(scenario, seed)
     problem, _ = build_problem(s.cell, s.recording)
     return solve_from(
@@ -49,16 +49,16 @@ def base_nees(scenario: Scenario, seeds: range) -> list[float]:
     return found
 
 
-@pytest.mark.parametrize("told", quick([True, False], [False]))
-def test_robot_sigmas_are_estimated(told):
+@pytest.mark.parametrize("is_stated", quick([True, False], [False]))
+def test_robot_sigmas_are_estimated(is_stated):
     """The mean over four cells is the truth, with the pixels' sigma stated or estimated.
 
     One cell scatters by 18 %, a mean of four by 9 %: five are 45 %; priors take their share of that.
     """
-    cells = [solve_scenario(replace(SILENT, state_pixel_noise=told), seed) for seed in range(4)]
+    cells = [solve_scenario(replace(SILENT, state_pixel_noise=is_stated), seed) for seed in range(4)]
     found = np.mean([cell.noise.robots[robot][[0, 3]] for cell in cells for robot in ("eye", "hand")], axis=0)
     np.testing.assert_allclose(found, TRUE, rtol=0.45)
-    if not told:
+    if not is_stated:
         assert np.mean([cell.noise.noise.pixel_px for cell in cells]) == pytest.approx(0.2, rel=0.15)
 
 
@@ -88,8 +88,8 @@ def test_clean_cells_have_little_robot_noise():
 
 def test_stated_noise_is_not_estimated():
     """If every robot and the pixels state their noise, requesting an estimate changes nothing."""
-    told = replace(SILENT, state_robot_noise=True)
-    asked, plain = solve_scenario(told, 0), solve_scenario(told, 0, STATED)
+    stated = replace(SILENT, state_robot_noise=True)
+    asked, plain = solve_scenario(stated, 0), solve_scenario(stated, 0, STATED)
     assert not asked.noise.robots
     np.testing.assert_allclose(asked.covariance, plain.covariance, rtol=1e-6)
 
@@ -234,7 +234,7 @@ def test_covariances_are_weighted_by_model_priors(monkeypatch):
 
 
 def synthetic_posterior(rng, shapes=None):
-    """Of a made-up model: sigmas of two cameras, two robots, a jitter and, of one robot, errors in common."""
+    """Sigmas of two cameras and two robots, one jitter and one robot's shared errors, of a synthetic model."""
     model, _ = made_up(rng, OPEN)
     if shapes is not None:
         model = replace(model, layout=replace(model.layout, shapes=shapes))

@@ -116,7 +116,7 @@ def test_moments_integrate_the_whole_posterior():
     excess = squares / np.exp(2 * found.logs)
     assert np.all(excess > 0.98)  # 128 samples of the sigmas of the views, which are known to 3 %
     assert np.all(excess[2:] > 1.3)
-    # What all stops have in common cannot be told from mounts and bases: it is as large as its sigma says, in metres.
+    # An error shared by all stops cannot be separated from mounts and bases: it has the size of its sigma, in metres.
     for robot in ROBOTS:
         first = model.layout.shared[0][robot][0]
         own = np.diag(products)[first : first + 6]
@@ -127,7 +127,7 @@ def test_moments_integrate_the_whole_posterior():
 
 @pytest.fixture(scope="module")
 def small_posterior():
-    """The sigmas of a small model, given its views."""
+    """The posterior of the sigmas of a small model."""
     model = mixed_model(*problem_at_truth(NOISY), ROBOTS)
     return sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5)))
 
@@ -237,7 +237,7 @@ def test_models_are_weighted_by_evidence(small_posterior):
 
 @pytest.fixture
 def synthetic_posterior(rng):
-    """Sigmas of a made-up model: eleven, that are expected within a factor of e."""
+    """Eleven sigmas of a synthetic model, expected within a factor of e."""
     model, _ = made_up(rng)
     prior = LogNormals(np.eye(11), 0.1 * np.arange(11.0), np.ones(11))
     root = 0.02 * rng.standard_normal((11, 30))

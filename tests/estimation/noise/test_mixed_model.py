@@ -88,7 +88,7 @@ def test_stop_errors_are_own_plus_shared_errors(arms):
 
 
 def view_derivative(problem, layout, view, motion, common):
-    """Of a view near the identity to the columns, (6, m), and to the errors in its block, (6, q)."""
+    """The derivative of a view near the identity by the columns, (6, m), and by the errors in its block, (6, q)."""
     (group,) = problem.groups
     columns, errors = np.zeros((6, layout.width)), np.zeros((6, layout.rows))
     columns[:, : problem.width] = -np.eye(6, problem.width)

@@ -33,17 +33,17 @@ UNSTATED = replace(
 
 
 class RecordingStages(Stages):
-    """Stages of which only the parts are kept."""
+    """Stages that record only their parts."""
 
     def __init__(self, parts):
         self.parts = parts
 
     def stage(self, name):
-        """Nothing is timed."""
+        """A stage without a timer."""
         return nullcontext()
 
     def part(self, done, total):
-        """Kept."""
+        """Record a part."""
         self.parts.append((done, total))
 
 
@@ -71,7 +71,7 @@ def test_each_robot_has_its_own_views(problem):
 
 
 def _needed_transforms(part):
-    """Transforms that a robot's views depend on, but for its base."""
+    """Transforms that a robot's views depend on, except its base."""
     held = None if part.robot == "r1" else f"r1_base_from_{part.robot}_base"
     named = {n for g in part.problem.groups for n in (g.eye.mount, g.hand.mount, g.eye.base, g.hand.base)}
     return named - {held, None}
@@ -124,7 +124,7 @@ def test_sigmas_are_merged_over_neighbourhoods():
     """
 
     def estimate(pixel_px, settled, variances, minus_2_log_evidence, shapes):
-        """Of one neighbourhood, which saw both cameras."""
+        """The estimate of one neighbourhood with both cameras."""
         cameras = {"a": Noise(pixel_px), "b": Noise(2 * pixel_px)}
         return NoiseEstimate(
             Noise(pixel_px), 1.0, ("pixel_px",) if settled else (), settled, {}, cameras,

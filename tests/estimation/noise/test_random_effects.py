@@ -43,7 +43,7 @@ def test_arms_with_poses_or_few_stops_have_no_posture():
 
 
 def problem_with(name, samples):
-    """Of arms that may have an effect: some have it by poses alone, some in motion, here of ten samples a second."""
+    """A problem of arms with an effect: by poses alone or by joints, in motion with ten samples a second."""
     problem = simulated_problem(replace(SCENARIO, joints=not RANDOM_EFFECTS[name].is_of_poses_alone, samples=samples))
     return problem.with_ends(lambda end: replace(end, passed_s=0.1 * end.stop_number))
 

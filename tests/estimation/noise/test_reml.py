@@ -34,7 +34,7 @@ NOISY = Scenario(samples=8, robot_noise=(1e-3, 2e-3), state_robot_noise=False)
 
 
 def problem_at_truth(scenario, seed=1):
-    """A problem whose stops have unit sigmas, and the truth, its stops without errors."""
+    """A problem with unit sigmas of stops, and the true state without stop errors."""
     s = simulate(scenario, seed)
     problem, _ = build_problem(s.cell, s.recording)
     unit = with_robot_noise(problem, dict.fromkeys(ROBOTS, np.ones(6)))
@@ -42,7 +42,7 @@ def problem_at_truth(scenario, seed=1):
 
 
 def dense_model(problem, state, logs):
-    """Residuals r, their derivative X to the unknowns, V of views and stops, and its derivatives to the logarithms."""
+    """Residuals r, their derivative X by the unknowns, V of views and stops, and its derivatives by the logarithms."""
     (group,) = problem.groups
     links = chain(group, state, problem.stops)
     error = (group.measurement.measured_camera_from_target.inverse() @ links.camera_from_target).log()
@@ -64,7 +64,7 @@ def dense_model(problem, state, logs):
 
 
 def dense_value(problem, state, logs):
-    """log|V| + log|X'V^-1 X| + r'P r, with V of views and stops written out in full."""
+    """log|V| + log|X'V^-1 X| + r'P r, with the full V of views and stops."""
     error, x, v, _ = dense_model(problem, state, logs)
     vx, vr = np.linalg.solve(v, x), np.linalg.solve(v, error)
     information = x.T @ vx
@@ -132,7 +132,7 @@ def test_chunking_of_blocks_has_no_effect(monkeypatch, constant):
     assert apart.value == pytest.approx(together.value, rel=1e-11)
     np.testing.assert_allclose(apart.slope(), slope, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(apart.mean_errors, together.mean_errors, rtol=1e-8, atol=1e-12)
-    rounding = 1e-9 * np.abs(together.covariance).max()  # of entries that are differences of larger ones
+    rounding = 1e-9 * np.abs(together.covariance).max()  # for entries that are differences of larger ones
     np.testing.assert_allclose(apart.covariance, together.covariance, rtol=1e-8, atol=rounding)
 
 
@@ -169,7 +169,7 @@ def test_block_sums_equal_the_general_case(arms):
     ((camera, name),) = model.parts
     half = {f.name: 0.5 * getattr(model.parts[camera, name], f.name) for f in fields(Moments)}
     stated = {(camera, name): Moments(**half), (camera, STATED): Moments(**half)}
-    logs = np.log([1.0, 1e-3, 2e-3, 5e-4, 1e-3])  # at 1 px both halves weigh alike
+    logs = np.log([1.0, 1e-3, 2e-3, 5e-4, 1e-3])  # at 1 px both halves have equal weights
     whole, cut = posterior(model, logs), posterior(replace(model, parts=stated), logs)
     np.testing.assert_allclose(whole.value - cut.value, 0, atol=1e-8 * abs(whole.value))
     np.testing.assert_allclose(cut.slope()[1:], whole.slope()[1:], rtol=1e-8, atol=1e-8)
@@ -218,7 +218,7 @@ def test_time_stamp_jitter_is_noise_along_the_motion(is_open, exact):
 
 
 def dense_model_with_jitter(problem, state, logs, shake):
-    """Residuals, derivative and covariance: views shaken along (n, 6), arms as `logs` say, or exact."""
+    """Residuals, derivative and covariance with jitter along (n, 6), and arms with sigmas or exact."""
     error, x, v, _ = dense_model(problem, state, np.zeros(4) if logs is None else logs)
     inner = right_jacobian_inverse(error.reshape(-1, 6))
     z = (inner @ shake[..., None])[..., 0]
@@ -257,7 +257,7 @@ def test_jitter_of_still_views_is_not_open():
 
 @pytest.fixture(params=[(*OPEN, ALL_STATED), OPEN[:1], (ALL_STATED,)], ids=["parts", "open", "stated"])
 def synthetic_model(request, rng):
-    """A made-up model, its parts written out, and sigmas: one part alone goes by sums over blocks."""
+    """A synthetic model, its explicit parts, and sigmas; a single part uses sums over blocks."""
     model, parts = made_up(rng, request.param)
     return model, parts, np.exp(0.5 * rng.standard_normal(9 + len(model.sigmas.views)))
 

@@ -33,11 +33,11 @@ SIGMA = np.repeat(NOISY, 3)
 @pytest.mark.parametrize("arms", ["both", "halves", "stations"])
 def test_later_noise_equals_stated_noise(arms):
     """Sigmas given to a built problem have the same optimum and covariance as those stated in the cell."""
-    told = simulate(Scenario(samples=8, target="points", arms=arms, robot_noise=NOISY, camera_mount="fixed"), seed=2)
-    silent = {name: replace(robot, noise=None) for name, robot in told.cell.robots.items()}
-    problem, _ = build_problem(replace(told.cell, robots=silent), told.recording)
-    stated = solve_problem(build_problem(told.cell, told.recording)[0], told.cell)
-    given = solve_problem(with_robot_noise(problem, {"eye": SIGMA, "hand": SIGMA}), told.cell)
+    made = simulate(Scenario(samples=8, target="points", arms=arms, robot_noise=NOISY, camera_mount="fixed"), seed=2)
+    silent = {name: replace(robot, noise=None) for name, robot in made.cell.robots.items()}
+    problem, _ = build_problem(replace(made.cell, robots=silent), made.recording)
+    stated = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
+    given = solve_problem(with_robot_noise(problem, {"eye": SIGMA, "hand": SIGMA}), made.cell)
     np.testing.assert_allclose(given.covariance, stated.covariance, rtol=1e-6, atol=1e-18)
     assert given.cost == pytest.approx(stated.cost, rel=1e-9)
 
@@ -200,7 +200,7 @@ def test_subset_start_does_not_change_the_estimate(monkeypatch):
     monkeypatch.setattr(joint_estimate, "_SOME_VIEWS", (20, 40))
     monkeypatch.setattr(joint_estimate, "some_views", lambda *of: taken.append(of[2]) or some_views(*of))
     after = found()
-    # The search of the sigmas, which is among thirty of the sixty, and those with errors in common of three kinds.
+    # The search of the sigmas uses twenty of the sixty views, and those with three types of shared errors follow.
     assert taken == [20, 20, 40, 20, 40, 20, 40]
     sigmas = [np.concatenate([each.noise.robots[robot] for robot in ("eye", "hand")]) for each in (whole, after)]
     np.testing.assert_allclose(sigmas[1], sigmas[0], rtol=0.02)

@@ -35,7 +35,7 @@ CHI2_LIMIT = {3: 21.1, 6: 27.9, 30: 70.1}  # by freedoms: one in ten thousand
 
 
 def simulate_shape_error(scenario, shape, seed=0):
-    """A cell as stated, and one whose target is shaped so [sigmas] though its points are stated as before."""
+    """A cell as stated, and one whose target has this shape error in sigmas with unchanged stated points."""
     target = scenario.board
     other = replace(target, points=target.points + unit_shifts(target.points) @ shape)
     return simulate(scenario, seed), simulate(replace(scenario, board=other), seed)
@@ -57,7 +57,7 @@ def test_bowed_board_is_flat():
 
 
 def problem_of_points(points, stated=False):
-    """A problem of a target of such points, seen at three places."""
+    """A problem of a target of such points in three views."""
     (group,) = (problem := problem_of(replace(NOISY, samples=3))).groups
     count = len(points)
     measurement = replace(
@@ -158,12 +158,12 @@ def test_shape_is_estimated_without_bias_of_the_mount(scenario, truth, freedoms)
     """Coefficients and mount agree with their covariance, for a target with and without a shape error."""
     as_stated, off = simulate_shape_error(scenario, truth)
     onto = np.linalg.pinv(unit_shifts(scenario.board.points).reshape(-1, len(truth)), rcond=1e-6)
-    told = onto @ unit_shifts(scenario.board.points).reshape(-1, len(truth))
+    projection = onto @ unit_shifts(scenario.board.points).reshape(-1, len(truth))
     for shape, recording in ((truth, off.recording), (0 * truth, as_stated.recording)):
         found = solve(as_stated.cell, recording, ESTIMATED)
         coefficients, spread = found.noise.shapes["board"]
-        error = told @ (coefficients - shape)
-        assert error @ np.linalg.pinv(told @ spread @ told, rcond=1e-9) @ error < CHI2_LIMIT[freedoms]
+        error = projection @ (coefficients - shape)
+        assert error @ np.linalg.pinv(projection @ spread @ projection, rcond=1e-9) @ error < CHI2_LIMIT[freedoms]
         mount = "hand_flange_from_board"
         error = (found.state.transforms[mount].inverse() @ as_stated.truth[mount]).log()
         assert error @ np.linalg.solve(found.joint_transform_covariance([mount]), error) < CHI2_LIMIT[6]

@@ -40,7 +40,7 @@ from basecal.estimation.problem.problem import State, Stops
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
-# Twists that each kind of motion leaves open: about one line the shift along it and the turn about it.
+# Unobservable twists of each type of motion: about one line, the shift along it and the rotation about it.
 FEW = Scenario(samples=15)
 LEFT_OPEN = {"general": 0, "one line": 2, "planar": 1, "one axis": 1, "shifts": 3, "still": 6}
 MOVES: dict[str, Move] = {
@@ -178,7 +178,7 @@ def test_motion_limits_are_ten_milliradians_and_one_millimetre(turn_rad, travel_
 
 
 def problem_of_poses(rotvecs, translations, hand_poses=None):
-    """How the eye, and the hand, of a problem of a view a pose move."""
+    """A problem with one view for each pose of the eye, and of the hand."""
     poses = SE3.from_rotvec(np.array(rotvecs, dtype=float), np.array(translations, dtype=float))
     problem, _ = two_arm_problem(np.zeros((len(poses), 6)), np.arange(len(poses)), len(poses) + np.arange(len(poses)))
     (group,) = problem.groups

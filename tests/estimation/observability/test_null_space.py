@@ -35,7 +35,7 @@ def problem():
 
 
 def separate_directions(problem, directions, at=None, scale=None):
-    """Of directions given by name, mixed by a random rotation."""
+    """Separate directions given by name, mixed by a random rotation."""
     vectors = np.zeros((problem.width, len(directions)))
     for k, direction in enumerate(directions):
         for name, values in direction.items():

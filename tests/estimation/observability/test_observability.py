@@ -27,16 +27,16 @@ LENS = Camera("pinhole", np.array([800.0, 1200.0, 640.0, 360.0, *[0.0] * 4]), (1
 
 
 def analyse_sigmas(sigmas, factor=1.0, lens=()):
-    """What is said of a mount whose tangent is known with these sigmas [m, rad], targets 2 m away; and of a lens."""
+    """The observability of a mount with these sigmas [m, rad] and targets at 2 m, and of a lens."""
     return analyse_information(np.diag(1.0 / np.array([*sigmas, *lens]) ** 2), factor)
 
 
 def analyse_information(hessian, factor=1.0, prior=(1.0,) * 6):
-    """What is said by an information of a mount under a prior, and of a lens if there are columns for it."""
+    """The observability of a mount with a prior, and of a lens if there are columns for it."""
     problem, state = pose_problem(np.zeros((4, 6)), np.ones(6), Unknown("prior", SE3.identity(), np.array(prior)))
     mount = SE3.from_rotvec([0, 0, 0], [0, 0, -DISTANCE_M])
     state = replace(state, transforms={**state.transforms, MOUNT: mount}, cameras={"camera": LENS})
-    # The four poses of the arm are turned about three axes: they leave nothing open by themselves.
+    # The four poses of the arm are rotated about three axes and leave no direction unobservable.
     turned = SE3.from_rotvec(np.concatenate([np.zeros((1, 3)), np.eye(3)]), np.zeros((4, 3)))
     group = with_eye(problem.groups[0], base_from_flange=turned)
     problem = problem.with_groups([group])

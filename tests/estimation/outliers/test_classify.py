@@ -40,7 +40,7 @@ def with_pixels(problem, change):
 
 
 def bump_hand(problem, views, by=(0.05, 0, 0, 0, 0, 0)):
-    """The problem with the hand elsewhere in some views of its only group."""
+    """The problem with a bumped hand in some views of its only group."""
     (group,) = problem.groups
     off = np.zeros((len(group), 6))
     off[views] = by
@@ -194,7 +194,7 @@ def test_readmitted_points_use_their_freedoms(monkeypatch, target, numbers):
     limits, largest_agreement = [], PointViews.largest_agreement
 
     def kept_limit(views, poses, limit):
-        """As `largest_agreement`."""
+        """`largest_agreement`, with its limit recorded."""
         limits.append(limit)
         return largest_agreement(views, poses, limit)
 
@@ -217,7 +217,7 @@ def test_stop_mask_selects_views_of_bad_stops():
 
 
 def point_group(seen):
-    """A group of views of points measured in space, seen where told."""
+    """A group of views of points measured in space, with a visibility mask."""
     seen = np.array(seen, dtype=bool)
     points = np.random.default_rng(0).standard_normal((seen.shape[1], 3))
     weight = np.where(seen, 100.0, 0.0)

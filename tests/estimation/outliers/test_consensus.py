@@ -37,7 +37,7 @@ def clean_solution():
 
 
 def make_consensus(clean_solution, views=10, variance=1.0):
-    """An end that keeps so many views of ten, which scatter by so many times their variance."""
+    """A consensus that keeps some of ten views, with this variance of views."""
     whole = all_inliers(clean_solution.problem)
     kept = InlierMask((np.arange(10) < views,), whole.points)
     judgement = classify_inliers(clean_solution.problem, clean_solution.state, whole)
@@ -120,7 +120,7 @@ def test_view_scatter_beyond_estimated_noise_is_implausible():
 
 
 def scale_residuals(solution, ratio):
-    """The same with residuals of so many times their sigmas."""
+    """The solution with residuals of this ratio to their sigmas."""
     return replace(solution, cost=ratio**2 * solution.dof)
 
 
@@ -166,7 +166,7 @@ SIGMA = np.full(6, 1e-4)
 
 
 def agreeing_of_misfits(misfits):
-    """Samples said to agree, of those that are off by so many sigmas in every number, at the true state."""
+    """The agreeing samples if samples are off by these misfits in sigmas, at the true state."""
     known = Unknown("prior", SE3.identity(), np.full(6, 1e-9))
     problem, state = pose_problem(np.outer(misfits, SIGMA), SIGMA, known)
     return agreeing_samples(problem, [state])

@@ -35,7 +35,7 @@ def bump_hand(problem, view, by):
 
 
 def measure_excluded(cell, problem, state, views=(), points=(), recorded=None):
-    """What is said where these views, and these pairs of view and point, are not kept."""
+    """The excluded items for these views and pairs of view and point."""
     mask = all_inliers(problem)
     of_views, of_points = mask.views[0].copy(), mask.points[0].copy()
     of_views[list(views)] = False

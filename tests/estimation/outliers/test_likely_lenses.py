@@ -20,7 +20,7 @@ SETTINGS = Settings(robot_noise="stated")
 
 
 def solve_with_lens_error(off_px: float, exact: bool = False):
-    """The cell whose principal point is stated so far off, and its solution with the usual errors."""
+    """The cell with this error of the stated principal point, and its solution with the usual lens errors."""
     wrist = MADE.cell.cameras["wrist"]
     camera = wrist.intrinsics.camera
     stated = camera.with_parameters(camera.parameters + off_px * (np.arange(9) == 2))

@@ -114,7 +114,7 @@ def test_measured_poses_have_no_points_to_exclude():
 
 
 def points_in_space(seen):
-    """A group of views of points measured in space, of weight 2, seen where told."""
+    """A group of views of points measured in space, of weight 2, with a visibility mask."""
     seen = np.array(seen, dtype=bool)
     problem, state = pose_problem(np.zeros((len(seen), 6)), None)
     points = np.random.default_rng(0).standard_normal((seen.shape[1], 3))
@@ -153,7 +153,7 @@ def test_scale_and_points_are_iterated_until_stable(monkeypatch, variances, roun
     used, left = [], list(variances)
 
     def agreeing(group, poses, state, scale):
-        """All points."""
+        """Accept all points."""
         used.append(scale)
         return np.ones((2, 5), dtype=bool), MahalanobisSquared(np.zeros(3), np.full(3, 3))
 

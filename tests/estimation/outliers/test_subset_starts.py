@@ -28,7 +28,7 @@ SCENARIOS = [
 
 
 def problem_with_bumped_hand(scenario, seed):
-    """A problem of which the hand's poses of the last third of the samples are 5 cm off; the cell and the truth."""
+    """A problem with hand poses 5 cm off in the last third of the samples, the cell and the truth."""
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
     groups = []
@@ -140,7 +140,7 @@ def test_failing_items_are_removed_from_a_batch():
     """The other items keep their order, and an empty batch gives an empty result."""
 
     def work(items):
-        """Fails with a three among them."""
+        """Multiply items by ten, or fail if three is among them."""
         if 3 in items:
             raise np.linalg.LinAlgError
         return [10 * item for item in items]
@@ -166,8 +166,8 @@ def test_views_without_freedoms_do_not_count(monkeypatch):
     """A view with one freedom counts by it, and squares beyond the limit are equal."""
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
     value, freedoms = np.array([3.0, 7.0, np.inf, 0.2]), np.array([1, 0, 2, 1])
-    told = MahalanobisSquared(value, freedoms)
-    monkeypatch.setattr(subset_starts, "view_misfits", lambda *of: (told,))
+    misfits = MahalanobisSquared(value, freedoms)
+    monkeypatch.setattr(subset_starts, "view_misfits", lambda *of: (misfits,))
     ratio, half = np.array([3.0, 0.5e30, 0.2]), np.array([0.5, 1.0, 0.5])
     scales = np.maximum(np.quantile(ratio, np.linspace(0.1, 0.9, 17)), 1.0)
     wanted = min(float(np.sum(half * np.log(s) + (half + 0.5) * np.log1p(2 * half * ratio / s))) for s in scales)
@@ -189,18 +189,18 @@ def test_states_are_refined_on_the_best_half(monkeypatch):
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
     (group,) = problem.groups
     problem = problem.with_groups([group, group.take(np.arange(2))])
-    told = (
+    misfits = (
         MahalanobisSquared(np.array([[6.0, 12.0, 40.0], [1.0, 1.0, np.inf]]), np.array([[6, 6, 2], [2, 1, 3]])),
         MahalanobisSquared(np.array([[30.0, 0.5], [4.0, 0.2]]), np.array([[6, 0], [1, 1]])),
     )
     given = []
 
     def adjusted(read, drawn, dof, steps, weights):
-        """Nothing moves."""
+        """Return the given state."""
         given.append((dof, steps, [of.tolist() for of in weights]))
         return SimpleNamespace(state=drawn)
 
-    monkeypatch.setattr(subset_starts, "view_misfits", lambda *of: told)
+    monkeypatch.setattr(subset_starts, "view_misfits", lambda *of: misfits)
     monkeypatch.setattr(subset_starts, "bundle_adjust_batch", adjusted)
     found = subset_starts._concentrate(problem, [state, state])
     assert len(found) == 2

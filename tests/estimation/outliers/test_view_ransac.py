@@ -78,7 +78,7 @@ def test_consistent_samples_are_separated():
 
 
 def with_stray_points(problem, count, seed):
-    """The views of a problem's first group with `count` points of each at random places."""
+    """The views of a problem's first group with `count` random points each."""
     measurement = problem.groups[0].measurement
     n, p = measurement.seen.shape
     rng = np.random.default_rng(seed)

@@ -59,7 +59,7 @@ def _with_hand(sample: Sample, state: RobotState) -> Sample:
 
 
 def _problem_of_places(order: list[int], jitter_m: float = 0.0) -> Problem:
-    """Three places of the eye, taken in an order and read back with jitter; a new view at each, the hand still."""
+    """Three places of the eye in an order, with readback jitter and a new view at each, and a still hand."""
     s = simulate(Scenario(samples=len(order), robot_noise=(5e-5, 5e-5), target="led", arms="hand_still"), seed=0)
     rng = np.random.default_rng(0)
     samples = []
@@ -130,7 +130,7 @@ def test_camera_may_see_pixels_and_points_of_one_target():
 
 
 def _record_some_joints(made, has_joints, noise=None):
-    """The hand recorded by joints in some samples and by its pose in the others; the cell has its chain."""
+    """The hand recorded by joints in some samples and by its pose in the others, in a cell with its chain."""
     chain = read_chain(URDF, "base_link", "tool0")
     joints = np.random.default_rng(3).uniform(-1, 1, (len(has_joints), chain.n))
     samples = tuple(

@@ -75,15 +75,15 @@ def test_first_joint_of_a_gauge_is_held():
     assert determined_joints(moves, np.zeros((8, 6, 0))).tolist() == [0, 2]
 
 
-@pytest.mark.parametrize(("size", "told"), [(2.0, 1), (0.5, 0)])
-def test_motions_within_noise_are_not_informative(size, told):
+@pytest.mark.parametrize(("size", "determined"), [(2.0, 1), (0.5, 0)])
+def test_motions_within_noise_are_not_informative(size, determined):
     """Motions at twice and half the rms limit are tested, with half a metre as a radian.
 
     Only the larger ones determine a direction.
     """
     moves = np.zeros((4, 6, 1))
     moves[:, 0, 0] = 0.5 * size * LEAST_RMS_RAD
-    assert determined_directions(moves, np.zeros((4, 6, 0))).shape == (1, told)
+    assert determined_directions(moves, np.zeros((4, 6, 0))).shape == (1, determined)
 
 
 def test_independent_moves_exclude_those_of_others(rng):
@@ -173,9 +173,9 @@ def test_one_joint_of_each_gauge_is_held():
     """
     moves = np.random.default_rng(0).standard_normal((8, 6, 4))
     moves[..., 1], moves[..., 3] = 2.0 * moves[..., 0], moves[..., 2]
-    told = determined_joints(moves, np.zeros((8, 6, 0)))
-    assert len(told) == 2
-    assert np.linalg.matrix_rank(moves[..., told].reshape(48, 2)) == 2
+    determined = determined_joints(moves, np.zeros((8, 6, 0)))
+    assert len(determined) == 2
+    assert np.linalg.matrix_rank(moves[..., determined].reshape(48, 2)) == 2
     two = np.concatenate([moves[..., [0, 2]], moves[..., [0]] + moves[..., [2]]], -1)
     assert len(determined_joints(two, np.zeros((8, 6, 0)))) == 2
 
@@ -206,7 +206,7 @@ TIP = {"eye_tip": {"on": "eye"}}
 
 
 def _point_cell(status: str = "free") -> tuple[Cell, Recording]:
-    """Poses measured of a target that is declared as one point."""
+    """Measured poses of a target that is declared as one point."""
     made = simulate(Scenario(samples=12, target="pose", target_mount=status), seed=0)
     board = replace(made.cell.targets["board"], target=points_target([[0.0, 0.0, 0.0]]))
     return replace(made.cell, targets={"board": board}), made.recording

@@ -44,7 +44,7 @@ def state(made, problem):
 
 
 def arrays_per_view(group):
-    """Everything of a group that has one row a view, by name."""
+    """All arrays of a group with one row for each view, by name."""
     found = {}
     for f in fields(group):
         value = getattr(group, f.name)
@@ -130,7 +130,7 @@ def test_robot_columns_follow_all_others(problem, joints):
 
 
 def explicit_product(group, state, stops):
-    """The one equation, view by view, errors of stops and all."""
+    """The product of all factors, view by view, with stop errors."""
     found = []
     for k in range(len(group)):
         eye, hand = group.eye.base_from_flange[k], group.hand.base_from_flange[k]

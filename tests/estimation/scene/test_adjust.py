@@ -70,7 +70,7 @@ def test_robust_tail_protects_the_mount_from_gross_errors():
     )
 
     def apart(mount: SE3) -> float:
-        """Distance to the mount of sound data [m, rad]."""
+        """Distance to the mount of data without gross errors [m, rad]."""
         return float(np.linalg.norm((sound.inverse() @ mount).log()))
 
     assert apart(robust) < 0.1 * apart(plain)
@@ -120,7 +120,7 @@ def test_free_lens_has_a_prior_around_its_guess(parameter, off):
     task = SceneProblem(scene.views, scene.tracks, PIXEL, np.full((3, 6), 1e-3), (guess,))
 
     def cost(parameters):
-        """Of a lens."""
+        """The prior cost of a lens."""
         return float(prior_information(task, replace(scene.truth, lenses=(LENS.with_parameters(parameters),))).cost)
 
     assert cost(guess.parameters) == pytest.approx(0.0, abs=1e-12)

@@ -16,7 +16,7 @@ TWIN = SE3.from_rpy((0.0, 0.0, 1.0), (0.3, 0.2, 0.0))
 
 
 def make_clouds(rng, right, wrong):
-    """Points of the first arm, their partners in the second, some of which are others."""
+    """Points of the first arm and their partners in the second, some of which are wrong."""
     first = rng.uniform(-0.5, 0.5, (right + wrong, 3))
     second = BASE.inverse() @ first + 1e-3 * rng.standard_normal(first.shape)
     second[right:] = rng.uniform(-0.5, 0.5, (wrong, 3)) + BASE.inverse().translation
@@ -32,7 +32,7 @@ def test_third_of_right_pairs_suffices():
 
 
 def clouds_with_twin(right, twins):
-    """Clouds of points, the last of which belong to an object that stands elsewhere a second time."""
+    """Point clouds whose last points belong to an object at a second place."""
     first, second = make_clouds(np.random.default_rng(2), right, twins)
     second[right:] = BASE.inverse() @ (TWIN @ first[right:])
     return first, second

@@ -87,7 +87,7 @@ def test_points_of_known_depth_are_kept():
     centres = fit.state.world_from_camera(fit.views).translation[fit.tracks.view[first]]
     distances_m = np.linalg.norm(fit.state.points[0] - centres, axis=1)
     equations = pixel_equations(fit.views, fit.tracks, fit.state, 1.0)
-    sigma_m = np.sqrt(np.trace(np.linalg.inv(point_information(fit.tracks, equations)[0])))  # by a pixel
+    sigma_m = np.sqrt(np.trace(np.linalg.inv(point_information(fit.tracks, equations)[0])))  # for a sigma of one pixel
     for far_m, is_kept in ((0.199 * distances_m.min(), True), (0.201 * distances_m.max(), False)):
         noisy = replace(fit, sigma_px=far_m / sigma_m)
         _, state = module._without_gross(noisy, np.inf)
@@ -145,7 +145,7 @@ def test_points_behind_a_camera_are_lost(behind):
         poses[view] = poses[view] @ mount @ turned[1] @ mount.inverse()
     mirrored = scene.tracks.pixels.copy()
     of_view = scene.tracks.view == view
-    if behind:  # a ray along the z axis turned half way about y: its x stands still, its y changes sides
+    if behind:  # a half turn about y mirrors the ray: x is unchanged, y changes its sign
         rays = LENS.undistort(mirrored[of_view])[0] * [1.0, -1.0, 1.0]
         mirrored[of_view] = LENS.project(rays)
     views = replace(scene.views, base_from_flange=type(scene.views.base_from_flange).stack(poses))

@@ -69,7 +69,7 @@ def test_pixel_sigma_may_be_held():
 
 @cache
 def likelihood(arms=1, stated=(None,)):
-    """The likelihood of a scene about its truth, as `estimate_sigmas` makes it."""
+    """The likelihood of a scene about its truth, as in `estimate_sigmas`."""
     scene = made_scene(1, arms=arms)
     noise = np.tile(NOISE, (15 * arms, 1))
     fit = adjust(SceneProblem(scene.views, scene.tracks, PIXEL, noise, (LENS,) * arms), scene.truth)
@@ -93,7 +93,7 @@ def test_arms_have_a_prior():
     reach_m = of.fit.views.reach_m[0]
 
     def cost(rad, m):
-        """Of an arm's sigmas."""
+        """The prior cost of an arm's sigmas."""
         return of._prior_cost(np.log([0.3, m, rad]))[0]
 
     assert cost(3e-4, 3e-4 * reach_m) == pytest.approx(0.0, abs=1e-12)

@@ -20,7 +20,7 @@ NOISE = np.repeat([ARM_M, ARM_RAD], 3)
 
 @cache
 def fit_shifted_scene(pull_px: float) -> SceneFit:
-    """A scene, the image points of one half of which are pulled by so much in one direction of the world."""
+    """A scene with the image points of one half shifted along one direction of the world."""
     scene = made_scene(1, count=12)
     pixels = scene.tracks.pixels.copy()
     is_left = scene.truth.points[scene.tracks.point, 1] > 0

@@ -48,7 +48,7 @@ def test_step_moves_each_unknown_by_its_part():
 
 
 def with_world_camera(seed=3):
-    """Two arms with a camera each, and a camera on the world that takes the views of the second arm's first stops."""
+    """Two arms with a camera each, and a world camera in place of the second arm's first stops."""
     scene = made_scene(seed, arms=2, count=3)
     state = scene.truth.with_camera(SE3.exp([0.1, 0.2, 0.9, 0.1, 3.0, 0.2]), LENS)
     views = scene.views

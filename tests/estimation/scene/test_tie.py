@@ -34,7 +34,7 @@ def test_tracks_in_a_problem_have_the_scenes_information() -> None:
     found = linearise(problem, state).hessian[np.ix_(joined, joined)]
     scale = np.sqrt(np.diag(expected))
     off = (found - expected) / scale / scale[:, None]
-    assert np.abs(off[:18]).max() < 5e-4  # what is expected of the lenses' terms stands in the rest
+    assert np.abs(off[:18]).max() < 5e-4  # the rest includes the prior of the lens terms
 
 
 def test_problem_of_tracks_alone_equals_the_scene() -> None:

@@ -83,7 +83,7 @@ def test_bases_without_a_good_pair_are_not_placed(made, rng) -> None:
     problem, _ = build_problem(made.cell, made.recording)
 
     def spoilt(sight):
-        """The pair, its camera's robot anywhere."""
+        """The pair with random poses of its camera's robot."""
         poses = SE3.exp(rng.uniform(-1, 1, (len(sight.group), 6)))
         return replace(sight, group=with_eye(sight.group, base_from_flange=poses))
 
@@ -95,7 +95,7 @@ NAMES = [None, *(f"b{k}" for k in range(8))]
 
 
 def make_pair(rng, bases, k, eye, hand, turned_rad=(0.0,) * 5):
-    """Views of the k-th camera and target between two bases, turned so far from where X, Y and Z have them; these."""
+    """Views of the k-th camera and target between two bases, rotated off the truth, and X, Y and Z."""
     n, at = len(turned_rad), {None: SE3.identity(), **bases}
     a, c = SE3.exp(rng.standard_normal((n, 6))), SE3.exp(rng.standard_normal((n, 6)))
     x, z = SE3.exp(rng.standard_normal(6)), SE3.exp(rng.standard_normal(6))
@@ -110,14 +110,14 @@ def make_pair(rng, bases, k, eye, hand, turned_rad=(0.0,) * 5):
 
 @pytest.fixture
 def ring(rng):
-    """Eight bases about the reference and the nine pairs of neighbours among them, views turned by a milliradian."""
+    """Eight bases about the reference and nine pairs of neighbours, with views off by a milliradian."""
     bases = {name: SE3.exp(rng.uniform(-1, 1, 6)) for name in NAMES if name}
     pairs = [make_pair(rng, bases, k, NAMES[k], NAMES[(k + 1) % 9], (1e-3,) * 5) for k in range(9)]
     return bases, pairs
 
 
 def place_bases_of_pairs(monkeypatch, pairs, given=()):
-    """Where pairs place bases and mounts whose X, Y and Z are these."""
+    """The bases and mounts placed by pairs with these X, Y and Z."""
     monkeypatch.setattr(all_pairs, "_make_refinement", lambda _, sight, *__: sight)
     monkeypatch.setattr(all_pairs, "_restart_pairs", lambda seen: seen)
     monkeypatch.setattr(all_pairs, "refine_jointly", lambda seen: [dict(found)[id(sight)] for sight in seen])

@@ -63,7 +63,7 @@ def test_kronecker_products_equal_numpy(rng):
 
 
 def noisy_loop(unknown: str, n: int = 12):
-    """Samples that contradict one another, each of its own weight."""
+    """Noisy samples with different weights."""
     loop, truth = make_loop(unknown, n)
     rng = np.random.default_rng(8)
     b = loop.b @ SE3.exp(0.05 * rng.standard_normal((n, 6)))

@@ -111,7 +111,7 @@ def test_bases_are_rotated_about_the_middle_of_their_flanges():
 
 
 def problem_of_held_part(axis):
-    """The problem of a part that both arms hold, exactly, and the identity for all transforms but the base."""
+    """The problem of a part that both arms hold exactly."""
     cell = clamp_cell(axis)
     lines = clamp_lines(held_poses(np.random.default_rng(1), 12, 0.0, 0.0, is_hinge=axis == "free"))
     problem, _ = build_problem(cell, recorded(cell, lines))

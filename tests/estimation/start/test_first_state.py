@@ -93,7 +93,7 @@ def test_unknowns_of_a_pair_match_its_loop(layout: str) -> None:
 
 
 def _partial_views(samples: int, each: int):
-    """Views without noise that show the first point of a board and some others each, in turn; X, Y and Z."""
+    """Views without noise of the first point of a board and some other points each, and X, Y and Z."""
     made = simulate(Scenario(samples=samples, pixel_px=1e-9), 1)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -145,15 +145,15 @@ def test_guesses_form_a_state_if_complete():
     made = simulate(Scenario(samples=4), 0)
     problem, _ = build_problem(made.cell, made.recording)
     assert guessed_state(problem, made.cell) is None
-    told = {name: replace(u, mean=made.truth[name]) for name, u in problem.unknowns.items()}
-    state = guessed_state(replace(problem, unknowns=told), made.cell)
+    guesses = {name: replace(u, mean=made.truth[name]) for name, u in problem.unknowns.items()}
+    state = guessed_state(replace(problem, unknowns=guesses), made.cell)
     assert {name: t is made.truth[name] for name, t in state.transforms.items()} == dict.fromkeys(
         problem.unknowns, True
     )
     assert state.stop_errors.shape == (len(problem.stops), 6)
     assert not np.any(state.stop_errors)
     first, *others = problem.unknowns
-    assert guessed_state(replace(problem, unknowns={**told, first: problem.unknowns[first]}), made.cell) is None
+    assert guessed_state(replace(problem, unknowns={**guesses, first: problem.unknowns[first]}), made.cell) is None
     assert others
 
 
@@ -258,7 +258,7 @@ def test_thorough_start_uses_more_views_with_refined_poses(monkeypatch):
 
 
 def make_pair(rng, swapped=()):
-    """Twenty views of a pair, each with its true pose and one off by half a radian, first and second; X, Y and Z."""
+    """Twenty views of a pair, each with its true pose and one off by half a radian, and X, Y and Z."""
     n = 20
     a, c = SE3.exp(rng.standard_normal((n, 6))), SE3.exp(rng.standard_normal((n, 6)))
     x, y, z = (SE3.exp(rng.standard_normal(6)) for _ in "xyz")
@@ -381,7 +381,7 @@ SIGMA = np.full(6, 1e-3)
 
 
 def with_outliers(count, size=0.05):
-    """Thirty poses with noise, the first `count` off by `size` in every number."""
+    """Thirty poses with noise, the first `count` off by `size` in every coordinate."""
     errors = 1e-3 * np.random.default_rng(0).standard_normal((30, 6))
     errors[:count] += size
     return pose_problem(errors, SIGMA)
@@ -445,7 +445,7 @@ def test_irls_starts_unweighted_and_then_reweights_each_step(monkeypatch, fails_
     assert cauchy_irls(None, 0) == len(steps) == (fails_at or 25)
     assert [iterations for iterations, _ in steps] == [3, *[1] * (len(steps) - 1)]
     assert steps[0][1] is None
-    scale = np.array([[3.2], [2.4]])  # six tenths of 0, 1, 2, 5 and what is beyond; of 1, 2, 2, 3 and 5
+    scale = np.array([[3.2], [2.4]])  # 0.6 quantiles of 0, 1, 2, 5 and infinity, and of 1, 2, 2, 3 and 5
     expected = [1 / (1 + np.array(of) / scale) for of in ([[1, 2, np.inf], [1, 2, 3]], [[5, 0], [2, 5]])]
     for _, weights in steps[1:]:
         for found, wanted in zip(weights, expected, strict=True):

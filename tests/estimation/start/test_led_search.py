@@ -18,7 +18,7 @@ from basecal.simulation import Scenario, simulate
 
 
 def partial_views():
-    """Views of a board, two of its third point alone and ten of its second; what is known of its loop."""
+    """Two views of a board's third point and ten of its second, and what is known of its loop."""
     made = simulate(Scenario(samples=12, camera_mount="fixed"), 1)
     (group,) = build_problem(made.cell, made.recording)[0].groups
     seen = np.zeros_like(group.measurement.seen)
@@ -73,7 +73,7 @@ def _unit_quaternions(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _light(views, known=(), turned=None):
-    """A loop that closes exactly on a light, its bearings, and X, Y and Z, whose rotations may be given."""
+    """A loop that closes exactly on an LED, its bearings, and X, Y and Z, whose rotations may be given."""
     rng = np.random.default_rng(3)
     a, c = (SE3.exp(rng.standard_normal((views, 6)) * [0.3, 0.3, 0.3, 0.8, 0.8, 0.8]) for _ in range(2))
     x, y = SE3.exp(0.3 * rng.standard_normal(6)), SE3.exp(np.array([0.9, 0.2, 0.1, 0.4, -0.3, 1.2]))

@@ -31,7 +31,7 @@ from basecal.simulation import Scenario, simulate
 
 
 def prepare_views(scenario, views=100, points=100, seed=1, change=None):
-    """Views made ready, the poses of the target that are true, and the group they are of."""
+    """Prepared views, the true poses of the target, and the group."""
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
@@ -210,13 +210,13 @@ LENS = Camera("pinhole", [500.0, 700.0, 320.0, 240.0])
 
 
 def group_of(measurement, count):
-    """Views of an arm's camera, whose flanges stand anywhere."""
+    """Views of an arm's camera at random flange poses."""
     flanges = SE3.exp(np.random.default_rng(0).standard_normal((count, 6)))
     return views(end("r", flanges, mount="x"), end(mount="z", base_from_flange=SE3.identity((count,))), measurement)
 
 
 def pixels_of(seen, stated=None):
-    """Pixels of points on a curve, some of which were seen, with 1 / sigma where it was stated."""
+    """Pixels of points on a curve, some of them unseen, with 1 / sigma if stated."""
     n, p = seen.shape
     points = np.column_stack([np.linspace(0, 1, p), np.linspace(0, 1, p) ** 2, np.zeros(p)])
     pixels = np.random.default_rng(1).uniform(0, 600, (n, p, 2))
@@ -225,7 +225,7 @@ def pixels_of(seen, stated=None):
 
 
 def poses_with(cost, sigma_rad=0.02):
-    """What finds poses of such costs, each known to so many radians in all."""
+    """A function that returns poses of these costs, each with this total sigma in radians."""
     cost = np.array(cost, dtype=np.float64)
     poses = SE3.exp(np.random.default_rng(2).standard_normal((*cost.shape, 6)))
     information = np.tile(np.diag([1e6] * 3 + [3 / sigma_rad**2] * 3), (len(cost), 1, 1))
@@ -402,7 +402,7 @@ def test_half_turns_are_found_for_any_arm_rotation(count):
     s = simulate(Scenario(samples=count, arms="eye_still"), 2)
     (group,) = build_problem(s.cell, s.recording)[0].groups
     rng = np.random.default_rng(0)
-    # The target turned as far as its arm, about axes of its own.
+    # The target rotates as far as its arm, about other axes.
     wide = rotation_exp(rng.uniform(-1.7, 1.7, (count, 3)))
     turned_group = with_hand(group, base_from_flange=_rotate_flanges(group, wide))
     mount = rotation_exp(np.array([0.3, -0.2, 2.0]))
@@ -418,7 +418,7 @@ def _rotate_flanges(group, rotation):
 
 
 def group_by_stops(eye_stand, hand_stand, eye, hand):
-    """Views of two arms by the stops that each stood in, their flanges turned so."""
+    """Views of two arms with these stop numbers and flange rotations."""
     n = len(eye_stand)
     a, c = (SE3(np.broadcast_to(turn, (n, 3, 3)), np.zeros((n, 3))) for turn in (eye, hand))
     return views(end("eye", a, stop_number=eye_stand), end("hand", c, stop_number=hand_stand))

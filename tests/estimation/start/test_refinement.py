@@ -17,7 +17,7 @@ from basecal.simulation import Scenario, simulate
 
 
 def make_request(seed, views=100, starts=(0.3, 0.05), searched=False, known="", scenario=None):
-    """A pair's views, with starts so far off the truth [m, rad], and the truth of X, Y and Z."""
+    """A request with a pair's views and starts this far off the truth [m, rad], and the true X, Y and Z."""
     made = simulate(scenario or Scenario(samples=10), seed)
     (group,) = build_problem(made.cell, made.recording)[0].groups
     pair = pair_views(group, made.cameras["wrist"], views, 12)

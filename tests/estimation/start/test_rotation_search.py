@@ -23,7 +23,7 @@ from basecal.geometry.rotation import nearest_rotation, rotation_exp, rotation_l
 
 
 def make_loop(truth, unknown, n, seed, noise=0.0):
-    """A loop of n samples with B in noise [rad], of which some of X, Y and Z are unknown."""
+    """A loop of n samples with noise of B [rad] and some unknowns among X, Y and Z."""
     rng = np.random.default_rng(seed)
     a, c = SE3.exp(rng.standard_normal((n, 6))), SE3.exp(rng.standard_normal((n, 6)))
     b = (a @ truth["x"]).inverse() @ truth["y"] @ c @ truth["z"] @ SE3.exp(noise * rng.standard_normal((n, 6)))

@@ -27,7 +27,7 @@ NAME = "arm_flange_from_wrist"
 
 
 def with_stamp_jitter(jitter_s: float, seed: int = 0, clock: Clock | None = None, stated: bool = True) -> Streamed:
-    """Views whose stamps are off by so much each [s]."""
+    """Views with random errors of their time stamps [s]."""
     made, rng = streamed(seed=seed, seconds=6.0, clock=clock, stated=stated), np.random.default_rng(100 + seed)
     samples = tuple(
         replace(s, stamp_s=s.stamp_s + jitter_s * rng.standard_normal()) if s.observations else s
@@ -90,7 +90,7 @@ def test_stated_jitter_widens_the_clock_offset() -> None:
 
 
 def with_bends(made: Streamed, seed: int) -> Streamed:
-    """Views of a mount and a lens that yield to gravity as much as every answer expects of them."""
+    """Views of a mount and a lens that deform under gravity as much as expected."""
     rng = np.random.default_rng(200 + seed)
     seen = [s for s in made.recording.samples if s.observations]
     flange = path_poses(np.array([s.stamp_s for s in seen]) + made.offset_s)
@@ -124,7 +124,7 @@ def test_covariance_with_jitter_is_consistent() -> None:
     found = [calibrate(each.cell, each.recording) for each in made]
     mean = np.mean([mount_nees(*each) for each in zip(made, found, strict=True)])
     assert mean / 6 == pytest.approx(1.0, abs=3 * np.sqrt(2 / (6 * 40)))
-    assert sum(each.verdict == "good" for each in found) >= 30  # large bends are named
+    assert sum(each.verdict == "good" for each in found) >= 30  # large bends are reported
 
 
 def test_wrongly_exact_time_stamps_give_a_poor_fit() -> None:
@@ -134,7 +134,7 @@ def test_wrongly_exact_time_stamps_give_a_poor_fit() -> None:
 
 
 def passing_group(still: bool):
-    """The end of the arm, and the stamps of its views."""
+    """The view group of an arm, and the time stamps of its views."""
     made = streamed(clock=Clock(offset_s=0.03), still=still)
     streams = recording_streams(made.cell, made.recording)
     of = synchronise(streams, streams.stated_offsets)

@@ -11,7 +11,7 @@ from stream_cells import path_poses
 
 
 def path_error(path: Path, times: np.ndarray) -> float:
-    """The largest difference from where the flange truly is, in any coordinate."""
+    """The largest deviation from the true flange pose, in any coordinate."""
     return float(np.abs((path_poses(times).inverse() @ path.evaluate(times).base_from_flange).log()).max())
 
 

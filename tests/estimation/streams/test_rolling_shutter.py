@@ -43,7 +43,7 @@ def true_geometry(made: Streamed) -> KnownGeometry:
 
 
 def row_shifts(recording: Recording, made: Streamed) -> np.ndarray:
-    """Pixels less where they are at the instants of the samples, (n, p, 2)."""
+    """Pixels minus their position at the time of the sample, (n, p, 2)."""
     shape, lens = made.cell.targets["board"].target, true_geometry(made).lenses["wrist"]
     assert shape is not None
     poses = (path_poses(np.array([s.stamp_s for s in recording.samples])) @ MOUNT).inverse() @ BOARD
@@ -112,7 +112,7 @@ def _without_clock(made: Streamed):
 
 
 def _synchronous_samples(made: Streamed) -> tuple[Sample, ...]:
-    """Views with the arm beside them, as one clock records."""
+    """Views with the arm's pose, as recorded by one clock."""
     return synchronous_recording(made.cell, made.recording).samples
 
 
@@ -142,7 +142,7 @@ def test_poses_and_velocities_of_any_pair_equal_differences(camera_on: str, targ
     velocities = {name: rng.uniform(-1, 1, 6) for name in flanges}
 
     def seen(after_s: float) -> SE3:
-        """The target in the camera, written out."""
+        """The target in the camera by an explicit product."""
         at = {name: flange @ SE3.exp(after_s * velocities[name]) for name, flange in flanges.items()}
         in_world = {"eye": at["eye"], "hand": transforms[names["base"]] @ at["hand"], "world": SE3.identity()}
         camera = in_world[camera_on] @ transforms[names["camera"]]
@@ -197,7 +197,7 @@ def test_pixels_are_corrected_by_rows_from_the_mean() -> None:
 
 
 def moving_light(velocity: np.ndarray) -> tuple[KnownGeometry, dict[str, RobotMotion]]:
-    """A camera on an arm, a tag of two points on another, 1 m before it, that goes by a velocity; and these arms."""
+    """A camera on an arm, and a tag of two points, 1 m away, on another arm that moves."""
     lens = Camera("pinhole", np.array([800.0, 800.0, 640.0, 360.0]), (1280, 720))
     tag = points_target(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]))
     cell = Cell(
@@ -222,7 +222,7 @@ def test_motion_until_a_row_is_subtracted_from_its_pixels() -> None:
     robots = {name: {3: of} for name, of in arms.items()}
 
     def mended(line_s: float, known: KnownGeometry = known, sample: Sample = sample) -> np.ndarray:
-        """Pixels of the sample as if they had been seen at once."""
+        """Corrected pixels of the sample."""
         (found,) = correct_rolling_shutter(Recording((sample,)), known, {"wrist": line_s}, robots).samples
         assert found.stamp_s == sample.stamp_s
         return found.observations[0].pixels

@@ -291,13 +291,13 @@ def test_joints_are_passed_on_as_joints() -> None:
 
 
 def make_line(number: int, stamp_s: float | None, cameras: Sequence[str] = (), robots: Sequence[str] = ()) -> Sample:
-    """A line with views of the tag by some cameras, and robots where they stand."""
+    """A line with views of the tag by some cameras, and poses of some robots."""
     views = tuple(PoseObservation(camera, "tag", SE3.identity()) for camera in cameras)
     return Sample(number, stamp_s=stamp_s, observations=views, robots={n: RobotState(SE3.identity()) for n in robots})
 
 
 def two_arms(**clocks: Clock) -> Cell:
-    """An arm with a camera, one with two that roll, and a tag on the world; clocks by name."""
+    """An arm with a camera, one with two rolling shutter cameras, and a tag on the world, with clocks by name."""
     robots = {name: Robot(name, clock=clocks.get(name)) for name in ("left", "right")}
     rolling = RollingShutter("fixed", 1e-5)
     cameras = {

@@ -18,7 +18,7 @@ WEIGHT = np.array([[1.0, 2.0, 0.0, 0.0], [1.0, 1.0, 1.0, 1.0]])
 
 @pytest.fixture
 def measurement():
-    """The first view sees the second point at a right angle to where it is; the others are seen where they are."""
+    """The first view sees the second point at a right angle to its direction; all others are exact."""
     bearings = np.stack([UNIT, UNIT])
     bearings[0, 1] = [0, 1, 0]
     return BearingMeasurement(POINTS, bearings, WEIGHT)

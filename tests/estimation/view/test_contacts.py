@@ -13,7 +13,7 @@ KINDS = (PlaneMeasurement, EdgeMeasurement, HingeMeasurement, GripMeasurement)
 
 
 def make_contacts(kind, count=4):
-    """So many contacts of a kind, with unstated noise."""
+    """Contacts of a kind, with unstated noise."""
     zero = np.zeros((count, 1))
     return kind(np.zeros((1, 3)), np.zeros((count, 1, 3)), np.ones((count, 1), dtype=bool), zero, zero)
 

@@ -43,7 +43,7 @@ def pixels_of(camera: Camera, pose: SE3, points: np.ndarray, weight: np.ndarray,
 
 
 def make_measurement(kind: str, residual: float) -> tuple[Measurement, SE3, Camera | None]:
-    """A measurement of 4 views, the poses it is linearised at, and the lens."""
+    """A measurement of 4 views, the poses of its linearisation, and the lens."""
     rng = np.random.default_rng(3)
     pose, points = facing_poses(rng, 4, 0.9), random_points(rng)
     in_camera = (pose.rotation @ points.T).swapaxes(1, 2) + pose.translation[:, None]

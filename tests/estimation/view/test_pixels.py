@@ -24,7 +24,7 @@ AHEAD = SE3(np.broadcast_to(np.eye(3), (3, 3, 3)), np.tile([0.0, 0.0, 2.0], (3, 
 
 @pytest.fixture
 def measurement():
-    """Every point is seen 3 px beside and 4 px above where the lens puts it at `AHEAD`."""
+    """Every point is seen 3 px beside and 4 px above its projection at `AHEAD`."""
     pixels = np.tile(LENS.project(POINTS + np.array([0, 0, 2.0])) - [3.0, 4.0], (3, 1, 1))
     return PixelMeasurement(POINTS, pixels, SEEN, STATED, np.where(STATED > 0, STATED, 1.0 * SEEN))
 
@@ -242,7 +242,7 @@ def test_shapes_have_their_own_columns(measurement):
     np.testing.assert_allclose(view.information[:, :10, :10], plain.information)
 
     def cost(step):
-        """Of a target whose points are moved by so much."""
+        """The cost of a target with moved points."""
         return replace(measurement, points_in_target=POINTS + by_shape @ step).linearise(AHEAD, LENS, False).cost
 
     for k in range(2):

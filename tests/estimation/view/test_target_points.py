@@ -94,7 +94,7 @@ WEIGHT = SEEN * np.array([4.0, 2.0, 1.0])
 
 @pytest.fixture(params=["bearings", "pixels", "points"])
 def measurement(request, rng):
-    """Two views of three points, of which one was not seen."""
+    """Two views of three points, one of them unseen in the second view."""
     points = rng.normal(size=(3, 3))
     if request.param == "bearings":
         return BearingMeasurement(points, rng.normal(size=(2, 3, 3)), WEIGHT)
@@ -140,7 +140,7 @@ AT = SE3.from_rotvec([[0.1, 0.0, 0.2], [0.0, -0.3, 0.1]], [[0.0, 0.1, 2.0], [0.1
 
 @pytest.fixture(params=["pixel_px", "point_m"])
 def seen_points(request, rng):
-    """Two views of four points, off by random numbers, of which one was not seen and two state a sigma."""
+    """Two views of four points with random errors, one of them unseen and two with stated sigmas."""
     points, weight = 0.3 * rng.normal(size=(4, 3)), np.where(SEEN_OF_FOUR, np.where(STATED > 0, STATED, 3.0), 0.0)
     in_camera = AT.rotation[:, None] @ points[..., None]
     in_camera = in_camera[..., 0] + AT.translation[:, None]

@@ -40,7 +40,7 @@ def test_usual_lens_covers_its_image(model: str) -> None:
             np.testing.assert_allclose(camera.project(rays[valid]), pixels[valid], rtol=0, atol=1e-8)
             assert lens.domain_mask(rays[valid], distortion.tolist()).all()
             (left, right), _ = camera.undistort(np.array([[0.0, 359.5], [1279.0, 359.5]]))
-            assert 60 < np.degrees(np.arccos(left @ right)) < 170  # a field of view of lenses that are sold
+            assert 60 < np.degrees(np.arccos(left @ right)) < 170  # a field of view of commercial lenses
 
 
 @pytest.mark.parametrize("model", lens_models())
