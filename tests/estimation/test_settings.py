@@ -32,7 +32,7 @@ def test_settings_as_dict():
 
 
 def test_stages_run_with_or_without_a_timer():
-    """A stage without a timer does nothing else."""
+    """The work of a stage is done whether or not its time is measured."""
     done = []
     for settings in (DEFAULT, Settings(stages=Stages())):
         with settings.stage("work"):

@@ -45,7 +45,7 @@ def distance(estimate, truth) -> float:
 
 @pytest.mark.parametrize("name", quick(AGAINST_ORACLE, ["half and half", "light with priors"]))
 def test_optimum_and_covariance_equal_the_dense_problem(name):
-    """The elimination of stops changes nothing: optimum to 1e-3 and covariance to 2 % of the sigmas.
+    """The elimination of stops has no effect: optimum to 1e-3 and covariance to 2 % of the sigmas.
 
     The oracle differentiates numerically and keeps second-order terms of stop errors in its Jacobian.
     """

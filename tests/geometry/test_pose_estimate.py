@@ -58,7 +58,7 @@ def test_right_covariance_is_independent_of_the_lever_arm():
 
 
 def test_covariances_satisfy_group_axioms(rng):
-    """Inverting twice changes nothing, and products are associative."""
+    """Inverting twice gives the same covariance, and products are associative."""
     a, b, c = (random_estimate(rng) for _ in range(3))
     np.testing.assert_allclose(a.inverse().inverse().covariance, a.covariance, rtol=1e-10, atol=1e-18)
     np.testing.assert_allclose(((a @ b) @ c).covariance, (a @ (b @ c)).covariance, rtol=1e-10, atol=1e-18)

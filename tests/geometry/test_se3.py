@@ -45,7 +45,7 @@ def test_log_at_difficult_points(xi):
 
 
 def test_log_of_tiny_rotations_has_relative_accuracy(xi):
-    """A rotation of 1e-12 rad keeps as many digits as one of 1 rad. Nothing is rounded against 1."""
+    """A rotation of 1e-12 rad keeps as many digits as one of 1 rad. No value is rounded relative to 1."""
     angle = np.linalg.norm(xi[3:])
     np.testing.assert_allclose(SE3.exp(xi).log()[3:], xi[3:], rtol=0, atol=TOLERANCE * angle)
 

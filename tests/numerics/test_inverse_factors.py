@@ -13,7 +13,7 @@ from basecal.numerics.inverse_factors import _invert_factors, inverse_factors
 def test_inverse_factors_and_log_determinants(shape):
     """R M R' is the identity, R is lower triangular, and log det is NumPy's.
 
-    Holds for few and many matrices, in chunks, and with leading axes.
+    The batches are few and many matrices, in chunks, and with leading axes.
     """
     rng = np.random.default_rng(len(shape))
     rows = rng.standard_normal((*shape, 12, 20)) * np.logspace(-2, 2, 12)[:, None]

@@ -279,7 +279,7 @@ def test_perturbed_starts_have_the_requested_rotation(target):
 
 @pytest.mark.parametrize("reference", ["eye", "hand"])
 def test_proven_rotations_lead_back_from_a_worse_state(reference, monkeypatch):
-    """A few steps reach the best fit, whichever arm's base is the world. Nothing is claimed about the worse state."""
+    """A few steps reach the best fit, whichever arm's base is the world. No claim is made about the worse state."""
     monkeypatch.setattr("basecal.estimation.certificate.certificate._DESCENT_STEPS", 2)
     made = simulate(Scenario(target="pose", samples=12, pose_noise=(1e-3, 1e-2)), 1)
     # Arms that face each other have a base that is nearly its own inverse; this one is oblique.

@@ -307,7 +307,7 @@ def test_local_minimum_is_lowest_in_each_factor(count, rng):
 
 
 def test_sweeps_end_without_improvement(rng, monkeypatch):
-    """With one factor the second sweep improves nothing; with a limit of one, there is one sweep."""
+    """With one factor the second sweep gives no improvement. With a limit of one, there is one sweep."""
     form, start = random_form(rng, 1, 6), random_units(rng, 1)
     made, whole = [], relaxation.kronecker_product
     monkeypatch.setattr(relaxation, "kronecker_product", lambda of: made.append(len(of)) or whole(of))

@@ -126,7 +126,7 @@ def some_step(model: RobotModel) -> dict[str, np.ndarray]:
 
 
 def test_unchanged_robots_have_no_columns():
-    """Robots with fixed kinematics have nothing to differentiate."""
+    """Robots with fixed kinematics have no derivatives."""
     problem, state = problem_near_truth(CELLS["dual"])
     (group,) = problem.groups
     derivative, columns = robot_model_jacobian(problem, group, chain(group, state, problem.stops), state, 6)

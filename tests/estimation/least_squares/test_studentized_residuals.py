@@ -123,7 +123,7 @@ def test_view_distance_is_to_the_mean_of_the_others(count):
 
 
 def test_sole_view_of_an_unknown_has_no_freedoms():
-    """Nothing else predicts it, so it has no distance. A direction that only this view observes costs one freedom."""
+    """No other view predicts it, so it has no distance. A direction that only this view observes costs one freedom."""
     problem, state = pose_problem(np.full((1, 6), 1e-3), np.ones(6))
     (found,) = studentized_views(leave_one_out(problem, state, [np.ones(len(problem.groups[0]))]))
     assert found.freedoms.tolist() == [0]

@@ -40,7 +40,7 @@ def test_residuals_and_freedoms_are_counted():
 
 
 def test_stated_sigmas_are_kept(rng):
-    """With all sigmas stated, nothing is estimated or scaled, however large the residuals are."""
+    """With all sigmas stated, no sigma is estimated or scaled, however large the residuals are."""
     errors = 1e-3 * rng.normal(size=(40, 6))
     _, _, noise = estimate_pose_noise(errors, np.full(6, 1e-3))
     assert noise.estimated == ()

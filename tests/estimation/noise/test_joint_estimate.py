@@ -87,7 +87,7 @@ def test_clean_cells_have_little_robot_noise():
 
 
 def test_stated_noise_is_not_estimated():
-    """If every robot and the pixels state their noise, requesting an estimate changes nothing."""
+    """If every robot and the pixels state their noise, requesting an estimate has no effect."""
     stated = replace(SILENT, state_robot_noise=True)
     asked, plain = solve_scenario(stated, 0), solve_scenario(stated, 0, STATED)
     assert not asked.noise.robots
@@ -211,7 +211,7 @@ def test_many_views_start_from_a_converged_subset(monkeypatch, settled):
 def test_shared_errors_have_a_prior_of_one_half(names, priors):
     """Models with and without shared errors are equally likely.
 
-    If links or joint offsets are modelled, no arm is assumed exact: the model without shared errors does not count.
+    If links or joint offsets are modelled, no arm is assumed exact, and the model without shared errors does not count.
     """
     np.testing.assert_allclose(joint_estimate.model_priors(names), priors)
 

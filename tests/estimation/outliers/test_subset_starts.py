@@ -69,7 +69,8 @@ def test_subsets_of_a_batch_are_independent(scenario, monkeypatch):
 def test_best_subset_start_is_the_truth(scenario):
     """With a third of the samples 5 cm off, the best score, of few views, is the truth to 3 mm and 3 mrad.
 
-    So it is in 57 to 60 of 60 such cells, as rounding leads descents from afar; in this one seven states are.
+    The same holds in 57 to 60 of 60 such cells, because rounding affects descents from afar. In this cell seven states
+    reach it.
     """
     problem, cell, truth = problem_with_bumped_hand(scenario, 3)
     wrong = {name: transform @ SE3.exp([0.02] * 3 + [0.01] * 3) for name, transform in truth.transforms.items()}

@@ -268,7 +268,7 @@ def test_closed_form_poses_use_the_subset(monkeypatch):
 
 
 def test_views_are_refitted_until_points_are_stable():
-    """From poses slightly off, with points off by some sigmas, another fit to the agreeing points changes nothing."""
+    """From poses slightly off, with points off by some sigmas, another fit to the agreeing points has no effect."""
     problem, state, true = problem_at_truth(Scenario(samples=30), 0)
     rng = np.random.default_rng(1)
     pixels = problem.groups[0].measurement.pixels

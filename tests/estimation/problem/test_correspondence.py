@@ -58,7 +58,7 @@ def test_led_is_found_among_reflections(mounts):
 
 
 def test_half_turn_reverses_the_grid():
-    """Point k of a turned chessboard is point n - 1 - k, and a ChArUco board has no half turn."""
+    """Point k of a chessboard rotated by half a turn is point n - 1 - k, and a ChArUco board has no half turn."""
     board = chessboard_target((5, 4), 0.03)
     target_from_turned = half_turn(board)
     np.testing.assert_allclose(target_from_turned @ board.points, board.points[::-1], atol=1e-15)

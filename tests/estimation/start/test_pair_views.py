@@ -263,7 +263,7 @@ def test_views_without_a_pose_are_left_out(none, kept):
 
 @pytest.mark.parametrize(("points", "has_poses"), [(3, False), (4, True)])
 def test_target_of_four_points_has_poses(points, has_poses):
-    """A target of three points has none, whatever their cost."""
+    """A target of four points has poses, and one of three has none, whatever their cost."""
     found = pair_views(group_of(pixels_of(np.ones((3, points), dtype=bool)), 3), LENS, 9, 9, poses_with([[0, 30]] * 3))
     assert (found.candidates is not None) == has_poses
 
@@ -458,7 +458,10 @@ def test_arm_that_moved_alone_determines_the_half_turns(still):
 
 @pytest.mark.parametrize("count", [2, 3, 7])
 def test_readings_are_optimal_for_each_single_view(rng, count):
-    """At the end of the descent, no single change reduces the cost. The start is not modified, and an end is kept."""
+    """At the end of the descent, changing the reading of a single view does not reduce the cost.
+
+    The start is not modified, and an end is kept.
+    """
     misfit = rng.uniform(size=(count, 2, count, 2))
     misfit = misfit + misfit.transpose(2, 3, 0, 1)
     misfit[np.arange(count), :, np.arange(count)] = 0.0

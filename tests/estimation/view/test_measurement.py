@@ -176,7 +176,10 @@ def test_chunking_of_views_has_no_effect():
 @pytest.mark.parametrize("common_px", [0.0, 0.5])
 @pytest.mark.parametrize("free_lens", [False, True])
 def test_seen_point_behind_the_camera_has_infinite_cost(free_lens, common_px):
-    """An unseen one costs nothing. Only its own view is lost, and gradients stay finite."""
+    """A seen point behind the camera costs infinitely much, and an unseen one has no cost.
+
+    Only its own view is lost, and gradients stay finite.
+    """
     rng = np.random.default_rng(2)
     pose, points = facing_poses(rng, 3, 0.9), random_points(rng)
     points[0] = [0.0, 0.0, -3.0]

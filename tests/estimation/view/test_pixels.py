@@ -129,7 +129,7 @@ def test_rows_of_a_batch_are_selected(measurement):
 
 @pytest.mark.parametrize("lens_each", [False, True])
 def test_batch_entries_equal_separate_linearisations(measurement, lens_each):
-    """Chunks change nothing, whether all entries share one lens or each has its own."""
+    """Chunks have no effect, whether all entries share one lens or each has its own."""
     count = 1000
     rng = np.random.default_rng(0)
     away = SE3.exp(0.1 * rng.standard_normal((count, 3, 6)))

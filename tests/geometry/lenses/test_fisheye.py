@@ -34,7 +34,7 @@ def test_derivative_beyond_a_right_angle(rng):
 
 
 def test_unprojection_inverts_projection(rng):
-    """Every image inside the fold leads back to its point, behind the lens too."""
+    """Every image inside the fold is mapped back to its point, behind the lens too."""
     check_inverse(fisheye, DISTORTION, points_before(rng, widest=2.0))
     check_inverse(fisheye, STRAIGHT, points_behind(rng))
     check_inverse(fisheye, [-0.05, 0.0, 0.0, 0.0], points_before(rng, widest=2.0))

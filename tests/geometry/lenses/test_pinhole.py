@@ -24,7 +24,7 @@ def test_images_and_derivatives(terms, rng):
 
 @pytest.mark.parametrize("terms", DISTORTIONS)
 def test_unprojection_inverts_projection(terms, rng):
-    """Every image inside the fold leads back to its point."""
+    """Every image inside the fold is mapped back to its point."""
     check_inverse(pinhole, DISTORTIONS[terms], points_before(rng))
 
 

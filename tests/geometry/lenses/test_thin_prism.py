@@ -125,7 +125,7 @@ def test_images_and_derivatives(rng: np.random.Generator) -> None:
 
 
 def test_unprojection_inverts_projection(rng: np.random.Generator) -> None:
-    """Every image inside the fold leads back to its point, with a prism far stronger than any real lens's."""
+    """Every image inside the fold is mapped back to its point, with a prism far stronger than any real lens's."""
     check_inverse(thin_prism, TERMS, points_before(rng))
     check_inverse(thin_prism, [*TERMS[:8], *(10 * np.array(TERMS[8:])).tolist()], points_before(rng))
 
