@@ -6,7 +6,19 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from tests.words import Name, Text, complaints, docstrings, documents, fault, messages, names, sentences, word_count
+from tests.words import (
+    Name,
+    Text,
+    complaints,
+    docstrings,
+    documents,
+    fault,
+    messages,
+    names,
+    names_of_tests,
+    sentences,
+    word_count,
+)
 
 
 @pytest.mark.parametrize(
@@ -21,6 +33,7 @@ from tests.words import Name, Text, complaints, docstrings, documents, fault, me
         ("parameter", "found"),
         ("constant", "_ROUNDS"),
         ("module", "at_the_door"),
+        ("test", "test_a_missing_file_is_told"),
     ],
 )
 def test_vague_names_are_found(kind: str, name: str) -> None:
@@ -74,8 +87,9 @@ def test_complaint_has_the_replacement(sentence: str, complaint: str) -> None:
 
 
 def test_names_have_no_faults() -> None:
-    """Each name of the package passes."""
-    faults = [f"{name.path}:{name.line}: {name.kind} {name.name}: {fault(name)}" for name in names() if fault(name)]
+    """Each name of the package passes, and each name of a test."""
+    every = (*names(), *names_of_tests())
+    faults = [f"{name.path}:{name.line}: {name.kind} {name.name}: {fault(name)}" for name in every if fault(name)]
     assert not faults, f"rename these, by the rules in tests/words.py: {'; '.join(faults)}"
 
 

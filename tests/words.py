@@ -52,6 +52,9 @@ VAGUE = word_set(
 )
 PUBLIC = word_set("between import_into wanted imported")  # of documented nouns, and modules that plug-ins import
 REPLACED = word_set("told mended shaken alike door worth anywhere surprise")
+REPLACED_IN_TESTS = REPLACED | word_set(
+    "tell tells say says said mend mends stand stands stood whoever nobody everybody somebody anybody befalls errs"
+)
 NO_FIRST_WORDS = word_set("What Of Those That Likewise So Who Whose It Nothing By From")  # of a docstring
 BUILDERS = word_set("with without to from as is has are was needs can read wait leave")
 PHRASES = {
@@ -126,6 +129,14 @@ def names() -> Iterator[Name]:
         yield from constants(path, place)
 
 
+def names_of_tests() -> Iterator[Name]:
+    """Names of all test functions."""
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        for node in nodes_of(parsed(path)):
+            if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+                yield Name("test", str(path.relative_to(ROOT)), node.lineno, node.name)
+
+
 def is_fixed(name: str, function: str, listed: set[str], place: str) -> bool:
     """Whether a parameter is an option that users type, one of a documented method, or `left` beside `right`."""
     room, stem = Path(place).parent.name, Path(place).stem
@@ -161,6 +172,8 @@ def fault(name: Name) -> str:
     words = bare.split("_")
     if name.is_fixed or name.name.startswith("__") or not bare:
         return ""
+    if name.kind == "test":
+        return "a word that is replaced" if set(words) & REPLACED_IN_TESTS else ""
     if set(words) & REPLACED and name.kind != "parameter":
         return "a word that is replaced"
     if name.kind == "constant":

@@ -73,7 +73,7 @@ def check_recording(cell: Cell, recording: Recording) -> tuple[Validation | None
     [replace(NOISY, arms="stations", camera_mount="fixed", samples=25), LIGHT, NOISY],
     ids=["stations", "light", "robot noise"],
 )
-def test_answer_moves_as_covariance_says(scenario):
+def test_change_of_answer_agrees_with_covariance(scenario):
     """With true sigmas the mean square change of folds over its covariance is 1 within 0.6, without findings."""
     found = [validate_scenario(scenario, seed) for seed in range(6)]
     changes = [each.base_change for each, _, _ in found if each is not None and each.base_change is not None]
@@ -147,7 +147,7 @@ def test_led_has_no_held_out_pose():
     assert found.rms_px is not None
 
 
-def test_led_offset_moves_as_covariance_says():
+def test_change_of_led_offset_agrees_with_covariance():
     """A requested LED offset has three numbers that change by the size of their covariance."""
     made = simulate(LIGHT, 0)
     problem, _ = build_problem(made.cell, made.recording)

@@ -110,7 +110,7 @@ def part(unobservable=(), **shifts_m):
     return SimpleNamespace(transforms=transforms, observability=observability)
 
 
-def test_changed_frame_must_stand_out() -> None:
+def test_changed_frame_must_be_clear() -> None:
     """A frame is named only if it differs by far more sigmas than any other that both parts determine."""
     assert _find_difference(part(base=0.0, mount=0.0), part(base=0.1, mount=1e-3)) == "base"
     assert _find_difference(part(base=0.0, mount=0.0), part(base=0.1, mount=-0.09)) == ""

@@ -145,7 +145,7 @@ def test_arm_that_leaves_its_goal_is_reported(served):
     read(process, RobotState(joints_rad=np.array([0.5, 0.5])))
 
 
-def test_arm_without_a_goal_may_be_anywhere(served):
+def test_arm_without_a_goal_may_be_at_any_place(served):
     """A person may guide it to any place."""
     process, _, heard = served
     read(process, HOME)

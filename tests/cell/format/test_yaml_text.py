@@ -43,7 +43,7 @@ def test_unsupported_yaml_is_refused(text, message):
 
 
 @pytest.mark.parametrize("text", ['{"a": [1, 2', '{"a": 0x\n "b": 1', '{"a": \x00}'])
-def test_json_error_message_says_json(text):
+def test_json_error_message_names_json(text):
     """The message for a `.json` file calls it JSON, not YAML."""
     with pytest.raises(DatasetError, match=r"^f\.json(:\d)?: not JSON: "):
         parse_yaml(text, "f.json")

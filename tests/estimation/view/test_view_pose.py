@@ -49,7 +49,7 @@ def test_exact_directions_give_the_exact_pose(points):
 
 @pytest.mark.parametrize("at", [[-1.0, 0.1, 0.3], [0.1, -1.0, 0.3], [1.0, 1.0, 0.2], [0.0, 0.0, 0.2]], ids=str)
 @pytest.mark.parametrize("points", [FLAT, DEEP], ids=["flat", "deep"])
-def test_target_is_found_anywhere_before_the_camera(points, at):
+def test_target_is_found_at_any_place_before_the_camera(points, at):
     """The target may be far to a side, or so near that it fills the view, at any rotation.
 
     The closed form alone finds it.

@@ -44,7 +44,7 @@ def test_usual_lens_covers_its_image(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", lens_models())
-def test_terms_stand_in_the_documents() -> None:
+def test_terms_are_documented() -> None:
     """A row of the table of lenses in docs/data_format.md has each model's numbers of terms and their names."""
     text = DOCUMENT.read_text(encoding="utf-8").partition("| `model` |")[2].partition("\n\n")[0]
     rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \|", text, re.MULTILINE)

@@ -209,7 +209,7 @@ def fit_spot_at(image: Array, x: float, y: float, extent: float, background: Arr
     return _fit_rough_spot(image, background, 65535.0, _RoughSpot(x, y, extent))
 
 
-def test_spot_is_fitted_anywhere_in_the_image() -> None:
+def test_spot_is_fitted_at_any_place_in_the_image() -> None:
     """A spot is fitted beside the border as well, and from a start a pixel away. A background is subtracted."""
     for x, y in ((80.3, 60.8), (1.4, 2.6), (157.6, 118.2)):
         image = gaussians((x, y, 30000, 2.0))
