@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.accuracy.systematic_errors.test_search import on_a_path
+from tests.accuracy.systematic_errors.test_search import record_path
 
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.effects.clock_drift import candidates as clock_drifts
@@ -18,7 +18,7 @@ from made_views import Made
 def test_clock_drift_is_zero_in_middle():
     """A drift is half the offset at the last sample, minus half at the first; without stamps there is none."""
     made = simulate(Scenario(samples=1, layout="eye_to_hand", target="pose"), 0)
-    cell, recording = on_a_path(0.0)
+    cell, recording = record_path(0.0)
     problem, _ = build_problem(cell, recording)
     of = Situation(
         problem,

@@ -618,7 +618,7 @@ _FILES = [
         "board",
         changes.all_lines(lambda lines: lines[:1]),
         "too-few-samples",
-        ("a single sample", "record at least 10"),
+        ("only one sample", "record at least 10"),
     ),
     Mistake(
         "a null pixel",
