@@ -41,7 +41,7 @@ def test_live_page_in_a_browser(cell, tmp_path):
         came = visit(address, tmp_path, selector="body:has(canvas) [data-camera] svg path.found[d]")
     assert came.errors == []
     assert {urlsplit(request).hostname for request in came.requests if not request.startswith("data:")} == {"127.0.0.1"}
-    shown = ("Sample 4: arms move", "Turn hand further about y", "sample 2: taken", "7 of 25", "0.80 mm", "to go")
+    shown = ("Sample 4: arms move", "Rotate hand further about y", "sample 2: taken", "7 of 25", "0.80 mm", "to go")
     for words in (*shown, "tolerance 0.5 mm", "sample 3: target not seen by wrist", "Stop all arms"):
         assert words in came.words
 
