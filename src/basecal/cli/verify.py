@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from basecal.cli.detect import detected_recording
 from basecal.cli.next_step import capture_command, has_drivers
 from basecal.cli.page import add_stored_scene, find_run
-from basecal.cli.terminal import finding_line, print_json, progress_bar, quote_path, say_next, say_verdict
+from basecal.cli.terminal import finding_line, print_json, progress_bar, quote_path, say, say_next, say_verdict
 from basecal.errors import DatasetError, InputError, UsageError, count_text
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def verify(
         data, text, code = {}, [], 0
     else:
         run, new = find_run(cell) if against is None else against, _new_samples(cell, described, samples)
-        _refuse_calibrated_samples(cell, described, run, new, samples)
+        _report_calibrated_samples(cell, described, run, new, samples, recalibrate)
         verification = _verify(cell, described, run, new)
         data = {**verification_dict(verification), "findings": [finding_to_dict(each) for each in new.findings]}
         text = [verification_text(verification), *map(finding_line, new.findings)]
@@ -132,11 +133,13 @@ def _require_images(sample: Sample, base_folder: Path, journal: Path) -> None:
             raise DatasetError(journal, f"sample {sample.sample}: {message}; put it there, or correct its path")
 
 
-def _refuse_calibrated_samples(folder: Path, cell: Cell, run: Path, new: Recording, path: Path) -> None:
-    """Refuse samples that the run was calibrated from, which agree with it in any case.
+def _report_calibrated_samples(
+    folder: Path, cell: Cell, run: Path, new: Recording, path: Path, recalibrate: bool
+) -> None:
+    """Warn about samples that the run was calibrated from, which agree with it in any case.
 
     Raises:
-        InputError: if there are any.
+        InputError: if they would be added to the recording a second time.
     """
     from basecal.cell.files import input_hashes, read_calibration
     from basecal.cell.journal.recording_file import FILE, FOLDER
@@ -146,9 +149,13 @@ def _refuse_calibrated_samples(folder: Path, cell: Cell, run: Path, new: Recordi
         return
     known = {_measured_values(sample) for sample in detected_recording(folder, cell).samples}
     repeats = [sample.sample for sample in new.samples if _measured_values(sample) in known]
-    if repeats:
-        count = f"{len(repeats)} of {count_text(len(new.samples), 'sample')}"
-        raise InputError(f"{path}: {count} are those of the calibration, from sample {repeats[0]} on: give new ones")
+    if not repeats:
+        return
+    count = f"{len(repeats)} of {count_text(len(new.samples), 'sample')}"
+    message = f"{count} are those of the calibration, from sample {repeats[0]} on, and agree in any case: give new ones"
+    if recalibrate:
+        raise InputError(f"{path}: {message}")
+    say(f"basecal: warning: {message}", sys.stderr)
 
 
 def _measured_values(sample: Sample) -> str:
