@@ -92,9 +92,7 @@ def _inject(verb: str, site: Site, injected: str, folder: Path) -> str:
 def sites(verb: str) -> list[Site]:
     """Every system call of a verb that writes to files."""
     with TemporaryDirectory(prefix="torment-") as name:
-        run_command(
-            prepared(verb, Path(name))
-        )  # imports what it needs here, so that all later calls have their numbers
+        run_command(prepared(verb, Path(name)))  # imports modules here, so that all later calls have their numbers
     with TemporaryDirectory(prefix="torment-") as name:
         folder = Path(name)
         code = traced(prepared(verb, folder), folder, [], folder / "trace")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from basecal.cli.detect import detected_recording
 from basecal.cli.next_step import capture_command, has_drivers
 from basecal.cli.page import add_stored_scene, find_run
-from basecal.cli.terminal import finding_line, print_json, progress_bar, quote_path, say, say_next, say_verdict
-from basecal.errors import DatasetError, InputError, UsageError, count_text
+from basecal.cli.terminal import finding_line, print_json, progress_bar, quote_path, say_next, say_verdict
+from basecal.errors import DatasetError, UsageError, count_text
 
 if TYPE_CHECKING:
     from basecal.accuracy.drift.verify import Verification
@@ -69,13 +68,14 @@ def verify(
         data, text, code = {}, [], 0
     else:
         run, new = find_run(cell) if against is None else against, _new_samples(cell, described, samples)
-        _report_calibrated_samples(cell, described, run, new, samples, recalibrate)
+        repeats = _calibrated_samples(cell, described, run, new)
         verification = _verify(cell, described, run, new)
-        data = {**verification_dict(verification), "findings": [finding_to_dict(each) for each in new.findings]}
-        text = [verification_text(verification), *map(finding_line, new.findings)]
+        found = [finding_to_dict(each) for each in new.findings]
+        data = {**verification_dict(verification), "findings": found, "calibrated_samples": repeats}
+        text = [verification_text(verification), *_repeats_lines(repeats, new), *map(finding_line, new.findings)]
         code = int(verification.moved is not False)
         if recalibrate:
-            data["recalibration"], code = _recalibrate(cell, described, run, new, verification)
+            data["recalibration"], code = _recalibrate(cell, described, run, new, verification, repeats)
             text.append(_recalibration_words(data["recalibration"]))
     if history:
         history_data, words = _history(cell)
@@ -133,29 +133,23 @@ def _require_images(sample: Sample, base_folder: Path, journal: Path) -> None:
             raise DatasetError(journal, f"sample {sample.sample}: {message}; put it there, or correct its path")
 
 
-def _report_calibrated_samples(
-    folder: Path, cell: Cell, run: Path, new: Recording, path: Path, recalibrate: bool
-) -> None:
-    """Warn about samples that the run was calibrated from, which agree with it in any case.
-
-    Raises:
-        InputError: if they would be added to the recording a second time.
-    """
+def _calibrated_samples(folder: Path, cell: Cell, run: Path, new: Recording) -> list[int]:
+    """Numbers of the samples that the run was calibrated from, which agree with it in any case."""
     from basecal.cell.files import input_hashes, read_calibration
     from basecal.cell.journal.recording_file import FILE, FOLDER
 
     journal = f"{FOLDER}/{FILE}"
     if read_calibration(run).inputs.get(journal) != input_hashes(folder, cell).get(journal):
-        return
+        return []
     known = {_measured_values(sample) for sample in detected_recording(folder, cell).samples}
-    repeats = [sample.sample for sample in new.samples if _measured_values(sample) in known]
+    return [sample.sample for sample in new.samples if _measured_values(sample) in known]
+
+
+def _repeats_lines(repeats: list[int], new: Recording) -> list[str]:
     if not repeats:
-        return
+        return []
     count = f"{len(repeats)} of {count_text(len(new.samples), 'sample')}"
-    message = f"{count} are those of the calibration, from sample {repeats[0]} on, and agree in any case: give new ones"
-    if recalibrate:
-        raise InputError(f"{path}: {message}")
-    say(f"basecal: warning: {message}", sys.stderr)
+    return [f"warning: {count} are those of the calibration, from sample {repeats[0]} on, and agree in any case"]
 
 
 def _measured_values(sample: Sample) -> str:
@@ -185,11 +179,11 @@ def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification
 
 
 def _recalibrate(
-    folder: Path, cell: Cell, run: Path, new: Recording, verification: Verification
+    folder: Path, cell: Cell, run: Path, new: Recording, verification: Verification, repeats: list[int]
 ) -> tuple[dict[str, Any] | None, int]:
     """Calibrate from old and new samples with the settings of the verified run; its result and exit code.
 
-    The result is None if something moved or if that is not determined.
+    Samples of the calibration are not added again. The result is None if something moved or if that is not determined.
     """
     from basecal.cell.files import append_samples, read_calibration, read_recording
     from basecal.cli.calibrate import exit_code, recalibrate_folder
@@ -199,7 +193,7 @@ def _recalibrate(
     if verification.moved is not False:
         return None, 1
     first = max((sample.sample for sample in read_recording(folder, cell).samples), default=-1) + 1
-    used = [sample for sample in new.samples if sample.sample not in verification.outliers]
+    used = [sample for sample in new.samples if sample.sample not in (*verification.outliers, *repeats)]
     kept = [sample for sample in used if sample.observations or sample.sample in verification.samples]
     files: dict[str, Path] = {}
     added = [_renumber_sample(sample, first + k, new.folder or folder, files) for k, sample in enumerate(kept)]
