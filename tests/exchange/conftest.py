@@ -10,7 +10,7 @@ from tests.shared.stages import without_stages
 
 from basecal.accuracy.stages.concluding import find_error_at_task
 
-_OF_PROCESSES = {"test_reader_process.py", "test_lerobot_films.py"}
+_OF_PROCESSES = {"test_reader_process.py", "test_lerobot_films.py", "test_workbook.py"}
 
 no_error_at_task = without_stages(find_error_at_task)
 

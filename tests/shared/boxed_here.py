@@ -12,7 +12,7 @@ from types import ModuleType
 from unittest.mock import patch
 
 from basecal import box
-from basecal.exchange import lerobot
+from basecal.exchange import lerobot, workbook
 from basecal.exchange.bags import bag
 from basecal.exchange.importers import lerobot as lerobot_importer
 
@@ -32,8 +32,8 @@ def _frames_here(
 
 @contextmanager
 def boxed_here(*modules: ModuleType) -> Iterator[None]:
-    """Within the context these modules, or those of bags and datasets, read files in this process."""
+    """Within the context these modules, or those of bags, datasets and workbooks, read files in this process."""
     with ExitStack() as patches:
-        for module in modules or (bag, lerobot, lerobot_importer):
+        for module in modules or (bag, lerobot, lerobot_importer, workbook):
             patches.enter_context(patch.object(module, "frames", _frames_here))
         yield

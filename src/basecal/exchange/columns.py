@@ -51,7 +51,7 @@ def read_table_text(path: str, content: str) -> str:
     """
     data = read_bounded(path, LARGEST_BYTES)
     if data.startswith(_ARCHIVE):
-        return workbook_text(data, path)
+        return workbook_text(path, len(data))
     if data.startswith(_OLD_SHEET):
         raise DatasetError(path, "is a file of a spreadsheet program: save it as CSV, and import that")
     try:
