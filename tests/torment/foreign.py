@@ -31,6 +31,7 @@ from basecal.kinematics import read_chain
 from colmap_files import IMAGES, binary_images, text_images
 from torment.damage import damaged, torn_bytes
 from torment.outcome import run_reader
+from torment.workbooks import read_damaged_workbook
 
 Trial = Callable[[Random, Path], str]
 _BY_BYTES = 0.4  # of the trials; in the others the data is damaged, and written as JSON
@@ -168,6 +169,7 @@ def read_damaged_film(chance: Random, folder: Path) -> str:
 
 
 FOREIGN: dict[str, Trial] = {
+    "workbook": read_damaged_workbook,
     "arrays": _of_data(
         {name: np.tile(np.eye(3), (3, 1, 1)).tolist() for name in ("R_gripper2base", "R_target2cam")}
         | {"t_gripper2base": np.zeros((3, 3)).tolist(), "t_target2cam": np.ones((3, 3)).tolist()},

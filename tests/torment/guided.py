@@ -24,12 +24,14 @@ import basecal
 from basecal.box import is_own_fault
 from basecal.errors import InputError
 from basecal.exchange.bags.reader_process import read_frames
+from basecal.exchange.workbook_boxed import read_frames as read_sheet
 from torment import record
 from torment.besides import damage_bag
 from torment.foreign import write_damaged_tables
 from torment.outcome import TrialFailed, run_reader
 from torment.readers import READERS, Trial
 from torment.record import Row, table
+from torment.workbooks import write_damaged_workbook
 
 _SOURCES = str(Path(basecal.__file__).parent)
 _ROOMS = ("/exchange/", "/cell/", "/fields/", "/kinematics/", "/vision/image_file", "/studies/", "/acquisition/capture")
@@ -101,7 +103,13 @@ def read_tables(chance: Random, folder: Path) -> str:
     return run_reader(read)
 
 
-KINDS: dict[str, Trial] = {**READERS, "bag": read_bag, "Parquet": read_tables}
+def read_sheets(chance: Random, folder: Path) -> str:
+    """A damaged workbook, in this process."""
+    path = write_damaged_workbook(chance, folder)
+    return run_reader(lambda: list(read_sheet([str(path)])))
+
+
+KINDS: dict[str, Trial] = {**READERS, "workbook": read_sheets, "bag": read_bag, "Parquet": read_tables}
 
 
 class Reached:

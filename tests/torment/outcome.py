@@ -8,12 +8,17 @@ import re
 import signal
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
+
+from benchmarks.calibrate import unit_s
 
 from basecal.cli import main
 from basecal.errors import BasecalError
 
-LONGEST_S = 20  # of the processor, of a trial with a dozen samples: more is a hang
+LONGEST_UNITS = (
+    4000  # of the processor, of a trial with a dozen samples, the slowest of which take 2200: more is a hang
+)
 _WAITING = 10  # times as long by the clock: beside other programs, or waiting for what never comes
 _IDLE_S = 0.1  # of the processor, while so much of the clock went by: it waits
 CODES = {0: "answered", 1: "answered", 4: "answered", 5: "answered", 2: "refused", 3: "refused", 130: "interrupted"}
@@ -23,9 +28,16 @@ class TrialFailed(AssertionError):
     """A trial ended as none may."""
 
 
+@cache
+def longest_s() -> float:
+    """Limit of CPU time of a trial on this machine [s], 32 s where a unit takes 8 ms."""
+    return LONGEST_UNITS * unit_s()
+
+
 @contextlib.contextmanager
-def time_limit(seconds: float = LONGEST_S) -> Iterator[None]:
-    """Raise `TrialFailed` where what is done takes longer."""
+def time_limit(seconds: float | None = None) -> Iterator[None]:
+    """Raise `TrialFailed` if the context takes longer, by default than `longest_s`."""
+    seconds = longest_s() if seconds is None else seconds
     last_s = time.process_time()
 
     def hang(sent: int, _: object) -> None:
@@ -34,7 +46,7 @@ def time_limit(seconds: float = LONGEST_S) -> Iterator[None]:
             last_s = time.process_time()  # other programs have the processor: what works on is told by its own time
             signal.setitimer(signal.ITIMER_REAL, _WAITING * seconds)
             return
-        raise TrialFailed(f"took more than {seconds} s")
+        raise TrialFailed(f"took more than {seconds:.3g} s")
 
     limits = ((signal.SIGPROF, signal.ITIMER_PROF, 1), (signal.SIGALRM, signal.ITIMER_REAL, _WAITING))
     before = [signal.signal(sent, hang) for sent, _, _ in limits]

@@ -24,7 +24,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from basecal.cli import main
-from torment.outcome import LONGEST_S, TrialFailed, run_command
+from torment.outcome import TrialFailed, longest_s, run_command
 from torment.record import table
 from torment.verbs import VERBS, check_after, files, prepared
 
@@ -153,7 +153,7 @@ def _command(words: list[str], folder: Path, reading: int) -> None:
 
 
 def _wait_until_held(process: int) -> None:
-    end = time.monotonic() + LONGEST_S
+    end = time.monotonic() + longest_s()
     while "TracerPid:\t0\n" in Path(f"/proc/{process}/status").read_text():
         if time.monotonic() > end:
             raise TrialFailed("strace does not come")

@@ -84,6 +84,15 @@ def test_waiting_process_fails_and_slow_process_continues(monkeypatch: pytest.Mo
         time.sleep(5)
 
 
+def test_limit_is_stated_in_units_of_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine on which a unit takes longer has more time, in the same ratio."""
+    outcome.longest_s.cache_clear()
+    monkeypatch.setattr(outcome, "unit_s", lambda: 0.05 / outcome.LONGEST_UNITS)
+    with pytest.raises(TrialFailed, match=r"took more than 0\.05 s"), time_limit():
+        _without_end()
+    outcome.longest_s.cache_clear()
+
+
 def test_failures_are_found(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """A traceback, a hang, and an exit code outside the contract are reported with their seed and counted."""
     with pytest.raises(TrialFailed, match="ZeroDivisionError"):
