@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
 from basecal.errors import InputError
+from basecal.geometry import SE3, Camera, PoseEstimate
 from basecal.geometry.array import read_only, read_only_ids, to_back, to_front, with_last_axis
 
 
@@ -19,6 +23,19 @@ def test_copies_are_read_only_and_independent():
         assert made.dtype == kind
         with pytest.raises(ValueError, match="read-only"):
             made[0] = 0
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda noun: pickle.loads(pickle.dumps(noun))])
+def test_arrays_of_copies_are_read_only(copied):
+    """Arrays of transforms, estimates and cameras stay read-only in deep and in pickled copies."""
+    pose = SE3.exp(np.ones(6))
+    camera = Camera("pinhole", [500.0, 500.0, 320.0, 240.0, 0.0, 0.0, 0.0, 0.0])
+    for noun in (pose, PoseEstimate.exact(pose), camera):
+        arrays = {name: value for name, value in vars(copied(noun)).items() if isinstance(value, np.ndarray)}
+        assert arrays
+        for name, value in arrays.items():
+            assert not value.flags.writeable
+            assert np.array_equal(value, getattr(noun, name))
 
 
 @pytest.mark.parametrize(

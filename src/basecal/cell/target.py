@@ -10,6 +10,7 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, IntArray, read_only, read_only_ids
+from basecal.geometry.array import ReadOnlyArrays
 
 Finder = Literal["charuco", "chessboard", "circles", "tags", "led"]
 
@@ -34,7 +35,7 @@ class Tags:
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class Target(ReadOnlyArrays):
     """The points of a target in its own frame.
 
     Attributes:

@@ -38,6 +38,17 @@ def read_only(values: ArrayLike, shape: tuple[int | None, ...] | None = None, na
     return array
 
 
+class ReadOnlyArrays:
+    """Base of nouns whose arrays are read-only: they remain so in copies, which NumPy makes writable otherwise."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take the fields of an unpickled or a deep copy."""
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+        self.__dict__.update(state)
+
+
 def entry_clause(is_wrong: BoolArray | np.bool_) -> str:
     """Words for the first wrong entry of a batch, (n,); empty for a single one, ()."""
     return f" in entry {np.flatnonzero(is_wrong)[0]}, counted from 0" if is_wrong.ndim == 1 else ""

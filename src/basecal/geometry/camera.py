@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basecal.errors import InputError
-from basecal.geometry.array import Array, read_only, to_back, to_front, with_last_axis
+from basecal.geometry.array import Array, ReadOnlyArrays, read_only, to_back, to_front, with_last_axis
 from basecal.geometry.lens import BoolArray, Lens, Number, Projection
 from basecal.geometry.lenses.registry import find_lens, term_counts
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class Camera(ReadOnlyArrays):
     """Lens and image size of a camera; x right, y down, z forward; the centre of the top-left pixel is (0, 0).
 
     Attributes:

@@ -9,12 +9,12 @@ from typing import ClassVar
 import numpy as np
 
 from basecal.errors import InputError, check_type
-from basecal.geometry.array import Array, read_only
+from basecal.geometry.array import Array, ReadOnlyArrays, read_only
 from basecal.geometry.se3 import SE3
 
 
 @dataclass(frozen=True, eq=False)
-class PoseEstimate:
+class PoseEstimate(ReadOnlyArrays):
     """Estimate of a rigid transform: mean and first-order covariance.
 
     The true transform is `mean @ SE3.exp(xi)` with `xi` ~ N(0, covariance). For an `a_from_b`, the covariance is in the

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basecal.errors import InputError, check_type
-from basecal.geometry.array import Array, entry_clause, read_only, with_last_axis
+from basecal.geometry.array import Array, ReadOnlyArrays, entry_clause, read_only, with_last_axis
 from basecal.geometry.euler import rpy_of_rotation
 from basecal.geometry.rotation import (
     ROTATION_TOLERANCE,
@@ -59,7 +59,7 @@ def _rotate(rotation: Array, vectors: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class SE3:
+class SE3(ReadOnlyArrays):
     """A rigid transform, or a batch of transforms.
 
     The arrays are read-only copies of the arguments.

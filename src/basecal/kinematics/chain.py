@@ -9,6 +9,7 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, read_only
+from basecal.geometry.array import ReadOnlyArrays
 from basecal.geometry.rotation import cross_matrix
 from basecal.kinematics.collision import Collision
 
@@ -20,7 +21,7 @@ LIMIT_EXCESS_RAD = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class SerialChain:
+class SerialChain(ReadOnlyArrays):
     """Serial chain of revolute joints, or a batch of arms that differ in their links only.
 
     `base_from_flange` is the product of `origins[i] @ rotation(axes[i], joints[i])` over the joints, and of `tip`.
@@ -212,7 +213,7 @@ class ChainPosture:
 
 
 @dataclass(frozen=True, eq=False)
-class Masses:
+class Masses(ReadOnlyArrays):
     """Masses rigidly attached to each of the n joints of a chain; the last includes the load of the flange.
 
     Attributes:
