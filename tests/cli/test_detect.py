@@ -48,7 +48,7 @@ def line(number: int, with_image: bool, with_pixels: bool) -> str:
             "board in 1 of 1 images of wrist, 1 view recorded without an image, 24.0 points each",
             0,
         ),
-        ([(False, False)] * 2, "nothing found in 0 images", 0),
+        ([(False, False)] * 2, "there are no images to search", 0),
     ],
 )
 def test_summary_counts_images_and_recorded_views(
@@ -63,6 +63,30 @@ def test_summary_counts_images_and_recorded_views(
     first, *_, last = capsys.readouterr().out.splitlines()
     assert first == said
     assert last.startswith("next")
+
+
+def test_recorded_points_and_poses_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recording by other programs has no images to search, but views."""
+    seen = {"camera": "wrist", "target": "board"}
+    as_points = {**seen, "ids": [0, 1], "points_in_camera_m": [[0, 0, 1], [0.04, 0, 1]]}
+    as_pose = {**seen, "camera_from_target": {"t_m": [0, 0, 1], "q_xyzw": [0, 0, 0, 1]}}
+    (tmp_path / "cell.yaml").write_text(CELL)
+    (tmp_path / "recording").mkdir()
+    for view, expected in ((as_points, "2.0 points each"), (as_pose, "as poses")):
+        samples = [{**json.loads(line(number, False, False)), "observations": [view]} for number in range(2)]
+        (tmp_path / "recording" / "samples.jsonl").write_text("".join(f"{json.dumps(each)}\n" for each in samples))
+        assert main(["detect", str(tmp_path)]) == 0
+        first, *_ = capsys.readouterr().out.splitlines()
+        assert first == f"board by wrist, 2 views recorded without an image, {expected}"
+
+
+def test_board_in_millimetres_is_searched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The images are searched although `calibrate` would refuse the size without a search."""
+    (tmp_path / "cell.yaml").write_text(CELL.replace("0.04", "40").replace("0.03", "30"))
+    write_png(tmp_path / "recording" / "images" / "0.png", scene(TARGETS["charuco"]))
+    (tmp_path / "recording" / "samples.jsonl").write_text(line(0, True, False))
+    main(["detect", str(tmp_path)])
+    assert "board in 1 of 1 images of wrist" in capsys.readouterr().out
 
 
 def test_camera_without_a_lens_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from shutil import copytree
 
 import pytest
+from tests.shared.real_recordings import EXAMPLES
 
 from basecal.accuracy.fixing.change import Change
 from basecal.accuracy.fixing.cures import Cure
@@ -45,6 +47,20 @@ def test_equal_fixes_need_a_choice(capsys: pytest.CaptureFixture[str]) -> None:
         chosen_cure((equal[0], other, equal[1]), None)
     (alone,) = (replace(cure, is_choice=False) for cure in equal[:1])
     assert chosen_cure((alone,), None) is alone
+
+
+def test_board_in_millimetres_is_fixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The refusal names the command, which searches the images that were not searched, and shows the change."""
+    folder = tmp_path / "c"
+    copytree(EXAMPLES / "ur5e_images", folder)
+    text = (folder / "cell.yaml").read_text()
+    (folder / "cell.yaml").write_text(text.replace("0.0288", "28.8").replace("0.04", "40"))
+    assert main(["calibrate", str(folder)]) == 4
+    assert f"Or let `basecal fix {folder}` do so." in " ".join(capsys.readouterr().out.split())
+    assert main(["fix", str(folder)]) == 2
+    shown = capsys.readouterr().out
+    assert "Undo: the size of board is in millimetres. [board-size]" in shown
+    assert "cell.yaml: targets.board.square_m: 0.04" in shown
 
 
 @pytest.mark.slow  # two calibrations with all their checks

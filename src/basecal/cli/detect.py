@@ -38,7 +38,7 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
     from basecal.cell.files import finding_to_dict, read_cell, sample_to_dict
 
     described = read_cell(cell)
-    recording = detected_recording(cell, described)
+    recording = detected_recording(cell, described, is_forced=True)
     lensless = cameras_without_lens(described, recording)
     if json:
         samples = [sample_to_dict(sample, "recording") for sample in recording.samples]
@@ -49,13 +49,19 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
     return 1 if recording.findings or lensless else 0
 
 
-def detected_recording(folder: Path, cell: Cell) -> Recording:
-    """The recording of a cell's folder with detections in its images; a progress bar is shown."""
+def detected_recording(folder: Path, cell: Cell, is_forced: bool = False) -> Recording:
+    """The recording of a cell's folder with detections in its images; a progress bar is shown.
+
+    Args:
+        folder: Folder of the cell.
+        cell: The cell.
+        is_forced: Whether images are searched even if a unit is implausible, so that no calibration can use them.
+    """
     from basecal.accuracy.input_screening.units import needs_search
     from basecal.cell.files import read_recording
 
     recording = read_recording(folder, cell)
-    if not needs_search(cell, recording):
+    if not is_forced and not needs_search(cell, recording):
         return recording
     from basecal.vision.detect import detect as detected
 
@@ -64,24 +70,30 @@ def detected_recording(folder: Path, cell: Cell) -> Recording:
 
 
 def _print_summary(recording: Recording, lensless: Collection[str]) -> None:
-    from basecal.cell import CandidateObservation, PixelObservation
+    from basecal.cell import PointObservation, PoseObservation, TouchObservation
 
     images, detected, recorded, points = Counter[str](), Counter[Pair](), Counter[Pair](), Counter[Pair]()
     for sample in recording.samples:
         images.update(sample.images.keys() - set(lensless))
         for view in sample.observations:
-            if isinstance(view, PixelObservation | CandidateObservation):
+            if not isinstance(view, TouchObservation):
                 pair = (view.camera, view.target)
                 (detected if view.camera in sample.images else recorded)[pair] += 1
-                points[pair] += len(view.pixels)
+                if not isinstance(view, PoseObservation):
+                    points[pair] += len(view.points_in_camera if isinstance(view, PointObservation) else view.pixels)
     for pair in sorted(detected | recorded):
         camera, target = pair
-        points_text = f"{points[pair] / (detected[pair] + recorded[pair]):.1f} points each"
+        mean_count = points[pair] / (detected[pair] + recorded[pair])
+        points_text = f"{mean_count:.1f} points each" if points[pair] else "as poses"
         searched_text = f"in {detected[pair]} of {images[camera]} images of {camera}"
         images_text = searched_text if detected[pair] else f"by {camera}"
         recorded_text = f"{count_text(recorded[pair], 'view')} recorded without an image" if recorded[pair] else ""
         say(", ".join(part for part in (f"{target} {images_text}", recorded_text, points_text) if part))
     if not detected and not recorded and (images or not lensless):
-        say(f"nothing found in {count_text(sum(images.values()), 'image')}")
+        say(
+            f"nothing found in {count_text(sum(images.values()), 'image')}"
+            if images
+            else "there are no images to search"
+        )
     for finding in recording.findings:
         say(finding_line(finding))

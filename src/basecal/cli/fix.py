@@ -43,7 +43,7 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
 
     described = read_cell(cell)
     calibration = _latest_calibration(cell, described)
-    recording, detections = read_recording(cell, described), detected_recording(cell, described)
+    recording, detections = read_recording(cell, described), detected_recording(cell, described, is_forced=True)
     cures = find_cures(described, recording, detections, calibration)
     if not cures:
         return _say_no_cure(described, fill_in_commands(calibration, cell), cell)

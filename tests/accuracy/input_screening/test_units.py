@@ -15,6 +15,7 @@ from basecal.accuracy.input_screening.units import (
     needs_search,
 )
 from basecal.cell import PointObservation, PoseObservation, Recording, RobotState, Sample
+from basecal.effects.faces.effect import FIX
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -119,9 +120,11 @@ def test_lengths_above_fifty_metres_are_no_metres(kind):
     assert target.what == f"{who} are in another unit: a target is 53 m away."
     assert flange.do == ("Convert lengths to metres: 51 mm are 0.051 m, 51 cm are 0.51 m, 51 inch are 1.3 m.",)
     assert target.do == ("Convert lengths to metres: 53 mm are 0.053 m, 53 cm are 0.53 m, 53 inch are 1.4 m.",)
-    for sure in impossible_units(cell, record_distances(320, 310, kind)):
-        assert " in millimetres: " in sure.what
-        assert sure.do == ("Divide lengths by 1000 to convert them to metres.",)
+    (flange, target) = impossible_units(cell, record_distances(320, 310, kind))
+    assert " in millimetres: " in flange.what
+    assert " in millimetres: " in target.what
+    assert target.do == ("Divide lengths by 1000 to convert them to metres.",)
+    assert flange.do == (*target.do, FIX)
 
 
 @pytest.mark.parametrize(("far", "words"), [(1e8, "1e+08"), (1e300, "1e+300")])

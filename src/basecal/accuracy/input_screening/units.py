@@ -13,6 +13,7 @@ import numpy as np
 from basecal.accuracy.input_check.plausibility import FARTHEST_M, likely_unit
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Cell, Finding, PixelObservation, PointObservation, PoseObservation, Recording, Robot
+from basecal.effects.faces.effect import FIX
 from basecal.geometry import Array
 from basecal.kinematics.chain import LARGEST_JOINT_RAD, LIMIT_EXCESS_RAD
 from basecal.numerics.spectral import ROUNDING
@@ -44,7 +45,7 @@ def _angle_findings(cell: Cell, recording: Recording) -> Iterator[Finding]:
         who = " and ".join(names)
         reach = max(float(np.abs(_joints(recording, name)).max()) for name in names)
         what = f"The joints of {who} are in degrees: they reach {reach:.3g}."
-        yield Finding("angle-unit", "error", tuple(names), what, ("Convert joints_rad to radians.",))
+        yield Finding("angle-unit", "error", tuple(names), what, ("Convert joints_rad to radians.", FIX))
 
 
 def _is_in_degrees(robot: Robot, recording: Recording) -> bool:
@@ -80,7 +81,7 @@ def _length_findings(recording: Recording) -> Iterator[Finding]:
         who = " and ".join(far)
         unit, advice = likely_unit(max(far.values()), FARTHEST_M)
         what = f"The poses of {who} are in {unit}: a flange is {np.round(max(far.values())):.6g} m from its base."
-        yield Finding("length-unit", "error", tuple(far), what, (advice,))
+        yield Finding("length-unit", "error", tuple(far), what, _with_command(unit, advice))
     for name in reaches.keys() - far.keys():
         limit = max(_LARGEST_DISTANCE_M, _FAR_RATIO * float(np.median(reaches[name])))
         few = {number: reach for number, reach in zip(numbers[name], reaches[name], strict=True) if reach > limit}
@@ -88,6 +89,11 @@ def _length_findings(recording: Recording) -> Iterator[Finding]:
             unit, advice = likely_unit(max(few.values()), FARTHEST_M)
             what = f"{list_samples(list(few))} of {name} look{'s' if len(few) == 1 else ''} like {unit} among metres."
             yield Finding("length-unit", "error", (name,), what[:1].upper() + what[1:], (advice,))
+
+
+def _with_command(unit: str, advice: str) -> tuple[str, ...]:
+    """The advice to convert lengths, and the command that does so if the unit is certain."""
+    return (advice, FIX) if unit == "millimetres" else (advice,)
 
 
 def _view_findings(recording: Recording) -> Iterator[Finding]:
@@ -114,7 +120,7 @@ def _target_findings(cell: Cell, recording: Recording) -> Iterator[Finding]:
         if size > _LARGEST_TARGET_M:
             unit, advice = likely_unit(size, _WIDEST_M)
             what = f"The size of {name} is in {unit}: it is stated to be {size:.0f} m wide."
-            yield Finding("board-size", "error", (name,), what, (advice,))
+            yield Finding("board-size", "error", (name,), what, _with_command(unit, advice))
 
 
 def _sigma_findings(recording: Recording) -> Iterator[Finding]:
