@@ -237,6 +237,22 @@ def test_misleading_guesses_are_not_used():
     assert np.linalg.norm(away_m) < 4 * found["eye_base_from_hand_base"].sigma_t.max() + 1e-4
 
 
+def test_misleading_guess_is_no_outlier():
+    """A guess of the base alone that leads nowhere is reported as such; no sample is left out in its favour."""
+    made = simulate(Scenario(samples=8, robot_noise=(1e-4, 2e-4)), 37)
+    guesses = {name: Unknown("free", made.truth[name]) for name in made.cell.transforms}
+    guesses["eye_base_from_hand_base"] = Unknown(
+        "free", made.truth["eye_base_from_hand_base"] @ SE3.from_rotvec([0, 3, 0], [0, 0, 0])
+    )
+    cell = made.cell
+    for name, guess in guesses.items():
+        cell = cell.with_transform(name, guess)
+    found = calibrate(cell, made.recording, Settings(start="guess"))
+    assert found.verdict == "good"
+    assert [finding.code for finding in found.findings] == ["better-optimum"]
+    assert found.outliers == ()
+
+
 def test_stages_run_in_order_until_end():
     """Stages run in order up to the one that ends the case; their time is counted by name."""
     made, seen = simulate(Scenario(samples=3), seed=0), []

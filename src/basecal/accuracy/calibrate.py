@@ -5,13 +5,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
 from typing import NamedTuple
 
-from basecal.accuracy.findings.better_optimum import guess_finding
 from basecal.accuracy.stages import concluding, judging, pose_noise, reading, solving
 from basecal.accuracy.stages.case import Case
-from basecal.cell import Calibration, Cell, Finding, Recording
+from basecal.cell import Calibration, Cell, Recording
 from basecal.cell.recording_check import check_recording
 from basecal.errors import check_type
 from basecal.estimation.settings import DEFAULT, LOG, Settings
@@ -84,13 +82,8 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
     check_recording(cell, recording)
     check_type("settings", settings, Settings)
     read = _run_stages(READING_STAGES, Case(cell, recording, settings))
-    solved, astray = _run_stages(SOLVING_STAGES, read), list[Finding]()
-    if settings.start == "guess" and not solving.is_explained(solved):
-        solved = _run_stages(SOLVING_STAGES, replace(read, settings=replace(settings, start="closed")))
-        astray.append(guess_finding())
-    calibration = _run_stages(JUDGING_STAGES, solved).calibration
+    calibration = _run_stages((*SOLVING_STAGES, *JUDGING_STAGES), read).calibration
     assert calibration is not None
-    calibration = replace(calibration, findings=(*calibration.findings, *astray))
     LOG.info("verdict: %s", calibration.verdict)
     for finding in calibration.findings:
         LOG.log(_LOG_LEVELS[finding.severity], "%s: %s", finding.code, finding.message)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from basecal.accuracy.findings.better_optimum import guess_finding
 from basecal.accuracy.findings.outlier_samples import agreement_findings
 from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
 from basecal.accuracy.input_check.conventions import check_conventions
@@ -20,8 +21,16 @@ from basecal.estimation.solve import Solution, integrate_solution, solve_problem
 
 
 def solve_all(case: Case) -> Case:
-    """Solve for all samples, with the noise as stated and with unstated noise estimated."""
+    """Solve for all samples, with the noise as stated and with unstated noise estimated.
+
+    Guesses are ignored if they lead to an answer that does not explain the views, and the closed form to a better one.
+    """
     plain = solve_problem(case.problem, case.cell, case.stated_settings)
+    if case.settings.start == "guess" and is_hopeless(plain.problem, plain.state):
+        unguessed = replace(case, settings=replace(case.settings, start="closed"))
+        other = solve_problem(case.problem, case.cell, unguessed.stated_settings)
+        if other.cost < plain.cost:
+            case, plain = unguessed.with_findings([guess_finding()]), other
     noisy = None if case.settings.robot_noise == "stated" else with_noise(plain, case.settings)
     return replace(case, plain=plain, noisy=noisy)
 
