@@ -54,6 +54,17 @@ def test_options_are_checked():
         checked_options(place(pth="images"), FolderOptions)
 
 
+def test_error_in_options_names_the_line(tmp_path):
+    """The line is that of the option in `cell.yaml`, or of its driver if an option is missing."""
+    (tmp_path / "cell.yaml").write_text("cameras:\n  wrist:\n    driver:\n      kind: folder\n      pth: images\n")
+    known = Place("wrist", CELL, tmp_path, {"pth": "images"})
+    with pytest.raises(DatasetError, match=r"cell\.yaml:5: cameras\.wrist\.driver\.pth: unknown field") as caught:
+        checked_options(known, FolderOptions)
+    assert caught.value.line == 3
+    assert "missing" in str(caught.value)
+    assert str(known.error("no", "driver.kind")).endswith("cell.yaml:4: cameras.wrist.driver.kind: no")
+
+
 def test_joints_are_those_of_the_chain():
     """Another number of them is refused with their names; a pose, and joints of a robot without a URDF, are not."""
     chain = six_axis()

@@ -20,6 +20,7 @@ from basecal.box import is_own_fault
 from basecal.cell import Cell, RobotState
 from basecal.cell.schema.errors import check_entry
 from basecal.errors import BasecalError, DatasetError, DriverError, count_text, list_names
+from basecal.fields.problems import Loc, field_name, line_number
 from basecal.fields.values import Entry
 from basecal.geometry import Array
 
@@ -99,7 +100,8 @@ class Place:
 
     def error(self, message: str, field: str = "driver") -> DatasetError:
         """An error about a field of the robot or camera in `cell.yaml`."""
-        return DatasetError(self.folder / "cell.yaml", message, field=f"{self.section}.{self.name}.{field}")
+        path, loc = self.folder / "cell.yaml", (self.section, self.name, *field.split("."))
+        return DatasetError(path, message, line_number(loc, _lines_of_file(path)), field_name(loc))
 
     def check_joints(self, state: RobotState) -> None:
         """Check that a state has a value for each joint of the robot's kinematics, if the cell states these.
@@ -283,10 +285,23 @@ def checked_options(place: Place, kind: type[Options]) -> Options:
     """The validated options of a driver.
 
     Raises:
-        DatasetError: if an option is unknown or invalid; the error names the field in `cell.yaml`.
+        DatasetError: if an option is unknown or invalid; the error names line and field in `cell.yaml`.
     """
-    field_path = (place.section, place.name, "driver")
-    return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), loc=field_path)
+    path, loc, options = place.folder / "cell.yaml", (place.section, place.name, "driver"), dict(place.options)
+    try:
+        return check_entry(kind, options, str(path), loc=loc)
+    except DatasetError:
+        return check_entry(kind, options, str(path), _lines_of_file(path), loc)
+
+
+def _lines_of_file(path: Path) -> Mapping[Loc, int]:
+    """Line numbers of a `cell.yaml` by location; none if it cannot be read, as a cell may be made without a file."""
+    from basecal.cell.format.yaml_text import parse_yaml, read_text
+
+    try:
+        return parse_yaml(read_text(path, ""), str(path)).lines
+    except BasecalError:
+        return {}
 
 
 def has_arrived(state: RobotState, goal: RobotState) -> bool:
