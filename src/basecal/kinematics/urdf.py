@@ -240,7 +240,8 @@ def _tree(text: str | bytes, path: str) -> tuple[dict[str, _Joint], dict[str, El
         parents[joint.child] = joint
     roots = [link for link in links if link not in parents]
     if len(roots) != 1:
-        raise DatasetError(path, f"not a tree: the links without a parent are {list_names(roots)}, expected one")
+        what = f"not a tree: the links without a parent are {list_names(roots)}, expected one"
+        raise DatasetError(path, f"{what}; join several robots by fixed joints, or give each a file of its own")
     return parents, dict(zip(links, elements, strict=True))
 
 

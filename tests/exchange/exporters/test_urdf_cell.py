@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -44,6 +45,21 @@ def test_robots_have_calibrated_poses():
     np.testing.assert_allclose(relative_pose(text, "eye_base_link", "hand_world"), POSE.matrix, atol=1e-12)
 
 
+def test_urdf_of_two_robots_is_refused(tmp_path):
+    """A URDF that holds both robots would be merged twice; the error names the export for it."""
+    other = re.sub(r'(name|link)="([^"]+)"', r'\1="left_\2"', BOTH[0].read_text())
+    arms = [re.sub(r"</?robot.*?>|<\?.*?\?>", "", text) for text in (BOTH[0].read_text(), other)]
+    top = '<joint name="j" type="fixed"><parent link="world"/><child link="left_world"/></joint>'
+    (tmp_path / "scene.urdf").write_text(f'<robot name="scene">{"".join(arms)}{top}</robot>')
+    eye = replace(EYE, urdf="scene.urdf")
+    hand = replace(eye, name="hand", base_link="left_base_link", flange_link="left_tool0")
+    with pytest.raises(InputError, match=r"holds both eye and hand: with --to urdf_joint --urdf \S+scene\.urdf"):
+        export_text(ExportRequest((), (), CALIBRATION, replace(CELL, robots={"eye": eye, "hand": hand}), tmp_path))
+    below = replace(EYE, name="hand", flange_link="forearm")  # a part of the same arm, which is merged twice
+    cell = replace(CELL, robots={"eye": EYE, "hand": below})
+    assert "hand_base_link" in export_text(ExportRequest((), (), CALIBRATION, cell, DATA))
+
+
 def test_urdfs_of_cell_are_default():
     """Without given URDFs those in the cell's folder are used."""
     own = replace(CELL, robots={"eye": EYE, "hand": replace(EYE, name="hand")})
@@ -83,7 +99,7 @@ def test_cell_urdf_contains_bases_and_corrections(tmp_path):
 
 def test_missing_inputs_are_reported():
     """A missing URDF, an unknown base of a robot, and a missing cell are errors."""
-    with pytest.raises(InputError, match="1 URDFs for 2 robots: give one each, --urdf for eye, hand"):
+    with pytest.raises(InputError, match="1 URDF for 2 robots: give one each, --urdf for eye, hand"):
         export_text(ExportRequest((), (), CALIBRATION, CELL, DATA))
     with pytest.raises(InputError, match="the pose of 'hand' is unknown: there is no eye_base_from_hand_base"):
         export_text(ExportRequest((), (), Calibration("good"), CELL, DATA, urdfs=BOTH))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 
 from basecal.bounded_file import read_bounded
-from basecal.errors import InputError
+from basecal.cell import Cell
+from basecal.errors import InputError, count_text
 from basecal.exchange.exporters.urdf import applied_kinds, corrected_text
 from basecal.exchange.exports.exporter import Exporter, ExportRequest, comments
 from basecal.exchange.urdf import RobotPart, link_names, merged_urdf
@@ -22,7 +25,8 @@ def export_text(request: ExportRequest) -> str:
 
     Raises:
         FrameNotFound: if a base link does not exist.
-        InputError: if the numbers of URDFs and robots differ, or the pose of a base is unknown.
+        InputError: if the numbers of URDFs and robots differ, one URDF holds two robots, or the pose of a base is
+            unknown.
         DatasetError: if a URDF cannot be used.
     """
     cell = request.cell
@@ -32,7 +36,8 @@ def export_text(request: ExportRequest) -> str:
     paths = list(request.urdfs) or own_paths
     if len(paths) != len(cell.robots):
         robots = ", ".join(cell.robots)
-        raise InputError(f"{len(paths)} URDFs for {len(cell.robots)} robots: give one each, --urdf for {robots}")
+        count = f"{count_text(len(paths), 'URDF')} for {count_text(len(cell.robots), 'robot')}"
+        raise InputError(f"{count}: give one each, --urdf for {robots}")
     parts, corrections = {}, {}
     for robot, path in zip(cell.robots.values(), paths, strict=True):
         text, corrections[robot.name] = _robot_text(request, robot.name, path)
@@ -41,6 +46,7 @@ def export_text(request: ExportRequest) -> str:
             child_links = joint_origins(text, str(path))
             base_link = next(link for link in link_names(text) if link not in child_links)
         parts[robot.name] = RobotPart(text, base_link, str(path))
+    _check_separate(cell, parts)
     known = request.calibration.known_transforms(cell)
     others = [name for name in cell.robots if name != cell.reference]
     for name in others:
@@ -52,6 +58,28 @@ def export_text(request: ExportRequest) -> str:
         for name, part in parts.items()
     ]
     return merged_urdf(parts, cell.reference, bases, comments([*request.remarks, *notes], ""))
+
+
+def _check_separate(cell: Cell, parts: Mapping[str, RobotPart]) -> None:
+    """Raise InputError if one URDF holds several robots: it would be merged as often as there are robots."""
+    flanges = {name: robot.flange_link or robot.frames.get("flange") for name, robot in cell.robots.items()}
+    for (name, part), (other, second) in combinations(parts.items(), 2):
+        first_link, second_link = flanges[name], flanges[other]
+        if part.path != second.path or first_link is None or second_link is None:
+            continue
+        if first_link not in _links_above(part, second_link) and second_link not in _links_above(part, first_link):
+            raise InputError(
+                f"{part.path} holds both {name} and {other}: with --to urdf_joint --urdf {part.path} "
+                "the joint between them is set in it"
+            )
+
+
+def _links_above(part: RobotPart, link: str) -> list[str]:
+    """A link and those above it, up to the root."""
+    joints, links = joint_origins(part.text, part.path), [link]
+    while links[-1] in joints:
+        links.append(joints[links[-1]].parent)
+    return links
 
 
 def _robot_text(request: ExportRequest, name: str, path: Path) -> tuple[bytes, str]:
