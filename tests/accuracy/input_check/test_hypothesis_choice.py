@@ -13,7 +13,7 @@ from tests.shared.rewriting import resized, with_pixels
 
 from basecal.accuracy.input_check import hypothesis_choice
 from basecal.accuracy.input_check import hypothesis_choice as module
-from basecal.accuracy.input_check.hypotheses import AS_DECLARED, ConventionHypothesis
+from basecal.accuracy.input_check.hypotheses import AS_DECLARED, ROTATE_ARMS, ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_choice import (
     TriedHypothesis,
     _scatter_gain,
@@ -53,11 +53,15 @@ def findings_about(
     declared, *others, impossible=(), is_wider=False, code="inverted", explained=False, still=frozenset()
 ):
     """Findings about other hypotheses."""
-    cell = SimpleNamespace(requested_transforms=(ASKED,), mount_name=lambda name: "mount")
+    cell = SimpleNamespace(
+        requested_transforms=(ASKED,), mount_name=lambda name: "mount", robots=("eye", "hand0", "hand1")
+    )
     tried = []
     for k, other in enumerate(others):
         about = ("eye", f"hand{k}")
-        reading = ConventionHypothesis(code, about, f"words {k}", "fix", "tell", lambda reading: reading, is_wider)
+        reading = ConventionHypothesis(
+            code, about, f"words {k}", "fix", "rotate {arms}", lambda reading: reading, is_wider
+        )
         tried.append(TriedHypothesis(reading, other, ()))
     return decide_hypotheses(cell, TriedHypothesis(AS_DECLARED, declared, impossible), tried, explained, still)
 
@@ -155,7 +159,7 @@ def test_ambiguous_hypotheses_share_one_finding():
     assert (found.code, found.severity, found.about) == ("ambiguous-convention", "warning", ("eye", "hand0", "hand1"))
     assert f"words 0 (inverted: 1.0 mm/m (mrad), {ASKED} 5.0 mm away) or words 1" in found.message
     assert f"{ASKED} 7.0 mm away" in found.message
-    assert found.message.endswith("Check which is true. Tell.")
+    assert found.message.endswith("Check which is true. Rotate eye and hand0 and hand1.")
 
 
 def test_invalid_hypotheses_are_not_named():
@@ -176,7 +180,8 @@ def test_free_mount_moved_by_symmetry_is_ignored():
     """
     for status, codes in (("free", []), ("fixed", ["ambiguous-convention"])):
         transforms = {ASKED: SimpleNamespace(status=status)}
-        cell = SimpleNamespace(requested_transforms=(ASKED,), mount_name=lambda name: ASKED, transforms=transforms)
+        known = {"requested_transforms": (ASKED,), "transforms": transforms, "robots": ()}
+        cell = SimpleNamespace(mount_name=lambda name: ASKED, **known)
         reading = ConventionHypothesis("board-symmetry", ("board",), "words", "fix", "", lambda reading: reading)
         tried = TriedHypothesis(reading, make_fit(1e-3, moved=50), ())
         declared = TriedHypothesis(AS_DECLARED, make_fit(1e-3), ())
@@ -442,3 +447,15 @@ def test_squared_distance_uses_step_over_sigma(size):
     squared, count = module._squared_distance(solution, np.append(9.0, step[:size]), "a_from_b")
     assert squared == pytest.approx(np.sum((step[:size] / sigma[:size]) ** 2))
     assert count == size
+
+
+def test_advice_on_arms_is_given_once():
+    """One sentence names the arms of all hypotheses that it distinguishes; every arm if one is about no robot."""
+    cell = SimpleNamespace(robots=("eye", "hand"))
+    made = [ConventionHypothesis("code", about, "", "", ROTATE_ARMS, None) for about in (("eye",), ("hand",), ())]
+    assert [*hypothesis_choice._distinctions(cell, made[:2])] == [
+        "Rotate eye and hand further about two axes between samples."
+    ]
+    assert [*hypothesis_choice._distinctions(cell, made)] == [
+        "Rotate every arm further about two axes between samples."
+    ]

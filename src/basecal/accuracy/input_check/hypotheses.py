@@ -31,6 +31,9 @@ _ORDERS = {"w, x, y, z": (1, 2, 3, 0), "converted from w, x, y, z although they 
 
 Reread = Callable[[Reading], Reading]
 
+ROTATE_ARMS, MOVE_ARMS = "rotate {arms} further about two axes between samples", "move {arms} further between samples"
+"""Instructions to record data that distinguish hypotheses."""
+
 
 @dataclass(frozen=True, eq=False)
 class ConventionHypothesis:
@@ -41,7 +44,8 @@ class ConventionHypothesis:
         about: Names of robots, cameras and targets.
         words: Statement of the hypothesis, as the end of "It fits if ...".
         fix: Instruction to fix the input, in one line.
-        distinction: Instruction to record data that distinguish this hypothesis from the declared one.
+        distinction: Instruction to record data that distinguish this hypothesis from the declared one; `{arms}` stands
+            for the robots that it is about.
         reread: Function that returns the reading under this hypothesis, given the declared reading.
         nested: Whether the declared hypothesis is a special case of this one, which therefore never fits worse.
         by_order: Whether the hypothesis depends on the order of the samples, so that `reread` needs all of them.
@@ -128,7 +132,7 @@ def _direction_hypotheses(cell: Cell, robots: list[str], has_poses: bool) -> Ite
             names,
             words,
             f"write base_from_flange of {who}, or {advice}",
-            f"rotate {who} further about two axes between samples",
+            ROTATE_ARMS,
             map_poses(names, SE3.inverse),
             carriers=carriers,
         )
@@ -138,7 +142,7 @@ def _direction_hypotheses(cell: Cell, robots: list[str], has_poses: bool) -> Ite
             (),
             "the poses of the target are inverted (target_from_camera)",
             "write camera_from_target, or invert the observed poses",
-            "rotate every arm further about two axes between samples",
+            ROTATE_ARMS,
             map_poses((), SE3.inverse),
         )
 
@@ -190,7 +194,7 @@ def _size_unit_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
                 (name,),
                 f"the size of {name} is in millimetres",
                 "lengths are in metres: divide it by 1000",
-                "move every arm further between samples",
+                MOVE_ARMS,
                 partial(Reading.resize, factors={name: _MILLI}),
             )
 
@@ -216,7 +220,7 @@ def _joint_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
                 names,
                 f"the joints of {who} are {words}",
                 f"joints_rad of {who} is in radians: {advice}",
-                f"move every joint of {who} further",
+                "move every joint of {arms} further",
                 partial(Reading.with_joints, robots=names, factor=factor),
             )
 
@@ -230,7 +234,7 @@ def _quaternion_hypotheses(robots: list[str], has_poses: bool) -> Iterator[Conve
                 names,
                 f"the quaternions of {who} are {words}",
                 f"write the quaternions of {who} as x, y, z, w",
-                f"rotate {who if names else 'every arm'} further between samples",
+                ROTATE_ARMS,
                 map_poses(names, pose_map),
             )
 
@@ -246,7 +250,7 @@ def _exchange_hypotheses(baseline: Reading, robots: list[str], quantity: str) ->
             (first, second),
             f"the {quantity} of {first} and {second} are exchanged",
             f"exchange them, or what cell.yaml says is `on` {first} and on {second}",
-            "rotate every arm further about two axes between samples",
+            ROTATE_ARMS,
             partial(Reading.exchange, first=first, second=second),
         )
 
@@ -310,7 +314,7 @@ def _mirror_hypotheses(has_poses: bool, has_points: bool) -> Iterator[Convention
                 (),
                 f"{who} are mirrored through the camera's centre",
                 "take the solution before the camera, z > 0",
-                "rotate every arm further about two axes between samples",
+                ROTATE_ARMS,
                 reread,
             )
 

@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -192,15 +193,25 @@ def _ambiguity_finding(
         for t in rivals
     )
     about = tuple(dict.fromkeys(each for t in rivals for each in t.hypothesis.about))
-    distinctions = dict.fromkeys(t.hypothesis.distinction for t in rivals)
     what = f"Held-out samples are predicted as well ({baseline.fit.error_in_words()} as declared) if {listed}."
     return Finding(
         "ambiguous-convention",
         severity,
         about,
         what,
-        ("Check which is true.", *(sentence(each) for each in distinctions if each)),
+        ("Check which is true.", *_distinctions(cell, [t.hypothesis for t in rivals])),
     )
+
+
+def _distinctions(cell: Cell, hypotheses: Sequence[ConventionHypothesis]) -> Iterator[str]:
+    """Sentences that advise what to record, each once, with the robots of all hypotheses that it distinguishes."""
+    robots: dict[str, list[tuple[str, ...]]] = {}
+    for each in hypotheses:
+        robots.setdefault(each.distinction, []).append(tuple(name for name in each.about if name in cell.robots))
+    for distinction, names in robots.items():
+        arms = " and ".join(dict.fromkeys(chain.from_iterable(names))) if all(names) else "every arm"
+        if distinction:
+            yield sentence(distinction.format(arms=arms))
 
 
 def _distance_clause(baseline: TriedHypothesis, trial: TriedHypothesis, name: str) -> str:

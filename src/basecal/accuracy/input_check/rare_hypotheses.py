@@ -17,6 +17,8 @@ import numpy as np
 import scipy  # its parts are loaded when they are first used
 
 from basecal.accuracy.input_check.hypotheses import (
+    MOVE_ARMS,
+    ROTATE_ARMS,
     ConventionHypothesis,
     map_poses,
     pairing_hypothesis,
@@ -94,7 +96,7 @@ def _small_angle_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]
                 names,
                 f"the {what} of {who} are in radians that were read as degrees",
                 f"rpy_deg is in degrees: convert those of {who} to degrees, or write rotvec_rad",
-                f"rotate {who} further between samples",
+                ROTATE_ARMS,
                 map_poses(names, pose_map),
             )
 
@@ -126,7 +128,7 @@ def _stated_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
             (name,),
             f"{name} is stated inverted ({start}_from_{end})",
             f"invert what cell.yaml states of {name}",
-            "rotate every arm further about two axes between samples",
+            ROTATE_ARMS,
             partial(Reading.restate, cell=inverted),
         )
 
@@ -161,7 +163,7 @@ def _carrier_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
                     (target,),
                     f"{target} is on {carrier}, not on {stated}",
                     f"write on: {carrier} of {target} in cell.yaml",
-                    "rotate every arm further about two axes between samples",
+                    ROTATE_ARMS,
                     partial(Reading.with_carrier, target=target, carrier=carrier),
                 )
 
@@ -192,7 +194,7 @@ def _exchange_hypothesis(
         (first, second),
         words,
         f"import {subject} again, each file with the other --robot",
-        "rotate every arm further about two axes between samples",
+        ROTATE_ARMS,
         partial(Reading.exchange_states, numbers=dict(zip((first, second), numbers, strict=True))),
     )
 
@@ -210,7 +212,7 @@ def _pixel_hypotheses() -> Iterator[ConventionHypothesis]:
         (),
         "u and v of the pixels are exchanged",
         "write [u, v], u along the width of the image: exchange them",
-        "move every arm further between samples",
+        MOVE_ARMS,
         Reading.with_pixels_exchanged,
     )
 
@@ -244,13 +246,12 @@ def _reverse_order_hypothesis(stream: str | None) -> ConventionHypothesis:
 
 
 def _rotation_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[ConventionHypothesis]:
-    distinction = f"rotate {' and '.join(names) or 'every arm'} further between samples"
     yield ConventionHypothesis(
         "matrix-transposed",
         names,
         f"the rotation matrices of {subject} are transposed",
         "write them by rows, or transpose them",
-        distinction,
+        ROTATE_ARMS,
         map_poses(names, lambda poses: SE3(poses.rotation.mT, poses.translation)),
     )
     yield from _axis_hypotheses(names, subject)
@@ -271,7 +272,7 @@ def _rotation_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[Conve
                 names,
                 words,
                 f"convert them to rotations as {meant}",
-                distinction,
+                ROTATE_ARMS,
                 map_poses(names, _reinterpret_rotations(_FORMATS[meant], _FORMATS[read], choose)),
             )
 
@@ -283,7 +284,7 @@ def _axis_hypotheses(names: tuple[str, ...], subject: str) -> Iterator[Conventio
             names,
             f"the positions of {subject} have {words}",
             "correct the order and the signs of x, y and z: axes are right-handed",
-            "rotate every arm further between samples",
+            ROTATE_ARMS,
             map_poses(names, _with_axes(axes)),
         )
 
