@@ -38,7 +38,7 @@ def test_columns_are_found_by_header_names(tmp_path, header):
         ("", None, "is empty"),
         ("x,y\n", None, "has a header and no rows"),
         ("x,tx\n1,2\n", 1, "names a column twice: x, x"),
-        ("x,y\n1,2\n3\n", 3, "1 columns, the header has 2"),
+        ("x,y\n1,2\n3\n", 3, "1 column, the header has 2"),
         ("x,y\n1,two\n", 2, "'two' is not a number"),
         ("x,y\n1,inf\n", 2, "'inf' is not finite"),
         ("x,y\n1,1e200\n", 2, "'1e200' is not finite, or beyond 1e\\+12"),

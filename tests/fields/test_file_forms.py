@@ -57,7 +57,7 @@ def test_units_and_arrays(form: Any, written: Any, value: Any) -> None:
         (Whole, 1.0, "valid integer"),
         (Vector3, [1.0, 2.0], "at least 3 items"),
         (Vector3, [1.0, 2.0, 1e10], "less than or equal to 1000000000"),
-        (Covariance, [[1.0, 2.0]], "expected a square, got 1 rows of 2"),
+        (Covariance, [[1.0, 2.0]], "expected a square, got 1 row of 2"),
         (Covariance, [[1.0, 0.0], [0.0, -1.0]], "row 1 holds .* a variance below 0"),
         (Covariance, [[1e151]], "row 0 holds a number beyond"),
         (Pose, {"t_m": [0.0] * 3, "q_xyzw": [0.0, 0, 0, 2]}, "norm 2"),

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from basecal.cell.calibration import Finding
+from basecal.errors import count_text
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.array import read_only
 from basecal.geometry.rotation import nearest_rotation
@@ -209,7 +210,7 @@ class Recording:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         views = sum(len(sample.observations) for sample in self.samples)
-        return f"<recording of {len(self.samples)} samples, {views} views>"
+        return f"<recording of {count_text(len(self.samples), 'sample')}, {views} views>"
 
     def image_paths(self) -> dict[tuple[int, str], str]:
         """Return the paths of the images by sample number and camera."""

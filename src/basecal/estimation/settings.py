@@ -10,7 +10,7 @@ from math import isfinite
 from numbers import Real
 from typing import Any, Literal, get_args
 
-from basecal.errors import InputError, check_choice, check_integer, check_type
+from basecal.errors import InputError, check_choice, check_integer, check_type, count_text
 from basecal.estimation.stages import StageName, Stages
 
 LOG = logging.getLogger("basecal")
@@ -115,7 +115,7 @@ def _finite_numbers(name: str, numbers: Any, count: int) -> tuple[float, ...] | 
         return None
     values = tuple(numbers) if isinstance(numbers, Iterable) else ()
     if len(values) != count or not all(isinstance(each, Real) and isfinite(each) for each in values):
-        raise InputError(f"{name} is {numbers!r}, expected {count} finite numbers [m]")
+        raise InputError(f"{name} is {numbers!r}, expected {count_text(count, 'finite number')} [m]")
     return tuple(map(float, values))
 
 

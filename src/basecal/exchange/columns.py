@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.bounded_file import read_bounded
-from basecal.errors import DatasetError, list_names
+from basecal.errors import DatasetError, count_text, list_names
 from basecal.exchange.fields import parse_float
 from basecal.exchange.workbook import workbook_text
 from basecal.fields.problems import shorten
@@ -119,7 +119,7 @@ def _rows(path: str, text: str) -> Iterator[tuple[int, list[str]]]:
 
 def _numbers(path: str, line: int, row: Sequence[str], header: Sequence[str]) -> list[float]:
     if len(row) != len(header):
-        raise DatasetError(path, f"{len(row)} columns, the header has {len(header)}", line)
+        raise DatasetError(path, f"{count_text(len(row), 'column')}, the header has {len(header)}", line)
     numbers = []
     for cell, name in zip(row, header, strict=True):
         try:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from basecal.cell.format.yaml_text import LARGEST_BYTES, parse_yaml, read_text
-from basecal.errors import DatasetError, InputError, list_names, spelling_hint
+from basecal.errors import DatasetError, InputError, count_text, list_names, spelling_hint
 from basecal.fields.problems import Loc, field_name, line_number, shorten
 from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3
@@ -142,7 +142,7 @@ class Field:
         else:
             values = [entry.number() for entry in entries]
         if counts and len(values) not in counts:
-            raise self.error(f"has {len(values)} numbers, expected {' or '.join(map(str, counts))}")
+            raise self.error(f"has {count_text(len(values), 'number')}, expected {' or '.join(map(str, counts))}")
         return values
 
     def matrix(self, *counts: int) -> list[float]:
@@ -157,7 +157,7 @@ class Field:
         """
         sides = self.items("width and height")
         if len(sides) != 2:
-            raise self.error(f"has {len(sides)} numbers, expected width and height")
+            raise self.error(f"has {count_text(len(sides), 'number')}, expected width and height")
         return sides[0].integer(), sides[1].integer()
 
     def pose(self) -> SE3:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from basecal.cell import RobotState
-from basecal.errors import DatasetError, InputError, UsageError, list_names
+from basecal.errors import DatasetError, InputError, UsageError, count_text, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import keyed_rows
 from basecal.exchange.importing.imported import Row, known_cell
@@ -97,7 +97,7 @@ def radians_finding(values: Array) -> str:
     most = np.abs(values).max(initial=0.0)
     if len(values) < _FEWEST_ROWS or most > math.pi or np.ptp(values, axis=0).max() == 0:
         return ""
-    return f"no joint of {len(values)} rows is beyond {most:.3g} degrees, so they look like radians"
+    return f"no joint of {count_text(len(values), 'row')} is beyond {most:.3g} degrees, so they look like radians"
 
 
 def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialChain, in_degrees: bool) -> None:

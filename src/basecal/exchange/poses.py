@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from basecal.cell.journal.recording_file import MOST_SAMPLES
-from basecal.errors import DatasetError, InputError, list_names
+from basecal.errors import DatasetError, InputError, count_text, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import parse_float
 from basecal.exchange.npz import read_arrays
@@ -74,7 +74,9 @@ def _from_text(path: str) -> tuple[Array, Sequence[int]]:
             continue
         if len(words) != 4:
             raise DatasetError(
-                path, f"{len(words)} numbers, expected rows of 4: 4x4 matrices one below the other", number
+                path,
+                f"{count_text(len(words), 'number')}, expected rows of 4: 4x4 matrices one below the other",
+                number,
             )
         try:
             values.extend([parse_float(word) for word in words])

@@ -21,7 +21,7 @@ from basecal.cell import (
     RobotState,
     Sample,
 )
-from basecal.errors import DatasetError, FrameNotFound, InputError
+from basecal.errors import DatasetError, FrameNotFound, InputError, count_text
 from basecal.exchange.columns import read_columns
 from basecal.exchange.controller_poses import PoseStream, read_poses
 from basecal.exchange.importing.imported import Imported, NoCell, Row, choose_name, known_cell
@@ -108,7 +108,7 @@ def read_streams(cell: str | Path, files: Streams, camera: str | None, target: s
     if isinstance(known, NoCell):
         text = cell_text(2 if files.eye and files.hand else 1, "pose", camera_on_world=not files.eye)
     inverted = f", inverted: {', '.join(files.invert)}" if files.invert else ""
-    what = f"{len(rows)} instants of {', '.join(poses)}, lengths in {files.length_unit}{inverted}"
+    what = f"{count_text(len(rows), 'instant')} of {', '.join(poses)}, lengths in {files.length_unit}{inverted}"
     advice = "check --length-unit and --invert"
     return Imported(" and ".join(files.files), what, rows, new_cell=text, is_strict=False, advice=advice)
 

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, GetPydanticSchema, Strict
 from pydantic_core import core_schema
 
+from basecal.errors import count_text
 from basecal.geometry import SE3, Array, read_only
 
 _FARTHEST = 1e9  # [m, px]: a thousand times the limit of a cell; its square does not overflow
@@ -56,7 +57,9 @@ def array_form(form: Any, factor: float = 1.0, shape: tuple[int, ...] = (-1,)) -
 def _square(rows: list[list[float | None]]) -> Array:
     """Convert rows to a square matrix with non-negative variances; null becomes NaN."""
     if any(len(row) != len(rows) for row in rows):
-        raise ValueError(f"expected a square, got {len(rows)} rows of {' or '.join(map(str, {len(r) for r in rows}))}")
+        raise ValueError(
+            f"expected a square, got {count_text(len(rows), 'row')} of {' or '.join(map(str, {len(r) for r in rows}))}"
+        )
     values = read_only(np.array(rows, dtype=np.float64).reshape(len(rows), len(rows)))
     bad = (np.diagonal(values) < 0) | np.any(np.abs(values) > LARGEST_NUMBER, axis=1)
     if bad.any():

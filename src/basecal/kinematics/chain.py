@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from basecal.errors import InputError
+from basecal.errors import InputError, count_text
 from basecal.geometry import SE3, Array, read_only
 from basecal.geometry.array import ReadOnlyArrays
 from basecal.geometry.rotation import cross_matrix
@@ -61,7 +61,7 @@ class SerialChain(ReadOnlyArrays):
         if not np.allclose(np.linalg.norm(self.axes, axis=-1), 1.0, rtol=0, atol=1e-9):
             raise InputError("the axes of a chain are unit vectors")
         if self.masses is not None and len(self.masses.kg) != n:
-            raise InputError(f"masses of {len(self.masses.kg)} joints do not suit a chain of {n}")
+            raise InputError(f"masses of {count_text(len(self.masses.kg), 'joint')} do not suit a chain of {n}")
 
     @property
     def n(self) -> int:

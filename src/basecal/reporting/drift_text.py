@@ -135,7 +135,7 @@ def drift_sentence(drift: Drift) -> str:
     speed, sigma = 1e3 * float(np.linalg.norm(drift.m_per_day)), 1e3 * float(np.linalg.norm(drift.sigma))
     verb = "drifts" if drift.chance < MOVED_LEVEL else "does not drift:"
     rate = f"{format_with_sigma(speed, sigma)} mm a day"
-    return f"{drift.transform} {verb} {rate} over {drift.count} checks ({p_value_text(drift.chance)})"
+    return f"{drift.transform} {verb} {rate} over {count_text(drift.count, 'check')} ({p_value_text(drift.chance)})"
 
 
 def comparison_dict(names: Sequence[str], comparisons: Sequence[Comparison]) -> dict[str, Any]:

@@ -283,7 +283,7 @@ def local_rows(calibration: Calibration) -> Iterator[str]:
         yield f"in the box: fewer than {FEWEST_SAMPLES} samples or none held out, too few to calibrate it separately"
     for part in calibration.local or ():
         x, y, z = part.centre_m
-        subject = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
+        subject = f"about {x:.2f} {y:.2f} {z:.2f} m ({count_text(len(part.samples), 'sample')})"
         if part.global_m is None or part.local_m is None:
             yield f"{subject}: the local calibration failed; use the global one"
             continue

@@ -86,7 +86,7 @@ def test_measurement_needs_three_states(monkeypatch, count):
     if count == 3:
         np.testing.assert_allclose(record_images(camera, 1.0).arrivals_s, [0.1, 0.55, 1.0])
         return
-    with pytest.raises(DriverError, match="only 2 states or images came in 1 s"):
+    with pytest.raises(DriverError, match="only 2 of the 3 states or images that are needed came in 1 s"):
         record_images(camera, 1.0)
 
 

@@ -88,7 +88,7 @@ def test_led_observation_needs_no_ids():
         ({"target": "board", "candidates": [[1, 2]]}, "observations[0].candidates", "for a single LED"),
         ({"camera": "depth", "target": "light", "pixels": [[1, 2]]}, "observations[0].camera", "need its size_px"),
         ({"target": "board", "pixels": [[1, 2]]}, "observations[0].ids", "missing; 'board' has several points"),
-        ({"target": "board", "ids": [1], "pixels": [[1, 2], [3, 4]]}, "observations[0].ids", "1 ids for 2 points"),
+        ({"target": "board", "ids": [1], "pixels": [[1, 2], [3, 4]]}, "observations[0].ids", "1 id for 2 points"),
         (
             {"target": "light", "pixels": [[1, 2], [3, 4]]},
             "observations[0]",
@@ -166,7 +166,7 @@ def test_tracks_are_read():
 
     seen = tracks(tracks=[7, 3], pixels=[[1, 2], [3, 4]])
     assert (seen.camera, seen.tracks.tolist(), seen.pixels.tolist()) == ("eye", [7, 3], [[1, 2], [3, 4]])
-    with pytest.raises(DatasetError, match="2 tracks for 1 pixels; expected one each"):
+    with pytest.raises(DatasetError, match="2 tracks for 1 pixel; expected one each"):
         tracks(tracks=[7, 3], pixels=[[1, 2]])
     with pytest.raises(DatasetError, match="a track is given twice in one image"):
         tracks(tracks=[7, 7], pixels=[[1, 2], [3, 4]])

@@ -274,7 +274,7 @@ def test_invalid_point_ids_drop_sample(folder: Path, ids: list[int], words: str)
         ("observations.0.target", "bord", "observations[0].target", "did you mean 'board'?"),
         ("observations.0.target", "unseen", "observations[0].target", "`kind`"),
         ("observations.0.camera", "depth", "observations[0].camera", "intrinsics"),
-        ("observations.0.ids", [0], "observations[0].ids", "1 ids for 2 points"),
+        ("observations.0.ids", [0], "observations[0].ids", "1 id for 2 points"),
         ("observations.0.ids", [0, 1.5], "observations[0].ids", "whole numbers"),
         ("observations.0.ids", [0, 10**30], "observations[0].ids", "whole numbers"),
         ("observations.0.ids", [[0], [1]], "observations[0].ids", "whole numbers"),

@@ -112,7 +112,7 @@ def test_lens_without_distortion_has_no_terms(tmp_path: Path) -> None:
             ":8: cam0.camera_model: 'omni' is not supported: .* pinhole-radt",
         ),
         ("radtan", "fov", "'fov' is not supported; there are: radtan, equidistant, none"),
-        ("[752, 480]", "[752]", "cam0.resolution: has 1 numbers, expected width and height"),
+        ("[752, 480]", "[752]", "cam0.resolution: has 1 number, expected width and height"),
         ("[-0.277, 0.067, 0.0009, 0.0001]", "[-0.277, 0.067]", "distortion_coeffs: has 2 numbers, expected 4"),
         ("[461.629,", "[oops,", r":11: cam0.intrinsics\[0\]: is 'oops', expected a number"),
         ("- [0.0, 0.0, -1.0, 0.002]", "- [0.0, 0.0, 1.0, 0.002]", "cam1.T_cn_cnm1: .*not a rotation"),

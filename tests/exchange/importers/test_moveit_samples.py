@@ -132,7 +132,7 @@ def test_saved_joint_states_are_read(tmp_path: Path) -> None:
     assert states.names == ("a", "b")
     np.testing.assert_array_equal(states.joints_rad, [[0.1, -1.5], [0.2, -1.6]])
     assert not is_joint_states(write(tmp_path, "samples.yaml", samples_yaml()))
-    with pytest.raises(DatasetError, match=r"joints.yaml:6: joint_values\[1\]: has 1 numbers, expected 2"):
+    with pytest.raises(DatasetError, match=r"joints.yaml:6: joint_values\[1\]: has 1 number, expected 2"):
         read_joint_states(
             write(
                 tmp_path,

@@ -108,7 +108,7 @@ def test_older_mrcal_names_are_read(tmp_path: Path) -> None:
             ":4: lensmodel: .*is not supported.*convert-l",
         ),
         ("'LENSMODEL_OPENCV8'", "'LENSMODEL_OPENCV5'", ":7: intrinsics: has 12 numbers, expected 9"),
-        ("[ 1000, 700,]", "[ 1000 ]", "imagersize: has 1 numbers, expected width and height"),
+        ("[ 1000, 700,]", "[ 1000 ]", "imagersize: has 1 number, expected width and height"),
         ("'imagersize'", "'size'", "has no imagersize"),
         ("[ 1000, 700,]", "open('/etc/passwd')", "not a Python dictionary of plain values"),
         ("-0.012", "float('nan')", "not a Python dictionary of plain values"),

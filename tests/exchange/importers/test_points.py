@@ -132,7 +132,7 @@ def test_existing_reflectors_and_trackers_are_kept(tmp_path: Path) -> None:
     known = table_of(tmp_path, "x_m,y_m,z_m\n1,2,3\n")
     found = read_points(tmp_path, known, camera="other", target="top")
     assert found.cell == {"targets": {}, "cameras": {"other": {"kind": "tracker", "on": "world"}}}
-    assert found.what == "1 points of top in other, m"
+    assert found.what == "1 point of top in other, m"
 
 
 @pytest.mark.parametrize("sigma_m", [None, 2e-5])

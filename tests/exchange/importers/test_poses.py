@@ -143,7 +143,7 @@ def test_stated_frames_replace_those_of_cell(tmp_path: Path, frames: dict[str, s
     place = frozenset({("robots", "arm", "controller")})
     assert (found.replaced, found.defaults) == ((place, frozenset()) if stated else (frozenset(), place))
     assert not found.is_stream
-    assert found.what.startswith("1 poses arm_base_from_arm_flange as of ur")
+    assert found.what.startswith("1 pose arm_base_from_arm_flange as of ur")
     turned = _robot_poses("arm", str(tmp_path / "a.csv"), Reading("ur"), False, ("base-from-flange",), frames)
-    assert turned.what.startswith("1 poses arm_flange_from_arm_base, inverted, as of ur")
+    assert turned.what.startswith("1 pose arm_flange_from_arm_base, inverted, as of ur")
     assert turned.rows[0].robots["arm"].base_from_flange.translation.tolist() == [-0.1, -0.2, -0.3]

@@ -14,7 +14,7 @@ from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joi
 from basecal.accuracy.model_comparison.nested_models import MOVED_LEVEL, equally_likely
 from basecal.cell import Calibration, Cell, Recording
 from basecal.cell.recording_check import check_recording
-from basecal.errors import InputError, check_type, list_names
+from basecal.errors import InputError, check_type, count_text, list_names
 from basecal.estimation.streams.streams import synchronous_recording
 from basecal.geometry import Array
 from basecal.numerics.spectral import scaled_spectrum, spectrum
@@ -58,7 +58,7 @@ class Verification:
         """Summary of the result in one line."""
         frame = "" if self.shift is None else f" {self.shift.frame}"
         state = "undecided" if self.moved is None else f"moved:{frame}" if self.moved else "not moved"
-        return f"<{state}, {len(self.samples)} samples, p = {self.chance:.2g}>"
+        return f"<{state}, {count_text(len(self.samples), 'sample')}, p = {self.chance:.2g}>"
 
 
 @limit_threads

@@ -210,7 +210,7 @@ def _read_repeatedly(read: Callable[[], Item], duration_s: float) -> tuple[Array
         items.append(read())
         arrivals_s.append(time.monotonic())
     if len(items) < 3:
-        raise DriverError(f"only {len(items)} states or images came in {duration_s:g} s, at least 3 are needed")
+        raise DriverError(f"only {len(items)} of the 3 states or images that are needed came in {duration_s:g} s")
     return np.array(arrivals_s), items
 
 

@@ -16,7 +16,7 @@ from basecal.acquisition.opcua.nodes import axis_position_nodes, named_nodes, ra
 from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.acquisition.opcua.session import Session
 from basecal.cell import RobotState
-from basecal.errors import DriverError
+from basecal.errors import DriverError, count_text
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.geometry import Array
 
@@ -65,9 +65,8 @@ class OpcuaRobot(ReconnectingRobot):
         notation = None if self._options.notation is None else CONTROLLERS[self._options.notation]
         expected = self._joints if notation is None else len(notation.names)
         if len(values.numbers) != expected:
-            raise DriverError(
-                f"{self.name}: the nodes hold {len(values.numbers)} numbers, expected {expected}; name the right ones"
-            )
+            held = count_text(len(values.numbers), "number")
+            raise DriverError(f"{self.name}: the nodes hold {held}, expected {expected}; name the right ones")
         if notation is not None:
             return Reading(values.stamp_s, RobotState(notation.read(values.numbers)))
         return Reading(values.stamp_s, RobotState(joints_rad=values.numbers * self._scale))

@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.acquisition.driver import Place, Reading, checked_options
 from basecal.cell import RobotState
-from basecal.errors import DriverError, InputError
+from basecal.errors import DriverError, InputError, count_text
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.fields.values import LARGEST_VALUE, Entry, known_name_validator
 
@@ -61,7 +61,7 @@ class TypedRobot:
         if not np.all(np.abs(numbers) <= LARGEST_VALUE):
             raise InputError(f"a number is beyond {LARGEST_VALUE:g}")
         if len(numbers) != len(names):
-            raise InputError(f"{len(numbers)} numbers, expected {len(names)}: {' '.join(names)}")
+            raise InputError(f"{count_text(len(numbers), 'number')}, expected {len(names)}: {' '.join(names)}")
         if self._notation in _JOINTS:
             return RobotState(joints_rad=_JOINTS[self._notation] * numbers)
         return RobotState(CONTROLLERS[self._notation].read(numbers))

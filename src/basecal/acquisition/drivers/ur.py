@@ -14,7 +14,7 @@ from basecal.acquisition.ur.options import UrOptions
 from basecal.acquisition.ur.program import Program
 from basecal.acquisition.ur.receiver import Receiver
 from basecal.cell import RobotState
-from basecal.errors import DriverError
+from basecal.errors import DriverError, count_text
 from basecal.exchange.controllers.registry import CONTROLLERS
 
 STOP_GUARANTEE: StopGuarantee = "watchdog"
@@ -188,7 +188,7 @@ def open_robot(place: Place) -> UrWatched | UrMoved | UrHandGuided:
     options = checked_options(place, UrOptions)
     chain = place.cell.robots[place.name].chain
     if chain is not None and len(chain.joint_names) != _JOINTS:
-        message = f"{len(chain.joint_names)} joints from base_link to flange_link, but a UR has {_JOINTS}"
+        message = f"{count_text(len(chain.joint_names), 'joint')} from base_link to flange_link, but a UR has {_JOINTS}"
         raise place.error(message, "urdf")
     receiver, program = Receiver(place.name, options, chain is not None), Program(place.name, options)
     if options.motion == "watch":

@@ -11,7 +11,7 @@ from basecal.accuracy.scene.images import read_features
 from basecal.acquisition.coverage import COVERAGE_GRID, covered_cells, is_same_place
 from basecal.acquisition.stillness import Unfit
 from basecal.cell import WORLD, Cell, Sample
-from basecal.errors import InputError
+from basecal.errors import InputError, count_text
 from basecal.planning.sketch import Sketch
 
 _FEWEST_FEATURES = 100  # of an image: the required number of points that two cameras share
@@ -73,7 +73,7 @@ class SceneImages:
             features, size_px = result
             if len(features) < _FEWEST_FEATURES:
                 raise Unfit(
-                    f"{camera} sees {len(features)} features of the scene, {_FEWEST_FEATURES} are needed: "
-                    "put printed paper or tools where it looks"
+                    f"{camera} sees {count_text(len(features), 'feature')} of the scene, {_FEWEST_FEATURES} are needed"
+                    ": put printed paper or tools where it looks"
                 )
             self.cells |= covered_cells(features.pixels, size_px)

@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.acquisition.driver import Reading, check_reading
 from basecal.acquisition.freshness import STALE_S, Stale, Waits, wait_for_newer
-from basecal.errors import BasecalError, DriverError
+from basecal.errors import BasecalError, DriverError, count_text
 
 _RETRY_S = 0.2  # between two attempts to connect
 _CONNECT_S = 3.0  # timeout: a controller in the same building answers within milliseconds, a booting one never
@@ -131,9 +131,9 @@ class ReconnectingRobot(ABC):
     def _reason(self, error: Exception) -> str:
         if self._stale_count and self._last is not None:
             return (
-                f"{self.name}: stale stamps: {self._stale_count} states came, none with a stamp newer than "
-                f"{self._last.stamp_s:.3f} s. The clock of the controller stands still or went back, or it sends old "
-                f"states. Restart it"
+                f"{self.name}: stale stamps: {count_text(self._stale_count, 'state')} came, none with a stamp newer "
+                f"than {self._last.stamp_s:.3f} s. The clock of the controller stands still or went back, or it sends "
+                f"old states. Restart it"
             )
         return f"{_as_basecal_error(self.name, error)}; tried again for {self._reconnect_s:g} s"
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from basecal.acquisition.freshness import STALE_S
 from basecal.acquisition.ros2.dds import Discovery, Subscriber
 from basecal.acquisition.ros2.types import type_hash
-from basecal.errors import DriverError, list_names
+from basecal.errors import DriverError, count_text, list_names
 
 _NANOSECOND_S = 1e-9  # [s]
 
@@ -98,8 +98,8 @@ class Stream:
         waited = f"for {STALE_S + self._wait_s:g} s"
         if message_count:
             return (
-                f"stale stamps: {message_count} messages came on {self._topic} {waited}. None is complete and "
-                f"newer than the last one taken. Look at `ros2 topic echo {self._topic}`"
+                f"stale stamps: {count_text(message_count, 'message')} came on {self._topic} {waited}. None is "
+                f"complete and newer than the last one taken. Look at `ros2 topic echo {self._topic}`"
             )
         if self._topic not in self._discovery.topics():
             return f"{self._topic} has no publisher any more: is its node still running, and the network plugged in?"

@@ -18,7 +18,7 @@ from basecal.cell.recording import (
     TouchObservation,
     TrackObservation,
 )
-from basecal.errors import InputError
+from basecal.errors import InputError, count_text
 from basecal.geometry import Array, IntArray
 
 _CAMERA_AND_TARGET = ("camera", "target")
@@ -47,7 +47,10 @@ def track_observation(data: dict[str, Any], field: str, file_line: FileLine, cel
     tracks = whole_numbers(file_line, f"{field}.tracks", data["tracks"])
     pixels = numbers(file_line, f"{field}.pixels", data.get("pixels"), 2)
     if len(tracks) != len(pixels):
-        raise file_line.error(f"{field}.tracks", f"{len(tracks)} tracks for {len(pixels)} pixels; expected one each")
+        raise file_line.error(
+            f"{field}.tracks",
+            f"{count_text(len(tracks), 'track')} for {count_text(len(pixels), 'pixel')}; expected one each",
+        )
     if len(np.unique(tracks)) != len(tracks):
         raise file_line.error(f"{field}.tracks", "a track is given twice in one image")
     return TrackObservation(camera, tracks, pixels)
@@ -160,12 +163,15 @@ def _ids(data: dict[str, Any], field: str, file_line: FileLine, known_ids: froze
     written = data.get("ids", [0] * min(len(points), 1))
     ids = whole_numbers(file_line, f"{field}.ids", written)
     if len(known_ids) == 1 and len(points) > 1:
-        several = f"{len(points)} points of {data['target']!r}, which has one"
+        several = f"{count_text(len(points), 'point')} of {data['target']!r}, which has one"
         raise file_line.error(field, f"{several}: record uncertain detections as `candidates`")
     if len(points) > len(known_ids):
-        raise file_line.error(field, f"{len(points)} points, {data['target']!r} has {len(known_ids)}")
+        raise file_line.error(field, f"{count_text(len(points), 'point')}, {data['target']!r} has {len(known_ids)}")
     if len(ids) != len(points):
-        raise file_line.error(f"{field}.ids", f"{len(ids)} ids for {len(points)} points; expected one id a point")
+        raise file_line.error(
+            f"{field}.ids",
+            f"{count_text(len(ids), 'id')} for {count_text(len(points), 'point')}; expected one id a point",
+        )
     distinct = set(written)
     if not known_ids >= distinct:
         unknown = min(distinct - known_ids)

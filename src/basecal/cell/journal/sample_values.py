@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from basecal.cell.schema.errors import collect_problems
-from basecal.errors import DatasetError, spelling_hint
+from basecal.errors import DatasetError, count_text, spelling_hint
 from basecal.fields.problems import SHORT_LENGTH, shorten
 from basecal.fields.values import LARGEST_VALUE, SMALLEST_SIGMA, PoseEntry, check_full_pose, pose_se3
 from basecal.geometry import SE3, Array, IntArray
@@ -159,11 +159,11 @@ def vector(file_line: FileLine, field: str, value: Any, count: int) -> list[floa
         DatasetError: if it is not.
     """
     if not isinstance(value, list) or len(value) != count:
-        raise file_line.error(field, f"expected {count} numbers, got {shorten(value)}")
+        raise file_line.error(field, f"expected {count_text(count, 'number')}, got {shorten(value)}")
     for item in value:
         if not isinstance(item, int | float) or not -LARGEST_VALUE <= item <= LARGEST_VALUE:
             raise file_line.error(
-                field, f"expected {count} finite numbers within {LARGEST_VALUE:g}, got {shorten(item)}"
+                field, f"expected {count_text(count, 'finite number')} within {LARGEST_VALUE:g}, got {shorten(item)}"
             )
     return value
 

@@ -26,7 +26,7 @@ from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingErro
 from basecal.effects.faces.effect import RandomEffect
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.effects.registry import RANDOM_EFFECTS
-from basecal.errors import InputError
+from basecal.errors import InputError, count_text
 from basecal.fields.file_forms import (
     THREE,
     Covariance,
@@ -75,7 +75,7 @@ class _WrittenTransform(WrittenPose):
         """Return the transform with a covariance (6, 6) [m, rad]."""
         size, full = len(self.covariance), np.zeros((6, 6))
         if size not in (3, 6):
-            raise ValueError(f"covariance: has {size} rows, expected 3 or 6")
+            raise ValueError(f"covariance: has {count_text(size, 'row')}, expected 3 or 6")
         full[:size, :size] = self.covariance
         return _Estimate(PoseEstimate(self.transform(), full), size, self.status, self.verdict)
 
@@ -183,7 +183,9 @@ class CalibrationFile:
                 raise InputError(f"{sigmas}: expected a sigma of each of {values}")
         if self.joint is not None and len(self.joint.covariance) != 6 * len(self.joint.order):
             size, count = len(self.joint.covariance), len(self.joint.order)
-            raise InputError(f"joint.covariance: has {size} rows, expected 6 for each of {count} transforms")
+            raise InputError(
+                f"joint.covariance: has {count_text(size, 'row')}, expected 6 for each of {count} transforms"
+            )
         rows = 0 if self.joint is None else len(self.joint.covariance)
         if any(len(gauge.covariance) != rows for gauge in self.gauges):
             raise InputError(f"gauges: expected covariances of {rows} rows, as joint.covariance has")

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from basecal.cell.target import Tags
+from basecal.errors import count_text
 from basecal.exchange.bags.tags import TagFrames
 from basecal.kinematics import SerialChain
 
@@ -74,7 +75,8 @@ class ByJoints:
 
     def __str__(self) -> str:
         urdf = "the cell's URDF" if self.urdf is None else f"the URDF of {self.urdf}"
-        return f"{self.topic}, {len(self.chain.joint_names)} joints from {self.base} to {self.flange} by {urdf}"
+        joints = count_text(len(self.chain.joint_names), "joint")
+        return f"{self.topic}, {joints} from {self.base} to {self.flange} by {urdf}"
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.bounded_file import read_bounded
-from basecal.errors import DatasetError, InputError, UsageError, list_names
+from basecal.errors import DatasetError, InputError, UsageError, count_text, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field, parse_float
 from basecal.exchange.images import natural_order, read_times
@@ -182,7 +182,7 @@ def _text(path: Path) -> Iterator[ReconstructedImage]:
             words = line.split(maxsplit=9)
             location = Field(str(path), words, {(): number})
             if len(words) < 10:
-                raise location.error(f"{len(words)} words, expected {_LINE}")
+                raise location.error(f"{count_text(len(words), 'word')}, expected {_LINE}")
             try:
                 numbers, camera = [parse_float(word) for word in words[1:8]], int(words[8])
             except ValueError:

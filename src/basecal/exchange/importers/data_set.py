@@ -17,7 +17,7 @@ from typing import Any
 
 from basecal.cell.format.paths import path_resolver
 from basecal.cell.targets.fiducials import DICTIONARIES
-from basecal.errors import DatasetError, InputError, list_names
+from basecal.errors import DatasetError, InputError, count_text, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.importing.hand_eye import Carriers, HandEyeRecord, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
@@ -108,7 +108,7 @@ def read_data_set_record(
     known = [name for name, stated in (("lens", stated_lens), ("target", stated_target)) if stated]
     return HandEyeRecord(
         str(path),
-        f"{len(images)} images, each with base_from_flange (m, quaternion), the {carried} on the flange; "
+        f"{count_text(len(images), 'image')}, each with base_from_flange (m, quaternion), the {carried} on the flange; "
         f"{' and '.join(known) if known else 'neither lens nor target'} described",
         on_robot,
         poses,

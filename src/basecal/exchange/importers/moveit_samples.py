@@ -88,7 +88,7 @@ def read_moveit_record(path: str | Path, camera_on_robot: bool | None) -> HandEy
         if isinstance(entry.data, list):
             matrices = entry.items("two matrices")
             if len(matrices) != 2:
-                raise entry.error(f"has {len(matrices)} entries; {_EXPECTED}")
+                raise entry.error(f"has {count_text(len(matrices), 'entry', 'entries')}; {_EXPECTED}")
             pairs.append((matrices[0].pose(), matrices[1].pose()))
         else:
             pairs.append((entry.find("effector_wrt_world").pose(), entry.find("object_wrt_sensor").pose()))
@@ -158,5 +158,5 @@ def imported_joint_states(cell: KnownCell, states: JointStates, source: str, rob
         )
     columns = [states.names.index(joint) for joint in joint_names]
     rows = tuple(Row({name: RobotState(joints_rad=row)}) for row in states.joints_rad[:, columns])
-    what = f"{len(rows)} joint states of {name} by MoveIt (rad), joints by their names"
+    what = f"{count_text(len(rows), 'joint state')} of {name} by MoveIt (rad), joints by their names"
     return Imported(source, what, rows, advice="check that they are radians, and of this robot")

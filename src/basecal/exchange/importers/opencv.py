@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from basecal.errors import DatasetError, InputError, list_names
+from basecal.errors import DatasetError, InputError, count_text, list_names
 from basecal.exchange.fields import Field
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.lens import (
@@ -123,7 +123,7 @@ def read_opencv_lens(path: str | Path, model: str | None = None, number: int | N
     distortion = values if len(values) in term_counts(lens) else opencv_terms(terms or root, values)
     return StatedLens(
         make_camera(terms or matrix or root, lens, [*parameters, *distortion], size),
-        f"{what}, {lens} of {len(distortion)} distortion terms"
+        f"{what}, {lens} of {count_text(len(distortion), 'distortion term')}"
         f"{'' if size is None else f', {size[0]} x {size[1]} px'}, the centre of the top-left pixel is (0, 0)",
     )
 
@@ -137,7 +137,9 @@ def _whole_matrix(field: Field) -> list[float]:
     values, sides = field.matrix(), [field.first("rows"), field.first("cols")]
     rows, columns = (1 if side is None else side.integer(0) for side in sides)
     if None not in sides and rows * columns != len(values):
-        raise field.error(f"has {len(values)} numbers, its rows and cols state {rows} x {columns}: is it cut off?")
+        raise field.error(
+            f"has {count_text(len(values), 'number')}, its rows and cols state {rows} x {columns}: is it cut off?"
+        )
     return values
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.cell import PointObservation
-from basecal.errors import DatasetError, UsageError, list_names
+from basecal.errors import DatasetError, UsageError, count_text, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.controller_poses import column_unit, keyed_rows, plain_column
 from basecal.exchange.importing.imported import Imported, Row, known_cell
@@ -72,7 +72,7 @@ def read_points(
     if camera not in known.cameras:
         entry["cameras"] = {camera: {"kind": "tracker", "on": "world"}}
     rows = _join_rows(table, names, camera, sigma_m)
-    what = f"{len(names)} points of {', '.join(dict.fromkeys(names))} in {camera}, {table.unit}"
+    what = f"{count_text(len(names), 'point')} of {', '.join(dict.fromkeys(names))} in {camera}, {table.unit}"
     return Imported(str(file), what, rows, entry, advice="check the unit of the header, and --length-unit")
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from basecal.errors import DatasetError, FrameNotFound, UsageError, list_names
+from basecal.errors import DatasetError, FrameNotFound, UsageError, count_text, list_names
 from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses, read_pose_rows
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import (
@@ -197,4 +197,4 @@ def _target_poses(
 def _describe(count: int, parent: str, child: str, reading: Reading, is_inverted: bool) -> str:
     """Description of a table's content."""
     transform = f"{child}_from_{parent}, inverted," if is_inverted else f"{parent}_from_{child}"
-    return f"{count} poses {transform} as of {reading.name} ({reading.words})"
+    return f"{count_text(count, 'pose')} {transform} as of {reading.name} ({reading.words})"

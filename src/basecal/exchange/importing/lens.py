@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.cell import CellCamera
 from basecal.cell.format.plain import numbers, pose_dict
-from basecal.errors import InputError
+from basecal.errors import InputError, count_text
 from basecal.exchange.fields import Field
 from basecal.exchange.importing.imported import (
     Imported,
@@ -187,7 +187,7 @@ def opencv_terms(field: Field, terms: Sequence[float]) -> list[float]:
         terms = terms[:-2]
     if len(terms) not in OPENCV_TERMS:
         known = " or ".join(map(str, (*OPENCV_TERMS, _TILTED_TERMS)))
-        raise field.error(f"has {len(terms)} distortion terms, expected {known}, in OpenCV's order")
+        raise field.error(f"has {count_text(len(terms), 'distortion term')}, expected {known}, in OpenCV's order")
     return list(terms)
 
 

@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from basecal.cell import RobotState, Sample
-from basecal.errors import InputError, list_names
+from basecal.errors import InputError, count_text, list_names
 from basecal.exchange.images import missing_numbers
 from basecal.exchange.importing.imported import Imported, PairingMethod, Row
 
@@ -194,7 +194,7 @@ def _pair_by_name(imports: Imported, samples: Sequence[Sample], samples_by_name:
 
 def _pair_by_order(imports: Imported, samples: Sequence[Sample]) -> list[int | None]:
     if len(imports.rows) != len(samples):
-        counts = f"{imports.source} holds {len(imports.rows)}, the recording has {len(samples)} samples"
+        counts = f"{imports.source} holds {len(imports.rows)}, the recording has {count_text(len(samples), 'sample')}"
         gaps = missing_numbers([row.image for row in imports.rows if row.image is not None])
         counts = f"{list_names(gaps)} missing in the numbering of its images; {counts}" if gaps else counts
         raise InputError(

@@ -14,7 +14,7 @@ from functools import cached_property
 from io import StringIO
 
 from basecal.cell.journal.recording_file import MOST_SAMPLES
-from basecal.errors import DatasetError, list_names
+from basecal.errors import DatasetError, count_text, list_names
 from basecal.exchange.fields import parse_float
 from basecal.exchange.json_rows import json_records, json_rows
 from basecal.fields.problems import shorten
@@ -267,7 +267,11 @@ def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path
             yield TextRow(number, _leading_image(line, bracketed) | dict(zip(names, values, strict=True)))
         elif _POSE_CLAIM.search(line):
             count = count_numbers(bracketed)
-            raise DatasetError(path, f"{count} numbers in brackets, expected {', '.join(names)}", number)
+            raise DatasetError(
+                path,
+                f"{count_text(count, 'number in brackets', 'numbers in brackets')}, expected {', '.join(names)}",
+                number,
+            )
 
 
 def _is_plain_row(line: str, count: int) -> bool:
@@ -375,7 +379,7 @@ def _count_message(cells: Sequence[str], columns: Sequence[str], separator: str 
         what = f"{len(cells)} cells for {len(columns)} columns"
         return f"{what}: decimal commas need another separator than a comma, such as a semicolon"
     expected = f"expected {', '.join(columns)}" if is_bare else f"the header has {len(columns)}"
-    return f"{len(cells)} columns, {expected}"
+    return f"{count_text(len(cells), 'column')}, {expected}"
 
 
 def rows_of_numbers(table: TextTable, columns: Sequence[str]) -> Iterator[list[float]]:

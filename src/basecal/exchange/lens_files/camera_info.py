@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.errors import DatasetError, InputError, list_names
+from basecal.errors import DatasetError, InputError, count_text, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.importing.lens import StatedLens, make_camera, matrix_parameters, opencv_terms
 from basecal.geometry import Array, Camera
@@ -73,7 +73,7 @@ def camera_info_lens(root: Field) -> StatedLens:
         raise root.find("distortion_model").error(f"{named!r} is not supported; there are: {known}")
     is_fisheye = _MODELS[named] == fisheye.MODEL
     if is_fisheye and len(values) != _FISHEYE_TERMS:
-        raise root.error(f"{len(values)} distortion coefficients, {named} has {_FISHEYE_TERMS}")
+        raise root.error(f"{count_text(len(values), 'distortion coefficient')}, {named} has {_FISHEYE_TERMS}")
     distortion = values if is_fisheye else opencv_terms(terms or root, values)
     camera = make_camera(matrix, _MODELS[named], [*parameters, *distortion], size)
     name = root.first("camera_name")
@@ -111,4 +111,6 @@ def ros_lens(camera: Camera) -> tuple[str, Array]:
         if lens.model == camera.model and count <= lens.terms:
             return lens.name, np.concatenate([camera.distortion, np.zeros(lens.terms - count)])
     names = ", ".join(lens.name for lens in ROS_LENSES)
-    raise InputError(f"ROS has no name for a {camera.model} lens with {count} distortion terms; it has {names}")
+    raise InputError(
+        f"ROS has no name for a {camera.model} lens with {count_text(count, 'distortion term')}; it has {names}"
+    )

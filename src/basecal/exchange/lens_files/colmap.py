@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from basecal.bounded_file import read_bounded
-from basecal.errors import DatasetError, list_names, spelling_hint
+from basecal.errors import DatasetError, count_text, list_names, spelling_hint
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field, parse_float
 from basecal.exchange.importing.lens import StatedLens, make_camera
@@ -118,7 +118,7 @@ def _text(path: Path) -> Iterator[_Entry]:
         if not words:
             continue
         if len(words) < 5:
-            raise location.error(f"{len(words)} words, expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
+            raise location.error(f"{count_text(len(words), 'word')}, expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]")
         try:
             sides = (int(words[2]), int(words[3]))
             yield _Entry(int(words[0]), words[1], sides, [parse_float(word) for word in words[4:]], location)
@@ -156,7 +156,7 @@ def _lens(entry: _Entry) -> StatedLens:
     if model.lens is None:
         raise entry.location.error(f"{entry.model} is not supported: calibrate with OPENCV or OPENCV_FISHEYE")
     if len(entry.parameters) != model.count:
-        raise entry.location.error(f"{len(entry.parameters)} parameters, {entry.model} has {model.count}")
+        raise entry.location.error(f"{count_text(len(entry.parameters), 'parameter')}, {entry.model} has {model.count}")
     location = entry.location
     values = Field(location.path, list(entry.parameters), location.lines, location.loc).numbers()
     focal, (cx, cy), rest = (

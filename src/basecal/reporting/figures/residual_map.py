@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.residuals.point_residuals import PointResiduals
+from basecal.errors import count_text
 from basecal.fields.digits import two_digits
 from basecal.geometry import Array
 from basecal.reporting.figures.image_grid import image_grid
@@ -30,7 +31,7 @@ def residual_map(size_px: tuple[int, int] | None, points: PointResiduals) -> Fig
     some = np.flatnonzero(grid.count)
     count = grid.count[some]
     squares = {
-        square: (value / top, f"{number} points, rms {two_digits(value)} px per coordinate")
+        square: (value / top, f"{count_text(number, 'point')}, rms {two_digits(value)} px per coordinate")
         for square, value, number in zip(some.tolist(), rms.tolist(), count, strict=True)
     }
     is_drawn = count >= _FEWEST_POINTS
@@ -48,9 +49,9 @@ def residual_map(size_px: tuple[int, int] | None, points: PointResiduals) -> Fig
         element("text", f"{bar_px:g} px", class_="ruler-label", x=end + 6, y=bottom + 5),
     )
     caption = (
-        f"{len(residuals)} points. Shade: rms per coordinate, full at {top:g} px. Arrow: mean from observed towards "
-        f"predicted points, enlarged {three_digits(enlargement / grid.scale)} times. Arrows that agree with their "
-        "neighbours are a pattern that the lens model cannot represent."
+        f"{count_text(len(residuals), 'point')}. Shade: rms per coordinate, full at {top:g} px. Arrow: mean from "
+        f"observed towards predicted points, enlarged {three_digits(enlargement / grid.scale)} times. Arrows that "
+        "agree with their neighbours are a pattern that the lens model cannot represent."
     )
     return Figure(f"{points.camera}, residuals over the image", svg, caption)
 

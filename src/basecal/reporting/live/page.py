@@ -15,7 +15,7 @@ import numpy as np
 from basecal.acquisition.taking import visible_targets
 from basecal.acquisition.watching import Snapshot, Watch
 from basecal.cell import Cell, Sample
-from basecal.errors import BasecalError
+from basecal.errors import BasecalError, count_text
 from basecal.planning.sketch import Sketch, sketch_cell
 from basecal.reporting.cell_view.scene import scene_data
 from basecal.reporting.cell_view.stage import json_inside_html, stated_scene
@@ -120,7 +120,7 @@ class LivePage:
             if (detection := find_target(grey, target))
         ]
         pixels = np.concatenate(detected) if detected else np.zeros((0, 2))
-        label = f"last image of {camera}, {len(pixels)} points found"
+        label = f"last image of {camera}, {count_text(len(pixels), 'point')} found"
         used = np.ones(len(pixels), dtype=bool)
         return image_drawing(label, small, (grey.shape[1], grey.shape[0]), pixels, 0 * pixels, used)
 
