@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing
 from datetime import date, datetime, time, timedelta
 from io import StringIO
@@ -52,7 +52,7 @@ def _texts(path: Path) -> Iterator[str]:
             yield text.getvalue()
 
 
-def _rows(path: Path) -> Iterator[list[str]]:
+def _rows(path: Path) -> Generator[list[str], None, None]:
     """Cells of all rows from the first row and column on, each row without its last empty cells."""
     _check_sizes(path)
     with (

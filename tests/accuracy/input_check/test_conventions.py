@@ -372,6 +372,30 @@ def test_many_robots_are_checked_in_pairs(monkeypatch):
     assert (steps, parts) == ([8, 8, 1], [(0, 17), (8, 17), (16, 17)])
 
 
+@pytest.mark.parametrize(("joint", "expected"), [((), [("hidden",)]), (("found",), ("found",))])
+def test_unexplained_pairs_are_checked_alone(monkeypatch, joint, expected):
+    """If all views together decide no hypothesis, each pair of a camera and a target that is unexplained is checked."""
+
+    def checked(reading, state, settings, explained):
+        """Findings about all views, or about those of a pair."""
+        yield from ()
+        return joint if reading == "whole" else (reading,)
+
+    def pairs_of(baseline, state, groups):
+        """A pair for each group."""
+        return [SimpleNamespace(reading=group, state=state) for group in groups]
+
+    monkeypatch.setattr(conventions, "has_many_robots", lambda problem: False)
+    monkeypatch.setattr(conventions, "is_hopeless", lambda groups, state: groups == ("hidden",))
+    monkeypatch.setattr(conventions, "solve_single_pairs", pairs_of)
+    monkeypatch.setattr(conventions, "merge_findings", lambda pairs, found: found)
+    monkeypatch.setattr(conventions, "declared_reading", lambda *given: "whole")
+    monkeypatch.setattr(conventions, "_check_reading", checked)
+    problem = SimpleNamespace(groups=["sound", "hidden"], with_groups=lambda groups: groups)
+    given = (BOARD.cell, BOARD.recording, problem, SimpleNamespace(state=None), Settings())
+    assert conventions.check_conventions(*given, False) == expected
+
+
 def fit_of(core=0.01, good=True, tail=False, explained=True, best=False):
     """A fit with the given properties."""
     solution = SimpleNamespace(state="known", problem=None)

@@ -218,7 +218,7 @@ def test_first_ten_excluded_samples_are_named(lacking, shown):
     ]
     _, (finding,) = build_problem(made.cell, Recording(tuple(samples)))
     expected = (
-        f"{lacking} view(s) are not used, of sample 0, 1, 2, 3, 4, 5, 6, 7{shown}: no pose of hand in the same sample."
+        f"{lacking} views are not used, of sample 0, 1, 2, 3, 4, 5, 6, 7{shown}: no pose of hand in the same sample."
     )
     assert finding.message == expected
     assert finding.about == tuple(str(k) for k in range(lacking))
@@ -234,7 +234,7 @@ def test_candidates_for_several_leds_are_left_out(shape):
     problem, (finding,) = build_problem(made.cell, Recording((first, *made.recording.samples[1:])))
     assert [len(group) for group in problem.groups] == [4]
     assert finding.about == ("0",)
-    assert finding.message.startswith("1 view(s) are not used, of sample 0: candidates for several LEDs")
+    assert finding.message.startswith("1 view is not used, of sample 0: candidates for several LEDs")
 
 
 def test_only_robots_with_noise_have_stops():

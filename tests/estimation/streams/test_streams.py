@@ -130,7 +130,7 @@ def test_views_without_surrounding_records_are_reported() -> None:
     assert len(found.samples) == 60
     (finding,) = found.findings
     assert finding.code == "dropped-sample"
-    assert "10 view(s) are not used" in finding.message
+    assert "10 views are not used" in finding.message
 
 
 def test_two_cameras_of_one_line_become_two_samples() -> None:
@@ -236,7 +236,7 @@ def test_ten_excluded_views_are_named(gone: int, shown: str) -> None:
     (finding,) = synchronous_recording(made.cell, Recording(late)).findings
     numbers = ", ".join(map(str, range(8)))
     why = "no robot was recorded within 0.25 s before and after"
-    expected = f"{gone} view(s) are not used, of sample {numbers}, {shown}: {why}."
+    expected = f"{gone} views are not used, of sample {numbers}, {shown}: {why}."
     assert finding.message == expected
     assert finding.about == tuple(map(str, range(gone)))
 

@@ -32,7 +32,7 @@ from basecal.accuracy.input_check.pairing import half_turn_hypotheses, slip_hypo
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_reading
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.target_sizes import size_hypotheses
-from basecal.accuracy.input_check.unexplained_motion import unexplained_motion
+from basecal.accuracy.input_check.unexplained_motion import is_hopeless, unexplained_motion
 from basecal.accuracy.readings.reading import Reading, declared_reading
 from basecal.accuracy.readings.single_pairs import has_many_robots, merge_findings, solve_single_pairs
 from basecal.cell import Cell, Finding, Recording
@@ -40,6 +40,7 @@ from basecal.effects.link_parameters import NAME as LINKS
 from basecal.errors import BasecalError
 from basecal.estimation.noise.robot_noise import count_stops
 from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
 from basecal.estimation.start.first_state import known_transforms
@@ -100,15 +101,25 @@ def check_conventions(
         data, there is at most one `poor-fit`.
     """
     baseline = declared_reading(cell, recording, problem)
+    groups = None
     if not has_many_robots(problem):
-        return _run_checks([_check_reading(baseline, solution.state, settings, is_explained)])[0]
-    pairs = solve_single_pairs(baseline, solution.state)
+        (found,) = _run_checks([_check_reading(baseline, solution.state, settings, is_explained)])
+        # A target that is seen once cannot be held out, so that no hypothesis is decided by all views together.
+        groups = [] if found or len(problem.groups) == 1 else _unexplained_groups(problem, solution.state)
+        if not groups:
+            return found
+    pairs = solve_single_pairs(baseline, solution.state, groups)
     findings: list[tuple[Finding, ...]] = []
     for first in range(0, len(pairs), _BATCH_PAIRS):
         settings.report_progress(first, len(pairs))
         batch = pairs[first : first + _BATCH_PAIRS]
         findings += _run_checks([_check_reading(each.reading, each.state, settings, is_explained) for each in batch])
     return merge_findings(pairs, findings)
+
+
+def _unexplained_groups(problem: Problem, state: State) -> list[ViewGroup]:
+    """Groups of views of a camera and a target that the solution does not explain."""
+    return [group for group in problem.groups if is_hopeless(problem.with_groups((group,)), state)]
 
 
 def _run_checks(checks: Sequence[_Check[T]]) -> list[T]:

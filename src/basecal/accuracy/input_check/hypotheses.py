@@ -44,8 +44,8 @@ class ConventionHypothesis:
         about: Names of robots, cameras and targets.
         words: Statement of the hypothesis, as the end of "It fits if ...".
         fix: Instruction to fix the input, in one line.
-        distinction: Instruction to record data that distinguish this hypothesis from the declared one; `{arms}` stands
-            for the robots that it is about.
+        distinction: Instruction to record data that distinguish this hypothesis from the declared one; `{arms}` is
+            replaced by the names of its robots.
         reread: Function that returns the reading under this hypothesis, given the declared reading.
         nested: Whether the declared hypothesis is a special case of this one, which therefore never fits worse.
         by_order: Whether the hypothesis depends on the order of the samples, so that `reread` needs all of them.

@@ -44,14 +44,16 @@ def has_many_robots(problem: Problem) -> bool:
     return len(problem.robots) > _MOST_JOINT_ROBOTS
 
 
-def solve_single_pairs(baseline: Reading, state: State) -> list[SinglePair]:
-    """Pairs of camera and target that cover each robot, camera and target, as few as a greedy choice needs.
+def solve_single_pairs(baseline: Reading, state: State, groups: Sequence[ViewGroup] | None = None) -> list[SinglePair]:
+    """Pairs of camera and target; by default those that cover each robot, camera and target.
 
     Args:
         baseline: The declared reading.
         state: Solved state of the declared reading.
+        groups: Views of the pairs; as few as a greedy choice needs if not given.
     """
-    return [_solve_pair(baseline, group, state) for group in _covering(baseline.problem.groups)]
+    chosen = _covering(baseline.problem.groups) if groups is None else groups
+    return [_solve_pair(baseline, group, state) for group in chosen]
 
 
 def merge_findings(pairs: Sequence[SinglePair], findings: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:

@@ -25,7 +25,7 @@ from basecal.cell import (
 )
 from basecal.effects.deflection import NAME as DEFLECTION
 from basecal.effects.deflection import apply_gravity
-from basecal.errors import InputError
+from basecal.errors import InputError, count_text
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.gauges import held_gauges, point_mounts
 from basecal.estimation.problem.measurements import GRIP, alternative_readings, make_measurement
@@ -354,7 +354,8 @@ def repeated_views(numbers: Sequence[int]) -> list[Finding]:
 
 def dropped_samples(numbers: Sequence[int], reason: str) -> Finding:
     """Make a finding about samples, by number, whose views are not used."""
-    what = f"{len(numbers)} view(s) are not used, of sample {_list_samples(numbers)}: {reason}."
+    subject = f"{count_text(len(numbers), 'view')} {'is' if len(numbers) == 1 else 'are'}"
+    what = f"{subject} not used, of sample {_list_samples(numbers)}: {reason}."
     return Finding("dropped-sample", "info", tuple(map(str, numbers)), what)
 
 

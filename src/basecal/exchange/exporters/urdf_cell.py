@@ -67,14 +67,16 @@ def _check_separate(cell: Cell, parts: Mapping[str, RobotPart]) -> None:
         first_link, second_link = flanges[name], flanges[other]
         if part.path != second.path or first_link is None or second_link is None:
             continue
-        if first_link not in _links_above(part, second_link) and second_link not in _links_above(part, first_link):
+        if first_link not in _ancestor_links(part, second_link) and second_link not in _ancestor_links(
+            part, first_link
+        ):
             raise InputError(
                 f"{part.path} holds both {name} and {other}: with --to urdf_joint --urdf {part.path} "
                 "the joint between them is set in it"
             )
 
 
-def _links_above(part: RobotPart, link: str) -> list[str]:
+def _ancestor_links(part: RobotPart, link: str) -> list[str]:
     """A link and those above it, up to the root."""
     joints, links = joint_origins(part.text, part.path), [link]
     while links[-1] in joints:

@@ -266,12 +266,8 @@ def _bracket_rows(content: Sequence[tuple[int, str]], names: Sequence[str], path
         if values is not None:
             yield TextRow(number, _leading_image(line, bracketed) | dict(zip(names, values, strict=True)))
         elif _POSE_CLAIM.search(line):
-            count = count_numbers(bracketed)
-            raise DatasetError(
-                path,
-                f"{count_text(count, 'number in brackets', 'numbers in brackets')}, expected {', '.join(names)}",
-                number,
-            )
+            count = count_text(count_numbers(bracketed), "number")
+            raise DatasetError(path, f"{count} in brackets, expected {', '.join(names)}", number)
 
 
 def _is_plain_row(line: str, count: int) -> bool:
