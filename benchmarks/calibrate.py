@@ -15,7 +15,7 @@ from dataclasses import replace
 from statistics import median
 from typing import Any
 
-import numpy as np
+from tests.shared.machine_unit import unit_s
 from tests.shared.real_recordings import EXAMPLES, data_folder, example, moveit_cell, nao_cell
 
 from basecal.accuracy.calibrate import calibrate
@@ -28,8 +28,6 @@ from basecal.simulation import Scenario, simulate
 from basecal.vision.detect import detect
 from benchmarks.common import on_one_core, table, write
 
-PRODUCTS, ROWS, COLUMNS = 20, 200, 600
-UNITS_A_TIME = 7
 REPEATS = 5
 LONG_S = 5.0
 # Required units: for recordings of up to a hundred views, and for the larger ones.
@@ -92,19 +90,6 @@ def recordings() -> dict[str, Reader]:
         "nao_dual_axbycz": nao_cell,
         SIMULATED_NAME: _simulated,
     }
-
-
-def unit_s() -> float:
-    """Time of the unit now [s], the median of a few."""
-    matrix = np.random.default_rng(0).standard_normal((ROWS, COLUMNS))
-
-    def work() -> float:
-        began = time.process_time()
-        for _ in range(PRODUCTS):
-            matrix @ matrix.T
-        return time.process_time() - began
-
-    return median(work() for _ in range(UNITS_A_TIME))
 
 
 def measure(name: str, cell: Cell, recording: Recording) -> dict[str, Any]:

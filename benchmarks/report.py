@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tests.shared import machine_unit as unit
 
 from benchmarks import (
     arm_errors,
@@ -167,7 +168,7 @@ and errors, with the number of cells."""
 def _calibrate(result: Result) -> str:
     about = f"""\
 CPU time of the whole `calibrate`, in process, with the detections of images known beforehand. The unit is the time of
-{calibrate.PRODUCTS} products of a {calibrate.ROWS} x {calibrate.COLUMNS} matrix with its transpose, measured between
+{unit.PRODUCTS} products of a {unit.ROWS} x {unit.COLUMNS} matrix with its transpose, measured between
 the runs. `before` is the number of units before the work was batched. Required for at most a hundred
 views: at most {calibrate.MOST_UNITS:.0f} units; of the larger recordings as stated. Ten thousand simulated samples
 without any stated sigma may take {calibrate.MOST_UNITS_OF[calibrate.SIMULATED_NAME]:.0f} units, which is 15 s if a unit

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
+from tests.shared.machine_unit import unit_s
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
@@ -44,7 +45,7 @@ from basecal.simulation.running.faults import read_faults
 from basecal.simulation.running.plant import Clock, Plant
 from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world import World
-from benchmarks.calibrate import SIMULATED_NAME, recordings, unit_s
+from benchmarks.calibrate import SIMULATED_NAME, recordings
 from benchmarks.common import Kept, cpu_seconds, on_one_core, table, write
 
 SAMPLES, SIGMA_CAPTURES, CLEAN, FAULTY, BY_POSES, LATEST_SAMPLES = 25, 60, 60, 40, 40, 3

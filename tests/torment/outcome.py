@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
-from benchmarks.calibrate import unit_s
-
 from basecal.cli import main
 from basecal.errors import BasecalError
+from tests.shared.machine_unit import unit_s
 
 LONGEST_UNITS = (
     4000  # of the processor, of a trial with a dozen samples, the slowest of which take 2200: more is a hang
