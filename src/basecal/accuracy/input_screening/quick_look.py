@@ -125,8 +125,7 @@ def _find_outliers(cell: Cell, recording: Recording) -> dict[int, LeftOut]:
     problem, _ = build_problem(cell, recording)
     left_out = solve_robustly(problem, cell, STATED).outliers
     found = {each.sample: each for each in left_out if not each.ids}
-    count = len({int(sample) for group in problem.groups for sample in group.sample})
-    return found if len(found) <= _FEW_SHARE * count else {}
+    return found if len(found) <= _FEW_SHARE * len(problem.samples) else {}
 
 
 def _outlier_finding(outliers: dict[int, LeftOut]) -> Finding:
@@ -144,7 +143,7 @@ def _check_samples(cell: Cell, recording: Recording, is_whole: bool) -> QuickLoo
         BasecalError: if the problem cannot be solved.
     """
     problem, _ = build_problem(cell, recording)
-    views = len({int(sample) for group in problem.groups for sample in group.sample})
+    views = len(problem.samples)
     if views < _FEWEST_SAMPLES:
         return QuickLook(views, undetermined=f"{_FEWEST_SAMPLES} with the robots' poses are needed")
     solution = solve_problem(problem, cell, STATED)

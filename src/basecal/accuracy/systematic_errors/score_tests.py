@@ -107,10 +107,9 @@ class Linearised:
     @cached_property
     def residual_freedoms(self) -> float:
         """Degrees of freedom of the views' residuals: equations less unknowns, corrected for the effect of priors."""
-        equations = sum(int(group.measurement.equations().sum()) for group in self.problem.groups)
         priors = ((jacobian, where) for _, jacobian, where in prior_residuals(self.problem, self.state))
         held = sum(float(np.sum((j @ self.inverse[where, where]) * j)) for j, where in priors)
-        return equations - self.problem.width + held
+        return self.problem.equation_count - self.problem.width + held
 
     @cached_property
     def inverse(self) -> Array:

@@ -105,7 +105,7 @@ class Situation:
     @cached_property
     def samples(self) -> IntArray:
         """Numbers of all recorded samples, ordered by time, or by number if any has no time."""
-        numbers = np.unique(np.concatenate([g.sample for g in self.recorded.groups]))
+        numbers = self.recorded.samples
         if not all(int(n) in self.stamps for n in numbers):
             return numbers
         return numbers[np.argsort([self.stamps[int(n)] for n in numbers], kind="stable")]

@@ -87,9 +87,8 @@ class Meeting:
 
     def stop_variance(self, robot: str) -> Array:
         """Mean variance per axis of a robot's stop errors, translation and rotation, (2,) [m^2, rad^2]; 0 if exact."""
-        mine = np.array([name == robot for name in self.problem.stops.robot], dtype=bool)
-        squares = self.problem.stops.sigma[mine] ** 2
-        return squares.reshape(-1, 2, 3).mean((0, 2)) if mine.any() else np.zeros(2)
+        squares = self.problem.stops.sigma[self.problem.stops.robot_mask([robot])] ** 2
+        return squares.reshape(-1, 2, 3).mean((0, 2)) if len(squares) else np.zeros(2)
 
     def mean_square_m2(self, covariance: Array) -> float:
         """Mean squared distance [m^2] from a covariance of all columns, (p, p), and the stop errors of the robots."""
