@@ -26,6 +26,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT, STATED
 from basecal.estimation.solve import solve_problem
 from basecal.estimation.streams.streams import recording_streams
+from basecal.numerics.batch import evenly_spaced
 
 # Runs of consecutive samples are spread over the recording, since robots may take turns to move. Neighbours of a run
 # keep only robot states, since images may be late by that many samples.
@@ -60,8 +61,7 @@ def preview_samples(recording: Recording) -> Recording:
     samples = recording.samples
     views = [k for k, sample in enumerate(samples) if sample.observations or sample.images]
     if any(not samples[k].robots for k in views):  # streams: all robot states are needed
-        spread = np.linspace(0, len(views) - 1, min(len(views), _STREAM_VIEWS)).astype(int)
-        omitted = set(views) - {views[k] for k in spread}
+        omitted = set(views) - {views[k] for k in evenly_spaced(len(views), _STREAM_VIEWS)}
         return replace(recording, samples=tuple(s for k, s in enumerate(samples) if k not in omitted))
     if len(views) <= _RUN_COUNT * _RUN_SAMPLES:
         return recording
