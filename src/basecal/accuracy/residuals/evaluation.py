@@ -58,9 +58,9 @@ def evaluate_recording(cell: Cell, recording: Recording, calibration: Calibratio
 
 def _without_outliers(problem: Problem, calibration: Calibration) -> Problem:
     """Remove the views that are outliers as a whole: they would bias the errors of their stops."""
-    outlier_views = {(each.sample, each.camera, each.target) for each in calibration.outliers or () if not each.ids}
+    outliers = calibration.outlier_views
     return problem.take_views(
-        np.flatnonzero([(number, g.camera, g.target) not in outlier_views for number in g.sample.tolist()])
+        np.flatnonzero([(number, g.camera, g.target) not in outliers for number in g.sample.tolist()])
         for g in problem.groups
     )
 
