@@ -162,7 +162,7 @@ def check_rotation(rotation: Array, name: str = "rotation") -> None:
         raise InputError(f"{name} is a reflection: its determinant is -1, its axes are left-handed")
 
 
-def checked_rotation(rotation: Array, name: str = "rotation") -> Array:
+def project_rotation(rotation: Array, name: str = "rotation") -> Array:
     """Nearest rotations of matrices that are rotations within 1e-3, (..., 3, 3).
 
     Raises:

@@ -190,7 +190,7 @@ def score(model: Linearised, candidates: Candidates, largest: float = np.inf) ->
         candidates: The errors.
         largest: Largest expected sigma of the sizes; infinite without a prior.
     """
-    return score_from_sums(model, sums(model, candidates), largest)
+    return score_from_sums(model, view_sums(model, candidates), largest)
 
 
 def score_from_sums(model: Linearised, sums: Sums, largest: float = np.inf) -> Score:
@@ -207,7 +207,7 @@ def score_from_sums(model: Linearised, sums: Sums, largest: float = np.inf) -> S
     return Score(gradient, left, -np.vecdot(gradient, sizes), seen.rank, sizes)
 
 
-def sums(model: Linearised, candidates: Candidates) -> Sums:
+def view_sums(model: Linearised, candidates: Candidates) -> Sums:
     """Compute the sums over views of candidates, with stops eliminated."""
     b, q = len(candidates.about), candidates.sizes
     gradient, information = np.zeros((b, q)), np.zeros((b, q, q))

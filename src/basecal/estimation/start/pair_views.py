@@ -78,11 +78,11 @@ class PairViews:
         return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
 
 
-ViewPosesOf = Callable[[Array, Array, BoolArray, BearingMeasurement], ViewPoses]
+PoseEstimator = Callable[[Array, Array, BoolArray, BearingMeasurement], ViewPoses]
 
 
 def pair_views(
-    group: ViewGroup, camera: Camera | None, views: int, points: int, estimate_poses: ViewPosesOf = view_poses
+    group: ViewGroup, camera: Camera | None, views: int, points: int, estimate_poses: PoseEstimator = view_poses
 ) -> PairViews:
     """Select evenly spaced views of a group and a subset of their points, and estimate the views' poses.
 
@@ -113,7 +113,7 @@ def pair_views(
 
 
 def _pixel_views(
-    group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int, estimate_poses: ViewPosesOf
+    group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int, estimate_poses: PoseEstimator
 ) -> PairViews:
     bearings, valid = camera.undistort(measurement.pixels)
     seen = measurement.seen & valid
