@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.geometry import SE3, Array, Camera
-from basecal.numerics.batch import SHARED, choose_entries, concatenate, evenly_spaced, stack, take
+from basecal.numerics.batch import SHARED, choose_entries, concatenate, space_evenly, stack, take
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def test_take_preserves_named_tuple_type(rng):
 
 def test_entries_are_evenly_spaced():
     """The first and last entry are among them, all differ, and few entries are all returned."""
-    assert evenly_spaced(10, 4).tolist() == [0, 3, 6, 9]
-    assert evenly_spaced(9, 4).tolist() == [0, 2, 5, 8]
-    assert evenly_spaced(3, 4).tolist() == [0, 1, 2]
-    assert evenly_spaced(0, 4).tolist() == []
+    assert space_evenly(10, 4).tolist() == [0, 3, 6, 9]
+    assert space_evenly(9, 4).tolist() == [0, 2, 5, 8]
+    assert space_evenly(3, 4).tolist() == [0, 1, 2]
+    assert space_evenly(0, 4).tolist() == []

@@ -128,7 +128,7 @@ def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
         view = group.measurement.linearise(poses, model.state.cameras.get(group.camera), lens)
         jitter = model.problem.jitter_motion(group)
         view = view if jitter is None else ViewInformation(*without_motion(*view, jitter))
-        by_error = model.normal.views[k].by_private_errors
+        by_error = model.normal.views[k].private_error_jacobian
         transposed = by_error.mT
         own = inverse_beside_identity(transposed @ view.information @ by_error)
         back = own @ transposed @ view.information

@@ -44,9 +44,9 @@ def choose_entries(mask: BoolArray, first: T, second: T) -> T:
     return mixed
 
 
-def evenly_spaced(count: int, most: int) -> IntArray:
-    """Indices of at most `most` of `count` entries, evenly spaced from the first to the last."""
-    return np.linspace(0, count - 1, min(count, most)).astype(np.int64)
+def space_evenly(count: int, max_count: int) -> IntArray:
+    """Indices of at most `max_count` of `count` entries, evenly spaced from the first to the last."""
+    return np.linspace(0, count - 1, min(count, max_count)).astype(np.int64)
 
 
 def concatenate(containers: Sequence[T]) -> T:

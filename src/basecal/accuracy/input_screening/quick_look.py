@@ -26,7 +26,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT, STATED
 from basecal.estimation.solve import solve_problem
 from basecal.estimation.streams.streams import recording_streams
-from basecal.numerics.batch import evenly_spaced
+from basecal.numerics.batch import space_evenly
 
 # Runs of consecutive samples are spread over the recording, since robots may take turns to move. Neighbours of a run
 # keep only robot states, since images may be late by that many samples.
@@ -61,7 +61,7 @@ def preview_samples(recording: Recording) -> Recording:
     samples = recording.samples
     views = [k for k, sample in enumerate(samples) if sample.observations or sample.images]
     if any(not samples[k].robots for k in views):  # streams: all robot states are needed
-        omitted = set(views) - {views[k] for k in evenly_spaced(len(views), _STREAM_VIEWS)}
+        omitted = set(views) - {views[k] for k in space_evenly(len(views), _STREAM_VIEWS)}
         return replace(recording, samples=tuple(s for k, s in enumerate(samples) if k not in omitted))
     if len(views) <= _RUN_COUNT * _RUN_SAMPLES:
         return recording

@@ -21,7 +21,7 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import cross_matrix
-from basecal.numerics.batch import evenly_spaced
+from basecal.numerics.batch import space_evenly
 
 _MOST_PLACES = 60  # of the recorded places: the error is a smooth function of the place, so more add nothing
 
@@ -157,7 +157,7 @@ def recorded_places(problem: Problem, state: State, transform: str) -> Array:
 
 def choose_places(places: Array) -> Array:
     """Choose at most `_MOST_PLACES` of places, (n, 3) [m], evenly."""
-    return np.asarray(places[evenly_spaced(len(places), _MOST_PLACES)])
+    return np.asarray(places[space_evenly(len(places), _MOST_PLACES)])
 
 
 def target_places(group: ViewGroup, state: State) -> Array:

@@ -58,7 +58,7 @@ class LinearisedViews:
     shared: tuple[StopViews, ...]
 
     @property
-    def by_private_errors(self) -> Array:
+    def private_error_jacobian(self) -> Array:
         """Derivative of the views with respect to the errors of their private stops, (n, q, 6 k)."""
         derivative = np.zeros((*self.gradient.shape, 6 * len(self.private)))
         for k, part in enumerate(self.private):

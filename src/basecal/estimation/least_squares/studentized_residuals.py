@@ -204,7 +204,7 @@ def _posterior_covariance(model: LeaveOneOut, k: int, rows: PointJacobians) -> A
     n, p, d, q = rows.jacobian.shape
     flat = rows.jacobian.reshape(n, p * d, q)
     information = flat.mT @ flat
-    by_error = model.normal.views[k].by_private_errors
+    by_error = model.normal.views[k].private_error_jacobian
     inner = inverse_beside_identity(by_error.mT @ information @ by_error)
     stop_covariance = by_error @ inner @ by_error.mT
     remainder = np.eye(q) - stop_covariance @ information

@@ -32,7 +32,7 @@ from basecal.estimation.streams.rolling_shutter import (
     mean_row,
 )
 from basecal.geometry import SE3
-from basecal.numerics.batch import evenly_spaced
+from basecal.numerics.batch import space_evenly
 
 _FREE_CLOCK = Clock("free")
 _EXACT_CLOCK = Clock()
@@ -72,7 +72,7 @@ class Streams:
 
     def thin(self, count: int) -> Streams:
         """Return a copy with at most `count` evenly spaced instants."""
-        return replace(self, instants=tuple(self.instants[k] for k in evenly_spaced(len(self.instants), count)))
+        return replace(self, instants=tuple(self.instants[k] for k in space_evenly(len(self.instants), count)))
 
 
 @dataclass(frozen=True, eq=False)
