@@ -26,7 +26,7 @@ from scipy.stats import t as student
 from tests.shared.machine_unit import unit_s
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
+from basecal.accuracy.systematic_errors.score_tests import score_from_sums, view_sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.acquisition.running.check import Doubt, RunningCheck
 from basecal.cell import Cell, PixelObservation, Recording, RobotState, Sample
@@ -203,7 +203,7 @@ def show_fault(fault: Fault, count: int) -> tuple[bool, bool, bool]:
     recording = Recording(tuple(fault.samples[:count]))
     solution = solve(cell, recording, Settings(robot_noise="stated"))
     situation = Situation(solution.problem, solution.state, build_problem(cell, recording)[0], {})
-    score = score_from_sums(situation.linearisation, sums(situation.linearisation, fault.moves(situation)))
+    score = score_from_sums(situation.linearisation, view_sums(situation.linearisation, fault.moves(situation)))
     gradient, information = float(score.gradient[0, 0]), float(score.information[0, 0, 0])
     if not information > 0:
         return False, False, False

@@ -8,12 +8,12 @@ import pytest
 from basecal.errors import InputError
 from basecal.geometry.rotation import (
     check_rotation,
-    checked_rotation,
     cross,
     cross_matrix,
     exp_coefficients,
     lengths,
     nearest_rotation,
+    project_rotation,
     quaternion_from_rotation,
     rotation_exp,
     rotation_log,
@@ -58,11 +58,11 @@ def test_nearest_rotation_is_nearest(rng):
 def test_rounded_rotation_is_projected():
     """A rotation with four digits is accepted and projected. One with a larger error is refused."""
     rotation = rotation_exp(np.array([0.3, -0.5, 0.8]))
-    projected = checked_rotation(np.round(rotation, 4))
+    projected = project_rotation(np.round(rotation, 4))
     np.testing.assert_allclose(projected @ projected.T, np.eye(3), atol=1e-15)
     np.testing.assert_allclose(projected, rotation, atol=1e-4)
     with pytest.raises(InputError, match="not a rotation"):
-        checked_rotation(np.round(rotation, 2))
+        project_rotation(np.round(rotation, 2))
 
 
 def test_the_wrong_rotation_of_a_batch_is_named():
@@ -72,7 +72,7 @@ def test_the_wrong_rotation_of_a_batch_is_named():
         wrong = rotations.copy()
         wrong[2] = wrong[2] @ change
         with pytest.raises(InputError, match=f"R is not a rotation in entry 2, counted from 0: off by .*{words}"):
-            checked_rotation(wrong, "R")
+            project_rotation(wrong, "R")
 
 
 def test_series_terms_suffice_for_small_angles():
@@ -140,7 +140,7 @@ def test_rotation_tolerance_is_a_thousandth(shape):
     for off, taken in ((0.9e-3, True), (1.1e-3, False)):
         scaled = np.broadcast_to((1 + off) * np.eye(3), (*shape, 3, 3))
         if taken:
-            np.testing.assert_allclose(checked_rotation(scaled), np.broadcast_to(np.eye(3), (*shape, 3, 3)), atol=1e-15)
+            np.testing.assert_allclose(project_rotation(scaled), np.broadcast_to(np.eye(3), (*shape, 3, 3)), atol=1e-15)
         else:
             with pytest.raises(InputError, match=r"off by 0\.0011, at most 0\.001"):
-                checked_rotation(scaled)
+                project_rotation(scaled)

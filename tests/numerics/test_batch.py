@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.geometry import SE3, Array, Camera
-from basecal.numerics.batch import SHARED, choose_entries, concatenate, stack, take
+from basecal.numerics.batch import SHARED, choose_entries, concatenate, space_evenly, stack, take
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,3 +75,11 @@ def test_take_preserves_named_tuple_type(rng):
     few = take(pair, np.array([2, 0]))
     assert isinstance(few, Pair)
     np.testing.assert_array_equal(few.second, pair.second[[2, 0]])
+
+
+def test_entries_are_evenly_spaced():
+    """The first and last entry are among them, all differ, and few entries are all returned."""
+    assert space_evenly(10, 4).tolist() == [0, 3, 6, 9]
+    assert space_evenly(9, 4).tolist() == [0, 2, 5, 8]
+    assert space_evenly(3, 4).tolist() == [0, 1, 2]
+    assert space_evenly(0, 4).tolist() == []

@@ -12,14 +12,13 @@ import numpy as np
 
 from basecal.cell import Calibration, Cell, Finding, Recording
 from basecal.errors import NotObservable
-from basecal.estimation.axis_shift.stations import Station, base_for_task, find_stations, fuse_bases
+from basecal.estimation.axis_shift.stations import Station, find_stations, fuse_bases, task_weights
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.start.first_state import lenses
 from basecal.fields.digits import two_digits
 from basecal.geometry import SE3, Array, PoseEstimate
-from basecal.geometry.rotation import lengths
 
 # [px] noise of an LED's centre if it is not stated: that of a plain centroid; assumed, and reported as such.
 _ASSUMED_PX = 0.3
@@ -77,18 +76,12 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
 
 def combine_stations(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]:
     """Combine the bases of stations into the base for the task; return it with the stations' weights, (n,)."""
-    bases = [s.base() for s in stations]
-    depth = np.array([np.linalg.norm(s.camera_from_led().translation) for s in stations])
-    weights = (np.array([s.rms_shift_m for s in stations]) / depth) ** 2
     if settings.task_point is None:
-        return fuse_bases(bases, list(weights)), weights / weights.sum()
-    task = np.array(settings.task_point)
-    base = base_for_task(stations, task, is_nearest=settings.station_choice == "nearest")
-    leds = np.stack([(b @ s.hand_base_from_led).translation for b, s in zip(bases, stations, strict=True)])
-    distance = np.maximum(lengths(leds - task), 1e-6)
-    nearest = (distance == distance.min()).astype(np.float64)
-    weights = nearest if settings.station_choice == "nearest" else 1 / distance**2
-    return base, weights / weights.sum()
+        depth = np.array([np.linalg.norm(s.camera_from_led().translation) for s in stations])
+        weights = (np.array([s.rms_shift_m for s in stations]) / depth) ** 2
+    else:
+        weights = task_weights(stations, np.array(settings.task_point), settings.station_choice == "nearest")
+    return fuse_bases([s.base() for s in stations], weights), weights / weights.sum()
 
 
 def _errors(stations: Sequence[Station], weights: Array, sigma_px: float) -> tuple[Array, Array]:

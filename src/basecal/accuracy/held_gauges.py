@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from basecal.accuracy.systematic_errors.score_tests import sums
+from basecal.accuracy.systematic_errors.score_tests import view_sums
 from basecal.accuracy.systematic_errors.situation import situate
 from basecal.cell import HeldGauge
 from basecal.effects.faces.candidates import Views, one_candidate, robot_moves
@@ -88,7 +88,7 @@ def _moved_columns(solution: Solution, gauge: RobotModel) -> Array:
         assert end.joints is not None
         return views.flange_jacobian(k, robot) @ column_derivative(gauge, kinematics, end.joints)
 
-    known = sums(
+    known = view_sums(
         situation.linearisation, one_candidate("", gauge.robot, "", robot_moves(situation, gauge.robot, moves))
     )
     return np.asarray(-situation.linearisation.inverse @ known.across[0].T)

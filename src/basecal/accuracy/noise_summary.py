@@ -67,8 +67,7 @@ def _rms_of_cameras(cameras: Mapping[str, Mapping[str, Any]], field: str, defaul
 
 def _freedoms(solution: Solution) -> float:
     """Degrees of freedom: equations of the views minus unknowns; at least one."""
-    equations = sum(int(group.measurement.equations().sum()) for group in solution.problem.groups)
-    return float(max(equations - solution.problem.width, 1))
+    return float(max(solution.problem.equation_count - solution.problem.width, 1))
 
 
 def _camera_noise(recording: Recording, solution: Solution) -> dict[str, dict[str, Any]]:

@@ -25,8 +25,5 @@ def sample_use(recording: Recording, calibration: Calibration) -> SampleUse:
 
 def outlier_views(calibration: Calibration) -> frozenset[SampleResidual]:
     """Views that are outliers as a whole."""
-    whole = {
-        (outlier.sample, outlier.camera, outlier.target) for outlier in calibration.outliers or () if not outlier.ids
-    }
-    views = calibration.residuals.per_sample
-    return frozenset(view for view in views if (view.sample, view.camera, view.target) in whole)
+    views, outliers = calibration.residuals.per_sample, calibration.outlier_views
+    return frozenset(view for view in views if (view.sample, view.camera, view.target) in outliers)

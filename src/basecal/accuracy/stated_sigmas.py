@@ -29,7 +29,7 @@ from basecal.estimation.solve import Solution, integrate_solution, solve_from
 from basecal.estimation.view.common_error import without_motion
 from basecal.estimation.view.measurement import ViewInformation
 from basecal.geometry import Array
-from basecal.numerics.spectral import inverse_beside_identity, spectrum
+from basecal.numerics.spectral import inverse_beside_identity
 
 _FEWEST_FREEDOMS = 3.0  # degrees of freedom below which residuals do not determine their sigma
 
@@ -128,9 +128,7 @@ def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
         view = group.measurement.linearise(poses, model.state.cameras.get(group.camera), lens)
         jitter = model.problem.jitter_motion(group)
         view = view if jitter is None else ViewInformation(*without_motion(*view, jitter))
-        by_error = np.zeros((*view.gradient.shape, 6 * len(private)))
-        for i, part in enumerate(private):
-            by_error[part.view, :, 6 * i : 6 * i + 6] = part.by_error
+        by_error = model.normal.views[k].private_error_jacobian
         transposed = by_error.mT
         own = inverse_beside_identity(transposed @ view.information @ by_error)
         back = own @ transposed @ view.information
@@ -149,17 +147,10 @@ def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
 
 def _stop_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
     """Sum of squares and its expected value, for the robot of each stop that several views share."""
-    system = model.normal.system
-    if system is None:
-        return
-    which = np.flatnonzero(model.problem.shared_stops >= 0)
-    number = np.arange(len(which))
-    by_unknowns = system.solution[:, :-1].reshape(len(which), 6, model.problem.width)
-    covariance = spectrum(model.normal.hessian).inverse
-    known = system.covariance(number, number) + by_unknowns @ covariance @ by_unknowns.mT
-    left = 6 - np.trace(known, axis1=-2, axis2=-1)
-    squares = np.sum(model.state.stop_errors[which] ** 2, -1)
-    for stop, square, freedoms in zip(which, squares, left, strict=True):
+    shared = np.flatnonzero(model.problem.shared_stops >= 0)
+    expected = 6 - np.trace(model.shared_stop_covariance(), axis1=-2, axis2=-1)
+    squares = np.sum(model.state.stop_errors[shared] ** 2, -1)
+    for stop, square, freedoms in zip(shared, squares, expected, strict=True):
         yield model.problem.stops.robot[stop], True, float(square), float(freedoms)
 
 

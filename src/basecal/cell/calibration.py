@@ -265,6 +265,11 @@ class Calibration(Exports):
     versions: Mapping[str, str] = field(default_factory=dict)
     scene: Fingerprint | None = None
 
+    @property
+    def outlier_views(self) -> frozenset[tuple[int, str, str]]:
+        """Sample, camera and target of the views that are outliers as a whole."""
+        return frozenset((each.sample, each.camera, each.target) for each in self.outliers or () if not each.ids)
+
     def known_transforms(self, cell: Cell) -> dict[str, SE3]:
         """Known transforms of the calibrated cell by name: fixed in the cell, or estimated."""
         fixed = {name: u.mean for name, u in cell.transforms.items() if u.status == "fixed" and u.mean is not None}

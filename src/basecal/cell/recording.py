@@ -212,6 +212,11 @@ class Recording:
         views = sum(len(sample.observations) for sample in self.samples)
         return f"<recording of {count_text(len(self.samples), 'sample')}, {views} views>"
 
+    @property
+    def stamps(self) -> dict[int, float]:
+        """Time of each sample that has one, by number [s]."""
+        return {s.sample: s.stamp_s for s in self.samples if s.stamp_s is not None}
+
     def image_paths(self) -> dict[tuple[int, str], str]:
         """Return the paths of the images by sample number and camera."""
         return {(s.sample, camera): path for s in self.samples for camera, path in s.images.items()}

@@ -74,8 +74,12 @@ def kernel(first: SE3, second: SE3) -> Array:
     # The trace of R' S, 1 + 2 cos of the angle between them, is the sum of the products of their entries.
     traces = first.rotation.reshape(-1, 9) @ second.rotation.reshape(-1, 9).T
     turn = np.arccos(np.clip((traces - 1) / 2, -1, 1))
-    squared = np.sum(difference**2, -1) + _ARM_M**2 * turn**2
-    return np.asarray(np.exp(-0.5 * squared / LENGTH_M**2))
+    return correlation(np.sum(difference**2, -1) + _ARM_M**2 * turn**2)
+
+
+def correlation(squared_distance_m2: Array) -> Array:
+    """Correlation of smooth errors by their squared distance [m^2]."""
+    return np.asarray(np.exp(-0.5 * squared_distance_m2 / LENGTH_M**2))
 
 
 FIGURES = {"length_m": LENGTH_M}

@@ -24,7 +24,7 @@ def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
 def kernel(first: SE3, second: SE3) -> Array:
     """Correlation of errors between flange poses, (n,) and (m,) to (n, m); 1 between equal positions."""
     difference = first.translation[:, None] - second.translation[None]
-    return np.asarray(np.exp(-0.5 * np.sum(difference**2, -1) / smooth.LENGTH_M**2))
+    return smooth.correlation(np.sum(difference**2, -1))
 
 
 EXPECTED = SharedPrior(

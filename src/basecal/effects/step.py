@@ -9,6 +9,7 @@ import numpy as np
 from basecal.effects.faces.candidates import Candidates, Views, frame_candidates
 from basecal.effects.faces.effect import Effect, FoundEffect, Words, format_tangent
 from basecal.geometry import IntArray
+from basecal.numerics.batch import space_evenly
 
 _MOST_SPLITS = 32  # tested samples at which a step may have occurred
 _LEAST_SIDE = 3  # samples that depend on the frame, before and after its step
@@ -30,8 +31,7 @@ def _splits(views: Views, name: str) -> IntArray:
         np.concatenate([views.sample_indices(g) for k, g in enumerate(views.groups) if views.depends(k, name)])
     )
     splits = ranks[_LEAST_SIDE : len(ranks) - _LEAST_SIDE + 1]
-    chosen = np.unique(np.linspace(0, len(splits) - 1, min(_MOST_SPLITS, len(splits))).astype(int))
-    return np.asarray(splits[chosen], dtype=np.int64)
+    return np.asarray(splits[space_evenly(len(splits), _MOST_SPLITS)], dtype=np.int64)
 
 
 def words(effect: FoundEffect) -> Words:

@@ -18,7 +18,6 @@ from basecal.estimation.start.first_state import known_transforms, lenses
 from basecal.estimation.start.pair_views import PairViews, pair_views
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
-from basecal.numerics.batch import take
 
 _MOST_VIEWS, _MOST_POINTS = 100, 40  # most views and points per pair; assumed: bounds the time
 # For the worst of twenty rings, one start in sixteen finds the optimum: all starts miss it in 0.2 % of cases.
@@ -47,10 +46,9 @@ def joint_state(problem: Problem, cell: Cell) -> State | None:
         name: known[name].repeat(count) if name in known else SE3.from_quaternion(quaternion, np.zeros((count, 3)))
         for name, quaternion in zip(problem.unknowns, quaternions, strict=True)
     }
-    ends = bundle_adjust_batch(
+    best = bundle_adjust_batch(
         pose_problem, State(starts, {}, np.zeros((count, 0, 6))), dof=1, tolerance=_CONVERGED_SIGMAS
-    )
-    best = take(ends.state, int(np.argmin(np.nan_to_num(ends.cost, nan=np.inf))))
+    ).best_state
     return State(dict(best.transforms), cameras, np.zeros((len(problem.stops), 6)))
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from basecal.errors import InputError
-from basecal.geometry.array import Array, ReadOnlyArrays, read_only, to_back, to_front, with_last_axis
-from basecal.geometry.lens import BoolArray, Lens, Number, Projection
+from basecal.geometry.array import Array, BoolArray, ReadOnlyArrays, read_only, to_back, to_front, with_last_axis
+from basecal.geometry.lens import Lens, Number, Projection
 from basecal.geometry.lenses.registry import find_lens, term_counts
 
 

@@ -6,11 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from basecal.geometry.array import Array
+from basecal.geometry.array import Array, BoolArray
 
-BoolArray = NDArray[np.bool_]
 Number = float | Array
 
 

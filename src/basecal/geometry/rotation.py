@@ -111,7 +111,7 @@ def rotation_log(rotation: Array) -> Array:
 def quaternion_from_rotation(rotation: Array) -> Array:
     """Unit quaternions (x, y, z, w) with w >= 0 of rotation matrices, (..., 3, 3) to (..., 4).
 
-    Source: Bar-Itzhack 2000 in closed form, with the largest of four exact expressions as the divisor.
+    Source: Shepperd 1978: the divisor is the largest of four exact expressions.
     """
     r = rotation
     d = np.stack([r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]], -1)
@@ -162,7 +162,7 @@ def check_rotation(rotation: Array, name: str = "rotation") -> None:
         raise InputError(f"{name} is a reflection: its determinant is -1, its axes are left-handed")
 
 
-def checked_rotation(rotation: Array, name: str = "rotation") -> Array:
+def project_rotation(rotation: Array, name: str = "rotation") -> Array:
     """Nearest rotations of matrices that are rotations within 1e-3, (..., 3, 3).
 
     Raises:

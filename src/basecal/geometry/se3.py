@@ -20,10 +20,10 @@ from basecal.geometry.euler import rpy_of_rotation
 from basecal.geometry.rotation import (
     ROTATION_TOLERANCE,
     check_rotation,
-    checked_rotation,
     cross_matrix,
     exp_coefficients,
     lengths,
+    project_rotation,
     quaternion_from_rotation,
     rotation_exp,
     rotation_from_quaternion,
@@ -121,7 +121,7 @@ class SE3(ReadOnlyArrays):
             by_columns = np.allclose(m[..., :, 3], (0, 0, 0, 1), atol=1e-6)
             hint = ", but the last column is: it looks transposed, write matrices by rows" if by_columns else ""
             raise InputError(f"{name}: the last row is not (0, 0, 0, 1){hint}")
-        return cls.adopt(checked_rotation(m[..., :3, :3], name), m[..., :3, 3].copy())
+        return cls.adopt(project_rotation(m[..., :3, :3], name), m[..., :3, 3].copy())
 
     @classmethod
     def from_quaternion(cls, q_xyzw: ArrayLike, translation: ArrayLike, name: str = "q_xyzw") -> SE3:

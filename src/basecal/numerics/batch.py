@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from basecal.geometry import SE3, Array, BoolArray, Camera, Rows
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 
 T = TypeVar("T")
 SHARED = {"shared": True}
@@ -42,6 +42,11 @@ def choose_entries(mask: BoolArray, first: T, second: T) -> T:
 
     mixed: T = _map_fields(select, [first, second])
     return mixed
+
+
+def space_evenly(count: int, max_count: int) -> IntArray:
+    """Indices of at most `max_count` of `count` entries, evenly spaced from the first to the last."""
+    return np.linspace(0, count - 1, min(count, max_count)).astype(np.int64)
 
 
 def concatenate(containers: Sequence[T]) -> T:

@@ -121,7 +121,7 @@ def step_from_information(monkeypatch, information, gradient, across, hessian, c
     monkeypatch.setattr(step, "situate", lambda solution: SimpleNamespace(groups=[], linearisation=about))
     of_views = SimpleNamespace(information=information[None], gradient=gradient[None])
     monkeypatch.setattr(step, "score", lambda about, every: of_views)
-    monkeypatch.setattr(step, "sums", lambda about, every: (None, across, None))
+    monkeypatch.setattr(step, "view_sums", lambda about, every: (None, across, None))
     streams = SimpleNamespace(clocks=clocks, estimated_clocks=tuple(clocks), cell=SimpleNamespace(cameras=["wrist"]))
     return clock_step(streams, None, offsets, None)
 

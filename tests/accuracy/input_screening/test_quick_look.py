@@ -196,12 +196,11 @@ def test_open_joint_offsets_explain_open_base(monkeypatch):
 def test_few_samples_may_disagree(monkeypatch, outliers, count, kept):
     """At most two of ten samples may disagree.
 
-    Left-out points do not make a sample an outlier, and each sample counts once.
+    Left-out points do not make a sample an outlier, and each outlier counts once.
     """
-    groups = [SimpleNamespace(sample=np.arange(count)), SimpleNamespace(sample=np.arange(3))]
     left_out = [SimpleNamespace(sample=k, ids=()) for k in range(outliers) for _ in range(2)]
     left_out += [SimpleNamespace(sample=k, ids=(1,)) for k in range(count)]
-    monkeypatch.setattr(module, "build_problem", lambda *given: (SimpleNamespace(groups=groups), ()))
+    monkeypatch.setattr(module, "build_problem", lambda *given: (SimpleNamespace(samples=np.arange(count)), ()))
     monkeypatch.setattr(module, "solve_robustly", lambda *given: SimpleNamespace(outliers=left_out))
     assert list(module._find_outliers(None, None)) == list(range(kept))
 

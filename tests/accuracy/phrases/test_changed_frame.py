@@ -92,8 +92,7 @@ def test_parts_have_four_samples_each(monkeypatch, count, agreeing, first) -> No
     monkeypatch.setattr(room, "agreeing_samples", lambda problem, states: tuple(10 + k for k in agreeing))
     monkeypatch.setattr(room, "_find_difference", lambda *given: "base")
     monkeypatch.setattr(room, "_sentence", lambda name, number, parts: f"{name} {number}")
-    sample = np.repeat(10 + np.arange(count), 2)
-    found = changed_frame(SimpleNamespace(groups=[SimpleNamespace(sample=sample)]), MADE.cell)
+    found = changed_frame(SimpleNamespace(samples=10 + np.arange(count)), MADE.cell)
     if first is None:
         assert found is None
     else:

@@ -135,8 +135,7 @@ def test_scene_replaces_finding_of_few_images(monkeypatch, has_scene):
         "basecal.accuracy.scene.join_scene.join_scene", lambda *words: given.append(words) or ("joined", (INFO,), scene)
     )
     solution = SimpleNamespace(converged=True)
-    groups = [SimpleNamespace(sample=np.array([3, 5])), SimpleNamespace(sample=np.array([5]))]
-    robust = RobustSolution(solution, (), SimpleNamespace(groups=groups), 6, 6)
+    robust = RobustSolution(solution, (), SimpleNamespace(samples=np.array([3, 5])), 6, 6)
     before = case(robust=robust, findings=(few, WARNING))
     before = replace(before, settings=replace(before.settings, joins_scene=True))
     found = solving.join_static_scene(before)
@@ -153,7 +152,7 @@ def test_scene_is_joined_if_requested_or_tracked(monkeypatch, joins, tracks, con
     """A scene is joined if it is requested or tracks exist, unless the answer did not converge."""
     monkeypatch.setattr("basecal.accuracy.scene.join_scene.join_scene", lambda *words: ("joined", (), None))
     samples = (replace(MADE.recording.samples[0], tracks=("track",) if tracks else ()), *MADE.recording.samples[1:])
-    robust = RobustSolution(SimpleNamespace(converged=converged), (), SimpleNamespace(groups=()), 6, 6)
+    robust = RobustSolution(SimpleNamespace(converged=converged), (), SimpleNamespace(samples=np.array([])), 6, 6)
     before = replace(case(robust=robust), recording=replace(MADE.recording, samples=samples))
     before = replace(before, settings=replace(before.settings, joins_scene=joins))
     assert (solving.join_static_scene(before).solution == "joined") == joined

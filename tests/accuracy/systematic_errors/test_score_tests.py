@@ -16,7 +16,7 @@ from basecal.accuracy.systematic_errors.score_tests import (
     log_chance_of_gain,
     score,
     score_from_sums,
-    sums,
+    view_sums,
     weigh_views,
 )
 from basecal.accuracy.systematic_errors.situation import Situation
@@ -161,7 +161,7 @@ def test_sums_add_views_of_all_groups():
     problem = one.with_groups([group, group.take(np.array([0, 2])), group.take(np.array([1]))])
     about = linearise_views(problem, state)
     moves = rng.standard_normal((4, 3, 6, 2)), None, rng.standard_normal((1, 3, 6, 2))
-    found = sums(about, Candidates("", ("a", "b", "c"), (None,) * 3, "", moves))
+    found = view_sums(about, Candidates("", ("a", "b", "c"), (None,) * 3, "", moves))
     for b in range(3):
         wanted = [np.zeros(2), np.zeros((2, 6)), np.zeros((2, 2))]
         for views, each in zip(about.views, moves, strict=True):
@@ -251,7 +251,7 @@ def test_candidates_move_poses_not_lenses():
     )
     moves = rng.standard_normal((5, 2, 6, 4))
     about = Linearised(None, None, (view, None), np.zeros(4), np.eye(4), None)
-    found = sums(about, Candidates("", ("a", "b"), (None, None), "", (moves, None)))
+    found = view_sums(about, Candidates("", ("a", "b"), (None, None), "", (moves, None)))
     np.testing.assert_allclose(found.gradient, np.einsum("ni,nbiq->bq", view.gradient[:, :6], moves))
     own = view.information[:, :6, :6]
     np.testing.assert_allclose(found.information, np.einsum("nbiq,nij,nbjr->bqr", moves, own, moves))

@@ -12,7 +12,7 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.errors import NotConverged, NotObservable
 from basecal.estimation.axis_shift import closed_form
 from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient, orthonormalise
-from basecal.estimation.axis_shift.stations import base_for_task, find_stations, fuse_bases
+from basecal.estimation.axis_shift.stations import find_stations, fuse_bases, task_weights
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -142,8 +142,10 @@ def test_base_for_a_task_point():
     stations = find_stations(problem, lenses(problem, simulated.cell))
     base = stations[1].base()
     task = (base @ stations[1].hand_base_from_led).translation
-    np.testing.assert_allclose(base_for_task(stations, task, is_nearest=True).matrix, base.matrix, atol=1e-12)
-    np.testing.assert_allclose(base_for_task(stations, task, is_nearest=False).matrix, base.matrix, atol=1e-6)
+    bases = [s.base() for s in stations]
+    for is_nearest, tolerance in ((True, 1e-12), (False, 1e-6)):
+        fused = fuse_bases(bases, task_weights(stations, task, is_nearest))
+        np.testing.assert_allclose(fused.matrix, base.matrix, atol=tolerance)
     mean = fuse_bases([s.base() for s in stations], [1, 1, 1]).translation
     assert np.linalg.norm(mean - base.translation) > 1e-4
 

@@ -84,6 +84,26 @@ def test_take_batch_selects_the_views_of_each_entry(problem):
     )
 
 
+def test_views_are_selected_by_group(problem):
+    """Groups without selected views are removed. Each sample and each equation of the other views counts once."""
+    (group,) = problem.groups
+    both = problem.with_groups([group, group.take(np.array([1, 3])), group])
+    few = both.take_views([np.array([4, 3, 0]), np.array([1]), np.zeros(0, dtype=np.int64)])
+    assert [g.sample.tolist() for g in few.groups] == [group.sample[[4, 3, 0]].tolist(), [group.sample[3]]]
+    assert few.samples.tolist() == sorted(group.sample[[0, 3, 4]].tolist())
+    assert few.equation_count == 4 * 6
+    empty = problem.with_groups([])
+    assert (len(empty.samples), empty.equation_count) == (0, 0)
+
+
+def test_stops_of_robots_are_masked():
+    """The mask covers the stops of all given robots; it is empty without stops."""
+    stops = Stops(np.ones((4, 6)), ("a", "b", "a", "c"))
+    assert stops.robot_mask(["a", "c"]).tolist() == [True, False, True, True]
+    assert stops.robot_mask([]).tolist() == [False] * 4
+    assert Stops(np.zeros((0, 6))).robot_mask("a").shape == (0,)
+
+
 def test_noise_is_applied_to_every_reading_unless_held(problem):
     """Unstated noise is given to the measurement and its readings. Held noise is unchanged."""
     silent = problem.with_groups(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.estimation.scene.equations import pixel_equations, point_information, point_steps, reduced_equations, sums
+from basecal.estimation.scene.equations import pixel_equations, point_information, point_steps, reduced_equations
 from basecal.estimation.scene.state import column_jacobian, scene_columns, take_step
 from scene_points import LENS, made_scene
 
@@ -62,11 +62,6 @@ def test_point_steps_reach_the_intersection_of_rays():
         state = state.with_points(state.points + point_steps(scene.tracks, equations))
     assert np.abs(state.points - scene.truth.points).max() < 1e-6
     assert np.all(np.linalg.eigvalsh(point_information(scene.tracks, equations)) > 0)
-
-
-def test_sums_are_grouped_by_index():
-    """Values with the same index are added, and missing indices are zero."""
-    assert sums(np.array([0, 2, 0]), 4, np.array([[1.0], [2.0], [3.0]])).ravel().tolist() == [4.0, 0.0, 2.0, 0.0]
 
 
 def test_fixed_lenses_have_no_columns():

@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.score_tests import score, sums
+from basecal.accuracy.systematic_errors.score_tests import score, view_sums
 from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation, situate
 from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.solve import Solution
@@ -86,13 +86,13 @@ def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, flo
     )
     is_observable = (variance > 0) & (variance < limits**2)
     step = np.where(is_observable, -covariance @ (scores.gradient[0] + deviation / sigma**2), 0.0)
-    _, across, _ = sums(model, candidates)
+    _, across, _ = view_sums(model, candidates)
     by_offsets = -model.inverse @ across[0].T
     # A contradicted prior must not cause an effect: widen it to the distance of the new offset from it.
     widened = np.minimum(np.hypot(sigma, deviation + step), limits)
     values = np.where(np.isinf(sigma), 0.0, deviation / widened)
     offsets = OpenOffsets(
-        tuple(of[:, 0][..., is_observable] for of in moves), widened[is_observable], values[is_observable]
+        tuple(each[:, 0][..., is_observable] for each in moves), widened[is_observable], values[is_observable]
     )
     return ClockStep(
         streams.estimated_clocks,

@@ -41,7 +41,7 @@ def splits(problem: Problem) -> Iterator[Split]:
     A split keeps samples together that share a stop of any moving robot, a stop of one robot, or the stops of all
     robots. A split is left out if its largest part has more than two fifths of the samples.
     """
-    places, samples = _places(problem), _samples(problem)
+    places, samples = _places(problem), problem.samples.tolist()
     found: list[Split] = []
     for parts in _partitions(samples, places):
         split = _split(parts, len(samples), FOLDS)
@@ -72,14 +72,14 @@ def place_split(problem: Problem) -> Split | None:
             return None
         marks.update(dict.fromkeys(group.sample.tolist(), still.mount))
         places.update(dict.fromkeys(group.sample.tolist(), still.base or still.mount))
-    samples = _samples(problem)
+    samples = problem.samples.tolist()
     held = _split(_split_by_label(samples, places), len(samples), FOLDS)
     return None if held is None else Split(tuple(_split_by_label(samples, marks)), held.folds)
 
 
 def instant_split(problem: Problem, count: int) -> Split | None:
     """Split that keeps only repeated instants together; None if these are too few."""
-    samples = _samples(problem)
+    samples = problem.samples.tolist()
     return _split(_instants(samples, _places(problem)), len(samples), count)
 
 
@@ -91,10 +91,6 @@ def _split(parts: list[Samples], total: int, count: int) -> Split | None:
     for part in parts:
         min(dealt, key=len).update(part)  # the fold with the fewest samples so far
     return Split(tuple(parts), tuple(map(frozenset, dealt)))
-
-
-def _samples(problem: Problem) -> list[int]:
-    return sorted({int(number) for group in problem.groups for number in group.sample})
 
 
 def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:

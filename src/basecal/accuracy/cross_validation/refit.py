@@ -112,8 +112,7 @@ def _known_stops(problem: Problem) -> BoolArray:
 def _select_views(problem: Problem, samples: IntArray, inside: bool) -> Problem:
     """Problem of the views of some samples, or of all other views; only the latter keeps the static scene."""
     rows = [np.flatnonzero(np.isin(group.sample, samples) == inside) for group in problem.groups]
-    views = problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
-    return replace(views, tied=None if inside else problem.tied)
+    return replace(problem.take_views(rows), tied=None if inside else problem.tied)
 
 
 def with_known_stops(state: State, is_known: BoolArray) -> State:

@@ -20,6 +20,7 @@ from basecal.effects import joint_offsets, link_parameters
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import degrees_of_freedom
+from basecal.estimation.outliers.inlier_mask import select_samples
 from basecal.estimation.problem.build import free_ends, recorded_by_joints, recorded_joints
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
@@ -102,10 +103,8 @@ def choose_robot_model(solution: Solution, settings: Settings = STATED) -> Robot
     views = sum(map(len, solution.problem.groups))
     if solution.problem.models or not chains or views < _FEWEST_VIEWS or not solution.converged:
         return None
-    groups = solution.problem.groups
-    numbers = np.unique(np.concatenate([g.sample for g in groups]))
-    kept = numbers[:: -(-len(numbers) // _MOST_SAMPLES)]
-    problem = solution.problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, kept))) for g in groups)
+    numbers = solution.problem.samples
+    problem = select_samples(solution.problem, numbers[:: -(-len(numbers) // _MOST_SAMPLES)])
     models = _models(problem, chains, tuple(chains), _ALL_PRIORS)
     richest = solve_from(problem.with_models(models), solution.state, settings)
     problem = problem.with_noise(richest.noise.noise)

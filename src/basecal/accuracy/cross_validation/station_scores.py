@@ -5,7 +5,6 @@ Source: docs/mathematics.md (9.4).
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_kno
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.least_squares.sparse_normal_equations import is_sparse
+from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
@@ -52,7 +52,7 @@ def score_stations(problem: Problem, state: State, split: Split, iterations: int
         iterations: Largest number of steps of each fit.
     """
     station = {number: k for k, part in enumerate(split.parts) for number in part}
-    fresh = replace(state, stop_errors=np.zeros_like(state.stop_errors))  # held-out views have no influence yet
+    fresh = without_errors(problem, state)  # held-out views have no influence yet
     chi_square, freedoms = np.zeros((2, len(split.parts)))
     cost, count, distances = 0.0, 0, [np.zeros(0)]
     for fit in refit_folds(problem, fresh, split.folds, iterations):
@@ -151,7 +151,7 @@ def place_errors(solution: Solution, iterations: int) -> tuple[PlaceError, ...]:
     split = place_split(problem)
     if split is None or is_sparse(problem) or not solution.converged:
         return ()
-    fresh = replace(solution.state, stop_errors=np.zeros_like(solution.state.stop_errors))
+    fresh = without_errors(problem, solution.state)
     sums: dict[str, Array] = {}
     for fit in refit_folds(problem, fresh, split.folds, iterations):
         end = place_unknowns(fit)

@@ -193,8 +193,7 @@ def _situation(cell: Cell, calibration: Calibration, recording: Recording) -> Si
     )
     state = without_errors(problem, known.state)
     problem, _ = choose_correspondence(problem, state)
-    stamps = {sample.sample: sample.stamp_s for sample in recording.samples if sample.stamp_s is not None}
-    return Situation(problem, state, problem, stamps)
+    return Situation(problem, state, problem, recording.stamps)
 
 
 def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Array:

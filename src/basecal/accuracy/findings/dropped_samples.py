@@ -12,7 +12,7 @@ def many_dropped_samples(inputs: Input) -> list[Finding]:
     """A warning if more than a tenth of the samples could not be used, according to the findings so far."""
     about = {name for f in inputs.findings if f.code == "dropped-sample" for name in f.about}
     dropped = {name for name in about if name.isdecimal()}
-    total = len({int(number) for group in inputs.problem.groups for number in group.sample}) + len(dropped)
+    total = len(inputs.problem.samples) + len(dropped)
     if len(dropped) <= _MANY_SHARE * total or any(f.code == "few-images" for f in inputs.findings):
         return []
     most = max((f for f in inputs.findings if f.code == "dropped-sample"), key=lambda f: len(f.about))

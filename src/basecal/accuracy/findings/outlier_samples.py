@@ -106,11 +106,10 @@ def agreement_findings(robust: RobustSolution, change: ChangedFrame | None) -> l
     what = f"Of {robust.samples} samples only {len(numbers)} agree with one another: {list_samples(numbers)}."
     cause = "" if change is None else change.sentence
     why = f"{cause} Nothing was left out, and the answer is not to be trusted.".lstrip()
+    do = ["Check how poses and views were paired.", "Check whether a robot or a mount was moved between the samples."]
     if cause:
-        do: tuple[str, ...] = ("Import the samples from there on into a cell of their own, or record them again.",)
-        return [Finding("outlier-samples", "warning", tuple(map(str, numbers)), what, do, why)]
-    do = "Check how poses and views were paired.", "Check whether a robot or a mount was moved between the samples."
-    return [Finding("outlier-samples", "warning", tuple(map(str, numbers)), what, do, why)]
+        do = ["Import the samples from there on into a cell of their own, or record them again."]
+    return [Finding("outlier-samples", "warning", tuple(map(str, numbers)), what, tuple(do), why)]
 
 
 def far_stops(evidence: Evidence) -> list[Finding]:

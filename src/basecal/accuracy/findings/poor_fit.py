@@ -69,7 +69,7 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
 def _mean_noise(robot: str, evidence: Evidence) -> Array:
     """Mean stated sigmas of a robot's stops, (6,) [m, rad]."""
     stops = evidence.recorded.stops
-    return np.asarray(stops.sigma[[name == robot for name in stops.robot]].mean(0))
+    return np.asarray(stops.sigma[stops.robot_mask([robot])].mean(0))
 
 
 def _robots_in_doubt(sigma: ContradictedSigma, evidence: Evidence) -> tuple[str, ...]:

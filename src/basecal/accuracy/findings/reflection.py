@@ -9,6 +9,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
+from basecal.estimation.noise.shaped_targets import shaped_points
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -24,7 +25,7 @@ def reflection(evidence: Evidence) -> list[Finding]:
     found = []
     for group in evidence.solution.problem.groups:
         spots = _recorded_spots(group, evidence.recorded)
-        if spots is None or len(_points(group)) != 1:
+        if spots is None or len(shaped_points(group)) != 1:
             continue
         others, unclear = _spot_masks(group, spots, evidence)
         if not others.any():
@@ -39,11 +40,6 @@ def reflection(evidence: Evidence) -> list[Finding]:
         do = ("Cover shiny parts, or switch the LED and take images with and without it.",)
         found.append(Finding("reflection", "warning" if is_grave else "info", numbers, what, do, why))
     return found
-
-
-def _points(group: ViewGroup) -> Array:
-    measurement = group.measurement
-    return measurement.points_in_target if isinstance(measurement, PixelMeasurement) else np.zeros((0, 3))
 
 
 def _recorded_spots(group: ViewGroup, problem: Problem) -> Array | None:
@@ -61,7 +57,7 @@ def _spot_masks(group: ViewGroup, spots: Array, evidence: Evidence) -> tuple[Boo
     assert isinstance(group.measurement, PixelMeasurement)
     used, state = group.measurement.pixels[:, 0], evidence.solution.state
     camera_from_target = state.camera_from_target(group, evidence.solution.problem.stops)
-    point = camera_from_target.rotation @ _points(group)[0] + camera_from_target.translation
+    point = camera_from_target @ group.measurement.points_in_target[0]
     predicted = state.cameras[group.camera].project(point)
     is_other = np.linalg.norm(spots - used, axis=-1) > _LEAST_DISTANCE_PX
     is_near = np.linalg.norm(spots - predicted, axis=-1) < _UNCLEAR_PX

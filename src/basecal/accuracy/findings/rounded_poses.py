@@ -79,7 +79,7 @@ def _sigma_text(sigma: float, rounding: _Rounding) -> str:
 
 
 def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
-    sigma = problem.stops.sigma[np.array(problem.stops.robot, dtype=object) == robot]
+    sigma = problem.stops.sigma[problem.stops.robot_mask([robot])]
     noise_m, noise_rad = (float(sigma[0, 0]), float(sigma[0, 3])) if len(sigma) else (0.0, 0.0)
     joints = [end.joints for end in problem.robot_ends(robot)]
     recorded = [each for each in joints if each is not None]

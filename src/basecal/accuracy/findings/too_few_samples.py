@@ -17,7 +17,7 @@ _SEARCHED = ("dropped-sample", "few-images")  # codes of searches that found no 
 def too_few_samples(inputs: Input) -> list[Finding]:
     """An error if no view can be checked: without the place of most equations, there are fewer than unknowns."""
     problem = inputs.problem
-    count = len({int(number) for group in problem.groups for number in group.sample})
+    count = len(problem.samples)
     if count == 0 and inputs.image_count and not any(each.code in _SEARCHED for each in inputs.findings):
         return [_search_advice(inputs.image_count)]
     if count < 2:

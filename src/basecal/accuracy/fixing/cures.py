@@ -115,7 +115,7 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
         if freed := _freed_entry(cell, name):
             yield Cure(finding, f"Free {'the lens of ' if name in cell.cameras else ''}{name}.", Change(cell=freed))
     if finding.code == "outlier-samples":
-        left_out = {outlier.sample for outlier in calibration.outliers or () if not outlier.ids}
+        left_out = {sample for sample, _, _ in calibration.outlier_views}
         kept = tuple(sample for sample in recording.samples if sample.sample not in left_out)
         if left_out:
             yield Cure(finding, f"Leave out {list_samples(sorted(left_out))}.", Change(samples=kept))

@@ -169,8 +169,7 @@ def _without_links(baseline: Reading, state: State) -> tuple[Reading, State]:
 
 def _can_hold_out(problem: Problem) -> bool:
     """Whether two of three folds have at least a quarter more equations than unknowns."""
-    equations = sum(int(group.measurement.equations().sum()) for group in problem.groups)
-    return equations * (FOLDS - 1) / FOLDS > _LEAST_REDUNDANCY * problem.width
+    return problem.equation_count * (FOLDS - 1) / FOLDS > _LEAST_REDUNDANCY * problem.width
 
 
 def _fit_baseline(baseline: Reading, settings: Settings, state: State) -> HypothesisFit | None:

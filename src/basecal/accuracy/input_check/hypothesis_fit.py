@@ -18,6 +18,7 @@ from basecal.cell import Cell
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import PLAUSIBLE_PX, PLAUSIBLE_SIGMAS, degrees_of_freedom
+from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from, solve_problem
@@ -120,8 +121,8 @@ def fit_hypothesis(
         if start is None:
             solution = solve_problem(problem, cell, settings)
         else:
-            start = replace(start, stop_errors=np.zeros((len(problem.stops), 6)))
-            start = bundle_adjust(problem, start, degrees_of_freedom(problem), settings.iterations).state
+            recorded = without_errors(problem, start)
+            start = bundle_adjust(problem, recorded, degrees_of_freedom(problem), settings.iterations).state
             if trimmed_rms(np.concatenate([view_errors(problem, g, start) for g in problem.groups])) > limit:
                 return None
             solution = solve_from(problem, start, settings)

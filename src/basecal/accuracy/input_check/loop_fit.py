@@ -16,7 +16,7 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations, Triple, solve_rotations, solve_translations
 from basecal.estimation.start.led_search import led_search
-from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, led_point, pair_views
+from basecal.estimation.start.pair_views import PairViews, PoseEstimator, led_point, pair_views
 from basecal.estimation.start.refinement import Refinement, refine_jointly
 from basecal.estimation.start.rotation_search import (
     HOPELESS_RAD,
@@ -64,7 +64,7 @@ def trimmed_rms(errors: Array, share: float = KEPT_SHARE) -> float:
 
 
 def prepare_views(
-    group: ViewGroup, camera: Camera | None, max_count: int, estimate_poses: ViewPosesOf = view_poses
+    group: ViewGroup, camera: Camera | None, max_count: int, estimate_poses: PoseEstimator = view_poses
 ) -> PairViews:
     """Prepare at most `max_count` views of a group."""
     return pair_views(group, camera, max_count, _MOST_POINTS, estimate_poses)

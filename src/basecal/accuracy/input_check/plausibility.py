@@ -56,11 +56,11 @@ def impossible_reading(reading: Reading) -> tuple[str, ...]:
     positions = []
     as_points = {g.target for g in reading.problem.groups if not isinstance(g.measurement, PoseMeasurement)}
     for group in reading.problem.groups:
-        seen = group.measurement
-        if isinstance(seen, PoseMeasurement):
-            positions.append(seen.measured_camera_from_target.translation)
-        elif isinstance(seen, PointMeasurement):
-            positions.append((seen.points_in_camera * seen.seen[..., None]).sum(1) / seen.seen.sum(1)[:, None])
+        views = group.measurement
+        if isinstance(views, PoseMeasurement):
+            positions.append(views.measured_camera_from_target.translation)
+        elif isinstance(views, PointMeasurement):
+            positions.append((views.points_in_camera * views.seen[..., None]).sum(1) / views.seen.sum(1)[:, None])
     return (
         *found,
         *_size_faults(reading.cell, as_points),

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from basecal.cell import Cell
 from basecal.effects import target_size as effect
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
+from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.problem import State
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array
@@ -103,8 +103,7 @@ class _Step(NamedTuple):
 def _step(baseline: Reading, name: str, log_factor: float, state: State) -> _Step:
     """Score step of the size at the optimum for the current one; `log_factor` is its logarithm over the stated one."""
     problem = _resize(baseline, name, float(np.exp(log_factor))).problem
-    start = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
-    optimum = bundle_adjust(problem, start, 1, _DESCENT_STEPS)
+    optimum = bundle_adjust(problem, without_errors(problem, state), 1, _DESCENT_STEPS)
     situation = Situation(problem, optimum.state, problem, {})
     candidate = next((each for each in effect.candidates(situation) if each.about == (name,)), None)
     if candidate is None:

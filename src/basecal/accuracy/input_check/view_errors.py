@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from basecal.errors import InputError
+from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -22,8 +21,7 @@ _SHORTEST_M = 1e-12  # [m] smallest distance to a target, to avoid a division by
 
 def view_errors(problem: Problem, group: ViewGroup, state: State) -> Array:
     """Error of each view of a group under a state, with robots as recorded, (n,); see `HypothesisFit.errors`."""
-    as_recorded = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
-    predicted = as_recorded.camera_from_target(group, problem.stops)
+    predicted = without_errors(problem, state).camera_from_target(group, problem.stops)
     measurement = group.measurement
     if isinstance(measurement, PoseMeasurement):
         return _pose_errors(measurement.measured_camera_from_target, predicted)

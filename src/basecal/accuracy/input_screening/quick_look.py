@@ -26,6 +26,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT, STATED
 from basecal.estimation.solve import solve_problem
 from basecal.estimation.streams.streams import recording_streams
+from basecal.numerics.batch import space_evenly
 
 # Runs of consecutive samples are spread over the recording, since robots may take turns to move. Neighbours of a run
 # keep only robot states, since images may be late by that many samples.
@@ -60,8 +61,7 @@ def preview_samples(recording: Recording) -> Recording:
     samples = recording.samples
     views = [k for k, sample in enumerate(samples) if sample.observations or sample.images]
     if any(not samples[k].robots for k in views):  # streams: all robot states are needed
-        spread = np.linspace(0, len(views) - 1, min(len(views), _STREAM_VIEWS)).astype(int)
-        omitted = set(views) - {views[k] for k in spread}
+        omitted = set(views) - {views[k] for k in space_evenly(len(views), _STREAM_VIEWS)}
         return replace(recording, samples=tuple(s for k, s in enumerate(samples) if k not in omitted))
     if len(views) <= _RUN_COUNT * _RUN_SAMPLES:
         return recording
@@ -125,8 +125,7 @@ def _find_outliers(cell: Cell, recording: Recording) -> dict[int, LeftOut]:
     problem, _ = build_problem(cell, recording)
     left_out = solve_robustly(problem, cell, STATED).outliers
     found = {each.sample: each for each in left_out if not each.ids}
-    count = len({int(sample) for group in problem.groups for sample in group.sample})
-    return found if len(found) <= _FEW_SHARE * count else {}
+    return found if len(found) <= _FEW_SHARE * len(problem.samples) else {}
 
 
 def _outlier_finding(outliers: dict[int, LeftOut]) -> Finding:
@@ -144,7 +143,7 @@ def _check_samples(cell: Cell, recording: Recording, is_whole: bool) -> QuickLoo
         BasecalError: if the problem cannot be solved.
     """
     problem, _ = build_problem(cell, recording)
-    views = len({int(sample) for group in problem.groups for sample in group.sample})
+    views = len(problem.samples)
     if views < _FEWEST_SAMPLES:
         return QuickLook(views, undetermined=f"{_FEWEST_SAMPLES} with the robots' poses are needed")
     solution = solve_problem(problem, cell, STATED)

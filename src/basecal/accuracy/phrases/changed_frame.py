@@ -36,7 +36,7 @@ def changed_frame(problem: Problem, cell: Cell) -> ChangedFrame | None:
         problem: Problem of all samples.
         cell: The cell.
     """
-    numbers = np.unique(np.concatenate([group.sample for group in problem.groups]))
+    numbers = problem.samples
     if len(numbers) < 2 * _FEWEST_SAMPLES:
         return None
     halves = _solve_parts(problem, cell, int(numbers[len(numbers) // 2]))
@@ -71,8 +71,7 @@ def _find_difference(first_part: Solution, second_part: Solution) -> str:
 
 
 def _part(problem: Problem, first_sample: int, is_later: bool) -> Problem:
-    groups = [group.take(np.flatnonzero((group.sample >= first_sample) == is_later)) for group in problem.groups]
-    return problem.with_groups(group for group in groups if len(group))
+    return problem.take_views(np.flatnonzero((group.sample >= first_sample) == is_later) for group in problem.groups)
 
 
 def _sigmas(first: PoseEstimate, second: PoseEstimate) -> float:

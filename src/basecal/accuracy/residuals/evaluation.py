@@ -58,12 +58,11 @@ def evaluate_recording(cell: Cell, recording: Recording, calibration: Calibratio
 
 def _without_outliers(problem: Problem, calibration: Calibration) -> Problem:
     """Remove the views that are outliers as a whole: they would bias the errors of their stops."""
-    outlier_views = {(each.sample, each.camera, each.target) for each in calibration.outliers or () if not each.ids}
-    rows = [
-        np.flatnonzero([(number, g.camera, g.target) not in outlier_views for number in g.sample.tolist()])
+    outliers = calibration.outlier_views
+    return problem.take_views(
+        np.flatnonzero([(number, g.camera, g.target) not in outliers for number in g.sample.tolist()])
         for g in problem.groups
-    ]
-    return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
+    )
 
 
 def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> Evaluation:

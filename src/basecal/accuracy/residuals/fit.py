@@ -11,7 +11,7 @@ import numpy as np
 from basecal.cell import Loop, Residuals, SampleResidual, Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
-from basecal.estimation.noise.robot_noise import some_views
+from basecal.estimation.noise.robot_noise import some_views, without_errors
 from basecal.estimation.observability.observability import analyse_observability
 from basecal.estimation.problem.problem import Problem, State, sequential_columns
 from basecal.estimation.problem.view_group import ViewGroup
@@ -72,7 +72,7 @@ def _group_residuals(solution: Solution, group: ViewGroup) -> tuple[list[SampleR
         rms = np.sqrt(np.nansum(off_px**2, axis=(1, 2)) / np.maximum(count, 1))
         coordinates = off_px[np.isfinite(off_px)]
     alone, is_valid = single_view_pose(solution.state, group, predicted)
-    as_recorded = replace(solution.state, stop_errors=np.zeros_like(solution.state.stop_errors))
+    as_recorded = without_errors(solution.problem, solution.state)
     off = alone.inverse() @ as_recorded.camera_from_target(group, solution.problem.stops)
     length = np.where(is_valid, lengths(off.translation), np.nan)
     angle = np.where(is_valid, lengths(off.rotvec), np.nan)

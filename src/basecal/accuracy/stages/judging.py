@@ -61,8 +61,7 @@ def choose_kinematics(case: Case) -> Case:
 
 def find_systematic_error(case: Case) -> Case:
     """Search for a systematic error that explains the residuals better than noise."""
-    stamps = {s.sample: s.stamp_s for s in case.recording.samples if s.stamp_s is not None}
-    found = systematic_error(case.solution, case.problem, stamps, case.settings, case.evidence.refuted)
+    found = systematic_error(case.solution, case.problem, case.recording.stamps, case.settings, case.evidence.refuted)
     return case.with_evidence(systematic_error=found)
 
 

@@ -93,11 +93,11 @@ def likely_size(case: Case, target: str, solutions: Mapping[float | None, Soluti
 
 def _peak(ratios: Array) -> float:
     """Size at the peak of a parabola through the largest ratio and its neighbours."""
-    at = int(np.clip(np.argmax(ratios), 1, len(_SIZES) - 2))
+    middle = int(np.clip(np.argmax(ratios), 1, len(_SIZES) - 2))
     logs = np.log(_SIZES)
-    curvature, slope, _ = np.polyfit(logs[at - 1 : at + 2], ratios[at - 1 : at + 2], 2)
+    curvature, slope, _ = np.polyfit(logs[middle - 1 : middle + 2], ratios[middle - 1 : middle + 2], 2)
     peak = -slope / (2 * curvature) if curvature < 0 else logs[int(np.argmax(ratios))]
-    return float(np.exp(np.clip(peak, logs[at - 1], logs[at + 1])))
+    return float(np.exp(np.clip(peak, logs[middle - 1], logs[middle + 1])))
 
 
 def _shape_errors(problem: Problem, state: State, sizes: Mapping[str, float | None]) -> Problem:

@@ -82,7 +82,7 @@ def join_static_scene(case: Case) -> Case:
     from basecal.accuracy.scene.join_scene import join_scene  # reads images, which most calibrations do not need
 
     assert case.robust is not None
-    outliers = {int(number) for group in case.robust.left_out.groups for number in group.sample}
+    outliers = set(case.robust.left_out.samples.tolist())
     joined, findings, scene = join_scene(case.cell, case.recording, case.solution, case.settings, outliers)
     found = case.findings if scene is None else drop_target_findings(case.findings)
     return replace(case, robust=replace(case.robust, solution=joined), scene=scene, findings=(*found, *findings))

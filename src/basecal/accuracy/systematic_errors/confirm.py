@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.accuracy.cross_validation.folds import FOLDS
 from basecal.accuracy.systematic_errors.place_scatter import flange_poses
-from basecal.accuracy.systematic_errors.score_tests import Linearised, Sums, score_from_sums, sums, weigh_views
+from basecal.accuracy.systematic_errors.score_tests import Linearised, Sums, score_from_sums, view_sums, weigh_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.effects.faces.candidates import Candidates
 from basecal.geometry import Array, BoolArray, IntArray
@@ -61,7 +61,7 @@ class Fold(NamedTuple):
 def _gain(fold: Fold, candidate: Candidates) -> float:
     """Decrease of minus twice the log likelihood of held-out samples by including one error."""
     used, held_out = fold
-    of_used, of_held_out = sums(used, candidate), sums(held_out, candidate)
+    of_used, of_held_out = view_sums(used, candidate), view_sums(held_out, candidate)
     size = score_from_sums(used, of_used).size[0]
     without = _cost(held_out, of_held_out, -used.step, np.zeros(len(size)))
     return without - _cost(held_out, of_held_out, -used.step - used.inverse @ (of_used.across[0].T @ size), size)

@@ -23,7 +23,7 @@ from basecal.accuracy.systematic_errors.pose_fields import (
     fields_prior,
     stated_fields,
 )
-from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
+from basecal.accuracy.systematic_errors.score_tests import score_from_sums, view_sums
 from basecal.accuracy.systematic_errors.situation import OpenOffsets, Situation, situate
 from basecal.cell import Cell
 from basecal.effects import target_size
@@ -129,7 +129,7 @@ def size_posterior(
     """Posterior of arm errors and of effect sizes; errors of one kind have a common sigma."""
     of_fields, of_axes = ([each.candidate(situation) for each in errors] for errors in (fields, axes))
     candidates = [*of_fields, *(each.candidate for each in effects), *of_axes]
-    known = sums(situation.null, combine_candidates(candidates, situation))
+    known = view_sums(situation.null, combine_candidates(candidates, situation))
     scores = score_from_sums(situation.null, known)
     places = [slice(*each) for each in pairwise(np.cumsum([0, *(each.sizes for each in candidates)]))]
     before, after = len(fields), len(fields) + len(effects)

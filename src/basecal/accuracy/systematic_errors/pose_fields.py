@@ -81,7 +81,7 @@ def pose_field(situation: Situation, robot: str) -> PoseField | None:
     problem = situation.problem
     common = {} if situation.noise is None else situation.noise.common
     has_joints = any(end.joints is not None for end in problem.robot_ends(robot))
-    if has_joints or count_stops(problem, robot) < FEWEST_STOPS or any(robot in of for of in common.values()):
+    if has_joints or count_stops(problem, robot) < FEWEST_STOPS or any(robot in robots for robots in common.values()):
         return None
     poses, seen = stop_poses(problem, robot)
     return PoseField(robot, Modes.strongest(poses[np.flatnonzero(seen)], kernel))

@@ -107,10 +107,9 @@ class Linearised:
     @cached_property
     def residual_freedoms(self) -> float:
         """Degrees of freedom of the views' residuals: equations less unknowns, corrected for the effect of priors."""
-        equations = sum(int(group.measurement.equations().sum()) for group in self.problem.groups)
         priors = ((jacobian, where) for _, jacobian, where in prior_residuals(self.problem, self.state))
         held = sum(float(np.sum((j @ self.inverse[where, where]) * j)) for j, where in priors)
-        return equations - self.problem.width + held
+        return self.problem.equation_count - self.problem.width + held
 
     @cached_property
     def inverse(self) -> Array:
@@ -191,7 +190,7 @@ def score(model: Linearised, candidates: Candidates, largest: float = np.inf) ->
         candidates: The errors.
         largest: Largest expected sigma of the sizes; infinite without a prior.
     """
-    return score_from_sums(model, sums(model, candidates), largest)
+    return score_from_sums(model, view_sums(model, candidates), largest)
 
 
 def score_from_sums(model: Linearised, sums: Sums, largest: float = np.inf) -> Score:
@@ -208,7 +207,7 @@ def score_from_sums(model: Linearised, sums: Sums, largest: float = np.inf) -> S
     return Score(gradient, left, -np.vecdot(gradient, sizes), seen.rank, sizes)
 
 
-def sums(model: Linearised, candidates: Candidates) -> Sums:
+def view_sums(model: Linearised, candidates: Candidates) -> Sums:
     """Compute the sums over views of candidates, with stops eliminated."""
     b, q = len(candidates.about), candidates.sizes
     gradient, information = np.zeros((b, q)), np.zeros((b, q, q))

@@ -25,7 +25,7 @@ from basecal.accuracy.model_comparison.nested_models import (
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
 from basecal.accuracy.systematic_errors.place_scatter import COUNT_PENALTY, Suspect, place_scatter
-from basecal.accuracy.systematic_errors.score_tests import Linearised, log_chance_of_gain, score, sums
+from basecal.accuracy.systematic_errors.score_tests import Linearised, log_chance_of_gain, score, view_sums
 from basecal.accuracy.systematic_errors.situation import Situation, situate
 from basecal.effects.faces.candidates import Candidates, combine_candidates
 from basecal.effects.faces.effect import FoundEffect
@@ -361,7 +361,7 @@ def _describe(situation: Situation, suspect: Suspect, solution: Solution, correc
 def _to_first_order(situation: Situation, suspect: Suspect) -> FoundEffect:
     """Return the error with its size and the shift of the solution by its correction, to first order."""
     found = score(_null_model(situation, suspect), suspect.candidate, largest_sigma(suspect.effect))
-    across = sums(situation.linearisation, suspect.candidate).across[0]
+    across = view_sums(situation.linearisation, suspect.candidate).across[0]
     return _make_effect(
         situation,
         suspect,

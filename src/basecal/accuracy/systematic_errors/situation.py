@@ -105,7 +105,7 @@ class Situation:
     @cached_property
     def samples(self) -> IntArray:
         """Numbers of all recorded samples, ordered by time, or by number if any has no time."""
-        numbers = np.unique(np.concatenate([g.sample for g in self.recorded.groups]))
+        numbers = self.recorded.samples
         if not all(int(n) in self.stamps for n in numbers):
             return numbers
         return numbers[np.argsort([self.stamps[int(n)] for n in numbers], kind="stable")]
@@ -173,10 +173,10 @@ class Situation:
     @cached_property
     def robots(self) -> tuple[str, ...]:
         """Names of the robots with more than one recorded stop."""
-        stands = {
+        stops = {
             r: np.concatenate([end.stop_number for end in self.problem.robot_ends(r)]) for r in self.problem.robots
         }
-        return tuple(robot for robot, seen in stands.items() if len(np.unique(seen)) > 1)
+        return tuple(robot for robot, numbers in stops.items() if len(np.unique(numbers)) > 1)
 
     @cached_property
     def mounts(self) -> dict[str, str]:
@@ -332,5 +332,5 @@ def _independent_moves(model: Linearised, moves: Moves) -> Moves:
     if not pairs:
         return moves
     information = sum(np.tensordot(m, h @ m, ((0, 1), (0, 1))) for h, m in pairs)
-    of = scaled_spectrum(np.asarray(information), _LEAST_SEEN)
-    return tuple(None if m is None else m @ of.vectors[:, of.is_informative] for m in moves)
+    spectral = scaled_spectrum(np.asarray(information), _LEAST_SEEN)
+    return tuple(None if m is None else m @ spectral.vectors[:, spectral.is_informative] for m in moves)

@@ -150,8 +150,7 @@ def _scale_views(camera: str, problem: Problem, state: State, factor: float) -> 
 
 
 def _scale_stops(robot: str, problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
-    mine = np.array([name == robot for name in problem.stops.robot])
-    factors = np.where(mine, factor, 1.0)[:, None]
+    factors = np.where(problem.stops.robot_mask([robot]), factor, 1.0)[:, None]
     stops = replace(problem.stops, sigma=problem.stops.sigma * factors)
     return replace(problem, stops=stops), replace(state, stop_errors=state.stop_errors / factors)
 

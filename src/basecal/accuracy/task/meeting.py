@@ -21,6 +21,7 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import cross_matrix
+from basecal.numerics.batch import space_evenly
 
 _MOST_PLACES = 60  # of the recorded places: the error is a smooth function of the place, so more add nothing
 
@@ -87,9 +88,8 @@ class Meeting:
 
     def stop_variance(self, robot: str) -> Array:
         """Mean variance per axis of a robot's stop errors, translation and rotation, (2,) [m^2, rad^2]; 0 if exact."""
-        mine = np.array([name == robot for name in self.problem.stops.robot], dtype=bool)
-        squares = self.problem.stops.sigma[mine] ** 2
-        return squares.reshape(-1, 2, 3).mean((0, 2)) if mine.any() else np.zeros(2)
+        squares = self.problem.stops.sigma[self.problem.stops.robot_mask([robot])] ** 2
+        return squares.reshape(-1, 2, 3).mean((0, 2)) if len(squares) else np.zeros(2)
 
     def mean_square_m2(self, covariance: Array) -> float:
         """Mean squared distance [m^2] from a covariance of all columns, (p, p), and the stop errors of the robots."""
@@ -157,8 +157,7 @@ def recorded_places(problem: Problem, state: State, transform: str) -> Array:
 
 def choose_places(places: Array) -> Array:
     """Choose at most `_MOST_PLACES` of places, (n, 3) [m], evenly."""
-    chosen = np.unique(np.linspace(0, len(places) - 1, min(len(places), _MOST_PLACES)).astype(int))
-    return np.asarray(places[chosen])
+    return np.asarray(places[space_evenly(len(places), _MOST_PLACES)])
 
 
 def target_places(group: ViewGroup, state: State) -> Array:

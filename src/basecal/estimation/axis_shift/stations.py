@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from basecal.errors import NotObservable
 from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient
@@ -17,7 +18,7 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
-from basecal.geometry.rotation import nearest_rotation
+from basecal.geometry.rotation import lengths, nearest_rotation
 from basecal.numerics.spectral import principal_axes
 
 _STILL_M = 2e-4  # largest travel of a camera at rest: twice the largest repeatability that makers state, 0.1 mm [m]
@@ -109,21 +110,18 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
     return stations
 
 
-def fuse_bases(bases: Sequence[SE3], weights: Sequence[float]) -> SE3:
+def fuse_bases(bases: Sequence[SE3], weights: ArrayLike) -> SE3:
     """Weighted mean of estimates of a base: least squares of the rotation matrices and of the translations."""
     shares = np.array(weights) / np.sum(weights)
     rotation = nearest_rotation(np.einsum("n,nij->ij", shares, np.stack([b.rotation for b in bases])))
     return SE3(rotation, np.einsum("n,ni->i", shares, np.stack([b.translation for b in bases])))
 
 
-def base_for_task(stations: Sequence[Station], task_in_eye_base: Array, is_nearest: bool) -> SE3:
-    """Base for a task at a point, (3,) [m]: from the nearest station, or the mean weighted by distance^-2."""
-    bases = [s.base() for s in stations]
-    leds = np.stack([(b @ s.hand_base_from_led).translation for b, s in zip(bases, stations, strict=True)])
-    distance = np.linalg.norm(leds - task_in_eye_base, axis=-1)
-    if is_nearest:
-        return bases[int(np.argmin(distance))]
-    return fuse_bases(bases, list(1 / np.maximum(distance, 1e-6) ** 2))
+def task_weights(stations: Sequence[Station], task_in_eye_base: Array, is_nearest: bool) -> Array:
+    """Weights of stations for a task at a point, (3,) [m]: the nearest station alone, or distance^-2, (n,)."""
+    leds = np.stack([(s.base() @ s.hand_base_from_led).translation for s in stations])
+    distance = np.maximum(lengths(leds - task_in_eye_base), 1e-6)
+    return np.asarray(distance == distance.min(), dtype=np.float64) if is_nearest else 1 / distance**2
 
 
 def _known_transform(problem: Problem, name: str) -> SE3:

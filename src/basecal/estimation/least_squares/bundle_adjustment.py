@@ -84,6 +84,11 @@ class OptimumBatch:
     converged: BoolArray
     iterations: IntArray
 
+    @property
+    def best_state(self) -> State:
+        """State of the lowest cost."""
+        return take(self.state, int(np.argmin(np.nan_to_num(self.cost, nan=np.inf))))
+
 
 def bundle_adjust(
     problem: Problem,

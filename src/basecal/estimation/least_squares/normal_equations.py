@@ -57,6 +57,14 @@ class LinearisedViews:
     private: tuple[StopViews, ...]
     shared: tuple[StopViews, ...]
 
+    @property
+    def private_error_jacobian(self) -> Array:
+        """Derivative of the views with respect to the errors of their private stops, (n, q, 6 k)."""
+        derivative = np.zeros((*self.gradient.shape, 6 * len(self.private)))
+        for k, part in enumerate(self.private):
+            derivative[part.view, :, 6 * k : 6 * k + 6] = part.by_error
+        return derivative
+
     def weigh(self, weight: Array) -> LinearisedViews:
         """Scale the information of each view by its weight, (..., n); views of weight zero may be non-finite."""
         gradient, information = self.gradient * weight[..., None], self.information * weight[..., None, None]

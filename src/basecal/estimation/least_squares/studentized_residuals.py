@@ -55,6 +55,16 @@ class LeaveOneOut:
     normal: NormalEquations
     spread: tuple[Array, ...]
 
+    def shared_stop_covariance(self) -> Array:
+        """Posterior covariance of the errors of the s shared stops, (s, 6, 6), in squared sigmas."""
+        system = self.normal.system
+        if system is None:
+            return np.zeros((0, 6, 6))
+        numbers = np.arange(len(system.precision))
+        by_unknowns = system.solution[:, :-1].reshape(len(numbers), 6, self.problem.width)
+        covariance = spectrum(self.normal.hessian).inverse
+        return system.covariance(numbers, numbers) + by_unknowns @ covariance @ by_unknowns.mT
+
 
 def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> LeaveOneOut:
     """Expand a problem about a state that was fitted to the views of weight 1."""
@@ -113,15 +123,8 @@ def studentized_stops(model: LeaveOneOut) -> MahalanobisSquared:
     """Squared deviation of the errors of shared stops from their stated noise, (k,); NaN for private stops."""
     count = len(model.problem.stops)
     value, freedoms = np.full(count, np.nan), np.zeros(count, dtype=np.int64)
-    system = model.normal.system
-    if system is None:
-        return MahalanobisSquared(value, freedoms)
     shared = np.flatnonzero(model.problem.shared_stops >= 0)
-    numbers = np.arange(len(shared))
-    by_unknowns = system.solution[:, :-1].reshape(len(shared), 6, model.problem.width)
-    covariance = spectrum(model.normal.hessian).inverse
-    spread = system.covariance(numbers, numbers) + by_unknowns @ covariance @ by_unknowns.mT
-    reduction = scaled_spectrum(np.eye(6) - spread, _LEAST_GAIN_SHARE)
+    reduction = scaled_spectrum(np.eye(6) - model.shared_stop_covariance(), _LEAST_GAIN_SHARE)
     value[shared], freedoms[shared] = reduction.squared_mahalanobis(model.state.stop_errors[shared]), reduction.rank
     return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
 
@@ -198,13 +201,10 @@ def _pair_distances(residual: Array, matrix: Array) -> tuple[Array, BoolArray]:
 def _posterior_covariance(model: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
     """Posterior covariance of each view's tangent, including its private stops' errors, (n, q, q)."""
     spread = model.spread[k] * (model.weights[k] > 0)[:, None, None]
-    private = model.normal.views[k].private
     n, p, d, q = rows.jacobian.shape
     flat = rows.jacobian.reshape(n, p * d, q)
     information = flat.mT @ flat
-    by_error = np.zeros((n, q, 6 * len(private)))
-    for i, stop_views in enumerate(private):
-        by_error[stop_views.view, :, 6 * i : 6 * i + 6] = stop_views.by_error
+    by_error = model.normal.views[k].private_error_jacobian
     inner = inverse_beside_identity(by_error.mT @ information @ by_error)
     stop_covariance = by_error @ inner @ by_error.mT
     remainder = np.eye(q) - stop_covariance @ information

@@ -149,7 +149,7 @@ def _clear_open_errors(problem: Problem, nominal: Problem, state: State, robots:
 
     A descent from zero errors takes many steps if views are more precise than robot poses.
     """
-    kept = ~np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
+    kept = ~problem.stops.robot_mask(robots)
     errors = np.zeros((len(nominal.stops), 6))
     if len(state.stop_errors) == len(kept):
         errors[: kept.sum()] = state.stop_errors[kept]
@@ -314,8 +314,7 @@ def _unit_problem(problem: Problem, state: State, robots: Sequence[str]) -> tupl
 
 def _units(problem: Problem, robots: Sequence[str]) -> Array:
     """Factors from sigmas to metres and radians for errors of these robots' stops, (k, 6); 1 for other robots."""
-    is_open = np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
-    return np.where(is_open[:, None], problem.stops.sigma, 1.0)
+    return np.where(problem.stops.robot_mask(robots)[:, None], problem.stops.sigma, 1.0)
 
 
 def _reach(problem: Problem, robot: str) -> float:

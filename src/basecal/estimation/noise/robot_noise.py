@@ -39,7 +39,7 @@ def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:
         problem: The problem.
         sigmas: (6,) [m, rad] in flange axes, by robot.
     """
-    kept = np.array([name not in sigmas for name in problem.stops.robot], dtype=bool)
+    kept = ~problem.stops.robot_mask(sigmas)
     renumbered = np.cumsum(kept) - 1  # new numbers of the stops that are kept
     sigma = [problem.stops.sigma[kept]]
     names = [name for name in problem.stops.robot if name not in sigmas]

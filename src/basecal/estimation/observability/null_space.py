@@ -7,7 +7,7 @@ transforms.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -93,7 +93,7 @@ def _other_direction(problem: Problem, direction: Array) -> NullDirection:
     """Make the direction of a lens or of robot parameters from a vector (p, 1), with the names of coupled unknowns."""
     size = {name: float(np.linalg.norm(_block(problem, direction, name))) for name in problem.columns}
     main = max((name for name in size if name not in problem.unknowns), key=lambda name: size[name])
-    names = (main, *(name for name in size if name != main and size[name] > _COUPLED_SHARE * size[main]))
+    names = _coupled_names(main, size)
     if main in problem.lenses:
         return NullDirection("lens", names, np.zeros((0, 6)))
     model = next(model for model in problem.models.values() if main in model.names)
@@ -103,6 +103,11 @@ def _other_direction(problem: Problem, direction: Array) -> NullDirection:
         return null_direction
     joint = int(np.argmax(np.abs(model.columns[kind].basis @ _block(problem, direction, main))))
     return replace(null_direction, joint=joint, joint_name=model.chain.joint_names[joint])
+
+
+def _coupled_names(main: str, sizes: Mapping[str, float]) -> tuple[str, ...]:
+    """Names of the main unknown and of those coupled with it, from the size of the motion of each."""
+    return (main, *(name for name in sizes if name != main and sizes[name] > _COUPLED_SHARE * sizes[main]))
 
 
 def _clusters(problem: Problem, space: Array) -> list[list[str]]:
@@ -141,7 +146,7 @@ def _cluster_directions(
         moves = rotated.share > _LITTLE_SHARE * rotated.share[0]
         own, space = rotated.basis[:, moves], rotated.basis[:, ~moves]
         sizes = {name: float(np.linalg.norm(_block(problem, own, name))) for name in cluster}
-        names = (main, *(name for name in cluster if name != main and sizes[name] > _COUPLED_SHARE * sizes[main]))
+        names = _coupled_names(main, sizes)
         parent_from_main = state.transforms[main]
         tangents = (own * scale[:, None])[problem.columns[main]].T
         if is_rotation:

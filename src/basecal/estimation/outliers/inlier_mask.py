@@ -83,8 +83,7 @@ def without_unseen_stops(problem: Problem, state: State) -> State:
 
 def select_samples(problem: Problem, numbers: ArrayLike) -> Problem:
     """Return the problem restricted to samples with the given numbers."""
-    rows = [np.flatnonzero(np.isin(g.sample, numbers)) for g in problem.groups]
-    return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
+    return problem.take_views(np.flatnonzero(np.isin(g.sample, numbers)) for g in problem.groups)
 
 
 def _mask_group(group: ViewGroup, points: BoolArray) -> ViewGroup:

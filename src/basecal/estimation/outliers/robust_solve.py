@@ -103,7 +103,7 @@ def solve_robustly(
             return _make_result(cell, problem, best)
         agreeing = () if best is not None else agreeing_samples(plain.problem, states)
     no_views = plain.problem.with_groups(())
-    return RobustSolution(plain, (), no_views, _sample_count(problem), _point_count(problem), agreeing)
+    return RobustSolution(plain, (), no_views, len(problem.samples), _point_count(problem), agreeing)
 
 
 def judge_again(
@@ -253,7 +253,7 @@ def _find_consensus(full: Problem, inliers: InlierMask, state: State, settings: 
 
 def _is_overdetermined(problem: Problem) -> bool:
     """Whether there are more equations than unknowns."""
-    return sum(int(group.measurement.equations().sum()) for group in problem.groups) > problem.width
+    return problem.equation_count > problem.width
 
 
 def _reread_views(full: Problem, inliers: InlierMask, state: State) -> tuple[Problem, InlierMask]:
@@ -279,11 +279,7 @@ def _make_result(cell: Cell, problem: Problem, consensus: Consensus) -> RobustSo
     )
     left_out = consensus.problem.with_groups(groups)
     points = _point_count(consensus.solution.problem)
-    return RobustSolution(consensus.solution, outliers, left_out, _sample_count(problem), points, consensus=consensus)
-
-
-def _sample_count(problem: Problem) -> int:
-    return len({int(number) for group in problem.groups for number in group.sample})
+    return RobustSolution(consensus.solution, outliers, left_out, len(problem.samples), points, consensus=consensus)
 
 
 def _point_count(problem: Problem) -> int:

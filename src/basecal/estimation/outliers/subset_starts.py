@@ -45,8 +45,7 @@ def subset_states(problem: Problem, cell: Cell, first: State) -> Iterator[State]
     problem = _with_lenses(problem, lenses(problem, cell))
     yield from _process_batch(lambda states: _concentrate(problem, states), [first])
     yield from led_states(problem, cell, _LED_STARTS)
-    numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
-    subsets = _subsets(problem, numbers)
+    subsets = _subsets(problem, problem.samples)
     # Each is fitted to its own samples and then refitted to the views that it explains best.
     while batch := list(islice(subsets, _BATCH_SUBSETS)):
         fitted = _process_batch(lambda starts: _fit_subsets(problem, starts), _start_subsets(problem, cell, batch))
@@ -87,8 +86,7 @@ def _subsets(problem: Problem, numbers: IntArray) -> Iterator[IntArray]:
 
 def _subset_size(problem: Problem, numbers: IntArray) -> int:
     """Number of samples of a random subset: enough to determine every unknown, with a reserve."""
-    equations = sum(int(g.measurement.equations().sum()) for g in problem.groups)
-    needed = _RESERVE_RATIO * problem.width / max(equations / len(numbers), 1e-9)
+    needed = _RESERVE_RATIO * problem.width / max(problem.equation_count / len(numbers), 1e-9)
     return int(min(max(np.ceil(needed), 3), len(numbers)))
 
 

@@ -16,7 +16,7 @@ from basecal.estimation.problem.robot_parameters import Kinematics, RobotModel
 from basecal.estimation.problem.tied_views import SCENE, TiedViews
 from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.view.measurement import Noise
-from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 from basecal.kinematics import SerialChain
 
 
@@ -39,6 +39,11 @@ class Stops:
     def first(self) -> dict[str, int]:
         """Row of each robot's first stop."""
         return {name: k for k, name in reversed(list(enumerate(self.robot)))}
+
+    def robot_mask(self, robots: Iterable[str]) -> BoolArray:
+        """Mask of the stops of some robots, (k,)."""
+        chosen = frozenset(robots)
+        return np.array([name in chosen for name in self.robot], dtype=bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +97,16 @@ class Problem:
     def width(self) -> int:
         """Number of columns."""
         return max((c.stop for c in self.columns.values()), default=0)
+
+    @property
+    def equation_count(self) -> int:
+        """Number of equations that the views of targets give, at most six each; see `Measurement.equations`."""
+        return sum(int(group.measurement.equations().sum()) for group in self.groups)
+
+    @property
+    def samples(self) -> IntArray:
+        """Numbers of the samples with views of targets, (m,), increasing."""
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(group.sample for group in self.groups)]))
 
     def column_width(self, name: str) -> int:
         """Number of columns of an unknown; 0 if it is fixed."""
@@ -151,6 +166,10 @@ class Problem:
     def with_groups(self, groups: Iterable[ViewGroup]) -> Problem:
         """Return a copy with the given groups of views."""
         return replace(self, groups=tuple(groups))
+
+    def take_views(self, rows: Iterable[IntArray]) -> Problem:
+        """Select views by their rows in each group; groups without any are removed."""
+        return self.with_groups(g.take(r) for g, r in zip(self.groups, rows, strict=True) if len(r))
 
     def with_ends(self, change: Callable[[End], End]) -> Problem:
         """Return a copy with `change` applied to the ends of all views."""

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 
 from basecal.estimation.scene.state import SceneState
 from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import cross_matrix
+from basecal.numerics.group_sums import GroupSums
 
 _RIDGE = 1e-6  # [1/m^2] added to a point's information: keeps points at infinity regular
 
@@ -126,15 +126,8 @@ def point_information(tracks: Tracks, equations: PixelEquations) -> Array:
     return _point_blocks(tracks, equations)[0]
 
 
-def sums(index: IntArray, count: int, values: Array) -> Array:
-    """Sum values (n, ...) by index (n,), to (count, ...)."""
-    flat = values.reshape(len(values), -1)
-    rows = sparse.csr_matrix((np.ones(len(index)), (index, np.arange(len(index)))), shape=(count, len(index)))
-    return np.asarray(rows @ flat).reshape(count, *values.shape[1:])
-
-
 def _point_blocks(tracks: Tracks, equations: PixelEquations) -> tuple[Array, Array]:
     """Information (p, 3, 3) and gradient (p, 3) of the points, for known cameras."""
-    by_point = equations.by_point
-    information = sums(tracks.point, tracks.count, by_point.mT @ by_point) + _RIDGE * np.eye(3)
-    return information, sums(tracks.point, tracks.count, (by_point.mT @ equations.residual[..., None])[..., 0])
+    by_point, sums = equations.by_point, GroupSums(tracks.point, tracks.count)
+    information = sums.sum(by_point.mT @ by_point) + _RIDGE * np.eye(3)
+    return information, sums.sum((by_point.mT @ equations.residual[..., None])[..., 0])

@@ -12,11 +12,12 @@ import numpy as np
 
 from basecal.estimation.noise.hyperpriors import ROBOT_RAD
 from basecal.estimation.scene.adjust import SceneFit, SceneProblem, adjust, residuals_px
-from basecal.estimation.scene.equations import pixel_equations, point_information, sums
+from basecal.estimation.scene.equations import pixel_equations, point_information
 from basecal.estimation.scene.sigmas import estimate_sigmas, sigmas_by_stop
 from basecal.estimation.scene.state import SceneState
 from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import Array, BoolArray, Camera
+from basecal.numerics.group_sums import GroupSums
 from basecal.numerics.robust_step import NORMAL_MAD
 
 _REFINEMENTS = 4  # rounds of outlier rejection
@@ -112,13 +113,13 @@ def triangulate(views: SceneViews, tracks: Tracks, state: SceneState) -> tuple[A
     ray = (world_from_camera.rotation[tracks.view] @ direction[..., None])[..., 0]
     centre = world_from_camera.translation[tracks.view]
     projection = np.eye(3) - ray[:, :, None] * ray[:, None, :]
-    count = tracks.count
-    information: Array = sums(tracks.point, count, projection) + 1e-12 * np.eye(3)
-    points = np.linalg.solve(information, sums(tracks.point, count, projection @ centre[..., None]))[..., 0]
-    mean = sums(tracks.point, count, ray)
+    sums = GroupSums(tracks.point, tracks.count)
+    information = sums.sum(projection) + 1e-12 * np.eye(3)
+    points = np.linalg.solve(information, sums.sum(projection @ centre[..., None]))[..., 0]
+    mean = sums.sum(ray)
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
     sines = np.linalg.norm(np.cross(ray, mean[tracks.point]), axis=1)
-    rms_sine = np.sqrt(sums(tracks.point, count, sines[:, None] ** 2)[:, 0] / np.maximum(np.bincount(tracks.point), 1))
+    rms_sine = np.sqrt(sums.sum(sines**2) / np.maximum(np.bincount(tracks.point), 1))
     behind = np.vecdot(ray, points[tracks.point] - centre) <= 0
-    is_lost = np.bincount(tracks.point, behind | ~valid, minlength=count) > 0
+    is_lost = np.bincount(tracks.point, behind | ~valid, minlength=tracks.count) > 0
     return np.asarray(points, dtype=np.float64), (rms_sine > np.radians(_LEAST_ANGLE_DEG)) & ~is_lost

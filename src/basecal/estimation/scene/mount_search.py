@@ -18,7 +18,7 @@ from basecal.estimation.scene.adjust import FOCAL_SHARE
 from basecal.estimation.scene.views import Tracks
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.rotation import cross_matrix, rotation_from_quaternion
-from basecal.numerics.batch import take
+from basecal.numerics.batch import space_evenly, take
 from basecal.numerics.robust_step import STEP, robust_step
 
 _ROTATIONS = 1000  # rotations of the grid, 25 degrees apart: basins of attraction are 20 to 30 degrees wide
@@ -76,7 +76,7 @@ def find_mount(
         return None
     if guess is not None:
         return _refine(pairs, base_from_flange, guess, lens, is_free)
-    ranked = take(pairs, np.unique(np.linspace(0, len(pairs[0]) - 1, _RANKED).astype(np.int64)))
+    ranked = take(pairs, space_evenly(len(pairs[0]), _RANKED))
     rotations = rotation_grid(_ROTATIONS)
     scored_batches = [
         _score_rotations(ranked, base_from_flange, lens, batch)
@@ -182,9 +182,7 @@ def point_pairs(tracks: Tracks, max_count: int) -> PointPairs:
     factor, modulus = _MIXING
     order = np.lexsort((tracks.view * factor % modulus, tracks.point))
     neighbours = np.flatnonzero(tracks.point[order[1:]] == tracks.point[order[:-1]])
-    selected = neighbours[
-        np.unique(np.linspace(0, max(len(neighbours) - 1, 0), min(max_count, len(neighbours))).astype(np.int64))
-    ]
+    selected = neighbours[space_evenly(len(neighbours), max_count)]
     return take(tracks, order[selected]), take(tracks, order[selected + 1])
 
 

@@ -30,7 +30,6 @@ from basecal.estimation.start.refinement import Refinement, pair_problem, refine
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Array, Camera, IntArray
-from basecal.numerics.batch import take
 from basecal.numerics.steps import run_in_step
 
 T = TypeVar("T")
@@ -155,8 +154,7 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
 
 def _lowest_cost_state(problem: Problem, states: Sequence[State]) -> State:
     """Return the state with the lowest cost after short descents from several states."""
-    fits = bundle_adjust_batch(problem, batch_states(problem, states), dof=1, iterations=_ROTATED_STEPS)
-    return take(fits.state, int(np.argmin(np.nan_to_num(fits.cost, nan=np.inf))))
+    return bundle_adjust_batch(problem, batch_states(problem, states), dof=1, iterations=_ROTATED_STEPS).best_state
 
 
 def guessed_state(problem: Problem, cell: Cell) -> State | None:

@@ -119,12 +119,12 @@ class _BoardViews:
     """Views of boards and indices of the lens's free terms; implements `System` for Levenberg-Marquardt."""
 
     measurements: Sequence[PixelMeasurement]
-    kept: NDArray[np.intp]
+    free: NDArray[np.intp]
 
     def linearise(self, state: _Lenses) -> _LensExpansion:
         """See `System`."""
         views = [m.linearise(p, state.camera, True) for m, p in zip(self.measurements, state.poses, strict=True)]
-        columns, b, k = 6 + self.kept, len(state.camera.parameters), len(self.kept)
+        columns, b, k = 6 + self.free, len(state.camera.parameters), len(self.free)
         gradient, hessian, eliminated, back = np.zeros((b, k)), np.zeros((b, k, k)), np.zeros(b), []
         for view in views:
             mixed = view.information[..., :6, columns]
@@ -140,7 +140,7 @@ class _BoardViews:
     def retract(self, state: _Lenses, model: _LensExpansion, step: Array) -> _Lenses:
         """See `System`."""
         lens_step = np.zeros(state.camera.parameters.shape)
-        lens_step[:, self.kept] = step
+        lens_step[:, self.free] = step
         steps = [-(back[..., -1] + (back[..., :-1] @ step[:, None, :, None])[..., 0]) for back in model.back]
         poses = tuple(pose @ SE3.exp(tangent) for pose, tangent in zip(state.poses, steps, strict=True))
         return _Lenses(retract_lens(state.camera, lens_step), poses)

@@ -80,14 +80,9 @@ def place_by_points(problem: Problem, groups: Sequence[ViewGroup], transforms: M
         body = max(pairs, key=lambda name: len(pairs[name][0]))
         placed[body] = _align_points(*pairs[body])
     points = {
-        key: placed[body] @ position
+        key: placed[body] @ position if _is_mark(meetings, key) else position
         for body, points_of_body in local.items()
         for key, position in points_of_body.items()
-        if _is_mark(meetings, key)
-    }
-    points = {
-        **{key: position for points_of_body in local.values() for key, position in points_of_body.items()},
-        **points,
     }
     bodies = {name: pose for name, pose in placed.items() if name is not None and name not in transforms}
     return {**bodies, **_mounts(groups, points, transforms)}

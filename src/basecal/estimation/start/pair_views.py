@@ -18,7 +18,7 @@ from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.estimation.view.view_pose import ViewPoses, view_poses
+from basecal.estimation.view.view_pose import FEWEST_3D_POINTS, ViewPoses, view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import nearest_rotation
 from basecal.numerics.batch import choose_entries, take
@@ -30,8 +30,9 @@ _HALF_WEIGHT_RAD = 0.02  # [rad] sigma of a view's rotation that halves its weig
 _FEWEST_POSES = 3  # minimum number of poses: fewer contain less information than all views treated as of an LED
 _RIDGE = 1e-9  # [1/m^2, 1/rad^2] information of views without a pose: a small positive weight
 _START_SIGMA_PX = 0.5  # [px] sigma of a pixel if it is unstated
-_DESCENT_ROUNDS = 20
-_LEAST_GAIN_RAD = 1e-6
+_START_SIGMA_RAD = 1e-3  # [rad] sigma of the direction to a 3-D point; assumed: it only weighs directions
+_DESCENT_ROUNDS = 20  # most changes of the reading per view; assumed: bounds the time
+_LEAST_GAIN_RAD = 1e-6  # [rad] decrease of the summed errors that is not rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +78,11 @@ class PairViews:
         return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
 
 
-ViewPosesOf = Callable[[Array, Array, BoolArray, BearingMeasurement], ViewPoses]
+PoseEstimator = Callable[[Array, Array, BoolArray, BearingMeasurement], ViewPoses]
 
 
 def pair_views(
-    group: ViewGroup, camera: Camera | None, views: int, points: int, estimate_poses: ViewPosesOf = view_poses
+    group: ViewGroup, camera: Camera | None, views: int, points: int, estimate_poses: PoseEstimator = view_poses
 ) -> PairViews:
     """Select evenly spaced views of a group and a subset of their points, and estimate the views' poses.
 
@@ -112,7 +113,7 @@ def pair_views(
 
 
 def _pixel_views(
-    group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int, estimate_poses: ViewPosesOf
+    group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int, estimate_poses: PoseEstimator
 ) -> PairViews:
     bearings, valid = camera.undistort(measurement.pixels)
     seen = measurement.seen & valid
@@ -160,18 +161,19 @@ def _with_half_turns(pair: PairViews, target_from_turned: SE3) -> PairViews:
 
 def holds_poses(measurement: PointMeasurement) -> bool:
     """Whether enough views of 3-D points determine the pose of the target."""
-    return bool(np.count_nonzero(_whole_views(measurement)) >= 3 and dimension(measurement.points_in_target) >= 2)
+    count = np.count_nonzero(_whole_views(measurement))
+    return bool(count >= _FEWEST_POSES and dimension(measurement.points_in_target) >= 2)
 
 
 def _whole_views(measurement: PointMeasurement) -> BoolArray:
-    return np.asarray(measurement.seen.sum(-1) >= 3, dtype=bool)
+    return np.asarray(measurement.seen.sum(-1) >= FEWEST_3D_POINTS, dtype=bool)
 
 
 def _point_views(group: ViewGroup, measurement: PointMeasurement, total: int) -> PairViews:
     if not holds_poses(measurement):
         p = measurement.points_in_camera
         unit = p / np.maximum(np.linalg.norm(p, axis=-1, keepdims=True), 1e-12)
-        directions = BearingMeasurement(measurement.points_in_target, unit, measurement.seen / 1e-3)
+        directions = BearingMeasurement(measurement.points_in_target, unit, measurement.seen / _START_SIGMA_RAD)
         return PairViews(replace(group, measurement=directions), None, np.ones(len(group)), total)
     rows = np.flatnonzero(_whole_views(measurement))
     complete = measurement.take(rows)
@@ -206,7 +208,6 @@ def half_turn_mask(group: ViewGroup, read: Array, reversed_read: Array) -> BoolA
     """
     agreement = np.einsum("nij,ij->n", read, read[0])
     is_reversed = np.einsum("nij,ij->n", reversed_read, read[0]) > agreement
-    # If only one robot moved between two views, the rotation angle of the target is known.
     is_eye_still, is_hand_still = (
         number[:, None] == number[None] for number in (group.eye.stop_number, group.hand.stop_number)
     )

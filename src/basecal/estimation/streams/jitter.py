@@ -62,7 +62,7 @@ def with_passing_times(problem: Problem, samples: Synchronised, cell: Cell) -> P
 
     A stated repeatability holds for stops. The noise of a moving arm therefore counts as unstated.
     """
-    stamps = {s.sample: s.stamp_s for s in samples.recording.samples if s.stamp_s is not None}
+    stamps = samples.recording.stamps
     times = {
         robot: {
             number: stamps[number] for number, motion in views.items() if np.abs(motion.velocity).max() > _REST_VELOCITY

@@ -32,6 +32,7 @@ from basecal.estimation.streams.rolling_shutter import (
     mean_row,
 )
 from basecal.geometry import SE3
+from basecal.numerics.batch import space_evenly
 
 _FREE_CLOCK = Clock("free")
 _EXACT_CLOCK = Clock()
@@ -71,8 +72,7 @@ class Streams:
 
     def thin(self, count: int) -> Streams:
         """Return a copy with at most `count` evenly spaced instants."""
-        chosen = np.unique(np.linspace(0, len(self.instants) - 1, min(count, len(self.instants))).astype(int))
-        return replace(self, instants=tuple(self.instants[k] for k in chosen))
+        return replace(self, instants=tuple(self.instants[k] for k in space_evenly(len(self.instants), count)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from basecal.exchange.npz import read_arrays
 from basecal.exchange.poses import LengthUnit, unit_length_m
 from basecal.geometry import SE3, Array
 from basecal.geometry.array import entry_clause
-from basecal.geometry.rotation import checked_rotation, rotation_exp
+from basecal.geometry.rotation import project_rotation, rotation_exp
 
 HAND_EYE = ("gripper2base", "target2cam")
 """Names of the arguments of `calibrateHandEye`."""
@@ -186,7 +186,7 @@ def _poses(arrays: Mapping[str, ArrayLike], name: str, metres: float) -> SE3:
     """Transforms, (n,), from the arrays `R_<name>` and `t_<name>`."""
     rotations = _numbers(arrays, f"R_{name}", ((3, 3), (3,)))
     rotation = (
-        checked_rotation(rotations, f"R_{name}") if rotations.ndim == 3 else _rotation_of_vectors(rotations, name)
+        project_rotation(rotations, f"R_{name}") if rotations.ndim == 3 else _rotation_of_vectors(rotations, name)
     )
     translation = _numbers(arrays, f"t_{name}", ((3,),)) * metres
     if len(rotation) != len(translation):

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.geometry.array import Array
-from basecal.geometry.lens import BoolArray, Number, Projection, first_root
+from basecal.geometry.array import Array, BoolArray
+from basecal.geometry.lens import Number, Projection, first_root
 
 MODEL = "fisheye"
 TERM_NAMES: tuple[str, ...] = ("k1", "k2", "k3", "k4")

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.geometry.array import Array, to_back
-from basecal.geometry.lens import BoolArray, Image, Number, Projection, any_nonzero, first_root, invert_map
+from basecal.geometry.array import Array, BoolArray, to_back
+from basecal.geometry.lens import Image, Number, Projection, any_nonzero, first_root, invert_map
 
 MODEL = "pinhole"
 TERM_NAMES: tuple[str, ...] = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")

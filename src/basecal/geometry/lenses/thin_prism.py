@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from basecal.geometry.array import Array
-from basecal.geometry.lens import BoolArray, Image, Number, Projection, invert_map
+from basecal.geometry.array import Array, BoolArray
+from basecal.geometry.lens import Image, Number, Projection, invert_map
 from basecal.geometry.lenses import pinhole
 
 MODEL = "pinhole"
