@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import signal
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.acquisition.driver import ChecksGoals, Freedrives, Moves
+from basecal.acquisition.driver import ChecksGoals, Freedrives, Moves, Reading
 from basecal.acquisition.rig import open_rig
 from basecal.acquisition.supervision import arms
 from basecal.acquisition.supervision.arms import stop_report
+from basecal.acquisition.supervision.frames import Frame, Kind
+from basecal.acquisition.supervision.standstill import Standstill
 from basecal.cell import Cell, Driver, Robot, RobotState
 from basecal.errors import DatasetError, DriverError
 from safety.installed_driver import installed_driver
@@ -144,6 +148,36 @@ def test_state_before_a_silence_is_not_returned(frail):
 
         with pytest.raises(DriverError, match="left: no state came"), open_rig(Cell("left", left), Path(".")) as rig:
             fall_silent(rig.robots["left"])
+
+
+def test_state_from_before_a_standstill_is_not_returned():
+    """States that waited in the pipe while the capture did not run are old: no motion begins from them."""
+    proxied = arms.Arms.__new__(arms.Arms)
+    proxied._changed, proxied._readings, proxied._reason = threading.Condition(), {}, ""
+
+    def receive(read_s):
+        reading = Reading(read_s, RobotState(joints_rad=np.zeros(6)))
+        proxied._handle(Frame(Kind.READING, 0, pickle.dumps((read_s, reading))))
+
+    began_s = time.monotonic()
+    receive(began_s - 45.0)
+    threading.Timer(0.2, lambda: receive(time.monotonic())).start()
+    count, reading = proxied.wait_for_newer(0, 0)
+    assert count == 2
+    assert reading.stamp_s > began_s
+
+
+def test_capture_that_did_not_run_is_the_reason(frail, monkeypatch):
+    """Not a timeout that ran out meanwhile; the arms are stopped."""
+
+    def stand_still(robot):
+        robot.state()
+        monkeypatch.setattr(Standstill, "duration_s", 45.0)
+        raise DriverError("wrist: no image came within 10 s")
+
+    words = r"^the capture did not run for 45\.0 s\. left and right confirmed the stop\. "
+    with pytest.raises(DriverError, match=words), open_rig(Cell("left", frail), Path(".")) as rig:
+        stand_still(rig.robots["left"])
 
 
 def test_reason_lists_confirmed_and_unconfirmed_stops():

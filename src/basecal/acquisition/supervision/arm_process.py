@@ -45,11 +45,13 @@ from basecal.acquisition.supervision.limits import (
     HOLD_S,
     MOST_CLOCK_DRIFT,
     RECONNECT_S,
+    REST_HANG_LIMIT_S,
     REST_STALE_MARGIN_S,
     STALE_S,
     STOP_S,
     TICK_S,
 )
+from basecal.acquisition.supervision.standstill import Standstill, standstill_reason
 from basecal.cell import RobotState
 from basecal.errors import BasecalError, DriverError
 from basecal.geometry import Array
@@ -81,11 +83,13 @@ class ArmProcess:
         self._must_stop = self._is_over = False
         self._stop_thread: threading.Thread | None = None
         self._patience_s = REST_STALE_MARGIN_S + RECONNECT_S
+        self._standstill = Standstill()
 
     def run(self) -> None:
         """Execute the supervisor's commands until it closes this arm; stop the arm if the supervisor ends or hangs."""
         while not self._is_over:
             select.select([self._channel.read_fd], [], [], TICK_S)
+            self._check_standstill()
             try:
                 for frame in self._channel.receive():
                     self._supervisor_s = time.monotonic()
@@ -105,6 +109,18 @@ class ArmProcess:
         elif frame.kind == Kind.CLOSE:
             self._end()
 
+    def _check_standstill(self) -> None:
+        """Stop if this process did not run for longer than it may be silent."""
+        if self._stood_still and self._robot is not None and not self._must_stop:
+            self._report("")
+        self._standstill.end_cycle()
+
+    @property
+    def _stood_still(self) -> bool:
+        """Whether this process did not run for longer than it may be silent."""
+        limit_s = HANG_LIMIT_S if self._is_moving else min(REST_HANG_LIMIT_S, self._patience_s)
+        return self._standstill.duration_s > limit_s
+
     def _check_timeouts(self, now_s: float) -> None:
         if now_s - self._heartbeat_s > HEARTBEAT_S:
             self._heartbeat_s = now_s
@@ -120,8 +136,8 @@ class ArmProcess:
             )
         if self._robot.is_live and now_s - self._read_s > self._patience_s:
             self._report(f"{self._name}: no state came for {self._patience_s:g} s: its link is lost")
-        if now_s - self._supervisor_s > HANG_LIMIT_S:
-            self._stop()
+        if self._is_moving and now_s - self._supervisor_s > HANG_LIMIT_S:
+            self._report(f"the process that supervises the arms was silent for {HANG_LIMIT_S:g} s, while they moved")
 
     @property
     def _is_moving(self) -> bool:
@@ -129,7 +145,12 @@ class ArmProcess:
         return self._goal is not None or self._is_in_freedrive
 
     def _report(self, reason: str) -> None:
-        """Report trouble to the supervisor, which stops all arms, and stop this arm."""
+        """Report trouble to the supervisor, which stops all arms, and stop this arm.
+
+        Silence and late states have no other reason if this process did not run.
+        """
+        if self._stood_still:
+            reason = standstill_reason(f"{self._name}: the process of its driver", self._standstill.duration_s)
         self._channel.send(Kind.TROUBLE, reason.encode())
         self._stop()
 
@@ -160,7 +181,7 @@ class ArmProcess:
                 self._read_s = time.monotonic()
                 self._check_lag(reading)
                 self._note(reading)
-                self._channel.send(Kind.READING, pickle.dumps(reading))
+                self._channel.send(Kind.READING, pickle.dumps((self._read_s, reading)))
         except BaseException as error:
             self._report(_error_text(self._name, error))
 

@@ -30,6 +30,7 @@ from basecal.acquisition.supervision.limits import (
     STOP_S,
     TICK_S,
 )
+from basecal.acquisition.supervision.standstill import Standstill, standstill_reason
 
 _ARM_COMMAND = [sys.executable, "-m", "basecal.acquisition.supervision.arm_process"]
 _ENDING_SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
@@ -75,6 +76,7 @@ class Supervisor:
         self._arms = [_Arm.start(number, name) for number, name in enumerate(names)]
         now = time.monotonic()
         self._parent_heard_s = self._heartbeat_s = now
+        self._standstill = Standstill()
         self._stopped_s: float | None = None
         self._closed_s: float | None = None
         self._forced_s: float | None = None
@@ -88,6 +90,7 @@ class Supervisor:
         """Supervise until all arms are closed."""
         while self._closed_s is None or not all(arm.is_gone for arm in self._arms):
             self._ready.select(TICK_S)
+            self._check_standstill()
             self._receive_signals()
             self._receive_from_parent()
             for arm in self._arms:
@@ -108,6 +111,13 @@ class Supervisor:
             self._closed_s = time.monotonic()
             for arm in self._arms:
                 arm.channel.send(Kind.CLOSE)
+
+    def _check_standstill(self) -> None:
+        """Stop all arms if this process did not run for longer than it may be silent."""
+        limit_s = HANG_LIMIT_S if any(arm.is_moving for arm in self._arms) else REST_HANG_LIMIT_S
+        if (duration_s := self._standstill.duration_s) > limit_s:
+            self.stop(standstill_reason("the process that supervises the arms", duration_s))
+        self._standstill.end_cycle()
 
     def _receive_signals(self) -> None:
         with suppress(OSError):
@@ -161,7 +171,8 @@ class Supervisor:
                 arm.process.kill()
 
     def _handle_report(self, arm: _Arm, frame: Frame) -> None:
-        if frame.kind in _FORWARDED_KINDS:
+        is_outdated = frame.kind == Kind.READING and self._parent.has_unsent  # newer states come once the capture reads
+        if frame.kind in _FORWARDED_KINDS and not is_outdated:
             self._parent.send(Kind(frame.kind), frame.payload, arm.number)
         if frame.kind == Kind.OPENED:
             arm.is_open = True
