@@ -354,7 +354,9 @@ def _summarise(cell: Path, steps: Sequence[Step], replanner: Replanner | None, j
     taken = {step.sample for step in steps if not step.why_not}
     if json:
         last = steps[-1] if steps else None
-        sigma = None if last is None or last.sigma is None else {"t_m": last.sigma[0], "r_rad": last.sigma[1]}
+        sigma = None
+        if last is not None and last.sigma is not None:
+            sigma = {"t_m": last.sigma[0], "r_rad": last.sigma[1], "samples": last.taken - last.unchecked}
         print_json(
             {
                 "cell": str(cell),
