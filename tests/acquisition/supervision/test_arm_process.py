@@ -239,10 +239,22 @@ def test_arm_is_stopped_before_it_is_closed(served, monkeypatch, is_ordered_befo
     assert orders == ["stop", "close", "exit"]
 
 
+def test_request_that_waits_at_the_end_is_not_executed(served, monkeypatch):
+    """If the supervisor ends right after it passed a motion on, the motion does not begin."""
+    process, robot, _ = served
+    moves = []
+    monkeypatch.setattr(arm_process.os, "_exit", lambda code: None)
+    robot.move, robot.close = lambda to, speed_rad_s: moves.append(to), lambda: None
+    process._end()
+    assert process._call_driver(robot, "move", (GOAL, 1.0)) is None
+    assert moves == []
+
+
 def test_option_that_is_no_number_is_an_error(served, monkeypatch):
     """The arm does not open, and the waiting caller gets the reason."""
     process, robot, heard = served
-    monkeypatch.setattr(arm_process, "_open_robot", lambda place: robot)
+    monkeypatch.setattr(arm_process, "_find_driver", lambda place: None)
+    monkeypatch.setattr(arm_process, "_open_robot", lambda kind, place: robot)
     place = Place("left", Cell("left", {"left": Robot("left")}), Path("."), {"reconnect_s": "soon"})
     process._open(pickle.dumps((place, sys.path)))
     (frame,) = heard.receive()

@@ -119,6 +119,29 @@ def test_unconfirmed_stop_is_reported(frail, caplog):
     assert caplog.messages == ["left did not confirm a stop: look at the arm"]
 
 
+def test_slow_stop_without_a_watchdog_is_not_cut_off(tmp_path):
+    """Nothing else stops such an arm: its process is not killed after 0.3 s, before the stop is sent."""
+    module = tmp_path / "slow.py"
+    driver = (TESTS / "safety" / "frail_driver.py").read_text()
+    module.write_text(driver.replace('"watchdog"', '"none"').replace("def keep_alive", "def _keep_alive"))
+    with (
+        installed_driver(tmp_path / "packages", "slow", module),
+        second_process("safety.frail_controllers") as controllers,
+    ):
+        controllers.tell("fail", "left", "unwatched")
+        options = {"port": json.loads(controllers.tell("ports"))["left"], "stop_s": 0.45}
+
+        def move_and_fail(robot):
+            robot.state()
+            robot.move(RobotState(joints_rad=np.full(6, 3.0)), 0.3)
+            raise ValueError("first")
+
+        cell = Cell("left", {"left": Robot("left", driver=Driver("slow", options))})
+        with pytest.raises(ValueError, match=r"^first$"), open_rig(cell, Path(".")) as rig:
+            move_and_fail(rig.robots["left"])
+        assert json.loads(controllers.tell("moving")) == []
+
+
 def test_request_after_an_interrupt_does_not_hide_it(frail):
     """A late request, such as the end of freedrive, raises no other error than Ctrl-C."""
 

@@ -25,6 +25,7 @@ from basecal.acquisition.driver import (
     GOAL_TOLERANCE_RAD,
     PATH_TOLERANCE_RAD,
     ChecksGoals,
+    DriverKind,
     Freedrives,
     HasWatchdog,
     Moves,
@@ -158,10 +159,12 @@ class ArmProcess:
         place, sys.path[:] = pickle.loads(payload)
         self._name = place.name
         try:
-            robot = _open_robot(place)
+            kind = _find_driver(place)
+            robot = _open_robot(kind, place)
             self._patience_s = REST_STALE_MARGIN_S + float(place.options.get("reconnect_s", RECONNECT_S))
             capabilities = {name: isinstance(robot, protocol) for name, protocol in _CAPABILITIES.items()}
-            self._channel.send(Kind.OPENED, pickle.dumps({"is_live": robot.is_live, **capabilities}))
+            properties = {"is_live": robot.is_live, "stops_if_killed": kind.stop_guarantee != "none", **capabilities}
+            self._channel.send(Kind.OPENED, pickle.dumps(properties))
         except BaseException as error:
             self._channel.send(Kind.FAILED, pickle.dumps(_error_data(self._name, error)))
             return
@@ -241,14 +244,14 @@ class ArmProcess:
             self._channel.send(Kind.ANSWER, answer)
 
     def _call_driver(self, robot: Robot, method: str, arguments: tuple[Any, ...]) -> Any:
-        if self._must_stop:
-            return None
-        if method == "move":
-            with self._motion_lock:
+        with self._motion_lock:
+            if self._must_stop:
+                return None
+            if method == "move":
                 self._states_at_goal, self._changed_s = 0, time.monotonic()
                 self._path, self._goal = (self._values, arguments[0].joints_rad), arguments[0]
-        if method == "freedrive":
-            self._is_in_freedrive, self._path = True, (None, None)
+            if method == "freedrive":
+                self._is_in_freedrive, self._path = True, (None, None)
         try:
             result = getattr(robot, method)(*arguments)
         finally:
@@ -291,8 +294,10 @@ class ArmProcess:
         if self._is_over:
             return
         self._is_over = True
-        if self._is_moving:
-            self._stop()
+        with self._motion_lock:  # a motion begins before this, or never
+            if self._is_moving:
+                self._stop()
+            self._must_stop = True
         if self._stop_thread is not None:  # also of an earlier order: a driver that is closed cannot send it any more
             self._stop_thread.join(STOP_S)
         _start_thread(self._close).join(CLOSE_S - STOP_S)
@@ -308,10 +313,14 @@ class ArmProcess:
                 self._robot.close()
 
 
-def _open_robot(place: Place) -> Robot:
+def _find_driver(place: Place) -> DriverKind:
     driver = place.cell.robots[place.name].driver
     kind = None if driver is None else driver_kind(driver.kind)
     assert kind is not None
+    return kind
+
+
+def _open_robot(kind: DriverKind, place: Place) -> Robot:
     robot = kind.robot(place)
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (_address_space_bytes() + _MEMORY_BYTES, hard))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import selectors
 import signal
 import subprocess
@@ -49,6 +50,7 @@ class _Arm:
     heard_s: float
     read_s: float | None = None
     is_open: bool = False
+    stops_if_killed: bool = True
     is_moving: bool = False
     has_stopped: bool = False
     is_gone: bool = False
@@ -175,7 +177,7 @@ class Supervisor:
         if frame.kind in _FORWARDED_KINDS and not is_outdated:
             self._parent.send(Kind(frame.kind), frame.payload, arm.number)
         if frame.kind == Kind.OPENED:
-            arm.is_open = True
+            arm.is_open, arm.stops_if_killed = True, pickle.loads(frame.payload)["stops_if_killed"]
         elif frame.kind == Kind.ALIVE:
             arm.is_moving = bool(frame.payload[0])
         elif frame.kind == Kind.READING:
@@ -207,14 +209,18 @@ class Supervisor:
         self._enforce_end(now_s)
 
     def _report(self, now_s: float) -> None:
-        """Report a stop to the capture, once all arms confirmed it or the timeout is over."""
+        """Report a stop to the capture, once all arms confirmed it or the timeout is over.
+
+        Without a watchdog, the process of an arm that did not confirm may still stop it, and is closed with the others.
+        """
         if self._stopped_s is None or self._is_reported:
             return
         waiting = [arm for arm in self._arms if not (arm.has_stopped or arm.is_gone)]
         if waiting and now_s - self._stopped_s < STOP_S:
             return
         for arm in waiting:
-            self._drop(arm)
+            if arm.stops_if_killed:
+                self._drop(arm)
         unconfirmed = [arm.name for arm in self._arms if not arm.has_stopped]
         event = {
             "reason": self._reason,
