@@ -142,6 +142,25 @@ def test_slow_stop_without_a_watchdog_is_not_cut_off(tmp_path):
         assert json.loads(controllers.tell("moving")) == []
 
 
+def test_arm_that_is_only_read_confirms_no_stop(frail, tmp_path):
+    """Another program may move it, which goes on."""
+    module = tmp_path / "watched.py"
+    driver = (TESTS / "safety" / "frail_driver.py").read_text()
+    module.write_text(driver.replace("def move", "def _move").replace("def stop", "def _stop"))
+    with installed_driver(tmp_path / "packages", "watched", module):
+        watched = replace(frail["right"], driver=Driver("watched", frail["right"].driver.options))
+
+        def press_stop(rig):
+            rig.request_stop("Stop was pressed")
+            time.sleep(5)
+
+        with (
+            pytest.raises(DriverError, match=r"^Stop was pressed\. left confirmed the stop\. Find the cause"),
+            open_rig(Cell("left", {**frail, "right": watched}), Path(".")) as rig,
+        ):
+            press_stop(rig)
+
+
 def test_request_after_an_interrupt_does_not_hide_it(frail):
     """A late request, such as the end of freedrive, raises no other error than Ctrl-C."""
 

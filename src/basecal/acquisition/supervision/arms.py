@@ -247,12 +247,18 @@ class Arms:
                     self._opened[frame.arm] = content
                 self._changed.notify_all()
 
+    @property
+    def _stoppable_names(self) -> list[str]:
+        """Names of the open arms that this program can stop; others are only read."""
+        opened = {number: each for number, each in self._opened.items() if isinstance(each, dict)}
+        return [self._names[number] for number, each in sorted(opened.items()) if each["moves"] or each["freedrives"]]
+
     def _set_stop_reason(self, reason: str, unconfirmed_names: list[str]) -> None:
         """Store the reason why arms were stopped, and interrupt the main thread."""
         if self._reason:
             return
         with self._changed:
-            self._reason = stop_report(reason, self._names, unconfirmed_names)
+            self._reason = stop_report(reason, self._stoppable_names, unconfirmed_names)
             self._unreported = unconfirmed_names if self._is_ending else []
             self._changed.notify_all()
         if not self._is_ending:
