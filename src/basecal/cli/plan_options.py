@@ -48,7 +48,7 @@ class PlanOptions:
     seed: Seed | None = None
 
     @property
-    def given(self) -> dict[str, object]:
+    def given_values(self) -> dict[str, object]:
         """The given options by name, as JSON holds them."""
         values = {f"--{name.replace('_', '-')}": value for name, value in vars(self).items() if value is not None}
         given: dict[str, object] = json.loads(json.dumps(values, default=str))
@@ -63,7 +63,7 @@ def store_plan_options(folder: Path, planning: PlanOptions) -> None:
     """
     from basecal.cell.format.writing import write_atomically
 
-    write_atomically(folder / _OPTIONS_FILE, json.dumps(planning.given) + "\n", base_folder=folder)
+    write_atomically(folder / _OPTIONS_FILE, json.dumps(planning.given_values) + "\n", base_folder=folder)
 
 
 def refuse_other_options(planning: PlanOptions, folder: Path, remaining_count: int) -> None:
@@ -80,7 +80,7 @@ def refuse_other_options(planning: PlanOptions, folder: Path, remaining_count: i
     earlier = _read_options(folder / _OPTIONS_FILE)
     known = earlier if "--plan" in earlier else {**DEFAULTS, **earlier}
     made_with = " ".join(f"{name} {_option_text(value)}" for name, value in earlier.items()) or "the default options"
-    for name, value in planning.given.items():
+    for name, value in planning.given_values.items():
         if known.get(name) != value:
             raise UsageError(
                 f"{name} {_option_text(value)} is of another plan than the interrupted one, of which "

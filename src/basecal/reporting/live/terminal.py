@@ -48,12 +48,12 @@ def coverage_rows(coverage: Coverage) -> str:
     return "\n".join("".join(_SEEN_MARK if seen else _OPEN_MARK for seen in row) for row in coverage.cells)
 
 
-def sigma_row(sigmas: Sequence[Sigma], taken: int = 0) -> str:
+def sigma_row(sigmas: Sequence[Sigma], sample_count: int = 0) -> str:
     """Bars of the logarithm of the translation's sigma, and the last sigma in numbers.
 
     Args:
         sigmas: Sigmas after each sample.
-        taken: Number of samples so far; the last sigma may not include all of them.
+        sample_count: Number of samples so far; the last sigma may not include all of them.
     """
     if not sigmas:
         return "not all directions\nare observed yet"
@@ -62,6 +62,6 @@ def sigma_row(sigmas: Sequence[Sigma], taken: int = 0) -> str:
     extent = max(float(np.ptp(levels)), 1e-6)
     heights = np.rint((levels - levels.min()) / extent * (len(_BARS) - 1)).astype(int)
     last = sigmas[-1]
-    note = f", after {count_text(last.samples, 'sample')}" if last.samples < taken else ""
+    note = f", after {count_text(last.samples, 'sample')}" if last.samples < sample_count else ""
     bars = "".join(_BARS[k] for k in heights)
     return f"{bars}\n{error_text(last.t_m, last.r_rad)}\n(1 sigma, 3-D norm{note})"
